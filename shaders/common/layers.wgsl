@@ -1,0 +1,29 @@
+// Layers of tangent planes.
+//
+// A texel stores the plane { X : dot(pi, X) = 1 } in view space as pi.xyz; w is the depth at the
+// pixel's centre. Disparity at any pixel position is dot(pi, omega(u)): linear in u. Empty is 0.
+// pi points away from the eye on fronts and backs alike: the outward normal of a front is
+// -pi / |pi|, that of a back pi / |pi|.
+
+const FRONT: i32 = 0;
+const BACK: i32 = 1;
+
+// The plane through z * omega with normal `n` (either orientation). A plane seen edge-on has no
+// finite disparity slope: its normal is turned to at least 1e-3 off the edge.
+fn plane_from_normal(omega: vec3f, z: f32, n: vec3f) -> vec3f {
+    let ray = normalize(omega);
+    var away = select(-n, n, dot(n, ray) > 0.0);
+    let cos_theta = dot(away, ray);
+    away += max(1e-3 - cos_theta, 0.0) * ray;
+    return away / (z * dot(away, omega));
+}
+
+// The plane whose disparity at `omega` is `disparity` and changes by `gradient` per pixel.
+fn plane_from_gradient(omega: vec3f, disparity: f32, gradient: vec2f) -> vec3f {
+    let per_omega = gradient * camera.size / (2.0 * camera.tangent) * vec2f(1.0, -1.0);
+    return vec3f(per_omega, dot(per_omega, omega.xy) - disparity);
+}
+
+fn plane_is_empty(pi: vec3f) -> bool {
+    return all(pi == vec3f(0.0));
+}

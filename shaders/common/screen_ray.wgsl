@@ -1,0 +1,64 @@
+// A ray in screen space, clipped once to the picture and to positive depth.
+//
+// Parametrised by tau in [0, 1], linear on the screen; then the ray's disparity is exactly linear
+// too, and so is its residual against any plane. States behind the eye cannot be written down.
+
+struct ScreenRay {
+    u: vec2f,        // pixel position at tau = 0
+    du: vec2f,       // and its change to tau = 1
+    omega: vec3f,    // camera_omega(u)
+    d_omega: vec3f,
+    disparity: f32,  // 1/m
+    d_disparity: f32,
+    tau_per_pixel: f32,
+    direction: vec3f, // unit, view space
+}
+
+// Beyond every tau on the screen.
+const NEVER: f32 = 2.0;
+
+// The view-space ray o + t d, 0 <= t <= t_max, from a point on the screen.
+fn screen_ray(o: vec3f, d: vec3f, t_max: f32) -> ScreenRay {
+    let z = -o.z;
+    // Half-spaces, each f(t) = at + t * rate >= 0: left, right, bottom, top, near.
+    var t = min(t_max, 1e5 * z / max(-d.z, 1e-3));
+    t = clip(t, o.x + camera.tangent.x * z, d.x - camera.tangent.x * d.z);
+    t = clip(t, camera.tangent.x * z - o.x, -camera.tangent.x * d.z - d.x);
+    t = clip(t, o.y + camera.tangent.y * z, d.y - camera.tangent.y * d.z);
+    t = clip(t, camera.tangent.y * z - o.y, -camera.tangent.y * d.z - d.y);
+    t = clip(t, z - camera.near, -d.z);
+    let end = o + t * d;
+
+    var ray: ScreenRay;
+    ray.u = camera_pixel(o);
+    ray.du = camera_pixel(end) - ray.u;
+    ray.omega = vec3f(o.xy / z, -1.0);
+    ray.d_omega = vec3f(end.xy / -end.z - ray.omega.xy, 0.0);
+    ray.disparity = 1.0 / z;
+    ray.d_disparity = (z + end.z) / (z * -end.z);
+    ray.direction = d;
+    ray.tau_per_pixel = 1.0 / max(length(ray.du), 1e-6);
+    return ray;
+}
+
+fn clip(t: f32, at: f32, rate: f32) -> f32 {
+    return select(t, min(t, max(at, 0.0) / -rate), rate < 0.0);
+}
+
+fn screen_ray_texel(ray: ScreenRay, tau: f32) -> vec2i {
+    return clamp(vec2i(floor(ray.u + tau * ray.du)), vec2i(0), vec2i(camera.size) - 1);
+}
+
+// The view-space point at tau.
+fn screen_ray_point(ray: ScreenRay, tau: f32) -> vec3f {
+    return (ray.omega + tau * ray.d_omega) / (ray.disparity + tau * ray.d_disparity);
+}
+
+// Disparity of the plane minus that of the ray: negative where the ray is in front of the plane.
+fn screen_ray_residual(ray: ScreenRay, pi: vec3f, tau: f32) -> f32 {
+    return dot(pi, ray.omega + tau * ray.d_omega) - (ray.disparity + tau * ray.d_disparity);
+}
+
+fn screen_ray_residual_slope(ray: ScreenRay, pi: vec3f) -> f32 {
+    return dot(pi, ray.d_omega) - ray.d_disparity;
+}

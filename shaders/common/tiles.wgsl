@@ -1,0 +1,23 @@
+// Lists of 8 x 8 pixel tiles: those that liquid covers, and the rest.
+//
+// Work on the liquid is dispatched over its tiles alone. Order in a list is not defined; every
+// pixel is in one tile of one list, so pictures do not depend on it.
+
+const TILE: u32 = 8u;
+// Workgroups in a row of a dispatch; below the 65535 that every adapter allows.
+const ROW: u32 = 32768u;
+
+struct TileList {
+    count: u32,
+    tiles: array<u32>, // x + 65536 y
+}
+
+// The index in a list of the workgroup at `group` of a dispatch.
+fn tile_index(group: vec3u) -> u32 {
+    return group.x + ROW * group.y;
+}
+
+// The pixel of thread `local` in a packed tile.
+fn tile_pixel(tile: u32, local: vec2u) -> vec2i {
+    return vec2i(vec2u(tile & 0xffffu, tile >> 16u) * TILE + local);
+}

@@ -1,0 +1,29 @@
+// The opaque scene as the camera sees it: tangent plane and radiance of the nearest solid.
+
+#import common/camera.wgsl
+#import common/layers.wgsl
+#import common/scene.wgsl
+
+@group(1) @binding(0) var planes: texture_storage_2d<rgba32float, write>; // pi, depth
+@group(1) @binding(1) var radiance: texture_storage_2d<rgba32float, write>;
+
+@compute @workgroup_size(8, 8)
+fn gbuffer(@builtin(global_invocation_id) id: vec3u) {
+    let p = vec2i(id.xy);
+    if any(p >= vec2i(camera.size)) {
+        return;
+    }
+    let omega = camera_omega(vec2f(p) + 0.5);
+    let o = camera_world_point(vec3f(0.0));
+    let d = camera_world_direction(normalize(omega));
+    let hit = scene_trace(o, d, NOTHING);
+    var plane = vec4f(0.0);
+    var color = vec3f(0.0);
+    if hit.t < NOTHING {
+        let z = hit.t / length(omega);
+        plane = vec4f(plane_from_normal(omega, z, camera_view_direction(hit.normal)), z);
+        color = solid_radiance(hit.index, o + hit.t * d, hit.normal, d);
+    }
+    textureStore(planes, p, plane);
+    textureStore(radiance, p, vec4f(color, 1.0));
+}

@@ -1,0 +1,381 @@
+// Light through the layers: up to four interfaces, internal bounces, absorption, contact.
+//
+// After Imai, Kanamori and Mitani (2016), section 4, with these differences: the liquid at a pixel
+// is the union of the intervals of its layers; strong internal reflections are followed; the
+// liquid wets solids it touches; radiance is scaled by the square of the index.
+//
+// A root file imports this one and supplies the intersector:
+//     fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface  inside the liquid, where it ends;
+//                                     `texel` is that whose planes the ray starts between
+//     fn liquid_entry(ray: ScreenRay) -> Interface               outside, where it begins again
+//     fn opaque_hit(ray: ScreenRay) -> Interface                 the opaque scene, in the G-buffer
+
+#import common/camera.wgsl
+#import common/layers.wgsl
+#import common/optics.wgsl
+#import common/scene.wgsl
+#import common/screen_ray.wgsl
+#import common/tiles.wgsl
+
+struct Params {
+    absorption: vec3f,     // 1/m
+    ior: f32,              // of the liquid, relative to what surrounds it
+    contact: f32,          // m
+    samples: u32,
+    interfaces: u32,
+    internal_bounces: u32,
+    iterations: u32,       // of the `newton` intersector
+}
+
+override SPLASH: bool = false;            // the frame has splash layers
+override ABSORPTION: bool = true;         // any component of it is above 0
+override SCHLICK: bool = false;
+override RADIANCE_SCALING: bool = true;
+override CONTACT: bool = true;            // there are solids, and contact > 0
+override SCREEN_SOLIDS: bool = false;     // look solids up in the G-buffer first
+override REFLECT_SOLIDS: bool = true;     // reflections see the solids
+override COUNT: bool = false;             // write the diagnostics
+
+@group(1) @binding(0) var<uniform> params: Params;
+@group(1) @binding(1) var aggregate_layers: texture_2d_array<f32>;
+@group(1) @binding(2) var splash_layers: texture_2d_array<f32>;
+@group(1) @binding(3) var gbuffer_planes: texture_2d<f32>;
+@group(1) @binding(4) var gbuffer_radiance: texture_2d<f32>;
+@group(1) @binding(5) var radiance: texture_storage_2d<rgba32float, write>;
+// interfaces, length inside (m), solver iterations, solver failures; means over the samples
+@group(1) @binding(6) var diagnostics: texture_storage_2d<rgba32float, write>;
+// The tiles that an entry point draws: those of the liquid, or the others.
+@group(1) @binding(7) var<storage, read> tiles: TileList;
+
+// Reflectance above which an internal reflection is followed and the transmitted light looked up.
+const STRONG: f32 = 0.3;
+
+// Where a ray meets a boundary of the liquid, or the opaque scene.
+struct Interface {
+    found: bool,
+    position: vec3f,  // view space
+    plane: vec3f,     // pi of the surface there
+    texel: vec2i,     // that it was read from
+}
+
+struct Diagnostics {
+    interfaces: f32,
+    inside: f32,
+    iterations: f32,
+    failures: f32,
+}
+
+var<private> diagnosed: Diagnostics;
+
+fn no_interface() -> Interface {
+    return Interface(false, vec3f(0.0), vec3f(0.0), vec2i(0));
+}
+
+fn interface_at(ray: ScreenRay, tau: f32, plane: vec3f, texel: vec2i) -> Interface {
+    return Interface(true, screen_ray_point(ray, tau), plane, texel);
+}
+
+// The planes of one texel: front and back of both classes.
+struct Slabs {
+    aggregate_front: vec3f,
+    aggregate_back: vec3f,
+    splash_front: vec3f,
+    splash_back: vec3f,
+}
+
+fn load_slabs(texel: vec2i) -> Slabs {
+    var slabs: Slabs;
+    slabs.aggregate_front = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
+    slabs.aggregate_back = textureLoad(aggregate_layers, texel, BACK, 0).xyz;
+    if SPLASH {
+        slabs.splash_front = textureLoad(splash_layers, texel, FRONT, 0).xyz;
+        slabs.splash_back = textureLoad(splash_layers, texel, BACK, 0).xyz;
+    }
+    diagnosed.iterations += 1.0;
+    return slabs;
+}
+
+// Relative disparity by which a point may miss its interval and still be inside: rounding, and at
+// the start of a ray the distance between the planes of two neighbouring texels.
+const ROUNDING: f32 = 1e-6;
+const AT_START: f32 = 2e-3;
+
+// One class's interval along the ray, seen from tau: whether tau is inside, and where the planes
+// of this texel say that the ray leaves (from inside) or crossed (from outside).
+struct Leave {
+    inside: bool,
+    tau: f32,      // NEVER if the planes do not say
+    plane: vec3f,
+}
+
+fn slab_leave(front: vec3f, back: vec3f, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
+    if plane_is_empty(front) || plane_is_empty(back) {
+        return Leave(false, NEVER, vec3f(0.0));
+    }
+    let to_front = screen_ray_residual(ray, front, tau);
+    let to_back = screen_ray_residual(ray, back, tau);
+    let front_slope = screen_ray_residual_slope(ray, front);
+    let back_slope = screen_ray_residual_slope(ray, back);
+    let rounding = slack * (ray.disparity + tau * ray.d_disparity);
+    if to_front < -rounding {
+        return Leave(false, tau - to_front / front_slope, front);
+    }
+    if to_back > rounding {
+        return Leave(false, tau - to_back / back_slope, back);
+    }
+    let front_tau = select(NEVER, tau + max(to_front, 0.0) / -front_slope, front_slope < 0.0);
+    let back_tau = select(NEVER, tau + max(-to_back, 0.0) / back_slope, back_slope > 0.0);
+    if front_tau < back_tau {
+        return Leave(true, front_tau, front);
+    }
+    return Leave(true, back_tau, back);
+}
+
+// The union of both classes: inside if in either; left where the last of them is left.
+fn slabs_leave(slabs: Slabs, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
+    var aggregate = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, tau, slack);
+    if !SPLASH {
+        return aggregate;
+    }
+    var splash = slab_leave(slabs.splash_front, slabs.splash_back, ray, tau, slack);
+    // From inside one, the other may begin before it ends.
+    if aggregate.inside && !splash.inside && aggregate.tau < NEVER {
+        let there = slab_leave(slabs.splash_front, slabs.splash_back, ray, aggregate.tau, ROUNDING);
+        if there.inside {
+            return Leave(true, there.tau, there.plane);
+        }
+    }
+    if splash.inside && !aggregate.inside && splash.tau < NEVER {
+        let there = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, splash.tau, ROUNDING);
+        if there.inside {
+            return Leave(true, there.tau, there.plane);
+        }
+    }
+    if aggregate.inside != splash.inside {
+        if aggregate.inside {
+            return aggregate;
+        }
+        return splash;
+    }
+    if aggregate.tau >= splash.tau && aggregate.tau < NEVER || splash.tau >= NEVER {
+        return aggregate;
+    }
+    return splash;
+}
+
+fn reflectance(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
+    if SCHLICK {
+        return optics_schlick(cos_theta_i, cos_theta_t, eta);
+    }
+    return optics_fresnel(cos_theta_i, cos_theta_t, eta);
+}
+
+// The radiance that arrives at o from direction d when no more liquid is in the way.
+fn lookup(o: vec3f, d: vec3f) -> vec3f {
+    if SCREEN_SOLIDS {
+        let hit = opaque_hit(screen_ray(o, d, NOTHING));
+        if hit.found {
+            return textureLoad(gbuffer_radiance, hit.texel, 0).rgb;
+        }
+    }
+    let world_o = camera_world_point(o);
+    let world_d = camera_world_direction(d);
+    let hit = scene_trace(world_o, world_d, NOTHING);
+    if hit.t < NOTHING {
+        return solid_radiance(hit.index, world_o + hit.t * world_d, hit.normal, world_d);
+    }
+    return environment_radiance(world_d);
+}
+
+fn lookup_reflection(o: vec3f, d: vec3f) -> vec3f {
+    if REFLECT_SOLIDS {
+        return lookup(o, d);
+    }
+    return environment_radiance(camera_world_direction(d));
+}
+
+// The solid that the ray meets, as a distance; NOTHING if none.
+fn solid_ahead(o: vec3f, d: vec3f) -> SolidHit {
+    if SOLIDS == 0u {
+        return SolidHit(NOTHING, 0u, vec3f(0.0));
+    }
+    return scene_trace(camera_world_point(o), camera_world_direction(d), NOTHING);
+}
+
+// Whether a solid that the ray is heading for is within `contact` of x: then the liquid wets it.
+fn touches(solid: SolidHit, x: vec3f, d: vec3f) -> bool {
+    if !CONTACT || solid.t >= NOTHING {
+        return false;
+    }
+    return abs(solid_distance(solids[solid.index], camera_world_point(x))) <= params.contact;
+}
+
+fn trace(u: vec2f, texel: vec2i) -> vec3f {
+    let omega = camera_omega(u);
+    var o = vec3f(0.0);
+    var d = normalize(omega);
+    let slabs = load_slabs(texel);
+    let aggregate = dot(slabs.aggregate_front, omega);
+    let splash = dot(slabs.splash_front, omega);
+    var front = slabs.aggregate_front;
+    if SPLASH && splash > aggregate {
+        front = slabs.splash_front;
+    }
+    let disparity = max(aggregate, splash);
+    var solid = solid_ahead(o, d);
+    let t_front = length(omega) / disparity;
+    if disparity <= 0.0 || solid.t <= t_front {
+        return lookup(o, d);
+    }
+
+    var result = vec3f(0.0);
+    var weight = vec3f(1.0);
+    var interfaces = 0u;
+    var bounces = 0u;
+    var inside = false;
+    var start = texel;
+    let scale = select(1.0, params.ior * params.ior, RADIANCE_SCALING);
+
+    // The first interface, unless the eye is in the liquid.
+    var hit = Interface(true, omega / disparity, front, texel);
+    if disparity >= 1.0 / camera.near {
+        o = omega * camera.near;
+        inside = true;
+        hit.found = false;
+    }
+
+    for (var event = 0u; event < 16u; event++) {
+        if !inside {
+            if !hit.found {
+                return result + weight * lookup(o, d);
+            }
+            // Enter.
+            interfaces += 1u;
+            diagnosed.interfaces += 1.0;
+            o = hit.position;
+            start = hit.texel;
+            var n = normalize(-hit.plane);
+            if dot(n, d) > 0.0 {
+                n = -n;
+            }
+            let cos_theta_i = -dot(d, n);
+            let cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
+            let f = reflectance(cos_theta_i, cos_theta_t, params.ior);
+            result += weight * f * lookup_reflection(o, reflect(d, n));
+            weight *= (1.0 - f) / scale;
+            d = optics_refract(d, n, cos_theta_i, cos_theta_t, params.ior);
+            inside = true;
+        }
+
+        solid = solid_ahead(o, d);
+        if interfaces >= params.interfaces {
+            return result + weight * scale * lookup(o, d);
+        }
+        hit = liquid_exit(screen_ray(o, d, solid.t), start);
+        var distance = length(hit.position - o);
+        if solid.t < NOTHING && (!hit.found || solid.t <= distance || touches(solid, hit.position, d)) {
+            // The liquid reaches the solid.
+            diagnosed.inside += solid.t;
+            if ABSORPTION {
+                weight *= optics_transmittance(params.absorption, solid.t);
+            }
+            let world_d = camera_world_direction(d);
+            let x = camera_world_point(o) + solid.t * world_d;
+            return result + weight * solid_radiance(solid.index, x, solid.normal, world_d);
+        }
+        if !hit.found {
+            // Out of the picture while inside: what lies there is not known.
+            diagnosed.failures += 1.0;
+            return result + weight * scale * environment_radiance(camera_world_direction(d));
+        }
+        diagnosed.inside += distance;
+        if ABSORPTION {
+            weight *= optics_transmittance(params.absorption, distance);
+        }
+        o = hit.position;
+        start = hit.texel;
+
+        // Leave, or stay by a strong reflection.
+        var n = normalize(hit.plane);
+        if dot(n, d) > 0.0 {
+            n = -n;
+        }
+        let eta = 1.0 / params.ior;
+        let cos_theta_i = -dot(d, n);
+        let cos_theta_t = optics_cos_transmitted(cos_theta_i, eta);
+        let f = reflectance(cos_theta_i, cos_theta_t, eta);
+        let reflected = reflect(d, n);
+        if f > STRONG && bounces < params.internal_bounces {
+            bounces += 1u;
+            if f < 1.0 {
+                let out = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
+                result += weight * (1.0 - f) * scale * lookup(o, out);
+            }
+            weight *= f;
+            d = reflected;
+            continue;
+        }
+        interfaces += 1u;
+        diagnosed.interfaces += 1.0;
+        result += weight * f * scale * lookup_reflection(o, reflected);
+        if f >= 1.0 {
+            return result;
+        }
+        weight *= (1.0 - f) * scale;
+        d = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
+        inside = false;
+        hit = no_interface();
+        if interfaces < params.interfaces {
+            solid = solid_ahead(o, d);
+            hit = liquid_entry(screen_ray(o, d, solid.t));
+        }
+    }
+    return result + weight * lookup(o, d);
+}
+
+// Where in the pixel sample `index` of `count` lies: a square grid if there is one, otherwise the
+// R2 sequence.
+fn sample_offset(index: u32, count: u32) -> vec2f {
+    let side = u32(sqrt(f32(count)) + 0.5);
+    if side * side == count {
+        return (vec2f(f32(index % side), f32(index / side)) + 0.5) / f32(side);
+    }
+    return fract(0.5 + f32(index) * vec2f(0.75487767, 0.56984029));
+}
+
+@compute @workgroup_size(8, 8)
+fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let p = tile_pixel(tiles.tiles[tile_index(group)], local.xy);
+    if any(p >= vec2i(camera.size)) {
+        return;
+    }
+    diagnosed = Diagnostics(0.0, 0.0, 0.0, 0.0);
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < params.samples; i++) {
+        sum += trace(vec2f(p) + sample_offset(i, params.samples), p);
+    }
+    let share = 1.0 / f32(params.samples);
+    textureStore(radiance, p, vec4f(sum * share, 1.0));
+    if COUNT {
+        let d = diagnosed;
+        textureStore(diagnostics, p, vec4f(d.interfaces, d.inside, d.iterations, d.failures) * share);
+    }
+}
+
+// What is seen where there is no liquid.
+@compute @workgroup_size(8, 8)
+fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let p = tile_pixel(tiles.tiles[tile_index(group)], local.xy);
+    if any(p >= vec2i(camera.size)) {
+        return;
+    }
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < params.samples; i++) {
+        let omega = camera_omega(vec2f(p) + sample_offset(i, params.samples));
+        sum += lookup(vec3f(0.0), normalize(omega));
+    }
+    textureStore(radiance, p, vec4f(sum / f32(params.samples), 1.0));
+    if COUNT {
+        textureStore(diagnostics, p, vec4f(0.0));
+    }
+}

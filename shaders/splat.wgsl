@@ -1,0 +1,129 @@
+// Splats into layers: each particle as the exact ellipsoid, front or back root of the pixel's ray.
+//
+// Bounds after Sigg, Weyrich, Botsch and Gross, GPU-Based Ray-Casting of Quadratic Surfaces (2006),
+// with the discriminant expanded by hand: as printed it loses all digits once an ellipsoid is
+// 1e3 times as far as it is large. The intersection is re-centred for the same reason: the ray is
+// referred to its point at the centre's depth, and what is squared is of the splat's own size.
+
+#import common/camera.wgsl
+#import common/layers.wgsl
+
+// The ellipsoid { centre + A s : |s| <= 1 } in world space, A symmetric.
+struct Splat {
+    centre: vec3f,
+    radius: f32,
+    diagonal: vec3f,     // A_xx, A_yy, A_zz
+    particle: u32,
+    off_diagonal: vec3f, // A_xy, A_xz, A_yz
+    pad: f32,
+}
+
+@group(1) @binding(0) var<storage, read> splats: array<Splat>;
+
+// 0: nearest fronts, 1: farthest backs.
+override SIDE: i32 = 0;
+
+struct Varying {
+    @builtin(position) clip: vec4f,
+    @location(0) @interpolate(flat) centre: vec3f, // view space
+    // Columns of the map from view space to the space where the ellipsoid is the unit sphere.
+    @location(1) @interpolate(flat) sphere_x: vec3f,
+    @location(2) @interpolate(flat) sphere_y: vec3f,
+    @location(3) @interpolate(flat) sphere_z: vec3f,
+}
+
+@vertex
+fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Varying {
+    let splat = splats[instance];
+    let a = splat.diagonal;
+    let b = splat.off_diagonal;
+    let shape = mat3x3f(vec3f(a.x, b.x, b.y), vec3f(b.x, a.y, b.z), vec3f(b.y, b.z, a.z));
+    let view = camera.view_from_world;
+    let rotation = mat3x3f(view[0].xyz, view[1].xyz, view[2].xyz);
+    // Relative to the eye before rotating: both may be far from the world's origin.
+    let centre = rotation * (splat.centre - camera.world_from_view[3].xyz);
+    let to_sphere = symmetric_inverse(a, b) * transpose(rotation);
+
+    var out: Varying;
+    out.centre = centre;
+    out.sphere_x = to_sphere[0];
+    out.sphere_y = to_sphere[1];
+    out.sphere_z = to_sphere[2];
+    out.clip = vec4f(splat_corner(corner, centre, transpose(rotation * shape)), 0.5, 1.0);
+    return out;
+}
+
+fn symmetric_inverse(a: vec3f, b: vec3f) -> mat3x3f {
+    let c0 = vec3f(a.y * a.z - b.z * b.z, b.y * b.z - b.x * a.z, b.x * b.z - b.y * a.y);
+    let c1 = vec3f(c0.y, a.x * a.z - b.y * b.y, b.x * b.y - a.x * b.z);
+    let c2 = vec3f(c0.z, c1.z, a.x * a.y - b.x * b.x);
+    let determinant = dot(vec3f(a.x, b.x, b.y), c0);
+    return mat3x3f(c0, c1, c2) * (1.0 / determinant);
+}
+
+// A corner of the ellipsoid's bounding rectangle, in normalised device coordinates. The columns
+// of `rows` are the rows of the ellipsoid's axes matrix in view space.
+fn splat_corner(corner: u32, centre: vec3f, rows: mat3x3f) -> vec2f {
+    let sign = vec2f(f32(corner & 1u), f32(corner >> 1u)) * 2.0 - 1.0;
+    let half_depth = length(rows[2]);
+    if -centre.z + half_depth <= camera.near {
+        return vec2f(2.0); // wholly behind: an empty rectangle
+    }
+    if -centre.z - half_depth <= camera.near {
+        return sign; // the near plane cuts it: the bound does not exist
+    }
+    // Tangent planes through the eye, { x = b z }: q b^2 - 2 r b - s = 0.
+    let g = rows[2];
+    let q = centre.z * centre.z - dot(g, g);
+    let r = vec2f(dot(rows[0], g), dot(rows[1], g)) - centre.xy * centre.z;
+    let discriminant = vec2f(
+        tangent_discriminant(rows[0], g, centre.x, centre.z),
+        tangent_discriminant(rows[1], g, centre.y, centre.z),
+    );
+    // 1/8 pixel more, against rounding; the fragment stage decides exactly.
+    let margin = 0.25 / camera.size;
+    return (r + sign * sqrt(max(discriminant, vec2f(0.0)))) / q / camera.tangent + sign * margin;
+}
+
+fn tangent_discriminant(a: vec3f, g: vec3f, x: f32, z: f32) -> f32 {
+    let along = z * a - x * g;
+    let across = cross(a, g);
+    return dot(along, along) - dot(across, across);
+}
+
+struct Fragment {
+    @location(0) plane: vec4f,
+    @builtin(frag_depth) depth: f32,
+}
+
+@fragment
+fn fragment(in: Varying) -> Fragment {
+    let omega = camera_omega(in.clip.xy);
+    let centre_depth = -in.centre.z;
+    let to_sphere = mat3x3f(in.sphere_x, in.sphere_y, in.sphere_z);
+    let d = to_sphere * omega;
+    let d2 = dot(d, d);
+    let start = to_sphere * vec3f(centre_depth * omega.xy - in.centre.xy, 0.0);
+    let along = dot(start, d) / d2;
+    let f = start - along * d; // from the centre, perpendicular to the ray
+    let discriminant = 1.0 - dot(f, f);
+    if discriminant < 0.0 {
+        discard;
+    }
+    let half_chord = sqrt(discriminant / d2);
+    let back = centre_depth - along + half_chord;
+    if back < camera.near {
+        discard;
+    }
+    let front = centre_depth - along - half_chord;
+    var z = select(front, back, SIDE == BACK);
+    let side = select(-half_chord, half_chord, SIDE == BACK);
+    let normal = normalize(transpose(to_sphere) * (f + side * d));
+    var pi = plane_from_normal(omega, z, normal);
+    if z < camera.near {
+        // The ray starts inside: a front at the near plane itself says so.
+        z = camera.near;
+        pi = vec3f(0.0, 0.0, -1.0 / z);
+    }
+    return Fragment(vec4f(pi, z), camera.near / z);
+}

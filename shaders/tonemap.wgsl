@@ -1,0 +1,35 @@
+// Radiance to display: exposure, an optional curve, the sRGB transfer function.
+
+@group(0) @binding(0) var radiance: texture_2d<f32>;
+@group(0) @binding(1) var<uniform> params: Params;
+
+struct Params {
+    gain: f32,   // 2^exposure
+    curve: u32,  // 0: none, 1: filmic
+    encode: u32, // 1: the target stores sRGB values as they are written
+}
+
+@vertex
+fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
+    // One triangle that covers the screen.
+    return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
+    let texel = textureLoad(radiance, vec2i(position.xy), 0);
+    var c = max(texel.rgb * params.gain, vec3f(0.0));
+    if params.curve == 1u {
+        c = filmic(c);
+    }
+    c = clamp(c, vec3f(0.0), vec3f(1.0));
+    if params.encode == 1u {
+        c = select(1.055 * pow(c, vec3f(1.0 / 2.4)) - 0.055, 12.92 * c, c <= vec3f(0.0031308));
+    }
+    return vec4f(c, texel.a);
+}
+
+// A rational fit of the ACES reference curve (Narkowicz 2015).
+fn filmic(c: vec3f) -> vec3f {
+    return c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14);
+}

@@ -1,0 +1,109 @@
+//! What is seen where there is nothing else.
+
+use std::path::Path;
+
+use glam::{UVec2, Vec3};
+
+use crate::error::{Error, Result};
+
+/// Radiance by direction, linear RGB.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Environment {
+    /// The same everywhere.
+    Constant(Vec3),
+    /// Linear in the sine of the elevation, from the horizon up and down.
+    Gradient {
+        /// Straight up.
+        zenith: Vec3,
+        /// Level.
+        horizon: Vec3,
+        /// Straight down.
+        nadir: Vec3,
+    },
+    /// An equirectangular map: its middle is −z, its top row +y.
+    Map {
+        /// Width and height, pixels.
+        size: UVec2,
+        /// Rows from the top, linear RGB and 1.
+        pixels: Vec<[f32; 4]>,
+    },
+}
+
+impl Default for Environment {
+    fn default() -> Self {
+        Self::Constant(Vec3::new(0.55, 0.70, 0.90))
+    }
+}
+
+impl Environment {
+    /// Reads an equirectangular picture: Radiance HDR, OpenEXR, or PNG (sRGB).
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Format`] naming the file.
+    pub fn load(path: &Path) -> Result<Self> {
+        let reader = image::ImageReader::open(path)
+            .and_then(image::ImageReader::with_guessed_format)
+            .map_err(|e| Error::io(path, "read", e))?;
+        let srgb = reader.format() == Some(image::ImageFormat::Png);
+        let picture = reader.decode().map_err(|e| match e {
+            image::ImageError::IoError(e) => Error::io(path, "read", e),
+            e => Error::format(
+                path,
+                format!("not a picture for an environment (HDR, EXR, PNG): {e}"),
+            ),
+        })?;
+        let picture = picture.into_rgb32f();
+        let size = UVec2::new(picture.width(), picture.height());
+        let linear = |c: f32| match srgb {
+            true if c <= 0.04045 => c / 12.92,
+            true => ((c + 0.055) / 1.055).powf(2.4),
+            false => c,
+        };
+        let pixels: Vec<_> =
+            picture.pixels().map(|p| [linear(p[0]), linear(p[1]), linear(p[2]), 1.0]).collect();
+        if pixels.is_empty() || !pixels.iter().flatten().all(|c| c.is_finite()) {
+            return Err(Error::format(path, "the environment has no pixels, or infinite ones"));
+        }
+        Ok(Self::Map { size, pixels })
+    }
+
+    /// The same environment, `scale` times as bright.
+    #[must_use]
+    pub fn scaled(self, scale: f32) -> Self {
+        match self {
+            Self::Constant(c) => Self::Constant(scale * c),
+            Self::Gradient { zenith, horizon, nadir } => Self::Gradient {
+                zenith: scale * zenith,
+                horizon: scale * horizon,
+                nadir: scale * nadir,
+            },
+            Self::Map { size, mut pixels } => {
+                for p in &mut pixels {
+                    p[..3].iter_mut().for_each(|c| *c *= scale);
+                }
+                Self::Map { size, pixels }
+            }
+        }
+    }
+
+    /// Mean radiance over all directions: what an evenly lit surface receives, over π.
+    pub fn mean(&self) -> Vec3 {
+        match self {
+            Self::Constant(c) => *c,
+            // |sin elevation| is uniform in solid angle, so its mean is 1/2.
+            Self::Gradient { zenith, horizon, nadir } => 0.5 * *horizon + 0.25 * (*zenith + *nadir),
+            Self::Map { size, pixels } => {
+                let mut sum = glam::DVec3::ZERO;
+                let mut solid_angle = 0.0;
+                for (i, row) in pixels.chunks_exact(size.x as usize).enumerate() {
+                    let latitude = (i as f64 + 0.5) / f64::from(size.y) * std::f64::consts::PI;
+                    for p in row {
+                        sum += latitude.sin() * Vec3::new(p[0], p[1], p[2]).as_dvec3();
+                        solid_angle += latitude.sin();
+                    }
+                }
+                (sum / solid_angle).as_vec3()
+            }
+        }
+    }
+}

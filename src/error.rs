@@ -1,0 +1,126 @@
+//! Everything that can go wrong, as one type.
+//!
+//! A message names the file, the place in it, the cause and, where there is one, the remedy.
+//! Whoever handles an [`Error`] prints it once; nothing in the library logs it as well.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Shorthand for results of this library.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// Where in a file a problem was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// Offset from the start of the (decompressed) contents, in bytes.
+    Byte(u64),
+    /// Line number, counted from 1.
+    Line(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Byte(offset) => write!(f, "byte {offset}"),
+            Self::Line(line) => write!(f, "line {line}"),
+        }
+    }
+}
+
+/// What the library reports instead of panicking.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file or folder could not be opened, read or written.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried: `read`, `write`, `list`.
+        action: &'static str,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// The contents of a file contradict its format: truncated, a wrong count, a NaN position.
+    #[error("{}: {place}: {problem}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// Where in it.
+        place: Place,
+        /// What was found and what was expected.
+        problem: String,
+    },
+    /// A file of another kind than expected, or of a kind that limpid does not know.
+    #[error("{}: {problem}", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What it seems to be, what can be read, and the remedy.
+        problem: String,
+    },
+    /// A scene file, a setting or a camera that cannot be used.
+    #[error("{origin}: {problem}")]
+    Scene {
+        /// The scene file, or the option that set the value.
+        origin: String,
+        /// What is wrong with which key.
+        problem: String,
+    },
+    /// No file matches a pattern, or frames of a range are missing.
+    #[error("{pattern}: {problem}")]
+    Sequence {
+        /// The pattern or folder as given.
+        pattern: String,
+        /// What was not found.
+        problem: String,
+    },
+    /// Two pictures that cannot be compared.
+    #[error("{0}")]
+    Mismatch(String),
+    /// A request outside what can be done (a size of 0, a range that is empty).
+    #[error("{0}")]
+    Usage(String),
+    /// No Vulkan, Metal, DirectX or OpenGL adapter.
+    #[error(
+        "no graphics adapter found: install a Vulkan driver, or Mesa's software one (Debian: apt-get install mesa-vulkan-drivers)"
+    )]
+    NoAdapter,
+    /// The adapter cannot do what is asked: too large a picture, a missing format.
+    #[error("adapter {adapter}: {problem}")]
+    Adapter {
+        /// The adapter's name.
+        adapter: String,
+        /// The limit and the remedy.
+        problem: String,
+    },
+    /// The device was lost or ran out of memory; the same frame may succeed later.
+    #[error("the graphics device failed ({0}); the frame may succeed if tried again")]
+    DeviceLost(String),
+}
+
+impl Error {
+    /// The process exit code for this error, as the command line documents it.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) | Self::Scene { .. } => 2,
+            Self::Mismatch(_) | Self::Format { .. } => 3,
+            Self::Io { .. } | Self::Malformed { .. } | Self::Sequence { .. } => 4,
+            Self::NoAdapter | Self::Adapter { .. } => 5,
+            Self::DeviceLost(_) => 6,
+        }
+    }
+
+    pub(crate) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
+        Self::Io { path: path.to_owned(), action, source }
+    }
+
+    pub(crate) fn malformed(path: &Path, place: Place, problem: impl Into<String>) -> Self {
+        Self::Malformed { path: path.to_owned(), place, problem: problem.into() }
+    }
+
+    pub(crate) fn format(path: &Path, problem: impl Into<String>) -> Self {
+        Self::Format { path: path.to_owned(), problem: problem.into() }
+    }
+}

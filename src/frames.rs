@@ -1,0 +1,224 @@
+//! Which frames of a sequence are wanted, and how machines share them.
+
+use std::collections::{HashSet, VecDeque};
+use std::str::FromStr;
+
+use crate::error::{Error, Result};
+use crate::sequence::{Frame, Sequence};
+
+/// More frames than this are a slip of the keyboard.
+const MAX_FRAMES: u64 = 10_000_000;
+
+/// A selection of frames.
+///
+/// It is written as frame numbers and ranges with commas or blanks between them, in the dialects
+/// of render farms: `1-3,5`, `7-20:2` (also `7-20x2` and `7-20@2`: every second), `1-10@b`
+/// (binary order: the ends, then the middles, so that a coarse preview comes first), and `all`.
+/// Numbers may be negative: `-5--1`.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub enum FrameSpec {
+    /// Every frame that exists.
+    #[default]
+    All,
+    /// These, in this order, each once.
+    List(Vec<i64>),
+}
+
+impl FrameSpec {
+    /// The numbers that are spelled out, in the order given, each once; none for `all`.
+    pub fn frames(&self) -> impl Iterator<Item = i64> {
+        let numbers: &[i64] = match self {
+            Self::All => &[],
+            Self::List(numbers) => numbers,
+        };
+        numbers.iter().copied()
+    }
+
+    /// The selected frames of a sequence.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Sequence`] if a frame is asked for that does not exist.
+    pub fn select<'a>(&self, sequence: &'a Sequence) -> Result<Vec<&'a Frame>> {
+        let numbers = match self {
+            Self::All => return Ok(sequence.frames.iter().collect()),
+            Self::List(numbers) => numbers,
+        };
+        let missing: Vec<i64> =
+            numbers.iter().copied().filter(|&n| sequence.frame(n).is_none()).collect();
+        if missing.is_empty() {
+            return Ok(numbers.iter().filter_map(|&n| sequence.frame(n)).collect());
+        }
+        let some: Vec<String> = missing.iter().take(5).map(i64::to_string).collect();
+        let problem = format!(
+            "{} of {} frames are missing: {}{}; there are {} from {} to {}",
+            missing.len(),
+            numbers.len(),
+            some.join(", "),
+            if missing.len() > 5 { ", ..." } else { "" },
+            sequence.frames.len(),
+            sequence.frames.first().map_or(0, |frame| frame.number),
+            sequence.frames.last().map_or(0, |frame| frame.number),
+        );
+        Err(Error::Sequence { pattern: sequence.pattern.clone(), problem })
+    }
+}
+
+impl FromStr for FrameSpec {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        if text.trim().eq_ignore_ascii_case("all") {
+            return Ok(Self::All);
+        }
+        let parts = || text.split([',', ' ', '\t']).filter(|part| !part.is_empty());
+        // Count before listing: a range is short to write and may be endless.
+        let mut total = 0_u64;
+        let mut ranges = Vec::new();
+        for part in parts() {
+            let range = Range::parse(part)?;
+            total = total.saturating_add(range.count());
+            if total > MAX_FRAMES {
+                let problem = format!("frames `{text}`: more than {MAX_FRAMES} frames");
+                return Err(Error::Usage(problem));
+            }
+            ranges.push(range);
+        }
+        if ranges.is_empty() {
+            return Err(Error::Usage("frames: none given; write `1-10`, `1,5,9` or `all`".into()));
+        }
+        let mut seen = HashSet::new();
+        let mut numbers = Vec::new();
+        for range in ranges {
+            range.each(|number| {
+                if seen.insert(number) {
+                    numbers.push(number);
+                }
+            });
+        }
+        Ok(Self::List(numbers))
+    }
+}
+
+struct Range {
+    first: i64,
+    last: i64,
+    order: Order,
+}
+
+enum Order {
+    Step(u64),
+    Binary,
+}
+
+impl Range {
+    fn parse(part: &str) -> Result<Self> {
+        let usage = |problem: &str| Error::Usage(format!("frames `{part}`: {problem}"));
+        let syntax = || usage("a number, a range `1-10`, steps `1-10:2`, or `1-10@b` expected");
+        let (first, rest) = number(part).ok_or_else(syntax)?;
+        if rest.is_empty() {
+            return Ok(Self { first, last: first, order: Order::Step(1) });
+        }
+        let (last, rest) = rest.strip_prefix('-').and_then(number).ok_or_else(syntax)?;
+        if last < first {
+            return Err(usage(&format!("the range is backwards; write {last}-{first}")));
+        }
+        let order = match rest.strip_prefix([':', 'x', '@']) {
+            _ if rest.is_empty() => Order::Step(1),
+            Some("b") if rest.starts_with('@') => Order::Binary,
+            Some(step) => match step.parse() {
+                Ok(0) => return Err(usage("a step of 1 or more expected")),
+                Ok(step) => Order::Step(step),
+                Err(_) => return Err(syntax()),
+            },
+            None => return Err(syntax()),
+        };
+        Ok(Self { first, last, order })
+    }
+
+    fn count(&self) -> u64 {
+        let step = if let Order::Step(step) = self.order { step } else { 1 };
+        (self.last.abs_diff(self.first) / step).saturating_add(1)
+    }
+
+    fn each(&self, mut visit: impl FnMut(i64)) {
+        let (first, last) = (self.first, self.last);
+        match self.order {
+            Order::Step(step) => {
+                let mut next = Some(first);
+                while let Some(number) = next.filter(|&number| number <= last) {
+                    visit(number);
+                    next = number.checked_add_unsigned(step);
+                }
+            }
+            Order::Binary => {
+                visit(first);
+                visit(last);
+                let mut gaps = VecDeque::from([(first, last)]);
+                while let Some((low, high)) = gaps.pop_front() {
+                    let half = low.abs_diff(high) / 2;
+                    if let Some(middle) = low.checked_add_unsigned(half).filter(|_| half > 0) {
+                        visit(middle);
+                        gaps.extend([(low, middle), (middle, high)]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The whole number that `text` begins with, perhaps negative, and what follows it.
+fn number(text: &str) -> Option<(i64, &str)> {
+    let unsigned = text.strip_prefix('-').unwrap_or(text);
+    let digits = unsigned.bytes().take_while(u8::is_ascii_digit).count();
+    let (number, rest) = text.split_at(text.len() - unsigned.len() + digits);
+    Some((number.parse().ok()?, rest))
+}
+
+/// One machine's share of the work: every `count`-th frame, beginning with the `index`-th.
+///
+/// Written `index/count`, with `index` counted from 1: `2/4` is the second of four shares.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    index: usize,
+    count: usize,
+}
+
+impl Shard {
+    /// The share `index` (from 1) of `count`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Usage`] unless 1 ≤ `index` ≤ `count`.
+    pub fn new(index: usize, count: usize) -> Result<Self> {
+        if (1..=count).contains(&index) {
+            return Ok(Self { index, count });
+        }
+        Err(Error::Usage(format!("shard {index}/{count}: an index from 1 to the count expected")))
+    }
+
+    /// The items of this share, in their order.
+    pub fn of<T>(self, items: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
+        items.into_iter().skip(self.index - 1).step_by(self.count)
+    }
+}
+
+impl Default for Shard {
+    /// All of it.
+    fn default() -> Self {
+        Self { index: 1, count: 1 }
+    }
+}
+
+impl FromStr for Shard {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let parts = text.split_once('/').and_then(|(index, count)| {
+            Some((index.trim().parse().ok()?, count.trim().parse().ok()?))
+        });
+        let (index, count) = parts
+            .ok_or_else(|| Error::Usage(format!("shard `{text}`: `1/4` or the like expected")))?;
+        Self::new(index, count)
+    }
+}

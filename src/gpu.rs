@@ -1,0 +1,280 @@
+//! The graphics device, and the few helpers that keep each pass short.
+
+mod binding;
+mod readback;
+mod timer;
+
+use std::sync::{Arc, Mutex};
+
+use crate::error::{Error, Result};
+
+pub(crate) use binding::{
+    sampled, storage, storage_of, storage_read_write, storage_texture, uniform,
+};
+pub(crate) use readback::{read_buffer, read_texture};
+pub use timer::PassTime;
+pub(crate) use timer::{Span, Timer};
+
+/// A device with its queue: limpid's own, or the caller's.
+#[derive(Clone, Debug)]
+pub struct Gpu {
+    /// The device on which everything is created.
+    pub device: wgpu::Device,
+    /// The queue to which frames are submitted.
+    pub queue: wgpu::Queue,
+    failure: Arc<Mutex<Option<String>>>,
+}
+
+impl Gpu {
+    /// Opens an adapter without any window system: a GPU where there is one, otherwise a
+    /// software adapter such as Mesa's lavapipe.
+    ///
+    /// `WGPU_BACKEND` and `WGPU_ADAPTER_NAME` select one, as in other wgpu programs.
+    ///
+    /// # Errors
+    /// [`Error::NoAdapter`] if there is none, [`Error::Adapter`] if it refuses a device.
+    pub fn headless() -> Result<Self> {
+        let adapter = pollster::block_on(choose_adapter()).ok_or(Error::NoAdapter)?;
+        let info = adapter.get_info();
+        let refused = |problem: String| Error::Adapter { adapter: info.name.clone(), problem };
+        if !adapter
+            .get_downlevel_capabilities()
+            .flags
+            .contains(wgpu::DownlevelFlags::COMPUTE_SHADERS)
+        {
+            return Err(refused("has no compute shaders; install a Vulkan driver".into()));
+        }
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("limpid"),
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            // Large pictures and particle sets are limited by the adapter, not by a default.
+            required_limits: adapter.limits(),
+            ..Default::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|e| refused(format!("gives no device: {e}")))?;
+        let gpu = Self::from_device(device, queue);
+        let failure = gpu.failure.clone();
+        gpu.device.set_device_lost_callback(move |_, reason| {
+            failure.lock().expect("no panic holds this lock").get_or_insert(reason);
+        });
+        let failure = gpu.failure.clone();
+        gpu.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| match error {
+            // A validation error is a defect of limpid, never of its input.
+            wgpu::Error::Validation { .. } => panic!("{error}"),
+            _ => {
+                failure.lock().expect("no panic holds this lock").get_or_insert(error.to_string());
+            }
+        }));
+        Ok(gpu)
+    }
+
+    /// Wraps a caller's device and queue. Passes are timed if the device has
+    /// [`wgpu::Features::TIMESTAMP_QUERY`]; no other feature is used.
+    pub fn from_device(device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        Self { device, queue, failure: Arc::default() }
+    }
+
+    /// The adapter's name and driver, as figures should be reported with.
+    pub fn adapter(&self) -> String {
+        let info = self.device.adapter_info();
+        match info.driver_info.as_str() {
+            "" => info.name,
+            driver => format!("{} ({driver})", info.name),
+        }
+    }
+
+    /// Fails if the device was lost or ran out of memory since it was opened.
+    ///
+    /// # Errors
+    /// [`Error::DeviceLost`] with the driver's reason.
+    pub fn check(&self) -> Result<()> {
+        match &*self.failure.lock().expect("no panic holds this lock") {
+            Some(reason) => Err(Error::DeviceLost(reason.clone())),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses a picture that the adapter cannot hold.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for an empty picture, [`Error::Adapter`] naming the limit.
+    pub fn check_size(&self, size: glam::UVec2) -> Result<()> {
+        let limits = self.device.limits();
+        // One layer of four floats per texel is also the largest buffer that is read back.
+        let bytes = u64::from(size.x) * u64::from(size.y) * 16;
+        if size.x == 0 || size.y == 0 {
+            return Err(Error::Usage(format!("a picture of {}x{} has no pixels", size.x, size.y)));
+        }
+        let problem = if size.max_element() > limits.max_texture_dimension_2d {
+            format!("holds at most {0}x{0} pixels", limits.max_texture_dimension_2d)
+        } else if bytes > limits.max_buffer_size {
+            format!("holds at most {} MiB in one buffer", limits.max_buffer_size >> 20)
+        } else {
+            return Ok(());
+        };
+        Err(Error::Adapter {
+            adapter: self.adapter(),
+            problem: format!("{problem}, asked for {}x{}; choose a smaller --size", size.x, size.y),
+        })
+    }
+}
+
+/// A GPU before an integrated one before a software rasteriser, unless the environment names one.
+async fn choose_adapter() -> Option<wgpu::Adapter> {
+    let wanted = std::env::var("WGPU_ADAPTER_NAME").unwrap_or_default().to_lowercase();
+    // OpenGL only where there is nothing else: it may look for a window system.
+    for backends in [wgpu::Backends::PRIMARY, wgpu::Backends::GL] {
+        let descriptor = wgpu::InstanceDescriptor {
+            backends: wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all()) & backends,
+            ..wgpu::InstanceDescriptor::new_without_display_handle_from_env()
+        };
+        let instance = wgpu::Instance::new(descriptor);
+        let mut adapters = instance.enumerate_adapters(backends).await;
+        adapters.retain(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted));
+        let best =
+            adapters.into_iter().min_by_key(|adapter| match adapter.get_info().device_type {
+                wgpu::DeviceType::DiscreteGpu => 0,
+                wgpu::DeviceType::IntegratedGpu => 1,
+                wgpu::DeviceType::VirtualGpu => 2,
+                wgpu::DeviceType::Other => 3,
+                wgpu::DeviceType::Cpu => 4,
+            });
+        if best.is_some() {
+            return best;
+        }
+    }
+    None
+}
+
+/// Creates a buffer with `contents`.
+pub(crate) fn buffer_with<T: bytemuck::NoUninit>(
+    gpu: &Gpu,
+    label: &str,
+    usage: wgpu::BufferUsages,
+    contents: &[T],
+) -> wgpu::Buffer {
+    use wgpu::util::DeviceExt;
+    gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: Some(label),
+        contents: bytemuck::cast_slice(contents),
+        usage,
+    })
+}
+
+/// Creates a uniform buffer for one `T`, to be written with [`wgpu::Queue::write_buffer`].
+pub(crate) fn uniform_buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str) -> wgpu::Buffer {
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: size_of::<T>() as u64,
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+/// Creates a texture of `layers` layers and the view of them all.
+pub(crate) fn texture(
+    gpu: &Gpu,
+    label: &str,
+    size: glam::UVec2,
+    layers: u32,
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+/// The view of all layers of an array texture.
+pub(crate) fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..Default::default()
+    })
+}
+
+/// The view of one layer of an array texture.
+pub(crate) fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2),
+        base_array_layer: layer,
+        array_layer_count: Some(1),
+        ..Default::default()
+    })
+}
+
+/// Sets all of a view to 0.
+pub(crate) fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView) {
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some("clear"),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                store: wgpu::StoreOp::Store,
+            },
+        })],
+        ..Default::default()
+    });
+}
+
+/// Binds `resources` in order to bindings 0, 1, ….
+pub(crate) fn bind_group(
+    gpu: &Gpu,
+    label: &str,
+    layout: &wgpu::BindGroupLayout,
+    resources: &[wgpu::BindingResource<'_>],
+) -> wgpu::BindGroup {
+    let entries: Vec<_> = (0u32..)
+        .zip(resources)
+        .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
+        .collect();
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some(label),
+        layout,
+        entries: &entries,
+    })
+}
+
+/// A compute pipeline of one shader file's entry point, specialised by `constants`.
+pub(crate) fn compute_pipeline(
+    gpu: &Gpu,
+    shader: &str,
+    entry_point: &str,
+    layouts: &[&wgpu::BindGroupLayout],
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
+    let layouts: Vec<_> = layouts.iter().map(|&layout| Some(layout)).collect();
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(shader),
+        bind_group_layouts: &layouts,
+        immediate_size: 0,
+    });
+    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(&format!("{shader} {entry_point}")),
+        layout: Some(&layout),
+        module: &crate::shader::module(gpu, shader),
+        entry_point: Some(entry_point),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            constants,
+            // No shader reads workgroup memory that it has not written.
+            zero_initialize_workgroup_memory: false,
+        },
+        cache: None,
+    })
+}
+
+/// The 8 × 8 workgroups that cover `size` pixels.
+pub(crate) fn workgroups(size: glam::UVec2) -> (u32, u32) {
+    (size.x.div_ceil(8), size.y.div_ceil(8))
+}

@@ -1,0 +1,80 @@
+//! Bind group layouts, one line per binding, in binding order.
+
+use super::Gpu;
+
+impl Gpu {
+    /// A layout of `bindings` 0, 1, … visible to `stages`.
+    pub(crate) fn layout(
+        &self,
+        label: &str,
+        stages: wgpu::ShaderStages,
+        bindings: &[wgpu::BindingType],
+    ) -> wgpu::BindGroupLayout {
+        let entries: Vec<_> = (0u32..)
+            .zip(bindings)
+            .map(|(binding, &ty)| wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility: stages,
+                ty,
+                count: None,
+            })
+            .collect();
+        self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(label),
+            entries: &entries,
+        })
+    }
+}
+
+/// `var<uniform> x: T`; the size is checked when the pipeline is made.
+pub(crate) fn uniform<T>() -> wgpu::BindingType {
+    buffer::<T>(wgpu::BufferBindingType::Uniform)
+}
+
+/// `var<storage, read> x: array<T>`.
+pub(crate) fn storage<T>() -> wgpu::BindingType {
+    buffer::<T>(wgpu::BufferBindingType::Storage { read_only: true })
+}
+
+/// `var<storage, read> x: S` of at least `bytes`, for structs that end in an array.
+pub(crate) fn storage_of(bytes: u64) -> wgpu::BindingType {
+    buffer_of(wgpu::BufferBindingType::Storage { read_only: true }, bytes)
+}
+
+/// `var<storage, read_write> x: S` of at least `bytes`.
+pub(crate) fn storage_read_write(bytes: u64) -> wgpu::BindingType {
+    buffer_of(wgpu::BufferBindingType::Storage { read_only: false }, bytes)
+}
+
+fn buffer<T>(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
+    buffer_of(ty, size_of::<T>() as u64)
+}
+
+fn buffer_of(ty: wgpu::BufferBindingType, bytes: u64) -> wgpu::BindingType {
+    wgpu::BindingType::Buffer {
+        ty,
+        has_dynamic_offset: false,
+        min_binding_size: wgpu::BufferSize::new(bytes),
+    }
+}
+
+/// `texture_2d<f32>` or, with `D2Array`, `texture_2d_array<f32>`, read with `textureLoad`.
+pub(crate) fn sampled(view_dimension: wgpu::TextureViewDimension) -> wgpu::BindingType {
+    wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Float { filterable: false },
+        view_dimension,
+        multisampled: false,
+    }
+}
+
+/// `texture_storage_2d[_array]<format, write>`.
+pub(crate) fn storage_texture(
+    format: wgpu::TextureFormat,
+    view_dimension: wgpu::TextureViewDimension,
+) -> wgpu::BindingType {
+    wgpu::BindingType::StorageTexture {
+        access: wgpu::StorageTextureAccess::WriteOnly,
+        format,
+        view_dimension,
+    }
+}

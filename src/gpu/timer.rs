@@ -1,0 +1,114 @@
+//! Milliseconds per pass, from the device's own timestamps.
+
+use serde::Serialize;
+
+use super::{Gpu, read_buffer};
+use crate::error::Result;
+
+/// What one pass took on the device.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PassTime {
+    /// The pass's name: that of its file, settings and shader.
+    pub name: &'static str,
+    /// Duration in milliseconds.
+    pub ms: f64,
+}
+
+/// Two timestamps per span; a pass of several device passes is one span from the first's
+/// beginning to the last's end.
+#[derive(Debug)]
+pub(crate) struct Timer {
+    queries: Option<wgpu::QuerySet>,
+    names: Vec<&'static str>,
+}
+
+/// Timestamps to hand to a device pass: at its beginning, at its end, or both.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Span<'a> {
+    queries: Option<&'a wgpu::QuerySet>,
+    begin: Option<u32>,
+    end: Option<u32>,
+}
+
+const MAX_SPANS: u32 = 32;
+
+impl Timer {
+    pub(crate) fn new(gpu: &Gpu, enabled: bool) -> Self {
+        let enabled = enabled && gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let queries = enabled.then(|| {
+            gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("pass times"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2 * MAX_SPANS,
+            })
+        });
+        Self { queries, names: Vec::new() }
+    }
+
+    /// Starts a span of one device pass or, with [`Span::first`] and [`Span::last`], of several.
+    pub(crate) fn span(&mut self, name: &'static str) -> Span<'_> {
+        let index = 2 * self.names.len() as u32;
+        self.names.push(name);
+        Span { queries: self.queries.as_ref(), begin: Some(index), end: Some(index + 1) }
+    }
+
+    /// Adds the copy of all timestamps to `encoder`; read them with [`Timer::read`].
+    pub(crate) fn resolve(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+    ) -> Option<wgpu::Buffer> {
+        let queries = self.queries.as_ref()?;
+        let count = 2 * self.names.len() as u32;
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("pass times"),
+            size: u64::from(count.max(1)) * 8,
+            usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        encoder.resolve_query_set(queries, 0..count, &buffer, 0);
+        Some(buffer)
+    }
+
+    /// Waits for the device and returns the spans in order; empty without timestamps.
+    pub(crate) fn read(&self, gpu: &Gpu, resolved: Option<&wgpu::Buffer>) -> Result<Vec<PassTime>> {
+        let Some(buffer) = resolved else { return Ok(Vec::new()) };
+        let bytes = read_buffer(gpu, buffer)?;
+        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
+        let ms_per_tick = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
+        Ok(self
+            .names
+            .iter()
+            .zip(ticks.chunks_exact(2))
+            .map(|(&name, t)| PassTime { name, ms: t[1].saturating_sub(t[0]) as f64 * ms_per_tick })
+            .collect())
+    }
+}
+
+impl<'a> Span<'a> {
+    /// The span's beginning, for the first of several device passes.
+    pub(crate) fn first(self) -> Self {
+        Self { end: None, ..self }
+    }
+
+    /// The span's end, for the last of several device passes.
+    pub(crate) fn last(self) -> Self {
+        Self { begin: None, ..self }
+    }
+
+    pub(crate) fn render(self) -> Option<wgpu::RenderPassTimestampWrites<'a>> {
+        (self.begin.is_some() || self.end.is_some()).then_some(wgpu::RenderPassTimestampWrites {
+            query_set: self.queries?,
+            beginning_of_pass_write_index: self.begin,
+            end_of_pass_write_index: self.end,
+        })
+    }
+
+    pub(crate) fn compute(self) -> Option<wgpu::ComputePassTimestampWrites<'a>> {
+        Some(wgpu::ComputePassTimestampWrites {
+            query_set: self.queries?,
+            beginning_of_pass_write_index: self.begin,
+            end_of_pass_write_index: self.end,
+        })
+    }
+}

@@ -1,0 +1,185 @@
+//! From what a user names to frames that can be drawn.
+
+use std::path::Path;
+
+use glam::Vec3;
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::particles::{Particles, Up};
+use crate::passes::classify::{self, Splats};
+use crate::scene::Scene;
+use crate::sequence::{Frame, Sequence};
+
+/// A scene with its particle frames.
+#[derive(Debug, Clone)]
+pub struct Input {
+    /// The scene; `None` for bare particle files, which get one from [`Input::scene_for`].
+    pub scene: Option<Scene>,
+    /// The frames.
+    pub sequence: Sequence,
+    /// The frame that the scene names.
+    pub frame: Option<i64>,
+    radius: Option<f32>,
+    up: Up,
+    // The demo's particles, which are in the program.
+    embedded: Option<&'static [u8]>,
+}
+
+/// A frame of particles, ready to draw.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// Its number.
+    pub number: i64,
+    /// Number of particles in the file.
+    pub particles: usize,
+    /// What they are drawn as.
+    pub splats: Splats,
+    /// Corners of the box around all centres; both 0 without particles.
+    pub bounds: (Vec3, Vec3),
+}
+
+impl Input {
+    /// Opens a scene (`.toml`), a particle file, a pattern or a folder.
+    ///
+    /// # Errors
+    /// As [`Scene::load_with`] and [`Sequence::open`]; a scene without particles is an
+    /// [`Error::Scene`].
+    pub fn open(input: &str, overrides: &[String]) -> Result<Self> {
+        let path = Path::new(input);
+        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+            return Self::from_scene(Scene::load_with(path, overrides)?, input);
+        }
+        let sequence = Sequence::open(input)?;
+        Ok(Self { scene: None, sequence, frame: None, radius: None, up: Up::Y, embedded: None })
+    }
+
+    /// The built-in demo: a frame of a double dam break, simulated with SPlisHSPlasH.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] for a bad override.
+    pub fn demo(overrides: &[String]) -> Result<Self> {
+        let text = include_str!("../sims/demo.toml");
+        let scene = Scene::parse(text, "demo", Path::new(""), overrides)?;
+        let source = scene.particles.clone().expect("the demo names its particles");
+        let frame = Frame { number: 0, path: source.source.into() };
+        Ok(Self {
+            scene: Some(scene),
+            sequence: Sequence { frames: vec![frame], pattern: "demo".into() },
+            frame: Some(0),
+            radius: source.radius,
+            up: source.up,
+            embedded: Some(include_bytes!("../sims/demo.bgeo")),
+        })
+    }
+
+    /// The same frames with another scene's view, surroundings and settings.
+    #[must_use]
+    pub fn with_scene(self, scene: Scene) -> Self {
+        Self { scene: Some(scene), ..self }
+    }
+
+    /// The same frames with a particle radius in metres where the files have none.
+    #[must_use]
+    pub fn with_radius(self, radius: f32) -> Self {
+        Self { radius: Some(radius), ..self }
+    }
+
+    fn from_scene(scene: Scene, origin: &str) -> Result<Self> {
+        let source = scene.particles.clone().ok_or_else(|| Error::Scene {
+            origin: origin.into(),
+            problem: "has no [particles]; give a particle file and this scene with --scene".into(),
+        })?;
+        let sequence = Sequence::open(&source.source)?;
+        // One file is the frame, whatever digits its name holds.
+        let frame = if sequence.frames.len() == 1 { None } else { source.frame };
+        Ok(Self {
+            scene: Some(scene),
+            sequence,
+            frame,
+            radius: source.radius,
+            up: source.up,
+            embedded: None,
+        })
+    }
+
+    /// Reads a frame's particles, y up.
+    ///
+    /// # Errors
+    /// As [`Particles::read`].
+    pub fn particles(&self, frame: &Frame) -> Result<Particles> {
+        let mut particles = match self.embedded {
+            Some(bytes) => Particles::parse(&frame.path, bytes)?,
+            None => Particles::read(&frame.path)?,
+        };
+        particles.to_y_up(self.up);
+        Ok(particles)
+    }
+
+    /// Reads and classifies a frame as `scene` says.
+    ///
+    /// # Errors
+    /// As [`Particles::read`].
+    pub fn load(&self, frame: &Frame, scene: &Scene) -> Result<Loaded> {
+        let particles = self.particles(frame)?;
+        let settings = &scene.settings.classify;
+        let radius = self.radius.unwrap_or_else(|| classify::estimate_radius(&particles));
+        let mut splats = classify::classify(&particles, radius, settings);
+        classify::wet(&mut splats, &scene.solids, settings.wetting);
+        Ok(Loaded {
+            number: frame.number,
+            particles: particles.len(),
+            splats,
+            bounds: particles.bounds().unwrap_or_default(),
+        })
+    }
+
+    /// The scene to draw a sequence with: the one given, or one made around its first frame.
+    ///
+    /// # Errors
+    /// As [`Particles::read`]; [`Error::Scene`] for a bad override.
+    pub fn scene_for(&self, frame: &Frame, overrides: &[String]) -> Result<Scene> {
+        if let Some(scene) = &self.scene {
+            return Ok(scene.clone());
+        }
+        let particles = self.particles(frame)?;
+        let radius = self.radius.unwrap_or_else(|| classify::estimate_radius(&particles));
+        let (min, max) = particles.bounds().unwrap_or((-Vec3::ONE, Vec3::ONE));
+        let mut scene = Scene::around(min, max, radius);
+        scene.settings = scene.settings.with(overrides)?;
+        Ok(scene)
+    }
+
+    /// Loads `frames` in order on a thread of its own, at most `ahead` of them before they are
+    /// taken, and hands each to `draw`.
+    ///
+    /// # Errors
+    /// The first error of loading or of `draw`.
+    pub fn for_each_loaded(
+        &self,
+        frames: &[&Frame],
+        scene: &Scene,
+        ahead: usize,
+        mut draw: impl FnMut(Loaded) -> Result<()>,
+    ) -> Result<()> {
+        std::thread::scope(|scope| {
+            let (sender, receiver) = std::sync::mpsc::sync_channel(ahead);
+            scope.spawn(move || {
+                for frame in frames {
+                    // The receiver is gone once a frame has failed: nothing left to do.
+                    if sender.send(self.load(frame, scene)).is_err() {
+                        return;
+                    }
+                }
+            });
+            receiver.into_iter().try_for_each(|loaded| draw(loaded?))
+        })
+    }
+}
+
+impl Scene {
+    /// The scene's camera, or one that fits `bounds`.
+    pub fn camera_for(&self, bounds: (Vec3, Vec3)) -> Camera {
+        self.camera.unwrap_or_else(|| Camera::fit(bounds.0, bounds.1))
+    }
+}

@@ -1,0 +1,71 @@
+//! limpid draws clear liquid straight from particles: particle files in, refracted pictures out.
+//!
+//! # The pipeline
+//!
+//! ```text
+//! particle file ─ Particles ─ classify ─ Splats ─ splat ─ Layers ─ smooth ─┐
+//! scene ─ solids, lights, environment ─ gbuffer ─ GBuffer ─────────────────┤
+//!                                               refract ─ Radiance ─ tonemap ─ picture
+//! ```
+//!
+//! 1. [`particles::Particles::read`] reads one frame; [`sequence::Sequence`] finds the frames.
+//! 2. [`passes::classify`] separates splashes from aggregates and shapes each as an ellipsoid.
+//! 3. [`passes::splat`] draws them into four layers of tangent planes, front and back of each.
+//! 4. [`passes::smooth`] fits planes to the aggregate layers.
+//! 5. [`passes::gbuffer`] draws the opaque scene.
+//! 6. [`passes::refract`] follows light through up to four interfaces, with absorption.
+//! 7. [`passes::tonemap`] turns radiance into a picture.
+//!
+//! [`renderer::Renderer::render`] is the frame on one page. A pass is one file of `src/passes/`,
+//! one of `shaders/`, one struct of [`settings`], one row of the times.
+//!
+//! # Conventions
+//!
+//! Right-handed world, y up, metres, linear RGB radiance. View space is x right, y up, looking
+//! down −z; *depth* is z = −z_view > 0, *disparity* is 1/z. Pixel (i, j) has its centre at
+//! (i + ½, j + ½), y down. Transforms are named `a_from_b`. NaN and ∞ are never values.
+//!
+//! # Use
+//!
+//! ```no_run
+//! use limpid::{gpu::Gpu, input::Input, output, renderer::{Frame, Renderer}};
+//!
+//! # fn main() -> limpid::Result<()> {
+//! let gpu = Gpu::headless()?;
+//! let mut renderer = Renderer::new(&gpu);
+//! let input = Input::open("frames/water_{}.bgeo", &[])?;
+//! let frame = &input.sequence.frames[0];
+//! let scene = input.scene_for(frame, &[])?;
+//! let loaded = input.load(frame, &scene)?;
+//! let size = glam::UVec2::new(1024, 768);
+//! let picture = Frame::new(&gpu, size)?;
+//! let camera = scene.camera_for(loaded.bounds);
+//! renderer.render(&scene, &camera, &loaded.splats, &picture.view(), Frame::FORMAT, size)?;
+//! let rgb = image::DynamicImage::ImageRgba8(picture.read(&gpu)?).into_rgb8();
+//! output::write_png("water.png".as_ref(), &rgb)?;
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! To draw into a texture of your own program, see [`gpu::Gpu::from_device`] and
+//! `examples/embed.rs`.
+
+pub mod aov;
+pub mod camera;
+pub mod compare;
+pub mod environment;
+pub mod error;
+pub mod frames;
+pub mod gpu;
+pub mod input;
+pub mod output;
+pub mod particles;
+pub mod passes;
+pub mod renderer;
+pub mod scene;
+pub mod sequence;
+pub mod settings;
+pub mod shader;
+
+pub use error::{Error, Result};
+pub use {glam, wgpu};

@@ -1,0 +1,141 @@
+//! BGEO version 5, Houdini's classic binary geometry, as Partio writes it, and through it the
+//! simulator `SPlisHSPlasH` (Walt Disney Animation Studios, Partio, `BGEO.cpp`).
+//!
+//! Everything is big-endian, and the whole file may be gzip:
+//!
+//! ```text
+//! "Bgeo" 'V'  i32 version = 5
+//! i32 points, primitives, point groups, primitive groups,
+//!     point attributes, vertex attributes, primitive attributes, detail attributes
+//! each point attribute: u16 length, name, u16 size, i32 type, defaults
+//! each point: f32 x, y, z, w, then size × 4 bytes an attribute
+//! ```
+//!
+//! Primitives, groups and detail attributes come after the points and are not read.
+
+use std::io::Read;
+use std::path::Path;
+
+use flate2::read::MultiGzDecoder;
+use glam::Vec3;
+
+use super::{Column, Cursor, Particles, Scalar, foreign};
+use crate::error::{Error, Place, Result};
+
+/// Unpacking stops here: a few bytes of gzip can claim any amount of memory.
+const UNPACKED_LIMIT: u64 = 8 << 30;
+
+pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        parse(path, &unpack(path, bytes, UNPACKED_LIMIT)?)
+    } else {
+        parse(path, bytes)
+    }
+}
+
+fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
+    let mut unpacked = Vec::new();
+    let result = MultiGzDecoder::new(bytes).take(limit + 1).read_to_end(&mut unpacked);
+    let length = unpacked.len() as u64;
+    if let Err(error) = result {
+        let problem = format!("the gzip stream is damaged or cut off: {error}");
+        return Err(Error::malformed(path, Place::Byte(length), problem));
+    }
+    if length > limit {
+        let problem = format!("the file unpacks to more than {limit} bytes");
+        return Err(Error::malformed(path, Place::Byte(limit), problem));
+    }
+    Ok(unpacked)
+}
+
+fn parse(path: &Path, bytes: &[u8]) -> Result<Particles> {
+    if !bytes.starts_with(b"BgeoV") {
+        return Err(foreign(path, bytes, "a BGEO file of version 5"));
+    }
+    let mut file = Cursor::new(path, bytes, false);
+    file.take(5, "the magic")?;
+    let version = int(&mut file, "the version")?;
+    if version != 5 {
+        let problem = format!("BGEO version {version}; only version 5 (.bhclassic) can be read");
+        return Err(Error::format(path, problem));
+    }
+    let points = count(&mut file, "the number of points")?;
+    file.take(3 * 4, "the header")?;
+    let attributes = count(&mut file, "the number of point attributes")?;
+    file.take(3 * 4, "the header")?;
+
+    let mut stride = 4 * Scalar::F32.size(); // x, y, z, and w, which is 1
+    let mut named_columns = Vec::new();
+    for _ in 0..attributes {
+        let length = file.array("an attribute's name").map(u16::from_be_bytes)?;
+        let name = String::from_utf8_lossy(file.take(length.into(), "an attribute's name")?);
+        let size = usize::from(file.array("an attribute's size").map(u16::from_be_bytes)?);
+        let columns = match int(&mut file, "an attribute's type")? {
+            0 | 5 => Column::adjacent(stride, skip_defaults(&mut file, size)?, Scalar::F32),
+            1 => Column::adjacent(stride, skip_defaults(&mut file, size)?, Scalar::I32),
+            4 => {
+                skip_strings(&mut file)?;
+                Vec::new()
+            }
+            other => {
+                let problem = format!(
+                    "attribute {name} has type {other}; 0 (float), 1 (integer), 4 (string) or 5 (vector) expected"
+                );
+                return Err(file.error(problem));
+            }
+        };
+        named_columns.push((name, columns));
+        stride = stride.saturating_add(4 * size);
+    }
+
+    let table = file.table(points, stride, true, "points")?;
+    let xyz = Column::triple(Scalar::F32);
+    let positions = table.floats(xyz, "position", Vec3::from_array)?;
+    let mut particles = Particles::from_positions(positions);
+    for (name, columns) in &named_columns {
+        particles.attach(name, &table, columns)?;
+    }
+    Ok(particles)
+}
+
+fn skip_defaults(file: &mut Cursor<'_>, size: usize) -> Result<usize> {
+    file.take_records(size, 4, "an attribute's defaults")?;
+    Ok(size)
+}
+
+/// The strings that an attribute's entries are indices into.
+fn skip_strings(file: &mut Cursor<'_>) -> Result<()> {
+    for _ in 0..count(file, "an attribute's number of strings")? {
+        let length = file.array("an attribute's strings").map(u16::from_be_bytes)?;
+        file.take(length.into(), "an attribute's strings")?;
+    }
+    Ok(())
+}
+
+fn int(file: &mut Cursor<'_>, what: &str) -> Result<i32> {
+    file.array(what).map(i32::from_be_bytes)
+}
+
+fn count(file: &mut Cursor<'_>, what: &str) -> Result<usize> {
+    let count = int(file, what)?;
+    count.try_into().map_err(|_| file.error(format!("{what}: 0 or more expected, found {count}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flate2::{Compression, write::GzEncoder};
+    use std::io::Write;
+
+    /// Protects memory from a small file that unpacks to a huge one.
+    #[test]
+    fn unpacking_stops_at_the_limit() {
+        let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
+        gzip.write_all(&[0; 1000]).unwrap();
+        let gzip = gzip.finish().unwrap();
+        let path = Path::new("bomb.bgeo");
+        assert_eq!(unpack(path, &gzip, 1000).unwrap().len(), 1000);
+        let error = unpack(path, &gzip, 999).unwrap_err().to_string();
+        assert!(error.contains("bomb.bgeo: byte 999") && error.contains("more than"), "{error}");
+    }
+}

@@ -1,0 +1,83 @@
+//! The passes of a frame, in order, and the data that flows between them.
+//!
+//! A pass has `new` (pipelines), `resize` (what depends on the picture's size), `record`
+//! (commands), and public outputs. It is one file here and one of the same name in `shaders/`.
+
+use glam::UVec2;
+
+use crate::camera::CameraUniform;
+use crate::gpu::{self, Gpu};
+
+pub mod classify;
+pub mod gbuffer;
+pub mod refract;
+pub mod smooth;
+pub mod splat;
+pub mod tiles;
+pub mod tonemap;
+
+/// A front and a back layer of tangent planes: two layers of one texture.
+///
+/// A texel stores the plane π·X = 1 in view space, in 1/m, and its depth in m. 32-bit floats:
+/// with half of that, planes seen at a slant lose the digits that Newton's method needs.
+#[derive(Debug, Clone)]
+pub struct Layers {
+    /// [`Layers::FORMAT`], layers [`Layers::FRONT`] and [`Layers::BACK`].
+    pub texture: wgpu::Texture,
+    /// Both layers.
+    pub view: wgpu::TextureView,
+}
+
+impl Layers {
+    /// π in red, green and blue, depth in alpha; all 0 where empty.
+    pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+    /// The layer of nearest fronts.
+    pub const FRONT: u32 = 0;
+    /// The layer of farthest backs.
+    pub const BACK: u32 = 1;
+
+    fn new(gpu: &Gpu, label: &str, size: UVec2, usage: wgpu::TextureUsages) -> Self {
+        let texture = gpu::texture(gpu, label, size, 2, Self::FORMAT, usage);
+        let view = gpu::array_view(&texture);
+        Self { texture, view }
+    }
+}
+
+/// The opaque scene as the camera sees it.
+#[derive(Debug, Clone)]
+pub struct GBuffer {
+    /// Planes as in [`Layers`], one layer.
+    pub planes: wgpu::Texture,
+    /// Radiance towards the eye, linear RGB, 32-bit floats.
+    pub radiance: wgpu::Texture,
+}
+
+/// A linear picture: RGB radiance and coverage, 32-bit floats, so that what an unlit solid emits
+/// survives to the last bit of an 8-bit picture.
+#[derive(Debug, Clone)]
+pub struct Radiance {
+    /// The picture.
+    pub texture: wgpu::Texture,
+}
+
+/// The camera as all passes bind it: group 0.
+#[derive(Debug)]
+pub struct CameraBinding {
+    buffer: wgpu::Buffer,
+    pub(crate) layout: wgpu::BindGroupLayout,
+    pub(crate) group: wgpu::BindGroup,
+}
+
+impl CameraBinding {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        let buffer = gpu::uniform_buffer::<CameraUniform>(gpu, "camera");
+        let stages = wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE;
+        let layout = gpu.layout("camera", stages, &[gpu::uniform::<CameraUniform>()]);
+        let group = gpu::bind_group(gpu, "camera", &layout, &[buffer.as_entire_binding()]);
+        Self { buffer, layout, group }
+    }
+
+    pub(crate) fn write(&self, gpu: &Gpu, camera: &CameraUniform) {
+        gpu.queue.write_buffer(&self.buffer, 0, bytemuck::bytes_of(camera));
+    }
+}

@@ -1,0 +1,243 @@
+//! Light through the layers: `shaders/refract/`.
+//!
+//! The shader is specialised for what the frame has (splashes, absorption, solids to touch) and
+//! for the chosen intersector; specialisations are compiled once and kept.
+
+use std::collections::HashMap;
+
+use bytemuck::{Pod, Zeroable};
+use glam::UVec2;
+use wgpu::TextureViewDimension::{D2, D2Array};
+
+use super::gbuffer::{SceneBinding, SceneVariant};
+use super::tiles::TileLists;
+use super::{CameraBinding, GBuffer, Layers, Radiance};
+use crate::gpu::{self, Gpu, Span};
+use crate::scene::Scene;
+use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
+
+/// `Params` of `refract/interfaces.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Params {
+    /// Absorption, 1/m.
+    pub absorption: [f32; 3],
+    /// Index of refraction.
+    pub ior: f32,
+    /// Reach of wetting, m.
+    pub contact: f32,
+    /// Rays per pixel.
+    pub samples: u32,
+    /// Interfaces per ray.
+    pub interfaces: u32,
+    /// Strong internal reflections followed per ray.
+    pub internal_bounces: u32,
+    /// Iterations of the `newton` intersector.
+    pub iterations: u32,
+    /// Alignment.
+    pub pad: [u32; 3],
+}
+
+/// What one specialisation of the shader is made for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Variant {
+    /// The intersector.
+    pub solver: Solver,
+    /// The frame has splashes.
+    pub splash: bool,
+    /// The liquid absorbs.
+    pub absorption: bool,
+    /// The reflectance formula.
+    pub fresnel: Fresnel,
+    /// Scale radiance by the square of the index.
+    pub radiance_scaling: bool,
+    /// The liquid can wet a solid.
+    pub contact: bool,
+    /// How rays outside the liquid find the solids.
+    pub solids: Solids,
+    /// What reflections see.
+    pub reflections: Reflections,
+    /// Write the diagnostics.
+    pub count: bool,
+}
+
+impl Variant {
+    /// The smallest variant that draws a frame.
+    pub fn new(scene: &Scene, splash: bool, count: bool) -> Self {
+        let settings = &scene.settings.refract;
+        Self {
+            solver: settings.solver,
+            splash,
+            absorption: scene.liquid.absorption.max_element() > 0.0,
+            fresnel: settings.fresnel,
+            radiance_scaling: settings.radiance_scaling,
+            contact: settings.contact > 0.0 && !scene.solids.is_empty(),
+            solids: settings.solids,
+            reflections: settings.reflections,
+            count,
+        }
+    }
+
+    fn shader(self) -> &'static str {
+        match self.solver {
+            Solver::Guarded => "refract/guarded.wgsl",
+            Solver::March => "refract/march.wgsl",
+            Solver::Newton => "refract/newton.wgsl",
+        }
+    }
+
+    fn constants(self) -> [(&'static str, f64); 8] {
+        [
+            ("SPLASH", self.splash),
+            ("ABSORPTION", self.absorption),
+            ("SCHLICK", self.fresnel == Fresnel::Schlick),
+            ("RADIANCE_SCALING", self.radiance_scaling),
+            ("CONTACT", self.contact),
+            ("SCREEN_SOLIDS", self.solids == Solids::Screen),
+            ("REFLECT_SOLIDS", self.reflections == Reflections::Scene),
+            ("COUNT", self.count),
+        ]
+        .map(|(name, on)| (name, f64::from(u8::from(on))))
+    }
+}
+
+#[derive(Debug)]
+struct Pipelines {
+    liquid: wgpu::ComputePipeline,
+    background: wgpu::ComputePipeline,
+}
+
+/// Draws the liquid and what is seen through and beside it.
+#[derive(Debug)]
+pub struct Refract {
+    /// Output.
+    pub radiance: Radiance,
+    /// Output when counting: interfaces, length inside (m), solver iterations, solver failures.
+    pub diagnostics: wgpu::Texture,
+    pipelines: HashMap<(Variant, SceneVariant), Pipelines>,
+    params: wgpu::Buffer,
+    layout: wgpu::BindGroupLayout,
+}
+
+impl Refract {
+    /// Makes the layout; pipelines are compiled when a frame first needs them.
+    pub fn new(gpu: &Gpu) -> Self {
+        let bindings = [
+            gpu::uniform::<Params>(),
+            gpu::sampled(D2Array),
+            gpu::sampled(D2Array),
+            gpu::sampled(D2),
+            gpu::sampled(D2),
+            gpu::storage_texture(Layers::FORMAT, D2),
+            gpu::storage_texture(Layers::FORMAT, D2),
+            gpu::storage_of(8),
+        ];
+        let layout = gpu.layout("refract", wgpu::ShaderStages::COMPUTE, &bindings);
+        Self {
+            radiance: Radiance { texture: picture(gpu, "radiance", UVec2::ONE) },
+            diagnostics: picture(gpu, "diagnostics", UVec2::ONE),
+            pipelines: HashMap::new(),
+            params: gpu::uniform_buffer::<Params>(gpu, "refract"),
+            layout,
+        }
+    }
+
+    /// Replaces the pictures; without `count` the diagnostics take no memory.
+    pub fn resize(&mut self, gpu: &Gpu, size: UVec2, count: bool) {
+        self.radiance = Radiance { texture: picture(gpu, "radiance", size) };
+        let size = if count { size } else { UVec2::ONE };
+        self.diagnostics = picture(gpu, "diagnostics", size);
+    }
+
+    /// Writes the parameters and compiles `variant` if it is new.
+    pub(crate) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        scene: &SceneBinding,
+        variant: Variant,
+        params: &Params,
+    ) {
+        gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
+        let layouts = [&camera.layout, &self.layout, &scene.layout];
+        self.pipelines.entry((variant, scene.variant)).or_insert_with(|| {
+            let constants = [&variant.constants()[..], &scene.variant.constants()].concat();
+            let pipeline = |entry: &str| {
+                gpu::compute_pipeline(gpu, variant.shader(), entry, &layouts, &constants)
+            };
+            Pipelines {
+                liquid: pipeline("refract_pixels"),
+                background: pipeline("background_pixels"),
+            }
+        });
+    }
+
+    /// Draws the picture with a variant that [`Refract::prepare`] was given.
+    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        camera: &CameraBinding,
+        scene: &SceneBinding,
+        aggregate: &Layers,
+        splash: &Layers,
+        gbuffer: &GBuffer,
+        tiles: &TileLists,
+        variant: Variant,
+        span: Span<'_>,
+    ) {
+        let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
+        let (planes, colors) = (view(&gbuffer.planes), view(&gbuffer.radiance));
+        let (radiance, diagnostics) = (view(&self.radiance.texture), view(&self.diagnostics));
+        let group = |list: &wgpu::Buffer| {
+            let resources = [
+                self.params.as_entire_binding(),
+                wgpu::BindingResource::TextureView(&aggregate.view),
+                wgpu::BindingResource::TextureView(&splash.view),
+                wgpu::BindingResource::TextureView(&planes),
+                wgpu::BindingResource::TextureView(&colors),
+                wgpu::BindingResource::TextureView(&radiance),
+                wgpu::BindingResource::TextureView(&diagnostics),
+                list.as_entire_binding(),
+            ];
+            gpu::bind_group(gpu, "refract", &self.layout, &resources)
+        };
+        let pipelines = &self.pipelines[&(variant, scene.variant)];
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("refract"),
+            timestamp_writes: span.compute(),
+        });
+        pass.set_bind_group(0, &camera.group, &[]);
+        pass.set_bind_group(2, &scene.group, &[]);
+        pass.set_pipeline(&pipelines.background);
+        pass.set_bind_group(1, &group(&tiles.background), &[]);
+        pass.dispatch_workgroups_indirect(&tiles.dispatches, TileLists::BACKGROUND);
+        pass.set_pipeline(&pipelines.liquid);
+        pass.set_bind_group(1, &group(&tiles.liquid), &[]);
+        pass.dispatch_workgroups_indirect(&tiles.dispatches, TileLists::LIQUID);
+    }
+}
+
+impl Params {
+    /// The parameters of a frame whose particles have `radius`, m.
+    pub fn new(liquid: &crate::scene::Liquid, settings: &settings::Refract, radius: f32) -> Self {
+        Self {
+            absorption: liquid.absorption.to_array(),
+            ior: liquid.ior,
+            contact: settings.contact * radius,
+            samples: settings.samples,
+            interfaces: settings.interfaces,
+            internal_bounces: settings.internal_bounces,
+            iterations: settings.iterations,
+            pad: [0; 3],
+        }
+    }
+}
+
+fn picture(gpu: &Gpu, label: &str, size: UVec2) -> wgpu::Texture {
+    let usage = wgpu::TextureUsages::STORAGE_BINDING
+        | wgpu::TextureUsages::TEXTURE_BINDING
+        | wgpu::TextureUsages::COPY_SRC;
+    gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage)
+}

@@ -1,0 +1,156 @@
+//! Splats into layers: `shaders/splat.wgsl`.
+//!
+//! One instance of the pass draws one class of particles, front and back. Depth is reversed
+//! (near / z), so that 32-bit floats resolve far surfaces as well as near ones.
+
+use glam::UVec2;
+
+use super::{CameraBinding, Layers};
+use crate::gpu::{self, Gpu, Span};
+use crate::passes::classify::Splat as SplatData;
+
+const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// Draws one class of splats into its pair of layers.
+#[derive(Debug)]
+pub struct Splat {
+    /// Output: unsmoothed planes.
+    pub layers: Layers,
+    depth: wgpu::TextureView,
+    pipelines: [wgpu::RenderPipeline; 2],
+    layout: wgpu::BindGroupLayout,
+    splats: Option<(wgpu::Buffer, wgpu::BindGroup)>,
+    count: u32,
+}
+
+impl Splat {
+    /// Compiles both pipelines; [`Splat::resize`] gives the pass its layers.
+    pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
+        let layout =
+            gpu.layout("splats", wgpu::ShaderStages::VERTEX, &[gpu::storage::<SplatData>()]);
+        let module = crate::shader::module(gpu, "splat.wgsl");
+        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("splat"),
+            bind_group_layouts: &[Some(&camera.layout), Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = |side: u32, nearest: wgpu::CompareFunction| {
+            let constants = [("SIDE", f64::from(side))];
+            let compilation_options =
+                wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
+            gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: Some(["splat front", "splat back"][side as usize]),
+                layout: Some(&pipeline_layout),
+                vertex: wgpu::VertexState {
+                    module: &module,
+                    entry_point: Some("vertex"),
+                    compilation_options: compilation_options.clone(),
+                    buffers: &[],
+                },
+                primitive: wgpu::PrimitiveState {
+                    topology: wgpu::PrimitiveTopology::TriangleStrip,
+                    ..Default::default()
+                },
+                depth_stencil: Some(wgpu::DepthStencilState {
+                    format: DEPTH,
+                    depth_write_enabled: Some(true),
+                    depth_compare: Some(nearest),
+                    stencil: Default::default(),
+                    bias: Default::default(),
+                }),
+                multisample: Default::default(),
+                fragment: Some(wgpu::FragmentState {
+                    module: &module,
+                    entry_point: Some("fragment"),
+                    compilation_options,
+                    targets: &[Some(Layers::FORMAT.into())],
+                }),
+                multiview_mask: None,
+                cache: None,
+            })
+        };
+        let pipelines = [
+            pipeline(Layers::FRONT, wgpu::CompareFunction::Greater),
+            pipeline(Layers::BACK, wgpu::CompareFunction::Less),
+        ];
+        let (layers, depth) = sized(gpu, UVec2::ONE);
+        Self { layers, depth, pipelines, layout, splats: None, count: 0 }
+    }
+
+    /// Replaces the layers.
+    pub fn resize(&mut self, gpu: &Gpu, size: UVec2) {
+        (self.layers, self.depth) = sized(gpu, size);
+    }
+
+    /// Uploads the frame's splats.
+    pub fn upload(&mut self, gpu: &Gpu, splats: &[SplatData]) {
+        self.count = splats.len() as u32;
+        let bytes: &[u8] = bytemuck::cast_slice(splats);
+        if bytes.is_empty() {
+            return;
+        }
+        match &self.splats {
+            Some((buffer, _)) if buffer.size() >= bytes.len() as u64 => {
+                gpu.queue.write_buffer(buffer, 0, bytes);
+            }
+            _ => {
+                let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+                let buffer = gpu::buffer_with(gpu, "splats", usage, splats);
+                let resources = [buffer.as_entire_binding()];
+                let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
+                self.splats = Some((buffer, group));
+            }
+        }
+    }
+
+    /// Clears both layers and draws the splats into them.
+    pub(crate) fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        camera: &CameraBinding,
+        span: Span<'_>,
+    ) {
+        let sides = [(Layers::FRONT, 0.0, span.first()), (Layers::BACK, 1.0, span.last())];
+        for (side, farthest, span) in sides {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("splat"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: &gpu::layer_view(&self.layers.texture, side),
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })],
+                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                    view: &self.depth,
+                    depth_ops: Some(wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(farthest),
+                        store: wgpu::StoreOp::Discard,
+                    }),
+                    stencil_ops: None,
+                }),
+                timestamp_writes: span.render(),
+                occlusion_query_set: None,
+                multiview_mask: None,
+            });
+            if let (Some((_, splats)), true) = (&self.splats, self.count > 0) {
+                pass.set_pipeline(&self.pipelines[side as usize]);
+                pass.set_bind_group(0, &camera.group, &[]);
+                pass.set_bind_group(1, splats, &[]);
+                pass.draw(0..4, 0..self.count);
+            }
+        }
+    }
+}
+
+fn sized(gpu: &Gpu, size: UVec2) -> (Layers, wgpu::TextureView) {
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
+        | wgpu::TextureUsages::TEXTURE_BINDING
+        | wgpu::TextureUsages::COPY_SRC;
+    let layers = Layers::new(gpu, "splat layers", size, usage);
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
+    let depth = gpu::texture(gpu, "splat depth", size, 1, DEPTH, usage);
+    (layers, depth.create_view(&Default::default()))
+}

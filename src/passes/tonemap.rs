@@ -1,0 +1,130 @@
+//! Radiance to display: `shaders/tonemap.wgsl`.
+
+use std::collections::HashMap;
+
+use bytemuck::{Pod, Zeroable};
+use wgpu::TextureViewDimension::D2;
+
+use super::Radiance;
+use crate::gpu::{self, Gpu, Span};
+use crate::settings::{self, Curve};
+
+/// `Params` of `tonemap.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Params {
+    /// Factor on radiance.
+    pub gain: f32,
+    /// 0 none, 1 filmic.
+    pub curve: u32,
+    /// 1 if the target stores values as they are written, so that the shader encodes sRGB.
+    pub encode: u32,
+}
+
+/// Draws a radiance picture into a caller's view.
+#[derive(Debug)]
+pub struct Tonemap {
+    pipelines: HashMap<wgpu::TextureFormat, wgpu::RenderPipeline>,
+    params: wgpu::Buffer,
+    layout: wgpu::BindGroupLayout,
+}
+
+impl Tonemap {
+    /// Makes the layout; a pipeline is compiled for each target format that is drawn to.
+    pub fn new(gpu: &Gpu) -> Self {
+        let bindings = [gpu::sampled(D2), gpu::uniform::<Params>()];
+        Self {
+            pipelines: HashMap::new(),
+            params: gpu::uniform_buffer::<Params>(gpu, "tonemap"),
+            layout: gpu.layout("tonemap", wgpu::ShaderStages::FRAGMENT, &bindings),
+        }
+    }
+
+    /// Writes the parameters and compiles the pipeline for `format` if it is new.
+    pub(crate) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        settings: &settings::Tonemap,
+        format: wgpu::TextureFormat,
+    ) {
+        let params = Params {
+            gain: settings.exposure.exp2(),
+            curve: match settings.curve {
+                Curve::None => 0,
+                Curve::Aces => 1,
+            },
+            encode: u32::from(!format.is_srgb()),
+        };
+        gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
+        self.pipelines.entry(format).or_insert_with(|| pipeline(gpu, &self.layout, format));
+    }
+
+    /// Draws `radiance` into `target`, a view of the same size in a prepared format.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        radiance: &Radiance,
+        target: &wgpu::TextureView,
+        format: wgpu::TextureFormat,
+        span: Span<'_>,
+    ) {
+        let view = radiance.texture.create_view(&Default::default());
+        let resources =
+            [wgpu::BindingResource::TextureView(&view), self.params.as_entire_binding()];
+        let group = gpu::bind_group(gpu, "tonemap", &self.layout, &resources);
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("tonemap"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: target,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            depth_stencil_attachment: None,
+            timestamp_writes: span.render(),
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        pass.set_pipeline(&self.pipelines[&format]);
+        pass.set_bind_group(0, &group, &[]);
+        pass.draw(0..3, 0..1);
+    }
+}
+
+fn pipeline(
+    gpu: &Gpu,
+    layout: &wgpu::BindGroupLayout,
+    format: wgpu::TextureFormat,
+) -> wgpu::RenderPipeline {
+    let module = crate::shader::module(gpu, "tonemap.wgsl");
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("tonemap"),
+        bind_group_layouts: &[Some(layout)],
+        immediate_size: 0,
+    });
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("tonemap"),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex"),
+            compilation_options: Default::default(),
+            buffers: &[],
+        },
+        primitive: Default::default(),
+        depth_stencil: None,
+        multisample: Default::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment"),
+            compilation_options: Default::default(),
+            targets: &[Some(format.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}

@@ -1,0 +1,447 @@
+//! What a picture shows: liquid, camera, and what surrounds them; read from TOML.
+
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use serde::Deserialize;
+
+use crate::camera::Camera;
+use crate::environment::Environment;
+use crate::error::{Error, Result};
+use crate::particles::Up;
+use crate::passes::gbuffer::{MAX_LIGHTS, MAX_SOLIDS};
+use crate::settings::Settings;
+
+/// Everything that a picture shows apart from the particles themselves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// Where the particles come from; none for a scene whose particles the caller has.
+    pub particles: Option<ParticleSource>,
+    /// The liquid's optics.
+    pub liquid: Liquid,
+    /// The view; `None` fits one to the particles.
+    pub camera: Option<Camera>,
+    /// What is seen where there is nothing else.
+    pub environment: Environment,
+    /// Opaque bodies.
+    pub solids: Vec<Solid>,
+    /// Lights on lit solids.
+    pub lights: Vec<Light>,
+    /// Settings of every pass.
+    pub settings: Settings,
+}
+
+/// A particle file or sequence, as a scene names it.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ParticleSource {
+    /// A file, a pattern or a folder, relative to the scene file.
+    pub source: String,
+    /// The frame to draw when no other is asked for.
+    #[serde(default)]
+    pub frame: Option<i64>,
+    /// Particle radius, m, where the file has none; estimated from the spacing if absent.
+    #[serde(default)]
+    pub radius: Option<f32>,
+    /// Which axis of the file points up.
+    #[serde(default)]
+    pub up: Up,
+}
+
+/// The liquid's optics.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Liquid {
+    /// Index of refraction relative to what surrounds it (1 to 3; water 1.33).
+    pub ior: f32,
+    /// Absorption coefficient of red, green and blue light, 1/m.
+    pub absorption: Vec3,
+}
+
+impl Default for Liquid {
+    fn default() -> Self {
+        Self { ior: 1.33, absorption: Vec3::new(1.2, 0.35, 0.12) }
+    }
+}
+
+/// An opaque body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Solid {
+    /// Its form and place.
+    pub shape: Shape,
+    /// Its colour.
+    pub surface: Surface,
+    /// Whether the colour is an albedo under the lights (Lambert) or radiance as it is.
+    pub lit: bool,
+}
+
+/// A solid's form and place, in world space, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// A square, or with an infinite `half_extent` a whole plane.
+    Plane {
+        /// The square's centre.
+        origin: Vec3,
+        /// Unit normal.
+        normal: Vec3,
+        /// Half its side.
+        half_extent: f32,
+    },
+    /// An axis-aligned box.
+    Box {
+        /// The corner with the smallest coordinates.
+        min: Vec3,
+        /// The corner with the largest.
+        max: Vec3,
+    },
+    /// A sphere.
+    Sphere {
+        /// Its centre.
+        center: Vec3,
+        /// Its radius.
+        radius: f32,
+    },
+}
+
+impl Shape {
+    /// Distance from `x` to the surface, negative inside, and the unit normal towards `x`.
+    pub fn distance(&self, x: Vec3) -> (f32, Vec3) {
+        match *self {
+            Self::Plane { origin, normal, half_extent } => {
+                let offset = x - origin;
+                let above = offset.dot(normal);
+                let beside = (offset - above * normal).abs().max_element() - half_extent;
+                (if beside > 0.0 { f32::INFINITY } else { above }, normal)
+            }
+            Self::Box { min, max } => {
+                let offset = x - 0.5 * (min + max);
+                let face = offset.abs() - 0.5 * (max - min);
+                let outside = face.max(Vec3::ZERO);
+                let nearest = if outside == Vec3::ZERO {
+                    Vec3::select(face.cmpeq(Vec3::splat(face.max_element())), Vec3::ONE, Vec3::ZERO)
+                } else {
+                    outside
+                };
+                let distance = outside.length() + face.max_element().min(0.0);
+                (distance, (nearest * offset.signum()).normalize())
+            }
+            Self::Sphere { center, radius } => {
+                let offset = x - center;
+                (offset.length() - radius, offset.normalize_or(Vec3::Y))
+            }
+        }
+    }
+}
+
+/// A solid's colour, linear RGB.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Surface {
+    /// One colour.
+    Color(Vec3),
+    /// A checker of cubes counted from the world's origin.
+    Checker {
+        /// Side of a tile, m.
+        tile: f32,
+        /// Colour where the sum of the tile's coordinates is even.
+        even: Vec3,
+        /// Colour where it is odd.
+        odd: Vec3,
+    },
+}
+
+/// A light on lit solids.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub enum Light {
+    /// Parallel light.
+    Sun {
+        /// The direction in which the light travels; any length.
+        direction: Vec3,
+        /// Irradiance on a surface that faces it, W/m² per channel.
+        irradiance: Vec3,
+    },
+    /// Light from a point.
+    Point {
+        /// Where it is, m.
+        position: Vec3,
+        /// Radiant intensity, W/sr per channel.
+        intensity: Vec3,
+    },
+}
+
+// The file as it is written; `Scene` is what it means.
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneFile {
+    particles: Option<ParticleSource>,
+    #[serde(default)]
+    liquid: Liquid,
+    camera: Option<Camera>,
+    #[serde(default)]
+    environment: EnvironmentFile,
+    #[serde(default)]
+    solid: Vec<SolidFile>,
+    #[serde(default)]
+    light: Vec<Light>,
+    #[serde(default)]
+    settings: Settings,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EnvironmentFile {
+    radiance: Option<Vec3>,
+    gradient: Option<GradientFile>,
+    map: Option<PathBuf>,
+    scale: Option<f32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GradientFile {
+    zenith: Vec3,
+    horizon: Vec3,
+    nadir: Option<Vec3>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ShapeFile {
+    Plane,
+    Box,
+    Sphere,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SolidFile {
+    shape: ShapeFile,
+    origin: Option<Vec3>,
+    normal: Option<Vec3>,
+    half_extent: Option<f32>,
+    min: Option<Vec3>,
+    max: Option<Vec3>,
+    center: Option<Vec3>,
+    radius: Option<f32>,
+    color: Option<Vec3>,
+    checker: Option<CheckerFile>,
+    #[serde(default)]
+    lit: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CheckerFile {
+    tile: f32,
+    even: Vec3,
+    odd: Vec3,
+}
+
+impl Scene {
+    /// Reads a scene file. Paths in it are relative to it.
+    ///
+    /// # Errors
+    /// [`Error::Io`], or [`Error::Scene`] naming the line, the key and, for an unknown one, the
+    /// nearest that exists.
+    pub fn load(path: &Path) -> Result<Self> {
+        Self::load_with(path, &[])
+    }
+
+    /// As [`Scene::load`], with settings replaced: `refract.samples=4`.
+    ///
+    /// # Errors
+    /// As [`Scene::load`]; a bad override is an [`Error::Scene`] that names it.
+    pub fn load_with(path: &Path, overrides: &[String]) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, "read", e))?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        Self::parse(&text, &path.display().to_string(), folder, overrides)
+    }
+
+    /// Parses a scene file's text. `origin` names it in errors; paths are relative to `folder`.
+    ///
+    /// # Errors
+    /// As [`Scene::load_with`].
+    pub fn parse(text: &str, origin: &str, folder: &Path, overrides: &[String]) -> Result<Self> {
+        let file: SceneFile = toml::from_str(text).map_err(|e| toml_error(text, origin, &e))?;
+        let fail = |problem: String| Error::Scene { origin: origin.to_owned(), problem };
+        let mut solids = Vec::new();
+        for (i, solid) in file.solid.into_iter().enumerate() {
+            let number = i + 1;
+            solids.push(solid.meaning().map_err(|e| fail(format!("[[solid]] {number}: {e}")))?);
+        }
+        let mut particles = file.particles;
+        if let Some(p) = &mut particles {
+            if p.radius.is_some_and(|r| !(r > 0.0 && r.is_finite())) {
+                return Err(fail("[particles] radius must be above 0".into()));
+            }
+            p.source = folder.join(&p.source).to_string_lossy().into_owned();
+        }
+        let environment = file.environment.meaning(folder, &fail)?;
+        let settings = file.settings.with(overrides)?;
+        let scene = Self {
+            particles,
+            liquid: file.liquid,
+            camera: file.camera,
+            environment,
+            solids,
+            lights: file.light,
+            settings,
+        };
+        scene.check().map_err(|e| match e {
+            Error::Scene { origin: part, problem } => fail(format!("[{part}] {problem}")),
+            other => other,
+        })?;
+        Ok(scene)
+    }
+
+    /// A scene for particles that come without one: a camera that fits them, a checkered floor
+    /// under them, a pale sky.
+    pub fn around(min: Vec3, max: Vec3, radius: f32) -> Self {
+        let size = (max - min).max_element().max(2.0 * radius);
+        let tile = 10f32.powf((size / 10.0).log10().round());
+        let centre = 0.5 * (min + max);
+        Self {
+            particles: None,
+            liquid: Liquid::default(),
+            camera: Some(Camera::fit(min, max)),
+            environment: Environment::Gradient {
+                zenith: Vec3::new(0.30, 0.50, 0.85),
+                horizon: Vec3::new(0.75, 0.82, 0.90),
+                nadir: Vec3::new(0.35, 0.33, 0.30),
+            },
+            solids: vec![Solid {
+                shape: Shape::Plane {
+                    origin: Vec3::new(centre.x, min.y - radius, centre.z),
+                    normal: Vec3::Y,
+                    half_extent: 20.0 * size,
+                },
+                surface: Surface::Checker {
+                    tile,
+                    even: Vec3::new(0.85, 0.80, 0.70),
+                    odd: Vec3::new(0.15, 0.20, 0.30),
+                },
+                lit: false,
+            }],
+            lights: Vec::new(),
+            settings: Settings::default(),
+        }
+    }
+
+    /// Checks all values against their ranges.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] naming the first value that is out of its range.
+    pub fn check(&self) -> Result<()> {
+        let fail = |origin: &str, problem: &str| {
+            Err(Error::Scene { origin: origin.into(), problem: problem.into() })
+        };
+        if !(1.0..=3.0).contains(&self.liquid.ior) {
+            return fail("liquid", "ior must be between 1 and 3");
+        }
+        if !(self.liquid.absorption.is_finite() && self.liquid.absorption.min_element() >= 0.0) {
+            return fail("liquid", "absorption must not be negative");
+        }
+        if let Some(camera) = &self.camera {
+            camera.check()?;
+        }
+        if self.solids.len() > MAX_SOLIDS || self.lights.len() > MAX_LIGHTS {
+            let problem =
+                format!("at most {MAX_SOLIDS} solids and {MAX_LIGHTS} lights can be drawn");
+            return fail("[solid]", &problem);
+        }
+        for light in &self.lights {
+            match light {
+                Light::Sun { direction, .. } if !(direction.length_squared() > 0.0) => {
+                    return fail("[light]", "a sun's direction must not be zero");
+                }
+                _ => {}
+            }
+        }
+        self.settings.check()
+    }
+}
+
+impl EnvironmentFile {
+    fn meaning(self, folder: &Path, fail: &dyn Fn(String) -> Error) -> Result<Environment> {
+        let scale = self.scale.unwrap_or(1.0);
+        let environment = match (self.radiance, self.gradient, self.map) {
+            (None, None, None) => Environment::default(),
+            (Some(radiance), None, None) => Environment::Constant(radiance),
+            (None, Some(g), None) => Environment::Gradient {
+                zenith: g.zenith,
+                horizon: g.horizon,
+                nadir: g.nadir.unwrap_or(g.horizon),
+            },
+            (None, None, Some(map)) => Environment::load(&folder.join(map))?,
+            _ => {
+                return Err(fail("[environment] takes one of radiance, gradient and map".into()));
+            }
+        };
+        Ok(environment.scaled(scale))
+    }
+}
+
+impl SolidFile {
+    fn meaning(self) -> Result<Solid, String> {
+        fn need<T>(value: Option<T>, shape: &str, key: &str) -> Result<T, String> {
+            value.ok_or_else(|| format!("a {shape} needs {key}"))
+        }
+        let shape = match self.shape {
+            ShapeFile::Plane => {
+                let normal = self.normal.unwrap_or(Vec3::Y);
+                Shape::Plane {
+                    origin: need(self.origin, "plane", "origin")?,
+                    normal: normal.try_normalize().ok_or("normal must not be zero")?,
+                    half_extent: self.half_extent.unwrap_or(f32::INFINITY),
+                }
+            }
+            ShapeFile::Box => {
+                let (min, max) = (need(self.min, "box", "min")?, need(self.max, "box", "max")?);
+                if !min.cmplt(max).all() {
+                    return Err("a box's min must be below its max".into());
+                }
+                Shape::Box { min, max }
+            }
+            ShapeFile::Sphere => Shape::Sphere {
+                center: need(self.center, "sphere", "center")?,
+                radius: need(self.radius, "sphere", "radius")?,
+            },
+        };
+        let surface = match (self.color, self.checker) {
+            (Some(color), None) => Surface::Color(color),
+            (None, Some(CheckerFile { tile, even, odd })) if tile > 0.0 => {
+                Surface::Checker { tile, even, odd }
+            }
+            (None, Some(_)) => return Err("a checker's tile must be above 0".into()),
+            (None, None) => Surface::Color(Vec3::splat(0.5)),
+            (Some(_), Some(_)) => return Err("takes one of color and checker".into()),
+        };
+        Ok(Solid { shape, surface, lit: self.lit })
+    }
+}
+
+/// One message for a TOML error: the line, the problem and, for an unknown key, the nearest.
+pub(crate) fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> Error {
+    let mut problem = error.message().trim().to_owned();
+    if let Some(nearest) = nearest_key(&problem) {
+        problem = format!("{problem}; did you mean `{nearest}`?");
+    }
+    let line = error.span().map(|span| text[..span.start.min(text.len())].lines().count().max(1));
+    let origin = match line {
+        Some(line) => format!("{origin}: line {line}"),
+        None => origin.to_owned(),
+    };
+    Error::Scene { origin, problem }
+}
+
+/// The key most like the unknown one, from serde's message: the first name in backquotes is the
+/// unknown key, the rest are those that exist.
+fn nearest_key(message: &str) -> Option<&str> {
+    let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    let (unknown, known) = names.split_first()?;
+    message.starts_with("unknown").then_some(())?;
+    known.iter().copied().max_by(|a, b| {
+        strsim::jaro_winkler(a, unknown).total_cmp(&strsim::jaro_winkler(b, unknown))
+    })
+}

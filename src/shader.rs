@@ -1,0 +1,83 @@
+//! WGSL files, and the one thing WGSL lacks: `#import path`, pasted once.
+//!
+//! A root file is a pipeline's shader; it imports what it needs at its top, one file per line.
+//! Order does not matter to WGSL, so a root may supply a function that an imported body calls:
+//! that is how the intersectors of `refract` are chosen.
+
+use std::borrow::Cow;
+use std::collections::HashSet;
+
+use crate::gpu::Gpu;
+
+/// Every WGSL file by its path in `shaders/`. A test compares the table with the folder.
+pub const FILES: &[(&str, &str)] = &[
+    ("common/camera.wgsl", include_str!("../shaders/common/camera.wgsl")),
+    ("common/layers.wgsl", include_str!("../shaders/common/layers.wgsl")),
+    ("common/optics.wgsl", include_str!("../shaders/common/optics.wgsl")),
+    ("common/screen_ray.wgsl", include_str!("../shaders/common/screen_ray.wgsl")),
+    ("common/scene.wgsl", include_str!("../shaders/common/scene.wgsl")),
+    ("common/tiles.wgsl", include_str!("../shaders/common/tiles.wgsl")),
+    ("splat.wgsl", include_str!("../shaders/splat.wgsl")),
+    ("tiles.wgsl", include_str!("../shaders/tiles.wgsl")),
+    ("smooth.wgsl", include_str!("../shaders/smooth.wgsl")),
+    ("gbuffer.wgsl", include_str!("../shaders/gbuffer.wgsl")),
+    ("refract/interfaces.wgsl", include_str!("../shaders/refract/interfaces.wgsl")),
+    ("refract/guarded.wgsl", include_str!("../shaders/refract/guarded.wgsl")),
+    ("refract/march.wgsl", include_str!("../shaders/refract/march.wgsl")),
+    ("refract/newton.wgsl", include_str!("../shaders/refract/newton.wgsl")),
+    ("tonemap.wgsl", include_str!("../shaders/tonemap.wgsl")),
+];
+
+/// The files that are compiled as they are; the others are imported by them.
+pub const ROOTS: &[&str] = &[
+    "splat.wgsl",
+    "tiles.wgsl",
+    "smooth.wgsl",
+    "gbuffer.wgsl",
+    "refract/guarded.wgsl",
+    "refract/march.wgsl",
+    "refract/newton.wgsl",
+    "tonemap.wgsl",
+];
+
+/// The text of a file with its imports pasted, each once.
+///
+/// # Panics
+/// If a file is not in [`FILES`]: a defect that the shader tests find.
+pub fn source(file: &str) -> String {
+    resolve(file, &mut |path| FILES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text))
+}
+
+/// As [`source`], with the files that `find` supplies.
+pub fn resolve<'a>(file: &str, find: &mut dyn FnMut(&str) -> Option<&'a str>) -> String {
+    fn paste<'a>(
+        file: &str,
+        find: &mut dyn FnMut(&str) -> Option<&'a str>,
+        pasted: &mut HashSet<String>,
+        out: &mut String,
+    ) {
+        if !pasted.insert(file.to_owned()) {
+            return;
+        }
+        let text = find(file).unwrap_or_else(|| panic!("no shader file {file}"));
+        for line in text.lines() {
+            match line.strip_prefix("#import ") {
+                Some(import) => paste(import.trim(), find, pasted, out),
+                None => {
+                    out.push_str(line);
+                    out.push('\n');
+                }
+            }
+        }
+    }
+    let mut out = String::new();
+    paste(file, find, &mut HashSet::new(), &mut out);
+    out
+}
+
+pub(crate) fn module(gpu: &Gpu, file: &str) -> wgpu::ShaderModule {
+    gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(file),
+        source: wgpu::ShaderSource::Wgsl(Cow::Owned(source(file))),
+    })
+}

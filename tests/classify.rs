@@ -1,0 +1,521 @@
+//! Splash or aggregate, and the shapes of splats: known answers and invariances.
+
+use glam::{Mat3, Vec3};
+use limpid::particles::Particles;
+use limpid::passes::classify::{Splat, Splats, classify};
+use limpid::settings::{Classify, Kernel};
+
+const R: f32 = 0.025;
+
+fn cloud(positions: impl IntoIterator<Item = Vec3>) -> Particles {
+    Particles { positions: positions.into_iter().collect(), ..Default::default() }
+}
+
+/// Points i·step, centred on the origin, `count` along each axis; steps in r.
+fn lattice(count: [i32; 3], step: [f32; 3]) -> Vec<Vec3> {
+    let axis =
+        |k: usize| (0..count[k]).map(move |i| (i as f32 - (count[k] / 2) as f32) * step[k] * R);
+    axis(0)
+        .flat_map(|x| axis(1).flat_map(move |y| axis(2).map(move |z| Vec3::new(x, y, z))))
+        .collect()
+}
+
+/// Uniform in 0 to 1, from a linear congruential generator (Knuth's MMIX).
+fn noise(seed: &mut u64) -> f32 {
+    *seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+    (*seed >> 40) as f32 / (1u64 << 24) as f32
+}
+
+/// Random particles in a cube, about as dense as a body at rest.
+fn random(count: usize, seed: u64) -> Vec<Vec3> {
+    let mut seed = seed;
+    let side = 2.0 * R * (count as f32).cbrt();
+    (0..count).map(|_| Vec3::from_array([(); 3].map(|()| noise(&mut seed))) * side).collect()
+}
+
+/// The particle at the origin of a centred lattice.
+fn middle(positions: &[Vec3]) -> u32 {
+    positions.iter().position(|&p| p == Vec3::ZERO).expect("a particle at the origin") as u32
+}
+
+fn all(splats: &Splats) -> impl Iterator<Item = &Splat> {
+    splats.aggregates.iter().chain(&splats.splashes)
+}
+
+fn find(splats: &Splats, particle: u32) -> Splat {
+    *all(splats).find(|s| s.particle == particle).expect("a splat for the particle")
+}
+
+fn is_splash(splats: &Splats, particle: u32) -> bool {
+    splats.splashes.iter().any(|s| s.particle == particle)
+}
+
+fn matrix(splat: &Splat) -> Mat3 {
+    let [xx, yy, zz] = splat.diagonal;
+    let [xy, xz, yz] = splat.off_diagonal;
+    Mat3::from_cols_array_2d(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+}
+
+/// Everything an ellipsoid needs to be drawn: finite, and A positive definite.
+fn assert_drawable(splats: &Splats) {
+    for splat in all(splats) {
+        let a = matrix(splat).as_dmat3() * (1.0 / f64::from(splat.radius));
+        assert!(a.is_finite() && splat.centre.iter().all(|c| c.is_finite()), "{splat:?}");
+        let minor = a.x_axis.x * a.y_axis.y - a.x_axis.y * a.y_axis.x;
+        assert!(a.x_axis.x > 0.0 && minor > 0.0 && a.determinant() > 0.0, "{splat:?}");
+    }
+}
+
+/// Semi-axes along x, y and z, in r, of an ellipsoid that is aligned with them.
+fn aligned_axes(splat: &Splat) -> Vec3 {
+    let off = Vec3::from_array(splat.off_diagonal).abs().max_element();
+    assert!(off < 1e-5 * splat.radius, "not aligned: {splat:?}");
+    Vec3::from_array(splat.diagonal) / splat.radius
+}
+
+#[track_caller]
+fn assert_axes(splat: &Splat, expected: [f32; 3]) {
+    let axes = aligned_axes(splat);
+    assert!(axes.abs_diff_eq(expected.into(), 1e-4), "{axes}, not {expected:?}");
+}
+
+/// Everything is an aggregate, and no cap hides the ratio of the axes.
+fn bare(kernel: Kernel) -> Classify {
+    Classify {
+        splash_density: 0.0,
+        max_ratio: 4.0,
+        kernel,
+        short_axis: 1.4,
+        long_axis: 100.0,
+        ..Default::default()
+    }
+}
+
+/// The density share of one particle, through the threshold alone.
+fn share(positions: &[Vec3], particle: u32) -> f32 {
+    let (mut low, mut high) = (0.0, 2.0);
+    for _ in 0..22 {
+        let splash_density = 0.5 * (low + high);
+        let settings = Classify { splash_density, ..Default::default() };
+        let splats = classify(&cloud(positions.iter().copied()), R, &settings);
+        if is_splash(&splats, particle) {
+            high = splash_density;
+        } else {
+            low = splash_density;
+        }
+    }
+    0.5 * (low + high)
+}
+
+// Shapes.
+
+/// A frame without liquid is a frame.
+#[test]
+fn no_particles_give_no_splats() {
+    let splats = classify(&Particles::default(), R, &Classify::default());
+    assert_eq!(splats, Splats { radius: R, ..Default::default() });
+}
+
+/// A droplet is drawn where it is, as large as it is.
+#[test]
+fn a_lone_particle_is_a_sphere_of_its_radius() {
+    let place = Vec3::new(1.0, 2.0, 3.0);
+    let splats = classify(&cloud([place]), R, &Classify::default());
+    assert!(splats.aggregates.is_empty());
+    assert_eq!(splats.splashes.len(), 1);
+    assert_eq!(splats.splashes[0].centre, place.to_array());
+    assert_eq!(splats.splashes[0].radius, R);
+    assert_axes(&splats.splashes[0], [1.0; 3]);
+}
+
+/// A zero covariance has no directions; the shape is a sphere, not NaN.
+#[test]
+fn a_lone_aggregate_is_a_sphere() {
+    let splats = classify(&cloud([Vec3::ONE]), R, &bare(Kernel::Fitted));
+    assert_axes(&splats.aggregates[0], [1.4; 3]);
+    let splats = classify(&cloud([Vec3::ONE]), R, &bare(Kernel::Volume));
+    assert_axes(&splats.aggregates[0], [1.0; 3]);
+}
+
+/// Many particles in one place neither panic the tree nor make a shape out of rounding errors.
+#[test]
+fn coincident_particles_are_spheres() {
+    for place in [Vec3::ZERO, Vec3::new(0.1, -7.3, 1234.5)] {
+        let splats = classify(&cloud([place; 10_000]), R, &Classify::default());
+        assert_eq!(splats.aggregates.len(), 10_000);
+        for splat in &splats.aggregates {
+            assert_eq!(splat.centre, place.to_array());
+            assert_axes(splat, [1.4; 3]);
+        }
+    }
+}
+
+/// A flat covariance is thickened to `1/k_r`, and the short axis is the one that is held.
+#[test]
+fn coplanar_particles_are_flat() {
+    let sheet = lattice([21, 21, 1], [2.0, 2.0, 2.0]);
+    let splat = find(&classify(&cloud(sheet.clone()), R, &bare(Kernel::Fitted)), middle(&sheet));
+    assert_axes(&splat, [5.6, 5.6, 1.4]);
+    let settings = Classify { long_axis: 2.8, ..bare(Kernel::Fitted) };
+    assert_axes(
+        &find(&classify(&cloud(sheet.clone()), R, &settings), middle(&sheet)),
+        [2.8, 2.8, 1.4],
+    );
+}
+
+/// The same for a covariance of rank one.
+#[test]
+fn collinear_particles_are_needles() {
+    let line = lattice([1, 21, 1], [2.0; 3]);
+    let splat = find(&classify(&cloud(line.clone()), R, &bare(Kernel::Fitted)), middle(&line));
+    assert_axes(&splat, [1.4, 5.6, 1.4]);
+}
+
+/// Inside a body at rest nothing has a direction, and nothing moves.
+#[test]
+fn the_inside_of_a_body_is_round() {
+    let body = lattice([9; 3], [2.0; 3]);
+    let splat = find(&classify(&cloud(body.clone()), R, &Classify::default()), middle(&body));
+    assert_axes(&splat, [1.4; 3]);
+    assert!(Vec3::from_array(splat.centre).length() < 1e-6 * R);
+}
+
+/// At a surface the short axis is the normal, and the centre moves inwards.
+#[test]
+fn a_surface_flattens_along_its_normal() {
+    let body = lattice([13, 13, 7], [2.0; 3]);
+    let top = body.iter().position(|p| p.truncate().length() == 0.0 && p.z > 5.9 * R).unwrap();
+    let splat = find(&classify(&cloud(body.clone()), R, &Classify::default()), top as u32);
+    let axes = aligned_axes(&splat);
+    assert!((axes.z - 1.4).abs() < 1e-4 && axes.x > 1.5 && (axes.x - axes.y).abs() < 1e-4);
+    assert!(splat.centre[2] < body[top].z - 0.1 * R);
+}
+
+/// Volume mode: fewer than 25 neighbours are a sphere; a dense line ends exactly at 1.2 r; a sheet
+/// keeps the ratio until the cap.
+#[test]
+fn volume_kernels_follow_the_papers() {
+    let settings = bare(Kernel::Volume);
+    let at_middle = |points: Vec<Vec3>| {
+        let index = middle(&points);
+        find(&classify(&cloud(points), R, &settings), index)
+    };
+    assert_axes(&at_middle(lattice([21, 1, 1], [2.0; 3])), [1.0; 3]);
+    let k = 16f32.cbrt() / 4.0;
+    assert_axes(&at_middle(lattice([101, 1, 1], [0.2; 3])), [1.2, k, k]);
+    let thin = 0.25f32.powf(2.0 / 3.0);
+    assert_axes(&at_middle(lattice([21, 21, 1], [1.0; 3])), [1.2, 1.2, thin]);
+    assert_axes(&at_middle(lattice([9; 3], [2.0; 3])), [1.0; 3]);
+}
+
+/// Axes obey the caps and the ratio in every direction, not only along x, y and z.
+#[test]
+fn axes_stay_within_their_bounds() {
+    let particles = cloud(random(2000, 3));
+    for kernel in [Kernel::Fitted, Kernel::Volume] {
+        let settings = Classify { splash_density: 0.0, kernel, ..Default::default() };
+        let longest = if kernel == Kernel::Fitted { settings.long_axis } else { 1.2 };
+        let splats = classify(&particles, R, &settings);
+        assert_drawable(&splats);
+        for splat in &splats.aggregates {
+            for k in 0..200 {
+                let (height, turn) = (k as f32 / 100.0 - 0.995, k as f32 * 2.4);
+                let flat = (1.0 - height * height).sqrt();
+                let direction = Vec3::new(flat * turn.cos(), flat * turn.sin(), height);
+                let reach = (matrix(splat) * direction).length() / R;
+                assert!(reach <= longest * 1.0001, "{reach}");
+                assert!(reach >= longest.min(1.0) / settings.max_ratio * 0.999, "{reach}");
+            }
+        }
+    }
+}
+
+// Splash or aggregate.
+
+/// The share is 1 where the liquid rests, and what it is elsewhere does not drift unnoticed.
+#[test]
+fn density_shares_are_known() {
+    let of = |points: Vec<Vec3>| {
+        let index = middle(&points);
+        share(&points, index)
+    };
+    for (points, expected) in [
+        (lattice([9; 3], [2.0; 3]), 1.0),
+        (lattice([1; 3], [2.0; 3]), 0.05948),
+        (lattice([2, 1, 1], [2.0; 3]), 0.11153),
+        (lattice([3, 1, 1], [2.0; 3]), 0.16358),
+        (lattice([21, 1, 1], [2.0; 3]), 0.16358),
+        (lattice([21, 21, 1], [2.0; 3]), 0.42149),
+        (lattice([21, 21, 2], [2.0; 3]), 0.71075),
+    ] {
+        let count = points.len();
+        let share = of(points);
+        assert!((share - expected).abs() < 1e-5, "{share}, not {expected}, of {count} particles");
+    }
+}
+
+/// Thin sheets are liquid; if they fell apart into droplets, crowns and curtains would.
+#[test]
+fn sheets_are_not_splashes() {
+    for (count, step) in [
+        ([21, 21, 1], [2.0; 3]),
+        ([21, 21, 1], [2.6; 3]),
+        ([21, 21, 2], [2.6, 2.6, 2.0]),
+        ([21, 21, 2], [2.6; 3]),
+    ] {
+        let sheet = lattice(count, step);
+        let splats = classify(&cloud(sheet.clone()), R, &Classify::default());
+        assert!(!is_splash(&splats, middle(&sheet)), "{count:?}, spaced {step:?} r");
+    }
+}
+
+/// Bodies have no splashes at faces, edges and corners.
+#[test]
+fn a_block_is_one_body() {
+    let splats = classify(&cloud(lattice([6; 3], [2.0; 3])), R, &Classify::default());
+    assert_eq!((splats.aggregates.len(), splats.splashes.len()), (216, 0));
+}
+
+/// Up to three particles are droplets, even in contact.
+#[test]
+fn droplets_are_splashes() {
+    let triangle = vec![Vec3::ZERO, Vec3::X * 2.0 * R, Vec3::new(1.0, 3f32.sqrt(), 0.0) * R];
+    for droplet in [lattice([2, 1, 1], [1.0; 3]), lattice([3, 1, 1], [2.0; 3]), triangle] {
+        let splats = classify(&cloud(droplet.clone()), R, &Classify::default());
+        assert_eq!(splats.splashes.len(), droplet.len());
+        for (splat, place) in splats.splashes.iter().zip(droplet) {
+            assert_eq!(splat.centre, place.to_array(), "a droplet is not smoothed away");
+        }
+    }
+}
+
+/// The tree's answer is that of all pairs.
+#[test]
+fn density_equals_a_brute_force_reference() {
+    let points = random(500, 4);
+    let weight = |d: f64| (1.0 - d.powi(3)).max(0.0);
+    let mut at_rest = 0.0;
+    for p in lattice([7; 3], [2.0; 3]) {
+        at_rest += weight(f64::from(p.length() / R) / 4.0);
+    }
+    let densities: Vec<f64> = points
+        .iter()
+        .map(|a| {
+            let near =
+                |b: &Vec3| weight((a.as_dvec3() - b.as_dvec3()).length() / (4.0 * f64::from(R)));
+            points.iter().map(near).sum::<f64>() / at_rest
+        })
+        .collect();
+    for threshold in [0.3, 0.5, 0.7, 0.9, 1.1] {
+        let settings = Classify { splash_density: threshold, ..Default::default() };
+        let splats = classify(&cloud(points.clone()), R, &settings);
+        for (i, &density) in densities.iter().enumerate() {
+            if (density - f64::from(threshold)).abs() > 1e-5 {
+                assert_eq!(is_splash(&splats, i as u32), density < f64::from(threshold));
+            }
+        }
+    }
+}
+
+// Invariances.
+
+/// Nothing depends on the axes of the world.
+#[test]
+fn turning_the_liquid_turns_the_splats() {
+    let points = random(1000, 5);
+    let quarter = Mat3::from_cols(Vec3::Y, Vec3::NEG_X, Vec3::Z);
+    let cycle = Mat3::from_cols(Vec3::Y, Vec3::Z, Vec3::X);
+    for kernel in [Kernel::Fitted, Kernel::Volume] {
+        let settings = Classify { kernel, splash_density: 0.5, ..Default::default() };
+        let straight = classify(&cloud(points.clone()), R, &settings);
+        assert!(!straight.splashes.is_empty());
+        for turn in [quarter, cycle] {
+            let turned = classify(&cloud(points.iter().map(|&p| turn * p)), R, &settings);
+            assert_eq!(turned.splashes.len(), straight.splashes.len());
+            for (a, b) in all(&straight).zip(all(&turned)) {
+                assert_eq!(a.particle, b.particle);
+                let moved = turn * Vec3::from_array(a.centre) - Vec3::from_array(b.centre);
+                assert!(moved.length() < 1e-4 * R);
+                let expected = turn * matrix(a) * turn.transpose();
+                assert!(matrix(b).abs_diff_eq(expected, 1e-4 * R), "{expected} {}", matrix(b));
+            }
+        }
+    }
+}
+
+/// Lengths are multiples of r: four times the size, the same picture, to the last bit.
+#[test]
+fn scaling_the_liquid_scales_the_splats() {
+    let points = random(1000, 6);
+    let small = classify(&cloud(points.clone()), R, &Classify::default());
+    let large = classify(&cloud(points.iter().map(|&p| 4.0 * p)), 4.0 * R, &Classify::default());
+    assert_eq!(large.radius, 4.0 * small.radius);
+    for (a, b) in all(&small).zip(all(&large)) {
+        assert_eq!(matrix(a) * 4.0, matrix(b));
+        assert_eq!(a.centre.map(|c| 4.0 * c), b.centre);
+    }
+}
+
+/// Renders of one frame agree between machines with other numbers of cores.
+#[test]
+fn threads_do_not_change_a_bit() {
+    let particles = cloud(random(30_000, 7));
+    let settings = Classify { splash_density: 0.7, ..Default::default() };
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let splats = pool.install(|| classify(&particles, R, &settings));
+        let bytes = [&splats.aggregates, &splats.splashes]
+            .map(|list| bytemuck::cast_slice::<Splat, u8>(list).to_vec());
+        (splats, bytes)
+    };
+    let (splats, one) = run(1);
+    for threads in [2, 2, 3] {
+        assert!(one == run(threads).1, "{threads} threads");
+    }
+    // Every particle once, in the order of the file.
+    assert!(splats.aggregates.is_sorted_by_key(|s| s.particle));
+    assert!(splats.splashes.is_sorted_by_key(|s| s.particle));
+    assert_eq!(splats.aggregates.len() + splats.splashes.len(), 30_000);
+    assert!(!splats.aggregates.is_empty() && !splats.splashes.is_empty());
+}
+
+// Radii.
+
+/// A radius in the file wins over the default, particle by particle.
+#[test]
+fn radii_of_the_file_are_honoured() {
+    let small = random(500, 8);
+    let far = Vec3::new(100.0, 0.0, 0.0);
+    let large = random(300, 9).into_iter().map(|p| 2.0 * p + far);
+    let particles = Particles {
+        positions: small.iter().copied().chain(large.clone()).collect(),
+        radii: Some([vec![R; 500], vec![2.0 * R; 300]].concat()),
+        ..Default::default()
+    };
+    let both = classify(&particles, f32::NAN, &Classify::default());
+    assert_eq!(both.radius, R);
+    let alone = [
+        (0, classify(&cloud(small), R, &Classify::default())),
+        (500, classify(&cloud(large), 2.0 * R, &Classify::default())),
+    ];
+    for (first, splats) in &alone {
+        for splat in all(splats) {
+            let found = find(&both, splat.particle + first);
+            assert_eq!(found.radius, splat.radius);
+            assert!(matrix(&found).abs_diff_eq(matrix(splat), 1e-5 * R));
+            assert_eq!(is_splash(&both, found.particle), is_splash(splats, splat.particle));
+        }
+    }
+}
+
+/// Neighbours count by volume: a body is as dense to a particle of twice the size.
+#[test]
+fn a_large_particle_among_small_ones_is_inside_a_body() {
+    let body = lattice([13; 3], [2.0; 3]);
+    let mut radii = vec![R; body.len()];
+    radii[middle(&body) as usize] = 2.0 * R;
+    let index = middle(&body);
+    let particles = Particles { positions: body, radii: Some(radii), ..Default::default() };
+    let splashes_at = |splash_density| {
+        let settings = Classify { splash_density, ..Default::default() };
+        is_splash(&classify(&particles, R, &settings), index)
+    };
+    assert!(!splashes_at(0.9) && splashes_at(1.15));
+}
+
+/// What cannot be drawn is left out, and the rest keeps its indices.
+#[test]
+fn unusable_particles_are_skipped() {
+    let bad = [0.0, -0.0, -R, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e-40, f32::MAX];
+    let mut positions: Vec<_> = (0..bad.len() + 1).map(|i| Vec3::X * i as f32).collect();
+    positions.push(Vec3::new(0.0, f32::NAN, 0.0));
+    positions.push(Vec3::INFINITY);
+    let radii = [&bad[..], &[R, R, R]].concat();
+    let particles = Particles { positions, radii: Some(radii), ..Default::default() };
+    let splats = classify(&particles, R, &Classify::default());
+    let kept: Vec<_> = all(&splats).map(|s| s.particle).collect();
+    assert_eq!(kept, [bad.len() as u32]);
+    assert_eq!(splats.radius, R);
+
+    let none = classify(&cloud([Vec3::ZERO]), 0.0, &Classify::default());
+    assert!(none.aggregates.is_empty() && none.splashes.is_empty());
+}
+
+/// Numbers at the ends of their range stay numbers.
+#[test]
+fn adversarial_particles_stay_finite() {
+    let tiny = f32::from_bits(1);
+    let body = random(500, 10);
+    let offset = |by: Vec3| body.iter().map(move |&p| p + by).collect::<Vec<_>>();
+    let mixed = [1e30, -1e30, f32::MAX, f32::MIN, 0.0, tiny, -tiny, 1e6, 1e6, 1e19, -1e19];
+    let mixed = mixed.iter().flat_map(|&x| mixed.iter().map(move |&y| Vec3::new(x, y, y - x)));
+    let clouds = [
+        (offset(Vec3::splat(1e6)), R),
+        (offset(Vec3::new(1e30, 0.0, -1e30)), R),
+        (mixed.filter(|p| p.is_finite()).chain(body.iter().copied()).collect(), R),
+        (body.iter().chain(&body).copied().collect(), R),
+        (body.iter().map(|&p| p * 1e-40).collect(), R),
+        (body.iter().map(|&p| p * 1e-10).collect(), R * 1e-10),
+        (body.iter().map(|&p| p * 1e12).collect(), R * 1e12),
+        (vec![Vec3::ZERO, Vec3::X * tiny, Vec3::Y * 1e-30, Vec3::Z * 1e-7 * R], R),
+        (lattice([41, 1, 1], [1e-4; 3]), R),
+    ];
+    for kernel in [Kernel::Fitted, Kernel::Volume] {
+        for splash_density in [0.0, 0.2, 1e30] {
+            for (points, radius) in &clouds {
+                let settings = Classify { kernel, splash_density, ..Default::default() };
+                let splats = classify(&cloud(points.iter().copied()), *radius, &settings);
+                assert_eq!(all(&splats).count(), points.len(), "every particle is drawn");
+                assert_drawable(&splats);
+            }
+        }
+    }
+}
+
+/// A few particles that flew off the end of the world cost the others no neighbour.
+#[test]
+fn stray_particles_change_nothing() {
+    let body = random(2000, 12);
+    let stray = [f32::MAX, f32::MIN, 1e30, -1e30, 1e20, -1e20]
+        .map(|x| [Vec3::X, Vec3::Y, Vec3::ONE].map(|v| v * x));
+    let with = classify(
+        &cloud(body.iter().copied().chain(stray.into_iter().flatten())),
+        R,
+        &Classify::default(),
+    );
+    let without = classify(&cloud(body), R, &Classify::default());
+    for splat in all(&without) {
+        let found = find(&with, splat.particle);
+        assert!(matrix(&found).abs_diff_eq(matrix(splat), 1e-5 * R));
+        assert_eq!(is_splash(&with, splat.particle), is_splash(&without, splat.particle));
+    }
+    assert_eq!(with.splashes.len(), without.splashes.len() + 18);
+}
+
+/// The largest and smallest settings that a scene may hold.
+#[test]
+fn extreme_settings_stay_finite() {
+    let particles = cloud(random(300, 11));
+    for kernel in [Kernel::Fitted, Kernel::Volume] {
+        for support in [1.0, 2.0, 10.0] {
+            for max_ratio in [1.0, 100.0] {
+                let settings = Classify {
+                    support,
+                    max_ratio,
+                    kernel,
+                    smoothing: 1.0,
+                    splash_density: 0.0,
+                    ..Default::default()
+                };
+                let splats = classify(&particles, R, &settings);
+                assert_drawable(&splats);
+                if max_ratio == 1.0 {
+                    splats.aggregates.iter().for_each(|s| {
+                        let a = aligned_axes(s);
+                        assert!(a.max_element() - a.min_element() < 1e-5);
+                    });
+                }
+            }
+        }
+    }
+}

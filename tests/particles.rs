@@ -1,0 +1,723 @@
+//! Protects the readers of particle files: each format and variant yields the particles that were
+//! written, byte by byte, into it; damaged and foreign files yield an error that names the file,
+//! the place and the remedy; and no file whatever makes a reader panic or allocate by a claim.
+
+use std::io::Write;
+use std::path::Path;
+
+use flate2::{Compression, write::GzEncoder};
+use glam::{Vec3, vec3};
+use limpid::particles::{Particles, Up};
+use limpid::{Error, Result};
+
+const POSITIONS: [[f32; 3]; 3] = [[0.5, -1.25, 2.0], [3.5, 4.0, -5.75], [0.0, 1e-3, 1e6]];
+const VELOCITIES: [[f32; 3]; 3] = [[1.0, 0.0, -9.5], [0.25, 0.5, 0.75], [-0.0, 2.0, 3.0]];
+const DENSITIES: [f32; 3] = [1000.0, 998.5, 1001.25];
+const RADII: [f32; 3] = [0.025, 0.0, 0.5];
+const IDS: [i32; 3] = [7, -1, 123_456_789];
+
+fn positions_only() -> Particles {
+    Particles::from_positions(POSITIONS.map(Vec3::from).to_vec())
+}
+
+fn all_attributes() -> Particles {
+    Particles {
+        velocities: Some(VELOCITIES.map(Vec3::from).to_vec()),
+        densities: Some(DENSITIES.to_vec()),
+        radii: Some(RADII.to_vec()),
+        ids: Some(IDS.map(i64::from).to_vec()),
+        ..positions_only()
+    }
+}
+
+fn read(name: &str, bytes: &[u8]) -> Result<Particles> {
+    Particles::parse(Path::new(name), bytes)
+}
+
+/// The message of the error that reading must end in; it must name the file.
+fn message(name: &str, bytes: &[u8]) -> String {
+    let text = match read(name, bytes) {
+        Ok(particles) => panic!("{name}: an error expected, got {particles:?}"),
+        Err(error) => error.to_string(),
+    };
+    assert!(text.contains(name), "{text}");
+    text
+}
+
+fn check_message(name: &str, bytes: &[u8], fragments: &[&str]) {
+    let text = message(name, bytes);
+    for fragment in fragments {
+        assert!(text.contains(fragment), "{fragment:?} not in: {text}");
+    }
+}
+
+/// Bytes with the first occurrence of `from` replaced; `from` must be there.
+fn patched(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
+    let at = bytes.windows(from.len()).position(|window| window == from).expect("nothing to patch");
+    [&bytes[..at], to, &bytes[at + from.len()..]].concat()
+}
+
+fn be<const N: usize>(numbers: [f32; N]) -> Vec<u8> {
+    numbers.iter().flat_map(|number| number.to_be_bytes()).collect()
+}
+
+fn le<const N: usize>(numbers: [f32; N]) -> Vec<u8> {
+    numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
+}
+
+// ---- BGEO ----
+
+/// Header of a file with these point attributes: name, size, type, defaults or strings.
+fn bgeo_header(version: i32, points: i32, attributes: &[(&str, u16, i32, &[u8])]) -> Vec<u8> {
+    let mut bytes = b"BgeoV".to_vec();
+    for number in [version, points, 0, 0, 0, attributes.len() as i32, 0, 0, 0] {
+        bytes.extend(number.to_be_bytes());
+    }
+    for (name, size, kind, defaults) in attributes {
+        bytes.extend((name.len() as u16).to_be_bytes());
+        bytes.extend(name.as_bytes());
+        bytes.extend(size.to_be_bytes());
+        bytes.extend(kind.to_be_bytes());
+        bytes.extend(*defaults);
+    }
+    bytes
+}
+
+fn bgeo() -> Vec<u8> {
+    let strings = [&[0, 0, 0, 2, 0, 1][..], b"a", &[0, 2], b"bc"].concat();
+    let mut bytes = bgeo_header(
+        5,
+        3,
+        &[
+            ("id", 1, 1, &[0; 4]),
+            ("group", 1, 4, &strings),
+            ("velocity", 3, 5, &[0; 12]),
+            ("uv", 2, 0, &[0; 8]),
+            ("density", 1, 0, &[0; 4]),
+            ("pscale", 1, 0, &[0; 4]),
+        ],
+    );
+    for i in 0..3 {
+        bytes.extend(be(POSITIONS[i]));
+        bytes.extend(be([1.0]));
+        bytes.extend(IDS[i].to_be_bytes());
+        bytes.extend([0, 0, 0, 1]);
+        bytes.extend(be(VELOCITIES[i]));
+        bytes.extend(be([0.5, f32::NAN])); // not ours, so not our business
+        bytes.extend(be([DENSITIES[i], RADII[i]]));
+    }
+    bytes.extend([0x00, 0xff]);
+    bytes
+}
+
+fn bgeo_positions_only() -> Vec<u8> {
+    let mut bytes = bgeo_header(5, 3, &[]);
+    for position in POSITIONS {
+        bytes.extend(be(position));
+        bytes.extend(be([1.0]));
+    }
+    bytes
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn bgeo_variants() {
+    assert_eq!(read("a.bgeo", &bgeo()).unwrap(), all_attributes());
+    assert_eq!(read("a.BGEO", &bgeo_positions_only()).unwrap(), positions_only());
+    assert_eq!(read("a.bhclassic", &bgeo()).unwrap(), all_attributes());
+    assert_eq!(read("a.bgeo", &bgeo_header(5, 0, &[])).unwrap(), Particles::default());
+    // Simulators gzip without saying so in the name.
+    assert_eq!(read("a.bgeo", &gzip(&bgeo())).unwrap(), all_attributes());
+    assert_eq!(read("a.bgeo.gz", &gzip(&bgeo())).unwrap(), all_attributes());
+}
+
+#[test]
+fn bgeo_malformed() {
+    let good = bgeo_positions_only();
+    let count = |n: i32| patched(&good, &[0, 0, 0, 3], &n.to_be_bytes());
+    check_message("a.bgeo", &count(4), &["byte 41", "points", "4 × 16 bytes", "48 are left"]);
+    check_message("a.bgeo", &count(i32::MAX), &["byte 41", "2147483647"]);
+    check_message("a.bgeo", &count(-1), &["byte 9", "0 or more", "-1"]);
+    let attributes = |n: i32| [&good[..25], &n.to_be_bytes(), &good[29..]].concat();
+    check_message("a.bgeo", &attributes(-2), &["byte 25", "attributes", "-2"]);
+    check_message("a.bgeo", &attributes(i32::MAX), &["byte"]);
+    check_message("a.bgeo", &bgeo_header(4, 0, &[]), &["version 4", ".bhclassic"]);
+    check_message("a.bgeo", &bgeo_header(5, 0, &[("s", 1, 2, &[])]), &["byte", "s has type 2"]);
+    let strings = bgeo_header(5, 0, &[("s", 1, 4, &[0xff; 4])]);
+    check_message("a.bgeo", &strings, &["byte", "strings", "-1"]);
+    let nan = patched(&good, &be([4.0]), &be([f32::NAN]));
+    check_message("a.bgeo", &nan, &["byte 61", "particle 1", "position", "NaN", "finite"]);
+    let mut cut = gzip(&bgeo());
+    cut.truncate(cut.len() - 12);
+    check_message("a.bgeo", &cut, &["byte", "gzip"]);
+}
+
+#[test]
+fn attributes_must_be_sound() {
+    let file = |name: &str, size: u16, kind: i32, value: &[u8]| {
+        let header = bgeo_header(5, 1, &[(name, size, kind, &vec![0; 4 * usize::from(size)])]);
+        [header, be([0.0, 0.0, 0.0, 1.0]), value.to_vec()].concat()
+    };
+    let inf = f32::INFINITY;
+    let cases = [
+        (file("v", 3, 5, &be([0.0, inf, 0.0])), "velocity"),
+        (file("rho", 1, 0, &be([f32::NAN])), "density"),
+        (file("radius", 1, 0, &be([-inf])), "radius"),
+        (file("radii", 1, 0, &be([-0.5])), "radius -0.5, 0 or more"),
+        (file("ids", 1, 0, &be([1.5])), "id 1.5, a 64-bit integer"),
+    ];
+    for (bytes, fragment) in cases {
+        check_message("a.bgeo", &bytes, &["byte", "particle 0", fragment]);
+    }
+    // A known name with another shape is another attribute.
+    let other = read("a.bgeo", &file("density", 3, 5, &be([inf, 0.0, 0.0]))).unwrap();
+    assert_eq!(other.densities, None);
+}
+
+// ---- legacy VTK ----
+
+/// As simulators write it, `SPlisHSPlasH` for one.
+fn vtk_4_1() -> Vec<u8> {
+    let mut bytes =
+        b"# vtk DataFile Version 4.1\nfluid\nBINARY\nDATASET UNSTRUCTURED_GRID\n".to_vec();
+    bytes.extend(b"POINTS 3 float\n");
+    bytes.extend(POSITIONS.into_iter().flat_map(be));
+    bytes.extend(b"\nCELLS 3 6\n");
+    bytes.extend([1, 0, 1, 1, 1, 2].into_iter().flat_map(i32::to_be_bytes));
+    bytes.extend(b"\nCELL_TYPES 3\n");
+    bytes.extend([1, 1, 1].into_iter().flat_map(i32::to_be_bytes));
+    bytes.extend(b"\nPOINT_DATA 3\nSCALARS id int 1\nLOOKUP_TABLE id_table\n");
+    bytes.extend(IDS.into_iter().flat_map(i32::to_be_bytes));
+    bytes.extend(b"\nFIELD FieldData 3\nvelocity 3 3 float\n");
+    bytes.extend(VELOCITIES.into_iter().flat_map(be));
+    bytes.extend(b"\ndensity 1 3 float\n");
+    bytes.extend(be(DENSITIES));
+    bytes.extend(b"\nradius 1 3 float\n");
+    bytes.extend(be(RADII));
+    bytes.extend(b"\n");
+    bytes
+}
+
+/// As `ParaView` writes it: doubles, metadata, 64-bit offsets, time and cell data.
+fn vtk_5_1() -> Vec<u8> {
+    let wide = |numbers: [f32; 3]| numbers.map(|x| f64::from(x).to_be_bytes()).concat();
+    let metadata =
+        b"\nMETADATA\nINFORMATION 1\nNAME L2_NORM_RANGE LOCATION vtkDataArray\nDATA 2 0 1\n\n";
+    let mut bytes = b"# vtk DataFile Version 5.1\nvtk output\nBINARY\nDATASET POLYDATA\n".to_vec();
+    bytes.extend(b"FIELD FieldData 1\nTIME 1 1 double\n");
+    bytes.extend(0.5_f64.to_be_bytes());
+    bytes.extend(b"\nPOINTS 3 double\n");
+    bytes.extend(POSITIONS.into_iter().flat_map(wide));
+    bytes.extend(metadata);
+    bytes.extend(b"VERTICES 4 3\nOFFSETS vtktypeint64\n");
+    bytes.extend([0, 1, 2, 3].into_iter().flat_map(i64::to_be_bytes));
+    bytes.extend(b"\nCONNECTIVITY vtktypeint64\n");
+    bytes.extend([0, 1, 2].into_iter().flat_map(i64::to_be_bytes));
+    bytes.extend(b"\nCELL_DATA 3\nSCALARS radius unsigned_char\nLOOKUP_TABLE default\n");
+    bytes.extend([1, 2, 3]);
+    bytes.extend(b"\nPOINT_DATA 3\nNORMALS n float\n");
+    bytes.extend([0; 36]);
+    bytes.extend(b"\nVECTORS Velocity double\n");
+    bytes.extend(VELOCITIES.into_iter().flat_map(wide));
+    bytes.extend(metadata);
+    bytes.extend(b"SCALARS pscale float\nLOOKUP_TABLE t\n");
+    bytes.extend(be(RADII));
+    bytes.extend(b"\nLOOKUP_TABLE t 2\n");
+    bytes.extend([9; 8]);
+    bytes.extend(b"\nFIELD FieldData 2\nrho 1 3 double\n");
+    bytes.extend(wide(DENSITIES));
+    bytes.extend(metadata);
+    bytes.extend(b"id 1 3 vtktypeint64\n");
+    bytes.extend(IDS.into_iter().flat_map(|id| i64::from(id).to_be_bytes()));
+    bytes.extend(b"\n");
+    bytes
+}
+
+const VTK_ASCII: &str = "# vtk DataFile Version 3.0
+title
+ASCII
+DATASET UNSTRUCTURED_GRID
+
+POINTS 3 float
+0.5 -1.25 2 3.5 4
+-5.75
+0 1e-3 1e6
+
+CELLS 3 6
+1 0 1 1 1 2
+CELL_TYPES 3
+1 1 1
+POINT_DATA 3
+COLOR_SCALARS c 2
+0 0 0.5 0.5 1 1
+SCALARS id int
+LOOKUP_TABLE default
+7 -1 123456789
+FIELD FieldData 2
+v 3 3 float
+1 0 -9.5 0.25 0.5 0.75 -0 2 3
+METADATA
+COMPONENT_NAMES
+X%20Y
+
+radii 1 3 double
+0.025 0 0.5
+SCALARS density float 1
+LOOKUP_TABLE default
+1000 998.5 1001.25
+";
+
+#[test]
+fn vtk_variants() {
+    assert_eq!(read("a.vtk", &vtk_4_1()).unwrap(), all_attributes());
+    assert_eq!(read("a.vtk", &vtk_5_1()).unwrap(), all_attributes());
+    assert_eq!(read("a.VTK", VTK_ASCII.as_bytes()).unwrap(), all_attributes());
+    let dos = VTK_ASCII.replace('\n', "\r\n");
+    assert_eq!(read("a.vtk", dos.as_bytes()).unwrap(), all_attributes());
+    let without_table = patched(&vtk_4_1(), b"LOOKUP_TABLE id_table\n", b"");
+    assert_eq!(read("a.vtk", &without_table).unwrap(), all_attributes());
+    let empty = b"# vtk DataFile Version 5.1\n\nBINARY\nDATASET POLYDATA\nPOINTS 0 float\n\n";
+    assert_eq!(read("a.vtk", empty).unwrap(), Particles::default());
+    let text = "# vtk DataFile Version 2.0\n\nASCII\nDATASET POLYDATA\nPOINTS 3 double
+        0.5 -1.25 2  3.5 4 -5.75  0 .001 1000000\nVERTICES 1 4\n3 0 1 2\n";
+    assert_eq!(read("a.vtk", text.as_bytes()).unwrap(), positions_only());
+}
+
+/// Every integer type is stepped over by its own width.
+#[test]
+fn vtk_integer_types() {
+    let types = [
+        ("char", 1),
+        ("unsigned_char", 1),
+        ("short", 2),
+        ("unsigned_short", 2),
+        ("int", 4),
+        ("unsigned_int", 4),
+        ("vtkIdType", 4),
+        ("long", 8),
+        ("unsigned_long", 8),
+        ("vtktypeint64", 8),
+        ("vtktypeuint64", 8),
+    ];
+    for (name, width) in types {
+        let scalars = format!("SCALARS id {name} 1\n");
+        let id = |i: usize| [vec![0; width - 1], vec![i as u8]].concat();
+        let from = [b"SCALARS id int 1\nLOOKUP_TABLE id_table\n".to_vec(), ids_be()].concat();
+        let to = [scalars.into_bytes(), id(5), id(6), id(7)].concat();
+        let particles = read("a.vtk", &patched(&vtk_4_1(), &from, &to)).unwrap();
+        assert_eq!(particles, Particles { ids: Some(vec![5, 6, 7]), ..all_attributes() }, "{name}");
+    }
+}
+
+fn ids_be() -> Vec<u8> {
+    IDS.into_iter().flat_map(i32::to_be_bytes).collect()
+}
+
+#[test]
+fn vtk_malformed() {
+    let good = vtk_4_1();
+    let points =
+        |count: &str| patched(&good, b"POINTS 3", &[b"POINTS ", count.as_bytes()].concat());
+    check_message("a.vtk", &points("2"), &["byte", "keyword", "as long as announced"]);
+    check_message("a.vtk", &points("-3"), &["byte 66", "POINTS", "count", "-3"]);
+    check_message("a.vtk", &points("2147483647"), &["byte 90", "2147483647 × 12"]);
+    check_message("a.vtk", &points("18446744073709551615"), &["byte", "are left"]);
+    check_message("a.vtk", &points("99999999999999999999"), &["byte", "count"]);
+    check_message("a.vtk", &points(""), &["byte", "count"]);
+    let nan = patched(&good, &be([4.0]), &be([f32::NAN]));
+    check_message("a.vtk", &nan, &["byte 97", "particle 1", "position", "NaN"]);
+    let bad = patched(&good, &be([998.5]), &be([f32::INFINITY]));
+    check_message("a.vtk", &bad, &["byte", "particle 1", "density"]);
+
+    // Counts that contradict each other.
+    let other = patched(&good, b"POINT_DATA 3", b"POINT_DATA 2");
+    check_message("a.vtk", &other, &["byte", "2 points", "3"]);
+    let field = patched(&good, b"density 1 3", b"density 1 2");
+    check_message("a.vtk", &field, &["byte", "density", "2 entries, 3 expected"]);
+    let size = patched(&good, b"SCALARS id int 1", b"SCALARS id int 2");
+    check_message("a.vtk", &size, &["byte"]);
+    let size = patched(&good, b"density 1 3", b"density 9223372036854775807 3");
+    check_message("a.vtk", &size, &["byte", "density"]);
+    let second = [&good[..], b"POINTS 1 float\n", &[0; 12]].concat();
+    check_message("a.vtk", &second, &["byte", "second POINTS"]);
+
+    // Text names lines.
+    let text = |from: &str, to: &str| {
+        assert!(VTK_ASCII.contains(from));
+        VTK_ASCII.replacen(from, to, 1).into_bytes()
+    };
+    check_message("a.vtk", &text("-5.75", "nan"), &["line 7", "particle 1", "position", "NaN"]);
+    check_message("a.vtk", &text("-5.75", "x"), &["line 8", "number expected", "`x`"]);
+    check_message("a.vtk", &text("POINTS 3", "POINTS 2147483647"), &["line 11", "`CELLS`"]);
+    check_message("a.vtk", &text("POINTS 3", "POINTS -3"), &["line 6", "-3"]);
+    check_message("a.vtk", &text("0.025 0", "0.025 -1"), &["line", "particle 1", "radius -1"]);
+    check_message("a.vtk", &text("radii 1 3", "radii 0 99"), &["line", "99 entries"]);
+    check_message("a.vtk", &text("v 3 3 float", "v 3 3 string"), &["line 22", "`string`"]);
+    check_message("a.vtk", &text("v 3 3 float", "v 3 3"), &["line 22", "field"]);
+    let cut = VTK_ASCII.split("998.5").next().unwrap();
+    check_message("a.vtk", cut.as_bytes(), &["line 32", "row 1 of 3"]);
+
+    check_message("a.vtk", &patched(&good, b"4.1", b"6.0"), &["6.0", "1.0 to 5.1"]);
+    check_message("a.vtk", &patched(&good, b"BINARY", b"HEX"), &["line 3", "HEX"]);
+    let grid = patched(&good, b"UNSTRUCTURED_GRID", b"RECTILINEAR_GRID");
+    check_message("a.vtk", &grid, &["RECTILINEAR_GRID", "unstructured grid or polydata"]);
+    check_message("a.vtk", b"# vtk DataFile Version 3.0\n\nASCII\n", &["line", "POINTS"]);
+}
+
+// ---- PLY ----
+
+const PLY_PROPERTIES: &str = "property float x\nproperty float32 y\nproperty float z
+property uchar red\nproperty float vx\nproperty float vy\nproperty float vz
+property float density\nproperty float radius\nproperty int32 id\n";
+
+fn ply_binary(order: &str) -> Vec<u8> {
+    let big = order == "big";
+    let header = format!(
+        "ply\nformat binary_{order}_endian 1.0\ncomment x\nelement vertex 3\n{PLY_PROPERTIES}end_header\n"
+    );
+    let mut bytes = header.into_bytes();
+    let word = |bytes: [u8; 4]| if big { bytes } else { bytes.map_reverse() };
+    for i in 0..3 {
+        bytes.extend(POSITIONS[i].map(|x| word(x.to_be_bytes())).concat());
+        bytes.push(255);
+        bytes.extend(VELOCITIES[i].map(|x| word(x.to_be_bytes())).concat());
+        bytes.extend([DENSITIES[i], RADII[i]].map(|x| word(x.to_be_bytes())).concat());
+        bytes.extend(word(IDS[i].to_be_bytes()));
+    }
+    bytes
+}
+
+trait Reversed {
+    fn map_reverse(self) -> Self;
+}
+
+impl Reversed for [u8; 4] {
+    fn map_reverse(mut self) -> Self {
+        self.reverse();
+        self
+    }
+}
+
+/// Lists, doubles, and elements before and after the vertices.
+fn ply_elaborate() -> Vec<u8> {
+    let header = "ply\r\nformat binary_big_endian 1.0\r\nobj_info by hand\r\n\
+        element camera 1\r\nproperty double fov\r\n\
+        element strip 2\r\nproperty list uchar short index\r\nproperty char end\r\n\
+        element vertex 3\r\nproperty double x\r\nproperty list int float more\r\n\
+        property double y\r\nproperty double z\r\n\
+        element face 1\r\nproperty list uchar int vertex_indices\r\nend_header\r\n";
+    let mut bytes = header.as_bytes().to_vec();
+    bytes.extend([0; 8]);
+    bytes.extend([2, 0, 1, 0, 2, 9]);
+    bytes.extend([0, 9]);
+    for (i, [x, y, z]) in POSITIONS.into_iter().enumerate() {
+        bytes.extend(f64::from(x).to_be_bytes());
+        bytes.extend((i as i32).to_be_bytes());
+        bytes.extend(vec![0xff; 4 * i]);
+        bytes.extend([y, z].map(|x| f64::from(x).to_be_bytes()).concat());
+    }
+    bytes.extend([3, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 2]);
+    bytes
+}
+
+fn ply_ascii() -> String {
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement strip 2\nproperty list uchar int i\n\
+         element vertex 3\n{PLY_PROPERTIES}property list uchar int near\n\
+         element face 1\nproperty list uchar int i\nend_header\n2 0 1\n0\n"
+    );
+    for i in 0..3 {
+        let [x, y, z] = POSITIONS[i];
+        let [vx, vy, vz] = VELOCITIES[i];
+        let (density, radius, id) = (DENSITIES[i], RADII[i], IDS[i]);
+        text += &format!("{x} {y} {z} 255 {vx} {vy} {vz} {density} {radius} {id} {i}");
+        text += &" 5".repeat(i);
+        text += "\n";
+    }
+    text + "3 0 1 2\n"
+}
+
+#[test]
+fn ply_variants() {
+    assert_eq!(read("a.ply", &ply_binary("little")).unwrap(), all_attributes());
+    assert_eq!(read("a.Ply", &ply_binary("big")).unwrap(), all_attributes());
+    assert_eq!(read("a.ply", &ply_elaborate()).unwrap(), positions_only());
+    assert_eq!(read("a.ply", ply_ascii().as_bytes()).unwrap(), all_attributes());
+    let dos = ply_ascii().replace('\n', "\r\n");
+    assert_eq!(read("a.ply", dos.as_bytes()).unwrap(), all_attributes());
+    let named = ply_ascii().replace("property float v", "property float velocity_");
+    assert_eq!(read("a.ply", named.as_bytes()).unwrap(), all_attributes());
+    let empty = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\n\
+        property float y\nproperty float z\nend_header\n";
+    assert_eq!(read("a.ply", empty.as_bytes()).unwrap(), Particles::default());
+}
+
+#[test]
+fn ply_malformed() {
+    let good = ply_binary("little");
+    let count = |to: &str| patched(&good, b"vertex 3", &[b"vertex ", to.as_bytes()].concat());
+    check_message("a.ply", &count("4"), &["byte", "vertices", "4 × 37 bytes", "111 are left"]);
+    check_message("a.ply", &count("2147483647"), &["byte", "2147483647 × 37"]);
+    check_message("a.ply", &count("18446744073709551615"), &["byte", "are left"]);
+    check_message("a.ply", &count("-1"), &["line 4", "count", "-1"]);
+    check_message("a.ply", &patched(&good, &le([4.0]), &le([f32::NAN])), &["byte", "particle 1"]);
+    let bad = patched(&good, &le([-9.5]), &le([f32::INFINITY]));
+    check_message("a.ply", &bad, &["byte", "particle 0", "velocity"]);
+    let lists = patched(&ply_elaborate(), b"strip 2", b"strip 2147483647");
+    check_message("a.ply", &lists, &["byte", "strip"]);
+    let length = patched(&ply_elaborate(), &[0, 0, 0, 1, 0xff], &[0xff, 0xff, 0xff, 0xff, 0xff]);
+    check_message("a.ply", &length, &["byte", "a list's length: 0 or more"]);
+
+    let text = |from: &str, to: &str| {
+        assert!(ply_ascii().contains(from));
+        ply_ascii().replacen(from, to, 1).into_bytes()
+    };
+    let first = 1 + ply_ascii().lines().position(|line| line.starts_with("0.5 ")).unwrap();
+    let [line_0, line_1] = [first, first + 1].map(|line| format!("line {line}: "));
+    check_message("a.ply", &text("3.5 4", "3.5 NaN"), &[&line_1, "particle 1", "position"]);
+    check_message("a.ply", &text("0.5 -1.25", "0.5 x"), &[&line_0, "`x`"]);
+    check_message("a.ply", &text("0.5 -1.25", "0.5"), &[&line_0, "too few values"]);
+    check_message("a.ply", &text("7 0\n", "7 0 9\n"), &[&line_0, "one value too many"]);
+    check_message("a.ply", &text("vertex 3", "vertex 2147483647"), &["line", "too few values"]);
+    check_message("a.ply", &text("strip 2", "strip -2"), &["line 3", "-2"]);
+    let ends = ply_ascii().replace("vertex 3", "vertex 5").into_bytes();
+    let ends = &ends[..ends.len() - "3 0 1 2\n".len()];
+    check_message("a.ply", ends, &["line", "ends before the last vertex"]);
+
+    check_message("a.ply", &text("property float x", "property float a"), &["x, y and z"]);
+    check_message("a.ply", &text("property float x", "property real x"), &["line 6", "`real`"]);
+    check_message("a.ply", &text("element vertex", "element points"), &["no `element vertex`"]);
+    check_message("a.ply", &text("format ascii 1.0", "comment"), &["line", "no `format`"]);
+    check_message("a.ply", &text("format ascii", "format utf8"), &["line 2", "unknown header"]);
+    check_message("a.ply", b"ply\nproperty float x\n", &["line 2", "first element"]);
+    check_message("a.ply", b"ply\nformat ascii 1.0\n", &["end_header"]);
+}
+
+// ---- npy ----
+
+fn npy(kind: &str, fortran: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+    let mut header =
+        format!("{{'descr': '{kind}', 'fortran_order': {fortran}, 'shape': {shape}, }}");
+    header += &" ".repeat(63 - (10 + header.len()) % 64);
+    header += "\n";
+    let length = (header.len() as u16).to_le_bytes();
+    [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), data].concat()
+}
+
+fn npy_data() -> Vec<u8> {
+    POSITIONS.into_iter().flat_map(le).collect()
+}
+
+fn npy_fortran() -> Vec<u8> {
+    let axes = [0, 1, 2].map(|k| POSITIONS.map(|p| f64::from(p[k]).to_be_bytes()).concat());
+    npy(">f8", "True", "(3, 3)", &axes.concat())
+}
+
+#[test]
+fn npy_variants() {
+    let doubles = POSITIONS.map(|p| p.map(|x| f64::from(x).to_le_bytes()).concat()).concat();
+    let floats = POSITIONS.map(be).concat();
+    let variants = [
+        npy("<f4", "False", "(3, 3)", &npy_data()),
+        npy(">f4", "False", "(3, 3)", &floats),
+        npy("<f8", "False", "(3, 3)", &doubles),
+        npy_fortran(),
+    ];
+    for bytes in &variants {
+        assert_eq!(read("a.npy", bytes).unwrap(), positions_only());
+    }
+    // Version 2 has a longer length.
+    let v1 = &variants[0];
+    let v2 = [b"\x93NUMPY\x02\x00", &v1[8..10], &[0, 0], &v1[10..]].concat();
+    assert_eq!(read("a.npy", &v2).unwrap(), positions_only());
+    assert!(read("a.npy", &npy("<f4", "False", "(0, 3)", &[])).unwrap().is_empty());
+}
+
+#[test]
+fn npy_malformed() {
+    let data = npy_data();
+    let shaped = |shape: &str| npy("<f4", "False", shape, &data);
+    check_message("a.npy", &shaped("(4, 3)"), &["byte 128", "4 × 12 bytes", "36 are left"]);
+    check_message("a.npy", &shaped("(2147483647, 3)"), &["byte", "2147483647 × 12"]);
+    check_message("a.npy", &shaped("(18446744073709551615, 3)"), &["byte", "are left"]);
+    check_message("a.npy", &shaped("(-1, 3)"), &["byte", "count", "-1"]);
+    for shape in ["(3,)", "(9, 1)", "(3, 4)", "(1, 3, 3)", "()"] {
+        check_message("a.npy", &shaped(shape), &[shape, "(n, 3) expected"]);
+    }
+    check_message("a.npy", &shaped("3"), &["byte", "`shape`"]);
+    for kind in ["<i4", "<f2", "|O", "<c8"] {
+        check_message("a.npy", &npy(kind, "False", "(3, 3)", &data), &[kind, "floats expected"]);
+    }
+    check_message("a.npy", &npy("<f4", "Maybe", "(3, 3)", &data), &["`fortran_order`"]);
+    let nested = npy("<f4", "False", &"(".repeat(50_000), &data);
+    check_message("a.npy", &nested, &["byte", "`shape`"]);
+    let nan = patched(&shaped("(3, 3)"), &le([4.0]), &le([f32::NAN]));
+    check_message("a.npy", &nan, &["byte 144", "particle 1", "position"]);
+    let nan = patched(&npy_fortran(), &4.0_f64.to_be_bytes(), &f64::NAN.to_be_bytes());
+    check_message("a.npy", &nan, &["byte 160", "particle 1", "position"]);
+    check_message("a.npy", b"\x93NUMPY\x09\x00", &["version 9"]);
+}
+
+// ---- xyz ----
+
+#[test]
+fn xyz_variants() {
+    assert_eq!(read("a.xyz", &npy_data()).unwrap(), positions_only());
+    let text = "0.5 -1.25 2\r\n3.5\t4  -5.75\n\n  0 1e-3 1e6";
+    assert_eq!(read("a.xyz", text.as_bytes()).unwrap(), positions_only());
+    assert!(read("a.xyz", b"").unwrap().is_empty());
+}
+
+#[test]
+fn xyz_malformed() {
+    let good = npy_data();
+    check_message("a.xyz", &good[..35], &["byte 24", "particle 2", "12 bytes", "11 are left"]);
+    let nan = patched(&good, &le([4.0]), &le([f32::NAN]));
+    check_message("a.xyz", &nan, &["byte 16", "particle 1", "position"]);
+    check_message("a.xyz", b"1 2 3\n\n4 5\n", &["line 3", "particle 1", "2 words"]);
+    check_message("a.xyz", b"1 2 3\nH 0 0\n", &["line 2", "number", "`H`"]);
+    check_message("a.xyz", b"1 2 3\n4 5 inf\n", &["line 2", "particle 1", "position"]);
+    check_message("a.xyz", &bgeo(), &["a BGEO file"]);
+}
+
+// ---- all formats ----
+
+/// One good file of each kind.
+fn samples() -> Vec<(&'static str, Vec<u8>)> {
+    vec![
+        ("a.bgeo", bgeo()),
+        ("b.bgeo", gzip(&bgeo())),
+        ("a.vtk", vtk_4_1()),
+        ("b.vtk", vtk_5_1()),
+        ("c.vtk", VTK_ASCII.into()),
+        ("a.ply", ply_binary("little")),
+        ("b.ply", ply_binary("big")),
+        ("c.ply", ply_elaborate()),
+        ("d.ply", ply_ascii().into()),
+        ("a.npy", npy("<f4", "False", "(3, 3)", &npy_data())),
+        ("b.npy", npy_fortran()),
+        ("a.xyz", npy_data()),
+        ("b.xyz", b"0.5 1 2\n3 4 5\n6 7 8".into()),
+    ]
+}
+
+/// Cut off anywhere, a file is an error, or whole in what it says of its particles. (Only .xyz
+/// has no count to hold against.)
+#[test]
+fn truncation_is_noticed_everywhere() {
+    for (name, bytes) in samples() {
+        for length in 0..bytes.len() {
+            match read(name, &bytes[..length]) {
+                Ok(particles) if name.ends_with("xyz") => assert!(particles.len() <= 3),
+                Ok(particles) => assert_eq!(particles.len(), 3, "{name} cut to {length}"),
+                Err(error) => assert!(error.to_string().contains(name), "{error}"),
+            }
+        }
+    }
+}
+
+/// Damage of any one bit yields particles or an error, and the particles are sound.
+#[test]
+fn bit_flips_never_panic() {
+    for (name, mut bytes) in samples() {
+        for at in 0..bytes.len() {
+            for bit in 0..8 {
+                bytes[at] ^= 1 << bit;
+                if let Ok(particles) = read(name, &bytes) {
+                    assert_sound(&particles);
+                }
+                bytes[at] ^= 1 << bit;
+            }
+        }
+    }
+}
+
+fn assert_sound(particles: &Particles) {
+    let n = particles.len();
+    let lengths = [
+        particles.velocities.as_ref().map(Vec::len),
+        particles.densities.as_ref().map(Vec::len),
+        particles.radii.as_ref().map(Vec::len),
+        particles.ids.as_ref().map(Vec::len),
+    ];
+    assert!(lengths.iter().flatten().all(|&length| length == n));
+    assert!(particles.positions.iter().all(|p| p.is_finite()));
+    assert!(particles.velocities.iter().flatten().all(|v| v.is_finite()));
+    assert!(particles.densities.iter().flatten().all(|rho| rho.is_finite()));
+    assert!(particles.radii.iter().flatten().all(|r| r.is_finite() && *r >= 0.0));
+}
+
+#[test]
+fn foreign_files_are_named() {
+    let mut stl = vec![0; 84 + 50];
+    stl[80] = 1;
+    let houdini = b"\x7fNSJb\x00\x00\x00";
+    for name in ["a.bgeo", "a.vtk", "a.ply", "a.npy", "a.xyz"] {
+        assert!(matches!(read(name, &stl), Err(Error::Format { .. })), "{name}");
+        check_message(name, &stl, &["binary STL"]);
+        check_message(name, houdini, &["Houdini's new", ".bhclassic"]);
+        check_message(name, b"<?xml version=\"1.0\"?>\n", &["XML", ".vtk"]);
+    }
+    for name in ["a.bgeo", "a.vtk", "a.ply", "a.npy"] {
+        check_message(name, b"", &["an empty file"]);
+        check_message(name, b"nonsense", &["an unknown kind"]);
+    }
+    check_message("a.ply", &vtk_4_1(), &["a legacy VTK file, not a PLY file"]);
+    check_message("a.vtk", &gzip(&vtk_4_1()), &["gzip", "unpack"]);
+    check_message("a.bgeo", &gzip(b"ply\n"), &["a PLY file"]);
+}
+
+#[test]
+fn unknown_extensions_come_with_a_remedy() {
+    check_message("a.vtu", b"", &["not a legacy VTK", ".vtk"]);
+    check_message("a.bgeo.sc", b"", &["hsc -d", ".bhclassic"]);
+    check_message("a.npz", b"", &["numpy.save"]);
+    check_message("a.stl", b"", &["does not know", ".bgeo", ".npy"]);
+    check_message("ply", b"", &["does not know"]);
+    assert!(matches!(read("a.obj", b""), Err(Error::Format { .. })));
+}
+
+#[test]
+fn files_are_read_as_their_contents() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    std::fs::write(&path, ply_ascii()).unwrap();
+    assert_eq!(Particles::read(&path).unwrap(), all_attributes());
+}
+
+#[test]
+fn a_missing_file_is_an_io_error() {
+    let error = Particles::read(Path::new("no-such-file.ply")).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }));
+    assert!(error.to_string().contains("no-such-file.ply: cannot read"), "{error}");
+}
+
+// ---- the struct itself ----
+
+/// Protects handedness: the turn maps up to up and keeps cross products.
+#[test]
+fn z_up_becomes_y_up() {
+    let axes = vec![Vec3::X, Vec3::Y, Vec3::Z];
+    let mut particles =
+        Particles { velocities: Some(axes.clone()), ..Particles::from_positions(axes) };
+    let before = particles.clone();
+    particles.to_y_up(Up::Y);
+    assert_eq!(particles, before);
+    particles.to_y_up(Up::Z);
+    assert_eq!(particles.positions, [Vec3::X, -Vec3::Z, Vec3::Y]);
+    assert_eq!(particles.velocities.as_deref(), Some(&particles.positions[..]));
+    let [x, y, z] = [0, 1, 2].map(|i| particles.positions[i]);
+    assert_eq!(x.cross(y), z);
+}
+
+#[test]
+fn bounds_enclose_all_particles() {
+    assert_eq!(Particles::default().bounds(), None);
+    let bounds = positions_only().bounds();
+    assert_eq!(bounds, Some((vec3(0.0, -1.25, -5.75), vec3(3.5, 4.0, 1e6))));
+}
