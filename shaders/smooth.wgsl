@@ -109,15 +109,16 @@ fn planes(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loc
     }
     let z = here.w;
     let disparity = 1.0 / z;
-    let x = difference(p, vec2i(1, 0), layer, z);
-    let y = difference(p, vec2i(0, 1), layer, z);
     let omega = camera_omega(vec2f(p) + 0.5);
-    var pi = plane_from_gradient(omega, disparity, vec2f(x.slope, y.slope));
-    if !(x.known && y.known) || z <= camera.near {
-        pi = plane_from_normal(omega, z, here.xyz);
-        if z <= camera.near {
-            pi = textureLoad(unsmoothed, p, layer, 0).xyz;
-        }
+    var pi = plane_from_normal(omega, z, here.xyz);
+    // The slope that the unsmoothed normal had, to judge sides by.
+    let expected = plane_slope(pi);
+    let x = difference(p, vec2i(1, 0), layer, z, expected.x);
+    let y = difference(p, vec2i(0, 1), layer, z, expected.y);
+    if z <= camera.near {
+        pi = textureLoad(unsmoothed, p, layer, 0).xyz;
+    } else if x.known && y.known {
+        pi = plane_from_gradient(omega, disparity, vec2f(x.slope, y.slope));
     }
     textureStore(target_layers, p, layer, vec4f(pi, z));
 }
@@ -128,8 +129,8 @@ struct Difference {
 }
 
 // The disparity's slope along `axis`: central, or one-sided where the other side is empty or lies
-// across a gap, which shows as a step several times the nearer one.
-fn difference(p: vec2i, axis: vec2i, layer: i32, z: f32) -> Difference {
+// across a gap. There the two sides disagree, and the unsmoothed normal tells which one is ours.
+fn difference(p: vec2i, axis: vec2i, layer: i32, z: f32, expected: f32) -> Difference {
     let size = vec2i(camera.size);
     let q0 = clamp(p - axis, vec2i(0), size - 1);
     let q1 = clamp(p + axis, vec2i(0), size - 1);
@@ -141,16 +142,12 @@ fn difference(p: vec2i, axis: vec2i, layer: i32, z: f32) -> Difference {
     let has0 = z0 > 0.0 && any(q0 != p);
     let has1 = z1 > 0.0 && any(q1 != p);
     if has0 && has1 {
-        let gap = params.radius;
-        let step0 = abs(z0 - z);
-        let step1 = abs(z1 - z);
-        if step0 > gap && step0 > 4.0 * step1 {
-            return Difference(s1, true);
-        }
-        if step1 > gap && step1 > 4.0 * step0 {
-            return Difference(s0, true);
-        }
-        return Difference(0.5 * (s0 + s1), true);
+        let nearer = select(s1, s0, abs(s0 - expected) < abs(s1 - expected));
+        let gap = abs(z0 + z1 - 2.0 * z) > GAP * params.radius;
+        return Difference(select(0.5 * (s0 + s1), nearer, gap), true);
     }
     return Difference(select(s1, s0, has0), has0 || has1);
 }
+
+// Bend over two pixels, in particle radii, beyond which a surface is taken for two.
+const GAP: f32 = 0.2;

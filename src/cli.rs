@@ -36,3 +36,12 @@ pub(crate) fn run() -> anyhow::Result<ExitCode> {
         Command::Compare(args) => compare::run(&args),
     }
 }
+
+/// Prints results; a reader that has seen enough (`| head -1`) is not an error.
+fn print(text: &str) -> anyhow::Result<()> {
+    use std::io::{ErrorKind, Write};
+    match writeln!(std::io::stdout(), "{text}") {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(e.into()),
+        _ => Ok(()),
+    }
+}

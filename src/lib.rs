@@ -50,6 +50,8 @@
 //! To draw into a texture of your own program, see [`gpu::Gpu::from_device`] and
 //! `examples/embed.rs`.
 
+#![forbid(unsafe_code)]
+
 pub mod aov;
 pub mod camera;
 pub mod compare;

@@ -14,7 +14,8 @@ pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<()> {
-    let fail = |e: io::Error| Error::io(path, "write", e);
+    // The kind alone: errors of the temporary file repeat its path.
+    let fail = |e: io::Error| Error::io(path, "write", e.kind().into());
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
@@ -52,6 +53,8 @@ pub struct OutputNames {
     digits: usize,
     suffix: String,
     numbered: bool,
+    // `-o` named a folder, not a file.
+    folder: bool,
 }
 
 impl OutputNames {
@@ -63,7 +66,13 @@ impl OutputNames {
     pub fn parse(output: &str, frames: usize) -> Result<Self> {
         if output.ends_with('/') || Path::new(output).is_dir() {
             let prefix = Path::new(output).join("frame_").to_string_lossy().into_owned();
-            return Ok(Self { prefix, digits: 4, suffix: ".png".into(), numbered: true });
+            return Ok(Self {
+                prefix,
+                digits: 4,
+                suffix: ".png".into(),
+                numbered: true,
+                folder: true,
+            });
         }
         let plain = |text: &str| text.to_owned();
         let numbered = |(at, length, digits): (usize, usize, usize)| Self {
@@ -71,6 +80,7 @@ impl OutputNames {
             digits,
             suffix: plain(&output[at + length..]),
             numbered: true,
+            folder: false,
         };
         let name = output.rfind('/').map_or(0, |slash| slash + 1);
         match number_place(&output[name..]) {
@@ -80,6 +90,7 @@ impl OutputNames {
                 digits: 0,
                 suffix: String::new(),
                 numbered: false,
+                folder: false,
             }),
             None => Err(Error::Usage(format!(
                 "{frames} frames cannot all be {output}; put #### where the number goes, or name a folder"
@@ -87,9 +98,22 @@ impl OutputNames {
         }
     }
 
+    /// Creates the folder that `-o FOLDER/` names, if it is not there.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the folder.
+    pub fn create_folder(&self) -> Result<()> {
+        match Path::new(&self.prefix).parent() {
+            Some(folder) if self.folder => {
+                std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The file for a frame.
     pub fn path(&self, frame: i64) -> PathBuf {
-        let Self { prefix, digits, suffix, numbered } = self;
+        let Self { prefix, digits, suffix, numbered, .. } = self;
         let sign = if frame < 0 { "-" } else { "" };
         match numbered {
             true => format!("{prefix}{sign}{:0digits$}{suffix}", frame.unsigned_abs()).into(),

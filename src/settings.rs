@@ -66,7 +66,7 @@ impl Default for Classify {
             support: 4.0,
             splash_density: 0.15,
             smoothing: 0.8,
-            max_ratio: 2.5,
+            max_ratio: 2.0,
             kernel: Kernel::Fitted,
             short_axis: 1.4,
             long_axis: 2.0,
@@ -111,7 +111,7 @@ pub struct Smooth {
 
 impl Default for Smooth {
     fn default() -> Self {
-        Self { iterations: 5, window: 3.0, unit: Unit::Radius, taps: 5, sigma: 3.0 }
+        Self { iterations: 5, window: 3.0, unit: Unit::Radius, taps: 5, sigma: 2.0 }
     }
 }
 
@@ -196,7 +196,7 @@ impl Default for Refract {
             internal_bounces: 4,
             samples: 1,
             fresnel: Fresnel::Exact,
-            contact: 2.0,
+            contact: 1.0,
             radiance_scaling: true,
             solids: Solids::Exact,
             reflections: Reflections::Scene,

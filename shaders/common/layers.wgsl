@@ -24,6 +24,11 @@ fn plane_from_gradient(omega: vec3f, disparity: f32, gradient: vec2f) -> vec3f {
     return vec3f(per_omega, dot(per_omega, omega.xy) - disparity);
 }
 
+// Change of the plane's disparity per pixel.
+fn plane_slope(pi: vec3f) -> vec2f {
+    return pi.xy * vec2f(1.0, -1.0) * 2.0 * camera.tangent / camera.size;
+}
+
 fn plane_is_empty(pi: vec3f) -> bool {
     return all(pi == vec3f(0.0));
 }

@@ -58,12 +58,12 @@ struct SolidHit {
     normal: vec3f,
 }
 
-// The nearest solid along o + t d for 0 < t < t_max, d a unit vector.
-fn scene_trace(o: vec3f, d: vec3f, t_max: f32) -> SolidHit {
+// The nearest solid along o + t d, t > 0, d a unit vector.
+fn scene_trace(o: vec3f, d: vec3f) -> SolidHit {
     var hit = SolidHit(NOTHING, 0u, vec3f(0.0));
     for (var i = 0u; i < SOLIDS; i++) {
         let t = solid_trace(solids[i], o, d);
-        if t > 0.0 && t < min(hit.t, t_max) {
+        if t > 0.0 && t < hit.t {
             hit.t = t;
             hit.index = i;
         }

@@ -110,7 +110,8 @@ fn approach(layer_class: i32, ray: ScreenRay, tau: f32) -> Approach {
 
 fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     let close = CLOSE_PIXELS * ray.tau_per_pixel;
-    let stride = ENTRY_STRIDE_PIXELS * ray.tau_per_pixel;
+    // Short steps first: a ray that has just left may enter again within a pixel or two.
+    var stride = 0.5 * ray.tau_per_pixel;
     var tau = 0.0;
     var here = approach(layer_class, ray, tau);
     for (var i = 0u; i < ENTRY_STEPS && tau < 1.0; i++) {
@@ -144,6 +145,7 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
         }
         tau = next;
         here = there;
+        stride = min(2.0 * stride, ENTRY_STRIDE_PIXELS * ray.tau_per_pixel);
     }
     return no_interface();
 }

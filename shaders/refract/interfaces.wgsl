@@ -170,6 +170,11 @@ fn reflectance(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
     return optics_fresnel(cos_theta_i, cos_theta_t, eta);
 }
 
+// The solid that the ray meets; its t is NOTHING if none.
+fn solid_ahead(o: vec3f, d: vec3f) -> SolidHit {
+    return scene_trace(camera_world_point(o), camera_world_direction(d));
+}
+
 // The radiance that arrives at o from direction d when no more liquid is in the way.
 fn lookup(o: vec3f, d: vec3f) -> vec3f {
     if SCREEN_SOLIDS {
@@ -178,28 +183,50 @@ fn lookup(o: vec3f, d: vec3f) -> vec3f {
             return textureLoad(gbuffer_radiance, hit.texel, 0).rgb;
         }
     }
-    let world_o = camera_world_point(o);
-    let world_d = camera_world_direction(d);
-    let hit = scene_trace(world_o, world_d, NOTHING);
-    if hit.t < NOTHING {
-        return solid_radiance(hit.index, world_o + hit.t * world_d, hit.normal, world_d);
-    }
-    return environment_radiance(world_d);
+    return radiance_of(solid_ahead(o, d), o, d);
 }
 
-fn lookup_reflection(o: vec3f, d: vec3f) -> vec3f {
+// The radiance of the solid that the ray meets, or of the environment.
+fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f) -> vec3f {
+    let world_d = camera_world_direction(d);
+    if solid.t >= NOTHING {
+        return environment_radiance(world_d);
+    }
+    let x = camera_world_point(o) + solid.t * world_d;
+    return solid_radiance(solid.index, x, solid.normal, world_d);
+}
+
+// What a reflection off the outside sees; it is not followed. A solid that liquid covers in this
+// view is seen through the liquid: without that, crests would mirror a dry floor.
+fn lookup_reflection(o: vec3f, d: vec3f, scale: f32) -> vec3f {
+    if !REFLECT_SOLIDS {
+        return environment_radiance(camera_world_direction(d));
+    }
+    let solid = solid_ahead(o, d);
+    let wet = solid.t < NOTHING && covered(o + solid.t * d);
+    return radiance_of(solid, o, d) / select(1.0, scale, wet);
+}
+
+// What a weak reflection off the inside sees; it is not followed either.
+fn lookup_inside(o: vec3f, d: vec3f) -> vec3f {
     if REFLECT_SOLIDS {
         return lookup(o, d);
     }
     return environment_radiance(camera_world_direction(d));
 }
 
-// The solid that the ray meets, as a distance; NOTHING if none.
-fn solid_ahead(o: vec3f, d: vec3f) -> SolidHit {
-    if SOLIDS == 0u {
-        return SolidHit(NOTHING, 0u, vec3f(0.0));
+// Whether the picture shows liquid in front of x.
+fn covered(x: vec3f) -> bool {
+    let u = camera_pixel(x);
+    if -x.z < camera.near || any(u < vec2f(0.0)) || any(u >= camera.size) {
+        return false;
     }
-    return scene_trace(camera_world_point(o), camera_world_direction(d), NOTHING);
+    let texel = vec2i(u);
+    var front = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
+    if plane_is_empty(front) && SPLASH {
+        front = textureLoad(splash_layers, texel, FRONT, 0).xyz;
+    }
+    return dot(front, camera_omega(u)) > 1.0 / -x.z;
 }
 
 // Whether a solid that the ray is heading for is within `contact` of x: then the liquid wets it.
@@ -261,7 +288,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             let cos_theta_i = -dot(d, n);
             let cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
             let f = reflectance(cos_theta_i, cos_theta_t, params.ior);
-            result += weight * f * lookup_reflection(o, reflect(d, n));
+            result += weight * f * lookup_reflection(o, reflect(d, n), scale);
             weight *= (1.0 - f) / scale;
             d = optics_refract(d, n, cos_theta_i, cos_theta_t, params.ior);
             inside = true;
@@ -279,9 +306,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             if ABSORPTION {
                 weight *= optics_transmittance(params.absorption, solid.t);
             }
-            let world_d = camera_world_direction(d);
-            let x = camera_world_point(o) + solid.t * world_d;
-            return result + weight * solid_radiance(solid.index, x, solid.normal, world_d);
+            return result + weight * radiance_of(solid, o, d);
         }
         if !hit.found {
             // Out of the picture while inside: what lies there is not known.
@@ -317,7 +342,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
         }
         interfaces += 1u;
         diagnosed.interfaces += 1.0;
-        result += weight * f * scale * lookup_reflection(o, reflected);
+        result += weight * f * scale * lookup_inside(o, reflected);
         if f >= 1.0 {
             return result;
         }

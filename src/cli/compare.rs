@@ -27,21 +27,21 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.diff {
         output::write_png(path, &map.picture())?;
     }
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&comparison)?);
-    } else {
-        let c = &comparison;
-        println!("mean FLIP {:.4}, 99th percentile {:.4}", c.mean_flip, c.p99_flip);
-        match c.psnr_db {
-            Some(psnr) => println!("RMSE {:.4}, PSNR {psnr:.2} dB", c.rmse),
-            None => println!("identical"),
-        }
-        let w = &c.worst;
-        println!(
-            "worst pixel ({}, {}): FLIP {:.3}, {:?} in the reference, {:?} in the test",
-            w.x, w.y, w.flip, w.reference, w.test
-        );
-    }
+    let text =
+        if args.json { serde_json::to_string_pretty(&comparison)? } else { describe(&comparison) };
+    super::print(&text)?;
     let differs = args.max_flip.is_some_and(|max| comparison.mean_flip > max);
     Ok(ExitCode::from(u8::from(differs)))
+}
+
+fn describe(c: &compare::Comparison) -> String {
+    let distance = match c.psnr_db {
+        Some(psnr) => format!("RMSE {:.4}, PSNR {psnr:.2} dB", c.rmse),
+        None => "identical".to_owned(),
+    };
+    let w = &c.worst;
+    format!(
+        "mean FLIP {:.4}, 99th percentile {:.4}\n{distance}\nworst pixel ({}, {}): FLIP {:.3}, {:?} in the reference, {:?} in the test",
+        c.mean_flip, c.p99_flip, w.x, w.y, w.flip, w.reference, w.test
+    )
 }

@@ -81,34 +81,24 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             splashes: loaded.splats.splashes.len(),
         });
     }
-    if args.json {
-        println!("{}", serde_json::to_string_pretty(&info)?);
-    } else {
-        print(&info);
-    }
+    let text = if args.json { serde_json::to_string_pretty(&info)? } else { describe(&info) };
+    super::print(&text)?;
     Ok(ExitCode::SUCCESS)
 }
 
-fn print(info: &Info) {
-    println!("{}: {} frames, {} to {}", info.pattern, info.frames, info.first, info.last);
+fn describe(info: &Info) -> String {
+    let mut lines =
+        vec![format!("{}: {} frames, {} to {}", info.pattern, info.frames, info.first, info.last)];
     for frame in &info.described {
         let attributes = match frame.attributes.as_slice() {
             [] => "positions only".to_owned(),
             names => names.join(", "),
         };
-        println!(
-            "frame {}: {}\n  {} particles, {attributes}\n  x {} to {}, y {} to {}, z {} to {} m\n  radius {} m, {} splashes",
-            frame.frame,
-            frame.path,
-            frame.particles,
-            frame.min[0],
-            frame.max[0],
-            frame.min[1],
-            frame.max[1],
-            frame.min[2],
-            frame.max[2],
-            frame.radius,
-            frame.splashes,
-        );
+        let [x, y, z] = [0, 1, 2].map(|i| format!("{} to {}", frame.min[i], frame.max[i]));
+        lines.push(format!("frame {}: {}", frame.frame, frame.path));
+        lines.push(format!("  {} particles, {attributes}", frame.particles));
+        lines.push(format!("  x {x}, y {y}, z {z} m"));
+        lines.push(format!("  radius {} m, {} splashes", frame.radius, frame.splashes));
     }
+    lines.join("\n")
 }

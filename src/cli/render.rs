@@ -94,6 +94,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let scene = input.scene_for(first, &overrides)?;
     scene.check()?;
 
+    names.create_folder()?;
     let gpu = Gpu::headless()?;
     let mut renderer = Renderer::new(&gpu);
     renderer.timing = args.stats.is_some();
