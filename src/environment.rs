@@ -1,6 +1,7 @@
 //! What is seen where there is nothing else.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{UVec2, Vec3};
 
@@ -25,7 +26,7 @@ pub enum Environment {
         /// Width and height, pixels.
         size: UVec2,
         /// Rows from the top, linear RGB and 1.
-        pixels: Vec<[f32; 4]>,
+        pixels: Arc<[[f32; 4]]>,
     },
 }
 
@@ -64,7 +65,7 @@ impl Environment {
         if pixels.is_empty() || !pixels.iter().flatten().all(|c| c.is_finite()) {
             return Err(Error::format(path, "the environment has no pixels, or infinite ones"));
         }
-        Ok(Self::Map { size, pixels })
+        Ok(Self::Map { size, pixels: pixels.into() })
     }
 
     /// The same environment, `scale` times as bright.
@@ -77,12 +78,13 @@ impl Environment {
                 horizon: scale * horizon,
                 nadir: scale * nadir,
             },
-            Self::Map { size, mut pixels } => {
-                for p in &mut pixels {
-                    p[..3].iter_mut().for_each(|c| *c *= scale);
-                }
-                Self::Map { size, pixels }
-            }
+            Self::Map { size, pixels } => Self::Map {
+                size,
+                pixels: pixels
+                    .iter()
+                    .map(|p| [scale * p[0], scale * p[1], scale * p[2], 1.0])
+                    .collect(),
+            },
         }
     }
 

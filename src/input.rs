@@ -119,11 +119,11 @@ impl Input {
     /// Reads and classifies a frame as `scene` says.
     ///
     /// # Errors
-    /// As [`Particles::read`].
+    /// As [`Particles::read`]; [`Error::Scene`] if there is no way to know a radius.
     pub fn load(&self, frame: &Frame, scene: &Scene) -> Result<Loaded> {
         let particles = self.particles(frame)?;
         let settings = &scene.settings.classify;
-        let radius = self.radius.unwrap_or_else(|| classify::estimate_radius(&particles));
+        let radius = self.radius_of(frame, &particles)?;
         let mut splats = classify::classify(&particles, radius, settings);
         classify::wet(&mut splats, &scene.solids, settings.wetting);
         Ok(Loaded {
@@ -131,6 +131,18 @@ impl Input {
             particles: particles.len(),
             splats,
             bounds: particles.bounds().unwrap_or_default(),
+        })
+    }
+
+    /// The radius for particles without one of their own: as given, or from their spacing.
+    fn radius_of(&self, frame: &Frame, particles: &Particles) -> Result<f32> {
+        let radius = self.radius.unwrap_or_else(|| classify::estimate_radius(particles));
+        if radius > 0.0 || particles.is_empty() || particles.radii.is_some() {
+            return Ok(radius);
+        }
+        Err(Error::Scene {
+            origin: frame.path.display().to_string(),
+            problem: "no radii, and no spacing to estimate one from; give --radius".into(),
         })
     }
 
@@ -143,7 +155,7 @@ impl Input {
             return Ok(scene.clone());
         }
         let particles = self.particles(frame)?;
-        let radius = self.radius.unwrap_or_else(|| classify::estimate_radius(&particles));
+        let radius = self.radius_of(frame, &particles)?;
         let (min, max) = particles.bounds().unwrap_or((-Vec3::ONE, Vec3::ONE));
         let mut scene = Scene::around(min, max, radius);
         scene.settings = scene.settings.with(overrides)?;

@@ -358,14 +358,16 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
     return result + weight * lookup(o, d);
 }
 
-// Where in the pixel sample `index` of `count` lies: a square grid if there is one, otherwise the
-// R2 sequence.
+// Where in the pixel sample `index` of `count` lies: a square grid where there is one, sheared so
+// that no two samples share a row or a column; otherwise the R2 sequence.
 fn sample_offset(index: u32, count: u32) -> vec2f {
     let side = u32(sqrt(f32(count)) + 0.5);
-    if side * side == count {
-        return (vec2f(f32(index % side), f32(index / side)) + 0.5) / f32(side);
+    if side * side != count {
+        return fract(0.5 + f32(index) * vec2f(0.75487767, 0.56984029));
     }
-    return fract(0.5 + f32(index) * vec2f(0.75487767, 0.56984029));
+    let cell = vec2f(f32(index % side), f32(index / side));
+    let within = (vec2f(f32(side) - 1.0 - cell.y, cell.x) + 0.5) / f32(side);
+    return (cell + within) / f32(side);
 }
 
 @compute @workgroup_size(8, 8)

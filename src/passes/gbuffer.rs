@@ -2,6 +2,7 @@
 //! `shaders/common/scene.wgsl`.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{UVec2, Vec3};
@@ -10,7 +11,7 @@ use wgpu::TextureViewDimension::D2;
 use super::{CameraBinding, GBuffer, Layers};
 use crate::environment::Environment;
 use crate::gpu::{self, Gpu, Span};
-use crate::scene::{Light, Scene, Shape, Surface};
+use crate::scene::{Light, Scene, Shape, Solid, Surface};
 
 /// `Scene` of `common/scene.wgsl`.
 #[repr(C)]
@@ -112,6 +113,7 @@ pub struct SceneBinding {
     pub(crate) group: wgpu::BindGroup,
     /// What pipelines are specialised for.
     pub(crate) variant: SceneVariant,
+    uploaded: Option<(Vec<Solid>, Vec<Light>, Environment)>,
 }
 
 impl SceneBinding {
@@ -125,15 +127,34 @@ impl SceneBinding {
         ];
         let layout = gpu.layout("scene", wgpu::ShaderStages::COMPUTE, &bindings);
         let group = bind(gpu, &layout, &[], &[], &Environment::default());
-        Self { layout, group, variant: SceneVariant::default() }
+        Self { layout, group, variant: SceneVariant::default(), uploaded: None }
     }
 
     /// Uploads a scene's solids, lights and environment.
     pub fn upload(&mut self, gpu: &Gpu, scene: &Scene) {
+        if self.uploaded.as_ref().is_some_and(|(solids, lights, environment)| {
+            *solids == scene.solids
+                && *lights == scene.lights
+                && same(environment, &scene.environment)
+        }) {
+            return;
+        }
         let solids: Vec<_> = scene.solids.iter().map(solid_data).collect();
         let lights: Vec<_> = scene.lights.iter().map(light_data).collect();
         self.group = bind(gpu, &self.layout, &solids, &lights, &scene.environment);
         self.variant = SceneVariant::new(scene);
+        self.uploaded =
+            Some((scene.solids.clone(), scene.lights.clone(), scene.environment.clone()));
+    }
+}
+
+/// Whether two environments need no new upload; a map is known by its memory, not its pixels.
+fn same(a: &Environment, b: &Environment) -> bool {
+    match (a, b) {
+        (Environment::Map { pixels: a, .. }, Environment::Map { pixels: b, .. }) => {
+            Arc::ptr_eq(a, b)
+        }
+        (a, b) => a == b,
     }
 }
 
@@ -189,7 +210,7 @@ fn bind(
     gpu::bind_group(gpu, "scene", layout, &resources)
 }
 
-fn solid_data(solid: &crate::scene::Solid) -> SolidData {
+fn solid_data(solid: &Solid) -> SolidData {
     let (shape, origin, extent, half_extent) = match solid.shape {
         Shape::Plane { origin, normal, half_extent } => (0, origin, normal, half_extent.min(1e30)),
         Shape::Box { min, max } => (1, 0.5 * (min + max), 0.5 * (max - min), 0.0),
