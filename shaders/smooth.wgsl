@@ -25,7 +25,11 @@ struct Params {
 
 @compute @workgroup_size(8, 8)
 fn prepare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let p = tile_pixel(liquid.tiles[tile_index(group)], local.xy);
+    let index = tile_index(group);
+    if index >= liquid.count {
+        return;
+    }
+    let p = tile_pixel(liquid.tiles[index], local.xy);
     let layer = i32(group.z);
     if any(p >= vec2i(camera.size)) {
         return;
@@ -40,15 +44,20 @@ fn prepare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
 
 @compute @workgroup_size(8, 8)
 fn fit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let p = tile_pixel(liquid.tiles[tile_index(group)], local.xy);
+    let index = tile_index(group);
+    if index >= liquid.count {
+        return;
+    }
+    let p = tile_pixel(liquid.tiles[index], local.xy);
     let layer = i32(group.z);
     let size = vec2i(camera.size);
     if any(p >= size) {
         return;
     }
     let here = textureLoad(source, p, layer, 0);
-    if here.w <= 0.0 {
-        textureStore(target_layers, p, layer, vec4f(0.0));
+    // Empty, or a mark that the ray starts inside: kept, and no neighbour's tap.
+    if here.w <= camera.near {
+        textureStore(target_layers, p, layer, here);
         return;
     }
     let z_i = here.w;
@@ -74,7 +83,7 @@ fn fit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local:
                 continue;
             }
             let tap = textureLoad(source, q, layer, 0);
-            if tap.w <= 0.0 {
+            if tap.w <= camera.near {
                 continue;
             }
             let dz = tap.w - z_i;
@@ -97,7 +106,11 @@ fn fit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local:
 
 @compute @workgroup_size(8, 8)
 fn planes(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let p = tile_pixel(liquid.tiles[tile_index(group)], local.xy);
+    let index = tile_index(group);
+    if index >= liquid.count {
+        return;
+    }
+    let p = tile_pixel(liquid.tiles[index], local.xy);
     let layer = i32(group.z);
     if any(p >= vec2i(camera.size)) {
         return;

@@ -52,7 +52,8 @@ impl Camera {
     pub fn fit(min: Vec3, max: Vec3) -> Self {
         let target = 0.5 * (min + max);
         let fov_y = 40f32;
-        let radius = (0.5 * (max - min).length()).max(1e-6);
+        // At least so far away that the eye and the target are different numbers.
+        let radius = (0.5 * (max - min).length()).max(1e-4 * target.abs().max_element()).max(1e-6);
         let distance = 1.05 * radius / (0.5 * fov_y.to_radians()).sin();
         let eye = target + Vec3::new(0.25, 0.4, 1.0).normalize() * distance;
         Self { eye, target, up: Vec3::Y, fov_y, near: None }

@@ -6,6 +6,7 @@ mod render;
 
 use std::process::ExitCode;
 
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 /// Draws clear liquid straight from particles.
@@ -30,7 +31,7 @@ enum Command {
 }
 
 pub(crate) fn run() -> anyhow::Result<ExitCode> {
-    match Cli::parse().command {
+    match parse()?.command {
         Command::Render(args) => render::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
@@ -44,4 +45,25 @@ fn print(text: &str) -> anyhow::Result<()> {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(e.into()),
         _ => Ok(()),
     }
+}
+
+/// As clap parses, but with every error on one line like all others.
+fn parse() -> anyhow::Result<Cli> {
+    Cli::try_parse().map_err(|error| match error.kind() {
+        ErrorKind::DisplayHelp
+        | ErrorKind::DisplayVersion
+        | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
+        _ => anyhow::anyhow!(one_line(&error.to_string())),
+    })
+}
+
+/// The problem and the hint of clap's message, without its usage and its pointer to the help.
+fn one_line(message: &str) -> String {
+    let message = message.strip_prefix("error: ").unwrap_or(message);
+    let lines = message.lines().map(str::trim).filter(|line| !line.is_empty());
+    let told = |line: &&str| !line.starts_with("Usage:") && !line.starts_with("For more");
+    lines.take_while(told).fold(String::new(), |text, line| {
+        let between = if text.is_empty() || text.ends_with(':') { " " } else { "; " };
+        (text + between + line).trim_start().to_owned()
+    })
 }

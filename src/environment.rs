@@ -88,6 +88,18 @@ impl Environment {
         }
     }
 
+    /// Whether every radiance is finite.
+    pub fn is_finite(&self) -> bool {
+        match self {
+            Self::Constant(c) => c.is_finite(),
+            Self::Gradient { zenith, horizon, nadir } => {
+                zenith.is_finite() && horizon.is_finite() && nadir.is_finite()
+            }
+            // As it was when it was loaded; to look at every pixel in each frame would cost more.
+            Self::Map { .. } => true,
+        }
+    }
+
     /// Mean radiance over all directions: what an evenly lit surface receives, over π.
     pub fn mean(&self) -> Vec3 {
         match self {

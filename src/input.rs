@@ -80,9 +80,14 @@ impl Input {
     }
 
     /// The same frames with a particle radius in metres where the files have none.
-    #[must_use]
-    pub fn with_radius(self, radius: f32) -> Self {
-        Self { radius: Some(radius), ..self }
+    ///
+    /// # Errors
+    /// [`Error::Usage`] unless the radius is above 0 and finite.
+    pub fn with_radius(self, radius: f32) -> Result<Self> {
+        if radius > 0.0 && radius.is_finite() {
+            return Ok(Self { radius: Some(radius), ..self });
+        }
+        Err(Error::Usage(format!("a particle radius of {radius}: above 0 and finite expected")))
     }
 
     fn from_scene(scene: Scene, origin: &str) -> Result<Self> {

@@ -22,7 +22,7 @@
 //! # Conventions
 //!
 //! Right-handed world, y up, metres, linear RGB radiance. View space is x right, y up, looking
-//! down −z; *depth* is z = −z_view > 0, *disparity* is 1/z. Pixel (i, j) has its centre at
+//! down −z; *depth* is `z = −z_view > 0`, *disparity* is 1/z. Pixel (i, j) has its centre at
 //! (i + ½, j + ½), y down. Transforms are named `a_from_b`. NaN and ∞ are never values.
 //!
 //! # Use

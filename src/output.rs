@@ -1,10 +1,11 @@
 //! Files that are written whole or not at all, and their names.
 
 use std::fs::File;
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::sequence::placeholder;
 
 /// Writes a file under a temporary name beside `path`, then renames it.
 ///
@@ -14,8 +15,14 @@ pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<()> {
-    // The kind alone: errors of the temporary file repeat its path.
-    let fail = |e: io::Error| Error::io(path, "write", e.kind().into());
+    let fail = |e: io::Error| Error::io(path, "write", e);
+    // A pipe or a device is written to; a file that took its name would be in nobody's interest.
+    if path.metadata().is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir()) {
+        let file = File::options().write(true).open(path).map_err(fail)?;
+        let mut buffer = BufWriter::new(&file);
+        write(&mut buffer).map_err(fail)?;
+        return buffer.flush().map_err(fail);
+    }
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
@@ -24,7 +31,9 @@ pub fn write_atomically(
     // Temporary files are private by default; a picture is as readable as any other file.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let temporary = builder.prefix(".limpid-").tempfile_in(folder).map_err(fail)?;
+    let temporary = builder.prefix(".limpid-").tempfile_in(folder);
+    // The error names the temporary file, which is nobody's concern.
+    let temporary = temporary.map_err(|e| fail(e.kind().into()))?;
     let mut buffer = BufWriter::new(temporary.as_file());
     write(&mut buffer).map_err(fail)?;
     buffer.into_inner().map_err(|e| fail(e.into_error()))?;
@@ -77,13 +86,13 @@ impl OutputNames {
         let plain = |text: &str| text.to_owned();
         let numbered = |(at, length, digits): (usize, usize, usize)| Self {
             prefix: plain(&output[..at]),
-            digits,
+            digits: digits.min(20),
             suffix: plain(&output[at + length..]),
             numbered: true,
             folder: false,
         };
         let name = output.rfind('/').map_or(0, |slash| slash + 1);
-        match number_place(&output[name..]) {
+        match placeholder(&output[name..]) {
             Some((at, length, digits)) => Ok(numbered((name + at, length, digits))),
             None if frames <= 1 => Ok(Self {
                 prefix: plain(output),
@@ -120,26 +129,4 @@ impl OutputNames {
             false => prefix.into(),
         }
     }
-}
-
-/// Place and length of the number's mark in a file name, and the digits it asks for.
-fn number_place(name: &str) -> Option<(usize, usize, usize)> {
-    if let Some(at) = name.find("{}") {
-        return Some((at, 2, 0));
-    }
-    if let Some(at) = name.find('#') {
-        let length = name[at..].bytes().take_while(|&b| b == b'#').count();
-        return Some((at, length, length));
-    }
-    for (mark, end) in [("%", "d"), ("$F", "")] {
-        if let Some(at) = name.find(mark) {
-            let rest = &name[at + mark.len()..];
-            let count = rest.bytes().take_while(u8::is_ascii_digit).count();
-            if rest[count..].starts_with(end) {
-                let digits = rest[..count].parse().unwrap_or(0).min(20);
-                return Some((at, mark.len() + count + end.len(), digits));
-            }
-        }
-    }
-    None
 }

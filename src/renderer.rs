@@ -32,6 +32,7 @@ pub struct Renderer {
     refract: Refract,
     tonemap: Tonemap,
     sized_for: Sized,
+    smoothed: bool,
     /// Measure each pass with the device's timestamps, where it has them.
     pub timing: bool,
     /// Keep what [`Renderer::images`] needs: per-pixel counts, and the G-buffer.
@@ -90,6 +91,7 @@ impl Renderer {
             refract,
             tonemap,
             sized_for,
+            smoothed: false,
             timing: false,
             diagnose: false,
         }
@@ -129,12 +131,13 @@ impl Renderer {
             count: self.diagnose,
         });
 
+        let fits = smooth::Params::iterations(&settings.smooth, splats.radius);
+        self.smoothed = !fits.is_empty();
         let gpu = &self.gpu;
         self.camera.write(gpu, &camera.uniform(size));
         self.scene.upload(gpu, scene);
         self.aggregate.upload(gpu, &splats.aggregates);
         self.splash.upload(gpu, &splats.splashes);
-        let fits = smooth::Params::iterations(&settings.smooth, splats.radius);
         let params = refract::Params::new(&scene.liquid, &settings.refract, splats.radius);
         self.refract.prepare(gpu, &self.camera, &self.scene, variant, &params);
         if self.sized_for.gbuffer {
@@ -153,19 +156,18 @@ impl Renderer {
         let aggregate = &self.aggregate.layers;
         self.tiles.record(gpu, &mut encoder, aggregate, splash, timer.span("tiles"));
         let tiles = &self.tiles.lists;
-        if !fits.is_empty() {
+        if self.smoothed {
             self.smooth.record(gpu, &mut encoder, camera, tiles, &fits, timer.span("smooth"));
         }
         if self.sized_for.gbuffer {
             self.gbuffer.record(gpu, &mut encoder, camera, scene, timer.span("gbuffer"));
         }
-        let aggregate = if fits.is_empty() { &self.aggregate.layers } else { &self.smooth.layers };
         self.refract.record(
             gpu,
             &mut encoder,
             camera,
             scene,
-            aggregate,
+            self.aggregate_layers(),
             &self.splash.layers,
             &self.gbuffer.images,
             tiles,
@@ -183,12 +185,17 @@ impl Renderer {
     pub fn images(&self) -> Images {
         Images {
             aggregate: self.aggregate.layers.clone(),
-            smoothed: self.smooth.layers.clone(),
+            smoothed: self.aggregate_layers().clone(),
             splash: self.sized_for.splash.then(|| self.splash.layers.clone()),
             gbuffer: self.sized_for.gbuffer.then(|| self.gbuffer.images.clone()),
             radiance: self.refract.radiance.clone(),
             diagnostics: self.sized_for.count.then(|| self.refract.diagnostics.clone()),
         }
+    }
+
+    /// What the liquid is drawn from: smoothed, if anything was.
+    fn aggregate_layers(&self) -> &Layers {
+        if self.smoothed { &self.smooth.layers } else { &self.aggregate.layers }
     }
 
     /// Gives each pass what it needs at this size, and one pixel to those that do not run.

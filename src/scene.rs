@@ -299,12 +299,13 @@ impl Scene {
     /// under them, a pale sky.
     pub fn around(min: Vec3, max: Vec3, radius: f32) -> Self {
         let size = (max - min).max_element().max(2.0 * radius);
+        let size = if size > 0.0 { size } else { 1.0 };
         let tile = 10f32.powf((size / 10.0).log10().round());
         let centre = 0.5 * (min + max);
         Self {
             particles: None,
             liquid: Liquid::default(),
-            camera: Some(Camera::fit(min, max)),
+            camera: Some(Camera::fit(min - radius, max + radius)),
             environment: Environment::Gradient {
                 zenith: Vec3::new(0.30, 0.50, 0.85),
                 horizon: Vec3::new(0.75, 0.82, 0.90),
@@ -350,21 +351,82 @@ impl Scene {
                 format!("at most {MAX_SOLIDS} solids and {MAX_LIGHTS} lights can be drawn");
             return fail("[solid]", &problem);
         }
-        for light in &self.lights {
-            match light {
-                Light::Sun { direction, .. } if !(direction.length_squared() > 0.0) => {
-                    return fail("[light]", "a sun's direction must not be zero");
-                }
-                _ => {}
+        if !self.environment.is_finite() {
+            return fail("environment", "radiances must be finite");
+        }
+        for (number, solid) in (1..).zip(&self.solids) {
+            if let Some(problem) = solid.problem() {
+                return fail("[solid]", &format!("{number}: {problem}"));
+            }
+        }
+        for (number, light) in (1..).zip(&self.lights) {
+            if let Some(problem) = light.problem() {
+                return fail("[light]", &format!("{number}: {problem}"));
             }
         }
         self.settings.check()
     }
 }
 
+impl Solid {
+    /// The first value that cannot be drawn.
+    fn problem(&self) -> Option<&'static str> {
+        let shape = match self.shape {
+            Shape::Plane { origin, normal, half_extent } => [
+                (origin.is_finite(), "origin must be finite"),
+                (normal.is_normalized(), "normal must be of length 1"),
+                (half_extent > 0.0, "half_extent must be above 0"),
+            ],
+            Shape::Box { min, max } => [
+                (min.is_finite(), "min must be finite"),
+                (max.is_finite(), "max must be finite"),
+                (min.cmplt(max).all(), "min must be below max"),
+            ],
+            Shape::Sphere { center, radius } => [
+                (center.is_finite(), "center must be finite"),
+                (radius.is_finite(), "radius must be finite"),
+                (radius > 0.0, "radius must be above 0"),
+            ],
+        };
+        let surface = match self.surface {
+            Surface::Color(color) => [(color.is_finite(), "color must be finite"), (true, "")],
+            Surface::Checker { tile, even, odd } => [
+                (tile > 0.0 && tile.is_finite(), "a checker's tile must be above 0"),
+                (even.is_finite() && odd.is_finite(), "a checker's colours must be finite"),
+            ],
+        };
+        let mut checks = shape.into_iter().chain(surface);
+        checks.find_map(|(good, problem)| (!good).then_some(problem))
+    }
+}
+
+impl Light {
+    /// The first value that cannot be drawn.
+    fn problem(&self) -> Option<&'static str> {
+        let (place, power, problem) = match *self {
+            Self::Sun { direction, irradiance } => (
+                direction.try_normalize().is_some(),
+                irradiance,
+                "a sun's direction must be finite and not zero",
+            ),
+            Self::Point { position, intensity } => {
+                (position.is_finite(), intensity, "a point's position must be finite")
+            }
+        };
+        match (place, power.is_finite()) {
+            (false, _) => Some(problem),
+            (_, false) => Some("irradiance and intensity must be finite"),
+            _ => None,
+        }
+    }
+}
+
 impl EnvironmentFile {
     fn meaning(self, folder: &Path, fail: &dyn Fn(String) -> Error) -> Result<Environment> {
         let scale = self.scale.unwrap_or(1.0);
+        if !(scale >= 0.0 && scale.is_finite()) {
+            return Err(fail("[environment] scale must not be negative".into()));
+        }
         let environment = match (self.radiance, self.gradient, self.map) {
             (None, None, None) => Environment::default(),
             (Some(radiance), None, None) => Environment::Constant(radiance),
@@ -398,9 +460,6 @@ impl SolidFile {
             }
             ShapeFile::Box => {
                 let (min, max) = (need(self.min, "box", "min")?, need(self.max, "box", "max")?);
-                if !min.cmplt(max).all() {
-                    return Err("a box's min must be below its max".into());
-                }
                 Shape::Box { min, max }
             }
             ShapeFile::Sphere => Shape::Sphere {
@@ -410,10 +469,7 @@ impl SolidFile {
         };
         let surface = match (self.color, self.checker) {
             (Some(color), None) => Surface::Color(color),
-            (None, Some(CheckerFile { tile, even, odd })) if tile > 0.0 => {
-                Surface::Checker { tile, even, odd }
-            }
-            (None, Some(_)) => return Err("a checker's tile must be above 0".into()),
+            (None, Some(CheckerFile { tile, even, odd })) => Surface::Checker { tile, even, odd },
             (None, None) => Surface::Color(Vec3::splat(0.5)),
             (Some(_), Some(_)) => return Err("takes one of color and checker".into()),
         };
@@ -427,7 +483,8 @@ pub(crate) fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> E
     if let Some(nearest) = nearest_key(&problem) {
         problem = format!("{problem}; did you mean `{nearest}`?");
     }
-    let line = error.span().map(|span| text[..span.start.min(text.len())].lines().count().max(1));
+    let line =
+        error.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
     let origin = match line {
         Some(line) => format!("{origin}: line {line}"),
         None => origin.to_owned(),
@@ -435,12 +492,18 @@ pub(crate) fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> E
     Error::Scene { origin, problem }
 }
 
-/// The key most like the unknown one, from serde's message: the first name in backquotes is the
-/// unknown key, the rest are those that exist.
+/// The key most like the unknown one, from serde's message (the first name in backquotes is the
+/// unknown key, the rest are those that exist) or from toml's own about tables in arrays.
 fn nearest_key(message: &str) -> Option<&str> {
-    let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    let names: Vec<&str> = match message.strip_prefix("unexpected keys in table: ") {
+        Some(rest) => {
+            let (unknown, known) = rest.split_once(", available keys: ")?;
+            unknown.split(", ").take(1).chain(known.split(", ")).collect()
+        }
+        None if message.starts_with("unknown") => message.split('`').skip(1).step_by(2).collect(),
+        None => return None,
+    };
     let (unknown, known) = names.split_first()?;
-    message.starts_with("unknown").then_some(())?;
     known.iter().copied().max_by(|a, b| {
         strsim::jaro_winkler(a, unknown).total_cmp(&strsim::jaro_winkler(b, unknown))
     })

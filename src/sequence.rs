@@ -162,7 +162,7 @@ impl<'a> Pattern<'a> {
 }
 
 /// Where the first place for a number begins, its length, and the least number of digits.
-fn placeholder(name: &str) -> Option<(usize, usize, usize)> {
+pub(crate) fn placeholder(name: &str) -> Option<(usize, usize, usize)> {
     name.char_indices().find_map(|(at, _)| {
         let rest = &name[at..];
         let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();

@@ -46,7 +46,7 @@ pub struct Classify {
     pub splash_density: f32,
     /// λ: how far a centre moves to its neighbours' mean (0 to 1).
     pub smoothing: f32,
-    /// k_r: the largest ratio of covariance eigenvalues (1 to 100).
+    /// `k_r`: the largest ratio of covariance eigenvalues (1 to 100).
     pub max_ratio: f32,
     /// Which rule scales the axes.
     pub kernel: Kernel,
@@ -64,14 +64,14 @@ impl Default for Classify {
     fn default() -> Self {
         Self {
             support: 4.0,
-            splash_density: 0.15,
+            splash_density: 0.12,
             smoothing: 0.8,
-            max_ratio: 2.0,
+            max_ratio: 1.8,
             kernel: Kernel::Fitted,
-            short_axis: 1.4,
-            long_axis: 2.0,
-            splash_radius: 1.3,
-            wetting: 3.5,
+            short_axis: 1.45,
+            long_axis: 2.2,
+            splash_radius: 1.2,
+            wetting: 3.3,
         }
     }
 }
@@ -111,7 +111,7 @@ pub struct Smooth {
 
 impl Default for Smooth {
     fn default() -> Self {
-        Self { iterations: 5, window: 3.0, unit: Unit::Radius, taps: 5, sigma: 2.0 }
+        Self { iterations: 5, window: 3.0, unit: Unit::Radius, taps: 5, sigma: 1.5 }
     }
 }
 

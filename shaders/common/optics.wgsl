@@ -17,8 +17,9 @@ fn optics_fresnel(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
     if cos_theta_t < 0.0 {
         return 1.0;
     }
-    let r_parl = (eta * cos_theta_i - cos_theta_t) / (eta * cos_theta_i + cos_theta_t);
-    let r_perp = (cos_theta_i - eta * cos_theta_t) / (cos_theta_i + eta * cos_theta_t);
+    // Grazing light between equal media: 0/0, and nothing is reflected.
+    let r_parl = (eta * cos_theta_i - cos_theta_t) / max(eta * cos_theta_i + cos_theta_t, 1e-20);
+    let r_perp = (cos_theta_i - eta * cos_theta_t) / max(cos_theta_i + eta * cos_theta_t, 1e-20);
     return 0.5 * (r_parl * r_parl + r_perp * r_perp);
 }
 

@@ -84,7 +84,8 @@ fn solid_trace(solid: Solid, o: vec3f, d: vec3f) -> f32 {
             return select(NOTHING, t, all(abs(within) <= vec2f(solid.half_extent)));
         }
         case BOX: {
-            let slope = 1.0 / d;
+            // Never 1/0: infinity minus infinity would be a hit.
+            let slope = 1.0 / select(d, vec3f(1e-20), abs(d) < vec3f(1e-20));
             let middle = -from_origin * slope;
             let half = abs(slope) * solid.extent;
             let t0 = max(max(middle.x - half.x, middle.y - half.y), middle.z - half.z);

@@ -14,8 +14,8 @@ struct ScreenRay {
     direction: vec3f, // unit, view space
 }
 
-// Beyond every tau on the screen.
-const NEVER: f32 = 2.0;
+// Beyond every tau.
+const NEVER: f32 = 1e30;
 
 // The view-space ray o + t d, 0 <= t <= t_max, from a point on the screen.
 fn screen_ray(o: vec3f, d: vec3f, t_max: f32) -> ScreenRay {

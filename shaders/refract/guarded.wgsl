@@ -21,7 +21,6 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     var inside_texel = texel;
     var inside = slabs_leave(load_slabs(texel), ray, 0.0, AT_START);
     if !inside.inside {
-        diagnosed.failures += 1.0;
         return no_interface();
     }
     // The other end of the bracket, once a step has left the liquid.
@@ -49,7 +48,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
                 tau = 0.5 * (inside_tau + outside_tau);
             }
         } else if inside_tau >= 1.0 {
-            return no_interface();
+            return beyond_picture(ray, inside, inside_texel);
         }
         tau = min(tau, 1.0);
         let there_texel = screen_ray_texel(ray, tau);

@@ -53,7 +53,7 @@ const STRONG: f32 = 0.3;
 // Where a ray meets a boundary of the liquid, or the opaque scene.
 struct Interface {
     found: bool,
-    position: vec3f,  // view space
+    position: vec3f,  // view space; with an empty plane, unknown
     plane: vec3f,     // pi of the surface there
     texel: vec2i,     // that it was read from
 }
@@ -73,6 +73,14 @@ fn no_interface() -> Interface {
 
 fn interface_at(ray: ScreenRay, tau: f32, plane: vec3f, texel: vec2i) -> Interface {
     return Interface(true, screen_ray_point(ray, tau), plane, texel);
+}
+
+// A ray that leaves the picture while inside: nothing is found, but the last planes go on.
+fn beyond_picture(ray: ScreenRay, leave: Leave, texel: vec2i) -> Interface {
+    if ray.disparity + leave.tau * ray.d_disparity <= 0.0 || leave.tau >= NEVER {
+        return no_interface();
+    }
+    return Interface(false, screen_ray_point(ray, leave.tau), leave.plane, texel);
 }
 
 // The planes of one texel: front and back of both classes.
@@ -157,7 +165,9 @@ fn slabs_leave(slabs: Slabs, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
         }
         return splash;
     }
-    if aggregate.tau >= splash.tau && aggregate.tau < NEVER || splash.tau >= NEVER {
+    // Outside both, a class that says nothing is no answer.
+    let silent = !aggregate.inside && aggregate.tau >= NEVER;
+    if splash.tau >= NEVER && !splash.inside || aggregate.tau >= splash.tau && !silent {
         return aggregate;
     }
     return splash;
@@ -299,7 +309,11 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             return result + weight * scale * lookup(o, d);
         }
         hit = liquid_exit(screen_ray(o, d, solid.t), start);
-        var distance = length(hit.position - o);
+        if !hit.found {
+            diagnosed.failures += 1.0;
+            hit.found = !plane_is_empty(hit.plane);
+        }
+        let distance = length(hit.position - o);
         if solid.t < NOTHING && (!hit.found || solid.t <= distance || touches(solid, hit.position, d)) {
             // The liquid reaches the solid.
             diagnosed.inside += solid.t;
@@ -309,8 +323,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             return result + weight * radiance_of(solid, o, d);
         }
         if !hit.found {
-            // Out of the picture while inside: what lies there is not known.
-            diagnosed.failures += 1.0;
+            // Out of the picture while inside, and no plane to go by.
             return result + weight * scale * environment_radiance(camera_world_direction(d));
         }
         diagnosed.inside += distance;
@@ -372,7 +385,11 @@ fn sample_offset(index: u32, count: u32) -> vec2f {
 
 @compute @workgroup_size(8, 8)
 fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let p = tile_pixel(tiles.tiles[tile_index(group)], local.xy);
+    let index = tile_index(group);
+    if index >= tiles.count {
+        return;
+    }
+    let p = tile_pixel(tiles.tiles[index], local.xy);
     if any(p >= vec2i(camera.size)) {
         return;
     }
@@ -392,7 +409,11 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
 // What is seen where there is no liquid.
 @compute @workgroup_size(8, 8)
 fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let p = tile_pixel(tiles.tiles[tile_index(group)], local.xy);
+    let index = tile_index(group);
+    if index >= tiles.count {
+        return;
+    }
+    let p = tile_pixel(tiles.tiles[index], local.xy);
     if any(p >= vec2i(camera.size)) {
         return;
     }

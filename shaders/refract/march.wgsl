@@ -52,7 +52,6 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     while walk.tau < 1.0 {
         if !leave.inside {
             if plane_is_empty(plane) {
-                diagnosed.failures += 1.0;
                 return no_interface();
             }
             // A silhouette, or a step between texels: the last plane inside gives the normal.
@@ -64,6 +63,9 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
             return interface_at(ray, leave.tau, plane, last);
         }
         walk_on(&walk);
+        if walk.tau >= 1.0 {
+            return beyond_picture(ray, leave, last);
+        }
         leave = slabs_leave(load_slabs(walk.texel), ray, walk.tau, ROUNDING);
     }
     return no_interface();

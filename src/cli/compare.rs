@@ -12,7 +12,7 @@ pub(crate) struct Args {
     /// The picture to test.
     test: PathBuf,
     /// Exit with 1 if the mean FLIP is above this, 0 to 1.
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = parse_share)]
     max_flip: Option<f64>,
     /// Write a picture of the differences.
     #[arg(long, value_name = "D.png")]
@@ -44,4 +44,9 @@ fn describe(c: &compare::Comparison) -> String {
         "mean FLIP {:.4}, 99th percentile {:.4}\n{distance}\nworst pixel ({}, {}): FLIP {:.3}, {:?} in the reference, {:?} in the test",
         c.mean_flip, c.p99_flip, w.x, w.y, w.flip, w.reference, w.test
     )
+}
+
+fn parse_share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| "0 to 1 expected".to_owned())
 }

@@ -46,7 +46,7 @@ struct FrameInfo {
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut input = Input::open(&args.input, &[])?;
     if let Some(radius) = args.radius {
-        input = input.with_radius(radius);
+        input = input.with_radius(radius)?;
     }
     let frames = &input.sequence.frames;
     let chosen = match &args.frames {

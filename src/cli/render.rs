@@ -90,8 +90,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         .into_iter()
         .filter(|frame| !(args.skip_existing && exists(&names.path(frame.number), args.size)))
         .collect();
-    let Some(first) = todo.first() else { return Ok(ExitCode::SUCCESS) };
-    let scene = input.scene_for(first, &overrides)?;
+    if todo.is_empty() {
+        return Ok(ExitCode::SUCCESS);
+    }
+    // The same for every share of the frames, and whatever is left to do.
+    let scene = input.scene_for(&input.sequence.frames[0], &overrides)?;
     scene.check()?;
 
     names.create_folder()?;
@@ -107,7 +110,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let path = names.path(loaded.number);
         if let Some(chosen) = &args.aov {
             let channels = aov::read(&gpu, &renderer.images(), chosen)?;
-            aov::write(&path.with_extension("aov.exr"), args.size.x, args.size.y, channels)?;
+            aov::write(&aov_path(&path), args.size.x, args.size.y, channels)?;
         }
         // The picture last: where it exists, all that belongs to it does.
         let rgb = image::DynamicImage::ImageRgba8(picture.read(&gpu)?).into_rgb8();
@@ -139,8 +142,7 @@ fn open(args: &Args, overrides: &[String]) -> limpid::Result<Input> {
         input = input.with_scene(Scene::load_with(scene, overrides)?);
     }
     match args.radius {
-        Some(radius) if radius > 0.0 && radius.is_finite() => Ok(input.with_radius(radius)),
-        Some(_) => Err(limpid::Error::Usage("--radius must be above 0".into())),
+        Some(radius) => input.with_radius(radius),
         None => Ok(input),
     }
 }
@@ -166,9 +168,15 @@ fn draw(
     renderer.render(scene, &camera, &loaded.splats, &picture.view(), Frame::FORMAT, size)
 }
 
-/// Whether the picture is there, whole enough to say its size.
+/// Whether the picture is there, whole and in this size.
 fn exists(path: &Path, size: UVec2) -> bool {
-    image::image_dimensions(path).is_ok_and(|(width, height)| UVec2::new(width, height) == size)
+    limpid::compare::load_picture(path).is_ok_and(|picture| picture.dimensions() == size.into())
+}
+
+/// `frame_0020.aov.exr` for `frame_0020.png`; any other ending stays, it may be the number.
+fn aov_path(picture: &Path) -> PathBuf {
+    let name = picture.to_string_lossy();
+    format!("{}.aov.exr", name.strip_suffix(".png").unwrap_or(&name)).into()
 }
 
 /// Hidden unless standard error is a terminal.

@@ -1,0 +1,379 @@
+//! Whole frames: the same picture whatever was drawn before, into whatever target, and by
+//! whichever of the pipelines that can draw it.
+
+#[path = "support/frames.rs"]
+mod frames;
+
+use frames::{
+    Shot, Stage, ellipsoid, glowing, gpu, mean_difference, noise_vector, on_axis, scene, shoot,
+    sphere, splats, stage,
+};
+use glam::{DVec3, Quat, UVec2, Vec3};
+use limpid::camera::Camera;
+use limpid::gpu::Gpu;
+use limpid::particles::Particles;
+use limpid::passes::classify::{Splats, classify};
+use limpid::renderer::{Frame, Renderer};
+use limpid::scene::{Scene, Shape};
+use limpid::settings::{Classify, Solids};
+use limpid::wgpu;
+
+const SIZE: UVec2 = UVec2::new(120, 90);
+
+/// A drop of 200 particles with some spray, in all settings as they come: floor, sky, absorption.
+fn tank() -> (Scene, Camera, Splats) {
+    let mut seed = 9;
+    let positions = (0..200)
+        .map(|i| {
+            let reach = if i < 170 { Vec3::new(0.3, 0.2, 0.3) } else { Vec3::splat(0.8) };
+            reach * noise_vector(&mut seed)
+        })
+        .collect();
+    let particles = Particles { positions, ..Default::default() };
+    let mut scene = Scene::around(Vec3::splat(-0.8), Vec3::splat(0.8), 0.06);
+    scene.camera = None;
+    let camera = Camera { eye: Vec3::new(0.7, 1.2, 2.4), ..on_axis(0.0, 40.0) };
+    let drawn = classify(&particles, 0.06, &scene.settings.classify);
+    assert!(drawn.splashes.len() > 10 && drawn.aggregates.len() > 100);
+    (scene, camera, drawn)
+}
+
+/// Every image of both frames is the same, to the bit.
+#[track_caller]
+fn assert_same(a: &Shot, b: &Shot, why: &str) {
+    let names = |shot: &Shot| {
+        let mut names: Vec<_> = shot.channels.keys().cloned().collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names(a), names(b), "{why}");
+    for (name, values) in &a.channels {
+        let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert!(bits(values) == bits(b.channel(name)), "{why}: {name} differs");
+    }
+    assert!(a.picture == b.picture, "{why}: the pictures differ");
+}
+
+/// The largest difference of two pictures' radiance.
+fn largest_difference(a: &Shot, b: &Shot) -> f64 {
+    let off = |p| (a.radiance(p) - b.radiance(p)).abs().max_element();
+    a.pixels().map(off).fold(0.0, f64::max)
+}
+
+/// A frame depends on its input alone. Two renderers draw it alike; and one that has drawn other
+/// frames, of other sizes, with other layers and solids, draws it as a new one does. This is what
+/// lets frames be rendered in any order, and what no graph checks: a pass that keeps an image of
+/// the last frame, or of the last size, fails here.
+#[test]
+fn frames_do_not_depend_on_each_other() {
+    let Some(gpu) = gpu() else { return };
+    let (scene, camera, drawn) = tank();
+    let mut screen = scene.clone();
+    screen.settings.refract.solids = Solids::Screen;
+    let bodies = Splats { splashes: Vec::new(), ..drawn.clone() };
+    let spray = Splats { aggregates: Vec::new(), ..drawn.clone() };
+    let fewer = Splats { aggregates: drawn.aggregates[..40].to_vec(), ..drawn.clone() };
+    let nothing = Splats { radius: 0.06, ..Default::default() };
+    let large = UVec2::new(150, 101);
+    let frames = [
+        ("all", &scene, &drawn, SIZE),
+        ("larger", &scene, &drawn, large),
+        ("tiny", &scene, &drawn, UVec2::new(7, 5)),
+        ("no spray", &scene, &bodies, SIZE),
+        ("nothing", &scene, &nothing, SIZE),
+        ("only spray", &scene, &spray, SIZE),
+        ("fewer", &scene, &fewer, large),
+        ("solids on the screen", &screen, &drawn, SIZE),
+    ];
+    let draw = |renderer: &mut Renderer,
+                (_, scene, drawn, size): (&str, &Scene, &Splats, UVec2)| {
+        let shot = shoot(&gpu, renderer, scene, &camera, drawn, size);
+        shot.assert_finite();
+        shot
+    };
+    let new = || {
+        let mut renderer = Renderer::new(&gpu);
+        renderer.diagnose = true;
+        renderer
+    };
+    // Fresh renderers for the two that have most to inherit; for the rest, the first time around.
+    let mut kept = new();
+    let first: Vec<_> = frames.iter().map(|&frame| draw(&mut kept, frame)).collect();
+    for i in [0, 2] {
+        assert_same(&draw(&mut new(), frames[i]), &first[i], frames[i].0);
+    }
+    for i in [3, 0, 6, 1, 5, 2, 7, 4, 1, 3] {
+        assert_same(&draw(&mut kept, frames[i]), &first[i], frames[i].0);
+    }
+    // Diagnosis draws a G-buffer and counts; the picture is the same without.
+    kept.diagnose = false;
+    let plain = draw(&mut kept, frames[0]);
+    assert!(!plain.has("interfaces") && !plain.has("solid_depth"));
+    let difference = largest_difference(&plain, &first[0]);
+    println!("without counting: {difference:e}");
+    assert!(plain.picture == first[0].picture && difference < 1e-6, "{difference}");
+}
+
+/// What a scene does not have is left out of the pipeline, and the picture is as if it were there
+/// to no effect. Other code computes it, so the tolerance is rounding where no ray is decided by
+/// it: a mean of 1e-4, for the few pixels in which one is.
+#[test]
+fn leaving_out_changes_nothing() {
+    let Some(mut stage) = stage() else { return };
+    let (mut scene, camera, mut drawn) = tank();
+    drawn.splashes.clear();
+    scene.solids.clear();
+    scene.liquid.absorption = Vec3::ZERO;
+    let plain = stage.shoot(&scene, &camera, &drawn, SIZE);
+    plain.assert_finite();
+    let mut check = |name: &str, scene: &Scene, drawn: &Splats| {
+        let shot = stage.shoot(scene, &camera, drawn, SIZE);
+        shot.assert_finite();
+        let (mean, most) = (mean_difference(&plain, &shot), largest_difference(&plain, &shot));
+        println!("{name}: mean {mean:.2e}, most {most:.2e}");
+        assert!(mean < 1e-4, "{name}: {mean}");
+    };
+    // A splash behind the eye.
+    let behind = Splats { splashes: vec![sphere(2.0 * camera.eye, 0.1)], ..drawn.clone() };
+    check("splash layers", &scene, &behind);
+    let mut absorbing = scene.clone();
+    absorbing.liquid.absorption = Vec3::splat(1e-20);
+    check("absorption", &absorbing, &drawn);
+    // A solid that no ray meets: a speck, far off.
+    let mut beside = scene.clone();
+    let speck = Shape::Sphere { center: Vec3::new(3e4, 4e4, 5e4), radius: 1e-2 };
+    beside.solids = vec![glowing(speck, Vec3::ONE)];
+    check("solid and contact", &beside, &drawn);
+    beside.settings.refract.contact = 0.0;
+    check("solid", &beside, &drawn);
+    beside.settings.refract.solids = Solids::Screen;
+    check("solid on the screen", &beside, &drawn);
+    // An environment of another kind.
+    let mut constant = scene.clone();
+    constant.environment = limpid::environment::Environment::Constant(Vec3::splat(0.4));
+    let constant = stage.shoot(&constant, &camera, &drawn, SIZE);
+    let mut map = scene.clone();
+    let pixels = vec![[0.4, 0.4, 0.4, 1.0]; 8];
+    map.environment =
+        limpid::environment::Environment::Map { size: UVec2::new(4, 2), pixels: pixels.into() };
+    let map = stage.shoot(&map, &camera, &drawn, SIZE);
+    let mean = mean_difference(&constant, &map);
+    println!("map: {mean:.2e}");
+    assert!(mean < 1e-4, "{mean}");
+}
+
+/// Draws into a texture of the caller's, and reads its bytes.
+fn bytes(
+    gpu: &Gpu,
+    renderer: &mut Renderer,
+    format: wgpu::TextureFormat,
+    (scene, camera, drawn): (&Scene, &Camera, &Splats),
+) -> Vec<u8> {
+    // Rows of a copy are aligned to 256 bytes.
+    let size = UVec2::new(128, 96);
+    let extent = wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 };
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("a caller's"),
+        size: extent,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    });
+    let view = texture.create_view(&Default::default());
+    renderer.render(scene, camera, drawn, &view, format, size).expect("drawn");
+    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("readback"),
+        size: u64::from(4 * size.x * size.y),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo {
+            buffer: &buffer,
+            layout: wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(4 * size.x),
+                rows_per_image: None,
+            },
+        },
+        extent,
+    );
+    gpu.queue.submit([encoder.finish()]);
+    buffer.map_async(wgpu::MapMode::Read, .., |_| ());
+    gpu.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device answers");
+    let bytes = buffer.get_mapped_range(..).expect("mapped").to_vec();
+    buffer.unmap();
+    bytes
+}
+
+/// A view in an sRGB format is encoded by the device, in any other by limpid: the same bytes, to
+/// the rounding of two implementations of one function.
+#[test]
+fn srgb_targets_show_the_same() {
+    let Some(mut stage) = stage() else { return };
+    let Stage { gpu, renderer } = &mut *stage;
+    let (scene, camera, drawn) = tank();
+    let mut draw = |format| bytes(gpu, renderer, format, (&scene, &camera, &drawn));
+    let plain = draw(wgpu::TextureFormat::Rgba8Unorm);
+    let encoded = draw(wgpu::TextureFormat::Rgba8UnormSrgb);
+    let mut swapped = draw(wgpu::TextureFormat::Bgra8Unorm);
+    swapped.chunks_exact_mut(4).for_each(|texel| texel.swap(0, 2));
+    let largest = |other: &[u8]| plain.iter().zip(other).map(|(a, b)| a.abs_diff(*b)).max();
+    println!("sRGB {:?}, swapped {:?}", largest(&encoded), largest(&swapped));
+    assert!(largest(&encoded) <= Some(1));
+    assert_eq!(largest(&swapped), Some(0));
+    let shades: std::collections::HashSet<_> = plain.chunks_exact(4).collect();
+    assert!(shades.len() > 500, "a picture of {} colours", shades.len());
+}
+
+/// One stop more doubles what the picture stores, linearly, and leaves the radiance alone.
+#[test]
+fn exposure_doubles() {
+    let Some(mut stage) = stage() else { return };
+    let (mut scene, camera, drawn) = tank();
+    let linear = |byte: u8| {
+        let c = f64::from(byte) / 255.0;
+        if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+    };
+    let mut at = |exposure| {
+        scene.settings.tonemap.exposure = exposure;
+        stage.shoot(&scene, &camera, &drawn, SIZE)
+    };
+    let [dark, bright] = [at(-2.0), at(-1.0)];
+    assert_eq!(dark.channel("radiance.G"), bright.channel("radiance.G"));
+    for (p, (a, b)) in dark.pixels().zip(dark.picture.pixels().zip(bright.picture.pixels())) {
+        for i in 0..3 {
+            // Half a byte of each, as radiance.
+            let step = |byte: u8| linear(byte.saturating_add(1)) - linear(byte);
+            let slack = step(a[i]) + 0.5 * step(b[i]) + 1e-4;
+            let off = (2.0 * linear(a[i]) - linear(b[i])).abs();
+            assert!(off <= slack, "{p}: {} and {}", a[i], b[i]);
+            // What is stored is the radiance itself, at that exposure.
+            let off = (linear(b[i]) - (0.5 * bright.radiance(p)[i]).min(1.0)).abs();
+            assert!(off <= 0.6 * step(b[i]) + 1e-4, "{p}: {} of {}", b[i], bright.radiance(p));
+        }
+    }
+}
+
+/// Particles in a plane, on a line, at a point, alone, and far flung are drawn, and finite.
+#[test]
+fn degenerate_particles_are_drawn() {
+    let Some(mut stage) = stage() else { return };
+    let (scene, camera, _) = tank();
+    let cells = |n: i32| (0..n * n).map(move |i| Vec3::new((i % n) as f32, 0.0, (i / n) as f32));
+    let clouds: [(&str, Vec<Vec3>); 6] = [
+        ("coplanar", cells(14).map(|x| (x - 6.5 * Vec3::new(1.0, 0.0, 1.0)) * 0.1).collect()),
+        ("collinear", (0..40).map(|i| Vec3::X * (0.05 * (i - 20) as f32)).collect()),
+        ("coincident", vec![Vec3::splat(0.1); 50]),
+        ("nearly coincident", (0..50).map(|i| Vec3::splat(0.1) + 1e-7 * i as f32).collect()),
+        ("alone", vec![Vec3::ZERO]),
+        ("far flung", vec![Vec3::ZERO, Vec3::splat(1e18), Vec3::NEG_X * 1e30, camera.eye]),
+    ];
+    for kernel in [limpid::settings::Kernel::Fitted, limpid::settings::Kernel::Volume] {
+        let settings = Classify { kernel, splash_density: 0.1, ..Classify::default() };
+        for (name, positions) in &clouds {
+            let particles = Particles { positions: positions.clone(), ..Default::default() };
+            let drawn = classify(&particles, 0.06, &settings);
+            let shot = stage.shoot(&scene, &camera, &drawn, SIZE);
+            shot.assert_finite();
+            let covered = shot.channel("interfaces").iter().filter(|&&n| n > 0.0).count();
+            println!("{name}: {covered} pixels");
+            assert!(covered > 20, "{name} is not seen");
+        }
+    }
+}
+
+/// Splats that no classification makes: needles, sheets, specks, one around the world, one at the
+/// eye, one on another. Each alone and all together, in every image: no NaN and no infinity.
+#[test]
+fn adversarial_splats_are_finite() {
+    let Some(mut stage) = stage() else { return };
+    let (scene, camera, _) = tank();
+    let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, 0.9, 2.1);
+    let ahead = camera.eye - camera.eye.normalize() * camera.near();
+    let cruel = [
+        ellipsoid(Vec3::ZERO, Vec3::new(1e-4, 1e-4, 1.0), turn),
+        ellipsoid(Vec3::ZERO, Vec3::new(1e-4, 1.0, 1.0), turn),
+        ellipsoid(Vec3::ZERO, Vec3::new(1e-4, 1.0, 1.0), Quat::from_rotation_y(1.2870022)),
+        ellipsoid(Vec3::ZERO, Vec3::new(100.0, 1e-3, 100.0), Quat::IDENTITY),
+        sphere(Vec3::ZERO, 1e-6),
+        sphere(Vec3::ZERO, 1e-3),
+        sphere(Vec3::ZERO, 1e4),
+        sphere(Vec3::new(0.0, -1e5, 0.0), 1e5),
+        sphere(camera.eye, 1e-3),
+        sphere(camera.eye, 0.5),
+        sphere(ahead, 1e-4),
+        sphere(ahead, camera.near()),
+        sphere(Vec3::new(1e6, 1e6, -1e6), 10.0),
+        sphere(Vec3::ZERO, 0.3),
+        sphere(Vec3::ZERO, 0.3),
+    ];
+    let mut finite = |aggregates: &[_], splashes: &[_], smoothed: bool| {
+        let mut scene = scene.clone();
+        scene.settings.smooth.iterations = if smoothed { 5 } else { 0 };
+        let shot = stage.shoot(&scene, &camera, &splats(aggregates, splashes, 0.06), SIZE);
+        shot.assert_finite();
+        assert!(shot.pixels().all(|p| shot.radiance(p).cmpge(DVec3::ZERO).all()));
+    };
+    for (i, splat) in cruel.iter().enumerate() {
+        println!("splat {i}");
+        finite(&[*splat], &[], true);
+        finite(&[*splat], &[cruel[13]], false);
+    }
+    finite(&cruel, &[], true);
+    finite(&cruel[..8], &cruel[8..], true);
+    finite(&cruel[8..], &cruel[..8], false);
+}
+
+/// Lengths have no unit: a world in millimetres or in kilometres gives the same picture. Constants
+/// hidden in metres would show; what is left is rounding, and rays that it decides.
+#[test]
+fn scale_does_not_matter() {
+    let Some(mut stage) = stage() else { return };
+    let mut scene = scene();
+    scene.settings.smooth.iterations = 5;
+    scene.liquid.absorption = Vec3::new(3.0, 1.0, 0.3);
+    let (_, camera, drawn) = tank();
+    let metres = stage.shoot(&scene, &camera, &drawn, SIZE);
+    for scale in [1e-4f32, 1e-2, 1e3] {
+        let splat = |splat: &limpid::passes::classify::Splat| {
+            let scaled = |v: [f32; 3]| v.map(|x| x * scale);
+            limpid::passes::classify::Splat {
+                centre: scaled(splat.centre),
+                radius: splat.radius * scale,
+                diagonal: scaled(splat.diagonal),
+                off_diagonal: scaled(splat.off_diagonal),
+                ..*splat
+            }
+        };
+        let scaled = Splats {
+            aggregates: drawn.aggregates.iter().map(splat).collect(),
+            splashes: drawn.splashes.iter().map(splat).collect(),
+            radius: drawn.radius * scale,
+        };
+        let mut scene = scene.clone();
+        scene.liquid.absorption /= scale;
+        let camera = Camera { eye: camera.eye * scale, ..camera };
+        let shot = stage.shoot(&scene, &camera, &scaled, SIZE);
+        shot.assert_finite();
+        let mean = mean_difference(&metres, &shot);
+        println!("{scale}: {mean:.2e}");
+        assert!(mean < 1e-3, "{scale}: {mean}");
+    }
+}
+
+/// The frame that the library hands out is the picture that the renderer drew, pixel by pixel.
+#[test]
+fn frame_is_of_its_size() {
+    let Some(gpu) = gpu() else { return };
+    let frame = Frame::new(&gpu, UVec2::new(33, 21)).expect("a frame");
+    let picture = frame.read(&gpu).expect("a picture");
+    assert_eq!((picture.width(), picture.height()), (33, 21));
+    assert!(Frame::new(&gpu, UVec2::new(0, 5)).is_err());
+    assert!(Frame::new(&gpu, UVec2::splat(1 << 20)).is_err());
+}

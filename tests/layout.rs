@@ -1,0 +1,213 @@
+//! The structs and constants that Rust and WGSL share: names, order, offsets, sizes and kinds.
+//!
+//! Nothing else would notice two swapped fields of one size. No adapter is needed.
+
+use std::mem::offset_of;
+
+use bytemuck::Zeroable;
+use limpid::camera::CameraUniform;
+use limpid::passes::{Layers, classify, gbuffer, refract, smooth, tiles, tonemap};
+use limpid::shader;
+use naga::{Literal, Scalar, ScalarKind, TypeInner};
+
+/// One field as either language has it.
+#[derive(Debug, Clone, PartialEq)]
+struct Field {
+    name: String,
+    offset: usize,
+    size: usize,
+    kind: ScalarKind,
+}
+
+/// A Rust type that a field may have: what its scalars are.
+trait Kind {
+    const KIND: ScalarKind;
+}
+
+impl Kind for f32 {
+    const KIND: ScalarKind = ScalarKind::Float;
+}
+
+impl Kind for u32 {
+    const KIND: ScalarKind = ScalarKind::Uint;
+}
+
+impl Kind for i32 {
+    const KIND: ScalarKind = ScalarKind::Sint;
+}
+
+impl Kind for glam::Vec2 {
+    const KIND: ScalarKind = ScalarKind::Float;
+}
+
+impl Kind for glam::Mat4 {
+    const KIND: ScalarKind = ScalarKind::Float;
+}
+
+impl<T: Kind, const N: usize> Kind for [T; N] {
+    const KIND: ScalarKind = T::KIND;
+}
+
+/// `get` only tells the field's type.
+fn field<S, T: Kind>(name: &str, offset: usize, _get: fn(&S) -> &T) -> Field {
+    Field { name: name.to_owned(), offset, size: size_of::<T>(), kind: T::KIND }
+}
+
+/// A struct's fields in the order given, and its size. A field that is left out does not compile.
+macro_rules! rust_struct {
+    ($type:path { $($field:ident),* $(,)? }) => {{
+        let $type { $($field: _),* } = Zeroable::zeroed();
+        let fields = [$(field::<$type, _>(stringify!($field), offset_of!($type, $field), |s| &s.$field)),*];
+        (fields.to_vec(), size_of::<$type>())
+    }};
+}
+
+/// A struct's fields and its size, by naga.
+fn wgsl_struct(text: &str, name: &str) -> (Vec<Field>, usize) {
+    let module = naga::front::wgsl::parse_str(text).expect("valid WGSL");
+    let find = |(_, ty): (_, &naga::Type)| match &ty.inner {
+        TypeInner::Struct { members, span } if ty.name.as_deref() == Some(name) => {
+            Some((members.clone(), *span))
+        }
+        _ => None,
+    };
+    let (members, span) = module.types.iter().find_map(find).expect("the struct is in the shader");
+    let fields = members.into_iter().map(|member| {
+        let inner = &module.types[member.ty].inner;
+        let scalar = match *inner {
+            TypeInner::Scalar(scalar)
+            | TypeInner::Vector { scalar, .. }
+            | TypeInner::Matrix { scalar, .. } => scalar,
+            ref other => panic!("{name} has a field of type {other:?}"),
+        };
+        assert_eq!(scalar.width, Scalar::F32.width, "shared structs have 32-bit scalars");
+        Field {
+            name: member.name.expect("fields have names"),
+            offset: member.offset as usize,
+            size: inner.size(module.to_ctx()) as usize,
+            kind: scalar.kind,
+        }
+    });
+    (fields.collect(), span as usize)
+}
+
+/// Padding has no meaning: it may be explicit in one language and implied in the other.
+fn without_padding((fields, size): (Vec<Field>, usize)) -> (Vec<Field>, usize) {
+    (fields.into_iter().filter(|field| !field.name.starts_with("pad")).collect(), size)
+}
+
+fn same(rust: (Vec<Field>, usize), text: &str, name: &str) -> Result<(), String> {
+    let (rust, wgsl) = (without_padding(rust), without_padding(wgsl_struct(text, name)));
+    if rust == wgsl { Ok(()) } else { Err(format!("{name}\n Rust: {rust:?}\n WGSL: {wgsl:?}")) }
+}
+
+/// Protects every buffer that Rust writes and a shader reads.
+#[test]
+fn shared_structs_agree() {
+    let camera =
+        rust_struct!(CameraUniform { view_from_world, world_from_view, size, tangent, near, pad });
+    let splat =
+        rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, pad });
+    let smooth = rust_struct!(smooth::Params { taps, stride, in_radii, radius, inv_sigma2 });
+    let refract = rust_struct!(refract::Params {
+        absorption,
+        ior,
+        contact,
+        samples,
+        interfaces,
+        internal_bounces,
+        iterations,
+        pad,
+    });
+    let tonemap = rust_struct!(tonemap::Params { gain, curve, encode });
+    let scene = rust_struct!(gbuffer::SceneUniform {
+        zenith,
+        pad_zenith,
+        horizon,
+        pad_horizon,
+        nadir,
+        pad_nadir,
+        ambient,
+        pad_ambient,
+    });
+    let solid = rust_struct!(gbuffer::SolidData {
+        origin,
+        shape,
+        extent,
+        half_extent,
+        even,
+        tile,
+        odd,
+        lit
+    });
+    let light = rust_struct!(gbuffer::LightData { place, kind, power, pad });
+    let table = [
+        (camera, "splat.wgsl", "Camera"),
+        (splat, "splat.wgsl", "Splat"),
+        (smooth, "smooth.wgsl", "Params"),
+        (refract, "refract/guarded.wgsl", "Params"),
+        (tonemap, "tonemap.wgsl", "Params"),
+        (scene, "gbuffer.wgsl", "Scene"),
+        (solid, "gbuffer.wgsl", "Solid"),
+        (light, "gbuffer.wgsl", "Light"),
+    ];
+    for (rust, root, name) in table {
+        same(rust, &shader::source(root), name)
+            .unwrap_or_else(|problem| panic!("{root}: {problem}"));
+    }
+}
+
+/// The value of a constant of 32 bits.
+fn wgsl_constant(root: &str, name: &str) -> u32 {
+    let module = naga::front::wgsl::parse_str(&shader::source(root)).expect("valid WGSL");
+    let (_, constant) = module
+        .constants
+        .iter()
+        .find(|(_, constant)| constant.name.as_deref() == Some(name))
+        .unwrap_or_else(|| panic!("{root} has no constant {name}"));
+    match module.global_expressions[constant.init] {
+        naga::Expression::Literal(Literal::U32(value)) => value,
+        naga::Expression::Literal(Literal::I32(value)) => value.cast_unsigned(),
+        ref other => panic!("{name} is {other:?}"),
+    }
+}
+
+/// Protects the numbers that both languages must agree on: array lengths, tile sizes, layers.
+#[test]
+fn shared_constants_agree() {
+    let table = [
+        ("gbuffer.wgsl", "MAX_SOLIDS", gbuffer::MAX_SOLIDS as u32),
+        ("gbuffer.wgsl", "MAX_LIGHTS", gbuffer::MAX_LIGHTS as u32),
+        ("tiles.wgsl", "TILE", tiles::TILE),
+        ("splat.wgsl", "FRONT", Layers::FRONT),
+        ("splat.wgsl", "BACK", Layers::BACK),
+    ];
+    for (root, name, value) in table {
+        assert_eq!(wgsl_constant(root, name), value, "{name}");
+    }
+}
+
+/// Protects the test above from passing for the wrong reason: swapped fields, another kind, another
+/// size, a missing field and a missing padding at the end must all be found, and padding must not.
+#[test]
+fn the_comparison_finds_planted_differences() {
+    #[repr(C)]
+    #[derive(Clone, Copy, Zeroable)]
+    struct Planted {
+        a: [f32; 3],
+        b: u32,
+        c: f32,
+        pad: [u32; 3],
+    }
+    let compare = |text: &str| same(rust_struct!(Planted { a, b, c, pad }), text, "Planted");
+    let planted = |fields: &str| compare(&format!("struct Planted {{ {fields} }}"));
+
+    assert_eq!(planted("a: vec3f, b: u32, c: f32"), Ok(()));
+    assert_eq!(planted("a: vec3f, b: u32, c: f32, pad: u32"), Ok(()));
+    assert!(planted("a: vec3f, c: f32, b: u32").is_err(), "swapped");
+    assert!(planted("a: vec3f, b: i32, c: f32").is_err(), "another kind");
+    assert!(planted("a: vec2f, pad: f32, b: u32, c: f32").is_err(), "another size");
+    assert!(planted("a: vec3f, b: u32, c: f32, d: f32").is_err(), "one more in WGSL");
+    assert!(planted("a: vec3f, b: u32").is_err(), "one less in WGSL");
+    assert!(planted("a: vec3f, b: u32, c: f32, pad: mat2x4f").is_err(), "a longer struct");
+}

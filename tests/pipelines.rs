@@ -1,0 +1,287 @@
+//! Every pipeline, bind group and command of a frame is valid, whatever the frame has: recorded
+//! on wgpu's no-op device, which validates everything and runs nothing. No adapter is needed.
+
+use std::sync::{Arc, Mutex};
+
+use glam::{UVec2, Vec3};
+use limpid::aov::{self, Aov};
+use limpid::camera::Camera;
+use limpid::environment::Environment;
+use limpid::gpu::Gpu;
+use limpid::passes::classify::{Splat, Splats};
+use limpid::renderer::{Frame, Renderer};
+use limpid::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
+use limpid::settings::{Curve, Fresnel, Reflections, Settings, Solids, Solver, Unit};
+use limpid::wgpu;
+
+/// A no-op device that remembers what its validation says.
+struct Checked {
+    gpu: Gpu,
+    errors: Arc<Mutex<Vec<String>>>,
+}
+
+impl Checked {
+    fn new() -> Self {
+        Self::with(wgpu::Features::empty())
+    }
+
+    fn with(required_features: wgpu::Features) -> Self {
+        let (device, queue) =
+            wgpu::Device::noop(&wgpu::DeviceDescriptor { required_features, ..Default::default() });
+        let errors = Arc::<Mutex<Vec<String>>>::default();
+        let seen = errors.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            seen.lock().expect("no panic holds this lock").push(error.to_string());
+        }));
+        Self { gpu: Gpu::from_device(device, queue), errors }
+    }
+
+    /// What went wrong since the last call.
+    fn errors(&self) -> Vec<String> {
+        std::mem::take(&mut *self.errors.lock().expect("no panic holds this lock"))
+    }
+
+    /// Renders one frame into a picture of its own, and reads the picture.
+    fn render(&self, renderer: &mut Renderer, scene: &Scene, splats: &Splats, size: UVec2) {
+        let frame = Frame::new(&self.gpu, size).expect("the size is allowed");
+        renderer
+            .render(scene, &camera(), splats, &frame.view(), Frame::FORMAT, size)
+            .expect("the scene is valid");
+        let picture = frame.read(&self.gpu).expect("the device is not lost");
+        assert_eq!(UVec2::from(picture.dimensions()), size);
+    }
+}
+
+fn camera() -> Camera {
+    Camera {
+        eye: Vec3::new(0.0, 1.0, 4.0),
+        target: Vec3::ZERO,
+        up: Vec3::Y,
+        fov_y: 40.0,
+        near: None,
+    }
+}
+
+fn sphere(x: f32) -> Splat {
+    Splat {
+        centre: [x, 0.0, 0.0],
+        radius: 0.1,
+        diagonal: [0.1; 3],
+        particle: 0,
+        off_diagonal: [0.0; 3],
+        pad: 0.0,
+    }
+}
+
+fn splats(aggregates: usize, splashes: usize) -> Splats {
+    let row = |count: usize| (0..count).map(|i| sphere(i as f32 * 0.1)).collect();
+    Splats { aggregates: row(aggregates), splashes: row(splashes), radius: 0.1 }
+}
+
+fn scene() -> Scene {
+    Scene {
+        particles: None,
+        liquid: Liquid::default(),
+        camera: None,
+        environment: Environment::default(),
+        solids: Vec::new(),
+        lights: Vec::new(),
+        settings: Settings::default(),
+    }
+}
+
+fn solids() -> Vec<Solid> {
+    let shapes = [
+        Shape::Plane { origin: Vec3::NEG_Y, normal: Vec3::Y, half_extent: f32::INFINITY },
+        Shape::Box { min: Vec3::NEG_ONE, max: Vec3::ONE },
+        Shape::Sphere { center: Vec3::X, radius: 0.5 },
+    ];
+    let surface = Surface::Checker { tile: 0.1, even: Vec3::ONE, odd: Vec3::ZERO };
+    shapes.map(|shape| Solid { shape, surface, lit: true }).to_vec()
+}
+
+fn lights() -> Vec<Light> {
+    vec![
+        Light::Sun { direction: Vec3::NEG_Y, irradiance: Vec3::ONE },
+        Light::Point { position: Vec3::Y, intensity: Vec3::ONE },
+    ]
+}
+
+fn environments() -> [Environment; 3] {
+    let [zenith, horizon, nadir] = [Vec3::ONE, Vec3::ZERO, Vec3::X];
+    [
+        Environment::Constant(Vec3::ONE),
+        Environment::Gradient { zenith, horizon, nadir },
+        Environment::Map { size: UVec2::new(4, 2), pixels: vec![[1.0; 4]; 8].into() },
+    ]
+}
+
+/// Protects every combination of what a frame may have, drawn by one renderer in turn as a viewer
+/// would: each change of kind and of size must give every pass what it now needs.
+#[test]
+fn every_kind_of_frame_is_valid() {
+    let device = Checked::new();
+    let mut renderer = Renderer::new(&device.gpu);
+    // Not a multiple of a tile, a tile's multiple, and the smallest.
+    let sizes = [UVec2::new(33, 17), UVec2::new(16, 24), UVec2::ONE];
+    let mut sizes = sizes.iter().cycle();
+    let mut draw = |scene: &Scene, splats: &Splats, diagnose: bool, what: &str| {
+        renderer.diagnose = diagnose;
+        let &size = sizes.next().expect("a cycle has no end");
+        device.render(&mut renderer, scene, splats, size);
+        if diagnose {
+            // Reading needs usages that drawing does not.
+            aov::read(&device.gpu, &renderer.images(), &Aov::ALL).expect("a valid read");
+        }
+        assert_eq!(device.errors(), [""; 0], "{what} at {size}");
+    };
+    for solver in [Solver::Guarded, Solver::March, Solver::Newton] {
+        for environment in environments() {
+            for (solids, lights) in
+                [(vec![], vec![]), (solids(), vec![]), (solids(), lights()), (vec![], lights())]
+            {
+                for diagnose in [false, true] {
+                    for splashes in [0, 3] {
+                        let mut scene = Scene {
+                            environment: environment.clone(),
+                            solids: solids.clone(),
+                            lights: lights.clone(),
+                            ..scene()
+                        };
+                        scene.settings.refract.solver = solver;
+                        let what = format!(
+                            "{solver:?}, {} solids, {} lights, {splashes} splashes, diagnose \
+                             {diagnose}, {environment:?}",
+                            solids.len(),
+                            lights.len(),
+                        );
+                        draw(&scene, &splats(5, splashes), diagnose, &what);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Protects the settings that change what is compiled or recorded, one at a time, with and
+/// without the diagnostics.
+#[test]
+fn every_setting_is_valid() {
+    let device = Checked::new();
+    let mut renderer = Renderer::new(&device.gpu);
+    type Change = (&'static str, fn(&mut Scene));
+    let changes: [Change; 11] = [
+        ("defaults", |_| ()),
+        ("no smoothing", |s| s.settings.smooth.iterations = 0),
+        ("one iteration", |s| s.settings.smooth.iterations = 1),
+        ("many iterations in pixels", |s| {
+            s.settings.smooth.iterations = 64;
+            s.settings.smooth.unit = Unit::Pixel;
+        }),
+        ("screen solids", |s| s.settings.refract.solids = Solids::Screen),
+        ("screen solids without solids", |s| {
+            s.settings.refract.solids = Solids::Screen;
+            s.solids.clear();
+        }),
+        ("schlick", |s| s.settings.refract.fresnel = Fresnel::Schlick),
+        ("reflections of the environment", |s| {
+            s.settings.refract.reflections = Reflections::Environment;
+        }),
+        ("no contact, no scaling", |s| {
+            s.settings.refract.contact = 0.0;
+            s.settings.refract.radiance_scaling = false;
+        }),
+        ("clear liquid", |s| s.liquid.absorption = Vec3::ZERO),
+        ("aces, many samples", |s| {
+            s.settings.tonemap.curve = Curve::Aces;
+            s.settings.refract.samples = 64;
+        }),
+    ];
+    for diagnose in [false, true] {
+        for (what, change) in changes {
+            let mut scene = Scene { solids: solids(), lights: lights(), ..scene() };
+            change(&mut scene);
+            renderer.diagnose = diagnose;
+            device.render(&mut renderer, &scene, &splats(3, 1), UVec2::new(20, 10));
+            assert_eq!(device.errors(), [""; 0], "{what}, diagnose {diagnose}");
+        }
+    }
+}
+
+/// Protects frames whose particles come, go, and grow in number: buffers are kept between frames.
+#[test]
+fn any_number_of_splats_is_valid() {
+    let device = Checked::new();
+    let mut renderer = Renderer::new(&device.gpu);
+    for (aggregates, splashes) in [(0, 0), (0, 2), (2, 0), (1000, 5), (3, 1000), (0, 0), (1, 1)] {
+        device.render(&mut renderer, &scene(), &splats(aggregates, splashes), UVec2::new(9, 9));
+        assert_eq!(device.errors(), [""; 0], "{aggregates} aggregates, {splashes} splashes");
+    }
+}
+
+/// Protects callers that draw into textures of their own: each format has its pipeline.
+#[test]
+fn every_target_format_is_valid() {
+    let device = Checked::new();
+    let mut renderer = Renderer::new(&device.gpu);
+    let size = UVec2::new(16, 8);
+    for format in [
+        wgpu::TextureFormat::Rgba8Unorm,
+        wgpu::TextureFormat::Bgra8UnormSrgb,
+        wgpu::TextureFormat::Rgba16Float,
+    ] {
+        let target = target(&device.gpu, format, size);
+        renderer
+            .render(&scene(), &camera(), &splats(2, 0), &target, format, size)
+            .expect("a valid scene");
+        assert_eq!(device.errors(), [""; 0], "{format:?}");
+    }
+}
+
+/// Protects the times: a span for each pass that ran, on a device that has timestamps.
+#[test]
+fn timed_frames_are_valid() {
+    let device = Checked::with(wgpu::Features::TIMESTAMP_QUERY);
+    let mut renderer = Renderer::new(&device.gpu);
+    renderer.timing = true;
+    let size = UVec2::new(16, 8);
+    let target = target(&device.gpu, Frame::FORMAT, size);
+    let mut times = |splashes: usize| {
+        let splats = splats(2, splashes);
+        renderer
+            .render(&scene(), &camera(), &splats, &target, Frame::FORMAT, size)
+            .expect("a valid scene")
+    };
+    let (without, with) = (times(0), times(2));
+    assert_eq!(device.errors(), [""; 0]);
+    assert_eq!(with.len(), without.len() + 1, "splashes are a pass of their own");
+}
+
+/// Protects the tests above from passing for the wrong reason: the device must report a target of
+/// another format than was announced, and a picture larger than its target.
+#[test]
+fn the_device_reports_planted_errors() {
+    let device = Checked::new();
+    let mut renderer = Renderer::new(&device.gpu);
+    let size = UVec2::new(16, 8);
+    let target = target(&device.gpu, wgpu::TextureFormat::Rgba16Float, size);
+    renderer
+        .render(&scene(), &camera(), &splats(2, 0), &target, Frame::FORMAT, size)
+        .expect("limpid does not know the view's format");
+    let errors = device.errors();
+    assert!(errors.iter().any(|e| e.contains("Rgba16Float")), "{errors:?}");
+}
+
+fn target(gpu: &Gpu, format: wgpu::TextureFormat, size: UVec2) -> wgpu::TextureView {
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("target"),
+        size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+        view_formats: &[],
+    });
+    texture.create_view(&Default::default())
+}

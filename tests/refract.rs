@@ -1,0 +1,694 @@
+//! Light through layers whose refraction is known in closed form, or can be traced in 64 bits by
+//! the rules that `shaders/refract/interfaces.wgsl` documents.
+
+#[path = "support/frames.rs"]
+mod frames;
+
+use std::f64::consts::{PI, TAU};
+
+use frames::{
+    Ellipsoid, View, ellipsoid, glowing, mean_difference, noise, noise_vector, on_axis, scene,
+    sphere, splats, stage,
+};
+use glam::{DVec3, Quat, UVec2, Vec3};
+use limpid::camera::Camera;
+use limpid::environment::Environment;
+use limpid::particles::Particles;
+use limpid::passes::classify::{Splats, classify};
+use limpid::scene::{Scene, Shape, Solid, Surface};
+use limpid::settings::{Reflections, Solids, Solver};
+
+/// Odd, so that the middle pixel's ray is the camera's axis.
+const SIZE: UVec2 = UVec2::new(161, 121);
+const MIDDLE: UVec2 = UVec2::new(80, 60);
+const ETA: f64 = 1.33;
+
+/// Unpolarised reflectance, and the transmitted cosine.
+fn fresnel(cos_i: f64, eta: f64) -> (f64, f64) {
+    let sin2_t = (1.0 - cos_i * cos_i) / (eta * eta);
+    if sin2_t >= 1.0 {
+        return (1.0, 0.0);
+    }
+    let cos_t = (1.0 - sin2_t).sqrt();
+    let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
+    let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
+    (0.5 * (parallel * parallel + perpendicular * perpendicular), cos_t)
+}
+
+/// A refraction at normal incidence.
+fn straight() -> f64 {
+    1.0 - fresnel(1.0, ETA).0
+}
+
+/// What a ray through one convex body comes to, without internal bounces.
+struct Light {
+    radiance: DVec3,
+    inside: f64,
+    out: DVec3,
+    /// Where it leaves, and the weight with which it does.
+    exit: DVec3,
+    weight: DVec3,
+    reflected: DVec3,
+}
+
+fn through(
+    body: &Ellipsoid,
+    ray: DVec3,
+    sigma: DVec3,
+    environment: impl Fn(DVec3) -> DVec3,
+) -> Option<Light> {
+    let d = ray.normalize();
+    let entry = body.hits(DVec3::ZERO, d)?[0] * d;
+    let n = body.normal(entry);
+    let cos_i = -d.dot(n);
+    let (f1, cos_t) = fresnel(cos_i, ETA);
+    let within = (d / ETA + (cos_i / ETA - cos_t) * n).normalize();
+    let inside = body.hits(entry, within)?[1];
+    let exit = entry + inside * within;
+    let m = -body.normal(exit);
+    let cos_j = -within.dot(m);
+    let (f2, cos_u) = fresnel(cos_j, ETA.recip());
+    let out = (within * ETA + (cos_j * ETA - cos_u) * m).normalize();
+    let absorbed = DVec3::from_array((-sigma * inside).to_array().map(f64::exp));
+    let reflected = f1 * environment(d.reflect(n))
+        + (1.0 - f1) * f2 * absorbed * environment(within.reflect(m));
+    let weight = (1.0 - f1) * (1.0 - f2) * absorbed;
+    let radiance = reflected + weight * environment(out);
+    Some(Light { radiance, inside, out, exit, weight, reflected })
+}
+
+/// How far the ray passes from the body's centre.
+fn off_axis(body: &Ellipsoid, ray: DVec3) -> f64 {
+    (body.centre - body.centre.project_onto(ray)).length()
+}
+
+/// A map whose radiance is the direction itself, plus 1: what a pixel shows is where it looks.
+fn compass() -> Environment {
+    let size = UVec2::new(512, 256);
+    let pixels = (0..size.x * size.y)
+        .map(|i| {
+            let longitude = (f64::from(i % size.x) + 0.5) / f64::from(size.x) * TAU - PI;
+            let latitude = (f64::from(i / size.x) + 0.5) / f64::from(size.y) * PI;
+            let (s, c) = latitude.sin_cos();
+            let d = DVec3::new(longitude.sin() * s, c, -longitude.cos() * s);
+            (d + 1.0).as_vec3().extend(1.0).to_array()
+        })
+        .collect();
+    Environment::Map { size, pixels }
+}
+
+fn compass_radiance(d: DVec3) -> DVec3 {
+    d + 1.0
+}
+
+/// Nothing but the middle of the picture's far wall shines, and no reflection is seen.
+fn wall(z: f32) -> Scene {
+    let mut scene = scene();
+    scene.environment = Environment::Constant(Vec3::ZERO);
+    let shape = Shape::Plane { origin: Vec3::Z * z, normal: Vec3::Z, half_extent: f32::INFINITY };
+    scene.solids = vec![glowing(shape, Vec3::ONE)];
+    scene.settings.refract.reflections = Reflections::Environment;
+    scene.settings.refract.contact = 0.0;
+    scene
+}
+
+/// 300 particles as a file might have them: a body with a rough surface, and spray.
+fn cloud(settings: &Scene) -> Splats {
+    let mut seed = 5;
+    let positions = (0..300)
+        .map(|i| {
+            let reach = if i < 250 { Vec3::new(0.35, 0.25, 0.35) } else { Vec3::splat(0.8) };
+            reach * noise_vector(&mut seed)
+        })
+        .collect();
+    let particles = Particles { positions, ..Default::default() };
+    classify(&particles, 0.06, &settings.settings.classify)
+}
+
+/// A scene for the cloud: a checkered floor, a sky, absorption, the default settings.
+fn tank() -> Scene {
+    let mut scene = Scene::around(Vec3::splat(-0.8), Vec3::splat(0.8), 0.06);
+    scene.camera = None;
+    scene
+}
+
+fn above() -> Camera {
+    let eye = Vec3::new(0.7, 1.2, 2.4);
+    Camera { eye, target: Vec3::ZERO, up: Vec3::Y, fov_y: 40.0, near: None }
+}
+
+/// Through a ball, every pixel more than two inside the rim: the length of its chord, and the
+/// directions in which light enters, leaves and is reflected, by a sky that shows them.
+///
+/// The layer has one plane per pixel: over half a pixel, R/90 here, the sphere falls from it by
+/// 1e-4 R, and its normal turns by 0.01, of which refraction passes half on. With pixels half as
+/// large that must halve.
+#[test]
+fn ball_refracts_as_snell_says() {
+    let Some(mut stage) = stage() else { return };
+    let camera = on_axis(8.0, 20.0);
+    let ball = sphere(Vec3::new(0.1, -0.05, 0.0), 1.0);
+    let mut scene = scene();
+    scene.environment = compass();
+    scene.settings.refract.internal_bounces = 0;
+    let cases = [
+        (Solver::Guarded, false, SIZE),
+        (Solver::Guarded, false, SIZE * 2),
+        (Solver::Guarded, true, SIZE),
+        (Solver::March, false, SIZE),
+        (Solver::March, false, SIZE * 2),
+    ];
+    for (solver, splash, size) in cases {
+        let view = View::new(&camera, size);
+        let body = Ellipsoid::new(&view, &ball);
+        let pixel = view.footprint() * 8.0;
+        scene.settings.refract.solver = solver;
+        let drawn = match splash {
+            true => splats(&[], &[ball], 0.1),
+            false => splats(&[ball], &[], 0.1),
+        };
+        let shot = stage.shoot(&scene, &camera, &drawn, size);
+        shot.assert_finite();
+        let (mut pixels, mut long, mut total) = (0, 0, 0.0);
+        let (mut longest, mut widest) = (0f64, 0f64);
+        for p in shot.pixels() {
+            let ray = view.through(p);
+            if 1.0 - off_axis(&body, ray) < 2.0 * pixel {
+                continue;
+            }
+            let expected = through(&body, ray, DVec3::ZERO, compass_radiance).expect("covered");
+            let length = (shot.at("inside", p) - expected.inside).abs();
+            let off = (shot.radiance(p) - expected.radiance).abs().max_element();
+            longest = longest.max(length);
+            widest = widest.max(off);
+            total += off;
+            pixels += 1;
+            long += u32::from(length > 1e-3);
+            assert_eq!(shot.at("interfaces", p), 2.0, "{p}");
+        }
+        let mean = total / f64::from(pixels);
+        println!(
+            "{solver:?} at {size}: length off by {longest:.2e}, {long} of {pixels} beyond 1e-3;"
+        );
+        println!("    direction off by {widest:.2e}, on the average by {mean:.2e}");
+        assert!(pixels > 5000 && long * 100 <= pixels, "{long} of {pixels}");
+        assert!(widest < 0.06 && mean < 0.33 * pixel, "{widest}, {mean}");
+        assert!(shot.channel("failures").iter().all(|&n| n == 0.0));
+    }
+}
+
+/// The ray half a radius off a ball's axis: chord 1.85329 R, deviation 15.8352°.
+#[test]
+fn ray_at_half_the_radius() {
+    let Some(mut stage) = stage() else { return };
+    // A pixel is R/250: the exit's normal is known to 0.1°.
+    let camera = on_axis(8.0, 3.466);
+    let view = View::new(&camera, SIZE);
+    let ball = sphere(Vec3::new(0.5, 0.0, 0.0), 1.0);
+    let body = Ellipsoid::new(&view, &ball);
+    let expected =
+        through(&body, view.through(MIDDLE), DVec3::ZERO, compass_radiance).expect("a hit");
+    // The truth itself, against the figures.
+    let deviation = expected.out.angle_between(DVec3::NEG_Z).to_degrees();
+    assert!((deviation - 15.8352).abs() < 1e-4 && (expected.inside - 1.85329).abs() < 1e-5);
+    let mut scene = scene();
+    scene.environment = compass();
+    scene.settings.refract.internal_bounces = 0;
+    for solver in [Solver::Guarded, Solver::March] {
+        scene.settings.refract.solver = solver;
+        let shot = stage.shoot(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+        let inside = shot.at("inside", MIDDLE);
+        // What is left of the radiance once the reflections are taken off is the sky at the end.
+        let out = (shot.radiance(MIDDLE) - expected.reflected) / expected.weight - 1.0;
+        let deviation = out.angle_between(DVec3::NEG_Z).to_degrees();
+        println!("{solver:?}: chord {inside}, deviation {deviation}°, |out| {}", out.length());
+        assert!((inside - 1.85329).abs() < 1e-4, "{inside}");
+        assert!((deviation - 15.8352).abs() < 0.1, "{deviation}");
+        assert!((out.length() - 1.0).abs() < 1e-3, "{out}");
+    }
+}
+
+/// Beer's law over the chord, between the two reflections: F₁ + (1 − F₁) e^(−σl) under a white
+/// sky, for what the far side reflects inwards sees the sky too.
+#[test]
+fn ball_absorbs_by_its_chord() {
+    let Some(mut stage) = stage() else { return };
+    let camera = on_axis(8.0, 20.0);
+    let view = View::new(&camera, SIZE);
+    let ball = sphere(Vec3::ZERO, 1.0);
+    let body = Ellipsoid::new(&view, &ball);
+    let mut scene = scene();
+    scene.liquid.absorption = Vec3::new(1.0, 0.3, 0.01);
+    scene.settings.refract.internal_bounces = 0;
+    let sigma = scene.liquid.absorption.as_dvec3();
+    let shot = stage.shoot(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+    let middle = through(&body, view.through(MIDDLE), sigma, |_| DVec3::ONE).expect("a hit");
+    let f = 1.0 - straight();
+    assert!((middle.radiance.x - (f + (1.0 - f) * (-2f64).exp())).abs() < 1e-9);
+    let mut worst = 0f64;
+    for p in shot.pixels() {
+        let ray = view.through(p);
+        let Some(expected) = through(&body, ray, sigma, |_| DVec3::ONE) else { continue };
+        if off_axis(&body, ray) < 0.9 {
+            worst = worst.max((shot.radiance(p) - expected.radiance).abs().max_element());
+        }
+    }
+    println!("middle {}, worst {worst:.2e}", shot.radiance(MIDDLE));
+    assert!((shot.radiance(MIDDLE) - middle.radiance).abs().max_element() < 1e-4);
+    assert!(worst < 1e-3, "{worst}");
+}
+
+/// A slab of 0.2 m so wide that it is flat, over a checkered floor that alone shines.
+fn slab_over_floor() -> (Scene, Splats) {
+    let mut scene = wall(0.0);
+    scene.solids = vec![Solid {
+        shape: Shape::Plane { origin: Vec3::NEG_Y, normal: Vec3::Y, half_extent: 40.0 },
+        surface: Surface::Checker { tile: 0.2, even: Vec3::ONE, odd: Vec3::ZERO },
+        lit: false,
+    }];
+    let slab = ellipsoid(Vec3::ZERO, Vec3::new(50.0, 0.1, 50.0), Quat::IDENTITY);
+    (scene, splats(&[slab], &[], 0.01))
+}
+
+/// Straight down at the slab, and at 45°.
+fn at_the_slab() -> [Camera; 2] {
+    let camera = Camera { eye: Vec3::Y * 2.0, up: Vec3::NEG_Z, ..on_axis(0.0, 35.0) };
+    [camera, Camera { eye: Vec3::new(0.0, 2.0, 2.0), up: Vec3::Y, ..camera }]
+}
+
+/// A flat slab displaces an inclined ray by `t sin(θ − θ_t) / cos θ_t` and does not turn it: where
+/// each pixel lands on a checkered floor tells, to a fiftieth of a tile.
+#[test]
+fn slab_displaces_without_turning() {
+    let Some(mut stage) = stage() else { return };
+    let (scene, drawn) = slab_over_floor();
+    let in_tiles = |x: DVec3| x / f64::from(0.2f32);
+    let even = |x: DVec3| {
+        let tiles = in_tiles(x).floor();
+        (tiles.x + tiles.z).rem_euclid(2.0) == 0.0
+    };
+    let near_an_edge = |x: DVec3| {
+        let off = (in_tiles(x) - in_tiles(x).round()).abs();
+        off.x.min(off.z) < 0.02
+    };
+    for camera in at_the_slab() {
+        let view = View::new(&camera, SIZE);
+        let body = Ellipsoid::new(&view, &drawn.aggregates[0]);
+        let shot = stage.shoot(&scene, &camera, &drawn, SIZE);
+        let land = |from: DVec3, d: DVec3| {
+            let (from, d) = (view.world_point(from), view.world_vector(d));
+            from + (-1.0 - from.y) / d.y * d
+        };
+        let (mut compared, mut wrong, mut wrong_if_straight, mut beyond) = (0, 0, 0, 0);
+        for p in shot.pixels() {
+            let ray = view.through(p);
+            let light = through(&body, ray, DVec3::ZERO, |_| DVec3::ZERO).expect("it is wide");
+            assert!(light.out.angle_between(ray) < 1e-3, "the truth itself turns");
+            // A ray that leaves by a point that the picture does not show cannot be right.
+            let at = view.pixel(light.exit);
+            if at.min_element() < 0.0 || (at - SIZE.as_dvec2()).max_element() > 0.0 {
+                beyond += 1;
+                continue;
+            }
+            let landed = land(light.exit, light.out);
+            if near_an_edge(landed) {
+                continue;
+            }
+            let seen = if even(landed) { light.weight.x } else { 0.0 };
+            compared += 1;
+            wrong += u32::from((shot.radiance(p).x - seen).abs() > 2e-3);
+            wrong_if_straight += u32::from(even(land(DVec3::ZERO, ray)) != even(landed));
+        }
+        let theta = f64::from(camera.eye.z).atan2(camera.eye.y.into());
+        let theta_t = (theta.sin() / ETA).asin();
+        let inside = shot.at("inside", MIDDLE);
+        println!("{wrong} of {compared} wrong, {wrong_if_straight} if straight, {beyond} beyond;");
+        println!("    length {inside}");
+        assert!((inside - 0.2 / theta_t.cos()).abs() < 1e-5, "{inside}");
+        assert!(wrong == 0 && compared > 15_000, "{wrong} of {compared}");
+        assert!(theta == 0.0 || wrong_if_straight * 5 > compared, "the test has no teeth");
+    }
+}
+
+/// Along the axis of balls in a row: how many interfaces, and what length of liquid, for every
+/// order of the classes. The wall behind shines through with T at each interface.
+#[test]
+fn balls_in_a_row() {
+    let Some(mut stage) = stage() else { return };
+    let camera = on_axis(8.0, 20.0);
+    let ball = |z: f32, radius: f32| sphere(Vec3::Z * z, radius);
+    let none: &[_] = &[];
+    let cases = [
+        ("one ball", &[ball(0.0, 1.0)][..], none, 2, 2.0),
+        ("splash before aggregate", &[ball(-1.0, 1.0)], &[ball(1.5, 0.5)], 4, 3.0),
+        ("aggregate before splash", &[ball(1.0, 1.0)], &[ball(-1.5, 0.5)], 4, 3.0),
+        ("splash inside", &[ball(0.0, 1.0)], &[ball(0.3, 0.5)], 2, 2.0),
+        ("splash over the front", &[ball(0.0, 1.0)], &[ball(0.8, 0.5)], 2, 2.3),
+        ("splash over the back", &[ball(0.0, 1.0)], &[ball(-0.8, 0.5)], 2, 2.3),
+        ("aggregate inside splash", &[ball(0.1, 0.5)], &[ball(0.0, 1.0)], 2, 2.0),
+        ("the same ball twice", &[ball(0.0, 1.0)], &[ball(0.0, 1.0)], 2, 2.0),
+        // One class keeps its nearest front and its farthest back: one interval.
+        ("two aggregates", &[ball(1.5, 0.5), ball(-1.0, 1.0)], none, 2, 4.0),
+        ("two splashes", none, &[ball(1.5, 0.5), ball(-1.0, 1.0)], 2, 4.0),
+    ];
+    let mut scene = wall(-5.0);
+    for solver in [Solver::Guarded, Solver::March] {
+        scene.settings.refract.solver = solver;
+        for (name, aggregates, splashes, interfaces, length) in cases {
+            let shot = stage.shoot(&scene, &camera, &splats(aggregates, splashes, 0.1), SIZE);
+            shot.assert_finite();
+            let transmitted = straight().powi(interfaces);
+            println!(
+                "{solver:?}, {name}: {} interfaces, {} m, {}",
+                shot.at("interfaces", MIDDLE),
+                shot.at("inside", MIDDLE),
+                shot.at("radiance.R", MIDDLE)
+            );
+            assert_eq!(shot.at("interfaces", MIDDLE), f64::from(interfaces), "{name}");
+            assert!((shot.at("inside", MIDDLE) - length).abs() < 1e-4, "{name}");
+            assert!((shot.at("radiance.R", MIDDLE) - transmitted).abs() < 1e-4, "{name}");
+        }
+    }
+    assert!((straight() - 0.97994).abs() < 1e-5);
+}
+
+/// A ray is followed through as many interfaces as asked for; then it sees what is ahead.
+#[test]
+fn interfaces_are_followed_as_far_as_asked() {
+    let Some(mut stage) = stage() else { return };
+    let camera = on_axis(8.0, 20.0);
+    let mut scene = wall(-5.0);
+    let drawn = splats(&[sphere(Vec3::NEG_Z, 1.0)], &[sphere(Vec3::Z * 1.5, 0.5)], 0.1);
+    for (asked, length) in [(1, 0.0), (2, 1.0), (3, 1.0), (4, 3.0), (8, 3.0)] {
+        scene.settings.refract.interfaces = asked;
+        let shot = stage.shoot(&scene, &camera, &drawn, SIZE);
+        shot.assert_finite();
+        let crossed = asked.min(4);
+        assert_eq!(shot.at("interfaces", MIDDLE), f64::from(crossed));
+        assert!((shot.at("inside", MIDDLE) - length).abs() < 1e-4, "{asked}");
+        let expected = straight().powi(crossed as i32);
+        assert!((shot.at("radiance.R", MIDDLE) - expected).abs() < 1e-4, "{asked}");
+    }
+}
+
+/// The white furnace: where all surroundings shine alike and nothing is absorbed, liquid is
+/// invisible. Every split of a ray, every bounce, every ray that is given up must keep the sum.
+#[test]
+fn white_furnace() {
+    let Some(mut stage) = stage() else { return };
+    let mut scene = scene();
+    let mut smoothed = scene.clone();
+    smoothed.settings.smooth.iterations = 5;
+    let ball = splats(&[sphere(Vec3::new(0.1, 0.0, 0.0), 1.0)], &[], 0.1);
+    for (scene, drawn, camera) in [
+        (&scene, &ball, on_axis(4.0, 40.0)),
+        (&scene, &cloud(&scene), above()),
+        (&smoothed, &cloud(&scene), above()),
+    ] {
+        let mut scene = scene.clone();
+        for (bounces, interfaces) in [(4, 4), (0, 4), (8, 8), (4, 1)] {
+            scene.settings.refract.internal_bounces = bounces;
+            scene.settings.refract.interfaces = interfaces;
+            let shot = stage.shoot(&scene, &camera, drawn, SIZE);
+            shot.assert_finite();
+            let off = |p| (shot.radiance(p) - 1.0).abs().max_element();
+            let worst = shot.pixels().map(off).fold(0.0, f64::max);
+            println!("{bounces} bounces, {interfaces} interfaces: {worst:.2e}");
+            assert!(worst < 1e-5, "{worst}");
+        }
+    }
+    // Nothing shines: nothing is seen.
+    scene.environment = Environment::Constant(Vec3::ZERO);
+    let shot = stage.shoot(&scene, &above(), &cloud(&scene), SIZE);
+    assert!(shot.pixels().all(|p| shot.radiance(p) == DVec3::ZERO));
+}
+
+/// Radiance is η² times as large inside the liquid, so that is what an eye in it sees of a white
+/// sky, also by total reflection; without the scaling, 1.
+#[test]
+fn eye_in_the_liquid_sees_the_sky_squeezed() {
+    let Some(mut stage) = stage() else { return };
+    let ball = splats(&[sphere(Vec3::ZERO, 1.0)], &[], 0.1);
+    let camera =
+        Camera { eye: Vec3::new(0.3, 0.6, 0.2), target: Vec3::NEG_Z, ..on_axis(0.0, 60.0) };
+    let mut scene = scene();
+    for (scaled, iterations) in [(true, 0), (true, 5), (false, 0)] {
+        scene.settings.refract.radiance_scaling = scaled;
+        scene.settings.smooth.iterations = iterations;
+        let shot = stage.shoot(&scene, &camera, &ball, SIZE);
+        shot.assert_finite();
+        let expected = if scaled { ETA * ETA } else { 1.0 };
+        let off = |p| (shot.radiance(p) - expected).abs().max_element();
+        let worst = shot.pixels().map(off).fold(0.0, f64::max);
+        println!("scaled {scaled}, smoothed {iterations} times: {worst:.2e}");
+        assert!(worst < 1e-5, "{worst}");
+    }
+}
+
+/// As above where the near plane cuts the surface: at each pixel the ray starts inside or enters,
+/// and smoothing does not blur the one into the other.
+#[test]
+fn smoothing_keeps_where_rays_start_inside() {
+    let Some(mut stage) = stage() else { return };
+    let ball = sphere(Vec3::ZERO, 1.0);
+    let camera = Camera { near: Some(0.104), ..on_axis(1.1, 90.0) };
+    let mut scene = scene();
+    for iterations in [0, 5] {
+        scene.settings.smooth.iterations = iterations;
+        let shot = stage.shoot(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+        shot.assert_finite();
+        let (mut started, mut wrong) = (0, Vec::new());
+        for p in shot.pixels() {
+            let inside = shot.at("depth.aggregate_front", p) == f64::from(0.104f32);
+            let expected = if inside { ETA * ETA } else { 1.0 };
+            started += u32::from(inside);
+            if (shot.radiance(p) - expected).abs().max_element() > 1e-4 {
+                wrong.push((p, shot.radiance(p).x, shot.at("smooth_depth.aggregate_front", p)));
+            }
+        }
+        println!("smoothed {iterations} times: {} of {started} wrong", wrong.len());
+        assert!((1000..15_000).contains(&started));
+        assert!(wrong.is_empty(), "{} pixels, the first {:?}", wrong.len(), wrong[0]);
+    }
+}
+
+/// Liquid that rests near a solid wets it: no interface there, and the ray ends on the solid,
+/// unscaled by what a way out would have given back. Without contact there is a film of air.
+#[test]
+fn contact_wets_what_liquid_rests_on() {
+    let Some(mut stage) = stage() else { return };
+    let (r, half) = (0.05f32, 0.2f32);
+    let gap = 1.5 * r;
+    let pool = ellipsoid(Vec3::Y * (gap + half), Vec3::new(2.0, half, 2.0), Quat::IDENTITY);
+    let camera =
+        Camera { eye: Vec3::Y * 3.0, target: Vec3::ZERO, up: Vec3::NEG_Z, fov_y: 20.0, near: None };
+    let sky = 0.3;
+    let mut scene = scene();
+    scene.environment = Environment::Constant(Vec3::splat(sky));
+    scene.liquid.absorption = Vec3::new(2.0, 0.5, 0.0);
+    scene.settings.refract.reflections = Reflections::Environment;
+    let floor = Shape::Plane { origin: Vec3::ZERO, normal: Vec3::Y, half_extent: f32::INFINITY };
+    scene.solids = vec![glowing(floor, Vec3::ONE)];
+    let (f, t) = (1.0 - straight(), straight());
+    let sky = f64::from(sky);
+    for contact in [2.0, 1.0, 0.0] {
+        scene.settings.refract.contact = contact;
+        let shot = stage.shoot(&scene, &camera, &splats(&[pool], &[], r), SIZE);
+        for (i, color) in ["R", "G", "B"].into_iter().enumerate() {
+            let sigma = f64::from(scene.liquid.absorption[i]);
+            let absorbed = |length: f32| (-sigma * f64::from(length)).exp();
+            let expected = if contact > 1.5 {
+                f * sky + t / (ETA * ETA) * absorbed(2.0 * half + gap)
+            } else {
+                f * sky + t * absorbed(2.0 * half) * (f * sky + t)
+            };
+            let found = shot.at(&format!("radiance.{color}"), MIDDLE);
+            println!("contact {contact}, {color}: {found} of {expected}");
+            assert!((found - expected).abs() < 1e-4, "contact {contact}: {found} not {expected}");
+        }
+        let inside = if contact > 1.5 { 2.0 * half + gap } else { 2.0 * half };
+        assert!((shot.at("inside", MIDDLE) - f64::from(inside)).abs() < 1e-4);
+    }
+}
+
+/// A solid hides the liquid behind it and ends the ray inside it.
+#[test]
+fn solids_hide_and_end() {
+    let Some(mut stage) = stage() else { return };
+    let camera = on_axis(8.0, 20.0);
+    let ball = splats(&[sphere(Vec3::ZERO, 1.0)], &[], 0.1);
+    let color = Vec3::new(0.2, 0.4, 0.6);
+    let mut scene = scene();
+    scene.liquid.absorption = Vec3::new(1.0, 0.3, 0.01);
+    let before = Shape::Sphere { center: Vec3::Z * 3.0, radius: 0.3 };
+    let cube = Shape::Box { min: Vec3::splat(-0.2), max: Vec3::splat(0.2) };
+    for solver in [Solver::Guarded, Solver::March] {
+        scene.settings.refract.solver = solver;
+        scene.solids = vec![glowing(before, color)];
+        let shot = stage.shoot(&scene, &camera, &ball, SIZE);
+        shot.assert_finite();
+        assert_eq!(shot.radiance(MIDDLE), color.as_dvec3());
+        assert_eq!(shot.at("interfaces", MIDDLE), 0.0);
+        assert!(shot.at("interfaces", MIDDLE + UVec2::new(25, 0)) > 0.0);
+
+        scene.solids = vec![glowing(cube, color)];
+        let shot = stage.shoot(&scene, &camera, &ball, SIZE);
+        shot.assert_finite();
+        let f = 1.0 - straight();
+        let sigma = scene.liquid.absorption.as_dvec3();
+        let absorbed = DVec3::from_array((-0.8 * sigma).to_array().map(f64::exp));
+        let expected = f + (1.0 - f) / (ETA * ETA) * absorbed * color.as_dvec3();
+        let found = shot.radiance(MIDDLE);
+        println!("{solver:?}: submerged {found} of {expected}");
+        assert!((found - expected).abs().max_element() < 1e-4, "{found}, not {expected}");
+        assert_eq!(shot.at("interfaces", MIDDLE), 1.0);
+        assert!((shot.at("inside", MIDDLE) - 0.8).abs() < 1e-4);
+    }
+}
+
+/// The paper's solver gives up on rays, but never NaN; on a ball's axis its tangent plane is exact.
+#[test]
+fn newton_is_finite_and_right_where_it_converges() {
+    let Some(mut stage) = stage() else { return };
+    let mut tank = tank();
+    tank.settings.refract.solver = Solver::Newton;
+    for iterations in [0, 1, 4, 20] {
+        tank.settings.refract.iterations = iterations;
+        stage.shoot(&tank, &above(), &cloud(&tank), SIZE).assert_finite();
+    }
+    let camera = on_axis(8.0, 20.0);
+    let view = View::new(&camera, SIZE);
+    let ball = sphere(Vec3::ZERO, 1.0);
+    let body = Ellipsoid::new(&view, &ball);
+    let mut scene = scene();
+    scene.environment = compass();
+    scene.settings.refract.solver = Solver::Newton;
+    scene.settings.refract.internal_bounces = 0;
+    let shot = stage.shoot(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+    shot.assert_finite();
+    assert!((shot.at("inside", MIDDLE) - 2.0).abs() < 1e-4);
+    // Over the ball's inner half, where four iterations reach the 1-pixel test.
+    let mut worst = 0f64;
+    for p in shot.pixels() {
+        let ray = view.through(p);
+        if off_axis(&body, ray) < 0.5 {
+            let expected = through(&body, ray, DVec3::ZERO, compass_radiance).expect("a hit");
+            worst = worst.max((shot.radiance(p) - expected.radiance).abs().max_element());
+        }
+    }
+    println!("newton: worst {worst:.2e}");
+    assert!(worst < 0.02, "{worst}");
+}
+
+/// `guarded` strides over what `march` visits texel by texel. On a body's smoothed surface they
+/// must agree: a length differs where the ray passes a dent narrower than a stride. Spray and
+/// rough surfaces are such dents, and bounces multiply them: there only the mean is bounded.
+#[test]
+fn guarded_sees_what_march_sees() {
+    let Some(mut stage) = stage() else { return };
+    let mut scene = tank();
+    let all = cloud(&scene);
+    assert!(all.splashes.len() > 20 && all.aggregates.len() > 150);
+    let bodies = Splats { splashes: Vec::new(), ..all.clone() };
+    for (drawn, bounces, lengths, most) in [(&bodies, 0, 0.01, 0.02), (&all, 4, 0.3, 0.06)] {
+        scene.settings.refract.internal_bounces = bounces;
+        let [guarded, march] = [Solver::Guarded, Solver::March].map(|solver| {
+            scene.settings.refract.solver = solver;
+            let shot = stage.shoot(&scene, &above(), drawn, SIZE);
+            shot.assert_finite();
+            shot
+        });
+        let liquid = march.channel("interfaces").iter().filter(|&&n| n > 0.0).count() as f64;
+        let difference = mean_difference(&guarded, &march) * f64::from(SIZE.x * SIZE.y) / liquid;
+        let off = |p: &UVec2| (guarded.at("inside", *p) - march.at("inside", *p)).abs() > 0.01;
+        let apart = march.pixels().filter(off).count() as f64 / liquid;
+        println!("{bounces} bounces: differ by {difference:.2e}; of {liquid} lengths {apart:.4}");
+        assert!(difference < most && apart < lengths, "{difference}, {apart}");
+    }
+}
+
+/// Samples see the same layers from other points of the pixel. Where the layers are planes, that
+/// is what a picture of four times the size sees: more samples come closer to the mean of its 16
+/// pixels, by any even pattern.
+#[test]
+fn samples_average() {
+    let Some(mut stage) = stage() else { return };
+    let (mut scene, slab) = slab_over_floor();
+    let camera = at_the_slab()[1];
+    let fine = stage.shoot(&scene, &camera, &slab, SIZE * 4);
+    let means: Vec<_> = (0..SIZE.x * SIZE.y)
+        .map(|i| {
+            let p = 4 * UVec2::new(i % SIZE.x, i / SIZE.x);
+            let within = (0..16).map(|k| p + UVec2::new(k % 4, k / 4));
+            within.map(|q| fine.radiance(q).x).sum::<f64>() / 16.0
+        })
+        .collect();
+    let [one, four, seven, sixteen] = [1, 4, 7, 16].map(|samples| {
+        scene.settings.refract.samples = samples;
+        let shot = stage.shoot(&scene, &camera, &slab, SIZE);
+        shot.assert_finite();
+        let off = shot.pixels().zip(&means).map(|(p, mean)| (shot.radiance(p).x - mean).abs());
+        off.sum::<f64>() / means.len() as f64
+    });
+    println!("off the mean, by samples: 1 {one:.4}, 4 {four:.4}, 7 {seven:.4}, 16 {sixteen:.4}");
+    assert!(four < 0.6 * one && seven < 0.6 * one && sixteen < 0.6 * one);
+}
+
+/// Solids looked up in the G-buffer are those that are there, to a texel: every pixel shows what
+/// it or a neighbour shows with exact solids. Tiles are several texels wide to the horizon.
+#[test]
+fn solids_on_the_screen_are_the_solids() {
+    let Some(mut stage) = stage() else { return };
+    let mut scene = scene();
+    scene.solids = vec![Solid {
+        shape: Shape::Plane { origin: Vec3::NEG_Y * 0.8, normal: Vec3::Y, half_extent: 2.0 },
+        surface: Surface::Checker { tile: 0.5, even: Vec3::ONE, odd: Vec3::splat(0.2) },
+        lit: false,
+    }];
+    scene.settings.refract.contact = 0.0;
+    scene.settings.refract.internal_bounces = 0;
+    // A lens: a ball would show half the room in its outermost pixel.
+    let lens = ellipsoid(Vec3::Y * 0.1, Vec3::new(0.9, 0.15, 0.9), Quat::IDENTITY);
+    let drawn = splats(&[lens], &[], 0.06);
+    let exact = stage.shoot(&scene, &above(), &drawn, SIZE);
+    scene.settings.refract.solids = Solids::Screen;
+    let screen = stage.shoot(&scene, &above(), &drawn, SIZE);
+    screen.assert_finite();
+    let off = |p: UVec2, q: UVec2| (screen.radiance(p) - exact.radiance(q)).abs().max_element();
+    let around = |p: UVec2| {
+        let row = move |y| (p.x - 1..=p.x + 1).map(move |x| UVec2::new(x, y));
+        (p.y - 1..=p.y + 1).flat_map(row)
+    };
+    let liquid: Vec<_> = exact.pixels().filter(|&p| exact.at("interfaces", p) > 0.0).collect();
+    let unlike = liquid.iter().filter(|&&p| around(p).all(|q| off(p, q) > 0.05)).count();
+    let equal = liquid.iter().filter(|&&p| off(p, p) < 0.01).count();
+    println!("of {}: {equal} equal, {unlike} unlike any neighbour", liquid.len());
+    assert!(liquid.len() > 3000 && unlike * 100 < liquid.len() && equal * 10 > liquid.len() * 9);
+    // Beside the liquid too.
+    let beside = exact.pixels().filter(|&p| exact.at("interfaces", p) == 0.0);
+    let changed = beside.filter(|&p| off(p, p) > 1e-6).count();
+    println!("{changed} pixels of the background changed");
+    assert!(changed * 200 < (SIZE.x * SIZE.y) as usize, "{changed}");
+}
+
+/// Whatever the splats, radiance is finite: in none, in all, in each other.
+#[test]
+fn random_clouds_are_finite() {
+    let Some(mut stage) = stage() else { return };
+    let mut seed = 23;
+    let scene = tank();
+    for _ in 0..6 {
+        let drawn: Vec<_> = (0..80)
+            .map(|_| {
+                let axes = Vec3::from_array([(); 3].map(|()| (4.0 * noise(&mut seed) - 5.0).exp()));
+                ellipsoid(noise_vector(&mut seed), axes, frames::noise_turn(&mut seed))
+            })
+            .collect();
+        let (aggregates, splashes) = drawn.split_at(60);
+        let eye = 1.5 * noise_vector(&mut seed);
+        let camera = Camera { eye, ..above() };
+        let shot = stage.shoot(&scene, &camera, &splats(aggregates, splashes, 0.06), SIZE);
+        shot.assert_finite();
+        assert!(shot.pixels().all(|p| shot.radiance(p).min_element() >= 0.0));
+    }
+}

@@ -1,0 +1,172 @@
+//! The shader files: all are known, all roots are valid WGSL for the device that limpid requests,
+//! and for every way in which pipelines specialise them. No adapter is needed.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::panic::catch_unwind;
+use std::path::Path;
+
+use limpid::shader::{self, FILES, ROOTS};
+use naga::back::pipeline_constants::process_overrides;
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+
+/// limpid requests no optional feature that WGSL can see.
+const REQUESTED: Capabilities = Capabilities::empty();
+
+/// Parses and validates one text; a failure is naga's excerpt of it.
+fn check(name: &str, text: &str) -> Result<(naga::Module, ModuleInfo), String> {
+    let module =
+        naga::front::wgsl::parse_str(text).map_err(|e| e.emit_to_string_with_path(text, name))?;
+    let info = Validator::new(ValidationFlags::all(), REQUESTED)
+        .validate(&module)
+        .map_err(|e| e.emit_to_string_with_path(text, name))?;
+    Ok((module, info))
+}
+
+/// The values that a pipeline may give to a constant: both of a switch, and ends of a count.
+fn values(module: &naga::Module, constant: &naga::Override) -> &'static [f64] {
+    match (constant.name.as_deref(), &module.types[constant.ty].inner) {
+        (_, naga::TypeInner::Scalar(naga::Scalar::BOOL)) => &[0.0, 1.0],
+        (Some("ENVIRONMENT"), _) => &[0.0, 1.0, 2.0],
+        (Some("SOLIDS"), _) => &[0.0, 1.0, 512.0],
+        (Some("LIGHTS"), _) => &[0.0, 1.0, 16.0],
+        (Some("SIDE"), _) => &[0.0, 1.0],
+        (name, ty) => panic!("the test knows no values for the constant {name:?} of {ty:?}"),
+    }
+}
+
+/// Specialises every entry point: by each value of each constant alone, and by all of them at
+/// their first and at their last value. Returns how many specialisations there were.
+fn specialise(name: &str, module: &naga::Module, info: &ModuleInfo) -> Result<usize, String> {
+    let constants: Vec<_> = module
+        .overrides
+        .iter()
+        .map(|(_, constant)| {
+            let name = constant.name.clone().expect("limpid's constants have names");
+            (name, values(module, constant))
+        })
+        .collect();
+    let alone = constants
+        .iter()
+        .flat_map(|(name, values)| values.iter().map(|&value| vec![(name.clone(), value)]));
+    let first = constants.iter().map(|(name, values)| (name.clone(), values[0])).collect();
+    let last = constants.iter().map(|(name, v)| (name.clone(), v[v.len() - 1])).collect();
+    let sets: Vec<Vec<_>> = alone.chain([first, last]).collect();
+    for entry in &module.entry_points {
+        for set in &sets {
+            let chosen = set.iter().cloned().collect();
+            process_overrides(module, info, Some((entry.stage, &entry.name)), &chosen)
+                .map_err(|e| format!("{name} {} with {set:?}: {e:?}", entry.name))?;
+        }
+    }
+    Ok(sets.len() * module.entry_points.len())
+}
+
+fn files_below(folder: &Path, prefix: &str, found: &mut BTreeSet<String>) {
+    for entry in fs::read_dir(folder).expect("the shader folder can be read") {
+        let entry = entry.expect("the shader folder can be read");
+        let name = format!("{prefix}{}", entry.file_name().to_str().expect("ASCII names"));
+        if entry.path().is_dir() {
+            files_below(&entry.path(), &format!("{name}/"), found);
+        } else {
+            found.insert(name);
+        }
+    }
+}
+
+/// The files that a root pastes, itself among them.
+fn pasted(root: &str) -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    shader::resolve(root, &mut |path| {
+        found.insert(path.to_owned());
+        FILES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text)
+    });
+    found
+}
+
+/// Protects the table of embedded files: one that is forgotten there cannot be imported, one that
+/// is listed twice hides a mistake.
+#[test]
+fn the_table_has_every_file_of_the_folder() {
+    let mut folder = BTreeSet::new();
+    files_below(&Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders"), "", &mut folder);
+    let table: BTreeSet<_> = FILES.iter().map(|(name, _)| (*name).to_owned()).collect();
+    assert_eq!(table, folder);
+    assert_eq!(table.len(), FILES.len(), "a file is in the table twice");
+}
+
+/// Protects every pipeline from a shader that does not compile on the device that limpid asks
+/// for, and reports all broken ones at once.
+#[test]
+fn every_root_is_valid() {
+    let broken: Vec<_> = ROOTS
+        .iter()
+        .filter_map(|root| {
+            let text = shader::source(root);
+            let checked = check(root, &text);
+            match checked.and_then(|(module, info)| specialise(root, &module, &info)) {
+                Ok(specialisations) => {
+                    assert!(specialisations > 0, "{root} has no entry point");
+                    None
+                }
+                Err(problem) => Some(problem),
+            }
+        })
+        .collect();
+    assert!(broken.is_empty(), "{} broken roots:\n{}", broken.len(), broken.join("\n"));
+}
+
+/// Protects against dead files: what no root pastes is never compiled, and so never checked.
+#[test]
+fn every_file_is_a_root_or_pasted_by_one() {
+    let used: BTreeSet<_> = ROOTS.iter().flat_map(|root| pasted(root)).collect();
+    for (name, _) in FILES {
+        assert!(used.contains(*name), "{name} is neither a root nor imported by one");
+    }
+    for root in ROOTS {
+        assert!(FILES.iter().any(|(name, _)| name == root), "no file for the root {root}");
+    }
+}
+
+/// Protects the one feature that limpid adds to WGSL: a file is pasted once however often it is
+/// imported, also in a circle, and a missing one is named.
+#[test]
+fn imports_are_pasted_once_and_missing_ones_are_named() {
+    let files = [
+        ("root", "#import a\n#import b\nfn root() {}"),
+        ("a", "#import b\nfn a() {}"),
+        ("b", "#import a\n#import root\nfn b() {}"),
+        ("lost", "#import nowhere.wgsl"),
+    ];
+    let resolve = |file: &str| {
+        shader::resolve(file, &mut |path| files.iter().find(|f| f.0 == path).map(|f| f.1))
+    };
+    assert_eq!(resolve("root"), "fn b() {}\nfn a() {}\nfn root() {}\n");
+    let panic = catch_unwind(|| resolve("lost")).expect_err("a missing import panics");
+    let message = panic.downcast_ref::<String>().expect("a formatted message");
+    assert!(message.contains("nowhere.wgsl"), "{message}");
+}
+
+/// Protects this file's checks from passing for the wrong reason: each is shown what it must find.
+#[test]
+fn the_checks_find_planted_errors() {
+    let entry = |body: &str| format!("@compute @workgroup_size(1) fn main() {{ {body} }}");
+    let problem = |text: &str| check("planted.wgsl", text).err().unwrap_or_default();
+
+    assert_eq!(problem(&entry("let x = 1.0;")), "", "the frame of the planted errors is valid");
+    // The parser's error, with an excerpt of the text.
+    let unknown = problem(&entry("let x = nonsense;"));
+    assert!(unknown.contains("planted.wgsl:1") && unknown.contains("nonsense"), "{unknown}");
+    // The validator's: it parses, and is not allowed.
+    let text = format!("@group(0) @binding(0) var<uniform> x: bool;\n{}", entry("let y = x;"));
+    assert!(problem(&text).contains("planted.wgsl"), "{}", problem(&text));
+    // A feature that limpid does not request.
+    assert_ne!(problem(&entry("let x = 1.0lf;")), "", "64-bit floats are not requested");
+
+    // One value of one constant of one entry point.
+    let divide = entry("let bad = 1u / select(1u, 0u, SWITCH);");
+    let text = format!("override SWITCH: bool = false;\n{divide}");
+    let (module, info) = check("planted.wgsl", &text).expect("valid as it stands");
+    let problem = specialise("planted.wgsl", &module, &info);
+    assert!(problem.as_ref().is_err_and(|e| e.contains("SWITCH\", 1.0")), "{problem:?}");
+}
