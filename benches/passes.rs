@@ -10,7 +10,7 @@ use limpid::gpu::Gpu;
 use limpid::input::Input;
 use limpid::particles::Particles;
 use limpid::passes::classify;
-use limpid::renderer::{Frame, Renderer};
+use limpid::renderer::{Picture, Renderer};
 use limpid::settings::Settings;
 
 const SIZE: UVec2 = UVec2::new(1024, 768);
@@ -28,16 +28,16 @@ fn main() -> limpid::Result<()> {
 
 fn frame_times(gpu: &Gpu, samples: u32) -> limpid::Result<()> {
     let input = Input::demo(&[format!("refract.samples={samples}")])?;
+    let (input, scene) = input.settle(&[])?;
     let frame = &input.sequence.frames[0];
-    let scene = input.scene_for(frame, &[])?;
     let loaded = input.load(frame, &scene)?;
     let camera = scene.camera_for(loaded.bounds);
     let mut renderer = Renderer::new(gpu);
     renderer.timing = true;
-    let picture = Frame::new(gpu, SIZE)?;
+    let picture = Picture::new(gpu, SIZE)?;
     let mut draw = || {
         let splats = &loaded.splats;
-        renderer.render(&scene, &camera, splats, &picture.view(), Frame::FORMAT, SIZE)
+        renderer.render(&scene, &camera, splats, &picture.view(), Picture::FORMAT, SIZE)
     };
     // The first frame also compiles shaders.
     draw()?;

@@ -57,10 +57,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some(path) => Input::open(&path, &[])?,
         None => Input::demo(&[])?,
     };
-    let frame = &input.sequence.frames[0];
     // The scene of the input, or for bare particles one that is made around them. To build one in
     // code instead, fill in a `limpid::scene::Scene`: all its fields are public.
-    let scene = input.scene_for(frame, &[])?;
+    let (input, scene) = input.settle(&[])?;
+    let frame = &input.sequence.frames[0];
     // Particles become ellipsoids on the CPU; this may as well run on a thread of its own.
     let loaded = input.load(frame, &scene)?;
     let camera = scene.camera_for(loaded.bounds);

@@ -9,9 +9,9 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 folder=${1:?"usage: scripts/reference.sh FOLDER [--set PASS.NAME=VALUE ...]"}
 shift
-cargo build --release --quiet
+cargo build --release --locked --quiet
 limpid=${CARGO_TARGET_DIR:-target}/release/limpid
-out=target/reference
+out=${CARGO_TARGET_DIR:-target}/reference
 mkdir -p "$out"
 
 printf '%-26s' samples

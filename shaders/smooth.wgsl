@@ -66,7 +66,7 @@ fn fit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local:
         let pixels_per_radius = params.radius * camera.size.y / (2.0 * camera.tangent.y * z_i);
         stride = i32(params.stride * pixels_per_radius + 0.5);
     }
-    stride = max(stride, 1);
+    stride = clamp(stride, 1, max(size.x, size.y));
 
     // Weighted sums of eqs. 2 to 4. The mean point is kept relative to the centre, in units of
     // the tap: sums of absolute positions would lose digits at a distance.
@@ -98,9 +98,10 @@ fn fit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local:
     let n = sum_n / max(n_length, 1e-20);
     let slope = dot(n, omega) / length(omega);
     let dz = dot(n, sum_p) / (sum_w * dot(n, omega));
-    // Keep the depth where the fit says nothing: opposing normals, a plane seen edge-on, or a
-    // step larger than the weights' own reach.
-    let keep = n_length < 1e-3 * sum_w || abs(slope) < 0.02 || !(dz * dz * params.inv_sigma2 < 1.0);
+    // Keep the depth where the fit says nothing: opposing normals, a plane seen edge-on, a step
+    // larger than the weights' own reach, or one past the near plane.
+    let keep = n_length < 1e-3 * sum_w || abs(slope) < 0.02 || !(dz * dz * params.inv_sigma2 < 1.0)
+        || z_i + dz <= camera.near;
     textureStore(target_layers, p, layer, vec4f(here.xyz, select(z_i + dz, z_i, keep)));
 }
 

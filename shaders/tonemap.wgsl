@@ -20,7 +20,8 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let texel = textureLoad(radiance, vec2i(position.xy), 0);
     var c = max(texel.rgb * params.gain, vec3f(0.0));
     if params.curve == 1u {
-        c = filmic(c);
+        // Bounded before it is squared.
+        c = filmic(min(c, vec3f(1e4)));
     }
     c = clamp(c, vec3f(0.0), vec3f(1.0));
     if params.encode == 1u {

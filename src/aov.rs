@@ -93,7 +93,14 @@ pub fn parse_list(text: &str) -> Result<Vec<Aov>> {
     if text == "all" {
         return Ok(Aov::ALL.to_vec());
     }
-    text.split(',').map(|name| name.trim().parse()).collect()
+    let mut chosen = Vec::new();
+    for name in text.split(',') {
+        let aov = name.trim().parse()?;
+        if !chosen.contains(&aov) {
+            chosen.push(aov);
+        }
+    }
+    Ok(chosen)
 }
 
 /// One channel of 32-bit floats.
@@ -195,6 +202,6 @@ pub fn write(path: &Path, width: u32, height: u32, channels: Vec<Channel>) -> Re
         AnyChannels::sort(list),
     );
     crate::output::write_atomically(path, |file| {
-        Image::from_layer(layer.clone()).write().to_buffered(file).map_err(std::io::Error::other)
+        Image::from_layer(layer).write().to_buffered(file).map_err(std::io::Error::other)
     })
 }

@@ -11,7 +11,7 @@ use clap::{Parser, Subcommand};
 
 /// Draws clear liquid straight from particles.
 ///
-/// Exit codes: 0 done, 1 differs or a frame failed, 2 usage, 3 size or format mismatch,
+/// Exit codes: 0 done, 1 the pictures differ, 2 usage, 3 size or format mismatch,
 /// 4 missing or unreadable file, 5 no graphics adapter, 6 device lost or out of memory (try again).
 #[derive(Parser)]
 #[command(version, about, long_about)]

@@ -71,6 +71,9 @@ impl Environment {
     /// The same environment, `scale` times as bright.
     #[must_use]
     pub fn scaled(self, scale: f32) -> Self {
+        if scale == 1.0 {
+            return self;
+        }
         match self {
             Self::Constant(c) => Self::Constant(scale * c),
             Self::Gradient { zenith, horizon, nadir } => Self::Gradient {
@@ -95,7 +98,7 @@ impl Environment {
             Self::Gradient { zenith, horizon, nadir } => {
                 zenith.is_finite() && horizon.is_finite() && nadir.is_finite()
             }
-            // As it was when it was loaded; to look at every pixel in each frame would cost more.
+            // Known since it was read; to look at every pixel in each frame would cost more.
             Self::Map { .. } => true,
         }
     }

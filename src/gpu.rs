@@ -34,39 +34,38 @@ impl Gpu {
     /// # Errors
     /// [`Error::NoAdapter`] if there is none, [`Error::Adapter`] if it refuses a device.
     pub fn headless() -> Result<Self> {
-        let adapter = pollster::block_on(choose_adapter()).ok_or(Error::NoAdapter)?;
-        let info = adapter.get_info();
-        let refused = |problem: String| Error::Adapter { adapter: info.name.clone(), problem };
-        if !adapter
-            .get_downlevel_capabilities()
-            .flags
-            .contains(wgpu::DownlevelFlags::COMPUTE_SHADERS)
-        {
-            return Err(refused("has no compute shaders; install a Vulkan driver".into()));
+        // The best adapter that gives a device: a broken driver should not hide a working one.
+        let mut refusal = Error::NoAdapter;
+        for adapter in pollster::block_on(adapters()) {
+            match pollster::block_on(open(&adapter)) {
+                Ok((device, queue)) => return Ok(Self::own(device, queue)),
+                Err(problem) => {
+                    let name = adapter.get_info().name;
+                    refusal = Error::Adapter { adapter: name, problem };
+                }
+            }
         }
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("limpid"),
-            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
-            // Large pictures and particle sets are limited by the adapter, not by a default.
-            required_limits: adapter.limits(),
-            ..Default::default()
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
-            .map_err(|e| refused(format!("gives no device: {e}")))?;
+        Err(refusal)
+    }
+
+    /// Wraps a device that limpid opened, and watches it.
+    fn own(device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let gpu = Self::from_device(device, queue);
         let failure = gpu.failure.clone();
         gpu.device.set_device_lost_callback(move |_, reason| {
             failure.lock().expect("no panic holds this lock").get_or_insert(reason);
         });
         let failure = gpu.failure.clone();
-        gpu.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| match error {
-            // A validation error is a defect of limpid, never of its input.
-            wgpu::Error::Validation { .. } => panic!("{error}"),
-            _ => {
-                failure.lock().expect("no panic holds this lock").get_or_insert(error.to_string());
-            }
+        gpu.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            let mut failure = failure.lock().expect("no panic holds this lock");
+            // A validation error is a defect of limpid, never of its input; but what ran out of
+            // memory is invalid from then on, and the first failure says why.
+            let defect = matches!(error, wgpu::Error::Validation { .. }) && failure.is_none();
+            failure.get_or_insert_with(|| error.to_string());
+            drop(failure);
+            assert!(!defect, "{error}");
         }));
-        Ok(gpu)
+        gpu
     }
 
     /// Wraps a caller's device and queue. Passes are timed if the device has
@@ -84,7 +83,8 @@ impl Gpu {
         }
     }
 
-    /// Fails if the device was lost or ran out of memory since it was opened.
+    /// Fails if the device was lost or ran out of memory since it was opened. A caller's own
+    /// device reports such failures to the caller, not here.
     ///
     /// # Errors
     /// [`Error::DeviceLost`] with the driver's reason.
@@ -102,7 +102,7 @@ impl Gpu {
     pub fn check_size(&self, size: glam::UVec2) -> Result<()> {
         let limits = self.device.limits();
         // One layer of four floats per texel is also the largest buffer that is read back.
-        let bytes = u64::from(size.x) * u64::from(size.y) * 16;
+        let bytes = (u64::from(size.x) * u64::from(size.y)).saturating_mul(16);
         if size.x == 0 || size.y == 0 {
             return Err(Error::Usage(format!("a picture of {}x{} has no pixels", size.x, size.y)));
         }
@@ -120,31 +120,45 @@ impl Gpu {
     }
 }
 
-/// A GPU before an integrated one before a software rasteriser, unless the environment names one.
-async fn choose_adapter() -> Option<wgpu::Adapter> {
+/// All adapters: GPUs before integrated ones before software, OpenGL last.
+async fn adapters() -> Vec<wgpu::Adapter> {
     let wanted = std::env::var("WGPU_ADAPTER_NAME").unwrap_or_default().to_lowercase();
-    // OpenGL only where there is nothing else: it may look for a window system.
+    let mut all = Vec::new();
     for backends in [wgpu::Backends::PRIMARY, wgpu::Backends::GL] {
+        // OpenGL only where there is nothing else: it may look for a window system.
+        if !all.is_empty() {
+            break;
+        }
         let descriptor = wgpu::InstanceDescriptor {
             backends: wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all()) & backends,
             ..wgpu::InstanceDescriptor::new_without_display_handle_from_env()
         };
-        let instance = wgpu::Instance::new(descriptor);
-        let mut adapters = instance.enumerate_adapters(backends).await;
-        adapters.retain(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted));
-        let best =
-            adapters.into_iter().min_by_key(|adapter| match adapter.get_info().device_type {
-                wgpu::DeviceType::DiscreteGpu => 0,
-                wgpu::DeviceType::IntegratedGpu => 1,
-                wgpu::DeviceType::VirtualGpu => 2,
-                wgpu::DeviceType::Other => 3,
-                wgpu::DeviceType::Cpu => 4,
-            });
-        if best.is_some() {
-            return best;
-        }
+        all = wgpu::Instance::new(descriptor).enumerate_adapters(backends).await;
+        all.retain(|adapter| adapter.get_info().name.to_lowercase().contains(&wanted));
     }
-    None
+    all.sort_by_key(|adapter| match adapter.get_info().device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    });
+    all
+}
+
+async fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), String> {
+    let flags = adapter.get_downlevel_capabilities().flags;
+    if !flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS) {
+        return Err("has no compute shaders; install a Vulkan driver".into());
+    }
+    let descriptor = wgpu::DeviceDescriptor {
+        label: Some("limpid"),
+        required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+        // Large pictures and particle sets are limited by the adapter, not by a default.
+        required_limits: adapter.limits(),
+        ..Default::default()
+    };
+    adapter.request_device(&descriptor).await.map_err(|e| format!("gives no device: {e}"))
 }
 
 /// Creates a buffer with `contents`.
@@ -212,7 +226,7 @@ pub(crate) fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureVi
 }
 
 /// Sets all of a view to 0.
-pub(crate) fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView) {
+pub(crate) fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView, span: Span<'_>) {
     encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some("clear"),
         color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -224,6 +238,7 @@ pub(crate) fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView
                 store: wgpu::StoreOp::Store,
             },
         })],
+        timestamp_writes: span.render(),
         ..Default::default()
     });
 }

@@ -14,7 +14,7 @@ use crate::sequence::{Frame, Sequence};
 /// A scene with its particle frames.
 #[derive(Debug, Clone)]
 pub struct Input {
-    /// The scene; `None` for bare particle files, which get one from [`Input::scene_for`].
+    /// The scene; `None` for bare particle files, which get one from [`Input::settle`].
     pub scene: Option<Scene>,
     /// The frames.
     pub sequence: Sequence,
@@ -73,10 +73,15 @@ impl Input {
         })
     }
 
-    /// The same frames with another scene's view, surroundings and settings.
+    /// The same frames in another scene. Where that names particles of its own, their radius and
+    /// axis hold for these.
     #[must_use]
     pub fn with_scene(self, scene: Scene) -> Self {
-        Self { scene: Some(scene), ..self }
+        let (radius, up) = match &scene.particles {
+            Some(source) => (source.radius.or(self.radius), source.up),
+            None => (self.radius, self.up),
+        };
+        Self { scene: Some(scene), radius, up, ..self }
     }
 
     /// The same frames with a particle radius in metres where the files have none.
@@ -97,7 +102,7 @@ impl Input {
         })?;
         let sequence = Sequence::open(&source.source)?;
         // One file is the frame, whatever digits its name holds.
-        let frame = if sequence.frames.len() == 1 { None } else { source.frame };
+        let frame = if Path::new(&source.source).is_file() { None } else { source.frame };
         Ok(Self {
             scene: Some(scene),
             sequence,
@@ -126,10 +131,17 @@ impl Input {
     /// # Errors
     /// As [`Particles::read`]; [`Error::Scene`] if there is no way to know a radius.
     pub fn load(&self, frame: &Frame, scene: &Scene) -> Result<Loaded> {
-        let particles = self.particles(frame)?;
+        self.prepare(frame, &self.particles(frame)?, scene)
+    }
+
+    /// Classifies a frame's particles as `scene` says.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] if there is no way to know a radius.
+    pub fn prepare(&self, frame: &Frame, particles: &Particles, scene: &Scene) -> Result<Loaded> {
         let settings = &scene.settings.classify;
-        let radius = self.radius_of(frame, &particles)?;
-        let mut splats = classify::classify(&particles, radius, settings);
+        let radius = self.radius_of(frame, particles)?;
+        let mut splats = classify::classify(particles, radius, settings);
         classify::wet(&mut splats, &scene.solids, settings.wetting);
         Ok(Loaded {
             number: frame.number,
@@ -151,20 +163,40 @@ impl Input {
         })
     }
 
-    /// The scene to draw a sequence with: the one given, or one made around its first frame.
+    /// Settles what neither files nor scene say, by the first frame that has particles: the
+    /// radius, and for a scene without a camera the view. Bare files get a scene of their own. So
+    /// a sequence has one radius and one view, however it is shared among machines.
     ///
     /// # Errors
     /// As [`Particles::read`]; [`Error::Scene`] for a bad override.
-    pub fn scene_for(&self, frame: &Frame, overrides: &[String]) -> Result<Scene> {
-        if let Some(scene) = &self.scene {
-            return Ok(scene.clone());
+    pub fn settle(mut self, overrides: &[String]) -> Result<(Self, Scene)> {
+        let complete = self.scene.as_ref().filter(|scene| scene.camera.is_some());
+        if let (Some(scene), Some(_)) = (complete, self.radius) {
+            let scene = scene.clone();
+            return Ok((self, scene));
         }
-        let particles = self.particles(frame)?;
-        let radius = self.radius_of(frame, &particles)?;
-        let (min, max) = particles.bounds().unwrap_or((-Vec3::ONE, Vec3::ONE));
-        let mut scene = Scene::around(min, max, radius);
-        scene.settings = scene.settings.with(overrides)?;
-        Ok(scene)
+        let (mut min, mut max, mut radius) = (-Vec3::ONE, Vec3::ONE, 0.0);
+        for frame in &self.sequence.frames {
+            let particles = self.particles(frame)?;
+            if let Some(bounds) = particles.bounds() {
+                (min, max) = bounds;
+                radius = self.radius_of(frame, &particles)?;
+                break;
+            }
+        }
+        if radius > 0.0 {
+            self.radius = Some(radius);
+        }
+        let mut scene = match self.scene.clone() {
+            Some(scene) => scene,
+            None => {
+                let mut scene = Scene::around(min, max, radius);
+                scene.settings = scene.settings.with(overrides)?;
+                scene
+            }
+        };
+        scene.camera.get_or_insert_with(|| Camera::fit(min - radius, max + radius));
+        Ok((self, scene))
     }
 
     /// Loads `frames` in order on a thread of its own, at most `ahead` of them before they are

@@ -28,19 +28,19 @@
 //! # Use
 //!
 //! ```no_run
-//! use limpid::{gpu::Gpu, input::Input, output, renderer::{Frame, Renderer}};
+//! use limpid::{gpu::Gpu, input::Input, output, renderer::{Picture, Renderer}};
 //!
 //! # fn main() -> limpid::Result<()> {
 //! let gpu = Gpu::headless()?;
 //! let mut renderer = Renderer::new(&gpu);
 //! let input = Input::open("frames/water_{}.bgeo", &[])?;
+//! let (input, scene) = input.settle(&[])?;
 //! let frame = &input.sequence.frames[0];
-//! let scene = input.scene_for(frame, &[])?;
 //! let loaded = input.load(frame, &scene)?;
 //! let size = glam::UVec2::new(1024, 768);
-//! let picture = Frame::new(&gpu, size)?;
+//! let picture = Picture::new(&gpu, size)?;
 //! let camera = scene.camera_for(loaded.bounds);
-//! renderer.render(&scene, &camera, &loaded.splats, &picture.view(), Frame::FORMAT, size)?;
+//! renderer.render(&scene, &camera, &loaded.splats, &picture.view(), Picture::FORMAT, size)?;
 //! let rgb = image::DynamicImage::ImageRgba8(picture.read(&gpu)?).into_rgb8();
 //! output::write_png("water.png".as_ref(), &rgb)?;
 //! # Ok(())

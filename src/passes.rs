@@ -62,7 +62,7 @@ pub struct Radiance {
 
 /// The camera as all passes bind it: group 0.
 #[derive(Debug)]
-pub struct CameraBinding {
+pub(crate) struct CameraBinding {
     buffer: wgpu::Buffer,
     pub(crate) layout: wgpu::BindGroupLayout,
     pub(crate) group: wgpu::BindGroup,

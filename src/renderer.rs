@@ -3,7 +3,8 @@
 use glam::UVec2;
 
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::environment::Environment;
+use crate::error::{Error, Result};
 use crate::gpu::{self, Gpu, PassTime, Timer};
 use crate::passes::classify::Splats;
 use crate::passes::gbuffer::{Gbuffer, SceneBinding};
@@ -120,6 +121,13 @@ impl Renderer {
         scene.check()?;
         camera.check()?;
         self.gpu.check_size(size)?;
+        if let Environment::Map { size, pixels } = &scene.environment {
+            self.gpu.check_size(*size)?;
+            if pixels.len() != size.element_product() as usize {
+                let problem = format!("{} pixels do not make a map of {size}", pixels.len());
+                return Err(Error::Scene { origin: "environment".into(), problem });
+            }
+        }
         let settings = &scene.settings;
         let screen_solids = settings.refract.solids == Solids::Screen && !scene.solids.is_empty();
         let has_splash = !splats.splashes.is_empty();
@@ -178,6 +186,7 @@ impl Renderer {
         self.tonemap.record(gpu, &mut encoder, radiance, target, format, timer.span("tonemap"));
         let resolved = timer.resolve(gpu, &mut encoder);
         gpu.queue.submit([encoder.finish()]);
+        gpu.check()?;
         timer.read(gpu, resolved.as_ref())
     }
 
@@ -216,11 +225,11 @@ impl Renderer {
 
 /// A picture of its own for [`Renderer::render`], and its way to memory.
 #[derive(Debug)]
-pub struct Frame {
+pub struct Picture {
     texture: wgpu::Texture,
 }
 
-impl Frame {
+impl Picture {
     /// 8 bits per channel, sRGB values as they are stored in a PNG.
     pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 

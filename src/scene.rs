@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
+use glam::{Vec3, Vec3Swizzles as _};
 use serde::Deserialize;
 
 use crate::camera::Camera;
@@ -84,7 +84,7 @@ pub enum Shape {
         origin: Vec3,
         /// Unit normal.
         normal: Vec3,
-        /// Half its side.
+        /// Half its side, along the two axes most in the plane.
         half_extent: f32,
     },
     /// An axis-aligned box.
@@ -110,7 +110,16 @@ impl Shape {
             Self::Plane { origin, normal, half_extent } => {
                 let offset = x - origin;
                 let above = offset.dot(normal);
-                let beside = (offset - above * normal).abs().max_element() - half_extent;
+                let a = normal.abs();
+                // The two axes most in the plane, as the shaders choose them.
+                let within = if a.y >= a.x.max(a.z) {
+                    offset.xz()
+                } else if a.x >= a.z {
+                    offset.zy()
+                } else {
+                    offset.xy()
+                };
+                let beside = within.abs().max_element() - half_extent;
                 (if beside > 0.0 { f32::INFINITY } else { above }, normal)
             }
             Self::Box { min, max } => {
@@ -440,7 +449,13 @@ impl EnvironmentFile {
                 return Err(fail("[environment] takes one of radiance, gradient and map".into()));
             }
         };
-        Ok(environment.scaled(scale))
+        let environment = environment.scaled(scale);
+        match &environment {
+            Environment::Map { pixels, .. } if !pixels.iter().flatten().all(|c| c.is_finite()) => {
+                Err(fail("[environment] scale makes the map infinite".into()))
+            }
+            _ => Ok(environment),
+        }
     }
 }
 

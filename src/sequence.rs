@@ -155,9 +155,10 @@ impl<'a> Pattern<'a> {
     }
 
     fn number(&self, name: &str) -> Option<i64> {
-        let digits = name.strip_prefix(self.prefix)?.strip_suffix(self.suffix)?;
+        let number = name.strip_prefix(self.prefix)?.strip_suffix(self.suffix)?;
+        let digits = number.strip_prefix('-').unwrap_or(number);
         let valid = digits.len() >= self.width && digits.bytes().all(|byte| byte.is_ascii_digit());
-        digits.parse().ok().filter(|_| valid)
+        number.parse().ok().filter(|_| valid)
     }
 }
 

@@ -13,7 +13,7 @@ use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::particles::Particles;
 use limpid::passes::classify::{Splats, classify};
-use limpid::renderer::{Frame, Renderer};
+use limpid::renderer::{Picture, Renderer};
 use limpid::scene::{Scene, Shape};
 use limpid::settings::{Classify, Solids};
 use limpid::wgpu;
@@ -371,9 +371,39 @@ fn scale_does_not_matter() {
 #[test]
 fn frame_is_of_its_size() {
     let Some(gpu) = gpu() else { return };
-    let frame = Frame::new(&gpu, UVec2::new(33, 21)).expect("a frame");
+    let frame = Picture::new(&gpu, UVec2::new(33, 21)).expect("a frame");
     let picture = frame.read(&gpu).expect("a picture");
     assert_eq!((picture.width(), picture.height()), (33, 21));
-    assert!(Frame::new(&gpu, UVec2::new(0, 5)).is_err());
-    assert!(Frame::new(&gpu, UVec2::splat(1 << 20)).is_err());
+    assert!(Picture::new(&gpu, UVec2::new(0, 5)).is_err());
+    assert!(Picture::new(&gpu, UVec2::splat(1 << 20)).is_err());
+}
+
+/// A class of splats that is larger than one binding is drawn in parts: as many particles as
+/// memory holds, not as one buffer may be bound.
+#[test]
+fn parts_draw_what_the_whole_draws() {
+    let Some(whole) = gpu() else { return };
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: wgpu::Backends::PRIMARY,
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    });
+    let wanted = whole.device.adapter_info().name;
+    let adapters = instance.enumerate_adapters(wgpu::Backends::PRIMARY);
+    let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info().name == wanted);
+    // Room for 100 splats in a binding.
+    let descriptor = wgpu::DeviceDescriptor {
+        required_limits: wgpu::Limits {
+            max_storage_buffer_binding_size: 4800,
+            ..Default::default()
+        },
+        ..Default::default()
+    };
+    let Some(adapter) = adapter else { return };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
+    let parts = Gpu::from_device(device, queue);
+    let (scene, camera, drawn) = tank();
+    assert!(drawn.aggregates.len() > 100, "{} aggregates", drawn.aggregates.len());
+    let [whole, parts] = [whole, parts]
+        .map(|gpu| shoot(&gpu, &mut Renderer::new(&gpu), &scene, &camera, &drawn, SIZE));
+    assert!(whole.picture == parts.picture);
 }

@@ -9,7 +9,7 @@ use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::Gpu;
 use limpid::passes::classify::{Splat, Splats};
-use limpid::renderer::{Frame, Renderer};
+use limpid::renderer::{Picture, Renderer};
 use limpid::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::{Curve, Fresnel, Reflections, Settings, Solids, Solver, Unit};
 use limpid::wgpu;
@@ -43,9 +43,9 @@ impl Checked {
 
     /// Renders one frame into a picture of its own, and reads the picture.
     fn render(&self, renderer: &mut Renderer, scene: &Scene, splats: &Splats, size: UVec2) {
-        let frame = Frame::new(&self.gpu, size).expect("the size is allowed");
+        let frame = Picture::new(&self.gpu, size).expect("the size is allowed");
         renderer
-            .render(scene, &camera(), splats, &frame.view(), Frame::FORMAT, size)
+            .render(scene, &camera(), splats, &frame.view(), Picture::FORMAT, size)
             .expect("the scene is valid");
         let picture = frame.read(&self.gpu).expect("the device is not lost");
         assert_eq!(UVec2::from(picture.dimensions()), size);
@@ -245,11 +245,11 @@ fn timed_frames_are_valid() {
     let mut renderer = Renderer::new(&device.gpu);
     renderer.timing = true;
     let size = UVec2::new(16, 8);
-    let target = target(&device.gpu, Frame::FORMAT, size);
+    let target = target(&device.gpu, Picture::FORMAT, size);
     let mut times = |splashes: usize| {
         let splats = splats(2, splashes);
         renderer
-            .render(&scene(), &camera(), &splats, &target, Frame::FORMAT, size)
+            .render(&scene(), &camera(), &splats, &target, Picture::FORMAT, size)
             .expect("a valid scene")
     };
     let (without, with) = (times(0), times(2));
@@ -266,7 +266,7 @@ fn the_device_reports_planted_errors() {
     let size = UVec2::new(16, 8);
     let target = target(&device.gpu, wgpu::TextureFormat::Rgba16Float, size);
     renderer
-        .render(&scene(), &camera(), &splats(2, 0), &target, Frame::FORMAT, size)
+        .render(&scene(), &camera(), &splats(2, 0), &target, Picture::FORMAT, size)
         .expect("limpid does not know the view's format");
     let errors = device.errors();
     assert!(errors.iter().any(|e| e.contains("Rgba16Float")), "{errors:?}");
@@ -284,4 +284,14 @@ fn target(gpu: &Gpu, format: wgpu::TextureFormat, size: UVec2) -> wgpu::TextureV
         view_formats: &[],
     });
     texture.create_view(&Default::default())
+}
+
+/// No size is so large that its bytes cannot be counted, and none so small that it is drawn.
+#[test]
+fn impossible_sizes_are_refused() {
+    let gpu = Checked::new().gpu;
+    for size in [UVec2::MAX, UVec2::new(1 << 20, 1), UVec2::ZERO, UVec2::new(3, 0)] {
+        assert!(gpu.check_size(size).is_err(), "{size}");
+    }
+    assert!(gpu.check_size(UVec2::new(640, 480)).is_ok());
 }

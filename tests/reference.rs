@@ -11,7 +11,7 @@ use glam::UVec2;
 use limpid::compare::{compare, load_picture};
 use limpid::gpu::Gpu;
 use limpid::input::Input;
-use limpid::renderer::{Frame, Renderer};
+use limpid::renderer::{Picture, Renderer};
 
 const SCENES: [&str; 5] = [
     "double_dam_break_front",
@@ -83,20 +83,20 @@ fn mean_flip_to_the_references() {
     );
     for name in SCENES {
         let input = input(&references, name, &["refract.samples=4".to_owned()]);
+        let (input, scene) = input.settle(&[]).unwrap();
         let frame = match input.frame {
             Some(number) => input.sequence.frame(number).expect("the scene's frame"),
             None => &input.sequence.frames[0],
         };
-        let scene = input.scene_for(frame, &[]).unwrap();
         let loaded = input.load(frame, &scene).unwrap();
 
         let path = references.join("pictures").join(name).with_extension("png");
         let reference = load_picture(&path).unwrap_or_else(|error| panic!("{error}"));
         let size = UVec2::from(reference.dimensions());
-        let picture = Frame::new(&gpu, size).unwrap();
+        let picture = Picture::new(&gpu, size).unwrap();
         let camera = scene.camera_for(loaded.bounds);
         renderer
-            .render(&scene, &camera, &loaded.splats, &picture.view(), Frame::FORMAT, size)
+            .render(&scene, &camera, &loaded.splats, &picture.view(), Picture::FORMAT, size)
             .unwrap();
         let picture = image::DynamicImage::ImageRgba8(picture.read(&gpu).unwrap()).into_rgb8();
         let (result, _) = compare(&reference, &picture).unwrap();

@@ -367,7 +367,6 @@ fn settings_of_every_pass() {
         [settings.classify]
         kernel = "volume"
         support = 3
-        [settings.splat]
         [settings.smooth]
         unit = "pixel"
         iterations = 2
@@ -445,7 +444,7 @@ fn overrides() {
         ("refract.sampels=2", &["`sampels`", "did you mean `samples`"][..]),
         ("refrct.samples=2", &["`refrct`", "did you mean `refract`"]),
         ("refract.solver=marsh", &["`marsh`", "did you mean `march`"]),
-        ("splat.size=1", &["`size`"]),
+        ("splat.size=1", &["`splat`"]),
         ("refract.samples=2.5", &["2.5"]),
         ("refract.samples=many", &["many"]),
         ("refract.samples=[[1, 2], [3]]", &["sequence"]),

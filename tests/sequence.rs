@@ -214,3 +214,13 @@ fn shards_partition_the_frames() {
         assert!(matches!(bad.parse::<Shard>(), Err(Error::Usage(_))), "{bad:?}");
     }
 }
+
+/// Simulations that start before time 0 number their frames below it.
+#[test]
+fn numbers_may_be_negative() {
+    let folder = folder(&["w_-2.xyz", "w_-1.xyz", "w_0.xyz", "w_1.xyz", "w_-.xyz"]);
+    let sequence = open(&folder, "w_{}.xyz").unwrap();
+    assert_eq!(numbers(&sequence), [-2, -1, 0, 1]);
+    let spec: FrameSpec = "-2--1".parse().unwrap();
+    assert_eq!(spec.select(&sequence).unwrap().len(), 2);
+}

@@ -79,7 +79,11 @@ fn solid_trace(solid: Solid, o: vec3f, d: vec3f) -> f32 {
     switch solid.shape {
         case PLANE: {
             let n = solid.extent;
-            let t = -dot(from_origin, n) / dot(d, n);
+            let slope = dot(d, n);
+            if abs(slope) < 1e-20 {
+                return NOTHING;
+            }
+            let t = -dot(from_origin, n) / slope;
             let within = plane_coordinates(n, from_origin + t * d);
             return select(NOTHING, t, all(abs(within) <= vec2f(solid.half_extent)));
         }
@@ -179,8 +183,9 @@ fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f) -> vec3f {
     for (var i = 0u; i < LIGHTS; i++) {
         let light = lights[i];
         let to_light = select(light.place - x, light.place, light.kind == SUN);
-        let distance2 = select(dot(to_light, to_light), 1.0, light.kind == SUN);
-        let cos_theta = max(dot(n, normalize(to_light)), 0.0);
+        // A sun's direction is a unit vector, so that one formula serves both.
+        let distance2 = max(dot(to_light, to_light), 1e-12);
+        let cos_theta = max(dot(n, to_light) * inverseSqrt(distance2), 0.0);
         irradiance_over_pi += light.power * cos_theta / (distance2 * 3.14159265);
     }
     return color * irradiance_over_pi;

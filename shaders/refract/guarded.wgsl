@@ -75,28 +75,11 @@ struct Approach {
     texel: vec2i,
 }
 
-const AGGREGATE: i32 = 0;
-const SPLASHES: i32 = 1;
-const OPAQUE: i32 = 2;
-
 fn approach(layer_class: i32, ray: ScreenRay, tau: f32) -> Approach {
     let texel = screen_ray_texel(ray, tau);
     diagnosed.iterations += 1.0;
-    var front: vec3f;
-    var back = vec3f(0.0);
-    switch layer_class {
-        case AGGREGATE: {
-            front = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
-            back = textureLoad(aggregate_layers, texel, BACK, 0).xyz;
-        }
-        case SPLASHES: {
-            front = textureLoad(splash_layers, texel, FRONT, 0).xyz;
-            back = textureLoad(splash_layers, texel, BACK, 0).xyz;
-        }
-        default: {
-            front = textureLoad(gbuffer_planes, texel, 0).xyz;
-        }
-    }
+    let front = class_plane(layer_class, FRONT, texel);
+    let back = class_plane(layer_class, BACK, texel);
     if plane_is_empty(front) {
         return Approach(false, NEVER, front, texel);
     }
@@ -154,21 +137,4 @@ fn entry_at(ray: ScreenRay, at: Approach) -> Interface {
         return no_interface();
     }
     return interface_at(ray, at.tau, at.plane, at.texel);
-}
-
-fn liquid_entry(ray: ScreenRay) -> Interface {
-    let aggregate = front_entry(AGGREGATE, ray);
-    if !SPLASH {
-        return aggregate;
-    }
-    let splash = front_entry(SPLASHES, ray);
-    let o = screen_ray_point(ray, 0.0);
-    if splash.found && (!aggregate.found || distance(o, splash.position) < distance(o, aggregate.position)) {
-        return splash;
-    }
-    return aggregate;
-}
-
-fn opaque_hit(ray: ScreenRay) -> Interface {
-    return front_entry(OPAQUE, ray);
 }

@@ -7,8 +7,8 @@
 // A root file imports this one and supplies the intersector:
 //     fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface  inside the liquid, where it ends;
 //                                     `texel` is that whose planes the ray starts between
-//     fn liquid_entry(ray: ScreenRay) -> Interface               outside, where it begins again
-//     fn opaque_hit(ray: ScreenRay) -> Interface                 the opaque scene, in the G-buffer
+//     fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface   outside, where it comes from in
+//                                     front of a class of layers, or of the opaque scene
 
 #import common/camera.wgsl
 #import common/layers.wgsl
@@ -173,6 +173,41 @@ fn slabs_leave(slabs: Slabs, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
     return splash;
 }
 
+const AGGREGATE: i32 = 0;
+const SPLASHES: i32 = 1;
+const OPAQUE: i32 = 2;
+
+// A plane of one class of layers; the opaque scene has no backs.
+fn class_plane(layer_class: i32, side: i32, texel: vec2i) -> vec3f {
+    switch layer_class {
+        case AGGREGATE: {
+            return textureLoad(aggregate_layers, texel, side, 0).xyz;
+        }
+        case SPLASHES: {
+            return textureLoad(splash_layers, texel, side, 0).xyz;
+        }
+        default: {
+            let front = textureLoad(gbuffer_planes, texel, 0).xyz;
+            return select(front, vec3f(0.0), side == BACK);
+        }
+    }
+}
+
+// Outside the liquid, where a ray enters it again.
+fn liquid_entry(ray: ScreenRay) -> Interface {
+    let aggregate = front_entry(AGGREGATE, ray);
+    if !SPLASH {
+        return aggregate;
+    }
+    let splash = front_entry(SPLASHES, ray);
+    let o = screen_ray_point(ray, 0.0);
+    let nearer = distance(o, splash.position) < distance(o, aggregate.position);
+    if splash.found && (!aggregate.found || nearer) {
+        return splash;
+    }
+    return aggregate;
+}
+
 fn reflectance(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
     if SCHLICK {
         return optics_schlick(cos_theta_i, cos_theta_t, eta);
@@ -187,8 +222,9 @@ fn solid_ahead(o: vec3f, d: vec3f) -> SolidHit {
 
 // The radiance that arrives at o from direction d when no more liquid is in the way.
 fn lookup(o: vec3f, d: vec3f) -> vec3f {
-    if SCREEN_SOLIDS {
-        let hit = opaque_hit(screen_ray(o, d, NOTHING));
+    // Rays from the eye have no place on the screen yet; they are traced.
+    if SCREEN_SOLIDS && o.z < 0.0 {
+        let hit = front_entry(OPAQUE, screen_ray(o, d, NOTHING));
         if hit.found {
             return textureLoad(gbuffer_radiance, hit.texel, 0).rgb;
         }

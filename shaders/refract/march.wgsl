@@ -71,53 +71,30 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     return no_interface();
 }
 
-fn front_and_back(layer_class: i32, texel: vec2i) -> mat2x3f {
-    diagnosed.iterations += 1.0;
-    switch layer_class {
-        case AGGREGATE: {
-            return mat2x3f(
-                textureLoad(aggregate_layers, texel, FRONT, 0).xyz,
-                textureLoad(aggregate_layers, texel, BACK, 0).xyz,
-            );
-        }
-        case SPLASHES: {
-            return mat2x3f(
-                textureLoad(splash_layers, texel, FRONT, 0).xyz,
-                textureLoad(splash_layers, texel, BACK, 0).xyz,
-            );
-        }
-        default: {
-            return mat2x3f(textureLoad(gbuffer_planes, texel, 0).xyz, vec3f(0.0));
-        }
-    }
-}
-
-const AGGREGATE: i32 = 0;
-const SPLASHES: i32 = 1;
-const OPAQUE: i32 = 2;
-
 fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     var walk = walk_start(ray);
     // Whether the ray was in front of the layer, or beside it, when it came to this texel.
     var ahead = false;
     while walk.tau < 1.0 {
-        let planes = front_and_back(layer_class, walk.texel);
-        if plane_is_empty(planes[0]) {
+        diagnosed.iterations += 1.0;
+        let front = class_plane(layer_class, FRONT, walk.texel);
+        let back = class_plane(layer_class, BACK, walk.texel);
+        if plane_is_empty(front) {
             ahead = true;
         } else {
-            let residual = screen_ray_residual(ray, planes[0], walk.tau);
-            let slope = screen_ray_residual_slope(ray, planes[0]);
+            let residual = screen_ray_residual(ray, front, walk.tau);
+            let slope = screen_ray_residual_slope(ray, front);
             let end = walk_end(walk);
             if residual <= 0.0 {
                 ahead = true;
                 if slope > 0.0 && walk.tau - residual / slope <= end {
                     let tau = walk.tau - residual / slope;
-                    return interface_at(ray, tau, planes[0], walk.texel);
+                    return interface_at(ray, tau, front, walk.texel);
                 }
-            } else if screen_ray_residual(ray, planes[1], walk.tau) <= 0.0 {
+            } else if screen_ray_residual(ray, back, walk.tau) <= 0.0 {
                 // Behind the front: a step no larger than its slope over a texel was crossed.
                 if ahead && slope > 0.0 && residual <= slope * ray.tau_per_pixel {
-                    return interface_at(ray, walk.tau, planes[0], walk.texel);
+                    return interface_at(ray, walk.tau, front, walk.texel);
                 }
                 ahead = false;
             }
@@ -125,21 +102,4 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
         walk_on(&walk);
     }
     return no_interface();
-}
-
-fn liquid_entry(ray: ScreenRay) -> Interface {
-    let aggregate = front_entry(AGGREGATE, ray);
-    if !SPLASH {
-        return aggregate;
-    }
-    let splash = front_entry(SPLASHES, ray);
-    let o = screen_ray_point(ray, 0.0);
-    if splash.found && (!aggregate.found || distance(o, splash.position) < distance(o, aggregate.position)) {
-        return splash;
-    }
-    return aggregate;
-}
-
-fn opaque_hit(ray: ScreenRay) -> Interface {
-    return front_entry(OPAQUE, ray);
 }

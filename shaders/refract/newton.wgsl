@@ -6,24 +6,9 @@
 
 #import refract/interfaces.wgsl
 
-const AGGREGATE: i32 = 0;
-const SPLASHES: i32 = 1;
-const OPAQUE: i32 = 2;
-
-fn class_plane(layer_class: i32, side: i32, u: vec2f) -> vec3f {
-    let texel = clamp(vec2i(floor(u)), vec2i(0), vec2i(camera.size) - 1);
+fn plane_at(layer_class: i32, side: i32, u: vec2f) -> vec3f {
     diagnosed.iterations += 1.0;
-    switch layer_class {
-        case AGGREGATE: {
-            return textureLoad(aggregate_layers, texel, side, 0).xyz;
-        }
-        case SPLASHES: {
-            return textureLoad(splash_layers, texel, side, 0).xyz;
-        }
-        default: {
-            return textureLoad(gbuffer_planes, texel, 0).xyz;
-        }
-    }
+    return class_plane(layer_class, side, clamp(vec2i(floor(u)), vec2i(0), vec2i(camera.size) - 1));
 }
 
 fn intersect(layer_class: i32, side: i32, o: vec3f, d: vec3f) -> Interface {
@@ -32,7 +17,7 @@ fn intersect(layer_class: i32, side: i32, o: vec3f, d: vec3f) -> Interface {
     var x = o;
     // One evaluation more than iterations: the last one is the test.
     for (var i = 0u; i <= params.iterations; i++) {
-        plane = class_plane(layer_class, side, u);
+        plane = plane_at(layer_class, side, u);
         let rate = dot(plane, d);
         if plane_is_empty(plane) || abs(rate) < 1e-12 {
             return no_interface();
@@ -57,20 +42,20 @@ fn intersect(layer_class: i32, side: i32, o: vec3f, d: vec3f) -> Interface {
 // One lookup: the back of the class at a pixel offset by the normal, scaled by the thickness.
 fn single(layer_class: i32, o: vec3f) -> Interface {
     let u = camera_pixel(o);
-    let front = class_plane(layer_class, FRONT, u);
-    let omega = camera_omega(u);
-    let thickness = max(1.0 / dot(class_plane(layer_class, BACK, u), omega) + o.z, 0.0);
+    let front = plane_at(layer_class, FRONT, u);
+    let back = plane_at(layer_class, BACK, u);
+    if plane_is_empty(front) || plane_is_empty(back) {
+        return no_interface();
+    }
+    let thickness = max(1.0 / dot(back, camera_omega(u)) + o.z, 0.0);
     let pixels_per_metre = 0.5 * camera.size.y / (camera.tangent.y * -o.z);
     let n = -normalize(front);
     let offset = u + 0.15 * thickness * pixels_per_metre * vec2f(-n.x, n.y);
     var at = offset;
-    var plane = class_plane(layer_class, BACK, at);
+    var plane = plane_at(layer_class, BACK, at);
     if plane_is_empty(plane) {
         at = u;
-        plane = class_plane(layer_class, BACK, at);
-    }
-    if plane_is_empty(plane) {
-        return no_interface();
+        plane = back;
     }
     let to = camera_omega(at);
     return Interface(true, to / dot(plane, to), plane, vec2i(floor(at)));
@@ -81,8 +66,10 @@ fn class_exit(layer_class: i32, o: vec3f, d: vec3f) -> Interface {
     if hit.found {
         return hit;
     }
-    diagnosed.failures += 1.0;
-    return single(layer_class, o);
+    let guess = single(layer_class, o);
+    // One that is not even guessed is counted by the caller.
+    diagnosed.failures += select(0.0, 1.0, guess.found);
+    return guess;
 }
 
 fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
@@ -107,31 +94,13 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     return hit;
 }
 
-fn liquid_entry(ray: ScreenRay) -> Interface {
+// Accepts only a hit from in front of the layer, and not the surface that the ray has just left.
+fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     let o = screen_ray_point(ray, 0.0);
-    let d = ray.direction;
-    let aggregate = front_intersect(AGGREGATE, o, d);
-    if !SPLASH {
-        return aggregate;
-    }
-    let splash = front_intersect(SPLASHES, o, d);
-    if splash.found && (!aggregate.found || distance(o, splash.position) < distance(o, aggregate.position)) {
-        return splash;
-    }
-    return aggregate;
-}
-
-// Accepts only a hit from in front of the layer.
-fn front_intersect(layer_class: i32, o: vec3f, d: vec3f) -> Interface {
-    let hit = intersect(layer_class, FRONT, o, d);
-    if hit.found && dot(hit.plane, d) > 0.0 && distance(o, hit.position) > 1e-4 * -o.z {
+    let hit = intersect(layer_class, FRONT, o, ray.direction);
+    let ahead = dot(hit.plane, ray.direction) > 0.0;
+    if hit.found && ahead && distance(o, hit.position) > 1e-4 * -o.z {
         return hit;
     }
     return no_interface();
-}
-
-fn opaque_hit(ray: ScreenRay) -> Interface {
-    let o = screen_ray_point(ray, 0.0);
-    let d = ray.direction;
-    return front_intersect(OPAQUE, o, d);
 }

@@ -3,7 +3,9 @@
 use std::process::ExitCode;
 
 use limpid::frames::FrameSpec;
+use limpid::glam::Vec3;
 use limpid::input::Input;
+use limpid::scene::Scene;
 use serde::Serialize;
 
 #[derive(clap::Args)]
@@ -38,9 +40,9 @@ struct FrameInfo {
     min: [f32; 3],
     max: [f32; 3],
     attributes: Vec<&'static str>,
-    /// m; estimated from the spacing unless given.
-    radius: f32,
-    splashes: usize,
+    /// m; estimated from the spacing unless given, none for a lone particle.
+    radius: Option<f32>,
+    splashes: Option<usize>,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
@@ -60,10 +62,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         last: frames.last().map_or(0, |frame| frame.number),
         described: Vec::new(),
     };
+    let scene = match &input.scene {
+        Some(scene) => scene.clone(),
+        None => Scene::around(-Vec3::ONE, Vec3::ONE, 1.0),
+    };
     for frame in chosen {
         let particles = input.particles(frame)?;
-        let scene = input.scene_for(frame, &[])?;
-        let loaded = input.load(frame, &scene)?;
+        // What is in a file can be said without a radius.
+        let loaded = input.prepare(frame, &particles, &scene).ok();
+        let (min, max) = particles.bounds().unwrap_or_default();
         let attributes = [
             ("velocity", particles.velocities.is_some()),
             ("density", particles.densities.is_some()),
@@ -73,12 +80,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         info.described.push(FrameInfo {
             frame: frame.number,
             path: frame.path.display().to_string(),
-            particles: loaded.particles,
-            min: loaded.bounds.0.to_array(),
-            max: loaded.bounds.1.to_array(),
+            particles: particles.len(),
+            min: min.to_array(),
+            max: max.to_array(),
             attributes: attributes.iter().filter(|(_, has)| *has).map(|(name, _)| *name).collect(),
-            radius: loaded.splats.radius,
-            splashes: loaded.splats.splashes.len(),
+            radius: loaded.as_ref().map(|loaded| loaded.splats.radius),
+            splashes: loaded.as_ref().map(|loaded| loaded.splats.splashes.len()),
         });
     }
     let text = if args.json { serde_json::to_string_pretty(&info)? } else { describe(&info) };
@@ -98,7 +105,10 @@ fn describe(info: &Info) -> String {
         lines.push(format!("frame {}: {}", frame.frame, frame.path));
         lines.push(format!("  {} particles, {attributes}", frame.particles));
         lines.push(format!("  x {x}, y {y}, z {z} m"));
-        lines.push(format!("  radius {} m, {} splashes", frame.radius, frame.splashes));
+        lines.push(match (frame.radius, frame.splashes) {
+            (Some(radius), Some(splashes)) => format!("  radius {radius} m, {splashes} splashes"),
+            _ => "  no radii, and no spacing to estimate one from".to_owned(),
+        });
     }
     lines.join("\n")
 }

@@ -10,7 +10,7 @@ use limpid::frames::{FrameSpec, Shard};
 use limpid::gpu::{Gpu, PassTime};
 use limpid::input::{Input, Loaded};
 use limpid::output::{self, OutputNames};
-use limpid::renderer::{Frame, Renderer};
+use limpid::renderer::{Picture, Renderer};
 use limpid::scene::Scene;
 use limpid::sequence;
 use serde::Serialize;
@@ -80,7 +80,8 @@ struct FrameStats {
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut overrides = args.set.clone();
     overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
-    let input = open(args, &overrides)?;
+    let (input, scene) = open(args, &overrides)?.settle(&overrides)?;
+    scene.check()?;
     let frames = choose(args, &input)?;
     let names = {
         let default = if frames.len() == 1 { "limpid.png" } else { "limpid_####.png" };
@@ -93,19 +94,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if todo.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
-    // The same for every share of the frames, and whatever is left to do.
-    let scene = input.scene_for(&input.sequence.frames[0], &overrides)?;
-    scene.check()?;
 
     names.create_folder()?;
     let gpu = Gpu::headless()?;
     let mut renderer = Renderer::new(&gpu);
     renderer.timing = args.stats.is_some();
     renderer.diagnose = args.aov.is_some();
-    let picture = Frame::new(&gpu, args.size)?;
+    let picture = Picture::new(&gpu, args.size)?;
     let mut stats = Stats { adapter: gpu.adapter(), frames: Vec::new() };
     let bar = progress(todo.len());
-    input.for_each_loaded(&todo, &scene, AHEAD, |loaded| {
+    let drawn = input.for_each_loaded(&todo, &scene, AHEAD, |loaded| {
         let times = draw(&mut renderer, &scene, &loaded, &picture, args.size)?;
         let path = names.path(loaded.number);
         if let Some(chosen) = &args.aov {
@@ -124,12 +122,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         });
         bar.inc(1);
         Ok(())
-    })?;
+    });
     bar.finish_and_clear();
     if let Some(path) = &args.stats {
         let text = serde_json::to_string_pretty(&stats)?;
         output::write_atomically(path, |file| std::io::Write::write_all(file, text.as_bytes()))?;
     }
+    drawn?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -161,11 +160,11 @@ fn draw(
     renderer: &mut Renderer,
     scene: &Scene,
     loaded: &Loaded,
-    picture: &Frame,
+    picture: &Picture,
     size: UVec2,
 ) -> limpid::Result<Vec<PassTime>> {
     let camera = scene.camera_for(loaded.bounds);
-    renderer.render(scene, &camera, &loaded.splats, &picture.view(), Frame::FORMAT, size)
+    renderer.render(scene, &camera, &loaded.splats, &picture.view(), Picture::FORMAT, size)
 }
 
 /// Whether the picture is there, whole and in this size.

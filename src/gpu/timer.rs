@@ -23,7 +23,7 @@ pub(crate) struct Timer {
 }
 
 /// Timestamps to hand to a device pass: at its beginning, at its end, or both.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Span<'a> {
     queries: Option<&'a wgpu::QuerySet>,
     begin: Option<u32>,

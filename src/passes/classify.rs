@@ -42,7 +42,8 @@ pub struct Splat {
     pub pad: f32,
 }
 
-/// What a frame is drawn from. Both lists are in the order of the file.
+/// What a frame is drawn from. Both lists are in the order of the file; the copies that [`wet`]
+/// makes follow.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Splats {
     /// Ellipsoids of the liquid's bodies and sheets.

@@ -79,7 +79,7 @@ pub const MAX_LIGHTS: usize = 16;
 
 /// What pipelines that see the scene are specialised for: the constants of `common/scene.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct SceneVariant {
+pub(crate) struct SceneVariant {
     /// Number of solids.
     pub solids: u32,
     /// Number of lights.
@@ -90,7 +90,7 @@ pub struct SceneVariant {
 
 impl SceneVariant {
     /// The variant for a scene.
-    pub fn new(scene: &Scene) -> Self {
+    pub(crate) fn new(scene: &Scene) -> Self {
         let environment = match scene.environment {
             Environment::Constant(_) => 0,
             Environment::Gradient { .. } => 1,
@@ -108,7 +108,7 @@ impl SceneVariant {
 
 /// The scene as passes bind it: group 2.
 #[derive(Debug)]
-pub struct SceneBinding {
+pub(crate) struct SceneBinding {
     pub(crate) layout: wgpu::BindGroupLayout,
     pub(crate) group: wgpu::BindGroup,
     /// What pipelines are specialised for.
@@ -118,7 +118,7 @@ pub struct SceneBinding {
 
 impl SceneBinding {
     /// Binds an empty scene; [`SceneBinding::upload`] replaces it.
-    pub fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let bindings = [
             gpu::uniform::<SceneUniform>(),
             gpu::uniform::<[SolidData; MAX_SOLIDS]>(),
@@ -131,7 +131,7 @@ impl SceneBinding {
     }
 
     /// Uploads a scene's solids, lights and environment.
-    pub fn upload(&mut self, gpu: &Gpu, scene: &Scene) {
+    pub(crate) fn upload(&mut self, gpu: &Gpu, scene: &Scene) {
         if self.uploaded.as_ref().is_some_and(|(solids, lights, environment)| {
             *solids == scene.solids
                 && *lights == scene.lights
@@ -151,9 +151,10 @@ impl SceneBinding {
 /// Whether two environments need no new upload; a map is known by its memory, not its pixels.
 fn same(a: &Environment, b: &Environment) -> bool {
     match (a, b) {
-        (Environment::Map { pixels: a, .. }, Environment::Map { pixels: b, .. }) => {
-            Arc::ptr_eq(a, b)
-        }
+        (
+            Environment::Map { size: a, pixels: of_a },
+            Environment::Map { size: b, pixels: of_b },
+        ) => a == b && Arc::ptr_eq(of_a, of_b),
         (a, b) => a == b,
     }
 }
@@ -242,7 +243,7 @@ fn light_data(light: &Light) -> LightData {
 
 /// Draws the G-buffer.
 #[derive(Debug)]
-pub struct Gbuffer {
+pub(crate) struct Gbuffer {
     /// Output.
     pub images: GBuffer,
     pipelines: HashMap<SceneVariant, wgpu::ComputePipeline>,
@@ -251,7 +252,7 @@ pub struct Gbuffer {
 
 impl Gbuffer {
     /// Makes the layout; a pipeline is compiled when a scene first needs it.
-    pub fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let bindings =
             [gpu::storage_texture(Layers::FORMAT, D2), gpu::storage_texture(Layers::FORMAT, D2)];
         let layout = gpu.layout("gbuffer", wgpu::ShaderStages::COMPUTE, &bindings);
@@ -268,7 +269,7 @@ impl Gbuffer {
     }
 
     /// Replaces the images.
-    pub fn resize(&mut self, gpu: &Gpu, size: UVec2) {
+    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2) {
         self.images = sized(gpu, size);
     }
 

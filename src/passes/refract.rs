@@ -40,7 +40,7 @@ pub struct Params {
 
 /// What one specialisation of the shader is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Variant {
+pub(crate) struct Variant {
     /// The intersector.
     pub solver: Solver,
     /// The frame has splashes.
@@ -63,7 +63,7 @@ pub struct Variant {
 
 impl Variant {
     /// The smallest variant that draws a frame.
-    pub fn new(scene: &Scene, splash: bool, count: bool) -> Self {
+    pub(crate) fn new(scene: &Scene, splash: bool, count: bool) -> Self {
         let settings = &scene.settings.refract;
         Self {
             solver: settings.solver,
@@ -72,7 +72,7 @@ impl Variant {
             fresnel: settings.fresnel,
             radiance_scaling: settings.radiance_scaling,
             contact: settings.contact > 0.0 && !scene.solids.is_empty(),
-            solids: settings.solids,
+            solids: if scene.solids.is_empty() { Solids::Exact } else { settings.solids },
             reflections: settings.reflections,
             count,
         }
@@ -109,7 +109,7 @@ struct Pipelines {
 
 /// Draws the liquid and what is seen through and beside it.
 #[derive(Debug)]
-pub struct Refract {
+pub(crate) struct Refract {
     /// Output.
     pub radiance: Radiance,
     /// Output when counting: interfaces, length inside (m), solver iterations, solver failures.
@@ -121,7 +121,7 @@ pub struct Refract {
 
 impl Refract {
     /// Makes the layout; pipelines are compiled when a frame first needs them.
-    pub fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let bindings = [
             gpu::uniform::<Params>(),
             gpu::sampled(D2Array),
@@ -143,7 +143,7 @@ impl Refract {
     }
 
     /// Replaces the pictures; without `count` the diagnostics take no memory.
-    pub fn resize(&mut self, gpu: &Gpu, size: UVec2, count: bool) {
+    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2, count: bool) {
         self.radiance = Radiance { texture: picture(gpu, "radiance", size) };
         let size = if count { size } else { UVec2::ONE };
         self.diagnostics = picture(gpu, "diagnostics", size);
@@ -221,7 +221,11 @@ impl Refract {
 
 impl Params {
     /// The parameters of a frame whose particles have `radius`, m.
-    pub fn new(liquid: &crate::scene::Liquid, settings: &settings::Refract, radius: f32) -> Self {
+    pub(crate) fn new(
+        liquid: &crate::scene::Liquid,
+        settings: &settings::Refract,
+        radius: f32,
+    ) -> Self {
         Self {
             absorption: liquid.absorption.to_array(),
             ior: liquid.ior,

@@ -27,7 +27,7 @@ pub struct Params {
 
 impl Params {
     /// The parameters of each iteration.
-    pub fn iterations(settings: &settings::Smooth, radius: f32) -> Vec<Self> {
+    pub(crate) fn iterations(settings: &settings::Smooth, radius: f32) -> Vec<Self> {
         let in_radii = settings.unit == settings::Unit::Radius;
         let window = if in_radii { settings.window } else { settings.window - 1.0 };
         let stride = window / (settings.taps - 1) as f32;
@@ -46,7 +46,7 @@ impl Params {
 
 /// Smooths a pair of layers.
 #[derive(Debug)]
-pub struct Smooth {
+pub(crate) struct Smooth {
     /// Output: smoothed planes.
     pub layers: Layers,
     prepare: wgpu::ComputePipeline,
@@ -60,7 +60,7 @@ pub struct Smooth {
 
 impl Smooth {
     /// Compiles the pipelines; `splatted` is what it will smooth.
-    pub fn new(gpu: &Gpu, camera: &CameraBinding, splatted: &Layers) -> Self {
+    pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding, splatted: &Layers) -> Self {
         let bindings = [
             gpu::uniform::<Params>(),
             gpu::sampled(D2Array),
@@ -85,7 +85,7 @@ impl Smooth {
     }
 
     /// Replaces the layers by ones of the size of `splatted`.
-    pub fn resize(&mut self, gpu: &Gpu, splatted: &Layers) {
+    pub(crate) fn resize(&mut self, gpu: &Gpu, splatted: &Layers) {
         (self.layers, self.states) = sized(gpu, splatted);
         self.splatted = splatted.clone();
     }
@@ -102,14 +102,16 @@ impl Smooth {
     ) {
         // Only the liquid's tiles are written, and taps read beyond them.
         let [first, second] = &self.states;
+        let mut begin = span.first();
         for layers in [first, second, &self.layers] {
             for layer in [Layers::FRONT, Layers::BACK] {
-                gpu::clear(encoder, &gpu::layer_view(&layers.texture, layer));
+                gpu::clear(encoder, &gpu::layer_view(&layers.texture, layer), begin);
+                begin = Span::default();
             }
         }
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("smooth"),
-            timestamp_writes: span.compute(),
+            timestamp_writes: span.last().compute(),
         });
         pass.set_bind_group(0, &camera.group, &[]);
         let mut step = |pipeline: &wgpu::ComputePipeline,

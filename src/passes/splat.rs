@@ -11,21 +11,28 @@ use crate::passes::classify::Splat as SplatData;
 
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
+#[derive(Debug)]
+struct Chunk {
+    buffer: wgpu::Buffer,
+    group: wgpu::BindGroup,
+    count: u32,
+}
+
 /// Draws one class of splats into its pair of layers.
 #[derive(Debug)]
-pub struct Splat {
+pub(crate) struct Splat {
     /// Output: unsmoothed planes.
     pub layers: Layers,
     depth: wgpu::TextureView,
     pipelines: [wgpu::RenderPipeline; 2],
     layout: wgpu::BindGroupLayout,
-    splats: Option<(wgpu::Buffer, wgpu::BindGroup)>,
-    count: u32,
+    // As many as one binding holds, then the next: the depth test does not mind.
+    chunks: Vec<Chunk>,
 }
 
 impl Splat {
     /// Compiles both pipelines; [`Splat::resize`] gives the pass its layers.
-    pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
+    pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let layout =
             gpu.layout("splats", wgpu::ShaderStages::VERTEX, &[gpu::storage::<SplatData>()]);
         let module = crate::shader::module(gpu, "splat.wgsl");
@@ -74,31 +81,38 @@ impl Splat {
             pipeline(Layers::BACK, wgpu::CompareFunction::Less),
         ];
         let (layers, depth) = sized(gpu, UVec2::ONE);
-        Self { layers, depth, pipelines, layout, splats: None, count: 0 }
+        Self { layers, depth, pipelines, layout, chunks: Vec::new() }
     }
 
     /// Replaces the layers.
-    pub fn resize(&mut self, gpu: &Gpu, size: UVec2) {
+    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2) {
         (self.layers, self.depth) = sized(gpu, size);
     }
 
     /// Uploads the frame's splats.
-    pub fn upload(&mut self, gpu: &Gpu, splats: &[SplatData]) {
-        self.count = splats.len() as u32;
-        let bytes: &[u8] = bytemuck::cast_slice(splats);
-        if bytes.is_empty() {
-            return;
-        }
-        match &self.splats {
-            Some((buffer, _)) if buffer.size() >= bytes.len() as u64 => {
-                gpu.queue.write_buffer(buffer, 0, bytes);
-            }
-            _ => {
-                let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-                let buffer = gpu::buffer_with(gpu, "splats", usage, splats);
-                let resources = [buffer.as_entire_binding()];
-                let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
-                self.splats = Some((buffer, group));
+    pub(crate) fn upload(&mut self, gpu: &Gpu, splats: &[SplatData]) {
+        let limits = gpu.device.limits();
+        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let most = (bytes as usize / size_of::<SplatData>()).max(1);
+        self.chunks.truncate(splats.len().div_ceil(most));
+        for (i, splats) in splats.chunks(most).enumerate() {
+            let count = splats.len() as u32;
+            match self.chunks.get_mut(i) {
+                Some(chunk) if chunk.buffer.size() >= size_of_val(splats) as u64 => {
+                    gpu.queue.write_buffer(&chunk.buffer, 0, bytemuck::cast_slice(splats));
+                    chunk.count = count;
+                }
+                old => {
+                    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+                    let buffer = gpu::buffer_with(gpu, "splats", usage, splats);
+                    let resources = [buffer.as_entire_binding()];
+                    let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
+                    let chunk = Chunk { buffer, group, count };
+                    match old {
+                        Some(old) => *old = chunk,
+                        None => self.chunks.push(chunk),
+                    }
+                }
             }
         }
     }
@@ -135,11 +149,11 @@ impl Splat {
                 occlusion_query_set: None,
                 multiview_mask: None,
             });
-            if let (Some((_, splats)), true) = (&self.splats, self.count > 0) {
-                pass.set_pipeline(&self.pipelines[side as usize]);
-                pass.set_bind_group(0, &camera.group, &[]);
-                pass.set_bind_group(1, splats, &[]);
-                pass.draw(0..4, 0..self.count);
+            pass.set_pipeline(&self.pipelines[side as usize]);
+            pass.set_bind_group(0, &camera.group, &[]);
+            for chunk in &self.chunks {
+                pass.set_bind_group(1, &chunk.group, &[]);
+                pass.draw(0..4, 0..chunk.count);
             }
         }
     }

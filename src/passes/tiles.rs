@@ -14,9 +14,9 @@ pub const TILE: u32 = 8;
 
 /// Sorts tiles into those that liquid covers and the rest.
 #[derive(Debug)]
-pub struct Tiles {
+pub(crate) struct Tiles {
     /// Output.
-    pub lists: TileLists,
+    pub(crate) lists: TileLists,
     sort: [wgpu::ComputePipeline; 2],
     arrange: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
@@ -24,28 +24,28 @@ pub struct Tiles {
 
 /// The tiles, as buffers.
 #[derive(Debug, Clone)]
-pub struct TileLists {
+pub(crate) struct TileLists {
     /// Count, then the tiles that liquid covers: x + 65536 y.
-    pub liquid: wgpu::Buffer,
+    pub(crate) liquid: wgpu::Buffer,
     /// Count, then all others.
-    pub background: wgpu::Buffer,
+    pub(crate) background: wgpu::Buffer,
     /// Arguments of indirect dispatches, at [`TileLists::LIQUID`] and its like.
-    pub dispatches: wgpu::Buffer,
+    pub(crate) dispatches: wgpu::Buffer,
     size: UVec2,
 }
 
 impl TileLists {
     /// Dispatch over the liquid's tiles.
-    pub const LIQUID: u64 = 0;
+    pub(crate) const LIQUID: u64 = 0;
     /// Dispatch over the liquid's tiles, z being front and back.
-    pub const LIQUID_LAYERS: u64 = 16;
+    pub(crate) const LIQUID_LAYERS: u64 = 16;
     /// Dispatch over the other tiles.
-    pub const BACKGROUND: u64 = 32;
+    pub(crate) const BACKGROUND: u64 = 32;
 }
 
 impl Tiles {
     /// Compiles the pipelines; [`Tiles::resize`] gives the pass its lists.
-    pub fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let bindings = [
             gpu::sampled(D2Array),
             gpu::sampled(D2Array),
@@ -66,7 +66,7 @@ impl Tiles {
     }
 
     /// Replaces the lists.
-    pub fn resize(&mut self, gpu: &Gpu, size: UVec2) {
+    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2) {
         self.lists = sized(gpu, size);
     }
 

@@ -23,7 +23,7 @@ pub struct Params {
 
 /// Draws a radiance picture into a caller's view.
 #[derive(Debug)]
-pub struct Tonemap {
+pub(crate) struct Tonemap {
     pipelines: HashMap<wgpu::TextureFormat, wgpu::RenderPipeline>,
     params: wgpu::Buffer,
     layout: wgpu::BindGroupLayout,
@@ -31,7 +31,7 @@ pub struct Tonemap {
 
 impl Tonemap {
     /// Makes the layout; a pipeline is compiled for each target format that is drawn to.
-    pub fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let bindings = [gpu::sampled(D2), gpu::uniform::<Params>()];
         Self {
             pipelines: HashMap::new(),

@@ -13,7 +13,7 @@ use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::Gpu;
 use limpid::passes::classify::{Splat, Splats};
-use limpid::renderer::{Frame, Renderer};
+use limpid::renderer::{Picture, Renderer};
 use limpid::scene::{Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::Settings;
 
@@ -75,9 +75,9 @@ pub(crate) fn shoot(
     splats: &Splats,
     size: UVec2,
 ) -> Shot {
-    let frame = Frame::new(gpu, size).expect("a frame");
+    let frame = Picture::new(gpu, size).expect("a frame");
     renderer
-        .render(scene, camera, splats, &frame.view(), Frame::FORMAT, size)
+        .render(scene, camera, splats, &frame.view(), Picture::FORMAT, size)
         .expect("the frame is drawn");
     let picture = frame.read(gpu).expect("the picture is read");
     let channels = aov::read(gpu, &renderer.images(), &Aov::ALL).expect("the images are read");
