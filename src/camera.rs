@@ -48,15 +48,29 @@ pub struct CameraUniform {
 }
 
 impl Camera {
-    /// A camera that sees all of a box from the front and above.
+    /// A camera that sees all of a box from the front and above, in a picture at least as wide as
+    /// it is high.
     pub fn fit(min: Vec3, max: Vec3) -> Self {
         let target = 0.5 * (min + max);
+        let half = 0.5 * (max - min);
         let fov_y = 40f32;
+        let tangent = (0.5 * fov_y.to_radians()).tan();
+        let back = Vec3::new(0.25, 0.5, 1.0).normalize();
+        let right = Vec3::Y.cross(back).normalize();
+        let up = back.cross(right);
+        // From this far each corner is inside the picture's edges.
+        let corners = (0..8).map(|i| {
+            let sign = |bit: u32| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
+            half * Vec3::new(sign(0), sign(1), sign(2))
+        });
+        let needed = corners.map(|corner| {
+            let off_axis = corner.dot(right).abs().max(corner.dot(up).abs());
+            corner.dot(back) + off_axis / tangent
+        });
         // At least so far away that the eye and the target are different numbers.
-        let radius = (0.5 * (max - min).length()).max(1e-4 * target.abs().max_element()).max(1e-6);
-        let distance = 1.05 * radius / (0.5 * fov_y.to_radians()).sin();
-        let eye = target + Vec3::new(0.25, 0.4, 1.0).normalize() * distance;
-        Self { eye, target, up: Vec3::Y, fov_y, near: None }
+        let least = (1e-3 * target.abs().max_element()).max(1e-5);
+        let distance = needed.fold(least, f32::max) * 1.05;
+        Self { eye: target + back * distance, target, up: Vec3::Y, fov_y, near: None }
     }
 
     /// The near plane, m.

@@ -309,7 +309,10 @@ impl Scene {
     pub fn around(min: Vec3, max: Vec3, radius: f32) -> Self {
         let size = (max - min).max_element().max(2.0 * radius);
         let size = if size > 0.0 { size } else { 1.0 };
-        let tile = 10f32.powf((size / 10.0).log10().round());
+        // About eight tiles across the liquid, of 1, 2 or 5 times a power of ten.
+        let decade = 10f32.powf((size / 8.0).log10().floor());
+        let tile = [5.0, 2.0, 1.0].map(|step| step * decade);
+        let tile = tile.into_iter().find(|&tile| tile <= size / 8.0).unwrap_or(decade);
         let centre = 0.5 * (min + max);
         Self {
             particles: None,
@@ -324,7 +327,7 @@ impl Scene {
                 shape: Shape::Plane {
                     origin: Vec3::new(centre.x, min.y - radius, centre.z),
                     normal: Vec3::Y,
-                    half_extent: 20.0 * size,
+                    half_extent: 6.0 * size,
                 },
                 surface: Surface::Checker {
                     tile,
