@@ -1,0 +1,96 @@
+//! View space in 64 bits, and cases for the device.
+
+#![allow(dead_code, reason = "no test file uses all of it")]
+
+use glam::{DVec2, DVec3, UVec2, Vec3};
+use limpid::camera::{Camera, CameraUniform};
+
+/// Beyond every distance, as in `common/scene.wgsl`.
+pub(crate) const NOTHING: f64 = 1e30;
+
+/// The nearest vector that the device can be given.
+pub(crate) fn round3(x: DVec3) -> DVec3 {
+    x.as_vec3().as_dvec3()
+}
+
+pub(crate) fn vec3(x: &[f32]) -> DVec3 {
+    DVec3::new(x[0].into(), x[1].into(), x[2].into())
+}
+
+/// Joins numbers and vectors into one case.
+pub(crate) fn case<const N: usize>(parts: &[&[f64]]) -> [f32; N] {
+    let numbers: Vec<f32> = parts.concat().into_iter().map(|x| x as f32).collect();
+    numbers.try_into().expect("as many numbers as the kernel takes")
+}
+
+pub(crate) fn number<const N: usize>(x: [f32; N], i: usize) -> f64 {
+    x[i].into()
+}
+
+pub(crate) fn assert_near(got: f64, expected: f64, tolerance: f64, what: &str) {
+    let error = (got - expected).abs();
+    assert!(error <= tolerance, "{what}: {got}, expected {expected}, off by {error:e}");
+}
+
+/// A camera and the conventions of view space, in 64 bits.
+pub(crate) struct View {
+    pub(crate) uniform: CameraUniform,
+    pub(crate) size: DVec2,
+    pub(crate) tangent: DVec2,
+    pub(crate) near: f64,
+}
+
+impl View {
+    pub(crate) fn new(camera: &Camera, size: UVec2) -> Self {
+        let uniform = camera.uniform(size);
+        Self {
+            uniform,
+            size: uniform.size.as_dvec2(),
+            tangent: uniform.tangent.as_dvec2(),
+            near: uniform.near.into(),
+        }
+    }
+
+    /// 45 degrees, wherever it is.
+    pub(crate) fn of_size(width: u32, height: u32, near: f32) -> Self {
+        let camera = Camera {
+            eye: Vec3::new(1.0, 2.0, 3.0),
+            target: Vec3::ZERO,
+            up: Vec3::Y,
+            fov_y: 45.0,
+            near: Some(near),
+        };
+        Self::new(&camera, UVec2::new(width, height))
+    }
+
+    pub(crate) fn pixels(&self) -> UVec2 {
+        self.size.as_uvec2()
+    }
+
+    /// The ray of unit depth through a pixel position.
+    pub(crate) fn omega(&self, u: DVec2) -> DVec3 {
+        let x = (u.x / self.size.x - 0.5) * 2.0 * self.tangent.x;
+        let y = (0.5 - u.y / self.size.y) * 2.0 * self.tangent.y;
+        DVec3::new(x, y, -1.0)
+    }
+
+    pub(crate) fn pixel(&self, x: DVec3) -> DVec2 {
+        let slope = DVec2::new(x.x, x.y) / -x.z;
+        DVec2::new(
+            self.size.x * (0.5 + 0.5 * slope.x / self.tangent.x),
+            self.size.y * (0.5 - 0.5 * slope.y / self.tangent.y),
+        )
+    }
+
+    /// The plane whose disparity at `u` is `disparity`, with its slope per pixel.
+    pub(crate) fn plane(&self, u: DVec2, disparity: f64, slope: DVec2) -> DVec3 {
+        let omega = self.omega(u);
+        let x = slope.x * self.size.x / (2.0 * self.tangent.x);
+        let y = -slope.y * self.size.y / (2.0 * self.tangent.y);
+        DVec3::new(x, y, x * omega.x + y * omega.y - disparity)
+    }
+}
+
+pub(crate) fn distance_to_line(x: DVec3, o: DVec3, d: DVec3) -> f64 {
+    (x - o).cross(d).length() / d.length()
+}
