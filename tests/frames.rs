@@ -398,7 +398,7 @@ fn parts_draw_what_the_whole_draws() {
         },
         ..Default::default()
     };
-    let Some(adapter) = adapter else { return };
+    let adapter = adapter.expect("the adapter that the other device is of");
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
     let parts = Gpu::from_device(device, queue);
     let (scene, camera, drawn) = tank();

@@ -141,22 +141,22 @@ fn slab_leave(front: vec3f, back: vec3f, ray: ScreenRay, tau: f32, slack: f32) -
 
 // The union of both classes: inside if in either; left where the last of them is left.
 fn slabs_leave(slabs: Slabs, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
-    var aggregate = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, tau, slack);
+    let aggregate = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, tau, slack);
     if !SPLASH {
         return aggregate;
     }
-    var splash = slab_leave(slabs.splash_front, slabs.splash_back, ray, tau, slack);
+    let splash = slab_leave(slabs.splash_front, slabs.splash_back, ray, tau, slack);
     // From inside one, the other may begin before it ends.
     if aggregate.inside && !splash.inside && aggregate.tau < NEVER {
         let there = slab_leave(slabs.splash_front, slabs.splash_back, ray, aggregate.tau, ROUNDING);
         if there.inside {
-            return Leave(true, there.tau, there.plane);
+            return there;
         }
     }
     if splash.inside && !aggregate.inside && splash.tau < NEVER {
         let there = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, splash.tau, ROUNDING);
         if there.inside {
-            return Leave(true, there.tau, there.plane);
+            return there;
         }
     }
     if aggregate.inside != splash.inside {
@@ -222,14 +222,18 @@ fn solid_ahead(o: vec3f, d: vec3f) -> SolidHit {
 
 // The radiance that arrives at o from direction d when no more liquid is in the way.
 fn lookup(o: vec3f, d: vec3f) -> vec3f {
-    // Rays from the eye have no place on the screen yet; they are traced.
-    if SCREEN_SOLIDS && o.z < 0.0 {
+    return lookup_known(solid_ahead(o, d), o, d);
+}
+
+// The same, where the solid ahead is known already.
+fn lookup_known(solid: SolidHit, o: vec3f, d: vec3f) -> vec3f {
+    if SCREEN_SOLIDS {
         let hit = front_entry(OPAQUE, screen_ray(o, d, NOTHING));
         if hit.found {
             return textureLoad(gbuffer_radiance, hit.texel, 0).rgb;
         }
     }
-    return radiance_of(solid_ahead(o, d), o, d);
+    return radiance_of(solid, o, d);
 }
 
 // The radiance of the solid that the ray meets, or of the environment.
@@ -276,7 +280,7 @@ fn covered(x: vec3f) -> bool {
 }
 
 // Whether a solid that the ray is heading for is within `contact` of x: then the liquid wets it.
-fn touches(solid: SolidHit, x: vec3f, d: vec3f) -> bool {
+fn touches(solid: SolidHit, x: vec3f) -> bool {
     if !CONTACT || solid.t >= NOTHING {
         return false;
     }
@@ -298,7 +302,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
     var solid = solid_ahead(o, d);
     let t_front = length(omega) / disparity;
     if disparity <= 0.0 || solid.t <= t_front {
-        return lookup(o, d);
+        return radiance_of(solid, o, d);
     }
 
     var result = vec3f(0.0);
@@ -317,10 +321,11 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
         hit.found = false;
     }
 
+    // At most 8 interfaces and 8 bounces; each event ends in one of either.
     for (var event = 0u; event < 16u; event++) {
         if !inside {
             if !hit.found {
-                return result + weight * lookup(o, d);
+                return result + weight * lookup_known(solid, o, d);
             }
             // Enter.
             interfaces += 1u;
@@ -342,7 +347,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
 
         solid = solid_ahead(o, d);
         if interfaces >= params.interfaces {
-            return result + weight * scale * lookup(o, d);
+            return result + weight * scale * lookup_known(solid, o, d);
         }
         hit = liquid_exit(screen_ray(o, d, solid.t), start);
         if !hit.found {
@@ -350,7 +355,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             hit.found = !plane_is_empty(hit.plane);
         }
         let distance = length(hit.position - o);
-        if solid.t < NOTHING && (!hit.found || solid.t <= distance || touches(solid, hit.position, d)) {
+        if solid.t < NOTHING && (!hit.found || solid.t <= distance || touches(solid, hit.position)) {
             // The liquid reaches the solid.
             diagnosed.inside += solid.t;
             if ABSORPTION {
@@ -399,12 +404,12 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
         d = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
         inside = false;
         hit = no_interface();
+        solid = solid_ahead(o, d);
         if interfaces < params.interfaces {
-            solid = solid_ahead(o, d);
             hit = liquid_entry(screen_ray(o, d, solid.t));
         }
     }
-    return result + weight * lookup(o, d);
+    return result;
 }
 
 // Where in the pixel sample `index` of `count` lies: a square grid where there is one, sheared so
@@ -455,8 +460,9 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
     }
     var sum = vec3f(0.0);
     for (var i = 0u; i < params.samples; i++) {
-        let omega = camera_omega(vec2f(p) + sample_offset(i, params.samples));
-        sum += lookup(vec3f(0.0), normalize(omega));
+        let d = normalize(camera_omega(vec2f(p) + sample_offset(i, params.samples)));
+        let eye = vec3f(0.0);
+        sum += radiance_of(solid_ahead(eye, d), eye, d);
     }
     textureStore(radiance, p, vec4f(sum / f32(params.samples), 1.0));
     if COUNT {
