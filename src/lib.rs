@@ -68,6 +68,7 @@ pub mod scene;
 pub mod sequence;
 pub mod settings;
 pub mod shader;
+pub mod waves;
 
 pub use error::{Error, Result};
 pub use {glam, wgpu};
