@@ -14,7 +14,7 @@ fn gbuffer(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let omega = camera_omega(vec2f(p) + 0.5);
-    let o = camera_world_point(vec3f(0.0));
+    let o = vec3f(0.0);
     let d = camera_world_direction(normalize(omega));
     let hit = scene_trace(o, d);
     var plane = vec4f(0.0);

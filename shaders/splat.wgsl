@@ -8,9 +8,9 @@
 #import common/camera.wgsl
 #import common/layers.wgsl
 
-// The ellipsoid { centre + A s : |s| <= 1 } in world space, A symmetric.
+// The ellipsoid { centre + A s : |s| <= 1 } along the world's axes, A symmetric.
 struct Splat {
-    centre: vec3f,
+    centre: vec3f,       // from camera.origin
     radius: f32,
     diagonal: vec3f,     // A_xx, A_yy, A_zz
     particle: u32,
@@ -38,10 +38,8 @@ fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance:
     let a = splat.diagonal;
     let b = splat.off_diagonal;
     let shape = mat3x3f(vec3f(a.x, b.x, b.y), vec3f(b.x, a.y, b.z), vec3f(b.y, b.z, a.z));
-    let view = camera.view_from_world;
-    let rotation = mat3x3f(view[0].xyz, view[1].xyz, view[2].xyz);
-    // Relative to the eye before rotating: both may be far from the world's origin.
-    let centre = rotation * (splat.centre - camera.world_from_view[3].xyz);
+    let rotation = camera.view_from_world;
+    let centre = rotation * (camera.origin + splat.centre);
     let to_sphere = symmetric_inverse(a, b) * transpose(rotation);
 
     var out: Varying;

@@ -1,7 +1,7 @@
 //! The camera: a pinhole with a vertical field of view.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Mat4, UVec2, Vec2, Vec3};
+use glam::{DMat3, DVec3, UVec2, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
@@ -11,9 +11,9 @@ use crate::error::{Error, Result};
 #[serde(deny_unknown_fields)]
 pub struct Camera {
     /// Position in world space, m.
-    pub eye: Vec3,
+    pub eye: DVec3,
     /// The point in the middle of the picture, m.
-    pub target: Vec3,
+    pub target: DVec3,
     /// A direction that points up in the picture; any length, not along the view.
     #[serde(default = "up")]
     pub up: Vec3,
@@ -29,53 +29,52 @@ fn up() -> Vec3 {
     Vec3::Y
 }
 
-/// The camera as the shaders have it (`common/camera.wgsl`).
+/// The camera as the shaders have it (`common/camera.wgsl`). Their world has limpid's axes and
+/// its origin at the eye, so that 32-bit floats serve wherever the scene is.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct CameraUniform {
-    /// World to view space.
-    pub view_from_world: Mat4,
-    /// View to world space.
-    pub world_from_view: Mat4,
+    /// World to view space, a rotation: three columns, each filled up with a 0.
+    pub view_from_world: [[f32; 4]; 3],
+    /// The point that splats are counted from, seen from the eye along the world's axes, m.
+    pub origin: Vec3,
+    /// Near plane, m.
+    pub near: f32,
     /// Picture size, pixels.
     pub size: Vec2,
     /// Tangents of half the horizontal and vertical field of view.
     pub tangent: Vec2,
-    /// Near plane, m.
-    pub near: f32,
-    /// Fills the last row.
-    pub pad: [f32; 3],
 }
 
 impl Camera {
     /// A camera that sees all of a box from the front and above, in a picture at least as wide as
     /// it is high.
-    pub fn fit(min: Vec3, max: Vec3) -> Self {
+    pub fn fit(min: DVec3, max: DVec3) -> Self {
         let target = 0.5 * (min + max);
         let half = 0.5 * (max - min);
         let fov_y = 40f32;
-        let tangent = (0.5 * fov_y.to_radians()).tan();
-        let back = Vec3::new(0.25, 0.5, 1.0).normalize();
-        let right = Vec3::Y.cross(back).normalize();
+        let tangent = f64::from(0.5 * fov_y).to_radians().tan();
+        let back = DVec3::new(0.25, 0.5, 1.0).normalize();
+        let right = DVec3::Y.cross(back).normalize();
         let up = back.cross(right);
         // From this far each corner is inside the picture's edges.
         let corners = (0..8).map(|i| {
             let sign = |bit: u32| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
-            half * Vec3::new(sign(0), sign(1), sign(2))
+            half * DVec3::new(sign(0), sign(1), sign(2))
         });
         let needed = corners.map(|corner| {
             let off_axis = corner.dot(right).abs().max(corner.dot(up).abs());
             corner.dot(back) + off_axis / tangent
         });
         // At least so far away that the eye and the target are different numbers.
-        let least = (1e-3 * target.abs().max_element()).max(1e-5);
-        let distance = needed.fold(least, f32::max) * 1.05;
+        let least = (1e-12 * target.abs().max_element()).max(1e-5);
+        let distance = needed.fold(least, f64::max) * 1.05;
         Self { eye: target + back * distance, target, up: Vec3::Y, fov_y, near: None }
     }
 
     /// The near plane, m.
     pub fn near(&self) -> f32 {
-        self.near.unwrap_or_else(|| 1e-3 * self.eye.distance(self.target))
+        self.near.unwrap_or_else(|| (1e-3 * self.eye.distance(self.target)) as f32)
     }
 
     /// Checks that the camera defines a view.
@@ -86,12 +85,13 @@ impl Camera {
         let fail = |problem: &str| {
             Err(Error::Scene { origin: "camera".into(), problem: problem.to_owned() })
         };
-        let view = self.target - self.eye;
-        if !(self.eye.is_finite() && self.target.is_finite() && self.up.is_finite()) {
+        let view = (self.target - self.eye).normalize_or_zero();
+        let up = self.up.as_dvec3();
+        if !(is_place(self.eye) && is_place(self.target) && up.is_finite()) {
             fail("eye, target and up must be finite")
-        } else if view.length_squared() == 0.0 {
+        } else if view == DVec3::ZERO {
             fail("eye and target are the same point")
-        } else if view.cross(self.up).length() <= 1e-6 * view.length() * self.up.length() {
+        } else if view.cross(up).length() <= 1e-6 * up.length() {
             fail("up is along the view direction, or zero")
         } else if !(self.fov_y > 0.0 && self.fov_y < 180.0) {
             fail("fov_y must be above 0 and below 180 degrees")
@@ -102,18 +102,27 @@ impl Camera {
         }
     }
 
-    /// What the shaders need for a picture of `size` pixels.
-    pub fn uniform(&self, size: UVec2) -> CameraUniform {
-        let view_from_world = glam::camera::rh::view::look_at_mat4(self.eye, self.target, self.up);
-        let size = size.as_vec2();
-        let tangent_y = (0.5 * self.fov_y.to_radians()).tan();
+    /// What the shaders need for a picture of `size` pixels, with splats counted from `origin` in
+    /// world space, m. Positions become relative to the eye before they become 32-bit floats.
+    pub fn uniform(&self, size: UVec2, origin: DVec3) -> CameraUniform {
+        let back = (self.eye - self.target).normalize();
+        let right = self.up.as_dvec3().cross(back).normalize();
+        let view_from_world = DMat3::from_cols(right, back.cross(right), back).transpose();
+        let size = size.as_dvec2();
+        let tangent_y = (0.5 * f64::from(self.fov_y)).to_radians().tan();
         CameraUniform {
-            view_from_world,
-            world_from_view: view_from_world.inverse(),
-            size,
-            tangent: Vec2::new(tangent_y * size.x / size.y, tangent_y),
+            view_from_world: view_from_world
+                .to_cols_array_2d()
+                .map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0]),
+            origin: (origin - self.eye).as_vec3(),
             near: self.near(),
-            pad: [0.0; 3],
+            size: size.as_vec2(),
+            tangent: Vec2::new((tangent_y * size.x / size.y) as f32, tangent_y as f32),
         }
     }
+}
+
+/// Whether a position is a number whose square, seen from any other, a 32-bit float can hold.
+pub(crate) fn is_place(x: DVec3) -> bool {
+    x.abs().cmplt(DVec3::splat(1e18)).all()
 }

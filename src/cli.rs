@@ -3,6 +3,7 @@
 mod compare;
 mod info;
 mod render;
+mod report;
 
 use std::process::ExitCode;
 
@@ -28,6 +29,8 @@ enum Command {
     Info(info::Args),
     /// Say how far one picture is from another.
     Compare(compare::Args),
+    /// Measure how fast and how wrong every method is, against ground truth.
+    Report(report::Args),
 }
 
 pub(crate) fn run() -> anyhow::Result<ExitCode> {
@@ -35,6 +38,7 @@ pub(crate) fn run() -> anyhow::Result<ExitCode> {
         Command::Render(args) => render::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Report(args) => report::run(&args),
     }
 }
 

@@ -195,10 +195,23 @@ pub(crate) fn texture(
     format: wgpu::TextureFormat,
     usage: wgpu::TextureUsages,
 ) -> wgpu::Texture {
+    mipped_texture(gpu, label, size, layers, 1, format, usage)
+}
+
+/// As [`texture`], with mip levels.
+pub(crate) fn mipped_texture(
+    gpu: &Gpu,
+    label: &str,
+    size: glam::UVec2,
+    layers: u32,
+    levels: u32,
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers },
-        mip_level_count: 1,
+        mip_level_count: levels,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format,
@@ -215,12 +228,23 @@ pub(crate) fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
     })
 }
 
+/// The view of one mip level, as an array.
+pub(crate) fn level_view(texture: &wgpu::Texture, level: u32) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        base_mip_level: level,
+        mip_level_count: Some(1),
+        ..Default::default()
+    })
+}
+
 /// The view of one layer of an array texture.
 pub(crate) fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
         dimension: Some(wgpu::TextureViewDimension::D2),
         base_array_layer: layer,
         array_layer_count: Some(1),
+        mip_level_count: Some(1),
         ..Default::default()
     })
 }
@@ -269,6 +293,19 @@ pub(crate) fn compute_pipeline(
     layouts: &[&wgpu::BindGroupLayout],
     constants: &[(&str, f64)],
 ) -> wgpu::ComputePipeline {
+    let module = crate::shader::module(gpu, shader);
+    module_pipeline(gpu, shader, &module, entry_point, layouts, constants)
+}
+
+/// As [`compute_pipeline`], of a module that is there.
+pub(crate) fn module_pipeline(
+    gpu: &Gpu,
+    shader: &str,
+    module: &wgpu::ShaderModule,
+    entry_point: &str,
+    layouts: &[&wgpu::BindGroupLayout],
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
     let layouts: Vec<_> = layouts.iter().map(|&layout| Some(layout)).collect();
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(shader),
@@ -278,7 +315,7 @@ pub(crate) fn compute_pipeline(
     gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some(&format!("{shader} {entry_point}")),
         layout: Some(&layout),
-        module: &crate::shader::module(gpu, shader),
+        module,
         entry_point: Some(entry_point),
         compilation_options: wgpu::PipelineCompilationOptions {
             constants,

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use glam::Vec3;
+use glam::DVec3;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::particles::{Particles, Up};
 use crate::passes::classify::{self, Splats};
+use crate::recipe::Recipe;
 use crate::scene::Scene;
 use crate::sequence::{Frame, Sequence};
 
@@ -22,8 +23,18 @@ pub struct Input {
     pub frame: Option<i64>,
     radius: Option<f32>,
     up: Up,
-    // The demo's particles, which are in the program.
-    embedded: Option<&'static [u8]>,
+    source: Source,
+}
+
+/// Where the particles of an input's frames are.
+#[derive(Debug, Clone)]
+enum Source {
+    /// In the files that the frames name.
+    Files,
+    /// In the program: the demo's.
+    Embedded(&'static [u8]),
+    /// Nowhere yet.
+    Recipe(Recipe),
 }
 
 /// A frame of particles, ready to draw.
@@ -36,11 +47,11 @@ pub struct Loaded {
     /// What they are drawn as.
     pub splats: Splats,
     /// Corners of the box around all centres; both 0 without particles.
-    pub bounds: (Vec3, Vec3),
+    pub bounds: (DVec3, DVec3),
 }
 
 impl Input {
-    /// Opens a scene (`.toml`), a particle file, a pattern or a folder.
+    /// Opens a scene or a recipe (`.toml`), a particle file, a pattern or a folder.
     ///
     /// # Errors
     /// As [`Scene::load_with`] and [`Sequence::open`]; a scene without particles is an
@@ -51,7 +62,8 @@ impl Input {
             return Self::from_scene(Scene::load_with(path, overrides)?, input);
         }
         let sequence = Sequence::open(input)?;
-        Ok(Self { scene: None, sequence, frame: None, radius: None, up: Up::Y, embedded: None })
+        let source = Source::Files;
+        Ok(Self { scene: None, sequence, frame: None, radius: None, up: Up::Y, source })
     }
 
     /// The built-in demo: a frame of a double dam break, simulated with SPlisHSPlasH.
@@ -69,7 +81,7 @@ impl Input {
             frame: Some(0),
             radius: source.radius,
             up: source.up,
-            embedded: Some(include_bytes!("../sims/demo.bgeo")),
+            source: Source::Embedded(include_bytes!("../sims/demo.bgeo")),
         })
     }
 
@@ -95,10 +107,27 @@ impl Input {
         Err(Error::Usage(format!("a particle radius of {radius}: above 0 and finite expected")))
     }
 
-    fn from_scene(scene: Scene, origin: &str) -> Result<Self> {
+    /// As [`Input::open`], of a scene that is at hand.
+    ///
+    /// # Errors
+    /// As [`Input::open`].
+    pub fn from_scene(scene: Scene, origin: &str) -> Result<Self> {
+        if let Some(recipe) = scene.recipe {
+            let frame = Frame { number: 0, path: origin.into() };
+            return Ok(Self {
+                scene: Some(scene),
+                sequence: Sequence { frames: vec![frame], pattern: origin.into() },
+                frame: Some(0),
+                radius: Some(recipe.particle_radius() as f32),
+                up: Up::Y,
+                source: Source::Recipe(recipe),
+            });
+        }
         let source = scene.particles.clone().ok_or_else(|| Error::Scene {
             origin: origin.into(),
-            problem: "has no [particles]; give a particle file and this scene with --scene".into(),
+            problem:
+                "has no [particles] or [recipe]; give a particle file and this scene with --scene"
+                    .into(),
         })?;
         let sequence = Sequence::open(&source.source)?;
         // One file is the frame, whatever digits its name holds.
@@ -109,18 +138,19 @@ impl Input {
             frame,
             radius: source.radius,
             up: source.up,
-            embedded: None,
+            source: Source::Files,
         })
     }
 
-    /// Reads a frame's particles, y up.
+    /// Reads or makes a frame's particles, y up.
     ///
     /// # Errors
-    /// As [`Particles::read`].
+    /// As [`Particles::read`] and [`Recipe::particles`].
     pub fn particles(&self, frame: &Frame) -> Result<Particles> {
-        let mut particles = match self.embedded {
-            Some(bytes) => Particles::parse(&frame.path, bytes)?,
-            None => Particles::read(&frame.path)?,
+        let mut particles = match self.source {
+            Source::Files => Particles::read(&frame.path)?,
+            Source::Embedded(bytes) => Particles::parse(&frame.path, bytes)?,
+            Source::Recipe(recipe) => return recipe.particles(),
         };
         particles.to_y_up(self.up);
         Ok(particles)
@@ -175,7 +205,7 @@ impl Input {
             let scene = scene.clone();
             return Ok((self, scene));
         }
-        let (mut min, mut max, mut radius) = (-Vec3::ONE, Vec3::ONE, 0.0);
+        let (mut min, mut max, mut radius) = (-DVec3::ONE, DVec3::ONE, 0.0);
         for frame in &self.sequence.frames {
             let particles = self.particles(frame)?;
             if let Some(bounds) = particles.bounds() {
@@ -195,7 +225,8 @@ impl Input {
                 scene
             }
         };
-        scene.camera.get_or_insert_with(|| Camera::fit(min - radius, max + radius));
+        let margin = f64::from(radius);
+        scene.camera.get_or_insert_with(|| Camera::fit(min - margin, max + margin));
         Ok((self, scene))
     }
 
@@ -228,7 +259,7 @@ impl Input {
 
 impl Scene {
     /// The scene's camera, or one that fits `bounds`.
-    pub fn camera_for(&self, bounds: (Vec3, Vec3)) -> Camera {
+    pub fn camera_for(&self, bounds: (DVec3, DVec3)) -> Camera {
         self.camera.unwrap_or_else(|| Camera::fit(bounds.0, bounds.1))
     }
 }

@@ -21,8 +21,9 @@
 //!
 //! # Conventions
 //!
-//! Right-handed world, y up, metres, linear RGB radiance. View space is x right, y up, looking
-//! down −z; *depth* is `z = −z_view > 0`, *disparity* is 1/z. Pixel (i, j) has its centre at
+//! Right-handed world, y up, metres, linear RGB radiance. Places in the world are 64-bit; what
+//! becomes 32-bit is counted from the eye or from an origin near by, so that scenes keep their
+//! digits far from the world's origin. View space is x right, y up, looking down −z; *depth* is `z = −z_view > 0`, *disparity* is 1/z. Pixel (i, j) has its centre at
 //! (i + ½, j + ½), y down. Transforms are named `a_from_b`. NaN and ∞ are never values.
 //!
 //! # Use
@@ -63,7 +64,12 @@ pub mod input;
 pub mod output;
 pub mod particles;
 pub mod passes;
+pub mod recipe;
+#[cfg(feature = "report")]
+pub mod reference;
 pub mod renderer;
+#[cfg(feature = "report")]
+pub mod report;
 pub mod scene;
 pub mod sequence;
 pub mod settings;

@@ -14,7 +14,7 @@ mod xyz;
 use std::borrow::Cow;
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Place, Result};
@@ -23,7 +23,10 @@ use crate::error::{Error, Place, Result};
 /// per particle. Whatever [`Particles::read`] returns is finite.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Particles {
-    /// Centres, in metres, as the file has them.
+    /// The point that positions are counted from, in metres. 0 for files of 32-bit floats; for
+    /// those of more digits see [`Particles::from_places`].
+    pub origin: DVec3,
+    /// Centres, in metres, from the origin.
     pub positions: Vec<Vec3>,
     /// Velocities, in metres per second.
     pub velocities: Option<Vec<Vec3>>,
@@ -81,9 +84,18 @@ impl Particles {
         reader_for(path)?(path, bytes)
     }
 
-    /// Particles without other attributes.
+    /// Particles without other attributes, counted from 0.
     pub fn from_positions(positions: Vec<Vec3>) -> Self {
         Self { positions, ..Self::default() }
+    }
+
+    /// Particles without other attributes. They are counted from 0, or where 32-bit floats would
+    /// lose digits by that from the middle of the box around them: where it is farther from 0 than
+    /// 16 times its longest side.
+    pub fn from_places(places: &[DVec3]) -> Self {
+        let origin = origin_for(places.iter().copied());
+        let positions = places.iter().map(|&place| (place - origin).as_vec3()).collect();
+        Self { origin, positions, ..Self::default() }
     }
 
     /// The number of particles.
@@ -97,15 +109,16 @@ impl Particles {
     }
 
     /// The least and the greatest corner of the box around all centres, if there are any.
-    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        let first = *self.positions.first()?;
-        Some(self.positions.iter().fold((first, first), |(min, max), &p| (min.min(p), max.max(p))))
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let places = self.positions.iter().map(|&position| self.origin + position.as_dvec3());
+        bounds(places)
     }
 
     /// Turns positions and velocities of a file with this `up` axis to limpid's, which is y:
     /// a quarter turn about x, so handedness is kept.
     pub fn to_y_up(&mut self, up: Up) {
         if up == Up::Z {
+            self.origin = DVec3::new(self.origin.x, self.origin.z, -self.origin.y);
             for v in self.positions.iter_mut().chain(self.velocities.iter_mut().flatten()) {
                 *v = Vec3::new(v.x, v.z, -v.y);
             }
@@ -149,6 +162,23 @@ impl Particles {
         let problem = format!("attribute {name} has {rows} entries for {particles} particles");
         Err(table.source.error(table.start, problem))
     }
+}
+
+/// The corners of the box around all places, if there are any.
+pub(crate) fn bounds(mut places: impl Iterator<Item = DVec3>) -> Option<(DVec3, DVec3)> {
+    let first = places.next()?;
+    Some(places.fold((first, first), |(min, max), p| (min.min(p), max.max(p))))
+}
+
+/// The point from which 32-bit floats keep enough digits of all places: 0 if it does, so that
+/// ordinary files stay as they are.
+pub(crate) fn origin_for(places: impl Iterator<Item = DVec3>) -> DVec3 {
+    /// So many sizes from 0, floats resolve 1e-6 of the size.
+    const FAR: f64 = 16.0;
+    let Some((min, max)) = bounds(places) else { return DVec3::ZERO };
+    let middle = 0.5 * (min + max);
+    let far = middle.abs().max_element() > FAR * (max - min).max_element();
+    if far { middle } else { DVec3::ZERO }
 }
 
 type Reader = fn(&Path, &[u8]) -> Result<Particles>;
@@ -482,24 +512,46 @@ impl Table<'_> {
         self.source.error(offset, problem)
     }
 
-    /// The numbers of `columns`, all of them finite, record by record.
+    /// Particles at the positions that `columns` hold.
+    fn particles(&self, columns: [Column; 3]) -> Result<Particles> {
+        if columns.iter().all(|column| column.scalar == Scalar::F32) {
+            return Ok(Particles::from_positions(self.floats(
+                columns,
+                "position",
+                Vec3::from_array,
+            )?));
+        }
+        Ok(Particles::from_places(&self.numbers(columns, "position", DVec3::from_array)?))
+    }
+
+    /// The numbers of `columns` as 32-bit floats, all of them finite, record by record.
     fn floats<const N: usize, T>(
         &self,
         columns: [Column; N],
         name: &str,
         build: impl Fn([f32; N]) -> T,
     ) -> Result<Vec<T>> {
+        self.numbers(columns, name, |numbers| build(numbers.map(|number| number as f32)))
+    }
+
+    /// The numbers of `columns`, all of them finite as 32-bit floats, record by record.
+    fn numbers<const N: usize, T>(
+        &self,
+        columns: [Column; N],
+        name: &str,
+        build: impl Fn([f64; N]) -> T,
+    ) -> Result<Vec<T>> {
         let single = columns.iter().all(|column| column.scalar == Scalar::F32);
-        let (values, bad) = match (single, self.big_endian) {
-            (true, true) => {
-                self.decode(build, |row| columns.map(|c| f32::from_be_bytes(c.bytes(row))))
-            }
-            (true, false) => {
-                self.decode(build, |row| columns.map(|c| f32::from_le_bytes(c.bytes(row))))
-            }
-            (false, big) => self.decode(build, |row| columns.map(|c| c.number(row, big) as f32)),
-        };
+        let (values, bad) =
+            match (single, self.big_endian) {
+                (true, true) => self
+                    .decode(build, |row| columns.map(|c| f32::from_be_bytes(c.bytes(row)).into())),
+                (true, false) => self
+                    .decode(build, |row| columns.map(|c| f32::from_le_bytes(c.bytes(row)).into())),
+                (false, big) => self.decode(build, |row| columns.map(|c| c.number(row, big))),
+            };
         let Some((row, numbers)) = bad else { return Ok(values) };
+        let numbers = numbers.map(|number| number as f32);
         let worst = columns.into_iter().zip(numbers).find(|(_, number)| !number.is_finite());
         let column = worst.map_or(Column { offset: 0, scalar: Scalar::F32 }, |(column, _)| column);
         let problem = format!("particle {row}: {name} {numbers:?}, finite numbers expected");
@@ -509,13 +561,13 @@ impl Table<'_> {
     /// All records, and the first that is not finite.
     fn decode<const N: usize, T>(
         &self,
-        build: impl Fn([f32; N]) -> T,
-        numbers: impl Fn(&[u8]) -> [f32; N],
-    ) -> (Vec<T>, Option<(usize, [f32; N])>) {
+        build: impl Fn([f64; N]) -> T,
+        numbers: impl Fn(&[u8]) -> [f64; N],
+    ) -> (Vec<T>, Option<(usize, [f64; N])>) {
         let mut bad = None;
         let values = self.rows().enumerate().map(|(row, record)| {
             let numbers = numbers(record);
-            if bad.is_none() && !numbers.iter().all(|number| number.is_finite()) {
+            if bad.is_none() && !numbers.iter().all(|&number| (number as f32).is_finite()) {
                 bad = Some((row, numbers));
             }
             build(numbers)

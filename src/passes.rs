@@ -10,6 +10,7 @@ use crate::gpu::{self, Gpu};
 
 pub mod classify;
 pub mod gbuffer;
+pub mod mips;
 pub mod refract;
 pub mod smooth;
 pub mod splat;
@@ -24,7 +25,7 @@ pub mod tonemap;
 pub struct Layers {
     /// [`Layers::FORMAT`], layers [`Layers::FRONT`] and [`Layers::BACK`].
     pub texture: wgpu::Texture,
-    /// Both layers.
+    /// Both layers, all mip levels.
     pub view: wgpu::TextureView,
 }
 
@@ -36,8 +37,8 @@ impl Layers {
     /// The layer of farthest backs.
     pub const BACK: u32 = 1;
 
-    fn new(gpu: &Gpu, label: &str, size: UVec2, usage: wgpu::TextureUsages) -> Self {
-        let texture = gpu::texture(gpu, label, size, 2, Self::FORMAT, usage);
+    fn new(gpu: &Gpu, label: &str, size: UVec2, levels: u32, usage: wgpu::TextureUsages) -> Self {
+        let texture = gpu::mipped_texture(gpu, label, size, 2, levels, Self::FORMAT, usage);
         let view = gpu::array_view(&texture);
         Self { texture, view }
     }

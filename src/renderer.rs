@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{self, Gpu, PassTime, Timer};
 use crate::passes::classify::Splats;
 use crate::passes::gbuffer::{Gbuffer, SceneBinding};
+use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, Variant};
 use crate::passes::smooth::{self, Smooth};
 use crate::passes::splat::Splat;
@@ -30,6 +31,7 @@ pub struct Renderer {
     tiles: Tiles,
     smooth: Smooth,
     gbuffer: Gbuffer,
+    mips: Mips,
     refract: Refract,
     tonemap: Tonemap,
     sized_for: Sized,
@@ -47,6 +49,7 @@ struct Sized {
     splash: bool,
     gbuffer: bool,
     count: bool,
+    levels: u32,
 }
 
 /// The intermediate images of the last frame.
@@ -77,9 +80,11 @@ impl Renderer {
         let tiles = Tiles::new(gpu);
         let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
         let gbuffer = Gbuffer::new(gpu);
+        let mips = Mips::new(gpu);
         let refract = Refract::new(gpu);
         let tonemap = Tonemap::new(gpu);
-        let sized_for = Sized { size: UVec2::ONE, splash: false, gbuffer: false, count: false };
+        let sized_for =
+            Sized { size: UVec2::ONE, splash: false, gbuffer: false, count: false, levels: 1 };
         Self {
             gpu: gpu.clone(),
             camera,
@@ -89,6 +94,7 @@ impl Renderer {
             tiles,
             smooth,
             gbuffer,
+            mips,
             refract,
             tonemap,
             sized_for,
@@ -137,16 +143,20 @@ impl Renderer {
             splash: has_splash,
             gbuffer: screen_solids || self.diagnose,
             count: self.diagnose,
+            levels: if variant.mips() { mips::levels(size) } else { 1 },
         });
 
         let fits = smooth::Params::iterations(&settings.smooth, splats.radius);
         self.smoothed = !fits.is_empty();
         let gpu = &self.gpu;
-        self.camera.write(gpu, &camera.uniform(size));
-        self.scene.upload(gpu, scene);
+        self.camera.write(gpu, &camera.uniform(size, splats.origin));
+        self.scene.upload(gpu, scene, camera.eye);
         self.aggregate.upload(gpu, &splats.aggregates);
         self.splash.upload(gpu, &splats.splashes);
         let params = refract::Params::new(&scene.liquid, &settings.refract, splats.radius);
+        if self.smoothed {
+            self.smooth.prepare(gpu, &self.camera, settings.smooth.filter);
+        }
         self.refract.prepare(gpu, &self.camera, &self.scene, variant, &params);
         if self.sized_for.gbuffer {
             self.gbuffer.prepare(gpu, &self.camera, &self.scene);
@@ -165,10 +175,17 @@ impl Renderer {
         self.tiles.record(gpu, &mut encoder, aggregate, splash, timer.span("tiles"));
         let tiles = &self.tiles.lists;
         if self.smoothed {
-            self.smooth.record(gpu, &mut encoder, camera, tiles, &fits, timer.span("smooth"));
+            let (filter, span) = (settings.smooth.filter, timer.span("smooth"));
+            self.smooth.record(gpu, &mut encoder, camera, tiles, filter, &fits, span);
         }
         if self.sized_for.gbuffer {
             self.gbuffer.record(gpu, &mut encoder, camera, scene, timer.span("gbuffer"));
+        }
+        if variant.mips() {
+            let mut layers = vec![&self.aggregate_layers().texture];
+            layers.extend(splash.map(|splash| &splash.texture));
+            layers.extend(screen_solids.then_some(&self.gbuffer.images.planes));
+            self.mips.record(gpu, &mut encoder, &layers, timer.span("mips"));
         }
         self.refract.record(
             gpu,
@@ -212,12 +229,14 @@ impl Renderer {
         if wanted == self.sized_for {
             return;
         }
-        let used = |on: bool| if on { wanted.size } else { UVec2::ONE };
-        self.aggregate.resize(&self.gpu, wanted.size);
-        self.splash.resize(&self.gpu, used(wanted.splash));
+        let used = |on: bool| if on { (wanted.size, wanted.levels) } else { (UVec2::ONE, 1) };
+        self.aggregate.resize(&self.gpu, wanted.size, wanted.levels);
+        let (size, levels) = used(wanted.splash);
+        self.splash.resize(&self.gpu, size, levels);
         self.tiles.resize(&self.gpu, wanted.size);
         self.smooth.resize(&self.gpu, &self.aggregate.layers);
-        self.gbuffer.resize(&self.gpu, used(wanted.gbuffer));
+        let (size, levels) = used(wanted.gbuffer);
+        self.gbuffer.resize(&self.gpu, size, levels);
         self.refract.resize(&self.gpu, wanted.size, wanted.count);
         self.sized_for = wanted;
     }

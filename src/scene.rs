@@ -2,25 +2,30 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{Vec3, Vec3Swizzles as _};
+use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use serde::Deserialize;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, is_place};
 use crate::environment::Environment;
 use crate::error::{Error, Result};
 use crate::particles::Up;
 use crate::passes::gbuffer::{MAX_LIGHTS, MAX_SOLIDS};
-use crate::settings::Settings;
+use crate::recipe::Recipe;
+use crate::settings::{Classify, Preset, Refract, Settings, Smooth, Tonemap};
 
 /// Everything that a picture shows apart from the particles themselves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     /// Where the particles come from; none for a scene whose particles the caller has.
     pub particles: Option<ParticleSource>,
+    /// The parameters that particles are made from, where they come from no file.
+    pub recipe: Option<Recipe>,
     /// The liquid's optics.
     pub liquid: Liquid,
     /// The view; `None` fits one to the particles.
     pub camera: Option<Camera>,
+    /// Further views of interest, by name; [`crate::report`] measures them too.
+    pub views: Vec<NamedView>,
     /// What is seen where there is nothing else.
     pub environment: Environment,
     /// Opaque bodies.
@@ -52,7 +57,8 @@ pub struct ParticleSource {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Liquid {
-    /// Index of refraction relative to what surrounds it (1 to 3; water 1.33).
+    /// Index of refraction relative to what surrounds it (0.3 to 3; water 1.33,
+    /// a bubble of air in it 1/1.33).
     pub ior: f32,
     /// Absorption coefficient of red, green and blue light, 1/m.
     pub absorption: Vec3,
@@ -62,6 +68,16 @@ impl Default for Liquid {
     fn default() -> Self {
         Self { ior: 1.33, absorption: Vec3::new(1.2, 0.35, 0.12) }
     }
+}
+
+/// A further view of a scene.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedView {
+    /// Its name.
+    pub name: String,
+    /// Where it is seen from.
+    pub camera: Camera,
 }
 
 /// An opaque body.
@@ -75,13 +91,13 @@ pub struct Solid {
     pub lit: bool,
 }
 
-/// A solid's form and place, in world space, m.
+/// A solid's form and place, in world space, m. Places are 64-bit: a scene may be anywhere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
     /// A square, or with an infinite `half_extent` a whole plane.
     Plane {
         /// The square's centre.
-        origin: Vec3,
+        origin: DVec3,
         /// Unit normal.
         normal: Vec3,
         /// Half its side, along the two axes most in the plane.
@@ -90,14 +106,14 @@ pub enum Shape {
     /// An axis-aligned box.
     Box {
         /// The corner with the smallest coordinates.
-        min: Vec3,
+        min: DVec3,
         /// The corner with the largest.
-        max: Vec3,
+        max: DVec3,
     },
     /// A sphere.
     Sphere {
         /// Its centre.
-        center: Vec3,
+        center: DVec3,
         /// Its radius.
         radius: f32,
     },
@@ -105,10 +121,11 @@ pub enum Shape {
 
 impl Shape {
     /// Distance from `x` to the surface, negative inside, and the unit normal towards `x`.
-    pub fn distance(&self, x: Vec3) -> (f32, Vec3) {
+    pub fn distance(&self, x: DVec3) -> (f64, DVec3) {
         match *self {
             Self::Plane { origin, normal, half_extent } => {
                 let offset = x - origin;
+                let normal = normal.as_dvec3();
                 let above = offset.dot(normal);
                 let a = normal.abs();
                 // The two axes most in the plane, as the shaders choose them.
@@ -119,15 +136,16 @@ impl Shape {
                 } else {
                     offset.xy()
                 };
-                let beside = within.abs().max_element() - half_extent;
-                (if beside > 0.0 { f32::INFINITY } else { above }, normal)
+                let beside = within.abs().max_element() - f64::from(half_extent);
+                (if beside > 0.0 { f64::INFINITY } else { above }, normal)
             }
             Self::Box { min, max } => {
                 let offset = x - 0.5 * (min + max);
                 let face = offset.abs() - 0.5 * (max - min);
-                let outside = face.max(Vec3::ZERO);
-                let nearest = if outside == Vec3::ZERO {
-                    Vec3::select(face.cmpeq(Vec3::splat(face.max_element())), Vec3::ONE, Vec3::ZERO)
+                let outside = face.max(DVec3::ZERO);
+                let nearest = if outside == DVec3::ZERO {
+                    let largest = face.cmpeq(DVec3::splat(face.max_element()));
+                    DVec3::select(largest, DVec3::ONE, DVec3::ZERO)
                 } else {
                     outside
                 };
@@ -136,7 +154,7 @@ impl Shape {
             }
             Self::Sphere { center, radius } => {
                 let offset = x - center;
-                (offset.length() - radius, offset.normalize_or(Vec3::Y))
+                (offset.length() - f64::from(radius), offset.normalize_or(DVec3::Y))
             }
         }
     }
@@ -172,7 +190,7 @@ pub enum Light {
     /// Light from a point.
     Point {
         /// Where it is, m.
-        position: Vec3,
+        position: DVec3,
         /// Radiant intensity, W/sr per channel.
         intensity: Vec3,
     },
@@ -184,9 +202,12 @@ pub enum Light {
 #[serde(deny_unknown_fields)]
 struct SceneFile {
     particles: Option<ParticleSource>,
+    recipe: Option<Recipe>,
     #[serde(default)]
     liquid: Liquid,
     camera: Option<Camera>,
+    #[serde(default)]
+    view: Vec<NamedView>,
     #[serde(default)]
     environment: EnvironmentFile,
     #[serde(default)]
@@ -194,7 +215,17 @@ struct SceneFile {
     #[serde(default)]
     light: Vec<Light>,
     #[serde(default)]
-    settings: Settings,
+    settings: SettingsFile,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct SettingsFile {
+    preset: Option<Preset>,
+    classify: Classify,
+    smooth: Smooth,
+    refract: Refract,
+    tonemap: Tonemap,
 }
 
 #[derive(Default, Deserialize)]
@@ -226,12 +257,12 @@ enum ShapeFile {
 #[serde(deny_unknown_fields)]
 struct SolidFile {
     shape: ShapeFile,
-    origin: Option<Vec3>,
+    origin: Option<DVec3>,
     normal: Option<Vec3>,
     half_extent: Option<f32>,
-    min: Option<Vec3>,
-    max: Option<Vec3>,
-    center: Option<Vec3>,
+    min: Option<DVec3>,
+    max: Option<DVec3>,
+    center: Option<DVec3>,
     radius: Option<f32>,
     color: Option<Vec3>,
     checker: Option<CheckerFile>,
@@ -257,7 +288,7 @@ impl Scene {
         Self::load_with(path, &[])
     }
 
-    /// As [`Scene::load`], with settings replaced: `refract.samples=4`.
+    /// As [`Scene::load`], with settings replaced as by [`Settings::with`]: `refract.samples=4`.
     ///
     /// # Errors
     /// As [`Scene::load`]; a bad override is an [`Error::Scene`] that names it.
@@ -279,6 +310,16 @@ impl Scene {
             let number = i + 1;
             solids.push(solid.meaning().map_err(|e| fail(format!("[[solid]] {number}: {e}")))?);
         }
+        if file.particles.is_some() && file.recipe.is_some() {
+            return Err(fail("takes one of [particles] and [recipe]".into()));
+        }
+        if let Some(recipe) = &file.recipe {
+            recipe.check().map_err(|e| match e {
+                Error::Scene { origin: part, problem } => fail(format!("[{part}] {problem}")),
+                other => other,
+            })?;
+            solids.extend(recipe.solids());
+        }
         let mut particles = file.particles;
         if let Some(p) = &mut particles {
             if p.radius.is_some_and(|r| !(r > 0.0 && r.is_finite())) {
@@ -287,11 +328,14 @@ impl Scene {
             p.source = folder.join(&p.source).to_string_lossy().into_owned();
         }
         let environment = file.environment.meaning(folder, &fail)?;
-        let settings = file.settings.with(overrides)?;
+        let settings = file.settings.meaning(text).map_err(|e| toml_error(text, origin, &e))?;
+        let settings = settings.with(overrides)?;
         let scene = Self {
             particles,
+            recipe: file.recipe,
             liquid: file.liquid,
             camera: file.camera,
+            views: file.view,
             environment,
             solids,
             lights: file.light,
@@ -306,8 +350,9 @@ impl Scene {
 
     /// A scene for particles that come without one: a camera that fits them, a checkered floor
     /// under them, a pale sky.
-    pub fn around(min: Vec3, max: Vec3, radius: f32) -> Self {
-        let size = (max - min).max_element().max(2.0 * radius);
+    pub fn around(min: DVec3, max: DVec3, radius: f32) -> Self {
+        let margin = f64::from(radius);
+        let size = (max - min).max_element().max(2.0 * margin) as f32;
         let size = if size > 0.0 { size } else { 1.0 };
         // About eight tiles across the liquid, of 1, 2 or 5 times a power of ten.
         let decade = 10f32.powf((size / 8.0).log10().floor());
@@ -316,8 +361,10 @@ impl Scene {
         let centre = 0.5 * (min + max);
         Self {
             particles: None,
+            recipe: None,
+            views: Vec::new(),
             liquid: Liquid::default(),
-            camera: Some(Camera::fit(min - radius, max + radius)),
+            camera: Some(Camera::fit(min - margin, max + margin)),
             environment: Environment::Gradient {
                 zenith: Vec3::new(0.30, 0.50, 0.85),
                 horizon: Vec3::new(0.75, 0.82, 0.90),
@@ -325,7 +372,7 @@ impl Scene {
             },
             solids: vec![Solid {
                 shape: Shape::Plane {
-                    origin: Vec3::new(centre.x, min.y - radius, centre.z),
+                    origin: DVec3::new(centre.x, min.y - margin, centre.z),
                     normal: Vec3::Y,
                     half_extent: 6.0 * size,
                 },
@@ -349,14 +396,20 @@ impl Scene {
         let fail = |origin: &str, problem: &str| {
             Err(Error::Scene { origin: origin.into(), problem: problem.into() })
         };
-        if !(1.0..=3.0).contains(&self.liquid.ior) {
-            return fail("liquid", "ior must be between 1 and 3");
+        if let Some(recipe) = &self.recipe {
+            recipe.check()?;
+        }
+        if !(0.3..=3.0).contains(&self.liquid.ior) {
+            return fail("liquid", "ior must be between 0.3 and 3");
         }
         if !(self.liquid.absorption.is_finite() && self.liquid.absorption.min_element() >= 0.0) {
             return fail("liquid", "absorption must not be negative");
         }
         if let Some(camera) = &self.camera {
             camera.check()?;
+        }
+        for view in &self.views {
+            view.camera.check()?;
         }
         if self.solids.len() > MAX_SOLIDS || self.lights.len() > MAX_LIGHTS {
             let problem =
@@ -385,17 +438,17 @@ impl Solid {
     fn problem(&self) -> Option<&'static str> {
         let shape = match self.shape {
             Shape::Plane { origin, normal, half_extent } => [
-                (origin.is_finite(), "origin must be finite"),
+                (is_place(origin), "origin must be finite"),
                 (normal.is_normalized(), "normal must be of length 1"),
                 (half_extent > 0.0, "half_extent must be above 0"),
             ],
             Shape::Box { min, max } => [
-                (min.is_finite(), "min must be finite"),
-                (max.is_finite(), "max must be finite"),
+                (is_place(min), "min must be finite"),
+                (is_place(max), "max must be finite"),
                 (min.cmplt(max).all(), "min must be below max"),
             ],
             Shape::Sphere { center, radius } => [
-                (center.is_finite(), "center must be finite"),
+                (is_place(center), "center must be finite"),
                 (radius.is_finite(), "radius must be finite"),
                 (radius > 0.0, "radius must be above 0"),
             ],
@@ -422,7 +475,7 @@ impl Light {
                 "a sun's direction must be finite and not zero",
             ),
             Self::Point { position, intensity } => {
-                (position.is_finite(), intensity, "a point's position must be finite")
+                (is_place(position), intensity, "a point's position must be finite")
             }
         };
         match (place, power.is_finite()) {
@@ -459,6 +512,20 @@ impl EnvironmentFile {
             }
             _ => Ok(environment),
         }
+    }
+}
+
+impl SettingsFile {
+    /// What the file gives, and the preset where it gives nothing.
+    fn meaning(self, text: &str) -> Result<Settings, toml::de::Error> {
+        let Self { preset, classify, smooth, refract, tonemap } = self;
+        let Some(preset) = preset else {
+            return Ok(Settings { classify, smooth, refract, tonemap });
+        };
+        // The structs do not tell what was given from what is a default; the text does.
+        let file: toml::Table = text.parse()?;
+        let given = file.get("settings").and_then(toml::Value::as_table);
+        preset.settings().overlaid(given.unwrap_or(&toml::Table::new()))
     }
 }
 

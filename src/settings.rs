@@ -3,17 +3,24 @@
 //! Lengths marked *r* are multiples of the particle radius, so that one set of defaults serves
 //! drops of millimetres and dams of metres.
 
+use std::fmt;
+use std::str::FromStr;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::scene::toml_error;
 
 /// All settings of the renderer. The defaults are those of the README's first row.
+///
+/// In a scene file, `[settings]` may name a [`Preset`], which holds where no table gives another
+/// value: `preset = "imai2016"`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
     /// Splash or aggregate, and the shape of each splat.
     pub classify: Classify,
-    /// Plane fitting on the aggregate layers.
+    /// Smoothing of the aggregate layers.
     pub smooth: Smooth,
     /// Light through the layers.
     pub refract: Refract,
@@ -87,11 +94,32 @@ pub enum Unit {
     Radius,
 }
 
+/// What smooths a depth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Filter {
+    /// Planes fitted to the window (Imai et al. 2016): slopes and borders stay.
+    #[default]
+    PlaneFit,
+    /// The mean of the window's depths, weighted by a Gaussian of the distance on the screen and
+    /// one of the difference in depth (Green 2010; Imai et al. 2014): depths at borders are drawn
+    /// inwards.
+    Bilateral,
+    /// A Gaussian mean of the depths within a range, whose steps and borders are rounded off
+    /// (Truong and Yuksel 2018).
+    NarrowRange,
+}
+
 /// Settings of [`crate::passes::smooth`].
+///
+/// The Gaussian over the screen of `bilateral` and `narrow-range` has a σ of a quarter of the
+/// window: the window's edge is two of them from its centre.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Smooth {
-    /// Number of plane-fitting iterations: 0 to 64, default 5.
+    /// What smooths a depth.
+    pub filter: Filter,
+    /// Number of iterations: 0 to 64, default 5.
     pub iterations: u32,
     /// Side of the first iteration's square window, in `unit`s: 0.1 to 1000, default 3.
     pub window: f32,
@@ -101,13 +129,29 @@ pub struct Smooth {
     /// as far apart, but never nearer than a pixel; so a window of as many pixels as taps is the
     /// paper's, the same in every iteration.
     pub taps: u32,
-    /// σ of the depth weight, in r: 0.001 to 10⁶, default 1.5 (Imai et al.: 5.3).
+    /// σ of the weight exp(−Δz²/σ²) of a difference in depth, in r: 0.001 to 10⁶, default 1.5 (Imai
+    /// et al.: 5.3). Not used by `narrow-range`.
     pub sigma: f32,
+    /// δ of `narrow-range`, in r: 0.001 to 10⁶, default 10 (Truong and Yuksel). Depths that differ
+    /// by less are one surface.
+    pub delta: f32,
+    /// μ of `narrow-range`, in r: 0 to 1000, default 1 (Truong and Yuksel). What is more than δ
+    /// behind a pixel, or empty, counts as this far behind it.
+    pub mu: f32,
 }
 
 impl Default for Smooth {
     fn default() -> Self {
-        Self { iterations: 5, window: 3.0, unit: Unit::Radius, taps: 5, sigma: 1.5 }
+        Self {
+            filter: Filter::PlaneFit,
+            iterations: 5,
+            window: 3.0,
+            unit: Unit::Radius,
+            taps: 5,
+            sigma: 1.5,
+            delta: 10.0,
+            mu: 1.0,
+        }
     }
 }
 
@@ -118,10 +162,32 @@ pub enum Solver {
     /// Newton's method on disparity, bracketed.
     #[default]
     Guarded,
-    /// Every texel along the ray.
+    /// Every texel along the ray, or every [`Refract::stride`]th
+    /// (`McGuire` and Mara 2014).
     March,
     /// A fixed number of tangent-plane iterations (Mayer et al. 2026).
     Newton,
+    /// A fixed number of secant steps (Imai et al. 2014, 2016).
+    Secant,
+    /// One tangent plane (Mayer and Assarsson, poster, method 1).
+    Plane,
+    /// One plane through three depths (the poster's method 2).
+    Plane3,
+    /// One lookup, offset by the normal (Sousa 2005).
+    Single,
+}
+
+impl Solver {
+    /// All of them, the simplest first.
+    pub const ALL: [Self; 7] = [
+        Self::Single,
+        Self::Plane,
+        Self::Plane3,
+        Self::Secant,
+        Self::Newton,
+        Self::March,
+        Self::Guarded,
+    ];
 }
 
 /// Which reflectance formula.
@@ -163,18 +229,29 @@ pub enum Reflections {
 pub struct Refract {
     /// The intersector.
     pub solver: Solver,
-    /// Iterations of the `newton` intersector: 0 to 64, default 4.
+    /// Iterations of `newton` and `secant`: 0 to 64, default 4.
     pub iterations: u32,
+    /// Whether `newton` reads its first planes from mip levels (Mayer et al. 2026, section 2.1).
+    pub filter: bool,
+    /// Pixels from one sample of `march` to the next: 1 (exact for the layers) to 64, default 1.
+    pub stride: u32,
+    /// What `guarded` may step over without a look, as a share of the picture's height: 0.0001 to 1,
+    /// default 0.01. Gaps in liquid and things in its way that are narrower can be missed.
+    /// Never less than 4 pixels inside liquid, 8 outside.
+    pub reach: f32,
     /// Interfaces followed per ray: 1 to 8, default 4.
     pub interfaces: u32,
     /// Strong internal reflections followed per ray: 0 (Imai et al.) to 8, default 4.
     pub internal_bounces: u32,
     /// Rays per pixel against the same layers: 1 to 64, default 1; square numbers are best.
     pub samples: u32,
+    /// Rays per pixel without liquid that has an edge in it, a solid's or its pattern's: 1 to 64,
+    /// default 16. Without effect unless above `samples`.
+    pub edge_samples: u32,
     /// Which reflectance formula.
     pub fresnel: Fresnel,
     /// Liquid that a ray leaves this near to the solid ahead of it wets that solid, in r: 0 (never)
-    /// to 1000, default 1. For what rests further off there is [`Classify::wetting`].
+    /// to 1000, default 0.5. For what rests further off there is [`Classify::wetting`].
     pub contact: f32,
     /// Scale radiance by the square of the index at each interface.
     pub radiance_scaling: bool,
@@ -189,11 +266,15 @@ impl Default for Refract {
         Self {
             solver: Solver::Guarded,
             iterations: 4,
+            filter: false,
+            stride: 1,
+            reach: 0.01,
             interfaces: 4,
             internal_bounces: 4,
             samples: 1,
+            edge_samples: 16,
             fresnel: Fresnel::Exact,
-            contact: 1.0,
+            contact: 0.5,
             radiance_scaling: true,
             solids: Solids::Exact,
             reflections: Reflections::Scene,
@@ -222,8 +303,166 @@ pub struct Tonemap {
     pub curve: Curve,
 }
 
+/// Settings by the name of a published method, for comparison with it.
+///
+/// Where a paper is silent, what stands in is told below: a related paper's choice, or limpid's
+/// default. [`Settings::tonemap`] is the picture's, not the method's: the default in all of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Preset {
+    /// The defaults.
+    Limpid,
+    /// Imai, Kanamori, Fukui and Mitani, Real-Time Screen-Space Liquid Rendering with Two-Sided
+    /// Refractions (2014), as Imai et al. (2016) describe it in section 3.1: all particles are
+    /// spheres in one pair of layers, smoothed by an iterated bilateral filter, and two refractions
+    /// are found by the secant method.
+    ///
+    /// The later paper does not tell the filter's window, σ and iterations: its own, so that the
+    /// two differ in the filter alone. All else as in [`Preset::Imai2016`].
+    Imai2014,
+    /// Imai, Kanamori and Mitani, Real-Time Screen-Space Liquid Rendering with Complex Refractions
+    /// (2016).
+    ///
+    /// - Section 4.1: splash or aggregate by density. The threshold and the neighbourhood are
+    ///   unstated: the defaults.
+    /// - Section 4.2: splashes of radius r; ellipsoids after Yu and Turk (2013), none longer than
+    ///   1.2 r. λ = 0.9 and `k_r` = 4 are Yu and Turk's.
+    /// - Sections 4.3 and 5: planes fitted to 9 × 9 pixels, σ = 5.3 r; 5 iterations, as for its
+    ///   "steps" and its million of particles ("wave": 2).
+    /// - Section 4.4: secant steps, whose number is unstated: the default.
+    /// - Section 4.5: four interfaces, Schlick's formula, reflected rays look the background up and
+    ///   are not traced. No word of several rays per pixel. How the background's own shapes are
+    ///   found is unstated: exactly.
+    /// - How liquid rests on a solid is unstated: wetting, contact and the scaling of radiance, which
+    ///   changes nothing but what is seen wet, are the defaults. Without them, a film of air under
+    ///   the liquid and too bright a floor would hide every other difference.
+    Imai2016,
+    /// Mayer, Assarsson and Sintorn, Ultrafast Screen-Space Refractions and Caustics via Newton's
+    /// Method (2026), as for their Buddha, the scene with two-sided refraction.
+    ///
+    /// - Section 2.1: tangent-plane iterations. Table 1: 5 of them for the Buddha (3 for the pool, 4
+    ///   for the boat).
+    /// - Section 2.3: two interfaces by front and back faces, then the scene behind by the same
+    ///   iterations in the G-buffer: `solids = "screen"`.
+    /// - Reflectance is unstated: Schlick's formula, as in their published code. All else of the
+    ///   light, unstated too, is as in [`Preset::Imai2016`].
+    /// - Their liquid is a mesh: `classify` and `smooth`, which make the surface, are the defaults.
+    Mayer2026,
+}
+
+impl Preset {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Limpid, Self::Imai2014, Self::Imai2016, Self::Mayer2026];
+
+    /// What it stands for.
+    pub fn settings(self) -> Settings {
+        match self {
+            Self::Limpid => Settings::default(),
+            Self::Imai2014 => {
+                let later = Self::Imai2016.settings();
+                Settings {
+                    classify: Classify {
+                        // All aggregates; and these spheres, where their particles are.
+                        splash_density: 0.0,
+                        max_ratio: 1.0,
+                        smoothing: 0.0,
+                        ..later.classify
+                    },
+                    smooth: Smooth { filter: Filter::Bilateral, ..later.smooth },
+                    refract: Refract { interfaces: 2, ..later.refract },
+                    tonemap: later.tonemap,
+                }
+            }
+            Self::Imai2016 => Settings {
+                classify: Classify {
+                    smoothing: 0.9,
+                    max_ratio: 4.0,
+                    kernel: Kernel::Volume,
+                    splash_radius: 1.0,
+                    ..Classify::default()
+                },
+                smooth: Smooth {
+                    filter: Filter::PlaneFit,
+                    iterations: 5,
+                    window: 9.0,
+                    unit: Unit::Pixel,
+                    taps: 9,
+                    sigma: 5.3,
+                    ..Smooth::default()
+                },
+                refract: Refract {
+                    solver: Solver::Secant,
+                    interfaces: 4,
+                    internal_bounces: 0,
+                    samples: 1,
+                    fresnel: Fresnel::Schlick,
+                    solids: Solids::Exact,
+                    reflections: Reflections::Environment,
+                    ..Refract::default()
+                },
+                tonemap: Tonemap::default(),
+            },
+            Self::Mayer2026 => Settings {
+                refract: Refract {
+                    solver: Solver::Newton,
+                    iterations: 5,
+                    interfaces: 2,
+                    solids: Solids::Screen,
+                    ..Self::Imai2016.settings().refract
+                },
+                ..Settings::default()
+            },
+        }
+    }
+}
+
+impl fmt::Display for Preset {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Limpid => "limpid",
+            Self::Imai2014 => "imai2014",
+            Self::Imai2016 => "imai2016",
+            Self::Mayer2026 => "mayer2026",
+        })
+    }
+}
+
+impl FromStr for Preset {
+    type Err = Error;
+
+    /// # Errors
+    /// [`Error::Usage`] naming the nearest preset for an unknown one.
+    fn from_str(name: &str) -> Result<Self> {
+        toml::Value::from(name).try_into().map_err(|e| match toml_error("", "", &e) {
+            Error::Scene { problem, .. } => Error::Usage(problem),
+            other => other,
+        })
+    }
+}
+
 impl Settings {
-    /// These settings with some replaced: each override is `pass.name=value`.
+    /// The settings of the [`Preset`] of this name.
+    ///
+    /// # Errors
+    /// As `Preset::from_str`.
+    pub fn preset(name: &str) -> Result<Self> {
+        Ok(name.parse::<Preset>()?.settings())
+    }
+
+    /// These settings with those replaced that a scene file's `[settings]` gives.
+    pub(crate) fn overlaid(&self, file: &toml::Table) -> Result<Self, toml::de::Error> {
+        let mut all = toml::Table::try_from(self).expect("settings are a table of tables");
+        for (pass, settings) in &mut all {
+            let given = file.get(pass).and_then(toml::Value::as_table);
+            if let (Some(settings), Some(given)) = (settings.as_table_mut(), given) {
+                settings.extend(given.clone());
+            }
+        }
+        all.try_into()
+    }
+
+    /// These settings with some replaced, in order: each override is `pass.name=value`, or
+    /// `preset=NAME`, which replaces all but the tone mapping.
     ///
     /// # Errors
     /// [`Error::Scene`] naming the override, and the nearest key for an unknown one.
@@ -240,6 +479,10 @@ impl Settings {
 
     fn with_one(&self, text: &str) -> Result<Self, String> {
         let (path, value) = text.split_once('=').ok_or("expected pass.name=value")?;
+        if path.trim() == "preset" {
+            let preset = Self::preset(value.trim().trim_matches('"')).map_err(|e| e.to_string())?;
+            return Ok(Self { tonemap: self.tonemap.clone(), ..preset });
+        }
         let (pass, name) = path.trim().split_once('.').ok_or("expected pass.name=value")?;
         // A bare word is a string: `refract.solver=march` needs no quotes.
         let value: toml::Value = format!("v = {value}")
@@ -260,7 +503,7 @@ impl Settings {
         };
         pass.insert(name.to_owned(), value);
         let written = toml::to_string(&table).map_err(|e| e.to_string())?;
-        toml::from_str(&written).map_err(|e| match crate::scene::toml_error("", "", &e) {
+        toml::from_str(&written).map_err(|e| match toml_error("", "", &e) {
             Error::Scene { problem, .. } => problem,
             other => other.to_string(),
         })
@@ -285,10 +528,15 @@ impl Settings {
             ("smooth.window", s.window, 0.1, 1000.0),
             ("smooth.taps", s.taps as f32, 3.0, 33.0),
             ("smooth.sigma", s.sigma, 1e-3, 1e6),
+            ("smooth.delta", s.delta, 1e-3, 1e6),
+            ("smooth.mu", s.mu, 0.0, 1000.0),
             ("refract.iterations", r.iterations as f32, 0.0, 64.0),
+            ("refract.stride", r.stride as f32, 1.0, 64.0),
+            ("refract.reach", r.reach, 1e-4, 1.0),
             ("refract.interfaces", r.interfaces as f32, 1.0, 8.0),
             ("refract.internal_bounces", r.internal_bounces as f32, 0.0, 8.0),
             ("refract.samples", r.samples as f32, 1.0, 64.0),
+            ("refract.edge_samples", r.edge_samples as f32, 1.0, 64.0),
             ("refract.contact", r.contact, 0.0, 1000.0),
             ("tonemap.exposure", self.tonemap.exposure, -64.0, 64.0),
         ];

@@ -2,7 +2,7 @@
 //!
 //! A root file is a pipeline's shader; it imports what it needs at its top, one file per line.
 //! Order does not matter to WGSL, so a root may supply a function that an imported body calls:
-//! that is how the intersectors of `refract` are chosen.
+//! that is how the intersectors of `refract` and the filters of `smooth` are chosen.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -19,25 +19,44 @@ pub const FILES: &[(&str, &str)] = &[
     ("common/tiles.wgsl", include_str!("../shaders/common/tiles.wgsl")),
     ("splat.wgsl", include_str!("../shaders/splat.wgsl")),
     ("tiles.wgsl", include_str!("../shaders/tiles.wgsl")),
-    ("smooth.wgsl", include_str!("../shaders/smooth.wgsl")),
+    ("smooth/iterate.wgsl", include_str!("../shaders/smooth/iterate.wgsl")),
+    ("smooth/plane_fit.wgsl", include_str!("../shaders/smooth/plane_fit.wgsl")),
+    ("smooth/bilateral.wgsl", include_str!("../shaders/smooth/bilateral.wgsl")),
+    ("smooth/narrow_range.wgsl", include_str!("../shaders/smooth/narrow_range.wgsl")),
     ("gbuffer.wgsl", include_str!("../shaders/gbuffer.wgsl")),
+    ("mips.wgsl", include_str!("../shaders/mips.wgsl")),
     ("refract/interfaces.wgsl", include_str!("../shaders/refract/interfaces.wgsl")),
+    ("refract/one_layer.wgsl", include_str!("../shaders/refract/one_layer.wgsl")),
+    ("refract/single.wgsl", include_str!("../shaders/refract/single.wgsl")),
+    ("refract/plane.wgsl", include_str!("../shaders/refract/plane.wgsl")),
+    ("refract/plane3.wgsl", include_str!("../shaders/refract/plane3.wgsl")),
+    ("refract/secant.wgsl", include_str!("../shaders/refract/secant.wgsl")),
     ("refract/guarded.wgsl", include_str!("../shaders/refract/guarded.wgsl")),
     ("refract/march.wgsl", include_str!("../shaders/refract/march.wgsl")),
     ("refract/newton.wgsl", include_str!("../shaders/refract/newton.wgsl")),
     ("tonemap.wgsl", include_str!("../shaders/tonemap.wgsl")),
+    ("report/intersect.wgsl", include_str!("../shaders/report/intersect.wgsl")),
+    ("report/nothing.wgsl", include_str!("../shaders/report/nothing.wgsl")),
 ];
 
 /// The files that are compiled as they are; the others are imported by them.
 pub const ROOTS: &[&str] = &[
     "splat.wgsl",
     "tiles.wgsl",
-    "smooth.wgsl",
+    "smooth/plane_fit.wgsl",
+    "smooth/bilateral.wgsl",
+    "smooth/narrow_range.wgsl",
     "gbuffer.wgsl",
+    "mips.wgsl",
+    "refract/single.wgsl",
+    "refract/plane.wgsl",
+    "refract/plane3.wgsl",
+    "refract/secant.wgsl",
     "refract/guarded.wgsl",
     "refract/march.wgsl",
     "refract/newton.wgsl",
     "tonemap.wgsl",
+    "report/nothing.wgsl",
 ];
 
 /// The text of a file with its imports pasted, each once.
@@ -76,8 +95,13 @@ pub fn resolve<'a>(file: &str, find: &mut dyn FnMut(&str) -> Option<&'a str>) ->
 }
 
 pub(crate) fn module(gpu: &Gpu, file: &str) -> wgpu::ShaderModule {
+    text_module(gpu, file, source(file))
+}
+
+/// A module of text that is not in [`FILES`] as it is.
+pub(crate) fn text_module(gpu: &Gpu, label: &str, text: String) -> wgpu::ShaderModule {
     gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(file),
-        source: wgpu::ShaderSource::Wgsl(Cow::Owned(source(file))),
+        label: Some(label),
+        source: wgpu::ShaderSource::Wgsl(Cow::Owned(text)),
     })
 }

@@ -1,8 +1,9 @@
 //! Splash or aggregate, and the shapes of splats: known answers and invariances.
 
-use glam::{Mat3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 use limpid::particles::Particles;
-use limpid::passes::classify::{Splat, Splats, classify};
+use limpid::passes::classify::{Splat, Splats, classify, wet};
+use limpid::scene::{Shape, Solid, Surface};
 use limpid::settings::{Classify, Kernel};
 
 const R: f32 = 0.025;
@@ -54,6 +55,11 @@ fn matrix(splat: &Splat) -> Mat3 {
     let [xx, yy, zz] = splat.diagonal;
     let [xy, xz, yz] = splat.off_diagonal;
     Mat3::from_cols_array_2d(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+}
+
+/// Where a splat is in the world.
+fn place_of(splats: &Splats, splat: &Splat) -> DVec3 {
+    splats.origin + Vec3::from_array(splat.centre).as_dvec3()
 }
 
 /// Everything an ellipsoid needs to be drawn: finite, and A positive definite.
@@ -136,7 +142,7 @@ fn a_lone_particle_is_a_sphere_of_its_radius() {
     let splats = classify(&cloud([place]), R, &round());
     assert!(splats.aggregates.is_empty());
     assert_eq!(splats.splashes.len(), 1);
-    assert_eq!(splats.splashes[0].centre, place.to_array());
+    assert_eq!(place_of(&splats, &splats.splashes[0]), place.as_dvec3());
     assert_eq!(splats.splashes[0].radius, R);
     assert_axes(&splats.splashes[0], [1.0; 3]);
 }
@@ -157,9 +163,55 @@ fn coincident_particles_are_spheres() {
         let splats = classify(&cloud([place; 10_000]), R, &round());
         assert_eq!(splats.aggregates.len(), 10_000);
         for splat in &splats.aggregates {
-            assert_eq!(splat.centre, place.to_array());
+            assert_eq!(place_of(&splats, splat), place.as_dvec3());
             assert_axes(splat, [1.4; 3]);
         }
+    }
+}
+
+/// Protects digits: a cloud is classified in the same way wherever it is, its splats to 1e-6 of
+/// its size, and splats near the origin are counted from it.
+#[test]
+fn far_clouds_keep_their_digits() {
+    let settings = Classify::default();
+    // With 10 binary digits behind the point, so that 32-bit floats hold it at 8192 m too.
+    let body: Vec<_> = random(1000, 31).iter().map(|p| (p * 1024.0).round() / 1024.0).collect();
+    let near = classify(&cloud(body.clone()), R, &settings);
+    assert_eq!(near.origin, DVec3::ZERO);
+    let by = DVec3::new(8192.0, -4096.0, 8000.0);
+    let exact = cloud(body.iter().map(|&p| p + by.as_vec3()));
+    let elsewhere = DVec3::new(1e5 + 0.123, -7e4 - 0.456, 3e4 + 0.789);
+    let counted = Particles { origin: elsewhere, ..cloud(body) };
+    for (particles, by) in [(exact, by), (counted, elsewhere)] {
+        let far = classify(&particles, R, &settings);
+        assert_eq!(all(&far).count(), all(&near).count());
+        assert_eq!(far.splashes.len(), near.splashes.len());
+        for (a, b) in all(&near).zip(all(&far)) {
+            assert_eq!(a.particle, b.particle);
+            let error = (place_of(&near, a) + by).distance(place_of(&far, b));
+            assert!(error < 1e-5 * f64::from(R), "{error:e}");
+            assert!(matrix(a).abs_diff_eq(matrix(b), 1e-5 * R));
+        }
+    }
+}
+
+/// Protects wetting far from the origin: copies lie on the solid, not beside it by the rounding of
+/// a 32-bit coordinate.
+#[test]
+fn far_splats_wet_solids() {
+    let floor = DVec3::new(98765.4321, -12345.6789, 1e5);
+    let shape = Shape::Plane { origin: floor, normal: Vec3::Y, half_extent: f32::INFINITY };
+    let surface = Surface::Color(Vec3::ONE);
+    let sheet: Vec<_> = lattice([9, 1, 9], [2.0; 3]);
+    let origin = floor + DVec3::Y * f64::from(1.5 * R);
+    let particles = Particles { origin, ..cloud(sheet) };
+    let mut splats = classify(&particles, R, &Classify::default());
+    let drawn = splats.aggregates.len();
+    wet(&mut splats, &[Solid { shape, surface, lit: false }], 2.0);
+    assert_eq!(splats.aggregates.len(), 2 * drawn, "each has a copy");
+    for copy in &splats.aggregates[drawn..] {
+        let height = place_of(&splats, copy).y - floor.y;
+        assert!(height.abs() < 1e-6 * f64::from(R), "{height:e}");
     }
 }
 

@@ -30,9 +30,9 @@ fn tank() -> (Scene, Camera, Splats) {
         })
         .collect();
     let particles = Particles { positions, ..Default::default() };
-    let mut scene = Scene::around(Vec3::splat(-0.8), Vec3::splat(0.8), 0.06);
+    let mut scene = Scene::around(DVec3::splat(-0.8), DVec3::splat(0.8), 0.06);
     scene.camera = None;
-    let camera = Camera { eye: Vec3::new(0.7, 1.2, 2.4), ..on_axis(0.0, 40.0) };
+    let camera = Camera { eye: DVec3::new(0.7, 1.2, 2.4), ..on_axis(0.0, 40.0) };
     let drawn = classify(&particles, 0.06, &scene.settings.classify);
     assert!(drawn.splashes.len() > 10 && drawn.aggregates.len() > 100);
     (scene, camera, drawn)
@@ -134,14 +134,15 @@ fn leaving_out_changes_nothing() {
         assert!(mean < 1e-4, "{name}: {mean}");
     };
     // A splash behind the eye.
-    let behind = Splats { splashes: vec![sphere(2.0 * camera.eye, 0.1)], ..drawn.clone() };
+    let behind =
+        Splats { splashes: vec![sphere((2.0 * camera.eye).as_vec3(), 0.1)], ..drawn.clone() };
     check("splash layers", &scene, &behind);
     let mut absorbing = scene.clone();
     absorbing.liquid.absorption = Vec3::splat(1e-20);
     check("absorption", &absorbing, &drawn);
     // A solid that no ray meets: a speck, far off.
     let mut beside = scene.clone();
-    let speck = Shape::Sphere { center: Vec3::new(3e4, 4e4, 5e4), radius: 1e-2 };
+    let speck = Shape::Sphere { center: DVec3::new(3e4, 4e4, 5e4), radius: 1e-2 };
     beside.solids = vec![glowing(speck, Vec3::ONE)];
     check("solid and contact", &beside, &drawn);
     beside.settings.refract.contact = 0.0;
@@ -272,7 +273,10 @@ fn degenerate_particles_are_drawn() {
         ("coincident", vec![Vec3::splat(0.1); 50]),
         ("nearly coincident", (0..50).map(|i| Vec3::splat(0.1) + 1e-7 * i as f32).collect()),
         ("alone", vec![Vec3::ZERO]),
-        ("far flung", vec![Vec3::ZERO, Vec3::splat(1e18), Vec3::NEG_X * 1e30, camera.eye]),
+        (
+            "far flung",
+            vec![Vec3::ZERO, Vec3::splat(1e18), Vec3::NEG_X * 1e30, camera.eye.as_vec3()],
+        ),
     ];
     for kernel in [limpid::settings::Kernel::Fitted, limpid::settings::Kernel::Volume] {
         let settings = Classify { kernel, splash_density: 0.1, ..Classify::default() };
@@ -295,7 +299,8 @@ fn adversarial_splats_are_finite() {
     let Some(mut stage) = stage() else { return };
     let (scene, camera, _) = tank();
     let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, 0.9, 2.1);
-    let ahead = camera.eye - camera.eye.normalize() * camera.near();
+    let eye = camera.eye.as_vec3();
+    let ahead = eye - eye.normalize() * camera.near();
     let cruel = [
         ellipsoid(Vec3::ZERO, Vec3::new(1e-4, 1e-4, 1.0), turn),
         ellipsoid(Vec3::ZERO, Vec3::new(1e-4, 1.0, 1.0), turn),
@@ -305,8 +310,8 @@ fn adversarial_splats_are_finite() {
         sphere(Vec3::ZERO, 1e-3),
         sphere(Vec3::ZERO, 1e4),
         sphere(Vec3::new(0.0, -1e5, 0.0), 1e5),
-        sphere(camera.eye, 1e-3),
-        sphere(camera.eye, 0.5),
+        sphere(eye, 1e-3),
+        sphere(eye, 0.5),
         sphere(ahead, 1e-4),
         sphere(ahead, camera.near()),
         sphere(Vec3::new(1e6, 1e6, -1e6), 10.0),
@@ -355,10 +360,11 @@ fn scale_does_not_matter() {
             aggregates: drawn.aggregates.iter().map(splat).collect(),
             splashes: drawn.splashes.iter().map(splat).collect(),
             radius: drawn.radius * scale,
+            origin: drawn.origin * f64::from(scale),
         };
         let mut scene = scene.clone();
         scene.liquid.absorption /= scale;
-        let camera = Camera { eye: camera.eye * scale, ..camera };
+        let camera = Camera { eye: camera.eye * f64::from(scale), ..camera };
         let shot = stage.shoot(&scene, &camera, &scaled, SIZE);
         shot.assert_finite();
         let mean = mean_difference(&metres, &shot);

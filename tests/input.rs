@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use limpid::Error;
 use limpid::input::Input;
 use limpid::scene::Scene;
@@ -37,7 +37,7 @@ fn the_first_filled_frame_settles_radius_and_view() {
         assert!((loaded.splats.radius - 0.1).abs() < 1e-6, "{}", loaded.splats.radius);
     }
     let target = scene.camera.expect("a fitted camera").target;
-    assert!(target.abs_diff_eq(Vec3::new(50.1, 1.0, 0.0), 1e-4), "{target}");
+    assert!(target.abs_diff_eq(DVec3::new(50.1, 1.0, 0.0), 1e-4), "{target}");
 }
 
 /// A scene without a camera gets one for all frames, not one a frame.

@@ -7,7 +7,8 @@ mod view;
 
 use std::f64::consts::TAU;
 
-use glam::{DVec2, DVec3, UVec2};
+use glam::{DVec2, DVec3, UVec2, Vec3};
+use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::wgpu;
 use support::{Kernel, Random, gpu, texture, uniform};
@@ -16,6 +17,16 @@ use view::{View, assert_near, case, distance_to_line, round3, vec3};
 const GUARDED: &str = "refract/guarded.wgsl";
 const MARCH: &str = "refract/march.wgsl";
 const NEWTON: &str = "refract/newton.wgsl";
+const SECANT: &str = "refract/secant.wgsl";
+const PLANE: &str = "refract/plane.wgsl";
+
+/// All that are exact where layers are planes.
+const EXACT_ON_PLANES: [&str; 5] = [GUARDED, MARCH, NEWTON, SECANT, PLANE];
+
+/// Those that know one layer at a time: of the liquid they are in, its backs alone.
+fn knows_one_layer(solver: &str) -> bool {
+    [NEWTON, SECANT, PLANE].contains(&solver)
+}
 
 /// What to ask an intersector.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,12 +98,26 @@ impl Picture {
         Self { size, layers, splashes: None, opaque: texture(gpu, size, &[&front]) }
     }
 
+    /// With as many iterations of Newton's method as the default.
     fn ask(&self, gpu: &Gpu, view: &View, solver: &str, probes: &[Probe]) -> Vec<Answer> {
+        self.ask_after(4, gpu, view, solver, probes)
+    }
+
+    fn ask_after(
+        &self,
+        iterations: u32,
+        gpu: &Gpu,
+        view: &View,
+        solver: &str,
+        probes: &[Probe],
+    ) -> Vec<Answer> {
         assert_eq!(self.size, view.pixels());
         let camera = uniform(gpu, &view.uniform);
-        // As many iterations as the default.
-        let params =
-            limpid::passes::refract::Params { iterations: 4, ..bytemuck::Zeroable::zeroed() };
+        let params = limpid::passes::refract::Params {
+            iterations,
+            reach: 0.01,
+            ..bytemuck::Zeroable::zeroed()
+        };
         let params = uniform(gpu, &params);
         let view_of = |texture| wgpu::BindingResource::TextureView(texture);
         let mut resources = vec![
@@ -101,13 +126,13 @@ impl Picture {
             (1, 2, view_of(self.splashes.as_ref().unwrap_or(&self.layers))),
             (1, 3, view_of(&self.opaque)),
         ];
-        if solver == NEWTON {
+        if [GUARDED, NEWTON, SECANT].contains(&solver) {
             resources.push((1, 0, params.as_entire_binding()));
         }
         let kernel = Kernel {
             imports: &[solver],
             body: "fn test(x: array<f32, 9>) -> array<f32, 8> {
-                diagnosed = Diagnostics(0.0, 0.0, 0.0, 0.0);
+                diagnosed = Diagnostics();
                 let ray = screen_ray(vec3f(x[0], x[1], x[2]), vec3f(x[3], x[4], x[5]), NOTHING);
                 var hit: Interface;
                 if x[8] == 0.0 {
@@ -214,12 +239,12 @@ fn solvers_find_exits_of_a_wedge() {
         exits.push(if to_front < to_back { (to_front, front) } else { (to_back, back) });
         probes.push(probe);
     }
-    for solver in [GUARDED, MARCH, NEWTON] {
+    for solver in EXACT_ON_PLANES {
         let mut found = 0;
         for ((probe, answer), &(t, plane)) in
             probes.iter().zip(picture.ask(gpu, &view, solver, &probes)).zip(&exits)
         {
-            if solver == NEWTON && plane == front {
+            if knows_one_layer(solver) && plane == front {
                 continue; // it knows backs alone
             }
             let exit = probe.o + t * probe.d;
@@ -238,8 +263,10 @@ fn solvers_find_exits_of_a_wedge() {
                 assert_near(answer.plane.distance(plane), 0.0, 1e-6, "the plane that it leaves by");
                 assert_eq!(answer.failures, 0.0, "{solver} {probe:?}");
                 found += 1;
-            } else if solver != NEWTON && (!seen || !in_picture(&view, view.pixel(exit), -1.0)) {
-                // Newton's method has a fallback for these.
+            } else if !knows_one_layer(solver)
+                && (!seen || !in_picture(&view, view.pixel(exit), -1.0))
+            {
+                // The others have a fallback for these.
                 assert!(
                     !answer.found,
                     "{solver} ends {probe:?} at {}, not {exit}",
@@ -271,7 +298,7 @@ fn solvers_find_entries_of_a_plane() {
                 Probe::new(query, z * view.omega(u), random.direction(), u)
             })
             .collect();
-        for solver in [GUARDED, MARCH, NEWTON] {
+        for solver in EXACT_ON_PLANES {
             let mut found = 0;
             for (probe, answer) in probes.iter().zip(picture.ask(gpu, &view, solver, &probes)) {
                 let in_front = front.dot(probe.o) < 1.0;
@@ -312,7 +339,7 @@ fn solvers_find_nothing_in_nothing() {
                 Probe::new(query, o, random.direction(), u)
             })
             .collect();
-        for solver in [GUARDED, MARCH, NEWTON] {
+        for solver in EXACT_ON_PLANES {
             for (probe, answer) in probes.iter().zip(picture.ask(gpu, &view, solver, &probes)) {
                 assert!(!answer.found, "{solver} {probe:?}: {answer:?}");
             }
@@ -664,4 +691,259 @@ fn guarded_agrees_with_march_on_waves() {
             assert!(share >= 0.99, "sea {sea}, {query:?}: only {share} agree");
         }
     }
+}
+
+/// Protects the textbook's floor: a ray that enters water at 30 degrees goes on at 22.0824, and
+/// meets a level floor 9.942 m below 4.03347 m to the side, from any seed. One step of Newton's
+/// method is exact there.
+#[test]
+fn a_level_floor_is_met_in_one_step() {
+    let Some(gpu) = gpu() else { return };
+    let view = View::of_size(640, 480, 1e-3);
+    let down = refracted(
+        DVec3::new(30f64.to_radians().sin(), 0.0, -30f64.to_radians().cos()),
+        DVec3::Z,
+        1.33,
+    )
+    .expect("into water, all angles pass");
+    assert_near(down.angle_between(DVec3::NEG_Z).to_degrees(), 22.0824, 1e-4, "refracted");
+    let (surface, floor) = (8.0, 8.0 + 9.942);
+    let level = |z: f64| DVec3::new(0.0, 0.0, -1.0 / z);
+    let picture = Picture::new(gpu, &view, |_| Some(level(floor)), |_| Some(level(floor + 1.0)));
+    let mut random = Random(41);
+    let probes: Vec<_> = (0..500)
+        .map(|_| {
+            // In every direction of the compass, where both ends are in the picture.
+            let (sin, cos) = random.range(0.0, TAU).sin_cos();
+            let d = DVec3::new(cos * down.x, sin * down.x, down.z);
+            let u = view.size * DVec2::new(random.range(0.45, 0.55), random.range(0.45, 0.55));
+            Probe::new(Query::Opaque, surface * view.omega(u), d, u)
+        })
+        .collect();
+    for solver in [GUARDED, MARCH, NEWTON] {
+        for (probe, answer) in probes.iter().zip(picture.ask_after(1, gpu, &view, solver, &probes))
+        {
+            assert!(answer.found, "{solver} {probe:?}");
+            let aside = (answer.position - probe.o).truncate().length();
+            assert_near(aside, 4.03347, 3e-5, &format!("{solver} {probe:?}: to the side"));
+            let pixels = view.pixel(answer.position)
+                - view.pixel(probe.o + meets(level(floor), probe.o, probe.d) * probe.d);
+            assert_near(pixels.length(), 0.0, 1e-3, "pixels off");
+        }
+    }
+}
+
+/// Protects the size of a miss: a plane inclined to the ray by 1e-5 is met where it is, or not at
+/// all; never on the other side of the eye, and never beside the ray.
+#[test]
+fn nearly_parallel_planes_never_wrap() {
+    let Some(gpu) = gpu() else { return };
+    let view = View::of_size(320, 240, 1e-3);
+    let normal = DVec3::new(0.1, -0.9, -1.0).normalize();
+    let front = plane_through(DVec3::new(0.0, 0.0, -4.0), normal);
+    let back = plane_through(DVec3::new(0.0, 0.0, -5.0), normal);
+    let picture = Picture::new(gpu, &view, |_| Some(front), |_| Some(back));
+    let mut random = Random(42);
+    let probes: Vec<_> = (0..2000)
+        .map(|i| {
+            let u = random.pixel(view.pixels());
+            let along = normal.cross(random.direction()).normalize();
+            let tilt = if i % 2 == 0 { 1e-5 } else { -1e-5 };
+            let omega = view.omega(u);
+            let o = omega / front.dot(omega) * random.range(0.99, 0.9999);
+            Probe::new(Query::Entry, o, (along + tilt * normal).normalize(), u)
+        })
+        .collect();
+    for solver in [GUARDED, MARCH, NEWTON] {
+        for (probe, answer) in probes.iter().zip(picture.ask(gpu, &view, solver, &probes)) {
+            if !answer.found {
+                continue;
+            }
+            let ahead = (answer.position - probe.o).dot(probe.d);
+            assert!(
+                ahead > 0.0 && -answer.position.z > view.near,
+                "{solver} {probe:?}: {answer:?}"
+            );
+            let off = distance_to_line(answer.position, probe.o, probe.d);
+            assert!(off < 1e-4 * answer.position.length(), "{solver} {probe:?}: {off:e}");
+        }
+    }
+}
+
+/// Protects against a false hit that a test in pixels alone accepts: a ray 2 degrees off the view
+/// ray passes 0.3 behind a card at depth 26, less than a pixel from it on the screen.
+#[test]
+fn what_passes_behind_a_card_misses_it() {
+    let Some(gpu) = gpu() else { return };
+    // Pixels as of 45 degrees in 1600 rows: what is 0.3 behind is 0.78 of one to the side.
+    let camera = Camera {
+        eye: DVec3::ZERO,
+        target: DVec3::NEG_Z,
+        up: Vec3::Y,
+        fov_y: 7.11,
+        near: Some(1e-3),
+    };
+    let view = View::new(&camera, UVec2::new(320, 240));
+    let edge = 160.0;
+    let fronto = |z: f64| DVec3::new(0.0, 0.0, -1.0 / z);
+    let depth = |u: DVec2| if u.x < edge { 26.0 } else { 60.0 };
+    let picture =
+        Picture::new(gpu, &view, |u| Some(fronto(depth(u))), |u| Some(fronto(depth(u) + 0.05)));
+    let mut random = Random(43);
+    for query in [Query::Entry, Query::Opaque] {
+        let probes: Vec<_> = (0..500)
+            .map(|_| {
+                // Where it comes level with the card's edge.
+                let at = DVec2::new(edge, random.range(40.0, 200.0));
+                let behind = 26.3 * view.omega(at);
+                let aside = DVec3::new(-(2f64.to_radians().tan()), 0.0, 0.0);
+                let d = (view.omega(at).normalize() + aside).normalize();
+                let o = behind - random.range(2.0, 8.0) * d;
+                Probe::new(query, o, d, view.pixel(o))
+            })
+            .collect();
+        for solver in [GUARDED, MARCH] {
+            for (probe, answer) in probes.iter().zip(picture.ask(gpu, &view, solver, &probes)) {
+                // A march takes steps of up to a pixel's worth of slope for the surface's own: only
+                // a back tells it that this one is not.
+                if solver == MARCH && query == Query::Opaque {
+                    continue;
+                }
+                let on_card = answer.found && -answer.position.z < 30.0;
+                assert!(!on_card, "{solver} {query:?} {probe:?}: {answer:?}");
+            }
+        }
+    }
+}
+
+/// Protects against going to and fro: at the bottom of a V, where each side's plane points at the
+/// other, the guarded methods end on the floor that is there, and Newton's within a pixel or not.
+#[test]
+fn the_bottom_of_a_v_is_found() {
+    let Some(gpu) = gpu() else { return };
+    let view = View::of_size(320, 240, 1e-3);
+    let apex = DVec3::new(0.0, 0.0, -5.0);
+    let sides = [-1.0, 1.0].map(|side| {
+        let slope = DVec3::new(side * 0.6, 0.0, -1.0).normalize();
+        [plane_through(apex, slope), plane_through(apex - DVec3::Z * 0.5, slope)]
+    });
+    let middle = 0.5 * view.size.x;
+    let side = |u: DVec2| usize::from(u.x > middle);
+    let picture =
+        Picture::new(gpu, &view, |u| Some(sides[side(u)][0]), |u| Some(sides[side(u)][1]));
+    let mut random = Random(44);
+    let mut hits = Vec::new();
+    let probes: Vec<_> = (0..1000)
+        .map(|_| {
+            let u = DVec2::new(middle + random.range(-60.0, 60.0), random.range(60.0, 180.0));
+            let to = DVec2::new(middle + random.range(-3.0, 3.0), random.range(60.0, 180.0));
+            let omega = view.omega(to);
+            let hit = omega / sides[side(to)][0].dot(omega);
+            let o = random.range(2.0, 3.5) * view.omega(u);
+            hits.push(hit);
+            Probe::new(Query::Opaque, o, (hit - o).normalize(), u)
+        })
+        .collect();
+    for solver in [GUARDED, MARCH, NEWTON] {
+        let answers = picture.ask(gpu, &view, solver, &probes);
+        for ((probe, answer), hit) in probes.iter().zip(&answers).zip(&hits) {
+            if answer.found || solver != NEWTON {
+                assert!(answer.found, "{solver} {probe:?}");
+                // A texel at the seam has one plane for both sides.
+                let off = view.pixel(answer.position).distance(view.pixel(*hit));
+                assert!(off <= 1.0, "{solver} {probe:?}: {off} pixels off");
+            }
+        }
+    }
+}
+
+/// Protects the order of convergence: on a ball as the floor four iterations of Newton's method
+/// lead from as far as 100 pixels to the half texel that its planes are exact to. Halving alone
+/// would leave 6 pixels.
+#[test]
+fn newton_converges_quadratically() {
+    let Some(gpu) = gpu() else { return };
+    let view = View::of_size(640, 640, 1e-3);
+    let centre = DVec3::new(0.0, 0.0, -9.0);
+    let radius = 4.0;
+    let tangent = |u: DVec2| {
+        let d = view.omega(u).normalize();
+        let along = centre.dot(d);
+        let root = radius * radius - (centre.length_squared() - along * along);
+        (root > 0.0).then(|| {
+            let point = (along - root.sqrt()) * d;
+            plane_through(point, centre - point)
+        })
+    };
+    let picture = Picture::new(gpu, &view, tangent, tangent);
+    let mut random = Random(45);
+    let mut hits = Vec::new();
+    let probes: Vec<_> = (0..1000)
+        .map(|_| {
+            let around = |random: &mut Random, reach: f64| {
+                DVec2::new(random.range(-reach, reach), random.range(-reach, reach))
+            };
+            let to = 0.5 * view.size + around(&mut random, 80.0);
+            let omega = view.omega(to);
+            let hit = omega / tangent(to).expect("the ball's middle").dot(omega);
+            let u = to + around(&mut random, 70.0);
+            let o = random.range(1.0, 4.0) * view.omega(u);
+            hits.push(hit);
+            Probe::new(Query::Opaque, o, (hit - o).normalize(), u)
+        })
+        .collect();
+    let answers = picture.ask(gpu, &view, NEWTON, &probes);
+    for ((probe, answer), hit) in probes.iter().zip(&answers).zip(&hits) {
+        assert!(answer.found, "{probe:?}");
+        let off = view.pixel(answer.position).distance(view.pixel(*hit));
+        assert!(off < 0.05, "{probe:?}: {off} pixels off");
+    }
+}
+
+/// Protects the registration of texels: on a ramp whose depth changes from texel to texel by as
+/// much as a half-pixel shift would show, no method is off to one side.
+#[test]
+fn a_ramp_is_met_without_bias() {
+    let Some(gpu) = gpu() else { return };
+    let view = View::of_size(320, 240, 1e-3);
+    // A stair of level texels, as a method that trusts depths alone would see it, and the ramp.
+    let slope = DVec3::new(0.5, 0.3, -1.0).normalize();
+    let ramp = plane_through(DVec3::new(0.0, 0.0, -6.0), slope);
+    let stair = |u: DVec2| {
+        let omega = view.omega(u);
+        DVec3::new(0.0, 0.0, -ramp.dot(omega))
+    };
+    let mut random = Random(46);
+    let mut hits = Vec::new();
+    let probes: Vec<_> = (0..4000)
+        .map(|_| {
+            let u = random.pixel(view.pixels());
+            let to = DVec2::new(random.range(20.0, 300.0), random.range(20.0, 220.0));
+            let omega = view.omega(to);
+            let hit = omega / ramp.dot(omega);
+            let o = random.range(0.2, 0.6) / ramp.dot(view.omega(u)) * view.omega(u);
+            hits.push(hit);
+            Probe::new(Query::Opaque, o, (hit - o).normalize(), u)
+        })
+        .collect();
+    let bias = |picture: &Picture, solver: &str| {
+        let (mut sum, mut found) = (DVec2::ZERO, 0);
+        let answers = picture.ask(gpu, &view, solver, &probes);
+        for (answer, hit) in answers.iter().zip(&hits) {
+            if answer.found {
+                sum += view.pixel(answer.position) - view.pixel(*hit);
+                found += 1;
+            }
+        }
+        assert!(found > 3000, "{solver} finds {found}");
+        (sum / f64::from(found)).length()
+    };
+    let exact = Picture::new(gpu, &view, |_| Some(ramp), |_| None);
+    let stairs = Picture::new(gpu, &view, |u| Some(stair(u)), |_| None);
+    for solver in [GUARDED, MARCH, NEWTON] {
+        let off = bias(&exact, solver);
+        assert!(off < 0.02, "{solver} is off by {off} pixels");
+    }
+    let off = bias(&stairs, MARCH);
+    assert!(off < 0.02, "on stairs {MARCH} is off by {off} pixels");
 }

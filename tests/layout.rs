@@ -40,7 +40,7 @@ impl Kind for glam::Vec2 {
     const KIND: ScalarKind = ScalarKind::Float;
 }
 
-impl Kind for glam::Mat4 {
+impl Kind for glam::Vec3 {
     const KIND: ScalarKind = ScalarKind::Float;
 }
 
@@ -104,11 +104,11 @@ fn same(rust: (Vec<Field>, usize), text: &str, name: &str) -> Result<(), String>
 /// Protects every buffer that Rust writes and a shader reads.
 #[test]
 fn shared_structs_agree() {
-    let camera =
-        rust_struct!(CameraUniform { view_from_world, world_from_view, size, tangent, near, pad });
+    let camera = rust_struct!(CameraUniform { view_from_world, origin, near, size, tangent });
     let splat =
         rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, pad });
-    let smooth = rust_struct!(smooth::Params { taps, stride, in_radii, radius, inv_sigma2 });
+    let smooth =
+        rust_struct!(smooth::Params { taps, stride, in_radii, radius, inv_sigma2, delta, mu });
     let refract = rust_struct!(refract::Params {
         absorption,
         ior,
@@ -117,6 +117,8 @@ fn shared_structs_agree() {
         interfaces,
         internal_bounces,
         iterations,
+        edge_samples,
+        reach,
         pad,
     });
     let tonemap = rust_struct!(tonemap::Params { gain, curve, encode });
@@ -138,13 +140,15 @@ fn shared_structs_agree() {
         even,
         tile,
         odd,
-        lit
+        lit,
+        phase,
+        pad,
     });
     let light = rust_struct!(gbuffer::LightData { place, kind, power, pad });
     let table = [
         (camera, "splat.wgsl", "Camera"),
         (splat, "splat.wgsl", "Splat"),
-        (smooth, "smooth.wgsl", "Params"),
+        (smooth, "smooth/plane_fit.wgsl", "Params"),
         (refract, "refract/guarded.wgsl", "Params"),
         (tonemap, "tonemap.wgsl", "Params"),
         (scene, "gbuffer.wgsl", "Scene"),

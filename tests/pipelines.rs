@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use glam::{UVec2, Vec3};
+use glam::{DVec3, UVec2, Vec3};
 use limpid::aov::{self, Aov};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
@@ -54,8 +54,8 @@ impl Checked {
 
 fn camera() -> Camera {
     Camera {
-        eye: Vec3::new(0.0, 1.0, 4.0),
-        target: Vec3::ZERO,
+        eye: DVec3::new(0.0, 1.0, 4.0),
+        target: DVec3::ZERO,
         up: Vec3::Y,
         fov_y: 40.0,
         near: None,
@@ -75,12 +75,19 @@ fn sphere(x: f32) -> Splat {
 
 fn splats(aggregates: usize, splashes: usize) -> Splats {
     let row = |count: usize| (0..count).map(|i| sphere(i as f32 * 0.1)).collect();
-    Splats { aggregates: row(aggregates), splashes: row(splashes), radius: 0.1 }
+    Splats {
+        aggregates: row(aggregates),
+        splashes: row(splashes),
+        radius: 0.1,
+        origin: DVec3::ZERO,
+    }
 }
 
 fn scene() -> Scene {
     Scene {
         particles: None,
+        recipe: None,
+        views: Vec::new(),
         liquid: Liquid::default(),
         camera: None,
         environment: Environment::default(),
@@ -92,9 +99,9 @@ fn scene() -> Scene {
 
 fn solids() -> Vec<Solid> {
     let shapes = [
-        Shape::Plane { origin: Vec3::NEG_Y, normal: Vec3::Y, half_extent: f32::INFINITY },
-        Shape::Box { min: Vec3::NEG_ONE, max: Vec3::ONE },
-        Shape::Sphere { center: Vec3::X, radius: 0.5 },
+        Shape::Plane { origin: DVec3::NEG_Y, normal: Vec3::Y, half_extent: f32::INFINITY },
+        Shape::Box { min: DVec3::NEG_ONE, max: DVec3::ONE },
+        Shape::Sphere { center: DVec3::X, radius: 0.5 },
     ];
     let surface = Surface::Checker { tile: 0.1, even: Vec3::ONE, odd: Vec3::ZERO };
     shapes.map(|shape| Solid { shape, surface, lit: true }).to_vec()
@@ -103,7 +110,7 @@ fn solids() -> Vec<Solid> {
 fn lights() -> Vec<Light> {
     vec![
         Light::Sun { direction: Vec3::NEG_Y, irradiance: Vec3::ONE },
-        Light::Point { position: Vec3::Y, intensity: Vec3::ONE },
+        Light::Point { position: DVec3::Y, intensity: Vec3::ONE },
     ]
 }
 

@@ -8,7 +8,7 @@ use std::fs;
 use std::io::{self, Write as _};
 use std::path::Path;
 
-use glam::{UVec2, Vec3};
+use glam::{DVec3, Mat3, UVec2, Vec3};
 use image::{DynamicImage, Rgb, Rgb32FImage, RgbImage};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
@@ -136,8 +136,8 @@ fn a_full_scene_means_what_it_says() {
     assert_eq!(particles.up, Up::Z);
     assert_eq!((scene.liquid.ior, scene.liquid.absorption), (1.4, Vec3::new(1.0, 0.5, 0.25)));
     let camera = Camera {
-        eye: Vec3::new(0.0, 1.5, 4.0),
-        target: Vec3::new(0.0, 0.25, 0.0),
+        eye: DVec3::new(0.0, 1.5, 4.0),
+        target: DVec3::new(0.0, 0.25, 0.0),
         up: Vec3::Y,
         fov_y: 40.0,
         near: Some(0.01),
@@ -152,21 +152,21 @@ fn a_full_scene_means_what_it_says() {
 
     let [floor, wall, ball] = scene.solids[..] else { panic!("three solids: {:?}", scene.solids) };
     let plane =
-        Shape::Plane { origin: Vec3::new(0.0, -0.05, 0.0), normal: Vec3::Y, half_extent: 6.0 };
+        Shape::Plane { origin: DVec3::new(0.0, -0.05, 0.0), normal: Vec3::Y, half_extent: 6.0 };
     let checker = Surface::Checker {
         tile: 0.25,
         even: Vec3::new(0.8, 0.8, 0.7),
         odd: Vec3::new(0.1, 0.2, 0.3),
     };
     assert_eq!((floor.shape, floor.surface, floor.lit), (plane, checker, false));
-    let corners = Shape::Box { min: Vec3::new(-1.0, 0.0, -1.0), max: Vec3::new(1.0, 0.5, -0.9) };
+    let corners = Shape::Box { min: DVec3::new(-1.0, 0.0, -1.0), max: DVec3::new(1.0, 0.5, -0.9) };
     let color = Surface::Color(Vec3::new(0.5, 0.25, 0.125));
     assert_eq!((wall.shape, wall.surface, wall.lit), (corners, color, true));
-    assert_eq!(ball.shape, Shape::Sphere { center: Vec3::new(0.0, 0.25, 0.5), radius: 0.25 });
+    assert_eq!(ball.shape, Shape::Sphere { center: DVec3::new(0.0, 0.25, 0.5), radius: 0.25 });
 
     let [sun, lamp] = scene.lights[..] else { panic!("two lights: {:?}", scene.lights) };
     assert_eq!(sun, Light::Sun { direction: -Vec3::Y, irradiance: Vec3::splat(3.0) });
-    let position = Vec3::new(1.0, 2.0, 3.0);
+    let position = DVec3::new(1.0, 2.0, 3.0);
     assert_eq!(lamp, Light::Point { position, intensity: Vec3::new(4.0, 5.0, 6.0) });
     assert_eq!((scene.settings.refract.samples, scene.settings.refract.solver), (4, Solver::March));
     assert_eq!(scene.settings.smooth, Settings::default().smooth);
@@ -305,7 +305,7 @@ fn ranges() {
         assert_eq!(FULL.matches(from).count(), 1, "`{from}` is there once");
         assert_tells(&refused(&FULL.replace(from, to)), parts);
     };
-    for ior in ["0.9", "3.5", "nan", "inf", "-1.33"] {
+    for ior in ["0.29", "3.5", "nan", "inf", "-1.33"] {
         out("ior = 1.4", &format!("ior = {ior}"), &["liquid", "ior"]);
     }
     for absorption in ["-0.5", "nan", "inf"] {
@@ -479,6 +479,7 @@ fn settings_ranges() {
         ("smooth.taps", ["3", "33"], ["4", "35"]),
         ("refract.interfaces", ["1", "8"], ["0", "9"]),
         ("refract.samples", ["1", "64"], ["0", "65"]),
+        ("refract.edge_samples", ["1", "64"], ["0", "65"]),
         ("tonemap.exposure", ["-64", "64"], ["inf", "nan"]),
     ] {
         let check = |value: &str| Settings::default().with(&[format!("{key}={value}")])?.check();
@@ -605,33 +606,33 @@ fn mean_of_an_environment() {
 #[test]
 fn distances_to_solids() {
     let mut seed = 1;
-    let [min, max] = [Vec3::new(-0.5, -0.2, 0.1), Vec3::new(0.3, 0.6, 0.5)];
-    let center = Vec3::new(0.1, -0.2, 0.3);
+    let [min, max] = [DVec3::new(-0.5, -0.2, 0.1), DVec3::new(0.3, 0.6, 0.5)];
+    let center = DVec3::new(0.1, -0.2, 0.3);
     let normal = Vec3::new(1.0, 2.0, -2.0) / 3.0;
     let plane = Shape::Plane { origin: center, normal, half_extent: f32::INFINITY };
     for _ in 0..10_000 {
-        let x = 1.5 * random(&mut seed);
+        let x = 1.5 * random(&mut seed).as_dvec3();
 
         let (distance, outward) = Shape::Sphere { center, radius: 0.4 }.distance(x);
-        assert!((distance - (x.distance(center) - 0.4)).abs() < 1e-6);
-        assert!(close(outward, (x - center).normalize(), 1e-5));
+        assert!((distance - (x.distance(center) - f64::from(0.4f32))).abs() < 1e-12);
+        assert!(outward.abs_diff_eq((x - center).normalize(), 1e-12));
 
-        assert_eq!(plane.distance(x), ((x - center).dot(normal), normal));
+        assert_eq!(plane.distance(x), ((x - center).dot(normal.as_dvec3()), normal.as_dvec3()));
 
         let solid = Shape::Box { min, max };
         let (distance, outward) = solid.distance(x);
         let nearest = x.clamp(min, max);
         if nearest == x {
             let depth = (x - min).min(max - x).min_element();
-            assert!((distance + depth).abs() < 1e-6, "{x}: {distance}, not −{depth}");
+            assert!((distance + depth).abs() < 1e-12, "{x}: {distance}, not −{depth}");
         } else {
-            assert!((distance - x.distance(nearest)).abs() < 1e-6, "{x}: {distance}");
-            assert!(close(outward, (x - nearest).normalize(), 1e-3), "{x}: {outward}");
+            assert!((distance - x.distance(nearest)).abs() < 1e-12, "{x}: {distance}");
+            assert!(outward.abs_diff_eq((x - nearest).normalize(), 1e-9), "{x}: {outward}");
         }
-        assert!((outward.length() - 1.0).abs() < 1e-5);
+        assert!((outward.length() - 1.0).abs() < 1e-12);
         // A step of the distance against the normal ends on the surface.
         let surface = solid.distance(x - distance * outward).0;
-        assert!(surface.abs() < 1e-5, "{x}: {surface} off the surface");
+        assert!(surface.abs() < 1e-12, "{x}: {surface} off the surface");
     }
 }
 
@@ -639,27 +640,28 @@ fn distances_to_solids() {
 #[test]
 fn distances_at_special_places() {
     let floor =
-        Shape::Plane { origin: Vec3::new(1.0, 0.0, 0.0), normal: Vec3::Y, half_extent: 2.0 };
-    assert_eq!(floor.distance(Vec3::new(2.5, -0.5, 1.5)), (-0.5, Vec3::Y));
-    assert_eq!(floor.distance(Vec3::new(3.0, 0.0, -2.0)), (0.0, Vec3::Y));
-    for beside in [Vec3::new(3.1, 0.1, 0.0), Vec3::new(-1.1, 0.1, 0.0), Vec3::new(0.0, 0.1, 2.1)] {
-        assert_eq!(floor.distance(beside).0, f32::INFINITY, "beside a square there is nothing");
+        Shape::Plane { origin: DVec3::new(1.0, 0.0, 0.0), normal: Vec3::Y, half_extent: 2.0 };
+    assert_eq!(floor.distance(DVec3::new(2.5, -0.5, 1.5)), (-0.5, DVec3::Y));
+    assert_eq!(floor.distance(DVec3::new(3.0, 0.0, -2.0)), (0.0, DVec3::Y));
+    for beside in [DVec3::new(3.1, 0.1, 0.0), DVec3::new(-1.1, 0.1, 0.0), DVec3::new(0.0, 0.1, 2.1)]
+    {
+        assert_eq!(floor.distance(beside).0, f64::INFINITY, "beside a square there is nothing");
     }
-    let cube = Shape::Box { min: -Vec3::ONE, max: Vec3::ONE };
-    let ball = Shape::Sphere { center: Vec3::ZERO, radius: 1.0 };
+    let cube = Shape::Box { min: -DVec3::ONE, max: DVec3::ONE };
+    let ball = Shape::Sphere { center: DVec3::ZERO, radius: 1.0 };
     for solid in [cube, ball] {
-        let (distance, normal) = solid.distance(Vec3::ZERO);
+        let (distance, normal) = solid.distance(DVec3::ZERO);
         assert_eq!(distance, -1.0);
         assert!(normal.is_normalized());
     }
     for (x, outward) in [
-        (Vec3::new(2.0, 2.0, 2.0), Vec3::ONE.normalize()),
-        (Vec3::new(-2.0, 0.0, 0.0), -Vec3::X),
-        (Vec3::new(0.0, 1.0, 0.0), Vec3::Y),
-        (Vec3::new(0.5, -0.25, -0.9), -Vec3::Z),
+        (DVec3::new(2.0, 2.0, 2.0), DVec3::ONE.normalize()),
+        (DVec3::new(-2.0, 0.0, 0.0), -DVec3::X),
+        (DVec3::new(0.0, 1.0, 0.0), DVec3::Y),
+        (DVec3::new(0.5, -0.25, -0.9), -DVec3::Z),
     ] {
         let (distance, normal) = cube.distance(x);
-        assert!(distance.is_finite() && close(normal, outward, 1e-6), "{x}: {normal}");
+        assert!(distance.is_finite() && normal.abs_diff_eq(outward, 1e-12), "{x}: {normal}");
     }
 }
 
@@ -668,16 +670,16 @@ fn distances_at_special_places() {
 /// A camera that defines no view is refused with the key to blame.
 #[test]
 fn cameras_that_see_nothing() {
-    let good = Camera::fit(-Vec3::ONE, Vec3::ONE);
+    let good = Camera::fit(-DVec3::ONE, DVec3::ONE);
     good.check().unwrap();
     let bad = [
         (Camera { target: good.eye, ..good }, "eye"),
-        (Camera { eye: Vec3::NAN, ..good }, "eye"),
-        (Camera { target: Vec3::INFINITY, ..good }, "target"),
+        (Camera { eye: DVec3::NAN, ..good }, "eye"),
+        (Camera { target: DVec3::INFINITY, ..good }, "target"),
         (Camera { up: Vec3::ZERO, ..good }, "up"),
         (Camera { up: Vec3::NAN, ..good }, "up"),
-        (Camera { up: good.eye - good.target, ..good }, "up"),
-        (Camera { up: 1e-3 * (good.target - good.eye), ..good }, "up"),
+        (Camera { up: (good.eye - good.target).as_vec3(), ..good }, "up"),
+        (Camera { up: 1e-3 * (good.target - good.eye).as_vec3(), ..good }, "up"),
         (Camera { fov_y: 0.0, ..good }, "fov_y"),
         (Camera { fov_y: 180.0, ..good }, "fov_y"),
         (Camera { fov_y: f32::NAN, ..good }, "fov_y"),
@@ -690,7 +692,7 @@ fn cameras_that_see_nothing() {
         assert_tells(&error.to_string(), &["camera", key]);
     }
     // Looking straight down needs another up, not another camera.
-    let down = Camera { eye: Vec3::new(0.0, 3.0, 0.0), target: Vec3::ZERO, ..good };
+    let down = Camera { eye: DVec3::new(0.0, 3.0, 0.0), target: DVec3::ZERO, ..good };
     assert!(down.check().is_err());
     Camera { up: -Vec3::Z, ..down }.check().unwrap();
 }
@@ -701,18 +703,21 @@ fn cameras_that_see_nothing() {
 fn a_fitted_camera_sees_everything() {
     let mut seed = 2;
     for i in 0..1000 {
-        let scale = 10f32.powi(i % 9 - 4);
-        let centre = 3.0 * scale * random(&mut seed);
-        let half = scale * random(&mut seed).abs();
+        let scale = 10f64.powi(i % 9 - 4);
+        let mut random = || random(&mut seed).as_dvec3();
+        let centre = 3.0 * scale * random();
+        let half = scale * random().abs();
         let (min, max) = (centre - half, centre + half);
         let camera = Camera::fit(min, max);
         camera.check().unwrap();
-        let uniform = camera.uniform(UVec2::new(64, 48));
+        let uniform = camera.uniform(UVec2::new(64, 48), DVec3::ZERO);
+        let view_from_world =
+            Mat3::from_cols_array_2d(&uniform.view_from_world.map(|[x, y, z, _]| [x, y, z]));
         let mut reach = 0f32;
         for corner in 0..8 {
-            let bit = |axis: u32| (corner >> axis & 1) as f32;
-            let corner = min + (max - min) * Vec3::new(bit(0), bit(1), bit(2));
-            let seen = uniform.view_from_world.transform_point3(corner);
+            let bit = |axis: u32| f64::from(corner >> axis & 1);
+            let corner = min + (max - min) * DVec3::new(bit(0), bit(1), bit(2));
+            let seen = view_from_world * (corner - camera.eye).as_vec3();
             assert!(-seen.z > uniform.near, "{min} {max}: a corner is nearer than the near plane");
             let place = glam::Vec2::new(seen.x, seen.y).abs() / (-seen.z * uniform.tangent);
             assert!(place.max_element() <= 1.0, "{min} {max}: a corner is at {place}");
@@ -725,9 +730,9 @@ fn a_fitted_camera_sees_everything() {
 /// A box without volume is what one particle or a flat sheet has, anywhere in space.
 #[test]
 fn a_camera_fits_flat_boxes() {
-    for place in [Vec3::ZERO, Vec3::ONE, Vec3::new(-30.0, 100.0, 7.0), Vec3::splat(1000.0)] {
+    for place in [DVec3::ZERO, DVec3::ONE, DVec3::new(-30.0, 100.0, 7.0), DVec3::splat(1000.0)] {
         Camera::fit(place, place).check().unwrap_or_else(|error| panic!("{place}: {error}"));
-        Camera::fit(place, place + Vec3::X).check().unwrap();
+        Camera::fit(place, place + DVec3::X).check().unwrap();
         // The scene around one particle shows it: the eye is outside of it.
         let scene = Scene::around(place, place, 0.1);
         scene.check().unwrap_or_else(|error| panic!("{place}: {error}"));

@@ -65,6 +65,7 @@ fn optics_known_angles() {
         at(48.7534, out),
         at(48.7536, out),
         at(89.0, out),
+        at(90.0, into),
     ];
     let results = interface(gpu, &cases);
     let [cos_t, reflectance, schlick] = [0, 1, 2].map(|i| move |r: [f32; 3]| number(r, i));
@@ -80,7 +81,10 @@ fn optics_known_angles() {
     // The critical angle is 48.75347 degrees; a ten-thousandth of a degree is 3e-6 in the squared
     // sine, ten times what rounding does to it.
     assert!(cos_t(results[4]) >= 0.0 && reflectance(results[4]) < 1.0, "transmits: {results:?}");
-    for total in &results[5..] {
+    // Light along the surface: all of it is reflected, what is left goes in at the critical angle.
+    assert_near(cos_t(results[7]).acos().to_degrees(), 48.7535, 1e-4, "grazing");
+    assert_near(reflectance(results[7]), 1.0, 1e-6, "grazing reflectance");
+    for total in &results[5..7] {
         assert!(cos_t(*total) < 0.0, "totally reflected: {total:?}");
         assert_eq!(total[1..], [1.0, 1.0]);
     }
@@ -276,8 +280,8 @@ fn camera_rays_and_pixels_are_inverse() {
     let mut random = Random(5);
     for (size, fov_y) in [(UVec2::new(1920, 1080), 45.0), (UVec2::new(7, 301), 100.0)] {
         let camera = Camera {
-            eye: Vec3::new(3.0, -2.0, 5.0),
-            target: Vec3::new(-1.0, 0.5, 0.25),
+            eye: DVec3::new(3.0, -2.0, 5.0),
+            target: DVec3::new(-1.0, 0.5, 0.25),
             up: Vec3::new(0.2, 1.0, 0.1),
             fov_y,
             near: None,
@@ -290,7 +294,7 @@ fn camera_rays_and_pixels_are_inverse() {
                 let omega = camera_omega(vec2f(x[0], x[1]));
                 let u = camera_pixel(x[2] * omega);
                 let world = vec3f(x[3], x[4], x[5]);
-                let in_view = (camera.view_from_world * vec4f(world, 1.0)).xyz;
+                let in_view = camera_view_direction(camera.origin + world);
                 let p = camera_pixel(in_view);
                 let w = camera_world_point(in_view);
                 let d = camera_world_direction(camera_view_direction(world));
@@ -300,7 +304,7 @@ fn camera_rays_and_pixels_are_inverse() {
             constants: &[],
             resources: &[(0, 0, buffer.as_entire_binding())],
         };
-        let [eye, target, up] = [camera.eye, camera.target, camera.up].map(|v| v.as_dvec3());
+        let (eye, target, up) = (camera.eye, camera.target, camera.up.as_dvec3());
         let forward = (target - eye).normalize();
         let right = forward.cross(up).normalize();
         let upward = right.cross(forward);
@@ -333,7 +337,8 @@ fn camera_rays_and_pixels_are_inverse() {
                 let offset = world - eye;
                 (offset.dot(right), offset.dot(upward), offset.dot(forward))
             };
-            // The matrices hold the eye's rotated position, so errors are of its size.
+            // The kernel's points are counted from the world's origin, so errors are of the eye's
+            // distance to it.
             let rounding = 1e-6 * (world.length() + eye.length());
             assert_near(number(result, 7), z, rounding, "depth");
             let expected =
@@ -341,7 +346,12 @@ fn camera_rays_and_pixels_are_inverse() {
             let got = DVec2::new(number(result, 5), number(result, 6)) / view.size;
             let tolerance = (1.0 + 3.0 / tangent.min_element()) * rounding / z + 2e-6;
             assert_near(got.distance(expected), 0.0, tolerance, "pixel of a world point");
-            assert_near(vec3(&result[8..11]).distance(world), 0.0, 4.0 * rounding, "and back");
+            assert_near(
+                vec3(&result[8..11]).distance(world - eye),
+                0.0,
+                4.0 * rounding,
+                "and back",
+            );
             assert_near(vec3(&result[11..14]).distance(world), 0.0, 4.0 * rounding, "direction");
         }
     }
@@ -751,9 +761,9 @@ fn random_form(random: &mut Random, kind: usize) -> Form {
 }
 
 const SOLID_KERNEL: &str = "
-    fn the_solid(x: array<f32, 14>) -> Solid {
+    fn the_solid(x: array<f32, 14>, phase: vec3f) -> Solid {
         return Solid(vec3f(x[0], x[1], x[2]), u32(x[3]), vec3f(x[4], x[5], x[6]), x[7],
-            vec3f(1.0), x[11], vec3f(0.0), 0u);
+            vec3f(1.0), x[11], vec3f(0.0), 0u, phase);
     }";
 
 /// Distance along the ray, distance of the origin from the surface, normal at the hit. Cases are
@@ -762,7 +772,7 @@ fn trace_solids(gpu: &Gpu, cases: &[[f32; 14]]) -> Vec<[f32; 5]> {
     let body = format!(
         "{SOLID_KERNEL}
         fn test(x: array<f32, 14>) -> array<f32, 5> {{
-            let solid = the_solid(x);
+            let solid = the_solid(x, vec3f(0.0));
             let o = vec3f(x[8], x[9], x[10]);
             let d = vec3f(x[11], x[12], x[13]);
             let t = solid_trace(solid, o, d);
@@ -930,14 +940,15 @@ fn solids_have_distances() {
 }
 
 /// Protects checkers: tiles are counted from the world's origin without a double or missing one at
-/// zero, on floors, walls and balls alike; the tile at the origin is even.
+/// zero, on floors, walls and balls alike, wherever the eye is; the tile at the origin is even.
 #[test]
 fn checkers_alternate_through_zero() {
     let Some(gpu) = gpu() else { return };
     let body = format!(
         "{SOLID_KERNEL}
         fn test(x: array<f32, 14>) -> array<f32, 1> {{
-            let color = solid_color(the_solid(x), vec3f(x[8], x[9], x[10]), vec3f(x[4], x[5], x[6]));
+            let solid = the_solid(x, vec3f(x[0], x[1], x[2]));
+            let color = solid_color(solid, vec3f(x[8], x[9], x[10]), vec3f(x[4], x[5], x[6]));
             return array(color.x);
         }}"
     );
@@ -955,7 +966,10 @@ fn checkers_alternate_through_zero() {
             _ => (2.0, DVec3::ONE),
         };
         let x = random.direction() * random.magnitude(0.05, 50.0);
-        let tiles = x / tile;
+        let eye = random.direction() * random.magnitude(0.05, 1e5);
+        let phase = (eye / tile).rem_euclid(DVec3::splat(2.0));
+        let x = round3(x);
+        let tiles = (eye + x) / tile;
         if (tiles - tiles.round()).abs().min_element() < 1e-4 {
             continue; // on a seam
         }
@@ -969,7 +983,7 @@ fn checkers_alternate_through_zero() {
         even.push(sum.rem_euclid(2) == 0);
         let half = &[1.0];
         cases.push(case(&[
-            &[0.0; 3],
+            &phase.to_array(),
             &[form],
             &normal.to_array(),
             half,

@@ -10,6 +10,9 @@ use limpid::shader::{self, FILES, ROOTS};
 use naga::back::pipeline_constants::process_overrides;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
+/// What the report pastes behind each root of `refract/`, and behind none.
+const MEASURED: &str = "report/intersect.wgsl";
+
 /// limpid requests no optional feature that WGSL can see.
 const REQUESTED: Capabilities = Capabilities::empty();
 
@@ -31,6 +34,7 @@ fn values(module: &naga::Module, constant: &naga::Override) -> &'static [f64] {
         (Some("SOLIDS"), _) => &[0.0, 1.0, 512.0],
         (Some("LIGHTS"), _) => &[0.0, 1.0, 16.0],
         (Some("SIDE"), _) => &[0.0, 1.0],
+        (Some("STRIDE"), _) => &[1.0, 2.0, 4.0],
         (name, ty) => panic!("the test knows no values for the constant {name:?} of {ty:?}"),
     }
 }
@@ -116,10 +120,24 @@ fn every_root_is_valid() {
     assert!(broken.is_empty(), "{} broken roots:\n{}", broken.len(), broken.join("\n"));
 }
 
+/// Protects the measurements: whatever supplies an intersector can be measured.
+#[test]
+fn every_intersector_can_be_measured() {
+    let roots: Vec<_> =
+        ROOTS.iter().filter(|root| pasted(root).contains("refract/interfaces.wgsl")).collect();
+    assert!(roots.len() >= 8, "{roots:?}");
+    for root in roots {
+        let text = shader::source(root) + &shader::source(MEASURED);
+        let (module, info) = check(root, &text).unwrap_or_else(|problem| panic!("{problem}"));
+        specialise(root, &module, &info).unwrap_or_else(|problem| panic!("{problem}"));
+    }
+}
+
 /// Protects against dead files: what no root pastes is never compiled, and so never checked.
 #[test]
 fn every_file_is_a_root_or_pasted_by_one() {
-    let used: BTreeSet<_> = ROOTS.iter().flat_map(|root| pasted(root)).collect();
+    let mut used: BTreeSet<_> = ROOTS.iter().flat_map(|root| pasted(root)).collect();
+    used.extend(pasted(MEASURED));
     for (name, _) in FILES {
         assert!(used.contains(*name), "{name} is neither a root nor imported by one");
     }

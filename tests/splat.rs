@@ -126,8 +126,8 @@ fn errors(shot: &Shot, camera: &Camera, class: &str, drawn: &[Splat]) -> Errors 
 }
 
 fn askew() -> Camera {
-    let eye = Vec3::new(1.2, -0.7, 2.5);
-    let target = Vec3::new(0.1, 0.2, -0.3);
+    let eye = DVec3::new(1.2, -0.7, 2.5);
+    let target = DVec3::new(0.1, 0.2, -0.3);
     Camera { eye, target, up: Vec3::new(0.3, 1.0, 0.2), fov_y: 30.0, near: None }
 }
 
@@ -203,10 +203,10 @@ fn distance_costs_no_digits() {
     let Some(mut stage) = stage() else { return };
     for (distance, tolerance) in [(1e3, 3e-4), (1e4, 5e-3)] {
         let camera = Camera {
-            eye: Vec3::new(0.6, 0.0, 0.8) * distance,
-            target: Vec3::ZERO,
+            eye: DVec3::new(0.6, 0.0, 0.8) * distance,
+            target: DVec3::ZERO,
             up: Vec3::Y,
-            fov_y: (2.4 / distance).to_degrees(),
+            fov_y: (2.4 / distance).to_degrees() as f32,
             near: None,
         };
         for drawn in [
@@ -231,8 +231,8 @@ fn coverage_is_exact_for_any_ellipsoid() {
     let mut seed = 7;
     for i in 0..40 {
         let camera = Camera {
-            eye: Vec3::ZERO,
-            target: noise_vector(&mut seed),
+            eye: DVec3::ZERO,
+            target: noise_vector(&mut seed).as_dvec3(),
             up: noise_vector(&mut seed),
             fov_y: [20.0, 60.0, 100.0, 140.0][i % 4],
             near: Some(0.05),
@@ -287,8 +287,8 @@ fn eye_in_the_liquid_starts_at_the_near_plane() {
     let turn = Quat::from_rotation_y(0.6);
     let drawn = [ellipsoid(Vec3::ZERO, Vec3::new(0.5, 1.0, 2.0), turn)];
     let looking = |eye: Vec3, along: Vec3, near: f32| Camera {
-        eye,
-        target: eye + along,
+        eye: eye.as_dvec3(),
+        target: (eye + along).as_dvec3(),
         up: Vec3::Y,
         fov_y: 70.0,
         near: Some(near),
@@ -320,7 +320,7 @@ fn eye_in_the_liquid_starts_at_the_near_plane() {
 fn nothing_behind_the_eye_is_drawn() {
     let Some(mut stage) = stage() else { return };
     let camera = on_axis(0.0, 60.0);
-    let camera = Camera { target: -Vec3::Z, near: Some(0.1), ..camera };
+    let camera = Camera { target: -DVec3::Z, near: Some(0.1), ..camera };
     let behind = [
         sphere(Vec3::Z * 5.0, 1.0),
         sphere(Vec3::Z * 1.001, 1.0),

@@ -2,13 +2,16 @@
 //
 // View space: x right, y up, looking down -z. Depth is z = -view.z > 0 in metres; disparity is
 // D = 1/z. Pixel (i, j) has its centre at (i + 1/2, j + 1/2), y down.
+//
+// The shaders' world has the axes of the scene's and its origin at the eye: positions are made
+// relative to the eye in 64 bits before they come here, and keep their digits anywhere.
 
 struct Camera {
-    view_from_world: mat4x4f,
-    world_from_view: mat4x4f,
-    size: vec2f,    // pixels
-    tangent: vec2f, // tan(fov_x / 2), tan(fov_y / 2)
-    near: f32,      // m
+    view_from_world: mat3x3f, // a rotation
+    origin: vec3f,            // that splats are counted from, m
+    near: f32,                // m
+    size: vec2f,              // pixels
+    tangent: vec2f,           // tan(fov_x / 2), tan(fov_y / 2)
 }
 
 @group(0) @binding(0) var<uniform> camera: Camera;
@@ -25,14 +28,15 @@ fn camera_pixel(x: vec3f) -> vec2f {
     return (vec2f(ndc.x, -ndc.y) * 0.5 + 0.5) * camera.size;
 }
 
+// Both spaces have their origin at the eye, so points turn as directions do.
 fn camera_world_point(x: vec3f) -> vec3f {
-    return (camera.world_from_view * vec4f(x, 1.0)).xyz;
+    return camera_world_direction(x);
 }
 
 fn camera_world_direction(d: vec3f) -> vec3f {
-    return (camera.world_from_view * vec4f(d, 0.0)).xyz;
+    return d * camera.view_from_world;
 }
 
 fn camera_view_direction(d: vec3f) -> vec3f {
-    return (camera.view_from_world * vec4f(d, 0.0)).xyz;
+    return camera.view_from_world * d;
 }

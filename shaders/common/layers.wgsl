@@ -32,3 +32,18 @@ fn plane_slope(pi: vec3f) -> vec2f {
 fn plane_is_empty(pi: vec3f) -> bool {
     return all(pi == vec3f(0.0));
 }
+
+// Mip levels, where the intersector reads them: a texel is the mean plane of those of the four
+// below that belong to the nearest surface among them.
+const MIP_LEVELS: i32 = 8;
+
+// The coarsest level that a picture has.
+fn mip_last() -> i32 {
+    return min(MIP_LEVELS - 1, i32(log2(max(camera.size.x, camera.size.y))));
+}
+
+// The texel of `level` that holds `texel` of level 0.
+fn mip_texel(texel: vec2i, level: i32) -> vec2i {
+    let size = max(vec2i(camera.size) >> vec2u(u32(level)), vec2i(1));
+    return min(texel >> vec2u(u32(level)), size - 1);
+}

@@ -1,4 +1,5 @@
-// What surrounds the liquid: solids, lights and the environment. All in world space.
+// What surrounds the liquid: solids, lights and the environment. All along the world's axes, with
+// positions seen from the eye.
 
 struct Scene {
     zenith: vec3f,  // radiance straight up; everywhere if constant
@@ -24,6 +25,7 @@ struct Solid {
     tile: f32,          // side of a checker's tiles, m; 0 for one colour
     odd: vec3f,
     lit: u32,           // 0: the colour is radiance; 1: albedo under the lights
+    phase: vec3f,       // where the eye is in the checker, in tiles modulo 2
 }
 
 const SUN: u32 = 0u;
@@ -161,10 +163,10 @@ fn solid_color(solid: Solid, x: vec3f, normal: vec3f) -> vec3f {
     }
     var parity: f32;
     if solid.shape == SPHERE {
-        let tile = floor(x / solid.tile);
+        let tile = floor(x / solid.tile + solid.phase);
         parity = tile.x + tile.y + tile.z;
     } else {
-        let tile = floor(plane_coordinates(normal, x) / solid.tile);
+        let tile = floor(plane_coordinates(normal, x / solid.tile + solid.phase));
         parity = tile.x + tile.y;
     }
     return select(solid.odd, solid.even, parity - 2.0 * floor(0.5 * parity) < 0.5);
@@ -184,7 +186,7 @@ fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f) -> vec3f {
         let light = lights[i];
         let to_light = select(light.place - x, light.place, light.kind == SUN);
         // A sun's direction is a unit vector, so that one formula serves both.
-        let distance2 = max(dot(to_light, to_light), 1e-12);
+        let distance2 = max(dot(to_light, to_light), 1e-20);
         let cos_theta = max(dot(n, to_light) * inverseSqrt(distance2), 0.0);
         irradiance_over_pi += light.power * cos_theta / (distance2 * 3.14159265);
     }

@@ -8,15 +8,16 @@
 
 // A prediction this close to the texel it was read from is the root.
 const CLOSE_PIXELS: f32 = 0.25;
-const EXIT_STEPS: u32 = 48u;
-const ENTRY_STEPS: u32 = 96u;
-// Longest step that is not checked from inside: shorter gaps between liquid are stepped over.
-const STRIDE_PIXELS: f32 = 16.0;
-const ENTRY_STRIDE_PIXELS: f32 = 8.0;
+const EXIT_STEPS: u32 = 256u;
+// In small pictures a share of the height is less than a pixel: never less than this, in pixels.
+const LEAST_STRIDE: f32 = 4.0;
+const LEAST_REACH: f32 = 8.0;
+const ENTRY_STEPS: u32 = 192u;
 
 fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     let close = CLOSE_PIXELS * ray.tau_per_pixel;
-    let stride = STRIDE_PIXELS * ray.tau_per_pixel;
+    // Longest step that is not looked at from inside: shorter gaps between liquid are missed.
+    let stride = max(params.reach * camera.size.y, LEAST_STRIDE) * ray.tau_per_pixel;
     var inside_tau = 0.0;
     var inside_texel = texel;
     var inside = slabs_leave(load_slabs(texel), ray, 0.0, AT_START);
@@ -91,7 +92,11 @@ fn approach(layer_class: i32, ray: ScreenRay, tau: f32) -> Approach {
 }
 
 fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
+    if layer_class == OPAQUE {
+        return opaque_entry(ray);
+    }
     let close = CLOSE_PIXELS * ray.tau_per_pixel;
+    let longest = max(params.reach * camera.size.y, LEAST_REACH) * ray.tau_per_pixel;
     // Short steps first: a ray that has just left may enter again within a pixel or two.
     var stride = 0.5 * ray.tau_per_pixel;
     var tau = 0.0;
@@ -127,7 +132,7 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
         }
         tau = next;
         here = there;
-        stride = min(2.0 * stride, ENTRY_STRIDE_PIXELS * ray.tau_per_pixel);
+        stride = min(2.0 * stride, longest);
     }
     return no_interface();
 }
@@ -137,4 +142,64 @@ fn entry_at(ray: ScreenRay, at: Approach) -> Interface {
         return no_interface();
     }
     return interface_at(ray, at.tau, at.plane, at.texel);
+}
+
+const OPAQUE_STEPS: u32 = 128u;
+// Bisections without a prediction inside the bracket, after which it holds an edge and no surface.
+const BLIND_BISECTIONS: u32 = 2u;
+
+// The opaque scene is seen from in front all along the ray, so the first prediction may be taken at
+// once; what it stepped over is looked at afterwards, every `reach`. A ray that only slips
+// behind an edge on its way keeps the hit that it had.
+fn opaque_entry(ray: ScreenRay) -> Interface {
+    let close = CLOSE_PIXELS * ray.tau_per_pixel;
+    let reach = max(params.reach * camera.size.y, LEAST_REACH) * ray.tau_per_pixel;
+    var low = 0.0;    // in front of the scene
+    var high = NEVER; // behind it
+    var blind = 0u;
+    var hit_tau = NEVER;
+    var hit_plane = vec3f(0.0);
+    // The first prediction is that of the texel behind the start.
+    let seed = class_plane(OPAQUE, FRONT, screen_ray_texel(ray, 0.0));
+    let seed_rate = dot(seed, ray.d_omega) - ray.d_disparity;
+    let seed_root = (ray.disparity - dot(seed, ray.omega)) / seed_rate;
+    var tau = select(1.0, min(seed_root, 1.0), seed_rate > 0.0 && seed_root > 0.0);
+    diagnosed.iterations += 1.0;
+    for (var i = 0u; i < OPAQUE_STEPS; i++) {
+        diagnosed.iterations += 1.0;
+        let plane = class_plane(OPAQUE, FRONT, screen_ray_texel(ray, tau));
+        let rate = dot(plane, ray.d_omega) - ray.d_disparity;
+        let at = dot(plane, ray.omega) - ray.disparity;
+        let root = select(NEVER, -at / rate, rate > 0.0);
+        var next = low + reach;
+        if abs(root - tau) <= close && root <= 1.0 {
+            hit_tau = root;
+            hit_plane = plane;
+            high = tau;
+            if next >= root {
+                break;
+            }
+        } else {
+            let behind = at + tau * rate > 0.0;
+            high = select(high, tau, behind);
+            low = select(tau, low, behind);
+            // A hit that nothing was found in front of stays.
+            next = select(root, low + reach, hit_tau < NEVER && !behind);
+            if hit_tau < NEVER && !behind && next >= hit_tau || low >= 1.0 || high - low <= close {
+                break;
+            }
+            if high < NEVER && !(next > low && next < high) {
+                next = 0.5 * (low + high);
+                blind += 1u;
+                if blind > BLIND_BISECTIONS {
+                    break;
+                }
+            }
+        }
+        tau = min(next, 1.0);
+    }
+    if hit_tau > 1.0 {
+        return no_interface();
+    }
+    return interface_at(ray, hit_tau, hit_plane, screen_ray_texel(ray, hit_tau));
 }

@@ -24,7 +24,9 @@ struct Params {
     samples: u32,
     interfaces: u32,
     internal_bounces: u32,
-    iterations: u32,       // of the `newton` intersector
+    iterations: u32,       // of `newton` and `secant`
+    edge_samples: u32,     // where there is no liquid
+    reach: f32,            // share of the height that `guarded` may step over unseen
 }
 
 override SPLASH: bool = false;            // the frame has splash layers
@@ -61,8 +63,9 @@ struct Interface {
 struct Diagnostics {
     interfaces: f32,
     inside: f32,
-    iterations: f32,
+    iterations: f32,       // evaluations of a layer
     failures: f32,
+    fetches: f32,          // texels read
 }
 
 var<private> diagnosed: Diagnostics;
@@ -100,6 +103,7 @@ fn load_slabs(texel: vec2i) -> Slabs {
         slabs.splash_back = textureLoad(splash_layers, texel, BACK, 0).xyz;
     }
     diagnosed.iterations += 1.0;
+    diagnosed.fetches += select(2.0, 4.0, SPLASH);
     return slabs;
 }
 
@@ -177,20 +181,27 @@ const AGGREGATE: i32 = 0;
 const SPLASHES: i32 = 1;
 const OPAQUE: i32 = 2;
 
-// A plane of one class of layers; the opaque scene has no backs.
-fn class_plane(layer_class: i32, side: i32, texel: vec2i) -> vec3f {
+// A plane of one class of layers at a mip level; the opaque scene has no backs.
+fn class_plane_at(layer_class: i32, side: i32, texel: vec2i, level: i32) -> vec3f {
+    if layer_class == OPAQUE && side == BACK {
+        return vec3f(0.0);
+    }
+    diagnosed.fetches += 1.0;
     switch layer_class {
         case AGGREGATE: {
-            return textureLoad(aggregate_layers, texel, side, 0).xyz;
+            return textureLoad(aggregate_layers, texel, side, level).xyz;
         }
         case SPLASHES: {
-            return textureLoad(splash_layers, texel, side, 0).xyz;
+            return textureLoad(splash_layers, texel, side, level).xyz;
         }
         default: {
-            let front = textureLoad(gbuffer_planes, texel, 0).xyz;
-            return select(front, vec3f(0.0), side == BACK);
+            return textureLoad(gbuffer_planes, texel, level).xyz;
         }
     }
+}
+
+fn class_plane(layer_class: i32, side: i32, texel: vec2i) -> vec3f {
+    return class_plane_at(layer_class, side, texel, 0);
 }
 
 // Outside the liquid, where a ray enters it again.
@@ -340,6 +351,9 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             let cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
             let f = reflectance(cos_theta_i, cos_theta_t, params.ior);
             result += weight * f * lookup_reflection(o, reflect(d, n), scale);
+            if f >= 1.0 {
+                return result; // a liquid of less index than its surroundings: total reflection
+            }
             weight *= (1.0 - f) / scale;
             d = optics_refract(d, n, cos_theta_i, cos_theta_t, params.ior);
             inside = true;
@@ -424,6 +438,52 @@ fn sample_offset(index: u32, count: u32) -> vec2f {
     return (cell + within) / f32(side);
 }
 
+// Difference of radiance, relative, that tells an edge from shading.
+const EDGE: f32 = 0.02;
+
+fn background_ray(u: vec2f) -> vec3f {
+    let eye = vec3f(0.0);
+    let d = normalize(camera_omega(u));
+    return radiance_of(solid_ahead(eye, d), eye, d);
+}
+
+fn background_mean(p: vec2i, count: u32) -> vec3f {
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < count; i++) {
+        sum += background_ray(vec2f(p) + sample_offset(i, count));
+    }
+    return sum / f32(count);
+}
+
+// What is seen where there is no liquid. Where the pixel's corners and centre disagree there is an
+// edge in it (T. Whitted, An Improved Illumination Model for Shaded Display, 1980), and it is worth
+// many rays: they are short, and few pixels have one.
+fn background(p: vec2i) -> vec3f {
+    if params.edge_samples <= params.samples {
+        return background_mean(p, params.samples);
+    }
+    let centre = background_ray(vec2f(p) + 0.5);
+    var low = centre;
+    var high = centre;
+    for (var corner = 0; corner < 4; corner++) {
+        let seen = background_ray(vec2f(p + vec2i(corner & 1, corner >> 1u)));
+        low = min(low, seen);
+        high = max(high, seen);
+    }
+    if all(high - low <= EDGE * high) {
+        return centre;
+    }
+    return background_mean(p, params.edge_samples);
+}
+
+fn has_liquid(texel: vec2i) -> bool {
+    var covered = !plane_is_empty(textureLoad(aggregate_layers, texel, FRONT, 0).xyz);
+    if SPLASH {
+        covered |= !plane_is_empty(textureLoad(splash_layers, texel, FRONT, 0).xyz);
+    }
+    return covered;
+}
+
 @compute @workgroup_size(8, 8)
 fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
     let index = tile_index(group);
@@ -434,20 +494,23 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    diagnosed = Diagnostics(0.0, 0.0, 0.0, 0.0);
-    var sum = vec3f(0.0);
-    for (var i = 0u; i < params.samples; i++) {
-        sum += trace(vec2f(p) + sample_offset(i, params.samples), p);
-    }
+    diagnosed = Diagnostics();
     let share = 1.0 / f32(params.samples);
-    textureStore(radiance, p, vec4f(sum * share, 1.0));
+    var color = vec3f(0.0);
+    if has_liquid(p) {
+        for (var i = 0u; i < params.samples; i++) {
+            color += share * trace(vec2f(p) + sample_offset(i, params.samples), p);
+        }
+    } else {
+        color = background(p);
+    }
+    textureStore(radiance, p, vec4f(color, 1.0));
     if COUNT {
         let d = diagnosed;
         textureStore(diagnostics, p, vec4f(d.interfaces, d.inside, d.iterations, d.failures) * share);
     }
 }
 
-// What is seen where there is no liquid.
 @compute @workgroup_size(8, 8)
 fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
     let index = tile_index(group);
@@ -458,13 +521,7 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    var sum = vec3f(0.0);
-    for (var i = 0u; i < params.samples; i++) {
-        let d = normalize(camera_omega(vec2f(p) + sample_offset(i, params.samples)));
-        let eye = vec3f(0.0);
-        sum += radiance_of(solid_ahead(eye, d), eye, d);
-    }
-    textureStore(radiance, p, vec4f(sum / f32(params.samples), 1.0));
+    textureStore(radiance, p, vec4f(background(p), 1.0));
     if COUNT {
         textureStore(diagnostics, p, vec4f(0.0));
     }

@@ -1,9 +1,12 @@
 // `march`: every texel that the ray crosses, in order; exact for the layers as they are.
 //
 // After McGuire and Mara, Efficient GPU Screen-Space Ray Tracing (2014), with texel (i, j)
-// covering [i, i + 1), and with each texel's plane intersected instead of its depth compared.
+// covering [i, i + 1), and with each texel's plane intersected instead of its depth compared. With
+// a STRIDE above 1 only every so manyth pixel is read, as theirs does to be faster.
 
 #import refract/interfaces.wgsl
+
+override STRIDE: u32 = 1u;
 
 // Steps through the texels along the ray.
 struct Walk {
@@ -45,6 +48,9 @@ fn walk_on(walk: ptr<function, Walk>) {
 }
 
 fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
+    if STRIDE > 1u {
+        return strided_exit(ray, texel);
+    }
     var walk = walk_start(ray);
     var plane = vec3f(0.0);
     var last = texel;
@@ -72,6 +78,9 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
 }
 
 fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
+    if STRIDE > 1u {
+        return strided_entry(layer_class, ray);
+    }
     var walk = walk_start(ray);
     // Whether the ray was in front of the layer, or beside it, when it came to this texel.
     var ahead = false;
@@ -100,6 +109,86 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
             }
         }
         walk_on(&walk);
+    }
+    return no_interface();
+}
+
+// tau between two samples: STRIDE pixels along the axis on which the ray is longer.
+fn strided_step(ray: ScreenRay) -> f32 {
+    return f32(STRIDE) / max(max(abs(ray.du.x), abs(ray.du.y)), 1e-6);
+}
+
+fn strided_exit(ray: ScreenRay, texel: vec2i) -> Interface {
+    let step = strided_step(ray);
+    var tau = 0.0;
+    var last = texel;
+    var leave = slabs_leave(load_slabs(texel), ray, 0.0, AT_START);
+    if !leave.inside {
+        return no_interface();
+    }
+    while tau < 1.0 {
+        let next = min(tau + step, 1.0);
+        if leave.tau <= next {
+            return interface_at(ray, leave.tau, leave.plane, last);
+        }
+        if next >= 1.0 {
+            break;
+        }
+        let there = screen_ray_texel(ray, next);
+        let beyond = slabs_leave(load_slabs(there), ray, next, ROUNDING);
+        if !beyond.inside {
+            // Left since the last sample: where this texel's plane says, if it is there.
+            if beyond.tau >= tau && beyond.tau <= next {
+                return interface_at(ray, beyond.tau, beyond.plane, there);
+            }
+            return interface_at(ray, next, leave.plane, last);
+        }
+        leave = beyond;
+        last = there;
+        tau = next;
+    }
+    return beyond_picture(ray, leave, last);
+}
+
+fn strided_entry(layer_class: i32, ray: ScreenRay) -> Interface {
+    let step = strided_step(ray);
+    var tau = 0.0;
+    var ahead = false;
+    var root = NEVER;
+    var plane = vec3f(0.0);
+    var texel = vec2i(0);
+    while tau < 1.0 {
+        diagnosed.iterations += 1.0;
+        let there = screen_ray_texel(ray, tau);
+        let front = class_plane(layer_class, FRONT, there);
+        let back = class_plane(layer_class, BACK, there);
+        let residual = screen_ray_residual(ray, front, tau);
+        let slope = screen_ray_residual_slope(ray, front);
+        let own = select(NEVER, tau - residual / slope, slope > 0.0);
+        if plane_is_empty(front) {
+            ahead = true;
+            root = NEVER;
+        } else if residual <= 0.0 {
+            ahead = true;
+            root = own;
+            plane = front;
+            texel = there;
+        } else {
+            if ahead && screen_ray_residual(ray, back, tau) <= 0.0 {
+                // Passed since the last sample, by this texel's plane or by the last one's.
+                if own >= tau - step {
+                    return interface_at(ray, own, front, there);
+                }
+                if root <= tau {
+                    return interface_at(ray, root, plane, texel);
+                }
+            }
+            ahead = false;
+        }
+        if ahead && root <= tau + step && root <= 1.0 && tau + step > 1.0 {
+            return interface_at(ray, root, plane, texel);
+        }
+        tau += step;
     }
     return no_interface();
 }

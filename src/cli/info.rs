@@ -3,14 +3,14 @@
 use std::process::ExitCode;
 
 use limpid::frames::FrameSpec;
-use limpid::glam::Vec3;
+use limpid::glam::DVec3;
 use limpid::input::Input;
 use limpid::scene::Scene;
 use serde::Serialize;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A scene, a particle file, a pattern or a folder.
+    /// A scene or recipe, a particle file, a pattern or a folder.
     input: String,
     /// Frames to describe [default: the first].
     #[arg(long, allow_hyphen_values = true)]
@@ -37,8 +37,8 @@ struct FrameInfo {
     frame: i64,
     path: String,
     particles: usize,
-    min: [f32; 3],
-    max: [f32; 3],
+    min: [f64; 3],
+    max: [f64; 3],
     attributes: Vec<&'static str>,
     /// m; estimated from the spacing unless given, none for a lone particle.
     radius: Option<f32>,
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let scene = match &input.scene {
         Some(scene) => scene.clone(),
-        None => Scene::around(-Vec3::ONE, Vec3::ONE, 1.0),
+        None => Scene::around(-DVec3::ONE, DVec3::ONE, 1.0),
     };
     for frame in chosen {
         let particles = input.particles(frame)?;
@@ -81,8 +81,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             frame: frame.number,
             path: frame.path.display().to_string(),
             particles: particles.len(),
-            min: min.to_array(),
-            max: max.to_array(),
+            min: min.to_array().map(shortest),
+            max: max.to_array().map(shortest),
             attributes: attributes.iter().filter(|(_, has)| *has).map(|(name, _)| *name).collect(),
             radius: loaded.as_ref().map(|loaded| loaded.splats.radius),
             splashes: loaded.as_ref().map(|loaded| loaded.splats.splashes.len()),
@@ -91,6 +91,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let text = if args.json { serde_json::to_string_pretty(&info)? } else { describe(&info) };
     super::print(&text)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// A 32-bit float's own digits, not those that it has as a 64-bit one.
+fn shortest(x: f64) -> f64 {
+    let single = x as f32;
+    if f64::from(single) == x { single.to_string().parse().unwrap_or(x) } else { x }
 }
 
 fn describe(info: &Info) -> String {

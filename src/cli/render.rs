@@ -13,6 +13,7 @@ use limpid::output::{self, OutputNames};
 use limpid::renderer::{Picture, Renderer};
 use limpid::scene::Scene;
 use limpid::sequence;
+use limpid::settings::Preset;
 use serde::Serialize;
 
 /// Frames read and classified before they are drawn.
@@ -23,7 +24,7 @@ type AovList = Vec<Aov>;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A scene (.toml), a particle file, a pattern such as frame_{}.bgeo, or a folder; without
+    /// A scene or recipe (.toml), a particle file, a pattern such as frame_{}.bgeo, or a folder; without
     /// one, the built-in demo.
     input: Option<String>,
     /// Draw the input's particles in this scene.
@@ -51,6 +52,10 @@ pub(crate) struct Args {
     /// Particle radius in metres, where the files have none.
     #[arg(long)]
     radius: Option<f32>,
+    /// Draw by a published method: limpid, imai2014, imai2016 or mayer2026. Replaces the scene's
+    /// settings, all but the tone mapping; --set comes after.
+    #[arg(long, value_name = "NAME")]
+    preset: Option<Preset>,
     /// Replace a setting: refract.solver=march.
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     set: Vec<String>,
@@ -78,7 +83,9 @@ struct FrameStats {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut overrides = args.set.clone();
+    // In this order: what comes later holds.
+    let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
+    overrides.extend_from_slice(&args.set);
     overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
     let (input, scene) = open(args, &overrides)?.settle(&overrides)?;
     scene.check()?;

@@ -17,7 +17,6 @@ use std::io::Read;
 use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
-use glam::Vec3;
 
 use super::{Column, Cursor, Particles, Scalar, foreign};
 use crate::error::{Error, Place, Result};
@@ -89,9 +88,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Particles> {
     }
 
     let table = file.table(points, stride, true, "points")?;
-    let xyz = Column::triple(Scalar::F32);
-    let positions = table.floats(xyz, "position", Vec3::from_array)?;
-    let mut particles = Particles::from_positions(positions);
+    let mut particles = table.particles(Column::triple(Scalar::F32))?;
     for (name, columns) in &named_columns {
         particles.attach(name, &table, columns)?;
     }

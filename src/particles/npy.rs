@@ -13,7 +13,7 @@
 
 use std::path::Path;
 
-use glam::Vec3;
+use glam::DVec3;
 
 use super::{Column, Cursor, Particles, Scalar, foreign};
 use crate::error::{Error, Result};
@@ -65,17 +65,19 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
     };
     let rows = file.count(Some(rows), "the shape")?;
 
-    let positions = if columns_first {
+    if columns_first {
         let column = Column { offset: 0, scalar };
         let mut axis = || {
             let table = file.table(rows, scalar.size(), big_endian, "one axis of the positions")?;
-            table.floats([column], "position", |[number]| number)
+            table.numbers([column], "position", |[number]| number)
         };
         let (x, y, z) = (axis()?, axis()?, axis()?);
-        x.into_iter().zip(y).zip(z).map(|((x, y), z)| Vec3::new(x, y, z)).collect()
-    } else {
-        let table = file.table(rows, 3 * scalar.size(), big_endian, "positions")?;
-        table.floats(Column::triple(scalar), "position", Vec3::from_array)?
-    };
-    Ok(Particles::from_positions(positions))
+        let places = x.into_iter().zip(y).zip(z).map(|((x, y), z)| DVec3::new(x, y, z));
+        return Ok(match scalar {
+            Scalar::F32 => Particles::from_positions(places.map(|place| place.as_vec3()).collect()),
+            _ => Particles::from_places(&places.collect::<Vec<_>>()),
+        });
+    }
+    let table = file.table(rows, 3 * scalar.size(), big_endian, "positions")?;
+    table.particles(Column::triple(scalar))
 }

@@ -7,8 +7,6 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use glam::Vec3;
-
 use super::{Column, Cursor, Particles, Scalar, Table, foreign};
 use crate::error::{Error, Result};
 
@@ -205,8 +203,7 @@ fn vertices(file: &mut Cursor<'_>, element: &Element, encoding: Encoding) -> Res
         file.table(element.count, stride, big_endian, "vertices")?
     };
 
-    let positions = table.floats(xyz, "position", Vec3::from_array)?;
-    let mut particles = Particles::from_positions(positions);
+    let mut particles = table.particles(xyz)?;
     for names in [["vx", "vy", "vz"], ["velocity_x", "velocity_y", "velocity_z"]] {
         if let Some(columns) = find_all(names) {
             particles.attach("velocity", &table, &columns)?;

@@ -8,8 +8,6 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use glam::Vec3;
-
 use super::{Column, Cursor, Particles, Scalar, Table, foreign};
 use crate::error::{Error, Result};
 
@@ -167,8 +165,7 @@ impl<'a> Vtk<'a> {
         }
         let table = self.table(rows, 3, scalar, "POINTS")?;
         let xyz = Column::triple(self.stored(scalar));
-        let positions = table.floats(xyz, "position", Vec3::from_array)?;
-        self.particles = Some(Particles::from_positions(positions));
+        self.particles = Some(table.particles(xyz)?);
         Ok(())
     }
 

@@ -7,8 +7,6 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use glam::Vec3;
-
 use super::{Column, Cursor, Particles, Scalar, Table, foreign, known_magic};
 use crate::error::Result;
 
@@ -32,8 +30,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
         }
         (table, Scalar::F32)
     };
-    let positions = table.floats(Column::triple(scalar), "position", Vec3::from_array)?;
-    Ok(Particles::from_positions(positions))
+    table.particles(Column::triple(scalar))
 }
 
 fn text_table<'a>(file: &mut Cursor<'a>) -> Result<Table<'a>> {

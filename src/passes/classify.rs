@@ -17,7 +17,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::iter::Either;
 use rayon::prelude::*;
 
-use crate::particles::Particles;
+use crate::particles::{self, Particles};
 use crate::scene::Solid;
 use crate::settings::{Classify, Kernel};
 
@@ -28,7 +28,7 @@ use crate::settings::{Classify, Kernel};
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Splat {
-    /// Centre, in metres.
+    /// Centre, in metres, from [`Splats::origin`].
     pub centre: [f32; 3],
     /// Radius r of the particle, in metres.
     pub radius: f32,
@@ -52,6 +52,9 @@ pub struct Splats {
     pub splashes: Vec<Splat>,
     /// Median particle radius, in metres.
     pub radius: f32,
+    /// The point that centres are counted from, in world space, in metres: that of the particles,
+    /// or where these are far from it their middle, so that 32-bit floats keep their digits.
+    pub origin: DVec3,
 }
 
 /// Separates a frame's particles into splashes and aggregates, and shapes them.
@@ -63,15 +66,17 @@ pub struct Splats {
 pub fn classify(particles: &Particles, default_radius: f32, settings: &Classify) -> Splats {
     let cloud = Cloud::new(particles, default_radius);
     let at_rest = density_at_rest(settings.support.into());
+    let shift = particles::origin_for(cloud.members.iter().map(|m| m.position.as_dvec3()));
     let (splashes, aggregates) = cloud.members.par_iter().partition_map(|member| {
         let near = cloud.moments(member, settings.support.into());
         if near.weight < f64::from(settings.splash_density) * at_rest {
-            Either::Left(member.splash(settings))
+            Either::Left(member.splash(settings, shift))
         } else {
-            Either::Right(member.aggregate(&near, settings))
+            Either::Right(member.aggregate(&near, settings, shift))
         }
     });
-    Splats { aggregates, splashes, radius: cloud.median_radius(default_radius) }
+    let origin = particles.origin + shift;
+    Splats { aggregates, splashes, radius: cloud.median_radius(default_radius), origin }
 }
 
 /// Lets aggregates wet the solids they rest on: a splat whose centre is within `reach` radii of a
@@ -80,11 +85,13 @@ pub fn classify(particles: &Particles, default_radius: f32, settings: &Classify)
 /// SPH boundaries hold liquid a particle's spacing off a wall. Without the copies a gap shows
 /// between the two, and in it light is totally reflected that in a real tank never meets air.
 pub fn wet(splats: &mut Splats, solids: &[Solid], reach: f32) {
+    let origin = splats.origin;
     let touching = |splat: &Splat, solid: &Solid| {
-        let centre = Vec3::from_array(splat.centre);
-        let (distance, normal) = solid.shape.distance(centre);
-        let near = distance > 0.0 && distance <= reach * splat.radius;
-        near.then(|| Splat { centre: (centre - distance * normal).to_array(), ..*splat })
+        let centre = Vec3::from_array(splat.centre).as_dvec3();
+        let (distance, normal) = solid.shape.distance(origin + centre);
+        let near = distance > 0.0 && distance <= f64::from(reach * splat.radius);
+        let moved = centre - distance * normal;
+        near.then(|| Splat { centre: moved.as_vec3().to_array(), ..*splat })
     };
     let aggregates = &splats.aggregates;
     let copies: Vec<_> = aggregates
@@ -235,12 +242,12 @@ impl Moments {
 }
 
 impl Member {
-    fn splash(&self, settings: &Classify) -> Splat {
+    fn splash(&self, settings: &Classify, shift: DVec3) -> Splat {
         let radius = f64::from(settings.splash_radius * self.radius);
-        self.splat(self.position, DMat3::from_diagonal(DVec3::splat(radius)))
+        self.splat(self.position.as_dvec3() - shift, DMat3::from_diagonal(DVec3::splat(radius)))
     }
 
-    fn aggregate(&self, near: &Moments, settings: &Classify) -> Splat {
+    fn aggregate(&self, near: &Moments, settings: &Classify, shift: DVec3) -> Splat {
         let r = f64::from(self.radius);
         let h = f64::from(settings.support) * r;
         let centre = self.position.as_dvec3() + f64::from(settings.smoothing) * h * near.mean();
@@ -248,13 +255,13 @@ impl Member {
         let (spread, directions) = eigen(near.covariance());
         let axes = r * semi_axes(spread, near.count - 1, settings);
         let ellipsoid = directions * DMat3::from_diagonal(axes) * directions.transpose();
-        self.splat(centre.as_vec3(), ellipsoid)
+        self.splat(centre - shift, ellipsoid)
     }
 
-    fn splat(&self, centre: Vec3, ellipsoid: DMat3) -> Splat {
+    fn splat(&self, centre: DVec3, ellipsoid: DMat3) -> Splat {
         let [x, y, z] = [ellipsoid.x_axis, ellipsoid.y_axis, ellipsoid.z_axis];
         Splat {
-            centre: centre.to_array(),
+            centre: centre.as_vec3().to_array(),
             radius: self.radius,
             diagonal: DVec3::new(x.x, y.y, z.z).as_vec3().to_array(),
             particle: self.particle,

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{UVec2, Vec3};
+use glam::{DVec3, UVec2, Vec3};
 use wgpu::TextureViewDimension::D2;
 
 use super::{CameraBinding, GBuffer, Layers};
@@ -39,7 +39,7 @@ pub struct SceneUniform {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct SolidData {
-    /// A point of the plane; the centre of a box or sphere, m.
+    /// A point of the plane; the centre of a box or sphere, m, seen from the eye.
     pub origin: [f32; 3],
     /// 0 plane, 1 box, 2 sphere.
     pub shape: u32,
@@ -55,13 +55,17 @@ pub struct SolidData {
     pub odd: [f32; 3],
     /// 1 if the colour is an albedo.
     pub lit: u32,
+    /// Where the eye is in the checker, in tiles modulo 2.
+    pub phase: [f32; 3],
+    /// Alignment.
+    pub pad: u32,
 }
 
 /// `Light` of `common/scene.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct LightData {
-    /// A sun's direction towards it, or a point light's position.
+    /// A sun's direction towards it, or a point light's position seen from the eye, m.
     pub place: [f32; 3],
     /// 0 sun, 1 point.
     pub kind: u32,
@@ -71,7 +75,7 @@ pub struct LightData {
     pub pad: u32,
 }
 
-/// Solids that a scene can have: 32 KiB of uniform memory.
+/// Solids that a scene can have: 40 KiB of uniform memory.
 pub const MAX_SOLIDS: usize = 512;
 
 /// Lights that a scene can have.
@@ -113,7 +117,9 @@ pub(crate) struct SceneBinding {
     pub(crate) group: wgpu::BindGroup,
     /// What pipelines are specialised for.
     pub(crate) variant: SceneVariant,
-    uploaded: Option<(Vec<Solid>, Vec<Light>, Environment)>,
+    solids: wgpu::Buffer,
+    lights: wgpu::Buffer,
+    environment: Environment,
 }
 
 impl SceneBinding {
@@ -126,25 +132,25 @@ impl SceneBinding {
             gpu::sampled(D2),
         ];
         let layout = gpu.layout("scene", wgpu::ShaderStages::COMPUTE, &bindings);
-        let group = bind(gpu, &layout, &[], &[], &Environment::default());
-        Self { layout, group, variant: SceneVariant::default(), uploaded: None }
+        let solids = gpu::uniform_buffer::<[SolidData; MAX_SOLIDS]>(gpu, "solids");
+        let lights = gpu::uniform_buffer::<[LightData; MAX_LIGHTS]>(gpu, "lights");
+        let environment = Environment::default();
+        let group = bind(gpu, &layout, &solids, &lights, &environment);
+        Self { layout, group, variant: SceneVariant::default(), solids, lights, environment }
     }
 
-    /// Uploads a scene's solids, lights and environment.
-    pub(crate) fn upload(&mut self, gpu: &Gpu, scene: &Scene) {
-        if self.uploaded.as_ref().is_some_and(|(solids, lights, environment)| {
-            *solids == scene.solids
-                && *lights == scene.lights
-                && same(environment, &scene.environment)
-        }) {
-            return;
+    /// Uploads a scene's solids and lights as `eye` sees them, and its environment if it is new.
+    pub(crate) fn upload(&mut self, gpu: &Gpu, scene: &Scene, eye: DVec3) {
+        let solids: Vec<_> = scene.solids.iter().map(|solid| solid_data(solid, eye)).collect();
+        let lights: Vec<_> = scene.lights.iter().map(|light| light_data(light, eye)).collect();
+        gpu.queue.write_buffer(&self.solids, 0, bytemuck::cast_slice(&solids));
+        gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights));
+        if !same(&self.environment, &scene.environment) {
+            let environment = &scene.environment;
+            self.group = bind(gpu, &self.layout, &self.solids, &self.lights, environment);
+            self.environment = environment.clone();
         }
-        let solids: Vec<_> = scene.solids.iter().map(solid_data).collect();
-        let lights: Vec<_> = scene.lights.iter().map(light_data).collect();
-        self.group = bind(gpu, &self.layout, &solids, &lights, &scene.environment);
         self.variant = SceneVariant::new(scene);
-        self.uploaded =
-            Some((scene.solids.clone(), scene.lights.clone(), scene.environment.clone()));
     }
 }
 
@@ -162,8 +168,8 @@ fn same(a: &Environment, b: &Environment) -> bool {
 fn bind(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,
-    solids: &[SolidData],
-    lights: &[LightData],
+    solids: &wgpu::Buffer,
+    lights: &wgpu::Buffer,
     environment: &Environment,
 ) -> wgpu::BindGroup {
     let one_pixel = [[0f32; 4]];
@@ -182,13 +188,6 @@ fn bind(
         ..Zeroable::zeroed()
     };
     let uniform = gpu::buffer_with(gpu, "scene", wgpu::BufferUsages::UNIFORM, &[uniform]);
-    let mut all_solids = [SolidData::zeroed(); MAX_SOLIDS];
-    all_solids[..solids.len()].copy_from_slice(solids);
-    let mut all_lights = [LightData::zeroed(); MAX_LIGHTS];
-    all_lights[..lights.len()].copy_from_slice(lights);
-    let usage = wgpu::BufferUsages::UNIFORM;
-    let solids = gpu::buffer_with(gpu, "solids", usage, &all_solids);
-    let lights = gpu::buffer_with(gpu, "lights", usage, &all_lights);
     let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
     let format = wgpu::TextureFormat::Rgba32Float;
     let map = gpu::texture(gpu, "environment", size, 1, format, usage);
@@ -211,18 +210,29 @@ fn bind(
     gpu::bind_group(gpu, "scene", layout, &resources)
 }
 
-fn solid_data(solid: &Solid) -> SolidData {
+fn solid_data(solid: &Solid, eye: DVec3) -> SolidData {
     let (shape, origin, extent, half_extent) = match solid.shape {
-        Shape::Plane { origin, normal, half_extent } => (0, origin, normal, half_extent.min(1e30)),
-        Shape::Box { min, max } => (1, 0.5 * (min + max), 0.5 * (max - min), 0.0),
-        Shape::Sphere { center, radius } => (2, center, Vec3::splat(radius), 0.0),
+        Shape::Plane { origin, normal, half_extent } if half_extent < f32::INFINITY => {
+            (0, origin - eye, normal, half_extent)
+        }
+        // A whole plane goes by its point nearest to the eye, which has the most digits.
+        Shape::Plane { origin, normal, .. } => {
+            (0, (origin - eye).project_onto(normal.as_dvec3()), normal, 1e30)
+        }
+        Shape::Box { min, max } => (1, 0.5 * (min + max) - eye, (0.5 * (max - min)).as_vec3(), 0.0),
+        Shape::Sphere { center, radius } => (2, center - eye, Vec3::splat(radius), 0.0),
     };
     let (even, tile, odd) = match solid.surface {
         Surface::Color(color) => (color, 0.0, color),
         Surface::Checker { tile, even, odd } => (even, tile, odd),
     };
+    // Tiles are counted from the world's origin, wherever that is.
+    let phase = match tile {
+        0.0 => DVec3::ZERO,
+        tile => (eye / f64::from(tile)).rem_euclid(DVec3::splat(2.0)),
+    };
     SolidData {
-        origin: origin.to_array(),
+        origin: origin.as_vec3().to_array(),
         shape,
         extent: extent.to_array(),
         half_extent,
@@ -230,13 +240,15 @@ fn solid_data(solid: &Solid) -> SolidData {
         tile,
         odd: odd.to_array(),
         lit: u32::from(solid.lit),
+        phase: phase.as_vec3().to_array(),
+        pad: 0,
     }
 }
 
-fn light_data(light: &Light) -> LightData {
+fn light_data(light: &Light, eye: DVec3) -> LightData {
     let (kind, place, power) = match *light {
         Light::Sun { direction, irradiance } => (0, -direction.normalize_or_zero(), irradiance),
-        Light::Point { position, intensity } => (1, position, intensity),
+        Light::Point { position, intensity } => (1, (position - eye).as_vec3(), intensity),
     };
     LightData { place: place.to_array(), kind, power: power.to_array(), pad: 0 }
 }
@@ -256,7 +268,7 @@ impl Gbuffer {
         let bindings =
             [gpu::storage_texture(Layers::FORMAT, D2), gpu::storage_texture(Layers::FORMAT, D2)];
         let layout = gpu.layout("gbuffer", wgpu::ShaderStages::COMPUTE, &bindings);
-        Self { images: sized(gpu, UVec2::ONE), pipelines: HashMap::new(), layout }
+        Self { images: sized(gpu, UVec2::ONE, 1), pipelines: HashMap::new(), layout }
     }
 
     /// Compiles the pipeline for the bound scene if it is new.
@@ -268,9 +280,9 @@ impl Gbuffer {
         });
     }
 
-    /// Replaces the images.
-    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2) {
-        self.images = sized(gpu, size);
+    /// Replaces the images, the planes by ones of so many mip levels.
+    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2, levels: u32) {
+        self.images = sized(gpu, size, levels);
     }
 
     /// Draws the solids as the camera sees them.
@@ -282,8 +294,8 @@ impl Gbuffer {
         scene: &SceneBinding,
         span: Span<'_>,
     ) {
-        let views = [&self.images.planes, &self.images.radiance]
-            .map(|texture| texture.create_view(&Default::default()));
+        let views =
+            [&self.images.planes, &self.images.radiance].map(|texture| gpu::layer_view(texture, 0));
         let resources = views.each_ref().map(wgpu::BindingResource::TextureView);
         let group = gpu::bind_group(gpu, "gbuffer", &self.layout, &resources);
         let planes = &self.images.planes;
@@ -300,10 +312,12 @@ impl Gbuffer {
     }
 }
 
-fn sized(gpu: &Gpu, size: UVec2) -> GBuffer {
+fn sized(gpu: &Gpu, size: UVec2, levels: u32) -> GBuffer {
     let usage = wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
-    let new = |label: &str| gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage);
-    GBuffer { planes: new("gbuffer planes"), radiance: new("gbuffer radiance") }
+    let new = |label: &str, levels: u32| {
+        gpu::mipped_texture(gpu, label, size, 1, levels, Layers::FORMAT, usage)
+    };
+    GBuffer { planes: new("gbuffer planes", levels), radiance: new("gbuffer radiance", 1) }
 }

@@ -32,10 +32,14 @@ pub struct Params {
     pub interfaces: u32,
     /// Strong internal reflections followed per ray.
     pub internal_bounces: u32,
-    /// Iterations of the `newton` intersector.
+    /// Iterations of `newton` and `secant`.
     pub iterations: u32,
+    /// Rays per pixel of background with an edge in it.
+    pub edge_samples: u32,
+    /// Share of the picture's height that `guarded` may step over unseen.
+    pub reach: f32,
     /// Alignment.
-    pub pad: [u32; 3],
+    pub pad: u32,
 }
 
 /// What one specialisation of the shader is made for.
@@ -43,6 +47,10 @@ pub struct Params {
 pub(crate) struct Variant {
     /// The intersector.
     pub solver: Solver,
+    /// `newton` reads mip levels.
+    pub filter: bool,
+    /// Pixels between samples of `march`.
+    pub stride: u32,
     /// The frame has splashes.
     pub splash: bool,
     /// The liquid absorbs.
@@ -67,6 +75,9 @@ impl Variant {
         let settings = &scene.settings.refract;
         Self {
             solver: settings.solver,
+            // What other intersectors do not read shall not make a variant of them.
+            filter: settings.filter && settings.solver == Solver::Newton,
+            stride: if settings.solver == Solver::March { settings.stride } else { 1 },
             splash,
             absorption: scene.liquid.absorption.max_element() > 0.0,
             fresnel: settings.fresnel,
@@ -78,15 +89,34 @@ impl Variant {
         }
     }
 
-    fn shader(self) -> &'static str {
+    pub(crate) fn shader(self) -> &'static str {
         match self.solver {
             Solver::Guarded => "refract/guarded.wgsl",
             Solver::March => "refract/march.wgsl",
             Solver::Newton => "refract/newton.wgsl",
+            Solver::Secant => "refract/secant.wgsl",
+            Solver::Plane => "refract/plane.wgsl",
+            Solver::Plane3 => "refract/plane3.wgsl",
+            Solver::Single => "refract/single.wgsl",
         }
     }
 
-    fn constants(self) -> [(&'static str, f64); 8] {
+    /// Whether its intersector reads mip levels of the layers.
+    pub(crate) fn mips(self) -> bool {
+        self.filter || self.solver == Solver::Plane3
+    }
+
+    pub(crate) fn constants(self) -> Vec<(&'static str, f64)> {
+        let mut constants = self.switches().to_vec();
+        match self.solver {
+            Solver::Newton => constants.push(("FILTER", f64::from(u8::from(self.filter)))),
+            Solver::March => constants.push(("STRIDE", self.stride.into())),
+            _ => {}
+        }
+        constants
+    }
+
+    fn switches(self) -> [(&'static str, f64); 8] {
         [
             ("SPLASH", self.splash),
             ("ABSORPTION", self.absorption),
@@ -234,7 +264,9 @@ impl Params {
             interfaces: settings.interfaces,
             internal_bounces: settings.internal_bounces,
             iterations: settings.iterations,
-            pad: [0; 3],
+            edge_samples: settings.edge_samples,
+            reach: settings.reach,
+            pad: 0,
         }
     }
 }

@@ -1,4 +1,6 @@
-//! Plane fitting on the aggregate layers: `shaders/smooth.wgsl`.
+//! Smoothing of the aggregate layers: `shaders/smooth/`.
+
+use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
@@ -7,9 +9,9 @@ use wgpu::TextureViewDimension::D2Array;
 use super::tiles::TileLists;
 use super::{CameraBinding, Layers};
 use crate::gpu::{self, Gpu, Span};
-use crate::settings;
+use crate::settings::{self, Filter};
 
-/// One iteration's parameters, as `smooth.wgsl` has them.
+/// One iteration's parameters, as `smooth/iterate.wgsl` has them.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Params {
@@ -23,6 +25,10 @@ pub struct Params {
     pub radius: f32,
     /// 1/σ², 1/m².
     pub inv_sigma2: f32,
+    /// δ, m.
+    pub delta: f32,
+    /// μ, m.
+    pub mu: f32,
 }
 
 impl Params {
@@ -39,6 +45,8 @@ impl Params {
                 in_radii: u32::from(in_radii),
                 radius,
                 inv_sigma2: (settings.sigma * radius).powi(-2),
+                delta: settings.delta * radius,
+                mu: settings.mu * radius,
             })
             .collect()
     }
@@ -50,7 +58,7 @@ pub(crate) struct Smooth {
     /// Output: smoothed planes.
     pub layers: Layers,
     prepare: wgpu::ComputePipeline,
-    fit: wgpu::ComputePipeline,
+    iterate: HashMap<Filter, wgpu::ComputePipeline>,
     planes: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     // Normal and depth, written alternately.
@@ -59,7 +67,8 @@ pub(crate) struct Smooth {
 }
 
 impl Smooth {
-    /// Compiles the pipelines; `splatted` is what it will smooth.
+    /// Compiles what all filters share, and a filter when a frame first needs it; `splatted` is
+    /// what it will smooth.
     pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding, splatted: &Layers) -> Self {
         let bindings = [
             gpu::uniform::<Params>(),
@@ -70,12 +79,13 @@ impl Smooth {
         ];
         let layout = gpu.layout("smooth", wgpu::ShaderStages::COMPUTE, &bindings);
         let layouts = [&camera.layout, &layout];
-        let pipeline =
-            |entry: &str| gpu::compute_pipeline(gpu, "smooth.wgsl", entry, &layouts, &[]);
+        let pipeline = |entry: &str| {
+            gpu::compute_pipeline(gpu, shader(Filter::PlaneFit), entry, &layouts, &[])
+        };
         let (layers, states) = sized(gpu, splatted);
         Self {
             prepare: pipeline("prepare"),
-            fit: pipeline("fit"),
+            iterate: HashMap::new(),
             planes: pipeline("planes"),
             layers,
             layout,
@@ -84,19 +94,30 @@ impl Smooth {
         }
     }
 
-    /// Replaces the layers by ones of the size of `splatted`.
+    /// Replaces the layers by ones of the size and mip levels of `splatted`.
     pub(crate) fn resize(&mut self, gpu: &Gpu, splatted: &Layers) {
         (self.layers, self.states) = sized(gpu, splatted);
         self.splatted = splatted.clone();
     }
 
-    /// Smooths the splatted layers into [`Smooth::layers`].
+    /// Compiles `filter` if it is new.
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, filter: Filter) {
+        let layouts = [&camera.layout, &self.layout];
+        self.iterate.entry(filter).or_insert_with(|| {
+            gpu::compute_pipeline(gpu, shader(filter), "iterate", &layouts, &[])
+        });
+    }
+
+    /// Smooths the splatted layers into [`Smooth::layers`] by a filter that [`Smooth::prepare`] was
+    /// given.
+    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         camera: &CameraBinding,
         tiles: &TileLists,
+        filter: Filter,
         iterations: &[Params],
         span: Span<'_>,
     ) {
@@ -120,10 +141,11 @@ impl Smooth {
                         to: &Layers| {
             // A buffer per iteration: a uniform written twice holds the last value for the frame.
             let params = gpu::buffer_with(gpu, "smooth", wgpu::BufferUsages::UNIFORM, &[*params]);
+            let target = gpu::level_view(&to.texture, 0);
             let resources = [
                 params.as_entire_binding(),
                 wgpu::BindingResource::TextureView(&from.view),
-                wgpu::BindingResource::TextureView(&to.view),
+                wgpu::BindingResource::TextureView(&target),
                 wgpu::BindingResource::TextureView(&self.splatted.view),
                 tiles.liquid.as_entire_binding(),
             ];
@@ -135,10 +157,18 @@ impl Smooth {
         let Some(last) = iterations.last() else { return };
         step(&self.prepare, last, &self.splatted, from);
         for params in iterations {
-            step(&self.fit, params, from, to);
+            step(&self.iterate[&filter], params, from, to);
             (from, to) = (to, from);
         }
         step(&self.planes, last, from, &self.layers);
+    }
+}
+
+fn shader(filter: Filter) -> &'static str {
+    match filter {
+        Filter::PlaneFit => "smooth/plane_fit.wgsl",
+        Filter::Bilateral => "smooth/bilateral.wgsl",
+        Filter::NarrowRange => "smooth/narrow_range.wgsl",
     }
 }
 
@@ -148,6 +178,7 @@ fn sized(gpu: &Gpu, splatted: &Layers) -> (Layers, [Layers; 2]) {
         | wgpu::TextureUsages::RENDER_ATTACHMENT
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
-    let new = |label: &str| Layers::new(gpu, label, size, usage);
-    (new("smoothed layers"), [new("smooth state 0"), new("smooth state 1")])
+    let new = |label: &str, levels| Layers::new(gpu, label, size, levels, usage);
+    let levels = splatted.texture.mip_level_count();
+    (new("smoothed layers", levels), [new("smooth state 0", 1), new("smooth state 1", 1)])
 }

@@ -80,13 +80,13 @@ impl Splat {
             pipeline(Layers::FRONT, wgpu::CompareFunction::Greater),
             pipeline(Layers::BACK, wgpu::CompareFunction::Less),
         ];
-        let (layers, depth) = sized(gpu, UVec2::ONE);
+        let (layers, depth) = sized(gpu, UVec2::ONE, 1);
         Self { layers, depth, pipelines, layout, chunks: Vec::new() }
     }
 
-    /// Replaces the layers.
-    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2) {
-        (self.layers, self.depth) = sized(gpu, size);
+    /// Replaces the layers by ones of so many mip levels.
+    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2, levels: u32) {
+        (self.layers, self.depth) = sized(gpu, size, levels);
     }
 
     /// Uploads the frame's splats.
@@ -159,11 +159,12 @@ impl Splat {
     }
 }
 
-fn sized(gpu: &Gpu, size: UVec2) -> (Layers, wgpu::TextureView) {
+fn sized(gpu: &Gpu, size: UVec2, levels: u32) -> (Layers, wgpu::TextureView) {
     let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
+        | wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
-    let layers = Layers::new(gpu, "splat layers", size, usage);
+    let layers = Layers::new(gpu, "splat layers", size, levels, usage);
     let usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
     let depth = gpu::texture(gpu, "splat depth", size, 1, DEPTH, usage);
     (layers, depth.create_view(&Default::default()))

@@ -161,15 +161,23 @@ pub(crate) fn sphere(centre: Vec3, radius: f32) -> Splat {
 
 /// Splats of a liquid whose particles have radius r.
 pub(crate) fn splats(aggregates: &[Splat], splashes: &[Splat], r: f32) -> Splats {
-    Splats { aggregates: aggregates.to_vec(), splashes: splashes.to_vec(), radius: r }
+    Splats {
+        aggregates: aggregates.to_vec(),
+        splashes: splashes.to_vec(),
+        radius: r,
+        origin: DVec3::ZERO,
+    }
 }
 
 /// Clear water under a white sky, unsmoothed, so that the layers are the ellipsoids themselves.
 pub(crate) fn scene() -> Scene {
     let mut settings = Settings::default();
     settings.smooth.iterations = 0;
+    settings.refract.edge_samples = 1;
     Scene {
         particles: None,
+        recipe: None,
+        views: Vec::new(),
         liquid: Liquid { ior: 1.33, absorption: Vec3::ZERO },
         camera: None,
         environment: Environment::Constant(Vec3::ONE),
@@ -186,7 +194,8 @@ pub(crate) fn glowing(shape: Shape, color: Vec3) -> Solid {
 
 /// A camera at `distance` on the z axis that looks at the origin: view space is the world, moved.
 pub(crate) fn on_axis(distance: f32, fov_y: f32) -> Camera {
-    Camera { eye: Vec3::Z * distance, target: Vec3::ZERO, up: Vec3::Y, fov_y, near: None }
+    let eye = DVec3::Z * f64::from(distance);
+    Camera { eye, target: DVec3::ZERO, up: Vec3::Y, fov_y, near: None }
 }
 
 /// A camera in 64 bits.
@@ -201,8 +210,8 @@ pub(crate) struct View {
 
 impl View {
     pub(crate) fn new(camera: &Camera, size: UVec2) -> Self {
-        let eye = camera.eye.as_dvec3();
-        let back = (eye - camera.target.as_dvec3()).normalize();
+        let eye = camera.eye;
+        let back = (eye - camera.target).normalize();
         let right = camera.up.as_dvec3().cross(back).normalize();
         let tangent_y = (0.5 * f64::from(camera.fov_y).to_radians()).tan();
         let size = size.as_dvec2();

@@ -42,7 +42,7 @@ pub(crate) struct View {
 
 impl View {
     pub(crate) fn new(camera: &Camera, size: UVec2) -> Self {
-        let uniform = camera.uniform(size);
+        let uniform = camera.uniform(size, DVec3::ZERO);
         Self {
             uniform,
             size: uniform.size.as_dvec2(),
@@ -54,8 +54,8 @@ impl View {
     /// 45 degrees, wherever it is.
     pub(crate) fn of_size(width: u32, height: u32, near: f32) -> Self {
         let camera = Camera {
-            eye: Vec3::new(1.0, 2.0, 3.0),
-            target: Vec3::ZERO,
+            eye: DVec3::new(1.0, 2.0, 3.0),
+            target: DVec3::ZERO,
             up: Vec3::Y,
             fov_y: 45.0,
             near: Some(near),

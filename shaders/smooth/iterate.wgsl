@@ -1,8 +1,8 @@
-// Smoothing of the aggregate layers by iterated plane fitting: Imai, Kanamori and Mitani,
-// Real-Time Screen-Space Liquid Rendering with Complex Refractions (2016), eqs. 1 to 5.
+// Smoothing of the aggregate layers, iterated.
 //
 // `prepare` turns planes into the state (unsmoothed normal, depth), so that a tap is one fetch;
-// `fit` is one iteration; `planes` turns the smoothed depths back into planes.
+// `iterate` is one iteration, from one state to another; `planes` turns the smoothed depths back
+// into planes. The filter, `smoothed`, is the root's.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
@@ -14,6 +14,8 @@ struct Params {
     in_radii: u32,
     radius: f32,      // particle radius, m
     inv_sigma2: f32,  // 1 / sigma^2, 1/m^2
+    delta: f32,       // half the range of depths that are one surface, m
+    mu: f32,          // how far behind the centre what is out of that range is taken to be, m
 }
 
 @group(1) @binding(0) var<uniform> params: Params;
@@ -43,66 +45,39 @@ fn prepare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
 }
 
 @compute @workgroup_size(8, 8)
-fn fit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+fn iterate(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
     let index = tile_index(group);
     if index >= liquid.count {
         return;
     }
     let p = tile_pixel(liquid.tiles[index], local.xy);
     let layer = i32(group.z);
-    let size = vec2i(camera.size);
-    if any(p >= size) {
+    if any(p >= vec2i(camera.size)) {
         return;
     }
-    let here = textureLoad(source, p, layer, 0);
+    var state = textureLoad(source, p, layer, 0);
     // Empty, or a mark that the ray starts inside: kept, and no neighbour's tap.
-    if here.w <= camera.near {
-        textureStore(target_layers, p, layer, here);
-        return;
+    if state.w > camera.near {
+        state.w = smoothed(p, layer, state.w);
     }
-    let z_i = here.w;
+    textureStore(target_layers, p, layer, state);
+}
+
+// Distance between the taps of a pixel at depth `z`, in pixels.
+fn tap_stride(z: f32) -> i32 {
     var stride = i32(params.stride);
     if params.in_radii != 0u {
-        let pixels_per_radius = params.radius * camera.size.y / (2.0 * camera.tangent.y * z_i);
+        let pixels_per_radius = params.radius * camera.size.y / (2.0 * camera.tangent.y * z);
         stride = i32(params.stride * pixels_per_radius + 0.5);
     }
-    stride = clamp(stride, 1, max(size.x, size.y));
+    return clamp(stride, 1, i32(max(camera.size.x, camera.size.y)));
+}
 
-    // Weighted sums of eqs. 2 to 4. The mean point is kept relative to the centre, in units of
-    // the tap: sums of absolute positions would lose digits at a distance.
-    let per_pixel = vec2f(2.0, -2.0) * camera.tangent / camera.size;
-    let omega = camera_omega(vec2f(p) + 0.5);
-    var sum_w = 0.0;
-    var sum_n = vec3f(0.0);
-    var sum_p = vec3f(0.0);
-    for (var y = -params.taps; y <= params.taps; y++) {
-        for (var x = -params.taps; x <= params.taps; x++) {
-            let offset = vec2i(x, y) * stride;
-            let q = p + offset;
-            if any(q < vec2i(0)) || any(q >= size) {
-                continue;
-            }
-            let tap = textureLoad(source, q, layer, 0);
-            if tap.w <= camera.near {
-                continue;
-            }
-            let dz = tap.w - z_i;
-            let w = exp(-dz * dz * params.inv_sigma2);
-            sum_w += w;
-            sum_n += w * tap.xyz;
-            sum_p += w * (dz * omega + vec3f(tap.w * vec2f(offset) * per_pixel, 0.0));
-        }
-    }
-    // Eq. 5 as a step from the old depth: n.(mean - p_i) / n.omega.
-    let n_length = length(sum_n);
-    let n = sum_n / max(n_length, 1e-20);
-    let slope = dot(n, omega) / length(omega);
-    let dz = dot(n, sum_p) / (sum_w * dot(n, omega));
-    // Keep the depth where the fit says nothing: opposing normals, a plane seen edge-on, a step
-    // larger than the weights' own reach, or one past the near plane.
-    let keep = n_length < 1e-3 * sum_w || abs(slope) < 0.02 || !(dz * dz * params.inv_sigma2 < 1.0)
-        || z_i + dz <= camera.near;
-    textureStore(target_layers, p, layer, vec4f(here.xyz, select(z_i + dz, z_i, keep)));
+// Weight of a tap by its distance from the centre, in taps: a Gaussian whose sigma is half of the
+// way to the window's edge.
+fn tap_weight(offset: vec2i) -> f32 {
+    let reach = f32(params.taps);
+    return exp(-2.0 * f32(dot(offset, offset)) / (reach * reach));
 }
 
 @compute @workgroup_size(8, 8)

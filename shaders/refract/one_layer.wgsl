@@ -1,0 +1,98 @@
+// What the intersectors of the source papers share: each knows one layer of one class at a time.
+//
+// A root imports this file and supplies
+//     fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface
+// A ray that it does not solve falls back, inside the liquid, on `single`.
+
+#import refract/interfaces.wgsl
+
+fn clamped_texel(u: vec2f) -> vec2i {
+    return clamp(vec2i(floor(u)), vec2i(0), vec2i(camera.size) - 1);
+}
+
+// Whether tau is a point of the picture, perhaps beyond the solid that ends the ray: what lies there
+// is an answer too.
+fn on_ray(ray: ScreenRay, tau: f32) -> bool {
+    let u = ray.u + tau * ray.du;
+    return tau >= 0.0 && ray.disparity + tau * ray.d_disparity > 0.0
+        && all(u >= vec2f(0.0)) && all(u <= camera.size);
+}
+
+fn plane_at(layer_class: i32, side: i32, u: vec2f) -> vec3f {
+    diagnosed.iterations += 1.0;
+    return class_plane(layer_class, side, clamped_texel(u));
+}
+
+// Offset of the lookup per unit normal and unit thickness (Sousa; the value in Mayer's code).
+const SINGLE_OFFSET: f32 = 0.15;
+
+// One lookup, offset by the surface's normal (Sousa, Generic Refraction Simulation, GPU Gems 2,
+// 2005), here scaled by the thickness on the screen; where that finds nothing, straight behind.
+fn single(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
+    var normal_plane = plane_at(AGGREGATE, FRONT, ray.u);
+    if SPLASH {
+        let splash = plane_at(SPLASHES, FRONT, ray.u);
+        if dot(splash, ray.omega) > dot(normal_plane, ray.omega) {
+            normal_plane = splash;
+        }
+    }
+    let behind = plane_at(layer_class, side, ray.u);
+    let disparity = dot(behind, ray.omega);
+    if plane_is_empty(normal_plane) || disparity <= 0.0 || disparity >= ray.disparity {
+        return no_interface();
+    }
+    let thickness = 1.0 / disparity - 1.0 / ray.disparity;
+    let pixels_per_metre = 0.5 * camera.size.y * ray.disparity / camera.tangent.y;
+    let n = -normalize(normal_plane);
+    var u = ray.u + SINGLE_OFFSET * thickness * pixels_per_metre * vec2f(-n.x, n.y);
+    var plane = plane_at(layer_class, side, u);
+    if plane_is_empty(plane) || any(u < vec2f(0.0)) || any(u >= camera.size) {
+        u = ray.u;
+        plane = behind;
+    }
+    let to = camera_omega(u);
+    return Interface(true, to / dot(plane, to), plane, clamped_texel(u));
+}
+
+fn class_exit(layer_class: i32, ray: ScreenRay) -> Interface {
+    let hit = intersect(layer_class, BACK, ray);
+    if hit.found {
+        return hit;
+    }
+    let guess = single(layer_class, BACK, ray);
+    // One that is not even guessed is counted by the caller.
+    diagnosed.failures += select(0.0, 1.0, guess.found);
+    return guess;
+}
+
+fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
+    if !SPLASH {
+        return class_exit(AGGREGATE, ray);
+    }
+    let slabs = load_slabs(texel);
+    let splash = slab_leave(slabs.splash_front, slabs.splash_back, ray, 0.0, AT_START);
+    let aggregate = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, 0.0, AT_START);
+    let o = screen_ray_point(ray, 0.0);
+    var hit = no_interface();
+    if splash.inside {
+        hit = class_exit(SPLASHES, ray);
+    }
+    if aggregate.inside || !hit.found {
+        let other = class_exit(AGGREGATE, ray);
+        if other.found && (!hit.found || distance(o, other.position) > distance(o, hit.position)) {
+            hit = other;
+        }
+    }
+    return hit;
+}
+
+// Accepts only a hit from in front of the layer, and not the surface that the ray has just left.
+fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
+    let hit = intersect(layer_class, FRONT, ray);
+    let ahead = dot(hit.plane, ray.direction) > 0.0;
+    let o = screen_ray_point(ray, 0.0);
+    if hit.found && ahead && distance(o, hit.position) > 1e-4 * -o.z {
+        return hit;
+    }
+    return no_interface();
+}

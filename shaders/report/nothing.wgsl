@@ -1,0 +1,11 @@
+// No intersector: what a measurement costs besides.
+
+#import refract/interfaces.wgsl
+
+fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
+    return interface_at(ray, 0.5, vec3f(0.0, 0.0, -1.0), texel);
+}
+
+fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
+    return interface_at(ray, 0.5, vec3f(0.0, 0.0, -1.0), vec2i(0));
+}

@@ -1,0 +1,71 @@
+// `narrow-range`: Truong and Yuksel, A Narrow-Range Filter for Screen-Space Fluid Rendering
+// (2018), over the whole window.
+//
+// Depths within delta of the centre's are averaged. What is farther behind, nothing at all
+// included, counts as mu behind the centre, so that edges are round; what is nearer is another
+// surface and has no weight, nor has the tap opposite to it, whose pull would have no counterpart.
+// Surfaces may leave the range gradually: each accepted tap widens it for those farther out.
+// For backs, which the paper does not treat, behind is towards the eye.
+
+#import smooth/iterate.wgsl
+
+fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
+    let stride = tap_stride(z_i);
+    let behind = select(1.0, -1.0, layer == BACK);
+    var sum_w = 1.0;
+    var sum_dz = 0.0;
+    var alone = true;
+    var range = vec2f(-params.delta, params.delta);
+    // Outwards in square rings, so that the range grows alike on all sides.
+    for (var ring = 1; ring <= params.taps; ring++) {
+        var widened = range;
+        // Half of the ring's 8 `ring` taps, each with the one opposite to it.
+        for (var i = 0; i < 4 * ring; i++) {
+            let offset = select(vec2i(ring, i - 3 * ring), vec2i(i - ring, -ring), i < 2 * ring);
+            let a = tap(p + offset * stride, layer, z_i, behind, range);
+            let b = tap(p - offset * stride, layer, z_i, behind, range);
+            let w = select(0.0, tap_weight(offset), a.counts && b.counts);
+            sum_w += 2.0 * w;
+            sum_dz += w * (a.dz + b.dz);
+            if a.in_range {
+                widened = widen(widened, a.dz);
+            }
+            if b.in_range {
+                widened = widen(widened, b.dz);
+            }
+            alone = alone && !a.in_range && !b.in_range;
+        }
+        range = widened;
+    }
+    let z = z_i + behind * sum_dz / sum_w;
+    // A pixel on its own has no shape to be smoothed, and the near plane is no place to move to.
+    return select(z, z_i, alone || z <= camera.near);
+}
+
+struct Tap {
+    dz: f32,        // how far behind the centre, m
+    counts: bool,   // not of a nearer surface
+    in_range: bool, // of the centre's surface
+}
+
+fn tap(q: vec2i, layer: i32, z_i: f32, behind: f32, range: vec2f) -> Tap {
+    if any(q < vec2i(0)) || any(q >= vec2i(camera.size)) {
+        return Tap(0.0, false, false);
+    }
+    let z = textureLoad(source, q, layer, 0).w;
+    if z <= 0.0 {
+        return Tap(params.mu, true, false);
+    }
+    let dz = behind * (z - z_i);
+    if z <= camera.near || dz < range.x {
+        return Tap(0.0, false, false);
+    }
+    if dz > range.y {
+        return Tap(params.mu, true, false);
+    }
+    return Tap(dz, true, true);
+}
+
+fn widen(range: vec2f, dz: f32) -> vec2f {
+    return vec2f(min(range.x, dz - params.delta), max(range.y, dz + params.delta));
+}

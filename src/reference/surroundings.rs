@@ -1,0 +1,278 @@
+//! What surrounds the liquid, in f64: the scene's solids, lights and environment.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec2, DVec3, Vec3Swizzles as _};
+
+use super::{Ray, wide};
+use crate::environment::Environment;
+use crate::scene::{Light, Scene, Shape, Surface};
+
+/// Everything opaque, and what is seen where there is nothing.
+#[derive(Debug, Clone)]
+pub struct Surroundings {
+    solids: Vec<Solid>,
+    lights: Vec<Lamp>,
+    environment: Environment,
+    /// Mean radiance of the environment: it lights lit solids evenly.
+    ambient: DVec3,
+}
+
+/// Where a ray meets a solid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolidHit {
+    /// Distance along the ray, m.
+    pub t: f64,
+    /// The point.
+    pub point: DVec3,
+    /// The unit normal there: out of a box or sphere, a plane's own.
+    pub normal: DVec3,
+    /// Number of the solid in the scene, from 0.
+    pub solid: usize,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Solid {
+    form: Form,
+    surface: Surface,
+    lit: bool,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Form {
+    Plane { origin: DVec3, normal: DVec3, half_extent: f64 },
+    Box { min: DVec3, max: DVec3 },
+    Sphere { center: DVec3, radius: f64 },
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Lamp {
+    /// Unit direction towards it, and irradiance on what faces it.
+    Sun {
+        towards: DVec3,
+        irradiance: DVec3,
+    },
+    Point {
+        position: DVec3,
+        intensity: DVec3,
+    },
+}
+
+impl Surroundings {
+    /// The solids, lights and environment of a scene.
+    pub fn new(scene: &Scene) -> Self {
+        let solids = scene.solids.iter().map(|solid| Solid {
+            form: Form::new(&solid.shape),
+            surface: solid.surface,
+            lit: solid.lit,
+        });
+        let lights = scene.lights.iter().map(|light| match *light {
+            Light::Sun { direction, irradiance } => {
+                Lamp::Sun { towards: -wide(direction).normalize(), irradiance: wide(irradiance) }
+            }
+            Light::Point { position, intensity } => {
+                Lamp::Point { position: wide(position), intensity: wide(intensity) }
+            }
+        });
+        Self {
+            solids: solids.collect(),
+            lights: lights.collect(),
+            environment: scene.environment.clone(),
+            ambient: wide(scene.environment.mean()),
+        }
+    }
+
+    /// The nearest solid ahead.
+    pub fn hit(&self, ray: &Ray) -> Option<SolidHit> {
+        let hits = self.solids.iter().enumerate().filter_map(|(solid, s)| {
+            let t = s.form.distance(ray)?;
+            Some((t, solid))
+        });
+        let (t, solid) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let point = ray.at(t);
+        Some(SolidHit { t, point, normal: self.solids[solid].form.normal(point), solid })
+    }
+
+    /// Radiance seen along a ray in the absence of liquid.
+    pub fn radiance(&self, ray: &Ray) -> DVec3 {
+        match self.hit(ray) {
+            Some(hit) => self.solid_radiance(&hit, ray.direction),
+            None => self.environment(ray.direction),
+        }
+    }
+
+    /// Radiance that a solid sends against `direction`: its colour, or Lambert's reflection of
+    /// lights (no shadows) and of the environment's mean.
+    pub fn solid_radiance(&self, hit: &SolidHit, direction: DVec3) -> DVec3 {
+        let solid = &self.solids[hit.solid];
+        let color = solid.color(hit.point, hit.normal);
+        if !solid.lit {
+            return color;
+        }
+        // Both sides of a plane are lit.
+        let normal = if direction.dot(hit.normal) > 0.0 { -hit.normal } else { hit.normal };
+        let irradiance: DVec3 = self.lights.iter().map(|l| l.irradiance(hit.point, normal)).sum();
+        color * (self.ambient + irradiance / PI)
+    }
+
+    /// Radiance from infinitely far, seen along `direction`.
+    pub fn environment(&self, direction: DVec3) -> DVec3 {
+        match &self.environment {
+            Environment::Constant(radiance) => wide(*radiance),
+            Environment::Gradient { zenith, horizon, nadir } => {
+                let end = if direction.y > 0.0 { zenith } else { nadir };
+                wide(*horizon).lerp(wide(*end), direction.y.abs())
+            }
+            Environment::Map { size, pixels } => {
+                let longitude = direction.x.atan2(-direction.z) / TAU + 0.5;
+                let latitude = direction.y.clamp(-1.0, 1.0).acos() / PI;
+                // Texel centres are at half numbers; columns go round, rows end at the poles.
+                let (width, height) = (i64::from(size.x), i64::from(size.y));
+                let at = DVec2::new(longitude, latitude) * size.as_dvec2() - 0.5;
+                let (corner, f) = (at.floor(), at - at.floor());
+                let texel = |dx: i64, dy: i64| {
+                    let x = (corner.x as i64 + dx).rem_euclid(width);
+                    let y = (corner.y as i64 + dy).clamp(0, height - 1);
+                    let [r, g, b, _] = pixels[(y * width + x) as usize];
+                    wide([r, g, b].map(f64::from))
+                };
+                let top = texel(0, 0).lerp(texel(1, 0), f.x);
+                let low = texel(0, 1).lerp(texel(1, 1), f.x);
+                top.lerp(low, f.y)
+            }
+        }
+    }
+}
+
+impl Form {
+    fn new(shape: &Shape) -> Self {
+        let real = |x: f32| f64::from(x);
+        match *shape {
+            Shape::Plane { origin, normal, half_extent } => Self::Plane {
+                origin: wide(origin),
+                normal: wide(normal).normalize(),
+                half_extent: real(half_extent),
+            },
+            Shape::Box { min, max } => Self::Box { min: wide(min), max: wide(max) },
+            Shape::Sphere { center, radius } => {
+                Self::Sphere { center: wide(center), radius: real(radius) }
+            }
+        }
+    }
+
+    /// Distance along the ray to the nearest point ahead.
+    fn distance(&self, ray: &Ray) -> Option<f64> {
+        match *self {
+            Self::Plane { origin, normal, half_extent } => {
+                let t = (origin - ray.origin).dot(normal) / ray.direction.dot(normal);
+                // A ray along the plane gives an infinite or undefined distance.
+                let ahead = t > 0.0 && t.is_finite();
+                let beside = || in_plane(normal, ray.at(t) - origin).abs().max_element();
+                (ahead && beside() <= half_extent).then_some(t)
+            }
+            Self::Box { min, max } => {
+                let ((near, _), (far, _)) = box_span(ray, min, max)?;
+                let t = if near > 0.0 { near } else { far };
+                (t > 0.0).then_some(t)
+            }
+            Self::Sphere { center, radius } => {
+                let (near, far) = sphere_span(ray.origin - center, ray.direction, radius)?;
+                let t = if near > 0.0 { near } else { far };
+                (t > 0.0).then_some(t)
+            }
+        }
+    }
+
+    fn normal(&self, point: DVec3) -> DVec3 {
+        match *self {
+            Self::Plane { normal, .. } => normal,
+            Self::Box { min, max } => {
+                let offset = point - 0.5 * (min + max);
+                let face = offset.abs() - 0.5 * (max - min);
+                let axis = face.max_position();
+                DVec3::AXES[axis] * offset[axis].signum()
+            }
+            Self::Sphere { center, .. } => (point - center).normalize_or(DVec3::Y),
+        }
+    }
+}
+
+impl Solid {
+    fn color(&self, point: DVec3, normal: DVec3) -> DVec3 {
+        match self.surface {
+            Surface::Color(color) => wide(color),
+            Surface::Checker { tile, even, odd } => {
+                // Tiles are cubes on a sphere, squares on the rest, counted from the origin.
+                let tile = f64::from(tile);
+                let parity = match self.form {
+                    Form::Sphere { .. } => (point / tile).floor().element_sum(),
+                    _ => (in_plane(normal, point) / tile).floor().element_sum(),
+                };
+                wide(if parity.rem_euclid(2.0) < 0.5 { even } else { odd })
+            }
+        }
+    }
+}
+
+impl Lamp {
+    fn irradiance(&self, point: DVec3, normal: DVec3) -> DVec3 {
+        match *self {
+            Self::Sun { towards, irradiance } => irradiance * normal.dot(towards).max(0.0),
+            Self::Point { position, intensity } => {
+                let to_light = position - point;
+                let distance2 = to_light.length_squared().max(1e-12);
+                intensity * (normal.dot(to_light).max(0.0) / (distance2 * distance2.sqrt()))
+            }
+        }
+    }
+}
+
+/// Coordinates along the two axes most in a plane: x and z if it is horizontal.
+fn in_plane(normal: DVec3, x: DVec3) -> DVec2 {
+    let a = normal.abs();
+    if a.y >= a.x.max(a.z) {
+        x.xz()
+    } else if a.x >= a.z {
+        x.zy()
+    } else {
+        x.xy()
+    }
+}
+
+/// A place along a ray and the unit normal of the face that is crossed there.
+pub(super) type Face = (f64, DVec3);
+
+/// Where the line of a ray enters an axis-aligned box and where it leaves it.
+pub(super) fn box_span(ray: &Ray, min: DVec3, max: DVec3) -> Option<(Face, Face)> {
+    let mut near = (f64::NEG_INFINITY, DVec3::ZERO);
+    let mut far = (f64::INFINITY, DVec3::ZERO);
+    for (axis, normal) in DVec3::AXES.into_iter().enumerate() {
+        let (o, d) = (ray.origin[axis], ray.direction[axis]);
+        if d == 0.0 {
+            if o < min[axis] || o > max[axis] {
+                return None;
+            }
+            continue;
+        }
+        let (first, last) = if d > 0.0 { (min[axis], max[axis]) } else { (max[axis], min[axis]) };
+        let (enter, leave) = ((first - o) / d, (last - o) / d);
+        if enter > near.0 {
+            near = (enter, -d.signum() * normal);
+        }
+        if leave < far.0 {
+            far = (leave, d.signum() * normal);
+        }
+    }
+    (near.0 <= far.0).then_some((near, far))
+}
+
+/// Where the line o + t d enters a sphere around the origin and where it leaves it; `d` may have
+/// any length.
+pub(super) fn sphere_span(o: DVec3, d: DVec3, radius: f64) -> Option<(f64, f64)> {
+    // From the point nearest to the centre: squares of great distances would lose the sphere.
+    let d2 = d.length_squared();
+    let middle = -o.dot(d) / d2;
+    let miss = (o + middle * d).length();
+    let half2 = (radius - miss) * (radius + miss) / d2;
+    (half2 >= 0.0).then(|| (middle - half2.sqrt(), middle + half2.sqrt()))
+}

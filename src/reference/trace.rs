@@ -1,0 +1,271 @@
+//! Light followed through a liquid and its surroundings, both ways at every interface.
+
+use glam::{DMat3, DVec2, DVec3, UVec2};
+use image::{Rgb, RgbImage};
+use rayon::prelude::*;
+
+use super::optics::{Interface, transmittance};
+use super::surroundings::Surroundings;
+use super::{Crossing, Liquid, Ray, wide};
+use crate::camera::Camera;
+use crate::scene::Scene;
+
+/// Interfaces on one path that are enough for pictures.
+pub const MAX_DEPTH: u32 = 24;
+
+/// A path splits in two only while it carries more than this share of a sample's light; then it
+/// takes the brighter branch with all of the light.
+const SPLIT: f64 = 1e-3;
+
+/// A solid this little behind a surface, m and relative, is wet: coordinates of scenes and meshes
+/// that should be equal may be rounded to 32 bits.
+const TOUCH: f64 = 1e-6;
+
+/// How far from one crossing the next is looked for in [`first_last`], m and relative.
+const ONWARD: f64 = 1e-9;
+
+/// A picture in linear radiance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    /// Width and height, pixels.
+    pub size: UVec2,
+    /// Linear RGB, row by row from the top left.
+    pub pixels: Vec<DVec3>,
+}
+
+impl Image {
+    /// The picture in 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
+    pub fn to_srgb(&self) -> RgbImage {
+        let level = |c: f64| {
+            let c = c.clamp(0.0, 1.0);
+            let encoded =
+                if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+            (255.0 * encoded).round() as u8
+        };
+        RgbImage::from_fn(self.size.x, self.size.y, |x, y| {
+            let pixel = self.pixels[y as usize * self.size.x as usize + x as usize];
+            Rgb(pixel.to_array().map(level))
+        })
+    }
+}
+
+/// A camera's rays in f64.
+#[derive(Debug, Clone, Copy)]
+struct View {
+    eye: DVec3,
+    /// Columns are the axes of view space: right, up, back.
+    world_from_view: DMat3,
+    /// Tangents of half the field of view, horizontal and vertical.
+    tangent: DVec2,
+    size: DVec2,
+}
+
+impl View {
+    fn new(camera: &Camera, size: UVec2) -> Self {
+        let (eye, target) = (wide(camera.eye), wide(camera.target));
+        let back = (eye - target).normalize();
+        let right = wide(camera.up).cross(back).normalize();
+        let size = size.as_dvec2();
+        let tangent_y = (0.5 * f64::from(camera.fov_y).to_radians()).tan();
+        Self {
+            eye,
+            world_from_view: DMat3::from_cols(right, back.cross(right), back),
+            tangent: DVec2::new(tangent_y * size.x / size.y, tangent_y),
+            size,
+        }
+    }
+
+    /// The ray through a point of the picture, in pixels from the top left corner.
+    fn ray(&self, u: DVec2) -> Ray {
+        let ndc = DVec2::new(2.0, -2.0) * u / self.size + DVec2::new(-1.0, 1.0);
+        let direction = self.world_from_view * (ndc * self.tangent).extend(-1.0);
+        Ray { origin: self.eye, direction: direction.normalize() }
+    }
+}
+
+/// The picture of a liquid in a scene, with `samples` rays through each pixel of `size` and at most
+/// `max_depth` interfaces on a path (see [`MAX_DEPTH`]).
+///
+/// Absorption, Fresnel's reflectance and, where the scene's settings ask for it, the scaling of
+/// radiance by the squared index are exact; a solid ends a path. Nothing is random.
+pub fn trace(
+    liquid: &(impl Liquid + ?Sized),
+    scene: &Scene,
+    camera: &Camera,
+    size: UVec2,
+    samples: u32,
+    max_depth: u32,
+) -> Image {
+    let view = View::new(camera, size);
+    let tracer = Tracer {
+        liquid,
+        surroundings: Surroundings::new(scene),
+        ior: f64::from(scene.liquid.ior),
+        absorption: wide(scene.liquid.absorption),
+        radiance_scaling: scene.settings.refract.radiance_scaling,
+        max_depth,
+    };
+    let inside = liquid.contains(view.eye);
+    let offsets = sample_offsets(samples.max(1));
+    let mut pixels = vec![DVec3::ZERO; size.x as usize * size.y as usize];
+    pixels.par_chunks_mut(size.x.max(1) as usize).enumerate().for_each(|(y, row)| {
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let corner = DVec2::new(x as f64, y as f64);
+            let sum: DVec3 = (offsets.iter())
+                .map(|&offset| tracer.radiance(view.ray(corner + offset), inside, DVec3::ONE, 0))
+                .sum();
+            *pixel = sum / offsets.len() as f64;
+        }
+    });
+    Image { size, pixels }
+}
+
+/// Points of a pixel, stratified: Hammersley's, each in a row and a column of its own.
+fn sample_offsets(count: u32) -> Vec<DVec2> {
+    let n = f64::from(count);
+    // Reversed binary digits (van der Corput 1935), moved so that their mean is the centre.
+    let reversed = |i: u32| f64::from(i.reverse_bits()) / 2f64.powi(32);
+    let mean = (0..count).map(reversed).sum::<f64>() / n;
+    let point = |i| DVec2::new((f64::from(i) + 0.5) / n, reversed(i) + 0.5 - mean);
+    (0..count).map(point).collect()
+}
+
+struct Tracer<'a, L: ?Sized> {
+    liquid: &'a L,
+    surroundings: Surroundings,
+    ior: f64,
+    /// 1/m.
+    absorption: DVec3,
+    radiance_scaling: bool,
+    max_depth: u32,
+}
+
+impl<L: Liquid + ?Sized> Tracer<'_, L> {
+    /// Radiance seen along a ray that starts in the liquid or outside; `weight` is the share that
+    /// the sample gets of it, `depth` the interfaces so far.
+    fn radiance(&self, ray: Ray, inside: bool, weight: DVec3, depth: u32) -> DVec3 {
+        let within = |length: f64| {
+            if inside { transmittance(self.absorption, length) } else { DVec3::ONE }
+        };
+        let crossing = self.liquid.crossing(&ray, inside);
+        if let Some(hit) = self.surroundings.hit(&ray) {
+            let first = |c: &Crossing| hit.t <= c.t + TOUCH * (1.0 + c.t);
+            if crossing.as_ref().is_none_or(first) {
+                let radiance = self.surroundings.solid_radiance(&hit, ray.direction);
+                return within(hit.t) * radiance;
+            }
+        }
+        // Liquid without end, or a path as long as is allowed: as if it left here, straight on, so
+        // that no light is lost.
+        let Some(crossing) = crossing.filter(|_| depth < self.max_depth) else {
+            let scale = if inside { self.scale(1.0 / self.ior) } else { 1.0 };
+            return scale * self.surroundings.radiance(&ray);
+        };
+
+        let eta = if inside { 1.0 / self.ior } else { self.ior };
+        let interface = interface(&ray, &crossing, inside, eta);
+        let origin = ray.at(crossing.t);
+        let passed = within(crossing.t);
+        let weight = weight * passed;
+        let reflected = |weight: DVec3| {
+            let ray = Ray { origin, direction: interface.reflected };
+            self.radiance(ray, inside, weight, depth + 1)
+        };
+        let Some(direction) = interface.refracted else { return passed * reflected(weight) };
+        let refracted = |weight: DVec3| {
+            let ray = Ray { origin, direction };
+            self.scale(eta) * self.radiance(ray, !inside, weight, depth + 1)
+        };
+
+        let reflectance = interface.reflectance;
+        let lesser = reflectance.min(1.0 - reflectance);
+        passed
+            * if weight.max_element() * lesser >= SPLIT {
+                reflectance * reflected(reflectance * weight)
+                    + (1.0 - reflectance) * refracted((1.0 - reflectance) * weight)
+            } else if reflectance > 0.5 {
+                reflected(weight)
+            } else {
+                refracted(weight)
+            }
+    }
+
+    /// What radiance from behind an interface is multiplied by: L/n² is what stays the same.
+    fn scale(&self, eta: f64) -> f64 {
+        if self.radiance_scaling { 1.0 / (eta * eta) } else { 1.0 }
+    }
+}
+
+/// What a surface makes of a ray. Interpolated normals serve unless they would send light through
+/// the wrong side of the triangle; then the triangle's own do.
+fn interface(ray: &Ray, crossing: &Crossing, inside: bool, eta: f64) -> Interface {
+    let facing = |n: DVec3| if inside { -n } else { n };
+    let normal = facing(crossing.normal);
+    let shading = facing(crossing.shading);
+    let smooth = Interface::new(ray.direction, shading, eta);
+    let consistent = ray.direction.dot(shading) < 0.0
+        && smooth.reflected.dot(normal) > 0.0
+        && smooth.refracted.is_none_or(|direction| direction.dot(normal) < 0.0);
+    if consistent { smooth } else { Interface::new(ray.direction, normal, eta) }
+}
+
+/// A surface as a camera sees it, through the centres of pixels, row by row from the top left.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layer {
+    /// Depth, m: the negative z of view space; 0 where there is none.
+    pub depths: Vec<f64>,
+    /// Unit normals out of the liquid, in view space; 0 where there are none.
+    pub normals: Vec<DVec3>,
+}
+
+/// The first surface at which straight rays from a camera enter a liquid, and the last at which
+/// they leave it; solids do not hide them.
+pub fn first_last(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: UVec2) -> [Layer; 2] {
+    let view = View::new(camera, size);
+    let view_from_world = view.world_from_view.transpose();
+    let eye_inside = liquid.contains(view.eye);
+    let width = size.x.max(1) as usize;
+    let texels: Vec<_> = (0..size.x as usize * size.y as usize)
+        .into_par_iter()
+        .map(|i| {
+            let center = DVec2::new((i % width) as f64, (i / width) as f64) + 0.5;
+            let ray = view.ray(center);
+            first_last_along(liquid, &ray, eye_inside).map(|crossing| match crossing {
+                Some(crossing) => {
+                    let depth = -(view_from_world * (crossing.t * ray.direction)).z;
+                    (depth, view_from_world * crossing.shading)
+                }
+                None => (0.0, DVec3::ZERO),
+            })
+        })
+        .collect();
+    [0, 1].map(|side| Layer {
+        depths: texels.iter().map(|texel| texel[side].0).collect(),
+        normals: texels.iter().map(|texel| texel[side].1).collect(),
+    })
+}
+
+/// The first crossing into the liquid and the last out of it.
+fn first_last_along(
+    liquid: &(impl Liquid + ?Sized),
+    ray: &Ray,
+    mut inside: bool,
+) -> [Option<Crossing>; 2] {
+    let mut found = [None; 2];
+    let mut from = *ray;
+    let mut start = 0.0;
+    while let Some(crossing) = liquid.crossing(&from, inside) {
+        let t = start + crossing.t;
+        let crossing = Crossing { t, ..crossing };
+        if inside {
+            found[1] = Some(crossing);
+        } else {
+            found[0].get_or_insert(crossing);
+        }
+        // A little further, so that a ray along an edge gets on.
+        start = t + ONWARD * (1.0 + t);
+        from.origin = ray.at(start);
+        inside = !inside;
+    }
+    found
+}

@@ -1,0 +1,117 @@
+//! Speed against error, both measured in one run: `limpid report`.
+//!
+//! - [`intersect`]: one intersection per pixel by each intersector, against the same layers
+//!   intersected exactly or the opaque scene itself.
+//! - [`smooth`]: what each filter leaves of a surface, against the surface.
+//! - [`picture`]: whole frames by the presets, against traced pictures.
+//! - [`stress`]: extreme scales, places, lenses and indices, against a closed form.
+//!
+//! Times are the device's own timestamps. Methods run by turns, after a warm-up; a row has the
+//! median and half the distance between the quartiles.
+
+mod html;
+pub mod intersect;
+mod markdown;
+pub mod picture;
+mod plot;
+mod rows;
+#[cfg(test)]
+mod sample;
+pub mod smooth;
+pub mod stress;
+pub mod subjects;
+
+pub use html::html;
+pub use markdown::markdown;
+pub use plot::pareto;
+pub use rows::{ErrorKind, Figure, Kind, Orders, Report, Row, Stress};
+
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::renderer::Renderer;
+use picture::Effort;
+use subjects::Subject;
+
+/// What to measure.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Options {
+    /// Small pictures and few methods: under two minutes on two cores without a GPU.
+    pub quick: bool,
+    /// Names of scenes; all if empty.
+    pub scenes: Vec<String>,
+    /// Kinds of rows; all if empty.
+    pub kinds: Vec<Kind>,
+}
+
+/// What a scene is measured for: intersections, smoothing, pictures.
+const SCENES: [(&str, [bool; 3]); 8] = [
+    ("pool", [true, true, false]),
+    ("reef", [true, false, false]),
+    ("drop", [true, true, true]),
+    ("slab", [true, false, true]),
+    ("idol", [true, false, true]),
+    ("wave", [true, true, true]),
+    ("steps", [true, false, true]),
+    ("dam", [true, false, true]),
+];
+
+/// Measures everything, telling `progress` what comes next.
+///
+/// # Errors
+/// [`crate::Error::Usage`] for a scene that there is not; as [`Renderer::render`].
+pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> {
+    let mut report = Report {
+        adapter: gpu.adapter(),
+        quick: options.quick,
+        rows: Vec::new(),
+        orders: Vec::new(),
+        stress: Vec::new(),
+        figures: Vec::new(),
+    };
+    let effort = if options.quick {
+        Effort { width: 320, truth_samples: 4, repeats: 3, variants: false }
+    } else {
+        Effort { width: 1024, truth_samples: 16, repeats: 7, variants: true }
+    };
+    let mut renderer = Renderer::new(gpu);
+    for name in &options.scenes {
+        // An unknown name is told before an hour has passed.
+        subjects::check(name)?;
+    }
+    for (name, [intersect, smooth, picture]) in SCENES {
+        if !options.scenes.is_empty() && !options.scenes.iter().any(|wanted| wanted == name) {
+            continue;
+        }
+        let wanted = |kind: Kind| options.kinds.is_empty() || options.kinds.contains(&kind);
+        let [intersect, smooth, picture] = [
+            intersect && wanted(Kind::Intersect),
+            smooth && wanted(Kind::Smooth),
+            picture && wanted(Kind::Picture),
+        ];
+        if !(intersect || smooth || picture) {
+            continue;
+        }
+        progress(&format!("{name}: scene and truth"));
+        let subject = Subject::new(name)?;
+        if intersect {
+            progress(&format!("{name}: intersectors"));
+            intersect::report(gpu, &mut renderer, &subject, options.quick, &mut report)?;
+        }
+        if smooth {
+            progress(&format!("{name}: smoothing"));
+            report.rows.extend(smooth::measure(gpu, &mut renderer, &subject, &effort)?);
+        }
+        if picture {
+            progress(&format!("{name}: pictures"));
+            let (rows, figure) = picture::measure(gpu, &mut renderer, &subject, &effort)?;
+            report.rows.extend(rows);
+            report.figures.push(figure);
+        }
+    }
+    if options.scenes.is_empty() && options.kinds.is_empty() {
+        progress("extreme scenes");
+        let pictures = if options.quick { 3 } else { 100 };
+        report.stress = stress::measure(gpu, &mut renderer, pictures)?;
+    }
+    Ok(report)
+}

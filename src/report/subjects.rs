@@ -1,0 +1,128 @@
+//! The scenes of a report, each with its truth.
+
+use std::path::Path;
+
+use glam::UVec2;
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::input::{Input, Loaded};
+use crate::recipe::Recipe;
+use crate::reference::Liquid;
+use crate::reference::analytic::{Ball, Block, Pool};
+use crate::reference::mesh::{Mesh, Reconstruction};
+use crate::scene::Scene;
+
+/// The recipes of `sims/` that a report measures, and the demo's double dam break.
+const RECIPES: [(&str, &str); 8] = [
+    ("pool", include_str!("../../sims/pool.toml")),
+    ("reef", include_str!("../../sims/reef.toml")),
+    ("drop", include_str!("../../sims/drop.toml")),
+    ("slab", include_str!("../../sims/slab.toml")),
+    ("idol", include_str!("../../sims/idol.toml")),
+    ("wave", include_str!("../../sims/wave.toml")),
+    ("steps", include_str!("../../sims/steps.toml")),
+    ("dam", ""),
+];
+
+/// A scene, its particles, and what their surface truly is.
+pub struct Subject {
+    /// Its name.
+    pub name: &'static str,
+    /// The scene, with the settings that it names.
+    pub scene: Scene,
+    /// Views: the scene's own, and those that it names besides.
+    pub views: Vec<(String, Camera)>,
+    /// The particles as the program would draw them.
+    pub loaded: Loaded,
+    /// The true surface.
+    pub liquid: Box<dyn Liquid>,
+    /// What the true surface is.
+    pub truth: &'static str,
+    input: Input,
+}
+
+impl Subject {
+    /// Makes the scene of this name.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a name that there is not; whatever making its particles or its mesh
+    /// may raise.
+    pub fn new(name: &str) -> Result<Self> {
+        let (name, text) = find(name)?;
+        let input = match text {
+            "" => Input::demo(&[])?,
+            text => Input::from_scene(Scene::parse(text, name, Path::new(""), &[])?, name)?,
+        };
+        let (input, scene) = input.settle(&[])?;
+        let frame = &input.sequence.frames[0];
+        let particles = input.particles(frame)?;
+        let loaded = input.prepare(frame, &particles, &scene)?;
+        let (liquid, truth): (Box<dyn Liquid>, _) = match &scene.recipe {
+            Some(Recipe::Ball { center, radius, .. }) => {
+                (Box::new(Ball { center: *center, radius: *radius }), "analytic")
+            }
+            Some(Recipe::Slab { min, max, .. }) => {
+                (Box::new(Block { min: *min, max: *max }), "analytic")
+            }
+            Some(Recipe::Pool(pool)) => {
+                let (min, max) = (-pool.half_extent, pool.half_extent);
+                (Box::new(Pool { waves: pool.surface(), min, max }), "analytic")
+            }
+            _ => {
+                let how = Reconstruction::on_floor(&scene);
+                let (at, radius) = (&particles.positions, loaded.splats.radius);
+                (Box::new(Mesh::reconstruct(at, radius, &how)?), "mesh")
+            }
+        };
+        let camera = scene.camera_for(loaded.bounds);
+        let further = scene.views.iter().map(|v| (format!("{name}:{}", v.name), v.camera));
+        let views = std::iter::once((name.to_owned(), camera)).chain(further).collect();
+        Ok(Self { name, scene, views, loaded, liquid, truth, input })
+    }
+
+    /// The scene with other settings, and its particles classified by them.
+    ///
+    /// # Errors
+    /// As [`Input::prepare`].
+    pub fn with(&self, settings: &crate::settings::Settings) -> Result<(Scene, Loaded)> {
+        let scene = Scene { settings: settings.clone(), ..self.scene.clone() };
+        if settings.classify == self.scene.settings.classify {
+            return Ok((scene, self.loaded.clone()));
+        }
+        let frame = &self.input.sequence.frames[0];
+        let loaded = self.input.load(frame, &scene)?;
+        Ok((scene, loaded))
+    }
+
+    /// Whether it is water whose surface alone is asked for, over solids.
+    pub fn is_water(&self) -> bool {
+        matches!(self.scene.recipe, Some(Recipe::Pool(_)))
+    }
+}
+
+/// Refuses a name that is not a scene's.
+///
+/// # Errors
+/// [`Error::Usage`] naming the scenes that there are.
+pub fn check(name: &str) -> Result<()> {
+    find(name).map(|_| ())
+}
+
+fn find(name: &str) -> Result<(&'static str, &'static str)> {
+    RECIPES.into_iter().find(|(recipe, _)| *recipe == name).ok_or_else(|| {
+        let known = RECIPES.map(|(recipe, _)| recipe).join(", ");
+        Error::Usage(format!("no scene `{name}` to report on; there are {known}"))
+    })
+}
+
+/// A size of `width` pixels in the shape of a scene's published pictures.
+pub fn size(name: &str, width: u32) -> UVec2 {
+    // Mayer et al. show 2000 × 1600, Imai et al. 4 : 3.
+    let height = if name.starts_with("pool") || name.starts_with("reef") {
+        4 * width / 5
+    } else {
+        3 * width / 4
+    };
+    UVec2::new(width, height)
+}
