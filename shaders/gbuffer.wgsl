@@ -14,13 +14,13 @@ fn gbuffer(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let omega = camera_omega(vec2f(p) + 0.5);
-    let o = vec3f(0.0);
-    let d = camera_world_direction(normalize(omega));
+    let o = camera_world_point(camera_ray_origin(omega));
+    let d = camera_world_direction(camera_ray_direction(omega));
     let hit = scene_trace(o, d);
     var plane = vec4f(0.0);
     var color = vec3f(0.0);
     if hit.t < NOTHING {
-        let z = hit.t / length(omega);
+        let z = hit.t * -camera_ray_direction(omega).z;
         plane = vec4f(plane_from_normal(omega, z, camera_view_direction(hit.normal)), z);
         color = solid_radiance(hit.index, o + hit.t * d, hit.normal, d);
     }

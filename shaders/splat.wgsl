@@ -67,6 +67,12 @@ fn splat_corner(corner: u32, centre: vec3f, rows: mat3x3f) -> vec2f {
     if -centre.z + half_depth <= camera.near {
         return vec2f(2.0); // wholly behind: an empty rectangle
     }
+    // 1/8 pixel more, against rounding; the fragment stage decides exactly.
+    let margin = 0.25 / camera.size;
+    if ORTHOGRAPHIC {
+        let half = vec2f(length(rows[0]), length(rows[1]));
+        return (centre.xy + sign * half) / camera.tangent + sign * margin;
+    }
     if -centre.z - half_depth <= camera.near {
         return sign; // the near plane cuts it: the bound does not exist
     }
@@ -78,8 +84,6 @@ fn splat_corner(corner: u32, centre: vec3f, rows: mat3x3f) -> vec2f {
         tangent_discriminant(rows[0], g, centre.x, centre.z),
         tangent_discriminant(rows[1], g, centre.y, centre.z),
     );
-    // 1/8 pixel more, against rounding; the fragment stage decides exactly.
-    let margin = 0.25 / camera.size;
     return (r + sign * sqrt(max(discriminant, vec2f(0.0)))) / q / camera.tangent + sign * margin;
 }
 
@@ -99,9 +103,16 @@ fn fragment(in: Varying) -> Fragment {
     let omega = camera_omega(in.clip.xy);
     let centre_depth = -in.centre.z;
     let to_sphere = mat3x3f(in.sphere_x, in.sphere_y, in.sphere_z);
-    let d = to_sphere * omega;
+    // The ray per unit of depth, and where it is at the centre's depth, seen from the centre.
+    var ray = omega;
+    var beside = centre_depth * omega.xy - in.centre.xy;
+    if ORTHOGRAPHIC {
+        ray = vec3f(0.0, 0.0, -1.0);
+        beside = omega.xy - in.centre.xy;
+    }
+    let d = to_sphere * ray;
     let d2 = dot(d, d);
-    let start = to_sphere * vec3f(centre_depth * omega.xy - in.centre.xy, 0.0);
+    let start = to_sphere * vec3f(beside, 0.0);
     let along = dot(start, d) / d2;
     let f = start - along * d; // from the centre, perpendicular to the ray
     let discriminant = 1.0 - dot(f, f);
@@ -121,7 +132,10 @@ fn fragment(in: Varying) -> Fragment {
     if z < camera.near {
         // The ray starts inside: a front at the near plane itself says so.
         z = camera.near;
-        pi = vec3f(0.0, 0.0, -1.0 / z);
+        pi = vec3f(0.0, 0.0, -camera_disparity(vec3f(0.0, 0.0, -z)));
+    }
+    if ORTHOGRAPHIC {
+        return Fragment(vec4f(pi, z), 1.0 - z / camera.far);
     }
     return Fragment(vec4f(pi, z), camera.near / z);
 }

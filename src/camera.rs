@@ -42,8 +42,13 @@ pub struct CameraUniform {
     pub near: f32,
     /// Picture size, pixels.
     pub size: Vec2,
-    /// Tangents of half the horizontal and vertical field of view.
+    /// Tangents of half the horizontal and vertical field of view; of an orthographic view, half
+    /// its extent, m.
     pub tangent: Vec2,
+    /// Depth of an orthographic view's far plane, m; else 0.
+    pub far: f32,
+    /// Alignment.
+    pub pad: [f32; 3],
 }
 
 impl Camera {
@@ -118,6 +123,8 @@ impl Camera {
             near: self.near(),
             size: size.as_vec2(),
             tangent: Vec2::new((tangent_y * size.x / size.y) as f32, tangent_y as f32),
+            far: 0.0,
+            pad: [0.0; 3],
         }
     }
 }

@@ -61,6 +61,7 @@ pub mod error;
 pub mod frames;
 pub mod gpu;
 pub mod input;
+pub mod light_view;
 pub mod output;
 pub mod particles;
 pub mod passes;

@@ -104,7 +104,8 @@ fn same(rust: (Vec<Field>, usize), text: &str, name: &str) -> Result<(), String>
 /// Protects every buffer that Rust writes and a shader reads.
 #[test]
 fn shared_structs_agree() {
-    let camera = rust_struct!(CameraUniform { view_from_world, origin, near, size, tangent });
+    let camera =
+        rust_struct!(CameraUniform { view_from_world, origin, near, size, tangent, far, pad });
     let splat =
         rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, pad });
     let smooth =

@@ -4,6 +4,9 @@
 // pixel's centre. Disparity at any pixel position is dot(pi, omega(u)): linear in u. Empty is 0.
 // pi points away from the eye on fronts and backs alike: the outward normal of a front is
 // -pi / |pi|, that of a back pi / |pi|.
+//
+// In an orthographic view pi holds the same slopes of what stands for disparity (camera.wgsl), so
+// that D(u) = dot(pi, omega(u)) again, but is no normal: `plane_normal` serves both.
 
 const FRONT: i32 = 0;
 const BACK: i32 = 1;
@@ -11,11 +14,20 @@ const BACK: i32 = 1;
 // The plane through z * omega with normal `n` (either orientation). A plane seen edge-on has no
 // finite disparity slope: its normal is turned to at least 1e-3 off the edge.
 fn plane_from_normal(omega: vec3f, z: f32, n: vec3f) -> vec3f {
-    let ray = normalize(omega);
+    let ray = camera_ray_direction(omega);
     var away = select(-n, n, dot(n, ray) > 0.0);
     let cos_theta = dot(away, ray);
     away += max(1e-3 - cos_theta, 0.0) * ray;
+    if ORTHOGRAPHIC {
+        let slope = away.xy / -away.z;
+        return vec3f(slope, dot(slope, omega.xy) - (camera.far - z));
+    }
     return away / (z * dot(away, omega));
+}
+
+// The unit normal that points away from the eye.
+fn plane_normal(pi: vec3f) -> vec3f {
+    return normalize(select(pi, vec3f(pi.xy, -1.0), ORTHOGRAPHIC));
 }
 
 // The plane whose disparity at `omega` is `disparity` and changes by `gradient` per pixel.

@@ -22,20 +22,29 @@ fn screen_ray(o: vec3f, d: vec3f, t_max: f32) -> ScreenRay {
     let z = -o.z;
     // Half-spaces, each f(t) = at + t * rate >= 0: left, right, bottom, top, near.
     var t = min(t_max, 1e5 * z / max(-d.z, 1e-3));
-    t = clip(t, o.x + camera.tangent.x * z, d.x - camera.tangent.x * d.z);
-    t = clip(t, camera.tangent.x * z - o.x, -camera.tangent.x * d.z - d.x);
-    t = clip(t, o.y + camera.tangent.y * z, d.y - camera.tangent.y * d.z);
-    t = clip(t, camera.tangent.y * z - o.y, -camera.tangent.y * d.z - d.y);
+    if ORTHOGRAPHIC {
+        t = clip(t, camera.tangent.x + o.x, d.x);
+        t = clip(t, camera.tangent.x - o.x, -d.x);
+        t = clip(t, camera.tangent.y + o.y, d.y);
+        t = clip(t, camera.tangent.y - o.y, -d.y);
+        t = clip(t, camera.far - z, d.z);
+    } else {
+        t = clip(t, o.x + camera.tangent.x * z, d.x - camera.tangent.x * d.z);
+        t = clip(t, camera.tangent.x * z - o.x, -camera.tangent.x * d.z - d.x);
+        t = clip(t, o.y + camera.tangent.y * z, d.y - camera.tangent.y * d.z);
+        t = clip(t, camera.tangent.y * z - o.y, -camera.tangent.y * d.z - d.y);
+    }
     t = clip(t, z - camera.near, -d.z);
     let end = o + t * d;
 
     var ray: ScreenRay;
     ray.u = camera_pixel(o);
     ray.du = camera_pixel(end) - ray.u;
-    ray.omega = vec3f(o.xy / z, -1.0);
-    ray.d_omega = vec3f(end.xy / -end.z - ray.omega.xy, 0.0);
-    ray.disparity = 1.0 / z;
-    ray.d_disparity = (z + end.z) / (z * -end.z);
+    ray.omega = camera_omega_of(o);
+    ray.d_omega = vec3f(camera_omega_of(end).xy - ray.omega.xy, 0.0);
+    ray.disparity = camera_disparity(o);
+    // Of depths first: disparities of far points agree in most digits.
+    ray.d_disparity = select((z + end.z) / (z * -end.z), t * d.z, ORTHOGRAPHIC);
     ray.direction = d;
     ray.tau_per_pixel = 1.0 / max(length(ray.du), 1e-6);
     return ray;
@@ -51,7 +60,7 @@ fn screen_ray_texel(ray: ScreenRay, tau: f32) -> vec2i {
 
 // The view-space point at tau.
 fn screen_ray_point(ray: ScreenRay, tau: f32) -> vec3f {
-    return (ray.omega + tau * ray.d_omega) / (ray.disparity + tau * ray.d_disparity);
+    return camera_point(ray.omega + tau * ray.d_omega, ray.disparity + tau * ray.d_disparity);
 }
 
 // Disparity of the plane minus that of the ray: negative where the ray is in front of the plane.

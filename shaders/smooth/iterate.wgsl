@@ -39,7 +39,7 @@ fn prepare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     let plane = textureLoad(source, p, layer, 0);
     var state = vec4f(0.0);
     if plane.w > 0.0 {
-        state = vec4f(normalize(plane.xyz), plane.w);
+        state = vec4f(plane_normal(plane.xyz), plane.w);
     }
     textureStore(target_layers, p, layer, state);
 }
@@ -67,7 +67,8 @@ fn iterate(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
 fn tap_stride(z: f32) -> i32 {
     var stride = i32(params.stride);
     if params.in_radii != 0u {
-        let pixels_per_radius = params.radius * camera.size.y / (2.0 * camera.tangent.y * z);
+        let distance = select(z, 1.0, ORTHOGRAPHIC);
+        let pixels_per_radius = params.radius * camera.size.y / (2.0 * camera.tangent.y * distance);
         stride = i32(params.stride * pixels_per_radius + 0.5);
     }
     return clamp(stride, 1, i32(max(camera.size.x, camera.size.y)));
@@ -97,7 +98,7 @@ fn planes(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loc
         return;
     }
     let z = here.w;
-    let disparity = 1.0 / z;
+    let disparity = camera_disparity(vec3f(0.0, 0.0, -z));
     let omega = camera_omega(vec2f(p) + 0.5);
     var pi = plane_from_normal(omega, z, here.xyz);
     // The slope that the unsmoothed normal had, to judge sides by.
@@ -126,8 +127,8 @@ fn difference(p: vec2i, axis: vec2i, layer: i32, z: f32, expected: f32) -> Diffe
     let z0 = textureLoad(source, q0, layer, 0).w;
     let z1 = textureLoad(source, q1, layer, 0).w;
     // Differences of depth first: disparities of a far surface agree in most digits.
-    let s0 = (z0 - z) / (z * max(z0, 1e-20));
-    let s1 = (z - z1) / (z * max(z1, 1e-20));
+    let s0 = (z0 - z) / select(z * max(z0, 1e-20), 1.0, ORTHOGRAPHIC);
+    let s1 = (z - z1) / select(z * max(z1, 1e-20), 1.0, ORTHOGRAPHIC);
     let has0 = z0 > 0.0 && any(q0 != p);
     let has1 = z1 > 0.0 && any(q1 != p);
     if has0 && has1 {

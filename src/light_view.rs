@@ -1,0 +1,206 @@
+//! The view from a light: what its caustic map shows, texel by texel.
+
+use glam::{DMat3, DVec2, DVec3, UVec2};
+
+use crate::camera::CameraUniform;
+use crate::scene::{Light, Shape, Solid};
+
+/// A light's own camera: orthographic for a sun, perspective for a point.
+///
+/// It shows the liquid and a margin around it. View space, pixels and depth are as a
+/// [`crate::camera::Camera`]'s. In an orthographic view the place of disparity, which is linear along
+/// straight lines of the picture, is taken by the height above the far plane, far − z.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightView {
+    /// The origin of view space in world space, m: the point light, or a point before all that the
+    /// sun meets.
+    pub origin: DVec3,
+    /// World to view space, a rotation.
+    pub view_from_world: DMat3,
+    /// Half the picture's extent: m for a sun, tangents for a point light.
+    pub half_extent: DVec2,
+    /// Depth before which nothing is seen, m.
+    pub near: f64,
+    /// Depth of the far plane of a sun's view, m; infinite for a point light.
+    pub far: f64,
+    /// Whether the light is a sun.
+    pub orthographic: bool,
+    /// Pixels; they are square.
+    pub size: UVec2,
+}
+
+/// Half the widest angle at which a point light's picture is still useful.
+const WIDEST: f64 = 75.0 * std::f64::consts::PI / 180.0;
+
+/// How far along a view surfaces are looked for, in extents of what is seen.
+const FARTHEST: f64 = 1e3;
+
+impl LightView {
+    /// The view of a liquid between `min` and `max`, m, grown by `margin` as a share of its extent,
+    /// with `resolution` pixels along the longer side.
+    ///
+    /// None for a point light in the liquid or so near that it is seen under more than 150 degrees,
+    /// and for a liquid without extent.
+    pub fn new(
+        light: &Light,
+        (min, max): (DVec3, DVec3),
+        solids: &[Solid],
+        margin: f64,
+        resolution: u32,
+    ) -> Option<Self> {
+        let middle = 0.5 * (min + max);
+        let (origin, back, orthographic) = match *light {
+            Light::Sun { direction, .. } => (middle, -direction.as_dvec3().normalize(), true),
+            Light::Point { position, .. } => {
+                (position, (position - middle).try_normalize()?, false)
+            }
+        };
+        // The horizontal axis that the view is across most: steady for a light that moves little.
+        let up = if back.y.abs() > 0.999 { DVec3::NEG_Z } else { DVec3::Y };
+        let right = up.cross(back).normalize();
+        let view_from_world = DMat3::from_cols(right, back.cross(right), back).transpose();
+        let view = |x: DVec3| view_from_world * (x - origin);
+
+        let liquid = corners(min, max).map(view);
+        let screen = |x: DVec3| if orthographic { x.truncate() } else { x.truncate() / -x.z };
+        if !orthographic {
+            let widest = liquid.iter().any(|&x| -x.z <= x.length() * WIDEST.cos());
+            if widest {
+                return None;
+            }
+        }
+        let mut half = DVec2::ZERO;
+        let mut low = DVec2::INFINITY;
+        let mut high = DVec2::NEG_INFINITY;
+        for x in liquid {
+            low = low.min(screen(x));
+            high = high.max(screen(x));
+        }
+        let extent = (high - low).max_element();
+        if !(extent > 0.0 && extent.is_finite()) {
+            return None;
+        }
+        // On a lattice, so that liquid that moves a little does not move the picture.
+        let step = (extent.log2().ceil() - 6.0).exp2();
+        low = ((low - margin * extent) / step).floor() * step;
+        high = ((high + margin * extent) / step).ceil() * step;
+        let centre = 0.5 * (low + high);
+        // A point light's view stays around its axis; a sun's moves to the middle.
+        half = if orthographic { 0.5 * (high - low) } else { half.max(low.abs()).max(high.abs()) };
+        let pixel = 2.0 * half.max_element() / f64::from(resolution);
+        let size = (2.0 * half / pixel - 1e-9).ceil().as_uvec2().max(UVec2::ONE);
+        half = 0.5 * pixel * size.as_dvec2();
+
+        if !orthographic {
+            let near = 1e-3 * position_distance(&liquid);
+            let far = f64::INFINITY;
+            return Some(Self {
+                origin,
+                view_from_world,
+                half_extent: half,
+                near,
+                far,
+                orthographic,
+                size,
+            });
+        }
+        // From before the first solid or liquid to behind the last.
+        let mut z = liquid.map(|x| x.z).to_vec();
+        let reach = FARTHEST * extent;
+        for solid in solids {
+            match solid.shape {
+                Shape::Box { min, max } => z.extend(corners(min, max).map(|x| view(x).z)),
+                Shape::Sphere { center, radius } => {
+                    let radius = f64::from(radius);
+                    z.extend([view(center).z - radius, view(center).z + radius]);
+                }
+                Shape::Plane { origin: at, normal, .. } => {
+                    // Where the picture's corners meet it.
+                    let (at, normal) = (view(at), view_from_world * normal.as_dvec3());
+                    z.extend(corners_of(low, high).map(|c| {
+                        let along = (at - c.extend(0.0)).dot(normal) / normal.z;
+                        if along.is_finite() { along } else { 0.0 }
+                    }));
+                }
+            }
+        }
+        let z = z.iter().map(|z| z.clamp(-reach, reach));
+        let top = z.clone().fold(f64::NEG_INFINITY, f64::max);
+        let bottom = z.fold(f64::INFINITY, f64::min);
+        let slack = 0.01 * (top - bottom).max(extent);
+        let origin = origin + view_from_world.transpose() * centre.extend(top + slack);
+        Some(Self {
+            origin,
+            view_from_world,
+            half_extent: half,
+            near: 0.0,
+            far: top - bottom + 2.0 * slack,
+            orthographic,
+            size,
+        })
+    }
+
+    /// What the shaders need, with splats counted from `origin` in world space, m.
+    pub fn uniform(&self, origin: DVec3) -> CameraUniform {
+        let columns = self.view_from_world.to_cols_array_2d();
+        CameraUniform {
+            view_from_world: columns.map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0]),
+            origin: (origin - self.origin).as_vec3(),
+            near: self.near as f32,
+            size: self.size.as_vec2(),
+            tangent: self.half_extent.as_vec2(),
+            far: if self.orthographic { self.far as f32 } else { 0.0 },
+            pad: [0.0; 3],
+        }
+    }
+
+    /// The pixel position of a point in world space, x right and y down, and its depth, m.
+    pub fn project(&self, x: DVec3) -> (DVec2, f64) {
+        let x = self.view_from_world * (x - self.origin);
+        let depth = -x.z;
+        let screen = if self.orthographic { x.truncate() } else { x.truncate() / depth };
+        let ndc = screen / self.half_extent;
+        let u = (0.5 * DVec2::new(ndc.x, -ndc.y) + 0.5) * self.size.as_dvec2();
+        (u, depth)
+    }
+
+    /// The light's straight ray through a pixel position, in world space: where it starts, and its
+    /// unit direction.
+    pub fn ray(&self, u: DVec2) -> (DVec3, DVec3) {
+        let ndc = 2.0 * u / self.size.as_dvec2() - 1.0;
+        let screen = DVec2::new(ndc.x, -ndc.y) * self.half_extent;
+        let world_from_view = self.view_from_world.transpose();
+        if self.orthographic {
+            (self.origin + world_from_view * screen.extend(0.0), -world_from_view.z_axis)
+        } else {
+            (self.origin, (world_from_view * screen.extend(-1.0)).normalize())
+        }
+    }
+
+    /// What light of unit power passes through one pixel around `u`: for a sun of irradiance 1,
+    /// its area, m²; for a point of radiant intensity 1, its solid angle, sr.
+    pub fn pixel_power(&self, u: DVec2) -> f64 {
+        let size = self.size.as_dvec2();
+        let area = (2.0 * self.half_extent / size).element_product();
+        if self.orthographic {
+            return area;
+        }
+        let ndc = 2.0 * u / size - 1.0;
+        area / (1.0 + (ndc * self.half_extent).length_squared()).powf(1.5)
+    }
+}
+
+fn corners(min: DVec3, max: DVec3) -> [DVec3; 8] {
+    std::array::from_fn(|i| {
+        let pick = |bit: usize, axis: usize| if i >> bit & 1 == 0 { min[axis] } else { max[axis] };
+        DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2))
+    })
+}
+
+fn corners_of(low: DVec2, high: DVec2) -> [DVec2; 4] {
+    [low, DVec2::new(high.x, low.y), DVec2::new(low.x, high.y), high]
+}
+
+fn position_distance(corners: &[DVec3; 8]) -> f64 {
+    corners.iter().map(|x| x.length()).fold(f64::INFINITY, f64::min)
+}
