@@ -7,6 +7,9 @@
 @group(1) @binding(0) var planes: texture_storage_2d<rgba32float, write>; // pi, depth
 @group(1) @binding(1) var radiance: texture_storage_2d<rgba32float, write>;
 
+// A light's view needs the planes alone.
+override RADIANCE: bool = true;
+
 @compute @workgroup_size(8, 8)
 fn gbuffer(@builtin(global_invocation_id) id: vec3u) {
     let p = vec2i(id.xy);
@@ -22,7 +25,9 @@ fn gbuffer(@builtin(global_invocation_id) id: vec3u) {
     if hit.t < NOTHING {
         let z = hit.t * -camera_ray_direction(omega).z;
         plane = vec4f(plane_from_normal(omega, z, camera_view_direction(hit.normal)), z);
-        color = solid_radiance(hit.index, o + hit.t * d, hit.normal, d);
+        if RADIANCE {
+            color = solid_radiance(hit.index, o + hit.t * d, hit.normal, d);
+        }
     }
     textureStore(planes, p, plane);
     textureStore(radiance, p, vec4f(color, 1.0));

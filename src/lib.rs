@@ -62,6 +62,7 @@ pub mod frames;
 pub mod gpu;
 pub mod input;
 pub mod light_view;
+mod lights;
 pub mod output;
 pub mod particles;
 pub mod passes;

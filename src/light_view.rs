@@ -10,6 +10,10 @@ use crate::scene::{Light, Shape, Solid};
 /// It shows the liquid and a margin around it. View space, pixels and depth are as a
 /// [`crate::camera::Camera`]'s. In an orthographic view the place of disparity, which is linear along
 /// straight lines of the picture, is taken by the height above the far plane, far − z.
+///
+/// Over a level surface it looks along the light as still water would refract it (a point light
+/// then seems to be higher): so it sees what light reaches under water, and not what a straight
+/// line would. Elsewhere it looks along the light itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightView {
     /// The origin of view space in world space, m: the point light, or a point before all that the
@@ -37,7 +41,8 @@ const FARTHEST: f64 = 1e3;
 
 impl LightView {
     /// The view of a liquid between `min` and `max`, m, grown by `margin` as a share of its extent,
-    /// with `resolution` pixels along the longer side.
+    /// with `resolution` pixels along the longer side. `level` is the height of its surface, m, and
+    /// its index of refraction, where it is level.
     ///
     /// None for a point light in the liquid or so near that it is seen under more than 150 degrees,
     /// and for a liquid without extent.
@@ -47,11 +52,19 @@ impl LightView {
         solids: &[Solid],
         margin: f64,
         resolution: u32,
+        level: Option<(f64, f64)>,
     ) -> Option<Self> {
         let middle = 0.5 * (min + max);
         let (origin, back, orthographic) = match *light {
-            Light::Sun { direction, .. } => (middle, -direction.as_dvec3().normalize(), true),
+            Light::Sun { direction, .. } => {
+                let towards = -direction.as_dvec3().normalize();
+                let refracted = level.and_then(|(_, ior)| still_water(towards, ior));
+                (middle, refracted.unwrap_or(towards), true)
+            }
             Light::Point { position, .. } => {
+                // Its image by rays that are nearly upright.
+                let rise = level.map_or(0.0, |(height, ior)| (ior - 1.0) * (position.y - height));
+                let position = position + rise.max(0.0) * DVec3::Y;
                 (position, (position - middle).try_normalize()?, false)
             }
         };
@@ -69,7 +82,6 @@ impl LightView {
                 return None;
             }
         }
-        let mut half = DVec2::ZERO;
         let mut low = DVec2::INFINITY;
         let mut high = DVec2::NEG_INFINITY;
         for x in liquid {
@@ -86,13 +98,13 @@ impl LightView {
         high = ((high + margin * extent) / step).ceil() * step;
         let centre = 0.5 * (low + high);
         // A point light's view stays around its axis; a sun's moves to the middle.
-        half = if orthographic { 0.5 * (high - low) } else { half.max(low.abs()).max(high.abs()) };
+        let half = if orthographic { 0.5 * (high - low) } else { low.abs().max(high.abs()) };
         let pixel = 2.0 * half.max_element() / f64::from(resolution);
         let size = (2.0 * half / pixel - 1e-9).ceil().as_uvec2().max(UVec2::ONE);
-        half = 0.5 * pixel * size.as_dvec2();
+        let half = 0.5 * pixel * size.as_dvec2();
 
         if !orthographic {
-            let near = 1e-3 * position_distance(&liquid);
+            let near = 1e-3 * liquid.iter().map(|x| x.length()).fold(f64::INFINITY, f64::min);
             let far = f64::INFINITY;
             return Some(Self {
                 origin,
@@ -164,7 +176,7 @@ impl LightView {
         (u, depth)
     }
 
-    /// The light's straight ray through a pixel position, in world space: where it starts, and its
+    /// The view's ray through a pixel position, in world space: where it starts, and its
     /// unit direction.
     pub fn ray(&self, u: DVec2) -> (DVec3, DVec3) {
         let ndc = 2.0 * u / self.size.as_dvec2() - 1.0;
@@ -177,9 +189,9 @@ impl LightView {
         }
     }
 
-    /// What light of unit power passes through one pixel around `u`: for a sun of irradiance 1,
-    /// its area, m²; for a point of radiant intensity 1, its solid angle, sr.
-    pub fn pixel_power(&self, u: DVec2) -> f64 {
+    /// The extent of one pixel around `u`: of a sun's view its area, m², of a point light's its solid
+    /// angle, sr.
+    pub fn pixel_extent(&self, u: DVec2) -> f64 {
         let size = self.size.as_dvec2();
         let area = (2.0 * self.half_extent / size).element_product();
         if self.orthographic {
@@ -188,6 +200,13 @@ impl LightView {
         let ndc = 2.0 * u / size - 1.0;
         area / (1.0 + (ndc * self.half_extent).length_squared()).powf(1.5)
     }
+}
+
+/// The direction towards a light from under still water (Snell); none if the light is not above.
+fn still_water(towards: DVec3, ior: f64) -> Option<DVec3> {
+    let across = DVec3::new(towards.x, 0.0, towards.z) / ior;
+    let up2 = 1.0 - across.length_squared();
+    (towards.y > 0.0 && up2 > 0.0).then(|| across + up2.sqrt() * DVec3::Y)
 }
 
 fn corners(min: DVec3, max: DVec3) -> [DVec3; 8] {
@@ -199,8 +218,4 @@ fn corners(min: DVec3, max: DVec3) -> [DVec3; 8] {
 
 fn corners_of(low: DVec2, high: DVec2) -> [DVec2; 4] {
     [low, DVec2::new(high.x, low.y), DVec2::new(low.x, high.y), high]
-}
-
-fn position_distance(corners: &[DVec3; 8]) -> f64 {
-    corners.iter().map(|x| x.length()).fold(f64::INFINITY, f64::min)
 }

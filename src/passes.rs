@@ -8,12 +8,14 @@ use glam::UVec2;
 use crate::camera::CameraUniform;
 use crate::gpu::{self, Gpu};
 
+pub mod caustics;
 pub mod classify;
 pub mod gbuffer;
 pub mod mips;
 pub mod refract;
 pub mod smooth;
 pub mod splat;
+pub(crate) mod surfaces;
 pub mod tiles;
 pub mod tonemap;
 
@@ -67,18 +69,24 @@ pub(crate) struct CameraBinding {
     buffer: wgpu::Buffer,
     pub(crate) layout: wgpu::BindGroupLayout,
     pub(crate) group: wgpu::BindGroup,
+    orthographic: bool,
 }
 
 impl CameraBinding {
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu, orthographic: bool) -> Self {
         let buffer = gpu::uniform_buffer::<CameraUniform>(gpu, "camera");
         let stages = wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE;
         let layout = gpu.layout("camera", stages, &[gpu::uniform::<CameraUniform>()]);
         let group = gpu::bind_group(gpu, "camera", &layout, &[buffer.as_entire_binding()]);
-        Self { buffer, layout, group }
+        Self { buffer, layout, group, orthographic }
     }
 
     pub(crate) fn write(&self, gpu: &Gpu, camera: &CameraUniform) {
         gpu.queue.write_buffer(&self.buffer, 0, bytemuck::bytes_of(camera));
+    }
+
+    /// What every pipeline that sees through it is specialised for.
+    pub(crate) fn constants(&self) -> [(&'static str, f64); 1] {
+        [("ORTHOGRAPHIC", f64::from(u8::from(self.orthographic)))]
     }
 }

@@ -6,15 +6,16 @@ use crate::camera::Camera;
 use crate::environment::Environment;
 use crate::error::{Error, Result};
 use crate::gpu::{self, Gpu, PassTime, Timer};
+use crate::lights::Lights;
+use crate::passes::caustics::CausticMap;
 use crate::passes::classify::Splats;
-use crate::passes::gbuffer::{Gbuffer, SceneBinding};
 use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, Variant};
-use crate::passes::smooth::{self, Smooth};
-use crate::passes::splat::Splat;
-use crate::passes::tiles::Tiles;
+use crate::passes::smooth;
+use crate::passes::splat::SplatBuffers;
+use crate::passes::surfaces::{Liquid, Surfaces, Wanted};
 use crate::passes::tonemap::Tonemap;
-use crate::passes::{CameraBinding, GBuffer, Layers, Radiance};
+use crate::passes::{GBuffer, Layers, Radiance};
 use crate::scene::Scene;
 use crate::settings::Solids;
 
@@ -24,32 +25,17 @@ use crate::settings::Solids;
 #[derive(Debug)]
 pub struct Renderer {
     gpu: Gpu,
-    camera: CameraBinding,
-    scene: SceneBinding,
-    aggregate: Splat,
-    splash: Splat,
-    tiles: Tiles,
-    smooth: Smooth,
-    gbuffer: Gbuffer,
+    liquid: Liquid,
+    lights: Lights,
+    eye: Surfaces,
     mips: Mips,
     refract: Refract,
     tonemap: Tonemap,
-    sized_for: Sized,
-    smoothed: bool,
+    sized_for: (UVec2, bool),
     /// Measure each pass with the device's timestamps, where it has them.
     pub timing: bool,
     /// Keep what [`Renderer::images`] needs: per-pixel counts, and the G-buffer.
     pub diagnose: bool,
-}
-
-/// What the textures were made for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Sized {
-    size: UVec2,
-    splash: bool,
-    gbuffer: bool,
-    count: bool,
-    levels: u32,
 }
 
 /// The intermediate images of the last frame.
@@ -63,6 +49,8 @@ pub struct Images {
     pub splash: Option<Layers>,
     /// The opaque scene, if it was drawn.
     pub gbuffer: Option<GBuffer>,
+    /// The caustic map of each light, if it has one.
+    pub caustics: Vec<Option<CausticMap>>,
     /// The linear picture.
     pub radiance: Radiance,
     /// Interfaces, length inside (m), solver iterations, solver failures per ray; if
@@ -73,32 +61,15 @@ pub struct Images {
 impl Renderer {
     /// Compiles the passes.
     pub fn new(gpu: &Gpu) -> Self {
-        let camera = CameraBinding::new(gpu);
-        let scene = SceneBinding::new(gpu);
-        let aggregate = Splat::new(gpu, &camera);
-        let splash = Splat::new(gpu, &camera);
-        let tiles = Tiles::new(gpu);
-        let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
-        let gbuffer = Gbuffer::new(gpu);
-        let mips = Mips::new(gpu);
-        let refract = Refract::new(gpu);
-        let tonemap = Tonemap::new(gpu);
-        let sized_for =
-            Sized { size: UVec2::ONE, splash: false, gbuffer: false, count: false, levels: 1 };
         Self {
             gpu: gpu.clone(),
-            camera,
-            scene,
-            aggregate,
-            splash,
-            tiles,
-            smooth,
-            gbuffer,
-            mips,
-            refract,
-            tonemap,
-            sized_for,
-            smoothed: false,
+            liquid: Liquid { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) },
+            lights: Lights::default(),
+            eye: Surfaces::new(gpu, false, true),
+            mips: Mips::new(gpu),
+            refract: Refract::new(gpu),
+            tonemap: Tonemap::new(gpu),
+            sized_for: (UVec2::ONE, false),
             timing: false,
             diagnose: false,
         }
@@ -138,67 +109,42 @@ impl Renderer {
         let screen_solids = settings.refract.solids == Solids::Screen && !scene.solids.is_empty();
         let has_splash = !splats.splashes.is_empty();
         let variant = Variant::new(scene, has_splash, self.diagnose);
-        self.resize(Sized {
+        let gpu = &self.gpu;
+        let wanted = Wanted {
             size,
             splash: has_splash,
             gbuffer: screen_solids || self.diagnose,
-            count: self.diagnose,
             levels: if variant.mips() { mips::levels(size) } else { 1 },
-        });
+        };
+        self.eye.resize(gpu, wanted);
+        if self.sized_for != (size, self.diagnose) {
+            self.refract.resize(gpu, size, self.diagnose);
+            self.sized_for = (size, self.diagnose);
+        }
 
         let fits = smooth::Params::iterations(&settings.smooth, splats.radius);
-        self.smoothed = !fits.is_empty();
-        let gpu = &self.gpu;
-        self.camera.write(gpu, &camera.uniform(size, splats.origin));
-        self.scene.upload(gpu, scene, camera.eye);
-        self.aggregate.upload(gpu, &splats.aggregates);
-        self.splash.upload(gpu, &splats.splashes);
+        self.liquid.aggregates.upload(gpu, &splats.aggregates);
+        self.liquid.splashes.upload(gpu, &splats.splashes);
+        self.lights.prepare(gpu, scene, splats, &fits)?;
+        let uniform = camera.uniform(size, splats.origin);
+        let (views, maps) = (self.lights.views(), self.lights.maps());
+        self.eye.prepare(gpu, scene, &uniform, camera.eye, views, maps, &fits);
         let params = refract::Params::new(&scene.liquid, &settings.refract, splats.radius);
-        if self.smoothed {
-            self.smooth.prepare(gpu, &self.camera, settings.smooth.filter);
-        }
-        self.refract.prepare(gpu, &self.camera, &self.scene, variant, &params);
-        if self.sized_for.gbuffer {
-            self.gbuffer.prepare(gpu, &self.camera, &self.scene);
-        }
+        self.refract.prepare(gpu, &self.eye.camera, &self.eye.scene, variant, &params);
         self.tonemap.prepare(gpu, &settings.tonemap, format);
 
         let mut timer = Timer::new(gpu, self.timing);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let (camera, scene) = (&self.camera, &self.scene);
-        self.aggregate.record(&mut encoder, camera, timer.span("splat"));
-        if has_splash {
-            self.splash.record(&mut encoder, camera, timer.span("splat splashes"));
-        }
-        let splash = has_splash.then_some(&self.splash.layers);
-        let aggregate = &self.aggregate.layers;
-        self.tiles.record(gpu, &mut encoder, aggregate, splash, timer.span("tiles"));
-        let tiles = &self.tiles.lists;
-        if self.smoothed {
-            let (filter, span) = (settings.smooth.filter, timer.span("smooth"));
-            self.smooth.record(gpu, &mut encoder, camera, tiles, filter, &fits, span);
-        }
-        if self.sized_for.gbuffer {
-            self.gbuffer.record(gpu, &mut encoder, camera, scene, timer.span("gbuffer"));
-        }
+        self.lights.record(gpu, &mut encoder, scene, &self.liquid, splats, &fits, &mut timer);
+        let names = ["splat", "splat splashes", "tiles", "smooth", "gbuffer"];
+        self.eye.record(gpu, &mut encoder, scene, &self.liquid, &fits, &mut timer, names);
         if variant.mips() {
-            let mut layers = vec![&self.aggregate_layers().texture];
-            layers.extend(splash.map(|splash| &splash.texture));
-            layers.extend(screen_solids.then_some(&self.gbuffer.images.planes));
+            let mut layers = vec![&self.eye.aggregate_layers().texture];
+            layers.extend(self.eye.splash_layers().map(|splash| &splash.texture));
+            layers.extend(screen_solids.then_some(&self.eye.gbuffer.images.planes));
             self.mips.record(gpu, &mut encoder, &layers, timer.span("mips"));
         }
-        self.refract.record(
-            gpu,
-            &mut encoder,
-            camera,
-            scene,
-            self.aggregate_layers(),
-            &self.splash.layers,
-            &self.gbuffer.images,
-            tiles,
-            variant,
-            timer.span("refract"),
-        );
+        self.refract.record(gpu, &mut encoder, &self.eye, variant, timer.span("refract"));
         let radiance = &self.refract.radiance;
         self.tonemap.record(gpu, &mut encoder, radiance, target, format, timer.span("tonemap"));
         let resolved = timer.resolve(gpu, &mut encoder);
@@ -209,36 +155,16 @@ impl Renderer {
 
     /// The intermediate images of the last frame.
     pub fn images(&self) -> Images {
+        let (eye, refract) = (&self.eye, &self.refract);
         Images {
-            aggregate: self.aggregate.layers.clone(),
-            smoothed: self.aggregate_layers().clone(),
-            splash: self.sized_for.splash.then(|| self.splash.layers.clone()),
-            gbuffer: self.sized_for.gbuffer.then(|| self.gbuffer.images.clone()),
-            radiance: self.refract.radiance.clone(),
-            diagnostics: self.sized_for.count.then(|| self.refract.diagnostics.clone()),
+            aggregate: eye.aggregate.layers.clone(),
+            smoothed: eye.aggregate_layers().clone(),
+            splash: eye.splash_layers().cloned(),
+            gbuffer: eye.has_gbuffer().then(|| eye.gbuffer.images.clone()),
+            caustics: self.lights.caustic_maps(),
+            radiance: refract.radiance.clone(),
+            diagnostics: self.sized_for.1.then(|| refract.diagnostics.clone()),
         }
-    }
-
-    /// What the liquid is drawn from: smoothed, if anything was.
-    fn aggregate_layers(&self) -> &Layers {
-        if self.smoothed { &self.smooth.layers } else { &self.aggregate.layers }
-    }
-
-    /// Gives each pass what it needs at this size, and one pixel to those that do not run.
-    fn resize(&mut self, wanted: Sized) {
-        if wanted == self.sized_for {
-            return;
-        }
-        let used = |on: bool| if on { (wanted.size, wanted.levels) } else { (UVec2::ONE, 1) };
-        self.aggregate.resize(&self.gpu, wanted.size, wanted.levels);
-        let (size, levels) = used(wanted.splash);
-        self.splash.resize(&self.gpu, size, levels);
-        self.tiles.resize(&self.gpu, wanted.size);
-        self.smooth.resize(&self.gpu, &self.aggregate.layers);
-        let (size, levels) = used(wanted.gbuffer);
-        self.gbuffer.resize(&self.gpu, size, levels);
-        self.refract.resize(&self.gpu, wanted.size, wanted.count);
-        self.sized_for = wanted;
     }
 }
 

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::particles::Up;
 use crate::passes::gbuffer::{MAX_LIGHTS, MAX_SOLIDS};
 use crate::recipe::Recipe;
-use crate::settings::{Classify, Preset, Refract, Settings, Smooth, Tonemap};
+use crate::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
 
 /// Everything that a picture shows apart from the particles themselves.
 #[derive(Debug, Clone, PartialEq)]
@@ -225,6 +225,7 @@ struct SettingsFile {
     classify: Classify,
     smooth: Smooth,
     refract: Refract,
+    caustics: Caustics,
     tonemap: Tonemap,
 }
 
@@ -388,6 +389,11 @@ impl Scene {
         }
     }
 
+    /// Whether any light falls on anything that shows it.
+    pub fn is_lit(&self) -> bool {
+        !self.lights.is_empty() && self.solids.iter().any(|solid| solid.lit)
+    }
+
     /// Checks all values against their ranges.
     ///
     /// # Errors
@@ -518,9 +524,9 @@ impl EnvironmentFile {
 impl SettingsFile {
     /// What the file gives, and the preset where it gives nothing.
     fn meaning(self, text: &str) -> Result<Settings, toml::de::Error> {
-        let Self { preset, classify, smooth, refract, tonemap } = self;
+        let Self { preset, classify, smooth, refract, caustics, tonemap } = self;
         let Some(preset) = preset else {
-            return Ok(Settings { classify, smooth, refract, tonemap });
+            return Ok(Settings { classify, smooth, refract, caustics, tonemap });
         };
         // The structs do not tell what was given from what is a default; the text does.
         let file: toml::Table = text.parse()?;

@@ -24,6 +24,8 @@ pub struct Settings {
     pub smooth: Smooth,
     /// Light through the layers.
     pub refract: Refract,
+    /// Light from the lights through the liquid.
+    pub caustics: Caustics,
     /// Radiance to display.
     pub tonemap: Tonemap,
 }
@@ -282,6 +284,62 @@ impl Default for Refract {
     }
 }
 
+/// How light through liquid finds what it lights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// It goes straight on, weakened by reflection and absorption: no caustics.
+    Straight,
+    /// From the liquid's surface to the receivers, by the cells of a grid (Mayer et al. 2026).
+    #[default]
+    Forward,
+    /// From each receiver to the point of the surface that sends light there
+    /// (Granizo-Hidalgo and Holzschuch 2024). Receivers in liquid only, and one point for each.
+    Gather,
+}
+
+impl Method {
+    /// All of them, the simplest first.
+    pub const ALL: [Self; 3] = [Self::Straight, Self::Forward, Self::Gather];
+}
+
+/// Settings of [`crate::passes::caustics`]. Each light has a map; none is drawn if nothing is lit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Caustics {
+    /// How light through liquid finds what it lights.
+    pub method: Method,
+    /// Texels along the longer side of a light's view: 16 to 8192, default 512.
+    pub resolution: u32,
+    /// Cells of the grid over that side: 8 to 8192, default 512.
+    pub grid: u32,
+    /// Interfaces that light is followed through: 1 (into the liquid; enough where solids bound it,
+    /// as in a pool) or 2 (and out of it), default 2.
+    pub interfaces: u32,
+    /// Triangles that `gather` walks at most for each texel: 1 to 4096, default 64.
+    pub steps: u32,
+    /// Width to which the map is blurred, as by a light that is not a point: the standard deviation
+    /// of a Gaussian across the light, m; default 0.
+    pub blur: f32,
+    /// How far a light's view reaches beyond the liquid, as a share of the liquid's extent: 0 to 10,
+    /// default 0.1. Light that leaves the view is lost.
+    pub margin: f32,
+}
+
+impl Default for Caustics {
+    fn default() -> Self {
+        Self {
+            method: Method::Forward,
+            resolution: 512,
+            grid: 512,
+            interfaces: 2,
+            steps: 64,
+            blur: 0.0,
+            margin: 0.1,
+        }
+    }
+}
+
 /// Which curve compresses radiance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -306,7 +364,8 @@ pub struct Tonemap {
 /// Settings by the name of a published method, for comparison with it.
 ///
 /// Where a paper is silent, what stands in is told below: a related paper's choice, or limpid's
-/// default. [`Settings::tonemap`] is the picture's, not the method's: the default in all of them.
+/// default. [`Settings::caustics`] and [`Settings::tonemap`] are the picture's, not the method's:
+/// the defaults in all of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Preset {
@@ -370,7 +429,7 @@ impl Preset {
                     },
                     smooth: Smooth { filter: Filter::Bilateral, ..later.smooth },
                     refract: Refract { interfaces: 2, ..later.refract },
-                    tonemap: later.tonemap,
+                    ..later
                 }
             }
             Self::Imai2016 => Settings {
@@ -400,7 +459,7 @@ impl Preset {
                     reflections: Reflections::Environment,
                     ..Refract::default()
                 },
-                tonemap: Tonemap::default(),
+                ..Self::Limpid.settings()
             },
             Self::Mayer2026 => Settings {
                 refract: Refract {
@@ -462,7 +521,7 @@ impl Settings {
     }
 
     /// These settings with some replaced, in order: each override is `pass.name=value`, or
-    /// `preset=NAME`, which replaces all but the tone mapping.
+    /// `preset=NAME`, which replaces all but caustics and tone mapping.
     ///
     /// # Errors
     /// [`Error::Scene`] naming the override, and the nearest key for an unknown one.
@@ -481,7 +540,8 @@ impl Settings {
         let (path, value) = text.split_once('=').ok_or("expected pass.name=value")?;
         if path.trim() == "preset" {
             let preset = Self::preset(value.trim().trim_matches('"')).map_err(|e| e.to_string())?;
-            return Ok(Self { tonemap: self.tonemap.clone(), ..preset });
+            let (caustics, tonemap) = (self.caustics.clone(), self.tonemap.clone());
+            return Ok(Self { caustics, tonemap, ..preset });
         }
         let (pass, name) = path.trim().split_once('.').ok_or("expected pass.name=value")?;
         // A bare word is a string: `refract.solver=march` needs no quotes.
@@ -515,6 +575,7 @@ impl Settings {
     /// [`Error::Scene`] naming the first that is outside.
     pub fn check(&self) -> Result<()> {
         let (c, s, r) = (&self.classify, &self.smooth, &self.refract);
+        let caustics = &self.caustics;
         let checks = [
             ("classify.support", c.support, 1.0, 10.0),
             ("classify.splash_density", c.splash_density, 0.0, 1.0),
@@ -538,6 +599,12 @@ impl Settings {
             ("refract.samples", r.samples as f32, 1.0, 64.0),
             ("refract.edge_samples", r.edge_samples as f32, 1.0, 64.0),
             ("refract.contact", r.contact, 0.0, 1000.0),
+            ("caustics.resolution", caustics.resolution as f32, 16.0, 8192.0),
+            ("caustics.grid", caustics.grid as f32, 8.0, 8192.0),
+            ("caustics.interfaces", caustics.interfaces as f32, 1.0, 2.0),
+            ("caustics.steps", caustics.steps as f32, 1.0, 4096.0),
+            ("caustics.blur", caustics.blur, 0.0, 1e9),
+            ("caustics.margin", caustics.margin, 0.0, 10.0),
             ("tonemap.exposure", self.tonemap.exposure, -64.0, 64.0),
         ];
         for (key, value, low, high) in checks {

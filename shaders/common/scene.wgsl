@@ -1,6 +1,8 @@
 // What surrounds the liquid: solids, lights and the environment. All along the world's axes, with
 // positions seen from the eye.
 
+#import common/lights.wgsl
+
 struct Scene {
     zenith: vec3f,  // radiance straight up; everywhere if constant
     horizon: vec3f,
@@ -28,28 +30,15 @@ struct Solid {
     phase: vec3f,       // where the eye is in the checker, in tiles modulo 2
 }
 
-const SUN: u32 = 0u;
-const POINT: u32 = 1u;
-
-struct Light {
-    place: vec3f,  // a sun's direction towards it, or a point light's position
-    kind: u32,
-    power: vec3f,  // a sun's irradiance, or a point light's radiant intensity
-    pad: u32,
-}
-
 @group(2) @binding(0) var<uniform> scene: Scene;
 // Uniform memory and counts known when the pipeline is made: a software adapter unrolls the loops
 // over them, which is worth more there than anything else in this file.
 override SOLIDS: u32 = 0u;
-override LIGHTS: u32 = 0u;
 override ENVIRONMENT: u32 = 0u; // one of ENVIRONMENT_*
 
 const MAX_SOLIDS: u32 = 512u;
-const MAX_LIGHTS: u32 = 16u;
 
 @group(2) @binding(1) var<uniform> solids: array<Solid, MAX_SOLIDS>;
-@group(2) @binding(2) var<uniform> lights: array<Light, MAX_LIGHTS>;
 @group(2) @binding(3) var environment_map: texture_2d<f32>;
 
 const NOTHING: f32 = 1e30;
@@ -172,8 +161,15 @@ fn solid_color(solid: Solid, x: vec3f, normal: vec3f) -> vec3f {
     return select(solid.odd, solid.even, parity - 2.0 * floor(0.5 * parity) < 0.5);
 }
 
+// Whether a solid is between x, on a surface with normal n, and a light.
+fn in_shadow(x: vec3f, n: vec3f, to_light: ToLight) -> bool {
+    // Off the surface by more than rounding.
+    let start = x + 1e-5 * length(x) * n;
+    return scene_trace(start, to_light.direction).t < to_light.distance;
+}
+
 // Radiance that leaves the solid at x towards the side from which `d` arrives: its colour, or
-// Lambert's reflection of the lights and of the ambient radiance. No shadows.
+// Lambert's reflection of the lights and of the ambient radiance.
 fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f) -> vec3f {
     let solid = solids[index];
     let color = solid_color(solid, x, normal);
@@ -183,12 +179,13 @@ fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f) -> vec3f {
     let n = select(normal, -normal, dot(d, normal) > 0.0);
     var irradiance_over_pi = scene.ambient;
     for (var i = 0u; i < LIGHTS; i++) {
-        let light = lights[i];
-        let to_light = select(light.place - x, light.place, light.kind == SUN);
-        // A sun's direction is a unit vector, so that one formula serves both.
-        let distance2 = max(dot(to_light, to_light), 1e-20);
-        let cos_theta = max(dot(n, to_light) * inverseSqrt(distance2), 0.0);
-        irradiance_over_pi += light.power * cos_theta / (distance2 * 3.14159265);
+        let to_light = light_from(lights[i], x);
+        let cos_theta = max(dot(n, to_light.direction), 0.0);
+        var direct = lights[i].power * cos_theta / (to_light.distance2 * 3.14159265);
+        if in_shadow(x, n, to_light) {
+            direct = vec3f(0.0);
+        }
+        irradiance_over_pi += light_with_liquid(i, x, n, direct);
     }
     return color * irradiance_over_pi;
 }

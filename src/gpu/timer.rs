@@ -30,7 +30,8 @@ pub(crate) struct Span<'a> {
     end: Option<u32>,
 }
 
-const MAX_SPANS: u32 = 32;
+// The camera's passes, and six for each of 16 lights.
+const MAX_SPANS: u32 = 128;
 
 impl Timer {
     pub(crate) fn new(gpu: &Gpu, enabled: bool) -> Self {

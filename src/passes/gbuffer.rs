@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec2, Vec3};
-use wgpu::TextureViewDimension::D2;
+use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::{CameraBinding, GBuffer, Layers};
 use crate::environment::Environment;
 use crate::gpu::{self, Gpu, Span};
+use crate::light_view::LightView;
 use crate::scene::{Light, Scene, Shape, Solid, Surface};
 
 /// `Scene` of `common/scene.wgsl`.
@@ -61,7 +62,7 @@ pub struct SolidData {
     pub pad: u32,
 }
 
-/// `Light` of `common/scene.wgsl`.
+/// `Light` of `common/lights.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct LightData {
@@ -71,8 +72,28 @@ pub struct LightData {
     pub kind: u32,
     /// Irradiance or radiant intensity.
     pub power: [f32; 3],
+    /// 1 if it has a caustic map.
+    pub map: u32,
+    /// The map's view: its axis to the right.
+    pub right: [f32; 3],
+    /// Half its width: m for a sun, tangents for a point light.
+    pub half_width: f32,
+    /// Its axis upwards.
+    pub up: [f32; 3],
+    /// Half its height.
+    pub half_height: f32,
+    /// Its axis towards the light.
+    pub back: [f32; 3],
+    /// Depth of a sun's far plane, m.
+    pub far: f32,
+    /// Its origin seen from the eye, m.
+    pub origin: [f32; 3],
+    /// Texels across the map.
+    pub width: f32,
+    /// Texels down the map.
+    pub height: f32,
     /// Alignment.
-    pub pad: u32,
+    pub pad: [f32; 3],
 }
 
 /// Solids that a scene can have: 40 KiB of uniform memory.
@@ -100,7 +121,8 @@ impl SceneVariant {
             Environment::Gradient { .. } => 1,
             Environment::Map { .. } => 2,
         };
-        let [solids, lights] = [scene.solids.len() as u32, scene.lights.len() as u32];
+        let solids = scene.solids.len() as u32;
+        let lights = if scene.is_lit() { scene.lights.len() as u32 } else { 0 };
         Self { solids, lights, environment }
     }
 
@@ -120,6 +142,16 @@ pub(crate) struct SceneBinding {
     solids: wgpu::Buffer,
     lights: wgpu::Buffer,
     environment: Environment,
+    maps: Option<LightMaps>,
+}
+
+/// The caustic maps of a scene's lights, one layer each: `common/lights.wgsl`.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct LightMaps {
+    /// Irradiance and share of direct light.
+    pub maps: wgpu::Texture,
+    /// Planes of the receivers.
+    pub receivers: wgpu::Texture,
 }
 
 impl SceneBinding {
@@ -130,25 +162,43 @@ impl SceneBinding {
             gpu::uniform::<[SolidData; MAX_SOLIDS]>(),
             gpu::uniform::<[LightData; MAX_LIGHTS]>(),
             gpu::sampled(D2),
+            gpu::sampled(D2Array),
+            gpu::sampled(D2Array),
         ];
         let layout = gpu.layout("scene", wgpu::ShaderStages::COMPUTE, &bindings);
         let solids = gpu::uniform_buffer::<[SolidData; MAX_SOLIDS]>(gpu, "solids");
         let lights = gpu::uniform_buffer::<[LightData; MAX_LIGHTS]>(gpu, "lights");
         let environment = Environment::default();
-        let group = bind(gpu, &layout, &solids, &lights, &environment);
-        Self { layout, group, variant: SceneVariant::default(), solids, lights, environment }
+        let group = bind(gpu, &layout, &solids, &lights, &environment, None);
+        let variant = SceneVariant::default();
+        Self { layout, group, variant, solids, lights, environment, maps: None }
     }
 
-    /// Uploads a scene's solids and lights as `eye` sees them, and its environment if it is new.
-    pub(crate) fn upload(&mut self, gpu: &Gpu, scene: &Scene, eye: DVec3) {
+    /// Uploads a scene's solids and lights as `eye` sees them, its environment if it is new, and
+    /// the views of the lights that have maps.
+    pub(crate) fn upload(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        eye: DVec3,
+        views: &[Option<LightView>],
+        maps: Option<&LightMaps>,
+    ) {
         let solids: Vec<_> = scene.solids.iter().map(|solid| solid_data(solid, eye)).collect();
-        let lights: Vec<_> = scene.lights.iter().map(|light| light_data(light, eye)).collect();
+        let views = views.iter().copied().chain(std::iter::repeat(None));
+        let lights: Vec<_> = scene
+            .lights
+            .iter()
+            .zip(views)
+            .map(|(light, view)| light_data(light, view, eye))
+            .collect();
         gpu.queue.write_buffer(&self.solids, 0, bytemuck::cast_slice(&solids));
         gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights));
-        if !same(&self.environment, &scene.environment) {
+        if !same(&self.environment, &scene.environment) || self.maps.as_ref() != maps {
             let environment = &scene.environment;
-            self.group = bind(gpu, &self.layout, &self.solids, &self.lights, environment);
+            self.group = bind(gpu, &self.layout, &self.solids, &self.lights, environment, maps);
             self.environment = environment.clone();
+            self.maps = maps.cloned();
         }
         self.variant = SceneVariant::new(scene);
     }
@@ -171,6 +221,7 @@ fn bind(
     solids: &wgpu::Buffer,
     lights: &wgpu::Buffer,
     environment: &Environment,
+    light_maps: Option<&LightMaps>,
 ) -> wgpu::BindGroup {
     let one_pixel = [[0f32; 4]];
     let ([zenith, horizon, nadir], (size, pixels)) = match environment {
@@ -201,11 +252,18 @@ fn bind(
         },
         map.size(),
     );
+    let none = |label| gpu::texture(gpu, label, UVec2::ONE, 1, format, usage);
+    let [maps, receivers] = match light_maps {
+        Some(light_maps) => [&light_maps.maps, &light_maps.receivers].map(gpu::array_view),
+        None => ["no caustic maps", "no receivers"].map(|label| gpu::array_view(&none(label))),
+    };
     let resources = [
         uniform.as_entire_binding(),
         solids.as_entire_binding(),
         lights.as_entire_binding(),
         wgpu::BindingResource::TextureView(&map.create_view(&Default::default())),
+        wgpu::BindingResource::TextureView(&maps),
+        wgpu::BindingResource::TextureView(&receivers),
     ];
     gpu::bind_group(gpu, "scene", layout, &resources)
 }
@@ -245,12 +303,33 @@ fn solid_data(solid: &Solid, eye: DVec3) -> SolidData {
     }
 }
 
-fn light_data(light: &Light, eye: DVec3) -> LightData {
+fn light_data(light: &Light, view: Option<LightView>, eye: DVec3) -> LightData {
     let (kind, place, power) = match *light {
         Light::Sun { direction, irradiance } => (0, -direction.normalize_or_zero(), irradiance),
         Light::Point { position, intensity } => (1, (position - eye).as_vec3(), intensity),
     };
-    LightData { place: place.to_array(), kind, power: power.to_array(), pad: 0 }
+    let data = LightData {
+        place: place.to_array(),
+        kind,
+        power: power.to_array(),
+        map: u32::from(view.is_some()),
+        ..Zeroable::zeroed()
+    };
+    let Some(view) = view else { return data };
+    let [right, up, back] = view.view_from_world.transpose().to_cols_array_2d();
+    let narrow = |axis: [f64; 3]| axis.map(|x| x as f32);
+    LightData {
+        right: narrow(right),
+        half_width: view.half_extent.x as f32,
+        up: narrow(up),
+        half_height: view.half_extent.y as f32,
+        back: narrow(back),
+        far: if view.orthographic { view.far as f32 } else { 0.0 },
+        origin: (view.origin - eye).as_vec3().to_array(),
+        width: view.size.x as f32,
+        height: view.size.y as f32,
+        ..data
+    }
 }
 
 /// Draws the G-buffer.
@@ -260,22 +339,26 @@ pub(crate) struct Gbuffer {
     pub images: GBuffer,
     pipelines: HashMap<SceneVariant, wgpu::ComputePipeline>,
     layout: wgpu::BindGroupLayout,
+    radiance: bool,
 }
 
 impl Gbuffer {
-    /// Makes the layout; a pipeline is compiled when a scene first needs it.
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    /// Makes the layout; a pipeline is compiled when a scene first needs it. Without `radiance`
+    /// only the planes are drawn.
+    pub(crate) fn new(gpu: &Gpu, radiance: bool) -> Self {
         let bindings =
             [gpu::storage_texture(Layers::FORMAT, D2), gpu::storage_texture(Layers::FORMAT, D2)];
         let layout = gpu.layout("gbuffer", wgpu::ShaderStages::COMPUTE, &bindings);
-        Self { images: sized(gpu, UVec2::ONE, 1), pipelines: HashMap::new(), layout }
+        Self { images: sized(gpu, UVec2::ONE, 1), pipelines: HashMap::new(), layout, radiance }
     }
 
     /// Compiles the pipeline for the bound scene if it is new.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, scene: &SceneBinding) {
         let layouts = [&camera.layout, &self.layout, &scene.layout];
         self.pipelines.entry(scene.variant).or_insert_with(|| {
-            let constants = scene.variant.constants();
+            let radiance = [("RADIANCE", f64::from(u8::from(self.radiance)))];
+            let constants =
+                [&scene.variant.constants()[..], &camera.constants(), &radiance].concat();
             gpu::compute_pipeline(gpu, "gbuffer.wgsl", "gbuffer", &layouts, &constants)
         });
     }

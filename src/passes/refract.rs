@@ -10,8 +10,9 @@ use glam::UVec2;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::gbuffer::{SceneBinding, SceneVariant};
+use super::surfaces::Surfaces;
 use super::tiles::TileLists;
-use super::{CameraBinding, GBuffer, Layers, Radiance};
+use super::{CameraBinding, Layers, Radiance};
 use crate::gpu::{self, Gpu, Span};
 use crate::scene::Scene;
 use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
@@ -203,28 +204,24 @@ impl Refract {
     }
 
     /// Draws the picture with a variant that [`Refract::prepare`] was given.
-    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
-        camera: &CameraBinding,
-        scene: &SceneBinding,
-        aggregate: &Layers,
-        splash: &Layers,
-        gbuffer: &GBuffer,
-        tiles: &TileLists,
+        eye: &Surfaces,
         variant: Variant,
         span: Span<'_>,
     ) {
         let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
+        let gbuffer = &eye.gbuffer.images;
         let (planes, colors) = (view(&gbuffer.planes), view(&gbuffer.radiance));
         let (radiance, diagnostics) = (view(&self.radiance.texture), view(&self.diagnostics));
+        let tiles = &eye.tiles.lists;
         let group = |list: &wgpu::Buffer| {
             let resources = [
                 self.params.as_entire_binding(),
-                wgpu::BindingResource::TextureView(&aggregate.view),
-                wgpu::BindingResource::TextureView(&splash.view),
+                wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
+                wgpu::BindingResource::TextureView(&eye.splash.layers.view),
                 wgpu::BindingResource::TextureView(&planes),
                 wgpu::BindingResource::TextureView(&colors),
                 wgpu::BindingResource::TextureView(&radiance),
@@ -233,13 +230,13 @@ impl Refract {
             ];
             gpu::bind_group(gpu, "refract", &self.layout, &resources)
         };
-        let pipelines = &self.pipelines[&(variant, scene.variant)];
+        let pipelines = &self.pipelines[&(variant, eye.scene.variant)];
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("refract"),
             timestamp_writes: span.compute(),
         });
-        pass.set_bind_group(0, &camera.group, &[]);
-        pass.set_bind_group(2, &scene.group, &[]);
+        pass.set_bind_group(0, &eye.camera.group, &[]);
+        pass.set_bind_group(2, &eye.scene.group, &[]);
         pass.set_pipeline(&pipelines.background);
         pass.set_bind_group(1, &group(&tiles.background), &[]);
         pass.dispatch_workgroups_indirect(&tiles.dispatches, TileLists::BACKGROUND);

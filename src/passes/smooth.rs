@@ -80,7 +80,13 @@ impl Smooth {
         let layout = gpu.layout("smooth", wgpu::ShaderStages::COMPUTE, &bindings);
         let layouts = [&camera.layout, &layout];
         let pipeline = |entry: &str| {
-            gpu::compute_pipeline(gpu, shader(Filter::PlaneFit), entry, &layouts, &[])
+            gpu::compute_pipeline(
+                gpu,
+                shader(Filter::PlaneFit),
+                entry,
+                &layouts,
+                &camera.constants(),
+            )
         };
         let (layers, states) = sized(gpu, splatted);
         Self {
@@ -104,7 +110,7 @@ impl Smooth {
     pub(crate) fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, filter: Filter) {
         let layouts = [&camera.layout, &self.layout];
         self.iterate.entry(filter).or_insert_with(|| {
-            gpu::compute_pipeline(gpu, shader(filter), "iterate", &layouts, &[])
+            gpu::compute_pipeline(gpu, shader(filter), "iterate", &layouts, &camera.constants())
         });
     }
 

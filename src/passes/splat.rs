@@ -18,6 +18,14 @@ struct Chunk {
     count: u32,
 }
 
+/// One class of a frame's splats, uploaded: every view draws the same.
+#[derive(Debug)]
+pub(crate) struct SplatBuffers {
+    layout: wgpu::BindGroupLayout,
+    // As many as one binding holds, then the next: the depth test does not mind.
+    chunks: Vec<Chunk>,
+}
+
 /// Draws one class of splats into its pair of layers.
 #[derive(Debug)]
 pub(crate) struct Splat {
@@ -25,16 +33,47 @@ pub(crate) struct Splat {
     pub layers: Layers,
     depth: wgpu::TextureView,
     pipelines: [wgpu::RenderPipeline; 2],
-    layout: wgpu::BindGroupLayout,
-    // As many as one binding holds, then the next: the depth test does not mind.
-    chunks: Vec<Chunk>,
+}
+
+impl SplatBuffers {
+    /// Nothing to draw yet.
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        Self { layout: layout(gpu), chunks: Vec::new() }
+    }
+
+    /// Uploads the frame's splats.
+    pub(crate) fn upload(&mut self, gpu: &Gpu, splats: &[SplatData]) {
+        let limits = gpu.device.limits();
+        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let most = (bytes as usize / size_of::<SplatData>()).max(1);
+        self.chunks.truncate(splats.len().div_ceil(most));
+        for (i, splats) in splats.chunks(most).enumerate() {
+            let count = splats.len() as u32;
+            match self.chunks.get_mut(i) {
+                Some(chunk) if chunk.buffer.size() >= size_of_val(splats) as u64 => {
+                    gpu.queue.write_buffer(&chunk.buffer, 0, bytemuck::cast_slice(splats));
+                    chunk.count = count;
+                }
+                old => {
+                    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+                    let buffer = gpu::buffer_with(gpu, "splats", usage, splats);
+                    let resources = [buffer.as_entire_binding()];
+                    let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
+                    let chunk = Chunk { buffer, group, count };
+                    match old {
+                        Some(old) => *old = chunk,
+                        None => self.chunks.push(chunk),
+                    }
+                }
+            }
+        }
+    }
 }
 
 impl Splat {
     /// Compiles both pipelines; [`Splat::resize`] gives the pass its layers.
     pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
-        let layout =
-            gpu.layout("splats", wgpu::ShaderStages::VERTEX, &[gpu::storage::<SplatData>()]);
+        let layout = layout(gpu);
         let module = crate::shader::module(gpu, "splat.wgsl");
         let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("splat"),
@@ -42,7 +81,7 @@ impl Splat {
             immediate_size: 0,
         });
         let pipeline = |side: u32, nearest: wgpu::CompareFunction| {
-            let constants = [("SIDE", f64::from(side))];
+            let constants = [&camera.constants()[..], &[("SIDE", f64::from(side))]].concat();
             let compilation_options =
                 wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
             gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -81,7 +120,7 @@ impl Splat {
             pipeline(Layers::BACK, wgpu::CompareFunction::Less),
         ];
         let (layers, depth) = sized(gpu, UVec2::ONE, 1);
-        Self { layers, depth, pipelines, layout, chunks: Vec::new() }
+        Self { layers, depth, pipelines }
     }
 
     /// Replaces the layers by ones of so many mip levels.
@@ -89,39 +128,12 @@ impl Splat {
         (self.layers, self.depth) = sized(gpu, size, levels);
     }
 
-    /// Uploads the frame's splats.
-    pub(crate) fn upload(&mut self, gpu: &Gpu, splats: &[SplatData]) {
-        let limits = gpu.device.limits();
-        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let most = (bytes as usize / size_of::<SplatData>()).max(1);
-        self.chunks.truncate(splats.len().div_ceil(most));
-        for (i, splats) in splats.chunks(most).enumerate() {
-            let count = splats.len() as u32;
-            match self.chunks.get_mut(i) {
-                Some(chunk) if chunk.buffer.size() >= size_of_val(splats) as u64 => {
-                    gpu.queue.write_buffer(&chunk.buffer, 0, bytemuck::cast_slice(splats));
-                    chunk.count = count;
-                }
-                old => {
-                    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-                    let buffer = gpu::buffer_with(gpu, "splats", usage, splats);
-                    let resources = [buffer.as_entire_binding()];
-                    let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
-                    let chunk = Chunk { buffer, group, count };
-                    match old {
-                        Some(old) => *old = chunk,
-                        None => self.chunks.push(chunk),
-                    }
-                }
-            }
-        }
-    }
-
     /// Clears both layers and draws the splats into them.
     pub(crate) fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         camera: &CameraBinding,
+        splats: &SplatBuffers,
         span: Span<'_>,
     ) {
         let sides = [(Layers::FRONT, 0.0, span.first()), (Layers::BACK, 1.0, span.last())];
@@ -151,12 +163,16 @@ impl Splat {
             });
             pass.set_pipeline(&self.pipelines[side as usize]);
             pass.set_bind_group(0, &camera.group, &[]);
-            for chunk in &self.chunks {
+            for chunk in &splats.chunks {
                 pass.set_bind_group(1, &chunk.group, &[]);
                 pass.draw(0..4, 0..chunk.count);
             }
         }
     }
+}
+
+fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+    gpu.layout("splats", wgpu::ShaderStages::VERTEX, &[gpu::storage::<SplatData>()])
 }
 
 fn sized(gpu: &Gpu, size: UVec2, levels: u32) -> (Layers, wgpu::TextureView) {

@@ -257,7 +257,7 @@ impl Bench {
     /// [`crate::Error::Adapter`] if the picture is too large.
     pub fn new(gpu: &Gpu, uniform: &CameraUniform, layers: &ViewLayers) -> Result<Self> {
         gpu.check_size(layers.size)?;
-        let camera = CameraBinding::new(gpu);
+        let camera = CameraBinding::new(gpu, false);
         camera.write(gpu, uniform);
         let nothing = vec![[0f32; 4]; layers.size.element_product() as usize];
         let none = [nothing.clone(), nothing];

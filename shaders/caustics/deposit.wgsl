@@ -1,0 +1,195 @@
+// Lays light onto the map: that of each triangle of the grid, where its corners landed.
+//
+// A triangle's light is its share of the view, and goes to each texel by the exact area that the two
+// have in common: nothing is lost between sample points, folds of either sign add, and the sum over
+// the map is the light that was sent. Sums are integers, so that their order does not matter.
+
+#import common/camera.wgsl
+#import caustics/landing.wgsl
+#import caustics/light_sums.wgsl
+#import caustics/params.wgsl
+
+@group(1) @binding(0) var<uniform> caustics: CausticParams;
+@group(1) @binding(1) var<storage, read> landings: array<Landing>;
+// Red, green and blue of each texel, two words each, the lower first.
+@group(1) @binding(2) var<storage, read_write> light_sums: array<atomic<u32>>;
+
+// No semi-axis of a triangle's light is shorter than this, pixels: light in focus is spread, not
+// missed, and areas keep their digits.
+const LEAST_EXTENT: f32 = 0.35;
+
+// Two corners are on one surface if each lies this near the other's plane, as a share of their
+// distance plus a texel: steeper is a step from one surface to another.
+const TORN: f32 = 0.5;
+
+// Light spread over a larger box of texels than this is laid in SPECKS squared spots instead.
+const LARGEST_BOX: f32 = 4096.0;
+const SPECKS: i32 = 6;
+
+fn together(a: Landing, b: Landing, texel: f32) -> bool {
+    let apart = distance(a.position, b.position) + texel;
+    let off_a = abs(dot(receiver_normal(a.plane), b.position - a.position));
+    let off_b = abs(dot(receiver_normal(b.plane), a.position - b.position));
+    return a.state == LANDED && b.state == LANDED && max(off_a, off_b) <= TORN * apart;
+}
+
+fn receiver_normal(pi: vec3f) -> vec3f {
+    return normalize(select(pi, vec3f(pi.xy, -1.0), ORTHOGRAPHIC));
+}
+
+// One thread per cell: its two triangles are neighbours of the same corners.
+@compute @workgroup_size(8, 8)
+fn deposit(@builtin(global_invocation_id) id: vec3u) {
+    if any(id.xy >= caustics.cells) {
+        return;
+    }
+    let row = caustics.cells.x + 1u;
+    let first = id.y * row + id.x;
+    let a = landings[first];
+    let b = landings[first + 1u];
+    let c = landings[first + row];
+    let d = landings[first + row + 1u];
+    if all(vec4u(a.state, b.state, c.state, d.state) != vec4u(LANDED)) {
+        return;
+    }
+    let cell = camera.size / vec2f(caustics.cells);
+    triangle(a, b, c, cell);
+    triangle(d, c, b, -cell);
+}
+
+fn triangle(a: Landing, b: Landing, c: Landing, cell: vec2f) {
+    let landed = vec3f(vec3u(a.state, b.state, c.state) == vec3u(LANDED));
+    if all(landed == vec3f(0.0)) {
+        return;
+    }
+    let passed = landed.x * a.passed + landed.y * b.passed + landed.z * c.passed;
+    let light = 0.5 * cell.x * cell.y * passed / 3.0;
+
+    let pa = select(vec2f(0.0), camera_pixel(a.position), landed.x > 0.0);
+    let pb = select(vec2f(0.0), camera_pixel(b.position), landed.y > 0.0);
+    let pc = select(vec2f(0.0), camera_pixel(c.position), landed.z > 0.0);
+    let texel = 2.0 * camera.tangent.x / camera.size.x * select(-a.position.z, 1.0, ORTHOGRAPHIC);
+    let ab = together(a, b, texel);
+    let bc = together(b, c, texel);
+    let ca = together(c, a, texel);
+    var centre = (pa + pb + pc) / 3.0;
+    var e1 = pb - pa;
+    var e2 = pc - pa;
+    if !(ab && bc || bc && ca || ca && ab) {
+        // Torn: the light stays as wide as it was, around the corners that agree.
+        e1 = vec2f(cell.x, 0.0);
+        e2 = vec2f(0.0, cell.y);
+        var share = landed;
+        if ab {
+            share.z = 0.0;
+        } else if bc {
+            share.x = 0.0;
+        } else if ca {
+            share.y = 0.0;
+        } else if landed.x > 0.0 {
+            share = vec3f(1.0, 0.0, 0.0);
+        } else if landed.y > 0.0 {
+            share = vec3f(0.0, 1.0, 0.0);
+        }
+        centre = (pa * share.x + pb * share.y + pc * share.z) / (share.x + share.y + share.z);
+    }
+    // The triangle as the image of an equilateral one around the origin.
+    lay(centre, mat2x2f((2.0 * e1 - e2) / 3.0, e2 / sqrt(3.0)), light);
+}
+
+const HALF_ROOT_3: f32 = 0.8660254;
+
+// Lays light onto the image of an equilateral triangle of circumradius 1.
+fn lay(centre: vec2f, image: mat2x2f, light: vec3f) {
+    let m = held(image);
+    let a = centre + m * vec2f(-0.5, -HALF_ROOT_3);
+    let b = centre + m * vec2f(1.0, 0.0);
+    let c = centre + m * vec2f(-0.5, HALF_ROOT_3);
+    let density = light / (1.5 * HALF_ROOT_3 * abs(determinant(m)));
+    let low = max(floor(min(a, min(b, c))), vec2f(0.0));
+    let high = min(ceil(max(a, max(b, c))), camera.size);
+    let box = max(high - low, vec2f(0.0));
+    if box.x * box.y > LARGEST_BOX {
+        // Too dim to matter where exactly, but not to be lost.
+        let speck = light / f32(SPECKS * SPECKS);
+        for (var i = 0; i < SPECKS * SPECKS; i++) {
+            // From a square to the triangle, areas kept (Shirley and Chiu 1997).
+            let s = (f32(i % SPECKS) + 0.5) / f32(SPECKS);
+            let t = sqrt((f32(i / SPECKS) + 0.5) / f32(SPECKS));
+            let at = vec2i(floor(mix(a, mix(b, c, s), t)));
+            if all(at >= vec2i(0)) && all(at < vec2i(camera.size)) {
+                add(at, speck);
+            }
+        }
+        return;
+    }
+    for (var y = low.y; y < high.y; y += 1.0) {
+        for (var x = low.x; x < high.x; x += 1.0) {
+            let corner = vec2f(x, y);
+            let overlap = abs(area_under(a - corner, b - corner)
+                + area_under(b - corner, c - corner) + area_under(c - corner, a - corner));
+            if overlap > 0.0 {
+                add(vec2i(corner), overlap * density);
+            }
+        }
+    }
+}
+
+// The map with its singular values raised to LEAST_EXTENT.
+fn held(m: mat2x2f) -> mat2x2f {
+    // m = turn(phi) diag(s) turn(theta) (Blinn, Consider the Lowly 2x2 Matrix, 1996).
+    let e = 0.5 * (m[0].x + m[1].y);
+    let f = 0.5 * (m[0].x - m[1].y);
+    let g = 0.5 * (m[0].y + m[1].x);
+    let h = 0.5 * (m[0].y - m[1].x);
+    let q = sqrt(e * e + h * h);
+    let r = sqrt(f * f + g * g);
+    if abs(q - r) >= LEAST_EXTENT {
+        return m;
+    }
+    let a1 = select(atan2(g, f), 0.0, r == 0.0);
+    let a2 = select(atan2(h, e), 0.0, q == 0.0);
+    let s = max(vec2f(q + r, abs(q - r)), vec2f(LEAST_EXTENT)) * vec2f(1.0, select(-1.0, 1.0, q >= r));
+    let left = turn(0.5 * (a2 + a1));
+    return mat2x2f(left[0] * s.x, left[1] * s.y) * turn(0.5 * (a2 - a1));
+}
+
+fn turn(angle: f32) -> mat2x2f {
+    let c = cos(angle);
+    let s = sin(angle);
+    return mat2x2f(vec2f(c, s), vec2f(-s, c));
+}
+
+// Area between an edge and y = 0 within the unit square, signed by the edge's direction: summed
+// around a polygon, its overlap with the square.
+fn area_under(p: vec2f, q: vec2f) -> f32 {
+    let x0 = clamp(p.x, 0.0, 1.0);
+    let x1 = clamp(q.x, 0.0, 1.0);
+    if x0 == x1 {
+        return 0.0;
+    }
+    let slope = (q.y - p.y) / (q.x - p.x);
+    let y0 = p.y + (x0 - p.x) * slope;
+    let y1 = p.y + (x1 - p.x) * slope;
+    if abs(y1 - y0) < 1e-3 {
+        return (x1 - x0) * clamp(0.5 * (y0 + y1), 0.0, 1.0);
+    }
+    return (x1 - x0) * (clamped_integral(y1) - clamped_integral(y0)) / (y1 - y0);
+}
+
+// Integral of clamp(y, 0, 1) from 0.
+fn clamped_integral(y: f32) -> f32 {
+    let within = clamp(y, 0.0, 1.0);
+    return 0.5 * within * within + max(y - 1.0, 0.0);
+}
+
+fn add(texel: vec2i, light: vec3f) {
+    let word = 6u * u32(texel.y * i32(camera.size.x) + texel.x);
+    let amount = vec3u(round(min(light * UNIT, vec3f(4e9))));
+    for (var i = 0u; i < 3u; i++) {
+        let before = atomicAdd(&light_sums[word + 2u * i], amount[i]);
+        if before > 0xffffffffu - amount[i] {
+            atomicAdd(&light_sums[word + 2u * i + 1u], 1u);
+        }
+    }
+}

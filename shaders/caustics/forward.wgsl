@@ -1,0 +1,92 @@
+// Forward caustics: light through each vertex of the grid, refracted where it enters the liquid and
+// where it leaves it, to the solid that it lights.
+//
+// After Wallace (2016), Renou (Rendering Realtime Caustics in WebGL, 2020) and Mayer, Assarsson and
+// Sintorn (2026), section 2.2. `deposit.wgsl` then lays the light between three vertices onto the map.
+
+#import caustics/landing.wgsl
+#import caustics/light_sums.wgsl
+#import caustics/params.wgsl
+
+@group(3) @binding(0) var<uniform> caustics: CausticParams;
+@group(3) @binding(1) var<storage, read> grid: array<GridVertex>;
+@group(3) @binding(2) var<storage, read_write> landings: array<Landing>;
+
+// The first solid that the light's view shows along a ray of light.
+fn light_receiver(ray: ScreenRay) -> Interface {
+    return front_entry(OPAQUE, ray);
+}
+
+// Whether liquid that ends at x reaches the solid that the light is heading for.
+fn wets(receiver: Interface, x: vec3f) -> bool {
+    return CONTACT && abs(dot(plane_normal(receiver.plane), x - receiver.position)) <= params.contact;
+}
+
+fn light_path(vertex: GridVertex) -> Landing {
+    var o = vertex.position;
+    let to_light = caustics_to_light(o);
+    var d = -to_light;
+    var n = vertex.normal;
+    var cos_theta_i = dot(to_light, n);
+    if vertex.valid == 0u || cos_theta_i <= 0.0 {
+        return Landing(vec3f(0.0), NO_LIQUID, vec3f(0.0), vec3f(0.0));
+    }
+    var cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
+    // Light by the surface, over what the view's own rays would bring: cosines, and for a point
+    // light also squared distances and what a pixel of the view stands for.
+    let omega = camera_omega_of(o);
+    var share = cos_theta_i / max(-dot(camera_ray_direction(omega), n), 1e-3);
+    if !ORTHOGRAPHIC {
+        let to_point = caustics.light - o;
+        share *= dot(o, o) / dot(to_point, to_point) * view_power(omega);
+    }
+    var passed = vec3f(share * (1.0 - reflectance(cos_theta_i, cos_theta_t, params.ior)));
+    if cos_theta_t < 0.0 {
+        return Landing(vec3f(0.0), LOST, vec3f(0.0), vec3f(0.0));
+    }
+    d = optics_refract(d, n, cos_theta_i, cos_theta_t, params.ior);
+
+    let inside = screen_ray(o, d, NOTHING);
+    let texel = screen_ray_texel(inside, 0.0);
+    var receiver = light_receiver(inside);
+    if caustics.interfaces >= 2u {
+        let exit = liquid_exit(inside, texel);
+        let to_exit = distance(o, exit.position);
+        let dry = exit.found && !(receiver.found
+            && (distance(o, receiver.position) <= to_exit || wets(receiver, exit.position)));
+        if dry {
+            passed *= optics_transmittance(params.absorption, to_exit);
+            n = plane_normal(exit.plane);
+            if dot(n, d) > 0.0 {
+                n = -n;
+            }
+            let eta = 1.0 / params.ior;
+            cos_theta_i = -dot(d, n);
+            cos_theta_t = optics_cos_transmitted(cos_theta_i, eta);
+            if cos_theta_t < 0.0 {
+                return Landing(vec3f(0.0), LOST, vec3f(0.0), vec3f(0.0));
+            }
+            passed *= 1.0 - reflectance(cos_theta_i, cos_theta_t, eta);
+            d = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
+            receiver = light_receiver(screen_ray(exit.position, d, NOTHING));
+            if !receiver.found {
+                return Landing(vec3f(0.0), LOST, vec3f(0.0), vec3f(0.0));
+            }
+            return Landing(receiver.position, LANDED, passed, receiver.plane);
+        }
+    }
+    if !receiver.found {
+        return Landing(vec3f(0.0), LOST, vec3f(0.0), vec3f(0.0));
+    }
+    passed *= optics_transmittance(params.absorption, distance(o, receiver.position));
+    return Landing(receiver.position, LANDED, passed, receiver.plane);
+}
+
+@compute @workgroup_size(8, 8)
+fn trace_light(@builtin(global_invocation_id) id: vec3u) {
+    if any(id.xy > caustics.cells) {
+        return;
+    }
+    let index = id.y * (caustics.cells.x + 1u) + id.x;
+    landings[index] = light_path(grid[index]);
+}

@@ -1,0 +1,81 @@
+// A regular grid over the light's view of the liquid: where each of its rays meets the liquid
+// first.
+//
+// Pasted behind a root of `refract/`, as all that follows light from its view: the layers and the
+// intersector are those.
+
+#import caustics/params.wgsl
+
+@group(3) @binding(0) var<uniform> caustics: CausticParams;
+@group(3) @binding(1) var<storage, read_write> grid_out: array<GridVertex>;
+
+// The pixel position of a vertex.
+fn grid_pixel(vertex: vec2u) -> vec2f {
+    return vec2f(vertex) * camera.size / vec2f(caustics.cells);
+}
+
+// The nearest front at a texel, of either class.
+fn nearest_front(texel: vec2i, omega: vec3f) -> vec3f {
+    let aggregate = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
+    if SPLASH {
+        let splash = textureLoad(splash_layers, texel, FRONT, 0).xyz;
+        return select(aggregate, splash, dot(splash, omega) > dot(aggregate, omega));
+    }
+    return aggregate;
+}
+
+// By how much the planes of neighbouring texels of one surface may differ where they meet, in
+// texels: curvature and noise, but no step from one surface to another.
+const SAME_SURFACE: f32 = 1.0;
+
+// What stands for disparity changes so much over a texel of a surface across the view.
+fn disparity_per_texel(disparity: f32) -> f32 {
+    return 2.0 * camera.tangent.x / camera.size.x * select(disparity, 1.0, ORTHOGRAPHIC);
+}
+
+// Whether a solid is between the light and a point of the liquid.
+fn shadowed(x: vec3f) -> bool {
+    let d = caustics_to_light(x);
+    let far = select(distance(caustics.light, x), NOTHING, ORTHOGRAPHIC);
+    return scene_trace(camera_world_point(x), camera_world_direction(d)).t < far;
+}
+
+@compute @workgroup_size(8, 8)
+fn grid_vertices(@builtin(global_invocation_id) id: vec3u) {
+    if any(id.xy > caustics.cells) {
+        return;
+    }
+    let index = id.y * (caustics.cells.x + 1u) + id.x;
+    let u = grid_pixel(id.xy);
+    let omega = camera_omega(u);
+    let last = vec2i(camera.size) - 1;
+    let own = clamp(vec2i(floor(u)), vec2i(0), last);
+    let plane = nearest_front(own, omega);
+    let disparity = dot(plane, omega);
+    // Planes of the four texels around, so that normals are continuous whatever the grid's pitch.
+    let base = floor(u - 0.5);
+    let f = u - 0.5 - base;
+    let slope = plane_slope(plane);
+    let tolerance = SAME_SURFACE * (disparity_per_texel(disparity) + abs(slope.x) + abs(slope.y));
+    var sum = vec3f(0.0);
+    var weight = 0.0;
+    for (var i = 0; i < 4; i++) {
+        let corner = vec2f(f32(i & 1), f32(i >> 1u));
+        let texel = clamp(vec2i(base + corner), vec2i(0), last);
+        let there = nearest_front(texel, omega);
+        let share = mix(1.0 - f, f, corner);
+        if !plane_is_empty(there) && abs(dot(there, omega) - disparity) <= tolerance {
+            sum += share.x * share.y * there;
+            weight += share.x * share.y;
+        }
+    }
+    var vertex = GridVertex(vec3f(0.0), 0u, vec3f(0.0));
+    // Not where the view starts in the liquid.
+    let before_near = !ORTHOGRAPHIC && disparity >= 1.0 / camera.near;
+    if !plane_is_empty(plane) && weight > 0.0 && !before_near {
+        let blended = sum / weight;
+        let x = camera_point(omega, dot(blended, omega));
+        vertex = GridVertex(x, select(1u, 0u, shadowed(x)), -plane_normal(blended));
+    }
+    grid_out[index] = vertex;
+}

@@ -1,0 +1,94 @@
+// The map of one light: what each texel's receiver gets of it.
+//
+// Pasted behind a root of `refract/`, for its layers.
+
+#import caustics/light_sums.wgsl
+#import caustics/params.wgsl
+
+@group(3) @binding(0) var<uniform> caustics: CausticParams;
+@group(3) @binding(1) var<storage, read> light_sums: array<u32>;
+@group(3) @binding(2) var gathered: texture_2d<f32>; // irradiance, state: gather.wgsl
+@group(3) @binding(3) var map_out: texture_storage_2d<rgba32float, write>;
+@group(3) @binding(4) var receiver_out: texture_storage_2d<rgba32float, write>;
+
+override METHOD: u32 = 0u;
+const STRAIGHT: u32 = 0u;
+const FORWARD: u32 = 1u;
+const GATHER: u32 = 2u;
+
+// Transmittance of what lies in the view before a receiver: in by the front, and out by the back where
+// that is before the receiver.
+fn straight(slabs: Slabs, receiver: vec3f, omega: vec3f) -> vec3f {
+    let d = camera_ray_direction(omega);
+    let end = camera_point(omega, dot(receiver, omega));
+    let n_r = plane_normal(receiver);
+    var passed = class_straight(slabs.aggregate_front, slabs.aggregate_back, omega, d, end, n_r);
+    if SPLASH {
+        passed *= class_straight(slabs.splash_front, slabs.splash_back, omega, d, end, n_r);
+    }
+    return passed;
+}
+
+fn class_straight(front: vec3f, back: vec3f, omega: vec3f, d: vec3f, end: vec3f, n_r: vec3f) -> vec3f {
+    let disparity = dot(front, omega);
+    if disparity <= camera_disparity(end) {
+        return vec3f(1.0);
+    }
+    let from_point = camera_point(omega, disparity);
+    var to_point = camera_point(omega, max(dot(back, omega), 1e-20));
+    let cos_theta_i = abs(dot(caustics_to_light(from_point), plane_normal(front)));
+    let cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
+    var passed = 1.0 - reflectance(cos_theta_i, cos_theta_t, params.ior);
+    let wet = CONTACT && abs(dot(n_r, to_point - end)) <= params.contact;
+    if dot(back, omega) <= camera_disparity(end) || wet {
+        to_point = end;
+    } else {
+        // Straight on, by the angle that it has inside if both faces are parallel.
+        let cos_out = abs(dot(d, plane_normal(back)));
+        passed *= 1.0 - reflectance(cos_out, optics_cos_transmitted(cos_out, params.ior), params.ior);
+    }
+    return passed * optics_transmittance(params.absorption, distance(from_point, to_point));
+}
+
+@compute @workgroup_size(8, 8)
+fn resolve(@builtin(global_invocation_id) id: vec3u) {
+    let p = vec2i(id.xy);
+    if any(p >= vec2i(camera.size)) {
+        return;
+    }
+    let plane = textureLoad(gbuffer_planes, p, 0);
+    let omega = camera_omega(vec2f(p) + 0.5);
+    let slabs = load_slabs(p);
+    let nearest = max(dot(slabs.aggregate_front, omega), dot(slabs.splash_front, omega));
+    textureStore(receiver_out, p, vec4f(plane.xyz, nearest));
+    if plane_is_empty(plane.xyz) {
+        textureStore(map_out, p, vec4f(0.0));
+        return;
+    }
+    let covered = nearest > dot(plane.xyz, omega);
+
+    // Irradiance by what a pixel of the view would bring.
+    let x = camera_point(omega, dot(plane.xyz, omega));
+    let cos_theta = dot(plane_normal(plane.xyz), camera_ray_direction(omega));
+    let distance2 = select(dot(x, x), 1.0, ORTHOGRAPHIC);
+    let direct = caustics.power * cos_theta / distance2;
+
+    var irradiance = vec3f(0.0);
+    if METHOD == FORWARD {
+        let word = 6u * u32(p.y * i32(camera.size.x) + p.x);
+        irradiance = direct * light_ratio(word) / view_power(omega);
+    } else if covered {
+        irradiance = caustics.gain * direct * straight(slabs, plane.xyz, omega);
+        if METHOD == GATHER {
+            let found = textureLoad(gathered, p, 0);
+            irradiance = select(irradiance, found.rgb, found.a > 0.5);
+        }
+    }
+    textureStore(map_out, p, vec4f(irradiance, select(1.0, 0.0, covered)));
+}
+
+fn light_ratio(word: u32) -> vec3f {
+    let low = vec3u(light_sums[word], light_sums[word + 2u], light_sums[word + 4u]);
+    let high = vec3u(light_sums[word + 1u], light_sums[word + 3u], light_sums[word + 5u]);
+    return (vec3f(low) + vec3f(high) * 4294967296.0) / UNIT;
+}

@@ -1,0 +1,414 @@
+//! Light through the liquid onto what it lights: `shaders/caustics/`.
+//!
+//! A light's own view of the liquid is drawn as the camera's is. From its layers a map is made:
+//! for each texel, the irradiance by light through the liquid on the solid that the light's straight
+//! ray through the texel meets. The camera pass looks it up wherever it sees a lit solid.
+//!
+//! - `forward` (J. Renou, Rendering Realtime Caustics in WebGL, 2020; Mayer, Assarsson and Sintorn
+//!   2026): a grid over the liquid's front, each vertex refracted and intersected, the light of each
+//!   cell laid onto the map where its corners landed.
+//! - `gather` (Granizo-Hidalgo and Holzschuch 2024): for each texel the point of the surface that
+//!   sends light there, by a walk over the same grid. As published it starts from a ray traced
+//!   against a mesh of the pool; here the first triangle is one lookup, because the straight line
+//!   from a receiver to the light is a texel of the light's view: no mesh and no ray tracing
+//!   hardware.
+//! - `straight`: no refraction, but what the liquid reflects and absorbs is missing.
+
+use std::collections::HashMap;
+
+use bytemuck::{Pod, Zeroable};
+use glam::UVec2;
+use wgpu::TextureViewDimension::{D2, D2Array};
+
+use super::gbuffer::{SceneBinding, SceneVariant};
+use super::refract::{self, Variant};
+use super::{CameraBinding, GBuffer, Layers};
+use crate::gpu::{self, Gpu, Span};
+use crate::light_view::LightView;
+use crate::scene::{Light, Scene};
+use crate::settings::{self, Method, Solids, Solver};
+
+/// `CausticParams` of `caustics/params.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Params {
+    /// A sun's irradiance, or a point light's radiant intensity.
+    pub power: [f32; 3],
+    /// Triangles that `gather` walks at most.
+    pub steps: u32,
+    /// The direction towards a sun, or a point light's position, in the view's space.
+    pub light: [f32; 3],
+    /// Interfaces that light is followed through.
+    pub interfaces: u32,
+    /// Cells of the grid.
+    pub cells: [u32; 2],
+    /// Light on a level surface over that on a surface across the view.
+    pub gain: f32,
+    /// Standard deviation of the blur, texels.
+    pub blur: f32,
+}
+
+impl Params {
+    /// The parameters for a light and its view.
+    pub(crate) fn new(light: &Light, view: &LightView, settings: &settings::Caustics) -> Self {
+        // Of a point light's view a texel has no size in metres.
+        let texel = 2.0 * view.half_extent.x / f64::from(view.size.x);
+        let blur = if view.orthographic { f64::from(settings.blur) / texel } else { 0.0 };
+        let back = view.view_from_world.transpose().z_axis;
+        let (place, power, gain) = match *light {
+            Light::Sun { direction, irradiance } => {
+                let towards = -direction.as_dvec3().normalize();
+                // Still water under a light that is refracted on entering; 1 if the view is along it.
+                let gain = if towards.distance(back) < 1e-9 { 1.0 } else { towards.y / back.y };
+                (view.view_from_world * towards, irradiance, gain)
+            }
+            Light::Point { position, intensity } => {
+                let place = view.view_from_world * (position - view.origin);
+                (place, intensity, 1.0)
+            }
+        };
+        Self {
+            power: power.to_array(),
+            steps: settings.steps,
+            light: place.as_vec3().to_array(),
+            interfaces: settings.interfaces,
+            cells: cells(view.size, settings.grid).to_array(),
+            gain: gain as f32,
+            blur: blur as f32,
+        }
+    }
+}
+
+/// Cells of a grid that has so many along the longer side of a view.
+fn cells(size: UVec2, grid: u32) -> UVec2 {
+    let pitch = f64::from(size.max_element()) / f64::from(grid);
+    (size.as_dvec2() / pitch).round().as_uvec2().max(UVec2::ONE)
+}
+
+/// Bytes of a `GridVertex` and of a `Landing`.
+const VERTEX: u64 = 32;
+const LANDING: u64 = 48;
+
+/// What the pipelines are specialised for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Key {
+    variant: Variant,
+    scene: SceneVariant,
+    method: Method,
+}
+
+#[derive(Debug)]
+struct Pipelines {
+    grid: wgpu::ComputePipeline,
+    /// `forward`'s or `gather`'s.
+    light: Option<wgpu::ComputePipeline>,
+    resolve: wgpu::ComputePipeline,
+}
+
+/// Makes the maps of lights that share a kind of view.
+#[derive(Debug)]
+pub(crate) struct Caustics {
+    pipelines: HashMap<Key, Pipelines>,
+    deposit: wgpu::ComputePipeline,
+    /// Across, then down.
+    blur: [wgpu::ComputePipeline; 2],
+    layouts: Layouts,
+    sized: Option<(UVec2, UVec2, Buffers)>,
+}
+
+#[derive(Debug)]
+struct Layouts {
+    inputs: wgpu::BindGroupLayout,
+    grid: wgpu::BindGroupLayout,
+    forward: wgpu::BindGroupLayout,
+    deposit: wgpu::BindGroupLayout,
+    gather: wgpu::BindGroupLayout,
+    resolve: wgpu::BindGroupLayout,
+    blur: wgpu::BindGroupLayout,
+}
+
+/// What lies between the kernels.
+#[derive(Debug)]
+pub(crate) struct Buffers {
+    /// Vertices of the grid.
+    pub grid: wgpu::Buffer,
+    /// Where their light landed.
+    pub landings: wgpu::Buffer,
+    sums: wgpu::Buffer,
+    /// What `gather` found: irradiance and state.
+    pub gathered: wgpu::Texture,
+    blurred: wgpu::Texture,
+}
+
+/// A light's view as its map is made from it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Inputs<'a> {
+    pub camera: &'a CameraBinding,
+    pub scene: &'a SceneBinding,
+    pub aggregate: &'a Layers,
+    pub splash: Option<&'a Layers>,
+    pub gbuffer: &'a GBuffer,
+}
+
+/// Where a light's map goes: one layer of both textures.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Output<'a> {
+    pub map: &'a wgpu::Texture,
+    pub receivers: &'a wgpu::Texture,
+    pub layer: u32,
+}
+
+impl Caustics {
+    /// Makes the layouts; pipelines are compiled when a frame first needs them.
+    pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
+        let compute = wgpu::ShaderStages::COMPUTE;
+        let params = || gpu::uniform::<Params>();
+        let (planes, write) = (gpu::sampled(D2), gpu::storage_texture(Layers::FORMAT, D2));
+        let layouts = Layouts {
+            inputs: gpu.layout(
+                "light view",
+                compute,
+                &[
+                    gpu::uniform::<refract::Params>(),
+                    gpu::sampled(D2Array),
+                    gpu::sampled(D2Array),
+                    planes,
+                ],
+            ),
+            grid: gpu.layout("caustic grid", compute, &[params(), gpu::storage_read_write(VERTEX)]),
+            forward: gpu.layout(
+                "forward caustics",
+                compute,
+                &[params(), gpu::storage_of(VERTEX), gpu::storage_read_write(LANDING)],
+            ),
+            deposit: gpu.layout(
+                "caustic deposit",
+                compute,
+                &[params(), gpu::storage_of(LANDING), gpu::storage_read_write(24)],
+            ),
+            gather: gpu.layout(
+                "gathered caustics",
+                compute,
+                &[params(), gpu::storage_of(VERTEX), write],
+            ),
+            resolve: gpu.layout(
+                "caustic map",
+                compute,
+                &[params(), gpu::storage_of(24), planes, write, write],
+            ),
+            blur: gpu.layout("caustic blur", compute, &[params(), planes, planes, write]),
+        };
+        let constants = camera.constants();
+        let pipeline = |file, entry, layout: &wgpu::BindGroupLayout, constants: &[(&str, f64)]| {
+            gpu::compute_pipeline(gpu, file, entry, &[&camera.layout, layout], constants)
+        };
+        let deposit = pipeline("caustics/deposit.wgsl", "deposit", &layouts.deposit, &constants);
+        let blur = [0.0, 1.0].map(|down| {
+            let constants = [&constants[..], &[("DOWN", down)]].concat();
+            pipeline("caustics/blur.wgsl", "blur", &layouts.blur, &constants)
+        });
+        Self { pipelines: HashMap::new(), deposit, blur, layouts, sized: None }
+    }
+
+    /// Makes room for a view of `size` texels, and compiles what a frame needs if it is new.
+    pub(crate) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        bound: &SceneBinding,
+        scene: &Scene,
+        splash: bool,
+        size: UVec2,
+    ) {
+        let settings = &scene.settings.caustics;
+        let cells = cells(size, settings.grid);
+        if self.sized.as_ref().is_none_or(|(s, c, _)| (*s, *c) != (size, cells)) {
+            self.sized = Some((size, cells, Buffers::new(gpu, size, cells)));
+        }
+        let key = Key::new(scene, bound, splash);
+        let layouts = &self.layouts;
+        self.pipelines.entry(key).or_insert_with(|| {
+            let pipeline = |file: &str, entry: &str, own, constants: &[(&'static str, f64)]| {
+                let root = key.variant.shader();
+                let text = crate::shader::source(root) + &crate::shader::source(file);
+                let module = crate::shader::text_module(gpu, file, text);
+                let all = [
+                    &key.variant.constants()[..],
+                    &key.scene.constants(),
+                    &camera.constants(),
+                    constants,
+                ];
+                let groups = [&camera.layout, &layouts.inputs, &bound.layout, own];
+                gpu::module_pipeline(gpu, file, &module, entry, &groups, &all.concat())
+            };
+            let method = [("METHOD", f64::from(key.method as u32))];
+            let light = match key.method {
+                Method::Straight => None,
+                Method::Forward => {
+                    Some(pipeline("caustics/forward.wgsl", "trace_light", &layouts.forward, &[]))
+                }
+                Method::Gather => {
+                    Some(pipeline("caustics/gather.wgsl", "gather", &layouts.gather, &[]))
+                }
+            };
+            Pipelines {
+                grid: pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]),
+                light,
+                resolve: pipeline("caustics/resolve.wgsl", "resolve", &layouts.resolve, &method),
+            }
+        });
+    }
+
+    /// Makes the map of a light whose view was given to [`Caustics::prepare`].
+    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        scene: &Scene,
+        radius: f32,
+        params: &Params,
+        inputs: Inputs<'_>,
+        output: Output<'_>,
+        span: Span<'_>,
+    ) {
+        let Some((size, _, buffers)) = &self.sized else { return };
+        let key = Key::new(scene, inputs.scene, inputs.splash.is_some());
+        let pipelines = &self.pipelines[&key];
+        let uniform = |label: &str, bytes: &[u8]| {
+            gpu::buffer_with(gpu, label, wgpu::BufferUsages::UNIFORM, bytes)
+        };
+        let refract = refract::Params::new(&scene.liquid, &scene.settings.refract, radius);
+        let refract = uniform("light view", bytemuck::bytes_of(&refract));
+        let own = uniform("caustics", bytemuck::bytes_of(params));
+        let view = |texture: &wgpu::Texture| gpu::layer_view(texture, 0);
+        let planes = view(&inputs.gbuffer.planes);
+        let splash = inputs.splash.unwrap_or(inputs.aggregate);
+        let texture = wgpu::BindingResource::TextureView;
+        let light_view = gpu::bind_group(
+            gpu,
+            "light view",
+            &self.layouts.inputs,
+            &[
+                refract.as_entire_binding(),
+                texture(&inputs.aggregate.view),
+                texture(&splash.view),
+                texture(&planes),
+            ],
+        );
+        let group = |layout, resources: &[wgpu::BindingResource<'_>]| {
+            let all = [&[own.as_entire_binding()], resources].concat();
+            gpu::bind_group(gpu, "caustics", layout, &all)
+        };
+        let (grid, landings) = (&buffers.grid, &buffers.landings);
+        let [map, receivers] =
+            [output.map, output.receivers].map(|t| gpu::layer_view(t, output.layer));
+        let (gathered, blurred) = (view(&buffers.gathered), view(&buffers.blurred));
+
+        encoder.clear_buffer(&buffers.sums, 0, None);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("caustics"),
+            timestamp_writes: span.compute(),
+        });
+        let vertices = UVec2::from_array(params.cells) + 1;
+        let mut dispatch = |pipeline: &wgpu::ComputePipeline,
+                            own_at: u32,
+                            own: &wgpu::BindGroup,
+                            extent: UVec2| {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &inputs.camera.group, &[]);
+            if own_at == 3 {
+                pass.set_bind_group(1, &light_view, &[]);
+                pass.set_bind_group(2, &inputs.scene.group, &[]);
+            }
+            pass.set_bind_group(own_at, own, &[]);
+            let (x, y) = gpu::workgroups(extent);
+            pass.dispatch_workgroups(x, y, 1);
+        };
+        if let Some(light) = &pipelines.light {
+            let own = group(&self.layouts.grid, &[grid.as_entire_binding()]);
+            dispatch(&pipelines.grid, 3, &own, vertices);
+            if key.method == Method::Gather {
+                let own =
+                    group(&self.layouts.gather, &[grid.as_entire_binding(), texture(&gathered)]);
+                dispatch(light, 3, &own, *size);
+            } else {
+                let resources = [grid.as_entire_binding(), landings.as_entire_binding()];
+                dispatch(light, 3, &group(&self.layouts.forward, &resources), vertices);
+                let resources = [landings.as_entire_binding(), buffers.sums.as_entire_binding()];
+                let own = group(&self.layouts.deposit, &resources);
+                dispatch(&self.deposit, 1, &own, vertices - 1);
+            }
+        }
+        let resources = [
+            buffers.sums.as_entire_binding(),
+            texture(&gathered),
+            texture(&map),
+            texture(&receivers),
+        ];
+        dispatch(&pipelines.resolve, 3, &group(&self.layouts.resolve, &resources), *size);
+        if params.blur > 0.0 {
+            for (blur, (from, to)) in self.blur.iter().zip([(&map, &blurred), (&blurred, &map)]) {
+                let resources = [texture(from), texture(&planes), texture(to)];
+                dispatch(blur, 1, &group(&self.layouts.blur, &resources), *size);
+            }
+        }
+    }
+
+    /// What the kernels left of the last light.
+    pub(crate) fn buffers(&self) -> Option<&Buffers> {
+        self.sized.as_ref().map(|(_, _, buffers)| buffers)
+    }
+}
+
+impl Key {
+    fn new(scene: &Scene, bound: &SceneBinding, splash: bool) -> Self {
+        let exact = Variant::new(scene, splash, false);
+        let variant = Variant { solver: Solver::Guarded, filter: false, stride: 1, ..exact };
+        // What the kernels do not read shall not make a variant of them.
+        let variant = Variant { solids: Solids::Exact, ..variant };
+        let scene_variant = SceneVariant { lights: 0, environment: 0, ..bound.variant };
+        Self { variant, scene: scene_variant, method: scene.settings.caustics.method }
+    }
+}
+
+impl Buffers {
+    fn new(gpu: &Gpu, size: UVec2, cells: UVec2) -> Self {
+        let vertices = u64::from((cells + 1).element_product());
+        let buffer = |label: &str, size: u64| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size,
+                usage: wgpu::BufferUsages::STORAGE
+                    | wgpu::BufferUsages::COPY_DST
+                    | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            })
+        };
+        let usage = wgpu::TextureUsages::STORAGE_BINDING
+            | wgpu::TextureUsages::TEXTURE_BINDING
+            | wgpu::TextureUsages::COPY_SRC;
+        let image = |label| gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage);
+        Self {
+            grid: buffer("caustic grid", vertices * VERTEX),
+            landings: buffer("landings", vertices * LANDING),
+            sums: buffer("light sums", u64::from(size.element_product()) * 24),
+            gathered: image("gathered"),
+            blurred: image("blurred"),
+        }
+    }
+}
+
+/// One light's map.
+#[derive(Debug, Clone)]
+pub struct CausticMap {
+    /// The light's view.
+    pub view: LightView,
+    /// Irradiance on the receivers by light through liquid (W/m², red, green, blue), and whether
+    /// liquid leaves the direct light alone (1 or 0): layer [`CausticMap::layer`], as many texels from its corner as the view has.
+    pub map: wgpu::Texture,
+    /// Planes of the receivers, in the light's view, and the disparity of the liquid's front.
+    pub receivers: wgpu::Texture,
+    /// The light's number.
+    pub layer: u32,
+}

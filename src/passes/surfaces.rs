@@ -1,0 +1,158 @@
+//! What one view sees: the liquid's layers, splatted and smoothed, and the opaque scene.
+//!
+//! The same passes draw it for the camera and for each light.
+
+use glam::{DVec3, UVec2};
+
+use super::gbuffer::{Gbuffer, LightMaps, SceneBinding};
+use super::smooth::{self, Smooth};
+use super::splat::{Splat, SplatBuffers};
+use super::tiles::Tiles;
+use super::{CameraBinding, Layers};
+use crate::camera::CameraUniform;
+use crate::gpu::{Gpu, Timer};
+use crate::light_view::LightView;
+use crate::scene::Scene;
+
+/// A frame's splats on the device.
+#[derive(Debug)]
+pub(crate) struct Liquid {
+    /// Bodies and sheets.
+    pub aggregates: SplatBuffers,
+    /// Droplets.
+    pub splashes: SplatBuffers,
+}
+
+/// A view's passes up to the point where light is followed, and their outputs.
+#[derive(Debug)]
+pub(crate) struct Surfaces {
+    pub camera: CameraBinding,
+    pub scene: SceneBinding,
+    pub aggregate: Splat,
+    pub splash: Splat,
+    pub tiles: Tiles,
+    pub smooth: Smooth,
+    pub gbuffer: Gbuffer,
+    wanted: Wanted,
+    smoothed: bool,
+}
+
+/// What a view's textures are made for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Wanted {
+    /// Pixels.
+    pub size: UVec2,
+    /// The frame has splashes.
+    pub splash: bool,
+    /// The opaque scene is to be drawn.
+    pub gbuffer: bool,
+    /// Mip levels.
+    pub levels: u32,
+}
+
+/// Names of the passes in the timings: splat, splashes, tiles, smooth, gbuffer.
+pub(crate) type Names = [&'static str; 5];
+
+impl Surfaces {
+    /// Compiles the passes for a perspective or an orthographic view. The opaque scene is drawn
+    /// with its radiance if asked for.
+    pub(crate) fn new(gpu: &Gpu, orthographic: bool, radiance: bool) -> Self {
+        let camera = CameraBinding::new(gpu, orthographic);
+        let scene = SceneBinding::new(gpu);
+        let aggregate = Splat::new(gpu, &camera);
+        let splash = Splat::new(gpu, &camera);
+        let tiles = Tiles::new(gpu);
+        let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
+        let gbuffer = Gbuffer::new(gpu, radiance);
+        let wanted = Wanted { size: UVec2::ONE, splash: false, gbuffer: false, levels: 1 };
+        Self { camera, scene, aggregate, splash, tiles, smooth, gbuffer, wanted, smoothed: false }
+    }
+
+    /// Gives each pass what it needs at this size, and one pixel to those that do not run.
+    pub(crate) fn resize(&mut self, gpu: &Gpu, wanted: Wanted) {
+        if wanted == self.wanted {
+            return;
+        }
+        let used = |on: bool| if on { (wanted.size, wanted.levels) } else { (UVec2::ONE, 1) };
+        self.aggregate.resize(gpu, wanted.size, wanted.levels);
+        let (size, levels) = used(wanted.splash);
+        self.splash.resize(gpu, size, levels);
+        self.tiles.resize(gpu, wanted.size);
+        self.smooth.resize(gpu, &self.aggregate.layers);
+        let (size, levels) = used(wanted.gbuffer);
+        self.gbuffer.resize(gpu, size, levels);
+        self.wanted = wanted;
+    }
+
+    /// Uploads the view and the scene as it sees it, with the lights' own views and maps, and
+    /// compiles what is new.
+    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
+    pub(crate) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        camera: &CameraUniform,
+        eye: DVec3,
+        views: &[Option<LightView>],
+        maps: Option<&LightMaps>,
+        fits: &[smooth::Params],
+    ) {
+        self.camera.write(gpu, camera);
+        self.scene.upload(gpu, scene, eye, views, maps);
+        self.smoothed = !fits.is_empty();
+        if self.smoothed {
+            self.smooth.prepare(gpu, &self.camera, scene.settings.smooth.filter);
+        }
+        if self.wanted.gbuffer {
+            self.gbuffer.prepare(gpu, &self.camera, &self.scene);
+        }
+    }
+
+    /// Draws all of it.
+    pub(crate) fn record(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        scene: &Scene,
+        liquid: &Liquid,
+        fits: &[smooth::Params],
+        timer: &mut Timer,
+        [splat, splashes, tiles, smooth, gbuffer]: Names,
+    ) {
+        let camera = &self.camera;
+        self.aggregate.record(encoder, camera, &liquid.aggregates, timer.span(splat));
+        if self.wanted.splash {
+            self.splash.record(encoder, camera, &liquid.splashes, timer.span(splashes));
+        }
+        self.tiles.record(
+            gpu,
+            encoder,
+            &self.aggregate.layers,
+            self.splash_layers(),
+            timer.span(tiles),
+        );
+        if self.smoothed {
+            let filter = scene.settings.smooth.filter;
+            let lists = &self.tiles.lists;
+            self.smooth.record(gpu, encoder, camera, lists, filter, fits, timer.span(smooth));
+        }
+        if self.wanted.gbuffer {
+            self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(gbuffer));
+        }
+    }
+
+    /// What the liquid is drawn from: smoothed, if anything was.
+    pub(crate) fn aggregate_layers(&self) -> &Layers {
+        if self.smoothed { &self.smooth.layers } else { &self.aggregate.layers }
+    }
+
+    /// The layers of the splashes, if the frame has any.
+    pub(crate) fn splash_layers(&self) -> Option<&Layers> {
+        self.wanted.splash.then_some(&self.splash.layers)
+    }
+
+    /// Whether the opaque scene is drawn.
+    pub(crate) fn has_gbuffer(&self) -> bool {
+        self.wanted.gbuffer
+    }
+}
