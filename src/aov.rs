@@ -4,12 +4,14 @@ use std::fmt;
 use std::path::Path;
 use std::str::FromStr;
 
-use exr::prelude::LayerAttributes;
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, WritableImage};
+use exr::prelude::{ImageAttributes, IntegerBounds, LayerAttributes};
+use glam::UVec2;
 
 use crate::error::{Error, Result};
 use crate::gpu::{self, Gpu};
 use crate::passes::Layers;
+use crate::passes::caustics::CausticMap;
 use crate::renderer::Images;
 
 /// A kind of intermediate image.
@@ -35,11 +37,14 @@ pub enum Aov {
     Iterations,
     /// Failures of the intersector per ray.
     Failures,
+    /// The caustic map of each light, in the light's own view: irradiance by light through liquid,
+    /// W/m², and depth of the receivers, m.
+    Caustics,
 }
 
 impl Aov {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Depth,
         Self::Normal,
         Self::SmoothDepth,
@@ -50,6 +55,7 @@ impl Aov {
         Self::Inside,
         Self::Iterations,
         Self::Failures,
+        Self::Caustics,
     ];
 
     fn name(self) -> &'static str {
@@ -64,6 +70,7 @@ impl Aov {
             Self::Inside => "inside",
             Self::Iterations => "iterations",
             Self::Failures => "failures",
+            Self::Caustics => "caustics",
         }
     }
 }
@@ -112,14 +119,27 @@ pub struct Channel {
     pub values: Vec<f32>,
 }
 
-/// Reads the chosen images of the last frame back from the device.
+/// Channels of one size: a part of an `OpenEXR` file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// `limpid` for those of the picture's size, `caustics.1` for the map of the first light.
+    pub name: String,
+    /// Width and height, pixels.
+    pub size: UVec2,
+    /// The images.
+    pub channels: Vec<Channel>,
+}
+
+/// Reads the chosen images of the last frame back from the device: first those of the picture's
+/// size, then the lights' maps.
 ///
 /// Images that the frame did not have (splash layers without splashes) have no channels.
 ///
 /// # Errors
 /// [`Error::DeviceLost`].
-pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Channel>> {
+pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
     let mut channels = Vec::new();
+    let mut maps = Vec::new();
     let texels = |texture: &wgpu::Texture, layer: u32| -> Result<Vec<[f32; 4]>> {
         Ok(bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, layer)?))
     };
@@ -172,9 +192,31 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Channel>> 
                     push(&mut channels, aov.to_string(), &texels(diagnostics, 0)?, |p| p[index]);
                 }
             }
+            Aov::Caustics => {
+                for map in images.caustics.iter().flatten() {
+                    maps.push(caustics(gpu, map)?);
+                }
+            }
         }
     }
-    Ok(channels)
+    let picture = &images.radiance.texture;
+    let size = UVec2::new(picture.width(), picture.height());
+    let picture = Part { name: "limpid".into(), size, channels };
+    Ok([picture].into_iter().chain(maps).filter(|part| !part.channels.is_empty()).collect())
+}
+
+/// The map of one light.
+fn caustics(gpu: &Gpu, map: &CausticMap) -> Result<Part> {
+    let size = map.view.size;
+    let (irradiance, depth) = map.read(gpu)?;
+    let name = format!("caustics.{}", map.layer + 1);
+    let mut channels = Vec::new();
+    for (i, color) in ["R", "G", "B"].into_iter().enumerate() {
+        let values = irradiance.iter().map(|e| e[i]).collect();
+        channels.push(Channel { name: format!("irradiance.{color}"), values });
+    }
+    channels.push(Channel { name: "receiver_depth".into(), values: depth });
+    Ok(Part { name, size, channels })
 }
 
 fn push(
@@ -186,22 +228,32 @@ fn push(
     channels.push(Channel { name, values: texels.iter().map(value).collect() });
 }
 
-/// Writes channels into one `OpenEXR` file, under a temporary name that is then renamed.
+/// Writes the parts into one `OpenEXR` file, under a temporary name that is then renamed.
 ///
 /// # Errors
 /// [`Error::Io`] naming the file.
-pub fn write(path: &Path, width: u32, height: u32, channels: Vec<Channel>) -> Result<()> {
-    let list = channels
+pub fn write(path: &Path, parts: Vec<Part>) -> Result<()> {
+    let size = parts.first().map_or(UVec2::ONE, |part| part.size);
+    let layers: Vec<_> = parts
         .into_iter()
-        .map(|c| AnyChannel::new(c.name.as_str(), FlatSamples::F32(c.values)))
+        .map(|part| {
+            let channels = part.channels.into_iter();
+            let list = channels
+                .map(|c| AnyChannel::new(c.name.as_str(), FlatSamples::F32(c.values)))
+                .collect();
+            Layer::new(
+                (part.size.x as usize, part.size.y as usize),
+                LayerAttributes::named(part.name.as_str()),
+                Encoding::FAST_LOSSLESS,
+                AnyChannels::sort(list),
+            )
+        })
         .collect();
-    let layer = Layer::new(
-        (width as usize, height as usize),
-        LayerAttributes::named("limpid"),
-        Encoding::FAST_LOSSLESS,
-        AnyChannels::sort(list),
-    );
+    let shown = IntegerBounds::from_dimensions((size.x as usize, size.y as usize));
     crate::output::write_atomically(path, |file| {
-        Image::from_layer(layer).write().to_buffered(file).map_err(std::io::Error::other)
+        Image::from_layers(ImageAttributes::new(shown), layers)
+            .write()
+            .to_buffered(file)
+            .map_err(std::io::Error::other)
     })
 }

@@ -40,6 +40,8 @@ fn light_path(vertex: GridVertex) -> Landing {
         let to_point = caustics.light - o;
         share *= dot(o, o) / dot(to_point, to_point) * view_power(omega);
     }
+    // In shadow nothing is sent, but where it would land shapes the shadow's edge.
+    share = select(0.0, share, vertex.valid == 1u);
     var passed = vec3f(share * (1.0 - reflectance(cos_theta_i, cos_theta_t, params.ior)));
     if cos_theta_t < 0.0 {
         return Landing(vec3f(0.0), LOST, vec3f(0.0), vec3f(0.0));

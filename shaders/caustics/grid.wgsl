@@ -75,7 +75,7 @@ fn grid_vertices(@builtin(global_invocation_id) id: vec3u) {
     if !plane_is_empty(plane) && weight > 0.0 && !before_near {
         let blended = sum / weight;
         let x = camera_point(omega, dot(blended, omega));
-        vertex = GridVertex(x, select(1u, 0u, shadowed(x)), -plane_normal(blended));
+        vertex = GridVertex(x, select(1u, 2u, shadowed(x)), -plane_normal(blended));
     }
     grid_out[index] = vertex;
 }

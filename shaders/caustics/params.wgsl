@@ -12,7 +12,7 @@ struct CausticParams {
 
 struct GridVertex {
     position: vec3f,   // view space, on the liquid's front
-    valid: u32,        // 1 if light meets liquid here
+    valid: u32,        // 0: no liquid here, 1: lit, 2: in the shadow of a solid
     normal: vec3f,     // unit, out of the liquid
 }
 

@@ -114,8 +114,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let times = draw(&mut renderer, &scene, &loaded, &picture, args.size)?;
         let path = names.path(loaded.number);
         if let Some(chosen) = &args.aov {
-            let channels = aov::read(&gpu, &renderer.images(), chosen)?;
-            aov::write(&aov_path(&path), args.size.x, args.size.y, channels)?;
+            aov::write(&aov_path(&path), aov::read(&gpu, &renderer.images(), chosen)?)?;
         }
         // The picture last: where it exists, all that belongs to it does.
         let rgb = image::DynamicImage::ImageRgba8(picture.read(&gpu)?).into_rgb8();

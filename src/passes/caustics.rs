@@ -23,6 +23,7 @@ use wgpu::TextureViewDimension::{D2, D2Array};
 use super::gbuffer::{SceneBinding, SceneVariant};
 use super::refract::{self, Variant};
 use super::{CameraBinding, GBuffer, Layers};
+use crate::error::Result;
 use crate::gpu::{self, Gpu, Span};
 use crate::light_view::LightView;
 use crate::scene::{Light, Scene};
@@ -411,4 +412,31 @@ pub struct CausticMap {
     pub receivers: wgpu::Texture,
     /// The light's number.
     pub layer: u32,
+}
+
+impl CausticMap {
+    /// Reads it back, row by row from the top left: irradiance (W/m²) and whether liquid leaves
+    /// the direct light alone; depth of the receiver, m, 0 where there is none.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub fn read(&self, gpu: &Gpu) -> Result<(Vec<[f32; 4]>, Vec<f32>)> {
+        let size = self.view.size;
+        let texels = |texture: &wgpu::Texture| -> Result<Vec<[f32; 4]>> {
+            let bytes = gpu::read_texture(gpu, texture, self.layer)?;
+            let all: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
+            let rows = all.chunks_exact(texture.width() as usize).take(size.y as usize);
+            Ok(rows.flat_map(|row| &row[..size.x as usize]).copied().collect())
+        };
+        let depths = texels(&self.receivers)?.into_iter().zip(0..).map(|(plane, i)| {
+            let center = UVec2::new(i % size.x, i / size.x).as_dvec2() + 0.5;
+            let ndc = (2.0 * center / size.as_dvec2() - 1.0) * self.view.half_extent;
+            let [x, y, z, _] = plane.map(f64::from);
+            let disparity = x * ndc.x - y * ndc.y - z;
+            let depth =
+                if self.view.orthographic { self.view.far - disparity } else { 1.0 / disparity };
+            if disparity > 0.0 { depth as f32 } else { 0.0 }
+        });
+        Ok((texels(&self.map)?, depths.collect()))
+    }
 }
