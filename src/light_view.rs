@@ -140,13 +140,15 @@ impl LightView {
         let top = z.clone().fold(f64::NEG_INFINITY, f64::max);
         let bottom = z.fold(f64::INFINITY, f64::min);
         let slack = 0.01 * (top - bottom).max(extent);
-        let origin = origin + view_from_world.transpose() * centre.extend(top + slack);
+        // Liquid that goes on beyond its box is still seen from outside.
+        let top = top + extent;
+        let origin = origin + view_from_world.transpose() * centre.extend(top);
         Some(Self {
             origin,
             view_from_world,
             half_extent: half,
             near: 0.0,
-            far: top - bottom + 2.0 * slack,
+            far: top - bottom + slack,
             orthographic,
             size,
         })
@@ -187,6 +189,24 @@ impl LightView {
         } else {
             (self.origin, (world_from_view * screen.extend(-1.0)).normalize())
         }
+    }
+
+    /// The tangent plane of a surface as a layer's texel holds it: π, and the depth at `x`, m. Either
+    /// orientation of the unit normal serves; both are in world space.
+    pub fn texel(&self, x: DVec3, normal: DVec3) -> [f32; 4] {
+        let x = self.view_from_world * (x - self.origin);
+        let normal = self.view_from_world * normal;
+        let ray = if self.orthographic { DVec3::NEG_Z } else { x.normalize() };
+        // No plane is seen more edge-on than 1e-3: it would have no finite slope.
+        let mut away = normal * normal.dot(ray).signum();
+        away += (1e-3 - away.dot(ray)).max(0.0) * ray;
+        let plane = if self.orthographic {
+            let slope = away.truncate() / -away.z;
+            slope.extend(slope.dot(x.truncate()) - (self.far + x.z))
+        } else {
+            away / away.dot(x)
+        };
+        [plane.x as f32, plane.y as f32, plane.z as f32, -x.z as f32]
     }
 
     /// The extent of one pixel around `u`: of a sun's view its area, m², of a point light's its solid

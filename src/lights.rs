@@ -78,7 +78,9 @@ impl Lights {
                 self.passes.push(passes);
             }
             let LightPasses { surfaces, caustics, .. } = &mut self.passes[i];
-            surfaces.resize(gpu, Wanted { size: view.size, splash, gbuffer: true, levels: 1 });
+            let backs = settings.interfaces > 1;
+            let size = view.size;
+            surfaces.resize(gpu, Wanted { size, splash, gbuffer: true, levels: 1, backs });
             let uniform = view.uniform(splats.origin);
             surfaces.prepare(gpu, scene, &uniform, view.origin, &[], None, fits);
             caustics.prepare(gpu, &surfaces.camera, &surfaces.scene, scene, splash, view.size);

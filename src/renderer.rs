@@ -115,6 +115,7 @@ impl Renderer {
             splash: has_splash,
             gbuffer: screen_solids || self.diagnose,
             levels: if variant.mips() { mips::levels(size) } else { 1 },
+            backs: true,
         };
         self.eye.resize(gpu, wanted);
         if self.sized_for != (size, self.diagnose) {

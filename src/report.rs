@@ -9,6 +9,7 @@
 //! Times are the device's own timestamps. Methods run by turns, after a warm-up; a row has the
 //! median and half the distance between the quartiles.
 
+pub mod caustics;
 mod html;
 pub mod intersect;
 mod markdown;

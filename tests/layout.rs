@@ -6,7 +6,7 @@ use std::mem::offset_of;
 
 use bytemuck::Zeroable;
 use limpid::camera::CameraUniform;
-use limpid::passes::{Layers, classify, gbuffer, refract, smooth, tiles, tonemap};
+use limpid::passes::{Layers, caustics, classify, gbuffer, refract, smooth, tiles, tonemap};
 use limpid::shader;
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
 
@@ -145,7 +145,24 @@ fn shared_structs_agree() {
         phase,
         pad,
     });
-    let light = rust_struct!(gbuffer::LightData { place, kind, power, pad });
+    let light = rust_struct!(gbuffer::LightData {
+        place,
+        kind,
+        power,
+        map,
+        right,
+        half_width,
+        up,
+        half_height,
+        back,
+        far,
+        origin,
+        width,
+        height,
+        pad,
+    });
+    let caustics =
+        rust_struct!(caustics::Params { power, steps, light, interfaces, cells, gain, blur });
     let table = [
         (camera, "splat.wgsl", "Camera"),
         (splat, "splat.wgsl", "Splat"),
@@ -155,6 +172,7 @@ fn shared_structs_agree() {
         (scene, "gbuffer.wgsl", "Scene"),
         (solid, "gbuffer.wgsl", "Solid"),
         (light, "gbuffer.wgsl", "Light"),
+        (caustics, "caustics/deposit.wgsl", "CausticParams"),
     ];
     for (rust, root, name) in table {
         same(rust, &shader::source(root), name)

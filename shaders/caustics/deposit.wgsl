@@ -16,7 +16,7 @@
 
 // No semi-axis of a triangle's light is shorter than this, pixels: light in focus is spread, not
 // missed, and areas keep their digits.
-const LEAST_EXTENT: f32 = 0.35;
+const LEAST_EXTENT: f32 = 0.02;
 
 // Two corners are on one surface if each lies this near the other's plane, as a share of their
 // distance plus a texel: steeper is a step from one surface to another.

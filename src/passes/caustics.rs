@@ -130,14 +130,11 @@ struct Layouts {
 
 /// What lies between the kernels.
 #[derive(Debug)]
-pub(crate) struct Buffers {
-    /// Vertices of the grid.
-    pub grid: wgpu::Buffer,
-    /// Where their light landed.
-    pub landings: wgpu::Buffer,
+struct Buffers {
+    grid: wgpu::Buffer,
+    landings: wgpu::Buffer,
     sums: wgpu::Buffer,
-    /// What `gather` found: irradiance and state.
-    pub gathered: wgpu::Texture,
+    gathered: wgpu::Texture,
     blurred: wgpu::Texture,
 }
 
@@ -356,9 +353,9 @@ impl Caustics {
         }
     }
 
-    /// What the kernels left of the last light.
-    pub(crate) fn buffers(&self) -> Option<&Buffers> {
-        self.sized.as_ref().map(|(_, _, buffers)| buffers)
+    /// What `gather` found for the last light: irradiance and state.
+    pub(crate) fn gathered(&self) -> Option<&wgpu::Texture> {
+        self.sized.as_ref().map(|(_, _, buffers)| &buffers.gathered)
     }
 }
 

@@ -114,8 +114,8 @@ impl Smooth {
         });
     }
 
-    /// Smooths the splatted layers into [`Smooth::layers`] by a filter that [`Smooth::prepare`] was
-    /// given.
+    /// Smooths the splatted layers, or the front alone, into [`Smooth::layers`] by a filter that
+    /// [`Smooth::prepare`] was given.
     #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub(crate) fn record(
         &self,
@@ -125,6 +125,7 @@ impl Smooth {
         tiles: &TileLists,
         filter: Filter,
         iterations: &[Params],
+        backs: bool,
         span: Span<'_>,
     ) {
         // Only the liquid's tiles are written, and taps read beyond them.
@@ -157,7 +158,8 @@ impl Smooth {
             ];
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, &gpu::bind_group(gpu, "smooth", &self.layout, &resources), &[]);
-            pass.dispatch_workgroups_indirect(&tiles.dispatches, TileLists::LIQUID_LAYERS);
+            let covered = if backs { TileLists::LIQUID_LAYERS } else { TileLists::LIQUID };
+            pass.dispatch_workgroups_indirect(&tiles.dispatches, covered);
         };
         let [mut from, mut to] = [&self.states[0], &self.states[1]];
         let Some(last) = iterations.last() else { return };

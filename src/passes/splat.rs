@@ -128,12 +128,13 @@ impl Splat {
         (self.layers, self.depth) = sized(gpu, size, levels);
     }
 
-    /// Clears both layers and draws the splats into them.
+    /// Clears both layers and draws the splats into them, or into the front alone.
     pub(crate) fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         camera: &CameraBinding,
         splats: &SplatBuffers,
+        backs: bool,
         span: Span<'_>,
     ) {
         let sides = [(Layers::FRONT, 0.0, span.first()), (Layers::BACK, 1.0, span.last())];
@@ -163,7 +164,8 @@ impl Splat {
             });
             pass.set_pipeline(&self.pipelines[side as usize]);
             pass.set_bind_group(0, &camera.group, &[]);
-            for chunk in &splats.chunks {
+            let chunks = if side == Layers::BACK && !backs { &[] } else { &splats.chunks[..] };
+            for chunk in chunks {
                 pass.set_bind_group(1, &chunk.group, &[]);
                 pass.draw(0..4, 0..chunk.count);
             }

@@ -48,6 +48,8 @@ pub(crate) struct Wanted {
     pub gbuffer: bool,
     /// Mip levels.
     pub levels: u32,
+    /// Light goes out of the liquid as well as in: backs are drawn.
+    pub backs: bool,
 }
 
 /// Names of the passes in the timings: splat, splashes, tiles, smooth, gbuffer.
@@ -64,13 +66,17 @@ impl Surfaces {
         let tiles = Tiles::new(gpu);
         let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
         let gbuffer = Gbuffer::new(gpu, radiance);
-        let wanted = Wanted { size: UVec2::ONE, splash: false, gbuffer: false, levels: 1 };
+        let wanted =
+            Wanted { size: UVec2::ONE, splash: false, gbuffer: false, levels: 1, backs: true };
         Self { camera, scene, aggregate, splash, tiles, smooth, gbuffer, wanted, smoothed: false }
     }
 
     /// Gives each pass what it needs at this size, and one pixel to those that do not run.
     pub(crate) fn resize(&mut self, gpu: &Gpu, wanted: Wanted) {
-        if wanted == self.wanted {
+        let textures = |wanted: Wanted| Wanted { backs: true, ..wanted };
+        let same = textures(wanted) == textures(self.wanted);
+        self.wanted = wanted;
+        if same {
             return;
         }
         let used = |on: bool| if on { (wanted.size, wanted.levels) } else { (UVec2::ONE, 1) };
@@ -81,7 +87,6 @@ impl Surfaces {
         self.smooth.resize(gpu, &self.aggregate.layers);
         let (size, levels) = used(wanted.gbuffer);
         self.gbuffer.resize(gpu, size, levels);
-        self.wanted = wanted;
     }
 
     /// Uploads the view and the scene as it sees it, with the lights' own views and maps, and
@@ -120,9 +125,11 @@ impl Surfaces {
         [splat, splashes, tiles, smooth, gbuffer]: Names,
     ) {
         let camera = &self.camera;
-        self.aggregate.record(encoder, camera, &liquid.aggregates, timer.span(splat));
+        let backs = self.wanted.backs;
+        self.aggregate.record(encoder, camera, &liquid.aggregates, backs, timer.span(splat));
         if self.wanted.splash {
-            self.splash.record(encoder, camera, &liquid.splashes, timer.span(splashes));
+            let span = timer.span(splashes);
+            self.splash.record(encoder, camera, &liquid.splashes, backs, span);
         }
         self.tiles.record(
             gpu,
@@ -134,7 +141,8 @@ impl Surfaces {
         if self.smoothed {
             let filter = scene.settings.smooth.filter;
             let lists = &self.tiles.lists;
-            self.smooth.record(gpu, encoder, camera, lists, filter, fits, timer.span(smooth));
+            let span = timer.span(smooth);
+            self.smooth.record(gpu, encoder, camera, lists, filter, fits, backs, span);
         }
         if self.wanted.gbuffer {
             self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(gbuffer));

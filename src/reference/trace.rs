@@ -246,7 +246,7 @@ pub fn first_last(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: UVec2)
 }
 
 /// The first crossing into the liquid and the last out of it.
-fn first_last_along(
+pub(crate) fn first_last_along(
     liquid: &(impl Liquid + ?Sized),
     ray: &Ray,
     mut inside: bool,

@@ -428,7 +428,7 @@ struct Run {
     inputs: wgpu::BindGroup,
 }
 
-fn upload(gpu: &Gpu, size: UVec2, layers: &[&[[f32; 4]]]) -> wgpu::Texture {
+pub(super) fn upload(gpu: &Gpu, size: UVec2, layers: &[&[[f32; 4]]]) -> wgpu::Texture {
     let usage = wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::COPY_DST;

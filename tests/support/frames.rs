@@ -80,8 +80,10 @@ pub(crate) fn shoot(
         .render(scene, camera, splats, &frame.view(), Picture::FORMAT, size)
         .expect("the frame is drawn");
     let picture = frame.read(gpu).expect("the picture is read");
-    let channels = aov::read(gpu, &renderer.images(), &Aov::ALL).expect("the images are read");
-    let channels: HashMap<_, _> = channels.into_iter().map(|c| (c.name, c.values)).collect();
+    let parts = aov::read(gpu, &renderer.images(), &Aov::ALL).expect("the images are read");
+    let picture_sized = parts.into_iter().filter(|part| part.name == "limpid");
+    let channels: HashMap<_, _> =
+        picture_sized.flat_map(|part| part.channels).map(|c| (c.name, c.values)).collect();
     for values in channels.values() {
         assert_eq!(values.len(), (size.x * size.y) as usize);
     }
