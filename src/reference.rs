@@ -4,13 +4,15 @@
 //! A [`Liquid`] is a closed body that tells where a ray crosses its surface: [`mesh::Mesh`] from
 //! particles, or the exact forms of [`analytic`]. [`trace::trace`] follows both branches at every
 //! interface and gives the picture; [`trace::first_last`] gives the two surfaces that a camera
-//! could see at best, its perfect layers.
+//! could see at best, its perfect layers. [`caustics`] follows light the other way, from the lights
+//! through the liquid to the solids.
 //!
 //! All in world space, metres, f64, linear RGB radiance; directions are unit vectors.
 
 use glam::DVec3;
 
 pub mod analytic;
+pub mod caustics;
 pub mod layers;
 pub mod mesh;
 pub mod optics;

@@ -5,6 +5,9 @@ use std::f64::consts::TAU;
 use glam::DVec2;
 use serde::Deserialize;
 
+/// Acceleration of gravity, m/s².
+const GRAVITY: f64 = 9.81;
+
 /// How waves are drawn at random: isotropic, with wavelengths from a band and slopes of one size.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -66,6 +69,32 @@ impl Waves {
         self.waves.iter().map(|w| w.k * (w.amplitude * (w.k.dot(at) + w.phase).cos())).sum()
     }
 
+    /// Height and slope at (x, z), for little more than the price of one.
+    pub fn height_and_slope(&self, at: DVec2) -> (f64, DVec2) {
+        let (mut height, mut slope) = (0.0, DVec2::ZERO);
+        for w in &self.waves {
+            let (sin, cos) = (w.k.dot(at) + w.phase).sin_cos();
+            height += w.amplitude * sin;
+            slope += w.k * (w.amplitude * cos);
+        }
+        (height, slope)
+    }
+
+    /// The waves after a time, s: each sine has run along its wave vector, as in deep water with
+    /// angular frequency √(g |k|) (Airy, Tides and waves, 1845).
+    pub fn at(&self, time: f64) -> Self {
+        let moved = |w: &Wave| {
+            let advance = (GRAVITY * w.k.length()).sqrt() * time;
+            Wave { phase: (w.phase - advance).rem_euclid(TAU), ..*w }
+        };
+        // At time 0 to the bit what they were.
+        if time == 0.0 {
+            self.clone()
+        } else {
+            Self { waves: self.waves.iter().map(moved).collect() }
+        }
+    }
+
     /// A height that the surface nowhere exceeds, above or below, m.
     pub fn bound(&self) -> f64 {
         self.waves.iter().map(|w| w.amplitude.abs()).sum()
@@ -105,11 +134,31 @@ mod tests {
                 waves.height(at + step * DVec2::Y) - waves.height(at - step * DVec2::Y),
             ) / (2.0 * step);
             assert!((slope - difference).length() < 1e-7, "{slope} {difference}");
+            let (height, both) = waves.height_and_slope(at);
+            assert!((height - waves.height(at)).abs() < 1e-14 && (both - slope).length() < 1e-14);
             assert!(waves.height(at).abs() <= waves.bound());
             squares += slope * slope;
         }
         // One draw of 60 directions is not quite isotropic: the mean over both axes is.
         let rms = (squares.element_sum() / (2 * count) as f64).sqrt();
         assert!((rms - 0.056).abs() < 0.002, "{rms}");
+    }
+
+    /// Protects waves in time: a sine of 1.6 m runs one wavelength along its vector per period
+    /// (1.012 s by the dispersion relation), and time 0 changes nothing.
+    #[test]
+    fn waves_run_as_in_deep_water() {
+        let length = 1.6;
+        let k = DVec2::from_angle(0.7) * (TAU / length);
+        let waves = Waves { waves: vec![Wave { k, amplitude: 0.01, phase: 0.3 }] };
+        let period = (TAU * length / 9.81).sqrt();
+        assert!((period - 1.0123).abs() < 1e-4);
+        let at = DVec2::new(0.2, -0.5);
+        let along = k.normalize() * length;
+        for share in [0.0, 0.1, 0.35, 1.0, 7.6] {
+            let later = waves.at(share * period);
+            assert!((later.height(at + share * along) - waves.height(at)).abs() < 1e-12);
+        }
+        assert_eq!(waves.at(0.0), waves);
     }
 }

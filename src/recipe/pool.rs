@@ -22,6 +22,9 @@ pub struct Pool {
     pub hull: f64,
     /// Its surface.
     pub waves: WaveSpectrum,
+    /// When it is seen, s: 0 to 1,000,000, default 0. The waves run as in deep water.
+    #[serde(default)]
+    pub time: f64,
     /// Number of particles.
     pub count: f64,
     /// Chooses the arrangement.
@@ -63,14 +66,15 @@ impl Pool {
             ("waves.wavelengths", shortest, size.clone()),
             ("waves.wavelengths", longest, shortest..=*size.end()),
             ("waves.rms_slope", self.waves.rms_slope, 0.0..=1.0),
+            ("time", self.time, 0.0..=1e6),
             ("reef.blades", reef.blades.into(), 0.0..=400.0),
             ("reef.bumps", reef.bumps.into(), 0.0..=100.0),
         ]
     }
 
-    /// Its surface.
+    /// Its surface at its time.
     pub fn surface(&self) -> Waves {
-        Waves::new(&self.waves)
+        Waves::new(&self.waves).at(self.time)
     }
 
     pub(super) fn body(&self) -> Body {

@@ -95,6 +95,12 @@ pub struct Pool {
 /// How far apart two crossings of waves must be to be told apart, m.
 const RESOLUTION: f64 = 1e-12;
 
+/// A step of Newton's method after which the next would be rounding, m.
+const NEAR: f64 = 1e-9;
+
+/// Steps of Newton's method, mostly 4, after which a ray is so far off that only rounding is left.
+const MOST_STEPS: u32 = 64;
+
 impl Liquid for Pool {
     fn crossing(&self, ray: &Ray, inside: bool) -> Option<Crossing> {
         let min = DVec3::new(self.min.x, f64::NEG_INFINITY, self.min.y);
@@ -106,8 +112,7 @@ impl Liquid for Pool {
         if !inside && near.0 > 0.0 && self.contains_below(ray.at(near.0)) {
             return Some(smooth(near.0, near.1));
         }
-        if let Some(t) = self.surface(ray, near.0.max(0.0), far.0, inside) {
-            let slope = self.waves.slope(ray.at(t).xz());
+        if let Some((t, slope)) = self.surface(ray, near.0.max(0.0), far.0, inside) {
             return Some(smooth(t, DVec3::new(-slope.x, 1.0, -slope.y).normalize()));
         }
         (inside && far.0.is_finite()).then(|| smooth(far.0.max(0.0), far.1))
@@ -121,16 +126,16 @@ impl Liquid for Pool {
 
 impl Pool {
     fn contains_below(&self, point: DVec3) -> bool {
-        point.y < self.waves.height(point.xz())
+        point.y < self.waves.bound() && point.y < self.waves.height(point.xz())
     }
 
     /// Where the ray, at `start` above the waves (or below if `inside`), first is on their other
-    /// side, up to `end`.
+    /// side, up to `end`; and their slope there.
     ///
     /// Of the height g above the waves along the ray, |g''| is nowhere more than a known sum. So
     /// g + g' s − bound s²/2 is below g at every s ahead, and the first crossing is not before its
     /// root. Stepping from root to root never passes a crossing and converges quadratically.
-    fn surface(&self, ray: &Ray, start: f64, end: f64, inside: bool) -> Option<f64> {
+    fn surface(&self, ray: &Ray, start: f64, end: f64, inside: bool) -> Option<(f64, DVec2)> {
         // Upside down, leaving is entering.
         let sign = if inside { -1.0 } else { 1.0 };
         let (y, rise) = (sign * ray.origin.y, sign * ray.direction.y);
@@ -141,6 +146,38 @@ impl Pool {
         // Between the highest crest and the lowest trough only.
         let bound = self.waves.bound();
         let (at_crest, at_trough) = ((bound - y) / rise, (-bound - y) / rise);
+
+        let steepest: f64 =
+            self.waves.waves.iter().map(|w| (w.amplitude * w.k.dot(along)).abs()).sum();
+        if rise > steepest {
+            return None;
+        }
+        if -rise > steepest {
+            // Steeper than any wave, it crosses them once: Newton's method, kept to a bracket.
+            let (mut low, mut high) = (at_crest, at_trough);
+            let mut t = -y / rise;
+            let mut slope = DVec2::ZERO;
+            for _ in 0..MOST_STEPS {
+                let h;
+                (h, slope) = self.waves.height_and_slope(ray.at(t).xz());
+                let g = y + t * rise - sign * h;
+                if g > 0.0 {
+                    low = t;
+                } else {
+                    high = t;
+                }
+                let newton = t - g / (rise - sign * slope.dot(along));
+                let next =
+                    if low <= newton && newton <= high { newton } else { 0.5 * (low + high) };
+                let close = (next - t).abs() <= NEAR + RESOLUTION * t.abs();
+                t = next;
+                if close {
+                    break;
+                }
+            }
+            return (t <= end).then_some((t.max(start), slope));
+        }
+
         let (mut t, mut end) = (start, end);
         if rise < 0.0 {
             t = t.max(at_crest);
@@ -164,7 +201,8 @@ impl Pool {
             let next = (t + step.max(RESOLUTION * (1.0 + t))).min(end);
             let g_next = height(next);
             if g_next < 0.0 {
-                return Some(t + (next - t) * (g / (g - g_next)));
+                let t = t + (next - t) * (g / (g - g_next));
+                return Some((t, self.waves.slope(ray.at(t).xz())));
             }
             (t, g) = (next, g_next);
         }

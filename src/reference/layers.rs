@@ -6,16 +6,19 @@
 use glam::{DVec2, DVec3, IVec2, UVec2};
 
 use crate::camera::CameraUniform;
+use crate::light_view::LightView;
 
-/// A camera's view space, as `shaders/common/camera.wgsl` has it.
+/// A camera's view space, as `shaders/common/camera.wgsl` has it, in perspective or orthographic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// Picture size, pixels.
     pub size: DVec2,
-    /// Tangents of half the fields of view.
+    /// Tangents of half the fields of view; of an orthographic view, half its extent, m.
     pub tangent: DVec2,
     /// Near plane, m.
     pub near: f64,
+    /// Depth of an orthographic view's far plane, m.
+    pub far: Option<f64>,
 }
 
 impl View {
@@ -25,10 +28,22 @@ impl View {
             size: camera.size.as_dvec2(),
             tangent: camera.tangent.as_dvec2(),
             near: camera.near.into(),
+            far: (camera.far > 0.0).then(|| camera.far.into()),
         }
     }
 
-    /// The ray of unit depth through a pixel position.
+    /// A light's view.
+    pub fn of_light(light: &LightView) -> Self {
+        Self {
+            size: light.size.as_dvec2(),
+            tangent: light.half_extent,
+            near: light.near,
+            far: light.orthographic.then_some(light.far),
+        }
+    }
+
+    /// The ray of unit depth through a pixel position; in an orthographic view, the point there in
+    /// x and y, and −1.
     pub fn omega(&self, u: DVec2) -> DVec3 {
         let ndc = 2.0 * u / self.size - 1.0;
         DVec3::new(ndc.x * self.tangent.x, -ndc.y * self.tangent.y, -1.0)
@@ -36,8 +51,50 @@ impl View {
 
     /// The pixel position of a point in front of the eye.
     pub fn pixel(&self, x: DVec3) -> DVec2 {
-        let ndc = DVec2::new(x.x, -x.y) / (-x.z * self.tangent);
+        let scale = if self.far.is_some() { 1.0 } else { -x.z };
+        let ndc = DVec2::new(x.x, -x.y) / (scale * self.tangent);
         (0.5 * ndc + 0.5) * self.size
+    }
+
+    /// The ray through a pixel position: where it starts, and its unit direction.
+    pub fn ray(&self, u: DVec2) -> (DVec3, DVec3) {
+        let omega = self.omega(u);
+        match self.far {
+            Some(_) => (omega.truncate().extend(0.0), DVec3::NEG_Z),
+            None => (DVec3::ZERO, omega.normalize()),
+        }
+    }
+
+    /// The point at a disparity π·ω, which is not 0.
+    pub fn point(&self, u: DVec2, disparity: f64) -> DVec3 {
+        let omega = self.omega(u);
+        match self.far {
+            Some(far) => omega.truncate().extend(disparity - far),
+            None => omega / disparity,
+        }
+    }
+
+    /// The point at a depth, m.
+    pub fn point_at_depth(&self, u: DVec2, depth: f64) -> DVec3 {
+        let omega = self.omega(u);
+        match self.far {
+            Some(_) => omega.truncate().extend(-depth),
+            None => depth * omega,
+        }
+    }
+
+    /// The unit normal of a texel's plane that points away from the eye.
+    pub fn normal(&self, plane: DVec3) -> DVec3 {
+        let away = if self.far.is_some() { plane.truncate().extend(-1.0) } else { plane };
+        away.normalize()
+    }
+
+    /// A texel's plane as g·X = c, with g·X > c behind it and g·X − c of order 1 far from it.
+    fn equation(&self, plane: DVec3) -> (DVec3, f64) {
+        match self.far {
+            Some(far) => (plane.truncate().extend(-1.0) / far, 1.0 + plane.z / far),
+            None => (plane, 1.0),
+        }
     }
 
     /// Whether a pixel position is in the picture.
@@ -108,7 +165,7 @@ pub fn exit(view: &View, classes: &[&Pair], o: DVec3, d: DVec3, texel: IVec2) ->
             for pair in classes {
                 let [front, back] = pair.each_ref().map(|layer| layer.at(step.texel));
                 let from: f64 = end.map_or(step.begin, |(t, _): (f64, DVec3)| t);
-                if let Some((t, plane)) = interval_end(front, back, o, d, from, slack)
+                if let Some((t, plane)) = interval_end(view, [front, back], o, d, from, slack)
                     && (end.is_none() || t > from)
                 {
                     end = Some((t, plane));
@@ -120,7 +177,7 @@ pub fn exit(view: &View, classes: &[&Pair], o: DVec3, d: DVec3, texel: IVec2) ->
             return last.map(|plane| hit_at(view, o, d, step.begin, plane));
         };
         if t <= step.end {
-            return Some(hit_at(view, o, d, t, plane));
+            return t.is_finite().then(|| hit_at(view, o, d, t, plane));
         }
         last = Some(plane);
     }
@@ -132,8 +189,12 @@ pub fn exit(view: &View, classes: &[&Pair], o: DVec3, d: DVec3, texel: IVec2) ->
 pub fn entry(view: &View, layer: &Layer, o: DVec3, d: DVec3, texel: IVec2) -> Option<LayerHit> {
     for step in Walk::new(view, o, d, texel) {
         let plane = layer.at(step.texel);
-        let rate = plane.dot(d);
-        let t = (1.0 - plane.dot(o)) / rate;
+        if plane == DVec3::ZERO {
+            continue;
+        }
+        let (g, c) = view.equation(plane);
+        let rate = g.dot(d);
+        let t = (c - g.dot(o)) / rate;
         if rate > 0.0 && t >= step.begin * (1.0 - ROUNDING) && t <= step.end {
             return Some(hit_at(view, o, d, t, plane));
         }
@@ -149,24 +210,27 @@ fn hit_at(view: &View, o: DVec3, d: DVec3, t: f64, plane: DVec3) -> LayerHit {
 /// Where the interval between a front and a back that holds o + t d ends, and by which plane;
 /// `None` if it does not hold it.
 fn interval_end(
-    front: DVec3,
-    back: DVec3,
+    view: &View,
+    planes: [DVec3; 2],
     o: DVec3,
     d: DVec3,
     t: f64,
     slack: f64,
 ) -> Option<(f64, DVec3)> {
-    let x = o + t * d;
-    let outside = front.dot(x) < 1.0 - slack || back.dot(x) > 1.0 + slack;
-    if front == DVec3::ZERO || back == DVec3::ZERO || outside {
+    if planes.contains(&DVec3::ZERO) {
         return None;
     }
-    let meet = |plane: DVec3, outwards: bool| {
-        let at = if outwards { (1.0 - plane.dot(o)) / plane.dot(d) } else { f64::INFINITY };
+    let [front, back] = planes.map(|plane| view.equation(plane));
+    let behind = |(g, c): (DVec3, f64)| g.dot(o + t * d) - c;
+    if behind(front) < -slack || behind(back) > slack {
+        return None;
+    }
+    let meet = |(g, c): (DVec3, f64), outwards: bool, plane: DVec3| {
+        let at = if outwards { (c - g.dot(o)) / g.dot(d) } else { f64::INFINITY };
         (at.max(t), plane)
     };
-    let by_front = meet(front, front.dot(d) < 0.0);
-    let by_back = meet(back, back.dot(d) > 0.0);
+    let by_front = meet(front, front.0.dot(d) < 0.0, planes[0]);
+    let by_back = meet(back, back.0.dot(d) > 0.0, planes[1]);
     Some(if by_front.0 < by_back.0 { by_front } else { by_back })
 }
 
@@ -195,11 +259,14 @@ impl<'a> Walk<'a> {
 
     /// Where the ray crosses the column or row border at `at` (pixels) of an axis.
     fn crossing(&self, axis: usize, at: f64) -> f64 {
-        // The border and the eye span a plane n·X = 0.
         let mut u = 0.5 * self.view.size;
         u[axis] = at;
-        let slope = self.view.omega(u)[axis];
-        let value = |x: DVec3| x[axis] + slope * x.z;
+        let border = self.view.omega(u)[axis];
+        if self.view.far.is_some() {
+            return (border - self.o[axis]) / self.d[axis];
+        }
+        // The border and the eye span a plane n·X = 0.
+        let value = |x: DVec3| x[axis] + border * x.z;
         -value(self.o) / value(self.d)
     }
 }
@@ -219,7 +286,10 @@ impl Iterator for Walk<'_> {
                 let at = self.crossing(axis, f64::from(self.texel[axis] + border));
                 // Outwards through this border: the ray's screen position moves that way.
                 let x = self.o + self.t * self.d;
-                let motion = self.d[axis] * -x.z + x[axis] * self.d.z;
+                let motion = match self.view.far {
+                    Some(_) => self.d[axis],
+                    None => self.d[axis] * -x.z + x[axis] * self.d.z,
+                };
                 let motion = if axis == 1 { -motion } else { motion };
                 if motion * f64::from(step) > 0.0 && at >= self.t && at < end {
                     end = at;

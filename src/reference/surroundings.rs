@@ -31,6 +31,20 @@ pub struct SolidHit {
     pub solid: usize,
 }
 
+/// A light as it arrives at a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Direct {
+    /// Unit direction to the light.
+    pub towards: DVec3,
+    /// Its distance, m; infinite for a sun.
+    pub distance: f64,
+    /// Irradiance on the surface, W/m²: the cosine is in it.
+    pub irradiance: DVec3,
+}
+
+/// How far off a surface shadow rays start, m and relative.
+const SHADOW: f64 = 1e-9;
+
 #[derive(Debug, Clone, Copy)]
 struct Solid {
     form: Form,
@@ -96,23 +110,42 @@ impl Surroundings {
     /// Radiance seen along a ray in the absence of liquid.
     pub fn radiance(&self, ray: &Ray) -> DVec3 {
         match self.hit(ray) {
-            Some(hit) => self.solid_radiance(&hit, ray.direction),
+            Some(hit) => self.solid_radiance(&hit, ray.direction, |_, direct| direct.irradiance),
             None => self.environment(ray.direction),
         }
     }
 
-    /// Radiance that a solid sends against `direction`: its colour, or Lambert's reflection of
-    /// lights (no shadows) and of the environment's mean.
-    pub fn solid_radiance(&self, hit: &SolidHit, direction: DVec3) -> DVec3 {
+    /// Radiance that a solid sends against `direction`: its colour, or Lambert's reflection of the
+    /// lights that it is not in the shadow of and of the environment's mean.
+    ///
+    /// `arriving` turns what a light, by its number, would send in the absence of liquid into the
+    /// irradiance on the surface, W/m².
+    pub fn solid_radiance(
+        &self,
+        hit: &SolidHit,
+        direction: DVec3,
+        arriving: impl Fn(usize, &Direct) -> DVec3,
+    ) -> DVec3 {
         let solid = &self.solids[hit.solid];
         let color = solid.color(hit.point, hit.normal);
         if !solid.lit {
             return color;
         }
-        // Both sides of a plane are lit.
-        let normal = if direction.dot(hit.normal) > 0.0 { -hit.normal } else { hit.normal };
-        let irradiance: DVec3 = self.lights.iter().map(|l| l.irradiance(hit.point, normal)).sum();
+        let normal = hit.facing(direction);
+        let irradiance: DVec3 = (0..self.lights.len())
+            .filter_map(|light| Some(arriving(light, &self.direct(light, hit.point, normal)?)))
+            .sum();
         color * (self.ambient + irradiance / PI)
+    }
+
+    /// What a light sends straight to a point of a solid whose normal, towards the lit side, is
+    /// given; `None` where that faces away from it or another solid is in the way.
+    pub fn direct(&self, light: usize, point: DVec3, normal: DVec3) -> Option<Direct> {
+        let direct = self.lights[light].direct(point, normal)?;
+        // Off the surface by more than rounding, so that a solid is not its own shadow.
+        let origin = point + SHADOW * (1.0 + point.abs().max_element()) * normal;
+        let blocker = self.hit(&Ray { origin, direction: direct.towards });
+        blocker.is_none_or(|hit| hit.t >= direct.distance).then_some(direct)
     }
 
     /// Radiance from infinitely far, seen along `direction`.
@@ -214,16 +247,25 @@ impl Solid {
     }
 }
 
+impl SolidHit {
+    /// The normal against a ray's direction: both sides of a plane are seen and lit.
+    pub fn facing(&self, direction: DVec3) -> DVec3 {
+        if direction.dot(self.normal) > 0.0 { -self.normal } else { self.normal }
+    }
+}
+
 impl Lamp {
-    fn irradiance(&self, point: DVec3, normal: DVec3) -> DVec3 {
-        match *self {
-            Self::Sun { towards, irradiance } => irradiance * normal.dot(towards).max(0.0),
+    fn direct(&self, point: DVec3, normal: DVec3) -> Option<Direct> {
+        let (towards, distance, power) = match *self {
+            Self::Sun { towards, irradiance } => (towards, f64::INFINITY, irradiance),
             Self::Point { position, intensity } => {
-                let to_light = position - point;
-                let distance2 = to_light.length_squared().max(1e-12);
-                intensity * (normal.dot(to_light).max(0.0) / (distance2 * distance2.sqrt()))
+                let distance2 = position.distance_squared(point).max(1e-12);
+                let towards = (position - point).normalize_or_zero();
+                (towards, distance2.sqrt(), intensity / distance2)
             }
-        }
+        };
+        let cos = normal.dot(towards);
+        (cos > 0.0).then_some(Direct { towards, distance, irradiance: cos * power })
     }
 }
 

@@ -4,8 +4,9 @@ use glam::{DMat3, DVec2, DVec3, UVec2};
 use image::{Rgb, RgbImage};
 use rayon::prelude::*;
 
-use super::optics::{Interface, transmittance};
-use super::surroundings::Surroundings;
+use super::caustics::{CausticMap, Spot};
+use super::optics::{Interface, fresnel, transmittance};
+use super::surroundings::{Direct, SolidHit, Surroundings};
 use super::{Crossing, Liquid, Ray, wide};
 use crate::camera::Camera;
 use crate::scene::Scene;
@@ -19,7 +20,7 @@ const SPLIT: f64 = 1e-3;
 
 /// A solid this little behind a surface, m and relative, is wet: coordinates of scenes and meshes
 /// that should be equal may be rounded to 32 bits.
-const TOUCH: f64 = 1e-6;
+pub(super) const TOUCH: f64 = 1e-6;
 
 /// How far from one crossing the next is looked for in [`first_last`], m and relative.
 const ONWARD: f64 = 1e-9;
@@ -83,11 +84,17 @@ impl View {
     }
 }
 
+/// Interfaces between a solid and a light that are counted.
+const MAX_STRAIGHT: u32 = 64;
+
 /// The picture of a liquid in a scene, with `samples` rays through each pixel of `size` and at most
 /// `max_depth` interfaces on a path (see [`MAX_DEPTH`]).
 ///
 /// Absorption, Fresnel's reflectance and, where the scene's settings ask for it, the scaling of
 /// radiance by the squared index are exact; a solid ends a path. Nothing is random.
+///
+/// Lights come straight through the liquid, less what its interfaces reflect and what it absorbs;
+/// [`trace_lit`] has them refracted.
 pub fn trace(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
@@ -95,6 +102,20 @@ pub fn trace(
     size: UVec2,
     samples: u32,
     max_depth: u32,
+) -> Image {
+    trace_lit(liquid, scene, camera, size, samples, max_depth, &[])
+}
+
+/// [`trace`] with the light that passes through liquid from caustic maps, of each light of the
+/// scene in their order; a light without one comes straight through. Shadows of solids are exact.
+pub fn trace_lit(
+    liquid: &(impl Liquid + ?Sized),
+    scene: &Scene,
+    camera: &Camera,
+    size: UVec2,
+    samples: u32,
+    max_depth: u32,
+    maps: &[Option<CausticMap>],
 ) -> Image {
     let view = View::new(camera, size);
     let tracer = Tracer {
@@ -104,6 +125,7 @@ pub fn trace(
         absorption: wide(scene.liquid.absorption),
         radiance_scaling: scene.settings.refract.radiance_scaling,
         max_depth,
+        maps,
     };
     let inside = liquid.contains(view.eye);
     let offsets = sample_offsets(samples.max(1));
@@ -138,6 +160,7 @@ struct Tracer<'a, L: ?Sized> {
     absorption: DVec3,
     radiance_scaling: bool,
     max_depth: u32,
+    maps: &'a [Option<CausticMap>],
 }
 
 impl<L: Liquid + ?Sized> Tracer<'_, L> {
@@ -151,7 +174,10 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
         if let Some(hit) = self.surroundings.hit(&ray) {
             let first = |c: &Crossing| hit.t <= c.t + TOUCH * (1.0 + c.t);
             if crossing.as_ref().is_none_or(first) {
-                let radiance = self.surroundings.solid_radiance(&hit, ray.direction);
+                let arriving = |light: usize, direct: &Direct| {
+                    self.arriving(light, direct, &hit, ray.direction, inside)
+                };
+                let radiance = self.surroundings.solid_radiance(&hit, ray.direction, arriving);
                 return within(hit.t) * radiance;
             }
         }
@@ -190,6 +216,50 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
             }
     }
 
+    /// Irradiance by a light on a solid that is seen along `direction`, in the liquid or outside.
+    fn arriving(
+        &self,
+        light: usize,
+        direct: &Direct,
+        hit: &SolidHit,
+        direction: DVec3,
+        inside: bool,
+    ) -> DVec3 {
+        let ray = Ray { origin: hit.point, direction: direct.towards };
+        let Some(map) = self.maps.get(light).and_then(Option::as_ref) else {
+            return direct.irradiance * self.straight(&ray, direct.distance, inside);
+        };
+        let normal = hit.facing(direction);
+        let caustic = map.at(&Spot { solid: hit.solid, point: hit.point, normal });
+        let in_the_way = |c: Crossing| c.t < direct.distance;
+        if inside || self.liquid.crossing(&ray, false).is_some_and(in_the_way) {
+            return caustic;
+        }
+        direct.irradiance + caustic
+    }
+
+    /// The share of light that comes along a ray against its direction, from a distance, unbent.
+    /// Each interface reflects as it would from outside.
+    fn straight(&self, ray: &Ray, distance: f64, mut inside: bool) -> DVec3 {
+        let mut left = DVec3::ONE;
+        let mut ray = *ray;
+        let mut distance = distance;
+        for _ in 0..MAX_STRAIGHT {
+            let crossing = self.liquid.crossing(&ray, inside).filter(|c| c.t < distance);
+            let length = crossing.map_or(distance, |c| c.t);
+            // Liquid without end is taken for none, as in `radiance`.
+            if inside && length.is_finite() {
+                left *= transmittance(self.absorption, length);
+            }
+            let Some(crossing) = crossing else { break };
+            left *= 1.0 - fresnel(ray.direction.dot(crossing.shading).abs(), self.ior);
+            ray.origin = ray.at(crossing.t);
+            distance -= crossing.t;
+            inside = !inside;
+        }
+        left
+    }
+
     /// What radiance from behind an interface is multiplied by: L/n² is what stays the same.
     fn scale(&self, eta: f64) -> f64 {
         if self.radiance_scaling { 1.0 / (eta * eta) } else { 1.0 }
@@ -198,7 +268,7 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
 
 /// What a surface makes of a ray. Interpolated normals serve unless they would send light through
 /// the wrong side of the triangle; then the triangle's own do.
-fn interface(ray: &Ray, crossing: &Crossing, inside: bool, eta: f64) -> Interface {
+pub(super) fn interface(ray: &Ray, crossing: &Crossing, inside: bool, eta: f64) -> Interface {
     let facing = |n: DVec3| if inside { -n } else { n };
     let normal = facing(crossing.normal);
     let shading = facing(crossing.shading);

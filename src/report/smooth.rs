@@ -143,6 +143,7 @@ mod tests {
             size: glam::DVec2::new(16.0, 12.0),
             tangent: glam::DVec2::new(0.4, 0.3),
             near: 1e-3,
+            far: None,
         };
         let (depth, turn) = (5.0, 0.1f64);
         let surface = |angle: f64, z: f64| {
