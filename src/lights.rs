@@ -43,12 +43,7 @@ impl Lights {
         if !scene.is_lit() {
             return Ok(());
         }
-        let Some(bounds) = bounds(splats) else { return Ok(()) };
-        let margin = f64::from(settings.margin);
-        let level = level(splats, bounds).map(|height| (height, f64::from(scene.liquid.ior)));
-        self.views.extend(scene.lights.iter().map(|light| {
-            LightView::new(light, bounds, &scene.solids, margin, settings.resolution, level)
-        }));
+        self.views.extend(views(scene, splats));
         if self.views.iter().all(Option::is_none) {
             return Ok(());
         }
@@ -145,8 +140,19 @@ impl Lights {
     }
 }
 
+/// The view by which each light's map is made; none where a light has no use for one.
+pub(crate) fn views(scene: &Scene, splats: &Splats) -> Vec<Option<LightView>> {
+    let settings = &scene.settings.caustics;
+    let Some(bounds) = bounds(splats) else { return vec![None; scene.lights.len()] };
+    let margin = f64::from(settings.margin);
+    let level = level(splats, bounds).map(|height| (height, f64::from(scene.liquid.ior)));
+    let view =
+        |light| LightView::new(light, bounds, &scene.solids, margin, settings.resolution, level);
+    scene.lights.iter().map(view).collect()
+}
+
 /// The box around a frame's splats, m; none without any.
-fn bounds(splats: &Splats) -> Option<(DVec3, DVec3)> {
+pub(crate) fn bounds(splats: &Splats) -> Option<(DVec3, DVec3)> {
     let all = splats.aggregates.iter().chain(&splats.splashes);
     let (min, max) = all.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), splat| {
         let centre = glam::Vec3::from_array(splat.centre).as_dvec3();

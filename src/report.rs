@@ -3,6 +3,7 @@
 //! - [`intersect`]: one intersection per pixel by each intersector, against the same layers
 //!   intersected exactly or the opaque scene itself.
 //! - [`smooth`]: what each filter leaves of a surface, against the surface.
+//! - [`caustics`]: light through liquid by each method, against light traced in 64 bits.
 //! - [`picture`]: whole frames by the presets, against traced pictures.
 //! - [`stress`]: extreme scales, places, lenses and indices, against a closed form.
 //!
@@ -44,16 +45,16 @@ pub struct Options {
     pub kinds: Vec<Kind>,
 }
 
-/// What a scene is measured for: intersections, smoothing, pictures.
-const SCENES: [(&str, [bool; 3]); 8] = [
-    ("pool", [true, true, false]),
-    ("reef", [true, false, false]),
-    ("drop", [true, true, true]),
-    ("slab", [true, false, true]),
-    ("idol", [true, false, true]),
-    ("wave", [true, true, true]),
-    ("steps", [true, false, true]),
-    ("dam", [true, false, true]),
+/// What a scene is measured for: intersections, smoothing, caustics, pictures.
+const SCENES: [(&str, [bool; 4]); 8] = [
+    ("pool", [true, true, true, true]),
+    ("reef", [true, false, false, false]),
+    ("drop", [true, true, false, true]),
+    ("slab", [true, false, false, true]),
+    ("idol", [true, false, false, true]),
+    ("wave", [true, true, false, true]),
+    ("steps", [true, false, true, true]),
+    ("dam", [true, false, true, true]),
 ];
 
 /// Measures everything, telling `progress` what comes next.
@@ -79,17 +80,18 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
         // An unknown name is told before an hour has passed.
         subjects::check(name)?;
     }
-    for (name, [intersect, smooth, picture]) in SCENES {
+    for (name, [intersect, smooth, caustics, picture]) in SCENES {
         if !options.scenes.is_empty() && !options.scenes.iter().any(|wanted| wanted == name) {
             continue;
         }
         let wanted = |kind: Kind| options.kinds.is_empty() || options.kinds.contains(&kind);
-        let [intersect, smooth, picture] = [
+        let [intersect, smooth, caustics, picture] = [
             intersect && wanted(Kind::Intersect),
             smooth && wanted(Kind::Smooth),
+            caustics && wanted(Kind::Caustics),
             picture && wanted(Kind::Picture),
         ];
-        if !(intersect || smooth || picture) {
+        if !(intersect || smooth || caustics || picture) {
             continue;
         }
         progress(&format!("{name}: scene and truth"));
@@ -101,6 +103,10 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
         if smooth {
             progress(&format!("{name}: smoothing"));
             report.rows.extend(smooth::measure(gpu, &mut renderer, &subject, &effort)?);
+        }
+        if caustics {
+            progress(&format!("{name}: caustics"));
+            report.rows.extend(caustics::measure(gpu, &subject, options.quick)?);
         }
         if picture {
             progress(&format!("{name}: pictures"));

@@ -58,7 +58,7 @@ fn overhead(half: f64, size: u32) -> LightView {
 /// The view of a light on what is between two corners; a sun's from high up, for water that is wider
 /// than that.
 fn light_view(light: &Light, min: DVec3, max: DVec3, scene: &Scene, resolution: u32) -> LightView {
-    let view = LightView::new(light, (min, max), &scene.solids, 0.0, resolution).unwrap();
+    let view = LightView::new(light, (min, max), &scene.solids, 0.0, resolution, None).unwrap();
     let back = if view.orthographic { 10.0 } else { 0.0 };
     let origin = view.origin + back * view.view_from_world.transpose().z_axis;
     LightView { origin, far: view.far + back, ..view }

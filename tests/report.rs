@@ -8,7 +8,9 @@ use glam::{DVec2, DVec3, IVec2, UVec2};
 use limpid::camera::Camera;
 use limpid::reference::layers::{Layer, View, entry, exit};
 use limpid::reference::optics;
-use limpid::report::intersect::{Answer, Bench, Method, Target, Truth, ViewLayers, score, truths};
+use limpid::report::intersect::{
+    Answer, Bench, Method, Target, Truth, ViewLayers, score, truths, world_from_view,
+};
 use limpid::scene::Scene;
 use limpid::settings::{Refract, Solver};
 use support::{Random, gpu};
@@ -185,7 +187,7 @@ fn every_solver_solves_a_plane() {
     let (scene, layers) = planar();
     let uniform = camera().uniform(layers.size, DVec3::ZERO);
     let view = View::new(&uniform);
-    let truths = truths(&camera(), &uniform, &scene, &layers, Target::Solids);
+    let truths = truths(&world_from_view(&camera()), &uniform, &scene, &layers, Target::Solids);
     let bench = Bench::new(gpu, &uniform, &layers).unwrap();
     let refract = |solver| Refract { solver, ..Refract::default() };
     let mut settings = Solver::ALL.map(refract).to_vec();

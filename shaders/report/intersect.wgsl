@@ -32,9 +32,9 @@ fn intersect_pixels(@builtin(global_invocation_id) id: vec3u) {
         textureStore(hits, p, vec4f(0.0, 0.0, 0.0, NO_LIQUID));
         return;
     }
-    let o = omega / disparity;
-    let n = -normalize(front);
-    var d = normalize(omega);
+    let o = camera_point(omega, disparity);
+    let n = -plane_normal(front);
+    var d = camera_ray_direction(omega);
     let cos_theta_i = -dot(d, n);
     let cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
     d = optics_refract(d, n, cos_theta_i, cos_theta_t, params.ior);

@@ -21,7 +21,7 @@ pub(crate) struct Args {
     /// Scenes to report on, by their names in sims/ (and `dam`, the demo's) [default: all].
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     scenes: Vec<String>,
-    /// Measurements: intersect, smooth, picture (with its passes) [default: all].
+    /// Measurements: intersect, smooth, caustics, picture (with its passes) [default: all].
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_kind)]
     kinds: Vec<Kind>,
 }
@@ -30,8 +30,9 @@ fn parse_kind(text: &str) -> Result<Kind, String> {
     match text {
         "intersect" => Ok(Kind::Intersect),
         "smooth" => Ok(Kind::Smooth),
+        "caustics" => Ok(Kind::Caustics),
         "picture" => Ok(Kind::Picture),
-        _ => Err("there are intersect, smooth and picture".into()),
+        _ => Err("there are intersect, smooth, caustics and picture".into()),
     }
 }
 

@@ -26,7 +26,7 @@ pub struct CausticMap {
     /// Mean irradiance, W/m², on the part of the texel's receiver that the light sees through the
     /// texel, by light that has passed through liquid; 0 where there is no receiver.
     pub irradiance: Vec<DVec3>,
-    /// What the light's straight ray through the texel's centre meets, liquid ignored.
+    /// What the view's ray through the texel's centre meets, liquid ignored.
     pub receivers: Vec<Option<Receiver>>,
     /// Where the light went.
     pub flux: Flux,
@@ -64,7 +64,7 @@ pub struct Flux {
     pub transmitted: DVec3,
     /// What the map shows.
     pub received: DVec3,
-    /// What fell on solids that the light does not see straight.
+    /// What fell on solids that the map's view does not show.
     pub hidden: DVec3,
     /// What fell on solids outside the map's frame.
     pub outside: DVec3,
@@ -142,36 +142,54 @@ impl CausticMap {
     }
 }
 
-/// The caustics of one light by beams: `density` of them per texel and axis.
+/// Where light comes from, and where it is laid.
+#[derive(Debug, Clone, Copy)]
+pub struct Views<'a> {
+    /// What the light sees along its own rays: all that may send light to the map.
+    pub light: &'a LightView,
+    /// The map's view. It may look along other rays than the light's.
+    pub map: &'a LightView,
+}
+
+impl<'a> From<&'a LightView> for Views<'a> {
+    fn from(view: &'a LightView) -> Self {
+        Self { light: view, map: view }
+    }
+}
+
+/// The caustics of one light by beams: `density` of them per texel and axis of the light's view.
 ///
 /// With `interfaces` = 1 light counts that falls on solids inside the liquid; with 2 also light
 /// that has left the liquid once. Light that meets liquid again, and light that is totally
 /// reflected, is not followed.
-pub fn beams(
+pub fn beams<'a>(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
     light: &Light,
-    view: &LightView,
+    views: impl Into<Views<'a>>,
     interfaces: u32,
     density: u32,
 ) -> CausticMap {
-    let tracer = Tracer::new(liquid, scene, view, interfaces);
-    let receivers = Receivers::new(view, &tracer.surroundings);
-    lay_beams(view, light, &receivers, Grid::corners(view, density), |u| tracer.follow(u))
+    let views = views.into();
+    let tracer = Tracer::new(liquid, scene, views, interfaces);
+    let receivers = Receivers::new(views.map, &tracer.surroundings);
+    let grid = Grid::corners(views.light, density);
+    lay_beams(views.light, light, &receivers, grid, |u| tracer.follow(u))
 }
 
 /// [`beams`] at a density (at least 2) and at half of it: the finer map, and the relative L1
 /// difference between the two. Twice the density has a quarter of the error, so what is left of it
 /// in the finer map is about a third of the difference.
-pub fn beams_with_error(
+pub fn beams_with_error<'a>(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
     light: &Light,
-    view: &LightView,
+    views: impl Into<Views<'a>>,
     interfaces: u32,
     density: u32,
 ) -> (CausticMap, f64) {
-    let map = |density| beams(liquid, scene, light, view, interfaces, density);
+    let views = views.into();
+    let map = |density| beams(liquid, scene, light, views, interfaces, density);
     let fine = map(density.max(2));
     let error = map(density.max(2) / 2).relative_l1(&fine);
     (fine, error)
@@ -184,18 +202,19 @@ const BATCH: u32 = 1 << 20;
 /// The caustics of one light by `count` single rays, counted where they land. Their places are
 /// those of Roberts' sequence (The unreasonable effectiveness of quasirandom sequences, 2018),
 /// turned by `seed`.
-pub fn photons(
+pub fn photons<'a>(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
     light: &Light,
-    view: &LightView,
+    views: impl Into<Views<'a>>,
     interfaces: u32,
     count: u32,
     seed: u64,
 ) -> CausticMap {
-    let tracer = Tracer::new(liquid, scene, view, interfaces);
-    let receivers = Receivers::new(view, &tracer.surroundings);
-    let size = view.size.as_dvec2();
+    let views = views.into();
+    let tracer = Tracer::new(liquid, scene, views, interfaces);
+    let receivers = Receivers::new(views.map, &tracer.surroundings);
+    let size = views.light.size.as_dvec2();
     let share = power(light) * (size.element_product() / f64::from(count));
     // The plastic number: the positive root of x³ = x + 1.
     let plastic = 1.324_717_957_244_746_f64;
@@ -203,7 +222,7 @@ pub fn photons(
     let mut state = seed;
     let turn = DVec2::from_array([0; 2].map(|_| crate::waves::splitmix64(&mut state)));
 
-    let mut sum = Sum::new(view);
+    let mut sum = Sum::new(views.map);
     for batch in (0..count).step_by(BATCH as usize) {
         let end = count.min(batch.saturating_add(BATCH));
         let chunks = (batch..end).into_par_iter().step_by(CHUNK as usize);
@@ -213,7 +232,7 @@ pub fn photons(
                 for i in start..end.min(start.saturating_add(CHUNK)) {
                     let place = (turn + f64::from(i) * steps).fract_gl() * size;
                     let beam = tracer.follow(place);
-                    let sent = share * view.pixel_power(place);
+                    let sent = share * views.light.pixel_extent(place);
                     if let Some((landing, power)) = ledger.account(&beam, sent) {
                         ledger.lay_point(landing, power);
                     }
@@ -223,17 +242,18 @@ pub fn photons(
             .collect();
         sum.add(ledgers);
     }
-    sum.finish(view, &receivers)
+    sum.finish(&receivers)
 }
 
 /// The caustics of one light by beams over what its view shows: the truth for whoever knows no more
 /// of the liquid than these layers.
 ///
 /// `classes` are pairs of front and back layers, `solids` the planes of the solids, all in the
-/// light's view. Light enters at the nearest front, D(u) = π·ω(u), and is then intersected with
-/// every texel that it crosses. Beams start at texels' centres, or evenly around them, where a
-/// texel's plane is its own; half a beam along the frame is left out. The liquid's normals are bilinear between the texels' centres. It stays in the liquid where it would leave that within `contact`,
-/// m, of the plane of a solid that it is heading for.
+/// light's view, which is along its rays. Light enters at the nearest front, D(u) = π·ω(u), and is
+/// then intersected with every texel that it crosses. Beams start at texels' centres, or evenly
+/// around them, where a texel's plane is its own; half a beam along the frame is left out. The
+/// liquid's normals are bilinear between the texels' centres. It stays in the liquid where it would
+/// leave that within `contact`, m, of the plane of a solid that it is heading for.
 pub fn beams_over_layers(
     view: &LightView,
     (classes, solids): (&[&Pair], &Layer),
@@ -330,7 +350,7 @@ impl Beam {
 struct Tracer<'a, L: ?Sized> {
     liquid: &'a L,
     surroundings: Surroundings,
-    view: &'a LightView,
+    views: Views<'a>,
     ior: f64,
     /// 1/m.
     absorption: DVec3,
@@ -344,11 +364,11 @@ enum Ahead {
 }
 
 impl<'a, L: Liquid + ?Sized> Tracer<'a, L> {
-    fn new(liquid: &'a L, scene: &Scene, view: &'a LightView, interfaces: u32) -> Self {
+    fn new(liquid: &'a L, scene: &Scene, views: Views<'a>, interfaces: u32) -> Self {
         Self {
             liquid,
             surroundings: Surroundings::new(scene),
-            view,
+            views,
             ior: scene.liquid.ior.into(),
             absorption: wide(scene.liquid.absorption),
             interfaces,
@@ -357,7 +377,7 @@ impl<'a, L: Liquid + ?Sized> Tracer<'a, L> {
 
     fn follow(&self, u: DVec2) -> Beam {
         let mut beam = Beam::new();
-        let (origin, direction) = self.view.ray(u);
+        let (origin, direction) = self.views.light.ray(u);
         let ray = Ray { origin, direction };
         let Ahead::Surface(entry) = self.ahead(&ray, false) else { return beam };
         let Some(ray) = self.pass(&mut beam, &ray, &entry, false) else {
@@ -401,8 +421,8 @@ impl<'a, L: Liquid + ?Sized> Tracer<'a, L> {
     }
 
     fn land(&self, beam: Beam, hit: &SolidHit, ray: &Ray) -> Beam {
-        let (u, depth) = self.view.project(hit.point);
-        let u = (depth > self.view.near).then_some(u);
+        let (u, depth) = self.views.map.project(hit.point);
+        let u = (depth > self.views.map.near).then_some(u);
         beam.ending(End::Landed(Landing { spot: Spot::of(hit, ray.direction), u }))
     }
 }
@@ -591,7 +611,7 @@ impl<'a> Receivers<'a> {
                 let normal = facing(view.normal(plane), direction);
                 let cos = -direction.dot(normal);
                 let distance2 = if light.orthographic { 1.0 } else { point.length_squared() };
-                let area = light.pixel_power(u) * distance2 / cos;
+                let area = light.pixel_extent(u) * distance2 / cos;
                 Receiver { spot: Spot { solid: 0, point, normal }, area, edge: false }
             })
         };
@@ -622,7 +642,7 @@ fn seen(view: &LightView, surroundings: &Surroundings, u: DVec2) -> Option<Spot>
 fn patch_area(view: &LightView, u: DVec2, point: DVec3, normal: DVec3) -> f64 {
     let (origin, direction) = view.ray(u);
     let distance2 = if view.orthographic { 1.0 } else { origin.distance_squared(point) };
-    view.pixel_power(u) * distance2 / -direction.dot(normal)
+    view.pixel_extent(u) * distance2 / -direction.dot(normal)
 }
 
 /// Rows of cells that are laid at once.
@@ -655,7 +675,7 @@ impl Grid {
 }
 
 fn lay_beams(
-    view: &LightView,
+    source: &LightView,
     light: &Light,
     receivers: &Receivers<'_>,
     grid: Grid,
@@ -664,7 +684,7 @@ fn lay_beams(
     let Grid { cell, cells, .. } = grid;
     let power = power(light);
     let row = |j: u32| -> Vec<Beam> { (0..=cells.x).map(|i| follow(grid.at(i, j))).collect() };
-    let mut sum = Sum::new(view);
+    let mut sum = Sum::new(receivers.view);
     let mut last = row(0);
     for band in (0..cells.y).step_by(BAND as usize) {
         let end = cells.y.min(band + BAND);
@@ -682,7 +702,7 @@ fn lay_beams(
                     let second = [&lower[at(1)], &lower[at(0)], &upper[at(1)]];
                     for (corners, third) in [(first, 1.0 / 3.0), (second, 2.0 / 3.0)] {
                         let middle = corner + third * cell;
-                        let sent = power * (0.5 * cell * cell * view.pixel_power(middle));
+                        let sent = power * (0.5 * cell * cell * source.pixel_extent(middle));
                         ledger.lay_triangle(corners, sent, cell);
                     }
                 }
@@ -692,7 +712,7 @@ fn lay_beams(
         sum.add(ledgers);
         last = rows.pop().unwrap_or_default();
     }
-    sum.finish(view, receivers)
+    sum.finish(receivers)
 }
 
 /// Power on each texel.
@@ -717,12 +737,12 @@ impl Sum {
         }
     }
 
-    fn finish(self, view: &LightView, receivers: &Receivers<'_>) -> CausticMap {
+    fn finish(self, receivers: &Receivers<'_>) -> CausticMap {
         let irradiance = self.power.iter().zip(&receivers.texels);
         let irradiance =
             irradiance.map(|(&power, receiver)| receiver.map_or(DVec3::ZERO, |r| power / r.area));
         CausticMap {
-            view: *view,
+            view: *receivers.view,
             irradiance: irradiance.collect(),
             receivers: receivers.texels.clone(),
             flux: self.flux,

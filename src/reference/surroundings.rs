@@ -110,7 +110,9 @@ impl Surroundings {
     /// Radiance seen along a ray in the absence of liquid.
     pub fn radiance(&self, ray: &Ray) -> DVec3 {
         match self.hit(ray) {
-            Some(hit) => self.solid_radiance(&hit, ray.direction, |_, direct| direct.irradiance),
+            Some(hit) => self.solid_radiance(&hit, ray.direction, |_, direct| {
+                direct.map_or(DVec3::ZERO, |direct| direct.irradiance)
+            }),
             None => self.environment(ray.direction),
         }
     }
@@ -118,13 +120,13 @@ impl Surroundings {
     /// Radiance that a solid sends against `direction`: its colour, or Lambert's reflection of the
     /// lights that it is not in the shadow of and of the environment's mean.
     ///
-    /// `arriving` turns what a light, by its number, would send in the absence of liquid into the
-    /// irradiance on the surface, W/m².
+    /// `arriving` turns what a light, by its number, would send in the absence of liquid, `None` in
+    /// its shadow, into the irradiance on the surface, W/m².
     pub fn solid_radiance(
         &self,
         hit: &SolidHit,
         direction: DVec3,
-        arriving: impl Fn(usize, &Direct) -> DVec3,
+        arriving: impl Fn(usize, Option<&Direct>) -> DVec3,
     ) -> DVec3 {
         let solid = &self.solids[hit.solid];
         let color = solid.color(hit.point, hit.normal);
@@ -133,7 +135,7 @@ impl Surroundings {
         }
         let normal = hit.facing(direction);
         let irradiance: DVec3 = (0..self.lights.len())
-            .filter_map(|light| Some(arriving(light, &self.direct(light, hit.point, normal)?)))
+            .map(|light| arriving(light, self.direct(light, hit.point, normal).as_ref()))
             .sum();
         color * (self.ambient + irradiance / PI)
     }

@@ -174,7 +174,7 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
         if let Some(hit) = self.surroundings.hit(&ray) {
             let first = |c: &Crossing| hit.t <= c.t + TOUCH * (1.0 + c.t);
             if crossing.as_ref().is_none_or(first) {
-                let arriving = |light: usize, direct: &Direct| {
+                let arriving = |light: usize, direct: Option<&Direct>| {
                     self.arriving(light, direct, &hit, ray.direction, inside)
                 };
                 let radiance = self.surroundings.solid_radiance(&hit, ray.direction, arriving);
@@ -220,19 +220,22 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
     fn arriving(
         &self,
         light: usize,
-        direct: &Direct,
+        direct: Option<&Direct>,
         hit: &SolidHit,
         direction: DVec3,
         inside: bool,
     ) -> DVec3 {
-        let ray = Ray { origin: hit.point, direction: direct.towards };
+        let along = |direct: &Direct| Ray { origin: hit.point, direction: direct.towards };
         let Some(map) = self.maps.get(light).and_then(Option::as_ref) else {
-            return direct.irradiance * self.straight(&ray, direct.distance, inside);
+            return direct.map_or(DVec3::ZERO, |direct| {
+                direct.irradiance * self.straight(&along(direct), direct.distance, inside)
+            });
         };
         let normal = hit.facing(direction);
         let caustic = map.at(&Spot { solid: hit.solid, point: hit.point, normal });
+        let Some(direct) = direct.filter(|_| !inside) else { return caustic };
         let in_the_way = |c: Crossing| c.t < direct.distance;
-        if inside || self.liquid.crossing(&ray, false).is_some_and(in_the_way) {
+        if self.liquid.crossing(&along(direct), false).is_some_and(in_the_way) {
             return caustic;
         }
         direct.irradiance + caustic

@@ -1,19 +1,31 @@
 //! Caustic maps measured: their time, their error, and whether light is kept.
+//!
+//! Of an analytic pool the light's layers are exact, so that the error is the method's alone; of
+//! particles they are what the renderer draws, and the truth is the reconstructed surface.
 
-use glam::{DVec2, DVec3, UVec2};
+use glam::{DAffine3, DVec2, DVec3, UVec2};
 use rayon::prelude::*;
 
-use super::intersect::{ViewLayers, upload};
+use super::intersect::{self, Target, ViewLayers, upload};
+use super::rows::{ErrorKind, Kind, Row};
+use super::subjects::Subject;
 use crate::error::Result;
 use crate::gpu::{self, Gpu, Timer};
 use crate::light_view::LightView;
+use crate::lights;
 use crate::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
 use crate::passes::gbuffer::SceneBinding;
+use crate::passes::smooth;
+use crate::passes::splat::SplatBuffers;
+use crate::passes::surfaces::{self, Surfaces, Wanted};
 use crate::passes::{CameraBinding, GBuffer, Layers};
+use crate::reference::caustics as reference;
+use crate::reference::layers as reference_layers;
 use crate::reference::surroundings::Surroundings;
 use crate::reference::trace::first_last_along;
 use crate::reference::{Liquid, Ray};
-use crate::scene::Scene;
+use crate::scene::{Light, Scene};
+use crate::settings::{self, Method, Solver};
 
 impl ViewLayers {
     /// A liquid and the solids as a light sees them, exactly.
@@ -172,4 +184,202 @@ pub fn received(view: &LightView, run: &Run, scene: &Scene) -> DVec3 {
         area * DVec3::new(e[0].into(), e[1].into(), e[2].into())
     };
     run.irradiance.par_iter().enumerate().map(texel).sum()
+}
+
+/// The light's own view of all that may send light to its map, with so many texels along its side.
+fn source(subject: &Subject, light: &Light, resolution: u32) -> Option<LightView> {
+    let bounds = lights::bounds(&subject.loaded.splats)?;
+    LightView::new(light, bounds, &subject.scene.solids, 0.02, resolution, None)
+}
+
+/// Beams per texel and axis that give a map of so many texels an error below 1 %.
+fn density(resolution: u32) -> u32 {
+    2048u32.div_ceil(resolution).clamp(2, 6)
+}
+
+/// The true caustic map of each light of a scene, for the texels that its own settings ask for but
+/// no more than `resolution`; none if nothing is lit.
+pub fn truths(subject: &Subject, resolution: u32) -> Vec<Option<reference::CausticMap>> {
+    let scene = with(&subject.scene, |c| c.resolution = c.resolution.min(resolution));
+    if !scene.is_lit() {
+        return Vec::new();
+    }
+    let views = lights::views(&scene, &subject.loaded.splats);
+    let map = |(light, view): (&Light, &Option<LightView>)| {
+        let map = view.as_ref()?;
+        let source = source(subject, light, scene.settings.caustics.resolution)?;
+        let views = reference::Views { light: &source, map };
+        let density = density(scene.settings.caustics.resolution);
+        Some(reference::beams(&*subject.liquid, &scene, light, views, 2, density))
+    };
+    scene.lights.iter().zip(&views).map(map).collect()
+}
+
+fn with(scene: &Scene, change: impl Fn(&mut settings::Caustics)) -> Scene {
+    let mut scene = scene.clone();
+    change(&mut scene.settings.caustics);
+    scene
+}
+
+/// What is compared for one size of the map: method, its settings in words, and what they change.
+type Change = Box<dyn Fn(&mut settings::Caustics)>;
+
+fn methods(resolution: u32, quick: bool) -> Vec<(&'static str, String, Change)> {
+    let mut methods: Vec<(&'static str, String, Change)> = Vec::new();
+    methods.push(("straight", String::new(), Box::new(|c| c.method = Method::Straight)));
+    let grids = [200, resolution / 4, resolution / 2, resolution, 2 * resolution];
+    for grid in if quick { &grids[2..4] } else { &grids[..] } {
+        let grid = *grid;
+        methods.push((
+            "forward",
+            format!("grid {grid}"),
+            Box::new(move |c| {
+                c.method = Method::Forward;
+                c.grid = grid;
+            }),
+        ));
+    }
+    for steps in if quick { vec![32] } else { vec![4, 8, 16, 32, 64, 128] } {
+        methods.push((
+            "gather",
+            format!("steps {steps}"),
+            Box::new(move |c| {
+                c.method = Method::Gather;
+                c.grid = resolution;
+                c.steps = steps;
+            }),
+        ));
+    }
+    methods
+}
+
+/// Measures the map of a scene's first light.
+///
+/// # Errors
+/// [`crate::Error::DeviceLost`], [`crate::Error::Adapter`].
+pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    if !subject.scene.is_lit() {
+        return Ok(rows);
+    }
+    let sizes: &[u32] = if quick { &[256] } else { &[256, 512, 1024] };
+    let repeats = if quick { 3 } else { 7 };
+    for &resolution in sizes {
+        let scene = with(&subject.scene, |c| c.resolution = resolution);
+        let views = lights::views(&scene, &subject.loaded.splats);
+        let (light, Some(view)) = (&scene.lights[0], views[0]) else { continue };
+        let Some(source) = source(subject, light, resolution) else { continue };
+        let interfaces = scene.settings.caustics.interfaces;
+        let between = reference::Views { light: &source, map: &view };
+        let (truth, own) = reference::beams_with_error(
+            &*subject.liquid,
+            &scene,
+            light,
+            between,
+            interfaces,
+            density(resolution),
+        );
+        // Half the density has about four times the error.
+        let truth_name = format!("{}, by beams within {:.2} %", subject.truth, 100.0 * own / 3.0);
+        let sent = truth.flux.received.element_sum();
+        let radius = subject.loaded.splats.radius;
+        let layers = match subject.is_water() {
+            true => ViewLayers::of_light(&*subject.liquid, &scene, &view),
+            false => drawn(gpu, subject, &scene, &view)?,
+        };
+        let mut bench = Bench::new(gpu, &scene, &view, &layers)?;
+        let chosen = methods(resolution, quick);
+        let scenes: Vec<_> = chosen.iter().map(|(_, _, change)| with(&scene, change)).collect();
+        // The first run compiles, and is what is judged; then by turns.
+        let runs: Vec<_> = scenes.iter().map(|s| bench.run(s, 0, radius)).collect::<Result<_>>()?;
+        let mut times = vec![Vec::new(); runs.len()];
+        for _ in 0..repeats {
+            for (scene, times) in scenes.iter().zip(&mut times) {
+                times.push(bench.run(scene, 0, radius)?.ms);
+            }
+        }
+        for (((method, words, _), run), times) in chosen.iter().zip(&runs).zip(&times) {
+            let words = format!("map {resolution} {words}").trim_end().to_owned();
+            let error = relative_l1(&run.irradiance, &truth.irradiance, |_| true);
+            let mut row = Row::new(Kind::Caustics, subject.name, method, &words)
+                .timed(times)
+                .with_error(error, ErrorKind::RelativeL1, &truth_name);
+            row.light_kept = Some(received(&view, run, &scene).element_sum() / sent);
+            if *method == "gather" {
+                let state = |s: f32| run.gathered.iter().filter(|g| g[3] == s).count() as f64;
+                row.solved_of_all = Some(state(1.0) / (state(1.0) + state(2.0)).max(1.0));
+            }
+            rows.push(row);
+        }
+    }
+    if subject.is_water() {
+        rows.extend(rays(gpu, subject, quick)?);
+    }
+    Ok(rows)
+}
+
+/// The light's layers as the renderer draws them from the particles.
+fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Result<ViewLayers> {
+    let splats = &subject.loaded.splats;
+    let fits = smooth::Params::iterations(&scene.settings.smooth, splats.radius);
+    let mut liquid =
+        surfaces::Liquid { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) };
+    liquid.aggregates.upload(gpu, &splats.aggregates);
+    liquid.splashes.upload(gpu, &splats.splashes);
+    let mut surfaces = Surfaces::new(gpu, view.orthographic, false);
+    let splash = !splats.splashes.is_empty();
+    let backs = scene.settings.caustics.interfaces > 1;
+    let wanted = Wanted { size: view.size, splash, gbuffer: true, levels: 1, backs };
+    surfaces.resize(gpu, wanted);
+    surfaces.prepare(gpu, scene, &view.uniform(splats.origin), view.origin, &[], None, &fits);
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let names = ["splat", "splashes", "tiles", "smooth", "gbuffer"];
+    let timer = &mut Timer::new(gpu, false);
+    surfaces.record(gpu, &mut encoder, scene, &liquid, &fits, timer, names);
+    gpu.queue.submit([encoder.finish()]);
+    gpu.check()?;
+    let read = |texture: &wgpu::Texture, layer: u32| -> Result<Vec<[f32; 4]>> {
+        Ok(bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, layer)?))
+    };
+    let pair = |layers: &Layers| -> Result<[Vec<[f32; 4]>; 2]> {
+        Ok([read(&layers.texture, Layers::FRONT)?, read(&layers.texture, Layers::BACK)?])
+    };
+    Ok(ViewLayers {
+        size: view.size,
+        aggregate: pair(surfaces.aggregate_layers())?,
+        splash: surfaces.splash_layers().map(pair).transpose()?,
+        solids: read(&surfaces.gbuffer.images.planes, 0)?,
+    })
+}
+
+/// How light's own refracted rays converge in its view of the solids, iteration by iteration (Mayer
+/// et al. 2026, figure 5).
+fn rays(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
+    let scene = &subject.scene;
+    let resolution = if quick { 256 } else { 2048 };
+    let Some(view) = source(subject, &scene.lights[0], resolution) else { return Ok(Vec::new()) };
+    let layers = ViewLayers::of_light(&*subject.liquid, scene, &view);
+    let uniform = view.uniform(view.origin);
+    let world_from_view =
+        DAffine3::from_mat3_translation(view.view_from_world.transpose(), view.origin).into();
+    let truths = intersect::truths(&world_from_view, &uniform, scene, &layers, Target::Solids);
+    let method = |name: &str, words: String, settings: Option<settings::Refract>| {
+        intersect::Method { name: name.into(), words, settings }
+    };
+    let own = &scene.settings.refract;
+    let mut methods = vec![method("nothing", String::new(), None)];
+    for iterations in if quick { vec![2, 4] } else { (0..8).collect() } {
+        let newton = settings::Refract { solver: Solver::Newton, iterations, ..own.clone() };
+        methods.push(method("newton", format!("iterations={iterations}"), Some(newton)));
+    }
+    for (name, solver) in [("march", Solver::March), ("guarded", Solver::Guarded)] {
+        let settings = settings::Refract { solver, ..own.clone() };
+        methods.push(method(name, String::new(), Some(settings)));
+    }
+    let bench = intersect::Bench::new(gpu, &uniform, &layers)?;
+    let measured = bench.measure(&methods, scene, Target::Solids, if quick { 3 } else { 7 })?;
+    let name = format!("{}:light", subject.name);
+    let truth = "the solids themselves";
+    let layered = reference_layers::View::of_light(&view);
+    Ok(intersect::rows(&name, &methods, &measured, &layered, &truths, truth))
 }

@@ -101,16 +101,24 @@ impl Score {
     }
 }
 
-/// Relative disparity by which a hit may differ from the truth beside what a pixel explains.
+/// By how much what is linear on the screen, disparity or height, may differ from the truth beside
+/// what a pixel explains: as a share of disparity, or of an orthographic view's width.
 const DEPTH_TOLERANCE: f64 = 2e-3;
+
+fn tolerance(view: &View, depth: f64) -> f64 {
+    DEPTH_TOLERANCE * if view.far.is_some() { 2.0 * view.tangent.x } else { 1.0 / depth }
+}
 
 /// Whether a hit agrees with another in depth, `pixels` apart on the screen.
 fn consistent(view: &View, truth: &LayerHit, u: DVec2, depth: f64, pixels: f64) -> bool {
-    // Disparity per pixel of the true surface.
+    // Disparity or height per pixel of the true surface.
     let per_pixel = truth.plane.truncate() * view.tangent * 2.0 / view.size;
     let slope = per_pixel.length() * (u.distance(truth.u).min(pixels) + 0.5);
-    let difference = (1.0 / depth - 1.0 / truth.depth).abs();
-    difference <= DEPTH_TOLERANCE / truth.depth + slope
+    let difference = match view.far {
+        Some(_) => (depth - truth.depth).abs(),
+        None => (1.0 / depth - 1.0 / truth.depth).abs(),
+    };
+    difference <= tolerance(view, truth.depth) + slope
 }
 
 /// Judges a method's answers.
@@ -149,22 +157,23 @@ fn rays<'a>(
     let size = layers[0][0].size;
     (0..size.element_product()).into_par_iter().map(move |i| {
         let texel = UVec2::new(i % size.x, i / size.x).as_ivec2();
-        let omega = view.omega(texel.as_dvec2() + 0.5);
+        let u = texel.as_dvec2() + 0.5;
+        let omega = view.omega(u);
         let nearest = |a: DVec3, b: DVec3| if b.dot(omega) > a.dot(omega) { b } else { a };
         let front = layers.iter().map(|pair| pair[0].at(texel)).fold(DVec3::ZERO, nearest);
         let disparity = front.dot(omega);
         if disparity <= 0.0 {
             return None;
         }
-        let d = optics::refract(omega.normalize(), -front.normalize(), ior)?;
-        Some((omega / disparity, d, texel))
+        let d = optics::refract(view.ray(u).1, -view.normal(front), ior)?;
+        Some((view.point(u, disparity), d, texel))
     })
 }
 
 /// The true end of every pixel's ray: on the layers, or for solids in the scene itself, where it is
 /// solvable if the layer shows that point.
 pub fn truths(
-    camera: &Camera,
+    world_from_view: &DMat4,
     uniform: &CameraUniform,
     scene: &Scene,
     layers: &ViewLayers,
@@ -177,7 +186,6 @@ pub fn truths(
         [Some(&layers.aggregate), layers.splash.as_ref()].into_iter().flatten().map(pair).collect();
     let solids = Layer::new(size, &layers.solids);
     let surroundings = Surroundings::new(scene);
-    let world_from_view = world_from_view(camera);
     rays(&view, &classes, scene.liquid.ior.into())
         .map(|ray| {
             let Some((o, d, texel)) = ray else { return Truth::None };
@@ -196,15 +204,21 @@ pub fn truths(
             let plane = solids.at(u.floor().as_ivec2());
             let hit = LayerHit { u, depth: -x.z, plane };
             let disparity = plane.dot(view.omega(u));
+            let shown = -view.point(u, disparity).z;
             let visible = x.z < -view.near
                 && view.holds(u)
-                && (disparity * hit.depth - 1.0).abs() <= DEPTH_TOLERANCE;
+                && disparity > 0.0
+                && match view.far {
+                    Some(_) => (shown - hit.depth).abs() <= tolerance(&view, hit.depth),
+                    None => (hit.depth / shown - 1.0).abs() <= DEPTH_TOLERANCE,
+                };
             if visible { Truth::Hit(hit) } else { Truth::Unsolvable }
         })
         .collect()
 }
 
-fn world_from_view(camera: &Camera) -> DMat4 {
+/// View to world space of a camera.
+pub fn world_from_view(camera: &Camera) -> DMat4 {
     let (eye, target, up) = (camera.eye, camera.target, camera.up.as_dvec3());
     glam::dcamera::rh::view::look_at_mat4(eye, target, up).inverse()
 }
@@ -257,7 +271,7 @@ impl Bench {
     /// [`crate::Error::Adapter`] if the picture is too large.
     pub fn new(gpu: &Gpu, uniform: &CameraUniform, layers: &ViewLayers) -> Result<Self> {
         gpu.check_size(layers.size)?;
-        let camera = CameraBinding::new(gpu, false);
+        let camera = CameraBinding::new(gpu, uniform.far > 0.0);
         camera.write(gpu, uniform);
         let nothing = vec![[0f32; 4]; layers.size.element_product() as usize];
         let none = [nothing.clone(), nothing];
@@ -374,6 +388,7 @@ impl Bench {
             Some(_) => (variant.shader(), variant.constants()),
             None => ("report/nothing.wgsl", vec![("SPLASH", f64::from(u8::from(self.splash)))]),
         };
+        constants.extend(self.camera.constants());
         constants.push(("TO_SOLIDS", f64::from(u8::from(target == Target::Solids))));
         let pipeline = pipelines.entry(format!("{root} {constants:?}")).or_insert_with(|| {
             let text =
@@ -518,7 +533,8 @@ pub fn report(
             Target::Solids => ViewLayers::exact(subject, camera, size),
             Target::Liquid => ViewLayers::drawn(gpu, renderer, subject, camera, size)?,
         };
-        let truths = truths(camera, &uniform, &subject.scene, &layers, target);
+        let world_from_view = world_from_view(camera);
+        let truths = truths(&world_from_view, &uniform, &subject.scene, &layers, target);
         let bench = Bench::new(gpu, &uniform, &layers)?;
         let methods = methods(quick, &subject.scene.settings.refract);
         let measured = bench.measure(&methods, &subject.scene, target, repeats)?;
@@ -526,23 +542,7 @@ pub fn report(
             Target::Solids => "the solids themselves",
             Target::Liquid => "the same layers, intersected exactly",
         };
-        for (method, measurement) in methods.iter().zip(&measured).skip(1) {
-            // Paired: each run less the run without an intersector beside it.
-            let pairs = measurement.ms.iter().zip(&measured[0].ms);
-            let net: Vec<f64> = pairs.map(|(ms, nothing)| (ms - nothing).max(0.0)).collect();
-            let score = score(&view, &truths, &measurement.answers);
-            let wrong = 1.0 - score.solved_of_solvable() + score.wrong_accepts();
-            let mut row = Row::new(Kind::Intersect, name, &method.name, &method.words)
-                .timed(&net)
-                .with_error(wrong, ErrorKind::RaysWrong, truth);
-            row.fetches = Some(measurement.fetches);
-            row.iterations = Some(measurement.iterations);
-            row.solved_of_solvable = Some(score.solved_of_solvable());
-            row.solved_of_all = Some(score.solved_of_all());
-            row.wrong_accepts = Some(score.wrong_accepts());
-            row.rms_px = Some(score.rms_px);
-            report.rows.push(row);
-        }
+        report.rows.extend(rows(name, &methods, &measured, &view, &truths, truth));
         // The last two are the march that reads every texel, and `guarded`.
         if let [.., march, guarded] = &measured[..] {
             let mask = failures(&view, size, &truths, &guarded.answers, &march.answers);
@@ -557,6 +557,35 @@ pub fn report(
         }
     }
     Ok(())
+}
+
+/// A row for each method but the first, which is none at all and whose time is subtracted.
+pub(super) fn rows(
+    name: &str,
+    methods: &[Method],
+    measured: &[Measurement],
+    view: &View,
+    truths: &[Truth],
+    truth: &str,
+) -> Vec<Row> {
+    let of = |(method, measurement): (&Method, &Measurement)| {
+        // Paired: each run less the run without an intersector beside it.
+        let pairs = measurement.ms.iter().zip(&measured[0].ms);
+        let net: Vec<f64> = pairs.map(|(ms, nothing)| (ms - nothing).max(0.0)).collect();
+        let score = score(view, truths, &measurement.answers);
+        let wrong = 1.0 - score.solved_of_solvable() + score.wrong_accepts();
+        let mut row = Row::new(Kind::Intersect, name, &method.name, &method.words)
+            .timed(&net)
+            .with_error(wrong, ErrorKind::RaysWrong, truth);
+        row.fetches = Some(measurement.fetches);
+        row.iterations = Some(measurement.iterations);
+        row.solved_of_solvable = Some(score.solved_of_solvable());
+        row.solved_of_all = Some(score.solved_of_all());
+        row.wrong_accepts = Some(score.wrong_accepts());
+        row.rms_px = Some(score.rms_px);
+        row
+    };
+    methods.iter().zip(measured).skip(1).map(of).collect()
 }
 
 fn orders(scene: &str, counts: &[u64; 4]) -> Orders {

@@ -72,7 +72,7 @@ pub(super) fn distinct<'a, T: PartialEq>(rows: &[&'a Row], key: impl Fn(&'a Row)
 /// A column: its name, whether it is of numbers, whether it is there when the table is to be brief.
 type Column = (&'static str, bool, bool, fn(&Row) -> Option<String>);
 
-const COLUMNS: [Column; 11] = [
+const COLUMNS: [Column; 12] = [
     ("scene", false, true, |row| text(&row.scene)),
     ("method", false, true, |row| text(&row.method)),
     ("settings", false, true, |row| text(&row.settings)),
@@ -84,6 +84,7 @@ const COLUMNS: [Column; 11] = [
     ("solved of all, %", true, false, |row| row.solved_of_all.map(percent)),
     ("solved of solvable, %", true, true, |row| row.solved_of_solvable.map(percent)),
     ("wrong accepts, %", true, true, |row| row.wrong_accepts.map(percent)),
+    ("light kept, %", true, true, |row| row.light_kept.map(percent)),
 ];
 
 fn text(text: &str) -> Option<String> {

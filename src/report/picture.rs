@@ -3,6 +3,7 @@
 use glam::UVec2;
 use image::RgbImage;
 
+use super::caustics;
 use super::rows::{ErrorKind, Figure, Kind, Row};
 use super::subjects::{Subject, size};
 use crate::camera::Camera;
@@ -10,7 +11,7 @@ use crate::compare::{PIXELS_PER_DEGREE, flip};
 use crate::error::Result;
 use crate::gpu::{Gpu, PassTime};
 use crate::passes::classify::Splats;
-use crate::reference::trace::{MAX_DEPTH, trace};
+use crate::reference::trace::{MAX_DEPTH, trace_lit};
 use crate::renderer::{Picture, Renderer};
 use crate::scene::Scene;
 use crate::settings::{Filter, Preset, Refract, Settings, Solver};
@@ -95,8 +96,10 @@ pub fn measure(
 ) -> Result<(Vec<Row>, Figure)> {
     let size = size(subject.name, effort.width);
     let camera = subject.views[0].1;
-    let truth =
-        trace(&*subject.liquid, &subject.scene, &camera, size, effort.truth_samples, MAX_DEPTH);
+    let samples = effort.truth_samples;
+    let maps = caustics::truths(subject, effort.width);
+    let liquid = &*subject.liquid;
+    let truth = trace_lit(liquid, &subject.scene, &camera, size, samples, MAX_DEPTH, &maps);
     let truth = truth.to_srgb();
     let mut rows = Vec::new();
     let mut panels = vec![("truth".to_owned(), truth.clone())];

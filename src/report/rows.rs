@@ -54,6 +54,9 @@ pub struct Row {
     /// Root mean square distance of the solved hits from the truth, pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rms_px: Option<f64>,
+    /// Of a caustic map: the light that it holds over that which the truth sends there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub light_kept: Option<f64>,
     /// The error, smaller is better.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<f64>,
@@ -99,6 +102,7 @@ impl Row {
             solved_of_all: None,
             wrong_accepts: None,
             rms_px: None,
+            light_kept: None,
             error: None,
             error_kind: None,
             truth: None,

@@ -86,6 +86,9 @@ impl Subject {
     /// # Errors
     /// As [`Input::prepare`].
     pub fn with(&self, settings: &crate::settings::Settings) -> Result<(Scene, Loaded)> {
+        // What belongs to the picture, not to a method, stays.
+        let caustics = self.scene.settings.caustics.clone();
+        let settings = crate::settings::Settings { caustics, ..settings.clone() };
         let scene = Scene { settings: settings.clone(), ..self.scene.clone() };
         if settings.classify == self.scene.settings.classify {
             return Ok((scene, self.loaded.clone()));
