@@ -31,6 +31,8 @@ pub struct LightView {
     pub orthographic: bool,
     /// Pixels; they are square.
     pub size: UVec2,
+    /// Height of the surface that the view is made for, m, if that is level.
+    pub level: Option<f64>,
 }
 
 /// Half the widest angle at which a point light's picture is still useful.
@@ -55,6 +57,7 @@ impl LightView {
         level: Option<(f64, f64)>,
     ) -> Option<Self> {
         let middle = 0.5 * (min + max);
+        let height = level.map(|(height, _)| height);
         let (origin, back, orthographic) = match *light {
             Light::Sun { direction, .. } => {
                 let towards = -direction.as_dvec3().normalize();
@@ -114,6 +117,7 @@ impl LightView {
                 far,
                 orthographic,
                 size,
+                level: height,
             });
         }
         // From before the first solid or liquid to behind the last.
@@ -151,6 +155,7 @@ impl LightView {
             far: top - bottom + slack,
             orthographic,
             size,
+            level: height,
         })
     }
 

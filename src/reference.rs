@@ -13,6 +13,7 @@ use glam::DVec3;
 
 pub mod analytic;
 pub mod caustics;
+pub mod conic;
 pub mod layers;
 pub mod mesh;
 pub mod optics;

@@ -316,7 +316,7 @@ pub struct Caustics {
     /// Interfaces that light is followed through: 1 (into the liquid; enough where solids bound it,
     /// as in a pool) or 2 (and out of it), default 2.
     pub interfaces: u32,
-    /// Triangles that `gather` walks at most for each texel: 1 to 4096, default 64.
+    /// Triangles that `gather` walks at most for each texel: 1 to 4096, default 256.
     pub steps: u32,
     /// Width to which the map is blurred, as by a light that is not a point: the standard deviation
     /// of a Gaussian across the light, m; default 0.
@@ -333,7 +333,7 @@ impl Default for Caustics {
             resolution: 512,
             grid: 512,
             interfaces: 2,
-            steps: 64,
+            steps: 256,
             blur: 0.0,
             margin: 0.1,
         }

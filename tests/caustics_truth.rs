@@ -52,6 +52,7 @@ fn overhead(half: f64, size: u32) -> LightView {
         far: 100.0,
         orthographic: true,
         size: UVec2::splat(size),
+        level: None,
     }
 }
 

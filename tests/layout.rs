@@ -161,8 +161,16 @@ fn shared_structs_agree() {
         height,
         pad,
     });
-    let caustics =
-        rust_struct!(caustics::Params { power, steps, light, interfaces, cells, gain, blur });
+    let caustics = rust_struct!(caustics::Params {
+        power,
+        steps,
+        light,
+        interfaces,
+        cells,
+        gain,
+        blur,
+        level
+    });
     let table = [
         (camera, "splat.wgsl", "Camera"),
         (splat, "splat.wgsl", "Splat"),

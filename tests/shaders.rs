@@ -13,6 +13,14 @@ use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 /// What the report pastes behind each root of `refract/`, and behind none.
 const MEASURED: &str = "report/intersect.wgsl";
 
+/// What the caustic maps paste behind `refract/guarded.wgsl`.
+const CAUSTICS: [&str; 4] = [
+    "caustics/grid.wgsl",
+    "caustics/forward.wgsl",
+    "caustics/gather.wgsl",
+    "caustics/resolve.wgsl",
+];
+
 /// limpid requests no optional feature that WGSL can see.
 const REQUESTED: Capabilities = Capabilities::empty();
 
@@ -34,6 +42,7 @@ fn values(module: &naga::Module, constant: &naga::Override) -> &'static [f64] {
         (Some("SOLIDS"), _) => &[0.0, 1.0, 512.0],
         (Some("LIGHTS"), _) => &[0.0, 1.0, 16.0],
         (Some("SIDE"), _) => &[0.0, 1.0],
+        (Some("METHOD"), _) => &[0.0, 1.0, 2.0],
         (Some("STRIDE"), _) => &[1.0, 2.0, 4.0],
         (name, ty) => panic!("the test knows no values for the constant {name:?} of {ty:?}"),
     }
@@ -133,11 +142,22 @@ fn every_intersector_can_be_measured() {
     }
 }
 
+/// Protects the caustics: each kernel has the layers and the intersector that it follows light by.
+#[test]
+fn caustics_are_made_by_guarded() {
+    for file in CAUSTICS {
+        let text = shader::source("refract/guarded.wgsl") + &shader::source(file);
+        let (module, info) = check(file, &text).unwrap_or_else(|problem| panic!("{problem}"));
+        specialise(file, &module, &info).unwrap_or_else(|problem| panic!("{problem}"));
+    }
+}
+
 /// Protects against dead files: what no root pastes is never compiled, and so never checked.
 #[test]
 fn every_file_is_a_root_or_pasted_by_one() {
     let mut used: BTreeSet<_> = ROOTS.iter().flat_map(|root| pasted(root)).collect();
     used.extend(pasted(MEASURED));
+    used.extend(CAUSTICS.iter().flat_map(|file| pasted(file)));
     for (name, _) in FILES {
         assert!(used.contains(*name), "{name} is neither a root nor imported by one");
     }

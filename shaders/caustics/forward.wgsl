@@ -6,6 +6,7 @@
 
 #import caustics/landing.wgsl
 #import caustics/light_sums.wgsl
+#import caustics/light.wgsl
 #import caustics/params.wgsl
 
 @group(3) @binding(0) var<uniform> caustics: CausticParams;
@@ -28,7 +29,7 @@ fn light_path(vertex: GridVertex) -> Landing {
     var d = -to_light;
     var n = vertex.normal;
     var cos_theta_i = dot(to_light, n);
-    if vertex.valid == 0u || cos_theta_i <= 0.0 {
+    if vertex.valid == NONE || cos_theta_i <= 0.0 {
         return Landing(vec3f(0.0), NO_LIQUID, vec3f(0.0), vec3f(0.0));
     }
     var cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
@@ -41,7 +42,7 @@ fn light_path(vertex: GridVertex) -> Landing {
         share *= dot(o, o) / dot(to_point, to_point) * view_power(omega);
     }
     // In shadow nothing is sent, but where it would land shapes the shadow's edge.
-    share = select(0.0, share, vertex.valid == 1u);
+    share = select(0.0, share, vertex.valid == LIT);
     var passed = vec3f(share * (1.0 - reflectance(cos_theta_i, cos_theta_t, params.ior)));
     if cos_theta_t < 0.0 {
         return Landing(vec3f(0.0), LOST, vec3f(0.0), vec3f(0.0));

@@ -4,6 +4,7 @@
 // Pasted behind a root of `refract/`, as all that follows light from its view: the layers and the
 // intersector are those.
 
+#import caustics/light.wgsl
 #import caustics/params.wgsl
 
 @group(3) @binding(0) var<uniform> caustics: CausticParams;
@@ -69,13 +70,13 @@ fn grid_vertices(@builtin(global_invocation_id) id: vec3u) {
             weight += share.x * share.y;
         }
     }
-    var vertex = GridVertex(vec3f(0.0), 0u, vec3f(0.0));
+    var vertex = GridVertex(vec3f(0.0), NONE, vec3f(0.0));
     // Not where the view starts in the liquid.
     let before_near = !ORTHOGRAPHIC && disparity >= 1.0 / camera.near;
     if !plane_is_empty(plane) && weight > 0.0 && !before_near {
         let blended = sum / weight;
         let x = camera_point(omega, dot(blended, omega));
-        vertex = GridVertex(x, select(1u, 2u, shadowed(x)), -plane_normal(blended));
+        vertex = GridVertex(x, select(LIT, SHADOWED, shadowed(x)), -plane_normal(blended));
     }
     grid_out[index] = vertex;
 }

@@ -8,15 +8,18 @@ struct CausticParams {
     cells: vec2u,      // of the grid
     gain: f32,         // light on a level surface over that on a surface across the view
     blur: f32,         // standard deviation, texels
+    // A plane n . x = w in view space, on which the liquid would lie if it went on beyond its
+    // border: n in xyz, 0 if it is not level.
+    level: vec4f,
 }
 
 struct GridVertex {
     position: vec3f,   // view space, on the liquid's front
-    valid: u32,        // 0: no liquid here, 1: lit, 2: in the shadow of a solid
+    valid: u32,        // one of these:
     normal: vec3f,     // unit, out of the liquid
 }
 
-// The unit direction towards the light, whose view is orthographic if it is a sun.
-fn caustics_to_light(x: vec3f) -> vec3f {
-    return select(normalize(caustics.light - x), caustics.light, ORTHOGRAPHIC);
-}
+const NONE: u32 = 0u;     // no liquid here
+const LIT: u32 = 1u;
+const SHADOWED: u32 = 2u; // by a solid
+const BEYOND: u32 = 3u;   // not liquid, but on its level: for walks that start beyond its border

@@ -3,6 +3,7 @@
 // Pasted behind a root of `refract/`, for its layers.
 
 #import caustics/light_sums.wgsl
+#import caustics/light.wgsl
 #import caustics/params.wgsl
 
 @group(3) @binding(0) var<uniform> caustics: CausticParams;

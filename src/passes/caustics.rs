@@ -17,7 +17,7 @@
 use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
-use glam::UVec2;
+use glam::{DVec3, UVec2};
 use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::gbuffer::{SceneBinding, SceneVariant};
@@ -47,6 +47,8 @@ pub struct Params {
     pub gain: f32,
     /// Standard deviation of the blur, texels.
     pub blur: f32,
+    /// The plane on which level liquid would go on, n·x = w in the view's space; else 0.
+    pub level: [f32; 4],
 }
 
 impl Params {
@@ -76,6 +78,11 @@ impl Params {
             cells: cells(view.size, settings.grid).to_array(),
             gain: gain as f32,
             blur: blur as f32,
+            level: view.level.map_or([0.0; 4], |height| {
+                let up = view.view_from_world * DVec3::Y;
+                let at = view.view_from_world * (height * DVec3::Y - view.origin);
+                up.extend(up.dot(at)).as_vec4().to_array()
+            }),
         }
     }
 }

@@ -1,0 +1,207 @@
+// The caustic map by gathering: for every texel's receiver, the path through the liquid's front to
+// the light.
+//
+// After Granizo-Hidalgo and Holzschuch (2024). In a view along the light, the straight line from
+// receiver to light passes through the grid at the texel itself; in one along refracted light, a few
+// tangent planes lead there. Either way the walk begins without a ray being traced. One path per
+// receiver is found: where light comes to it by several, between the folds of a caustic, the map is
+// too dark.
+//
+// Pasted behind `refract/guarded.wgsl`, in a light's view.
+
+#import caustics/conic.wgsl
+#import caustics/params.wgsl
+
+@group(3) @binding(0) var<uniform> caustics: CausticParams;
+// The vertex (i, j) is at pixel position (i, j) * camera.size / cells.
+@group(3) @binding(1) var<storage, read> grid: array<GridVertex>;
+@group(3) @binding(2) var caustic_map: texture_storage_2d<rgba32float, write>; // irradiance, state
+
+// States of a texel.
+const NOT_INSIDE: f32 = 0.0; // no liquid, or the receiver is not in the first liquid that light meets
+const SOLVED: f32 = 1.0;     // a path was found; it may be shadowed
+const UNSOLVED: f32 = 2.0;   // the walk came to no path
+
+// Cells around the grid on which level liquid is taken to go on.
+fn border() -> vec2i {
+    return select(vec2i(0), vec2i(caustics.cells) / 4, any(caustics.level.xyz != vec3f(0.0)));
+}
+
+// A vertex of the grid with its border.
+fn grid_vertex(at: vec2i) -> GridVertex {
+    let cells = vec2i(caustics.cells);
+    let inner = at - border();
+    var vertex = GridVertex(vec3f(0.0), NONE, vec3f(0.0));
+    if all(inner >= vec2i(0)) && all(inner <= cells) {
+        vertex = grid[inner.y * (cells.x + 1) + inner.x];
+    }
+    if vertex.valid == NONE && any(caustics.level.xyz != vec3f(0.0)) {
+        let omega = camera_omega(vec2f(inner) * camera.size / vec2f(cells));
+        let o = camera_ray_origin(omega);
+        let d = camera_ray_direction(omega);
+        let n = caustics.level.xyz;
+        let x = o + (caustics.level.w - dot(n, o)) / dot(n, d) * d;
+        vertex = GridVertex(x, BEYOND, n);
+    }
+    return vertex;
+}
+
+// The share of light at a point of the grid, between its vertices in shadow and those lit; none
+// beyond the liquid.
+fn lit_share(at: vec2f) -> f32 {
+    let cell = vec2i(floor(at));
+    let f = at - floor(at);
+    let upper = f.x + f.y > 1.0;
+    let p = grid_vertex(cell + select(vec2i(0), vec2i(1), upper)).valid;
+    let q = grid_vertex(cell + select(vec2i(1, 0), vec2i(0, 1), upper)).valid;
+    let r = grid_vertex(cell + select(vec2i(0, 1), vec2i(1, 0), upper)).valid;
+    let g = select(f, 1.0 - f, upper);
+    let weights = vec3f(1.0 - g.x - g.y, g);
+    let valid = vec3u(p, q, r);
+    if any(valid == vec3u(BEYOND)) {
+        return 0.0;
+    }
+    return dot(weights, select(vec3f(0.0), vec3f(1.0), valid == vec3u(LIT)));
+}
+
+// The pixel position at which the line from a receiver towards the light passes through the front.
+fn line_pixel(receiver: vec3f, towards: vec3f, u0: vec2f) -> vec2f {
+    var u = u0;
+    for (var k = 0; k < 5; k++) {
+        let texel = clamp(vec2i(floor(u)), vec2i(0), vec2i(camera.size) - 1);
+        var plane = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
+        if SPLASH && plane_is_empty(plane) {
+            plane = textureLoad(splash_layers, texel, FRONT, 0).xyz;
+        }
+        var t = 0.0;
+        if !plane_is_empty(plane) {
+            t = plane_along(plane, receiver, towards);
+        } else if any(caustics.level.xyz != vec3f(0.0)) {
+            let n = caustics.level.xyz;
+            t = (caustics.level.w - dot(n, receiver)) / dot(n, towards);
+        }
+        u = camera_pixel(receiver + t * towards);
+    }
+    return u;
+}
+
+// Where the ray o + t d meets a texel's plane.
+fn plane_along(pi: vec3f, o: vec3f, d: vec3f) -> f32 {
+    if ORTHOGRAPHIC {
+        return (camera_disparity(o) - dot(pi, vec3f(o.xy, -1.0))) / (dot(pi.xy, d.xy) - d.z);
+    }
+    return (1.0 - dot(pi, o)) / dot(pi, d);
+}
+
+// A class's interval at a texel, by disparity, and whether a receiver lies in it.
+struct Interval {
+    front: f32,
+    back: f32,
+    inside: bool,
+}
+
+// The receiver is the point at `disparity`, with unit normal `normal`. Liquid wets a solid that is
+// within `contact` of its back, as in `refract`.
+fn interval(front: vec3f, back: vec3f, omega: vec3f, disparity: f32, normal: vec3f) -> Interval {
+    if caustics.interfaces == 1u {
+        // Solids bound the liquid: what is behind its front is in it.
+        let at = dot(front, omega);
+        return Interval(at, 0.0, at > disparity);
+    }
+    if plane_is_empty(front) || plane_is_empty(back) {
+        return Interval(0.0, 0.0, false);
+    }
+    let ends = vec2f(dot(front, omega), dot(back, omega));
+    let gap = camera_point(omega, ends.y) - camera_point(omega, disparity);
+    let wet = CONTACT && abs(dot(gap, normal)) <= params.contact;
+    return Interval(ends.x, ends.y, ends.x > disparity && (ends.y <= disparity || wet));
+}
+
+// Whether the receiver is in the liquid that light enters first: not behind a gap between splashes
+// and the rest.
+fn in_first_liquid(texel: vec2i, omega: vec3f, disparity: f32, normal: vec3f) -> bool {
+    let slabs = load_slabs(texel);
+    let aggregate = interval(slabs.aggregate_front, slabs.aggregate_back, omega, disparity, normal);
+    if !SPLASH {
+        return aggregate.inside;
+    }
+    let splash = interval(slabs.splash_front, slabs.splash_back, omega, disparity, normal);
+    let aggregate_first = aggregate.inside && (splash.front <= aggregate.front || splash.back <= aggregate.front);
+    let splash_first = splash.inside && (aggregate.front <= splash.front || aggregate.back <= splash.front);
+    return aggregate_first || splash_first;
+}
+
+// The side of a texel at a point, m.
+fn texel_side(x: vec3f) -> f32 {
+    return select(-x.z, 1.0, ORTHOGRAPHIC) * 2.0 * camera.tangent.y / camera.size.y;
+}
+
+// Whether a solid is between a point of the front and the receiver, where `cosine` is that of the
+// receiver to the light's view: what is seen slanting is known worse.
+fn receiver_is_shadowed(x: vec3f, receiver: vec3f, cosine: f32) -> bool {
+    let to = receiver - x;
+    let length = length(to);
+    let hit = front_entry(OPAQUE, screen_ray(x, to / length, NOTHING));
+    let slack = 1.5 * texel_side(receiver) / max(cosine, 0.1);
+    return hit.found && distance(x, hit.position) < length - slack;
+}
+
+// On a caustic a point's irradiance is infinite, its mean over a texel is not. At a fold the mean
+// magnification is sqrt(2 b / a), a the texel's side and b the distance over which the waves' focus
+// changes by as much as itself. No wave that the picture shows is longer than the picture, so
+// b / a is at most about its size over 2 pi, and the bound grows as texels shrink just as the
+// mean does.
+fn largest_magnification() -> f32 {
+    return sqrt(max(camera.size.x, camera.size.y));
+}
+
+@compute @workgroup_size(8, 8)
+fn gather(@builtin(global_invocation_id) id: vec3u) {
+    let texel = vec2i(id.xy);
+    if any(texel >= vec2i(camera.size)) {
+        return;
+    }
+    textureStore(caustic_map, texel, gathered(texel));
+}
+
+// Irradiance and state of one texel.
+fn gathered(texel: vec2i) -> vec4f {
+    let u = vec2f(texel) + 0.5;
+    let omega = camera_omega(u);
+    let plane = textureLoad(gbuffer_planes, texel, 0).xyz;
+    let disparity = dot(plane, omega);
+    if plane_is_empty(plane) || disparity <= 0.0 {
+        return vec4f(0.0, 0.0, 0.0, NOT_INSIDE);
+    }
+    let receiver = camera_point(omega, disparity);
+    let normal = plane_normal(plane);
+    if !in_first_liquid(texel, omega, disparity, normal) {
+        return vec4f(0.0, 0.0, 0.0, NOT_INSIDE);
+    }
+
+    var sight = Sight(receiver, caustics.light, 0.0, params.ior);
+    if !ORTHOGRAPHIC {
+        sight.distance = distance(caustics.light, receiver);
+        sight.towards = (caustics.light - receiver) / sight.distance;
+    }
+    let per_pixel = vec2f(caustics.cells) / camera.size;
+    let start = line_pixel(receiver, sight.towards, u) * per_pixel + vec2f(border());
+    let path = conic_walk(sight, start, vec2i(caustics.cells) + 2 * border(), caustics.steps);
+    if !path.found {
+        return vec4f(0.0, 0.0, 0.0, UNSOLVED);
+    }
+    let x = receiver + path.position;
+    let lit = lit_share(camera_pixel(x) * per_pixel + vec2f(border()));
+    if lit == 0.0 || receiver_is_shadowed(x, receiver, abs(dot(normal, camera_ray_direction(omega)))) {
+        return vec4f(0.0, 0.0, 0.0, SOLVED);
+    }
+    let cos_air = dot(path.to_light, path.normal);
+    let cos_liquid = optics_cos_transmitted(cos_air, params.ior);
+    let transmitted = 1.0 - optics_fresnel(cos_air, cos_liquid, params.ior);
+    let straight = select(sight.distance * sight.distance, 1.0, ORTHOGRAPHIC);
+    let widening = max(path.spread, params.ior * params.ior * straight / largest_magnification());
+    let focus = params.ior * params.ior / widening;
+    let cosine = abs(dot(path.to_receiver, normal));
+    let left = optics_transmittance(params.absorption, length(path.position));
+    return vec4f(caustics.power * left * (lit * transmitted * focus * cosine), SOLVED);
+}
