@@ -9,6 +9,7 @@ mod fill;
 mod idol;
 mod pool;
 mod steps;
+mod vase;
 mod wave;
 
 use glam::DVec3;
@@ -18,6 +19,7 @@ pub use body::Body;
 pub use idol::Idol;
 pub use pool::{Pool, Reef};
 pub use steps::Steps;
+pub use vase::Vase;
 pub use wave::Wave;
 
 use crate::error::{Error, Result};
@@ -63,6 +65,8 @@ pub enum Recipe {
     Steps(Steps),
     /// Calm water with waves in a rectangular basin.
     Pool(Pool),
+    /// What a round vase holds.
+    Vase(Vase),
 }
 
 /// The least share of the box around a body that the body may fill.
@@ -89,7 +93,7 @@ impl Recipe {
         let place = match *self {
             Self::Ball { center, .. } => [("center", center); 2],
             Self::Slab { min, max, .. } => [("min", min), ("max", max)],
-            Self::Idol(Idol { base, .. }) => [("base", base); 2],
+            Self::Idol(Idol { base, .. }) | Self::Vase(Vase { base, .. }) => [("base", base); 2],
             Self::Wave(_) | Self::Steps(_) | Self::Pool(_) => [("", DVec3::ZERO); 2],
         };
         for (key, point) in place {
@@ -111,6 +115,7 @@ impl Recipe {
             Self::Wave(wave) => wave.ranges(size),
             Self::Steps(steps) => steps.ranges(size),
             Self::Pool(pool) => pool.ranges(size),
+            Self::Vase(vase) => vase.ranges(size),
         };
         for (key, value, range) in ranges.into_iter().chain([("count", self.count(), 10.0..=1e7)]) {
             if !range.contains(&value) {
@@ -129,7 +134,8 @@ impl Recipe {
             | Self::Idol(Idol { count, .. })
             | Self::Wave(Wave { count, .. })
             | Self::Steps(Steps { count, .. })
-            | Self::Pool(Pool { count, .. }) => count,
+            | Self::Pool(Pool { count, .. })
+            | Self::Vase(Vase { count, .. }) => count,
         }
     }
 
@@ -148,7 +154,8 @@ impl Recipe {
             | Self::Idol(Idol { seed, .. })
             | Self::Wave(Wave { seed, .. })
             | Self::Steps(Steps { seed, .. })
-            | Self::Pool(Pool { seed, .. }) => seed.into(),
+            | Self::Pool(Pool { seed, .. })
+            | Self::Vase(Vase { seed, .. }) => seed.into(),
         }
     }
 
@@ -161,6 +168,7 @@ impl Recipe {
             Self::Wave(wave) => wave.body(),
             Self::Steps(steps) => steps.body(),
             Self::Pool(pool) => pool.body(),
+            Self::Vase(vase) => vase.body(),
         }
     }
 

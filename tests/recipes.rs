@@ -12,7 +12,7 @@ use limpid::recipe::Recipe;
 use limpid::scene::Scene;
 use limpid::settings::Classify;
 
-const NAMES: [&str; 5] = ["drop", "slab", "idol", "wave", "steps"];
+const NAMES: [&str; 6] = ["drop", "slab", "idol", "wave", "steps", "vase"];
 
 fn path(name: &str) -> String {
     format!("{}/sims/{name}.toml", env!("CARGO_MANIFEST_DIR"))
@@ -136,7 +136,7 @@ fn particles_are_spread_as_in_a_simulation() {
 /// outermost layer at just that depth.
 #[test]
 fn particles_are_inside_their_body() {
-    for name in ["drop", "slab", "idol"] {
+    for name in ["drop", "slab", "idol", "vase"] {
         let recipe = recipe(name);
         let (body, r) = (recipe.body(), recipe.particle_radius());
         let depths: Vec<f64> = positions(&recipe)
@@ -159,6 +159,84 @@ fn particles_are_inside_their_body() {
     let slab = recipe("slab").body();
     assert!((slab.distance(max + DVec3::new(0.03, 0.04, 0.0)) - 0.05).abs() < 1e-12);
     assert!((slab.volume() / (max - min).element_product() - 1.0).abs() < 0.01);
+}
+
+/// A vase is what its parameters say: its volume by integrals of the profile, the radii at its foot,
+/// belly and neck, and a surface that is level in the middle and has its rings a wavelength apart.
+#[test]
+fn a_vase_has_the_profile_that_it_names() {
+    let Recipe::Vase(vase) = recipe("vase") else { panic!("a vase") };
+    let body = recipe("vase").body();
+    let [foot, belly, neck] = vase.radii;
+    // π ∫ r² dy, where r = a + (b − a)(3 u² − 2 u³) from foot to belly and from belly to neck.
+    let part = |a: f64, b: f64| a * b + 13.0 / 35.0 * (b - a) * (b - a);
+    let mean = 0.4 * part(foot, belly) + 0.6 * part(belly, neck);
+    let volume = std::f64::consts::PI * vase.height * mean;
+    let share = body.volume() / volume;
+    println!("volume {share:.4} of the closed form");
+    assert!((share - 1.0).abs() < 0.01, "{share}");
+
+    // Where the distance changes sign along a line, from inside to outside.
+    let end = |from: DVec3, way: DVec3| {
+        let (mut inside, mut outside) = (0.0, 1.0);
+        for _ in 0..50 {
+            let middle = 0.5 * (inside + outside);
+            if body.distance(from + middle * way) < 0.0 {
+                inside = middle;
+            } else {
+                outside = middle;
+            }
+        }
+        inside
+    };
+    for (share, radius) in [(1e-6, foot), (0.4, belly), (0.97, neck)] {
+        let from = vase.base + share * vase.height * DVec3::Y;
+        for way in [DVec3::X, DVec3::new(-0.6, 0.0, 0.8)] {
+            let found = end(from, way);
+            assert!((found - radius).abs() < 0.003 * belly, "at {share}: {found}, not {radius}");
+        }
+    }
+    let surface = |radius: f64| {
+        let from = vase.base + DVec3::new(radius, 0.9 * vase.height, 0.0);
+        0.9 * vase.height + end(from, DVec3::Y) - vase.height
+    };
+    assert!((surface(0.0) - vase.ripple).abs() < 1e-9, "{}", surface(0.0));
+    let slope = (surface(1e-4) - surface(0.0)) / 1e-4;
+    assert!(slope.abs() < 0.02, "slope {slope} in the middle");
+    assert!(surface(0.5 * vase.wavelength) < -0.3 * vase.ripple);
+    assert!(surface(vase.wavelength) > 0.3 * vase.ripple);
+}
+
+/// A reef's bumps and blades are lit only where the file says so: older scenes look as they did.
+#[test]
+fn a_reef_is_lit_if_it_says_so() {
+    for name in ["reef", "lagoon"] {
+        let lit = name == "lagoon";
+        let reef = recipe(name).solids();
+        assert!(!reef.is_empty() && reef.iter().all(|solid| solid.lit == lit), "{name}");
+    }
+}
+
+/// Every scene that comes with the program opens, is within its ranges, and is lit if it says so.
+#[test]
+fn every_scene_loads() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/sims");
+    let mut count = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|extension| extension != "toml") {
+            continue;
+        }
+        let name = path.to_str().unwrap();
+        let (input, scene) = Input::open(name, &[]).unwrap().settle(&[]).unwrap();
+        assert_eq!(input.sequence.frames.len(), 1, "{name}");
+        assert!(scene.camera.is_some(), "{name}");
+        assert!(scene.recipe.is_some() != scene.particles.is_some(), "{name}");
+        let lit = scene.solids.iter().any(|solid| solid.lit);
+        assert_eq!(lit, !scene.lights.is_empty(), "{name}: lit solids and lights");
+        count += 1;
+    }
+    assert!(count >= 12, "{count} scenes");
 }
 
 /// A wave's droplets and sheets may leave its body, but nothing enters a solid.
@@ -225,6 +303,10 @@ fn splats_reach_the_surface() {
 #[test]
 fn bad_recipes_are_named() {
     let ball = "center = [0.0, 0.0, 0.0]\n";
+    let vase = "base = [0.0, 0.0, 0.0]\nheight = 0.3\nradii = [0.07, 0.12, 0.09]\n\
+                ripple = 0.003\nwavelength = 0.04\n";
+    let pool = "half_extent = [2.0, 2.0]\ndepth = 1.0\nhull = 0.1\ncount = 100\n\
+                waves = { count = 1, wavelengths = [0.5, 1.0], rms_slope = 0.05 }\n";
     let wave = "length = 3.0\nwidth = 1.0\ndepth = 0.2\nheight = 0.5\nspray = 0.0\n";
     let cases = [
         (format!("kind = \"ball\"\n{ball}radius = 0.0\ncount = 100"), "radius"),
@@ -246,6 +328,15 @@ fn bad_recipes_are_named() {
         (format!("kind = \"wave\"\n{}count = 100", wave.replace("0.0", "0.9")), "spray"),
         (format!("kind = \"wave\"\n{}count = 100", wave.replace("0.2", "0.0")), "depth"),
         (format!("kind = \"wave\"\n{wave}count = 100\nhight = 1.0"), "`height`"),
+        (format!("kind = \"vase\"\n{vase}count = 0"), "count"),
+        (format!("kind = \"vase\"\n{}count = 100", vase.replace("0.3", "nan")), "height"),
+        (format!("kind = \"vase\"\n{}count = 100", vase.replace("0.12", "0.06")), "radii"),
+        (format!("kind = \"vase\"\n{}count = 100", vase.replace("0.07", "0.0")), "radii"),
+        (format!("kind = \"vase\"\n{}count = 100", vase.replace("0.003", "0.1")), "ripple"),
+        (format!("kind = \"vase\"\n{}count = 100", vase.replace("0.04", "0.01")), "wavelength"),
+        (format!("kind = \"vase\"\n{}count = 100", vase.replace("[0.0,", "[inf,")), "base"),
+        (format!("kind = \"vase\"\n{vase}count = 100\nripples = 1"), "`ripple`"),
+        (format!("kind = \"pool\"\n{pool}reef = {{ blades = 0, bumps = 1, lid = true }}"), "`lit`"),
     ];
     for (table, key) in cases {
         let error = parse(&format!("[recipe]\n{table}\n")).unwrap_err();
@@ -268,6 +359,10 @@ fn extreme_recipes_are_finite() {
          speed = 1000\nbasin = [1, 1, 0.001]\nspray = 0.5\ncount = 500",
         "kind = \"steps\"\nsteps = 1\ntread = 10\nriser = 0.001\nwidth = 1000\nfilm = 1\n\
          speed = 0.001\nbasin = [0.001, 0.001, 0.001]\nspray = 0.1\ncount = 500",
+        "kind = \"vase\"\nbase = [9000, 0, 0]\nheight = 0.001\nradii = [0.001, 1000, 0.001]\n\
+         ripple = 0.0001\nwavelength = 0.001\ncount = 500",
+        "kind = \"vase\"\nbase = [0, 0, 0]\nheight = 1000\nradii = [0.001, 0.001, 0.001]\n\
+         ripple = 100\nwavelength = 1000\ncount = 500",
     ];
     for table in tables {
         let scene = parse(&format!("[recipe]\n{table}\n")).unwrap();

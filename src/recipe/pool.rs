@@ -47,6 +47,9 @@ pub struct Reef {
     /// Chooses their places.
     #[serde(default)]
     pub seed: u32,
+    /// Whether their colours are albedos under the lights, as of any solid.
+    #[serde(default)]
+    pub lit: bool,
 }
 
 impl Pool {
@@ -56,7 +59,7 @@ impl Pool {
     ) -> Vec<(&'static str, f64, RangeInclusive<f64>)> {
         let [shortest, longest] = self.waves.wavelengths;
         let thickness = 1e-3..=self.depth.min(self.half_extent.min_element());
-        let reef = self.reef.unwrap_or(Reef { blades: 0, bumps: 0, seed: 0 });
+        let reef = self.reef.unwrap_or(Reef { blades: 0, bumps: 0, seed: 0, lit: false });
         vec![
             ("half_extent", self.half_extent.x, size.clone()),
             ("half_extent", self.half_extent.y, size.clone()),
@@ -111,7 +114,7 @@ impl Pool {
             solids.push(Solid {
                 shape: Shape::Sphere { center, radius: radius as f32 },
                 surface: Surface::Checker { tile: 0.2 * self.depth as f32, even, odd: 0.6 * even },
-                lit: false,
+                lit: reef.lit,
             });
         }
         for _ in 0..reef.blades {
@@ -128,7 +131,7 @@ impl Pool {
                     max: DVec3::new(at.x + half.x, height - self.depth, at.y + half.y),
                 },
                 surface: Surface::Color(Vec3::new(0.25 * green, green, 0.15 * green)),
-                lit: false,
+                lit: reef.lit,
             });
         }
         solids

@@ -14,7 +14,7 @@ use crate::reference::mesh::{Mesh, Reconstruction};
 use crate::scene::Scene;
 
 /// The recipes of `sims/` that a report measures, and the demo's double dam break.
-const RECIPES: [(&str, &str); 8] = [
+const RECIPES: [(&str, &str); 11] = [
     ("pool", include_str!("../../sims/pool.toml")),
     ("reef", include_str!("../../sims/reef.toml")),
     ("drop", include_str!("../../sims/drop.toml")),
@@ -22,6 +22,9 @@ const RECIPES: [(&str, &str); 8] = [
     ("idol", include_str!("../../sims/idol.toml")),
     ("wave", include_str!("../../sims/wave.toml")),
     ("steps", include_str!("../../sims/steps.toml")),
+    ("lagoon", include_str!("../../sims/lagoon.toml")),
+    ("glass_ball", include_str!("../../sims/glass_ball.toml")),
+    ("vase", include_str!("../../sims/vase.toml")),
     ("dam", ""),
 ];
 
