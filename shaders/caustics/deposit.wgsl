@@ -5,14 +5,19 @@
 // the map is the light that was sent. Sums are integers, so that their order does not matter.
 
 #import common/camera.wgsl
+#import common/layers.wgsl
+#import common/scene.wgsl
 #import caustics/landing.wgsl
+#import caustics/light.wgsl
 #import caustics/light_sums.wgsl
 #import caustics/params.wgsl
 
 @group(1) @binding(0) var<uniform> caustics: CausticParams;
-@group(1) @binding(1) var<storage, read> landings: array<Landing>;
+@group(1) @binding(1) var<storage, read> grid: array<GridVertex>;
+@group(1) @binding(2) var<storage, read> landings: array<Landing>;
+@group(1) @binding(3) var receivers: texture_2d<f32>; // planes
 // Red, green and blue of each texel, two words each, the lower first.
-@group(1) @binding(2) var<storage, read_write> light_sums: array<atomic<u32>>;
+@group(1) @binding(4) var<storage, read_write> light_sums: array<atomic<u32>>;
 
 // No semi-axis of a triangle's light is shorter than this, pixels: light in focus is spread, not
 // missed, and areas keep their digits.
@@ -28,13 +33,9 @@ const SPECKS: i32 = 6;
 
 fn together(a: Landing, b: Landing, texel: f32) -> bool {
     let apart = distance(a.position, b.position) + texel;
-    let off_a = abs(dot(receiver_normal(a.plane), b.position - a.position));
-    let off_b = abs(dot(receiver_normal(b.plane), a.position - b.position));
-    return a.state == LANDED && b.state == LANDED && max(off_a, off_b) <= TORN * apart;
-}
-
-fn receiver_normal(pi: vec3f) -> vec3f {
-    return normalize(select(pi, vec3f(pi.xy, -1.0), ORTHOGRAPHIC));
+    let off_a = abs(dot(unpack_unit(a.normal), b.position - a.position));
+    let off_b = abs(dot(unpack_unit(b.normal), a.position - b.position));
+    return a.state >= LANDED && b.state >= LANDED && max(off_a, off_b) <= TORN * apart;
 }
 
 // One thread per cell: its two triangles are neighbours of the same corners.
@@ -53,55 +54,112 @@ fn deposit(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let cell = camera.size / vec2f(caustics.cells);
-    triangle(a, b, c, cell);
-    triangle(d, c, b, -cell);
+    triangle(Corners(a, b, c, first, first + 1u, first + row), cell);
+    triangle(Corners(d, c, b, first + row + 1u, first + row, first + 1u), -cell);
 }
 
-fn triangle(a: Landing, b: Landing, c: Landing, cell: vec2f) {
-    let landed = vec3f(vec3u(a.state, b.state, c.state) == vec3u(LANDED));
-    if all(landed == vec3f(0.0)) {
+// Of a triangle: where its light landed, and its vertices.
+struct Corners {
+    a: Landing,
+    b: Landing,
+    c: Landing,
+    vertex_a: u32,
+    vertex_b: u32,
+    vertex_c: u32,
+}
+
+fn triangle(corners: Corners, cell: vec2f) {
+    let a = corners.a;
+    let b = corners.b;
+    let c = corners.c;
+    let states = vec3u(a.state, b.state, c.state);
+    let lit = vec3f(states == vec3u(LANDED));
+    if all(lit == vec3f(0.0)) {
         return;
     }
-    let passed = landed.x * a.passed + landed.y * b.passed + landed.z * c.passed;
-    let light = 0.5 * cell.x * cell.y * passed / 3.0;
-
-    let pa = select(vec2f(0.0), camera_pixel(a.position), landed.x > 0.0);
-    let pb = select(vec2f(0.0), camera_pixel(b.position), landed.y > 0.0);
-    let pc = select(vec2f(0.0), camera_pixel(c.position), landed.z > 0.0);
-    let texel = 2.0 * camera.tangent.x / camera.size.x * select(-a.position.z, 1.0, ORTHOGRAPHIC);
-    let ab = together(a, b, texel);
-    let bc = together(b, c, texel);
-    let ca = together(c, a, texel);
-    var centre = (pa + pb + pc) / 3.0;
-    var e1 = pb - pa;
-    var e2 = pc - pa;
-    if !(ab && bc || bc && ca || ca && ab) {
-        // Torn: the light stays as wide as it was, around the corners that agree.
-        e1 = vec2f(cell.x, 0.0);
-        e2 = vec2f(0.0, cell.y);
-        var share = landed;
-        if ab {
-            share.z = 0.0;
-        } else if bc {
-            share.x = 0.0;
-        } else if ca {
-            share.y = 0.0;
-        } else if landed.x > 0.0 {
-            share = vec3f(1.0, 0.0, 0.0);
-        } else if landed.y > 0.0 {
-            share = vec3f(0.0, 1.0, 0.0);
-        }
-        centre = (pa * share.x + pb * share.y + pc * share.z) / (share.x + share.y + share.z);
+    // To each corner a third of what a pixel of the view would bring.
+    let third = cell.x * cell.y / 6.0;
+    let light = third * (lit.x * a.passed + lit.y * b.passed + lit.z * c.passed);
+    let texel = texel_side(a.position);
+    let whole = together(a, b, texel) && together(b, c, texel) && together(c, a, texel);
+    if whole && all(lit == vec3f(1.0)) {
+        lay(camera_pixel(a.position), camera_pixel(b.position), camera_pixel(c.position), light);
+    } else if all(states != vec3u(NO_PATH)) {
+        let count = lit.x + lit.y + lit.z;
+        torn(corners, cell, light / count * 3.0);
+    } else {
+        // At the liquid's border: the light stays as wide as it was, around the corners that it has.
+        let at = select(vec2f(0.0), camera_pixel(a.position), lit.x > 0.0)
+            + select(vec2f(0.0), camera_pixel(b.position), lit.y > 0.0)
+            + select(vec2f(0.0), camera_pixel(c.position), lit.z > 0.0);
+        let first = at / (lit.x + lit.y + lit.z) - cell / 3.0;
+        lay(first, first + vec2f(cell.x, 0.0), first + vec2f(0.0, cell.y), light);
     }
-    // The triangle as the image of an equilateral one around the origin.
-    lay(centre, mat2x2f((2.0 * e1 - e2) / 3.0, e2 / sqrt(3.0)), light);
+}
+
+// The side of a texel at a point, m.
+fn texel_side(x: vec3f) -> f32 {
+    return 2.0 * camera.tangent.x / camera.size.x * select(-x.z, 1.0, ORTHOGRAPHIC);
+}
+
+// Parts along the side of a triangle whose light does not fall on one surface, or is not all lit.
+const PARTS: i32 = 4;
+
+// Each part by a ray of its own through the solids themselves, where the view shows what it meets.
+fn torn(corners: Corners, cell: vec2f, light: vec3f) {
+    let a = corners.a;
+    let b = corners.b;
+    let c = corners.c;
+    let vertices = mat3x3f(
+        grid[corners.vertex_a].position, grid[corners.vertex_b].position, grid[corners.vertex_c].position,
+    );
+    let starts = mat3x3f(a.start, b.start, c.start);
+    let directions =
+        mat3x3f(unpack_unit(a.direction), unpack_unit(b.direction), unpack_unit(c.direction));
+    let part = light / f32(PARTS * PARTS);
+    let side = cell / f32(PARTS);
+    for (var j = 0; j < PARTS; j++) {
+        // Upright parts, and turned ones between them.
+        for (var i = 0; i < 2 * (PARTS - j) - 1; i++) {
+            let turned = select(1.0, -1.0, (i & 1) == 1);
+            let corner = vec2f(f32((i + 1) / 2), f32(j + (i & 1)));
+            let middle = (corner + vec2f(turned / 3.0)) / f32(PARTS);
+            let weights = vec3f(1.0 - middle.x - middle.y, middle);
+            if shadowed(vertices * weights) {
+                continue;
+            }
+            let start = starts * weights;
+            let d = normalize(directions * weights);
+            let hit = scene_trace(camera_world_point(start), camera_world_direction(d));
+            let x = start + hit.t * d;
+            if hit.t < NOTHING && shown(x) {
+                let first = camera_pixel(x) - turned * side / 3.0;
+                lay(first, first + turned * vec2f(side.x, 0.0), first + turned * vec2f(0.0, side.y), part);
+            }
+        }
+    }
+}
+
+// Whether the view shows a point: its texel's plane passes within a texel of it.
+fn shown(x: vec3f) -> bool {
+    let u = camera_pixel(x);
+    if any(u < vec2f(0.0)) || any(u >= camera.size) {
+        return false;
+    }
+    let plane = textureLoad(receivers, vec2i(u), 0).xyz;
+    let off = camera_point(camera_omega(u), dot(plane, camera_omega(u))) - x;
+    return !plane_is_empty(plane) && abs(dot(off, plane_normal(plane))) <= texel_side(x);
 }
 
 const HALF_ROOT_3: f32 = 0.8660254;
 
-// Lays light onto the image of an equilateral triangle of circumradius 1.
-fn lay(centre: vec2f, image: mat2x2f, light: vec3f) {
-    let m = held(image);
+// Lays light onto a triangle.
+fn lay(pa: vec2f, pb: vec2f, pc: vec2f, light: vec3f) {
+    let centre = (pa + pb + pc) / 3.0;
+    // The image of an equilateral triangle of circumradius 1.
+    let e1 = pb - pa;
+    let e2 = pc - pa;
+    let m = held(mat2x2f((2.0 * e1 - e2) / 3.0, e2 / sqrt(3.0)));
     let a = centre + m * vec2f(-0.5, -HALF_ROOT_3);
     let b = centre + m * vec2f(1.0, 0.0);
     let c = centre + m * vec2f(-0.5, HALF_ROOT_3);

@@ -23,16 +23,19 @@ fn wets(receiver: Interface, x: vec3f) -> bool {
     return CONTACT && abs(dot(plane_normal(receiver.plane), x - receiver.position)) <= params.contact;
 }
 
+fn no_path() -> Landing {
+    return Landing(vec3f(0.0), NO_PATH, vec3f(0.0), 0u, vec3f(0.0), 0u);
+}
+
 fn light_path(vertex: GridVertex) -> Landing {
-    var o = vertex.position;
+    let o = vertex.position;
     let to_light = caustics_to_light(o);
-    var d = -to_light;
     var n = vertex.normal;
     var cos_theta_i = dot(to_light, n);
-    if vertex.valid == NONE || cos_theta_i <= 0.0 {
-        return Landing(vec3f(0.0), NO_LIQUID, vec3f(0.0), vec3f(0.0));
-    }
     var cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
+    if vertex.valid == NONE || cos_theta_i <= 0.0 || cos_theta_t < 0.0 {
+        return no_path();
+    }
     // Light by the surface, over what the view's own rays would bring: cosines, and for a point
     // light also squared distances and what a pixel of the view stands for.
     let omega = camera_omega_of(o);
@@ -41,24 +44,20 @@ fn light_path(vertex: GridVertex) -> Landing {
         let to_point = caustics.light - o;
         share *= dot(o, o) / dot(to_point, to_point) * view_power(omega);
     }
-    // In shadow nothing is sent, but where it would land shapes the shadow's edge.
-    share = select(0.0, share, vertex.valid == LIT);
     var passed = vec3f(share * (1.0 - reflectance(cos_theta_i, cos_theta_t, params.ior)));
-    if cos_theta_t < 0.0 {
-        return Landing(vec3f(0.0), LOST, vec3f(0.0), vec3f(0.0));
-    }
-    d = optics_refract(d, n, cos_theta_i, cos_theta_t, params.ior);
-
+    var start = o;
+    var d = optics_refract(-to_light, n, cos_theta_i, cos_theta_t, params.ior);
+    // Where light would land that is in shadow shapes the shadow's edge.
+    var state = select(DARK, LANDED, vertex.valid == LIT);
     let inside = screen_ray(o, d, NOTHING);
-    let texel = screen_ray_texel(inside, 0.0);
     var receiver = light_receiver(inside);
+    var dry = false;
     if caustics.interfaces >= 2u {
-        let exit = liquid_exit(inside, texel);
+        let exit = liquid_exit(inside, screen_ray_texel(inside, 0.0));
         let to_exit = distance(o, exit.position);
-        let dry = exit.found && !(receiver.found
+        dry = exit.found && !(receiver.found
             && (distance(o, receiver.position) <= to_exit || wets(receiver, exit.position)));
         if dry {
-            passed *= optics_transmittance(params.absorption, to_exit);
             n = plane_normal(exit.plane);
             if dot(n, d) > 0.0 {
                 n = -n;
@@ -67,22 +66,22 @@ fn light_path(vertex: GridVertex) -> Landing {
             cos_theta_i = -dot(d, n);
             cos_theta_t = optics_cos_transmitted(cos_theta_i, eta);
             if cos_theta_t < 0.0 {
-                return Landing(vec3f(0.0), LOST, vec3f(0.0), vec3f(0.0));
+                return no_path();
             }
-            passed *= 1.0 - reflectance(cos_theta_i, cos_theta_t, eta);
+            passed *= optics_transmittance(params.absorption, to_exit)
+                * (1.0 - reflectance(cos_theta_i, cos_theta_t, eta));
+            start = exit.position;
             d = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
-            receiver = light_receiver(screen_ray(exit.position, d, NOTHING));
-            if !receiver.found {
-                return Landing(vec3f(0.0), LOST, vec3f(0.0), vec3f(0.0));
-            }
-            return Landing(receiver.position, LANDED, passed, receiver.plane);
+            receiver = light_receiver(screen_ray(start, d, NOTHING));
         }
     }
     if !receiver.found {
-        return Landing(vec3f(0.0), LOST, vec3f(0.0), vec3f(0.0));
+        state = min(state, HIDDEN);
+    } else if !dry {
+        passed *= optics_transmittance(params.absorption, distance(o, receiver.position));
     }
-    passed *= optics_transmittance(params.absorption, distance(o, receiver.position));
-    return Landing(receiver.position, LANDED, passed, receiver.plane);
+    let normal = pack_unit(plane_normal(receiver.plane));
+    return Landing(receiver.position, state, passed, normal, start, pack_unit(d));
 }
 
 @compute @workgroup_size(8, 8)

@@ -34,13 +34,6 @@ fn disparity_per_texel(disparity: f32) -> f32 {
     return 2.0 * camera.tangent.x / camera.size.x * select(disparity, 1.0, ORTHOGRAPHIC);
 }
 
-// Whether a solid is between the light and a point of the liquid.
-fn shadowed(x: vec3f) -> bool {
-    let d = caustics_to_light(x);
-    let far = select(distance(caustics.light, x), NOTHING, ORTHOGRAPHIC);
-    return scene_trace(camera_world_point(x), camera_world_direction(d)).t < far;
-}
-
 @compute @workgroup_size(8, 8)
 fn grid_vertices(@builtin(global_invocation_id) id: vec3u) {
     if any(id.xy > caustics.cells) {

@@ -4,3 +4,10 @@
 fn caustics_to_light(x: vec3f) -> vec3f {
     return select(normalize(caustics.light - x), caustics.light, ORTHOGRAPHIC);
 }
+
+// Whether a solid is between the light and a point of the liquid.
+fn shadowed(x: vec3f) -> bool {
+    let d = caustics_to_light(x);
+    let far = select(distance(caustics.light, x), NOTHING, ORTHOGRAPHIC);
+    return scene_trace(camera_world_point(x), camera_world_direction(d)).t < far;
+}

@@ -110,6 +110,7 @@ struct Pipelines {
     grid: wgpu::ComputePipeline,
     /// `forward`'s or `gather`'s.
     light: Option<wgpu::ComputePipeline>,
+    deposit: wgpu::ComputePipeline,
     resolve: wgpu::ComputePipeline,
 }
 
@@ -117,7 +118,6 @@ struct Pipelines {
 #[derive(Debug)]
 pub(crate) struct Caustics {
     pipelines: HashMap<Key, Pipelines>,
-    deposit: wgpu::ComputePipeline,
     /// Across, then down.
     blur: [wgpu::ComputePipeline; 2],
     layouts: Layouts,
@@ -189,7 +189,13 @@ impl Caustics {
             deposit: gpu.layout(
                 "caustic deposit",
                 compute,
-                &[params(), gpu::storage_of(LANDING), gpu::storage_read_write(24)],
+                &[
+                    params(),
+                    gpu::storage_of(VERTEX),
+                    gpu::storage_of(LANDING),
+                    planes,
+                    gpu::storage_read_write(24),
+                ],
             ),
             gather: gpu.layout(
                 "gathered caustics",
@@ -207,12 +213,11 @@ impl Caustics {
         let pipeline = |file, entry, layout: &wgpu::BindGroupLayout, constants: &[(&str, f64)]| {
             gpu::compute_pipeline(gpu, file, entry, &[&camera.layout, layout], constants)
         };
-        let deposit = pipeline("caustics/deposit.wgsl", "deposit", &layouts.deposit, &constants);
         let blur = [0.0, 1.0].map(|down| {
             let constants = [&constants[..], &[("DOWN", down)]].concat();
             pipeline("caustics/blur.wgsl", "blur", &layouts.blur, &constants)
         });
-        Self { pipelines: HashMap::new(), deposit, blur, layouts, sized: None }
+        Self { pipelines: HashMap::new(), blur, layouts, sized: None }
     }
 
     /// Makes room for a view of `size` texels, and compiles what a frame needs if it is new.
@@ -259,6 +264,12 @@ impl Caustics {
             Pipelines {
                 grid: pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]),
                 light,
+                deposit: {
+                    let groups = [&camera.layout, &layouts.deposit, &bound.layout];
+                    let constants = [&key.scene.constants()[..], &camera.constants()].concat();
+                    let file = "caustics/deposit.wgsl";
+                    gpu::compute_pipeline(gpu, file, "deposit", &groups, &constants)
+                },
                 resolve: pipeline("caustics/resolve.wgsl", "resolve", &layouts.resolve, &method),
             }
         });
@@ -322,9 +333,9 @@ impl Caustics {
                             extent: UVec2| {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &inputs.camera.group, &[]);
+            pass.set_bind_group(2, &inputs.scene.group, &[]);
             if own_at == 3 {
                 pass.set_bind_group(1, &light_view, &[]);
-                pass.set_bind_group(2, &inputs.scene.group, &[]);
             }
             pass.set_bind_group(own_at, own, &[]);
             let (x, y) = gpu::workgroups(extent);
@@ -340,9 +351,14 @@ impl Caustics {
             } else {
                 let resources = [grid.as_entire_binding(), landings.as_entire_binding()];
                 dispatch(light, 3, &group(&self.layouts.forward, &resources), vertices);
-                let resources = [landings.as_entire_binding(), buffers.sums.as_entire_binding()];
+                let resources = [
+                    grid.as_entire_binding(),
+                    landings.as_entire_binding(),
+                    texture(&planes),
+                    buffers.sums.as_entire_binding(),
+                ];
                 let own = group(&self.layouts.deposit, &resources);
-                dispatch(&self.deposit, 1, &own, vertices - 1);
+                dispatch(&pipelines.deposit, 1, &own, vertices - 1);
             }
         }
         let resources = [
