@@ -46,7 +46,7 @@ pub struct Options {
 }
 
 /// What a scene is measured for: intersections, smoothing, caustics, pictures.
-const SCENES: [(&str, [bool; 4]); 8] = [
+const SCENES: [(&str, [bool; 4]); 12] = [
     ("pool", [true, true, true, true]),
     ("reef", [true, false, false, false]),
     ("drop", [true, true, false, true]),
@@ -54,7 +54,11 @@ const SCENES: [(&str, [bool; 4]); 8] = [
     ("idol", [true, false, false, true]),
     ("wave", [true, true, false, true]),
     ("steps", [true, false, true, true]),
-    ("dam", [true, false, true, true]),
+    ("demo", [true, false, false, true]),
+    ("lagoon", [false, false, true, true]),
+    ("glass_ball", [false, false, true, true]),
+    ("vase", [false, false, true, true]),
+    ("dam", [false, false, true, true]),
 ];
 
 /// Measures everything, telling `progress` what comes next.

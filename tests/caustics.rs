@@ -9,7 +9,6 @@ use std::path::Path;
 use glam::{DVec2, DVec3, UVec2};
 use limpid::light_view::LightView;
 use limpid::reference::analytic::{Block, Pool};
-use limpid::reference::caustics::{CausticMap, Views, beams_with_error};
 use limpid::reference::surroundings::Surroundings;
 use limpid::reference::{Liquid, Ray, optics};
 use limpid::report::caustics::{Bench, Run, received, relative_l1};

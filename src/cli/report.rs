@@ -18,7 +18,7 @@ pub(crate) struct Args {
     /// Write the JSON to this file instead.
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
-    /// Scenes to report on, by their names in sims/ (and `dam`, the demo's) [default: all].
+    /// Scenes to report on, by their names in sims/ [default: all].
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     scenes: Vec<String>,
     /// Measurements: intersect, smooth, caustics, picture (with its passes) [default: all].

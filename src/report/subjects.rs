@@ -13,8 +13,8 @@ use crate::reference::analytic::{Ball, Block, Pool};
 use crate::reference::mesh::{Mesh, Reconstruction};
 use crate::scene::Scene;
 
-/// The recipes of `sims/` that a report measures, and the demo's double dam break.
-const RECIPES: [(&str, &str); 11] = [
+/// The scenes of `sims/` that a report measures.
+const RECIPES: [(&str, &str); 12] = [
     ("pool", include_str!("../../sims/pool.toml")),
     ("reef", include_str!("../../sims/reef.toml")),
     ("drop", include_str!("../../sims/drop.toml")),
@@ -25,7 +25,8 @@ const RECIPES: [(&str, &str); 11] = [
     ("lagoon", include_str!("../../sims/lagoon.toml")),
     ("glass_ball", include_str!("../../sims/glass_ball.toml")),
     ("vase", include_str!("../../sims/vase.toml")),
-    ("dam", ""),
+    ("demo", ""),
+    ("dam", include_str!("../../sims/dam.toml")),
 ];
 
 /// A scene, its particles, and what their surface truly is.
@@ -55,6 +56,10 @@ impl Subject {
         let (name, text) = find(name)?;
         let input = match text {
             "" => Input::demo(&[])?,
+            // The demo's particles, which the program has with it.
+            text if name == "dam" => {
+                Input::demo(&[])?.with_scene(Scene::parse(text, name, Path::new(""), &[])?)
+            }
             text => Input::from_scene(Scene::parse(text, name, Path::new(""), &[])?, name)?,
         };
         let (input, scene) = input.settle(&[])?;
