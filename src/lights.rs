@@ -78,7 +78,7 @@ impl Lights {
             surfaces.resize(gpu, Wanted { size, splash, gbuffer: true, levels: 1, backs });
             let uniform = view.uniform(splats.origin);
             surfaces.prepare(gpu, scene, &uniform, view.origin, &[], None, fits);
-            caustics.prepare(gpu, &surfaces.camera, &surfaces.scene, scene, splash, view.size);
+            caustics.prepare(gpu, &surfaces.camera, &surfaces.scene, scene, splash, view.size)?;
         }
         Ok(())
     }

@@ -23,7 +23,7 @@ use wgpu::TextureViewDimension::{D2, D2Array};
 use super::gbuffer::{SceneBinding, SceneVariant};
 use super::refract::{self, Variant};
 use super::{CameraBinding, GBuffer, Layers};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{self, Gpu, Span};
 use crate::light_view::LightView;
 use crate::scene::{Light, Scene};
@@ -93,9 +93,10 @@ fn cells(size: UVec2, grid: u32) -> UVec2 {
     (size.as_dvec2() / pitch).round().as_uvec2().max(UVec2::ONE)
 }
 
-/// Bytes of a `GridVertex` and of a `Landing`.
+/// Bytes of a `GridVertex`, of a `Landing`, and of a texel's sums.
 const VERTEX: u64 = 32;
 const LANDING: u64 = 48;
+const LIGHT_SUMS: u64 = 24;
 
 /// What the pipelines are specialised for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -194,7 +195,7 @@ impl Caustics {
                     gpu::storage_of(VERTEX),
                     gpu::storage_of(LANDING),
                     planes,
-                    gpu::storage_read_write(24),
+                    gpu::storage_read_write(LIGHT_SUMS),
                 ],
             ),
             gather: gpu.layout(
@@ -205,7 +206,7 @@ impl Caustics {
             resolve: gpu.layout(
                 "caustic map",
                 compute,
-                &[params(), gpu::storage_of(24), planes, write, write],
+                &[params(), gpu::storage_of(LIGHT_SUMS), planes, write, write],
             ),
             blur: gpu.layout("caustic blur", compute, &[params(), planes, planes, write]),
         };
@@ -221,6 +222,9 @@ impl Caustics {
     }
 
     /// Makes room for a view of `size` texels, and compiles what a frame needs if it is new.
+    ///
+    /// # Errors
+    /// [`Error::Adapter`] for a map or a grid that the adapter cannot hold.
     pub(crate) fn prepare(
         &mut self,
         gpu: &Gpu,
@@ -229,9 +233,26 @@ impl Caustics {
         scene: &Scene,
         splash: bool,
         size: UVec2,
-    ) {
+    ) -> Result<()> {
         let settings = &scene.settings.caustics;
         let cells = cells(size, settings.grid);
+        gpu.check_size(size)?;
+        let limits = gpu.device.limits();
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let needs = [
+            ("resolution", settings.resolution, size, LIGHT_SUMS),
+            ("grid", settings.grid, cells + 1, LANDING),
+        ];
+        for (name, value, extent, bytes) in needs {
+            if u64::from(extent.x) * u64::from(extent.y) * bytes > most {
+                let most = most >> 20;
+                let problem = format!(
+                    "holds at most {most} MiB in one buffer, too little for caustics.{name} = \
+                     {value}; choose a smaller one"
+                );
+                return Err(Error::Adapter { adapter: gpu.adapter(), problem });
+            }
+        }
         if self.sized.as_ref().is_none_or(|(s, c, _)| (*s, *c) != (size, cells)) {
             self.sized = Some((size, cells, Buffers::new(gpu, size, cells)));
         }
@@ -273,6 +294,7 @@ impl Caustics {
                 resolve: pipeline("caustics/resolve.wgsl", "resolve", &layouts.resolve, &method),
             }
         });
+        Ok(())
     }
 
     /// Makes the map of a light whose view was given to [`Caustics::prepare`].
@@ -413,7 +435,7 @@ impl Buffers {
         Self {
             grid: buffer("caustic grid", vertices * VERTEX),
             landings: buffer("landings", vertices * LANDING),
-            sums: buffer("light sums", u64::from(size.element_product()) * 24),
+            sums: buffer("light sums", u64::from(size.element_product()) * LIGHT_SUMS),
             gathered: image("gathered"),
             blurred: image("blurred"),
         }

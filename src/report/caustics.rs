@@ -124,7 +124,7 @@ impl Bench {
     pub fn run(&mut self, scene: &Scene, light: usize, radius: f32) -> Result<Run> {
         let (gpu, camera, bound) = (&self.gpu, &self.camera, &self.scene);
         let size = self.view.size;
-        self.caustics.prepare(gpu, camera, bound, scene, self.splash.is_some(), size);
+        self.caustics.prepare(gpu, camera, bound, scene, self.splash.is_some(), size)?;
         let params = Params::new(&scene.lights[light], &self.view, &scene.settings.caustics);
         let inputs = Inputs {
             camera,
@@ -227,7 +227,8 @@ type Change = Box<dyn Fn(&mut settings::Caustics)>;
 fn methods(resolution: u32, quick: bool) -> Vec<(&'static str, String, Change)> {
     let mut methods: Vec<(&'static str, String, Change)> = Vec::new();
     methods.push(("straight", String::new(), Box::new(|c| c.method = Method::Straight)));
-    let grids = [200, resolution / 4, resolution / 2, resolution, 2 * resolution];
+    // 1536 is about what the smallest limit on buffers allows.
+    let grids = [200, resolution / 4, resolution / 2, resolution, (2 * resolution).min(1536)];
     for grid in if quick { &grids[2..4] } else { &grids[..] } {
         let grid = *grid;
         methods.push((
