@@ -1,14 +1,11 @@
-// The opaque scene as the camera sees it: tangent plane and radiance of the nearest solid.
+// The opaque scene as a view sees it: tangent plane, normal and number of the nearest solid.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
 #import common/scene.wgsl
 
 @group(1) @binding(0) var planes: texture_storage_2d<rgba32float, write>; // pi, depth
-@group(1) @binding(1) var radiance: texture_storage_2d<rgba32float, write>;
-
-// A light's view needs the planes alone.
-override RADIANCE: bool = true;
+@group(1) @binding(1) var surfaces: texture_storage_2d<rgba32float, write>; // world normal, number
 
 @compute @workgroup_size(8, 8)
 fn gbuffer(@builtin(global_invocation_id) id: vec3u) {
@@ -21,14 +18,12 @@ fn gbuffer(@builtin(global_invocation_id) id: vec3u) {
     let d = camera_world_direction(camera_ray_direction(omega));
     let hit = scene_trace(o, d);
     var plane = vec4f(0.0);
-    var color = vec3f(0.0);
+    var surface = vec4f(0.0);
     if hit.t < NOTHING {
         let z = hit.t * -camera_ray_direction(omega).z;
         plane = vec4f(plane_from_normal(omega, z, camera_view_direction(hit.normal)), z);
-        if RADIANCE {
-            color = solid_radiance(hit.index, o + hit.t * d, hit.normal, d);
-        }
+        surface = vec4f(hit.normal, f32(hit.index));
     }
     textureStore(planes, p, plane);
-    textureStore(radiance, p, vec4f(color, 1.0));
+    textureStore(surfaces, p, surface);
 }

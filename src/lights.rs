@@ -66,7 +66,7 @@ impl Lights {
         let views = self.views.iter().flatten();
         for (i, view) in views.enumerate() {
             if self.passes.get(i).is_none_or(|passes| passes.orthographic != view.orthographic) {
-                let surfaces = Surfaces::new(gpu, view.orthographic, false);
+                let surfaces = Surfaces::new(gpu, view.orthographic);
                 let caustics = Caustics::new(gpu, &surfaces.camera);
                 let passes = LightPasses { orthographic: view.orthographic, surfaces, caustics };
                 self.passes.truncate(i);

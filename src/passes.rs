@@ -51,8 +51,8 @@ impl Layers {
 pub struct GBuffer {
     /// Planes as in [`Layers`], one layer.
     pub planes: wgpu::Texture,
-    /// Radiance towards the eye, linear RGB, 32-bit floats.
-    pub radiance: wgpu::Texture,
+    /// Unit normal in world space, and the solid's number, 32-bit floats.
+    pub surfaces: wgpu::Texture,
 }
 
 /// A linear picture: RGB radiance and coverage, 32-bit floats, so that what an unlit solid emits

@@ -65,7 +65,7 @@ impl Renderer {
             gpu: gpu.clone(),
             liquid: Liquid { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) },
             lights: Lights::default(),
-            eye: Surfaces::new(gpu, false, true),
+            eye: Surfaces::new(gpu, false),
             mips: Mips::new(gpu),
             refract: Refract::new(gpu),
             tonemap: Tonemap::new(gpu),

@@ -39,6 +39,8 @@ use subjects::Subject;
 pub struct Options {
     /// Small pictures and few methods: under two minutes on two cores without a GPU.
     pub quick: bool,
+    /// Width of traced pictures, pixels; 320 or 1024 if absent.
+    pub width: Option<u32>,
     /// Names of scenes; all if empty.
     pub scenes: Vec<String>,
     /// Kinds of rows; all if empty.
@@ -79,6 +81,7 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
     } else {
         Effort { width: 1024, truth_samples: 16, repeats: 7, variants: true }
     };
+    let effort = Effort { width: options.width.unwrap_or(effort.width), ..effort };
     let mut renderer = Renderer::new(gpu);
     for name in &options.scenes {
         // An unknown name is told before an hour has passed.

@@ -313,6 +313,9 @@ pub struct Caustics {
     pub resolution: u32,
     /// Cells of the grid over that side: 8 to 8192, default 512.
     pub grid: u32,
+    /// Parts along the side of a cell in which `forward` lays its light: 1 to 8, default 2. Where it
+    /// lands is interpolated between vertices; finer than the grid at a part of its cost.
+    pub subdivide: u32,
     /// Interfaces that light is followed through: 1 (into the liquid; enough where solids bound it,
     /// as in a pool) or 2 (and out of it), default 2.
     pub interfaces: u32,
@@ -332,6 +335,7 @@ impl Default for Caustics {
             method: Method::Forward,
             resolution: 512,
             grid: 512,
+            subdivide: 2,
             interfaces: 2,
             steps: 256,
             blur: 0.0,
@@ -601,6 +605,7 @@ impl Settings {
             ("refract.contact", r.contact, 0.0, 1000.0),
             ("caustics.resolution", caustics.resolution as f32, 16.0, 8192.0),
             ("caustics.grid", caustics.grid as f32, 8.0, 8192.0),
+            ("caustics.subdivide", caustics.subdivide as f32, 1.0, 8.0),
             ("caustics.interfaces", caustics.interfaces as f32, 1.0, 2.0),
             ("caustics.steps", caustics.steps as f32, 1.0, 4096.0),
             ("caustics.blur", caustics.blur, 0.0, 1e9),

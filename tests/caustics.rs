@@ -41,7 +41,12 @@ fn floor(depth: f64) -> String {
 }
 
 fn flat(half: f64) -> Pool {
-    Pool { waves: Waves::default(), min: DVec2::splat(-half), max: DVec2::splat(half) }
+    Pool {
+        waves: Waves::default(),
+        min: DVec2::splat(-half),
+        max: DVec2::splat(half),
+        bottom: f64::NEG_INFINITY,
+    }
 }
 
 /// The light's view of what lies within `half` of the origin, from `depth` below y = 0 to 0.

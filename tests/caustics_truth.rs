@@ -67,7 +67,7 @@ fn light_view(light: &Light, min: DVec3, max: DVec3, scene: &Scene, resolution: 
 
 /// Flat or wavy water that is wider than any view here.
 fn water(waves: Waves) -> Pool {
-    Pool { waves, min: DVec2::splat(-100.0), max: DVec2::splat(100.0) }
+    Pool { waves, min: DVec2::splat(-100.0), max: DVec2::splat(100.0), bottom: f64::NEG_INFINITY }
 }
 
 fn waves(rms_slope: f64) -> Waves {
@@ -626,7 +626,12 @@ fn liquid_lets_light_through_to_what_is_lit() {
 /// cross where the height says, with that place's normal, and never twice.
 #[test]
 fn steep_rays_cross_waves_once() {
-    let pool = Pool { waves: waves(0.1), min: DVec2::splat(-5.0), max: DVec2::splat(5.0) };
+    let pool = Pool {
+        waves: waves(0.1),
+        min: DVec2::splat(-5.0),
+        max: DVec2::splat(5.0),
+        bottom: f64::NEG_INFINITY,
+    };
     let bound = pool.waves.bound();
     for i in 0..2000 {
         let unit = |step: f64| (0.5 + f64::from(i) * step).fract() - 0.5;

@@ -1005,6 +1005,10 @@ fn the_map_is_gathered() {
             0.0,
             0.0,
             0.0_f32,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
         ],
     );
     let layers = support::texture(gpu, size, &[&front, &back]);

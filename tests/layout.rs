@@ -169,7 +169,9 @@ fn shared_structs_agree() {
         cells,
         gain,
         blur,
-        level
+        level,
+        subdivide,
+        pad,
     });
     let table = [
         (camera, "splat.wgsl", "Camera"),

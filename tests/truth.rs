@@ -190,7 +190,12 @@ fn a_wet_floor_is_seen_through_one_interface() {
 
 fn pool() -> Pool {
     let spectrum = WaveSpectrum { count: 20, wavelengths: [0.3, 2.0], rms_slope: 0.2, seed: 4 };
-    Pool { waves: Waves::new(&spectrum), min: DVec2::splat(-2.0), max: DVec2::splat(2.0) }
+    Pool {
+        waves: Waves::new(&spectrum),
+        min: DVec2::splat(-2.0),
+        max: DVec2::splat(2.0),
+        bottom: f64::NEG_INFINITY,
+    }
 }
 
 /// Protects the pool, whose crossings no formula gives: each lies on the waves, and none comes

@@ -458,67 +458,173 @@ fn conic_walk(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPath {
     let sign = select(1.0, -1.0, begin.g < 0.0);
     let ahead_g = conic_residual(start, sight, exit_point(ahead), forward, 1.0);
     let behind_g = conic_residual(start, sight, exit_point(behind), forward, -1.0);
-    var way = select(-1.0, 1.0, ahead.found && (!behind.found || sign * ahead_g <= sign * behind_g));
+    let first = select(-1.0, 1.0, ahead.found && (!behind.found || sign * ahead_g <= sign * behind_g));
     var walked = 0u;
     for (var turn = 0; turn < 2; turn++) {
+        let way = select(-first, first, turn == 0);
         var exit = behind;
-        var b = End(exit_point(behind), behind_g);
         if way > 0.0 {
             exit = ahead;
-            b = End(exit_point(ahead), ahead_g);
         }
-        var triangle = start;
-        var a = begin;
-        var along = way;
-        for (var step = 0u; exit.found; step++) {
-            if (a.g < 0.0) != (b.g < 0.0) {
-                let root = conic_solve(triangle, sight, a, b, along, forward, way);
-                let path = conic_path(triangle, sight, root, walked);
-                if path.found {
-                    return path;
-                }
-            }
-            if step >= steps {
-                break;
-            }
-            walked += 1u;
-            // Into the neighbour: that edge in the same direction, then the new vertex. The two
-            // triangles of any edge of the grid are a parallelogram.
-            var next: Triangle;
-            var opposite = triangle.r.at;
-            next.p = triangle.p;
-            next.q = triangle.q;
-            next.own = triangle.own;
-            next.mixed.x = triangle.mixed.x;
-            if exit.edge == 1u {
-                opposite = triangle.q.at;
-                next.q = triangle.r;
-                next.own.y = triangle.own.z;
-                next.mixed.x = triangle.mixed.y;
-            } else if exit.edge == 2u {
-                opposite = triangle.p.at;
-                next.p = triangle.q;
-                next.q = triangle.r;
-                next.own = triangle.own.yzz;
-                next.mixed.x = triangle.mixed.z;
-            }
-            let third = next.p.at + next.q.at - opposite;
-            let vertex = grid_vertex(third);
-            if vertex.valid == NONE {
-                break;
-            }
-            next.r = conic_corner(sight, third, vertex);
-            next.own.z = conic_own(sight, next.r);
-            next.mixed.y = conic_mixed(sight, next.p, next.r);
-            next.mixed.z = conic_mixed(sight, next.q, next.r);
-            triangle = next;
-            along = select(-1.0, 1.0, exit.rising);
-            a = End(vec2f(exit.s, 0.0), b.g);
-            exit = conic_exit(triangle, a.x, along);
-            let there = exit_point(exit);
-            b = End(there, conic_residual(triangle, sight, there, forward, way));
+        let path = conic_follow(sight, start, begin, exit, way, forward, way, steps, &walked);
+        if path.found {
+            return path;
         }
-        way = -way;
     }
     return no_path(walked);
+}
+
+// Triangles that are looked through for the curve, near where it is expected.
+const CONIC_SEARCHED: u32 = 32u;
+
+// As `conic_walk`, from `at` in the grid: where light of still water would come from, beside which
+// the curve and most often the path is.
+fn conic_walk_near(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPath {
+    if any(at < vec2f(0.0)) || any(at > vec2f(cells)) {
+        return no_path(0u);
+    }
+    let cell = min(vec2i(at), cells - 1);
+    let within = at - vec2f(cell);
+    let upper = within.x + within.y > 1.0;
+    var triangle: Triangle;
+    let p = cell + vec2i(select(0, 1, upper), 0);
+    let q = cell + select(vec2i(1, 0), vec2i(0, 1), upper);
+    let r = cell + select(vec2i(0, 1), vec2i(1, 1), upper);
+    triangle.p = conic_corner(sight, p, grid_vertex(p));
+    triangle.q = conic_corner(sight, q, grid_vertex(q));
+    triangle.r = conic_corner(sight, r, grid_vertex(r));
+    triangle.own = vec3f(
+        conic_own(sight, triangle.p), conic_own(sight, triangle.q), conic_own(sight, triangle.r),
+    );
+    // Across the edge that lies towards the curve, until the form changes sign in the triangle.
+    var crossed = false;
+    for (var k = 0u; k < CONIC_SEARCHED; k++) {
+        let negative = triangle.own < vec3f(0.0);
+        crossed = any(negative) && !all(negative);
+        if crossed {
+            break;
+        }
+        let size = abs(triangle.own);
+        let third = triangle.p.at + triangle.q.at + triangle.r.at;
+        // The vertex farthest from the curve gives way to its image on the other side.
+        if size.z >= max(size.x, size.y) {
+            let to = third - 2 * triangle.r.at;
+            triangle.r = conic_corner(sight, to, grid_vertex(to));
+            triangle.own.z = conic_own(sight, triangle.r);
+        } else if size.y >= size.x {
+            let to = third - 2 * triangle.q.at;
+            triangle.q = triangle.r;
+            triangle.own.y = triangle.own.z;
+            triangle.r = conic_corner(sight, to, grid_vertex(to));
+            triangle.own.z = conic_own(sight, triangle.r);
+        } else {
+            let to = third - 2 * triangle.p.at;
+            triangle.p = triangle.q;
+            triangle.q = triangle.r;
+            triangle.own = triangle.own.yzz;
+            triangle.r = conic_corner(sight, to, grid_vertex(to));
+            triangle.own.z = conic_own(sight, triangle.r);
+        }
+    }
+    let valid = vec3u(
+        grid_vertex(triangle.p.at).valid, grid_vertex(triangle.q.at).valid, grid_vertex(triangle.r.at).valid,
+    );
+    if !crossed || any(valid == vec3u(NONE)) {
+        return no_path(0u);
+    }
+    triangle.mixed = vec3f(
+        conic_mixed(sight, triangle.p, triangle.q),
+        conic_mixed(sight, triangle.p, triangle.r),
+        conic_mixed(sight, triangle.q, triangle.r),
+    );
+    // From one of the curve's ends in this triangle, through it and then the other way.
+    let centre = vec2f(1.0 / 3.0);
+    var walked = 0u;
+    let none = vec3f(0.0);
+    let ahead = conic_exit(triangle, centre, 1.0);
+    let behind = conic_exit(triangle, centre, -1.0);
+    if !ahead.found || !behind.found {
+        return no_path(0u);
+    }
+    let a = End(exit_point(ahead), conic_residual(triangle, sight, exit_point(ahead), none, 1.0));
+    let b = End(exit_point(behind), conic_residual(triangle, sight, exit_point(behind), none, 1.0));
+    // First where the residual is smaller.
+    let first = select(-1.0, 1.0, abs(a.g) < abs(b.g));
+    for (var turn = 0; turn < 2; turn++) {
+        let way = select(-first, first, turn == 0);
+        var begin = a;
+        var exit = behind;
+        if way > 0.0 {
+            begin = b;
+            exit = ahead;
+        }
+        let path = conic_follow(sight, triangle, begin, exit, way, none, 1.0, steps, &walked);
+        if path.found {
+            return path;
+        }
+    }
+    return no_path(walked);
+}
+
+// The first path on the curve from `begin` in a triangle, through `first_exit` and on, for at most
+// `steps` triangles; `along` and `way` as for `conic_exit` and `conic_residual`.
+fn conic_follow(
+    sight: Sight, start: Triangle, begin: End, first_exit: Exit, first_along: f32, forward: vec3f,
+    way: f32, steps: u32, walked: ptr<function, u32>,
+) -> ConicPath {
+    var triangle = start;
+    var a = begin;
+    var along = first_along;
+    var exit = first_exit;
+    let out = exit_point(exit);
+    var b = End(out, conic_residual(triangle, sight, out, forward, way));
+    for (var step = 0u; exit.found; step++) {
+        if (a.g < 0.0) != (b.g < 0.0) {
+            let root = conic_solve(triangle, sight, a, b, along, forward, way);
+            let path = conic_path(triangle, sight, root, *walked);
+            if path.found {
+                return path;
+            }
+        }
+        if step >= steps {
+            break;
+        }
+        *walked += 1u;
+        // Into the neighbour: that edge in the same direction, then the new vertex. The two
+        // triangles of any edge of the grid are a parallelogram.
+        var next: Triangle;
+        var opposite = triangle.r.at;
+        next.p = triangle.p;
+        next.q = triangle.q;
+        next.own = triangle.own;
+        next.mixed.x = triangle.mixed.x;
+        if exit.edge == 1u {
+            opposite = triangle.q.at;
+            next.q = triangle.r;
+            next.own.y = triangle.own.z;
+            next.mixed.x = triangle.mixed.y;
+        } else if exit.edge == 2u {
+            opposite = triangle.p.at;
+            next.p = triangle.q;
+            next.q = triangle.r;
+            next.own = triangle.own.yzz;
+            next.mixed.x = triangle.mixed.z;
+        }
+        let third = next.p.at + next.q.at - opposite;
+        let vertex = grid_vertex(third);
+        if vertex.valid == NONE {
+            break;
+        }
+        next.r = conic_corner(sight, third, vertex);
+        next.own.z = conic_own(sight, next.r);
+        next.mixed.y = conic_mixed(sight, next.p, next.r);
+        next.mixed.z = conic_mixed(sight, next.q, next.r);
+        triangle = next;
+        along = select(-1.0, 1.0, exit.rising);
+        a = End(vec2f(exit.s, 0.0), b.g);
+        exit = conic_exit(triangle, a.x, along);
+        let there = exit_point(exit);
+        b = End(there, conic_residual(triangle, sight, there, forward, way));
+    }
+    return no_path(*walked);
 }

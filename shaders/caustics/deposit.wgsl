@@ -38,7 +38,17 @@ fn together(a: Landing, b: Landing, texel: f32) -> bool {
     return a.state >= LANDED && b.state >= LANDED && max(off_a, off_b) <= TORN * apart;
 }
 
-// One thread per cell: its two triangles are neighbours of the same corners.
+// Where light lands changes smoothly with where it comes from: between the vertices of a cell whose
+// neighbours' light fell on the same surface it is interpolated by cubics through four of them each
+// way, and the cell is laid in parts.
+const SIDE: i32 = 4; // vertices of a patch along a side
+
+struct Patch {
+    at: array<vec2f, 16>,     // pixel positions
+    passed: array<vec3f, 4>,  // of the cell's own corners: linear is enough
+}
+
+// One thread per cell.
 @compute @workgroup_size(8, 8)
 fn deposit(@builtin(global_invocation_id) id: vec3u) {
     if any(id.xy >= caustics.cells) {
@@ -50,12 +60,75 @@ fn deposit(@builtin(global_invocation_id) id: vec3u) {
     let b = landings[first + 1u];
     let c = landings[first + row];
     let d = landings[first + row + 1u];
-    if all(vec4u(a.state, b.state, c.state, d.state) != vec4u(LANDED)) {
+    let states = vec4u(a.state, b.state, c.state, d.state);
+    if all(states != vec4u(LANDED)) {
         return;
     }
     let cell = camera.size / vec2f(caustics.cells);
+    let inner = all(id.xy > vec2u(0u)) && all(id.xy + 2u <= caustics.cells);
+    var smooth_there = inner && caustics.subdivide > 1u && all(states == vec4u(LANDED));
+    if smooth_there {
+        var patch_of: Patch;
+        patch_of.passed = array(a.passed, b.passed, c.passed, d.passed);
+        let texel = texel_side(a.position);
+        for (var k = 0; k < SIDE * SIDE; k++) {
+            let offset = vec2i(k % SIDE, k / SIDE) - 1;
+            let there = landings[i32(first) + offset.y * i32(row) + offset.x];
+            smooth_there = smooth_there && together(a, there, texel);
+            patch_of.at[k] = camera_pixel(there.position);
+        }
+        if smooth_there {
+            lay_patch(&patch_of, cell);
+            return;
+        }
+    }
     triangle(Corners(a, b, c, first, first + 1u, first + row), cell);
     triangle(Corners(d, c, b, first + row + 1u, first + row, first + 1u), -cell);
+}
+
+// Weights of Lagrange's cubic through -1, 0, 1 and 2.
+fn cubic(t: f32) -> vec4f {
+    return vec4f(
+        -t * (t - 1.0) * (t - 2.0) / 6.0,
+        (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0,
+        -t * (t + 1.0) * (t - 2.0) / 2.0,
+        t * (t + 1.0) * (t - 1.0) / 6.0,
+    );
+}
+
+fn patch_point(patch_of: ptr<function, Patch>, t: vec2f) -> vec2f {
+    let across = cubic(t.x);
+    let down = cubic(t.y);
+    var sum = vec2f(0.0);
+    for (var j = 0; j < SIDE; j++) {
+        var line = vec2f(0.0);
+        for (var i = 0; i < SIDE; i++) {
+            line += across[i] * (*patch_of).at[SIDE * j + i];
+        }
+        sum += down[j] * line;
+    }
+    return sum;
+}
+
+fn lay_patch(patch_of: ptr<function, Patch>, cell: vec2f) {
+    let parts = i32(caustics.subdivide);
+    let step = 1.0 / f32(parts);
+    let share = 0.5 * cell.x * cell.y * step * step;
+    let passed = (*patch_of).passed;
+    for (var j = 0; j < parts; j++) {
+        var p = patch_point(patch_of, vec2f(0.0, f32(j)) * step);
+        var q = patch_point(patch_of, vec2f(0.0, f32(j + 1)) * step);
+        for (var i = 0; i < parts; i++) {
+            let next_p = patch_point(patch_of, vec2f(vec2i(i + 1, j)) * step);
+            let next_q = patch_point(patch_of, vec2f(vec2i(i + 1, j + 1)) * step);
+            let middle = (vec2f(vec2i(i, j)) + 0.5) * step;
+            let light = share * mix(mix(passed[0], passed[1], middle.x), mix(passed[2], passed[3], middle.x), middle.y);
+            lay(p, next_p, q, light);
+            lay(next_q, q, next_p, light);
+            p = next_p;
+            q = next_q;
+        }
+    }
 }
 
 // Of a triangle: where its light landed, and its vertices.

@@ -185,13 +185,21 @@ fn gathered(texel: vec2i) -> vec4f {
         sight.towards = (caustics.light - receiver) / sight.distance;
     }
     let per_pixel = vec2f(caustics.cells) / camera.size;
-    let start = line_pixel(receiver, sight.towards, u) * per_pixel + vec2f(border());
-    let path = conic_walk(sight, start, vec2i(caustics.cells) + 2 * border(), caustics.steps);
+    let from_border = vec2f(border());
+    let cells = vec2i(caustics.cells) + 2 * border();
+    var path = no_path(0u);
+    if any(caustics.level.xyz != vec3f(0.0)) {
+        path = conic_walk_near(sight, u * per_pixel + from_border, cells, caustics.steps);
+    }
+    if !path.found {
+        let start = line_pixel(receiver, sight.towards, u) * per_pixel + from_border;
+        path = conic_walk(sight, start, cells, caustics.steps);
+    }
     if !path.found {
         return vec4f(0.0, 0.0, 0.0, UNSOLVED);
     }
     let x = receiver + path.position;
-    let lit = lit_share(camera_pixel(x) * per_pixel + vec2f(border()));
+    let lit = lit_share(camera_pixel(x) * per_pixel + from_border);
     if lit == 0.0 || receiver_is_shadowed(x, receiver, abs(dot(normal, camera_ray_direction(omega)))) {
         return vec4f(0.0, 0.0, 0.0, SOLVED);
     }

@@ -9,5 +9,5 @@ fn caustics_to_light(x: vec3f) -> vec3f {
 fn shadowed(x: vec3f) -> bool {
     let d = caustics_to_light(x);
     let far = select(distance(caustics.light, x), NOTHING, ORTHOGRAPHIC);
-    return scene_trace(camera_world_point(x), camera_world_direction(d)).t < far;
+    return scene_blocks(camera_world_point(x), camera_world_direction(d), far);
 }

@@ -11,6 +11,7 @@ struct CausticParams {
     // A plane n . x = w in view space, on which the liquid would lie if it went on beyond its
     // border: n in xyz, 0 if it is not level.
     level: vec4f,
+    subdivide: u32,    // parts along the side of a cell whose light is laid
 }
 
 struct GridVertex {

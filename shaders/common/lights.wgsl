@@ -38,12 +38,14 @@ struct ToLight {
 }
 
 fn light_from(light: Light, x: vec3f) -> ToLight {
-    if light.kind == SUN {
-        return ToLight(light.place, 1e30, 1.0);
-    }
+    let sun = light.kind == SUN;
     let to_light = light.place - x;
     let distance2 = max(dot(to_light, to_light), 1e-20);
-    return ToLight(to_light * inverseSqrt(distance2), sqrt(distance2), distance2);
+    return ToLight(
+        select(to_light * inverseSqrt(distance2), light.place, sun),
+        select(sqrt(distance2), 1e30, sun),
+        select(distance2, 1.0, sun),
+    );
 }
 
 // Share of a texel, and of what the receiver's slope explains across it, by which a texel's plane
@@ -54,9 +56,6 @@ const SAME_RECEIVER: f32 = 0.5;
 // `direct`: what meets liquid comes by the map instead.
 fn light_with_liquid(index: u32, x: vec3f, n: vec3f, direct: vec3f) -> vec3f {
     let light = lights[index];
-    if light.map == 0u {
-        return direct;
-    }
     let from_origin = x - light.origin;
     let view = vec3f(dot(from_origin, light.right), dot(from_origin, light.up), dot(from_origin, light.back));
     let half = vec2f(light.half_width, light.half_height);
@@ -65,7 +64,8 @@ fn light_with_liquid(index: u32, x: vec3f, n: vec3f, direct: vec3f) -> vec3f {
     let across = select(view.xy / -view.z, view.xy, sun);
     let disparity = select(1.0 / -view.z, light.far + view.z, sun);
     let u = (vec2f(across.x, -across.y) / half * 0.5 + 0.5) * size;
-    if !sun && view.z >= 0.0 || any(u < vec2f(0.0)) || any(u >= size) {
+    // A light without a map has one of no texels.
+    if !sun && view.z >= 0.0 || !all(u >= vec2f(0.0)) || !all(u < size) {
         return direct;
     }
     let omega = vec3f(across, -1.0);

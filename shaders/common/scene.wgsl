@@ -65,6 +65,16 @@ fn scene_trace(o: vec3f, d: vec3f) -> SolidHit {
     return hit;
 }
 
+// Whether any solid is on o + t d, 0 < t < far.
+fn scene_blocks(o: vec3f, d: vec3f, far: f32) -> bool {
+    var nearest = NOTHING;
+    for (var i = 0u; i < SOLIDS; i++) {
+        let t = solid_trace(solids[i], o, d);
+        nearest = select(nearest, min(nearest, t), t > 0.0);
+    }
+    return nearest < min(far, NOTHING);
+}
+
 fn solid_trace(solid: Solid, o: vec3f, d: vec3f) -> f32 {
     let from_origin = o - solid.origin;
     switch solid.shape {
@@ -165,7 +175,7 @@ fn solid_color(solid: Solid, x: vec3f, normal: vec3f) -> vec3f {
 fn in_shadow(x: vec3f, n: vec3f, to_light: ToLight) -> bool {
     // Off the surface by more than rounding.
     let start = x + 1e-5 * length(x) * n;
-    return scene_trace(start, to_light.direction).t < to_light.distance;
+    return scene_blocks(start, to_light.direction, to_light.distance);
 }
 
 // Radiance that leaves the solid at x towards the side from which `d` arrives: its colour, or

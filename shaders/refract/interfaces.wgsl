@@ -42,7 +42,7 @@ override COUNT: bool = false;             // write the diagnostics
 @group(1) @binding(1) var aggregate_layers: texture_2d_array<f32>;
 @group(1) @binding(2) var splash_layers: texture_2d_array<f32>;
 @group(1) @binding(3) var gbuffer_planes: texture_2d<f32>;
-@group(1) @binding(4) var gbuffer_radiance: texture_2d<f32>;
+@group(1) @binding(4) var gbuffer_surfaces: texture_2d<f32>; // world normal, number of the solid
 @group(1) @binding(5) var radiance: texture_storage_2d<rgba32float, write>;
 // interfaces, length inside (m), solver iterations, solver failures; means over the samples
 @group(1) @binding(6) var diagnostics: texture_storage_2d<rgba32float, write>;
@@ -241,10 +241,19 @@ fn lookup_known(solid: SolidHit, o: vec3f, d: vec3f) -> vec3f {
     if SCREEN_SOLIDS {
         let hit = front_entry(OPAQUE, screen_ray(o, d, NOTHING));
         if hit.found {
-            return textureLoad(gbuffer_radiance, hit.texel, 0).rgb;
+            return texel_radiance(hit.texel);
         }
     }
     return radiance_of(solid, o, d);
+}
+
+// The radiance of the solid that the eye sees in a texel's centre.
+fn texel_radiance(texel: vec2i) -> vec3f {
+    let omega = camera_omega(vec2f(texel) + 0.5);
+    let plane = textureLoad(gbuffer_planes, texel, 0).xyz;
+    let surface = textureLoad(gbuffer_surfaces, texel, 0);
+    let x = camera_world_point(camera_point(omega, dot(plane, omega)));
+    return solid_radiance(u32(surface.w), x, surface.xyz, camera_world_direction(normalize(omega)));
 }
 
 // The radiance of the solid that the ray meets, or of the environment.

@@ -21,6 +21,9 @@ pub(crate) struct Args {
     /// Scenes to report on, by their names in sims/ [default: all].
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     scenes: Vec<String>,
+    /// Width of the traced pictures, pixels [default: 1024, or 320 with --quick].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(16..=8192))]
+    width: Option<u32>,
     /// Measurements: intersect, smooth, caustics, picture (with its passes) [default: all].
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_kind)]
     kinds: Vec<Kind>,
@@ -39,7 +42,7 @@ fn parse_kind(text: &str) -> Result<Kind, String> {
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let gpu = Gpu::headless()?;
     let (scenes, kinds) = (args.scenes.clone(), args.kinds.clone());
-    let options = Options { quick: args.quick, scenes, kinds };
+    let options = Options { quick: args.quick, width: args.width, scenes, kinds };
     let report = report::measure(&gpu, &options, &mut |step| eprintln!("report: {step}"))?;
     std::fs::create_dir_all(&args.out)
         .map_err(|e| anyhow::anyhow!("{}: cannot create the folder: {e}", args.out.display()))?;
@@ -50,6 +53,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     write(&json, &serde_json::to_string_pretty(&report)?)?;
     write(&args.out.join("report.html"), &report::html(&report))?;
     write(&args.out.join("report.md"), &report::markdown(&report))?;
+    for figure in &report.figures {
+        for (number, (_, picture)) in figure.panels.iter().enumerate() {
+            let name = format!("{}-{number}.png", figure.scene.replace(':', "-"));
+            output::write_atomically(&args.out.join(name), |file| {
+                picture.write_to(file, image::ImageFormat::Png).map_err(std::io::Error::other)
+            })?;
+        }
+    }
     println!("{}", args.out.join("report.html").display());
     Ok(ExitCode::SUCCESS)
 }

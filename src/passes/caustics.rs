@@ -49,6 +49,10 @@ pub struct Params {
     pub blur: f32,
     /// The plane on which level liquid would go on, n·x = w in the view's space; else 0.
     pub level: [f32; 4],
+    /// Parts along the side of a cell whose light is laid.
+    pub subdivide: u32,
+    /// Alignment.
+    pub pad: [u32; 3],
 }
 
 impl Params {
@@ -83,6 +87,8 @@ impl Params {
                 let at = view.view_from_world * (height * DVec3::Y - view.origin);
                 up.extend(up.dot(at)).as_vec4().to_array()
             }),
+            subdivide: settings.subdivide,
+            pad: [0; 3],
         }
     }
 }

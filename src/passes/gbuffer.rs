@@ -339,26 +339,22 @@ pub(crate) struct Gbuffer {
     pub images: GBuffer,
     pipelines: HashMap<SceneVariant, wgpu::ComputePipeline>,
     layout: wgpu::BindGroupLayout,
-    radiance: bool,
 }
 
 impl Gbuffer {
-    /// Makes the layout; a pipeline is compiled when a scene first needs it. Without `radiance`
-    /// only the planes are drawn.
-    pub(crate) fn new(gpu: &Gpu, radiance: bool) -> Self {
+    /// Makes the layout; a pipeline is compiled when a scene first needs it.
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let bindings =
             [gpu::storage_texture(Layers::FORMAT, D2), gpu::storage_texture(Layers::FORMAT, D2)];
         let layout = gpu.layout("gbuffer", wgpu::ShaderStages::COMPUTE, &bindings);
-        Self { images: sized(gpu, UVec2::ONE, 1), pipelines: HashMap::new(), layout, radiance }
+        Self { images: sized(gpu, UVec2::ONE, 1), pipelines: HashMap::new(), layout }
     }
 
     /// Compiles the pipeline for the bound scene if it is new.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, scene: &SceneBinding) {
         let layouts = [&camera.layout, &self.layout, &scene.layout];
         self.pipelines.entry(scene.variant).or_insert_with(|| {
-            let radiance = [("RADIANCE", f64::from(u8::from(self.radiance)))];
-            let constants =
-                [&scene.variant.constants()[..], &camera.constants(), &radiance].concat();
+            let constants = [&scene.variant.constants()[..], &camera.constants()].concat();
             gpu::compute_pipeline(gpu, "gbuffer.wgsl", "gbuffer", &layouts, &constants)
         });
     }
@@ -378,7 +374,7 @@ impl Gbuffer {
         span: Span<'_>,
     ) {
         let views =
-            [&self.images.planes, &self.images.radiance].map(|texture| gpu::layer_view(texture, 0));
+            [&self.images.planes, &self.images.surfaces].map(|texture| gpu::layer_view(texture, 0));
         let resources = views.each_ref().map(wgpu::BindingResource::TextureView);
         let group = gpu::bind_group(gpu, "gbuffer", &self.layout, &resources);
         let planes = &self.images.planes;
@@ -402,5 +398,5 @@ fn sized(gpu: &Gpu, size: UVec2, levels: u32) -> GBuffer {
     let new = |label: &str, levels: u32| {
         gpu::mipped_texture(gpu, label, size, 1, levels, Layers::FORMAT, usage)
     };
-    GBuffer { planes: new("gbuffer planes", levels), radiance: new("gbuffer radiance", 1) }
+    GBuffer { planes: new("gbuffer planes", levels), surfaces: new("gbuffer surfaces", 1) }
 }

@@ -214,7 +214,7 @@ impl Refract {
     ) {
         let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
         let gbuffer = &eye.gbuffer.images;
-        let (planes, colors) = (view(&gbuffer.planes), view(&gbuffer.radiance));
+        let (planes, surfaces) = (view(&gbuffer.planes), view(&gbuffer.surfaces));
         let (radiance, diagnostics) = (view(&self.radiance.texture), view(&self.diagnostics));
         let tiles = &eye.tiles.lists;
         let group = |list: &wgpu::Buffer| {
@@ -223,7 +223,7 @@ impl Refract {
                 wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
                 wgpu::BindingResource::TextureView(&eye.splash.layers.view),
                 wgpu::BindingResource::TextureView(&planes),
-                wgpu::BindingResource::TextureView(&colors),
+                wgpu::BindingResource::TextureView(&surfaces),
                 wgpu::BindingResource::TextureView(&radiance),
                 wgpu::BindingResource::TextureView(&diagnostics),
                 list.as_entire_binding(),

@@ -56,16 +56,15 @@ pub(crate) struct Wanted {
 pub(crate) type Names = [&'static str; 5];
 
 impl Surfaces {
-    /// Compiles the passes for a perspective or an orthographic view. The opaque scene is drawn
-    /// with its radiance if asked for.
-    pub(crate) fn new(gpu: &Gpu, orthographic: bool, radiance: bool) -> Self {
+    /// Compiles the passes for a perspective or an orthographic view.
+    pub(crate) fn new(gpu: &Gpu, orthographic: bool) -> Self {
         let camera = CameraBinding::new(gpu, orthographic);
         let scene = SceneBinding::new(gpu);
         let aggregate = Splat::new(gpu, &camera);
         let splash = Splat::new(gpu, &camera);
         let tiles = Tiles::new(gpu);
         let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
-        let gbuffer = Gbuffer::new(gpu, radiance);
+        let gbuffer = Gbuffer::new(gpu);
         let wanted =
             Wanted { size: UVec2::ONE, splash: false, gbuffer: false, levels: 1, backs: true };
         Self { camera, scene, aggregate, splash, tiles, smooth, gbuffer, wanted, smoothed: false }

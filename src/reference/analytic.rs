@@ -80,8 +80,7 @@ impl Liquid for Block {
     }
 }
 
-/// Water below waves, in a rectangle; its sides are upright surfaces and it has no bottom: a solid
-/// should end it.
+/// Water below waves, in a rectangle; its sides are upright surfaces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pool {
     /// The surface, y = height(x, z).
@@ -90,6 +89,8 @@ pub struct Pool {
     pub min: DVec2,
     /// The corner with the largest.
     pub max: DVec2,
+    /// Height of its bottom, m; without one (−∞) a solid should end it.
+    pub bottom: f64,
 }
 
 /// How far apart two crossings of waves must be to be told apart, m.
@@ -103,7 +104,7 @@ const MOST_STEPS: u32 = 64;
 
 impl Liquid for Pool {
     fn crossing(&self, ray: &Ray, inside: bool) -> Option<Crossing> {
-        let min = DVec3::new(self.min.x, f64::NEG_INFINITY, self.min.y);
+        let min = DVec3::new(self.min.x, self.bottom, self.min.y);
         let max = DVec3::new(self.max.x, f64::INFINITY, self.max.y);
         let (near, far) = box_span(ray, min, max)?;
         if far.0 < 0.0 && !inside {
@@ -120,7 +121,10 @@ impl Liquid for Pool {
 
     fn contains(&self, point: DVec3) -> bool {
         let at = point.xz();
-        at.cmpgt(self.min).all() && at.cmplt(self.max).all() && self.contains_below(point)
+        at.cmpgt(self.min).all()
+            && at.cmplt(self.max).all()
+            && point.y > self.bottom
+            && self.contains_below(point)
     }
 }
 

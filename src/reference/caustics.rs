@@ -195,6 +195,69 @@ pub fn beams_with_error<'a>(
     (fine, error)
 }
 
+/// By how many paths of [`beams`] light comes to the centre of each texel of the map: of its
+/// triangles between rays that land together, those that hold it.
+pub fn path_counts<'a>(
+    liquid: &(impl Liquid + ?Sized),
+    scene: &Scene,
+    views: impl Into<Views<'a>>,
+    interfaces: u32,
+    density: u32,
+) -> Vec<u32> {
+    let views = views.into();
+    let tracer = Tracer::new(liquid, scene, views, interfaces);
+    let receivers = Receivers::new(views.map, &tracer.surroundings);
+    let grid = Grid::corners(views.light, density);
+    let row = |j: u32| -> Vec<Beam> {
+        (0..=grid.cells.x).map(|i| tracer.follow(grid.at(i, j))).collect()
+    };
+    let mut counts = vec![0; views.map.size.element_product() as usize];
+    let mut upper = row(0);
+    for band in (0..grid.cells.y).step_by(BAND as usize) {
+        let end = grid.cells.y.min(band + BAND);
+        let mut rows = vec![upper];
+        rows.par_extend((band + 1..=end).into_par_iter().map(row));
+        let held = rows.par_windows(2).map(|pair| {
+            let mut texels = Vec::new();
+            for (above, below) in pair[0].windows(2).zip(pair[1].windows(2)) {
+                let first = [&above[0], &above[1], &below[0]];
+                let second = [&below[1], &below[0], &above[1]];
+                for corners in [first, second].into_iter().filter(|&corners| together(corners)) {
+                    texels.extend(centres_in(&receivers, corners));
+                }
+            }
+            texels
+        });
+        for texel in held.collect::<Vec<_>>().into_iter().flatten() {
+            counts[texel] += 1;
+        }
+        upper = rows.pop().unwrap_or_default();
+    }
+    counts
+}
+
+/// The texels whose centres the light between three rays falls on.
+fn centres_in(receivers: &Receivers<'_>, corners: [&Beam; 3]) -> Vec<usize> {
+    let [Some(a), Some(b), Some(c)] = corners.map(Beam::landing) else { return Vec::new() };
+    let ([Some(u), Some(v), Some(w)], spot) = ([a, b, c].map(|l| l.u), a.spot) else {
+        return Vec::new();
+    };
+    let low = (u.min(v).min(w) - 0.5).ceil().as_ivec2();
+    let high = (u.max(v).max(w) - 0.5).floor().as_ivec2();
+    let mut texels = Vec::new();
+    for y in low.y..=high.y {
+        for x in low.x..=high.x {
+            let texel = IVec2::new(x, y);
+            let p = texel.as_dvec2() + 0.5;
+            let sides = [(u, v), (v, w), (w, u)].map(|(a, b)| (b - a).perp_dot(p - a) >= 0.0);
+            if sides[0] == sides[1] && sides[1] == sides[2] {
+                texels.extend(receivers.shows(texel, p, &spot));
+            }
+        }
+    }
+    texels
+}
+
 /// Rays that one thread follows at a time, and all threads before they are summed.
 const CHUNK: u32 = 1 << 13;
 const BATCH: u32 = 1 << 20;

@@ -105,7 +105,7 @@ impl Bench {
             view: *view,
             aggregate: pair(&layers.aggregate),
             splash: layers.splash.as_ref().map(pair),
-            gbuffer: GBuffer { radiance: planes.clone(), planes },
+            gbuffer: GBuffer { surfaces: planes.clone(), planes },
             outputs: [output("map"), output("receivers")],
             caustics: Caustics::new(gpu, &camera),
             camera,
@@ -228,15 +228,25 @@ fn methods(resolution: u32, quick: bool) -> Vec<(&'static str, String, Change)> 
     let mut methods: Vec<(&'static str, String, Change)> = Vec::new();
     methods.push(("straight", String::new(), Box::new(|c| c.method = Method::Straight)));
     // 1536 is about what the smallest limit on buffers allows.
-    let grids = [200, resolution / 4, resolution / 2, resolution, (2 * resolution).min(1536)];
-    for grid in if quick { &grids[2..4] } else { &grids[..] } {
-        let grid = *grid;
+    // Cells along the map, and parts of each.
+    let grids = [
+        (200, 1),
+        (resolution / 4, 2),
+        (resolution / 2, 1),
+        (resolution / 2, 2),
+        (resolution / 2, 4),
+        (resolution, 1),
+        (resolution, 2),
+        (resolution, 4),
+    ];
+    for (grid, subdivide) in if quick { &grids[3..7] } else { &grids[..] } {
+        let (grid, subdivide) = (*grid, *subdivide);
         methods.push((
             "forward",
-            format!("grid {grid}"),
+            format!("grid {grid}/{subdivide}"),
             Box::new(move |c| {
                 c.method = Method::Forward;
-                c.grid = grid;
+                (c.grid, c.subdivide) = (grid, subdivide);
             }),
         ));
     }
@@ -283,6 +293,11 @@ pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
         // Half the density has about four times the error.
         let truth_name = format!("{}, by beams within {:.2} %", subject.truth, 100.0 * own / 3.0);
         let sent = truth.flux.received.element_sum();
+        let liquid = &*subject.liquid;
+        let counts =
+            reference::path_counts(liquid, &scene, between, interfaces, density(resolution));
+        let reached = counts.iter().filter(|&&n| n > 0).count().max(1) as f64;
+        let several = counts.iter().filter(|&&n| n > 1).count() as f64 / reached;
         let radius = subject.loaded.splats.radius;
         let layers = match subject.is_water() {
             true => ViewLayers::of_light(&*subject.liquid, &scene, &view),
@@ -306,11 +321,21 @@ pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
                 .timed(times)
                 .with_error(error, ErrorKind::RelativeL1, &truth_name);
             row.light_kept = Some(received(&view, run, &scene).element_sum() / sent);
+            row.several_paths = Some(several);
+            let one_path = |i: usize| counts[i] == 1;
             if *method == "gather" {
-                let state = |s: f32| run.gathered.iter().filter(|g| g[3] == s).count() as f64;
-                row.solved_of_all = Some(state(1.0) / (state(1.0) + state(2.0)).max(1.0));
+                let texels = run.gathered.iter().enumerate().filter(|(i, _)| one_path(*i));
+                let (mut solved, mut asked) = (0.0, 0.0);
+                for (_, texel) in texels {
+                    solved += f64::from(u8::from(texel[3] == 1.0));
+                    asked += f64::from(u8::from(texel[3] > 0.0));
+                }
+                row.solved_of_solvable = Some(solved / f64::max(asked, 1.0));
             }
-            rows.push(row);
+            let error = relative_l1(&run.irradiance, &truth.irradiance, one_path);
+            let kind = ErrorKind::RelativeL1OnePath;
+            let other = row.clone().with_error(error, kind, &truth_name);
+            rows.extend([row, other]);
         }
     }
     if subject.is_water() {
@@ -327,7 +352,7 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
         surfaces::Liquid { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) };
     liquid.aggregates.upload(gpu, &splats.aggregates);
     liquid.splashes.upload(gpu, &splats.splashes);
-    let mut surfaces = Surfaces::new(gpu, view.orthographic, false);
+    let mut surfaces = Surfaces::new(gpu, view.orthographic);
     let splash = !splats.splashes.is_empty();
     let backs = scene.settings.caustics.interfaces > 1;
     let wanted = Wanted { size: view.size, splash, gbuffer: true, levels: 1, backs };

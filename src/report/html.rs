@@ -122,7 +122,18 @@ fn reading(kind: Kind) -> &'static str {
             "<p>The splatted layers are smoothed, all iterations of a filter together, and compared \
              with the true surface.</p>\n"
         }
-        Kind::Caustics => "<p>Light that the liquid gathers, against a map of many photons.</p>\n",
+        Kind::Caustics => {
+            "<p>The irradiance that light through the liquid brings to the solids, as a map in the \
+             light's own view, against light traced in 64 bits through the true surface. Of pools \
+             the layers are exact, so that the error is the method's alone; elsewhere they are \
+             drawn from the particles, and the error is mostly theirs.</p>\n\
+             <dl><dt>light kept</dt><dd>the light in the map over the light that truly falls \
+             there</dd>\
+             <dt>several paths</dt><dd>texels to which light comes by more than one path, of those \
+             to which it comes; <code>gather</code> finds one of them</dd>\
+             <dt>solved</dt><dd>texels in liquid for which <code>gather</code> found a path</dd>\
+             <dt>grid n/k</dt><dd>n cells along the map, each laid in k × k parts</dd></dl>\n"
+        }
         Kind::Picture => {
             "<p>Whole frames. Mean FLIP is the difference that is seen when two pictures are \
              alternated, 0 (alike) to 1 (Andersson et al. 2020).</p>\n"

@@ -55,6 +55,7 @@ pub(super) fn error_name(kind: ErrorKind) -> &'static str {
         ErrorKind::DepthRmsRadii => "depth, RMS, radii",
         ErrorKind::MeanFlip => "mean FLIP",
         ErrorKind::RelativeL1 => "relative L1",
+        ErrorKind::RelativeL1OnePath => "relative L1, one path",
     }
 }
 
@@ -72,7 +73,7 @@ pub(super) fn distinct<'a, T: PartialEq>(rows: &[&'a Row], key: impl Fn(&'a Row)
 /// A column: its name, whether it is of numbers, whether it is there when the table is to be brief.
 type Column = (&'static str, bool, bool, fn(&Row) -> Option<String>);
 
-const COLUMNS: [Column; 12] = [
+const COLUMNS: [Column; 13] = [
     ("scene", false, true, |row| text(&row.scene)),
     ("method", false, true, |row| text(&row.method)),
     ("settings", false, true, |row| text(&row.settings)),
@@ -85,6 +86,7 @@ const COLUMNS: [Column; 12] = [
     ("solved of solvable, %", true, true, |row| row.solved_of_solvable.map(percent)),
     ("wrong accepts, %", true, true, |row| row.wrong_accepts.map(percent)),
     ("light kept, %", true, true, |row| row.light_kept.map(percent)),
+    ("several paths, %", true, false, |row| row.several_paths.map(percent)),
 ];
 
 fn text(text: &str) -> Option<String> {

@@ -14,7 +14,7 @@ use crate::passes::classify::Splats;
 use crate::reference::trace::{MAX_DEPTH, trace_lit};
 use crate::renderer::{Picture, Renderer};
 use crate::scene::Scene;
-use crate::settings::{Filter, Preset, Refract, Settings, Solver};
+use crate::settings::{Filter, Method, Preset, Refract, Settings, Solver};
 
 /// How pictures are measured.
 #[derive(Debug, Clone, Copy)]
@@ -30,7 +30,7 @@ pub struct Effort {
 }
 
 /// The pictures compared: method, settings in words, settings.
-fn methods(variants: bool) -> Vec<(String, String, Settings)> {
+fn methods(variants: bool, lit: bool) -> Vec<(String, String, Settings)> {
     let mut methods: Vec<_> =
         [Preset::Imai2014, Preset::Imai2016, Preset::Mayer2026, Preset::Limpid]
             .into_iter()
@@ -39,6 +39,13 @@ fn methods(variants: bool) -> Vec<(String, String, Settings)> {
     let limpid = |refract: Refract| Settings { refract, ..Settings::default() };
     let four = Refract { samples: 4, ..Refract::default() };
     methods.push(("limpid".into(), "4 samples".into(), limpid(four)));
+    if lit {
+        for (name, method) in [("straight", Method::Straight), ("gather", Method::Gather)] {
+            let mut settings = limpid(Refract { samples: 4, ..Refract::default() });
+            settings.caustics.method = method;
+            methods.push(("limpid".into(), format!("4 samples, caustics {name}"), settings));
+        }
+    }
     if variants {
         for solver in Solver::ALL.into_iter().filter(|&s| s != Solver::Guarded) {
             let name = serde_json::to_value(solver).expect("a solver has a name");
@@ -103,7 +110,7 @@ pub fn measure(
     let truth = truth.to_srgb();
     let mut rows = Vec::new();
     let mut panels = vec![("truth".to_owned(), truth.clone())];
-    for (method, settings_text, settings) in methods(effort.variants) {
+    for (method, settings_text, settings) in methods(effort.variants, subject.scene.is_lit()) {
         let (scene, loaded) = subject.with(&settings)?;
         let (picture, times) =
             draw(gpu, renderer, &scene, &camera, &loaded.splats, size, effort.repeats)?;
@@ -113,7 +120,7 @@ pub fn measure(
         let row = Row::new(Kind::Picture, subject.name, &method, &settings_text)
             .timed(&totals)
             .with_error(map.mean(), ErrorKind::MeanFlip, subject.truth);
-        if settings_text.is_empty() || settings_text == "4 samples" {
+        if settings_text.is_empty() || settings_text.starts_with("4 samples") {
             let caption = format!("{method} {settings_text}").trim_end().to_owned();
             panels.push((format!("{caption}: FLIP {:.3}", map.mean()), picture));
             if settings_text == "4 samples" {

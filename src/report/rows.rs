@@ -57,6 +57,10 @@ pub struct Row {
     /// Of a caustic map: the light that it holds over that which the truth sends there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub light_kept: Option<f64>,
+    /// Of a caustic map: texels to whose centre light comes by several paths, of those to which it
+    /// comes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub several_paths: Option<f64>,
     /// The error, smaller is better.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<f64>,
@@ -84,6 +88,8 @@ pub enum ErrorKind {
     MeanFlip,
     /// Relative L1 difference.
     RelativeL1,
+    /// Relative L1 difference over the texels of a caustic map to which light comes by one path.
+    RelativeL1OnePath,
 }
 
 impl Row {
@@ -103,6 +109,7 @@ impl Row {
             wrong_accepts: None,
             rms_px: None,
             light_kept: None,
+            several_paths: None,
             error: None,
             error_kind: None,
             truth: None,

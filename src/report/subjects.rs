@@ -75,7 +75,8 @@ impl Subject {
             }
             Some(Recipe::Pool(pool)) => {
                 let (min, max) = (-pool.half_extent, pool.half_extent);
-                (Box::new(Pool { waves: pool.surface(), min, max }), "analytic")
+                let bottom = -pool.depth;
+                (Box::new(Pool { waves: pool.surface(), min, max, bottom }), "analytic")
             }
             _ => {
                 let how = Reconstruction::on_floor(&scene);
@@ -95,7 +96,10 @@ impl Subject {
     /// As [`Input::prepare`].
     pub fn with(&self, settings: &crate::settings::Settings) -> Result<(Scene, Loaded)> {
         // What belongs to the picture, not to a method, stays.
-        let caustics = self.scene.settings.caustics.clone();
+        let caustics = crate::settings::Caustics {
+            method: settings.caustics.method,
+            ..self.scene.settings.caustics.clone()
+        };
         let settings = crate::settings::Settings { caustics, ..settings.clone() };
         let scene = Scene { settings: settings.clone(), ..self.scene.clone() };
         if settings.classify == self.scene.settings.classify {
