@@ -4,7 +4,8 @@
 //!
 //! ```text
 //! particle file ─ Particles ─ classify ─ Splats ─ splat ─ Layers ─ smooth ─┐
-//! scene ─ solids, lights, environment ─ gbuffer ─ GBuffer ─────────────────┤
+//! scene ─ solids, environment ─ gbuffer ─ GBuffer ─────────────────────────┤
+//! lights ─ the same, seen from the light ─ caustics ─ CausticMap ──────────┤
 //!                                               refract ─ Radiance ─ tonemap ─ picture
 //! ```
 //!
@@ -13,8 +14,10 @@
 //! 3. [`passes::splat`] draws them into four layers of tangent planes, front and back of each.
 //! 4. [`passes::smooth`] fits planes to the aggregate layers.
 //! 5. [`passes::gbuffer`] draws the opaque scene.
-//! 6. [`passes::refract`] follows light through up to four interfaces, with absorption.
-//! 7. [`passes::tonemap`] turns radiance into a picture.
+//! 6. [`passes::caustics`] makes a map for each light of what comes through the liquid, from the
+//!    [`light_view::LightView`]'s own layers; only if something is lit.
+//! 7. [`passes::refract`] follows light through up to four interfaces, with absorption.
+//! 8. [`passes::tonemap`] turns radiance into a picture.
 //!
 //! [`renderer::Renderer::render`] is the frame on one page. A pass is one file of `src/passes/`,
 //! one of `shaders/`, one struct of [`settings`], one row of the times.

@@ -490,6 +490,100 @@ fn aovs_can_be_chosen() {
     assert_eq!(names, ["inside", "radiance.B", "radiance.G", "radiance.R"]);
 }
 
+/// A block of liquid that lies on a lit floor under the midday sun, 0.5 m high.
+const LIT: &str = r#"
+[recipe]
+kind = "slab"
+min = [-1.0, 0.0, -1.0]
+max = [1.0, 0.5, 1.0]
+count = 4000
+[liquid]
+ior = 1.33
+absorption = [1.0, 0.0, 0.0]
+[camera]
+eye = [0.0, 3.0, 3.0]
+target = [0.0, 0.0, 0.0]
+fov_y = 45.0
+[[solid]]
+shape = "plane"
+origin = [0.0, 0.0, 0.0]
+lit = true
+[[light]]
+sun = { direction = [0.0, -1.0, 0.0], irradiance = [2.0, 2.0, 4.0] }
+[settings.caustics]
+resolution = 48
+grid = 96
+"#;
+
+/// --aov caustics: a part of its own for each light, of the map's size, whose values are those
+/// under still water; and none for a scene without lights.
+#[test]
+fn caustic_maps_are_parts_of_the_file() {
+    use exr::prelude::*;
+    if !adapter() {
+        return;
+    }
+    let folder = folder();
+    fs::write(folder.path().join("lit.toml"), LIT).unwrap();
+    render(folder.path(), &["lit.toml", "-o", "f.png", "--aov", "radiance,caustics"]);
+    let image = read_all_flat_layers_from_file(folder.path().join("f.aov.exr")).expect("a file");
+    let parts: Vec<_> = image.layer_data.iter().collect();
+    let name = |i: usize| parts[i].attributes.layer_name.as_ref().map(ToString::to_string);
+    assert_eq!(parts.len(), 2);
+    assert_eq!((name(0), name(1)), (Some("limpid".into()), Some("caustics.1".into())));
+    assert_eq!(parts[0].size, Vec2(64, 48));
+    assert_eq!(parts[1].size, Vec2(48, 48));
+    let channels: BTreeMap<String, Vec<f32>> = (parts[1].channel_data.list.iter())
+        .map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect()))
+        .collect();
+    let names: Vec<_> = channels.keys().map(String::as_str).collect();
+    assert_eq!(names, ["irradiance.B", "irradiance.G", "irradiance.R", "receiver_depth"]);
+    // In the middle: what enters by a plane surface, less what 0.5 m absorb.
+    let middle = |name: &str| {
+        let rows = (16..32).flat_map(|y| (16..32).map(move |x| y * 48 + x));
+        rows.map(|i| channels[name][i]).sum::<f32>() / 256.0
+    };
+    let entered = 1.0 - (0.33f32 / 2.33).powi(2);
+    for (name, expected) in
+        [("R", 2.0 * entered * (-0.5f32).exp()), ("G", 2.0 * entered), ("B", 4.0 * entered)]
+    {
+        let found = middle(&format!("irradiance.{name}"));
+        assert!((found / expected - 1.0).abs() < 0.04, "{name}: {found}, not {expected}");
+    }
+    // A floor across the light is equally deep everywhere.
+    let depths = &channels["receiver_depth"];
+    let flat = depths.iter().all(|d| (d / depths[0] - 1.0).abs() < 1e-5);
+    assert!(flat && depths[0] > 0.5, "{depths:?}");
+
+    let dark = LIT.replace("lit = true", "");
+    fs::write(folder.path().join("dark.toml"), dark).unwrap();
+    render(folder.path(), &["dark.toml", "-o", "d.png", "--aov", "radiance,caustics"]);
+    let image = read_all_flat_layers_from_file(folder.path().join("d.aov.exr")).expect("a file");
+    assert_eq!(image.layer_data.len(), 1);
+}
+
+/// Settings of caustics from the command line reach the map; one that the adapter cannot hold is
+/// code 5 and names the setting, and nothing is written.
+#[test]
+fn settings_of_caustics_from_the_command_line() {
+    if !adapter() {
+        return;
+    }
+    let folder = folder();
+    fs::write(folder.path().join("lit.toml"), LIT).unwrap();
+    render(folder.path(), &["lit.toml", "-o", "a.png", "--set", "caustics.method=gather"]);
+    assert_picture(&folder.path().join("a.png"));
+    let gpu = Gpu::headless().expect("an adapter");
+    let limits = gpu.device.limits();
+    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    if most < 8193 * 8193 * 48 {
+        let large = ["render", SIZE, "lit.toml", "-o", "b.png", "--set", "caustics.grid=8192"];
+        let line = fail(folder.path(), 5, &large);
+        assert_tells(&line, &["caustics.grid = 8192", "MiB"]);
+        assert_names(folder.path(), &["a.png", "lit.toml"]);
+    }
+}
+
 /// The channels of an `OpenEXR` file, by name.
 fn channels(path: &Path) -> BTreeMap<String, Vec<f32>> {
     use exr::prelude::*;
@@ -648,6 +742,8 @@ fn bad_settings() {
     assert_tells(&set("refract.samples=many"), &["refract.samples=many"]);
     assert_tells(&set("refract.samples=65"), &["refract.samples", "65", "1 to 64"]);
     assert_tells(&set("smooth.taps=4"), &["smooth.taps", "odd"]);
+    assert_tells(&set("caustics.methd=gather"), &["`methd`", "did you mean `method`"]);
+    assert_tells(&set("caustics.grid=9000"), &["caustics.grid", "8 to 8192"]);
     assert_tells(&set("refract"), &["pass.name=value"]);
     let samples = fail(folder.path(), 2, &["render", "--samples", "0"]);
     assert_tells(&samples, &["refract.samples", "1 to 64"]);

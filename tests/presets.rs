@@ -126,8 +126,8 @@ fn a_scene_overrides_its_preset() {
     assert_eq!(settings(inline, &[]), expected);
 }
 
-/// A preset on the command line is the method as published, whatever the scene says of it; the tone
-/// mapping is the picture's and stays. Single overrides come after.
+/// A preset on the command line is the method as published, whatever the scene says of it; caustics
+/// and tone mapping are the picture's and stay. Single overrides come after.
 #[test]
 fn the_command_line_overrides_the_scene() {
     let text = r#"
@@ -135,11 +135,14 @@ fn the_command_line_overrides_the_scene() {
         preset = "imai2016"
         [settings.refract]
         solver = "march"
+        [settings.caustics]
+        resolution = 64
         [settings.tonemap]
         exposure = -1.5
     "#;
     let mut expected = Settings::preset("mayer2026").unwrap();
     expected.tonemap.exposure = -1.5;
+    expected.caustics.resolution = 64;
     assert_eq!(settings(text, &["preset=mayer2026"]), expected);
     assert_eq!(settings(text, &[" preset = \"mayer2026\" "]), expected);
     expected.refract.iterations = 3;

@@ -15,7 +15,9 @@ use limpid::environment::Environment;
 use limpid::output::{OutputNames, write_atomically, write_png};
 use limpid::particles::Up;
 use limpid::scene::{Light, Scene, Shape, Surface};
-use limpid::settings::{Curve, Fresnel, Kernel, Reflections, Settings, Solids, Solver, Unit};
+use limpid::settings::{
+    Curve, Fresnel, Kernel, Method, Reflections, Settings, Solids, Solver, Unit,
+};
 use limpid::{Error, Result};
 use tempfile::TempDir;
 
@@ -68,6 +70,10 @@ point = { position = [1.0, 2.0, 3.0], intensity = [4.0, 5.0, 6.0] }
 [settings.refract]
 samples = 4
 solver = "march"
+
+[settings.caustics]
+method = "straight"
+margin = 0.2
 "#;
 
 fn parse(text: &str) -> Result<Scene> {
@@ -250,6 +256,8 @@ fn unknown_keys_name_the_nearest() {
         ("intensity = ", "intensty = ", "intensty", "intensity"),
         ("[settings.refract]", "[settings.refrcat]", "refrcat", "refract"),
         ("samples = 4", "sample = 4", "sample", "samples"),
+        ("margin = 0.2", "margins = 0.2", "margins", "margin"),
+        ("\"straight\"", "\"strait\"", "strait", "straight"),
         // Names that are values.
         ("\"z\"", "\"zz\"", "zz", "z"),
         ("\"sphere\"", "\"spheer\"", "spheer", "sphere"),
@@ -376,6 +384,10 @@ fn settings_of_every_pass() {
         solids = "screen"
         reflections = "environment"
         radiance_scaling = false
+        [settings.caustics]
+        method = "gather"
+        resolution = 256
+        blur = 0.05
         [settings.tonemap]
         exposure = -1.5
         curve = "aces"
@@ -389,6 +401,8 @@ fn settings_of_every_pass() {
     expected.refract.solids = Solids::Screen;
     expected.refract.reflections = Reflections::Environment;
     expected.refract.radiance_scaling = false;
+    (expected.caustics.method, expected.caustics.resolution) = (Method::Gather, 256);
+    expected.caustics.blur = 0.05;
     (expected.tonemap.exposure, expected.tonemap.curve) = (-1.5, Curve::Aces);
     assert_eq!(scene.settings, expected);
 }
@@ -435,6 +449,8 @@ fn overrides() {
     assert_eq!(with(&["tonemap.exposure=2"]).unwrap().tonemap.exposure, 2.0);
     assert_eq!(with(&["tonemap.exposure=-2"]).unwrap().tonemap.exposure, -2.0);
     assert_eq!(with(&["smooth.sigma=1e1"]).unwrap().smooth.sigma, 10.0);
+    assert_eq!(with(&["caustics.method=gather"]).unwrap().caustics.method, Method::Gather);
+    assert_eq!(with(&["caustics.blur=1"]).unwrap().caustics.blur, 1.0);
     assert!(!with(&["refract.radiance_scaling=false"]).unwrap().refract.radiance_scaling);
     // The last of several wins, and others stay.
     let last = with(&["refract.samples=2", "smooth.taps=7", "refract.samples=3"]).unwrap();
@@ -444,6 +460,8 @@ fn overrides() {
         ("refract.sampels=2", &["`sampels`", "did you mean `samples`"][..]),
         ("refrct.samples=2", &["`refrct`", "did you mean `refract`"]),
         ("refract.solver=marsh", &["`marsh`", "did you mean `march`"]),
+        ("caustics.resolutoin=2", &["`resolutoin`", "did you mean `resolution`"]),
+        ("caustics.method=photons", &["`photons`"]),
         ("splat.size=1", &["`splat`"]),
         ("refract.samples=2.5", &["2.5"]),
         ("refract.samples=many", &["many"]),
@@ -480,6 +498,12 @@ fn settings_ranges() {
         ("refract.interfaces", ["1", "8"], ["0", "9"]),
         ("refract.samples", ["1", "64"], ["0", "65"]),
         ("refract.edge_samples", ["1", "64"], ["0", "65"]),
+        ("caustics.resolution", ["16", "8192"], ["15", "8193"]),
+        ("caustics.grid", ["8", "8192"], ["7", "8193"]),
+        ("caustics.interfaces", ["1", "2"], ["0", "3"]),
+        ("caustics.steps", ["1", "4096"], ["0", "4097"]),
+        ("caustics.blur", ["0", "10"], ["-0.1", "nan"]),
+        ("caustics.margin", ["0", "10"], ["-0.1", "inf"]),
         ("tonemap.exposure", ["-64", "64"], ["inf", "nan"]),
     ] {
         let check = |value: &str| Settings::default().with(&[format!("{key}={value}")])?.check();

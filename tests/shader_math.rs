@@ -363,6 +363,7 @@ fn camera_rays_and_pixels_are_inverse() {
 fn layers_planes_from_normals() {
     let Some(gpu) = gpu() else { return };
     let view = View::of_size(640, 480, 1e-3);
+    let buffer = uniform(gpu, &view.uniform);
     let kernel = Kernel {
         imports: &["common/layers.wgsl", "common/camera.wgsl"],
         body: "fn test(x: array<f32, 7>) -> array<f32, 3> {
@@ -370,7 +371,7 @@ fn layers_planes_from_normals() {
             return array(pi.x, pi.y, pi.z);
         }",
         constants: &[],
-        resources: &[],
+        resources: &[(0, 0, buffer.as_entire_binding())],
     };
     let mut random = Random(6);
     let cases: Vec<[f32; 7]> = (0..20_000)

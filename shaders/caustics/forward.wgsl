@@ -1,8 +1,9 @@
 // Forward caustics: light through each vertex of the grid, refracted where it enters the liquid and
 // where it leaves it, to the solid that it lights.
 //
-// After Wallace (2016), Renou (Rendering Realtime Caustics in WebGL, 2020) and Mayer, Assarsson and
-// Sintorn (2026), section 2.2. `deposit.wgsl` then lays the light between three vertices onto the map.
+// After Wallace (Rendering realtime caustics in WebGL, 2016), Renou (Real-time rendering of water
+// caustics, 2020) and Mayer, Assarsson and Sintorn (2026), section 2.2. `deposit.wgsl` then lays the light between three vertices
+// onto the map.
 
 #import caustics/landing.wgsl
 #import caustics/light_sums.wgsl

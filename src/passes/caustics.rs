@@ -4,9 +4,10 @@
 //! for each texel, the irradiance by light through the liquid on the solid that the light's straight
 //! ray through the texel meets. The camera pass looks it up wherever it sees a lit solid.
 //!
-//! - `forward` (J. Renou, Rendering Realtime Caustics in WebGL, 2020; Mayer, Assarsson and Sintorn
-//!   2026): a grid over the liquid's front, each vertex refracted and intersected, the light of each
-//!   cell laid onto the map where its corners landed.
+//! - `forward` (E. Wallace, Rendering realtime caustics in WebGL, 2016; M. Renou, Real-time rendering
+//!   of water caustics, 2020; Mayer, Assarsson and Sintorn 2026): a grid over the liquid's front, each
+//!   vertex refracted and intersected, the light of each cell laid onto the map where its corners
+//!   landed. Ours conserves light: by exact areas, folds of both signs, and cells at edges in parts.
 //! - `gather` (Granizo-Hidalgo and Holzschuch 2024): for each texel the point of the surface that
 //!   sends light there, by a walk over the same grid. As published it starts from a ray traced
 //!   against a mesh of the pool; here the first triangle is one lookup, because the straight line

@@ -113,6 +113,7 @@ impl Surfaces {
     }
 
     /// Draws all of it.
+    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
