@@ -91,6 +91,10 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
         if !options.scenes.is_empty() && !options.scenes.iter().any(|wanted| wanted == name) {
             continue;
         }
+        // What takes long is left out of the short form unless it is asked for by name.
+        let short = options.quick && options.scenes.is_empty();
+        let picture = picture && !(short && caustics && name != "steps");
+        let caustics = caustics && !(short && name != "pool");
         let wanted = |kind: Kind| options.kinds.is_empty() || options.kinds.contains(&kind);
         let [intersect, smooth, caustics, picture] = [
             intersect && wanted(Kind::Intersect),

@@ -406,6 +406,7 @@ impl Caustics {
     }
 
     /// What `gather` found for the last light: irradiance and state.
+    #[cfg(feature = "report")]
     pub(crate) fn gathered(&self) -> Option<&wgpu::Texture> {
         self.sized.as_ref().map(|(_, _, buffers)| &buffers.gathered)
     }

@@ -322,7 +322,7 @@ pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
                 .with_error(error, ErrorKind::RelativeL1, &truth_name);
             row.light_kept = Some(received(&view, run, &scene).element_sum() / sent);
             row.several_paths = Some(several);
-            let one_path = |i: usize| counts[i] == 1;
+            let one_path = |i: usize| one_path(&counts, view.size, i);
             if *method == "gather" {
                 let texels = run.gathered.iter().enumerate().filter(|(i, _)| one_path(*i));
                 let (mut solved, mut asked) = (0.0, 0.0);
@@ -342,6 +342,15 @@ pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
         rows.extend(rays(gpu, subject, quick)?);
     }
     Ok(rows)
+}
+
+/// Whether light comes to a texel by one path: to its centre and to those of its neighbours, so that
+/// no fold of the caustic is in it.
+fn one_path(counts: &[u32], size: UVec2, i: usize) -> bool {
+    let at = UVec2::new(i as u32 % size.x, i as u32 / size.x);
+    let inner = at.min(size - 1 - at).min_element() > 0;
+    let around = |k: u32| at + UVec2::new(k % 3, k / 3) - 1;
+    inner && (0..9).map(around).all(|p| counts[(p.y * size.x + p.x) as usize] == 1)
 }
 
 /// The light's layers as the renderer draws them from the particles.

@@ -88,7 +88,8 @@ pub enum ErrorKind {
     MeanFlip,
     /// Relative L1 difference.
     RelativeL1,
-    /// Relative L1 difference over the texels of a caustic map to which light comes by one path.
+    /// Relative L1 difference over the texels of a caustic map to which, and to whose neighbours,
+    /// light comes by one path.
     RelativeL1OnePath,
 }
 
