@@ -70,7 +70,7 @@ fn deposit(@builtin(global_invocation_id) id: vec3u) {
     if smooth_there {
         var patch_of: Patch;
         patch_of.passed = array(a.passed, b.passed, c.passed, d.passed);
-        let texel = texel_side(a.position);
+        let texel = camera_pixel_side(a.position);
         for (var k = 0; k < SIDE * SIDE; k++) {
             let offset = vec2i(k % SIDE, k / SIDE) - 1;
             let there = landings[i32(first) + offset.y * i32(row) + offset.x];
@@ -153,7 +153,7 @@ fn triangle(corners: Corners, cell: vec2f) {
     // To each corner a third of what a pixel of the view would bring.
     let third = cell.x * cell.y / 6.0;
     let light = third * (lit.x * a.passed + lit.y * b.passed + lit.z * c.passed);
-    let texel = texel_side(a.position);
+    let texel = camera_pixel_side(a.position);
     let whole = together(a, b, texel) && together(b, c, texel) && together(c, a, texel);
     if whole && all(lit == vec3f(1.0)) {
         lay(camera_pixel(a.position), camera_pixel(b.position), camera_pixel(c.position), light);
@@ -168,11 +168,6 @@ fn triangle(corners: Corners, cell: vec2f) {
         let first = at / (lit.x + lit.y + lit.z) - cell / 3.0;
         lay(first, first + vec2f(cell.x, 0.0), first + vec2f(0.0, cell.y), light);
     }
-}
-
-// The side of a texel at a point, m.
-fn texel_side(x: vec3f) -> f32 {
-    return 2.0 * camera.tangent.x / camera.size.x * select(-x.z, 1.0, ORTHOGRAPHIC);
 }
 
 // Parts along the side of a triangle whose light does not fall on one surface, or is not all lit.
@@ -221,7 +216,7 @@ fn shown(x: vec3f) -> bool {
     }
     let plane = textureLoad(receivers, vec2i(u), 0).xyz;
     let off = camera_point(camera_omega(u), dot(plane, camera_omega(u))) - x;
-    return !plane_is_empty(plane) && abs(dot(off, plane_normal(plane))) <= texel_side(x);
+    return !plane_is_empty(plane) && abs(dot(off, plane_normal(plane))) <= camera_pixel_side(x);
 }
 
 const HALF_ROOT_3: f32 = 0.8660254;

@@ -131,18 +131,13 @@ fn in_first_liquid(texel: vec2i, omega: vec3f, disparity: f32, normal: vec3f) ->
     return aggregate_first || splash_first;
 }
 
-// The side of a texel at a point, m.
-fn texel_side(x: vec3f) -> f32 {
-    return select(-x.z, 1.0, ORTHOGRAPHIC) * 2.0 * camera.tangent.y / camera.size.y;
-}
-
 // Whether a solid is between a point of the front and the receiver, where `cosine` is that of the
 // receiver to the light's view: what is seen slanting is known worse.
 fn receiver_is_shadowed(x: vec3f, receiver: vec3f, cosine: f32) -> bool {
     let to = receiver - x;
     let length = length(to);
     let hit = front_entry(OPAQUE, screen_ray(x, to / length, NOTHING));
-    let slack = 1.5 * texel_side(receiver) / max(cosine, 0.1);
+    let slack = 1.5 * camera_pixel_side(receiver) / max(cosine, 0.1);
     return hit.found && distance(x, hit.position) < length - slack;
 }
 

@@ -66,6 +66,11 @@ fn camera_pixel(x: vec3f) -> vec2f {
     return (vec2f(ndc.x, -ndc.y) * 0.5 + 0.5) * camera.size;
 }
 
+// The side of a pixel at a view-space point, m.
+fn camera_pixel_side(x: vec3f) -> f32 {
+    return 2.0 * camera.tangent.x / camera.size.x * select(-x.z, 1.0, ORTHOGRAPHIC);
+}
+
 // Both spaces have their origin at the eye, so points turn as directions do.
 fn camera_world_point(x: vec3f) -> vec3f {
     return camera_world_direction(x);

@@ -115,11 +115,23 @@ struct Key {
 
 #[derive(Debug)]
 struct Pipelines {
-    grid: wgpu::ComputePipeline,
-    /// `forward`'s or `gather`'s.
-    light: Option<wgpu::ComputePipeline>,
-    deposit: wgpu::ComputePipeline,
+    follow: Follow,
     resolve: wgpu::ComputePipeline,
+}
+
+/// What a method runs before its map is resolved, in this order.
+#[derive(Debug)]
+enum Follow {
+    Straight,
+    Forward {
+        grid: wgpu::ComputePipeline,
+        trace: wgpu::ComputePipeline,
+        deposit: wgpu::ComputePipeline,
+    },
+    Gather {
+        grid: wgpu::ComputePipeline,
+        walk: wgpu::ComputePipeline,
+    },
 }
 
 /// Makes the maps of lights that share a kind of view.
@@ -280,24 +292,26 @@ impl Caustics {
                 gpu::module_pipeline(gpu, file, &module, entry, &groups, &all.concat())
             };
             let method = [("METHOD", f64::from(key.method as u32))];
-            let light = match key.method {
-                Method::Straight => None,
-                Method::Forward => {
-                    Some(pipeline("caustics/forward.wgsl", "trace_light", &layouts.forward, &[]))
-                }
-                Method::Gather => {
-                    Some(pipeline("caustics/gather.wgsl", "gather", &layouts.gather, &[]))
-                }
+            let grid = || pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]);
+            let follow = match key.method {
+                Method::Straight => Follow::Straight,
+                Method::Forward => Follow::Forward {
+                    grid: grid(),
+                    trace: pipeline("caustics/forward.wgsl", "trace_light", &layouts.forward, &[]),
+                    deposit: {
+                        let groups = [&camera.layout, &layouts.deposit, &bound.layout];
+                        let constants = [&key.scene.constants()[..], &camera.constants()].concat();
+                        let file = "caustics/deposit.wgsl";
+                        gpu::compute_pipeline(gpu, file, "deposit", &groups, &constants)
+                    },
+                },
+                Method::Gather => Follow::Gather {
+                    grid: grid(),
+                    walk: pipeline("caustics/gather.wgsl", "gather", &layouts.gather, &[]),
+                },
             };
             Pipelines {
-                grid: pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]),
-                light,
-                deposit: {
-                    let groups = [&camera.layout, &layouts.deposit, &bound.layout];
-                    let constants = [&key.scene.constants()[..], &camera.constants()].concat();
-                    let file = "caustics/deposit.wgsl";
-                    gpu::compute_pipeline(gpu, file, "deposit", &groups, &constants)
-                },
+                follow,
                 resolve: pipeline("caustics/resolve.wgsl", "resolve", &layouts.resolve, &method),
             }
         });
@@ -370,24 +384,25 @@ impl Caustics {
             let (x, y) = gpu::workgroups(extent);
             pass.dispatch_workgroups(x, y, 1);
         };
-        if let Some(light) = &pipelines.light {
-            let own = group(&self.layouts.grid, &[grid.as_entire_binding()]);
-            dispatch(&pipelines.grid, 3, &own, vertices);
-            if key.method == Method::Gather {
-                let own =
-                    group(&self.layouts.gather, &[grid.as_entire_binding(), texture(&gathered)]);
-                dispatch(light, 3, &own, *size);
-            } else {
+        let vertex_buffer = group(&self.layouts.grid, &[grid.as_entire_binding()]);
+        match &pipelines.follow {
+            Follow::Straight => {}
+            Follow::Forward { grid: start, trace, deposit } => {
+                dispatch(start, 3, &vertex_buffer, vertices);
                 let resources = [grid.as_entire_binding(), landings.as_entire_binding()];
-                dispatch(light, 3, &group(&self.layouts.forward, &resources), vertices);
+                dispatch(trace, 3, &group(&self.layouts.forward, &resources), vertices);
                 let resources = [
                     grid.as_entire_binding(),
                     landings.as_entire_binding(),
                     texture(&planes),
                     buffers.sums.as_entire_binding(),
                 ];
-                let own = group(&self.layouts.deposit, &resources);
-                dispatch(&pipelines.deposit, 1, &own, vertices - 1);
+                dispatch(deposit, 1, &group(&self.layouts.deposit, &resources), vertices - 1);
+            }
+            Follow::Gather { grid: start, walk } => {
+                dispatch(start, 3, &vertex_buffer, vertices);
+                let resources = [grid.as_entire_binding(), texture(&gathered)];
+                dispatch(walk, 3, &group(&self.layouts.gather, &resources), *size);
             }
         }
         let resources = [

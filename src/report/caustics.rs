@@ -373,18 +373,8 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
     surfaces.record(gpu, &mut encoder, scene, &liquid, &fits, timer, names);
     gpu.queue.submit([encoder.finish()]);
     gpu.check()?;
-    let read = |texture: &wgpu::Texture, layer: u32| -> Result<Vec<[f32; 4]>> {
-        Ok(bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, layer)?))
-    };
-    let pair = |layers: &Layers| -> Result<[Vec<[f32; 4]>; 2]> {
-        Ok([read(&layers.texture, Layers::FRONT)?, read(&layers.texture, Layers::BACK)?])
-    };
-    Ok(ViewLayers {
-        size: view.size,
-        aggregate: pair(surfaces.aggregate_layers())?,
-        splash: surfaces.splash_layers().map(pair).transpose()?,
-        solids: read(&surfaces.gbuffer.images.planes, 0)?,
-    })
+    let solids = Some(&surfaces.gbuffer.images.planes);
+    ViewLayers::read(gpu, surfaces.aggregate_layers(), surfaces.splash_layers(), solids)
 }
 
 /// How light's own refracted rays converge in its view of the solids, iteration by iteration (Mayer

@@ -666,17 +666,29 @@ impl ViewLayers {
         renderer.render(&subject.scene, camera, splats, &target.view(), Picture::FORMAT, size)?;
         renderer.diagnose = false;
         let images = renderer.images();
+        let solids = images.gbuffer.as_ref().map(|gbuffer| &gbuffer.planes);
+        Self::read(gpu, &images.smoothed, images.splash.as_ref(), solids)
+    }
+
+    /// Reads drawn layers back.
+    pub(super) fn read(
+        gpu: &Gpu,
+        aggregate: &Layers,
+        splash: Option<&Layers>,
+        solids: Option<&wgpu::Texture>,
+    ) -> Result<Self> {
         let read = |texture: &wgpu::Texture, layer: u32| -> Result<Vec<[f32; 4]>> {
             Ok(bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, layer)?))
         };
         let pair = |layers: &Layers| -> Result<[Vec<[f32; 4]>; 2]> {
             Ok([read(&layers.texture, Layers::FRONT)?, read(&layers.texture, Layers::BACK)?])
         };
-        let solids = images.gbuffer.as_ref().map(|gbuffer| read(&gbuffer.planes, 0)).transpose()?;
+        let size = UVec2::new(aggregate.texture.width(), aggregate.texture.height());
+        let solids = solids.map(|planes| read(planes, 0)).transpose()?;
         Ok(Self {
             size,
-            aggregate: pair(&images.smoothed)?,
-            splash: images.splash.as_ref().map(pair).transpose()?,
+            aggregate: pair(aggregate)?,
+            splash: splash.map(pair).transpose()?,
             solids: solids.unwrap_or_else(|| vec![[0.0; 4]; size.element_product() as usize]),
         })
     }
