@@ -14,10 +14,12 @@ mod xyz;
 use std::borrow::Cow;
 use std::path::Path;
 
+use flate2::{Compression, write::GzEncoder};
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Place, Result};
+use crate::output;
 
 /// One frame of particles, structure of arrays: every attribute that is present has one entry
 /// per particle. Whatever [`Particles::read`] returns is finite.
@@ -82,6 +84,29 @@ impl Particles {
     /// As [`Particles::read`].
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
         reader_for(path)?(path, bytes)
+    }
+
+    /// Writes one frame, whole or not at all, in the format that the extension names: `.bgeo` and
+    /// `.bgeo.gz` are gzip, as simulators write them, `.bhclassic` is not.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a format that limpid does not write, [`Error::Io`] if the file cannot
+    /// be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        let plain = name.ends_with(".bhclassic");
+        if !(plain || name.ends_with(".bgeo") || name.ends_with(".bgeo.gz")) {
+            let written = ".bgeo, .bgeo.gz, .bhclassic";
+            return Err(Error::format(path, format!("can be written: {written}")));
+        }
+        output::write_atomically(path, |file| {
+            if plain {
+                return bgeo::write(self, file);
+            }
+            let mut gzip = GzEncoder::new(file, Compression::fast());
+            bgeo::write(self, &mut gzip)?;
+            gzip.finish().map(drop)
+        })
     }
 
     /// Particles without other attributes, counted from 0.

@@ -5,22 +5,22 @@
 //! parameters alone: the same file gives the same particles, to the bit, on any number of threads.
 
 mod body;
+mod breaker;
+mod cascade;
 mod fill;
 mod idol;
 mod pool;
-mod steps;
 mod vase;
-mod wave;
 
 use glam::DVec3;
 use serde::Deserialize;
 
 pub use body::Body;
+pub use breaker::Breaker;
+pub use cascade::Cascade;
 pub use idol::Idol;
 pub use pool::{Pool, Reef};
-pub use steps::Steps;
 pub use vase::Vase;
-pub use wave::Wave;
 
 use crate::error::{Error, Result};
 use crate::particles::Particles;
@@ -60,9 +60,9 @@ pub enum Recipe {
     /// A seated figure with many concavities.
     Idol(Idol),
     /// A breaking wave in a tank.
-    Wave(Wave),
+    Breaker(Breaker),
     /// Water that runs down a staircase.
-    Steps(Steps),
+    Cascade(Cascade),
     /// Calm water with waves in a rectangular basin.
     Pool(Pool),
     /// What a round vase holds.
@@ -94,7 +94,7 @@ impl Recipe {
             Self::Ball { center, .. } => [("center", center); 2],
             Self::Slab { min, max, .. } => [("min", min), ("max", max)],
             Self::Idol(Idol { base, .. }) | Self::Vase(Vase { base, .. }) => [("base", base); 2],
-            Self::Wave(_) | Self::Steps(_) | Self::Pool(_) => [("", DVec3::ZERO); 2],
+            Self::Breaker(_) | Self::Cascade(_) | Self::Pool(_) => [("", DVec3::ZERO); 2],
         };
         for (key, point) in place {
             // Beyond this 32-bit particles are further apart than their radius.
@@ -112,8 +112,8 @@ impl Recipe {
             Self::Ball { radius, .. } => vec![("radius", radius, size)],
             Self::Slab { .. } => Vec::new(),
             Self::Idol(Idol { height, .. }) => vec![("height", height, size)],
-            Self::Wave(wave) => wave.ranges(size),
-            Self::Steps(steps) => steps.ranges(size),
+            Self::Breaker(breaker) => breaker.ranges(size),
+            Self::Cascade(cascade) => cascade.ranges(size),
             Self::Pool(pool) => pool.ranges(size),
             Self::Vase(vase) => vase.ranges(size),
         };
@@ -132,8 +132,8 @@ impl Recipe {
             Self::Ball { count, .. }
             | Self::Slab { count, .. }
             | Self::Idol(Idol { count, .. })
-            | Self::Wave(Wave { count, .. })
-            | Self::Steps(Steps { count, .. })
+            | Self::Breaker(Breaker { count, .. })
+            | Self::Cascade(Cascade { count, .. })
             | Self::Pool(Pool { count, .. })
             | Self::Vase(Vase { count, .. }) => count,
         }
@@ -142,7 +142,7 @@ impl Recipe {
     /// The share of the particles that are thrown clear of the body.
     fn spray(&self) -> f64 {
         match *self {
-            Self::Wave(Wave { spray, .. }) | Self::Steps(Steps { spray, .. }) => spray,
+            Self::Breaker(Breaker { spray, .. }) | Self::Cascade(Cascade { spray, .. }) => spray,
             _ => 0.0,
         }
     }
@@ -152,8 +152,8 @@ impl Recipe {
             Self::Ball { seed, .. }
             | Self::Slab { seed, .. }
             | Self::Idol(Idol { seed, .. })
-            | Self::Wave(Wave { seed, .. })
-            | Self::Steps(Steps { seed, .. })
+            | Self::Breaker(Breaker { seed, .. })
+            | Self::Cascade(Cascade { seed, .. })
             | Self::Pool(Pool { seed, .. })
             | Self::Vase(Vase { seed, .. }) => seed.into(),
         }
@@ -165,8 +165,8 @@ impl Recipe {
             Self::Ball { center, radius, .. } => body::ball(center, radius),
             Self::Slab { min, max, .. } => body::slab(min, max),
             Self::Idol(idol) => idol.body(),
-            Self::Wave(wave) => wave.body(),
-            Self::Steps(steps) => steps.body(),
+            Self::Breaker(breaker) => breaker.body(),
+            Self::Cascade(cascade) => cascade.body(),
             Self::Pool(pool) => pool.body(),
             Self::Vase(vase) => vase.body(),
         }
@@ -209,9 +209,11 @@ impl Recipe {
         let mut points = fill::fill(&body, spacing, self.seed());
         let thrown = (self.spray() * self.count()) as usize;
         match self {
-            Self::Wave(wave) => fill::scatter(&mut points, &body, spacing, thrown, wave.droplets()),
-            Self::Steps(steps) => {
-                fill::scatter(&mut points, &body, spacing, thrown, steps.droplets());
+            Self::Breaker(breaker) => {
+                fill::scatter(&mut points, &body, spacing, thrown, breaker.droplets())
+            }
+            Self::Cascade(cascade) => {
+                fill::scatter(&mut points, &body, spacing, thrown, cascade.droplets());
             }
             _ => {}
         }

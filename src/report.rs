@@ -54,8 +54,8 @@ const SCENES: [(&str, [bool; 4]); 12] = [
     ("drop", [true, true, false, true]),
     ("slab", [true, false, false, true]),
     ("idol", [true, false, false, true]),
-    ("wave", [true, true, false, true]),
-    ("steps", [true, false, true, true]),
+    ("breaker", [true, true, false, true]),
+    ("cascade", [true, false, true, true]),
     ("demo", [true, false, false, true]),
     ("lagoon", [false, false, true, true]),
     ("glass_ball", [false, false, true, true]),
@@ -93,7 +93,7 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
         }
         // What takes long is left out of the short form unless it is asked for by name.
         let short = options.quick && options.scenes.is_empty();
-        let picture = picture && !(short && caustics && name != "steps");
+        let picture = picture && !(short && caustics && name != "cascade");
         let caustics = caustics && !(short && name != "pool");
         let wanted = |kind: Kind| options.kinds.is_empty() || options.kinds.contains(&kind);
         let [intersect, smooth, caustics, picture] = [

@@ -771,3 +771,29 @@ fn bounds_enclose_all_particles() {
     let bounds = positions_only().bounds();
     assert_eq!(bounds, Some((dvec3(0.0, -1.25, -5.75), dvec3(3.5, 4.0, 1e6))));
 }
+
+/// Protects baked frames: what is written is what is read, to the bit, plain and as gzip.
+#[test]
+fn bgeo_is_written_as_it_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let places = [Vec3::new(0.1, -2.0, 3e-7), Vec3::ZERO, Vec3::splat(7.5)];
+    let bare = Particles::from_positions(places.to_vec());
+    let full = Particles {
+        velocities: Some(vec![Vec3::X, Vec3::NEG_Y, Vec3::new(0.3, 0.2, 0.1)]),
+        densities: Some(vec![1000.0, 998.5, 1.0]),
+        radii: Some(vec![0.1, 0.0, 0.25]),
+        ids: Some(vec![7, -3, i32::MAX.into()]),
+        ..bare.clone()
+    };
+    for particles in [Particles::default(), bare, full.clone()] {
+        for name in ["a.bgeo", "a.bgeo.gz", "a.bhclassic"] {
+            let path = folder.path().join(name);
+            particles.write(&path).unwrap();
+            assert_eq!(Particles::read(&path).unwrap(), particles, "{name}");
+        }
+    }
+    let large = Particles { ids: Some(vec![1 << 40, 0, 0]), ..full };
+    let path = folder.path().join("large.bgeo");
+    assert!(large.write(&path).unwrap_err().to_string().contains("32-bit ids"));
+    assert!(!path.exists());
+}

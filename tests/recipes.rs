@@ -12,7 +12,7 @@ use limpid::recipe::Recipe;
 use limpid::scene::Scene;
 use limpid::settings::Classify;
 
-const NAMES: [&str; 6] = ["drop", "slab", "idol", "wave", "steps", "vase"];
+const NAMES: [&str; 6] = ["drop", "slab", "idol", "breaker", "cascade", "vase"];
 
 fn path(name: &str) -> String {
     format!("{}/sims/{name}.toml", env!("CARGO_MANIFEST_DIR"))
@@ -48,7 +48,7 @@ fn every_recipe_is_an_input() {
         assert_eq!(loaded.splats.radius, recipe.particle_radius() as f32);
         let splashes = loaded.splats.splashes.len();
         println!("{name}: {} particles, {splashes} splashes", loaded.particles);
-        let spray = ["wave", "steps"].contains(&name);
+        let spray = ["breaker", "cascade"].contains(&name);
         assert_eq!(splashes > loaded.particles / 1000, spray, "{name}: {splashes} splashes");
         assert!(loaded.splats.aggregates.len() > loaded.particles / 2, "{name}");
         if !spray {
@@ -324,10 +324,10 @@ fn bad_recipes_are_named() {
         ("kind = \"slab\"\nmin = [0, 0, 0]\nmax = [1, -1, 1]\ncount = 100".into(), "min"),
         ("kind = \"slab\"\nmin = [0, 0, 0]\nmax = [1, nan, 1]\ncount = 100".into(), "max"),
         ("kind = \"idol\"\nbase = [0, 0, 0]\nheight = -1.0\ncount = 100".into(), "height"),
-        (format!("kind = \"wave\"\n{wave}count = 0"), "count"),
-        (format!("kind = \"wave\"\n{}count = 100", wave.replace("0.0", "0.9")), "spray"),
-        (format!("kind = \"wave\"\n{}count = 100", wave.replace("0.2", "0.0")), "depth"),
-        (format!("kind = \"wave\"\n{wave}count = 100\nhight = 1.0"), "`height`"),
+        (format!("kind = \"breaker\"\n{wave}count = 0"), "count"),
+        (format!("kind = \"breaker\"\n{}count = 100", wave.replace("0.0", "0.9")), "spray"),
+        (format!("kind = \"breaker\"\n{}count = 100", wave.replace("0.2", "0.0")), "depth"),
+        (format!("kind = \"breaker\"\n{wave}count = 100\nhight = 1.0"), "`height`"),
         (format!("kind = \"vase\"\n{vase}count = 0"), "count"),
         (format!("kind = \"vase\"\n{}count = 100", vase.replace("0.3", "nan")), "height"),
         (format!("kind = \"vase\"\n{}count = 100", vase.replace("0.12", "0.06")), "radii"),
@@ -354,10 +354,10 @@ fn extreme_recipes_are_finite() {
     let tables = [
         "kind = \"ball\"\ncenter = [9000, 0, 0]\nradius = 0.5\ncount = 10",
         "kind = \"slab\"\nmin = [0, 0, 0]\nmax = [100, 0.001, 0.1]\ncount = 1000",
-        "kind = \"wave\"\nlength = 0.001\nwidth = 1000\ndepth = 0.001\nheight = 10\nspray = 0.5\ncount = 500",
-        "kind = \"steps\"\nsteps = 100\ntread = 0.001\nriser = 10\nwidth = 1\nfilm = 0.001\n\
+        "kind = \"breaker\"\nlength = 0.001\nwidth = 1000\ndepth = 0.001\nheight = 10\nspray = 0.5\ncount = 500",
+        "kind = \"cascade\"\nsteps = 100\ntread = 0.001\nriser = 10\nwidth = 1\nfilm = 0.001\n\
          speed = 1000\nbasin = [1, 1, 0.001]\nspray = 0.5\ncount = 500",
-        "kind = \"steps\"\nsteps = 1\ntread = 10\nriser = 0.001\nwidth = 1000\nfilm = 1\n\
+        "kind = \"cascade\"\nsteps = 1\ntread = 10\nriser = 0.001\nwidth = 1000\nfilm = 1\n\
          speed = 0.001\nbasin = [0.001, 0.001, 0.001]\nspray = 0.1\ncount = 500",
         "kind = \"vase\"\nbase = [9000, 0, 0]\nheight = 0.001\nradii = [0.001, 1000, 0.001]\n\
          ripple = 0.0001\nwavelength = 0.001\ncount = 500",

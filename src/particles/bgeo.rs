@@ -11,9 +11,10 @@
 //! each point: f32 x, y, z, w, then size × 4 bytes an attribute
 //! ```
 //!
-//! Primitives, groups and detail attributes come after the points and are not read.
+//! Primitives, groups and detail attributes come after the points and are not read; a file that
+//! limpid writes has none.
 
-use std::io::Read;
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
@@ -45,6 +46,64 @@ fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
         return Err(Error::malformed(path, Place::Byte(limit), problem));
     }
     Ok(unpacked)
+}
+
+/// Writes the points with the attributes that they have, under the names and types that
+/// `SPlisHSPlasH` gives them: `id`, `velocity`, `density`, and Houdini's `pscale`.
+///
+/// # Errors
+/// Those of `out`; [`io::ErrorKind::InvalidInput`] for more points or a larger id than the format's
+/// 32-bit integers hold.
+pub(crate) fn write(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
+    const FLOAT: i32 = 0;
+    const INTEGER: i32 = 1;
+    const VECTOR: i32 = 5;
+    let Particles { velocities, densities, radii, ids, .. } = particles;
+    let too_large = |what| io::Error::new(io::ErrorKind::InvalidInput, what);
+    let points = i32::try_from(particles.len())
+        .map_err(|_| too_large("BGEO holds at most 2147483647 particles"))?;
+    let attributes = [
+        ("id", INTEGER, 1, ids.is_some()),
+        ("velocity", VECTOR, 3, velocities.is_some()),
+        ("density", FLOAT, 1, densities.is_some()),
+        ("pscale", FLOAT, 1, radii.is_some()),
+    ];
+    let attributes = attributes.iter().filter(|(.., present)| *present);
+
+    out.write_all(b"BgeoV")?;
+    for number in [5, points, 0, 0, 0, attributes.clone().count() as i32, 0, 0, 0] {
+        out.write_all(&number.to_be_bytes())?;
+    }
+    for &(name, kind, size, _) in attributes {
+        out.write_all(&(name.len() as u16).to_be_bytes())?;
+        out.write_all(name.as_bytes())?;
+        out.write_all(&(size as u16).to_be_bytes())?;
+        out.write_all(&kind.to_be_bytes())?;
+        out.write_all(&[0; 12][..4 * size])?;
+    }
+    let mut record = Vec::new();
+    let origin = particles.origin;
+    for (i, position) in particles.positions.iter().enumerate() {
+        record.clear();
+        let mut floats = |numbers: &[f32]| {
+            record.extend(numbers.iter().flat_map(|number| number.to_be_bytes()));
+        };
+        let place = (origin + position.as_dvec3()).as_vec3();
+        floats(&[place.x, place.y, place.z, 1.0]);
+        if let Some(ids) = ids {
+            let id = i32::try_from(ids[i]).map_err(|_| too_large("BGEO holds 32-bit ids"))?;
+            floats(&[f32::from_bits(id as u32)]);
+        }
+        if let Some(velocities) = velocities {
+            floats(&velocities[i].to_array());
+        }
+        for scalars in [densities, radii].into_iter().flatten() {
+            floats(&[scalars[i]]);
+        }
+        out.write_all(&record)?;
+    }
+    // The end of the primitives.
+    out.write_all(&[0x00, 0xff])
 }
 
 fn parse(path: &Path, bytes: &[u8]) -> Result<Particles> {

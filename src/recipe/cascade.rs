@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::Droplet;
 use super::body::{Body, cuboid, join, ramp};
-use super::wave::noise;
+use super::breaker::noise;
 use crate::waves::{WaveSpectrum, Waves, splitmix64};
 
 /// Gravity, m/s².
@@ -20,7 +20,7 @@ const GRAVITY: f64 = 9.81;
 /// x = steps·tread on. The stairs themselves are solids of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Steps {
+pub struct Cascade {
     /// Number of treads: 1 to 100.
     pub steps: u32,
     /// Depth of a tread along x, m.
@@ -47,7 +47,7 @@ pub struct Steps {
 /// Number of jets that throw droplets, where a sheet lands.
 const JETS: f64 = 18.0;
 
-impl Steps {
+impl Cascade {
     pub(super) fn ranges(
         self,
         size: RangeInclusive<f64>,

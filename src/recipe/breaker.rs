@@ -16,7 +16,7 @@ use crate::waves::{WaveSpectrum, Waves, splitmix64};
 /// The tank's bottom is at y = 0, its middle at x = z = 0; its walls are not drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Wave {
+pub struct Breaker {
     /// The tank's extent along x, m: 0.001 to 1000.
     pub length: f64,
     /// The tank's extent along z, m.
@@ -43,7 +43,7 @@ const SEMI_AXES: DVec2 = DVec2::new(0.62, 0.43);
 /// Number of jets that throw droplets.
 const JETS: f64 = 90.0;
 
-impl Wave {
+impl Breaker {
     pub(super) fn ranges(
         self,
         size: RangeInclusive<f64>,
