@@ -15,7 +15,7 @@ struct Splat {
     diagonal: vec3f,     // A_xx, A_yy, A_zz
     particle: u32,
     off_diagonal: vec3f, // A_xy, A_xz, A_yz
-    pad: f32,
+    fluid: u32,          // of several, from 0
 }
 
 @group(1) @binding(0) var<storage, read> splats: array<Splat>;
@@ -30,6 +30,7 @@ struct Varying {
     @location(1) @interpolate(flat) sphere_x: vec3f,
     @location(2) @interpolate(flat) sphere_y: vec3f,
     @location(3) @interpolate(flat) sphere_z: vec3f,
+    @location(4) @interpolate(flat) fluid: u32,
 }
 
 @vertex
@@ -47,6 +48,7 @@ fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance:
     out.sphere_x = to_sphere[0];
     out.sphere_y = to_sphere[1];
     out.sphere_z = to_sphere[2];
+    out.fluid = splat.fluid;
     out.clip = vec4f(splat_corner(corner, centre, transpose(rotation * shape)), 0.5, 1.0);
     return out;
 }
@@ -93,14 +95,17 @@ fn tangent_discriminant(a: vec3f, g: vec3f, x: f32, z: f32) -> f32 {
     return dot(along, along) - dot(across, across);
 }
 
-struct Fragment {
-    @location(0) plane: vec4f,
-    @builtin(frag_depth) depth: f32,
+// Where the pixel's ray passes the ellipsoid.
+struct Chord {
+    hit: bool,
+    middle: f32,         // depth, m
+    half_length: f32,    // in depth, m
+    f: vec3f,            // sphere space: from the centre to the middle,
+    d: vec3f,            // and the ray per unit of depth
+    to_sphere: mat3x3f,
 }
 
-@fragment
-fn fragment(in: Varying) -> Fragment {
-    let omega = camera_omega(in.clip.xy);
+fn splat_chord(in: Varying, omega: vec3f) -> Chord {
     let centre_depth = -in.centre.z;
     let to_sphere = mat3x3f(in.sphere_x, in.sphere_y, in.sphere_z);
     // The ray per unit of depth, and where it is at the centre's depth, seen from the centre.
@@ -116,18 +121,27 @@ fn fragment(in: Varying) -> Fragment {
     let along = dot(start, d) / d2;
     let f = start - along * d; // from the centre, perpendicular to the ray
     let discriminant = 1.0 - dot(f, f);
-    if discriminant < 0.0 {
+    let half_length = sqrt(max(discriminant, 0.0) / d2);
+    let middle = centre_depth - along;
+    let hit = discriminant >= 0.0 && middle + half_length >= camera.near;
+    return Chord(hit, middle, half_length, f, d, to_sphere);
+}
+
+struct Fragment {
+    @location(0) plane: vec4f,
+    @builtin(frag_depth) depth: f32,
+}
+
+@fragment
+fn fragment(in: Varying) -> Fragment {
+    let omega = camera_omega(in.clip.xy);
+    let chord = splat_chord(in, omega);
+    if !chord.hit {
         discard;
     }
-    let half_chord = sqrt(discriminant / d2);
-    let back = centre_depth - along + half_chord;
-    if back < camera.near {
-        discard;
-    }
-    let front = centre_depth - along - half_chord;
-    var z = select(front, back, SIDE == BACK);
-    let side = select(-half_chord, half_chord, SIDE == BACK);
-    let normal = normalize(transpose(to_sphere) * (f + side * d));
+    let side = select(-chord.half_length, chord.half_length, SIDE == BACK);
+    var z = chord.middle + side;
+    let normal = normalize(transpose(chord.to_sphere) * (chord.f + side * chord.d));
     var pi = plane_from_normal(omega, z, normal);
     if z < camera.near {
         // The ray starts inside: a front at the near plane itself says so.

@@ -6,6 +6,7 @@
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Shorthand for results of this library.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -95,6 +96,9 @@ pub enum Error {
         /// The limit and the remedy.
         problem: String,
     },
+    /// An error that several see: of a frame that a [`crate::ring::Ring`] could not load.
+    #[error(transparent)]
+    Shared(#[from] Arc<Error>),
     /// The device was lost or ran out of memory; the same frame may succeed later.
     #[error("the graphics device failed ({0}); the frame may succeed if tried again")]
     DeviceLost(String),
@@ -109,6 +113,7 @@ impl Error {
             Self::Io { .. } | Self::Malformed { .. } | Self::Sequence { .. } => 4,
             Self::NoAdapter | Self::Adapter { .. } => 5,
             Self::DeviceLost(_) => 6,
+            Self::Shared(error) => error.exit_code(),
         }
     }
 

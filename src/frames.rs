@@ -4,6 +4,7 @@ use std::collections::{HashSet, VecDeque};
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
+use crate::input::Missing;
 use crate::sequence::{Frame, Sequence};
 
 /// More frames than this are a slip of the keyboard.
@@ -61,6 +62,32 @@ impl FrameSpec {
             sequence.frames.last().map_or(0, |frame| frame.number),
         );
         Err(Error::Sequence { pattern: sequence.pattern.clone(), problem })
+    }
+}
+
+impl FrameSpec {
+    /// The numbers of the selected frames; unless a missing frame is an error, those in the gaps too.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Sequence`] if a frame is asked for that does not exist, and may not be missing;
+    /// [`Error::Usage`] for a sequence with more gaps than can be meant.
+    pub fn numbers(&self, sequence: &Sequence, missing: Missing) -> Result<Vec<i64>> {
+        if missing == Missing::Error {
+            return Ok(self.select(sequence)?.iter().map(|frame| frame.number).collect());
+        }
+        match (self, sequence.frames.as_slice()) {
+            (Self::List(numbers), _) => Ok(numbers.clone()),
+            (Self::All, [first, .., last]) => {
+                if last.number.abs_diff(first.number) >= MAX_FRAMES {
+                    let (first, last) = (first.number, last.number);
+                    let problem = format!("frames {first} to {last}: more than {MAX_FRAMES}");
+                    return Err(Error::Usage(problem));
+                }
+                Ok((first.number..=last.number).collect())
+            }
+            (Self::All, frames) => Ok(frames.iter().map(|frame| frame.number).collect()),
+        }
     }
 }
 

@@ -1,13 +1,14 @@
 //! From what a user names to frames that can be drawn.
 
 use std::path::Path;
+use std::str::FromStr;
 
 use glam::DVec3;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::particles::{Particles, Up};
-use crate::passes::classify::{self, Splats};
+use crate::passes::classify::{self, Splat, Splats};
 use crate::recipe::Recipe;
 use crate::scene::Scene;
 use crate::sequence::{Frame, Sequence};
@@ -17,16 +18,27 @@ use crate::sequence::{Frame, Sequence};
 pub struct Input {
     /// The scene; `None` for bare particle files, which get one from [`Input::settle`].
     pub scene: Option<Scene>,
-    /// The frames.
+    /// The frames; of several fluids, those that any of them has.
     pub sequence: Sequence,
     /// The frame that the scene names.
     pub frame: Option<i64>,
+    /// What stands for a frame that is not there.
+    pub missing: Missing,
+    fps: Option<f64>,
+    // At least one.
+    fluids: Vec<Fluid>,
+}
+
+/// Where the particles of one fluid come from.
+#[derive(Debug, Clone)]
+struct Fluid {
+    sequence: Sequence,
     radius: Option<f32>,
     up: Up,
     source: Source,
 }
 
-/// Where the particles of an input's frames are.
+/// Where the particles of a fluid's frames are.
 #[derive(Debug, Clone)]
 enum Source {
     /// In the files that the frames name.
@@ -37,10 +49,61 @@ enum Source {
     Recipe(Recipe),
 }
 
+/// What stands for a frame that is not there.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Missing {
+    /// Nothing: it is an error.
+    #[default]
+    Error,
+    /// A frame without particles.
+    Empty,
+    /// The last frame before it; before the first, one without particles.
+    Hold,
+}
+
+impl FromStr for Missing {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "error" => Ok(Self::Error),
+            "empty" => Ok(Self::Empty),
+            "hold" => Ok(Self::Hold),
+            _ => Err(Error::Usage(format!(
+                "missing frames: `{text}`; error, empty or hold expected"
+            ))),
+        }
+    }
+}
+
+/// A moment of a sequence: a frame, or a point between two.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// The frame, or the one before.
+    pub frame: i64,
+    /// The one after it; the same at a frame.
+    pub next: i64,
+    /// How far from the one to the other: 0 at a frame, always below 1.
+    pub fraction: f64,
+}
+
+impl Moment {
+    /// The moment of a frame.
+    pub fn at(frame: i64) -> Self {
+        Self { frame, next: frame, fraction: 0.0 }
+    }
+}
+
+impl From<&Frame> for Moment {
+    fn from(frame: &Frame) -> Self {
+        Self::at(frame.number)
+    }
+}
+
 /// A frame of particles, ready to draw.
 #[derive(Debug, Clone)]
 pub struct Loaded {
-    /// Its number.
+    /// Its number; of a moment between two frames, that of the first.
     pub number: i64,
     /// Number of particles in the file.
     pub particles: usize,
@@ -48,6 +111,14 @@ pub struct Loaded {
     pub splats: Splats,
     /// Corners of the box around all centres; both 0 without particles.
     pub bounds: (DVec3, DVec3),
+}
+
+impl Loaded {
+    /// Memory that it takes, bytes.
+    pub fn bytes(&self) -> u64 {
+        let splats = self.splats.aggregates.capacity() + self.splats.splashes.capacity();
+        (size_of::<Self>() + splats * size_of::<Splat>()) as u64
+    }
 }
 
 impl Input {
@@ -62,8 +133,7 @@ impl Input {
             return Self::from_scene(Scene::load_with(path, overrides)?, input);
         }
         let sequence = Sequence::open(input)?;
-        let source = Source::Files;
-        Ok(Self { scene: None, sequence, frame: None, radius: None, up: Up::Y, source })
+        Ok(Self::of(None, Fluid { sequence, radius: None, up: Up::Y, source: Source::Files }, None))
     }
 
     /// The built-in demo: a frame of a double dam break, simulated with SPlisHSPlasH.
@@ -73,38 +143,50 @@ impl Input {
     pub fn demo(overrides: &[String]) -> Result<Self> {
         let text = include_str!("../sims/demo.toml");
         let scene = Scene::parse(text, "demo", Path::new(""), overrides)?;
-        let source = scene.particles.clone().expect("the demo names its particles");
-        let frame = Frame { number: 0, path: source.source.into() };
-        Ok(Self {
-            scene: Some(scene),
+        let particles = scene.particles.clone().expect("the demo names its particles");
+        let frame = Frame { number: 0, path: particles.source.into() };
+        let fluid = Fluid {
             sequence: Sequence { frames: vec![frame], pattern: "demo".into() },
-            frame: Some(0),
-            radius: source.radius,
-            up: source.up,
+            radius: particles.radius,
+            up: particles.up,
             source: Source::Embedded(include_bytes!("../sims/demo.bgeo")),
-        })
+        };
+        Ok(Self::of(Some(scene), fluid, Some(0)))
+    }
+
+    /// One fluid.
+    fn of(scene: Option<Scene>, fluid: Fluid, frame: Option<i64>) -> Self {
+        let sequence = fluid.sequence.clone();
+        Self { scene, sequence, frame, missing: Missing::Error, fps: None, fluids: vec![fluid] }
     }
 
     /// The same frames in another scene. Where that names particles of its own, their radius and
     /// axis hold for these.
     #[must_use]
-    pub fn with_scene(self, scene: Scene) -> Self {
-        let (radius, up) = match &scene.particles {
-            Some(source) => (source.radius.or(self.radius), source.up),
-            None => (self.radius, self.up),
-        };
-        Self { scene: Some(scene), radius, up, ..self }
+    pub fn with_scene(mut self, scene: Scene) -> Self {
+        if let Some(particles) = scene.sources().first() {
+            self.fps = particles.fps.or(self.fps);
+            for fluid in &mut self.fluids {
+                fluid.radius = particles.radius.or(fluid.radius);
+                fluid.up = particles.up;
+            }
+        }
+        Self { scene: Some(scene), ..self }
     }
 
     /// The same frames with a particle radius in metres where the files have none.
     ///
     /// # Errors
     /// [`Error::Usage`] unless the radius is above 0 and finite.
-    pub fn with_radius(self, radius: f32) -> Result<Self> {
-        if radius > 0.0 && radius.is_finite() {
-            return Ok(Self { radius: Some(radius), ..self });
+    pub fn with_radius(mut self, radius: f32) -> Result<Self> {
+        if !(radius > 0.0 && radius.is_finite()) {
+            let problem = format!("a particle radius of {radius}: above 0 and finite expected");
+            return Err(Error::Usage(problem));
         }
-        Err(Error::Usage(format!("a particle radius of {radius}: above 0 and finite expected")))
+        for fluid in &mut self.fluids {
+            fluid.radius = Some(radius);
+        }
+        Ok(self)
     }
 
     /// As [`Input::open`], of a scene that is at hand.
@@ -114,109 +196,163 @@ impl Input {
     pub fn from_scene(scene: Scene, origin: &str) -> Result<Self> {
         if let Some(recipe) = scene.recipe {
             let frame = Frame { number: 0, path: origin.into() };
-            return Ok(Self {
-                scene: Some(scene),
+            let fluid = Fluid {
                 sequence: Sequence { frames: vec![frame], pattern: origin.into() },
-                frame: Some(0),
                 radius: Some(recipe.particle_radius() as f32),
                 up: Up::Y,
                 source: Source::Recipe(recipe),
-            });
+            };
+            return Ok(Self::of(Some(scene), fluid, Some(0)));
         }
-        let source = scene.particles.clone().ok_or_else(|| Error::Scene {
-            origin: origin.into(),
-            problem:
-                "has no [particles] or [recipe]; give a particle file and this scene with --scene"
-                    .into(),
-        })?;
-        let sequence = Sequence::open(&source.source)?;
-        // One file is the frame, whatever digits its name holds.
-        let frame = if Path::new(&source.source).is_file() { None } else { source.frame };
-        Ok(Self {
-            scene: Some(scene),
-            sequence,
-            frame,
-            radius: source.radius,
-            up: source.up,
-            source: Source::Files,
-        })
-    }
-
-    /// Reads or makes a frame's particles, y up.
-    ///
-    /// # Errors
-    /// As [`Particles::read`] and [`Recipe::particles`].
-    pub fn particles(&self, frame: &Frame) -> Result<Particles> {
-        let mut particles = match self.source {
-            Source::Files => Particles::read(&frame.path)?,
-            Source::Embedded(bytes) => Particles::parse(&frame.path, bytes)?,
-            Source::Recipe(recipe) => return recipe.particles(),
+        let sources = scene.sources();
+        let fluids: Vec<Fluid> = sources
+            .iter()
+            .map(|particles| {
+                let sequence = Sequence::open(&particles.source)?;
+                let (radius, up) = (particles.radius, particles.up);
+                Ok(Fluid { sequence, radius, up, source: Source::Files })
+            })
+            .collect::<Result<_>>()?;
+        let Some(first) = fluids.first() else {
+            let problem = "has no [particles], [[fluid]] or [recipe]; give a particle file and this scene \
+                           with --scene";
+            return Err(Error::Scene { origin: origin.into(), problem: problem.into() });
         };
-        particles.to_y_up(self.up);
-        Ok(particles)
+        let sequence = fluids[1..]
+            .iter()
+            .fold(first.sequence.clone(), |all, fluid| all.joined(&fluid.sequence));
+        // One file is the frame, whatever digits its name holds.
+        let lone = sources.iter().all(|particles| Path::new(&particles.source).is_file());
+        let frame = sources.iter().find_map(|particles| particles.frame).filter(|_| !lone);
+        let fps = sources.iter().find_map(|particles| particles.fps);
+        Ok(Self { scene: Some(scene), sequence, frame, missing: Missing::Error, fps, fluids })
     }
 
-    /// Reads and classifies a frame as `scene` says.
+    /// Frames per second of the simulation, where the scene says it.
+    pub fn fps(&self) -> Option<f64> {
+        self.fps
+    }
+
+    /// Every `step` frames from the first of `numbers`, which ascend, to the last.
+    pub fn moments(&self, numbers: &[i64], step: f64) -> Vec<Moment> {
+        let (Some(&first), Some(&last)) = (numbers.first(), numbers.last()) else {
+            return Vec::new();
+        };
+        if step == 1.0 || !(step > 0.0) {
+            return numbers.iter().map(|&number| Moment::at(number)).collect();
+        }
+        let count = ((last - first) as f64 / step * (1.0 + 1e-12)).floor() as usize;
+        let moment = |k: usize| {
+            let time = first as f64 + k as f64 * step;
+            // A frame's own time is not to be missed by a rounding error.
+            let near = time.round();
+            let time = if (time - near).abs() < 1e-9 * near.abs().max(1.0) { near } else { time };
+            let after = numbers.partition_point(|&number| number as f64 <= time);
+            let frame = numbers[after.saturating_sub(1)];
+            match numbers.get(after) {
+                Some(&next) if time > frame as f64 => {
+                    let fraction = (time - frame as f64) / (next - frame) as f64;
+                    Moment { frame, next, fraction }
+                }
+                _ => Moment::at(frame),
+            }
+        };
+        (0..=count).map(moment).collect()
+    }
+
+    /// Reads or makes the particles of a moment, y up. Between frames they are interpolated, see
+    /// [`Particles::between`].
     ///
     /// # Errors
-    /// As [`Particles::read`]; [`Error::Scene`] if there is no way to know a radius.
-    pub fn load(&self, frame: &Frame, scene: &Scene) -> Result<Loaded> {
-        self.prepare(frame, &self.particles(frame)?, scene)
+    /// As [`Particles::read`] and [`Recipe::particles`]; [`Error::Sequence`] for a frame that is
+    /// not there, as [`Input::missing`] says.
+    pub fn particles(&self, at: impl Into<Moment>) -> Result<Particles> {
+        let at = at.into();
+        let particles = self.frame_particles(at.frame)?;
+        if at.fraction == 0.0 {
+            return Ok(particles);
+        }
+        Ok(Particles::between(&particles, &self.frame_particles(at.next)?, at.fraction))
+    }
+
+    fn frame_particles(&self, number: i64) -> Result<Particles> {
+        if let [fluid] = self.fluids.as_slice() {
+            return fluid.particles(number, self.missing);
+        }
+        let fluids = self.fluids.iter().map(|fluid| {
+            let mut particles = fluid.particles(number, self.missing)?;
+            // Each fluid's own radius, whatever the others'.
+            if particles.radii.is_none() {
+                let radius = fluid.radius_of(number, &particles)?;
+                particles.radii = Some(vec![radius; particles.len()]);
+            }
+            Ok(particles)
+        });
+        Ok(Particles::mixed(&fluids.collect::<Result<Vec<_>>>()?))
+    }
+
+    /// Reads and classifies a moment as `scene` says.
+    ///
+    /// # Errors
+    /// As [`Input::particles`]; [`Error::Scene`] if there is no way to know a radius.
+    pub fn load(&self, at: impl Into<Moment>, scene: &Scene) -> Result<Loaded> {
+        let at = at.into();
+        self.prepare(at, &self.particles(at)?, scene)
     }
 
     /// Classifies a frame's particles as `scene` says.
     ///
     /// # Errors
     /// [`Error::Scene`] if there is no way to know a radius.
-    pub fn prepare(&self, frame: &Frame, particles: &Particles, scene: &Scene) -> Result<Loaded> {
+    pub fn prepare(
+        &self,
+        at: impl Into<Moment>,
+        particles: &Particles,
+        scene: &Scene,
+    ) -> Result<Loaded> {
+        let number = at.into().frame;
         let settings = &scene.settings.classify;
-        let radius = self.radius_of(frame, particles)?;
+        let radius = self.fluids[0].radius_of(number, particles)?;
         let mut splats = classify::classify(particles, radius, settings);
         classify::wet(&mut splats, &scene.solids, settings.wetting);
         Ok(Loaded {
-            number: frame.number,
+            number,
             particles: particles.len(),
             splats,
             bounds: particles.bounds().unwrap_or_default(),
         })
     }
 
-    /// The radius for particles without one of their own: as given, or from their spacing.
-    fn radius_of(&self, frame: &Frame, particles: &Particles) -> Result<f32> {
-        let radius = self.radius.unwrap_or_else(|| classify::estimate_radius(particles));
-        if radius > 0.0 || particles.is_empty() || particles.radii.is_some() {
-            return Ok(radius);
-        }
-        Err(Error::Scene {
-            origin: frame.path.display().to_string(),
-            problem: "no radii, and no spacing to estimate one from; give --radius".into(),
-        })
-    }
-
-    /// Settles what neither files nor scene say, by the first frame that has particles: the
-    /// radius, and for a scene without a camera the view. Bare files get a scene of their own. So
+    /// Settles what neither files nor scene say, by the first frame that has particles: the radius
+    /// of each fluid, and for a scene without a camera the view. Bare files get a scene of their own. So
     /// a sequence has one radius and one view, however it is shared among machines.
     ///
     /// # Errors
     /// As [`Particles::read`]; [`Error::Scene`] for a bad override.
     pub fn settle(mut self, overrides: &[String]) -> Result<(Self, Scene)> {
         let complete = self.scene.as_ref().filter(|scene| scene.camera.is_some());
-        if let (Some(scene), Some(_)) = (complete, self.radius) {
+        if let Some(scene) = complete
+            && self.fluids.iter().all(|fluid| fluid.radius.is_some())
+        {
             let scene = scene.clone();
             return Ok((self, scene));
         }
-        let (mut min, mut max, mut radius) = (-DVec3::ONE, DVec3::ONE, 0.0);
-        for frame in &self.sequence.frames {
-            let particles = self.particles(frame)?;
-            if let Some(bounds) = particles.bounds() {
-                (min, max) = bounds;
-                radius = self.radius_of(frame, &particles)?;
+        let mut around: Option<(DVec3, DVec3)> = None;
+        let mut radius = 0.0_f32;
+        for fluid in &mut self.fluids {
+            for number in fluid.sequence.frames.iter().map(|frame| frame.number) {
+                let particles = fluid.particles(number, Missing::Error)?;
+                let Some((min, max)) = particles.bounds() else { continue };
+                around = Some(around.map_or((min, max), |(a, b)| (a.min(min), b.max(max))));
+                let settled = fluid.radius_of(number, &particles)?;
+                radius = radius.max(settled);
+                if settled > 0.0 {
+                    fluid.radius = Some(settled);
+                }
                 break;
             }
         }
-        if radius > 0.0 {
-            self.radius = Some(radius);
-        }
+        let (min, max) = around.unwrap_or((-DVec3::ONE, DVec3::ONE));
         let mut scene = match self.scene.clone() {
             Some(scene) => scene,
             None => {
@@ -229,31 +365,44 @@ impl Input {
         scene.camera.get_or_insert_with(|| Camera::fit(min - margin, max + margin));
         Ok((self, scene))
     }
+}
 
-    /// Loads `frames` in order on a thread of its own, at most `ahead` of them before they are
-    /// taken, and hands each to `draw`.
-    ///
-    /// # Errors
-    /// The first error of loading or of `draw`.
-    pub fn for_each_loaded(
-        &self,
-        frames: &[&Frame],
-        scene: &Scene,
-        ahead: usize,
-        mut draw: impl FnMut(Loaded) -> Result<()>,
-    ) -> Result<()> {
-        std::thread::scope(|scope| {
-            let (sender, receiver) = std::sync::mpsc::sync_channel(ahead);
-            scope.spawn(move || {
-                for frame in frames {
-                    // The receiver is gone once a frame has failed: nothing left to do.
-                    if sender.send(self.load(frame, scene)).is_err() {
-                        return;
-                    }
-                }
-            });
-            receiver.into_iter().try_for_each(|loaded| draw(loaded?))
-        })
+impl Fluid {
+    /// The particles of a frame, y up.
+    fn particles(&self, number: i64, missing: Missing) -> Result<Particles> {
+        let frames = &self.sequence.frames;
+        let after = frames.partition_point(|frame| frame.number <= number);
+        let before = after.checked_sub(1).and_then(|at| frames.get(at));
+        let frame = match (before, missing) {
+            (Some(frame), Missing::Hold) => frame,
+            (Some(frame), _) if frame.number == number => frame,
+            (_, Missing::Empty | Missing::Hold) => return Ok(Particles::default()),
+            (_, Missing::Error) => {
+                let problem = format!("frame {number} is missing; --missing empty or hold goes on");
+                return Err(Error::Sequence { pattern: self.sequence.pattern.clone(), problem });
+            }
+        };
+        let mut particles = match self.source {
+            Source::Files => Particles::read(&frame.path)?,
+            Source::Embedded(bytes) => Particles::parse(&frame.path, bytes)?,
+            Source::Recipe(recipe) => return recipe.particles(),
+        };
+        particles.to_y_up(self.up);
+        Ok(particles)
+    }
+
+    /// The radius for particles without one of their own: as given, or from their spacing.
+    fn radius_of(&self, number: i64, particles: &Particles) -> Result<f32> {
+        let radius = self.radius.unwrap_or_else(|| classify::estimate_radius(particles));
+        if radius > 0.0 || particles.is_empty() || particles.radii.is_some() {
+            return Ok(radius);
+        }
+        let origin = match self.sequence.frame(number) {
+            Some(frame) => frame.path.display().to_string(),
+            None => self.sequence.pattern.clone(),
+        };
+        let problem = "no radii, and no spacing to estimate one from; give --radius".into();
+        Err(Error::Scene { origin, problem })
     }
 }
 

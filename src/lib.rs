@@ -32,21 +32,18 @@
 //! # Use
 //!
 //! ```no_run
-//! use limpid::{gpu::Gpu, input::Input, output, renderer::{Picture, Renderer}};
+//! use limpid::{gpu::Gpu, input::Input, output, studio::Studio};
 //!
 //! # fn main() -> limpid::Result<()> {
 //! let gpu = Gpu::headless()?;
-//! let mut renderer = Renderer::new(&gpu);
+//! let mut studio = Studio::new(&gpu);
 //! let input = Input::open("frames/water_{}.bgeo", &[])?;
 //! let (input, scene) = input.settle(&[])?;
 //! let frame = &input.sequence.frames[0];
 //! let loaded = input.load(frame, &scene)?;
-//! let size = glam::UVec2::new(1024, 768);
-//! let picture = Picture::new(&gpu, size)?;
 //! let camera = scene.camera_for(loaded.bounds);
-//! renderer.render(&scene, &camera, &loaded.splats, &picture.view(), Picture::FORMAT, size)?;
-//! let rgb = image::DynamicImage::ImageRgba8(picture.read(&gpu)?).into_rgb8();
-//! output::write_png("water.png".as_ref(), &rgb)?;
+//! let shot = studio.draw(&scene, &camera, &loaded.splats, glam::UVec2::new(1024, 768))?;
+//! output::write_png("water.png".as_ref(), &shot.picture)?;
 //! # Ok(())
 //! # }
 //! ```
@@ -75,10 +72,12 @@ pub mod reference;
 pub mod renderer;
 #[cfg(feature = "report")]
 pub mod report;
+pub mod ring;
 pub mod scene;
 pub mod sequence;
 pub mod settings;
 pub mod shader;
+pub mod studio;
 pub mod waves;
 
 pub use error::{Error, Result};

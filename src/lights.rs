@@ -9,6 +9,7 @@ use crate::passes::Layers;
 use crate::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
 use crate::passes::classify::Splats;
 use crate::passes::gbuffer::LightMaps;
+use crate::passes::mixture;
 use crate::passes::smooth;
 use crate::passes::surfaces::{Liquid, Surfaces, Wanted};
 use crate::scene::Scene;
@@ -75,7 +76,8 @@ impl Lights {
             let LightPasses { surfaces, caustics, .. } = &mut self.passes[i];
             let backs = settings.interfaces > 1;
             let size = view.size;
-            surfaces.resize(gpu, Wanted { size, splash, gbuffer: true, levels: 1, backs });
+            let mixture = mixture::is_mixed(scene);
+            surfaces.resize(gpu, Wanted { size, splash, mixture, gbuffer: true, levels: 1, backs });
             let uniform = view.uniform(splats.origin);
             surfaces.prepare(gpu, scene, &uniform, view.origin, &[], None, fits);
             caustics.prepare(gpu, &surfaces.camera, &surfaces.scene, scene, splash, view.size)?;
@@ -100,8 +102,14 @@ impl Lights {
         for ((layer, view, light), passes) in seen.zip(&self.passes) {
             let Some(maps) = &self.maps else { return };
             let LightPasses { surfaces, caustics, .. } = passes;
-            let names =
-                ["light splat", "light splashes", "light tiles", "light smooth", "light gbuffer"];
+            let names = [
+                "light splat",
+                "light splashes",
+                "light mixture",
+                "light tiles",
+                "light smooth",
+                "light gbuffer",
+            ];
             surfaces.record(gpu, encoder, scene, liquid, fits, timer, names);
             let inputs = Inputs {
                 camera: &surfaces.camera,
@@ -109,6 +117,7 @@ impl Lights {
                 aggregate: surfaces.aggregate_layers(),
                 splash: surfaces.splash_layers(),
                 gbuffer: &surfaces.gbuffer.images,
+                mixture: Some(&surfaces.mixture.view),
             };
             let output =
                 Output { map: &maps.maps, receivers: &maps.receivers, layer: layer as u32 };

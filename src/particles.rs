@@ -5,6 +5,7 @@
 //! A count in a header is a claim, not a length: it is held against the bytes that are left
 //! before anything is allocated.
 
+mod between;
 mod bgeo;
 mod npy;
 mod ply;
@@ -38,6 +39,8 @@ pub struct Particles {
     pub radii: Option<Vec<f32>>,
     /// Identities that persist between frames.
     pub ids: Option<Vec<i64>>,
+    /// Which of a scene's fluids each belongs to, from 0; of one fluid, none.
+    pub fluids: Option<Vec<u8>>,
 }
 
 /// The axis that points up in a file.

@@ -12,6 +12,7 @@ pub mod caustics;
 pub mod classify;
 pub mod gbuffer;
 pub mod mips;
+pub mod mixture;
 pub mod refract;
 pub mod smooth;
 pub mod splat;

@@ -113,6 +113,7 @@ impl Renderer {
         let wanted = Wanted {
             size,
             splash: has_splash,
+            mixture: variant.mixture,
             gbuffer: screen_solids || self.diagnose,
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs: true,
@@ -130,14 +131,14 @@ impl Renderer {
         let uniform = camera.uniform(size, splats.origin);
         let (views, maps) = (self.lights.views(), self.lights.maps());
         self.eye.prepare(gpu, scene, &uniform, camera.eye, views, maps, &fits);
-        let params = refract::Params::new(&scene.liquid, &settings.refract, splats.radius);
+        let params = refract::Params::new(scene, &settings.refract, splats.radius);
         self.refract.prepare(gpu, &self.eye.camera, &self.eye.scene, variant, &params);
         self.tonemap.prepare(gpu, &settings.tonemap, format);
 
         let mut timer = Timer::new(gpu, self.timing);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         self.lights.record(gpu, &mut encoder, scene, &self.liquid, splats, &fits, &mut timer);
-        let names = ["splat", "splat splashes", "tiles", "smooth", "gbuffer"];
+        let names = ["splat", "splat splashes", "mixture", "tiles", "smooth", "gbuffer"];
         self.eye.record(gpu, &mut encoder, scene, &self.liquid, &fits, &mut timer, names);
         if variant.mips() {
             let mut layers = vec![&self.eye.aggregate_layers().texture];

@@ -10,6 +10,7 @@ use crate::environment::Environment;
 use crate::error::{Error, Result};
 use crate::particles::Up;
 use crate::passes::gbuffer::{MAX_LIGHTS, MAX_SOLIDS};
+use crate::passes::mixture::MAX_FLUIDS;
 use crate::recipe::Recipe;
 use crate::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
 
@@ -18,6 +19,8 @@ use crate::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Ton
 pub struct Scene {
     /// Where the particles come from; none for a scene whose particles the caller has.
     pub particles: Option<ParticleSource>,
+    /// Several liquids instead of one, each with particles and an absorption of its own.
+    pub fluids: Vec<Fluid>,
     /// The parameters that particles are made from, where they come from no file.
     pub recipe: Option<Recipe>,
     /// The liquid's optics.
@@ -51,11 +54,23 @@ pub struct ParticleSource {
     /// Which axis of the file points up.
     #[serde(default)]
     pub up: Up,
+    /// Frames per second of the simulation, above 0, for slow motion and films; if absent, that of
+    /// the film.
+    #[serde(default)]
+    pub fps: Option<f64>,
+}
+
+/// One of several liquids in a scene. All have one index of refraction: that of [`Scene::liquid`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fluid {
+    /// Its particles.
+    pub particles: ParticleSource,
+    /// Absorption coefficient of red, green and blue light, 1/m.
+    pub absorption: Vec3,
 }
 
 /// The liquid's optics.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Liquid {
     /// Index of refraction relative to what surrounds it (0.3 to 3; water 1.33,
     /// a bubble of air in it 1/1.33).
@@ -202,9 +217,11 @@ pub enum Light {
 #[serde(deny_unknown_fields)]
 struct SceneFile {
     particles: Option<ParticleSource>,
+    #[serde(default)]
+    fluid: Vec<FluidFile>,
     recipe: Option<Recipe>,
     #[serde(default)]
-    liquid: Liquid,
+    liquid: LiquidFile,
     camera: Option<Camera>,
     #[serde(default)]
     view: Vec<NamedView>,
@@ -216,6 +233,27 @@ struct SceneFile {
     light: Vec<Light>,
     #[serde(default)]
     settings: SettingsFile,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct LiquidFile {
+    ior: Option<f32>,
+    absorption: Option<Vec3>,
+    color: Option<Vec3>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FluidFile {
+    source: String,
+    frame: Option<i64>,
+    radius: Option<f32>,
+    #[serde(default)]
+    up: Up,
+    fps: Option<f64>,
+    absorption: Option<Vec3>,
+    color: Option<Vec3>,
 }
 
 #[derive(Default, Deserialize)]
@@ -311,8 +349,9 @@ impl Scene {
             let number = i + 1;
             solids.push(solid.meaning().map_err(|e| fail(format!("[[solid]] {number}: {e}")))?);
         }
-        if file.particles.is_some() && file.recipe.is_some() {
-            return Err(fail("takes one of [particles] and [recipe]".into()));
+        let sources = [file.particles.is_some(), file.recipe.is_some(), !file.fluid.is_empty()];
+        if sources.into_iter().filter(|&given| given).count() > 1 {
+            return Err(fail("takes one of [particles], [[fluid]] and [recipe]".into()));
         }
         if let Some(recipe) = &file.recipe {
             recipe.check().map_err(|e| match e {
@@ -321,10 +360,19 @@ impl Scene {
             })?;
             solids.extend(recipe.solids());
         }
+        let liquid = file.liquid.meaning().map_err(|e| fail(format!("[liquid] {e}")))?;
         let mut particles = file.particles;
-        if let Some(p) = &mut particles {
+        let mut fluids = Vec::new();
+        for (number, fluid) in (1..).zip(file.fluid) {
+            let fluid = fluid.meaning(liquid.absorption);
+            fluids.push(fluid.map_err(|e| fail(format!("[[fluid]] {number}: {e}")))?);
+        }
+        for p in particles.iter_mut().chain(fluids.iter_mut().map(|fluid| &mut fluid.particles)) {
             if p.radius.is_some_and(|r| !(r > 0.0 && r.is_finite())) {
                 return Err(fail("[particles] radius must be above 0".into()));
+            }
+            if p.fps.is_some_and(|fps| !(fps > 0.0 && fps.is_finite())) {
+                return Err(fail("[particles] fps must be above 0".into()));
             }
             p.source = folder.join(&p.source).to_string_lossy().into_owned();
         }
@@ -333,8 +381,9 @@ impl Scene {
         let settings = settings.with(overrides)?;
         let scene = Self {
             particles,
+            fluids,
             recipe: file.recipe,
-            liquid: file.liquid,
+            liquid,
             camera: file.camera,
             views: file.view,
             environment,
@@ -362,6 +411,7 @@ impl Scene {
         let centre = 0.5 * (min + max);
         Self {
             particles: None,
+            fluids: Vec::new(),
             recipe: None,
             views: Vec::new(),
             liquid: Liquid::default(),
@@ -389,6 +439,19 @@ impl Scene {
         }
     }
 
+    /// Where particles come from: one source, or one for each fluid.
+    pub fn sources(&self) -> Vec<&ParticleSource> {
+        self.particles.iter().chain(self.fluids.iter().map(|fluid| &fluid.particles)).collect()
+    }
+
+    /// The absorption of each fluid, 1/m; at least one.
+    pub fn absorptions(&self) -> Vec<Vec3> {
+        match self.fluids.as_slice() {
+            [] => vec![self.liquid.absorption],
+            fluids => fluids.iter().map(|fluid| fluid.absorption).collect(),
+        }
+    }
+
     /// Whether any light falls on anything that shows it.
     pub fn is_lit(&self) -> bool {
         !self.lights.is_empty() && self.solids.iter().any(|solid| solid.lit)
@@ -408,8 +471,15 @@ impl Scene {
         if !(0.3..=3.0).contains(&self.liquid.ior) {
             return fail("liquid", "ior must be between 0.3 and 3");
         }
-        if !(self.liquid.absorption.is_finite() && self.liquid.absorption.min_element() >= 0.0) {
+        let absorbs = |a: &Vec3| a.is_finite() && a.min_element() >= 0.0;
+        if !absorbs(&self.liquid.absorption) {
             return fail("liquid", "absorption must not be negative");
+        }
+        if !self.absorptions().iter().all(absorbs) {
+            return fail("[fluid]", "absorption must not be negative");
+        }
+        if self.fluids.len() > MAX_FLUIDS {
+            return fail("[fluid]", &format!("at most {MAX_FLUIDS} fluids can be drawn"));
         }
         if let Some(camera) = &self.camera {
             camera.check()?;
@@ -489,6 +559,37 @@ impl Light {
             (_, false) => Some("irradiance and intensity must be finite"),
             _ => None,
         }
+    }
+}
+
+/// The absorption that a file gives, as such or as the colour that a metre leaves of white light.
+fn absorption(absorption: Option<Vec3>, color: Option<Vec3>) -> Result<Option<Vec3>, String> {
+    match (absorption, color) {
+        (Some(_), Some(_)) => Err("takes one of absorption and color".into()),
+        (None, Some(color)) if color.cmpgt(Vec3::ZERO).all() && color.cmple(Vec3::ONE).all() => {
+            Ok(Some(color.map(|c| (-c.ln()).max(0.0))))
+        }
+        (None, Some(_)) => Err("color must be above 0 and at most 1: what a metre leaves".into()),
+        (absorption, None) => Ok(absorption),
+    }
+}
+
+impl LiquidFile {
+    fn meaning(self) -> Result<Liquid, String> {
+        let default = Liquid::default();
+        let absorption = absorption(self.absorption, self.color)?;
+        Ok(Liquid {
+            ior: self.ior.unwrap_or(default.ior),
+            absorption: absorption.unwrap_or(default.absorption),
+        })
+    }
+}
+
+impl FluidFile {
+    fn meaning(self, default: Vec3) -> Result<Fluid, String> {
+        let Self { source, frame, radius, up, fps, absorption: given, color } = self;
+        let absorption = absorption(given, color)?.unwrap_or(default);
+        Ok(Fluid { particles: ParticleSource { source, frame, radius, up, fps }, absorption })
     }
 }
 

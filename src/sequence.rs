@@ -62,6 +62,16 @@ impl Sequence {
         self.frames.get(at)
     }
 
+    /// The frames of both, by number; where both have one, this one's.
+    pub(crate) fn joined(mut self, other: &Self) -> Self {
+        let new = other.frames.iter().filter(|frame| self.frame(frame.number).is_none());
+        let new: Vec<Frame> = new.cloned().collect();
+        self.frames.extend(new);
+        self.frames.sort_by_key(|frame| frame.number);
+        self.pattern = format!("{}, {}", self.pattern, other.pattern);
+        self
+    }
+
     fn from_pattern(input: &str, pattern: &Pattern<'_>) -> Result<Self> {
         let folder = pattern.folder;
         let names = list(folder)?;

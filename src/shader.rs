@@ -19,6 +19,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("common/scene.wgsl", include_str!("../shaders/common/scene.wgsl")),
     ("common/tiles.wgsl", include_str!("../shaders/common/tiles.wgsl")),
     ("splat.wgsl", include_str!("../shaders/splat.wgsl")),
+    ("mixture.wgsl", include_str!("../shaders/mixture.wgsl")),
     ("tiles.wgsl", include_str!("../shaders/tiles.wgsl")),
     ("smooth/iterate.wgsl", include_str!("../shaders/smooth/iterate.wgsl")),
     ("smooth/plane_fit.wgsl", include_str!("../shaders/smooth/plane_fit.wgsl")),
@@ -54,6 +55,7 @@ pub const FILES: &[(&str, &str)] = &[
 /// The files that are compiled as they are; the others are imported by them.
 pub const ROOTS: &[&str] = &[
     "splat.wgsl",
+    "mixture.wgsl",
     "tiles.wgsl",
     "smooth/plane_fit.wgsl",
     "smooth/bilateral.wgsl",

@@ -107,7 +107,7 @@ fn shared_structs_agree() {
     let camera =
         rust_struct!(CameraUniform { view_from_world, origin, near, size, tangent, far, pad });
     let splat =
-        rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, pad });
+        rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, fluid });
     let smooth =
         rust_struct!(smooth::Params { taps, stride, in_radii, radius, inv_sigma2, delta, mu });
     let refract = rust_struct!(refract::Params {

@@ -69,7 +69,7 @@ fn sphere(x: f32) -> Splat {
         diagonal: [0.1; 3],
         particle: 0,
         off_diagonal: [0.0; 3],
-        pad: 0.0,
+        fluid: 0,
     }
 }
 
@@ -86,6 +86,7 @@ fn splats(aggregates: usize, splashes: usize) -> Splats {
 fn scene() -> Scene {
     Scene {
         particles: None,
+        fluids: Vec::new(),
         recipe: None,
         views: Vec::new(),
         liquid: Liquid::default(),

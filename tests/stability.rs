@@ -76,6 +76,7 @@ fn tank(place: Place) -> (Scene, Camera, Splats) {
     let mut settings = Settings::default();
     settings.refract.edge_samples = 1;
     let scene = Scene {
+        fluids: Vec::new(),
         particles: None,
         recipe: None,
         views: Vec::new(),

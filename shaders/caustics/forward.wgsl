@@ -69,7 +69,7 @@ fn light_path(vertex: GridVertex) -> Landing {
             if cos_theta_t < 0.0 {
                 return no_path();
             }
-            passed *= optics_transmittance(params.absorption, to_exit)
+            passed *= transmittance_between(o, exit.position)
                 * (1.0 - reflectance(cos_theta_i, cos_theta_t, eta));
             start = exit.position;
             d = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
@@ -79,7 +79,7 @@ fn light_path(vertex: GridVertex) -> Landing {
     if !receiver.found {
         state = min(state, HIDDEN);
     } else if !dry {
-        passed *= optics_transmittance(params.absorption, distance(o, receiver.position));
+        passed *= transmittance_between(o, receiver.position);
     }
     let normal = pack_unit(plane_normal(receiver.plane));
     return Landing(receiver.position, state, passed, normal, start, pack_unit(d));

@@ -205,6 +205,6 @@ fn gathered(texel: vec2i) -> vec4f {
     let widening = max(path.spread, params.ior * params.ior * straight / largest_magnification());
     let focus = params.ior * params.ior / widening;
     let cosine = abs(dot(path.to_receiver, normal));
-    let left = optics_transmittance(params.absorption, length(path.position));
+    let left = transmittance_between(x, receiver);
     return vec4f(caustics.power * left * (lit * transmitted * focus * cosine), SOLVED);
 }

@@ -48,7 +48,7 @@ fn class_straight(front: vec3f, back: vec3f, omega: vec3f, d: vec3f, end: vec3f,
         let cos_out = abs(dot(d, plane_normal(back)));
         passed *= 1.0 - reflectance(cos_out, optics_cos_transmitted(cos_out, params.ior), params.ior);
     }
-    return passed * optics_transmittance(params.absorption, distance(from_point, to_point));
+    return passed * transmittance_between(from_point, to_point);
 }
 
 @compute @workgroup_size(8, 8)

@@ -18,7 +18,7 @@
 #import common/tiles.wgsl
 
 struct Params {
-    absorption: vec3f,     // 1/m
+    absorption: vec3f,     // 1/m; of several fluids, the largest component, three times
     ior: f32,              // of the liquid, relative to what surrounds it
     contact: f32,          // m
     samples: u32,
@@ -31,6 +31,7 @@ struct Params {
 
 override SPLASH: bool = false;            // the frame has splash layers
 override ABSORPTION: bool = true;         // any component of it is above 0
+override MIXTURE: bool = false;           // there are fluids of different absorption
 override SCHLICK: bool = false;
 override RADIANCE_SCALING: bool = true;
 override CONTACT: bool = true;            // there are solids, and contact > 0
@@ -42,15 +43,33 @@ override COUNT: bool = false;             // write the diagnostics
 @group(1) @binding(1) var aggregate_layers: texture_2d_array<f32>;
 @group(1) @binding(2) var splash_layers: texture_2d_array<f32>;
 @group(1) @binding(3) var gbuffer_planes: texture_2d<f32>;
-@group(1) @binding(4) var gbuffer_surfaces: texture_2d<f32>; // world normal, number of the solid
-@group(1) @binding(5) var radiance: texture_storage_2d<rgba32float, write>;
+@group(1) @binding(4) var mixture: texture_2d<f32>; // absorption times length, length: mixture.wgsl
+@group(1) @binding(5) var gbuffer_surfaces: texture_2d<f32>; // world normal, number of the solid
+@group(1) @binding(6) var radiance: texture_storage_2d<rgba32float, write>;
 // interfaces, length inside (m), solver iterations, solver failures; means over the samples
-@group(1) @binding(6) var diagnostics: texture_storage_2d<rgba32float, write>;
+@group(1) @binding(7) var diagnostics: texture_storage_2d<rgba32float, write>;
 // The tiles that an entry point draws: those of the liquid, or the others.
-@group(1) @binding(7) var<storage, read> tiles: TileList;
+@group(1) @binding(8) var<storage, read> tiles: TileList;
 
 // Reflectance above which an internal reflection is followed and the transmitted light looked up.
 const STRONG: f32 = 0.3;
+
+// What the liquid leaves of light from `o` to `x`. Several fluids are taken as mixed along the rays
+// of the pixels where the light's own way begins and ends.
+fn transmittance_between(o: vec3f, x: vec3f) -> vec3f {
+    var absorption = params.absorption;
+    if MIXTURE {
+        absorption *= 0.5 * (mixture_at(o) + mixture_at(x));
+    }
+    return optics_transmittance(absorption, distance(o, x));
+}
+
+fn mixture_at(x: vec3f) -> vec3f {
+    let last = vec2i(camera.size) - 1;
+    let pixel = select(0.5 * camera.size, camera_pixel(x), ORTHOGRAPHIC || -x.z >= camera.near);
+    let sums = textureLoad(mixture, clamp(vec2i(floor(pixel)), vec2i(0), last), 0);
+    return sums.rgb / max(sums.a, 1e-3);
+}
 
 // Where a ray meets a boundary of the liquid, or the opaque scene.
 struct Interface {
@@ -382,7 +401,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             // The liquid reaches the solid.
             diagnosed.inside += solid.t;
             if ABSORPTION {
-                weight *= optics_transmittance(params.absorption, solid.t);
+                weight *= transmittance_between(o, o + solid.t * d);
             }
             return result + weight * radiance_of(solid, o, d);
         }
@@ -392,7 +411,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
         }
         diagnosed.inside += distance;
         if ABSORPTION {
-            weight *= optics_transmittance(params.absorption, distance);
+            weight *= transmittance_between(o, hit.position);
         }
         o = hit.position;
         start = hit.texel;

@@ -8,16 +8,13 @@ use indicatif::{ProgressBar, ProgressStyle};
 use limpid::aov::{self, Aov};
 use limpid::frames::{FrameSpec, Shard};
 use limpid::gpu::{Gpu, PassTime};
-use limpid::input::{Input, Loaded};
+use limpid::input::{Input, Missing, Moment};
 use limpid::output::{self, OutputNames};
-use limpid::renderer::{Picture, Renderer};
+use limpid::ring::Ring;
 use limpid::scene::Scene;
-use limpid::sequence;
 use limpid::settings::Preset;
+use limpid::studio::Studio;
 use serde::Serialize;
-
-/// Frames read and classified before they are drawn.
-const AHEAD: usize = 2;
 
 /// One argument, not one per value as clap would read a `Vec`.
 type AovList = Vec<Aov>;
@@ -40,6 +37,12 @@ pub(crate) struct Args {
     /// Frames: 1-3,5, 7-20:2, 1-10@b, all [default: the scene's frame, or all].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
+    /// What stands for a frame that is not there: error, empty or hold (the last one before).
+    #[arg(long, default_value = "error")]
+    missing: Missing,
+    /// Memory for frames that are loaded ahead, MiB.
+    #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
+    memory: u64,
     /// One share of the frames, I/N with I from 1.
     #[arg(long)]
     shard: Option<Shard>,
@@ -87,7 +90,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
     overrides.extend_from_slice(&args.set);
     overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
-    let (input, scene) = open(args, &overrides)?.settle(&overrides)?;
+    let mut input = open(args, &overrides)?;
+    input.missing = args.missing;
+    let (input, scene) = input.settle(&overrides)?;
     scene.check()?;
     let frames = choose(args, &input)?;
     let names = {
@@ -96,35 +101,43 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let todo: Vec<_> = frames
         .into_iter()
-        .filter(|frame| !(args.skip_existing && exists(&names.path(frame.number), args.size)))
+        .filter(|&number| !(args.skip_existing && exists(&names.path(number), args.size)))
+        .map(Moment::at)
         .collect();
+    let frames = todo.len();
     if todo.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
 
     names.create_folder()?;
     let gpu = Gpu::headless()?;
-    let mut renderer = Renderer::new(&gpu);
-    renderer.timing = args.stats.is_some();
-    renderer.diagnose = args.aov.is_some();
-    let picture = Picture::new(&gpu, args.size)?;
+    let mut studio = Studio::new(&gpu);
+    studio.renderer.timing = args.stats.is_some();
+    studio.renderer.diagnose = args.aov.is_some();
     let mut stats = Stats { adapter: gpu.adapter(), frames: Vec::new() };
     let bar = progress(todo.len());
-    let drawn = input.for_each_loaded(&todo, &scene, AHEAD, |loaded| {
-        let times = draw(&mut renderer, &scene, &loaded, &picture, args.size)?;
-        let path = names.path(loaded.number);
+    let ring = {
+        let (input, scene, todo) = (input.clone(), scene.clone(), todo.clone());
+        let workers = std::thread::available_parallelism().map_or(1, |n| n.get().min(todo.len()));
+        let load = move |i: usize| input.load(todo[i], &scene);
+        Ring::new(frames, args.memory << 20, workers, load, |_| ())
+    };
+    let drawn: limpid::Result<()> = todo.iter().enumerate().try_for_each(|(i, &moment)| {
+        let loaded = ring.wait(i)?;
+        let camera = scene.camera_for(loaded.bounds);
+        let shot = studio.draw(&scene, &camera, &loaded.splats, args.size)?;
+        let path = names.path(moment.frame);
         if let Some(chosen) = &args.aov {
-            aov::write(&aov_path(&path), aov::read(&gpu, &renderer.images(), chosen)?)?;
+            aov::write(&aov_path(&path), studio.images(chosen)?)?;
         }
         // The picture last: where it exists, all that belongs to it does.
-        let rgb = image::DynamicImage::ImageRgba8(picture.read(&gpu)?).into_rgb8();
-        output::write_png(&path, &rgb)?;
+        output::write_png(&path, &shot.picture)?;
         stats.frames.push(FrameStats {
-            frame: loaded.number,
+            frame: moment.frame,
             particles: loaded.particles,
             splashes: loaded.splats.splashes.len(),
-            total_ms: times.iter().map(|pass| pass.ms).sum(),
-            passes: times,
+            total_ms: shot.passes.iter().map(|pass| pass.ms).sum(),
+            passes: shot.passes,
         });
         bar.inc(1);
         Ok(())
@@ -152,25 +165,14 @@ fn open(args: &Args, overrides: &[String]) -> limpid::Result<Input> {
     }
 }
 
-fn choose<'a>(args: &Args, input: &'a Input) -> limpid::Result<Vec<&'a sequence::Frame>> {
+fn choose(args: &Args, input: &Input) -> limpid::Result<Vec<i64>> {
     let spec = match (&args.frames, input.frame) {
         (Some(spec), _) => spec.clone(),
         (None, Some(frame)) => FrameSpec::List(vec![frame]),
         (None, None) => FrameSpec::All,
     };
-    let frames = spec.select(&input.sequence)?;
+    let frames = spec.numbers(&input.sequence, input.missing)?;
     Ok(args.shard.unwrap_or_default().of(frames).collect())
-}
-
-fn draw(
-    renderer: &mut Renderer,
-    scene: &Scene,
-    loaded: &Loaded,
-    picture: &Picture,
-    size: UVec2,
-) -> limpid::Result<Vec<PassTime>> {
-    let camera = scene.camera_for(loaded.bounds);
-    renderer.render(scene, &camera, &loaded.splats, &picture.view(), Picture::FORMAT, size)
 }
 
 /// Whether the picture is there, whole and in this size.

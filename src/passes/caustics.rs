@@ -173,6 +173,8 @@ pub(crate) struct Inputs<'a> {
     pub aggregate: &'a Layers,
     pub splash: Option<&'a Layers>,
     pub gbuffer: &'a GBuffer,
+    /// Of fluids of different absorption.
+    pub mixture: Option<&'a wgpu::TextureView>,
 }
 
 /// Where a light's map goes: one layer of both textures.
@@ -197,6 +199,7 @@ impl Caustics {
                     gpu::uniform::<refract::Params>(),
                     gpu::sampled(D2Array),
                     gpu::sampled(D2Array),
+                    planes,
                     planes,
                 ],
             ),
@@ -337,7 +340,7 @@ impl Caustics {
         let uniform = |label: &str, bytes: &[u8]| {
             gpu::buffer_with(gpu, label, wgpu::BufferUsages::UNIFORM, bytes)
         };
-        let refract = refract::Params::new(&scene.liquid, &scene.settings.refract, radius);
+        let refract = refract::Params::new(scene, &scene.settings.refract, radius);
         let refract = uniform("light view", bytemuck::bytes_of(&refract));
         let own = uniform("caustics", bytemuck::bytes_of(params));
         let view = |texture: &wgpu::Texture| gpu::layer_view(texture, 0);
@@ -353,6 +356,7 @@ impl Caustics {
                 texture(&inputs.aggregate.view),
                 texture(&splash.view),
                 texture(&planes),
+                texture(inputs.mixture.unwrap_or(&planes)),
             ],
         );
         let group = |layout, resources: &[wgpu::BindingResource<'_>]| {

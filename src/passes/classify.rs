@@ -38,8 +38,8 @@ pub struct Splat {
     pub particle: u32,
     /// `A_xy, A_xz, A_yz`, in metres.
     pub off_diagonal: [f32; 3],
-    /// Fills the last 16 bytes; zero.
-    pub pad: f32,
+    /// Which of a scene's fluids it is of, from 0.
+    pub fluid: u32,
 }
 
 /// What a frame is drawn from. Both lists are in the order of the file; the copies that [`wet`]
@@ -133,6 +133,7 @@ struct Member {
     position: Vec3,
     radius: f32,
     particle: u32,
+    fluid: u32,
 }
 
 /// The drawable particles of a frame, and the tree that finds neighbours among them.
@@ -144,12 +145,14 @@ struct Cloud {
 impl Cloud {
     fn new(particles: &Particles, default_radius: f32) -> Self {
         let radius = |i: usize| particles.radii.as_ref().map_or(default_radius, |radii| radii[i]);
+        let fluid = |i: usize| particles.fluids.as_ref().map_or(0, |fluids| fluids[i].into());
         let members: Vec<_> = (0u32..)
             .zip(&particles.positions)
             .map(|(particle, &position)| Member {
                 position,
                 radius: radius(particle as usize),
                 particle,
+                fluid: fluid(particle as usize),
             })
             .filter(|m| m.position.is_finite() && m.radius > 0.0 && m.radius.powi(3).is_normal())
             .collect();
@@ -266,7 +269,7 @@ impl Member {
             diagonal: DVec3::new(x.x, y.y, z.z).as_vec3().to_array(),
             particle: self.particle,
             off_diagonal: DVec3::new(y.x, z.x, z.y).as_vec3().to_array(),
-            pad: 0.0,
+            fluid: self.fluid,
         }
     }
 }

@@ -10,6 +10,7 @@ use glam::UVec2;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::gbuffer::{SceneBinding, SceneVariant};
+use super::mixture;
 use super::surfaces::Surfaces;
 use super::tiles::TileLists;
 use super::{CameraBinding, Layers, Radiance};
@@ -21,7 +22,7 @@ use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Params {
-    /// Absorption, 1/m.
+    /// Absorption, 1/m; of several fluids, what the mixture's is a share of.
     pub absorption: [f32; 3],
     /// Index of refraction.
     pub ior: f32,
@@ -56,6 +57,8 @@ pub(crate) struct Variant {
     pub splash: bool,
     /// The liquid absorbs.
     pub absorption: bool,
+    /// Fluids of different absorption.
+    pub mixture: bool,
     /// The reflectance formula.
     pub fresnel: Fresnel,
     /// Scale radiance by the square of the index.
@@ -80,7 +83,8 @@ impl Variant {
             filter: settings.filter && settings.solver == Solver::Newton,
             stride: if settings.solver == Solver::March { settings.stride } else { 1 },
             splash,
-            absorption: scene.liquid.absorption.max_element() > 0.0,
+            absorption: mixture::strongest(scene) > 0.0,
+            mixture: mixture::is_mixed(scene),
             fresnel: settings.fresnel,
             radiance_scaling: settings.radiance_scaling,
             contact: settings.contact > 0.0 && !scene.solids.is_empty(),
@@ -117,10 +121,11 @@ impl Variant {
         constants
     }
 
-    fn switches(self) -> [(&'static str, f64); 8] {
+    fn switches(self) -> [(&'static str, f64); 9] {
         [
             ("SPLASH", self.splash),
             ("ABSORPTION", self.absorption),
+            ("MIXTURE", self.mixture),
             ("SCHLICK", self.fresnel == Fresnel::Schlick),
             ("RADIANCE_SCALING", self.radiance_scaling),
             ("CONTACT", self.contact),
@@ -157,6 +162,7 @@ impl Refract {
             gpu::uniform::<Params>(),
             gpu::sampled(D2Array),
             gpu::sampled(D2Array),
+            gpu::sampled(D2),
             gpu::sampled(D2),
             gpu::sampled(D2),
             gpu::storage_texture(Layers::FORMAT, D2),
@@ -223,6 +229,7 @@ impl Refract {
                 wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
                 wgpu::BindingResource::TextureView(&eye.splash.layers.view),
                 wgpu::BindingResource::TextureView(&planes),
+                wgpu::BindingResource::TextureView(&eye.mixture.view),
                 wgpu::BindingResource::TextureView(&surfaces),
                 wgpu::BindingResource::TextureView(&radiance),
                 wgpu::BindingResource::TextureView(&diagnostics),
@@ -248,14 +255,14 @@ impl Refract {
 
 impl Params {
     /// The parameters of a frame whose particles have `radius`, m.
-    pub(crate) fn new(
-        liquid: &crate::scene::Liquid,
-        settings: &settings::Refract,
-        radius: f32,
-    ) -> Self {
+    pub(crate) fn new(scene: &Scene, settings: &settings::Refract, radius: f32) -> Self {
+        let absorption = match mixture::is_mixed(scene) {
+            true => [mixture::strongest(scene); 3],
+            false => scene.absorptions()[0].to_array(),
+        };
         Self {
-            absorption: liquid.absorption.to_array(),
-            ior: liquid.ior,
+            absorption,
+            ior: scene.liquid.ior,
             contact: settings.contact * radius,
             samples: settings.samples,
             interfaces: settings.interfaces,

@@ -41,6 +41,14 @@ impl SplatBuffers {
         Self { layout: layout(gpu), chunks: Vec::new() }
     }
 
+    /// Draws all of them with the pipeline that is set; they are its group 1.
+    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
+        for chunk in &self.chunks {
+            pass.set_bind_group(1, &chunk.group, &[]);
+            pass.draw(0..4, 0..chunk.count);
+        }
+    }
+
     /// Uploads the frame's splats.
     pub(crate) fn upload(&mut self, gpu: &Gpu, splats: &[SplatData]) {
         let limits = gpu.device.limits();
@@ -164,16 +172,15 @@ impl Splat {
             });
             pass.set_pipeline(&self.pipelines[side as usize]);
             pass.set_bind_group(0, &camera.group, &[]);
-            let chunks = if side == Layers::BACK && !backs { &[] } else { &splats.chunks[..] };
-            for chunk in chunks {
-                pass.set_bind_group(1, &chunk.group, &[]);
-                pass.draw(0..4, 0..chunk.count);
+            if side == Layers::FRONT || backs {
+                splats.draw(&mut pass);
             }
         }
     }
 }
 
-fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+/// Group 1 of `splat.wgsl`.
+pub(super) fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     gpu.layout("splats", wgpu::ShaderStages::VERTEX, &[gpu::storage::<SplatData>()])
 }
 

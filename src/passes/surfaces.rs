@@ -5,6 +5,7 @@
 use glam::{DVec3, UVec2};
 
 use super::gbuffer::{Gbuffer, LightMaps, SceneBinding};
+use super::mixture::Mixture;
 use super::smooth::{self, Smooth};
 use super::splat::{Splat, SplatBuffers};
 use super::tiles::Tiles;
@@ -30,6 +31,7 @@ pub(crate) struct Surfaces {
     pub scene: SceneBinding,
     pub aggregate: Splat,
     pub splash: Splat,
+    pub mixture: Mixture,
     pub tiles: Tiles,
     pub smooth: Smooth,
     pub gbuffer: Gbuffer,
@@ -44,6 +46,8 @@ pub(crate) struct Wanted {
     pub size: UVec2,
     /// The frame has splashes.
     pub splash: bool,
+    /// Fluids of different absorption are to be told apart.
+    pub mixture: bool,
     /// The opaque scene is to be drawn.
     pub gbuffer: bool,
     /// Mip levels.
@@ -52,8 +56,8 @@ pub(crate) struct Wanted {
     pub backs: bool,
 }
 
-/// Names of the passes in the timings: splat, splashes, tiles, smooth, gbuffer.
-pub(crate) type Names = [&'static str; 5];
+/// Names of the passes in the timings: splat, splashes, mixture, tiles, smooth, gbuffer.
+pub(crate) type Names = [&'static str; 6];
 
 impl Surfaces {
     /// Compiles the passes for a perspective or an orthographic view.
@@ -62,12 +66,20 @@ impl Surfaces {
         let scene = SceneBinding::new(gpu);
         let aggregate = Splat::new(gpu, &camera);
         let splash = Splat::new(gpu, &camera);
+        let mixture = Mixture::new(gpu, &camera);
         let tiles = Tiles::new(gpu);
         let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
         let gbuffer = Gbuffer::new(gpu);
-        let wanted =
-            Wanted { size: UVec2::ONE, splash: false, gbuffer: false, levels: 1, backs: true };
-        Self { camera, scene, aggregate, splash, tiles, smooth, gbuffer, wanted, smoothed: false }
+        let wanted = Wanted {
+            size: UVec2::ONE,
+            splash: false,
+            mixture: false,
+            gbuffer: false,
+            levels: 1,
+            backs: true,
+        };
+        let smoothed = false;
+        Self { camera, scene, aggregate, splash, mixture, tiles, smooth, gbuffer, wanted, smoothed }
     }
 
     /// Gives each pass what it needs at this size, and one pixel to those that do not run.
@@ -82,6 +94,7 @@ impl Surfaces {
         self.aggregate.resize(gpu, wanted.size, wanted.levels);
         let (size, levels) = used(wanted.splash);
         self.splash.resize(gpu, size, levels);
+        self.mixture.resize(gpu, used(wanted.mixture).0);
         self.tiles.resize(gpu, wanted.size);
         self.smooth.resize(gpu, &self.aggregate.layers);
         let (size, levels) = used(wanted.gbuffer);
@@ -103,6 +116,9 @@ impl Surfaces {
     ) {
         self.camera.write(gpu, camera);
         self.scene.upload(gpu, scene, eye, views, maps);
+        if self.wanted.mixture {
+            self.mixture.prepare(gpu, &self.camera, scene);
+        }
         self.smoothed = !fits.is_empty();
         if self.smoothed {
             self.smooth.prepare(gpu, &self.camera, scene.settings.smooth.filter);
@@ -122,7 +138,7 @@ impl Surfaces {
         liquid: &Liquid,
         fits: &[smooth::Params],
         timer: &mut Timer,
-        [splat, splashes, tiles, smooth, gbuffer]: Names,
+        [splat, splashes, mixture, tiles, smooth, gbuffer]: Names,
     ) {
         let camera = &self.camera;
         let backs = self.wanted.backs;
@@ -130,6 +146,10 @@ impl Surfaces {
         if self.wanted.splash {
             let span = timer.span(splashes);
             self.splash.record(encoder, camera, &liquid.splashes, backs, span);
+        }
+        if self.wanted.mixture {
+            let classes = [&liquid.aggregates, &liquid.splashes];
+            self.mixture.record(encoder, camera, classes, timer.span(mixture));
         }
         self.tiles.record(
             gpu,

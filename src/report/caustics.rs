@@ -132,6 +132,7 @@ impl Bench {
             aggregate: &self.aggregate,
             splash: self.splash.as_ref(),
             gbuffer: &self.gbuffer,
+            mixture: None,
         };
         let [map, receivers] = &self.outputs;
         let output = Output { map, receivers, layer: 0 };
@@ -364,11 +365,12 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
     let mut surfaces = Surfaces::new(gpu, view.orthographic);
     let splash = !splats.splashes.is_empty();
     let backs = scene.settings.caustics.interfaces > 1;
-    let wanted = Wanted { size: view.size, splash, gbuffer: true, levels: 1, backs };
+    let wanted =
+        Wanted { size: view.size, splash, mixture: false, gbuffer: true, levels: 1, backs };
     surfaces.resize(gpu, wanted);
     surfaces.prepare(gpu, scene, &view.uniform(splats.origin), view.origin, &[], None, &fits);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    let names = ["splat", "splashes", "tiles", "smooth", "gbuffer"];
+    let names = ["splat", "splashes", "mixture", "tiles", "smooth", "gbuffer"];
     let timer = &mut Timer::new(gpu, false);
     surfaces.record(gpu, &mut encoder, scene, &liquid, &fits, timer, names);
     gpu.queue.submit([encoder.finish()]);

@@ -397,7 +397,7 @@ impl Bench {
             let layouts = [&self.camera.layout, &self.inputs, &self.scene.layout, &self.outputs];
             gpu::module_pipeline(gpu, root, &module, "intersect_pixels", &layouts, &constants)
         });
-        let params = Params::new(&scene.liquid, &settings, 0.0);
+        let params = Params::new(&scene, &settings, 0.0);
         let params = gpu::buffer_with(gpu, "refract", wgpu::BufferUsages::UNIFORM, &[params]);
         let [aggregate, splash] = [0, 1].map(|i| gpu::array_view(&self.textures[i]));
         let solids = self.textures[2].create_view(&Default::default());

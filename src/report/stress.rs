@@ -178,6 +178,7 @@ impl Trial {
                 lit: false,
             }],
             particles: None,
+            fluids: Vec::new(),
             recipe: None,
             camera: None,
             views: Vec::new(),
@@ -191,7 +192,7 @@ impl Trial {
             diagonal: [x.x, y.y, z.z],
             particle: 0,
             off_diagonal: [x.y, x.z, y.z],
-            pad: 0.0,
+            fluid: 0,
         };
         let splats = Splats {
             splashes: vec![splat],

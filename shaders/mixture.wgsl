@@ -1,0 +1,20 @@
+// What the liquid at each pixel is mixed of: the lengths of all splats along the pixel's ray, and
+// their absorption times length, added up. Their quotient is the mean absorption along the ray.
+
+#import splat.wgsl
+
+const MAX_FLUIDS: u32 = 16u;
+
+// Of each fluid, as shares of the largest component of all.
+@group(2) @binding(0) var<uniform> absorptions: array<vec4f, MAX_FLUIDS>;
+
+@fragment
+fn mixture(in: Varying) -> @location(0) vec4f {
+    let chord = splat_chord(in, camera_omega(in.clip.xy));
+    if !chord.hit {
+        discard;
+    }
+    // In particle radii, or nearly: numbers that half floats hold whatever the scene's scale.
+    let length = chord.half_length * sqrt(dot(chord.d, chord.d));
+    return vec4f(absorptions[in.fluid].rgb * length, length);
+}

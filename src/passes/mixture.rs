@@ -1,0 +1,163 @@
+//! What the liquid at each pixel is mixed of: `shaders/mixture.wgsl`.
+//!
+//! Several fluids share the layers, for light is not bent where they meet. What differs is what they
+//! absorb: this pass adds up, over all splats that a pixel's ray passes, length and absorption times
+//! length. Where light runs inside the liquid it is absorbed as that mixture does: exact for light
+//! that is not bent, whatever the fluids' order. Only fluids of different absorption need it.
+
+use glam::{UVec2, Vec4};
+
+use super::CameraBinding;
+use super::splat::{self, SplatBuffers};
+use crate::gpu::{self, Gpu, Span};
+use crate::scene::Scene;
+
+/// Most fluids of a scene.
+pub const MAX_FLUIDS: usize = 16;
+
+/// Sums over splats: half floats are the only ones that every adapter adds up, and a share of two
+/// thousandths is nothing against what a ray's bending changes.
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+
+/// Draws the mixture of a view.
+#[derive(Debug)]
+pub(crate) struct Mixture {
+    /// Output: absorption times length, as a share of [`strongest`], and length; one pixel if there is
+    /// nothing to tell apart.
+    pub view: wgpu::TextureView,
+    pipeline: Option<wgpu::RenderPipeline>,
+    absorptions: wgpu::Buffer,
+    layout: wgpu::BindGroupLayout,
+    group: wgpu::BindGroup,
+    orthographic: [(&'static str, f64); 1],
+}
+
+/// Whether a scene has fluids of different absorption.
+pub(crate) fn is_mixed(scene: &Scene) -> bool {
+    scene.absorptions().windows(2).any(|pair| pair[0] != pair[1])
+}
+
+/// The largest component of any fluid's absorption, 1/m.
+pub(crate) fn strongest(scene: &Scene) -> f32 {
+    scene.absorptions().iter().fold(0.0, |most, absorption| most.max(absorption.max_element()))
+}
+
+impl Mixture {
+    /// Makes the layout; the pipeline is compiled when a frame first needs it.
+    pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
+        let binding = gpu::uniform::<[Vec4; MAX_FLUIDS]>();
+        let layout = gpu.layout("fluids", wgpu::ShaderStages::FRAGMENT, &[binding]);
+        let absorptions = gpu::uniform_buffer::<[Vec4; MAX_FLUIDS]>(gpu, "fluids");
+        let group = gpu::bind_group(gpu, "fluids", &layout, &[absorptions.as_entire_binding()]);
+        let orthographic = camera.constants();
+        Self {
+            view: sized(gpu, UVec2::ONE),
+            pipeline: None,
+            absorptions,
+            layout,
+            group,
+            orthographic,
+        }
+    }
+
+    /// Replaces the picture.
+    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2) {
+        self.view = sized(gpu, size);
+    }
+
+    /// Uploads what the fluids absorb, and compiles the pipeline if it is not there.
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, scene: &Scene) {
+        let strongest = strongest(scene).max(f32::MIN_POSITIVE);
+        let mut shares = [Vec4::ZERO; MAX_FLUIDS];
+        for (share, absorption) in shares.iter_mut().zip(scene.absorptions()) {
+            *share = (absorption / strongest).extend(0.0);
+        }
+        gpu.queue.write_buffer(&self.absorptions, 0, bytemuck::cast_slice(&shares));
+        if self.pipeline.is_none() {
+            self.pipeline = Some(self.pipeline(gpu, camera));
+        }
+    }
+
+    fn pipeline(&self, gpu: &Gpu, camera: &CameraBinding) -> wgpu::RenderPipeline {
+        let module = crate::shader::module(gpu, "mixture.wgsl");
+        let splats = splat::layout(gpu);
+        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("mixture"),
+            bind_group_layouts: &[Some(&camera.layout), Some(&splats), Some(&self.layout)],
+            immediate_size: 0,
+        });
+        let compilation_options = wgpu::PipelineCompilationOptions {
+            constants: &self.orthographic,
+            ..Default::default()
+        };
+        let add = wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::One,
+            dst_factor: wgpu::BlendFactor::One,
+            operation: wgpu::BlendOperation::Add,
+        };
+        gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("mixture"),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vertex"),
+                compilation_options: compilation_options.clone(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState {
+                topology: wgpu::PrimitiveTopology::TriangleStrip,
+                ..Default::default()
+            },
+            depth_stencil: None,
+            multisample: Default::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("mixture"),
+                compilation_options,
+                targets: &[Some(wgpu::ColorTargetState {
+                    format: FORMAT,
+                    blend: Some(wgpu::BlendState { color: add, alpha: add }),
+                    write_mask: wgpu::ColorWrites::ALL,
+                })],
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
+    }
+
+    /// Adds all splats up; [`Mixture::prepare`] comes first.
+    pub(crate) fn record(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        camera: &CameraBinding,
+        classes: [&SplatBuffers; 2],
+        span: Span<'_>,
+    ) {
+        let Some(pipeline) = &self.pipeline else { return };
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("mixture"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &self.view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            timestamp_writes: span.render(),
+            ..Default::default()
+        });
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &camera.group, &[]);
+        pass.set_bind_group(2, &self.group, &[]);
+        for splats in classes {
+            splats.draw(&mut pass);
+        }
+    }
+}
+
+fn sized(gpu: &Gpu, size: UVec2) -> wgpu::TextureView {
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
+    gpu::texture(gpu, "mixture", size, 1, FORMAT, usage).create_view(&Default::default())
+}
