@@ -5,7 +5,7 @@
 
 const MAX_FLUIDS: u32 = 16u;
 
-// Of each fluid, as shares of the largest component of all.
+// Of each fluid, as shares of the largest component of all; and 1 over the particle radius, 1/m.
 @group(2) @binding(0) var<uniform> absorptions: array<vec4f, MAX_FLUIDS>;
 
 @fragment
@@ -14,7 +14,9 @@ fn mixture(in: Varying) -> @location(0) vec4f {
     if !chord.hit {
         discard;
     }
-    // In particle radii, or nearly: numbers that half floats hold whatever the scene's scale.
-    let length = chord.half_length * sqrt(dot(chord.d, chord.d));
-    return vec4f(absorptions[in.fluid].rgb * length, length);
+    // In depth, which is as good as length along one ray, and in particle radii: numbers that half
+    // floats hold whatever the scene's scale.
+    let fluid = absorptions[in.fluid];
+    let length = chord.half_length * fluid.w;
+    return vec4f(fluid.rgb * length, length);
 }

@@ -79,7 +79,7 @@ impl Lights {
             let mixture = mixture::is_mixed(scene);
             surfaces.resize(gpu, Wanted { size, splash, mixture, gbuffer: true, levels: 1, backs });
             let uniform = view.uniform(splats.origin);
-            surfaces.prepare(gpu, scene, &uniform, view.origin, &[], None, fits);
+            surfaces.prepare(gpu, scene, &uniform, view.origin, &[], None, splats.radius, fits);
             caustics.prepare(gpu, &surfaces.camera, &surfaces.scene, scene, splash, view.size)?;
         }
         Ok(())

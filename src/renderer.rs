@@ -130,7 +130,7 @@ impl Renderer {
         self.lights.prepare(gpu, scene, splats, &fits)?;
         let uniform = camera.uniform(size, splats.origin);
         let (views, maps) = (self.lights.views(), self.lights.maps());
-        self.eye.prepare(gpu, scene, &uniform, camera.eye, views, maps, &fits);
+        self.eye.prepare(gpu, scene, &uniform, camera.eye, views, maps, splats.radius, &fits);
         let params = refract::Params::new(scene, &settings.refract, splats.radius);
         self.refract.prepare(gpu, &self.eye.camera, &self.eye.scene, variant, &params);
         self.tonemap.prepare(gpu, &settings.tonemap, format);

@@ -81,7 +81,7 @@ struct Aim {
 
 impl Aim {
     /// How soon frame `i` of `count` is wanted: 0 the wanted one, then those ahead, and those
-    /// behind as if they were as far ahead again.
+    /// behind as if they were four times as far.
     fn rank(self, i: usize, count: usize) -> usize {
         let forwards = self.step >= 0;
         let (from, to) = if forwards { (self.at, i) } else { (i, self.at) };
@@ -90,7 +90,7 @@ impl Aim {
         } else if self.looped {
             to + count - from
         } else {
-            2 * (from - to)
+            4 * (from - to) + 1
         }
     }
 }

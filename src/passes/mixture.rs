@@ -65,12 +65,18 @@ impl Mixture {
         self.view = sized(gpu, size);
     }
 
-    /// Uploads what the fluids absorb, and compiles the pipeline if it is not there.
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, scene: &Scene) {
+    /// Uploads what the fluids absorb, for particles of `radius` (m), and compiles the pipeline if it is not there.
+    pub(crate) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        scene: &Scene,
+        radius: f32,
+    ) {
         let strongest = strongest(scene).max(f32::MIN_POSITIVE);
         let mut shares = [Vec4::ZERO; MAX_FLUIDS];
         for (share, absorption) in shares.iter_mut().zip(scene.absorptions()) {
-            *share = (absorption / strongest).extend(0.0);
+            *share = (absorption / strongest).extend(radius.max(f32::MIN_POSITIVE).recip());
         }
         gpu.queue.write_buffer(&self.absorptions, 0, bytemuck::cast_slice(&shares));
         if self.pipeline.is_none() {

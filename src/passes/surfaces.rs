@@ -112,12 +112,13 @@ impl Surfaces {
         eye: DVec3,
         views: &[Option<LightView>],
         maps: Option<&LightMaps>,
+        radius: f32,
         fits: &[smooth::Params],
     ) {
         self.camera.write(gpu, camera);
         self.scene.upload(gpu, scene, eye, views, maps);
         if self.wanted.mixture {
-            self.mixture.prepare(gpu, &self.camera, scene);
+            self.mixture.prepare(gpu, &self.camera, scene, radius);
         }
         self.smoothed = !fits.is_empty();
         if self.smoothed {

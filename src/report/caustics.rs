@@ -368,7 +368,8 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
     let wanted =
         Wanted { size: view.size, splash, mixture: false, gbuffer: true, levels: 1, backs };
     surfaces.resize(gpu, wanted);
-    surfaces.prepare(gpu, scene, &view.uniform(splats.origin), view.origin, &[], None, &fits);
+    let uniform = view.uniform(splats.origin);
+    surfaces.prepare(gpu, scene, &uniform, view.origin, &[], None, splats.radius, &fits);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let names = ["splat", "splashes", "mixture", "tiles", "smooth", "gbuffer"];
     let timer = &mut Timer::new(gpu, false);

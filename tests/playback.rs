@@ -1,0 +1,166 @@
+//! Protects slow motion and gaps: what is drawn between frames and where frames are missing.
+
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use limpid::Error;
+use limpid::frames::FrameSpec;
+use limpid::input::{Input, Missing, Moment};
+use limpid::particles::Particles;
+
+const G: Vec3 = Vec3::new(0.0, -9.81, 0.0);
+
+/// Particles thrown at different velocities, `t` seconds later.
+fn thrown(t: f32) -> Particles {
+    let starts = [Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0), Vec3::new(-4.0, 0.5, 0.0)];
+    let throws = [Vec3::new(3.0, 4.0, 0.0), Vec3::new(0.0, 1.0, -2.0), Vec3::new(0.5, -6.0, 1.0)];
+    let position = |(x, v): (&Vec3, &Vec3)| *x + *v * t + G * (0.5 * t * t);
+    Particles {
+        velocities: Some(throws.iter().map(|v| *v + G * t).collect()),
+        ids: Some(vec![10, 20, 30]),
+        ..Particles::from_positions(starts.iter().zip(&throws).map(position).collect())
+    }
+}
+
+fn assert_near(a: &[Vec3], b: &[Vec3]) {
+    assert_eq!(a.len(), b.len());
+    for (a, b) in a.iter().zip(b) {
+        assert!(a.abs_diff_eq(*b, 2e-5), "{a}, {b} expected");
+    }
+}
+
+/// Ballistic flight is exact, for any time between the frames, told by nobody; the order of the file
+/// does not matter where there are ids; at frame times the files are as they are.
+#[test]
+fn flight_between_frames_is_exact() {
+    let (from, duration) = (0.3, 0.04);
+    let (a, b) = (thrown(from), thrown(from + duration));
+    let shuffled = |p: &Particles| Particles {
+        positions: [2, 0, 1].map(|i| p.positions[i]).to_vec(),
+        velocities: p.velocities.as_ref().map(|v| [2, 0, 1].map(|i| v[i]).to_vec()),
+        ids: p.ids.as_ref().map(|ids| [2, 0, 1].map(|i| ids[i]).to_vec()),
+        ..p.clone()
+    };
+    for b in [b.clone(), shuffled(&b)] {
+        for fraction in [0.1, 0.25, 0.5, 0.9] {
+            let expected = thrown(from + fraction as f32 * duration);
+            let between = Particles::between(&a, &b, fraction);
+            assert_near(&between.positions, &expected.positions);
+            assert_near(&between.velocities.unwrap(), &expected.velocities.unwrap());
+            assert_eq!(between.ids, a.ids);
+        }
+        assert_eq!(Particles::between(&a, &b, 0.0), a);
+        assert_eq!(Particles::between(&a, &b, 1.0), b);
+    }
+}
+
+/// Without velocities, or where they say nothing about the way, straight lines; without ids, the
+/// order; with neither ids nor as many, the nearer frame.
+#[test]
+fn less_is_known() {
+    let bare = |particles: &Particles| Particles::from_positions(particles.positions.clone());
+    let (a, b) = (bare(&thrown(0.0)), bare(&thrown(0.1)));
+    let middle = Particles::between(&a, &b, 0.5);
+    let expected: Vec<_> = (0..3).map(|i| a.positions[i].midpoint(b.positions[i])).collect();
+    assert_near(&middle.positions, &expected);
+
+    let still = |p: &Particles| Particles { velocities: Some(vec![Vec3::ZERO; 3]), ..p.clone() };
+    assert_near(&Particles::between(&still(&a), &still(&b), 0.5).positions, &expected);
+
+    let fewer = Particles::from_positions(vec![Vec3::ONE]);
+    assert_eq!(Particles::between(&a, &fewer, 0.4), a);
+    assert_eq!(Particles::between(&a, &fewer, 0.6), fewer);
+}
+
+/// What an emitter adds and a drain takes is there for its half of the time, and moves.
+#[test]
+fn particles_come_and_go() {
+    let duration = 0.1;
+    let (mut a, mut b) = (thrown(0.0), thrown(duration));
+    a.ids = Some(vec![10, 20, 31]);
+    b.ids = Some(vec![10, 20, 32]);
+    let early = Particles::between(&a, &b, 0.25);
+    assert_eq!(early.ids, Some(vec![10, 20, 31]));
+    let v = a.velocities.as_ref().unwrap()[2];
+    assert_near(&early.positions[2..], &[a.positions[2] + v * (0.25 * duration)]);
+    let late = Particles::between(&a, &b, 0.75);
+    assert_eq!(late.ids, Some(vec![10, 20, 32]));
+    let v = b.velocities.as_ref().unwrap()[2];
+    assert_near(&late.positions[2..], &[b.positions[2] - v * (0.25 * duration)]);
+    // Several with one id, and none at all.
+    a.ids = Some(vec![1, 1, 1]);
+    assert_eq!(Particles::between(&a, &b, 0.5).len(), 3);
+    assert!(Particles::between(&Particles::default(), &b, 0.4).is_empty());
+}
+
+/// Frames counted from different origins meet where they are.
+#[test]
+fn origins_may_differ() {
+    let far = DVec3::new(1e7, 0.0, -2e6);
+    let place = |x: f64| Particles::from_places(&[far + DVec3::X * x, far + DVec3::Y]);
+    let (a, b) = (place(0.0), place(4.0));
+    let between = Particles::between(&a, &b, 0.25);
+    let found = between.origin + between.positions[0].as_dvec3() - far;
+    assert!(found.abs_diff_eq(DVec3::X, 1e-6), "{found}");
+}
+
+fn open(folder: &Path, numbers: &[i64]) -> Input {
+    for number in numbers {
+        let text = format!("{number} 0 0\n{number} 1 0\n");
+        std::fs::write(folder.join(format!("w_{number}.xyz")), text).unwrap();
+    }
+    Input::open(folder.join("w_{}.xyz").to_str().unwrap(), &[]).unwrap()
+}
+
+/// Moments: every step from the first frame to the last, each frame exactly when its time comes, over
+/// gaps as over time.
+#[test]
+fn moments_meet_the_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = open(folder.path(), &[3, 4, 6]);
+    let numbers = [3, 4, 6];
+    assert_eq!(input.moments(&numbers, 1.0), numbers.map(Moment::at));
+    let quarter = input.moments(&numbers, 0.25);
+    assert_eq!(quarter.len(), 13);
+    assert_eq!(quarter[1], Moment { frame: 3, next: 4, fraction: 0.25 });
+    assert_eq!(quarter[4], Moment::at(4));
+    assert_eq!(quarter[8], Moment { frame: 4, next: 6, fraction: 0.5 });
+    assert_eq!(quarter[12], Moment::at(6));
+    // Steps that are no binary fractions meet them as well, and the last.
+    let tenth = input.moments(&numbers, 0.1);
+    assert_eq!((tenth.len(), tenth[10], tenth[30]), (31, Moment::at(4), Moment::at(6)));
+    let double = input.moments(&(0..=10).collect::<Vec<_>>(), 2.0);
+    assert_eq!(double, [0, 2, 4, 6, 8, 10].map(Moment::at));
+    assert!(input.moments(&[], 0.5).is_empty());
+    assert_eq!(input.moments(&[4], 0.5), [Moment::at(4)]);
+
+    let at = |moment| input.particles(moment).unwrap().positions[0].x;
+    assert_eq!(at(quarter[8]), 5.0);
+    assert_eq!(at(quarter[4]), 4.0);
+}
+
+/// `--missing`: an error that names the frame, nothing, or the last one before.
+#[test]
+fn missing_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut input = open(folder.path(), &[3, 4, 7]);
+    let all = |input: &Input| FrameSpec::All.numbers(&input.sequence, input.missing).unwrap();
+    let count = |input: &Input, number| input.particles(Moment::at(number)).map(|p| p.len());
+
+    assert_eq!(all(&input), [3, 4, 7]);
+    assert!(matches!(count(&input, 5), Err(Error::Sequence { .. })));
+    let spec: FrameSpec = "4-6".parse().unwrap();
+    assert!(spec.numbers(&input.sequence, input.missing).is_err());
+
+    input.missing = Missing::Empty;
+    assert_eq!(all(&input), [3, 4, 5, 6, 7]);
+    assert_eq!(spec.numbers(&input.sequence, input.missing).unwrap(), [4, 5, 6]);
+    assert_eq!(count(&input, 5).unwrap(), 0);
+    assert_eq!(count(&input, 7).unwrap(), 2);
+
+    input.missing = Missing::Hold;
+    let x = |number| input.particles(Moment::at(number)).unwrap().positions[0].x;
+    assert_eq!([4, 5, 6, 7, 9].map(x), [4.0, 4.0, 4.0, 7.0, 7.0]);
+    assert_eq!(count(&input, 2).unwrap(), 0, "nothing has begun");
+    assert!("nothing".parse::<Missing>().is_err());
+}
