@@ -1,0 +1,85 @@
+//! `cargo bench --bench playback`: frames per second that a ring reads and classifies ahead of
+//! playback, and the memory that it takes, with 1, 2, 4, … threads up to this machine's.
+//!
+//! The sequences are the scenes `cascade` (40,000 particles) and `breaker` (125,000), each written
+//! as gzip BGEO with ids, velocities and densities, as simulators write them. Reading is from a hot
+//! cache. Each figure is the median of three runs.
+
+use std::path::Path;
+use std::process::Command;
+use std::time::Instant;
+
+use limpid::input::Input;
+use limpid::particles::Particles;
+use limpid::ring::Ring;
+
+const FRAMES: usize = 24;
+const BUDGET: u64 = 64 << 20;
+const RUNS: usize = 3;
+/// Set for a run with so many threads, which measures the sequence in this folder.
+const FOLDER: &str = "LIMPID_BENCH_FOLDER";
+
+fn main() -> limpid::Result<()> {
+    if let Some(folder) = std::env::var_os(FOLDER) {
+        return measure(Path::new(&folder));
+    }
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let program = std::env::current_exe().expect("this program has a path");
+    println!("{cores} cores, budget {} MiB", BUDGET >> 20);
+    for name in ["cascade", "breaker"] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        write(name, folder.path())?;
+        for threads in (0..).map(|k| 1 << k).take_while(|&threads| threads <= cores) {
+            let run = Command::new(&program)
+                .env(FOLDER, folder.path())
+                .env("RAYON_NUM_THREADS", threads.to_string())
+                .status();
+            assert!(run.is_ok_and(|status| status.success()), "the measuring run failed");
+        }
+    }
+    Ok(())
+}
+
+/// Writes so many frames of a recipe's particles.
+fn write(name: &str, folder: &Path) -> limpid::Result<()> {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("sims/{name}.toml"));
+    let input = Input::open(&scene.to_string_lossy(), &[])?;
+    let bare = input.particles(&input.sequence.frames[0])?;
+    let count = bare.len();
+    let particles = Particles {
+        velocities: Some(bare.positions.iter().map(|x| 0.1 * *x).collect()),
+        densities: Some(vec![1000.0; count]),
+        ids: Some((0..count as i64).collect()),
+        ..bare
+    };
+    (0..FRAMES).try_for_each(|i| particles.write(&folder.join(format!("{name}_{i:04}.bgeo"))))
+}
+
+fn measure(folder: &Path) -> limpid::Result<()> {
+    let (input, scene) = Input::open(&folder.to_string_lossy(), &[])?.settle(&[])?;
+    let numbers: Vec<i64> = input.sequence.frames.iter().map(|frame| frame.number).collect();
+    let moments = input.moments(&numbers, 1.0);
+    let threads = rayon::current_num_threads();
+    let mut rates = Vec::new();
+    let (mut particles, mut most) = (0, 0);
+    for _ in 0..RUNS {
+        let (input, scene, moments) = (input.clone(), scene.clone(), moments.clone());
+        let load = move |i: usize| input.load(moments[i], &scene);
+        let start = Instant::now();
+        let ring = Ring::new(numbers.len(), BUDGET, threads, load, |_| ());
+        for i in 0..numbers.len() {
+            ring.aim(i, 1, false);
+            particles = ring.wait(i)?.particles;
+        }
+        rates.push(numbers.len() as f64 / start.elapsed().as_secs_f64());
+        most = ring.state().most;
+    }
+    rates.sort_by(f64::total_cmp);
+    let (least, median, greatest) = (rates[0], rates[RUNS / 2], rates[RUNS - 1]);
+    println!(
+        "{particles:>7} particles, {threads} threads: {median:.1} frames/s ({least:.1} to \
+         {greatest:.1}), at most {:.1} MiB",
+        most as f64 / f64::from(1 << 20)
+    );
+    Ok(())
+}
