@@ -2,11 +2,25 @@
 # Installs what limpid needs and this machine lacks: a C++ compiler (for a reference
 # implementation that one test compares with), the Vulkan loader, and a Vulkan driver.
 # It may run any number of times; where nothing is missing it does nothing.
+#
+#   scripts/setup.sh        what is needed
+#   scripts/setup.sh --all  also ffmpeg, for .mp4 and .webm films, and what the tests of the
+#                           viewer start it in: a display of its own, and tools to drive it
 set -euo pipefail
 
 rust_needed=1.95
 
 say() { echo "setup: $*" >&2; }
+
+all=false
+case ${1-} in
+    "") ;;
+    --all) all=true ;;
+    *)
+        say "unknown argument $1; --all or none expected"
+        exit 2
+        ;;
+esac
 
 # ---- What is missing?
 
@@ -18,7 +32,9 @@ has_file() {
     return 1
 }
 
-has_compiler() { command -v cc >/dev/null && command -v c++ >/dev/null; }
+has() { command -v "$1" >/dev/null; }
+
+has_compiler() { has cc && has c++; }
 
 has_loader() {
     has_file /usr/lib*/libvulkan.so.1 /usr/lib/*/libvulkan.so.1 /usr/local/lib*/libvulkan.so.1 ||
@@ -37,17 +53,30 @@ has_driver() {
     return 1
 }
 
+has_xkbcommon_x11() { has_file /usr/lib*/libxkbcommon-x11.so.0 /usr/lib/*/libxkbcommon-x11.so.0; }
+
 packages=()
 case $(uname -s) in
     Linux)
         has_compiler || packages+=(build-essential)
         has_loader || packages+=(libvulkan1)
         has_driver || packages+=(mesa-vulkan-drivers)
+        if $all; then
+            has ffmpeg || packages+=(ffmpeg)
+            has Xvfb || packages+=(xvfb)
+            has xdotool || packages+=(xdotool)
+            has xwininfo || packages+=(x11-utils)
+            has_xkbcommon_x11 || packages+=(libxkbcommon-x11-0)
+        fi
         ;;
     Darwin)
         # Metal is part of the system.
         if ! has_compiler; then
             say "a C++ compiler is missing; install it with: xcode-select --install"
+            exit 1
+        fi
+        if $all && ! has ffmpeg; then
+            say "ffmpeg is missing; install it with: brew install ffmpeg"
             exit 1
         fi
         ;;
@@ -63,7 +92,8 @@ if ((${#packages[@]})); then
         say "missing, by the names of Debian's packages: ${packages[*]}"
         say "elsewhere: a C++ compiler, the Vulkan loader, and a Vulkan driver (Mesa has a"
         say "software one, lavapipe). Fedora: gcc-c++ vulkan-loader mesa-vulkan-drivers."
-        say "Arch: base-devel vulkan-icd-loader vulkan-swrast."
+        say "Arch: base-devel vulkan-icd-loader vulkan-swrast. What --all adds has the same names"
+        say "or nearly so."
         exit 1
     fi
     as_root=()

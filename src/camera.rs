@@ -1,7 +1,7 @@
 //! The camera: a pinhole with a vertical field of view.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat3, DVec3, UVec2, Vec2, Vec3};
+use glam::{DMat3, DQuat, DVec3, UVec2, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
@@ -25,7 +25,8 @@ pub struct Camera {
     pub near: Option<f32>,
 }
 
-fn up() -> Vec3 {
+/// Up unless something else is said.
+pub(crate) fn up() -> Vec3 {
     Vec3::Y
 }
 
@@ -75,6 +76,17 @@ impl Camera {
         let least = (1e-12 * target.abs().max_element()).max(1e-5);
         let distance = needed.fold(least, f64::max) * 1.05;
         Self { eye: target + back * distance, target, up: Vec3::Y, fov_y, near: None }
+    }
+
+    /// The camera on a turntable: moved by `angle`, radians, about the axis through the target
+    /// along `up`, counter-clockwise as seen from that end. It still looks at the target, from the
+    /// same distance.
+    #[must_use]
+    pub fn turned(self, angle: f64) -> Self {
+        let axis = self.up.as_dvec3().normalize_or(DVec3::Y);
+        // About the target, where the numbers are as small as the scene wherever that is.
+        let offset = DQuat::from_axis_angle(axis, angle) * (self.eye - self.target);
+        Self { eye: self.target + offset, ..self }
     }
 
     /// The near plane, m.

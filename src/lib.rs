@@ -55,9 +55,11 @@
 
 pub mod aov;
 pub mod camera;
+pub mod camera_path;
 pub mod compare;
 pub mod environment;
 pub mod error;
+pub mod film;
 pub mod frames;
 pub mod gpu;
 pub mod input;

@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use tempfile::NamedTempFile;
+
 use crate::error::{Error, Result};
 use crate::sequence::placeholder;
 
@@ -23,6 +25,15 @@ pub fn write_atomically(
         write(&mut buffer).map_err(fail)?;
         return buffer.flush().map_err(fail);
     }
+    let temporary = temporary(path)?;
+    let mut buffer = BufWriter::new(temporary.as_file());
+    write(&mut buffer).map_err(fail)?;
+    buffer.into_inner().map_err(|e| fail(e.into_error()))?;
+    keep(temporary, path)
+}
+
+/// A file beside `path` that is gone when it is dropped, unless [`keep`] gives it that name.
+pub(crate) fn temporary(path: &Path) -> Result<NamedTempFile> {
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
@@ -33,10 +44,12 @@ pub fn write_atomically(
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let temporary = builder.prefix(".limpid-").tempfile_in(folder);
     // The error names the temporary file, which is nobody's concern.
-    let temporary = temporary.map_err(|e| fail(e.kind().into()))?;
-    let mut buffer = BufWriter::new(temporary.as_file());
-    write(&mut buffer).map_err(fail)?;
-    buffer.into_inner().map_err(|e| fail(e.into_error()))?;
+    temporary.map_err(|e| Error::io(path, "write", e.kind().into()))
+}
+
+/// Renames a [`temporary`] file, now whole, to `path`.
+pub(crate) fn keep(temporary: NamedTempFile, path: &Path) -> Result<()> {
+    let fail = |e: io::Error| Error::io(path, "write", e);
     temporary.as_file().sync_all().map_err(fail)?;
     temporary.persist(path).map_err(|e| fail(e.error))?;
     Ok(())

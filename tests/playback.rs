@@ -164,3 +164,78 @@ fn missing_frames() {
     assert_eq!(count(&input, 2).unwrap(), 0, "nothing has begun");
     assert!("nothing".parse::<Missing>().is_err());
 }
+
+/// Runs `limpid render` over frames 1 and 3 of a small ball that moves, and lists the pictures.
+fn render(arguments: &[&str]) -> Result<Vec<(String, Vec<u8>)>, String> {
+    let folder = tempfile::tempdir().unwrap();
+    for number in [1, 3] {
+        let grid = || (0..4).map(|i| 0.05 * f64::from(i));
+        let places = grid().flat_map(|x| grid().flat_map(move |y| grid().map(move |z| (x, y, z))));
+        let line =
+            |(x, y, z): (f64, f64, f64)| format!("{} {y} {z}\n", x + 0.1 * f64::from(number));
+        let text: String = places.map(line).collect();
+        std::fs::write(folder.path().join(format!("w_{number}.xyz")), text).unwrap();
+    }
+    let output = assert_cmd::Command::cargo_bin("limpid")
+        .unwrap()
+        .current_dir(folder.path())
+        .args(["render", "w_{}.xyz", "--size", "48x36", "--radius", "0.025", "-o", "out/"])
+        .args(arguments)
+        .output()
+        .unwrap();
+    if !output.status.success() {
+        return Err(String::from_utf8_lossy(&output.stderr).into_owned());
+    }
+    let pictures = std::fs::read_dir(folder.path().join("out")).unwrap();
+    let mut pictures: Vec<_> = pictures
+        .map(|entry| {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            (name, std::fs::read(path).unwrap())
+        })
+        .collect();
+    pictures.sort();
+    Ok(pictures)
+}
+
+/// The command line: slow motion counts its pictures, and shows each frame exactly when it comes;
+/// shares of it are the same pictures; missing frames are told or stood for.
+#[test]
+fn slow_motion_and_gaps_on_the_command_line() {
+    let names = |pictures: &[(String, Vec<u8>)]| -> Vec<String> {
+        pictures.iter().map(|(name, _)| name.clone()).collect()
+    };
+    let plain = render(&[]);
+    // Without a graphics adapter there is nothing to see; other tests say so.
+    let Ok(plain) = plain else {
+        let error = plain.unwrap_err();
+        assert!(error.contains("no graphics adapter") && cfg!(not(ci)), "{error}");
+        return;
+    };
+    assert_eq!(names(&plain), ["frame_0001.png", "frame_0003.png"]);
+
+    let slow = render(&["--speed", "0.5"]).unwrap();
+    let five: Vec<_> = (1..=5).map(|i| format!("frame_{i:04}.png")).collect();
+    assert_eq!(names(&slow), five);
+    assert_eq!((&slow[0].1, &slow[4].1), (&plain[0].1, &plain[1].1));
+    assert!(slow.windows(2).all(|pair| pair[0].1 != pair[1].1), "each is a moment of its own");
+    let halves: Vec<_> = ["1/2", "2/2"]
+        .iter()
+        .flat_map(|shard| render(&["--speed", "0.5", "--shard", shard]).unwrap())
+        .collect();
+    assert!(halves.iter().all(|picture| slow.contains(picture)) && halves.len() == 5);
+
+    let held = render(&["--missing", "hold"]).unwrap();
+    assert_eq!(names(&held), five[..3]);
+    assert_eq!(held[1].1, plain[0].1);
+    let empty = render(&["--missing", "empty"]).unwrap();
+    assert_ne!(empty[1].1, plain[0].1);
+    assert_eq!(empty[2].1, plain[1].1);
+
+    let error = render(&["--frames", "1-3"]).unwrap_err();
+    assert!(error.contains("1 of 3 frames are missing: 2"), "{error}");
+    let error = render(&["--speed", "0"]).unwrap_err();
+    assert!(error.contains("--speed 0: 0.001 to 1000 expected"), "{error}");
+    let error = render(&["--speed", "0.5", "--frames", "3,1"]).unwrap_err();
+    assert!(error.contains("in order"), "{error}");
+}

@@ -2,10 +2,14 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
+use limpid::Error;
 use limpid::aov::{self, Aov};
+use limpid::camera_path::CameraPath;
+use limpid::film::{self, Film, Motion, Take};
 use limpid::frames::{FrameSpec, Shard};
 use limpid::gpu::{Gpu, PassTime};
 use limpid::input::{Input, Missing, Moment};
@@ -15,6 +19,12 @@ use limpid::scene::Scene;
 use limpid::settings::Preset;
 use limpid::studio::Studio;
 use serde::Serialize;
+
+/// The exit code of what Ctrl-C ends, as shells have it.
+const INTERRUPTED_CODE: u8 = 130;
+
+/// Set when the user wants a film to end: it must not stay behind half-written.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// One argument, not one per value as clap would read a `Vec`.
 type AovList = Vec<Aov>;
@@ -28,7 +38,8 @@ pub(crate) struct Args {
     #[arg(long)]
     scene: Option<PathBuf>,
     /// The picture; of several frames a name with a place for the number (####, {}, %04d, $F4),
-    /// or a folder [default: limpid.png, limpid_####.png].
+    /// or a folder [default: limpid.png, limpid_####.png]. A film of them ends in .mp4 or .webm,
+    /// which need ffmpeg, or in .gif or .apng.
     #[arg(short, long)]
     output: Option<String>,
     /// Width and height in pixels.
@@ -49,6 +60,21 @@ pub(crate) struct Args {
     /// Leave frames alone whose picture exists in this size.
     #[arg(long)]
     skip_existing: bool,
+    /// Pictures per second, of a film and of the camera's movement [default: the sequence's frames
+    /// per second if the scene says them, or 30].
+    #[arg(long, value_name = "F")]
+    fps: Option<f64>,
+    /// Slow motion below 1, fast above. Between frames particles are interpolated by their ids and
+    /// velocities.
+    #[arg(long, value_name = "X")]
+    speed: Option<f64>,
+    /// Move the camera along the keys of a file; of one frame of particles, for as long as they
+    /// last.
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "turntable")]
+    camera_path: Option<PathBuf>,
+    /// Move the camera around its target, a full turn in so many seconds.
+    #[arg(long, value_name = "SECONDS")]
+    turntable: Option<f64>,
     /// Rays per pixel: 1 to look, 4 for final frames.
     #[arg(long)]
     samples: Option<u32>,
@@ -94,46 +120,51 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     input.missing = args.missing;
     let (input, scene) = input.settle(&overrides)?;
     scene.check()?;
-    let frames = choose(args, &input)?;
-    let names = {
-        let default = if frames.len() == 1 { "limpid.png" } else { "limpid_####.png" };
-        OutputNames::parse(args.output.as_deref().unwrap_or(default), frames.len())?
-    };
-    let todo: Vec<_> = frames
+    let (moments, numbers, fps) = moments(args, &input)?;
+    let takes = takes(args, &scene, &numbers, fps)?;
+    if film_path(args).is_some() {
+        // Who asks twice does not want to wait for the picture that is being drawn.
+        ctrlc::set_handler(|| {
+            if INTERRUPTED.swap(true, Ordering::Relaxed) {
+                std::process::exit(INTERRUPTED_CODE.into());
+            }
+        })?;
+    }
+    let mut output = Output::open(args, takes.len(), fps)?;
+    let todo: Vec<_> = takes
         .into_iter()
-        .filter(|&number| !(args.skip_existing && exists(&names.path(number), args.size)))
-        .map(Moment::at)
+        .filter(|take| !(args.skip_existing && exists(&output.path(take), args.size)))
         .collect();
-    let frames = todo.len();
     if todo.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
 
-    names.create_folder()?;
+    output.create_folder()?;
     let gpu = Gpu::headless()?;
     let mut studio = Studio::new(&gpu);
     studio.renderer.timing = args.stats.is_some();
     studio.renderer.diagnose = args.aov.is_some();
     let mut stats = Stats { adapter: gpu.adapter(), frames: Vec::new() };
     let bar = progress(todo.len());
+    // Pictures of the same particles, one after the other, share their loading.
+    let runs: Vec<_> = todo.chunk_by(|a, b| a.frame == b.frame).collect();
     let ring = {
-        let (input, scene, todo) = (input.clone(), scene.clone(), todo.clone());
-        let workers = std::thread::available_parallelism().map_or(1, |n| n.get().min(todo.len()));
-        let load = move |i: usize| input.load(todo[i], &scene);
-        Ring::new(frames, args.memory << 20, workers, load, |_| ())
+        let loading: Vec<Moment> = runs.iter().map(|run| moments[run[0].frame]).collect();
+        let workers = std::thread::available_parallelism().map_or(1, |n| n.get().min(runs.len()));
+        let (input, scene) = (input.clone(), scene.clone());
+        let load = move |i: usize| input.load(loading[i], &scene);
+        Ring::new(runs.len(), args.memory << 20, workers, load, |_| ())
     };
-    let drawn: limpid::Result<()> = todo.iter().enumerate().try_for_each(|(i, &moment)| {
+    let mut draw = |i: usize, take: &Take| -> limpid::Result<()> {
         let loaded = ring.wait(i)?;
-        let camera = scene.camera_for(loaded.bounds);
-        let shot = studio.draw(&scene, &camera, &loaded.splats, args.size)?;
-        let path = names.path(moment.frame);
+        let shot = studio.draw(&scene, &take.camera, &loaded.splats, args.size)?;
         if let Some(chosen) = &args.aov {
-            aov::write(&aov_path(&path), studio.images(chosen)?)?;
+            aov::write(&aov_path(&output.path(take)), studio.images(chosen)?)?;
         }
         // The picture last: where it exists, all that belongs to it does.
-        output::write_png(&path, &shot.picture)?;
+        output.write(take, &shot.picture)?;
         stats.frames.push(FrameStats {
-            frame: moment.frame,
+            frame: take.number,
             particles: loaded.particles,
             splashes: loaded.splats.splashes.len(),
             total_ms: shot.passes.iter().map(|pass| pass.ms).sum(),
@@ -141,13 +172,19 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         });
         bar.inc(1);
         Ok(())
-    });
+    };
+    let mut drawing = runs.iter().enumerate().flat_map(|(i, run)| run.iter().map(move |t| (i, t)));
+    let drawn = drawing.try_for_each(|(i, take)| draw(i, take));
     bar.finish_and_clear();
     if let Some(path) = &args.stats {
         let text = serde_json::to_string_pretty(&stats)?;
         output::write_atomically(path, |file| std::io::Write::write_all(file, text.as_bytes()))?;
     }
+    if INTERRUPTED.load(Ordering::Relaxed) {
+        return Ok(ExitCode::from(INTERRUPTED_CODE));
+    }
     drawn?;
+    output.finish()?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -165,14 +202,119 @@ fn open(args: &Args, overrides: &[String]) -> limpid::Result<Input> {
     }
 }
 
-fn choose(args: &Args, input: &Input) -> limpid::Result<Vec<i64>> {
+/// What is drawn of the particles, how its pictures are numbered, and how many there are a second.
+///
+/// Frames as they are, unless the film's time is another than the sequence's: then moments at equal
+/// steps, which are counted from 1.
+fn moments(args: &Args, input: &Input) -> limpid::Result<(Vec<Moment>, Vec<i64>, f64)> {
     let spec = match (&args.frames, input.frame) {
         (Some(spec), _) => spec.clone(),
         (None, Some(frame)) => FrameSpec::List(vec![frame]),
         (None, None) => FrameSpec::All,
     };
     let frames = spec.numbers(&input.sequence, input.missing)?;
-    Ok(args.shard.unwrap_or_default().of(frames).collect())
+    let fps = args.fps.or(input.fps()).unwrap_or(30.0);
+    let speed = args.speed.unwrap_or(1.0);
+    if !(1e-3..=1e3).contains(&speed) {
+        return Err(Error::Usage(format!("--speed {speed}: 0.001 to 1000 expected")));
+    }
+    let step = speed * input.fps().unwrap_or(fps) / fps;
+    if step == 1.0 || frames.len() == 1 {
+        return Ok((frames.iter().copied().map(Moment::at).collect(), frames, fps));
+    }
+    if !frames.is_sorted() {
+        let problem = "--frames: slow and fast motion takes the frames in order, as 1-9 or 1,5,9";
+        return Err(Error::Usage(problem.into()));
+    }
+    let moments = input.moments(&frames, step);
+    let numbers = (1..=moments.len() as i64).collect();
+    Ok((moments, numbers, fps))
+}
+
+/// The pictures to draw: this machine's share, from where the camera is.
+fn takes(args: &Args, scene: &Scene, numbers: &[i64], fps: f64) -> limpid::Result<Vec<Take>> {
+    let motion = match (&args.camera_path, args.turntable) {
+        (Some(path), _) => Motion::Path(CameraPath::load(path)?),
+        (None, Some(seconds)) => Motion::Turntable(seconds),
+        (None, None) => Motion::Still,
+    };
+    if (motion != Motion::Still || film_path(args).is_some()) && !numbers.is_sorted() {
+        let problem = "a film and a moving camera take the frames in order, as 1-9 or 1,5,9";
+        return Err(Error::Usage(format!("--frames: {problem}")));
+    }
+    let camera = scene.camera.expect("a settled scene has a camera");
+    let takes = film::takes(numbers, camera, &motion, fps)?;
+    Ok(args.shard.unwrap_or_default().of(takes).collect())
+}
+
+/// The file that `-o` names, if it is a film's.
+fn film_path(args: &Args) -> Option<&Path> {
+    let path = Path::new(args.output.as_ref()?);
+    film::Kind::of(path).filter(|_| !path.is_dir()).map(|_| path)
+}
+
+/// Where the pictures go.
+enum Output {
+    Pictures(OutputNames),
+    Film(Box<Film>),
+}
+
+impl Output {
+    fn open(args: &Args, count: usize, fps: f64) -> limpid::Result<Self> {
+        let Some(path) = film_path(args) else {
+            let default = if count == 1 { "limpid.png" } else { "limpid_####.png" };
+            let names = OutputNames::parse(args.output.as_deref().unwrap_or(default), count)?;
+            return Ok(Self::Pictures(names));
+        };
+        let name = path.display();
+        let refuse = |problem: &str| Err(Error::Usage(format!("{name}: {problem}")));
+        // Only a name with a place for the number is good for two.
+        if OutputNames::parse(&name.to_string(), 2).is_ok() {
+            return refuse("a film is one file; leave the place for the number out");
+        }
+        if args.shard.is_some() {
+            return refuse("--shard shares pictures out, and a film needs them all; write .png");
+        }
+        if args.skip_existing {
+            return refuse("--skip-existing completes pictures; a film is written whole");
+        }
+        if args.aov.is_some() {
+            return refuse("--aov goes beside pictures; write .png");
+        }
+        Film::create(path, args.size, fps).map(|film| Self::Film(Box::new(film)))
+    }
+
+    fn create_folder(&self) -> limpid::Result<()> {
+        match self {
+            Self::Pictures(names) => names.create_folder(),
+            Self::Film(_) => Ok(()),
+        }
+    }
+
+    /// The file that shows it.
+    fn path(&self, take: &Take) -> PathBuf {
+        match self {
+            Self::Pictures(names) => names.path(take.number),
+            Self::Film(film) => film.path().to_owned(),
+        }
+    }
+
+    fn write(&mut self, take: &Take, picture: &image::RgbImage) -> limpid::Result<()> {
+        match self {
+            Self::Pictures(names) => output::write_png(&names.path(take.number), picture),
+            Self::Film(_) if INTERRUPTED.load(Ordering::Relaxed) => {
+                Err(Error::Usage("interrupted".into()))
+            }
+            Self::Film(film) => film.push(picture),
+        }
+    }
+
+    fn finish(self) -> limpid::Result<()> {
+        match self {
+            Self::Pictures(_) => Ok(()),
+            Self::Film(film) => film.finish(),
+        }
+    }
 }
 
 /// Whether the picture is there, whole and in this size.
