@@ -19,6 +19,11 @@
 //! 7. [`passes::refract`] follows light through up to four interfaces, with absorption.
 //! 8. [`passes::tonemap`] turns radiance into a picture.
 //!
+//! Sequences: [`ring::Ring`] loads frames ahead of whoever plays them, [`input::Moment`]s lie between
+//! frames, [`studio::Studio`] draws into memory, [`camera_path::CameraPath`] moves the camera, and
+//! [`film::Film`] writes what was drawn. Several fluids share the layers; [`passes::mixture`] tells
+//! their colours apart.
+//!
 //! [`renderer::Renderer::render`] is the frame on one page. A pass is one file of `src/passes/`,
 //! one of `shaders/`, one struct of [`settings`], one row of the times.
 //!
