@@ -1,5 +1,6 @@
 //! Arguments, and what each command does with them.
 
+mod bake;
 mod compare;
 mod info;
 mod render;
@@ -25,6 +26,8 @@ struct Cli {
 enum Command {
     /// Render frames to PNG, without a window.
     Render(render::Args),
+    /// Simulate the liquid of a scene with a [simulation], into a sequence of BGEO files.
+    Bake(bake::Args),
     /// Say what a particle file or sequence holds.
     Info(info::Args),
     /// Say how far one picture is from another.
@@ -36,6 +39,7 @@ enum Command {
 pub(crate) fn run() -> anyhow::Result<ExitCode> {
     match parse()?.command {
         Command::Render(args) => render::run(&args),
+        Command::Bake(args) => bake::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Report(args) => report::run(&args),

@@ -12,6 +12,7 @@ use crate::passes::classify::{self, Splat, Splats};
 use crate::recipe::Recipe;
 use crate::scene::Scene;
 use crate::sequence::{Frame, Sequence};
+use crate::sim;
 
 /// A scene with its particle frames.
 #[derive(Debug, Clone)]
@@ -164,6 +165,12 @@ impl Input {
     /// axis hold for these.
     #[must_use]
     pub fn with_scene(mut self, scene: Scene) -> Self {
+        if let Some(simulation) = &scene.simulation {
+            self.fps = Some(simulation.fps);
+            for fluid in &mut self.fluids {
+                fluid.radius = Some(simulation.particle_radius() as f32);
+            }
+        }
         if let Some(particles) = scene.sources().first() {
             self.fps = particles.fps.or(self.fps);
             for fluid in &mut self.fluids {
@@ -204,6 +211,16 @@ impl Input {
             };
             return Ok(Self::of(Some(scene), fluid, Some(0)));
         }
+        if let Some(simulation) = &scene.simulation {
+            let folder = sim::folder(Path::new(origin));
+            let sequence = Sequence::open(&folder.to_string_lossy()).map_err(|_| {
+                let problem = format!("not simulated yet; run: limpid bake {origin}");
+                Error::Sequence { pattern: origin.into(), problem }
+            })?;
+            let (radius, fps) = (simulation.particle_radius() as f32, simulation.fps);
+            let fluid = Fluid { sequence, radius: Some(radius), up: Up::Y, source: Source::Files };
+            return Ok(Self { fps: Some(fps), ..Self::of(Some(scene), fluid, None) });
+        }
         let sources = scene.sources();
         let fluids: Vec<Fluid> = sources
             .iter()
@@ -214,7 +231,7 @@ impl Input {
             })
             .collect::<Result<_>>()?;
         let Some(first) = fluids.first() else {
-            let problem = "has no [particles], [[fluid]] or [recipe]; give a particle file and this scene \
+            let problem = "has no [particles], [[fluid]], [recipe] or [simulation]; give a particle file and this scene \
                            with --scene";
             return Err(Error::Scene { origin: origin.into(), problem: problem.into() });
         };

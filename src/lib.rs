@@ -84,6 +84,7 @@ pub mod scene;
 pub mod sequence;
 pub mod settings;
 pub mod shader;
+pub mod sim;
 pub mod studio;
 pub mod waves;
 

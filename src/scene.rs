@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3, Vec3Swizzles as _};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, is_place};
 use crate::environment::Environment;
@@ -13,6 +13,7 @@ use crate::passes::gbuffer::{MAX_LIGHTS, MAX_SOLIDS};
 use crate::passes::mixture::MAX_FLUIDS;
 use crate::recipe::Recipe;
 use crate::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
+use crate::sim::Simulation;
 
 /// Everything that a picture shows apart from the particles themselves.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +24,8 @@ pub struct Scene {
     pub fluids: Vec<Fluid>,
     /// The parameters that particles are made from, where they come from no file.
     pub recipe: Option<Recipe>,
+    /// The simulation that particles come from, once it is baked: [`crate::sim::bake`].
+    pub simulation: Option<Simulation>,
     /// The liquid's optics.
     pub liquid: Liquid,
     /// The view; `None` fits one to the particles.
@@ -107,7 +110,7 @@ pub struct Solid {
 }
 
 /// A solid's form and place, in world space, m. Places are 64-bit: a scene may be anywhere.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub enum Shape {
     /// A square, or with an infinite `half_extent` a whole plane.
     Plane {
@@ -220,6 +223,7 @@ struct SceneFile {
     #[serde(default)]
     fluid: Vec<FluidFile>,
     recipe: Option<Recipe>,
+    simulation: Option<Simulation>,
     #[serde(default)]
     liquid: LiquidFile,
     camera: Option<Camera>,
@@ -349,9 +353,15 @@ impl Scene {
             let number = i + 1;
             solids.push(solid.meaning().map_err(|e| fail(format!("[[solid]] {number}: {e}")))?);
         }
-        let sources = [file.particles.is_some(), file.recipe.is_some(), !file.fluid.is_empty()];
+        let sources = [
+            file.particles.is_some(),
+            file.recipe.is_some(),
+            file.simulation.is_some(),
+            !file.fluid.is_empty(),
+        ];
         if sources.into_iter().filter(|&given| given).count() > 1 {
-            return Err(fail("takes one of [particles], [[fluid]] and [recipe]".into()));
+            let problem = "takes one of [particles], [[fluid]], [recipe] and [simulation]";
+            return Err(fail(problem.into()));
         }
         if let Some(recipe) = &file.recipe {
             recipe.check().map_err(|e| match e {
@@ -383,6 +393,7 @@ impl Scene {
             particles,
             fluids,
             recipe: file.recipe,
+            simulation: file.simulation,
             liquid,
             camera: file.camera,
             views: file.view,
@@ -413,6 +424,7 @@ impl Scene {
             particles: None,
             fluids: Vec::new(),
             recipe: None,
+            simulation: None,
             views: Vec::new(),
             liquid: Liquid::default(),
             camera: Some(Camera::fit(min - margin, max + margin)),
@@ -467,6 +479,9 @@ impl Scene {
         };
         if let Some(recipe) = &self.recipe {
             recipe.check()?;
+        }
+        if let Some(simulation) = &self.simulation {
+            simulation.check()?;
         }
         if !(0.3..=3.0).contains(&self.liquid.ior) {
             return fail("liquid", "ior must be between 0.3 and 3");

@@ -3,13 +3,13 @@
 use std::f64::consts::TAU;
 
 use glam::DVec2;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// Acceleration of gravity, m/s².
 const GRAVITY: f64 = 9.81;
 
 /// How waves are drawn at random: isotropic, with wavelengths from a band and slopes of one size.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WaveSpectrum {
     /// Number of sines, 1 to 10,000.

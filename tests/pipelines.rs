@@ -88,6 +88,7 @@ fn scene() -> Scene {
         particles: None,
         fluids: Vec::new(),
         recipe: None,
+        simulation: None,
         views: Vec::new(),
         liquid: Liquid::default(),
         camera: None,

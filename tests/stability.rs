@@ -79,6 +79,7 @@ fn tank(place: Place) -> (Scene, Camera, Splats) {
         fluids: Vec::new(),
         particles: None,
         recipe: None,
+        simulation: None,
         views: Vec::new(),
         liquid: Liquid {
             absorption: Vec3::new(1.2, 0.35, 0.12) / place.length(1.0),

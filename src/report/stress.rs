@@ -180,6 +180,7 @@ impl Trial {
             particles: None,
             fluids: Vec::new(),
             recipe: None,
+            simulation: None,
             camera: None,
             views: Vec::new(),
             lights: Vec::new(),

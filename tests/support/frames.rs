@@ -180,6 +180,7 @@ pub(crate) fn scene() -> Scene {
         fluids: Vec::new(),
         particles: None,
         recipe: None,
+        simulation: None,
         views: Vec::new(),
         liquid: Liquid { ior: 1.33, absorption: Vec3::ZERO },
         camera: None,

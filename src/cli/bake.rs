@@ -1,0 +1,56 @@
+//! `limpid bake`.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use limpid::scene::Scene;
+use limpid::{Error, sim};
+
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// A scene (.toml) with a [simulation].
+    scene: PathBuf,
+    /// The folder for the frames, `NAME_0001.bgeo` and so on [default: baked/NAME beside the scene].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Number of frames [default: the scene's].
+    #[arg(long)]
+    frames: Option<u32>,
+    /// Replace the frames that are there instead of going on after them.
+    #[arg(long)]
+    restart: bool,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let mut scene = Scene::load(&args.scene)?;
+    let origin = || args.scene.display().to_string();
+    let Some(simulation) = &mut scene.simulation else {
+        let problem = "has no [simulation] to bake".into();
+        return Err(Error::Scene { origin: origin(), problem }.into());
+    };
+    simulation.frames = args.frames.unwrap_or(simulation.frames);
+    simulation.check()?;
+    let frames = simulation.frames;
+    let name = args.scene.file_stem().unwrap_or_default().to_string_lossy();
+    let folder = args.output.clone().unwrap_or_else(|| sim::folder(&args.scene));
+    if args.restart {
+        sim::clear(&name, &folder)?;
+    }
+    let bar = progress(frames);
+    let baked = sim::bake(&scene, &name, &folder, |progress| {
+        bar.set_position(progress.done.into());
+        ControlFlow::Continue(())
+    });
+    bar.finish_and_clear();
+    baked?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Hidden unless standard error is a terminal.
+fn progress(frames: u32) -> ProgressBar {
+    let template = "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left";
+    ProgressBar::new(frames.into())
+        .with_style(ProgressStyle::with_template(template).expect("the template is valid"))
+}
