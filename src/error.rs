@@ -98,7 +98,7 @@ pub enum Error {
     },
     /// An error that several see: of a frame that a [`crate::ring::Ring`] could not load.
     #[error(transparent)]
-    Shared(#[from] Arc<Error>),
+    Shared(#[from] Arc<Self>),
     /// The device was lost or ran out of memory; the same frame may succeed later.
     #[error("the graphics device failed ({0}); the frame may succeed if tried again")]
     DeviceLost(String),

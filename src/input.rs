@@ -255,7 +255,7 @@ impl Input {
         let (Some(&first), Some(&last)) = (numbers.first(), numbers.last()) else {
             return Vec::new();
         };
-        if step == 1.0 || !(step > 0.0) {
+        if step == 1.0 || step <= 0.0 || step.is_nan() {
             return numbers.iter().map(|&number| Moment::at(number)).collect();
         }
         let count = ((last - first) as f64 / step * (1.0 + 1e-12)).floor() as usize;

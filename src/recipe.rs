@@ -210,7 +210,7 @@ impl Recipe {
         let thrown = (self.spray() * self.count()) as usize;
         match self {
             Self::Breaker(breaker) => {
-                fill::scatter(&mut points, &body, spacing, thrown, breaker.droplets())
+                fill::scatter(&mut points, &body, spacing, thrown, breaker.droplets());
             }
             Self::Cascade(cascade) => {
                 fill::scatter(&mut points, &body, spacing, thrown, cascade.droplets());

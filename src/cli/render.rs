@@ -151,7 +151,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let ring = {
         let loading: Vec<Moment> = runs.iter().map(|run| moments[run[0].frame]).collect();
         let workers = std::thread::available_parallelism().map_or(1, |n| n.get().min(runs.len()));
-        let (input, scene) = (input.clone(), scene.clone());
+        let (input, scene) = (input, scene.clone());
         let load = move |i: usize| input.load(loading[i], &scene);
         Ring::new(runs.len(), args.memory << 20, workers, load, |_| ())
     };
