@@ -2,6 +2,7 @@
 
 mod bake;
 mod compare;
+mod convert;
 mod info;
 mod render;
 mod report;
@@ -30,6 +31,8 @@ enum Command {
     Bake(bake::Args),
     /// Say what a particle file or sequence holds.
     Info(info::Args),
+    /// Write particle files in another format.
+    Convert(convert::Args),
     /// Say how far one picture is from another.
     Compare(compare::Args),
     /// Measure how fast and how wrong every method is, against ground truth.
@@ -41,6 +44,7 @@ pub(crate) fn run() -> anyhow::Result<ExitCode> {
         Command::Render(args) => render::run(&args),
         Command::Bake(args) => bake::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Report(args) => report::run(&args),
     }

@@ -1,26 +1,38 @@
 //! One frame of particles, and the readers of the file formats that hold them.
 //!
-//! Each format has a file of its own. What they share is at the end of this one: a `Cursor`
-//! that never leaves the file, and a `Table` that turns records of any layout into attributes.
-//! A count in a header is a claim, not a length: it is held against the bytes that are left
-//! before anything is allocated.
+//! Each format has a file of its own. They share a `Cursor` that never leaves the file, and a
+//! `Table` that turns records of any layout into attributes. A count in a header is a claim, not a
+//! length: it is held against the bytes that are left before anything is allocated.
 
 mod between;
 mod bgeo;
+mod csv;
+mod cursor;
+mod ellipsoid;
 mod npy;
+mod npz;
 mod ply;
+mod pos;
+mod table;
 mod vtk;
+mod vtu;
 mod xyz;
 
-use std::borrow::Cow;
+use std::cell::Cell;
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Write};
 use std::path::Path;
 
-use flate2::{Compression, write::GzEncoder};
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Place, Result};
+use self::cursor::{Cursor, Source};
+use self::table::{Column, Scalar, Table};
+use crate::error::{Error, Result};
 use crate::output;
+
+pub use ellipsoid::Ellipsoid;
 
 /// One frame of particles, structure of arrays: every attribute that is present has one entry
 /// per particle. Whatever [`Particles::read`] returns is finite.
@@ -41,6 +53,8 @@ pub struct Particles {
     pub ids: Option<Vec<i64>>,
     /// Which of a scene's fluids each belongs to, from 0; of one fluid, none.
     pub fluids: Option<Vec<u8>>,
+    /// Shapes that the file gives, in units of each particle's radius.
+    pub ellipsoids: Option<Vec<Ellipsoid>>,
 }
 
 /// The axis that points up in a file.
@@ -57,59 +71,101 @@ pub enum Up {
 impl Particles {
     /// Reads one frame. The extension names the format, and the contents must confirm it:
     ///
-    /// | extension | format |
-    /// |---|---|
-    /// | `.bgeo`, `.bgeo.gz`, `.bhclassic` | Houdini's classic geometry, version 5, plain or gzip |
-    /// | `.vtk` | legacy VTK up to 5.1, binary or ASCII: unstructured grids and polygonal data |
-    /// | `.ply` | the `vertex` element, ASCII or binary of either byte order |
-    /// | `.npy` | one array of numpy, shape (n, 3), 32- or 64-bit floats: positions |
-    /// | `.xyz` | positions: raw little-endian 32-bit floats, or text with one particle a line |
+    /// | extension | format | [written](Self::write) with |
+    /// |---|---|---|
+    /// | `.bgeo`, `.bgeo.gz`, `.bhclassic` | Houdini's classic geometry, version 5, plain or gzip | all, 32-bit places and ids |
+    /// | `.vtk` | legacy VTK up to 5.1, binary or ASCII: unstructured grids and polygonal data | all |
+    /// | `.vtu` | VTK's XML, unstructured grids: ASCII, base64 or raw, zlib or not, in pieces | all |
+    /// | `.vtp` | the same, polygonal data | not written |
+    /// | `.ply` | the `vertex` element, ASCII or binary of either byte order | all, 32-bit ids |
+    /// | `.npy` | one array of numpy, shape (n, 3), 32- or 64-bit floats: positions | positions |
+    /// | `.npz` | an archive of such arrays, stored or deflated | all |
+    /// | `.xyz` | positions: raw little-endian 32-bit floats, or text with one particle a line | positions, 32-bit |
+    /// | `.pos` | Truong and Yuksel's frames: positions and one radius; ellipsoids from the `.ani` beside it | positions, 32-bit; one radius; ellipsoids |
+    /// | `.csv` | text with a line a particle, columns named or x, y, z | all |
     ///
     /// Attributes go by the names that simulators write, in any case: `velocity`, `velocities`,
-    /// `vel`, `v`; `density`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`. The
-    /// first of several wins; all others are skipped.
+    /// `vel`, `v`; `density`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`; and
+    /// `ellipsoid`, of the six numbers of [`Ellipsoid`]. The first of several wins; all others are
+    /// skipped. Positions are what the format says they are; in `.npz` they are called
+    /// `positions`, `position`, `pos`, `x`, `points` or `arr_0`, or are the only array of shape
+    /// (n, 3); in `.csv` the columns are `x`, `px`, `Points:0`, `Points_0`, `Pos.x` and so on.
     ///
     /// # Errors
     ///
     /// [`Error::Io`] if the file cannot be read, [`Error::Format`] if it is of another kind, and
     /// [`Error::Malformed`] if it contradicts itself or holds a value that is not finite.
     pub fn read(path: &Path) -> Result<Self> {
-        let reader = reader_for(path)?;
-        let bytes = std::fs::read(path).map_err(|source| Error::io(path, "read", source))?;
-        reader(path, &bytes)
+        let format = format_for(path)?;
+        if format.extension == ".xyz"
+            && let Some(particles) = xyz::read_raw(path)
+        {
+            return Ok(particles);
+        }
+        let mut bytes = BUFFER.take();
+        read_file(path, &mut bytes).map_err(|source| Error::io(path, "read", source))?;
+        let particles = (format.read)(path, &bytes);
+        if bytes.capacity() <= BUFFERED {
+            BUFFER.set(bytes);
+        }
+        let mut particles = particles?;
+        if format.extension == ".pos" {
+            pos::read_ellipsoids(path, &mut particles)?;
+        }
+        Ok(particles)
     }
 
     /// Like [`Particles::read`], with the contents at hand; `path` gives the format and stands in
-    /// messages.
+    /// messages. Nothing beside it is looked for.
     ///
     /// # Errors
     ///
     /// As [`Particles::read`].
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
-        reader_for(path)?(path, bytes)
+        (format_for(path)?.read)(path, bytes)
     }
 
-    /// Writes one frame, whole or not at all, in the format that the extension names: `.bgeo` and
-    /// `.bgeo.gz` are gzip, as simulators write them, `.bhclassic` is not.
+    /// Writes one frame, whole or not at all, in the format that the extension names; see
+    /// [`Particles::read`]. What it holds is read back to the bit; what it does not hold is left
+    /// out, as [`Particles::lost`] tells. `.bgeo` and `.bgeo.gz` are gzip, as simulators write
+    /// them, `.bhclassic` is not. Places with an [origin](Self::origin) are written as 64-bit
+    /// floats if the format has them.
+    ///
+    /// Ellipsoids of a `.pos` go to the `.ani` beside it; one that is there is removed if there
+    /// are none.
     ///
     /// # Errors
     /// [`Error::Format`] for a format that limpid does not write, [`Error::Io`] if the file cannot
-    /// be written.
+    /// be written, or has no room for so many particles or such large ids.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-        let plain = name.ends_with(".bhclassic");
-        if !(plain || name.ends_with(".bgeo") || name.ends_with(".bgeo.gz")) {
-            let written = ".bgeo, .bgeo.gz, .bhclassic";
-            return Err(Error::format(path, format!("can be written: {written}")));
+        let (format, write) = writable(path)?;
+        if format.extension == ".pos" {
+            pos::write_ellipsoids(self, path)?;
         }
-        output::write_atomically(path, |file| {
-            if plain {
-                return bgeo::write(self, file);
-            }
-            let mut gzip = GzEncoder::new(file, Compression::fast());
-            bgeo::write(self, &mut gzip)?;
-            gzip.finish().map(drop)
-        })
+        output::write_atomically(path, |file| write(self, file))
+    }
+
+    /// What a file of this name could not hold of these particles: names of attributes, and
+    /// `64-bit places`.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a format that limpid does not write.
+    pub fn lost(&self, path: &Path) -> Result<Vec<&'static str>> {
+        let (format, _) = writable(path)?;
+        let names = self.attributes().into_iter().map(|(name, _)| name);
+        let mut lost: Vec<_> = names.filter(|name| !format.holds.contains(name)).collect();
+        if format.extension == ".pos" && pos::common_radius(self).is_none() {
+            lost.push("radii that differ");
+        }
+        if !format.wide && self.origin != DVec3::ZERO {
+            lost.push("64-bit places");
+        }
+        Ok(lost)
+    }
+
+    /// The names of the attributes that are present, in the order of files.
+    pub fn attribute_names(&self) -> impl Iterator<Item = &'static str> {
+        self.attributes().into_iter().map(|(name, _)| name)
     }
 
     /// Particles without other attributes, counted from 0.
@@ -142,40 +198,48 @@ impl Particles {
         bounds(places)
     }
 
-    /// Turns positions and velocities of a file with this `up` axis to limpid's, which is y:
-    /// a quarter turn about x, so handedness is kept.
+    /// Turns positions, velocities and ellipsoids of a file with this `up` axis to limpid's, which
+    /// is y: a quarter turn about x, so handedness is kept.
     pub fn to_y_up(&mut self, up: Up) {
         if up == Up::Z {
             self.origin = DVec3::new(self.origin.x, self.origin.z, -self.origin.y);
             for v in self.positions.iter_mut().chain(self.velocities.iter_mut().flatten()) {
                 *v = Vec3::new(v.x, v.z, -v.y);
             }
+            for ellipsoid in self.ellipsoids.iter_mut().flatten() {
+                *ellipsoid = ellipsoid.turned_y_up();
+            }
         }
     }
 
     /// Keeps the attribute `name` if limpid knows it and does not have it yet.
     fn attach(&mut self, name: &str, table: &Table<'_>, columns: &[Column]) -> Result<()> {
-        match (name.to_ascii_lowercase().as_str(), columns) {
-            ("velocity" | "velocities" | "vel" | "v", &[x, y, z]) if self.velocities.is_none() => {
+        match (known(name), columns) {
+            (Some("velocity"), &[x, y, z]) if self.velocities.is_none() => {
                 self.check_rows(name, table)?;
-                self.velocities = Some(table.floats([x, y, z], "velocity", Vec3::from_array)?);
+                self.velocities = Some(table.vectors([x, y, z], "velocity")?);
             }
-            ("density" | "rho" | "rhop", &[column]) if self.densities.is_none() => {
+            (Some("density"), &[column]) if self.densities.is_none() => {
                 self.check_rows(name, table)?;
-                self.densities = Some(table.floats([column], "density", |[rho]| rho)?);
+                self.densities = Some(table.floats([column], "density")?.into_flattened());
             }
-            ("radius" | "radii" | "pscale", &[column]) if self.radii.is_none() => {
+            (Some("radius"), &[column]) if self.radii.is_none() => {
                 self.check_rows(name, table)?;
-                let radii = table.floats([column], "radius", |[r]| r)?;
+                let radii = table.floats([column], "radius")?.into_flattened();
                 if let Some(i) = radii.iter().position(|&r| r < 0.0) {
                     let problem = format!("particle {i}: radius {}, 0 or more expected", radii[i]);
                     return Err(table.error(i, column, problem));
                 }
                 self.radii = Some(radii);
             }
-            ("id" | "ids" | "idp", &[column]) if self.ids.is_none() => {
+            (Some("id"), &[column]) if self.ids.is_none() => {
                 self.check_rows(name, table)?;
                 self.ids = Some(table.integers(column, "id")?);
+            }
+            (Some("ellipsoid"), &[xx, yy, zz, xy, yz, xz]) if self.ellipsoids.is_none() => {
+                self.check_rows(name, table)?;
+                let entries = table.floats([xx, yy, zz, xy, yz, xz], "ellipsoid")?;
+                self.ellipsoids = Some(bytemuck::allocation::cast_vec(entries));
             }
             _ => {}
         }
@@ -183,7 +247,7 @@ impl Particles {
     }
 
     fn check_rows(&self, name: &str, table: &Table<'_>) -> Result<()> {
-        let (rows, particles) = (table.rows().len(), self.len());
+        let (rows, particles) = (table.rows, self.len());
         if rows == particles {
             return Ok(());
         }
@@ -191,6 +255,86 @@ impl Particles {
         Err(table.source.error(table.start, problem))
     }
 }
+
+impl Particles {
+    /// What is written besides the positions, under the names that `SPlisHSPlasH` gives it where
+    /// it has one.
+    fn attributes(&self) -> Vec<(&'static str, Values<'_>)> {
+        let Self { velocities, densities, radii, ids, ellipsoids, .. } = self;
+        let attributes = [
+            ("id", ids.as_deref().map(Values::Integers)),
+            ("velocity", velocities.as_deref().map(Values::Vectors)),
+            ("density", densities.as_deref().map(Values::Floats)),
+            ("radius", radii.as_deref().map(Values::Floats)),
+            ("ellipsoid", ellipsoids.as_deref().map(Values::Ellipsoids)),
+        ];
+        attributes.into_iter().filter_map(|(name, values)| Some((name, values?))).collect()
+    }
+
+    /// Where particle `i` is, as far as 32-bit floats can tell. Unlike the sum it keeps −0.
+    fn single_place(&self, i: usize) -> Vec3 {
+        if self.narrow() { self.positions[i] } else { self.place(i).as_vec3() }
+    }
+
+    /// Where particle `i` is.
+    fn place(&self, i: usize) -> DVec3 {
+        self.origin + self.positions[i].as_dvec3()
+    }
+
+    /// Whether 32-bit floats hold the places, bit by bit.
+    fn narrow(&self) -> bool {
+        self.origin == DVec3::ZERO
+    }
+}
+
+thread_local! {
+    /// The bytes of the file that a thread has read last. Memory that is used again costs nothing;
+    /// new memory costs longer than the rest of reading, for the system hands it out page by page.
+    static BUFFER: Cell<Vec<u8>> = const { Cell::new(Vec::new()) };
+}
+
+/// Buffers of more bytes than this are not kept: those of about a million particles are.
+const BUFFERED: usize = 64 << 20;
+
+/// Replaces `bytes` by the contents of a file; of a large one several parts are read at a time.
+fn read_file(path: &Path, bytes: &mut Vec<u8>) -> io::Result<()> {
+    const PART: usize = 1 << 20;
+    let mut file = File::open(path)?;
+    let metadata = file.metadata()?;
+    if !cfg!(unix) || !metadata.is_file() || metadata.len() < PART as u64 {
+        bytes.clear();
+        return file.read_to_end(bytes).map(drop);
+    }
+    let length = usize::try_from(metadata.len());
+    bytes.resize(length.map_err(|_| io::ErrorKind::FileTooLarge)?, 0);
+    let parts = bytes.par_chunks_mut(PART).enumerate();
+    parts.map(|(i, part)| read_at(&file, part, (i * PART) as u64)).collect()
+}
+
+#[cfg(unix)]
+fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, buffer, offset)
+}
+
+#[cfg(not(unix))]
+fn read_at(_: &File, _: &mut [u8], _: u64) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// The attribute that simulators call `name`.
+fn known(name: &str) -> Option<&'static str> {
+    Some(match name.to_ascii_lowercase().as_str() {
+        "velocity" | "velocities" | "vel" | "v" => "velocity",
+        "density" | "rho" | "rhop" => "density",
+        "radius" | "radii" | "pscale" => "radius",
+        "id" | "ids" | "idp" => "id",
+        "ellipsoid" => "ellipsoid",
+        _ => return None,
+    })
+}
+
+/// Unpacking stops here: a few bytes of a compressed file can claim any amount of memory.
+const UNPACKED_LIMIT: u64 = 8 << 30;
 
 /// The corners of the box around all places, if there are any.
 pub(crate) fn bounds(mut places: impl Iterator<Item = DVec3>) -> Option<(DVec3, DVec3)> {
@@ -210,20 +354,49 @@ pub(crate) fn origin_for(places: impl Iterator<Item = DVec3>) -> DVec3 {
 }
 
 type Reader = fn(&Path, &[u8]) -> Result<Particles>;
+type Writer = fn(&Particles, &mut BufWriter<&File>) -> io::Result<()>;
 
-const FORMATS: [(&str, Reader); 7] = [
-    (".bgeo", bgeo::read),
-    (".bgeo.gz", bgeo::read),
-    (".bhclassic", bgeo::read),
-    (".vtk", vtk::read),
-    (".ply", ply::read),
-    (".npy", npy::read),
-    (".xyz", xyz::read),
-];
+struct Format {
+    extension: &'static str,
+    read: Reader,
+    write: Option<Writer>,
+    /// The attributes that it has room for.
+    holds: &'static [&'static str],
+    /// Whether it has room for 64-bit places.
+    wide: bool,
+}
+
+const ALL: &[&str] = &["id", "velocity", "density", "radius", "ellipsoid"];
+
+const FORMATS: [Format; 12] = {
+    const fn format(
+        extension: &'static str,
+        read: Reader,
+        write: Writer,
+        holds: &'static [&'static str],
+        wide: bool,
+    ) -> Format {
+        Format { extension, read, write: Some(write), holds, wide }
+    }
+    [
+        format(".bgeo", bgeo::read, bgeo::write_gzip, ALL, false),
+        format(".bgeo.gz", bgeo::read, bgeo::write_gzip, ALL, false),
+        format(".bhclassic", bgeo::read, bgeo::write, ALL, false),
+        format(".vtk", vtk::read, vtk::write, ALL, true),
+        format(".vtu", vtu::read, vtu::write, ALL, true),
+        Format { extension: ".vtp", read: vtu::read, write: None, holds: ALL, wide: true },
+        format(".ply", ply::read, ply::write, ALL, true),
+        format(".npy", npy::read, npy::write, &[], true),
+        format(".npz", npz::read, npz::write, ALL, true),
+        format(".xyz", xyz::read, xyz::write, &[], false),
+        format(".pos", pos::read, pos::write, &["radius", "ellipsoid"], false),
+        format(".csv", csv::read, csv::write, ALL, true),
+    ]
+};
 
 /// The extensions that can be read, as a list for messages.
 pub(crate) fn extensions() -> String {
-    FORMATS.map(|(extension, _)| extension).join(", ")
+    FORMATS.map(|format| format.extension).join(", ")
 }
 
 /// A file name without its extension, if that is one of a format that can be read.
@@ -231,24 +404,35 @@ pub(crate) fn readable_stem(name: &str) -> Option<&str> {
     format_of(name).map(|(stem, _)| stem)
 }
 
-fn format_of(name: &str) -> Option<(&str, Reader)> {
-    FORMATS.iter().find_map(|&(extension, reader)| {
+fn format_of(name: &str) -> Option<(&str, Format)> {
+    FORMATS.into_iter().find_map(|format| {
+        let extension = format.extension;
         let (stem, end) = name.split_at_checked(name.len().checked_sub(extension.len())?)?;
-        end.eq_ignore_ascii_case(extension).then_some((stem, reader))
+        end.eq_ignore_ascii_case(extension).then_some((stem, format))
     })
 }
 
-fn reader_for(path: &Path) -> Result<Reader> {
+fn format_for(path: &Path) -> Result<Format> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    format_of(&name).map(|(_, reader)| reader).ok_or_else(|| unknown_kind(path, &name))
+    format_of(&name).map(|(_, format)| format).ok_or_else(|| unknown_kind(path, &name))
+}
+
+fn writable(path: &Path) -> Result<(Format, Writer)> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let format = format_of(&name).map(|(_, format)| format);
+    format.and_then(|format| format.write.map(|write| (format, write))).ok_or_else(|| {
+        let written = FORMATS.into_iter().filter(|format| format.write.is_some());
+        let written: Vec<_> = written.map(|format| format.extension).collect();
+        Error::format(path, format!("can be written: {}", written.join(", ")))
+    })
 }
 
 fn unknown_kind(path: &Path, name: &str) -> Error {
     let remedies = [
         (".sc", "a Blosc-compressed file of Houdini: unpack it with `hsc -d`, save as .bhclassic"),
-        (".vtu", "VTK's XML format, not a legacy VTK file: save it as .vtk"),
-        (".vtp", "VTK's XML format, not a legacy VTK file: save it as .vtk"),
-        (".npz", "an archive of NumPy arrays: save the positions alone with `numpy.save`"),
+        (".pvd", "ParaView's list of files: name the .vtu files, as frame_{}.vtu"),
+        (".pvtu", "a list of .vtu files: name one of these, or save it as one .vtu"),
+        (".ani", "the ellipsoids of a .pos file: name that, they are read with it"),
         (".abc", "Alembic: export the points as .bgeo or .ply"),
         (".vdb", "OpenVDB: export the points as .bgeo or .ply"),
     ];
@@ -276,341 +460,105 @@ fn known_magic(bytes: &[u8]) -> Option<&'static str> {
         (b"\x1f\x8b\x08\x00", "gzip data (unpack it first)"),
         (b"\x1f\x8b\x08\x08", "gzip data (unpack it first)"),
         (b"# vtk DataFile", "a legacy VTK file"),
-        (b"<?xml", "XML, perhaps VTK's (save as legacy .vtk)"),
-        (b"<VTKFile", "VTK's XML format (save as legacy .vtk)"),
+        (b"<?xml", "XML, perhaps VTK's (call it .vtu or .vtp)"),
+        (b"<VTKFile", "VTK's XML format (call it .vtu or .vtp)"),
         (b"ply\n", "a PLY file"),
         (b"ply\r\n", "a PLY file"),
         (b"\x93NUMPY", "a NumPy array"),
-        (b"PK\x03\x04", "a zip or npz archive (unpack it first)"),
+        (b"PK\x03\x04", "a zip or npz archive (call it .npz if NumPy wrote it)"),
         (b"solid ", "an STL mesh, which holds triangles"),
         (b"\x89HDF", "an HDF5 file"),
         (b"Ogawa", "an Alembic file"),
         (b"\x89PNG", "a PNG picture"),
         (b"\x76\x2f\x31\x01", "an OpenEXR picture"),
     ];
-    // Binary STL has no magic, but its length follows from its count of triangles.
-    let triangles = bytes.get(80..).and_then(|rest| rest.first_chunk());
-    let stl = triangles.map(|&count| 84 + 50 * u64::from(u32::from_le_bytes(count)));
-    if stl == Some(bytes.len() as u64) {
+    if stl_length(bytes) == Some(bytes.len() as u64) {
         return Some("a binary STL mesh, which holds triangles");
     }
     MAGIC.iter().find(|(magic, _)| bytes.starts_with(magic)).map(|&(_, kind)| kind)
 }
 
-/// The bytes of a file, and how its places are told in messages.
+/// The values of an attribute, as writers take them.
 #[derive(Clone, Copy)]
-struct Source<'a> {
-    path: &'a Path,
-    bytes: &'a [u8],
-    /// Name lines rather than bytes.
-    text: bool,
+enum Values<'a> {
+    Integers(&'a [i64]),
+    Floats(&'a [f32]),
+    Vectors(&'a [Vec3]),
+    Ellipsoids(&'a [Ellipsoid]),
 }
 
-impl Source<'_> {
-    fn error(&self, offset: usize, problem: impl Into<String>) -> Error {
-        let place = if self.text {
-            let before = self.bytes.get(..offset).unwrap_or(self.bytes);
-            Place::Line(1 + before.iter().filter(|&&byte| byte == b'\n').count() as u64)
-        } else {
-            Place::Byte(offset as u64)
-        };
-        Error::malformed(self.path, place, problem)
-    }
-}
-
-/// Reads a file from front to end and never beyond.
-struct Cursor<'a> {
-    source: Source<'a>,
-    offset: usize,
-    /// Where the latest read began: the place that `Cursor::error` names.
-    start: usize,
-}
-
-impl<'a> Cursor<'a> {
-    fn new(path: &'a Path, bytes: &'a [u8], text: bool) -> Self {
-        Self { source: Source { path, bytes, text }, offset: 0, start: 0 }
-    }
-
-    fn error(&self, problem: impl Into<String>) -> Error {
-        self.source.error(self.start, problem)
-    }
-
-    fn rest(&self) -> &'a [u8] {
-        self.source.bytes.get(self.offset..).unwrap_or_default()
-    }
-
-    fn take(&mut self, length: usize, what: &str) -> Result<&'a [u8]> {
-        self.take_records(1, length, what)
-    }
-
-    /// `rows` records of `stride` bytes.
-    fn take_records(&mut self, rows: usize, stride: usize, what: &str) -> Result<&'a [u8]> {
-        self.start = self.offset;
-        let rest = self.rest();
-        match rows.checked_mul(stride).and_then(|length| rest.get(..length)) {
-            Some(taken) => {
-                self.offset += taken.len();
-                Ok(taken)
-            }
-            None => Err(self.error(format!(
-                "{what}: {rows} × {stride} bytes expected, {} are left",
-                rest.len()
-            ))),
-        }
-    }
-
-    /// `rows` records of `stride` bytes as a table.
-    fn table(
-        &mut self,
-        rows: usize,
-        stride: usize,
-        big_endian: bool,
-        what: &str,
-    ) -> Result<Table<'a>> {
-        let bytes = Cow::Borrowed(self.take_records(rows, stride, what)?);
-        Ok(Table {
-            source: self.source,
-            start: self.start,
-            bytes,
-            stride,
-            big_endian,
-            starts: None,
-        })
-    }
-
-    fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
-        let bytes = self.take(N, what)?;
-        bytes.try_into().map_err(|_| self.error(what))
-    }
-
-    /// The next line without its end, or `None` at the end of the file.
-    fn line(&mut self) -> Option<Cow<'a, str>> {
-        self.start = self.offset;
-        let rest = self.rest();
-        let line = rest.split(|&byte| byte == b'\n').next().filter(|_| !rest.is_empty())?;
-        self.offset += (line.len() + 1).min(rest.len());
-        Some(String::from_utf8_lossy(line.strip_suffix(b"\r").unwrap_or(line)))
-    }
-
-    /// The next line that is not blank.
-    fn filled_line(&mut self) -> Option<Cow<'a, str>> {
-        loop {
-            let line = self.line()?;
-            if !line.trim_ascii().is_empty() {
-                return Some(line);
-            }
-        }
-    }
-
-    /// The next word between white space.
-    fn word(&mut self) -> Option<Cow<'a, str>> {
-        let rest = self.rest();
-        self.start = self.offset + rest.iter().position(|byte| !byte.is_ascii_whitespace())?;
-        let word = self.source.bytes.get(self.start..)?;
-        let word = word.split(u8::is_ascii_whitespace).next()?;
-        self.offset = self.start + word.len();
-        Some(String::from_utf8_lossy(word))
-    }
-
-    /// A number of a header that counts something.
-    fn count(&self, word: Option<&str>, what: &str) -> Result<usize> {
-        let word = word.unwrap_or("nothing");
-        word.parse().map_err(|_| self.error(format!("{what}: a count expected, found `{word}`")))
-    }
-
-    fn number(&self, word: &str) -> Result<f64> {
-        word.parse().map_err(|_| self.error(format!("a number expected, found `{word}`")))
-    }
-}
-
-/// The types of number that files hold.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
-
-impl Scalar {
+impl<'a> Values<'a> {
+    /// How many numbers a particle has.
     fn size(self) -> usize {
         match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
+            Self::Integers(_) | Self::Floats(_) => 1,
+            Self::Vectors(_) => 3,
+            Self::Ellipsoids(_) => 6,
         }
+    }
+
+    /// What the columns of an attribute of this name are called where each number has its own.
+    fn column_names(self, name: &str) -> Vec<String> {
+        match self {
+            Self::Integers(_) | Self::Floats(_) => vec![name.into()],
+            Self::Vectors(_) => ["x", "y", "z"].map(|axis| format!("{name}_{axis}")).into(),
+            Self::Ellipsoids(_) => ELLIPSOID_COLUMNS.map(String::from).into(),
+        }
+    }
+
+    /// All floats, particle by particle; none of integers.
+    fn floats(self) -> &'a [f32] {
+        match self {
+            Self::Integers(_) => &[],
+            Self::Floats(floats) => floats,
+            Self::Vectors(vectors) => bytemuck::cast_slice(vectors),
+            Self::Ellipsoids(ellipsoids) => bytemuck::cast_slice(ellipsoids),
+        }
+    }
+
+    /// The floats of particle `i`.
+    fn floats_of(self, i: usize) -> &'a [f32] {
+        &self.floats()[i * self.size()..][..self.size()]
     }
 }
 
-/// One number of each record: where it is, counted from the record's start, and its type.
-#[derive(Clone, Copy, Debug)]
-struct Column {
-    offset: usize,
-    scalar: Scalar,
+/// What the numbers of an [`Ellipsoid`] are called where each has a column of its own.
+const ELLIPSOID_COLUMNS: [&str; 6] = [
+    "ellipsoid_xx",
+    "ellipsoid_yy",
+    "ellipsoid_zz",
+    "ellipsoid_xy",
+    "ellipsoid_yz",
+    "ellipsoid_xz",
+];
+
+/// The length of a file that begins like this if it is binary STL. That has no magic, but its
+/// length follows from its count of triangles.
+fn stl_length(start: &[u8]) -> Option<u64> {
+    let triangles = start.get(80..)?.first_chunk().map(|&count| u32::from_le_bytes(count))?;
+    Some(84 + 50 * u64::from(triangles))
 }
 
-impl Column {
-    /// `count` numbers one after another.
-    fn adjacent(offset: usize, count: usize, scalar: Scalar) -> Vec<Self> {
-        (0..count).map(|k| Self { offset: offset + k * scalar.size(), scalar }).collect()
+/// Writes numbers in blocks: a call for each would take longer than the writing.
+fn write_numbers<T: Copy, const N: usize>(
+    numbers: &[T],
+    bytes: impl Fn(T) -> [u8; N],
+    out: &mut impl Write,
+) -> io::Result<()> {
+    let mut block = Vec::new();
+    for numbers in numbers.chunks(4096) {
+        block.clear();
+        block.extend(numbers.iter().flat_map(|&number| bytes(number)));
+        out.write_all(&block)?;
     }
-
-    /// Three of them at the start of the record.
-    fn triple(scalar: Scalar) -> [Self; 3] {
-        [0, 1, 2].map(|k| Self { offset: k * scalar.size(), scalar })
-    }
-
-    /// The number's bytes. Readers derive a table's stride from its columns, so they are there;
-    /// if not, the number is 0.
-    fn bytes<const N: usize>(self, record: &[u8]) -> [u8; N] {
-        record.get(self.offset..).and_then(|rest| rest.first_chunk()).map_or([0; N], |b| *b)
-    }
-
-    /// The number as the nearest f64.
-    fn number(self, record: &[u8], big_endian: bool) -> f64 {
-        macro_rules! number {
-            ($type:ty) => {
-                if big_endian {
-                    <$type>::from_be_bytes(self.bytes(record)) as f64
-                } else {
-                    <$type>::from_le_bytes(self.bytes(record)) as f64
-                }
-            };
-        }
-        match self.scalar {
-            Scalar::I8 => number!(i8),
-            Scalar::U8 => number!(u8),
-            Scalar::I16 => number!(i16),
-            Scalar::U16 => number!(u16),
-            Scalar::I32 => number!(i32),
-            Scalar::U32 => number!(u32),
-            Scalar::I64 => number!(i64),
-            Scalar::U64 => number!(u64),
-            Scalar::F32 => number!(f32),
-            Scalar::F64 => number!(f64),
-        }
-    }
-
-    /// The number if it is an integer, and exact.
-    fn integer(self, record: &[u8], big_endian: bool) -> Option<i64> {
-        const EXACT: f64 = 9_007_199_254_740_992.0; // 2⁵³
-        match (self.scalar, big_endian) {
-            (Scalar::I64, true) => Some(i64::from_be_bytes(self.bytes(record))),
-            (Scalar::I64, false) => Some(i64::from_le_bytes(self.bytes(record))),
-            (Scalar::U64, true) => u64::from_be_bytes(self.bytes(record)).try_into().ok(),
-            (Scalar::U64, false) => u64::from_le_bytes(self.bytes(record)).try_into().ok(),
-            _ => {
-                let number = self.number(record, big_endian);
-                (number.fract() == 0.0 && number.abs() <= EXACT).then_some(number as i64)
-            }
-        }
-    }
+    Ok(())
 }
 
-/// Records of one size, one a particle. Text is first rewritten as binary f64, so that one
-/// decoder serves all formats.
-struct Table<'a> {
-    source: Source<'a>,
-    /// Where the table begins in the file.
-    start: usize,
-    bytes: Cow<'a, [u8]>,
-    stride: usize,
-    big_endian: bool,
-    /// Where each record begins in the file, if not every `stride` bytes.
-    starts: Option<Vec<usize>>,
+/// Ids as the 32-bit integers that some formats are limited to.
+fn narrow_id(id: i64, format: &str) -> io::Result<i32> {
+    i32::try_from(id).map_err(|_| too_large(&format!("{format} holds 32-bit ids, not {id}")))
 }
 
-impl Table<'_> {
-    fn rows(&self) -> impl ExactSizeIterator<Item = &[u8]> {
-        self.bytes.chunks_exact(self.stride.max(1))
-    }
-
-    fn error(&self, row: usize, column: Column, problem: String) -> Error {
-        let offset = match &self.starts {
-            Some(starts) => starts.get(row).copied().unwrap_or(self.start),
-            None => self.start + row * self.stride + column.offset,
-        };
-        self.source.error(offset, problem)
-    }
-
-    /// Particles at the positions that `columns` hold.
-    fn particles(&self, columns: [Column; 3]) -> Result<Particles> {
-        if columns.iter().all(|column| column.scalar == Scalar::F32) {
-            return Ok(Particles::from_positions(self.floats(
-                columns,
-                "position",
-                Vec3::from_array,
-            )?));
-        }
-        Ok(Particles::from_places(&self.numbers(columns, "position", DVec3::from_array)?))
-    }
-
-    /// The numbers of `columns` as 32-bit floats, all of them finite, record by record.
-    fn floats<const N: usize, T>(
-        &self,
-        columns: [Column; N],
-        name: &str,
-        build: impl Fn([f32; N]) -> T,
-    ) -> Result<Vec<T>> {
-        self.numbers(columns, name, |numbers| build(numbers.map(|number| number as f32)))
-    }
-
-    /// The numbers of `columns`, all of them finite as 32-bit floats, record by record.
-    fn numbers<const N: usize, T>(
-        &self,
-        columns: [Column; N],
-        name: &str,
-        build: impl Fn([f64; N]) -> T,
-    ) -> Result<Vec<T>> {
-        let single = columns.iter().all(|column| column.scalar == Scalar::F32);
-        let (values, bad) =
-            match (single, self.big_endian) {
-                (true, true) => self
-                    .decode(build, |row| columns.map(|c| f32::from_be_bytes(c.bytes(row)).into())),
-                (true, false) => self
-                    .decode(build, |row| columns.map(|c| f32::from_le_bytes(c.bytes(row)).into())),
-                (false, big) => self.decode(build, |row| columns.map(|c| c.number(row, big))),
-            };
-        let Some((row, numbers)) = bad else { return Ok(values) };
-        let numbers = numbers.map(|number| number as f32);
-        let worst = columns.into_iter().zip(numbers).find(|(_, number)| !number.is_finite());
-        let column = worst.map_or(Column { offset: 0, scalar: Scalar::F32 }, |(column, _)| column);
-        let problem = format!("particle {row}: {name} {numbers:?}, finite numbers expected");
-        Err(self.error(row, column, problem))
-    }
-
-    /// All records, and the first that is not finite.
-    fn decode<const N: usize, T>(
-        &self,
-        build: impl Fn([f64; N]) -> T,
-        numbers: impl Fn(&[u8]) -> [f64; N],
-    ) -> (Vec<T>, Option<(usize, [f64; N])>) {
-        let mut bad = None;
-        let values = self.rows().enumerate().map(|(row, record)| {
-            let numbers = numbers(record);
-            if bad.is_none() && !numbers.iter().all(|&number| (number as f32).is_finite()) {
-                bad = Some((row, numbers));
-            }
-            build(numbers)
-        });
-        (values.collect(), bad)
-    }
-
-    fn integers(&self, column: Column, name: &str) -> Result<Vec<i64>> {
-        let rows = self.rows().enumerate().map(|(row, record)| {
-            column.integer(record, self.big_endian).ok_or_else(|| {
-                let number = column.number(record, self.big_endian);
-                let problem = format!("particle {row}: {name} {number}, a 64-bit integer expected");
-                self.error(row, column, problem)
-            })
-        });
-        rows.collect()
-    }
+fn too_large(problem: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidInput, problem)
 }

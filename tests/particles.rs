@@ -5,9 +5,13 @@
 use std::io::Write;
 use std::path::Path;
 
-use flate2::{Compression, write::GzEncoder};
-use glam::{DVec3, Vec3, dvec3};
-use limpid::particles::{Particles, Up};
+use base64::prelude::{BASE64_STANDARD, Engine as _};
+use flate2::write::{DeflateEncoder, GzEncoder, ZlibEncoder};
+use flate2::{Compression, Crc};
+use glam::{DMat3, DVec3, Mat3, Vec3, dvec3};
+use limpid::particles::{Ellipsoid, Particles, Up};
+use limpid::passes::classify;
+use limpid::settings::Settings;
 use limpid::{Error, Result};
 
 const POSITIONS: [[f32; 3]; 3] = [[0.5, -1.25, 2.0], [3.5, 4.0, -5.75], [0.0, 1e-3, 1e6]];
@@ -579,10 +583,522 @@ fn xyz_malformed() {
     check_message("a.xyz", &good[..35], &["byte 24", "particle 2", "12 bytes", "11 are left"]);
     let nan = patched(&good, &le([4.0]), &le([f32::NAN]));
     check_message("a.xyz", &nan, &["byte 16", "particle 1", "position"]);
+    // The same from a file, which is read in another way.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.xyz");
+    for bytes in [&good[..35], &nan, b"x", &bgeo()] {
+        std::fs::write(&path, bytes).unwrap();
+        let error = Particles::read(&path).unwrap_err().to_string();
+        let told = message("a.xyz", bytes);
+        assert!(error.ends_with(told.strip_prefix("a.xyz").unwrap()), "{error}");
+    }
     check_message("a.xyz", b"1 2 3\n\n4 5\n", &["line 3", "particle 1", "2 words"]);
     check_message("a.xyz", b"1 2 3\nH 0 0\n", &["line 2", "number", "`H`"]);
     check_message("a.xyz", b"1 2 3\n4 5 inf\n", &["line 2", "particle 1", "position"]);
     check_message("a.xyz", &bgeo(), &["a BGEO file"]);
+}
+
+// ---- VTK's XML ----
+
+/// How the arrays of a file are stored.
+#[derive(Clone, Copy, PartialEq)]
+enum Stored {
+    Ascii,
+    Inline,
+    AppendedBase64,
+    AppendedRaw,
+}
+
+/// How the headers of arrays are written.
+#[derive(Clone, Copy)]
+struct Headers {
+    big: bool,
+    /// 64-bit numbers.
+    long: bool,
+    /// Bytes of a block that zlib compresses.
+    zlib: Option<usize>,
+    /// A length is encoded apart from its bytes.
+    apart: bool,
+}
+
+const PLAIN: Headers = Headers { big: false, long: false, zlib: None, apart: false };
+
+impl Headers {
+    fn words(&self, words: &[usize]) -> Vec<u8> {
+        let word = |&word: &usize| match (self.long, self.big) {
+            (true, true) => (word as u64).to_be_bytes().to_vec(),
+            (true, false) => (word as u64).to_le_bytes().to_vec(),
+            (false, true) => (word as u32).to_be_bytes().to_vec(),
+            (false, false) => (word as u32).to_le_bytes().to_vec(),
+        };
+        words.iter().flat_map(word).collect()
+    }
+
+    /// A header and the bytes that it announces.
+    fn split(&self, bytes: &[u8]) -> (Vec<u8>, Vec<u8>) {
+        let Some(size) = self.zlib else { return (self.words(&[bytes.len()]), bytes.to_vec()) };
+        let blocks: Vec<_> = bytes.chunks(size).map(zlib).collect();
+        let mut words = vec![blocks.len(), size, bytes.len() % size];
+        words.extend(blocks.iter().map(Vec::len));
+        (self.words(&words), blocks.concat())
+    }
+
+    fn raw(&self, bytes: &[u8]) -> Vec<u8> {
+        let (header, data) = self.split(bytes);
+        [header, data].concat()
+    }
+
+    fn base64(&self, bytes: &[u8]) -> String {
+        let (header, data) = self.split(bytes);
+        if self.apart || self.zlib.is_some() {
+            return BASE64_STANDARD.encode(header) + &BASE64_STANDARD.encode(data);
+        }
+        BASE64_STANDARD.encode([header, data].concat())
+    }
+}
+
+fn zlib(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+/// A file with so many of the particles in each of its pieces.
+fn vtu(kind: &str, pieces: &[usize], stored: Stored, headers: Headers) -> Vec<u8> {
+    let order = if headers.big { "BigEndian" } else { "LittleEndian" };
+    let header_type = if headers.long { "UInt64" } else { "UInt32" };
+    let compressor =
+        if headers.zlib.is_some() { " compressor=\"vtkZLibDataCompressor\"" } else { "" };
+    let mut xml = format!(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"{kind}\" version=\"1.0\" \
+         byte_order=\"{order}\" header_type=\"{header_type}\"{compressor}>\n<{kind}>\n"
+    );
+    let mut appended = Vec::new();
+    let mut array = |name: &str, size: usize, numbers: &[f32], integers: bool| {
+        let kind = if integers { "Int32" } else { "Float32" };
+        let word = |&number: &f32| {
+            let word = if integers { (number as i32).to_be_bytes() } else { number.to_be_bytes() };
+            if headers.big { word } else { word.map_reverse() }
+        };
+        let bytes: Vec<u8> = numbers.iter().flat_map(word).collect();
+        let tag = format!("<DataArray type='{kind}' Name='{name}' NumberOfComponents='{size}'");
+        let told = "<InformationKey name='RANGE'><Value index='0'> 7 </Value></InformationKey>";
+        match stored {
+            Stored::Ascii => {
+                let text: Vec<String> = numbers.iter().map(f32::to_string).collect();
+                format!("{tag} format='ascii'>\n{}\n{told}</DataArray>\n", text.join(" "))
+            }
+            Stored::Inline => {
+                let text = headers.base64(&bytes);
+                format!("{tag} format='binary'>{told}\n  {text}\n</DataArray>\n")
+            }
+            Stored::AppendedBase64 | Stored::AppendedRaw => {
+                let offset = appended.len();
+                if stored == Stored::AppendedRaw {
+                    appended.extend(headers.raw(&bytes));
+                } else {
+                    appended.extend(headers.base64(&bytes).into_bytes());
+                }
+                format!("{tag} format='appended' offset='{offset}'/>\n")
+            }
+        }
+    };
+    let mut first = 0;
+    for &n in pieces {
+        let range = || first..first + n;
+        xml += &format!("<Piece NumberOfPoints='{n}' NumberOfCells='{n}'>\n<PointData>\n");
+        xml += &array("velocity", 3, VELOCITIES[range()].as_flattened(), false);
+        xml += &array("pressure", 1, &RADII[range()], false);
+        xml += &array("density", 1, &DENSITIES[range()], false);
+        xml += &array("radius", 1, &RADII[range()], false);
+        let ids: Vec<f32> =
+            IDS[range()].iter().map(|&id| if id > 99 { 99.0 } else { id as f32 }).collect();
+        xml += &array("id", 1, &ids, true);
+        xml += "</PointData>\n<CellData/>\n<Points>\n";
+        xml += &array("Points", 3, POSITIONS[range()].as_flattened(), false);
+        xml += "</Points>\n<Cells>\n";
+        xml += &array("density", 1, &[0.5], false); // not the points'
+        xml += "</Cells>\n</Piece>\n";
+        first += n;
+    }
+    xml += &format!("</{kind}>\n");
+    let mut bytes = xml.into_bytes();
+    if matches!(stored, Stored::AppendedBase64 | Stored::AppendedRaw) {
+        let encoding = if stored == Stored::AppendedRaw { "raw" } else { "base64" };
+        bytes.extend(format!("<AppendedData encoding=\"{encoding}\">\n  _").bytes());
+        bytes.extend(appended);
+        bytes.extend(b"\n</AppendedData>\n");
+    }
+    bytes.extend(b"</VTKFile>\n");
+    bytes
+}
+
+/// Ids that fit a 32-bit float, in which [`vtu`] keeps them.
+fn vtu_attributes() -> Particles {
+    Particles { ids: Some(vec![7, -1, 99]), ..all_attributes() }
+}
+
+#[test]
+fn vtu_variants() {
+    let whole = [3];
+    let long = Headers { long: true, ..PLAIN };
+    let big = Headers { big: true, ..PLAIN };
+    let zlib = |size| Headers { zlib: Some(size), ..PLAIN };
+    let variants = [
+        (Stored::Ascii, PLAIN),
+        (Stored::Inline, PLAIN),
+        (Stored::Inline, Headers { apart: true, ..PLAIN }),
+        (Stored::Inline, Headers { apart: true, ..long }),
+        (Stored::Inline, Headers { zlib: Some(8), ..long }),
+        (Stored::Inline, zlib(12)),
+        (Stored::AppendedBase64, PLAIN),
+        (Stored::AppendedBase64, long),
+        (Stored::AppendedBase64, Headers { big: true, ..long }),
+        (Stored::AppendedBase64, zlib(1 << 15)),
+        (Stored::AppendedRaw, big),
+        (Stored::AppendedRaw, long),
+        (Stored::AppendedRaw, Headers { big: true, ..zlib(4) }),
+        (Stored::AppendedRaw, Headers { zlib: Some(36), ..long }),
+    ];
+    for (i, (stored, headers)) in variants.into_iter().enumerate() {
+        let read = |kind: &str, pieces: &[_]| {
+            let name = if kind == "PolyData" { "a.vtp" } else { "a.vtu" };
+            let particles = read(name, &vtu(kind, pieces, stored, headers));
+            particles.unwrap_or_else(|error| panic!("variant {i}: {error}"))
+        };
+        assert_eq!(read("UnstructuredGrid", &whole), vtu_attributes(), "variant {i}");
+        assert_eq!(read("PolyData", &whole), vtu_attributes(), "variant {i}");
+        let pieces = [1, 0, 2];
+        assert_eq!(read("UnstructuredGrid", &pieces), vtu_attributes(), "variant {i} in pieces");
+        assert_eq!(read("UnstructuredGrid", &[0]).len(), 0, "variant {i} of nothing");
+        assert_eq!(read("UnstructuredGrid", &[]), Particles::default(), "variant {i} of no piece");
+    }
+}
+
+/// An array of two places, letter by letter.
+#[test]
+fn vtu_by_hand() {
+    let file = |array: &str| {
+        format!(
+            "<VTKFile type=\"PolyData\" byte_order=\"LittleEndian\"><PolyData>\
+             <Piece NumberOfPoints=\"2\"><Points>{array}</Points></Piece></PolyData></VTKFile>"
+        )
+    };
+    let array = "<DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"binary\">\
+        GAAAAAAAgD8AAABAAABAQAAAgEAAAKBAAADAQA==</DataArray>";
+    let places = vec![Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 5.0, 6.0)];
+    let expected = Particles::from_positions(places);
+    assert_eq!(read("a.vtp", file(array).as_bytes()).unwrap(), expected);
+    let doubles =
+        "<DataArray type=\"Float64\" NumberOfComponents=\"3\">1 2 3\n4 5. 6e0</DataArray>";
+    assert_eq!(read("a.vtp", file(doubles).as_bytes()).unwrap(), expected);
+}
+
+#[test]
+fn vtu_malformed() {
+    let text = String::from_utf8(vtu("PolyData", &[3], Stored::Ascii, PLAIN)).unwrap();
+    let with = |from: &str, to: &str| {
+        assert!(text.contains(from), "{from}");
+        text.replacen(from, to, 1).into_bytes()
+    };
+    let check = |from: &str, to: &str, fragments: &[&str]| {
+        check_message("a.vtp", &with(from, to), fragments);
+    };
+    check("Points='3'", "Points='4'", &["byte", "velocity", "4 × 3 numbers", "9 found"]);
+    check("Points='3'", "Points='-3'", &["byte", "NumberOfPoints", "count", "-3"]);
+    check("Points='3'", "Points='18446744073709551615'", &["byte", "velocity"]);
+    check("0.5 -1.25", "x -1.25", &["byte", "Points", "number", "`x`"]);
+    check("0.5 -1.25", "nan -1.25", &["byte", "particle 0", "position", "NaN"]);
+    check("type='Float32'", "type='String'", &["byte", "number type", "`String`"]);
+    check("format='ascii'", "format='hex'", &["byte", "`hex`"]);
+    check("format='ascii'", "format='appended' offset='9'", &["byte", "no appended data"]);
+    check("type=\"PolyData\"", "type=\"ImageData\"", &["`ImageData`", "PolyData expected"]);
+    check("UInt32", "UInt16", &["byte", "header type `UInt16`"]);
+    check("LittleEndian", "Middle", &["byte", "byte order `Middle`"]);
+    check("</VTKFile>", "", &["byte", "ends before </VTKFile>"]);
+    check("</Points>", "</Point>", &["byte", "not XML"]);
+    check("<VTKFile", "<Html", &["not VTK's"]);
+    let lz4 = with("header_type", "compressor='vtkLZ4DataCompressor' header_type");
+    check_message("a.vtp", &lz4, &["vtkLZ4DataCompressor", "zlib or none"]);
+
+    let raw = |headers: Headers| vtu("UnstructuredGrid", &[3], Stored::AppendedRaw, headers);
+    let length = patched(&raw(PLAIN), &[b'_', 36, 0, 0, 0], &[b'_', 37, 0, 0, 0]);
+    check_message("a.vtu", &length, &["byte", "36 bytes expected, 37 announced"]);
+    let beyond = patched(&raw(PLAIN), b"offset='0'", b"offset='18446744073709551615'");
+    check_message("a.vtu", &beyond, &["byte", "beyond the file"]);
+    let zlib = raw(Headers { zlib: Some(36), ..PLAIN });
+    let start = [&b"_"[..], [1_u32, 36, 0].map(u32::to_le_bytes).as_flattened()].concat();
+    let header = |words: [u32; 3]| {
+        patched(&zlib, &start, &[&b"_"[..], words.map(u32::to_le_bytes).as_flattened()].concat())
+    };
+    check_message("a.vtu", &header([2, 36, 0]), &["byte", "velocity", "2 blocks of 36"]);
+    check_message("a.vtu", &header([u32::MAX, 36, 0]), &["byte", "velocity", "announced"]);
+    check_message("a.vtu", &header([36, 1, 0]), &["byte", "velocity"]);
+    let block = patched(&zlib, &[0x78, 0x01], &[0x78, 0x02]);
+    check_message("a.vtu", &block, &["byte", "velocity", "block 0"]);
+
+    // What is claimed in one place must be claimed in all, and be possible.
+    let claims = Headers { long: true, zlib: Some(36), ..PLAIN };
+    let claims = patched(&raw(claims), b"Points='3'", b"Points='300000000000'");
+    check_message("a.vtu", &claims, &["byte", "velocity", "3600000000000 bytes expected"]);
+    let words = |words: [u64; 3]| [&b"_"[..], words.map(u64::to_le_bytes).as_flattened()].concat();
+    let claims = patched(&claims, &words([1, 36, 0]), &words([1, 3_600_000_000_000, 0]));
+    check_message("a.vtu", &claims, &["byte", "velocity", "cannot be in"]);
+}
+
+// ---- npz ----
+
+/// A zip archive, byte by byte: members with names, as they are or deflated.
+fn npz(members: &[(&str, Vec<u8>)], deflated: bool) -> Vec<u8> {
+    let (mut bytes, mut directory) = (Vec::new(), Vec::new());
+    for (name, contents) in members {
+        let mut crc = Crc::new();
+        crc.update(contents);
+        let stored = if deflated {
+            let mut encoder = DeflateEncoder::new(Vec::new(), Compression::fast());
+            encoder.write_all(contents).unwrap();
+            encoder.finish().unwrap()
+        } else {
+            contents.clone()
+        };
+        let method = if deflated { 8_u16 } else { 0 };
+        let mut common = 20_u16.to_le_bytes().to_vec(); // version 2.0
+        common.extend([0; 2]);
+        common.extend(method.to_le_bytes());
+        common.extend([0, 0, 0x21, 0]); // 1 January 1980
+        for number in [crc.sum(), stored.len() as u32, contents.len() as u32] {
+            common.extend(number.to_le_bytes());
+        }
+        common.extend((name.len() as u16).to_le_bytes());
+        common.extend([0; 2]);
+        directory.extend(b"PK\x01\x02\x14\x00");
+        directory.extend(&common);
+        directory.extend([0; 10]);
+        directory.extend((bytes.len() as u32).to_le_bytes());
+        directory.extend(name.bytes());
+        bytes.extend(b"PK\x03\x04");
+        bytes.extend(&common);
+        bytes.extend(name.bytes());
+        bytes.extend(stored);
+    }
+    let start = bytes.len() as u32;
+    let count = (members.len() as u16).to_le_bytes();
+    bytes.extend(&directory);
+    bytes.extend(b"PK\x05\x06\x00\x00\x00\x00");
+    bytes.extend([count, count].concat());
+    bytes.extend((directory.len() as u32).to_le_bytes());
+    bytes.extend(start.to_le_bytes());
+    bytes.extend([0; 2]);
+    bytes
+}
+
+fn npz_members() -> Vec<(&'static str, Vec<u8>)> {
+    let velocities = VELOCITIES.into_iter().flat_map(le).collect::<Vec<_>>();
+    let ids = IDS.into_iter().flat_map(i32::to_le_bytes).collect::<Vec<_>>();
+    vec![
+        ("vel.npy", npy("<f4", "False", "(3, 3)", &velocities)),
+        ("time.npy", npy("<f8", "False", "()", &[0; 8])),
+        ("names.npy", npy("|O", "False", "(2,)", &[1, 2])),
+        ("positions.npy", npy("<f4", "False", "(3, 3)", &npy_data())),
+        ("readme.txt", b"nothing of ours".to_vec()),
+        ("rho.npy", npy(">f4", "False", "(3,)", &be(DENSITIES))),
+        ("radius.npy", npy("<f4", "True", "(3, 1)", &le(RADII))),
+        ("ids.npy", npy("<i4", "False", "(3,)", &ids)),
+    ]
+}
+
+#[test]
+fn npz_variants() {
+    for deflated in [false, true] {
+        assert_eq!(read("a.npz", &npz(&npz_members(), deflated)).unwrap(), all_attributes());
+        let float = npy("<f4", "False", "(3, 3)", &npy_data());
+        for name in ["position.npy", "POS.npy", "x.npy", "points.npy", "arr_0.npy", "other.npy"] {
+            let one = npz(&[(name, float.clone())], deflated);
+            assert_eq!(read("a.npz", &one).unwrap(), positions_only(), "{name}");
+        }
+        let wide = npz(&[("x.npy", npy_fortran())], deflated);
+        assert_eq!(read("a.npz", &wide).unwrap(), positions_only());
+        // A column for each axis is not what is called x, and a velocity is not a position.
+        let velocity = ("v.npy", npy("<f4", "False", "(3, 3)", &npy_data()));
+        let x = ("x.npy", npy("<f4", "False", "(9,)", &npy_data()));
+        check_message("a.npz", &npz(&[velocity, x], deflated), &["(n, 3)", "v, x"]);
+        let two = npz(&[("a.npy", float.clone()), ("b.npy", float.clone())], deflated);
+        check_message("a.npz", &two, &["nor a single other one", "a, b"]);
+    }
+}
+
+#[test]
+fn npz_malformed() {
+    let good = npz(&npz_members(), false);
+    let short =
+        npz(&[npz_members()[3].clone(), ("rho.npy", npy("<f4", "False", "(2,)", &[0; 8]))], true);
+    check_message("a.npz", &short, &["(rho.npy)", "byte 128", "2 entries for 3 particles"]);
+    let claim = npz(&[("x.npy", npy("<f4", "False", "(2147483647, 3)", &npy_data()))], true);
+    check_message("a.npz", &claim, &["(x.npy)", "byte", "2147483647 × 12"]);
+    let nan = npz(&[("x.npy", npy("<f4", "False", "(1, 3)", &le([0.0, f32::NAN, 0.0])))], true);
+    check_message("a.npz", &nan, &["(x.npy)", "byte 132", "particle 0", "position"]);
+    let crc = patched(&good, &be([998.5]), &be([998.0]));
+    check_message("a.npz", &crc, &["(rho.npy)", "damaged"]);
+    check_message("a.npz", &good[..good.len() - 9], &["byte", "damaged"]);
+    check_message("a.npz", &npz(&[], false), &["no array"]);
+    check_message("a.npz", &npy_data(), &["not an archive"]);
+}
+
+// ---- pos and ani ----
+
+fn pos(radius: f32) -> Vec<u8> {
+    [3_u32.to_le_bytes().to_vec(), le([radius]), npy_data()].concat()
+}
+
+#[test]
+fn pos_variants() {
+    let expected = Particles { radii: Some(vec![0.25; 3]), ..positions_only() };
+    assert_eq!(read("frame.0001.pos", &pos(0.25)).unwrap(), expected);
+    assert_eq!(read("a.pos", &pos(0.0)).unwrap(), positions_only());
+    assert_eq!(read("a.pos", &[0; 8]).unwrap(), Particles::default());
+}
+
+#[test]
+fn pos_malformed() {
+    let count = |n: u32| [&n.to_le_bytes(), &pos(0.25)[4..]].concat();
+    check_message("a.pos", &count(4), &["byte 8", "4 × 12 bytes", "36 are left"]);
+    check_message("a.pos", &count(u32::MAX), &["byte 8", "4294967295 × 12"]);
+    check_message("a.pos", &count(2), &["byte 32", "12 bytes are left"]);
+    check_message("a.pos", &pos(-1.0), &["byte 4", "radius -1"]);
+    check_message("a.pos", &pos(f32::NAN), &["byte 4", "radius NaN"]);
+    let nan = patched(&pos(0.25), &le([4.0]), &le([f32::NAN]));
+    check_message("a.pos", &nan, &["byte 24", "particle 1", "position"]);
+    check_message("a.pos", &bgeo(), &["a BGEO file"]);
+}
+
+/// The nine numbers are the columns of a matrix that takes the unit sphere to the ellipsoid, in
+/// units of the radius; the turn that it begins with is of no consequence.
+#[test]
+fn ellipsoids_lie_beside_pos() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.0001.pos");
+    let symmetric = [2.0, 0.5, 0.25, 0.5, 1.0, -0.125, 0.25, -0.125, 0.5];
+    let turn = DMat3::from_axis_angle(dvec3(1.0, 2.0, 3.0).normalize(), 0.7);
+    let turned = (Mat3::from_cols_array(&symmetric).as_dmat3() * turn).as_mat3();
+    let ani = |maps: [[f32; 9]; 3]| {
+        [3_u32.to_le_bytes().to_vec(), maps.into_iter().flat_map(le).collect()].concat()
+    };
+    std::fs::write(&path, pos(0.25)).unwrap();
+    assert_eq!(Particles::read(&path).unwrap().ellipsoids, None);
+    let maps = ani([symmetric, turned.to_cols_array(), [0.0; 9]]);
+    std::fs::write(path.with_extension("ani"), &maps).unwrap();
+    let ellipsoids = Particles::read(&path).unwrap().ellipsoids.unwrap();
+    let expected = Ellipsoid { xx: 2.0, yy: 1.0, zz: 0.5, xy: 0.5, yz: -0.125, xz: 0.25 };
+    assert_eq!(ellipsoids[0], expected);
+    let difference = ellipsoids[1].matrix() - expected.matrix();
+    assert!(difference.to_cols_array().iter().all(|x| x.abs() < 1e-6), "{difference}");
+    assert!(ellipsoids[0].drawable() && ellipsoids[1].drawable() && !ellipsoids[2].drawable());
+
+    let damaged = |bytes: &[u8], fragments: &[&str]| {
+        std::fs::write(path.with_extension("ani"), bytes).unwrap();
+        let text = Particles::read(&path).unwrap_err().to_string();
+        for fragment in ["frame.0001.ani: byte"].iter().chain(fragments) {
+            assert!(text.contains(fragment), "{fragment:?} not in: {text}");
+        }
+    };
+    for length in 0..maps.len() {
+        damaged(&maps[..length], &[]);
+    }
+    damaged(&[&maps[..], &[0]].concat(), &["1 bytes are left"]);
+    damaged(&[&[2, 0, 0, 0], &maps[4..]].concat(), &["2 ellipsoids", "3 particles"]);
+    damaged(
+        &ani([[f32::INFINITY; 9], symmetric, symmetric]),
+        &["byte 4", "particle 0", "ellipsoid"],
+    );
+}
+
+/// A block of particles keeps the shapes that its file gives, where they are; one whose shape is
+/// none gets a kernel, and a lone particle is a sphere.
+#[test]
+fn given_ellipsoids_are_drawn() {
+    let r = 0.025_f32;
+    let cell = |i: usize| Vec3::new((i % 6) as f32, (i / 6 % 6) as f32, (i / 36) as f32);
+    let mut positions: Vec<Vec3> = (0..216).map(|i| 2.0 * r * cell(i)).collect();
+    positions.push(Vec3::splat(5.0));
+    let shape = Ellipsoid { xx: 1.5, yy: 0.75, zz: 1.0, xy: 0.25, yz: -0.125, xz: 0.0625 };
+    let mut ellipsoids = vec![shape; positions.len()];
+    ellipsoids[3] = Ellipsoid { xx: -1.0, ..shape };
+    let bare = Particles::from_positions(positions.clone());
+    let shaped = Particles { ellipsoids: Some(ellipsoids), ..bare.clone() };
+    let settings = Settings::default().classify;
+    let fitted = classify::classify(&bare, r, &settings);
+    let given = classify::classify(&shaped, r, &settings);
+    assert_eq!(given.splashes, fitted.splashes);
+    assert_eq!(given.aggregates.len(), fitted.aggregates.len());
+    for (given, fitted) in given.aggregates.iter().zip(&fitted.aggregates) {
+        if given.particle == 3 {
+            assert_eq!(given, fitted);
+            continue;
+        }
+        assert_ne!(given.diagonal, fitted.diagonal);
+        assert_eq!(given.centre, positions[given.particle as usize].to_array());
+        let r = f64::from(r);
+        assert_eq!(given.diagonal, [1.5, 0.75, 1.0].map(|x: f64| (r * x) as f32));
+        assert_eq!(given.off_diagonal, [0.25, 0.0625, -0.125].map(|x: f64| (r * x) as f32));
+    }
+}
+
+// ---- csv ----
+
+const CSV: &str = "id,x,y,z,vx,vy,vz,density,other,radius
+7,0.5,-1.25,2,1,0,-9.5,1000,a,0.025
+-1,3.5,4,-5.75,0.25,0.5,0.75,998.5,\"b, c\",0
+
+123456789,0,1e-3,1e6,-0,2,3,1001.25,,0.5
+";
+
+#[test]
+fn csv_variants() {
+    assert_eq!(read("a.csv", CSV.as_bytes()).unwrap(), all_attributes());
+    let marked = [b"\xef\xbb\xbf", CSV.replace('\n', "\r\n").as_bytes()].concat();
+    assert_eq!(read("a.csv", &marked).unwrap(), all_attributes());
+    let quoted = CSV.replace("b, c", "b");
+    assert_eq!(read("a.csv", quoted.replace(',', ";").as_bytes()).unwrap(), all_attributes());
+    assert_eq!(read("a.CSV", quoted.replace(',', "\t").as_bytes()).unwrap(), all_attributes());
+    let renamed = |x: [&str; 3], v: [&str; 3]| {
+        let header = format!("id,{},{},density,other,radius", x.join(","), v.join(","));
+        CSV.replacen(CSV.lines().next().unwrap(), &header, 1)
+    };
+    for (x, v) in [
+        (["px", "py", "pz"], ["velocity_x", "velocity_y", "velocity_z"]),
+        (
+            ["\"Points:0\"", "\"Points:1\"", "\"Points:2\""],
+            ["velocity:0", "velocity:1", "velocity:2"],
+        ),
+        (["Points_0", "Points_1", "Points_2"], ["Velocity_0", "Velocity_1", "Velocity_2"]),
+        (["Pos.x [m]", "Pos.y [m]", "Pos.z [m]"], ["Vel.x [m/s]", "Vel.y [m/s]", "Vel.z [m/s]"]),
+    ] {
+        assert_eq!(read("a.csv", renamed(x, v).as_bytes()).unwrap(), all_attributes(), "{x:?}");
+    }
+    let bare = "0.5,-1.25,2,9\n3.5, 4 ,-5.75,9\n# a comment\n0,1e-3,1e6,9";
+    assert_eq!(read("a.csv", bare.as_bytes()).unwrap(), positions_only());
+    assert_eq!(read("a.csv", b"").unwrap(), Particles::default());
+    assert_eq!(read("a.csv", b"x,y,z\n").unwrap(), Particles::default());
+    let large = "x,y,z,id\n0,0,0,9007199254740993\n0,0,0,-3.0\n";
+    let ids = read("a.csv", large.as_bytes()).unwrap().ids;
+    assert_eq!(ids, Some(vec![9_007_199_254_740_993, -3]));
+}
+
+#[test]
+fn csv_malformed() {
+    let check = |from: &str, to: &str, fragments: &[&str]| {
+        assert!(CSV.contains(from), "{from}");
+        check_message("a.csv", CSV.replacen(from, to, 1).as_bytes(), fragments);
+    };
+    check("3.5,4", "3.5,w", &["line 3", "particle 1", "position", "`w`"]);
+    check("0,1e-3", "0,nan", &["line 5", "particle 2", "position", "NaN"]);
+    check("0.25,0.5", "0.25,inf", &["line 3", "particle 1", "velocity"]);
+    check("-1,3.5", "1.5,3.5", &["line 3", "particle 1", "id", "`1.5`"]);
+    check("1000,a,0.025", "1000", &["line 2", "particle 0", "radius", "no such column"]);
+    check("1000,a,0.025", "1000,a,-1", &["line 2", "particle 0", "radius -1"]);
+    check("x,y,z", "a,b,c", &["no columns x, y and z", "id, a, b, c"]);
+    check_message("a.csv", b"1,2\n3,4\n", &["line 1", "position", "no such column"]);
+    check_message("a.csv", &bgeo(), &["a BGEO file"]);
 }
 
 // ---- all formats ----
@@ -603,17 +1119,33 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
         ("b.npy", npy_fortran()),
         ("a.xyz", npy_data()),
         ("b.xyz", b"0.5 1 2\n3 4 5\n6 7 8".into()),
+        ("a.vtu", vtu("UnstructuredGrid", &[3], Stored::Ascii, PLAIN)),
+        ("b.vtu", vtu("UnstructuredGrid", &[1, 2], Stored::Inline, PLAIN)),
+        ("c.vtu", {
+            let headers = Headers { big: true, long: true, ..PLAIN };
+            vtu("UnstructuredGrid", &[3], Stored::AppendedBase64, headers)
+        }),
+        ("d.vtu", {
+            let headers = Headers { zlib: Some(16), ..PLAIN };
+            vtu("UnstructuredGrid", &[3], Stored::AppendedRaw, headers)
+        }),
+        ("a.npz", npz(&npz_members()[..4], false)),
+        ("b.npz", npz(&npz_members()[3..], true)),
+        ("a.pos", pos(0.25)),
+        ("a.csv", CSV.into()),
     ]
 }
 
 /// Cut off anywhere, a file is an error, or whole in what it says of its particles. (Only .xyz
-/// has no count to hold against.)
+/// and .csv have no count to hold against.)
 #[test]
 fn truncation_is_noticed_everywhere() {
     for (name, bytes) in samples() {
         for length in 0..bytes.len() {
             match read(name, &bytes[..length]) {
-                Ok(particles) if name.ends_with("xyz") => assert!(particles.len() <= 3),
+                Ok(particles) if name.ends_with("xyz") || name.ends_with("csv") => {
+                    assert!(particles.len() <= 3);
+                }
                 Ok(particles) => assert_eq!(particles.len(), 3, "{name} cut to {length}"),
                 Err(error) => assert!(error.to_string().contains(name), "{error}"),
             }
@@ -644,6 +1176,7 @@ fn assert_sound(particles: &Particles) {
         particles.densities.as_ref().map(Vec::len),
         particles.radii.as_ref().map(Vec::len),
         particles.ids.as_ref().map(Vec::len),
+        particles.ellipsoids.as_ref().map(Vec::len),
     ];
     assert!(lengths.iter().flatten().all(|&length| length == n));
     assert!(particles.positions.iter().all(|p| p.is_finite()));
@@ -661,9 +1194,14 @@ fn foreign_files_are_named() {
         assert!(matches!(read(name, &stl), Err(Error::Format { .. })), "{name}");
         check_message(name, &stl, &["binary STL"]);
         check_message(name, houdini, &["Houdini's new", ".bhclassic"]);
-        check_message(name, b"<?xml version=\"1.0\"?>\n", &["XML", ".vtk"]);
+        check_message(name, b"<?xml version=\"1.0\"?>\n", &["XML", ".vtu"]);
     }
-    for name in ["a.bgeo", "a.vtk", "a.ply", "a.npy"] {
+    for name in ["a.vtu", "a.vtp", "a.npz", "a.pos", "a.csv"] {
+        check_message(name, &stl, &["binary STL"]);
+        check_message(name, houdini, &["Houdini's new", ".bhclassic"]);
+    }
+    check_message("a.vtu", b"<?xml version=\"1.0\"?>\n<html/>", &["XML, but not VTK's"]);
+    for name in ["a.bgeo", "a.vtk", "a.ply", "a.npy", "a.vtu", "a.npz"] {
         check_message(name, b"", &["an empty file"]);
         check_message(name, b"nonsense", &["an unknown kind"]);
     }
@@ -674,9 +1212,9 @@ fn foreign_files_are_named() {
 
 #[test]
 fn unknown_extensions_come_with_a_remedy() {
-    check_message("a.vtu", b"", &["not a legacy VTK", ".vtk"]);
+    check_message("a.pvd", b"", &["list of files", "frame_{}.vtu"]);
+    check_message("a.ani", b"", &["ellipsoids", ".pos"]);
     check_message("a.bgeo.sc", b"", &["hsc -d", ".bhclassic"]);
-    check_message("a.npz", b"", &["numpy.save"]);
     check_message("a.stl", b"", &["does not know", ".bgeo", ".npy"]);
     check_message("ply", b"", &["does not know"]);
     assert!(matches!(read("a.obj", b""), Err(Error::Format { .. })));
@@ -703,8 +1241,12 @@ fn a_missing_file_is_an_io_error() {
 #[test]
 fn z_up_becomes_y_up() {
     let axes = vec![Vec3::X, Vec3::Y, Vec3::Z];
-    let mut particles =
-        Particles { velocities: Some(axes.clone()), ..Particles::from_positions(axes) };
+    let shape = Ellipsoid { xx: 1.0, yy: 2.0, zz: 3.0, xy: 0.1, yz: 0.2, xz: 0.3 };
+    let mut particles = Particles {
+        velocities: Some(axes.clone()),
+        ellipsoids: Some(vec![shape; 3]),
+        ..Particles::from_positions(axes)
+    };
     particles.origin = dvec3(1.0, 2.0, 3.0);
     let before = particles.clone();
     particles.to_y_up(Up::Y);
@@ -715,6 +1257,9 @@ fn z_up_becomes_y_up() {
     assert_eq!(particles.velocities.as_deref(), Some(&particles.positions[..]));
     let [x, y, z] = [0, 1, 2].map(|i| particles.positions[i]);
     assert_eq!(x.cross(y), z);
+    let turn = DMat3::from_cols(x.as_dvec3(), y.as_dvec3(), z.as_dvec3());
+    let turned = particles.ellipsoids.unwrap()[0].matrix();
+    assert_eq!(turned, turn * shape.matrix() * turn.transpose());
 }
 
 /// Protects digits: what a file of 64-bit numbers says is there to 1e-6 of the cloud's size,
@@ -770,6 +1315,209 @@ fn bounds_enclose_all_particles() {
     assert_eq!(Particles::default().bounds(), None);
     let bounds = positions_only().bounds();
     assert_eq!(bounds, Some((dvec3(0.0, -1.25, -5.75), dvec3(3.5, 4.0, 1e6))));
+}
+
+/// Uniform bits, from a linear congruential generator (Knuth's MMIX).
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u32 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 32) as u32
+    }
+
+    fn below(&mut self, n: u32) -> u32 {
+        ((u64::from(self.bits()) * u64::from(n)) >> 32) as u32
+    }
+
+    fn uniform(&mut self) -> f32 {
+        self.bits() as f32 / u32::MAX as f32 - 0.5
+    }
+
+    /// Any finite float, or one of the size that files hold.
+    fn float(&mut self) -> f32 {
+        match self.below(4) {
+            0 => Some(f32::from_bits(self.bits())).filter(|x| x.is_finite()).unwrap_or(-0.0),
+            _ => self.uniform(),
+        }
+    }
+
+    fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.float(), self.float(), self.float())
+    }
+
+    /// Each attribute is there or not.
+    fn particles(&mut self) -> Particles {
+        let n = self.below(20) as usize;
+        let offset = if self.below(4) == 0 { 1000.0 } else { 0.0 };
+        let positions = (0..n).map(|_| self.vector() + offset).map(finite).collect();
+        let mut particles = Particles::from_positions(positions);
+        if self.below(2) == 0 {
+            particles.velocities = Some((0..n).map(|_| self.vector()).collect());
+        }
+        if self.below(2) == 0 {
+            particles.densities = Some((0..n).map(|_| self.float()).collect());
+        }
+        if self.below(2) == 0 {
+            particles.radii = Some((0..n).map(|_| self.float().abs()).collect());
+        }
+        if self.below(2) == 0 {
+            let wide = self.below(2) == 0;
+            let id = |low: u32, high: u32| i64::from(high.cast_signed()) << 32 | i64::from(low);
+            let ids = (0..n).map(|_| (self.bits(), self.bits()));
+            let ids = ids.map(|(a, b)| if wide { id(a, b) } else { a.cast_signed().into() });
+            particles.ids = Some(ids.collect());
+        }
+        if self.below(2) == 0 {
+            let shape = |entry: [f32; 6]| {
+                let [xx, yy, zz, xy, yz, xz] = entry;
+                Ellipsoid { xx: 2.0 + xx, yy: 2.0 + yy, zz: 2.0 + zz, xy, yz, xz }
+            };
+            let entries = (0..n).map(|_| [0; 6].map(|_: i32| self.uniform()));
+            particles.ellipsoids = Some(entries.map(shape).collect());
+        }
+        particles
+    }
+}
+
+fn finite(position: Vec3) -> Vec3 {
+    if position.is_finite() { position } else { Vec3::splat(-0.0) }
+}
+
+/// All numbers as they are stored, so that −0 is not 0.
+fn bits(particles: &Particles) -> impl PartialEq + std::fmt::Debug {
+    let vectors = |vectors: &[Vec3]| -> Vec<u32> {
+        vectors.iter().flat_map(|v| v.to_array().map(f32::to_bits)).collect()
+    };
+    let floats = |floats: &Vec<f32>| floats.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let Particles { origin, positions, velocities, densities, radii, ids, ellipsoids, .. } =
+        particles;
+    (
+        (*origin, vectors(positions), velocities.as_deref().map(vectors)),
+        (densities.as_ref().map(floats), radii.as_ref().map(floats)),
+        (ids.clone(), ellipsoids.clone()),
+    )
+}
+
+/// Protects all writers: what a format holds is read back to the bit; what it does not, it says.
+#[test]
+fn what_is_written_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = Random(5);
+    for case in 0..60 {
+        let mut particles = random.particles();
+        for extension in
+            ["bgeo", "bgeo.gz", "bhclassic", "vtk", "vtu", "ply", "npy", "npz", "xyz", "pos", "csv"]
+        {
+            let path = folder.path().join(format!("{case}.{extension}"));
+            if matches!(extension, "bgeo" | "bgeo.gz" | "bhclassic" | "ply") {
+                for id in particles.ids.iter_mut().flatten() {
+                    *id = i64::from(*id as i32);
+                }
+            }
+            if extension == "pos" && random.below(2) == 0 {
+                particles.radii = particles.radii.map(|radii| vec![0.25; radii.len()]);
+            }
+            let lost = particles.lost(&path).unwrap();
+            particles.write(&path).unwrap();
+            let mut expected = particles.clone();
+            for name in &lost {
+                match *name {
+                    "velocity" => expected.velocities = None,
+                    "density" => expected.densities = None,
+                    "radius" => expected.radii = None,
+                    "id" => expected.ids = None,
+                    "ellipsoid" => expected.ellipsoids = None,
+                    "radii that differ" => {
+                        // Their mean stands for them, and the shapes keep their size.
+                        let read = Particles::read(&path).unwrap();
+                        let radius = read.radii.as_ref().map_or(0.0, |radii| radii[0]);
+                        assert!(radius > 0.0, "{case}.{extension}");
+                        expected.radii = read.radii;
+                        expected.ellipsoids = read.ellipsoids;
+                    }
+                    other => panic!("{other}"),
+                }
+            }
+            if extension == "pos" && expected.is_empty() {
+                expected.radii = None;
+            }
+            let read = Particles::read(&path).unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(bits(&read), bits(&expected), "{case}.{extension}: {lost:?}");
+        }
+    }
+}
+
+/// Protects digits of places far from 0, in the formats that have room for them.
+#[test]
+fn far_places_are_written_with_their_digits() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = Random(6);
+    let offset = dvec3(12345.6789, -98765.4321, 1e5);
+    let places: Vec<DVec3> =
+        (0..50).map(|_| offset + random.vector().as_dvec3().normalize_or_zero()).collect();
+    let particles = Particles::from_places(&places);
+    assert_ne!(particles.origin, DVec3::ZERO);
+    for extension in ["vtk", "vtu", "ply", "npy", "npz", "csv"] {
+        let path = folder.path().join(format!("a.{extension}"));
+        assert_eq!(particles.lost(&path).unwrap(), [""; 0]);
+        particles.write(&path).unwrap();
+        let read = Particles::read(&path).unwrap();
+        for (i, place) in places.iter().enumerate() {
+            let error = (read.origin + read.positions[i].as_dvec3()).distance(*place);
+            assert!(error < 1e-6, "{extension}: particle {i} is {error} m off");
+        }
+    }
+    for extension in ["bgeo", "xyz", "pos"] {
+        let path = folder.path().join(format!("a.{extension}"));
+        assert_eq!(particles.lost(&path).unwrap(), ["64-bit places"]);
+        particles.write(&path).unwrap();
+        assert_eq!(Particles::read(&path).unwrap().positions[7], places[7].as_vec3());
+    }
+}
+
+/// Protects frames that are written anew: shapes of the old one would be taken for theirs.
+#[test]
+fn ellipsoids_of_a_replaced_frame_go() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.pos");
+    let shaped = Particles { ellipsoids: Some(vec![Ellipsoid::SPHERE; 3]), ..positions_only() };
+    shaped.write(&path).unwrap();
+    assert_eq!(Particles::read(&path).unwrap(), shaped);
+    positions_only().write(&path).unwrap();
+    assert_eq!(Particles::read(&path).unwrap(), positions_only());
+    assert!(!path.with_extension("ani").exists());
+}
+
+/// The size of a shape is what it was, though its unit, the radius, is another.
+#[test]
+fn radii_that_differ_leave_shapes_as_large() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.pos");
+    let radii = vec![1.0, 2.0, 6.0];
+    let shape = Ellipsoid { xx: 2.0, ..Ellipsoid::SPHERE };
+    let particles = Particles {
+        radii: Some(radii.clone()),
+        ellipsoids: Some(vec![shape; 3]),
+        ..positions_only()
+    };
+    particles.write(&path).unwrap();
+    let read = Particles::read(&path).unwrap();
+    assert_eq!(read.radii, Some(vec![3.0; 3]));
+    for (ellipsoid, radius) in read.ellipsoids.unwrap().iter().zip(radii) {
+        assert!((3.0 * ellipsoid.xx - 2.0 * radius).abs() < 1e-6);
+        assert!((3.0 * ellipsoid.yy - radius).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn unwritable_formats_are_named() {
+    for name in ["a.vtp", "a.obj", "a"] {
+        let error = positions_only().write(Path::new(name)).unwrap_err();
+        assert!(matches!(error, Error::Format { .. }), "{error}");
+        assert!(error.to_string().contains(".bgeo, "), "{error}");
+        assert!(!Path::new(name).exists());
+    }
 }
 
 /// Protects baked frames: what is written is what is read, to the bit, plain and as gzip.

@@ -71,19 +71,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         // What is in a file can be said without a radius.
         let loaded = input.prepare(frame, &particles, &scene).ok();
         let (min, max) = particles.bounds().unwrap_or_default();
-        let attributes = [
-            ("velocity", particles.velocities.is_some()),
-            ("density", particles.densities.is_some()),
-            ("radius", particles.radii.is_some()),
-            ("id", particles.ids.is_some()),
-        ];
         info.described.push(FrameInfo {
             frame: frame.number,
             path: frame.path.display().to_string(),
             particles: particles.len(),
             min: min.to_array().map(shortest),
             max: max.to_array().map(shortest),
-            attributes: attributes.iter().filter(|(_, has)| *has).map(|(name, _)| *name).collect(),
+            attributes: particles.attribute_names().collect(),
             radius: loaded.as_ref().map(|loaded| loaded.splats.radius),
             splashes: loaded.as_ref().map(|loaded| loaded.splats.splashes.len()),
         });

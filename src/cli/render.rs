@@ -329,7 +329,7 @@ fn aov_path(picture: &Path) -> PathBuf {
 }
 
 /// Hidden unless standard error is a terminal.
-fn progress(frames: usize) -> ProgressBar {
+pub(super) fn progress(frames: usize) -> ProgressBar {
     let bar = if frames > 1 { ProgressBar::new(frames as u64) } else { ProgressBar::hidden() };
     let template = "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left";
     bar.with_style(ProgressStyle::with_template(template).expect("the template is valid"))

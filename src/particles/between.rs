@@ -78,6 +78,9 @@ impl Particles {
             radii: floats(|particles| &particles.radii),
             ids: mixed(&pairs, a.ids.as_deref(), b.ids.as_deref(), |id, _| id),
             fluids: mixed(&pairs, a.fluids.as_deref(), b.fluids.as_deref(), |fluid, _| fluid),
+            ellipsoids: mixed(&pairs, a.ellipsoids.as_deref(), b.ellipsoids.as_deref(), |a, b| {
+                if fraction < 0.5 { a } else { b }
+            }),
         }
     }
 
@@ -102,6 +105,7 @@ impl Particles {
             densities: joined(fluids, |fluid| &fluid.densities),
             radii: joined(fluids, |fluid| &fluid.radii),
             ids: None,
+            ellipsoids: joined(fluids, |fluid| &fluid.ellipsoids),
             fluids: Some(
                 (0..).zip(all).flat_map(|(k, fluid)| vec![k; fluid.positions.len()]).collect(),
             ),

@@ -14,16 +14,17 @@
 //! Primitives, groups and detail attributes come after the points and are not read; a file that
 //! limpid writes has none.
 
-use std::io::{self, Read, Write};
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Write};
 use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
+use flate2::{Compression, write::GzEncoder};
 
-use super::{Column, Cursor, Particles, Scalar, foreign};
+use super::{
+    Column, Cursor, Particles, Scalar, UNPACKED_LIMIT, Values, foreign, narrow_id, too_large,
+};
 use crate::error::{Error, Place, Result};
-
-/// Unpacking stops here: a few bytes of gzip can claim any amount of memory.
-const UNPACKED_LIMIT: u64 = 8 << 30;
 
 pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
@@ -33,8 +34,13 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
     }
 }
 
+/// Deflate stores at most so many bytes in one.
+const MOST_PER_BYTE: usize = 1032;
+
 fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
-    let mut unpacked = Vec::new();
+    // What the file says of its length, as far as deflate can keep it, spares growing step by step.
+    let length = bytes.last_chunk().map_or(0, |&length| u32::from_le_bytes(length) as usize);
+    let mut unpacked = Vec::with_capacity(length.min(bytes.len().saturating_mul(MOST_PER_BYTE)));
     let result = MultiGzDecoder::new(bytes).take(limit + 1).read_to_end(&mut unpacked);
     let length = unpacked.len() as u64;
     if let Err(error) = result {
@@ -48,57 +54,52 @@ fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
     Ok(unpacked)
 }
 
-/// Writes the points with the attributes that they have, under the names and types that
-/// `SPlisHSPlasH` gives them: `id`, `velocity`, `density`, and Houdini's `pscale`.
-///
-/// # Errors
-/// Those of `out`; [`io::ErrorKind::InvalidInput`] for more points or a larger id than the format's
-/// 32-bit integers hold.
-pub(crate) fn write(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
+pub(crate) fn write_gzip(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    let mut gzip = GzEncoder::new(out, Compression::fast());
+    encode(particles, &mut gzip)?;
+    gzip.finish().map(drop)
+}
+
+pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    encode(particles, out)
+}
+
+/// Writes the points with the attributes that they have; the radius under Houdini's name `pscale`.
+fn encode(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
     const FLOAT: i32 = 0;
     const INTEGER: i32 = 1;
     const VECTOR: i32 = 5;
-    let Particles { velocities, densities, radii, ids, .. } = particles;
-    let too_large = |what| io::Error::new(io::ErrorKind::InvalidInput, what);
     let points = i32::try_from(particles.len())
         .map_err(|_| too_large("BGEO holds at most 2147483647 particles"))?;
-    let attributes = [
-        ("id", INTEGER, 1, ids.is_some()),
-        ("velocity", VECTOR, 3, velocities.is_some()),
-        ("density", FLOAT, 1, densities.is_some()),
-        ("pscale", FLOAT, 1, radii.is_some()),
-    ];
-    let attributes = attributes.iter().filter(|(.., present)| *present);
+    let attributes = particles.attributes();
 
     out.write_all(b"BgeoV")?;
-    for number in [5, points, 0, 0, 0, attributes.clone().count() as i32, 0, 0, 0] {
+    for number in [5, points, 0, 0, 0, attributes.len() as i32, 0, 0, 0] {
         out.write_all(&number.to_be_bytes())?;
     }
-    for &(name, kind, size, _) in attributes {
+    for &(name, values) in &attributes {
+        let name = if name == "radius" { "pscale" } else { name };
+        let kind = match values {
+            Values::Integers(_) => INTEGER,
+            Values::Vectors(_) => VECTOR,
+            Values::Floats(_) | Values::Ellipsoids(_) => FLOAT,
+        };
         out.write_all(&(name.len() as u16).to_be_bytes())?;
         out.write_all(name.as_bytes())?;
-        out.write_all(&(size as u16).to_be_bytes())?;
+        out.write_all(&(values.size() as u16).to_be_bytes())?;
         out.write_all(&kind.to_be_bytes())?;
-        out.write_all(&[0; 12][..4 * size])?;
+        out.write_all(&[0; 24][..4 * values.size()])?;
     }
     let mut record = Vec::new();
-    let origin = particles.origin;
-    for (i, position) in particles.positions.iter().enumerate() {
+    for i in 0..particles.len() {
         record.clear();
-        let mut floats = |numbers: &[f32]| {
-            record.extend(numbers.iter().flat_map(|number| number.to_be_bytes()));
-        };
-        let place = (origin + position.as_dvec3()).as_vec3();
-        floats(&[place.x, place.y, place.z, 1.0]);
-        if let Some(ids) = ids {
-            let id = i32::try_from(ids[i]).map_err(|_| too_large("BGEO holds 32-bit ids"))?;
-            floats(&[f32::from_bits(id as u32)]);
-        }
-        if let Some(velocities) = velocities {
-            floats(&velocities[i].to_array());
-        }
-        for scalars in [densities, radii].into_iter().flatten() {
-            floats(&[scalars[i]]);
+        let place = particles.single_place(i);
+        record.extend([place.x, place.y, place.z, 1.0].map(f32::to_be_bytes).as_flattened());
+        for &(_, values) in &attributes {
+            match values {
+                Values::Integers(ids) => record.extend(narrow_id(ids[i], "BGEO")?.to_be_bytes()),
+                _ => record.extend(values.floats_of(i).iter().flat_map(|x| x.to_be_bytes())),
+            }
         }
         out.write_all(&record)?;
     }
@@ -180,8 +181,6 @@ fn count(file: &mut Cursor<'_>, what: &str) -> Result<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use flate2::{Compression, write::GzEncoder};
-    use std::io::Write;
 
     /// Protects memory from a small file that unpacks to a huge one.
     #[test]

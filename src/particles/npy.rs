@@ -11,73 +11,173 @@
 //! The header is a Python literal. Only those three entries matter, and none can nest, so they
 //! are looked up where they stand instead of parsing Python.
 
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use glam::DVec3;
-
-use super::{Column, Cursor, Particles, Scalar, foreign};
+use super::{Column, Cursor, Particles, Scalar, Table, foreign, write_numbers};
 use crate::error::{Error, Result};
 
 pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
-    if !bytes.starts_with(b"\x93NUMPY") {
+    if !bytes.starts_with(MAGIC) {
         return Err(foreign(path, bytes, "a NumPy array"));
     }
     let mut file = Cursor::new(path, bytes, false);
-    file.take(6, "the magic")?;
-    let [major, _minor] = file.array("the version")?;
-    let length = match major {
-        1 => file.array("the header's length").map(u16::from_le_bytes)?.into(),
-        2 | 3 => file.array("the header's length").map(u32::from_le_bytes)? as usize,
-        _ => {
-            let problem = format!("version {major} of the .npy format; 1 to 3 can be read");
-            return Err(Error::format(path, problem));
-        }
-    };
-    let header = String::from_utf8_lossy(file.take(length, "the header")?).replace('"', "'");
-    let entry = |key: &str| {
-        let (_, rest) = header.split_once(&format!("'{key}'"))?;
-        Some(rest.trim_start().strip_prefix(':')?.trim_start())
-    };
-    let missing = |key: &str| file.error(format!("the header has no valid `{key}`"));
+    Header::read(&mut file)?.positions(&mut file)
+}
 
-    let kind = entry("descr").ok_or_else(|| missing("descr"))?;
-    let kind = kind.strip_prefix('\'').and_then(|rest| rest.split('\'').next()).unwrap_or(kind);
-    let (big_endian, scalar) = match kind {
-        "<f4" => (false, Scalar::F32),
-        "<f8" => (false, Scalar::F64),
-        ">f4" => (true, Scalar::F32),
-        ">f8" => (true, Scalar::F64),
-        _ => {
-            let problem = format!("numbers of type `{kind}`; 32- or 64-bit floats expected");
-            return Err(Error::format(path, problem));
-        }
-    };
-    let columns_first = match entry("fortran_order") {
-        Some(value) if value.starts_with("True") => true,
-        Some(value) if value.starts_with("False") => false,
-        _ => return Err(missing("fortran_order")),
-    };
-    let shape = entry("shape").and_then(|rest| rest.strip_prefix('(')?.split_once(')'));
-    let (shape, _) = shape.ok_or_else(|| missing("shape"))?;
-    let sizes: Vec<&str> = shape.split(',').map(str::trim).filter(|s| !s.is_empty()).collect();
-    let &[rows, "3"] = sizes.as_slice() else {
-        return Err(Error::format(path, format!("shape ({shape}); (n, 3) expected")));
-    };
-    let rows = file.count(Some(rows), "the shape")?;
+const MAGIC: &[u8] = b"\x93NUMPY";
 
-    if columns_first {
-        let column = Column { offset: 0, scalar };
-        let mut axis = || {
-            let table = file.table(rows, scalar.size(), big_endian, "one axis of the positions")?;
-            table.numbers([column], "position", |[number]| number)
+/// What the header of an array says of it.
+pub(super) struct Header {
+    /// As `numpy` writes it, `<f4`.
+    kind: String,
+    columns_first: bool,
+    shape: String,
+}
+
+impl Header {
+    pub(super) fn read(file: &mut Cursor<'_>) -> Result<Self> {
+        if file.take(MAGIC.len(), "the magic")? != MAGIC {
+            return Err(file.error("this is not a NumPy array"));
+        }
+        let [major, _minor] = file.array("the version")?;
+        let length = match major {
+            1 => file.array("the header's length").map(u16::from_le_bytes)?.into(),
+            2 | 3 => file.array("the header's length").map(u32::from_le_bytes)? as usize,
+            _ => {
+                let problem = format!("version {major} of the .npy format; 1 to 3 can be read");
+                return Err(Error::format(file.source.path, problem));
+            }
         };
-        let (x, y, z) = (axis()?, axis()?, axis()?);
-        let places = x.into_iter().zip(y).zip(z).map(|((x, y), z)| DVec3::new(x, y, z));
-        return Ok(match scalar {
-            Scalar::F32 => Particles::from_positions(places.map(|place| place.as_vec3()).collect()),
-            _ => Particles::from_places(&places.collect::<Vec<_>>()),
-        });
+        let header = String::from_utf8_lossy(file.take(length, "the header")?).replace('"', "'");
+        let entry = |key: &str| {
+            let (_, rest) = header.split_once(&format!("'{key}'"))?;
+            Some(rest.trim_start().strip_prefix(':')?.trim_start())
+        };
+        let missing = |key: &str| file.error(format!("the header has no valid `{key}`"));
+
+        let kind = entry("descr").ok_or_else(|| missing("descr"))?;
+        let kind = kind.strip_prefix('\'').and_then(|rest| rest.split('\'').next()).unwrap_or(kind);
+        let columns_first = match entry("fortran_order") {
+            Some(value) if value.starts_with("True") => true,
+            Some(value) if value.starts_with("False") => false,
+            _ => return Err(missing("fortran_order")),
+        };
+        let shape = entry("shape").and_then(|rest| rest.strip_prefix('(')?.split_once(')'));
+        let (shape, _) = shape.ok_or_else(|| missing("shape"))?;
+        Ok(Self { kind: kind.into(), columns_first, shape: shape.into() })
     }
-    let table = file.table(rows, 3 * scalar.size(), big_endian, "positions")?;
-    table.particles(Column::triple(scalar))
+
+    fn sizes(&self) -> Vec<&str> {
+        self.shape.split(',').map(str::trim).filter(|size| !size.is_empty()).collect()
+    }
+
+    /// Whether this can be positions.
+    pub(super) fn triples(&self) -> bool {
+        matches!(self.sizes().as_slice(), [_, "3"])
+            && matches!(self.scalar(), Some((_, Scalar::F32 | Scalar::F64)))
+    }
+
+    /// Byte order, whether it is big-endian, and type of the numbers, if they are plain ones.
+    fn scalar(&self) -> Option<(bool, Scalar)> {
+        let (order, kind) = self.kind.split_at_checked(1)?;
+        let scalar = match kind {
+            "i1" => Scalar::I8,
+            "u1" => Scalar::U8,
+            "i2" => Scalar::I16,
+            "u2" => Scalar::U16,
+            "i4" => Scalar::I32,
+            "u4" => Scalar::U32,
+            "i8" => Scalar::I64,
+            "u8" => Scalar::U64,
+            "f4" => Scalar::F32,
+            "f8" => Scalar::F64,
+            _ => return None,
+        };
+        match order {
+            "<" | "|" => Some((false, scalar)),
+            ">" => Some((true, scalar)),
+            _ => None,
+        }
+    }
+
+    pub(super) fn positions(&self, file: &mut Cursor<'_>) -> Result<Particles> {
+        let path = file.source.path;
+        if !matches!(self.scalar(), Some((_, Scalar::F32 | Scalar::F64))) {
+            let problem = format!("numbers of type `{}`; 32- or 64-bit floats expected", self.kind);
+            return Err(Error::format(path, problem));
+        }
+        let problem = || Error::format(path, format!("shape ({}); (n, 3) expected", self.shape));
+        let &[_, "3"] = self.sizes().as_slice() else { return Err(problem()) };
+        let (table, columns) = self.table(file, "positions")?.ok_or_else(problem)?;
+        match columns.as_slice() {
+            &[x, y, z] => table.particles([x, y, z]),
+            _ => Err(problem()),
+        }
+    }
+
+    /// The array, one row a particle, if its shape is (n) or (n, k) and it holds plain numbers.
+    pub(super) fn table<'a>(
+        &self,
+        file: &mut Cursor<'a>,
+        what: &str,
+    ) -> Result<Option<(Table<'a>, Vec<Column>)>> {
+        /// No attribute has more numbers.
+        const MOST: usize = 6;
+        let Some((big_endian, scalar)) = self.scalar() else { return Ok(None) };
+        let sizes = self.sizes();
+        let (rows, size) = match *sizes.as_slice() {
+            [rows] => (rows, 1),
+            [rows, size] => (rows, file.count(Some(size), "the shape")?),
+            _ => return Ok(None),
+        };
+        let rows = file.count(Some(rows), "the shape")?;
+        if size == 0 || size > MOST {
+            return Ok(None);
+        }
+        let mut table = file.table(rows, size * scalar.size(), big_endian, what)?;
+        let columns = if self.columns_first {
+            table.stride = scalar.size();
+            (0..size).map(|k| Column { offset: k * rows * scalar.size(), scalar }).collect()
+        } else {
+            Column::adjacent(0, size, scalar)
+        };
+        Ok(Some((table, columns)))
+    }
+}
+
+/// Writes the positions.
+pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    write_positions(particles, out)
+}
+
+pub(super) fn write_positions(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
+    if particles.narrow() {
+        write_header("<f4", particles.len(), 3, out)?;
+        return write_numbers(bytemuck::cast_slice(&particles.positions), f32::to_le_bytes, out);
+    }
+    write_header("<f8", particles.len(), 3, out)?;
+    (0..particles.len()).try_for_each(|i| {
+        out.write_all(particles.place(i).to_array().map(f64::to_le_bytes).as_flattened())
+    })
+}
+
+/// The header of an array in C order, of shape (rows) or (rows, size).
+pub(super) fn write_header(
+    kind: &str,
+    rows: usize,
+    size: usize,
+    out: &mut impl Write,
+) -> io::Result<()> {
+    /// What comes before the header, and what the numbers are aligned to.
+    const BEFORE: usize = 10;
+    const ALIGNMENT: usize = 64;
+    let shape = if size == 1 { format!("{rows},") } else { format!("{rows}, {size}") };
+    let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
+    let length = (BEFORE + header.len() + 1).next_multiple_of(ALIGNMENT) - BEFORE;
+    out.write_all(MAGIC)?;
+    out.write_all(&[1, 0])?;
+    out.write_all(&(length as u16).to_le_bytes())?;
+    writeln!(out, "{header:<width$}", width = length - 1)
 }

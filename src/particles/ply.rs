@@ -5,9 +5,13 @@
 //! among them, are skipped.
 
 use std::borrow::Cow;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::{Column, Cursor, Particles, Scalar, Table, foreign};
+use super::{
+    Column, Cursor, ELLIPSOID_COLUMNS, Particles, Scalar, Table, Values, foreign, narrow_id,
+};
 use crate::error::{Error, Result};
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -183,10 +187,11 @@ fn vertices(file: &mut Cursor<'_>, element: &Element, encoding: Encoding) -> Res
     let stride = element.stride(encoding);
     let big_endian = encoding == Encoding::BigEndian;
     let find = |name: &str| columns.iter().find(|(n, _)| *n == name).map(|&(_, column)| column);
-    let find_all = |[x, y, z]: [&str; 3]| Some([find(x)?, find(y)?, find(z)?]);
-    let xyz = find_all(["x", "y", "z"]).ok_or_else(|| {
-        Error::format(file.source.path, "the vertices have no properties x, y and z")
-    })?;
+    let find_all = |names: &[&str]| names.iter().map(|name| find(name)).collect::<Option<Vec<_>>>();
+    let (Some(x), Some(y), Some(z)) = (find("x"), find("y"), find("z")) else {
+        let problem = "the vertices have no properties x, y and z";
+        return Err(Error::format(file.source.path, problem));
+    };
 
     let table = if element.has_lists() || encoding == Encoding::Ascii {
         let (mut bytes, mut starts) = (Vec::new(), Vec::new());
@@ -197,20 +202,57 @@ fn vertices(file: &mut Cursor<'_>, element: &Element, encoding: Encoding) -> Res
             // Blank lines may come before a line of text, so its own start counts.
             starts.push(if file.source.text { file.start } else { offset });
         }
-        let (bytes, starts) = (Cow::Owned(bytes), Some(starts));
-        Table { source: file.source, start, bytes, stride, big_endian, starts }
+        let (bytes, rows, starts) = (Cow::Owned(bytes), starts.len(), Some(starts));
+        Table { source: file.source, start, bytes, rows, stride, big_endian, starts }
     } else {
         file.table(element.count, stride, big_endian, "vertices")?
     };
 
-    let mut particles = table.particles(xyz)?;
+    let mut particles = table.particles([x, y, z])?;
     for names in [["vx", "vy", "vz"], ["velocity_x", "velocity_y", "velocity_z"]] {
-        if let Some(columns) = find_all(names) {
+        if let Some(columns) = find_all(&names) {
             particles.attach("velocity", &table, &columns)?;
         }
+    }
+    if let Some(columns) = find_all(&ELLIPSOID_COLUMNS) {
+        particles.attach("ellipsoid", &table, &columns)?;
     }
     for (name, column) in &columns {
         particles.attach(name, &table, &[*column])?;
     }
     Ok(particles)
+}
+
+/// Writes the vertices, binary and little-endian.
+pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    let attributes = particles.attributes();
+    let narrow = particles.narrow();
+    writeln!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {}", particles.len())?;
+    for axis in ["x", "y", "z"] {
+        writeln!(out, "property {} {axis}", if narrow { "float" } else { "double" })?;
+    }
+    for &(name, values) in &attributes {
+        let kind = if matches!(values, Values::Integers(_)) { "int" } else { "float" };
+        for column in values.column_names(name) {
+            writeln!(out, "property {kind} {column}")?;
+        }
+    }
+    writeln!(out, "end_header")?;
+    let mut record = Vec::new();
+    for i in 0..particles.len() {
+        record.clear();
+        if narrow {
+            record.extend(particles.positions[i].to_array().map(f32::to_le_bytes).as_flattened());
+        } else {
+            record.extend(particles.place(i).to_array().map(f64::to_le_bytes).as_flattened());
+        }
+        for &(_, values) in &attributes {
+            match values {
+                Values::Integers(ids) => record.extend(narrow_id(ids[i], "PLY")?.to_le_bytes()),
+                _ => record.extend(values.floats_of(i).iter().flat_map(|x| x.to_le_bytes())),
+            }
+        }
+        out.write_all(&record)?;
+    }
+    Ok(())
 }

@@ -6,9 +6,11 @@
 //! exactly, wanted or not.
 
 use std::borrow::Cow;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::{Column, Cursor, Particles, Scalar, Table, foreign};
+use super::{Column, Cursor, Particles, Scalar, Table, Values, foreign, write_numbers};
 use crate::error::{Error, Result};
 
 pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
@@ -226,8 +228,8 @@ impl<'a> Vtk<'a> {
         let table = self.table(rows, size, scalar, name)?;
         let stored = self.stored(scalar);
         match (&mut self.particles, self.section) {
-            // No attribute of ours has more than three numbers; others may claim any size.
-            (Some(particles), Section::Points(_)) if size <= 3 => {
+            // No attribute of ours has more than six numbers; others may claim any size.
+            (Some(particles), Section::Points(_)) if size <= 6 => {
                 particles.attach(name, &table, &Column::adjacent(0, size, stored))
             }
             _ => Ok(()),
@@ -258,6 +260,7 @@ impl<'a> Vtk<'a> {
             source: self.file.source,
             start,
             bytes: Cow::Owned(bytes),
+            rows: starts.len(),
             stride: size.saturating_mul(Scalar::F64.size()),
             big_endian: true,
             starts: Some(starts),
@@ -303,4 +306,51 @@ impl<'a> Vtk<'a> {
 /// Enough of a word or line to recognise it; where numbers are taken for text it may be long.
 fn shorten(text: &str) -> String {
     text.chars().take(40).map(|c| if c.is_control() { '?' } else { c }).collect()
+}
+
+/// Writes an unstructured grid of vertices as `SPlisHSPlasH` does: version 4.1, binary, ids as
+/// scalars, all else as field data. Ids that are not of 32 bits without sign are 64-bit integers
+/// by the name that newer versions have for them.
+pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    let n = particles.len();
+    write!(out, "# vtk DataFile Version 4.1\nparticles\nBINARY\nDATASET UNSTRUCTURED_GRID\n")?;
+    if particles.narrow() {
+        writeln!(out, "POINTS {n} float")?;
+        write_numbers(bytemuck::cast_slice(&particles.positions), f32::to_be_bytes, out)?;
+    } else {
+        writeln!(out, "POINTS {n} double")?;
+        for i in 0..n {
+            out.write_all(particles.place(i).to_array().map(f64::to_be_bytes).as_flattened())?;
+        }
+    }
+    write!(out, "\nCELLS {n} {}\n", 2 * n)?;
+    for i in 0..n as u32 {
+        out.write_all([1, i].map(u32::to_be_bytes).as_flattened())?;
+    }
+    write!(out, "\nCELL_TYPES {n}\n")?;
+    for _ in 0..n {
+        out.write_all(&1_u32.to_be_bytes())?;
+    }
+    write!(out, "\nPOINT_DATA {n}\n")?;
+    let (ids, fields): (Vec<_>, Vec<_>) =
+        particles.attributes().into_iter().partition(|(_, v)| matches!(v, Values::Integers(_)));
+    for (name, values) in ids {
+        let Values::Integers(ids) = values else { continue };
+        let short = ids.iter().all(|&id| u32::try_from(id).is_ok());
+        let kind = if short { "unsigned_int" } else { "vtktypeint64" };
+        write!(out, "SCALARS {name} {kind} 1\nLOOKUP_TABLE id_table\n")?;
+        if short {
+            write_numbers(ids, |id| (id as u32).to_be_bytes(), out)?;
+        } else {
+            write_numbers(ids, i64::to_be_bytes, out)?;
+        }
+        writeln!(out)?;
+    }
+    writeln!(out, "FIELD FieldData {}", fields.len())?;
+    for (name, values) in fields {
+        writeln!(out, "{name} {} {n} float", values.size())?;
+        write_numbers(values.floats(), f32::to_be_bytes, out)?;
+        writeln!(out)?;
+    }
+    Ok(())
 }

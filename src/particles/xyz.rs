@@ -5,17 +5,54 @@
 //! A file whose first kilobyte is printable ASCII is text: floats almost never are.
 
 use std::borrow::Cow;
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Write};
 use std::path::Path;
 
-use super::{Column, Cursor, Particles, Scalar, Table, foreign, known_magic};
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::table::all_finite;
+use super::{Column, Cursor, Particles, Scalar, Table, foreign, known_magic, read_at, stl_length};
 use crate::error::Result;
+
+/// Reads raw floats from the file to where they stay, half the work of reading its bytes first:
+/// `None` if that does not go well. [`read`] tells why.
+pub(crate) fn read_raw(path: &Path) -> Option<Particles> {
+    /// Few enough to be still in the cache when they are checked.
+    const BLOCK: usize = 1 << 14;
+    // What a pipe holds can be read only once.
+    let length = path.metadata().ok().filter(|metadata| metadata.is_file())?.len();
+    let file = File::open(path).ok()?;
+    let mut start = Vec::new();
+    (&file).take(TEXT as u64).read_to_end(&mut start).ok()?;
+    let foreign = known_magic(&start).is_some() || stl_length(&start) == Some(length);
+    if length % 12 != 0 || foreign || is_text(&start) || cfg!(target_endian = "big") {
+        return None;
+    }
+    let mut positions: Vec<Vec3> = bytemuck::zeroed_vec(usize::try_from(length / 12).ok()?);
+    let blocks = positions.par_chunks_mut(BLOCK).enumerate();
+    let sound = blocks.map(|(i, block)| {
+        let offset = (i * BLOCK * size_of::<Vec3>()) as u64;
+        read_at(&file, bytemuck::cast_slice_mut(block), offset).is_ok()
+            && all_finite(bytemuck::cast_slice(block))
+    });
+    sound.reduce(|| true, |a, b| a & b).then(|| Particles::from_positions(positions))
+}
+
+/// So many bytes tell text from floats.
+const TEXT: usize = 1024;
+
+fn is_text(bytes: &[u8]) -> bool {
+    let printable = |byte: &u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace();
+    !bytes.is_empty() && bytes.iter().take(TEXT).all(printable)
+}
 
 pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
     if known_magic(bytes).is_some() {
         return Err(foreign(path, bytes, "raw or text positions"));
     }
-    let printable = |byte: &u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace();
-    let text = !bytes.is_empty() && bytes.iter().take(1024).all(printable);
+    let text = is_text(bytes);
     let mut file = Cursor::new(path, bytes, text);
     let (table, scalar) = if text {
         (text_table(&mut file)?, Scalar::F64)
@@ -31,6 +68,14 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
         (table, Scalar::F32)
     };
     table.particles(Column::triple(scalar))
+}
+
+/// Writes raw floats.
+pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    (0..particles.len()).try_for_each(|i| {
+        let place = particles.single_place(i).to_array();
+        out.write_all(place.map(f32::to_le_bytes).as_flattened())
+    })
 }
 
 fn text_table<'a>(file: &mut Cursor<'a>) -> Result<Table<'a>> {
@@ -55,6 +100,7 @@ fn text_table<'a>(file: &mut Cursor<'a>) -> Result<Table<'a>> {
         source: file.source,
         start: 0,
         bytes: Cow::Owned(bytes),
+        rows: starts.len(),
         stride: 3 * Scalar::F64.size(),
         big_endian: false,
         starts: Some(starts),

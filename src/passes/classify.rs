@@ -17,7 +17,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::iter::Either;
 use rayon::prelude::*;
 
-use crate::particles::{self, Particles};
+use crate::particles::{self, Ellipsoid, Particles};
 use crate::scene::Solid;
 use crate::settings::{Classify, Kernel};
 
@@ -59,6 +59,9 @@ pub struct Splats {
 
 /// Separates a frame's particles into splashes and aggregates, and shapes them.
 ///
+/// Aggregates with [a shape of their own](Particles::ellipsoids) are drawn as it says, where the
+/// file has them; splashes are spheres all the same.
+///
 /// `default_radius` serves files without radii. Particles that cannot be drawn are left out: a
 /// radius that is not positive, or whose cube a 32-bit float cannot hold (10⁻¹³ to 10¹² m are
 /// fine), or a position that is not finite. The result depends on the particles and the settings
@@ -67,10 +70,16 @@ pub fn classify(particles: &Particles, default_radius: f32, settings: &Classify)
     let cloud = Cloud::new(particles, default_radius);
     let at_rest = density_at_rest(settings.support.into());
     let shift = particles::origin_for(cloud.members.iter().map(|m| m.position.as_dvec3()));
+    let given = |member: &Member| {
+        let ellipsoids = particles.ellipsoids.as_ref()?;
+        ellipsoids.get(member.particle as usize).filter(|ellipsoid| ellipsoid.drawable())
+    };
     let (splashes, aggregates) = cloud.members.par_iter().partition_map(|member| {
         let near = cloud.moments(member, settings.support.into());
         if near.weight < f64::from(settings.splash_density) * at_rest {
             Either::Left(member.splash(settings, shift))
+        } else if let Some(ellipsoid) = given(member) {
+            Either::Right(member.given(ellipsoid, shift))
         } else {
             Either::Right(member.aggregate(&near, settings, shift))
         }
@@ -259,6 +268,11 @@ impl Member {
         let axes = r * semi_axes(spread, near.count - 1, settings);
         let ellipsoid = directions * DMat3::from_diagonal(axes) * directions.transpose();
         self.splat(centre - shift, ellipsoid)
+    }
+
+    fn given(&self, ellipsoid: &Ellipsoid, shift: DVec3) -> Splat {
+        let ellipsoid = f64::from(self.radius) * ellipsoid.matrix();
+        self.splat(self.position.as_dvec3() - shift, ellipsoid)
     }
 
     fn splat(&self, centre: DVec3, ellipsoid: DMat3) -> Splat {

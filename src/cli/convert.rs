@@ -1,0 +1,86 @@
+//! `limpid convert`.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use limpid::frames::FrameSpec;
+use limpid::output::OutputNames;
+use limpid::particles::{Particles, Up};
+use limpid::sequence::{Frame, Sequence};
+use rayon::prelude::*;
+
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// A particle file, a pattern such as frame_{}.vtk, or a folder.
+    input: String,
+    /// The file, whose extension names the format; of several frames a name with a place for the
+    /// number (####, {}, %04d, $F4), or a folder, for `frame_####.bgeo` in it.
+    output: String,
+    /// Frames: 1-3,5, 7-20:2, all [default: all].
+    #[arg(long, allow_hyphen_values = true)]
+    frames: Option<FrameSpec>,
+    /// The axis that points up in the input, y or z; what is written has y up.
+    #[arg(long, default_value = "y", value_parser = parse_up)]
+    up: Up,
+    /// Leave frames alone whose file exists.
+    #[arg(long)]
+    skip_existing: bool,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let sequence = Sequence::open(&args.input)?;
+    let frames = args.frames.clone().unwrap_or_default().select(&sequence)?;
+    let folder = args.output.ends_with('/') || Path::new(&args.output).is_dir();
+    let output = match folder {
+        true => format!("{}/frame_####.bgeo", args.output.trim_end_matches('/')),
+        false => args.output.clone(),
+    };
+    let names = OutputNames::parse(&output, frames.len())?;
+    // Before anything is read.
+    Particles::default().lost(Path::new(&output))?;
+    if folder {
+        let error =
+            |e| limpid::Error::Io { path: (&args.output).into(), action: "create", source: e };
+        std::fs::create_dir_all(&args.output).map_err(error)?;
+    }
+    let skip = |frame: &&Frame| args.skip_existing && names.path(frame.number).exists();
+    let todo: Vec<&Frame> = frames.into_iter().filter(|frame| !skip(frame)).collect();
+
+    let bar = super::render::progress(todo.len());
+    let mut lost: Vec<&str> = Vec::new();
+    // No more frames in memory than threads, whichever of their work is stolen.
+    for frames in todo.chunks(rayon::current_num_threads()) {
+        let convert = |frame: &&Frame| {
+            let converted = convert(frame, &names.path(frame.number), args.up);
+            bar.inc(1);
+            converted
+        };
+        let converted: Vec<_> = frames.par_iter().map(convert).collect();
+        for names in converted {
+            // A line of the bar must not be left beside the error.
+            let names = names.inspect_err(|_| bar.finish_and_clear())?;
+            lost.extend(names.into_iter().filter(|name| !lost.contains(name)).collect::<Vec<_>>());
+        }
+    }
+    bar.finish_and_clear();
+    if !lost.is_empty() {
+        eprintln!("limpid: {output}: this format has no room for {}", lost.join(", "));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Converts a frame, and says what was lost.
+fn convert(frame: &Frame, path: &Path, up: Up) -> limpid::Result<Vec<&'static str>> {
+    let mut particles = Particles::read(&frame.path)?;
+    particles.to_y_up(up);
+    particles.write(path)?;
+    particles.lost(path)
+}
+
+fn parse_up(text: &str) -> Result<Up, &'static str> {
+    match text {
+        "y" | "Y" => Ok(Up::Y),
+        "z" | "Z" => Ok(Up::Z),
+        _ => Err("expected y or z"),
+    }
+}

@@ -1,0 +1,132 @@
+//! Reading a file from front to end, and naming the places in it.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use super::table::Table;
+use crate::error::{Error, Place, Result};
+
+/// The bytes of a file, and how its places are told in messages.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    pub(super) path: &'a Path,
+    pub(super) bytes: &'a [u8],
+    /// Name lines rather than bytes.
+    pub(super) text: bool,
+}
+
+impl Source<'_> {
+    pub(super) fn error(&self, offset: usize, problem: impl Into<String>) -> Error {
+        let place = if self.text {
+            let before = self.bytes.get(..offset).unwrap_or(self.bytes);
+            Place::Line(1 + before.iter().filter(|&&byte| byte == b'\n').count() as u64)
+        } else {
+            Place::Byte(offset as u64)
+        };
+        Error::malformed(self.path, place, problem)
+    }
+}
+
+/// Reads a file from front to end and never beyond.
+pub(super) struct Cursor<'a> {
+    pub(super) source: Source<'a>,
+    pub(super) offset: usize,
+    /// Where the latest read began: the place that `Cursor::error` names.
+    pub(super) start: usize,
+}
+
+impl<'a> Cursor<'a> {
+    pub(super) fn new(path: &'a Path, bytes: &'a [u8], text: bool) -> Self {
+        Self { source: Source { path, bytes, text }, offset: 0, start: 0 }
+    }
+
+    pub(super) fn error(&self, problem: impl Into<String>) -> Error {
+        self.source.error(self.start, problem)
+    }
+
+    pub(super) fn rest(&self) -> &'a [u8] {
+        self.source.bytes.get(self.offset..).unwrap_or_default()
+    }
+
+    pub(super) fn take(&mut self, length: usize, what: &str) -> Result<&'a [u8]> {
+        self.take_records(1, length, what)
+    }
+
+    /// `rows` records of `stride` bytes.
+    pub(super) fn take_records(
+        &mut self,
+        rows: usize,
+        stride: usize,
+        what: &str,
+    ) -> Result<&'a [u8]> {
+        self.start = self.offset;
+        let rest = self.rest();
+        match rows.checked_mul(stride).and_then(|length| rest.get(..length)) {
+            Some(taken) => {
+                self.offset += taken.len();
+                Ok(taken)
+            }
+            None => Err(self.error(format!(
+                "{what}: {rows} × {stride} bytes expected, {} are left",
+                rest.len()
+            ))),
+        }
+    }
+
+    /// `rows` records of `stride` bytes as a table.
+    pub(super) fn table(
+        &mut self,
+        rows: usize,
+        stride: usize,
+        big_endian: bool,
+        what: &str,
+    ) -> Result<Table<'a>> {
+        let bytes = Cow::Borrowed(self.take_records(rows, stride, what)?);
+        let (source, start) = (self.source, self.start);
+        Ok(Table { source, start, bytes, rows, stride, big_endian, starts: None })
+    }
+
+    pub(super) fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
+        let bytes = self.take(N, what)?;
+        bytes.try_into().map_err(|_| self.error(what))
+    }
+
+    /// The next line without its end, or `None` at the end of the file.
+    pub(super) fn line(&mut self) -> Option<Cow<'a, str>> {
+        self.start = self.offset;
+        let rest = self.rest();
+        let line = rest.split(|&byte| byte == b'\n').next().filter(|_| !rest.is_empty())?;
+        self.offset += (line.len() + 1).min(rest.len());
+        Some(String::from_utf8_lossy(line.strip_suffix(b"\r").unwrap_or(line)))
+    }
+
+    /// The next line that is not blank.
+    pub(super) fn filled_line(&mut self) -> Option<Cow<'a, str>> {
+        loop {
+            let line = self.line()?;
+            if !line.trim_ascii().is_empty() {
+                return Some(line);
+            }
+        }
+    }
+
+    /// The next word between white space.
+    pub(super) fn word(&mut self) -> Option<Cow<'a, str>> {
+        let rest = self.rest();
+        self.start = self.offset + rest.iter().position(|byte| !byte.is_ascii_whitespace())?;
+        let word = self.source.bytes.get(self.start..)?;
+        let word = word.split(u8::is_ascii_whitespace).next()?;
+        self.offset = self.start + word.len();
+        Some(String::from_utf8_lossy(word))
+    }
+
+    /// A number of a header that counts something.
+    pub(super) fn count(&self, word: Option<&str>, what: &str) -> Result<usize> {
+        let word = word.unwrap_or("nothing");
+        word.parse().map_err(|_| self.error(format!("{what}: a count expected, found `{word}`")))
+    }
+
+    pub(super) fn number(&self, word: &str) -> Result<f64> {
+        word.parse().map_err(|_| self.error(format!("a number expected, found `{word}`")))
+    }
+}

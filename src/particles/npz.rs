@@ -1,0 +1,178 @@
+//! `.npz`, a zip archive of numpy's arrays (`numpy.savez`, `numpy.savez_compressed`): each
+//! attribute is a member `NAME.npy`, stored or deflated.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Read};
+use std::path::{Path, PathBuf};
+
+use zip::write::SimpleFileOptions;
+use zip::{ZipArchive, ZipWriter};
+
+use super::npy::{self, Header};
+use super::{Cursor, Particles, UNPACKED_LIMIT, Values, foreign, known, write_numbers};
+use crate::error::{Error, Place, Result};
+
+/// What positions are called, the likeliest first; numpy calls arrays without a name `arr_0`.
+const POSITIONS: [&str; 6] = ["positions", "position", "pos", "x", "points", "arr_0"];
+
+type Archive<'a> = ZipArchive<io::Cursor<&'a [u8]>>;
+
+pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+    if !bytes.starts_with(b"PK\x03\x04") && !bytes.starts_with(b"PK\x05\x06") {
+        return Err(foreign(path, bytes, "an archive of NumPy arrays"));
+    }
+    let mut archive = ZipArchive::new(io::Cursor::new(bytes))
+        .map_err(|error| damaged(path, &format!("the zip archive is damaged: {error}")))?;
+    let mut arrays = Vec::new();
+    for index in 0..archive.len() {
+        let name = match archive.by_index(index) {
+            Ok(member) => String::from_utf8_lossy(member.name_raw()).into_owned(),
+            Err(error) => return Err(damaged(path, &format!("member {index}: {error}"))),
+        };
+        if let Some(name) = name.strip_suffix(".npy") {
+            arrays.push((index, name.to_owned()));
+        }
+    }
+    let mut archive = Members { path, archive, limit: UNPACKED_LIMIT };
+    let mut particles = {
+        let (index, name) = positions(&mut archive, &arrays)?;
+        let path = archive.named(&name);
+        let bytes = archive.unpack(index, &name, usize::MAX)?;
+        let mut file = Cursor::new(&path, &bytes, false);
+        Header::read(&mut file)?.positions(&mut file)?
+    };
+    for (index, name) in &arrays {
+        if known(name).is_some() {
+            let path = archive.named(name);
+            let bytes = archive.unpack(*index, name, usize::MAX)?;
+            let mut file = Cursor::new(&path, &bytes, false);
+            if let Some((table, columns)) = Header::read(&mut file)?.table(&mut file, name)? {
+                particles.attach(name, &table, &columns)?;
+            }
+        }
+    }
+    Ok(particles)
+}
+
+/// The array that holds the positions.
+fn positions(archive: &mut Members<'_>, arrays: &[(usize, String)]) -> Result<(usize, String)> {
+    /// Enough for the header of any array of plain numbers.
+    const HEADER: usize = 1 << 12;
+    let mut triples = Vec::new();
+    for (index, name) in arrays {
+        let path = archive.named(name);
+        let start = archive.unpack(*index, name, HEADER)?;
+        // What cannot be understood here may be no array of plain numbers, so no concern.
+        if Header::read(&mut Cursor::new(&path, &start, false)).is_ok_and(|head| head.triples()) {
+            triples.push((*index, name.clone()));
+        }
+    }
+    let named = POSITIONS
+        .iter()
+        .find_map(|known| triples.iter().find(|(_, name)| name.eq_ignore_ascii_case(known)));
+    let other = || {
+        let mut others = triples.iter().filter(|(_, name)| known(name).is_none());
+        others.next().filter(|_| others.next().is_none())
+    };
+    named.or_else(other).cloned().ok_or_else(|| {
+        let there: Vec<&str> = arrays.iter().take(8).map(|(_, name)| name.as_str()).collect();
+        let problem = format!(
+            "no array `{}` of shape (n, 3) of floats, nor a single other one; there are: {}",
+            POSITIONS.join("`, `"),
+            there.join(", ")
+        );
+        Error::format(archive.path, problem)
+    })
+}
+
+struct Members<'a> {
+    path: &'a Path,
+    archive: Archive<'a>,
+    /// Bytes that a member may unpack to.
+    limit: u64,
+}
+
+impl Members<'_> {
+    /// How a member is told in messages.
+    fn named(&self, name: &str) -> PathBuf {
+        format!("{} ({name}.npy)", self.path.display()).into()
+    }
+
+    /// The contents of a member, at most `length` of its bytes.
+    fn unpack(&mut self, index: usize, name: &str, length: usize) -> Result<Vec<u8>> {
+        let path = self.named(name);
+        let fail = |unpacked: usize, problem: String| {
+            Error::malformed(&path, Place::Byte(unpacked as u64), problem)
+        };
+        let member = self.archive.by_index(index);
+        let member = member.map_err(|error| fail(0, format!("cannot be unpacked: {error}")))?;
+        let limit = (length as u64).min(self.limit + 1);
+        // The sizes are claims; deflate keeps at most some 1000 bytes in one.
+        let claim = member.size().min(member.compressed_size().saturating_mul(1032)).min(limit);
+        let mut unpacked = Vec::with_capacity(usize::try_from(claim).unwrap_or(0));
+        if let Err(error) = member.take(limit).read_to_end(&mut unpacked) {
+            return Err(fail(
+                unpacked.len(),
+                format!("the archive is damaged or cut off: {error}"),
+            ));
+        }
+        if unpacked.len() as u64 > self.limit {
+            let problem = format!("the array unpacks to more than {} bytes", self.limit);
+            return Err(fail(unpacked.len() - 1, problem));
+        }
+        Ok(unpacked)
+    }
+}
+
+fn damaged(path: &Path, problem: &str) -> Error {
+    Error::malformed(path, Place::Byte(0), problem)
+}
+
+/// Writes the positions and all attributes, stored: deflate gains little from floats.
+pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    let n = particles.len();
+    // Members of more than 4 GiB need another kind of header, from the beginning.
+    let options = SimpleFileOptions::default()
+        .compression_method(zip::CompressionMethod::Stored)
+        .large_file(n >= u32::MAX as usize / size_of::<[f64; 3]>());
+    let mut archive = ZipWriter::new_stream(out);
+    archive.start_file("positions.npy", options)?;
+    npy::write_positions(particles, &mut archive)?;
+    for (name, values) in particles.attributes() {
+        archive.start_file(format!("{name}.npy"), options)?;
+        match values {
+            Values::Integers(ids) => {
+                npy::write_header("<i8", n, 1, &mut archive)?;
+                write_numbers(ids, i64::to_le_bytes, &mut archive)?;
+            }
+            _ => {
+                npy::write_header("<f4", n, values.size(), &mut archive)?;
+                write_numbers(values.floats(), f32::to_le_bytes, &mut archive)?;
+            }
+        }
+    }
+    archive.finish()?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    /// Protects memory from a small archive that unpacks to a huge one.
+    #[test]
+    fn unpacking_stops_at_the_limit() {
+        let mut zip = ZipWriter::new(io::Cursor::new(Vec::new()));
+        zip.start_file("a.npy", SimpleFileOptions::default()).unwrap();
+        zip.write_all(&[0; 1000]).unwrap();
+        let bytes = zip.finish().unwrap().into_inner();
+        let unpack = |limit| {
+            let archive = ZipArchive::new(io::Cursor::new(&bytes[..])).unwrap();
+            Members { path: Path::new("bomb.npz"), archive, limit }.unpack(0, "a", usize::MAX)
+        };
+        assert_eq!(unpack(1000).unwrap().len(), 1000);
+        let error = unpack(999).unwrap_err().to_string();
+        assert!(error.contains("bomb.npz") && error.contains("more than 999 bytes"), "{error}");
+    }
+}

@@ -1,0 +1,634 @@
+//! VTK's XML formats (Kitware, "VTK File Formats", section "XML File Formats"): the points and
+//! point data of unstructured grids (`.vtu`) and polygonal data (`.vtp`), in one piece or several.
+//! Arrays are ASCII, base64 in place, or appended as base64 or raw; perhaps in blocks that zlib
+//! has compressed.
+//!
+//! ```text
+//! uncompressed   length, bytes
+//! compressed     blocks, bytes of a block, of the last or 0, compressed bytes of each; blocks
+//! ```
+//!
+//! These headers are of `header_type` and in `byte_order`. In base64 a length is encoded in one
+//! with its bytes by VTK, apart from them by others; the header of compressed blocks always apart.
+//!
+//! Raw appended data is not XML, so the document is read as a stream up to it.
+
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::ops::Range;
+use std::path::Path;
+
+use base64::prelude::{BASE64_STANDARD, Engine as _};
+use base64::write::EncoderWriter;
+use flate2::{Decompress, FlushDecompress, Status};
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+use rayon::prelude::*;
+
+use super::{Column, Particles, Scalar, Source, Table, Values, foreign, known, write_numbers};
+use crate::error::{Error, Result};
+
+/// Deflate stores at most so many bytes in one.
+const MOST_PER_BYTE: u64 = 1032;
+
+pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+    let source = Source { path, bytes, text: false };
+    let document = Document::read(source)?;
+    let mut merged: Vec<Merged<'_>> = Vec::new();
+    for array in &document.arrays {
+        let (scalar, data) = document.decode(array)?;
+        let same = |m: &&mut Merged<'_>| m.points == array.points && m.name == array.name;
+        match merged.iter_mut().find(same) {
+            None => merged.push(Merged {
+                name: &array.name,
+                points: array.points,
+                scalar,
+                size: array.size,
+                rows: array.rows,
+                start: array.start,
+                data,
+            }),
+            Some(first) if first.scalar == scalar && first.size == array.size => {
+                first.rows += array.rows;
+                first.data.to_mut().extend_from_slice(&data);
+            }
+            Some(_) => {
+                let problem = format!("array {} has another type in another piece", array.name);
+                return Err(source.error(array.start, problem));
+            }
+        }
+    }
+
+    let mut particles = None;
+    let order = |m: &Merged<'_>| !m.points;
+    merged.sort_by_key(order); // Points may come after their attributes.
+    for array in merged {
+        let (rows, size, scalar) = (array.rows, array.size, array.scalar);
+        let table = Table {
+            source,
+            start: array.start,
+            bytes: array.data,
+            rows,
+            stride: size * scalar.size(),
+            big_endian: document.big_endian,
+            // Most encodings keep no row at a place of its own.
+            starts: Some(Vec::new()),
+        };
+        let columns = Column::adjacent(0, size, scalar);
+        match (&mut particles, columns.as_slice()) {
+            (None, &[x, y, z]) if array.points => particles = Some(table.particles([x, y, z])?),
+            (Some(particles), _) => particles.attach(array.name, &table, &columns)?,
+            _ => {}
+        }
+    }
+    match particles {
+        Some(particles) if particles.len() == document.rows => Ok(particles),
+        None if document.rows == 0 => Ok(Particles::default()),
+        _ => {
+            let problem = format!("{} points, but not all have a place", document.rows);
+            Err(source.error(document.end, problem))
+        }
+    }
+}
+
+/// An array of all pieces.
+struct Merged<'a> {
+    name: &'a str,
+    points: bool,
+    scalar: Scalar,
+    size: usize,
+    rows: usize,
+    start: usize,
+    data: Cow<'a, [u8]>,
+}
+
+/// What the XML says.
+struct Document<'a> {
+    source: Source<'a>,
+    big_endian: bool,
+    /// Of a number in the headers of arrays: 4 or 8 bytes.
+    word: usize,
+    compressed: bool,
+    /// Points of all pieces.
+    rows: usize,
+    arrays: Vec<Array>,
+    /// The appended data, and whether it is base64.
+    appended: Option<(usize, bool)>,
+    /// Where the XML, as far as it was read, ends.
+    end: usize,
+}
+
+/// An array of a piece.
+struct Array {
+    name: String,
+    /// Positions, not an attribute.
+    points: bool,
+    scalar: Scalar,
+    size: usize,
+    rows: usize,
+    /// Where its element begins.
+    start: usize,
+    data: Data,
+}
+
+enum Data {
+    Ascii(Range<usize>),
+    Base64(Range<usize>),
+    /// So far from the start of the appended data.
+    Appended(usize),
+}
+
+/// Which of a piece's arrays those to come are.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Section {
+    Points,
+    PointData,
+    Other,
+}
+
+impl<'a> Document<'a> {
+    fn read(source: Source<'a>) -> Result<Self> {
+        let mut document = Self {
+            source,
+            big_endian: false,
+            word: 4,
+            compressed: false,
+            rows: 0,
+            arrays: Vec::new(),
+            appended: None,
+            end: 0,
+        };
+        let mut xml = Reader::from_reader(source.bytes);
+        let (mut opened, mut closed) = (false, false);
+        let (mut section, mut rows) = (Section::Other, 0);
+        loop {
+            let start = xml.buffer_position() as usize;
+            let event = xml.read_event().map_err(|error| {
+                let place = xml.error_position() as usize;
+                source.error(place, format!("not XML: {error}"))
+            })?;
+            document.end = start;
+            let element = match &event {
+                Event::Start(element) | Event::Empty(element) => element,
+                Event::End(element) => {
+                    match element.name().as_ref() {
+                        b"Points" | b"PointData" => section = Section::Other,
+                        b"VTKFile" => closed = true,
+                        _ => {}
+                    }
+                    continue;
+                }
+                Event::Eof => break,
+                _ => continue,
+            };
+            let empty = matches!(event, Event::Empty(_));
+            let at = Place { source, start, element };
+            match element.name().as_ref() {
+                b"VTKFile" => {
+                    document.open(at)?;
+                    opened = true;
+                }
+                _ if !opened => break,
+                b"Piece" => {
+                    rows = at.count("NumberOfPoints")?.unwrap_or(0);
+                    document.rows = document.rows.saturating_add(rows);
+                }
+                b"Points" if !empty => section = Section::Points,
+                b"PointData" if !empty => section = Section::PointData,
+                b"DataArray" if section != Section::Other => {
+                    let array = at.array(section == Section::Points, rows)?;
+                    let text = if empty { start..start } else { text_of(&mut xml, source)? };
+                    if let Some(array) = array {
+                        document.arrays.push(array.with_text(text));
+                    }
+                }
+                b"AppendedData" => {
+                    let base64 = match at.attribute("encoding")?.as_deref() {
+                        Some("raw") => false,
+                        None | Some("base64") => true,
+                        Some(other) => {
+                            return Err(
+                                at.error(&format!("encoding `{other}`: raw or base64 expected"))
+                            );
+                        }
+                    };
+                    let from = xml.buffer_position() as usize;
+                    let rest = source.bytes.get(from..).unwrap_or_default();
+                    let mark = rest.iter().position(|byte| !byte.is_ascii_whitespace());
+                    match mark.filter(|&at| rest[at] == b'_') {
+                        Some(mark) => document.appended = Some((from + mark + 1, base64)),
+                        None => return Err(source.error(from, "`_` expected before appended data")),
+                    }
+                    break;
+                }
+                _ => {}
+            }
+        }
+        if opened && (closed || document.appended.is_some()) {
+            return Ok(document);
+        }
+        if opened {
+            return Err(source.error(document.end, "the file ends before </VTKFile>"));
+        }
+        if source.bytes.starts_with(b"<?xml") {
+            let problem = "this is XML, but not VTK's: it has no <VTKFile>";
+            return Err(Error::format(source.path, problem));
+        }
+        Err(foreign(source.path, source.bytes, "VTK's XML format"))
+    }
+
+    fn open(&mut self, at: Place<'_, '_>) -> Result<()> {
+        let format = |problem: String| Error::format(self.source.path, problem);
+        let kind = at.attribute("type")?.unwrap_or_default();
+        if !matches!(&*kind, "UnstructuredGrid" | "PolyData") {
+            return Err(format(format!("dataset `{kind}`: UnstructuredGrid or PolyData expected")));
+        }
+        self.big_endian = match at.attribute("byte_order")?.as_deref() {
+            None | Some("LittleEndian") => false,
+            Some("BigEndian") => true,
+            Some(other) => return Err(at.error(&format!("byte order `{other}`"))),
+        };
+        self.word = match at.attribute("header_type")?.as_deref() {
+            None | Some("UInt32") => 4,
+            Some("UInt64") => 8,
+            Some(other) => return Err(at.error(&format!("header type `{other}`"))),
+        };
+        self.compressed = match at.attribute("compressor")?.as_deref() {
+            None | Some("") => false,
+            Some("vtkZLibDataCompressor") => true,
+            Some(other) => {
+                let problem =
+                    format!("compressor {other}: zlib or none expected, as ParaView's default");
+                return Err(format(problem));
+            }
+        };
+        Ok(())
+    }
+
+    /// An array's numbers as the file's byte order has them, and their type.
+    fn decode(&self, array: &Array) -> Result<(Scalar, Cow<'a, [u8]>)> {
+        let error = |problem: String| {
+            self.source.error(array.start, format!("array {}: {problem}", array.name))
+        };
+        let row = array.size * array.scalar.size();
+        let length = array.rows.checked_mul(row).ok_or_else(|| error("too long".into()))?;
+        let slice = |range: &Range<usize>| self.source.bytes.get(range.clone()).unwrap_or_default();
+        let encoded = match &array.data {
+            Data::Ascii(range) => {
+                return self.ascii(array, slice(range)).map(|(scalar, data)| (scalar, data.into()));
+            }
+            Data::Base64(range) => Encoded { base64: true, bytes: slice(range).trim_ascii() },
+            &Data::Appended(offset) => {
+                let missing = || error("no appended data".into());
+                let (start, base64) = self.appended.ok_or_else(missing)?;
+                let from = start.saturating_add(offset);
+                let bytes = self.source.bytes.get(from..);
+                let beyond = || error(format!("its data begins at byte {from}, beyond the file"));
+                Encoded { base64, bytes: bytes.ok_or_else(beyond)? }
+            }
+        };
+        if length == 0 {
+            return Ok((array.scalar, Cow::Borrowed(&[])));
+        }
+        let data = if self.compressed {
+            self.inflate(encoded, length).map(Cow::Owned)
+        } else {
+            self.copied(encoded, length)
+        };
+        data.map(|data| (array.scalar, data)).map_err(error)
+    }
+
+    fn ascii(&self, array: &Array, text: &[u8]) -> Result<(Scalar, Vec<u8>)> {
+        let error = |problem: String| {
+            self.source.error(array.start, format!("array {}: {problem}", array.name))
+        };
+        let float = matches!(array.scalar, Scalar::F32 | Scalar::F64);
+        let scalar = if float { Scalar::F64 } else { Scalar::I64 };
+        let mut data = Vec::new();
+        let mut count = 0;
+        for word in text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {
+            let word = String::from_utf8_lossy(word);
+            let bytes = if float {
+                word.parse().ok().map(f64::to_bits)
+            } else {
+                word.parse().ok().map(i64::cast_unsigned)
+            };
+            let problem = || error(format!("a number expected, found `{word:.40}`"));
+            let bytes = bytes.ok_or_else(problem)?;
+            data.extend(if self.big_endian { bytes.to_be_bytes() } else { bytes.to_le_bytes() });
+            count += 1;
+        }
+        match array.rows.checked_mul(array.size) {
+            Some(expected) if expected == count => Ok((scalar, data)),
+            _ => {
+                let (rows, size) = (array.rows, array.size);
+                Err(error(format!("{rows} × {size} numbers expected, {count} found")))
+            }
+        }
+    }
+
+    /// The words that a header begins with.
+    fn words(&self, bytes: &[u8]) -> Vec<u64> {
+        let word = |bytes: &[u8]| {
+            let digits = bytes.iter().map(|&byte| u64::from(byte));
+            let number = |number: u64, digit: u64| number << 8 | digit;
+            if self.big_endian { digits.fold(0, number) } else { digits.rev().fold(0, number) }
+        };
+        bytes.chunks_exact(self.word).map(word).collect()
+    }
+
+    fn copied(&self, encoded: Encoded<'a>, length: usize) -> Result<Cow<'a, [u8]>, String> {
+        let (head, apart) = encoded.take(self.word)?;
+        let found = self.words(&head).first().copied().unwrap_or_default();
+        if found != length as u64 {
+            return Err(format!("{length} bytes expected, {found} announced"));
+        }
+        if apart {
+            return encoded.after(self.word).take(length).map(|(data, _)| data);
+        }
+        let (mut data, _) = encoded.take(self.word + length)?;
+        match &mut data {
+            Cow::Borrowed(data) => *data = &data[self.word..],
+            Cow::Owned(data) => drop(data.drain(..self.word)),
+        }
+        Ok(data)
+    }
+
+    fn inflate(&self, encoded: Encoded<'_>, length: usize) -> Result<Vec<u8>, String> {
+        let (head, _) = encoded.take(3 * self.word)?;
+        let &[blocks, size, last] = self.words(&head).as_slice() else {
+            return Err("the header of its blocks is cut off".into());
+        };
+        let full = if last == 0 { blocks } else { blocks.saturating_sub(1) };
+        let unpacked = full.checked_mul(size).and_then(|bytes| bytes.checked_add(last));
+        if unpacked != Some(length as u64) || size == 0 || last > size {
+            return Err(format!(
+                "{length} bytes expected, {blocks} blocks of {size} and a last of {last} announced"
+            ));
+        }
+        let blocks = usize::try_from(blocks).map_err(|_| "too many blocks".to_owned())?;
+        let header = blocks.saturating_add(3).saturating_mul(self.word);
+        let (head, _) = encoded.take(header)?;
+        let sizes = self.words(&head).split_off(3);
+        let total = sizes.iter().fold(0_u64, |total, &size| total.saturating_add(size));
+        if length as u64 > total.saturating_mul(MOST_PER_BYTE) {
+            return Err(format!("{length} bytes cannot be in {total} compressed ones"));
+        }
+        let data = encoded.after(header);
+        let (data, _) = data.take(usize::try_from(total).unwrap_or(usize::MAX))?;
+
+        let mut rest = &*data;
+        let packed: Vec<&[u8]> =
+            sizes.iter().map(|&size| rest.split_off(..size as usize).unwrap_or_default()).collect();
+        let mut unpacked = vec![0; length];
+        let blocks = unpacked.par_chunks_mut(size as usize).zip(packed);
+        blocks.enumerate().try_for_each(|(i, (block, packed))| {
+            let mut zlib = Decompress::new(true);
+            match zlib.decompress(packed, block, FlushDecompress::Finish) {
+                Ok(Status::StreamEnd) if zlib.total_out() == block.len() as u64 => Ok(()),
+                Ok(_) => Err(format!("block {i} does not unpack to {} bytes", block.len())),
+                Err(error) => Err(format!("block {i} is damaged: {error}")),
+            }
+        })?;
+        Ok(unpacked)
+    }
+}
+
+/// Bytes as they stand in the file.
+#[derive(Clone, Copy)]
+struct Encoded<'a> {
+    base64: bool,
+    bytes: &'a [u8],
+}
+
+impl<'a> Encoded<'a> {
+    /// The first `length` bytes, and whether their encoding ends with them.
+    fn take(self, length: usize) -> Result<(Cow<'a, [u8]>, bool), String> {
+        let there = self.bytes.len();
+        let short = || format!("{length} bytes expected, the file ends before them");
+        if !self.base64 {
+            let bytes = self.bytes.get(..length).ok_or_else(short)?;
+            return Ok((Cow::Borrowed(bytes), false));
+        }
+        let letters =
+            Self::letters(length).filter(|&letters| letters <= there).ok_or_else(short)?;
+        let letters = &self.bytes[..letters];
+        let mut bytes = BASE64_STANDARD.decode(letters).map_err(|error| error.to_string())?;
+        let apart = letters.ends_with(b"=");
+        if bytes.len() < length {
+            return Err(format!("{length} bytes expected, the base64 ends after {}", bytes.len()));
+        }
+        bytes.truncate(length);
+        Ok((Cow::Owned(bytes), apart))
+    }
+
+    /// What comes after `length` bytes that were encoded apart.
+    fn after(self, length: usize) -> Self {
+        let taken = if self.base64 { Self::letters(length).unwrap_or(usize::MAX) } else { length };
+        Self { bytes: self.bytes.get(taken..).unwrap_or_default(), ..self }
+    }
+
+    fn letters(length: usize) -> Option<usize> {
+        length.div_ceil(3).checked_mul(4)
+    }
+}
+
+/// An element, and where it is.
+#[derive(Clone, Copy)]
+struct Place<'a, 'b> {
+    source: Source<'a>,
+    start: usize,
+    element: &'b BytesStart<'a>,
+}
+
+impl Place<'_, '_> {
+    fn error(&self, problem: &str) -> Error {
+        let name = self.element.name();
+        let name = String::from_utf8_lossy(name.as_ref());
+        self.source.error(self.start, format!("<{name}>: {problem}"))
+    }
+
+    fn attribute(&self, name: &str) -> Result<Option<String>> {
+        match self.element.try_get_attribute(name) {
+            Ok(found) => {
+                Ok(found
+                    .map(|attribute| String::from_utf8_lossy(&attribute.value).trim().to_owned()))
+            }
+            Err(error) => Err(self.error(&error.to_string())),
+        }
+    }
+
+    fn count(&self, name: &str) -> Result<Option<usize>> {
+        let problem =
+            |text: &str| self.error(&format!("{name}: a count expected, found `{text:.40}`"));
+        self.attribute(name)?.map(|text| text.parse().map_err(|_| problem(&text))).transpose()
+    }
+
+    /// The array that this element is, if it is one of ours.
+    fn array(&self, points: bool, rows: usize) -> Result<Option<Array>> {
+        /// No attribute has more numbers.
+        const MOST: usize = 6;
+        let name = self.attribute("Name")?.unwrap_or_default();
+        let size = self.count("NumberOfComponents")?.unwrap_or(1);
+        if points && size != 3 {
+            return Err(self.error(&format!("points of {size} numbers, 3 expected")));
+        }
+        if !points && (known(&name).is_none() || size > MOST || size == 0) {
+            return Ok(None);
+        }
+        let scalar = match self.attribute("type")?.unwrap_or_default().as_str() {
+            "Int8" => Scalar::I8,
+            "UInt8" => Scalar::U8,
+            "Int16" => Scalar::I16,
+            "UInt16" => Scalar::U16,
+            "Int32" => Scalar::I32,
+            "UInt32" => Scalar::U32,
+            "Int64" => Scalar::I64,
+            "UInt64" => Scalar::U64,
+            "Float32" => Scalar::F32,
+            "Float64" => Scalar::F64,
+            other => {
+                let problem =
+                    format!("a number type (Float32, Int64, ...) expected, found `{other:.40}`");
+                return Err(self.error(&problem));
+            }
+        };
+        let data = match self.attribute("format")?.as_deref() {
+            None | Some("ascii") => Data::Ascii(0..0),
+            Some("binary") => Data::Base64(0..0),
+            Some("appended") => {
+                let missing = || self.error("`offset` expected");
+                Data::Appended(self.count("offset")?.ok_or_else(missing)?)
+            }
+            Some(other) => {
+                let problem = format!("format `{other:.40}`: ascii, binary or appended expected");
+                return Err(self.error(&problem));
+            }
+        };
+        Ok(Some(Array { name, points, scalar, size, rows, start: self.start, data }))
+    }
+}
+
+impl Array {
+    fn with_text(mut self, text: Range<usize>) -> Self {
+        match &mut self.data {
+            Data::Ascii(range) | Data::Base64(range) => *range = text,
+            Data::Appended(_) => {}
+        }
+        self
+    }
+}
+
+/// Reads to the end of an array's element, past what `ParaView` tells of it in elements of its own.
+/// The first text that is not blank is the array's.
+fn text_of(xml: &mut Reader<&[u8]>, source: Source<'_>) -> Result<Range<usize>> {
+    let (mut depth, mut text) = (0_usize, 0..0);
+    loop {
+        let start = xml.buffer_position() as usize;
+        let event = xml.read_event().map_err(|error| {
+            let place = xml.error_position() as usize;
+            source.error(place, format!("not XML: {error}"))
+        })?;
+        match event {
+            Event::Start(_) => depth += 1,
+            Event::End(_) if depth == 0 => return Ok(text),
+            Event::End(_) => depth -= 1,
+            Event::Text(found)
+                if depth == 0 && text.is_empty() && !found.trim_ascii().is_empty() =>
+            {
+                text = start..xml.buffer_position() as usize;
+            }
+            Event::Eof => return Err(source.error(start, "the file ends in an array")),
+            _ => {}
+        }
+    }
+}
+
+/// Writes an unstructured grid of vertices in one piece, arrays appended as base64: unlike raw
+/// data that is XML, which all readers take.
+pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    let n = particles.len();
+    let mut appended = Appended { xml: String::new(), length: 0 };
+    let wide = !particles.narrow();
+    appended.element("PointData", |appended| {
+        for (name, values) in particles.attributes() {
+            let kind = if matches!(values, Values::Integers(_)) { "Int64" } else { "Float32" };
+            appended.array(kind, name, values.size(), n);
+        }
+    });
+    appended.element("Points", |appended| {
+        appended.array(if wide { "Float64" } else { "Float32" }, "Points", 3, n);
+    });
+    appended.element("Cells", |appended| {
+        appended.array("Int64", "connectivity", 1, n);
+        appended.array("Int64", "offsets", 1, n);
+        appended.array("UInt8", "types", 1, n);
+    });
+    let xml = appended.xml;
+    write!(
+        out,
+        "<?xml version=\"1.0\"?>\n\
+         <VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
+         <UnstructuredGrid>\n<Piece NumberOfPoints=\"{n}\" NumberOfCells=\"{n}\">\n{xml}</Piece>\n</UnstructuredGrid>\n\
+         <AppendedData encoding=\"base64\">\n_"
+    )?;
+    for (_, values) in particles.attributes() {
+        match values {
+            Values::Integers(ids) => base64(ids, i64::to_le_bytes, out)?,
+            _ => base64(values.floats(), f32::to_le_bytes, out)?,
+        }
+    }
+    if wide {
+        let places: Vec<_> = (0..n).flat_map(|i| particles.place(i).to_array()).collect();
+        base64(&places, f64::to_le_bytes, out)?;
+    } else {
+        base64(bytemuck::cast_slice(&particles.positions), f32::to_le_bytes, out)?;
+    }
+    base64(&Vec::from_iter(0..n as u64), u64::to_le_bytes, out)?;
+    base64(&Vec::from_iter(1..=n as u64), u64::to_le_bytes, out)?;
+    base64(&vec![1; n], u8::to_le_bytes, out)?;
+    write!(out, "\n</AppendedData>\n</VTKFile>\n")
+}
+
+/// The elements of arrays that are appended one after another.
+struct Appended {
+    xml: String,
+    /// Letters so far.
+    length: usize,
+}
+
+impl Appended {
+    fn element(&mut self, name: &str, arrays: impl FnOnce(&mut Self)) {
+        self.xml += &format!("<{name}>\n");
+        arrays(self);
+        self.xml += &format!("</{name}>\n");
+    }
+
+    fn array(&mut self, kind: &str, name: &str, size: usize, rows: usize) {
+        let offset = self.length;
+        self.xml += &format!(
+            "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{size}\" format=\"appended\" offset=\"{offset}\"/>\n"
+        );
+        let bytes = if kind.ends_with("64") {
+            8
+        } else if kind.ends_with('8') {
+            1
+        } else {
+            4
+        };
+        self.length += (size_of::<u64>() + rows * size * bytes).div_ceil(3) * 4;
+    }
+}
+
+/// Appends an array: its length in bytes and the numbers, encoded in one.
+fn base64<T: Copy, const N: usize>(
+    numbers: &[T],
+    bytes: impl Fn(T) -> [u8; N],
+    out: &mut impl Write,
+) -> io::Result<()> {
+    let mut encoder = EncoderWriter::new(out, &BASE64_STANDARD);
+    encoder.write_all(&((numbers.len() * N) as u64).to_le_bytes())?;
+    write_numbers(numbers, bytes, &mut encoder)?;
+    encoder.finish().map(drop)
+}
