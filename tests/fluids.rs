@@ -53,7 +53,7 @@ fn draw(stage: &mut Stage, scene: &Scene, splats: &Splats) -> frames::Shot {
     shot
 }
 
-/// Half of the chord of a pixel's ray in a sphere about `centre`, which on_axis(6.0, …) looks at.
+/// The chord of a pixel's ray in a sphere about `centre`, seen from six metres along z.
 fn chord(p: UVec2, centre: DVec3, radius: f64) -> f64 {
     let view = frames::View::new(&on_axis(6.0, 30.0), SIZE);
     let d = view.through(p).normalize();
