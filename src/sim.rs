@@ -50,7 +50,12 @@ pub struct Simulation {
     /// How fast a particle takes on the velocity of those around it, 1/s: 0 to 1000.
     #[serde(default = "watery")]
     pub viscosity: f64,
-    /// Iterations of the density constraints in each step: 1 to 50.
+    /// How strongly neighbours draw each other, m/s² at a distance of one diameter: 0 to 1000. A
+    /// thin sheet or jet holds together longer.
+    #[serde(default)]
+    pub cohesion: f64,
+    /// Least number of iterations of the density constraints in each step: 1 to 50. Deep or
+    /// crowded liquid takes up to 16.
     #[serde(default = "few")]
     pub iterations: u32,
     /// Walls that are not drawn. A coordinate may be infinite.
@@ -214,6 +219,7 @@ impl Simulation {
             ("fps", self.fps, 1.0..=1e3),
             ("radius", self.radius, 1e-4..=10.0),
             ("viscosity", self.viscosity, 0.0..=1e3),
+            ("cohesion", self.cohesion, 0.0..=1e3),
             ("iterations", f64::from(self.iterations), 1.0..=50.0),
         ];
         if let Some(problem) = out_of_range(&ranges) {

@@ -133,7 +133,7 @@ fn a_settled_tank_keeps_its_volume_and_rests() {
     let level = 2.0 * last.positions.iter().map(|x| x.y).sum::<f32>() / last.len() as f32;
     println!("density {density}, level {level}, kinetic {}", kinetic(last));
     assert!((density / 1000.0 - 1.0).abs() < 0.03, "{density}");
-    assert!((level / 0.36 - 1.0).abs() < 0.04, "{level}");
+    assert!((level / 0.36 - 1.0).abs() < 0.03, "{level}");
     // The surface, in nine fields.
     for field in 0..9 {
         let inside = |x: &&Vec3| (x.x / 0.2) as i32 == field % 3 && (x.z / 0.2) as i32 == field / 3;
@@ -142,6 +142,71 @@ fn a_settled_tank_keeps_its_volume_and_rests() {
     }
     let settling = frames.iter().map(kinetic).fold(0.0, f32::max);
     assert!(kinetic(last) < 1e-3 && kinetic(last) < settling, "{} {settling}", kinetic(last));
+}
+
+/// Depth costs no volume: what lies under 36 layers is no denser than the rest, and nothing boils.
+/// With the three iterations of the shallow, the level falls by a tenth.
+#[test]
+fn a_deep_tank_keeps_its_volume_and_rests() {
+    let frames = baked(
+        "[simulation]
+frames = 60
+radius = 0.0125
+bounds = { min = [0.0, 0.0, 0.0], max = [0.2, inf, 0.2] }
+[[simulation.block]]
+min = [0.0, 0.0, 0.0]
+max = [0.2, 0.9, 0.2]
+",
+    );
+    let last = frames.last().unwrap();
+    assert_eq!(last.len(), 8 * 36 * 8);
+    let density = |to: f32| {
+        let densities = last.densities.as_deref().unwrap();
+        let below = last.positions.iter().zip(densities).filter(|(x, _)| x.y < to);
+        let (sum, count) = below.fold((0.0, 0), |(sum, count), (_, rho)| (sum + rho, count + 1));
+        sum / count as f32
+    };
+    let (inner, bottom) = (density(0.8), density(0.1));
+    let level = 2.0 * last.positions.iter().map(|x| x.y).sum::<f32>() / last.len() as f32;
+    let speed = (2.0 * kinetic(last)).sqrt();
+    println!("density {inner}, at the bottom {bottom}, level {level}, speed {speed}");
+    assert!((inner / 1000.0 - 1.0).abs() < 0.03, "{inner}");
+    assert!((bottom / 1000.0 - 1.0).abs() < 0.03, "{bottom}");
+    assert!((level / 0.9 - 1.0).abs() < 0.03, "{level}");
+    assert!(speed < 0.05, "{speed}");
+}
+
+/// Cohesion draws a drop's particles together, evenly: the drop stays where it is. Without it,
+/// what flies apart flies on.
+#[test]
+fn cohesion_holds_a_jet_together() {
+    let spread = |cohesion: f32| {
+        let frames = baked(&format!(
+            "[simulation]
+frames = 15
+radius = 0.01
+viscosity = 0.0
+cohesion = {cohesion:?}
+gravity = [0.0, 0.0, 0.0]
+[[simulation.block]]
+center = [-0.07, 0.0, 0.0]
+radius = 0.07
+velocity = [0.6, 0.0, 0.0]
+[[simulation.block]]
+center = [0.07, 0.0, 0.0]
+radius = 0.07
+velocity = [-0.6, 0.0, 0.0]
+"
+        ));
+        let last = &frames[14];
+        let center = last.positions.iter().sum::<Vec3>() / last.len() as f32;
+        assert!(center.length() < 2e-3, "{center}");
+        let squares = last.positions.iter().map(|x| x.distance_squared(center)).sum::<f32>();
+        (squares / last.len() as f32).sqrt()
+    };
+    let (free, held) = (spread(0.0), spread(60.0));
+    println!("spread {free} without cohesion, {held} with it");
+    assert!(held < 0.9 * free, "{held} {free}");
 }
 
 /// Protects time and gravity: a lone particle falls as the closed form says, to first order in the
@@ -160,7 +225,7 @@ velocity = [1.0, 4.0, 0.0]
     let (first, last) = (frames[0].positions[0], frames[30].positions[0]);
     let expected = first + Vec3::new(1.0, 4.0 - 0.5 * 9.81, 0.0);
     // Gravity acts at the beginning of a step: half a step's fall per step too much.
-    assert!((last - expected).length() < 0.5 * 9.81 / 60.0, "{last} {expected}");
+    assert!((last - expected).length() < 0.51 * 9.81 / 60.0, "{last} {expected}");
     let velocity = frames[30].velocities.as_ref().unwrap()[0];
     assert!((velocity - Vec3::new(1.0, 4.0 - 9.81, 0.0)).length() < 1e-2, "{velocity}");
     let straight =
@@ -276,7 +341,7 @@ max = [2.0, 0.5, 1.0]
 /// Protects every recipe: each file is a scene, starts, and goes on.
 #[test]
 fn every_recipe_starts() {
-    for (name, count) in [("dam_break", 10_000..=20_000), ("fountain", 0..=100)] {
+    for (name, count) in [("dam_break", 9_000..=20_000), ("fountain", 0..=100)] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("sims/{name}.toml"));
         let mut scene = Scene::load(&path).unwrap();
         scene.simulation.as_mut().unwrap().frames = 2;

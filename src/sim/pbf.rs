@@ -1,11 +1,14 @@
 //! Liquid by M. Macklin and M. Müller, "Position Based Fluids", ACM Transactions on Graphics 32(4),
 //! 2013, in small steps of few iterations (Macklin et al., Small steps in physics simulation, 2019).
 //!
-//! Three things differ. Densities are pushed down to that at rest but never pulled up, so that
+//! Four things differ. Densities are pushed down to that at rest but never pulled up, so that
 //! the surface needs no care. The gradient is that of the density itself and not another
 //! kernel's: with two kernels the forces have no potential, and a settled tank boils. Walls complete
-//! the density of what is beside them by what liquid beyond them would add. Steps follow from the
-//! state alone.
+//! the density of what is beside them by what liquid beyond them would add. And multipliers add up
+//! over a step's iterations, with Nesterov's momentum (as Mazhar, Heyn, Negrut and Tasora do for
+//! contacts, Using Nesterov's method to accelerate multibody dynamics, 2015): an iteration tells
+//! only neighbours of each other, and what lies deep would never learn of all that it carries.
+//! Steps and iterations follow from the state alone.
 
 use glam::{Vec3, Vec4, Vec4Swizzles as _};
 use rayon::prelude::*;
@@ -19,13 +22,18 @@ use crate::scene::Solid;
 /// In a step, nothing moves by more than so many spacings...
 const COURANT: f32 = 1.2;
 /// ... and what falls from rest by so many.
-const FALL: f32 = 0.02;
+const FALL: f32 = 0.032;
 /// No frame takes more steps: what is faster moves further in each.
 const MOST_STEPS: u32 = 16;
 /// Relaxation of the constraints, of their stiffness at rest (the paper's ε).
 const COMPLIANCE: f32 = 0.02;
-/// What a correction is multiplied by: all are made at once, and together would go too far.
-const UNDER_RELAXATION: f32 = 0.6;
+/// What a change of a multiplier is multiplied by: all are made at once, and together would go too
+/// far. With more, a settled tank boils.
+const UNDER_RELAXATION: f32 = 0.5;
+/// Compressed particles shall be so much denser than at rest, in the mean...
+const TOLERANCE: f64 = 1e-2;
+/// ... unless that takes more iterations.
+const MOST_ITERATIONS: u32 = 16;
 /// A correction moves no particle by more than so many spacings.
 const LARGEST_CORRECTION: f32 = 0.25;
 /// Artificial pressure between particles closer than half a spacing or so (the paper's k, for
@@ -39,6 +47,8 @@ pub(super) struct Fluid<'a> {
     kernel: Kernel,
     grid: Grid,
     near: Vec<Neighbours>,
+    pressures: Vec<Pressure>,
+    compressions: Vec<Compression>,
     particles: Sorted,
     scratch: Sorted,
     predicted: Vec<Vec3>,
@@ -58,6 +68,24 @@ struct Sorted {
     places: Vec<u32>,
 }
 
+/// A density constraint's multiplier in a step so far, none negative, in squared spacings.
+#[derive(Clone, Copy, Default)]
+struct Pressure {
+    /// By the last iteration.
+    found: f32,
+    /// What the particles have been moved by: momentum is ahead of what was found.
+    applied: f32,
+}
+
+/// How far a chunk's particles are above the density at rest.
+#[derive(Clone, Copy, Default)]
+struct Compression {
+    /// Sum, in shares of the density at rest.
+    excess: f64,
+    /// How many are.
+    count: u32,
+}
+
 impl<'a> Fluid<'a> {
     pub(super) fn new(simulation: &'a Simulation, solids: &[Solid]) -> Self {
         let radius = simulation.radius as f32;
@@ -67,6 +95,8 @@ impl<'a> Fluid<'a> {
             kernel: Kernel::new(radius),
             grid: Grid::default(),
             near: Vec::new(),
+            pressures: Vec::new(),
+            compressions: Vec::new(),
             particles: Sorted::default(),
             scratch: Sorted::default(),
             predicted: Vec::new(),
@@ -154,10 +184,7 @@ impl<'a> Fluid<'a> {
             .map(|(&x, v)| colliders.sweep(x, x + dt * (v.xyz() + kick)))
             .collect_into_vec(predicted);
         self.sort();
-        for _ in 0..self.simulation.iterations {
-            self.constrain();
-            self.correct();
-        }
+        self.press();
         self.arrive(dt);
         self.mix(dt);
     }
@@ -181,33 +208,70 @@ impl<'a> Fluid<'a> {
         grid.neighbours(&particles.to, kernel.h, &self.colliders, reach, &mut self.near);
     }
 
-    /// The multiplier of each particle's density constraint, as w beside its position.
-    fn constrain(&mut self) {
-        let Self { particles, scratch, near, kernel, .. } = self;
+    /// Takes particles apart where they are too dense.
+    fn press(&mut self) {
+        let least = self.simulation.iterations;
+        self.pressures.clear();
+        self.pressures.resize(self.particles.to.len(), Pressure::default());
+        let mut is_last = least == 1;
+        for iteration in 1.. {
+            let momentum =
+                if is_last { 0.0 } else { (iteration - 1) as f32 / (iteration + 2) as f32 };
+            let compression = self.constrain(momentum);
+            self.correct();
+            if is_last {
+                break;
+            }
+            let next = iteration + 1;
+            is_last = next >= least && (compression < TOLERANCE || next >= MOST_ITERATIONS);
+        }
+    }
+
+    /// The changes of the multipliers, as w beside the positions. Returns by how much compressed
+    /// particles are, in the mean.
+    fn constrain(&mut self, momentum: f32) -> f64 {
+        let Self { particles, scratch, near, kernel, pressures, compressions, .. } = self;
         let kernel = *kernel;
         let points = particles.to.as_slice();
         let compliance = COMPLIANCE * kernel.stiffness;
-        each(&mut scratch.to, near, |i, k, near, out| {
-            let x = points[i].xyz();
-            let (walls, wall_gradient) = walls(&kernel, near.contacts(k), x);
-            let mut density = kernel.share(0.0) + walls;
-            let mut gradient = wall_gradient;
-            let mut squares = 0.0;
-            for &j in near.of(k) {
-                let offset = x - points[j as usize].xyz();
-                let distance = offset.length();
-                density += kernel.share(distance);
-                let slope = kernel.slope(distance);
-                squares += slope * slope;
-                gradient -= offset * (slope / distance.max(f32::MIN_POSITIVE));
+        compressions.resize(near.len(), Compression::default());
+        let out = scratch.to.par_chunks_mut(CHUNK).zip(pressures.par_chunks_mut(CHUNK));
+        let out = out.zip(compressions.par_iter_mut()).zip(near).enumerate();
+        out.for_each(|(chunk, (((out, pressures), compression), near))| {
+            *compression = Compression::default();
+            for (k, (out, pressure)) in out.iter_mut().zip(pressures).enumerate() {
+                let x = points[chunk * CHUNK + k].xyz();
+                let (walls, wall_gradient) = walls(&kernel, near.contacts(k), x);
+                let mut density = kernel.share(0.0) + walls;
+                let mut gradient = wall_gradient;
+                let mut squares = 0.0;
+                for &j in near.of(k) {
+                    let offset = x - points[j as usize].xyz();
+                    let distance = offset.length();
+                    density += kernel.share(distance);
+                    let slope = kernel.slope(distance);
+                    squares += slope * slope;
+                    gradient -= offset * (slope / distance.max(f32::MIN_POSITIVE));
+                }
+                let excess = density - 1.0;
+                if excess > 0.0 {
+                    compression.excess += f64::from(excess);
+                    compression.count += 1;
+                }
+                let change = excess / (squares + gradient.length_squared() + compliance);
+                let found = (pressure.applied + UNDER_RELAXATION * change).max(0.0);
+                let ahead = (found + momentum * (found - pressure.found)).max(0.0);
+                *out = x.extend(pressure.applied - ahead);
+                *pressure = Pressure { found, applied: ahead };
             }
-            let excess = (density - 1.0).max(0.0);
-            let multiplier = -excess / (squares + gradient.length_squared() + compliance);
-            *out = x.extend(multiplier);
         });
+        // In order: sums must not depend on threads.
+        let excess: f64 = compressions.iter().map(|chunk| chunk.excess).sum();
+        let count: u32 = compressions.iter().map(|chunk| chunk.count).sum();
+        excess / f64::from(count.max(1))
     }
 
-    /// Moves particles to where the multipliers want them.
+    /// Moves particles by the changes of the multipliers.
     fn correct(&mut self) {
         let Self { particles, scratch, near, kernel, colliders, .. } = self;
         let kernel = *kernel;
@@ -241,7 +305,7 @@ impl<'a> Fluid<'a> {
                     correction -= offset * (kernel.slope(distance) * pressure / distance);
                 }
             }
-            let correction = (UNDER_RELAXATION * correction).clamp_length_max(largest);
+            let correction = correction.clamp_length_max(largest);
             *out = colliders.project(contacts, x + correction).extend(0.0);
         });
     }
@@ -266,11 +330,13 @@ impl<'a> Fluid<'a> {
         );
     }
 
-    /// XSPH: velocities approach the mean around them. And densities, on the way.
+    /// XSPH: velocities approach the mean around them. Cohesion draws neighbours together. And
+    /// densities, on the way.
     fn mix(&mut self, dt: f32) {
         let Self { particles, scratch, near, kernel, simulation, .. } = self;
         let kernel = *kernel;
         let share = 1.0 - (-simulation.viscosity as f32 * dt).exp();
+        let cohesion = simulation.cohesion as f32 * dt / kernel.spacing;
         let Sorted { to, velocities, densities, .. } = particles;
         let (points, known) = (to.as_slice(), velocities.as_slice());
         let out = scratch.velocities.par_chunks_mut(CHUNK).zip(densities.par_chunks_mut(CHUNK));
@@ -285,13 +351,16 @@ impl<'a> Fluid<'a> {
                     .product();
                 let mut sum = kernel.weight(0.0) + 1.0 - free;
                 let mut difference = Vec4::ZERO;
+                let mut inwards = Vec3::ZERO;
                 for &j in near.of(k) {
-                    let weight = kernel.weight((points[j as usize].xyz() - x).length_squared());
+                    let offset = points[j as usize].xyz() - x;
+                    let weight = kernel.weight(offset.length_squared());
                     sum += weight;
                     difference += weight * (known[j as usize] - own);
+                    inwards += weight * offset;
                 }
                 *density = sum;
-                *velocity = own + share * difference;
+                *velocity = own + share * difference + (cohesion * inwards).extend(0.0);
             }
         });
         std::mem::swap(velocities, &mut scratch.velocities);

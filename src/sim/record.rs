@@ -11,7 +11,7 @@ use crate::output;
 use crate::scene::Scene;
 
 /// To be counted up when the same parameters no longer make the same frames.
-const SOLVER: u32 = 1;
+const SOLVER: u32 = 2;
 
 /// The record's file.
 pub(super) fn path(folder: &Path, name: &str) -> PathBuf {
