@@ -1,5 +1,8 @@
 //! The camera: a pinhole with a vertical field of view.
 
+use std::fmt;
+use std::str::FromStr;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DQuat, DVec3, UVec2, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -28,6 +31,56 @@ pub struct Camera {
 /// Up unless something else is said.
 pub(crate) fn up() -> Vec3 {
     Vec3::Y
+}
+
+impl fmt::Display for Camera {
+    /// As [`Camera::from_str`] reads it, to the last bit: `eye=1,2,3 target=0,0,0 up=0,1,0 fov_y=40`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (eye, target, up) = (self.eye, self.target, self.up);
+        write!(f, "eye={},{},{} ", eye.x, eye.y, eye.z)?;
+        write!(f, "target={},{},{} ", target.x, target.y, target.z)?;
+        if up != Vec3::Y {
+            write!(f, "up={},{},{} ", up.x, up.y, up.z)?;
+        }
+        write!(f, "fov_y={}", self.fov_y)?;
+        self.near.map_or(Ok(()), |near| write!(f, " near={near}"))
+    }
+}
+
+impl FromStr for Camera {
+    type Err = Error;
+
+    /// # Errors
+    /// [`Error::Usage`] naming what is missing or no number, and as [`Camera::check`].
+    fn from_str(text: &str) -> Result<Self> {
+        let usage = |problem: &str| Error::Usage(format!("camera `{text}`: {problem}"));
+        let (mut eye, mut target, mut fov_y) = (None, None, None);
+        let (mut up, mut near) = (Vec3::Y, None);
+        for part in text.split_whitespace() {
+            let (key, value) = part.split_once('=').ok_or_else(|| usage("name=value expected"))?;
+            let numbers: Vec<&str> = value.split(',').collect();
+            let problem = || usage(&format!("`{part}` is not what {key} takes"));
+            match (key, numbers.as_slice()) {
+                ("eye", &[x, y, z]) => eye = Some(parsed([x, y, z]).ok_or_else(problem)?),
+                ("target", &[x, y, z]) => target = Some(parsed([x, y, z]).ok_or_else(problem)?),
+                ("up", &[x, y, z]) => up = parsed([x, y, z]).ok_or_else(problem)?.into(),
+                ("fov_y", &[x]) => fov_y = Some(x.parse().map_err(|_| problem())?),
+                ("near", &[x]) => near = Some(x.parse().map_err(|_| problem())?),
+                _ => return Err(usage("eye=X,Y,Z target=X,Y,Z fov_y=DEGREES expected")),
+            }
+        }
+        let eye = DVec3::from_array(eye.ok_or_else(|| usage("eye=X,Y,Z is missing"))?);
+        let target = DVec3::from_array(target.ok_or_else(|| usage("target=X,Y,Z is missing"))?);
+        let fov_y = fov_y.ok_or_else(|| usage("fov_y=DEGREES is missing"))?;
+        let camera = Self { eye, target, up, fov_y, near };
+        camera.check()?;
+        Ok(camera)
+    }
+}
+
+fn parsed<T: FromStr>(numbers: [&str; 3]) -> Option<[T; 3]> {
+    let [x, y, z] = numbers.map(|number| number.parse().ok());
+    Some([x?, y?, z?])
 }
 
 /// The camera as the shaders have it (`common/camera.wgsl`). Their world has limpid's axes and

@@ -6,6 +6,7 @@ mod convert;
 mod info;
 mod render;
 mod report;
+mod view;
 
 use std::process::ExitCode;
 
@@ -26,9 +27,11 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Render frames to PNG, without a window.
-    Render(render::Args),
+    Render(Box<render::Args>),
     /// Simulate the liquid of a scene with a [simulation], into a sequence of BGEO files.
     Bake(bake::Args),
+    /// Look at it in a window: play, orbit, tune, save.
+    View(view::Args),
     /// Say what a particle file or sequence holds.
     Info(info::Args),
     /// Write particle files in another format.
@@ -43,6 +46,7 @@ pub(crate) fn run() -> anyhow::Result<ExitCode> {
     match parse()?.command {
         Command::Render(args) => render::run(&args),
         Command::Bake(args) => bake::run(&args),
+        Command::View(args) => view::run(args),
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Compare(args) => compare::run(&args),

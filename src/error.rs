@@ -99,6 +99,9 @@ pub enum Error {
     /// An error that several see: of a frame that a [`crate::ring::Ring`] could not load.
     #[error(transparent)]
     Shared(#[from] Arc<Self>),
+    /// No window can be shown.
+    #[error("no window: {0}; `limpid render` draws without one")]
+    Window(String),
     /// The device was lost or ran out of memory; the same frame may succeed later.
     #[error("the graphics device failed ({0}); the frame may succeed if tried again")]
     DeviceLost(String),
@@ -111,7 +114,7 @@ impl Error {
             Self::Usage(_) | Self::Scene { .. } => 2,
             Self::Mismatch(_) | Self::Format { .. } => 3,
             Self::Io { .. } | Self::Malformed { .. } | Self::Sequence { .. } => 4,
-            Self::NoAdapter | Self::Adapter { .. } => 5,
+            Self::NoAdapter | Self::Adapter { .. } | Self::Window(_) => 5,
             Self::DeviceLost(_) => 6,
             Self::Shared(error) => error.exit_code(),
         }

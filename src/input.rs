@@ -259,22 +259,24 @@ impl Input {
             return numbers.iter().map(|&number| Moment::at(number)).collect();
         }
         let count = ((last - first) as f64 / step * (1.0 + 1e-12)).floor() as usize;
-        let moment = |k: usize| {
-            let time = first as f64 + k as f64 * step;
-            // A frame's own time is not to be missed by a rounding error.
-            let near = time.round();
-            let time = if (time - near).abs() < 1e-9 * near.abs().max(1.0) { near } else { time };
-            let after = numbers.partition_point(|&number| number as f64 <= time);
-            let frame = numbers[after.saturating_sub(1)];
-            match numbers.get(after) {
-                Some(&next) if time > frame as f64 => {
-                    let fraction = (time - frame as f64) / (next - frame) as f64;
-                    Moment { frame, next, fraction }
-                }
-                _ => Moment::at(frame),
+        (0..=count).map(|k| self.moment(numbers, first as f64 + k as f64 * step)).collect()
+    }
+
+    /// The moment at `time`, counted as the frames are, whose `numbers` ascend: 12.25 is a quarter
+    /// of the way from frame 12 to 13. The ends hold. Without numbers, frame 0.
+    pub fn moment(&self, numbers: &[i64], time: f64) -> Moment {
+        // A frame's own time is not to be missed by a rounding error.
+        let near = time.round();
+        let time = if (time - near).abs() < 1e-9 * near.abs().max(1.0) { near } else { time };
+        let after = numbers.partition_point(|&number| number as f64 <= time);
+        let frame = numbers.get(after.saturating_sub(1)).copied().unwrap_or_default();
+        match numbers.get(after) {
+            Some(&next) if time > frame as f64 => {
+                let fraction = (time - frame as f64) / (next - frame) as f64;
+                Moment { frame, next, fraction }
             }
-        };
-        (0..=count).map(moment).collect()
+            _ => Moment::at(frame),
+        }
     }
 
     /// Reads or makes the particles of a moment, y up. Between frames they are interpolated, see

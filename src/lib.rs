@@ -86,6 +86,8 @@ pub mod settings;
 pub mod shader;
 pub mod sim;
 pub mod studio;
+#[cfg(feature = "viewer")]
+pub mod viewer;
 pub mod waves;
 
 pub use error::{Error, Result};

@@ -13,7 +13,7 @@ mod pool;
 mod vase;
 
 use glam::DVec3;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 pub use body::Body;
 pub use breaker::Breaker;
@@ -30,7 +30,7 @@ use crate::scene::Solid;
 ///
 /// `count` is how many particles it is made of: 10 to 10,000,000, met to within 5 %. Their radius
 /// follows from it, [`Recipe::particle_radius`]. `seed` chooses among arrangements, default 0.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Recipe {
     /// A ball.

@@ -1,5 +1,8 @@
 //! What a picture shows: liquid, camera, and what surrounds them; read from TOML.
 
+mod optics;
+mod write;
+
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3, Vec3Swizzles as _};

@@ -869,3 +869,12 @@ fn help() {
     assert_eq!(version.trim(), concat!("limpid ", env!("CARGO_PKG_VERSION")));
     assert_eq!(run(folder.path(), &[]).code, 2);
 }
+
+/// Protects a build without the window: `limpid view` says what is missing, and how to get it.
+#[cfg(not(feature = "viewer"))]
+#[test]
+fn view_without_its_feature_is_an_error_that_names_it() {
+    let folder = TempDir::new().expect("a folder");
+    let line = fail(folder.path(), 2, &["view", "scene.toml"]);
+    assert!(line.contains("--features viewer"), "{line}");
+}

@@ -8,6 +8,7 @@ use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
 use limpid::Error;
 use limpid::aov::{self, Aov};
+use limpid::camera::Camera;
 use limpid::camera_path::CameraPath;
 use limpid::film::{self, Film, Motion, Take};
 use limpid::frames::{FrameSpec, Shard};
@@ -48,6 +49,13 @@ pub(crate) struct Args {
     /// Frames: 1-3,5, 7-20:2, 1-10@b, all [default: the scene's frame, or all].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
+    /// One moment at this time, in frames: 12.25 is a quarter of the way from 12 to 13.
+    #[arg(long, allow_hyphen_values = true, value_name = "TIME")]
+    at: Option<f64>,
+    /// Where it is seen from, m and degrees: `eye=1,2,3 target=0,0,0 fov_y=40`, and where wanted
+    /// up=0,1,0 and near=0.01 [default: the scene's camera].
+    #[arg(long, allow_hyphen_values = true)]
+    camera: Option<Camera>,
     /// What stands for a frame that is not there: error, empty or hold (the last one before).
     #[arg(long, default_value = "error")]
     missing: Missing,
@@ -85,7 +93,8 @@ pub(crate) struct Args {
     /// settings, all but the tone mapping; --set comes after.
     #[arg(long, value_name = "NAME")]
     preset: Option<Preset>,
-    /// Replace a setting: refract.solver=march.
+    /// Replace a setting: refract.solver=march; or the liquid: liquid.ior=1.4,
+    /// "liquid.absorption=[1, 0.3, 0.1]", "fluid.2.absorption=[0, 0, 5]".
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     set: Vec<String>,
     /// Write intermediate images beside each picture, as NAME.aov.exr: a list, or all.
@@ -114,11 +123,17 @@ struct FrameStats {
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // In this order: what comes later holds.
     let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
-    overrides.extend_from_slice(&args.set);
+    let (optics, set): (Vec<_>, Vec<_>) =
+        args.set.iter().cloned().partition(|text| Scene::is_optics(text));
+    overrides.extend(set);
     overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
     let mut input = open(args, &overrides)?;
     input.missing = args.missing;
-    let (input, scene) = input.settle(&overrides)?;
+    let (input, mut scene) = input.settle(&overrides)?;
+    for text in &optics {
+        scene.set_optics(text)?;
+    }
+    scene.camera = args.camera.or(scene.camera);
     scene.check()?;
     let (moments, numbers, fps) = moments(args, &input)?;
     let takes = takes(args, &scene, &numbers, fps)?;
@@ -212,8 +227,13 @@ fn moments(args: &Args, input: &Input) -> limpid::Result<(Vec<Moment>, Vec<i64>,
         (None, Some(frame)) => FrameSpec::List(vec![frame]),
         (None, None) => FrameSpec::All,
     };
-    let frames = spec.numbers(&input.sequence, input.missing)?;
+    let mut frames = spec.numbers(&input.sequence, input.missing)?;
     let fps = args.fps.or(input.fps()).unwrap_or(30.0);
+    if let Some(time) = args.at {
+        frames.sort_unstable();
+        let moment = input.moment(&frames, time);
+        return Ok((vec![moment], vec![moment.frame], fps));
+    }
     let speed = args.speed.unwrap_or(1.0);
     if !(1e-3..=1e3).contains(&speed) {
         return Err(Error::Usage(format!("--speed {speed}: 0.001 to 1000 expected")));
@@ -335,7 +355,7 @@ pub(super) fn progress(frames: usize) -> ProgressBar {
     bar.with_style(ProgressStyle::with_template(template).expect("the template is valid"))
 }
 
-fn parse_size(text: &str) -> Result<UVec2, String> {
+pub(crate) fn parse_size(text: &str) -> Result<UVec2, String> {
     let parse = || {
         let (width, height) = text.split_once(['x', 'X'])?;
         Some(UVec2::new(width.parse().ok()?, height.parse().ok()?))

@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::RangeInclusive;
 
 use glam::{DVec2, DVec3, Vec3Swizzles as _};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::Droplet;
 use super::body::{Body, cuboid, cut, ellipse, join, ramp};
@@ -14,7 +14,7 @@ use crate::waves::{WaveSpectrum, Waves, splitmix64};
 /// over the hollow; at its back it has fallen into the trough and thrown up a sheet.
 ///
 /// The tank's bottom is at y = 0, its middle at x = z = 0; its walls are not drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Breaker {
     /// The tank's extent along x, m: 0.001 to 1000.

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use glam::{DVec2, DVec3, Vec3Swizzles as _};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::Droplet;
 use super::body::{Body, cuboid, join, ramp};
@@ -18,7 +18,7 @@ const GRAVITY: f64 = 9.81;
 /// The stairs descend along +x, in the middle of z. Tread i from the top is the rectangle
 /// x = i·tread to (i + 1)·tread at y = (steps − i)·riser; the basin's floor is at y = 0, from
 /// x = steps·tread on. The stairs themselves are solids of the scene.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cascade {
     /// Number of treads: 1 to 100.

@@ -1,12 +1,12 @@
 //! A seated figure: a thick body with many concavities and holes.
 
 use glam::{DVec3, Vec3Swizzles as _};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::body::{Body, join, limb};
 
 /// A seated figure with four arms and a ring around its head, facing +z.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Idol {
     /// The middle of its flat base, m.

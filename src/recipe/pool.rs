@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use glam::{DVec2, DVec3, Vec3};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::body::Body;
 use crate::scene::{Shape, Solid, Surface};
@@ -11,7 +11,7 @@ use crate::waves::{WaveSpectrum, Waves, splitmix64};
 
 /// Calm water with waves, after the pool of Mayer, Assarsson and Sintorn (2026). Its particles are
 /// those of its hull alone: what is deeper inside is never seen.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pool {
     /// Half its sides along x and z, m.
@@ -37,7 +37,7 @@ pub struct Pool {
 
 /// A bumpy bottom, and thin upright blades that stand in the water: hard to see through screen
 /// space, as the boat scene of Mayer et al. (2026) is.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reef {
     /// Number of blades, at most 400.

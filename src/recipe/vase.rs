@@ -4,13 +4,13 @@ use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
 use glam::{DVec3, Vec3Swizzles as _};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::body::Body;
 
 /// What a round vase holds; the vase itself is so thin that it is left out. Light that enters by the
 /// surface, the sides or both is focused all around it.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vase {
     /// The middle of its flat base, m.

@@ -1,0 +1,129 @@
+//! The camera by its numbers, and its key frames.
+
+use eframe::egui;
+
+use super::Viewer;
+use super::dialogs::Dialog;
+use super::shortcuts::Action;
+use super::signs::{self, Sign};
+use crate::camera_path::Key;
+
+impl Viewer {
+    pub(super) fn camera_panel(&mut self, ui: &mut egui::Ui) {
+        let ctx = ui.ctx().clone();
+        let mut camera = self.camera;
+        let speed = 0.005 * camera.eye.distance(camera.target);
+        egui::Grid::new("camera").num_columns(4).spacing([6.0, 5.0]).show(ui, |ui| {
+            for (name, place) in [("Eye", &mut camera.eye), ("Target", &mut camera.target)] {
+                ui.label(name);
+                for axis in 0..3 {
+                    let drag = egui::DragValue::new(&mut place[axis]).speed(speed);
+                    ui.add(drag.max_decimals(4).suffix(" m"));
+                }
+                ui.end_row();
+            }
+            ui.label("Up");
+            for axis in 0..3 {
+                ui.add(egui::DragValue::new(&mut camera.up[axis]).speed(0.01).max_decimals(3));
+            }
+            ui.end_row();
+        });
+        ui.horizontal(|ui| {
+            let label = ui.label("Field of view");
+            let slider = egui::Slider::new(&mut camera.fov_y, 1.0..=150.0).suffix("°");
+            ui.add(slider.max_decimals(1)).labelled_by(label.id);
+        });
+        self.set_camera(camera);
+        ui.horizontal(|ui| {
+            if ui.button("Fit to liquid").clicked() {
+                self.act(&ctx, Action::Fit);
+            }
+            if ui.button("The scene's own").clicked() {
+                self.act(&ctx, Action::Home);
+            }
+        });
+        ui.separator();
+        ui.strong("Key frames");
+        self.keys(ui);
+    }
+
+    fn keys(&mut self, ui: &mut egui::Ui) {
+        let ctx = ui.ctx().clone();
+        ui.horizontal(|ui| {
+            if ui.button("Add key").on_hover_text("the camera at the present time (K)").clicked() {
+                self.act(&ctx, Action::AddKey);
+            }
+            let some = !self.path.keys.is_empty();
+            ui.add_enabled(some, egui::Checkbox::new(&mut self.follow, "Follow"))
+                .on_hover_text("playback takes the camera along the keys");
+            if ui.button("Load…").clicked() {
+                self.dialog = Some(Dialog::load_path());
+            }
+            if ui.add_enabled(some, egui::Button::new("Save…")).clicked() {
+                self.dialog = Some(Dialog::save_path());
+            }
+        });
+        if self.path.keys.is_empty() {
+            ui.weak("No keys. A camera path of keys can be followed here, and rendered with `limpid render --camera-path`.");
+            return;
+        }
+        let (mut going, mut removed) = (None, None);
+        egui::Grid::new("keys").num_columns(4).striped(true).show(ui, |ui| {
+            for (i, key) in self.path.keys.iter_mut().enumerate() {
+                ui.label(format!("{}", i + 1));
+                let drag = egui::DragValue::new(&mut key.time).speed(0.05);
+                ui.add(drag.fixed_decimals(2).suffix(" s").range(0.0..=1e6));
+                if ui.button("Go to").clicked() {
+                    going = Some(*key);
+                }
+                let name = format!("Delete key {}", i + 1);
+                if signs::button(ui, Sign::Cross, &name, &name, false).clicked() {
+                    removed = Some(i);
+                }
+                ui.end_row();
+            }
+        });
+        if let Some(key) = going {
+            self.go_to(key);
+        }
+        if let Some(i) = removed {
+            self.path.keys.remove(i);
+            self.follow &= !self.path.keys.is_empty();
+        }
+        self.order_keys(ui.input(|input| input.pointer.any_down()));
+    }
+
+    /// Keys ascend; two at one time are one. While one is dragged past another they wait.
+    fn order_keys(&mut self, dragging: bool) {
+        if !dragging {
+            self.path.keys.sort_by(|a, b| a.time.total_cmp(&b.time));
+            self.path.keys.dedup_by(|a, b| a.time == b.time);
+        }
+    }
+
+    /// Adds the camera at the present time; of a still, a second after the last key.
+    pub(super) fn add_key(&mut self) {
+        let still = self.playback.count() < 2;
+        let after = self.path.keys.last().map_or(0.0, |key| key.time + 1.0);
+        let time = if still { after } else { self.seconds() };
+        self.path.keys.retain(|key| key.time != time);
+        self.path.keys.push(Key { time, camera: self.camera });
+        self.order_keys(false);
+        self.say(format!("key {} at {time:.2} s", self.path.keys.len()));
+    }
+
+    fn go_to(&mut self, key: Key) {
+        self.set_camera(key.camera);
+        let Some(document) = self.document.clone() else { return };
+        let away = |at: usize| (document.seconds(self.moments[at]) - key.time).abs();
+        let nearest = (0..self.moments.len()).min_by(|&a, &b| away(a).total_cmp(&away(b)));
+        if let Some(at) = nearest {
+            self.seek(at);
+        }
+    }
+
+    /// The key frames.
+    pub fn path(&self) -> &crate::camera_path::CameraPath {
+        &self.path
+    }
+}

@@ -1,0 +1,141 @@
+//! What is open: an input that is ready to be loaded, and the scene that it came with.
+
+use std::path::{Path, PathBuf};
+
+use super::playback::Speed;
+use crate::error::Result;
+use crate::frames::FrameSpec;
+use crate::input::{Input, Missing, Moment};
+use crate::particles::Up;
+use crate::scene::{ParticleSource, Scene};
+use crate::sim;
+
+/// What to open, as the command line names it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Source {
+    /// A scene, a recipe, a particle file, a pattern or a folder.
+    pub input: String,
+    /// Draw its particles in this scene.
+    pub scene: Option<PathBuf>,
+    /// Particle radius where the files have none, m.
+    pub radius: Option<f32>,
+    /// Settings to replace, as `--set` takes them.
+    pub overrides: Vec<String>,
+    /// The frames; all if absent.
+    pub frames: Option<FrameSpec>,
+    /// What stands for a frame that is not there.
+    pub missing: Missing,
+}
+
+/// What is open.
+#[derive(Debug, Clone)]
+pub struct Document {
+    /// What it was opened as.
+    pub source: Source,
+    /// Where the particles come from.
+    pub input: Input,
+    /// The scene as `limpid render` would draw it without further arguments.
+    pub plain: Scene,
+    /// The scene with what the command line replaced.
+    pub scene: Scene,
+    /// Numbers of its frames, ascending; at least one.
+    pub numbers: Vec<i64>,
+}
+
+impl Source {
+    /// A file by itself.
+    pub fn new(input: impl Into<String>) -> Self {
+        Self { input: input.into(), ..Self::default() }
+    }
+}
+
+impl Document {
+    /// Opens a source. This may read the first frame.
+    ///
+    /// # Errors
+    /// As [`Input::open`] and [`Input::settle`].
+    pub fn open(source: &Source) -> Result<Self> {
+        let mut input = Input::open(&source.input, &[])?;
+        if let Some(scene) = &source.scene {
+            input = input.with_scene(Scene::load(scene)?);
+        }
+        if let Some(radius) = source.radius {
+            input = input.with_radius(radius)?;
+        }
+        input.missing = source.missing;
+        let (input, plain) = input.settle(&[])?;
+        let (optics, set): (Vec<_>, Vec<_>) =
+            source.overrides.iter().cloned().partition(|text| Scene::is_optics(text));
+        let mut scene = plain.clone();
+        scene.settings = scene.settings.with(&set)?;
+        for text in &optics {
+            scene.set_optics(text)?;
+        }
+        scene.check()?;
+        let spec = source.frames.clone().unwrap_or_default();
+        let mut numbers = spec.numbers(&input.sequence, input.missing)?;
+        numbers.sort_unstable();
+        Ok(Self { source: source.clone(), input, plain, scene, numbers })
+    }
+
+    /// The moments of playback at a speed.
+    pub fn moments(&self, speed: Speed) -> Vec<Moment> {
+        self.input.moments(&self.numbers, speed.step())
+    }
+
+    /// Seconds from the first frame to a moment.
+    pub fn seconds(&self, at: Moment) -> f64 {
+        let first = self.numbers.first().copied().unwrap_or_default();
+        let frames = (at.frame - first) as f64 + at.fraction * (at.next - at.frame) as f64;
+        frames / self.fps()
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> f64 {
+        self.input.fps().unwrap_or(30.0)
+    }
+
+    /// A short name for titles.
+    pub fn name(&self) -> &str {
+        let input = self.source.input.trim_end_matches('/');
+        input.rsplit('/').next().unwrap_or(input)
+    }
+
+    /// A scene as it is to be saved: with the particles that are drawn, wherever they came from.
+    pub fn saved(&self, scene: &Scene, at: Moment) -> Scene {
+        let mut scene = scene.clone();
+        if let Some(simulation) = scene.simulation.take() {
+            // Its frames lie beside the file that was opened, not beside the one that is saved.
+            let opened = Path::new(&self.source.input);
+            let name = opened.file_stem().unwrap_or_default().to_string_lossy();
+            let pattern = sim::folder(opened).join(format!("{name}_{{}}.bgeo"));
+            scene.particles = Some(ParticleSource {
+                source: pattern.to_string_lossy().into_owned(),
+                frame: None,
+                radius: Some(simulation.particle_radius() as f32),
+                up: Up::Y,
+                fps: Some(simulation.fps),
+            });
+        }
+        let own = scene.recipe.is_some() || !scene.fluids.is_empty();
+        if !own && (scene.particles.is_none() || self.source.scene.is_some()) {
+            let (radius, up, fps) = match scene.particles.take() {
+                Some(particles) => (particles.radius, particles.up, particles.fps),
+                None => Default::default(),
+            };
+            scene.particles = Some(ParticleSource {
+                source: self.source.input.clone(),
+                frame: None,
+                radius: self.source.radius.or(radius),
+                up,
+                fps,
+            });
+        }
+        let sources = scene.fluids.iter_mut().map(|fluid| &mut fluid.particles);
+        for particles in sources.chain(scene.particles.iter_mut()) {
+            particles.frame = (self.numbers.len() > 1).then_some(at.frame);
+            particles.radius = self.source.radius.or(particles.radius);
+        }
+        scene
+    }
+}

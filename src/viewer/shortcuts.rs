@@ -1,0 +1,143 @@
+//! The keys. One table: what is pressed is looked up in it, and `?` shows it.
+
+use eframe::egui::{Key, Modifiers};
+
+/// What a key does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Action {
+    /// Play or pause.
+    Play,
+    /// Play forwards or backwards.
+    Reverse,
+    /// One moment on.
+    Next,
+    /// One moment back.
+    Previous,
+    /// To the first moment.
+    First,
+    /// To the last.
+    Last,
+    /// Loop or not.
+    Loop,
+    /// Faster.
+    Faster,
+    /// Slower.
+    Slower,
+    /// Fit the view to the liquid.
+    Fit,
+    /// The scene's own camera.
+    Home,
+    /// Add a key frame of the camera.
+    AddKey,
+    /// The next view mode.
+    NextView,
+    /// The picture, or the view mode last chosen.
+    Picture,
+    /// One picture, wipe, side by side.
+    Compare,
+    /// Edit the other of the two settings.
+    Swap,
+    /// Open a file.
+    Open,
+    /// Save a picture.
+    SavePicture,
+    /// Save the scene.
+    SaveScene,
+    /// Copy the command line.
+    Copy,
+    /// Show or hide the panels.
+    Panels,
+    /// Dark or light.
+    Theme,
+    /// Show the keys.
+    Help,
+    /// Close what is open on top.
+    Close,
+    /// Close the window.
+    Quit,
+}
+
+/// A key and what it does.
+#[derive(Debug, Clone, Copy)]
+pub struct Shortcut {
+    /// What it does.
+    pub action: Action,
+    /// The key.
+    pub key: Key,
+    /// With Ctrl (⌘ on a Mac).
+    pub command: bool,
+    /// As it is shown.
+    pub shown: &'static str,
+    /// What it does, in words.
+    pub help: &'static str,
+}
+
+const fn plain(action: Action, key: Key, shown: &'static str, help: &'static str) -> Shortcut {
+    Shortcut { action, key, command: false, shown, help }
+}
+
+const fn with_command(
+    action: Action,
+    key: Key,
+    shown: &'static str,
+    help: &'static str,
+) -> Shortcut {
+    Shortcut { action, key, command: true, shown, help }
+}
+
+/// All of them, in the order of the list.
+pub const SHORTCUTS: [Shortcut; 25] = [
+    plain(Action::Play, Key::Space, "Space", "play or pause"),
+    plain(Action::Previous, Key::ArrowLeft, "Left", "one moment back"),
+    plain(Action::Next, Key::ArrowRight, "Right", "one moment on"),
+    plain(Action::First, Key::Home, "Home", "to the first moment"),
+    plain(Action::Last, Key::End, "End", "to the last moment"),
+    plain(Action::Reverse, Key::R, "R", "play the other way"),
+    plain(Action::Loop, Key::L, "L", "loop or play once"),
+    plain(Action::Slower, Key::OpenBracket, "[", "slower"),
+    plain(Action::Faster, Key::CloseBracket, "]", "faster"),
+    plain(Action::Fit, Key::F, "F", "fit the view to the liquid"),
+    plain(Action::Home, Key::H, "H", "the scene's own camera"),
+    plain(Action::AddKey, Key::K, "K", "add a key frame of the camera"),
+    plain(Action::NextView, Key::V, "V", "the next view mode"),
+    plain(Action::Picture, Key::P, "P", "the picture, or the view mode before"),
+    plain(Action::Compare, Key::C, "C", "one picture, wipe, side by side"),
+    plain(Action::Swap, Key::X, "X", "edit the other settings, A or B"),
+    with_command(Action::Open, Key::O, "Ctrl O", "open a file"),
+    with_command(Action::SavePicture, Key::S, "Ctrl S", "save a picture"),
+    with_command(Action::SaveScene, Key::E, "Ctrl E", "save the scene"),
+    with_command(Action::Copy, Key::L, "Ctrl L", "copy the command line of this picture"),
+    plain(Action::Panels, Key::Tab, "Tab", "show or hide the panels"),
+    plain(Action::Theme, Key::T, "T", "dark or light"),
+    plain(Action::Help, Key::Questionmark, "?", "these keys"),
+    plain(Action::Close, Key::Escape, "Esc", "close what is open"),
+    with_command(Action::Quit, Key::Q, "Ctrl Q", "close the window"),
+];
+
+/// What the pointer does, for the same list.
+pub const POINTER: [(&str, &str); 6] = [
+    ("Drag", "orbit"),
+    ("Shift drag, or middle button", "pan"),
+    ("Wheel", "zoom to the pointer"),
+    ("Right button", "look around; with W A S D Q E fly, with Shift faster"),
+    ("Double click", "fit the view to the liquid"),
+    ("Drop a file", "open it"),
+];
+
+/// The shortcut of an action.
+pub fn of(action: Action) -> &'static Shortcut {
+    SHORTCUTS.iter().find(|s| s.action == action).unwrap_or(&SHORTCUTS[0])
+}
+
+/// What a key press does.
+pub fn action(key: Key, modifiers: Modifiers) -> Option<Action> {
+    let plain = !(modifiers.command || modifiers.ctrl || modifiers.alt);
+    let fits = |s: &&Shortcut| {
+        let with = if s.command { modifiers.command && !modifiers.alt } else { plain };
+        s.key == key && with
+    };
+    // `?` is Shift and a key that differs between keyboards.
+    let help = key == Key::Slash && modifiers.shift && plain;
+    let found = if help { Some(of(Action::Help)) } else { SHORTCUTS.iter().find(fits) };
+    found.map(|s| s.action)
+}
