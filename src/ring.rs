@@ -200,12 +200,16 @@ impl Shared {
 
     /// Waits for the next frame to load, with memory set aside for it; `None` when the ring closes.
     fn next(&self) -> Option<usize> {
+        let mut evicted = Vec::new();
         let mut state = self.lock();
         loop {
             if state.closed {
                 return None;
             }
-            if let Some(i) = state.claim(self.count, self.budget) {
+            if let Some(i) = state.claim(self.count, self.budget, &mut evicted) {
+                // Giving memory back takes time, in which nobody is to wait for the lock.
+                drop(state);
+                drop(evicted);
                 return Some(i);
             }
             state = self.work.wait(state).expect("no panic holds this lock");
@@ -219,9 +223,11 @@ impl Shared {
         state.estimate = state.estimate.max(bytes);
         state.put(i, Slot::Done(outcome, bytes));
         // What it needs is known only now: it may be more than was set aside.
-        while state.bytes > self.budget && state.evict(self.count, usize::MAX) {}
+        let mut evicted = Vec::new();
+        while state.bytes > self.budget && state.evict(self.count, usize::MAX, &mut evicted) {}
         state.most = state.most.max(state.bytes);
         drop(state);
+        drop(evicted);
         self.came.notify_all();
         self.work.notify_all();
     }
@@ -236,14 +242,15 @@ impl State {
     }
 
     /// The frame that is wanted soonest and not here, if there is or can be made room for it.
-    fn claim(&mut self, count: usize, budget: u64) -> Option<usize> {
+    /// What makes room goes to `evicted`.
+    fn claim(&mut self, count: usize, budget: u64, evicted: &mut Vec<Slot>) -> Option<usize> {
         let aim = self.aim;
         let missing = (0..count).filter(|i| !self.slots.contains_key(i));
         let i = missing.min_by_key(|&i| aim.rank(i, count))?;
         let rank = aim.rank(i, count);
         while self.bytes + self.estimate > budget {
             // Frames that are wanted later make room; the wanted one comes whatever it takes.
-            if !self.evict(count, rank) {
+            if !self.evict(count, rank, evicted) {
                 let alone = self.slots.is_empty();
                 if alone {
                     break;
@@ -261,15 +268,17 @@ impl State {
 
     /// Lets go of the loaded frame that is wanted last, if that is later than `rank`; with
     /// `usize::MAX` of any but the wanted one.
-    fn evict(&mut self, count: usize, rank: usize) -> bool {
+    fn evict(&mut self, count: usize, rank: usize, evicted: &mut Vec<Slot>) -> bool {
         let aim = self.aim;
         let done = self.slots.iter().filter(|(_, slot)| matches!(slot, Slot::Done(..)));
         let last = done.map(|(&i, _)| (aim.rank(i, count), i)).max();
         let keep = if rank == usize::MAX { 0 } else { rank };
         match last {
             Some((far, i)) if far > keep => {
-                let slot = self.slots.remove(&i);
-                self.bytes -= slot.map_or(0, |slot| slot.bytes());
+                if let Some(slot) = self.slots.remove(&i) {
+                    self.bytes -= slot.bytes();
+                    evicted.push(slot);
+                }
                 true
             }
             _ => false,
