@@ -1060,6 +1060,8 @@ fn the_map_is_gathered() {
                 (1, view(&layers)),
                 (2, view(&layers)),
                 (3, view(&planes)),
+                // Of one fluid, the mixture is not read.
+                (4, view(&planes)),
             ],
             vec![],
             vec![
