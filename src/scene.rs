@@ -1,9 +1,9 @@
-//! What a picture shows: liquid, camera, and what surrounds them; read from TOML.
+//! What a picture shows: liquid, camera, and what surrounds them.
 
+mod file;
 mod optics;
-mod write;
 
-use std::path::{Path, PathBuf};
+pub(crate) use file::toml_error;
 
 use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use crate::particles::Up;
 use crate::passes::gbuffer::{MAX_LIGHTS, MAX_SOLIDS};
 use crate::passes::mixture::MAX_FLUIDS;
 use crate::recipe::Recipe;
-use crate::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
+use crate::settings::Settings;
 use crate::sim::Simulation;
 
 /// Everything that a picture shows apart from the particles themselves.
@@ -46,7 +46,7 @@ pub struct Scene {
 }
 
 /// A particle file or sequence, as a scene names it.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParticleSource {
     /// A file, a pattern or a folder, relative to the scene file.
@@ -92,7 +92,7 @@ impl Default for Liquid {
 }
 
 /// A further view of a scene.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NamedView {
     /// Its name.
@@ -198,7 +198,7 @@ pub enum Surface {
 }
 
 /// A light on lit solids.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Light {
     /// Parallel light.
@@ -217,201 +217,7 @@ pub enum Light {
     },
 }
 
-// The file as it is written; `Scene` is what it means.
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SceneFile {
-    particles: Option<ParticleSource>,
-    #[serde(default)]
-    fluid: Vec<FluidFile>,
-    recipe: Option<Recipe>,
-    simulation: Option<Simulation>,
-    #[serde(default)]
-    liquid: LiquidFile,
-    camera: Option<Camera>,
-    #[serde(default)]
-    view: Vec<NamedView>,
-    #[serde(default)]
-    environment: EnvironmentFile,
-    #[serde(default)]
-    solid: Vec<SolidFile>,
-    #[serde(default)]
-    light: Vec<Light>,
-    #[serde(default)]
-    settings: SettingsFile,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-struct LiquidFile {
-    ior: Option<f32>,
-    absorption: Option<Vec3>,
-    color: Option<Vec3>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FluidFile {
-    source: String,
-    frame: Option<i64>,
-    radius: Option<f32>,
-    #[serde(default)]
-    up: Up,
-    fps: Option<f64>,
-    absorption: Option<Vec3>,
-    color: Option<Vec3>,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-struct SettingsFile {
-    preset: Option<Preset>,
-    classify: Classify,
-    smooth: Smooth,
-    refract: Refract,
-    caustics: Caustics,
-    tonemap: Tonemap,
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct EnvironmentFile {
-    radiance: Option<Vec3>,
-    gradient: Option<GradientFile>,
-    map: Option<PathBuf>,
-    scale: Option<f32>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GradientFile {
-    zenith: Vec3,
-    horizon: Vec3,
-    nadir: Option<Vec3>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum ShapeFile {
-    Plane,
-    Box,
-    Sphere,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SolidFile {
-    shape: ShapeFile,
-    origin: Option<DVec3>,
-    normal: Option<Vec3>,
-    half_extent: Option<f32>,
-    min: Option<DVec3>,
-    max: Option<DVec3>,
-    center: Option<DVec3>,
-    radius: Option<f32>,
-    color: Option<Vec3>,
-    checker: Option<CheckerFile>,
-    #[serde(default)]
-    lit: bool,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CheckerFile {
-    tile: f32,
-    even: Vec3,
-    odd: Vec3,
-}
-
 impl Scene {
-    /// Reads a scene file. Paths in it are relative to it.
-    ///
-    /// # Errors
-    /// [`Error::Io`], or [`Error::Scene`] naming the line, the key and, for an unknown one, the
-    /// nearest that exists.
-    pub fn load(path: &Path) -> Result<Self> {
-        Self::load_with(path, &[])
-    }
-
-    /// As [`Scene::load`], with settings replaced as by [`Settings::with`]: `refract.samples=4`.
-    ///
-    /// # Errors
-    /// As [`Scene::load`]; a bad override is an [`Error::Scene`] that names it.
-    pub fn load_with(path: &Path, overrides: &[String]) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, "read", e))?;
-        let folder = path.parent().unwrap_or(Path::new("."));
-        Self::parse(&text, &path.display().to_string(), folder, overrides)
-    }
-
-    /// Parses a scene file's text. `origin` names it in errors; paths are relative to `folder`.
-    ///
-    /// # Errors
-    /// As [`Scene::load_with`].
-    pub fn parse(text: &str, origin: &str, folder: &Path, overrides: &[String]) -> Result<Self> {
-        let file: SceneFile = toml::from_str(text).map_err(|e| toml_error(text, origin, &e))?;
-        let fail = |problem: String| Error::Scene { origin: origin.to_owned(), problem };
-        let mut solids = Vec::new();
-        for (i, solid) in file.solid.into_iter().enumerate() {
-            let number = i + 1;
-            solids.push(solid.meaning().map_err(|e| fail(format!("[[solid]] {number}: {e}")))?);
-        }
-        let sources = [
-            file.particles.is_some(),
-            file.recipe.is_some(),
-            file.simulation.is_some(),
-            !file.fluid.is_empty(),
-        ];
-        if sources.into_iter().filter(|&given| given).count() > 1 {
-            let problem = "takes one of [particles], [[fluid]], [recipe] and [simulation]";
-            return Err(fail(problem.into()));
-        }
-        if let Some(recipe) = &file.recipe {
-            recipe.check().map_err(|e| match e {
-                Error::Scene { origin: part, problem } => fail(format!("[{part}] {problem}")),
-                other => other,
-            })?;
-            solids.extend(recipe.solids());
-        }
-        let liquid = file.liquid.meaning().map_err(|e| fail(format!("[liquid] {e}")))?;
-        let mut particles = file.particles;
-        let mut fluids = Vec::new();
-        for (number, fluid) in (1..).zip(file.fluid) {
-            let fluid = fluid.meaning(liquid.absorption);
-            fluids.push(fluid.map_err(|e| fail(format!("[[fluid]] {number}: {e}")))?);
-        }
-        for p in particles.iter_mut().chain(fluids.iter_mut().map(|fluid| &mut fluid.particles)) {
-            if p.radius.is_some_and(|r| !(r > 0.0 && r.is_finite())) {
-                return Err(fail("[particles] radius must be above 0".into()));
-            }
-            if p.fps.is_some_and(|fps| !(fps > 0.0 && fps.is_finite())) {
-                return Err(fail("[particles] fps must be above 0".into()));
-            }
-            p.source = folder.join(&p.source).to_string_lossy().into_owned();
-        }
-        let environment = file.environment.meaning(folder, &fail)?;
-        let settings = file.settings.meaning(text).map_err(|e| toml_error(text, origin, &e))?;
-        let settings = settings.with(overrides)?;
-        let scene = Self {
-            particles,
-            fluids,
-            recipe: file.recipe,
-            simulation: file.simulation,
-            liquid,
-            camera: file.camera,
-            views: file.view,
-            environment,
-            solids,
-            lights: file.light,
-            settings,
-        };
-        scene.check().map_err(|e| match e {
-            Error::Scene { origin: part, problem } => fail(format!("[{part}] {problem}")),
-            other => other,
-        })?;
-        Ok(scene)
-    }
-
     /// A scene for particles that come without one: a camera that fits them, a checkered floor
     /// under them, a pale sky.
     pub fn around(min: DVec3, max: DVec3, radius: f32) -> Self {
@@ -578,143 +384,4 @@ impl Light {
             _ => None,
         }
     }
-}
-
-/// The absorption that a file gives, as such or as the colour that a metre leaves of white light.
-fn absorption(absorption: Option<Vec3>, color: Option<Vec3>) -> Result<Option<Vec3>, String> {
-    match (absorption, color) {
-        (Some(_), Some(_)) => Err("takes one of absorption and color".into()),
-        (None, Some(color)) if color.cmpgt(Vec3::ZERO).all() && color.cmple(Vec3::ONE).all() => {
-            Ok(Some(color.map(|c| (-c.ln()).max(0.0))))
-        }
-        (None, Some(_)) => Err("color must be above 0 and at most 1: what a metre leaves".into()),
-        (absorption, None) => Ok(absorption),
-    }
-}
-
-impl LiquidFile {
-    fn meaning(self) -> Result<Liquid, String> {
-        let default = Liquid::default();
-        let absorption = absorption(self.absorption, self.color)?;
-        Ok(Liquid {
-            ior: self.ior.unwrap_or(default.ior),
-            absorption: absorption.unwrap_or(default.absorption),
-        })
-    }
-}
-
-impl FluidFile {
-    fn meaning(self, default: Vec3) -> Result<Fluid, String> {
-        let Self { source, frame, radius, up, fps, absorption: given, color } = self;
-        let absorption = absorption(given, color)?.unwrap_or(default);
-        Ok(Fluid { particles: ParticleSource { source, frame, radius, up, fps }, absorption })
-    }
-}
-
-impl EnvironmentFile {
-    fn meaning(self, folder: &Path, fail: &dyn Fn(String) -> Error) -> Result<Environment> {
-        let scale = self.scale.unwrap_or(1.0);
-        if !(scale >= 0.0 && scale.is_finite()) {
-            return Err(fail("[environment] scale must not be negative".into()));
-        }
-        let environment = match (self.radiance, self.gradient, self.map) {
-            (None, None, None) => Environment::default(),
-            (Some(radiance), None, None) => Environment::Constant(radiance),
-            (None, Some(g), None) => Environment::Gradient {
-                zenith: g.zenith,
-                horizon: g.horizon,
-                nadir: g.nadir.unwrap_or(g.horizon),
-            },
-            (None, None, Some(map)) => Environment::load(&folder.join(map))?,
-            _ => {
-                return Err(fail("[environment] takes one of radiance, gradient and map".into()));
-            }
-        };
-        let environment = environment.scaled(scale);
-        match &environment {
-            Environment::Map { pixels, .. } if !pixels.iter().flatten().all(|c| c.is_finite()) => {
-                Err(fail("[environment] scale makes the map infinite".into()))
-            }
-            _ => Ok(environment),
-        }
-    }
-}
-
-impl SettingsFile {
-    /// What the file gives, and the preset where it gives nothing.
-    fn meaning(self, text: &str) -> Result<Settings, toml::de::Error> {
-        let Self { preset, classify, smooth, refract, caustics, tonemap } = self;
-        let Some(preset) = preset else {
-            return Ok(Settings { classify, smooth, refract, caustics, tonemap });
-        };
-        // The structs do not tell what was given from what is a default; the text does.
-        let file: toml::Table = text.parse()?;
-        let given = file.get("settings").and_then(toml::Value::as_table);
-        preset.settings().overlaid(given.unwrap_or(&toml::Table::new()))
-    }
-}
-
-impl SolidFile {
-    fn meaning(self) -> Result<Solid, String> {
-        fn need<T>(value: Option<T>, shape: &str, key: &str) -> Result<T, String> {
-            value.ok_or_else(|| format!("a {shape} needs {key}"))
-        }
-        let shape = match self.shape {
-            ShapeFile::Plane => {
-                let normal = self.normal.unwrap_or(Vec3::Y);
-                Shape::Plane {
-                    origin: need(self.origin, "plane", "origin")?,
-                    normal: normal.try_normalize().ok_or("normal must not be zero")?,
-                    half_extent: self.half_extent.unwrap_or(f32::INFINITY),
-                }
-            }
-            ShapeFile::Box => {
-                let (min, max) = (need(self.min, "box", "min")?, need(self.max, "box", "max")?);
-                Shape::Box { min, max }
-            }
-            ShapeFile::Sphere => Shape::Sphere {
-                center: need(self.center, "sphere", "center")?,
-                radius: need(self.radius, "sphere", "radius")?,
-            },
-        };
-        let surface = match (self.color, self.checker) {
-            (Some(color), None) => Surface::Color(color),
-            (None, Some(CheckerFile { tile, even, odd })) => Surface::Checker { tile, even, odd },
-            (None, None) => Surface::Color(Vec3::splat(0.5)),
-            (Some(_), Some(_)) => return Err("takes one of color and checker".into()),
-        };
-        Ok(Solid { shape, surface, lit: self.lit })
-    }
-}
-
-/// One message for a TOML error: the line, the problem and, for an unknown key, the nearest.
-pub(crate) fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> Error {
-    let mut problem = error.message().trim().to_owned();
-    if let Some(nearest) = nearest_key(&problem) {
-        problem = format!("{problem}; did you mean `{nearest}`?");
-    }
-    let line =
-        error.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
-    let origin = match line {
-        Some(line) => format!("{origin}: line {line}"),
-        None => origin.to_owned(),
-    };
-    Error::Scene { origin, problem }
-}
-
-/// The key most like the unknown one, from serde's message (the first name in backquotes is the
-/// unknown key, the rest are those that exist) or from toml's own about tables in arrays.
-fn nearest_key(message: &str) -> Option<&str> {
-    let names: Vec<&str> = match message.strip_prefix("unexpected keys in table: ") {
-        Some(rest) => {
-            let (unknown, known) = rest.split_once(", available keys: ")?;
-            unknown.split(", ").take(1).chain(known.split(", ")).collect()
-        }
-        None if message.starts_with("unknown") => message.split('`').skip(1).step_by(2).collect(),
-        None => return None,
-    };
-    let (unknown, known) = names.split_first()?;
-    known.iter().copied().max_by(|a, b| {
-        strsim::jaro_winkler(a, unknown).total_cmp(&strsim::jaro_winkler(b, unknown))
-    })
 }
