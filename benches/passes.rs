@@ -1,81 +1,226 @@
-//! `cargo bench`: milliseconds per pass on this machine's adapter, and of classification.
+//! `cargo bench --bench passes`: milliseconds of each pass on this machine's adapter, by the
+//! device's own timestamps, and of whole frames by the clock; then a frame's time against the number
+//! of particles.
 //!
 //! Each figure is the median of several frames in one run, with the least and the greatest beside
-//! it; passes are timed by the device's own timestamps, classification by the clock.
+//! it. Scenes are `demo`, `cascade` (40,000 particles), `million` (1,056,000), and `front` where the
+//! reference scenes are (`LIMPID_REFERENCE`, default `../shared/reference` beside the checkout):
+//!
+//! ```text
+//! cargo bench --bench passes                                all of it
+//! cargo bench --bench passes -- cascade front               these scenes
+//! cargo bench --bench passes -- curve                       the curve alone
+//! cargo bench --bench passes -- my/scene.toml frames=21 size=640x480 refract.samples=4
+//! ```
 
+mod support;
+
+use std::env;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use glam::{UVec2, Vec3};
+use glam::UVec2;
+use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::input::Input;
-use limpid::particles::Particles;
-use limpid::passes::classify;
+use limpid::passes::classify::{self, Splats};
 use limpid::renderer::{Picture, Renderer};
-use limpid::settings::Settings;
+use limpid::scene::Scene;
 
-const SIZE: UVec2 = UVec2::new(1024, 768);
-const FRAMES: usize = 9;
+use support::{COUNTS, Swell};
+
+/// The scenes and the curve, in this order.
+const ALL: [&str; 5] = ["demo", "cascade", "front", "million", "curve"];
 
 fn main() -> limpid::Result<()> {
+    let options = Options::parse();
     let gpu = Gpu::headless()?;
-    println!("{}", gpu.adapter());
-    for samples in [1, 4] {
-        frame_times(&gpu, samples)?;
+    let Options { size, frames, .. } = options;
+    println!("{}, {}x{}, medians of {frames} frames, ms", gpu.adapter(), size.x, size.y);
+    for name in &options.chosen {
+        match name.as_str() {
+            "curve" => curve(&gpu, &options)?,
+            name => match Subject::named(name, &options.settings)? {
+                Some(subject) => passes(&gpu, &subject, &options)?,
+                None => println!("\n{name}: its files are not here"),
+            },
+        }
     }
-    classification();
     Ok(())
 }
 
-fn frame_times(gpu: &Gpu, samples: u32) -> limpid::Result<()> {
-    let input = Input::demo(&[format!("refract.samples={samples}")])?;
-    let (input, scene) = input.settle(&[])?;
-    let frame = &input.sequence.frames[0];
-    let loaded = input.load(frame, &scene)?;
-    let camera = scene.camera_for(loaded.bounds);
+/// What is measured, and how.
+struct Options {
+    /// Of [`ALL`], or scene files.
+    chosen: Vec<String>,
+    settings: Vec<String>,
+    frames: usize,
+    size: UVec2,
+}
+
+impl Options {
+    /// The command line; `cargo bench` adds `--bench` to it.
+    fn parse() -> Self {
+        let mut options = Self {
+            chosen: Vec::new(),
+            settings: Vec::new(),
+            frames: 5,
+            size: UVec2::new(1024, 768),
+        };
+        for arg in env::args().skip(1).filter(|arg| !arg.starts_with('-')) {
+            match arg.split_once('=') {
+                Some(("frames", n)) => options.frames = n.parse().expect("a number of frames"),
+                Some(("size", size)) => {
+                    let sides = size.split_once('x').expect("WIDTHxHEIGHT");
+                    let side = |text: &str| text.parse().expect("a number of pixels");
+                    options.size = UVec2::new(side(sides.0), side(sides.1));
+                }
+                Some(_) => options.settings.push(arg),
+                None => options.chosen.push(arg),
+            }
+        }
+        if options.chosen.is_empty() {
+            options.chosen = ALL.map(str::to_owned).to_vec();
+        }
+        assert!(options.frames > 0, "at least one frame expected");
+        options
+    }
+}
+
+/// A frame to draw.
+struct Subject {
+    name: String,
+    particles: usize,
+    scene: Scene,
+    camera: Camera,
+    splats: Splats,
+}
+
+impl Subject {
+    /// A scene by its name or its file; none if its files are not here.
+    fn named(name: &str, settings: &[String]) -> limpid::Result<Option<Self>> {
+        let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let file = match name {
+            "demo" => return Self::of(name, Input::demo(settings)?, settings).map(Some),
+            "million" => return Self::swell(COUNTS[3], settings).map(Some),
+            "cascade" => here.join("sims/cascade.toml"),
+            "front" => {
+                let folder = env::var_os("LIMPID_REFERENCE").map(PathBuf::from);
+                let folder = folder.unwrap_or_else(|| here.join("../shared/reference"));
+                folder.join("scenes/double_dam_break_front.toml")
+            }
+            file => file.into(),
+        };
+        if !file.exists() {
+            return Ok(None);
+        }
+        Self::of(name, Input::open(&file.to_string_lossy(), settings)?, settings).map(Some)
+    }
+
+    fn of(name: &str, input: Input, settings: &[String]) -> limpid::Result<Self> {
+        let (input, scene) = input.settle(settings)?;
+        let number = input.frame.unwrap_or(input.sequence.frames[0].number);
+        let frame = input.sequence.frame(number).unwrap_or(&input.sequence.frames[0]);
+        let loaded = input.load(frame, &scene)?;
+        let camera = scene.camera_for(loaded.bounds);
+        let (name, particles) = (name.into(), loaded.particles);
+        Ok(Self { name, particles, scene, camera, splats: loaded.splats })
+    }
+
+    fn swell(count: usize, settings: &[String]) -> limpid::Result<Self> {
+        let Swell { mut scene, particles, radius } = Swell::new(count)?;
+        scene.settings = scene.settings.with(settings)?;
+        let mut splats = classify::classify(&particles, radius, &scene.settings.classify);
+        classify::wet(&mut splats, &scene.solids, scene.settings.classify.wetting);
+        let camera = scene.camera_for(particles.bounds().unwrap_or_default());
+        Ok(Self { name: "swell".into(), particles: particles.len(), scene, camera, splats })
+    }
+}
+
+/// The times of one subject's frames: by name what each pass took, and the whole.
+struct Times {
+    passes: Vec<(&'static str, Vec<f64>)>,
+    /// Sum of the passes.
+    device: Vec<f64>,
+    /// From the call until the picture is in memory.
+    frame: Vec<f64>,
+}
+
+fn measure(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid::Result<Times> {
+    let Subject { scene, camera, splats, .. } = subject;
+    let size = options.size;
+    let picture = Picture::new(gpu, size)?;
     let mut renderer = Renderer::new(gpu);
-    renderer.timing = true;
-    let picture = Picture::new(gpu, SIZE)?;
-    let mut draw = || {
-        let splats = &loaded.splats;
-        renderer.render(&scene, &camera, splats, &picture.view(), Picture::FORMAT, SIZE)
+    let mut draw = |timing: bool| {
+        renderer.timing = timing;
+        renderer.forget();
+        let start = Instant::now();
+        let passes =
+            renderer.render(scene, camera, splats, &picture.view(), Picture::FORMAT, size)?;
+        picture.read(gpu)?;
+        Ok::<_, limpid::Error>((passes, start.elapsed().as_secs_f64() * 1e3))
     };
     // The first frame also compiles shaders.
-    draw()?;
-    let frames = (0..FRAMES).map(|_| draw()).collect::<limpid::Result<Vec<_>>>()?;
-    println!("\ndemo, {} particles, {SIZE}, {samples} samples per pixel", loaded.particles);
-    for (i, pass) in frames[0].iter().enumerate() {
-        report(pass.name, frames.iter().map(|passes| passes[i].ms).collect());
+    draw(true)?;
+    let mut times = Times { passes: Vec::new(), device: Vec::new(), frame: Vec::new() };
+    for _ in 0..options.frames {
+        let (passes, _) = draw(true)?;
+        times.device.push(passes.iter().map(|pass| pass.ms).sum());
+        for (i, pass) in passes.iter().enumerate() {
+            if times.passes.len() == i {
+                times.passes.push((pass.name, Vec::new()));
+            }
+            times.passes[i].1.push(pass.ms);
+        }
+        // Reading the timestamps waits for the device: whole frames are measured without.
+        times.frame.push(draw(false)?.1);
     }
-    report("all passes", frames.iter().map(|f| f.iter().map(|pass| pass.ms).sum()).collect());
+    Ok(times)
+}
+
+fn passes(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid::Result<()> {
+    let times = measure(gpu, subject, options)?;
+    println!("\n{}, {} particles", subject.name, subject.particles);
+    for (name, ms) in times.passes {
+        report(name, &ms);
+    }
+    report("all passes", &times.device);
+    report("frame", &times.frame);
     Ok(())
 }
 
-/// A block of 125,000 particles on a shaken lattice.
-fn classification() {
-    let mut state = 1u32;
-    let mut random = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        state as f32 / u32::MAX as f32 - 0.5
-    };
-    let cell = |i: usize| Vec3::new((i % 50) as f32, (i / 50 % 50) as f32, (i / 2500) as f32);
-    let positions = (0..125_000)
-        .map(|i| 0.05 * (cell(i) + 0.4 * Vec3::new(random(), random(), random())))
-        .collect();
-    let particles = Particles::from_positions(positions);
-    let settings = Settings::default().classify;
-    let times = (0..FRAMES)
-        .map(|_| {
-            let start = Instant::now();
-            std::hint::black_box(classify::classify(&particles, 0.025, &settings));
-            start.elapsed().as_secs_f64() * 1e3
-        })
-        .collect();
-    println!("\nclassification, 125,000 particles, {} threads", rayon::current_num_threads());
-    report("classify", times);
+/// One liquid of more and more particles. The exponent is that of the number, between two rows: with
+/// 1 a frame would take as much longer as it has more particles.
+fn curve(gpu: &Gpu, options: &Options) -> limpid::Result<()> {
+    println!(
+        "\nswell: {:>9} {:>9} {:>9} {:>9} {:>9}",
+        "particles", "splat", "device", "frame", "exponent"
+    );
+    let mut last: Option<(f64, f64)> = None;
+    for count in COUNTS {
+        let subject = Subject::swell(count, &options.settings)?;
+        let times = measure(gpu, &subject, options)?;
+        let is_splat = |(name, _): &&(&str, Vec<f64>)| name.starts_with("splat");
+        let splat: f64 = times.passes.iter().filter(is_splat).map(|(_, ms)| median(ms).1).sum();
+        let (device, frame) = (median(&times.device).1, median(&times.frame).1);
+        let particles = subject.particles;
+        let exponent = last.map_or(String::new(), |(fewer, less)| {
+            format!("{:.2}", (frame / less).ln() / (particles as f64 / fewer).ln())
+        });
+        println!("       {particles:>9} {splat:9.2} {device:9.2} {frame:9.2} {exponent:>9}");
+        last = Some((particles as f64, frame));
+    }
+    Ok(())
 }
 
-fn report(name: &str, mut ms: Vec<f64>) {
+/// Least, median and greatest.
+fn median(ms: &[f64]) -> (f64, f64, f64) {
+    let mut ms = ms.to_vec();
     ms.sort_by(f64::total_cmp);
-    let (least, middle, most) = (ms[0], ms[ms.len() / 2], ms[ms.len() - 1]);
-    println!("{name:>16} {middle:9.2} ms   {least:.2} to {most:.2}");
+    (ms[0], ms[ms.len() / 2], ms[ms.len() - 1])
+}
+
+fn report(name: &str, ms: &[f64]) {
+    let (least, middle, most) = median(ms);
+    println!("{name:>16} {middle:9.2}   {least:.2} to {most:.2}");
 }

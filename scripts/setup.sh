@@ -5,7 +5,8 @@
 #
 #   scripts/setup.sh        what is needed
 #   scripts/setup.sh --all  also ffmpeg, for .mp4 and .webm films, and what the tests of the
-#                           viewer start it in: a display of its own, and tools to drive it
+#                           viewer start it in: a display of its own, and tools to drive it; and
+#                           OpenGL, to test that it draws what Vulkan draws
 set -euo pipefail
 
 rust_needed=1.95
@@ -53,6 +54,8 @@ has_driver() {
     return 1
 }
 
+has_egl() { has_file /usr/lib*/libEGL.so.1 /usr/lib/*/libEGL.so.1; }
+
 has_xkbcommon_x11() { has_file /usr/lib*/libxkbcommon-x11.so.0 /usr/lib/*/libxkbcommon-x11.so.0; }
 
 packages=()
@@ -66,6 +69,7 @@ case $(uname -s) in
             has Xvfb || packages+=(xvfb)
             has xdotool || packages+=(xdotool)
             has xwininfo || packages+=(x11-utils)
+            has_egl || packages+=(libegl1 libgl1-mesa-dri)
             has_xkbcommon_x11 || packages+=(libxkbcommon-x11-0)
         fi
         ;;

@@ -1,7 +1,7 @@
 // Radiance to display: exposure, an optional curve, the sRGB transfer function.
 
 @group(0) @binding(0) var radiance: texture_2d<f32>;
-@group(0) @binding(1) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> tonemap: Params;
 
 struct Params {
     gain: f32,   // 2^exposure
@@ -18,13 +18,13 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
 @fragment
 fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let texel = textureLoad(radiance, vec2i(position.xy), 0);
-    var c = max(texel.rgb * params.gain, vec3f(0.0));
-    if params.curve == 1u {
+    var c = max(texel.rgb * tonemap.gain, vec3f(0.0));
+    if tonemap.curve == 1u {
         // Bounded before it is squared.
         c = filmic(min(c, vec3f(1e4)));
     }
     c = clamp(c, vec3f(0.0), vec3f(1.0));
-    if params.encode == 1u {
+    if tonemap.encode == 1u {
         c = select(1.055 * pow(c, vec3f(1.0 / 2.4)) - 0.055, 12.92 * c, c <= vec3f(0.0031308));
     }
     return vec4f(c, texel.a);

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, is_place, up};
 use crate::error::{Error, Result};
+use crate::files;
 use crate::output;
 use crate::scene::toml_error;
 
@@ -75,9 +76,15 @@ impl CameraPath {
     /// # Errors
     /// [`Error::Io`], or [`Error::Scene`] naming the file, the line or key, and the cause.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, "read", e))?;
-        let origin = path.display().to_string();
-        let file: PathFile = toml::from_str(&text).map_err(|e| toml_error(&text, &origin, &e))?;
+        Self::parse(&files::read_text(path)?, &path.display().to_string())
+    }
+
+    /// Parses a path file's text; `origin` names it in errors.
+    ///
+    /// # Errors
+    /// As [`CameraPath::load`].
+    pub fn parse(text: &str, origin: &str) -> Result<Self> {
+        let file: PathFile = toml::from_str(text).map_err(|e| toml_error(text, origin, &e))?;
         let keys = file.key.into_iter().map(|key| {
             let KeyFile { time, eye, target, up, fov_y, near } = key;
             Key { time, camera: Camera { eye, target, up, fov_y, near } }
@@ -85,7 +92,7 @@ impl CameraPath {
         let path = Self { keys: keys.collect() };
         path.check().map_err(|e| match e {
             Error::Scene { origin: part, problem } => {
-                Error::Scene { origin, problem: format!("{part}: {problem}") }
+                Error::Scene { origin: origin.into(), problem: format!("{part}: {problem}") }
             }
             other => other,
         })?;

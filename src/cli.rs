@@ -1,11 +1,13 @@
 //! Arguments, and what each command does with them.
 
 mod bake;
+mod check;
 mod compare;
 mod convert;
 mod info;
 mod render;
 mod report;
+mod signals;
 mod view;
 
 use std::process::ExitCode;
@@ -15,7 +17,7 @@ use clap::{Parser, Subcommand};
 
 /// Draws clear liquid straight from particles.
 ///
-/// Exit codes: 0 done, 1 the pictures differ, 2 usage, 3 size or format mismatch,
+/// Exit codes: 0 done, 1 the pictures differ or frames failed, 2 usage, 3 size or format mismatch,
 /// 4 missing or unreadable file, 5 no graphics adapter, 6 device lost or out of memory (try again).
 #[derive(Parser)]
 #[command(version, about, long_about)]
@@ -38,29 +40,61 @@ enum Command {
     Convert(convert::Args),
     /// Say how far one picture is from another.
     Compare(compare::Args),
+    /// Draw the frames of a suite and compare each with the picture that it must be.
+    Check(check::Args),
     /// Measure how fast and how wrong every method is, against ground truth.
     Report(report::Args),
 }
 
 pub(crate) fn run() -> anyhow::Result<ExitCode> {
-    match parse()?.command {
+    let command = parse()?.command;
+    signals::listen()?;
+    match command {
         Command::Render(args) => render::run(&args),
         Command::Bake(args) => bake::run(&args),
         Command::View(args) => view::run(args),
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Check(args) => check::run(&args),
         Command::Report(args) => report::run(&args),
     }
+}
+
+/// A line without commands to the terminal: names of files may hold anything.
+fn plain(line: &str) -> String {
+    line.replace(char::is_control, "?")
+}
+
+/// Says on standard error what is wrong, on one line.
+pub(crate) fn complain(problem: impl std::fmt::Display) {
+    eprintln!("limpid: {}", plain(&problem.to_string()));
 }
 
 /// Prints results; a reader that has seen enough (`| head -1`) is not an error.
 fn print(text: &str) -> anyhow::Result<()> {
     use std::io::{ErrorKind, Write};
+    let text: Vec<String> = text.split('\n').map(plain).collect();
+    let text = text.join("\n");
     match writeln!(std::io::stdout(), "{text}") {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(e.into()),
         _ => Ok(()),
     }
+}
+
+// What all commands say that read particles; a documentation comment would become their help.
+#[derive(clap::Args)]
+struct Unpacking {
+    /// Memory that one particle file may unpack to, MiB [default: a hundred times its length, but
+    /// 1024 to 16384].
+    #[arg(long, value_name = "MIB", value_parser = parse_mib)]
+    max_unpacked: Option<u64>,
+}
+
+/// Bytes, from a number of MiB.
+fn parse_mib(text: &str) -> Result<u64, &'static str> {
+    let mib = text.parse().ok().filter(|mib| (1..1 << 40).contains(mib));
+    mib.map(|mib: u64| mib << 20).ok_or("expected a number of MiB, 1 or more")
 }
 
 /// As clap parses, but with every error on one line like all others.

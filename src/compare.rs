@@ -7,7 +7,6 @@
 
 mod flip;
 
-use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
@@ -15,6 +14,7 @@ use image::{DynamicImage, ImageError, ImageFormat, ImageReader, Rgb, RgbImage};
 use serde::Serialize;
 
 use crate::error::{Error, Place, Result};
+use crate::files;
 
 pub use flip::{PIXELS_PER_DEGREE, flip};
 
@@ -148,14 +148,29 @@ pub fn compare_files(reference: &Path, test: &Path) -> Result<(Comparison, FlipM
 /// A picture that is transparent anywhere is refused: what it looks like depends on what is
 /// behind it, which the file does not tell.
 pub fn load_picture(path: &Path) -> Result<RgbImage> {
-    let bytes = fs::read(path).map_err(|source| Error::io(path, "read", source))?;
-    if !matches!(image::guess_format(&bytes), Ok(ImageFormat::Png)) {
+    let mut bytes = Vec::new();
+    files::read_picture(path, &mut bytes)?;
+    parse_picture(path, &bytes)
+}
+
+/// As [`load_picture`], with the contents at hand; `path` stands in messages.
+///
+/// # Errors
+/// As [`load_picture`], but for reading the file.
+pub fn parse_picture(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
+    files::survive(path, || decode(path, bytes))
+}
+
+fn decode(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
+    if !matches!(image::guess_format(bytes), Ok(ImageFormat::Png)) {
         return Err(Error::format(path, "not a PNG; pictures to compare are PNG files in sRGB"));
     }
 
-    let mut cursor = Cursor::new(bytes.as_slice());
-    let decoded = ImageReader::with_format(&mut cursor, ImageFormat::Png).decode();
-    let picture = decoded.map_err(|error| match error {
+    let mut cursor = Cursor::new(bytes);
+    let mut reader = ImageReader::with_format(&mut cursor, ImageFormat::Png);
+    let limits = files::picture_limits(bytes);
+    reader.limits(limits.map_err(|problem| Error::format(path, problem))?);
+    let picture = reader.decode().map_err(|error| match error {
         ImageError::Decoding(_) | ImageError::IoError(_) => {
             Error::malformed(path, Place::Byte(cursor.position()), error.to_string())
         }

@@ -1,14 +1,16 @@
 //! What is seen where there is nothing else.
 
+use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
 use glam::{UVec2, Vec3};
 
 use crate::error::{Error, Result};
+use crate::files;
 
 /// Radiance by direction, linear RGB.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub enum Environment {
     /// The same everywhere.
     Constant(Vec3),
@@ -30,6 +32,23 @@ pub enum Environment {
     },
 }
 
+impl PartialEq for Environment {
+    /// A map is mostly known by its memory, without a look at its pixels.
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Constant(a), Self::Constant(b)) => a == b,
+            (
+                Self::Gradient { zenith, horizon, nadir },
+                Self::Gradient { zenith: z, horizon: h, nadir: n },
+            ) => (zenith, horizon, nadir) == (z, h, n),
+            (Self::Map { size, pixels }, Self::Map { size: of_other, pixels: others }) => {
+                size == of_other && (Arc::ptr_eq(pixels, others) || pixels == others)
+            }
+            _ => false,
+        }
+    }
+}
+
 impl Default for Environment {
     fn default() -> Self {
         Self::Constant(Vec3::new(0.55, 0.70, 0.90))
@@ -42,17 +61,32 @@ impl Environment {
     /// # Errors
     /// [`Error::Io`] or [`Error::Format`] naming the file.
     pub fn load(path: &Path) -> Result<Self> {
-        let reader = image::ImageReader::open(path)
-            .and_then(image::ImageReader::with_guessed_format)
+        let mut bytes = Vec::new();
+        files::read_picture(path, &mut bytes)?;
+        Self::parse(path, &bytes)
+    }
+
+    /// As [`Environment::load`], with the contents at hand; `path` stands in messages.
+    ///
+    /// # Errors
+    /// [`Error::Format`] naming the file.
+    pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let mut reader = image::ImageReader::new(Cursor::new(bytes))
+            .with_guessed_format()
             .map_err(|e| Error::io(path, "read", e))?;
         let srgb = reader.format() == Some(image::ImageFormat::Png);
-        let picture = reader.decode().map_err(|e| match e {
-            image::ImageError::IoError(e) => Error::io(path, "read", e),
-            e => Error::format(
-                path,
-                format!("not a picture for an environment (HDR, EXR, PNG): {e}"),
-            ),
-        })?;
+        let decode = || {
+            let limits = files::picture_limits(bytes);
+            reader.limits(limits.map_err(|problem| Error::format(path, problem))?);
+            reader.decode().map_err(|e| match e {
+                image::ImageError::IoError(e) => Error::io(path, "read", e),
+                e => Error::format(
+                    path,
+                    format!("not a picture for an environment (HDR, EXR, PNG): {e}"),
+                ),
+            })
+        };
+        let picture = files::survive(path, decode)?;
         let picture = picture.into_rgb32f();
         let size = UVec2::new(picture.width(), picture.height());
         let linear = |c: f32| match srgb {

@@ -96,9 +96,20 @@ pub enum Error {
         /// The limit and the remedy.
         problem: String,
     },
+    /// A frame that could not be drawn or written.
+    #[error("frame {frame}: {source}")]
+    Frame {
+        /// Its number, as its picture is numbered.
+        frame: i64,
+        /// Why.
+        source: Box<Self>,
+    },
     /// An error that several see: of a frame that a [`crate::ring::Ring`] could not load.
     #[error(transparent)]
     Shared(#[from] Arc<Self>),
+    /// limpid itself is wrong; standard error says where.
+    #[error("{0}: a defect of limpid, which its authors would like to know of")]
+    Defect(String),
     /// No window can be shown.
     #[error("no window: {0}; `limpid render` draws without one")]
     Window(String),
@@ -112,12 +123,20 @@ impl Error {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) | Self::Scene { .. } => 2,
+            Self::Defect(_) => 1,
             Self::Mismatch(_) | Self::Format { .. } => 3,
             Self::Io { .. } | Self::Malformed { .. } | Self::Sequence { .. } => 4,
             Self::NoAdapter | Self::Adapter { .. } | Self::Window(_) => 5,
             Self::DeviceLost(_) => 6,
+            Self::Frame { source, .. } => source.exit_code(),
             Self::Shared(error) => error.exit_code(),
         }
+    }
+
+    /// The same error, of a frame.
+    #[must_use]
+    pub fn of_frame(self, frame: i64) -> Self {
+        Self::Frame { frame, source: self.into() }
     }
 
     pub(crate) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
@@ -125,10 +144,22 @@ impl Error {
     }
 
     pub(crate) fn malformed(path: &Path, place: Place, problem: impl Into<String>) -> Self {
-        Self::Malformed { path: path.to_owned(), place, problem: problem.into() }
+        Self::Malformed { path: path.to_owned(), place, problem: printable(problem.into()) }
     }
 
     pub(crate) fn format(path: &Path, problem: impl Into<String>) -> Self {
-        Self::Format { path: path.to_owned(), problem: problem.into() }
+        Self::Format { path: path.to_owned(), problem: printable(problem.into()) }
     }
+}
+
+/// A problem on one line that ends: what it quotes from a file may be of any length and anything,
+/// even commands to the terminal.
+pub(crate) fn printable(problem: String) -> String {
+    const MOST: usize = 500;
+    if problem.len() <= MOST && !problem.contains(char::is_control) {
+        return problem;
+    }
+    let cut = problem.chars().count() > MOST;
+    let shown = problem.chars().take(MOST).map(|c| if c.is_control() { '?' } else { c });
+    shown.chain(if cut { "..." } else { "" }.chars()).collect()
 }

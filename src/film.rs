@@ -8,16 +8,15 @@ use std::path::{Path, PathBuf};
 
 use glam::UVec2;
 use image::RgbImage;
-use tempfile::NamedTempFile;
 
 use crate::camera::Camera;
 use crate::camera_path::CameraPath;
 use crate::error::{Error, Result};
-use crate::output;
+use crate::output::Temporary;
 use ffmpeg::Ffmpeg;
 
-/// More pictures than this are a slip of the keyboard.
-const MAX_TAKES: f64 = 1e7;
+/// More pictures of a film than this are a slip of the keyboard.
+pub const MAX_TAKES: f64 = 1e7;
 
 /// The fastest GIF that is played at its speed: viewers slow shorter delays than 2/100 s down.
 const MAX_GIF_FPS: f64 = 50.0;
@@ -85,7 +84,11 @@ pub fn takes(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Resu
     Ok(takes.collect())
 }
 
-fn check_fps(fps: f64) -> Result<()> {
+/// Checks a rate, frames per second.
+///
+/// # Errors
+/// [`Error::Usage`] unless it is between 0.01 and 1000.
+pub fn check_fps(fps: f64) -> Result<()> {
     if (0.01..=1000.0).contains(&fps) {
         return Ok(());
     }
@@ -129,7 +132,7 @@ pub struct Film {
     frames: u32,
     // Before the file, so that nobody writes to it any more when it is removed.
     encoder: Encoder,
-    file: NamedTempFile,
+    file: Temporary,
 }
 
 enum Encoder {
@@ -180,7 +183,7 @@ impl Film {
             return Err(Error::io(path, "write", io::Error::other("not a regular file")));
         }
         let fail = |e: io::Error| Error::io(path, "write", e);
-        let file = output::temporary(path)?;
+        let file = Temporary::beside(path)?;
         let buffer = || file.as_file().try_clone().map(BufWriter::new).map_err(fail);
         let encoder = match kind {
             Kind::Mp4 | Kind::Webm => Encoder::Ffmpeg(
@@ -254,7 +257,7 @@ impl Film {
                 .and_then(|()| count_apng_frames(file.as_file(), frames)),
         };
         written.map_err(|e| Error::io(&path, "write", e))?;
-        output::keep(file, &path)
+        file.keep(&path)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Which frames of a sequence are wanted, and how machines share them.
 
 use std::collections::{HashSet, VecDeque};
+use std::fmt;
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
@@ -10,12 +11,27 @@ use crate::sequence::{Frame, Sequence};
 /// More frames than this are a slip of the keyboard.
 const MAX_FRAMES: u64 = 10_000_000;
 
+/// What stands before a step, in one program or another; longer ones first.
+const STEPS: [&str; 7] = ["every", "step", "by", "x", ":", "@", "s"];
+
 /// A selection of frames.
 ///
 /// It is written as frame numbers and ranges with commas or blanks between them, in the dialects
-/// of render farms: `1-3,5`, `7-20:2` (also `7-20x2` and `7-20@2`: every second), `1-10@b`
-/// (binary order: the ends, then the middles, so that a coarse preview comes first), and `all`.
-/// Numbers may be negative: `-5--1`.
+/// of renderers and render farms; a frame that is named twice is drawn once.
+///
+/// | written | frames | as in |
+/// |---|---|---|
+/// | `7`, `1,3,5`, `1 3 5` | these | all of them |
+/// | `1-10`, `1..10` | from the one to the other | all of them; Blender |
+/// | `10-1` | the same, backwards | Deadline, `OpenCue` |
+/// | `-5--1`, `-5..-1` | below 0 | Nuke, `OpenCue`; Blender |
+/// | `1-10x2` | every second: 1, 3, 5, 7, 9 | Nuke, Deadline, `OpenCue` |
+/// | `1-10:2` | the same | Slurm's job arrays |
+/// | `1-10s2`, `1-10@2`, `1-10step2`, `1-10by2`, `1-10every2` | the same | Deadline and others |
+/// | `10-1x2`, `10-1x-2` | 10, 8, 6, 4, 2 | Deadline; `OpenCue` |
+/// | `1-10y3` | what `1-10x3` leaves out: 2, 3, 5, 6, 8, 9 | `OpenCue` |
+/// | `1-10@b` | all, in binary order: the ends, then the middles, for a preview | |
+/// | `all` | all that exist | |
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum FrameSpec {
     /// Every frame that exists.
@@ -91,6 +107,22 @@ impl FrameSpec {
     }
 }
 
+impl fmt::Display for FrameSpec {
+    /// As it is parsed, with consecutive frames as ranges: `1-3,5`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self::List(numbers) = self else { return f.write_str("all") };
+        let runs = numbers.chunk_by(|a, b| a.checked_add(1) == Some(*b));
+        for (i, run) in runs.enumerate() {
+            let comma = if i > 0 { "," } else { "" };
+            match run {
+                [first, .., last] => write!(f, "{comma}{first}-{last}")?,
+                _ => write!(f, "{comma}{}", run[0])?,
+            }
+        }
+        Ok(())
+    }
+}
+
 impl FromStr for FrameSpec {
     type Err = Error;
 
@@ -127,6 +159,7 @@ impl FromStr for FrameSpec {
     }
 }
 
+/// From `first` to `last`, up or down.
 struct Range {
     first: i64,
     last: i64,
@@ -134,35 +167,42 @@ struct Range {
 }
 
 enum Order {
+    /// Every so many.
     Step(u64),
+    /// Those that a step leaves out.
+    Between(u64),
     Binary,
 }
 
 impl Range {
     fn parse(part: &str) -> Result<Self> {
         let usage = |problem: &str| Error::Usage(format!("frames `{part}`: {problem}"));
-        let syntax = || usage("a number, a range `1-10`, steps `1-10:2`, or `1-10@b` expected");
+        let syntax = || usage("a number, a range `1-10`, steps `1-10x2`, or `1-10@b` expected");
         let (first, rest) = number(part).ok_or_else(syntax)?;
         if rest.is_empty() {
             return Ok(Self { first, last: first, order: Order::Step(1) });
         }
-        let (last, rest) = rest.strip_prefix('-').and_then(number).ok_or_else(syntax)?;
-        if last < first {
-            return Err(usage(&format!("the range is backwards; write {last}-{first}")));
+        let to = rest.strip_prefix("..").or_else(|| rest.strip_prefix('-'));
+        let (last, rest) = to.and_then(number).ok_or_else(syntax)?;
+        if matches!(rest, "" | "@b") {
+            let order = if rest.is_empty() { Order::Step(1) } else { Order::Binary };
+            return Ok(Self { first, last, order });
         }
-        let order = match rest.strip_prefix([':', 'x', '@']) {
-            _ if rest.is_empty() => Order::Step(1),
-            Some("b") if rest.starts_with('@') => Order::Binary,
-            Some(step) => match step.parse() {
-                Ok(0) => return Err(usage("a step of 1 or more expected")),
-                Ok(step) => Order::Step(step),
-                Err(_) => return Err(syntax()),
-            },
-            None => return Err(syntax()),
+        let step = STEPS.iter().find_map(|word| rest.strip_prefix(word));
+        let step = step.or_else(|| rest.strip_prefix('y')).ok_or_else(syntax)?;
+        // Down by −2 is down by 2; up by −2 is a mistake.
+        let step = if last < first { step.strip_prefix('-').unwrap_or(step) } else { step };
+        let order = match step.parse() {
+            Ok(0) => return Err(usage("a step of 1 or more expected")),
+            Ok(1) if rest.starts_with('y') => return Err(usage("leaves out every frame")),
+            Ok(step) if rest.starts_with('y') => Order::Between(step),
+            Ok(step) => Order::Step(step),
+            Err(_) => return Err(syntax()),
         };
         Ok(Self { first, last, order })
     }
 
+    /// How many numbers are passed on the way.
     fn count(&self) -> u64 {
         let step = if let Order::Step(step) = self.order { step } else { 1 };
         (self.last.abs_diff(self.first) / step).saturating_add(1)
@@ -170,22 +210,23 @@ impl Range {
 
     fn each(&self, mut visit: impl FnMut(i64)) {
         let (first, last) = (self.first, self.last);
+        let at = |distance: u64| match last < first {
+            true => first.saturating_sub_unsigned(distance),
+            false => first.saturating_add_unsigned(distance),
+        };
         match self.order {
-            Order::Step(step) => {
-                let mut next = Some(first);
-                while let Some(number) = next.filter(|&number| number <= last) {
-                    visit(number);
-                    next = number.checked_add_unsigned(step);
-                }
+            Order::Step(step) => (0..self.count()).for_each(|i| visit(at(i * step))),
+            Order::Between(step) => {
+                (0..self.count()).filter(|i| i % step != 0).for_each(|i| visit(at(i)));
             }
             Order::Binary => {
                 visit(first);
                 visit(last);
-                let mut gaps = VecDeque::from([(first, last)]);
+                let mut gaps = VecDeque::from([(0, last.abs_diff(first))]);
                 while let Some((low, high)) = gaps.pop_front() {
-                    let half = low.abs_diff(high) / 2;
-                    if let Some(middle) = low.checked_add_unsigned(half).filter(|_| half > 0) {
-                        visit(middle);
+                    let middle = low + (high - low) / 2;
+                    if middle > low {
+                        visit(at(middle));
                         gaps.extend([(low, middle), (middle, high)]);
                     }
                 }

@@ -4,9 +4,14 @@ mod binding;
 mod readback;
 mod timer;
 
-use std::sync::{Arc, Mutex};
+use std::collections::HashMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use glam::UVec2;
 
 use crate::error::{Error, Result};
+use crate::passes::tiles::TILE;
 
 pub(crate) use binding::{
     sampled, storage, storage_of, storage_read_write, storage_texture, uniform,
@@ -22,7 +27,21 @@ pub struct Gpu {
     pub device: wgpu::Device,
     /// The queue to which frames are submitted.
     pub queue: wgpu::Queue,
-    failure: Arc<Mutex<Option<String>>>,
+    /// Of a device that limpid opened; a caller hears of its own device's failures itself.
+    failure: Option<Arc<Mutex<Failure>>>,
+    /// Compiled pipelines of earlier runs, if the caller has kept any.
+    cache: Option<wgpu::PipelineCache>,
+    /// Modules by their text: several pipelines are made of one.
+    modules: Arc<Mutex<HashMap<String, wgpu::ShaderModule>>>,
+}
+
+/// The first of each that a device has reported.
+#[derive(Debug, Clone, Default)]
+struct Failure {
+    /// Why the device, or something on it, is gone.
+    lost: Option<String>,
+    /// What its validation refused.
+    refused: Option<String>,
 }
 
 impl Gpu {
@@ -50,28 +69,66 @@ impl Gpu {
 
     /// Wraps a device that limpid opened, and watches it.
     fn own(device: wgpu::Device, queue: wgpu::Queue) -> Self {
-        let gpu = Self::from_device(device, queue);
-        let failure = gpu.failure.clone();
-        gpu.device.set_device_lost_callback(move |_, reason| {
-            failure.lock().expect("no panic holds this lock").get_or_insert(reason);
+        let failure = Arc::<Mutex<Failure>>::default();
+        let seen = failure.clone();
+        device.set_device_lost_callback(move |_, reason| {
+            let reason = if reason.is_empty() { "it was destroyed".into() } else { reason };
+            seen.lock().expect("no panic holds this lock").lost.get_or_insert(reason);
         });
-        let failure = gpu.failure.clone();
-        gpu.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-            let mut failure = failure.lock().expect("no panic holds this lock");
-            // A validation error is a defect of limpid, never of its input; but what ran out of
-            // memory is invalid from then on, and the first failure says why.
-            let defect = matches!(error, wgpu::Error::Validation { .. }) && failure.is_none();
-            failure.get_or_insert_with(|| error.to_string());
-            drop(failure);
-            assert!(!defect, "{error}");
+        let seen = failure.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            let mut failure = seen.lock().expect("no panic holds this lock");
+            match error {
+                wgpu::Error::Validation { .. } => failure.refused.get_or_insert(error.to_string()),
+                error => failure.lost.get_or_insert(reasons(&error)),
+            };
         }));
-        gpu
+        Self { failure: Some(failure), ..Self::from_device(device, queue) }
     }
 
     /// Wraps a caller's device and queue. Passes are timed if the device has
     /// [`wgpu::Features::TIMESTAMP_QUERY`]; no other feature is used.
     pub fn from_device(device: wgpu::Device, queue: wgpu::Queue) -> Self {
-        Self { device, queue, failure: Arc::default() }
+        Self { device, queue, failure: None, cache: None, modules: Arc::default() }
+    }
+
+    /// Compiles all pipelines from now on with `cache`, and adds those to it that it has not.
+    ///
+    /// [`Gpu::headless`] opens a device that can make one where its adapter can
+    /// ([`wgpu::Features::PIPELINE_CACHE`]: Vulkan). Making one of a file's bytes is unsafe: who
+    /// calls for it answers for the file.
+    #[must_use]
+    pub fn with_pipeline_cache(self, cache: wgpu::PipelineCache) -> Self {
+        Self { cache: Some(cache), ..self }
+    }
+
+    /// What pipelines are compiled with.
+    pub(crate) fn cache(&self) -> Option<&wgpu::PipelineCache> {
+        self.cache.as_ref()
+    }
+
+    /// The module of a text, which is parsed once.
+    pub(crate) fn module(&self, label: &str, text: String) -> wgpu::ShaderModule {
+        let mut modules = self.modules.lock().unwrap_or_else(PoisonError::into_inner);
+        let create = |text: &String| {
+            self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(label),
+                source: wgpu::ShaderSource::Wgsl(text.into()),
+            })
+        };
+        modules.entry(text).or_insert_with_key(create).clone()
+    }
+
+    /// Whether uniforms that alone decide branches ([`Gpu::branching`]) are bound as
+    /// `var<storage, read>`.
+    ///
+    /// Mesa's software Vulkan before 2025 makes values of uniform buffers that branches depend on
+    /// constants, compiles the shader anew for every submission that binds one, and keeps all of
+    /// them: 25 to 50 ms and 2 to 9 MiB for each frame, forever. Storage buffers it leaves alone, but
+    /// reads them lane by lane. On a graphics card uniform buffers are the faster ones.
+    pub(crate) fn uniforms_are_stored(&self) -> bool {
+        let info = self.device.adapter_info();
+        info.device_type == wgpu::DeviceType::Cpu && info.backend == wgpu::Backend::Vulkan
     }
 
     /// The adapter's name and driver, as figures should be reported with.
@@ -83,41 +140,106 @@ impl Gpu {
         }
     }
 
-    /// Fails if the device was lost or ran out of memory since it was opened. A caller's own
-    /// device reports such failures to the caller, not here.
+    /// Fails if the device was lost or ran out of memory since it was opened: what is on it is
+    /// then good for nothing, and another is to be opened. A caller's own device reports such
+    /// failures to the caller, not here.
     ///
     /// # Errors
-    /// [`Error::DeviceLost`] with the driver's reason.
+    /// [`Error::DeviceLost`] with the driver's reason; [`Error::Defect`] for commands that limpid
+    /// should not have given.
     pub fn check(&self) -> Result<()> {
-        match &*self.failure.lock().expect("no panic holds this lock") {
-            Some(reason) => Err(Error::DeviceLost(reason.clone())),
-            None => Ok(()),
+        let Some(failure) = &self.failure else { return Ok(()) };
+        let failure = || failure.lock().expect("no panic holds this lock").clone();
+        // A device tells of its loss when it is asked.
+        let mut polled = self.poll(wgpu::PollType::Poll);
+        let mut seen = failure();
+        if seen.lost.is_none() && seen.refused.is_some() {
+            // What follows a loss is refused, which may be known before the loss: that is told once
+            // the device has no more work.
+            polled = self.poll(wgpu::PollType::wait_indefinitely());
+            seen = failure();
+        }
+        match (seen.lost, seen.refused) {
+            (Some(reason), _) => Err(Error::DeviceLost(reason)),
+            (None, Some(reason)) => Err(Error::Defect(reason)),
+            (None, None) => polled,
+        }
+    }
+
+    /// Waits until the device has done all that it was given, and fails as [`Gpu::check`].
+    fn wait(&self) -> Result<()> {
+        let waited = self.poll(wgpu::PollType::wait_indefinitely());
+        self.check()?;
+        waited
+    }
+
+    /// wgpu 30 panics if a device is lost while it is waited for; its locks are free by then.
+    fn poll(&self, how: wgpu::PollType) -> Result<()> {
+        let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how)));
+        match polled {
+            Ok(Ok(_)) => Ok(()),
+            Ok(Err(error)) => Err(Error::DeviceLost(error.to_string())),
+            Err(_) => Err(Error::DeviceLost("it was lost while it was waited for".into())),
         }
     }
 
     /// Refuses a picture that the adapter cannot hold.
     ///
+    /// What the driver's memory holds is not asked: adapters do not say it, or not truly.
+    ///
     /// # Errors
     /// [`Error::Usage`] for an empty picture, [`Error::Adapter`] naming the limit.
-    pub fn check_size(&self, size: glam::UVec2) -> Result<()> {
-        let limits = self.device.limits();
-        // One layer of four floats per texel is also the largest buffer that is read back.
-        let bytes = (u64::from(size.x) * u64::from(size.y)).saturating_mul(16);
-        if size.x == 0 || size.y == 0 {
+    pub fn check_size(&self, size: UVec2) -> Result<()> {
+        if size.min_element() == 0 {
             return Err(Error::Usage(format!("a picture of {}x{} has no pixels", size.x, size.y)));
         }
-        let problem = if size.max_element() > limits.max_texture_dimension_2d {
-            format!("holds at most {0}x{0} pixels", limits.max_texture_dimension_2d)
+        self.check_image(size, "choose a smaller --size")
+    }
+
+    /// As [`Gpu::check_size`], for any image that passes work on; `remedy` says how to get a
+    /// smaller one.
+    pub(crate) fn check_image(&self, size: UVec2, remedy: &str) -> Result<()> {
+        let limits = self.device.limits();
+        // One layer of four floats per texel is also the largest buffer that is read back.
+        let bytes = readback::padded(16 * u64::from(size.x)).saturating_mul(size.y.into());
+        let [across, down] = [size.x, size.y].map(|n| u64::from(n.div_ceil(TILE)));
+        let tiles = across * down;
+        let edge = limits.max_texture_dimension_2d;
+        let problem = if size.max_element() > edge {
+            format!("holds at most {edge}x{edge} pixels (max_texture_dimension_2d)")
         } else if bytes > limits.max_buffer_size {
-            format!("holds at most {} MiB in one buffer", limits.max_buffer_size >> 20)
+            format!(
+                "holds at most {} MiB in one buffer (max_buffer_size)",
+                limits.max_buffer_size >> 20
+            )
+        } else if 4 + 4 * tiles > limits.max_storage_buffer_binding_size {
+            let most = limits.max_storage_buffer_binding_size;
+            format!("lists at most {most} bytes of tiles (max_storage_buffer_binding_size)")
+        } else if tiles.min(ROW) > u64::from(limits.max_compute_workgroups_per_dimension) {
+            let most = limits.max_compute_workgroups_per_dimension;
+            format!(
+                "runs at most {most} workgroups in a row (max_compute_workgroups_per_dimension)"
+            )
         } else {
             return Ok(());
         };
-        Err(Error::Adapter {
-            adapter: self.adapter(),
-            problem: format!("{problem}, asked for {}x{}; choose a smaller --size", size.x, size.y),
-        })
+        let problem = format!("{problem}, asked for {}x{}; {remedy}", size.x, size.y);
+        Err(Error::Adapter { adapter: self.adapter(), problem })
     }
+}
+
+/// Workgroups in a row of a dispatch over tiles, as in `common/tiles.wgsl`.
+const ROW: u64 = 32768;
+
+/// What an error says, and what it says of its cause.
+fn reasons(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text = format!("{text}: {error}");
+        cause = error.source();
+    }
+    text.trim_end_matches('.').to_owned()
 }
 
 /// All adapters: GPUs before integrated ones before software, OpenGL last.
@@ -146,14 +268,31 @@ async fn adapters() -> Vec<wgpu::Adapter> {
     all
 }
 
+/// What limpid makes use of where there is such a thing.
+const OPTIONAL: wgpu::Features =
+    wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::PIPELINE_CACHE);
+
+/// What limpid needs of an adapter beside WebGPU's core limits: nothing native-only.
 async fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), String> {
+    use wgpu::{DownlevelFlags, TextureUsages};
+    let lacks = |what: &str| Err(format!("has no {what}; install a Vulkan driver"));
     let flags = adapter.get_downlevel_capabilities().flags;
-    if !flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS) {
-        return Err("has no compute shaders; install a Vulkan driver".into());
+    if !flags.contains(DownlevelFlags::COMPUTE_SHADERS) {
+        return lacks("compute shaders");
+    }
+    if !flags.contains(DownlevelFlags::VERTEX_STORAGE | DownlevelFlags::INDIRECT_EXECUTION) {
+        return lacks("storage buffers in vertex shaders or no indirect dispatch");
+    }
+    let planes = adapter.get_texture_format_features(crate::passes::Layers::FORMAT);
+    let needed = TextureUsages::RENDER_ATTACHMENT
+        | TextureUsages::STORAGE_BINDING
+        | TextureUsages::TEXTURE_BINDING;
+    if !planes.allowed_usages.contains(needed) {
+        return lacks("32-bit floating-point render targets");
     }
     let descriptor = wgpu::DeviceDescriptor {
         label: Some("limpid"),
-        required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+        required_features: adapter.features() & OPTIONAL,
         // Large pictures and particle sets are limited by the adapter, not by a default.
         required_limits: adapter.limits(),
         ..Default::default()
@@ -161,27 +300,38 @@ async fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), St
     adapter.request_device(&descriptor).await.map_err(|e| format!("gives no device: {e}"))
 }
 
-/// Creates a buffer with `contents`.
+/// Creates a buffer with `contents`, of as many bytes as a multiple of 4.
 pub(crate) fn buffer_with<T: bytemuck::NoUninit>(
     gpu: &Gpu,
     label: &str,
     usage: wgpu::BufferUsages,
     contents: &[T],
 ) -> wgpu::Buffer {
-    use wgpu::util::DeviceExt;
-    gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+    let bytes: &[u8] = bytemuck::cast_slice(contents);
+    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
-        contents: bytemuck::cast_slice(contents),
+        size: bytes.len() as u64,
         usage,
-    })
+        mapped_at_creation: true,
+    });
+    // What did not fit into memory is not mapped; [`Gpu::check`] tells why.
+    if let Ok(mut mapped) = buffer.get_mapped_range_mut(..) {
+        mapped.copy_from_slice(bytes);
+    }
+    buffer.unmap();
+    buffer
 }
+
+/// How buffers are used that a shader reads as `var<uniform>`; see [`Gpu::uniforms_are_stored`].
+pub(crate) const UNIFORM: wgpu::BufferUsages =
+    wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::STORAGE);
 
 /// Creates a uniform buffer for one `T`, to be written with [`wgpu::Queue::write_buffer`].
 pub(crate) fn uniform_buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str) -> wgpu::Buffer {
     gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size: size_of::<T>() as u64,
-        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        usage: UNIFORM | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     })
 }
@@ -190,7 +340,7 @@ pub(crate) fn uniform_buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str) -> w
 pub(crate) fn texture(
     gpu: &Gpu,
     label: &str,
-    size: glam::UVec2,
+    size: UVec2,
     layers: u32,
     format: wgpu::TextureFormat,
     usage: wgpu::TextureUsages,
@@ -202,7 +352,7 @@ pub(crate) fn texture(
 pub(crate) fn mipped_texture(
     gpu: &Gpu,
     label: &str,
-    size: glam::UVec2,
+    size: UVec2,
     layers: u32,
     levels: u32,
     format: wgpu::TextureFormat,
@@ -220,6 +370,13 @@ pub(crate) fn mipped_texture(
     })
 }
 
+/// How many layers a texture gets that shaders read as an array of `layers`: OpenGL takes a texture
+/// of one layer for no array, so there it has two.
+pub(crate) fn array_layers(gpu: &Gpu, layers: u32) -> u32 {
+    let least = if gpu.device.adapter_info().backend == wgpu::Backend::Gl { 2 } else { 1 };
+    layers.max(least)
+}
+
 /// The view of all layers of an array texture.
 pub(crate) fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
@@ -228,10 +385,14 @@ pub(crate) fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
     })
 }
 
-/// The view of one mip level, as an array.
-pub(crate) fn level_view(texture: &wgpu::Texture, level: u32) -> wgpu::TextureView {
+/// The view of one mip level.
+pub(crate) fn level_view(
+    texture: &wgpu::Texture,
+    level: u32,
+    dimension: wgpu::TextureViewDimension,
+) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
-        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        dimension: Some(dimension),
         base_mip_level: level,
         mip_level_count: Some(1),
         ..Default::default()
@@ -322,11 +483,11 @@ pub(crate) fn module_pipeline(
             // No shader reads workgroup memory that it has not written.
             zero_initialize_workgroup_memory: false,
         },
-        cache: None,
+        cache: gpu.cache(),
     })
 }
 
 /// The 8 × 8 workgroups that cover `size` pixels.
-pub(crate) fn workgroups(size: glam::UVec2) -> (u32, u32) {
+pub(crate) fn workgroups(size: UVec2) -> (u32, u32) {
     (size.x.div_ceil(8), size.y.div_ceil(8))
 }

@@ -36,6 +36,8 @@ struct Fluid {
     sequence: Sequence,
     radius: Option<f32>,
     up: Up,
+    /// How many bytes a file may unpack to; see [`Particles::read_within`].
+    max_unpacked: Option<u64>,
     source: Source,
 }
 
@@ -77,6 +79,19 @@ impl FromStr for Missing {
     }
 }
 
+/// Where the particles of one fluid come from at one frame.
+#[derive(Debug)]
+pub(crate) struct Origin<'a> {
+    /// The file; none for a frame without particles, and for those that are made.
+    pub(crate) file: Option<&'a Path>,
+    /// What they are made from.
+    pub(crate) made: Option<&'a Recipe>,
+    /// Particle radius, m, where the file has none.
+    pub(crate) radius: Option<f32>,
+    /// Which axis points up.
+    pub(crate) up: Up,
+}
+
 /// A moment of a sequence: a frame, or a point between two.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
@@ -92,6 +107,11 @@ impl Moment {
     /// The moment of a frame.
     pub fn at(frame: i64) -> Self {
         Self { frame, next: frame, fraction: 0.0 }
+    }
+
+    /// Its time, counted as the frames are: 12.25 is a quarter of the way from frame 12 to 13.
+    pub fn time(self) -> f64 {
+        self.frame as f64 + self.fraction * (self.next - self.frame) as f64
     }
 }
 
@@ -134,7 +154,7 @@ impl Input {
             return Self::from_scene(Scene::load_with(path, overrides)?, input);
         }
         let sequence = Sequence::open(input)?;
-        Ok(Self::of(None, Fluid { sequence, radius: None, up: Up::Y, source: Source::Files }, None))
+        Ok(Self::of(None, Fluid::of_files(sequence, None, Up::Y), None))
     }
 
     /// The built-in demo: a frame of a double dam break, simulated with SPlisHSPlasH.
@@ -150,6 +170,7 @@ impl Input {
             sequence: Sequence { frames: vec![frame], pattern: "demo".into() },
             radius: particles.radius,
             up: particles.up,
+            max_unpacked: None,
             source: Source::Embedded(include_bytes!("../sims/demo.bgeo")),
         };
         Ok(Self::of(Some(scene), fluid, Some(0)))
@@ -184,16 +205,26 @@ impl Input {
     /// The same frames with a particle radius in metres where the files have none.
     ///
     /// # Errors
-    /// [`Error::Usage`] unless the radius is above 0 and finite.
+    /// [`Error::Usage`] unless a 32-bit float holds the radius' cube.
     pub fn with_radius(mut self, radius: f32) -> Result<Self> {
-        if !(radius > 0.0 && radius.is_finite()) {
-            let problem = format!("a particle radius of {radius}: above 0 and finite expected");
+        if !classify::drawable(radius) {
+            let problem = format!("a particle radius of {radius}: 1e-12 to 1e12 m expected");
             return Err(Error::Usage(problem));
         }
         for fluid in &mut self.fluids {
             fluid.radius = Some(radius);
         }
         Ok(self)
+    }
+
+    /// The same frames, whose files may each unpack to so many bytes of memory; without a number
+    /// to what [`Particles::read_within`] lets them.
+    #[must_use]
+    pub fn with_max_unpacked(mut self, bytes: Option<u64>) -> Self {
+        for fluid in &mut self.fluids {
+            fluid.max_unpacked = bytes;
+        }
+        self
     }
 
     /// As [`Input::open`], of a scene that is at hand.
@@ -207,6 +238,7 @@ impl Input {
                 sequence: Sequence { frames: vec![frame], pattern: origin.into() },
                 radius: Some(recipe.particle_radius() as f32),
                 up: Up::Y,
+                max_unpacked: None,
                 source: Source::Recipe(recipe),
             };
             return Ok(Self::of(Some(scene), fluid, Some(0)));
@@ -218,7 +250,7 @@ impl Input {
                 Error::Sequence { pattern: origin.into(), problem }
             })?;
             let (radius, fps) = (simulation.particle_radius() as f32, simulation.fps);
-            let fluid = Fluid { sequence, radius: Some(radius), up: Up::Y, source: Source::Files };
+            let fluid = Fluid::of_files(sequence, Some(radius), Up::Y);
             return Ok(Self { fps: Some(fps), ..Self::of(Some(scene), fluid, None) });
         }
         let sources = scene.sources();
@@ -226,8 +258,7 @@ impl Input {
             .iter()
             .map(|particles| {
                 let sequence = Sequence::open(&particles.source)?;
-                let (radius, up) = (particles.radius, particles.up);
-                Ok(Fluid { sequence, radius, up, source: Source::Files })
+                Ok(Fluid::of_files(sequence, particles.radius, particles.up))
             })
             .collect::<Result<_>>()?;
         let Some(first) = fluids.first() else {
@@ -279,35 +310,36 @@ impl Input {
         }
     }
 
-    /// Reads or makes the particles of a moment, y up. Between frames they are interpolated, see
-    /// [`Particles::between`].
+    /// Reads or makes the particles of a moment, y up. Between frames those of each fluid are
+    /// interpolated, see [`Particles::between`].
     ///
     /// # Errors
     /// As [`Particles::read`] and [`Recipe::particles`]; [`Error::Sequence`] for a frame that is
     /// not there, as [`Input::missing`] says.
     pub fn particles(&self, at: impl Into<Moment>) -> Result<Particles> {
         let at = at.into();
-        let particles = self.frame_particles(at.frame)?;
-        if at.fraction == 0.0 {
-            return Ok(particles);
-        }
-        Ok(Particles::between(&particles, &self.frame_particles(at.next)?, at.fraction))
-    }
-
-    fn frame_particles(&self, number: i64) -> Result<Particles> {
         if let [fluid] = self.fluids.as_slice() {
-            return fluid.particles(number, self.missing);
+            return fluid.moment(at, self.missing);
         }
         let fluids = self.fluids.iter().map(|fluid| {
-            let mut particles = fluid.particles(number, self.missing)?;
+            let mut particles = fluid.moment(at, self.missing)?;
             // Each fluid's own radius, whatever the others'.
             if particles.radii.is_none() {
-                let radius = fluid.radius_of(number, &particles)?;
+                let radius = fluid.radius_of(at.frame, &particles)?;
                 particles.radii = Some(vec![radius; particles.len()]);
             }
             Ok(particles)
         });
         Ok(Particles::mixed(&fluids.collect::<Result<Vec<_>>>()?))
+    }
+
+    /// Where the particles of a moment come from: of each fluid the frame and, between two, the next.
+    pub(crate) fn origins(&self, at: Moment) -> Vec<Origin<'_>> {
+        let numbers = if at.fraction == 0.0 { vec![at.frame] } else { vec![at.frame, at.next] };
+        let fluids = self.fluids.iter();
+        fluids
+            .flat_map(|fluid| numbers.iter().map(|&number| fluid.origin(number, self.missing)))
+            .collect()
     }
 
     /// Reads and classifies a moment as `scene` says.
@@ -387,27 +419,54 @@ impl Input {
 }
 
 impl Fluid {
+    fn of_files(sequence: Sequence, radius: Option<f32>, up: Up) -> Self {
+        Self { sequence, radius, up, max_unpacked: None, source: Source::Files }
+    }
+
+    /// The particles of a moment, y up.
+    fn moment(&self, at: Moment, missing: Missing) -> Result<Particles> {
+        let particles = self.particles(at.frame, missing)?;
+        if at.fraction == 0.0 {
+            return Ok(particles);
+        }
+        Ok(Particles::between(&particles, &self.particles(at.next, missing)?, at.fraction))
+    }
+
     /// The particles of a frame, y up.
     fn particles(&self, number: i64, missing: Missing) -> Result<Particles> {
-        let frames = &self.sequence.frames;
-        let after = frames.partition_point(|frame| frame.number <= number);
-        let before = after.checked_sub(1).and_then(|at| frames.get(at));
-        let frame = match (before, missing) {
-            (Some(frame), Missing::Hold) => frame,
-            (Some(frame), _) if frame.number == number => frame,
-            (_, Missing::Empty | Missing::Hold) => return Ok(Particles::default()),
-            (_, Missing::Error) => {
-                let problem = format!("frame {number} is missing; --missing empty or hold goes on");
-                return Err(Error::Sequence { pattern: self.sequence.pattern.clone(), problem });
+        let Some(frame) = self.frame(number, missing) else {
+            if missing != Missing::Error {
+                return Ok(Particles::default());
             }
+            let problem = format!("frame {number} is missing; --missing empty or hold goes on");
+            return Err(Error::Sequence { pattern: self.sequence.pattern.clone(), problem });
         };
         let mut particles = match self.source {
-            Source::Files => Particles::read(&frame.path)?,
+            Source::Files => Particles::read_within(&frame.path, self.max_unpacked)?,
             Source::Embedded(bytes) => Particles::parse(&frame.path, bytes)?,
             Source::Recipe(recipe) => return recipe.particles(),
         };
         particles.to_y_up(self.up);
         Ok(particles)
+    }
+
+    /// The frame that is shown as this number, if there is one.
+    fn frame(&self, number: i64, missing: Missing) -> Option<&Frame> {
+        let frames = &self.sequence.frames;
+        let after = frames.partition_point(|frame| frame.number <= number);
+        let before = after.checked_sub(1).and_then(|at| frames.get(at));
+        before.filter(|frame| frame.number == number || missing == Missing::Hold)
+    }
+
+    /// Where the particles of a frame come from.
+    fn origin(&self, number: i64, missing: Missing) -> Origin<'_> {
+        let frame = self.frame(number, missing);
+        let (file, made) = match &self.source {
+            Source::Files => (frame.map(|frame| frame.path.as_path()), None),
+            Source::Embedded(_) => (None, None),
+            Source::Recipe(recipe) => (None, frame.map(|_| recipe)),
+        };
+        Origin { file, made, radius: self.radius, up: self.up }
     }
 
     /// The radius for particles without one of their own: as given, or from their spacing.

@@ -24,6 +24,9 @@
 //! [`film::Film`] writes what was drawn. Several fluids share the layers; [`passes::mixture`] tells
 //! their colours apart.
 //!
+//! Farms: a [`fingerprint`] in each picture tells whether it is to be drawn again, and a [`claim`]
+//! whose it is to draw, on all machines that share a folder.
+//!
 //! [`renderer::Renderer::render`] is the frame on one page. A pass is one file of `src/passes/`,
 //! one of `shaders/`, one struct of [`settings`], one row of the times.
 //!
@@ -61,18 +64,26 @@
 pub mod aov;
 pub mod camera;
 pub mod camera_path;
+mod changes;
+pub mod check;
+pub mod claim;
 pub mod compare;
+mod counting_sort;
 pub mod environment;
 pub mod error;
+mod files;
 pub mod film;
+pub mod fingerprint;
 pub mod frames;
 pub mod gpu;
 pub mod input;
 pub mod light_view;
 mod lights;
 pub mod output;
+mod page;
 pub mod particles;
 pub mod passes;
+pub mod quality;
 pub mod recipe;
 #[cfg(feature = "report")]
 pub mod reference;

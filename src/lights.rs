@@ -49,8 +49,8 @@ impl Lights {
             return Ok(());
         }
         let size = UVec2::splat(settings.resolution);
-        gpu.check_size(size)?;
-        let layers = scene.lights.len() as u32;
+        gpu.check_image(size, "choose a smaller caustics.resolution")?;
+        let layers = gpu::array_layers(gpu, scene.lights.len() as u32);
         let fits_maps = |maps: &LightMaps| {
             maps.maps.width() == size.x && maps.maps.depth_or_array_layers() == layers
         };

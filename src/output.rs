@@ -1,13 +1,27 @@
 //! Files that are written whole or not at all, and their names.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
+use image::RgbImage;
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
+use crate::fingerprint::Fingerprint;
 use crate::sequence::placeholder;
+
+/// What the names of temporary files begin with.
+const TEMPORARY: &str = ".limpid-";
+
+/// A temporary file that has not been written to for so long is nobody's any more.
+const ABANDONED: Duration = Duration::from_hours(24);
+
+/// Files, and folders with all that is in them, that must not outlive the process.
+static LITTER: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 /// Writes a file under a temporary name beside `path`, then renames it.
 ///
@@ -25,47 +39,156 @@ pub fn write_atomically(
         write(&mut buffer).map_err(fail)?;
         return buffer.flush().map_err(fail);
     }
-    let temporary = temporary(path)?;
+    let temporary = Temporary::beside(path)?;
     let mut buffer = BufWriter::new(temporary.as_file());
     write(&mut buffer).map_err(fail)?;
     buffer.into_inner().map_err(|e| fail(e.into_error()))?;
-    keep(temporary, path)
+    temporary.keep(path)
 }
 
-/// A file beside `path` that is gone when it is dropped, unless [`keep`] gives it that name.
-pub(crate) fn temporary(path: &Path) -> Result<NamedTempFile> {
-    let folder = match path.parent() {
+/// A file that is gone when it is dropped or the process is ended by [`abandon`], unless it is
+/// given a name for good.
+pub(crate) struct Temporary {
+    // In this order: removed, then forgotten.
+    file: NamedTempFile,
+    litter: Litter,
+}
+
+impl Temporary {
+    /// A file beside `path`.
+    pub(crate) fn beside(path: &Path) -> Result<Self> {
+        let mut builder = tempfile::Builder::new();
+        // Temporary files are private by default; a picture is as readable as any other file.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        builder.prefix(TEMPORARY);
+        let created = Litter::create(|| {
+            let file = builder.tempfile_in(folder_of(path))?;
+            let name = file.path().to_owned();
+            Ok((file, name))
+        });
+        // The error names the temporary file, which is nobody's concern.
+        let (file, litter) = created.map_err(|e| Error::io(path, "write", e.kind().into()))?;
+        Ok(Self { file, litter })
+    }
+
+    pub(crate) fn as_file(&self) -> &File {
+        self.file.as_file()
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        self.file.path()
+    }
+
+    /// Renames it, now whole, to `path`.
+    pub(crate) fn keep(self, path: &Path) -> Result<()> {
+        let fail = |e: io::Error| Error::io(path, "write", e);
+        self.file.as_file().sync_all().map_err(fail)?;
+        self.file.persist(path).map_err(|e| fail(e.error))?;
+        drop(self.litter);
+        Ok(())
+    }
+}
+
+/// The folder that a file is in, or would be.
+pub(crate) fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    // Temporary files are private by default; a picture is as readable as any other file.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let temporary = builder.prefix(".limpid-").tempfile_in(folder);
-    // The error names the temporary file, which is nobody's concern.
-    temporary.map_err(|e| Error::io(path, "write", e.kind().into()))
+    }
 }
 
-/// Renames a [`temporary`] file, now whole, to `path`.
-pub(crate) fn keep(temporary: NamedTempFile, path: &Path) -> Result<()> {
-    let fail = |e: io::Error| Error::io(path, "write", e);
-    temporary.as_file().sync_all().map_err(fail)?;
-    temporary.persist(path).map_err(|e| fail(e.error))?;
-    Ok(())
+/// The name of a file or a folder that [`abandon`] removes, until this is dropped.
+#[derive(Debug)]
+pub(crate) struct Litter(PathBuf);
+
+impl Litter {
+    /// Creates such a file or folder, of which `create` says the name.
+    pub(crate) fn create<T>(
+        create: impl FnOnce() -> io::Result<(T, PathBuf)>,
+    ) -> io::Result<(T, Self)> {
+        // Nobody ends the process between the file and its entry.
+        let mut litter = litter();
+        let (file, path) = create()?;
+        litter.insert(path.clone());
+        Ok((file, Self(path)))
+    }
+}
+
+impl Drop for Litter {
+    fn drop(&mut self) {
+        litter().remove(&self.0);
+    }
+}
+
+fn litter() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    LITTER.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes the temporary files and folders and the claims of this process, for one that is about to end at
+/// once: other threads wait for ever when they are about to create or to keep a file.
+pub fn abandon() {
+    let litter = litter();
+    for path in litter.iter() {
+        // What cannot be removed now is swept up later.
+        let _ = match path.is_dir() {
+            true => std::fs::remove_dir_all(path),
+            false => std::fs::remove_file(path),
+        };
+    }
+    std::mem::forget(litter);
+}
+
+/// Removes temporary files that killed processes have left in a folder: those to which nothing was
+/// written for a day, by the clock of this machine.
+pub fn sweep(folder: &Path) {
+    let old = |entry: &std::fs::DirEntry| {
+        let written = entry.metadata().and_then(|metadata| metadata.modified());
+        written.is_ok_and(|time| time.elapsed().is_ok_and(|age| age > ABANDONED))
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let ours = |entry: &std::fs::DirEntry| {
+        entry.file_name().to_str().is_some_and(|name| name.starts_with(TEMPORARY))
+    };
+    for entry in entries.filter(ours).filter(old) {
+        // Another may have been faster.
+        let _ = std::fs::remove_file(entry.path());
+    }
 }
 
 /// Writes an 8-bit sRGB picture as PNG.
 ///
 /// # Errors
 /// As [`write_atomically`].
-pub fn write_png(path: &Path, picture: &image::RgbImage) -> Result<()> {
-    write_atomically(path, |file| {
-        use image::ImageEncoder;
-        image::codecs::png::PngEncoder::new(file)
-            .write_image(picture, picture.width(), picture.height(), image::ExtendedColorType::Rgb8)
-            .map_err(io::Error::other)
-    })
+pub fn write_png(path: &Path, picture: &RgbImage) -> Result<()> {
+    write_atomically(path, |file| encode_png(file, picture, &[]))
+}
+
+/// As [`write_png`], with what the picture was made from: [`Fingerprint::is_of_png`].
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_frame(path: &Path, picture: &RgbImage, fingerprint: Fingerprint) -> Result<()> {
+    write_atomically(path, |file| encode_png(file, picture, &fingerprint.notes(picture)))
+}
+
+/// Nothing but the picture and the notes goes into the file: no time, no machine.
+fn encode_png(
+    file: &mut BufWriter<&File>,
+    picture: &RgbImage,
+    notes: &[(&str, String)],
+) -> io::Result<()> {
+    let mut encoder = png::Encoder::new(file, picture.width(), picture.height());
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    encoder.set_filter(png::Filter::Adaptive);
+    for (keyword, text) in notes {
+        encoder.add_text_chunk((*keyword).to_owned(), text.clone())?;
+    }
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(picture)?;
+    Ok(writer.finish()?)
 }
 
 /// Where the pictures of a sequence go.
@@ -131,6 +254,26 @@ impl OutputNames {
             }
             _ => Ok(()),
         }
+    }
+
+    /// The frames whose files are there, in order.
+    pub(crate) fn existing(&self) -> Vec<i64> {
+        let of_name = |name: &str, folder: &Path| {
+            let number = folder.join(name).to_str()?.to_owned();
+            let number = number.strip_prefix(&self.prefix)?.strip_suffix(&self.suffix)?;
+            let number: i64 = number.parse().ok()?;
+            // `1` is not the file of frame 1 where that is `0001`.
+            (self.path(number) == folder.join(name)).then_some(number)
+        };
+        let folder = Path::new(&self.prefix);
+        let folder = if self.prefix.ends_with('/') { Some(folder) } else { folder.parent() };
+        let folder = folder.unwrap_or(Path::new(""));
+        let entries = std::fs::read_dir(folder_of(&folder.join("any")));
+        let entries = entries.into_iter().flatten().flatten();
+        let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+        let mut frames: Vec<i64> = names.filter_map(|name| of_name(&name, folder)).collect();
+        frames.sort_unstable();
+        frames
     }
 
     /// The file for a frame.

@@ -20,17 +20,16 @@ mod xyz;
 
 use std::cell::Cell;
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use self::cursor::{Cursor, Source};
 use self::table::{Column, Scalar, Table};
 use crate::error::{Error, Result};
-use crate::output;
+use crate::{files, output};
 
 pub use ellipsoid::Ellipsoid;
 
@@ -96,21 +95,35 @@ impl Particles {
     /// [`Error::Io`] if the file cannot be read, [`Error::Format`] if it is of another kind, and
     /// [`Error::Malformed`] if it contradicts itself or holds a value that is not finite.
     pub fn read(path: &Path) -> Result<Self> {
+        Self::read_within(path, None)
+    }
+
+    /// As [`Particles::read`], of a file that may unpack to `max_unpacked` bytes: a few bytes of a
+    /// compressed file can claim any amount of memory. Without a limit that is a hundred times the
+    /// file's length, but at least 1 GiB and at most 16.
+    ///
+    /// # Errors
+    ///
+    /// As [`Particles::read`]; [`Error::Malformed`] if it unpacks to more.
+    pub fn read_within(path: &Path, max_unpacked: Option<u64>) -> Result<Self> {
         let format = format_for(path)?;
         if format.extension == ".xyz"
-            && let Some(particles) = xyz::read_raw(path)
+            && let Some(particles) = xyz::read_raw(path, max_unpacked)
         {
             return Ok(particles);
         }
+        let (file, metadata) = files::open(path)?;
+        let limit = max_unpacked.unwrap_or_else(|| files::unpacked_limit(metadata.len()));
+        format.probe(path, &file, metadata.len())?;
         let mut bytes = BUFFER.take();
-        read_file(path, &mut bytes).map_err(|source| Error::io(path, "read", source))?;
-        let particles = (format.read)(path, &bytes);
+        let read = files::contents(path, &file, &metadata, limit, &mut bytes);
+        let particles = read.and_then(|()| format.parse(path, &bytes, limit));
         if bytes.capacity() <= BUFFERED {
             BUFFER.set(bytes);
         }
         let mut particles = particles?;
         if format.extension == ".pos" {
-            pos::read_ellipsoids(path, &mut particles)?;
+            pos::read_ellipsoids(path, &mut particles, limit)?;
         }
         Ok(particles)
     }
@@ -122,7 +135,7 @@ impl Particles {
     ///
     /// As [`Particles::read`].
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
-        (format_for(path)?.read)(path, bytes)
+        format_for(path)?.parse(path, bytes, files::unpacked_limit(bytes.len() as u64))
     }
 
     /// Writes one frame, whole or not at all, in the format that the extension names; see
@@ -296,31 +309,6 @@ thread_local! {
 /// Buffers of more bytes than this are not kept: those of about a million particles are.
 const BUFFERED: usize = 64 << 20;
 
-/// Replaces `bytes` by the contents of a file; of a large one several parts are read at a time.
-fn read_file(path: &Path, bytes: &mut Vec<u8>) -> io::Result<()> {
-    const PART: usize = 1 << 20;
-    let mut file = File::open(path)?;
-    let metadata = file.metadata()?;
-    if !cfg!(unix) || !metadata.is_file() || metadata.len() < PART as u64 {
-        bytes.clear();
-        return file.read_to_end(bytes).map(drop);
-    }
-    let length = usize::try_from(metadata.len());
-    bytes.resize(length.map_err(|_| io::ErrorKind::FileTooLarge)?, 0);
-    let parts = bytes.par_chunks_mut(PART).enumerate();
-    parts.map(|(i, part)| read_at(&file, part, (i * PART) as u64)).collect()
-}
-
-#[cfg(unix)]
-fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<()> {
-    std::os::unix::fs::FileExt::read_exact_at(file, buffer, offset)
-}
-
-#[cfg(not(unix))]
-fn read_at(_: &File, _: &mut [u8], _: u64) -> io::Result<()> {
-    Err(io::ErrorKind::Unsupported.into())
-}
-
 /// The attribute that simulators call `name`.
 fn known(name: &str) -> Option<&'static str> {
     Some(match name.to_ascii_lowercase().as_str() {
@@ -333,8 +321,10 @@ fn known(name: &str) -> Option<&'static str> {
     })
 }
 
-/// Unpacking stops here: a few bytes of a compressed file can claim any amount of memory.
-const UNPACKED_LIMIT: u64 = 8 << 30;
+/// The problem of a `what` that unpacks to more than it may, and the remedy.
+fn unpacks_to_more(what: &str, limit: u64) -> String {
+    format!("the {what} unpacks to more than {limit} bytes; --max-unpacked MIB allows more")
+}
 
 /// The corners of the box around all places, if there are any.
 pub(crate) fn bounds(mut places: impl Iterator<Item = DVec3>) -> Option<(DVec3, DVec3)> {
@@ -353,7 +343,13 @@ pub(crate) fn origin_for(places: impl Iterator<Item = DVec3>) -> DVec3 {
     if far { middle } else { DVec3::ZERO }
 }
 
-type Reader = fn(&Path, &[u8]) -> Result<Particles>;
+enum Reader {
+    Plain(fn(&Path, &[u8]) -> Result<Particles>),
+    /// Of what may be packed, and how many bytes it may unpack to.
+    Packed(fn(&Path, &[u8], u64) -> Result<Particles>),
+}
+use Reader::{Packed, Plain};
+
 type Writer = fn(&Particles, &mut BufWriter<&File>) -> io::Result<()>;
 
 struct Format {
@@ -379,20 +375,48 @@ const FORMATS: [Format; 12] = {
         Format { extension, read, write: Some(write), holds, wide }
     }
     [
-        format(".bgeo", bgeo::read, bgeo::write_gzip, ALL, false),
-        format(".bgeo.gz", bgeo::read, bgeo::write_gzip, ALL, false),
-        format(".bhclassic", bgeo::read, bgeo::write, ALL, false),
-        format(".vtk", vtk::read, vtk::write, ALL, true),
-        format(".vtu", vtu::read, vtu::write, ALL, true),
-        Format { extension: ".vtp", read: vtu::read, write: None, holds: ALL, wide: true },
-        format(".ply", ply::read, ply::write, ALL, true),
-        format(".npy", npy::read, npy::write, &[], true),
-        format(".npz", npz::read, npz::write, ALL, true),
-        format(".xyz", xyz::read, xyz::write, &[], false),
-        format(".pos", pos::read, pos::write, &["radius", "ellipsoid"], false),
-        format(".csv", csv::read, csv::write, ALL, true),
+        format(".bgeo", Packed(bgeo::read), bgeo::write_gzip, ALL, false),
+        format(".bgeo.gz", Packed(bgeo::read), bgeo::write_gzip, ALL, false),
+        format(".bhclassic", Packed(bgeo::read), bgeo::write, ALL, false),
+        format(".vtk", Plain(vtk::read), vtk::write, ALL, true),
+        format(".vtu", Packed(vtu::read), vtu::write, ALL, true),
+        Format { extension: ".vtp", read: Packed(vtu::read), write: None, holds: ALL, wide: true },
+        format(".ply", Plain(ply::read), ply::write, ALL, true),
+        format(".npy", Plain(npy::read), npy::write, &[], true),
+        format(".npz", Packed(npz::read), npz::write, ALL, true),
+        format(".xyz", Plain(xyz::read), xyz::write, &[], false),
+        format(".pos", Plain(pos::read), pos::write, &["radius", "ellipsoid"], false),
+        format(".csv", Plain(csv::read), csv::write, ALL, true),
     ]
 };
+
+impl Format {
+    fn parse(&self, path: &Path, bytes: &[u8], limit: u64) -> Result<Particles> {
+        match self.read {
+            Plain(read) => read(path, bytes),
+            Packed(read) => read(path, bytes, limit),
+        }
+    }
+
+    /// Fails if the beginning of a large file or its length tells that it is of another kind:
+    /// gigabytes of nothing need not be read to say so.
+    fn probe(&self, path: &Path, file: &File, length: u64) -> Result<()> {
+        const LARGE: u64 = 64 << 20;
+        const START: u64 = 64 << 10;
+        if !cfg!(unix) || length < LARGE {
+            return Ok(());
+        }
+        let mut start = vec![0; START as usize];
+        files::read_at(file, &mut start, 0).map_err(|source| Error::io(path, "read", source))?;
+        match (self.parse(path, &start, LARGE), self.extension) {
+            // All others may come from the cut.
+            (Err(error @ Error::Format { .. }), _) => Err(error),
+            (_, ".xyz") => xyz::check_length(path, &start, length),
+            (_, ".pos") => pos::check_length(path, &start, length),
+            _ => Ok(()),
+        }
+    }
+}
 
 /// The extensions that can be read, as a list for messages.
 pub(crate) fn extensions() -> String {

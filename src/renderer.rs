@@ -1,8 +1,9 @@
 //! The frame, on one page.
 
-use glam::UVec2;
+use glam::{UVec2, Vec3};
 
 use crate::camera::Camera;
+use crate::changes::{Changes, Drawn};
 use crate::environment::Environment;
 use crate::error::{Error, Result};
 use crate::gpu::{self, Gpu, PassTime, Timer};
@@ -21,21 +22,26 @@ use crate::settings::Solids;
 
 /// Draws particle liquids with one device.
 ///
-/// Frames are independent of each other: what is kept between them is memory and pipelines.
+/// Frames are independent of each other: what is kept between them is memory, pipelines, and such
+/// images of the last frame as the next would draw again bit by bit.
 #[derive(Debug)]
 pub struct Renderer {
     gpu: Gpu,
     liquid: Liquid,
     lights: Lights,
     eye: Surfaces,
-    mips: Mips,
+    mips: Option<Mips>,
     refract: Refract,
     tonemap: Tonemap,
     sized_for: (UVec2, bool),
+    /// None after an error, or if nothing is to be kept.
+    last: Option<Drawn>,
     /// Measure each pass with the device's timestamps, where it has them.
     pub timing: bool,
     /// Keep what [`Renderer::images`] needs: per-pixel counts, and the G-buffer.
     pub diagnose: bool,
+    /// Draw only what has changed since the last frame; off unless set.
+    pub reuse: bool,
 }
 
 /// The intermediate images of the last frame.
@@ -59,19 +65,21 @@ pub struct Images {
 }
 
 impl Renderer {
-    /// Compiles the passes.
+    /// Compiles what every frame needs; the rest is compiled when a frame first needs it.
     pub fn new(gpu: &Gpu) -> Self {
         Self {
             gpu: gpu.clone(),
             liquid: Liquid { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) },
             lights: Lights::default(),
             eye: Surfaces::new(gpu, false),
-            mips: Mips::new(gpu),
+            mips: None,
             refract: Refract::new(gpu),
             tonemap: Tonemap::new(gpu),
             sized_for: (UVec2::ONE, false),
+            last: None,
             timing: false,
             diagnose: false,
+            reuse: false,
         }
     }
 
@@ -80,8 +88,9 @@ impl Renderer {
     /// The scene's own `camera` and `particles` are not used: a view and classified particles
     /// are the caller's to choose. sRGB formats are encoded by the device, others by limpid.
     ///
-    /// Returns the time of each pass if [`Renderer::timing`] is set, else nothing at once,
-    /// without waiting for the device.
+    /// Returns the time of each pass that ran if [`Renderer::timing`] is set, else nothing at once,
+    /// without waiting for the device. What the last frame has drawn from the same input is not
+    /// drawn again: [`Renderer::forget`].
     ///
     /// # Errors
     /// [`crate::Error::Scene`] for a value out of range, [`crate::Error::Adapter`] for a picture
@@ -97,10 +106,11 @@ impl Renderer {
     ) -> Result<Vec<PassTime>> {
         scene.check()?;
         camera.check()?;
+        self.gpu.check()?;
         self.gpu.check_size(size)?;
         if let Environment::Map { size, pixels } = &scene.environment {
-            self.gpu.check_size(*size)?;
-            if pixels.len() != size.element_product() as usize {
+            self.gpu.check_image(*size, "choose a smaller environment map")?;
+            if pixels.is_empty() || pixels.len() != size.x as usize * size.y as usize {
                 let problem = format!("{} pixels do not make a map of {size}", pixels.len());
                 return Err(Error::Scene { origin: "environment".into(), problem });
             }
@@ -110,14 +120,19 @@ impl Renderer {
         let has_splash = !splats.splashes.is_empty();
         let variant = Variant::new(scene, has_splash, self.diagnose);
         let gpu = &self.gpu;
+        let backs = settings.refract.interfaces > 1
+            || self.diagnose
+            || may_start_inside(splats, camera, size);
         let wanted = Wanted {
             size,
             splash: has_splash,
             mixture: variant.mixture,
             gbuffer: screen_solids || self.diagnose,
             levels: if variant.mips() { mips::levels(size) } else { 1 },
-            backs: true,
+            backs,
         };
+        let last = self.last.take().filter(|_| self.reuse);
+        let changes = Changes::since(last.as_ref(), scene, camera, splats, wanted, self.diagnose);
         self.eye.resize(gpu, wanted);
         if self.sized_for != (size, self.diagnose) {
             self.refract.resize(gpu, size, self.diagnose);
@@ -125,34 +140,61 @@ impl Renderer {
         }
 
         let fits = smooth::Params::iterations(&settings.smooth, splats.radius);
-        self.liquid.aggregates.upload(gpu, &splats.aggregates);
-        self.liquid.splashes.upload(gpu, &splats.splashes);
-        self.lights.prepare(gpu, scene, splats, &fits)?;
+        if changes.splats {
+            self.liquid.aggregates.upload(gpu, &splats.aggregates);
+            self.liquid.splashes.upload(gpu, &splats.splashes);
+        }
+        if changes.lights {
+            self.lights.prepare(gpu, scene, splats, &fits)?;
+        }
         let uniform = camera.uniform(size, splats.origin);
         let (views, maps) = (self.lights.views(), self.lights.maps());
         self.eye.prepare(gpu, scene, &uniform, camera.eye, views, maps, splats.radius, &fits);
-        let params = refract::Params::new(scene, &settings.refract, splats.radius);
-        self.refract.prepare(gpu, &self.eye.camera, &self.eye.scene, variant, &params);
-        self.tonemap.prepare(gpu, &settings.tonemap, format);
 
         let mut timer = Timer::new(gpu, self.timing);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        self.lights.record(gpu, &mut encoder, scene, &self.liquid, splats, &fits, &mut timer);
-        let names = ["splat", "splat splashes", "mixture", "tiles", "smooth", "gbuffer"];
-        self.eye.record(gpu, &mut encoder, scene, &self.liquid, &fits, &mut timer, names);
-        if variant.mips() {
+        if changes.lights {
+            let lights = &self.lights;
+            lights.record(gpu, &mut encoder, scene, &self.liquid, splats, &fits, &mut timer);
+        }
+        if changes.surfaces {
+            let names = ["splat", "splat splashes", "mixture", "tiles", "smooth", "gbuffer"];
+            self.eye.record(gpu, &mut encoder, scene, &self.liquid, &fits, &mut timer, names);
+        }
+        if !self.refract.is_compiled(variant, &self.eye.scene) {
+            // The device begins to draw while the longest shaders are compiled.
+            let next = gpu.device.create_command_encoder(&Default::default());
+            gpu.queue.submit([std::mem::replace(&mut encoder, next).finish()]);
+        }
+        let params = refract::Params::new(scene, &settings.refract, splats.radius);
+        self.refract.prepare(gpu, &self.eye.camera, &self.eye.scene, variant, &params);
+        self.tonemap.prepare(gpu, &settings.tonemap, format);
+        if changes.surfaces && variant.mips() {
             let mut layers = vec![&self.eye.aggregate_layers().texture];
             layers.extend(self.eye.splash_layers().map(|splash| &splash.texture));
             layers.extend(screen_solids.then_some(&self.eye.gbuffer.images.planes));
-            self.mips.record(gpu, &mut encoder, &layers, timer.span("mips"));
+            let mips = self.mips.get_or_insert_with(|| Mips::new(gpu));
+            mips.record(gpu, &mut encoder, &layers, timer.span("mips"));
         }
-        self.refract.record(gpu, &mut encoder, &self.eye, variant, timer.span("refract"));
+        if changes.radiance {
+            self.refract.record(gpu, &mut encoder, &self.eye, variant, timer.span("refract"));
+        }
         let radiance = &self.refract.radiance;
         self.tonemap.record(gpu, &mut encoder, radiance, target, format, timer.span("tonemap"));
         let resolved = timer.resolve(gpu, &mut encoder);
         gpu.queue.submit([encoder.finish()]);
         gpu.check()?;
+        let diagnosed = self.diagnose;
+        // A copy of all splats, for callers who want it.
+        self.last =
+            self.reuse.then(|| Drawn::new(last, changes, scene, camera, splats, wanted, diagnosed));
         timer.read(gpu, resolved.as_ref())
+    }
+
+    /// Draws all of the next frame, also what the last one has drawn from the same input: to
+    /// measure what a frame takes.
+    pub fn forget(&mut self) {
+        self.last = None;
     }
 
     /// The intermediate images of the last frame.
@@ -168,6 +210,20 @@ impl Renderer {
             diagnostics: self.sized_for.1.then(|| refract.diagnostics.clone()),
         }
     }
+}
+
+/// Whether the picture may have a pixel whose ray starts in liquid. Then it leaves by a back, also
+/// where a ray is followed through one interface.
+fn may_start_inside(splats: &Splats, camera: &Camera, size: UVec2) -> bool {
+    let uniform = camera.uniform(size, splats.origin);
+    // From the eye to the near plane's corners; and room for planes that are seen at a slant.
+    let near = 32.0 * uniform.near * uniform.tangent.extend(1.0).length();
+    splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
+        let [diagonal, off] = [splat.diagonal, splat.off_diagonal].map(Vec3::from_array);
+        // No semi-axis is longer than the Frobenius norm of their matrix.
+        let reach = (diagonal.length_squared() + 2.0 * off.length_squared()).sqrt();
+        (uniform.origin + Vec3::from_array(splat.centre)).length() <= 1.001 * reach + near
+    })
 }
 
 /// A picture of its own for [`Renderer::render`], and its way to memory.

@@ -6,16 +6,23 @@
 //! - [`caustics`]: light through liquid by each method, against light traced in 64 bits.
 //! - [`picture`]: whole frames by the presets, against traced pictures.
 //! - [`stress`]: extreme scales, places, lenses and indices, against a closed form.
+//! - [`passes`]: what each pass takes, against what it must move and compute at the adapter's best.
+//! - [`elisions`]: what is left out of a frame that does not need it, and what that saves.
+//! - [`curve`]: what `limpid render --max-error` and `--budget` choose by.
 //!
 //! Times are the device's own timestamps. Methods run by turns, after a warm-up; a row has the
 //! median and half the distance between the quartiles.
 
 pub mod caustics;
+pub mod curve;
+pub mod elisions;
 mod html;
 pub mod intersect;
 mod markdown;
+pub mod passes;
 pub mod picture;
 mod plot;
+pub mod rates;
 mod rows;
 #[cfg(test)]
 mod sample;
@@ -31,6 +38,7 @@ pub use rows::{ErrorKind, Figure, Kind, Orders, Report, Row, Stress};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::renderer::Renderer;
+use elisions::Frame;
 use picture::Effort;
 use subjects::Subject;
 
@@ -63,6 +71,10 @@ const SCENES: [(&str, [bool; 4]); 12] = [
     ("dam", [false, false, true, true]),
 ];
 
+/// Scenes whose passes are budgeted unless others are named: splashes, light and shadow; 250,000
+/// particles; no light.
+const BUDGETED: [&str; 4] = ["cascade", "pool", "vase", "demo"];
+
 /// Measures everything, telling `progress` what comes next.
 ///
 /// # Errors
@@ -72,6 +84,9 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
         adapter: gpu.adapter(),
         quick: options.quick,
         rows: Vec::new(),
+        rates: None,
+        budgets: Vec::new(),
+        elisions: Vec::new(),
         orders: Vec::new(),
         stress: Vec::new(),
         figures: Vec::new(),
@@ -85,8 +100,12 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
     let mut renderer = Renderer::new(gpu);
     for name in &options.scenes {
         // An unknown name is told before an hour has passed.
-        subjects::check(name)?;
+        if options.kinds != [Kind::Pass] || !subjects::is_file(name) {
+            subjects::check(name)?;
+        }
     }
+    let asked = |kind: Kind| options.kinds.contains(&kind);
+    let all = options.scenes.is_empty() && options.kinds.is_empty();
     for (name, [intersect, smooth, caustics, picture]) in SCENES {
         if !options.scenes.is_empty() && !options.scenes.iter().any(|wanted| wanted == name) {
             continue;
@@ -126,7 +145,30 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
             report.figures.push(figure);
         }
     }
-    if options.scenes.is_empty() && options.kinds.is_empty() {
+    if all || asked(Kind::Pass) {
+        progress("rates");
+        report.rates = rates::measure(gpu)?;
+        let scenes: Vec<&str> = match (&options.scenes[..], options.quick) {
+            ([], true) => vec![BUDGETED[0]],
+            ([], false) => BUDGETED.to_vec(),
+            (scenes, _) => scenes.iter().map(String::as_str).collect(),
+        };
+        for name in scenes {
+            progress(&format!("{name}: passes"));
+            let (rates, repeats) = (report.rates, effort.repeats.max(5));
+            let budgets =
+                passes::measure(gpu, &mut renderer, rates.as_ref(), name, effort.width, repeats)?;
+            report.budgets.extend(budgets);
+        }
+    }
+    if all && !options.quick || asked(Kind::Elision) {
+        progress("what is left out");
+        let (_, scene, loaded) = subjects::load("demo")?;
+        let (camera, splats) = (scene.camera_for(loaded.bounds), loaded.splats);
+        let (frame, size) = (Frame { scene, camera, splats }, subjects::size("demo", effort.width));
+        report.elisions = elisions::measure(gpu, &mut renderer, &frame, size, effort.repeats)?;
+    }
+    if all {
         progress("extreme scenes");
         let pictures = if options.quick { 3 } else { 100 };
         report.stress = stress::measure(gpu, &mut renderer, pictures)?;

@@ -5,6 +5,7 @@
 //! then those that it comes from. Frames far from there make room for nearer ones.
 
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 
 use crate::error::{Error, Result};
@@ -80,17 +81,22 @@ struct Aim {
 }
 
 impl Aim {
-    /// How soon frame `i` of `count` is wanted: 0 the wanted one, then those ahead, and those
-    /// behind as if they were four times as far.
+    /// How soon frame `i` of `count` is wanted: 0 the wanted one, then those that playback comes to,
+    /// and those behind or stepped over as if they were four times as far.
     fn rank(self, i: usize, count: usize) -> usize {
+        let step = self.step.unsigned_abs().max(1);
+        let far = |distance: usize| 4 * distance + 1;
+        let ahead = |distance: usize| {
+            if distance.is_multiple_of(step) { distance / step } else { far(distance) }
+        };
         let forwards = self.step >= 0;
         let (from, to) = if forwards { (self.at, i) } else { (i, self.at) };
         if to >= from {
-            to - from
+            ahead(to - from)
         } else if self.looped {
-            to + count - from
+            ahead(to + count - from)
         } else {
-            4 * (from - to) + 1
+            far(from - to)
         }
     }
 }
@@ -119,7 +125,10 @@ impl Ring {
             let (shared, load, ready) = (shared.clone(), load.clone(), ready.clone());
             std::thread::spawn(move || {
                 while let Some(i) = shared.next() {
-                    shared.finish(i, load(i));
+                    // Whoever waits for the frame must hear of it, even of a defect.
+                    let loaded = catch_unwind(AssertUnwindSafe(|| load(i)));
+                    let defect = |_| Err(Error::Defect("a frame could not be loaded".into()));
+                    shared.finish(i, loaded.unwrap_or_else(defect));
                     ready(i);
                 }
             });
@@ -128,12 +137,17 @@ impl Ring {
     }
 
     /// Says which frame is wanted now and where playback goes: `step` frames at a time, negative for
-    /// backwards; `looped` if it begins again at the other end. Never blocks.
+    /// backwards; `looped` if it begins again at the other end. Never blocks. A frame that could not
+    /// be loaded is tried again when it comes to be wanted: it may have been about to be written.
     pub fn aim(&self, at: usize, step: isize, looped: bool) {
         let mut state = self.shared.lock();
         let aim = Aim { at: at.min(self.shared.count.saturating_sub(1)), step, looped };
         if state.aim != aim {
             state.aim = aim;
+            // What has failed takes no memory.
+            if matches!(state.slots.get(&aim.at), Some(Slot::Done(Err(_), _))) {
+                state.slots.remove(&aim.at);
+            }
             self.shared.work.notify_all();
         }
     }
@@ -248,20 +262,22 @@ impl State {
         let missing = (0..count).filter(|i| !self.slots.contains_key(i));
         let i = missing.min_by_key(|&i| aim.rank(i, count))?;
         let rank = aim.rank(i, count);
-        while self.bytes + self.estimate > budget {
-            // Frames that are wanted later make room; the wanted one comes whatever it takes.
-            if !self.evict(count, rank, evicted) {
-                let alone = self.slots.is_empty();
-                if alone {
-                    break;
-                }
-                return None;
-            }
-        }
         // Without an idea of a frame's size, one is loaded first.
         if self.estimate == 0 && self.slots.values().any(|slot| matches!(slot, Slot::Loading(_))) {
             return None;
         }
+        // Frames that are wanted later make room, if that is enough; the wanted one comes whatever it
+        // takes, once it is alone.
+        let later = |(j, slot): (&usize, &Slot)| {
+            matches!(slot, Slot::Done(..)) && aim.rank(*j, count) > rank
+        };
+        let kept = self.slots.iter().filter(|&slot| !later(slot));
+        let (count_kept, bytes_kept) =
+            kept.fold((0, 0), |(n, bytes), (_, slot)| (n + 1, bytes + slot.bytes()));
+        if count_kept > 0 && bytes_kept + self.estimate > budget {
+            return None;
+        }
+        while self.bytes + self.estimate > budget && self.evict(count, rank, evicted) {}
         self.put(i, Slot::Loading(self.estimate));
         Some(i)
     }

@@ -86,7 +86,7 @@ impl Default for Classify {
 }
 
 /// What lengths on the screen are measured in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Unit {
     /// Pixels, as Imai et al. (2016).

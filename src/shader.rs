@@ -4,7 +4,6 @@
 //! Order does not matter to WGSL, so a root may supply a function that an imported body calls:
 //! that is how the intersectors of `refract` and the filters of `smooth` are chosen.
 
-use std::borrow::Cow;
 use std::collections::HashSet;
 
 use crate::gpu::Gpu;
@@ -26,7 +25,9 @@ pub const FILES: &[(&str, &str)] = &[
     ("smooth/bilateral.wgsl", include_str!("../shaders/smooth/bilateral.wgsl")),
     ("smooth/narrow_range.wgsl", include_str!("../shaders/smooth/narrow_range.wgsl")),
     ("gbuffer.wgsl", include_str!("../shaders/gbuffer.wgsl")),
-    ("mips.wgsl", include_str!("../shaders/mips.wgsl")),
+    ("mips/coarsen.wgsl", include_str!("../shaders/mips/coarsen.wgsl")),
+    ("mips/layers.wgsl", include_str!("../shaders/mips/layers.wgsl")),
+    ("mips/planes.wgsl", include_str!("../shaders/mips/planes.wgsl")),
     ("refract/interfaces.wgsl", include_str!("../shaders/refract/interfaces.wgsl")),
     ("refract/one_layer.wgsl", include_str!("../shaders/refract/one_layer.wgsl")),
     ("refract/single.wgsl", include_str!("../shaders/refract/single.wgsl")),
@@ -50,6 +51,8 @@ pub const FILES: &[(&str, &str)] = &[
     ("tonemap.wgsl", include_str!("../shaders/tonemap.wgsl")),
     ("report/intersect.wgsl", include_str!("../shaders/report/intersect.wgsl")),
     ("report/nothing.wgsl", include_str!("../shaders/report/nothing.wgsl")),
+    ("report/stream.wgsl", include_str!("../shaders/report/stream.wgsl")),
+    ("report/arithmetic.wgsl", include_str!("../shaders/report/arithmetic.wgsl")),
 ];
 
 /// The files that are compiled as they are; the others are imported by them.
@@ -61,7 +64,8 @@ pub const ROOTS: &[&str] = &[
     "smooth/bilateral.wgsl",
     "smooth/narrow_range.wgsl",
     "gbuffer.wgsl",
-    "mips.wgsl",
+    "mips/layers.wgsl",
+    "mips/planes.wgsl",
     "refract/single.wgsl",
     "refract/plane.wgsl",
     "refract/plane3.wgsl",
@@ -73,6 +77,8 @@ pub const ROOTS: &[&str] = &[
     "caustics/blur.wgsl",
     "tonemap.wgsl",
     "report/nothing.wgsl",
+    "report/stream.wgsl",
+    "report/arithmetic.wgsl",
 ];
 
 /// The text of a file with its imports pasted, each once.
@@ -116,8 +122,18 @@ pub(crate) fn module(gpu: &Gpu, file: &str) -> wgpu::ShaderModule {
 
 /// A module of text that is not in [`FILES`] as it is.
 pub(crate) fn text_module(gpu: &Gpu, label: &str, text: String) -> wgpu::ShaderModule {
-    gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(label),
-        source: wgpu::ShaderSource::Wgsl(Cow::Owned(text)),
+    let text = if gpu.uniforms_are_stored() { with_stored_uniforms(&text) } else { text };
+    gpu.module(label, text)
+}
+
+/// Uniforms whose values alone decide branches: `Gpu::branching` in layouts.
+const BRANCHING: [&str; 3] = ["lights", "caustics", "tonemap"];
+
+/// The text with the uniforms that decide branches as read-only storage, as software Vulkan gets it:
+/// there each of them costs a compilation per frame. Storage in turn is read lane by lane, so all
+/// others stay uniforms.
+pub fn with_stored_uniforms(text: &str) -> String {
+    BRANCHING.iter().fold(text.to_owned(), |text, name| {
+        text.replace(&format!("var<uniform> {name}:"), &format!("var<storage, read> {name}:"))
     })
 }

@@ -347,6 +347,11 @@ pub fn frame_path(folder: &Path, name: &str, number: u32) -> PathBuf {
     folder.join(format!("{name}_{number:04}.bgeo"))
 }
 
+/// The pattern of all frames' files.
+pub fn frame_pattern(folder: &Path, name: &str) -> String {
+    folder.join(format!("{name}_{{}}.bgeo")).to_string_lossy().into_owned()
+}
+
 /// Makes the frames of a scene's simulation that are not in `folder` yet.
 ///
 /// `progress` is told of each frame that is on disk, also of those found there, in order, and ends
@@ -425,14 +430,30 @@ pub fn bake(
 /// [`Error::Io`] naming the file that could not be removed.
 pub fn clear(name: &str, folder: &Path) -> Result<()> {
     let remove = |path: &Path| std::fs::remove_file(path).map_err(|e| Error::io(path, "remove", e));
-    let mut number = 1;
     // The record last: without it the frames that are left would be nobody's.
-    while frame_path(folder, name, number).exists() {
-        remove(&frame_path(folder, name, number))?;
-        number += 1;
+    for path in frames_in(folder, name)? {
+        remove(&path)?;
     }
     let record = record::path(folder, name);
     if record.exists() { remove(&record) } else { Ok(()) }
+}
+
+/// The frames of this name that are there, whatever their numbers.
+fn frames_in(folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
+    let fail = |e| Error::io(folder, "list", e);
+    let entries = match std::fs::read_dir(folder) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(fail)?,
+    };
+    let paths = entries.map(|entry| entry.map(|entry| entry.path()).map_err(fail));
+    let is_frame = |path: &PathBuf| {
+        let stem = path.file_name().and_then(|n| n.to_str()).and_then(|n| n.strip_suffix(".bgeo"));
+        let number = stem.and_then(|stem| stem.strip_prefix(name)?.strip_prefix('_'));
+        let number = number.and_then(|number| number.parse().ok());
+        number.is_some_and(|number| *path == frame_path(folder, name, number))
+    };
+    let frames: Result<Vec<PathBuf>> = paths.collect();
+    Ok(frames?.into_iter().filter(is_frame).collect())
 }
 
 /// The number of whole frames that are there without a gap, and the particles of the last.

@@ -176,28 +176,32 @@ max = [0.2, 0.9, 0.2]
     assert!(speed < 0.05, "{speed}");
 }
 
+/// Two balls without gravity, at (−x, 0, 0) and (x, y, 0), that fly at each other.
+fn collide(keys: &str, radius: f32, [x, y]: [f32; 2], speed: f32) -> Vec<Particles> {
+    baked(&format!(
+        "[simulation]
+frames = 15
+gravity = [0.0, 0.0, 0.0]
+{keys}
+[[simulation.block]]
+center = [-{x:?}, 0.0, 0.0]
+radius = {radius:?}
+velocity = [{speed:?}, 0.0, 0.0]
+[[simulation.block]]
+center = [{x:?}, {y:?}, 0.0]
+radius = {radius:?}
+velocity = [-{speed:?}, 0.0, 0.0]
+"
+    ))
+}
+
 /// Cohesion draws a drop's particles together, evenly: the drop stays where it is. Without it,
 /// what flies apart flies on.
 #[test]
 fn cohesion_holds_a_jet_together() {
     let spread = |cohesion: f32| {
-        let frames = baked(&format!(
-            "[simulation]
-frames = 15
-radius = 0.01
-viscosity = 0.0
-cohesion = {cohesion:?}
-gravity = [0.0, 0.0, 0.0]
-[[simulation.block]]
-center = [-0.07, 0.0, 0.0]
-radius = 0.07
-velocity = [0.6, 0.0, 0.0]
-[[simulation.block]]
-center = [0.07, 0.0, 0.0]
-radius = 0.07
-velocity = [-0.6, 0.0, 0.0]
-"
-        ));
+        let keys = format!("radius = 0.01\nviscosity = 0.0\ncohesion = {cohesion:?}");
+        let frames = collide(&keys, 0.07, [0.07, 0.0], 0.6);
         let last = &frames[14];
         let center = last.positions.iter().sum::<Vec3>() / last.len() as f32;
         assert!(center.length() < 2e-3, "{center}");
@@ -237,21 +241,7 @@ velocity = [1.0, 4.0, 0.0]
 /// Without gravity two balls that collide keep their momentum, and gain no energy.
 #[test]
 fn a_collision_keeps_momentum() {
-    let frames = baked(
-        "[simulation]
-frames = 15
-radius = 0.03
-gravity = [0.0, 0.0, 0.0]
-[[simulation.block]]
-center = [-0.3, 0.0, 0.0]
-radius = 0.2
-velocity = [1.0, 0.0, 0.0]
-[[simulation.block]]
-center = [0.3, 0.05, 0.0]
-radius = 0.2
-velocity = [-1.0, 0.0, 0.0]
-",
-    );
+    let frames = collide("radius = 0.03", 0.2, [0.3, 0.05], 1.0);
     let momentum = |p: &Particles| p.velocities.iter().flatten().sum::<Vec3>() / p.len() as f32;
     let drift = (momentum(&frames[14]) - momentum(&frames[0])).length();
     assert!(drift < 0.02, "{drift}");

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Mat3, Vec3};
 use limpid::particles::Particles;
-use limpid::passes::classify::{Splat, Splats, classify, wet};
+use limpid::passes::classify::{Cloud, Splat, Splats, classify, wet};
 use limpid::scene::{Shape, Solid, Surface};
 use limpid::settings::{Classify, Kernel};
 
@@ -380,6 +380,36 @@ fn density_equals_a_brute_force_reference() {
             }
         }
     }
+}
+
+/// The grid's answer is the tree's: centres and axes to 10⁻⁵ r, and no particle of another class; and a
+/// grid it is, but for particles that none serves.
+#[test]
+fn the_grid_equals_the_tree() {
+    let mut seed = 13;
+    let body = random(8000, 12);
+    let radii: Vec<_> = body.iter().map(|_| R * (0.5 + 1.5 * noise(&mut seed))).collect();
+    let mixed = Particles { positions: body.clone(), radii: Some(radii), ..Default::default() };
+    let spray = body.iter().map(|&p| 2.0 * p);
+    let strays = body.iter().copied().chain([Vec3::MAX, Vec3::MIN, 1e20 * Vec3::X]);
+    for particles in [cloud(body.clone()), mixed, cloud(spray), cloud(strays)] {
+        let cloud = Cloud::new(&particles, R);
+        for kernel in [Kernel::Fitted, Kernel::Volume] {
+            let settings = Classify { kernel, ..Default::default() };
+            assert!(cloud.has_grid(&settings));
+            let (grid, tree) = (cloud.classify(&settings), cloud.classify_by_tree(&settings));
+            assert_eq!(grid.aggregates.len(), tree.aggregates.len());
+            for (a, b) in all(&grid).zip(all(&tree)) {
+                assert_eq!(a.particle, b.particle);
+                let centres = Vec3::from_array(a.centre) - Vec3::from_array(b.centre);
+                assert!(centres.abs().max_element() < 1e-5 * a.radius, "{a:?}, {b:?}");
+                assert!(matrix(a).abs_diff_eq(matrix(b), 1e-5 * a.radius), "{a:?}, {b:?}");
+            }
+        }
+    }
+    let crowd = Cloud::new(&cloud([Vec3::ONE; 5000]), R);
+    let wide = Cloud::new(&cloud(body.iter().map(|&p| 1e6 * p)), R);
+    assert!([crowd, wide].iter().all(|cloud| !cloud.has_grid(&Classify::default())));
 }
 
 // Invariances.

@@ -352,8 +352,8 @@ fn render_next_to_nothing() {
     assert_eq!(open(&folder.path().join("small.png")).dimensions(), (1, 1));
 }
 
-/// --skip-existing resumes a sequence: it leaves good pictures alone, whatever they show, and
-/// draws the missing, the damaged and those of another size.
+/// --skip-existing resumes a sequence: it leaves alone what an equal run has drawn, and draws the
+/// missing, the damaged, those of another size and those of other programs.
 #[test]
 fn skip_existing_resumes() {
     if !adapter() {
@@ -364,19 +364,21 @@ fn skip_existing_resumes() {
     let path = |frame: u32| project.path().join(format!("f_{frame}.png"));
     render(project.path(), &args);
     let good: Vec<_> = (1..=3).map(|frame| bytes(&path(frame))).collect();
+    let resume: Vec<_> = args.into_iter().chain(["--skip-existing"]).collect();
+    let written = |frame: u32| fs::metadata(path(frame)).unwrap().modified().unwrap();
 
-    let kept = RgbImage::from_pixel(64, 48, Rgb([1, 2, 3]));
-    kept.save(path(1)).unwrap();
-    let kept = bytes(&path(1));
+    let kept = written(1);
     // Cut off in its pixels: the header still tells the right size.
     fs::write(path(2), &good[1][..good[1].len() / 2]).unwrap();
     RgbImage::new(32, 48).save(path(3)).unwrap();
-
-    let resume: Vec<_> = args.into_iter().chain(["--skip-existing"]).collect();
     render(project.path(), &resume);
-    assert!(bytes(&path(1)) == kept, "a whole picture was drawn again");
+    assert!(written(1) == kept, "a whole picture was drawn again");
     assert!(bytes(&path(2)) == good[1], "a damaged picture was kept");
     assert!(bytes(&path(3)) == good[2], "a picture of another size was kept");
+
+    RgbImage::from_pixel(64, 48, Rgb([1, 2, 3])).save(path(1)).unwrap();
+    render(project.path(), &resume);
+    assert!(bytes(&path(1)) == good[0], "a picture of another program was kept");
     // Nothing left to do is success too.
     render(project.path(), &resume);
 }
@@ -413,6 +415,35 @@ fn stats_name_the_adapter_and_every_pass() {
         let total = frame["total_ms"].as_f64().expect("total_ms is a number");
         assert!((total - times.iter().sum::<f64>()).abs() <= 1e-6 * total, "{total}: {times:?}");
     }
+}
+
+/// --max-error and --budget: what was picked is told on stderr, in one line, and in the stats.
+#[test]
+fn limits_pick_settings() {
+    if !adapter() {
+        return;
+    }
+    let project = project();
+    let draw = |limit: &str| {
+        let stats = ["--stats", "stats.json", "-o", "picked.png"];
+        let args =
+            [&["render", SIZE, "scenes/block.toml", "--frames=1", limit], &stats[..]].concat();
+        let Outcome { code, stdout, stderr } = run(project.path(), &args);
+        assert_eq!((code, stdout.as_str()), (0, ""), "{stderr}");
+        assert_tells(&stderr, &["limpid: picked refract.solver=", " px"]);
+        assert_eq!(stderr.lines().count(), 1, "{stderr}");
+        assert_picture(&project.path().join("picked.png"));
+        serde_json::from_slice::<Value>(&bytes(&project.path().join("stats.json"))).unwrap()
+    };
+    let stats = draw("--max-error=5");
+    assert!(stats["picked"]["error_px"].as_f64().is_some_and(|px| px <= 5.0), "{stats}");
+    assert_eq!(stats["picked"]["ms"], Value::Null);
+    let stats = draw("--budget=100000");
+    assert!(stats["picked"]["ms"].as_f64().is_some_and(|ms| ms <= 1e5), "{stats}");
+    assert!(
+        stats["picked"]["set"][0].as_str().is_some_and(|set| set.contains("solver")),
+        "{stats}"
+    );
 }
 
 /// --aov all: every channel that the documentation names, with values that make sense.
@@ -713,7 +744,7 @@ fn usage_errors() {
     for size in ["64", "64x", "0x48", "64x-1", "64x48x3", "widexhigh"] {
         fail(&["--size", "WIDTHxHEIGHT"], &["render", "--size", size]);
     }
-    for frames in ["5-1", "1-", "a", "1-10:0", ","] {
+    for frames in ["5-1:x", "1-", "a", "1-10:0", ","] {
         fail(&["frames"], &["render", "--frames", frames]);
     }
     for shard in ["3/2", "0/2", "1/0", "half", "1"] {
@@ -727,6 +758,20 @@ fn usage_errors() {
         fail(&["radius"], &["render", "--radius", radius]);
         fail(&["radius"], &["info", &dam("20"), "--radius", radius]);
     }
+    for limit in ["0", "-1", "nan", "small"] {
+        fail(&["--max-error", "above 0"], &["render", &format!("--max-error={limit}")]);
+        fail(&["--budget", "above 0"], &["render", &format!("--budget={limit}")]);
+    }
+    // The least that can be had is told.
+    fail(
+        &["--max-error 0.000001", "least", "refract.solver="],
+        &["render", "--max-error=0.000001"],
+    );
+    // Machines that share frames must not pick each for itself.
+    fail(&["--budget", "--shard"], &["render", "--budget=5", "--shard=1/2"]);
+    fail(&["--budget", "--skip-existing"], &["render", "--budget=5", "--skip-existing"]);
+    fail(&["elisions"], &["report", "--kinds=pases"]);
+    fail(&["--curve", "--passes"], &["report", "--curve=c.toml", "--passes"]);
     fail(&["--max-flip"], &["compare", "a.png", "b.png", "--max-flip", "nan"]);
     assert_names(folder.path(), &[]);
 }
@@ -865,6 +910,7 @@ fn help() {
     assert_tells(&text, &["render", "info", "compare", "Exit codes"]);
     let text = succeed(folder.path(), &["render", "--help"]);
     assert_tells(&text, &["--frames", "--shard", "--skip-existing", "--aov", "--stats", "--set"]);
+    assert_tells(&text, &["--max-error", "--budget"]);
     let version = succeed(folder.path(), &["--version"]);
     assert_eq!(version.trim(), concat!("limpid ", env!("CARGO_PKG_VERSION")));
     assert_eq!(run(folder.path(), &[]).code, 2);

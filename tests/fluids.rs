@@ -6,7 +6,8 @@ mod frames;
 
 use frames::{Stage, glowing, on_axis, scene, sphere, splats, stage};
 use glam::{DVec3, UVec2, Vec3};
-use limpid::input::Input;
+use limpid::input::{Input, Moment};
+use limpid::particles::Particles;
 use limpid::passes::classify::{Splat, Splats};
 use limpid::scene::{Fluid, ParticleSource, Scene, Shape};
 
@@ -223,4 +224,30 @@ fn a_scene_of_two_fluids() {
         let error = Scene::parse(bad, "scene", folder.path(), &[]).unwrap_err().to_string();
         assert!(error.contains(problem), "{bad}: {error}");
     }
+}
+
+/// Slow motion of several fluids: each is interpolated by its own ids, whatever comes and goes in the
+/// other, and in whatever order the files have them.
+#[test]
+fn fluids_are_interpolated_each_by_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, particles: &[(i64, f32)]| {
+        let positions = particles.iter().map(|&(_, x)| Vec3::X * x).collect();
+        let ids = Some(particles.iter().map(|&(id, _)| id).collect());
+        let frame = Particles { ids, ..Particles::from_positions(positions) };
+        frame.write(&folder.path().join(name)).unwrap();
+    };
+    write("a_1.bgeo", &[(1, 0.0), (2, 10.0)]);
+    write("a_2.bgeo", &[(2, 12.0), (1, 2.0)]);
+    write("b_1.bgeo", &[(1, 100.0)]);
+    write("b_2.bgeo", &[(1, 104.0), (7, 200.0)]);
+    let fluid = |name: &str| format!("[[fluid]]\nsource = \"{name}_{{}}.bgeo\"\nradius = 0.1\n");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, fluid("a") + &fluid("b")).unwrap();
+    let input = Input::open(path.to_str().unwrap(), &[]).unwrap();
+    let middle = Moment { frame: 1, next: 2, fraction: 0.25 };
+    let particles = input.particles(middle).unwrap();
+    let places: Vec<f32> = particles.positions.iter().map(|x| x.x).collect();
+    assert_eq!(places, [0.5, 10.5, 101.0]);
+    assert_eq!(particles.fluids, Some(vec![0, 0, 1]));
 }

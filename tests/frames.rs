@@ -22,10 +22,14 @@ const SIZE: UVec2 = UVec2::new(120, 90);
 
 /// A drop of 200 particles with some spray, in all settings as they come: floor, sky, absorption.
 fn tank() -> (Scene, Camera, Splats) {
+    tank_of(200)
+}
+
+fn tank_of(count: usize) -> (Scene, Camera, Splats) {
     let mut seed = 9;
-    let positions = (0..200)
+    let positions = (0..count)
         .map(|i| {
-            let reach = if i < 170 { Vec3::new(0.3, 0.2, 0.3) } else { Vec3::splat(0.8) };
+            let reach = if i < count - 30 { Vec3::new(0.3, 0.2, 0.3) } else { Vec3::splat(0.8) };
             reach * noise_vector(&mut seed)
         })
         .collect();
@@ -390,16 +394,15 @@ fn frame_is_of_its_size() {
 fn parts_draw_what_the_whole_draws() {
     let Some(whole) = gpu() else { return };
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-        backends: wgpu::Backends::PRIMARY,
         ..wgpu::InstanceDescriptor::new_without_display_handle()
     });
-    let wanted = whole.device.adapter_info().name;
-    let adapters = instance.enumerate_adapters(wgpu::Backends::PRIMARY);
-    let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info().name == wanted);
-    // Room for 100 splats in a binding.
+    let wanted = whole.device.adapter_info();
+    let adapters = instance.enumerate_adapters(wanted.backend.into());
+    let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info() == wanted);
+    // Room for 1,000 splats in a binding.
     let descriptor = wgpu::DeviceDescriptor {
         required_limits: wgpu::Limits {
-            max_storage_buffer_binding_size: 4800,
+            max_storage_buffer_binding_size: 48_000,
             ..Default::default()
         },
         ..Default::default()
@@ -407,8 +410,8 @@ fn parts_draw_what_the_whole_draws() {
     let adapter = adapter.expect("the adapter that the other device is of");
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
     let parts = Gpu::from_device(device, queue);
-    let (scene, camera, drawn) = tank();
-    assert!(drawn.aggregates.len() > 100, "{} aggregates", drawn.aggregates.len());
+    let (scene, camera, drawn) = tank_of(2500);
+    assert!(drawn.aggregates.len() > 2000, "{} aggregates", drawn.aggregates.len());
     let [whole, parts] = [whole, parts]
         .map(|gpu| shoot(&gpu, &mut Renderer::new(&gpu), &scene, &camera, &drawn, SIZE));
     assert!(whole.picture == parts.picture);

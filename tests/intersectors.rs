@@ -113,11 +113,8 @@ impl Picture {
     ) -> Vec<Answer> {
         assert_eq!(self.size, view.pixels());
         let camera = uniform(gpu, &view.uniform);
-        let params = limpid::passes::refract::Params {
-            iterations,
-            reach: 0.01,
-            ..bytemuck::Zeroable::zeroed()
-        };
+        let params =
+            limpid::passes::refract::Params { reach: 0.01, ..bytemuck::Zeroable::zeroed() };
         let params = uniform(gpu, &params);
         let view_of = |texture| wgpu::BindingResource::TextureView(texture);
         let mut resources = vec![
@@ -126,7 +123,7 @@ impl Picture {
             (1, 2, view_of(self.splashes.as_ref().unwrap_or(&self.layers))),
             (1, 3, view_of(&self.opaque)),
         ];
-        if [GUARDED, NEWTON, SECANT].contains(&solver) {
+        if solver == GUARDED {
             resources.push((1, 0, params.as_entire_binding()));
         }
         let kernel = Kernel {
@@ -145,7 +142,10 @@ impl Picture {
                 return array(select(0.0, 1.0, hit.found), hit.position.x, hit.position.y,
                     hit.position.z, hit.plane.x, hit.plane.y, hit.plane.z, diagnosed.failures);
             }",
-            constants: &[("SPLASH", f64::from(u8::from(self.splashes.is_some())))],
+            constants: &[
+                ("SPLASH", f64::from(u8::from(self.splashes.is_some()))),
+                ("ITERATIONS", iterations.into()),
+            ],
             resources: &resources,
         };
         let cases: Vec<[f32; 9]> = probes

@@ -108,19 +108,14 @@ fn shared_structs_agree() {
         rust_struct!(CameraUniform { view_from_world, origin, near, size, tangent, far, pad });
     let splat =
         rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, fluid });
-    let smooth =
-        rust_struct!(smooth::Params { taps, stride, in_radii, radius, inv_sigma2, delta, mu });
+    let smooth = rust_struct!(smooth::Params { stride, radius, inv_sigma2, delta, mu });
     let refract = rust_struct!(refract::Params {
         absorption,
         ior,
         contact,
-        samples,
         interfaces,
         internal_bounces,
-        iterations,
-        edge_samples,
         reach,
-        pad,
     });
     let tonemap = rust_struct!(tonemap::Params { gain, curve, encode });
     let scene = rust_struct!(gbuffer::SceneUniform {

@@ -259,6 +259,7 @@ fn without_light_nothing_is_drawn_for_it() {
     let camera = camera(DVec3::new(0.0, 2.5, 5.0), DVec3::Y, 40.0);
     let mut draw = |scene: &Scene| {
         renderer.timing = true;
+        renderer.forget();
         let frame = Picture::new(gpu, SIZE).expect("a frame");
         let times = renderer
             .render(scene, &camera, &drop, &frame.view(), Picture::FORMAT, SIZE)

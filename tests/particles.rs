@@ -1334,10 +1334,10 @@ impl Random {
         self.bits() as f32 / u32::MAX as f32 - 0.5
     }
 
-    /// Any finite float, or one of the size that files hold.
+    /// Any float that a place may have, or one of the size that files hold.
     fn float(&mut self) -> f32 {
         match self.below(4) {
-            0 => Some(f32::from_bits(self.bits())).filter(|x| x.is_finite()).unwrap_or(-0.0),
+            0 => Some(f32::from_bits(self.bits())).filter(|x| x.abs() < 1e18).unwrap_or(-0.0),
             _ => self.uniform(),
         }
     }

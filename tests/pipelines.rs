@@ -8,10 +8,13 @@ use limpid::aov::{self, Aov};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::Gpu;
+use limpid::particles::Up;
 use limpid::passes::classify::{Splat, Splats};
 use limpid::renderer::{Picture, Renderer};
-use limpid::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
-use limpid::settings::{Curve, Fresnel, Reflections, Settings, Solids, Solver, Unit};
+use limpid::scene::{Fluid, Light, Liquid, ParticleSource, Scene, Shape, Solid, Surface};
+use limpid::settings::{
+    Curve, Filter, Fresnel, Method, Reflections, Settings, Solids, Solver, Unit,
+};
 use limpid::wgpu;
 
 /// A no-op device that remembers what its validation says.
@@ -99,6 +102,12 @@ fn scene() -> Scene {
     }
 }
 
+fn fluid(absorption: Vec3) -> Fluid {
+    let particles =
+        ParticleSource { source: "".into(), frame: None, radius: None, up: Up::Y, fps: None };
+    Fluid { particles, absorption }
+}
+
 fn solids() -> Vec<Solid> {
     let shapes = [
         Shape::Plane { origin: DVec3::NEG_Y, normal: Vec3::Y, half_extent: f32::INFINITY },
@@ -179,7 +188,7 @@ fn every_setting_is_valid() {
     let device = Checked::new();
     let mut renderer = Renderer::new(&device.gpu);
     type Change = (&'static str, fn(&mut Scene));
-    let changes: [Change; 11] = [
+    let changes: [Change; 20] = [
         ("defaults", |_| ()),
         ("no smoothing", |s| s.settings.smooth.iterations = 0),
         ("one iteration", |s| s.settings.smooth.iterations = 1),
@@ -201,6 +210,26 @@ fn every_setting_is_valid() {
             s.settings.refract.radiance_scaling = false;
         }),
         ("clear liquid", |s| s.liquid.absorption = Vec3::ZERO),
+        ("bilateral", |s| s.settings.smooth.filter = Filter::Bilateral),
+        ("narrow range", |s| s.settings.smooth.filter = Filter::NarrowRange),
+        ("newton by mip levels", |s| {
+            s.settings.refract.solver = Solver::Newton;
+            s.settings.refract.filter = true;
+        }),
+        ("mip levels of the solids too", |s| {
+            s.settings.refract.solver = Solver::Plane3;
+            s.settings.refract.solids = Solids::Screen;
+        }),
+        ("strides", |s| {
+            s.settings.refract.solver = Solver::March;
+            s.settings.refract.stride = 4;
+        }),
+        ("secant", |s| s.settings.refract.solver = Solver::Secant),
+        ("gathered caustics", |s| s.settings.caustics.method = Method::Gather),
+        ("straight light", |s| s.settings.caustics.method = Method::Straight),
+        ("several fluids", |s| {
+            s.fluids = [Vec3::X, Vec3::Y].map(fluid).to_vec();
+        }),
         ("aces, many samples", |s| {
             s.settings.tonemap.curve = Curve::Aces;
             s.settings.refract.samples = 64;

@@ -194,7 +194,8 @@ fn render(arguments: &[&str]) -> Result<Vec<(String, Vec<u8>)>, String> {
         .map(|entry| {
             let path = entry.unwrap().path();
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
-            (name, std::fs::read(path).unwrap())
+            // What it was made from is in the file as well, and the folders differ.
+            (name, image::open(path).unwrap().into_rgb8().into_raw())
         })
         .collect();
     pictures.sort();

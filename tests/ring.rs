@@ -144,7 +144,25 @@ fn a_bad_frame_does_not_stop_the_others() {
     assert!(ring.get(2).expect("it has come").is_err());
     assert_eq!(ring.state().failed, [2]);
     assert_eq!(ring.state().loaded, [0, 1, 3, 4]);
-    assert_eq!(tries.load(Ordering::Relaxed), 1, "it is not tried over and over");
+    assert!(ring.wait(2).is_err());
+    let tries = tries.load(Ordering::Relaxed);
+    assert_eq!(tries, 2, "ahead and when it is wanted; not over and over");
+}
+
+/// Protects frames that were read while they were written: they come when they are wanted again.
+#[test]
+fn a_frame_that_failed_is_tried_again() {
+    let whole = Arc::new(AtomicUsize::new(0));
+    let written = whole.clone();
+    let (ring, came) = ring(3, 1 << 20, 1, move |i| match written.load(Ordering::Relaxed) {
+        0 if i == 1 => Err(Error::Usage("it changed while it was read".into())),
+        _ => Ok(frame(i, 1)),
+    });
+    came.wait_for(3);
+    assert!(ring.get(1).expect("it has come").is_err());
+    whole.store(1, Ordering::Relaxed);
+    assert_eq!(ring.wait(1).unwrap().number, 1);
+    assert!(ring.state().failed.is_empty());
 }
 
 /// Neither a question nor the end of a ring waits for a frame that takes long.
@@ -167,4 +185,33 @@ fn nothing_but_wait_blocks() {
     drop(ring);
     drop(guard);
     assert_eq!(came.wait_for(1), [0], "the frame in hand is finished, no other is begun");
+}
+
+/// A defect in loading is an error of that frame: nobody waits for it for ever.
+#[test]
+fn a_panic_is_an_error() {
+    let (ring, _) = ring(3, 1 << 20, 1, |i| {
+        assert!(i != 1, "planted");
+        Ok(frame(i, 1))
+    });
+    assert!(ring.wait(1).unwrap_err().to_string().contains("a defect of limpid"));
+    assert_eq!(ring.wait(2).unwrap().number, 2, "and its thread goes on");
+}
+
+/// In fast motion what is stepped over does not come before what is shown.
+#[test]
+fn frames_that_are_stepped_over_wait() {
+    let bytes = frame(0, 100).bytes();
+    let (ring, came) = ring(100, 5 * bytes, 1, |i| Ok(frame(i, 100)));
+    ring.wait(0).unwrap();
+    ring.aim(40, 4, false);
+    // Frames behind 40 may have been on their way; then come those that are shown.
+    let mut order = came.wait_for(1);
+    let shown = loop {
+        match order.iter().position(|&i| i == 40).map(|at| order[at..].to_vec()) {
+            Some(shown) if shown.len() >= 4 => break shown,
+            _ => order = came.wait_for(order.len() + 1),
+        }
+    };
+    assert_eq!(shown[..4], [40, 44, 48, 52]);
 }

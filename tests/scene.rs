@@ -324,6 +324,10 @@ fn ranges() {
         out("radius = 0.025", &format!("radius = {radius}"), &["particles", "radius"]);
         out("radius = 0.25\n", &format!("radius = {radius}\n"), &["[[solid]] 3", "radius"]);
     }
+    // As --radius: the cube of it is what a 32-bit float cannot hold.
+    let tiny = "[[fluid]]\nsource = \"a.xyz\"\n[[fluid]]\nsource = \"b.xyz\"\nradius = 1e-30\n";
+    assert_tells(&refused(tiny), &["[[fluid]] 2", "radius is 1e-30", "1e-12"]);
+    out("radius = 0.025", "radius = 1e-30", &["[particles] radius"]);
     for fov_y in ["0.0", "180.0", "-40.0", "nan"] {
         out("fov_y = 40.0", &format!("fov_y = {fov_y}"), &["camera", "fov_y"]);
     }

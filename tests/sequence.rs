@@ -128,8 +128,37 @@ fn frame_specs_of_every_dialect() {
     assert_eq!(frames("-1-1"), [-1, 0, 1]);
     assert_eq!(frames("0007-0008"), [7, 8]);
     assert_eq!(frames("5-5@b"), [5]);
+    assert_eq!(frames("10-7"), [10, 9, 8, 7]);
+    assert_eq!(frames("-5..-3,1..3"), [-5, -4, -3, 1, 2, 3]);
+    assert_eq!(frames("2--2"), [2, 1, 0, -1, -2]);
+    for spec in ["1-10s4", "1-10:4", "1-10step4", "1-10by4", "1-10every4", "1..10x4"] {
+        assert_eq!(frames(spec), [1, 5, 9], "{spec}");
+    }
+    for spec in ["10-1x4", "10-1x-4", "10..1s4"] {
+        assert_eq!(frames(spec), [10, 6, 2], "{spec}");
+    }
+    assert_eq!(frames("1-10y3"), [2, 3, 5, 6, 8, 9]);
+    assert_eq!(frames("10-1y3"), [9, 8, 6, 5, 3, 2]);
+    assert_eq!(frames("1-3,2-4,3"), [1, 2, 3, 4]);
+    assert_eq!(frames("9223372036854775807-9223372036854775806").len(), 2);
     assert_eq!(frames("1-9223372036854775807:9223372036854775807"), [1]);
     assert_eq!("all".parse::<FrameSpec>().unwrap(), FrameSpec::All);
+}
+
+/// What a run reports as failed can be given to the next one as it is.
+#[test]
+fn frame_specs_are_written_as_they_are_read() {
+    for (spec, written) in [
+        ("all", "all"),
+        ("1,2,3,5,7,8", "1-3,5,7-8"),
+        ("-3--1,4", "-3--1,4"),
+        ("10-8", "10,9,8"),
+        ("9223372036854775806,9223372036854775807", "9223372036854775806-9223372036854775807"),
+    ] {
+        let parsed: FrameSpec = spec.parse().unwrap();
+        assert_eq!(parsed.to_string(), written);
+        assert_eq!(written.parse::<FrameSpec>().unwrap(), parsed);
+    }
 }
 
 /// Binary order shows the whole range coarsely first, and leaves nothing out.
@@ -155,13 +184,19 @@ fn bad_frame_specs_are_usage_errors() {
         "-",
         "1--",
         "1-2-3",
-        "1..5",
+        "1...5",
+        "1..",
+        "1-5y1",
+        "1-5y0",
+        "1-5x",
+        "1-10stepx",
+        "10-1:--2",
+        "10-1@-b",
         "1-10:",
         "1-10:0",
         "1-10:-1",
         "1-10@c",
         "1-10xb",
-        "10-1",
         "5x2",
         "1-5:2:2",
         "99999999999999999999",

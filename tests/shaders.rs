@@ -8,6 +8,8 @@ use std::path::Path;
 
 use limpid::shader::{self, FILES, ROOTS};
 use naga::back::pipeline_constants::process_overrides;
+use naga::back::{glsl, hlsl, msl, spv};
+use naga::proc::BoundsCheckPolicies;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
 /// What the report pastes behind each root of `refract/`, and behind none.
@@ -44,13 +46,18 @@ fn values(module: &naga::Module, constant: &naga::Override) -> &'static [f64] {
         (Some("SIDE"), _) => &[0.0, 1.0],
         (Some("METHOD"), _) => &[0.0, 1.0, 2.0],
         (Some("STRIDE"), _) => &[1.0, 2.0, 4.0],
+        (Some("SHAPES"), _) => &[0.0, 1.0, 2.0, 4.0, 7.0],
+        (Some("TAPS"), _) => &[1.0, 2.0, 16.0],
+        (Some("SAMPLES"), _) => &[1.0, 4.0, 64.0],
+        (Some("EDGE_SAMPLES"), _) => &[1.0, 16.0, 64.0],
+        (Some("ITERATIONS"), _) => &[0.0, 4.0, 64.0],
         (name, ty) => panic!("the test knows no values for the constant {name:?} of {ty:?}"),
     }
 }
 
-/// Specialises every entry point: by each value of each constant alone, and by all of them at
-/// their first and at their last value. Returns how many specialisations there were.
-fn specialise(name: &str, module: &naga::Module, info: &ModuleInfo) -> Result<usize, String> {
+/// The sets of constants to specialise by: each value of each constant alone, and last all of them at
+/// their first and at their last value.
+fn specialisations(module: &naga::Module) -> Vec<Vec<(String, f64)>> {
     let constants: Vec<_> = module
         .overrides
         .iter()
@@ -64,7 +71,12 @@ fn specialise(name: &str, module: &naga::Module, info: &ModuleInfo) -> Result<us
         .flat_map(|(name, values)| values.iter().map(|&value| vec![(name.clone(), value)]));
     let first = constants.iter().map(|(name, values)| (name.clone(), values[0])).collect();
     let last = constants.iter().map(|(name, v)| (name.clone(), v[v.len() - 1])).collect();
-    let sets: Vec<Vec<_>> = alone.chain([first, last]).collect();
+    alone.chain([first, last]).collect()
+}
+
+/// Specialises every entry point in every way. Returns how many specialisations there were.
+fn specialise(name: &str, module: &naga::Module, info: &ModuleInfo) -> Result<usize, String> {
+    let sets = specialisations(module);
     for entry in &module.entry_points {
         for set in &sets {
             let chosen = set.iter().cloned().collect();
@@ -73,6 +85,72 @@ fn specialise(name: &str, module: &naga::Module, info: &ModuleInfo) -> Result<us
         }
     }
     Ok(sets.len() * module.entry_points.len())
+}
+
+/// What the drivers are given on each platform, for an entry point without open constants: SPIR-V for
+/// Vulkan, MSL 2.0 for Metal, HLSL 5.1 for DirectX 12, GLSL ES 3.1 for OpenGL. Returns their sizes in
+/// bytes.
+fn translate(
+    module: &naga::Module,
+    info: &ModuleInfo,
+    stage: naga::ShaderStage,
+    name: &str,
+) -> Result<[usize; 4], String> {
+    let entry = || Some((stage, name.to_owned()));
+    let policies = BoundsCheckPolicies::default();
+
+    let options = spv::PipelineOptions { shader_stage: stage, entry_point: name.to_owned() };
+    let spirv = spv::write_vec(module, info, &spv::Options::default(), Some(&options))
+        .map_err(|e| format!("SPIR-V: {e}"))?;
+
+    let options = msl::Options { lang_version: (2, 0), ..Default::default() };
+    let pipeline = msl::PipelineOptions { entry_point: entry(), ..Default::default() };
+    let (metal, told) =
+        msl::write_string(module, info, &options, &pipeline).map_err(|e| format!("MSL: {e}"))?;
+    // What cannot be bound is told here, not by an error of the writer.
+    for translated in told.entry_point_names {
+        translated.map_err(|e| format!("MSL: {e}"))?;
+    }
+
+    let (mut direct_x, options) = (String::new(), hlsl::Options::default());
+    let pipeline = hlsl::PipelineOptions { entry_point: entry() };
+    let told = hlsl::Writer::new(&mut direct_x, &options, &pipeline)
+        .write(module, info, None)
+        .map_err(|e| format!("HLSL: {e}"))?;
+    for translated in told.entry_point_names {
+        translated.map_err(|e| format!("HLSL: {e}"))?;
+    }
+
+    let (mut open_gl, options) = (String::new(), glsl::Options::default());
+    let pipeline = glsl::PipelineOptions {
+        shader_stage: stage,
+        entry_point: name.to_owned(),
+        multiview: None,
+    };
+    glsl::Writer::new(&mut open_gl, module, info, &options, &pipeline, policies)
+        .and_then(|mut writer| writer.write())
+        .map_err(|e| format!("GLSL ES: {e}"))?;
+    Ok([4 * spirv.len(), metal.len(), direct_x.len(), open_gl.len()])
+}
+
+/// Translates every entry point, with all constants at their first and all at their last value: every
+/// branch that they choose, and every one that they leave out.
+fn translate_all(name: &str, text: &str) -> Result<usize, String> {
+    let (module, info) = check(name, text)?;
+    let sets = specialisations(&module);
+    let ends = &sets[sets.len() - 2..];
+    for entry in &module.entry_points {
+        for set in ends {
+            let problem = |e: String| format!("{name} {} with {set:?}: {e}", entry.name);
+            let chosen = set.iter().cloned().collect();
+            let (module, info) =
+                process_overrides(&module, &info, Some((entry.stage, &entry.name)), &chosen)
+                    .map_err(|e| problem(e.to_string()))?;
+            let sizes = translate(&module, &info, entry.stage, &entry.name).map_err(problem)?;
+            assert!(sizes.iter().all(|&size| size > 0), "{name}: {sizes:?} bytes");
+        }
+    }
+    Ok(ends.len() * module.entry_points.len())
 }
 
 fn files_below(folder: &Path, prefix: &str, found: &mut BTreeSet<String>) {
@@ -116,7 +194,16 @@ fn every_root_is_valid() {
         .iter()
         .filter_map(|root| {
             let text = shader::source(root);
-            let checked = check(root, &text);
+            let stored = shader::with_stored_uniforms(&text);
+            // A new one is put here, or among those that decide branches.
+            let plain = ["camera", "scene", "solids", "params", "absorptions"];
+            for (_, uniform) in
+                stored.match_indices("var<uniform>").map(|(at, _)| stored.split_at(at))
+            {
+                let name = uniform.trim_start_matches("var<uniform> ").split(':').next();
+                assert!(name.is_some_and(|name| plain.contains(&name)), "{root}: uniform {name:?}");
+            }
+            let checked = check(root, &stored).and_then(|_| check(root, &text));
             match checked.and_then(|(module, info)| specialise(root, &module, &info)) {
                 Ok(specialisations) => {
                     assert!(specialisations > 0, "{root} has no entry point");
@@ -127,6 +214,27 @@ fn every_root_is_valid() {
         })
         .collect();
     assert!(broken.is_empty(), "{} broken roots:\n{}", broken.len(), broken.join("\n"));
+}
+
+/// Protects Metal, DirectX 12 and OpenGL, of which none may be here: every shader becomes what their
+/// drivers are given.
+#[test]
+fn every_shader_can_be_translated_for_every_platform() {
+    let roots = ROOTS.iter().map(|root| (*root, shader::source(root)));
+    let caustics = CAUSTICS
+        .iter()
+        .map(|file| (*file, shader::source("refract/guarded.wgsl") + &shader::source(file)));
+    let broken: Vec<_> = roots
+        .chain(caustics)
+        .filter_map(|(name, text)| match translate_all(name, &text) {
+            Ok(translated) => {
+                assert!(translated > 0, "{name} has no entry point");
+                None
+            }
+            Err(problem) => Some(problem),
+        })
+        .collect();
+    assert!(broken.is_empty(), "{} broken:\n{}", broken.len(), broken.join("\n"));
 }
 
 /// Protects the measurements: whatever supplies an intersector can be measured.
@@ -206,5 +314,13 @@ fn the_checks_find_planted_errors() {
     let text = format!("override SWITCH: bool = false;\n{divide}");
     let (module, info) = check("planted.wgsl", &text).expect("valid as it stands");
     let problem = specialise("planted.wgsl", &module, &info);
+    assert!(problem.as_ref().is_err_and(|e| e.contains("SWITCH\", 1.0")), "{problem:?}");
+
+    // What no platform can be given: a constant that is still open.
+    let (module, info) = check("planted.wgsl", &text).expect("valid as it stands");
+    let problem = translate(&module, &info, naga::ShaderStage::Compute, "main");
+    assert!(problem.as_ref().is_err_and(|e| e.contains("SPIR-V")), "{problem:?}");
+    // And one specialisation that cannot be made.
+    let problem = translate_all("planted.wgsl", &text);
     assert!(problem.as_ref().is_err_and(|e| e.contains("SWITCH\", 1.0")), "{problem:?}");
 }

@@ -150,7 +150,9 @@ fn translation_changes_nothing() {
         let there = draw(&mut stage, Place { offset, baked, ..HERE });
         let (flip, most, changed) = difference(&here, &there);
         println!("{offset}: mean FLIP {flip:.2e}, at most {most}, {changed:.2e} of the pixels");
-        assert!(flip < 1e-4 && changed < 1e-3, "{offset}: {flip:e}, {changed:e}");
+        // A ray or two may fall on the other side of a threshold, such as that of a strong reflection:
+        // FLIP spreads such a pixel over its neighbours, and it is 1e-4 of the whole.
+        assert!(flip < 4e-4 && changed < 1e-3, "{offset}: {flip:e}, {changed:e}");
     }
 }
 

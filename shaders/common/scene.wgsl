@@ -31,9 +31,13 @@ struct Solid {
 }
 
 @group(2) @binding(0) var<uniform> scene: Scene;
-// Uniform memory and counts known when the pipeline is made: a software adapter unrolls the loops
-// over them, which is worth more there than anything else in this file.
+// Uniform memory, and what is known of it when the pipeline is made: a software adapter unrolls the
+// loops over it, which is worth more there than anything else in this file. No branch depends on the
+// solids alone (`uniforms_are_stored` in src/gpu.rs says why): what a scene lacks is left out by SHAPES
+// and ANY_LIT, the rest is selected.
 override SOLIDS: u32 = 0u;
+override SHAPES: u32 = 7u;      // of the solids, 1 << PLANE and so on
+override ANY_LIT: bool = true;      // whether any is lit
 override ENVIRONMENT: u32 = 0u; // one of ENVIRONMENT_*
 
 const MAX_SOLIDS: u32 = 512u;
@@ -75,100 +79,117 @@ fn scene_blocks(o: vec3f, d: vec3f, far: f32) -> bool {
     return nearest < min(far, NOTHING);
 }
 
+// The shape, by a condition that looks as if it depended on a point or direction: else a software
+// adapter takes what is selected by it for a branch on uniform memory.
+fn shape_of(solid: Solid, x: vec3f) -> u32 {
+    return select(solid.shape, 3u, x.x > 3e38);
+}
+
+fn has(shape: u32) -> bool {
+    return (SHAPES & (1u << shape)) != 0u;
+}
+
 fn solid_trace(solid: Solid, o: vec3f, d: vec3f) -> f32 {
     let from_origin = o - solid.origin;
-    switch solid.shape {
-        case PLANE: {
-            let n = solid.extent;
-            let slope = dot(d, n);
-            if abs(slope) < 1e-20 {
-                return NOTHING;
-            }
-            let t = -dot(from_origin, n) / slope;
-            let within = plane_coordinates(n, from_origin + t * d);
-            return select(NOTHING, t, all(abs(within) <= vec2f(solid.half_extent)));
-        }
-        case BOX: {
-            // Never 1/0: infinity minus infinity would be a hit.
-            let slope = 1.0 / select(d, vec3f(1e-20), abs(d) < vec3f(1e-20));
-            let middle = -from_origin * slope;
-            let half = abs(slope) * solid.extent;
-            let t0 = max(max(middle.x - half.x, middle.y - half.y), middle.z - half.z);
-            let t1 = min(min(middle.x + half.x, middle.y + half.y), middle.z + half.z);
-            return select(NOTHING, select(t1, t0, t0 > 0.0), t0 <= t1);
-        }
-        default: {
-            // Perpendicular to the ray before squaring, so that far spheres keep their digits.
-            let along = -dot(from_origin, d);
-            let f = from_origin + along * d;
-            let radius = solid.extent.x;
-            let discriminant = (radius - length(f)) * (radius + length(f));
-            let half = sqrt(max(discriminant, 0.0));
-            let t0 = along - half;
-            return select(NOTHING, select(along + half, t0, t0 > 0.0), discriminant >= 0.0);
-        }
+    let shape = shape_of(solid, d);
+    var t = NOTHING;
+    if has(PLANE) {
+        t = select(t, plane_trace(solid, from_origin, d), shape == PLANE);
     }
+    if has(BOX) {
+        t = select(t, box_trace(solid, from_origin, d), shape == BOX);
+    }
+    if has(SPHERE) {
+        t = select(t, sphere_trace(solid, from_origin, d), shape == SPHERE);
+    }
+    return t;
+}
+
+fn plane_trace(solid: Solid, from_origin: vec3f, d: vec3f) -> f32 {
+    let n = solid.extent;
+    let slope = dot(d, n);
+    let along = abs(slope) < 1e-20;
+    let t = -dot(from_origin, n) / select(slope, 1.0, along);
+    let within = plane_coordinates(n, from_origin + t * d);
+    return select(NOTHING, t, !along && all(abs(within) <= vec2f(solid.half_extent)));
+}
+
+fn box_trace(solid: Solid, from_origin: vec3f, d: vec3f) -> f32 {
+    // Never 1/0: infinity minus infinity would be a hit.
+    let slope = 1.0 / select(d, vec3f(1e-20), abs(d) < vec3f(1e-20));
+    let middle = -from_origin * slope;
+    let half = abs(slope) * solid.extent;
+    let t0 = max(max(middle.x - half.x, middle.y - half.y), middle.z - half.z);
+    let t1 = min(min(middle.x + half.x, middle.y + half.y), middle.z + half.z);
+    return select(NOTHING, select(t1, t0, t0 > 0.0), t0 <= t1);
+}
+
+fn sphere_trace(solid: Solid, from_origin: vec3f, d: vec3f) -> f32 {
+    // Perpendicular to the ray before squaring, so that far spheres keep their digits.
+    let along = -dot(from_origin, d);
+    let f = from_origin + along * d;
+    let radius = solid.extent.x;
+    let discriminant = (radius - length(f)) * (radius + length(f));
+    let half = sqrt(max(discriminant, 0.0));
+    let t0 = along - half;
+    return select(NOTHING, select(along + half, t0, t0 > 0.0), discriminant >= 0.0);
 }
 
 fn solid_normal(solid: Solid, x: vec3f) -> vec3f {
     let from_origin = x - solid.origin;
-    switch solid.shape {
-        case PLANE: {
-            return solid.extent;
-        }
-        case BOX: {
-            let face = abs(from_origin) - solid.extent;
-            let largest = max(max(face.x, face.y), face.z);
-            return normalize(sign(from_origin) * step(vec3f(largest), face));
-        }
-        default: {
-            return normalize(from_origin);
-        }
+    let shape = shape_of(solid, x);
+    var normal = solid.extent;
+    if has(BOX) {
+        let face = abs(from_origin) - solid.extent;
+        let largest = max(max(face.x, face.y), face.z);
+        let box_normal = normalize(sign(from_origin) * step(vec3f(largest), face));
+        normal = select(normal, box_normal, shape == BOX);
     }
+    if has(SPHERE) {
+        normal = select(normal, normalize(from_origin), shape == SPHERE);
+    }
+    return normal;
 }
 
 // Distance from x to the solid's surface along its normal there; large beside a plane's square.
 fn solid_distance(solid: Solid, x: vec3f) -> f32 {
     let from_origin = x - solid.origin;
-    switch solid.shape {
-        case PLANE: {
-            let within = plane_coordinates(solid.extent, from_origin);
-            let above = abs(dot(from_origin, solid.extent));
-            return select(NOTHING, above, all(abs(within) <= vec2f(solid.half_extent)));
-        }
-        case BOX: {
-            let face = abs(from_origin) - solid.extent;
-            return length(max(face, vec3f(0.0))) + min(max(max(face.x, face.y), face.z), 0.0);
-        }
-        default: {
-            return length(from_origin) - solid.extent.x;
-        }
+    let shape = shape_of(solid, x);
+    var nearest = NOTHING;
+    if has(PLANE) {
+        let within = plane_coordinates(solid.extent, from_origin);
+        let above = abs(dot(from_origin, solid.extent));
+        let on = (shape == PLANE) & all(abs(within) <= vec2f(solid.half_extent));
+        nearest = select(nearest, above, on);
     }
+    if has(BOX) {
+        let face = abs(from_origin) - solid.extent;
+        let distance = length(max(face, vec3f(0.0))) + min(max(max(face.x, face.y), face.z), 0.0);
+        nearest = select(nearest, distance, shape == BOX);
+    }
+    if has(SPHERE) {
+        nearest = select(nearest, length(from_origin) - solid.extent.x, shape == SPHERE);
+    }
+    return nearest;
 }
 
 // Coordinates in a plane through the origin: (x, z) if it is horizontal.
 fn plane_coordinates(n: vec3f, x: vec3f) -> vec2f {
     let a = abs(n);
-    if a.y >= max(a.x, a.z) {
-        return x.xz;
-    }
-    return select(x.xy, x.zy, a.x >= a.z);
+    return select(select(x.xy, x.zy, a.x >= a.z), x.xz, a.y >= max(a.x, a.z));
 }
 
 // Checker tiles are counted from the world's origin, so that neighbouring solids match.
 fn solid_color(solid: Solid, x: vec3f, normal: vec3f) -> vec3f {
-    if solid.tile <= 0.0 {
-        return solid.even;
+    let plain = solid.tile <= 0.0;
+    let at = x / select(solid.tile, 1.0, plain) + solid.phase;
+    let tile = floor(plane_coordinates(normal, at));
+    var parity = tile.x + tile.y;
+    if has(SPHERE) {
+        let cell = floor(at);
+        parity = select(parity, cell.x + cell.y + cell.z, shape_of(solid, x) == SPHERE);
     }
-    var parity: f32;
-    if solid.shape == SPHERE {
-        let tile = floor(x / solid.tile + solid.phase);
-        parity = tile.x + tile.y + tile.z;
-    } else {
-        let tile = floor(plane_coordinates(normal, x / solid.tile + solid.phase));
-        parity = tile.x + tile.y;
-    }
-    return select(solid.odd, solid.even, parity - 2.0 * floor(0.5 * parity) < 0.5);
+    return select(solid.odd, solid.even, plain | (parity - 2.0 * floor(0.5 * parity) < 0.5));
 }
 
 // Whether a solid is between x, on a surface with normal n, and a light.
@@ -183,7 +204,7 @@ fn in_shadow(x: vec3f, n: vec3f, to_light: ToLight) -> bool {
 fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f) -> vec3f {
     let solid = solids[index];
     let color = solid_color(solid, x, normal);
-    if solid.lit == 0u {
+    if !ANY_LIT {
         return color;
     }
     let n = select(normal, -normal, dot(d, normal) > 0.0);
@@ -197,7 +218,7 @@ fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f) -> vec3f {
         }
         irradiance_over_pi += light_with_liquid(i, x, n, direct);
     }
-    return color * irradiance_over_pi;
+    return color * select(vec3f(1.0), irradiance_over_pi, solid.lit == 1u);
 }
 
 fn environment_radiance(d: vec3f) -> vec3f {

@@ -21,11 +21,8 @@ struct Params {
     absorption: vec3f,     // 1/m; of several fluids, the largest component, three times
     ior: f32,              // of the liquid, relative to what surrounds it
     contact: f32,          // m
-    samples: u32,
     interfaces: u32,
     internal_bounces: u32,
-    iterations: u32,       // of `newton` and `secant`
-    edge_samples: u32,     // where there is no liquid
     reach: f32,            // share of the height that `guarded` may step over unseen
 }
 
@@ -38,6 +35,9 @@ override CONTACT: bool = true;            // there are solids, and contact > 0
 override SCREEN_SOLIDS: bool = false;     // look solids up in the G-buffer first
 override REFLECT_SOLIDS: bool = true;     // reflections see the solids
 override COUNT: bool = false;             // write the diagnostics
+override SAMPLES: u32 = 1u;
+override EDGE_SAMPLES: u32 = 16u;         // where there is no liquid
+override ITERATIONS: u32 = 4u;            // of `newton` and `secant`
 
 @group(1) @binding(0) var<uniform> params: Params;
 @group(1) @binding(1) var aggregate_layers: texture_2d_array<f32>;
@@ -50,6 +50,25 @@ override COUNT: bool = false;             // write the diagnostics
 @group(1) @binding(7) var diagnostics: texture_storage_2d<rgba32float, write>;
 // The tiles that an entry point draws: those of the liquid, or the others.
 @group(1) @binding(8) var<storage, read> tiles: TileList;
+
+// Pixels without liquid that have an edge in them: left by the other entry points to `edge_pixels`, so
+// that their many rays do not run beside pixels of one.
+struct Edges {
+    count: atomic<u32>,
+    pixels: array<u32>, // x + 65536 y
+}
+
+@group(3) @binding(0) var<storage, read_write> edges: Edges;
+// The dispatch of `edge_pixels`: groups of EDGE_GROUP in x.
+@group(3) @binding(1) var<storage, read_write> edge_groups: atomic<u32>;
+
+const EDGE_GROUP: u32 = 64u;
+
+// As many as the list holds, in as many groups as every adapter dispatches; edges beyond those are
+// drawn where they are found.
+fn most_edges() -> u32 {
+    return min(65535u * EDGE_GROUP, arrayLength(&edges.pixels));
+}
 
 // Reflectance above which an internal reflection is followed and the transmitted light looked up.
 const STRONG: f32 = 0.3;
@@ -250,20 +269,23 @@ fn solid_ahead(o: vec3f, d: vec3f) -> SolidHit {
     return scene_trace(camera_world_point(o), camera_world_direction(d));
 }
 
-// The radiance that arrives at o from direction d when no more liquid is in the way.
-fn lookup(o: vec3f, d: vec3f) -> vec3f {
-    return lookup_known(solid_ahead(o, d), o, d);
+// A ray that is not followed further: what it sees counts by `weight`.
+struct Look {
+    o: vec3f,
+    d: vec3f,
+    solid: SolidHit,
+    weight: vec3f,
+    screen: bool,    // solids may be looked up in the G-buffer first
 }
 
-// The same, where the solid ahead is known already.
-fn lookup_known(solid: SolidHit, o: vec3f, d: vec3f) -> vec3f {
-    if SCREEN_SOLIDS {
-        let hit = front_entry(OPAQUE, screen_ray(o, d, NOTHING));
+fn look(ray: Look) -> vec3f {
+    if SCREEN_SOLIDS && ray.screen {
+        let hit = front_entry(OPAQUE, screen_ray(ray.o, ray.d, NOTHING));
         if hit.found {
-            return texel_radiance(hit.texel);
+            return ray.weight * texel_radiance(hit.texel);
         }
     }
-    return radiance_of(solid, o, d);
+    return ray.weight * radiance_of(ray.solid, ray.o, ray.d);
 }
 
 // The radiance of the solid that the eye sees in a texel's centre.
@@ -283,25 +305,6 @@ fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f) -> vec3f {
     }
     let x = camera_world_point(o) + solid.t * world_d;
     return solid_radiance(solid.index, x, solid.normal, world_d);
-}
-
-// What a reflection off the outside sees; it is not followed. A solid that liquid covers in this
-// view is seen through the liquid: without that, crests would mirror a dry floor.
-fn lookup_reflection(o: vec3f, d: vec3f, scale: f32) -> vec3f {
-    if !REFLECT_SOLIDS {
-        return environment_radiance(camera_world_direction(d));
-    }
-    let solid = solid_ahead(o, d);
-    let wet = solid.t < NOTHING && covered(o + solid.t * d);
-    return radiance_of(solid, o, d) / select(1.0, scale, wet);
-}
-
-// What a weak reflection off the inside sees; it is not followed either.
-fn lookup_inside(o: vec3f, d: vec3f) -> vec3f {
-    if REFLECT_SOLIDS {
-        return lookup(o, d);
-    }
-    return environment_radiance(camera_world_direction(d));
 }
 
 // Whether the picture shows liquid in front of x.
@@ -326,6 +329,11 @@ fn touches(solid: SolidHit, x: vec3f) -> bool {
     return abs(solid_distance(solids[solid.index], camera_world_point(x))) <= params.contact;
 }
 
+// Follows the light that arrives at the eye through pixel position `u`.
+//
+// One turn of the loop is one event for every ray, whichever side of the liquid it is on: the way to
+// the next interface, what is seen along the direction that is not followed, and the direction that
+// is. So the long parts stand here once, for rays that run side by side.
 fn trace(u: vec2f, texel: vec2i) -> vec3f {
     let omega = camera_omega(u);
     var o = vec3f(0.0);
@@ -340,115 +348,117 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
     let disparity = max(aggregate, splash);
     var solid = solid_ahead(o, d);
     let t_front = length(omega) / disparity;
-    if disparity <= 0.0 || solid.t <= t_front {
-        return radiance_of(solid, o, d);
-    }
 
     var result = vec3f(0.0);
     var weight = vec3f(1.0);
     var interfaces = 0u;
     var bounces = 0u;
-    var inside = false;
     var start = texel;
     let scale = select(1.0, params.ior * params.ior, RADIANCE_SCALING);
 
-    // The first interface, unless the eye is in the liquid.
-    var hit = Interface(true, omega / disparity, front, texel);
-    if disparity >= 1.0 / camera.near {
+    // The first interface, unless a solid is in front of it or the eye is in the liquid.
+    var hit = Interface(disparity > 0.0 && solid.t > t_front, omega / disparity, front, texel);
+    var inside = hit.found && disparity >= 1.0 / camera.near;
+    var eye = true;
+    if inside {
         o = omega * camera.near;
-        inside = true;
-        hit.found = false;
     }
 
-    // At most 8 interfaces and 8 bounces; each event ends in one of either.
-    for (var event = 0u; event < 16u; event++) {
-        if !inside {
-            if !hit.found {
-                return result + weight * lookup_known(solid, o, d);
+    // At most 8 interfaces and 8 bounces, each a turn of its own, and the turn that ends.
+    for (var event = 0u; event < 17u; event++) {
+        // What ends the way: no more liquid, a solid, or the picture's border.
+        var ends = !inside && !hit.found;
+        var end_scale = 1.0;
+        var screen = !eye;
+        if inside {
+            solid = solid_ahead(o, d);
+            if interfaces >= params.interfaces {
+                ends = true;
+                end_scale = scale;
+            } else {
+                hit = liquid_exit(screen_ray(o, d, solid.t), start);
+                if !hit.found {
+                    diagnosed.failures += 1.0;
+                    hit.found = !plane_is_empty(hit.plane);
+                }
+                let to_hit = distance(hit.position, o);
+                // The liquid reaches the solid.
+                let wet = solid.t < NOTHING
+                    && (!hit.found || solid.t <= to_hit || touches(solid, hit.position));
+                ends = wet || !hit.found;
+                // Out of the picture while inside, and no plane to go by: the environment.
+                end_scale = select(scale, 1.0, wet);
+                solid.t = select(solid.t, NOTHING, ends && !wet);
+                screen = false;
+                if wet || hit.found {
+                    diagnosed.inside += select(to_hit, solid.t, wet);
+                    if ABSORPTION {
+                        weight *= transmittance_between(o, select(hit.position, o + solid.t * d, wet));
+                    }
+                }
             }
-            // Enter.
-            interfaces += 1u;
-            diagnosed.interfaces += 1.0;
+        }
+        eye = false;
+        var seen = Look(o, d, solid, end_scale * weight, screen);
+        if !ends {
             o = hit.position;
             start = hit.texel;
-            var n = normalize(-hit.plane);
+            var n = normalize(hit.plane);
             if dot(n, d) > 0.0 {
                 n = -n;
             }
+            let eta = select(params.ior, 1.0 / params.ior, inside);
             let cos_theta_i = -dot(d, n);
-            let cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
-            let f = reflectance(cos_theta_i, cos_theta_t, params.ior);
-            result += weight * f * lookup_reflection(o, reflect(d, n), scale);
-            if f >= 1.0 {
-                return result; // a liquid of less index than its surroundings: total reflection
-            }
-            weight *= (1.0 - f) / scale;
-            d = optics_refract(d, n, cos_theta_i, cos_theta_t, params.ior);
-            inside = true;
-        }
-
-        solid = solid_ahead(o, d);
-        if interfaces >= params.interfaces {
-            return result + weight * scale * lookup_known(solid, o, d);
-        }
-        hit = liquid_exit(screen_ray(o, d, solid.t), start);
-        if !hit.found {
-            diagnosed.failures += 1.0;
-            hit.found = !plane_is_empty(hit.plane);
-        }
-        let distance = length(hit.position - o);
-        if solid.t < NOTHING && (!hit.found || solid.t <= distance || touches(solid, hit.position)) {
-            // The liquid reaches the solid.
-            diagnosed.inside += solid.t;
-            if ABSORPTION {
-                weight *= transmittance_between(o, o + solid.t * d);
-            }
-            return result + weight * radiance_of(solid, o, d);
-        }
-        if !hit.found {
-            // Out of the picture while inside, and no plane to go by.
-            return result + weight * scale * environment_radiance(camera_world_direction(d));
-        }
-        diagnosed.inside += distance;
-        if ABSORPTION {
-            weight *= transmittance_between(o, hit.position);
-        }
-        o = hit.position;
-        start = hit.texel;
-
-        // Leave, or stay by a strong reflection.
-        var n = normalize(hit.plane);
-        if dot(n, d) > 0.0 {
-            n = -n;
-        }
-        let eta = 1.0 / params.ior;
-        let cos_theta_i = -dot(d, n);
-        let cos_theta_t = optics_cos_transmitted(cos_theta_i, eta);
-        let f = reflectance(cos_theta_i, cos_theta_t, eta);
-        let reflected = reflect(d, n);
-        if f > STRONG && bounces < params.internal_bounces {
-            bounces += 1u;
+            let cos_theta_t = optics_cos_transmitted(cos_theta_i, eta);
+            let f = reflectance(cos_theta_i, cos_theta_t, eta);
+            let reflected = reflect(d, n);
+            var transmitted = d;
             if f < 1.0 {
-                let out = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
-                result += weight * (1.0 - f) * scale * lookup(o, out);
+                transmitted = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
             }
-            weight *= f;
-            d = reflected;
-            continue;
+            let through = (1.0 - f) * select(1.0 / scale, scale, inside);
+            // Inside, a strong reflection is followed, and what goes out is looked up.
+            let bounce = inside && f > STRONG && bounces < params.internal_bounces;
+            bounces += select(0u, 1u, bounce);
+            interfaces += select(1u, 0u, bounce);
+            diagnosed.interfaces += select(1.0, 0.0, bounce);
+            // What is looked up from inside is scaled as if it came out.
+            let out = select(1.0, scale, inside);
+            seen.o = o;
+            seen.d = select(reflected, transmitted, bounce);
+            seen.weight = weight * select(f * out, through, bounce);
+            seen.screen = inside && (bounce || REFLECT_SOLIDS);
+            seen.solid.t = NOTHING;
+            if bounce || REFLECT_SOLIDS {
+                seen.solid = solid_ahead(o, seen.d);
+            }
+            // A reflection off the outside is not followed either. A solid that liquid covers in this
+            // view is seen through the liquid: without that, crests would mirror a dry floor.
+            if REFLECT_SOLIDS && !inside {
+                let x = o + seen.solid.t * seen.d;
+                seen.weight /= select(1.0, scale, seen.solid.t < NOTHING && covered(x));
+            }
+            weight *= select(through, f, bounce);
+            d = select(transmitted, reflected, bounce);
+            // Total reflection that is not followed.
+            ends = !bounce && f >= 1.0;
+            if !bounce && inside {
+                // Out of the liquid, perhaps into it again.
+                inside = false;
+                solid = solid_ahead(o, d);
+                hit = no_interface();
+                if interfaces < params.interfaces && !ends {
+                    hit = liquid_entry(screen_ray(o, d, solid.t));
+                }
+            } else {
+                inside = true;
+            }
         }
-        interfaces += 1u;
-        diagnosed.interfaces += 1.0;
-        result += weight * f * scale * lookup_inside(o, reflected);
-        if f >= 1.0 {
+        if any(seen.weight > vec3f(0.0)) {
+            result += look(seen);
+        }
+        if ends {
             return result;
-        }
-        weight *= (1.0 - f) * scale;
-        d = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
-        inside = false;
-        hit = no_interface();
-        solid = solid_ahead(o, d);
-        if interfaces < params.interfaces {
-            hit = liquid_entry(screen_ray(o, d, solid.t));
         }
     }
     return result;
@@ -483,25 +493,49 @@ fn background_mean(p: vec2i, count: u32) -> vec3f {
     return sum / f32(count);
 }
 
-// What is seen where there is no liquid. Where the pixel's corners and centre disagree there is an
-// edge in it (T. Whitted, An Improved Illumination Model for Shaded Display, 1980), and it is worth
+// Draws what is seen where there is no liquid. Where the pixel's corners and centre disagree there is
+// an edge in it (T. Whitted, An Improved Illumination Model for Shaded Display, 1980), and it is worth
 // many rays: they are short, and few pixels have one.
-fn background(p: vec2i) -> vec3f {
-    if params.edge_samples <= params.samples {
-        return background_mean(p, params.samples);
+fn draw_background(p: vec2i) {
+    if COUNT {
+        textureStore(diagnostics, p, vec4f(0.0));
     }
-    let centre = background_ray(vec2f(p) + 0.5);
-    var low = centre;
-    var high = centre;
-    for (var corner = 0; corner < 4; corner++) {
-        let seen = background_ray(vec2f(p + vec2i(corner & 1, corner >> 1u)));
-        low = min(low, seen);
-        high = max(high, seen);
+    if EDGE_SAMPLES <= SAMPLES {
+        textureStore(radiance, p, vec4f(background_mean(p, SAMPLES), 1.0));
+        return;
+    }
+    var centre = vec3f(0.0);
+    var low = vec3f(NOTHING);
+    var high = vec3f(0.0);
+    for (var probe = 0; probe < 5; probe++) {
+        let corner = vec2f(vec2i(probe & 1, probe >> 1u));
+        centre = background_ray(vec2f(p) + select(corner, vec2f(0.5), probe == 4));
+        low = min(low, centre);
+        high = max(high, centre);
     }
     if all(high - low <= EDGE * high) {
-        return centre;
+        textureStore(radiance, p, vec4f(centre, 1.0));
+        return;
     }
-    return background_mean(p, params.edge_samples);
+    let index = atomicAdd(&edges.count, 1u);
+    if index >= most_edges() {
+        textureStore(radiance, p, vec4f(background_mean(p, EDGE_SAMPLES), 1.0));
+        return;
+    }
+    edges.pixels[index] = u32(p.x) | (u32(p.y) << 16u);
+    if index % EDGE_GROUP == 0u {
+        atomicAdd(&edge_groups, 1u);
+    }
+}
+
+@compute @workgroup_size(64)
+fn edge_pixels(@builtin(global_invocation_id) id: vec3u) {
+    if id.x >= min(atomicLoad(&edges.count), most_edges()) {
+        return;
+    }
+    let packed = edges.pixels[id.x];
+    let p = vec2i(vec2u(packed & 0xffffu, packed >> 16u));
+    textureStore(radiance, p, vec4f(background_mean(p, EDGE_SAMPLES), 1.0));
 }
 
 fn has_liquid(texel: vec2i) -> bool {
@@ -522,15 +556,15 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
     if any(p >= vec2i(camera.size)) {
         return;
     }
+    if !has_liquid(p) {
+        draw_background(p);
+        return;
+    }
     diagnosed = Diagnostics();
-    let share = 1.0 / f32(params.samples);
+    let share = 1.0 / f32(SAMPLES);
     var color = vec3f(0.0);
-    if has_liquid(p) {
-        for (var i = 0u; i < params.samples; i++) {
-            color += share * trace(vec2f(p) + sample_offset(i, params.samples), p);
-        }
-    } else {
-        color = background(p);
+    for (var i = 0u; i < SAMPLES; i++) {
+        color += share * trace(vec2f(p) + sample_offset(i, SAMPLES), p);
     }
     textureStore(radiance, p, vec4f(color, 1.0));
     if COUNT {
@@ -549,8 +583,5 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    textureStore(radiance, p, vec4f(background(p), 1.0));
-    if COUNT {
-        textureStore(diagnostics, p, vec4f(0.0));
-    }
+    draw_background(p);
 }

@@ -14,10 +14,10 @@ fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
     var tau = 0.0;
     var level = 0;
     // One evaluation more than iterations: the last one is the test.
-    for (var i = 0u; i <= params.iterations; i++) {
+    for (var i = 0u; i <= ITERATIONS; i++) {
         let texel = screen_ray_texel(ray, tau);
         var plane: vec3f;
-        if FILTER && i + 2u <= params.iterations {
+        if FILTER && i + 2u <= ITERATIONS {
             diagnosed.iterations += 1.0;
             plane = class_plane_at(layer_class, side, mip_texel(texel, level), level);
         } else {
@@ -30,7 +30,7 @@ fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
             return no_interface();
         }
         let pixels = abs(next - tau) / ray.tau_per_pixel;
-        if i == params.iterations {
+        if i == ITERATIONS {
             if pixels > 1.0 {
                 return no_interface();
             }

@@ -22,7 +22,7 @@ fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
         tau = distance(camera_pixel(far), ray.u) * ray.tau_per_pixel;
     }
     tau = clamp(tau, min(ray.tau_per_pixel, 1.0), 1.0);
-    for (var i = 0u; i < params.iterations; i++) {
+    for (var i = 0u; i < ITERATIONS; i++) {
         let plane = plane_at(layer_class, side, ray.u + tau * ray.du);
         if plane_is_empty(plane) {
             return no_interface();
@@ -39,7 +39,7 @@ fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
             return no_interface();
         }
         let pixels = abs(next - tau) / ray.tau_per_pixel;
-        if i + 1u == params.iterations {
+        if i + 1u == ITERATIONS {
             if pixels > 1.0 {
                 return no_interface();
             }

@@ -3,27 +3,39 @@
 // `prepare` turns planes into the state (unsmoothed normal, depth), so that a tap is one fetch;
 // `iterate` is one iteration, from one state to another; `planes` turns the smoothed depths back
 // into planes. The filter, `smoothed`, is the root's.
+//
+// A normal packed into 32 bits would halve the state, and a plane would be no fixed point any more:
+// 5e-5 of its depth off at 60 degrees.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
 #import common/tiles.wgsl
 
 struct Params {
-    taps: i32,        // taps to each side of the centre
-    stride: f32,      // distance between taps: pixels, or particle radii with in_radii
-    in_radii: u32,
+    stride: f32,      // distance between taps: pixels, or particle radii with IN_RADII
     radius: f32,      // particle radius, m
     inv_sigma2: f32,  // 1 / sigma^2, 1/m^2
     delta: f32,       // half the range of depths that are one surface, m
     mu: f32,          // how far behind the centre what is out of that range is taken to be, m
 }
 
+override TAPS: i32 = 2;           // to each side of the centre; known, so that loops unroll
+override IN_RADII: bool = true;
+
 @group(1) @binding(0) var<uniform> params: Params;
 @group(1) @binding(1) var source: texture_2d_array<f32>;
-@group(1) @binding(2) var target_layers: texture_storage_2d_array<rgba32float, write>;
-// The unsmoothed planes, for `planes` where no difference can be taken.
-@group(1) @binding(3) var unsmoothed: texture_2d_array<f32>;
-@group(1) @binding(4) var<storage, read> liquid: TileList;
+@group(1) @binding(2) var target_state: texture_storage_2d_array<rgba32float, write>;
+@group(1) @binding(3) var target_planes: texture_storage_2d_array<rgba32float, write>;
+@group(1) @binding(4) var unsmoothed: texture_2d_array<f32>;
+@group(1) @binding(5) var<storage, read> liquid: TileList;
+
+// A tap: the normal, and the depth, which is 0 where it is empty or outside of the picture.
+fn state_at(q: vec2i, layer: i32) -> vec4f {
+    // Negative coordinates are large ones.
+    let inside = all(vec2u(q) < vec2u(camera.size));
+    let texel = textureLoad(source, q, layer, 0);
+    return vec4f(texel.xyz, select(0.0, texel.w, inside));
+}
 
 @compute @workgroup_size(8, 8)
 fn prepare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
@@ -36,12 +48,12 @@ fn prepare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    let plane = textureLoad(source, p, layer, 0);
+    let plane = textureLoad(unsmoothed, p, layer, 0);
     var state = vec4f(0.0);
     if plane.w > 0.0 {
         state = vec4f(plane_normal(plane.xyz), plane.w);
     }
-    textureStore(target_layers, p, layer, state);
+    textureStore(target_state, p, layer, state);
 }
 
 @compute @workgroup_size(8, 8)
@@ -60,13 +72,13 @@ fn iterate(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     if state.w > camera.near {
         state.w = smoothed(p, layer, state.w);
     }
-    textureStore(target_layers, p, layer, state);
+    textureStore(target_state, p, layer, state);
 }
 
 // Distance between the taps of a pixel at depth `z`, in pixels.
 fn tap_stride(z: f32) -> i32 {
     var stride = i32(params.stride);
-    if params.in_radii != 0u {
+    if IN_RADII {
         let distance = select(z, 1.0, ORTHOGRAPHIC);
         let pixels_per_radius = params.radius * camera.size.y / (2.0 * camera.tangent.y * distance);
         stride = i32(params.stride * pixels_per_radius + 0.5);
@@ -77,7 +89,7 @@ fn tap_stride(z: f32) -> i32 {
 // Weight of a tap by its distance from the centre, in taps: a Gaussian whose sigma is half of the
 // way to the window's edge.
 fn tap_weight(offset: vec2i) -> f32 {
-    let reach = f32(params.taps);
+    let reach = f32(TAPS);
     return exp(-2.0 * f32(dot(offset, offset)) / (reach * reach));
 }
 
@@ -93,11 +105,11 @@ fn planes(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loc
         return;
     }
     let here = textureLoad(source, p, layer, 0);
-    if here.w <= 0.0 {
-        textureStore(target_layers, p, layer, vec4f(0.0));
+    let z = here.w;
+    if z <= 0.0 {
+        textureStore(target_planes, p, layer, vec4f(0.0));
         return;
     }
-    let z = here.w;
     let disparity = camera_disparity(vec3f(0.0, 0.0, -z));
     let omega = camera_omega(vec2f(p) + 0.5);
     var pi = plane_from_normal(omega, z, here.xyz);
@@ -110,7 +122,7 @@ fn planes(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loc
     } else if x.known && y.known {
         pi = plane_from_gradient(omega, disparity, vec2f(x.slope, y.slope));
     }
-    textureStore(target_layers, p, layer, vec4f(pi, z));
+    textureStore(target_planes, p, layer, vec4f(pi, z));
 }
 
 struct Difference {

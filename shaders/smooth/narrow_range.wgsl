@@ -17,7 +17,7 @@ fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
     var alone = true;
     var range = vec2f(-params.delta, params.delta);
     // Outwards in square rings, so that the range grows alike on all sides.
-    for (var ring = 1; ring <= params.taps; ring++) {
+    for (var ring = 1; ring <= TAPS; ring++) {
         var widened = range;
         // Half of the ring's 8 `ring` taps, each with the one opposite to it.
         for (var i = 0; i < 4 * ring; i++) {
@@ -52,7 +52,7 @@ fn tap(q: vec2i, layer: i32, z_i: f32, behind: f32, range: vec2f) -> Tap {
     if any(q < vec2i(0)) || any(q >= vec2i(camera.size)) {
         return Tap(0.0, false, false);
     }
-    let z = textureLoad(source, q, layer, 0).w;
+    let z = state_at(q, layer).w;
     if z <= 0.0 {
         return Tap(params.mu, true, false);
     }

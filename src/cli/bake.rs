@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use indicatif::{ProgressBar, ProgressStyle};
 use limpid::scene::Scene;
 use limpid::{Error, sim};
 
@@ -38,7 +37,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if args.restart {
         sim::clear(&name, &folder)?;
     }
-    let bar = progress(frames);
+    let bar = super::render::progress(frames as usize);
     let baked = sim::bake(&scene, &name, &folder, |progress| {
         bar.set_position(progress.done.into());
         ControlFlow::Continue(())
@@ -46,11 +45,4 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     bar.finish_and_clear();
     baked?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// Hidden unless standard error is a terminal.
-fn progress(frames: u32) -> ProgressBar {
-    let template = "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left";
-    ProgressBar::new(frames.into())
-        .with_style(ProgressStyle::with_template(template).expect("the template is valid"))
 }

@@ -22,6 +22,8 @@ pub(crate) struct Args {
     /// The axis that points up in the input, y or z; what is written has y up.
     #[arg(long, default_value = "y", value_parser = parse_up)]
     up: Up,
+    #[command(flatten)]
+    unpacking: super::Unpacking,
     /// Leave frames alone whose file exists.
     #[arg(long)]
     skip_existing: bool,
@@ -51,7 +53,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // No more frames in memory than threads, whichever of their work is stolen.
     for frames in todo.chunks(rayon::current_num_threads()) {
         let convert = |frame: &&Frame| {
-            let converted = convert(frame, &names.path(frame.number), args.up);
+            let converted = convert(frame, &names.path(frame.number), args);
             bar.inc(1);
             converted
         };
@@ -64,15 +66,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     bar.finish_and_clear();
     if !lost.is_empty() {
-        eprintln!("limpid: {output}: this format has no room for {}", lost.join(", "));
+        super::complain(format!("{output}: this format has no room for {}", lost.join(", ")));
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// Converts a frame, and says what was lost.
-fn convert(frame: &Frame, path: &Path, up: Up) -> limpid::Result<Vec<&'static str>> {
-    let mut particles = Particles::read(&frame.path)?;
-    particles.to_y_up(up);
+fn convert(frame: &Frame, path: &Path, args: &Args) -> limpid::Result<Vec<&'static str>> {
+    let mut particles = Particles::read_within(&frame.path, args.unpacking.max_unpacked)?;
+    particles.to_y_up(args.up);
     particles.write(path)?;
     particles.lost(path)
 }

@@ -18,6 +18,8 @@ pub(crate) struct Args {
     /// Particle radius in metres, where the files have none.
     #[arg(long)]
     radius: Option<f32>,
+    #[command(flatten)]
+    unpacking: super::Unpacking,
     /// Print machine-readable results.
     #[arg(long)]
     json: bool,
@@ -46,7 +48,7 @@ struct FrameInfo {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut input = Input::open(&args.input, &[])?;
+    let mut input = Input::open(&args.input, &[])?.with_max_unpacked(args.unpacking.max_unpacked);
     if let Some(radius) = args.radius {
         input = input.with_radius(radius)?;
     }

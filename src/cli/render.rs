@@ -1,31 +1,51 @@
 //! `limpid render`.
 
+mod loader;
+mod manifest;
+mod output;
+mod pick;
+mod plan;
+mod queue;
+
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
 use limpid::Error;
 use limpid::aov::{self, Aov};
 use limpid::camera::Camera;
-use limpid::camera_path::CameraPath;
-use limpid::film::{self, Film, Motion, Take};
+use limpid::claim::Claims;
+use limpid::film;
+use limpid::fingerprint::{self, Fingerprints};
 use limpid::frames::{FrameSpec, Shard};
 use limpid::gpu::{Gpu, PassTime};
-use limpid::input::{Input, Missing, Moment};
-use limpid::output::{self, OutputNames};
-use limpid::ring::Ring;
+use limpid::input::{Loaded, Missing};
+use limpid::quality::Picked;
 use limpid::scene::Scene;
 use limpid::settings::Preset;
 use limpid::studio::Studio;
 use serde::Serialize;
 
-/// The exit code of what Ctrl-C ends, as shells have it.
-const INTERRUPTED_CODE: u8 = 130;
+use super::signals;
+use crate::pipeline_cache;
+use loader::Loader;
+use manifest::{Log, Manifest, Outcome, Status};
+use output::Output;
+use plan::Plan;
+use queue::{Job, Queue};
 
-/// Set when the user wants a film to end: it must not stay behind half-written.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Exit codes: some frames failed and others did not, there is no adapter that can draw them, and
+/// the device failed.
+const FAILED_CODE: u8 = 1;
+const NO_ADAPTER: u8 = 5;
+const RETRYABLE: u8 = 6;
+
+/// A device is given up that has failed for so many frames in a row.
+const DEVICE_FAILURES: u32 = 3;
 
 /// One argument, not one per value as clap would read a `Vec`.
 type AovList = Vec<Aov>;
@@ -46,7 +66,8 @@ pub(crate) struct Args {
     /// Width and height in pixels.
     #[arg(long, default_value = "1024x768", value_parser = parse_size)]
     size: UVec2,
-    /// Frames: 1-3,5, 7-20:2, 1-10@b, all [default: the scene's frame, or all].
+    /// Frames: 1-3,5, 1-10x2 (also 1-10:2), 10-1, -5..-1, 1-10@b, all [default: the scene's frame,
+    /// or all].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
     /// One moment at this time, in frames: 12.25 is a quarter of the way from 12 to 13.
@@ -62,12 +83,28 @@ pub(crate) struct Args {
     /// Memory for frames that are loaded ahead, MiB.
     #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
     memory: u64,
+    #[command(flatten)]
+    unpacking: super::Unpacking,
     /// One share of the frames, I/N with I from 1.
     #[arg(long)]
     shard: Option<Shard>,
-    /// Leave frames alone whose picture exists in this size.
+    /// Leave frames alone whose picture is whole and was made from the same particles with the same
+    /// settings, in this size, by this version.
     #[arg(long)]
     skip_existing: bool,
+    /// Share the frames with all others that are started like this, on any machine that has the
+    /// pictures' folder: each draws what nobody has claimed. Skips what exists.
+    #[arg(long)]
+    claim: bool,
+    /// Take over a claim that was not renewed for so long: its process is dead, or cut off.
+    #[arg(long, value_name = "SECONDS", default_value = "120", requires = "claim", value_parser = clap::value_parser!(u64).range(1..=1 << 32))]
+    claim_timeout: u64,
+    /// Draw the other frames where one fails; the exit code is 1 then.
+    #[arg(long)]
+    keep_going: bool,
+    /// Add a line of JSON for each frame to a file, which several processes may share.
+    #[arg(long, value_name = "FILE.jsonl")]
+    manifest: Option<PathBuf>,
     /// Pictures per second, of a film and of the camera's movement [default: the sequence's frames
     /// per second if the scene says them, or 30].
     #[arg(long, value_name = "F")]
@@ -97,6 +134,15 @@ pub(crate) struct Args {
     /// "liquid.absorption=[1, 0.3, 0.1]", "fluid.2.absorption=[0, 0, 5]".
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     set: Vec<String>,
+    /// The fastest intersector whose hits are at most so many pixels off, RMS, a miss counting as 10;
+    /// all other settings stay. Says what it picked.
+    #[arg(long, value_name = "PX", value_parser = pick::parse_limit)]
+    max_error: Option<f64>,
+    /// The best picture in so much time on the device, ms a frame: picks the intersector, its rays, bounces
+    /// and smoothing by drawing the first frame some times, and says what it picked. Not for what
+    /// several machines share, which would pick otherwise.
+    #[arg(long, value_name = "MS", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
+    budget: Option<f64>,
     /// Write intermediate images beside each picture, as NAME.aov.exr: a list, or all.
     #[arg(long, value_name = "LIST", value_parser = aov::parse_list)]
     aov: Option<AovList>,
@@ -108,6 +154,8 @@ pub(crate) struct Args {
 #[derive(Serialize)]
 struct Stats {
     adapter: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    picked: Option<Picked>,
     frames: Vec<FrameStats>,
 }
 
@@ -121,231 +169,190 @@ struct FrameStats {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    // In this order: what comes later holds.
-    let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
-    let (optics, set): (Vec<_>, Vec<_>) =
-        args.set.iter().cloned().partition(|text| Scene::is_optics(text));
-    overrides.extend(set);
-    overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
-    let mut input = open(args, &overrides)?;
-    input.missing = args.missing;
-    let (input, mut scene) = input.settle(&overrides)?;
-    for text in &optics {
-        scene.set_optics(text)?;
+    let mut plan = Plan::new(args)?;
+    let picked = pick::pick(args, &mut plan)?;
+    let Plan { input, scene, moments, takes, fps } = plan;
+    // A film must not stay behind half-written.
+    signals::finish_first();
+    let output = Output::open(args, takes.len(), fps)?;
+    let pictures = output.pictures().cloned();
+    // Before anything is loaded: what a file becomes afterwards is not what was drawn.
+    let fingerprints = Fingerprints::new(&input, &moments, &scene, args.size);
+    let host = gethostname::gethostname().to_string_lossy().into_owned();
+    let claims = pictures.clone().filter(|_| args.claim).map(|pictures| {
+        let version = env!("CARGO_PKG_VERSION");
+        let owner = format!("limpid {version} on {host}, process {}\n", std::process::id());
+        (Claims { owner, timeout: Duration::from_secs(args.claim_timeout) }, pictures)
+    });
+    let manifest = args.manifest.as_deref().map(|path| Manifest::open(path, host)).transpose()?;
+    let mut log = Log { manifest, pictures };
+    let takes = args.shard.unwrap_or_default().of(takes).collect();
+    let mut queue = Queue::new(takes, fingerprints, claims);
+    if args.skip_existing || args.claim {
+        queue.skip(&mut log)?;
     }
-    scene.camera = args.camera.or(scene.camera);
-    scene.check()?;
-    let (moments, numbers, fps) = moments(args, &input)?;
-    let takes = takes(args, &scene, &numbers, fps)?;
-    if film_path(args).is_some() {
-        // Who asks twice does not want to wait for the picture that is being drawn.
-        ctrlc::set_handler(|| {
-            if INTERRUPTED.swap(true, Ordering::Relaxed) {
-                std::process::exit(INTERRUPTED_CODE.into());
-            }
-        })?;
-    }
-    let mut output = Output::open(args, takes.len(), fps)?;
-    let todo: Vec<_> = takes
-        .into_iter()
-        .filter(|take| !(args.skip_existing && exists(&output.path(take), args.size)))
-        .collect();
-    if todo.is_empty() {
+    if queue.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
 
-    output.create_folder()?;
-    let gpu = Gpu::headless()?;
-    let mut studio = Studio::new(&gpu);
-    studio.renderer.timing = args.stats.is_some();
-    studio.renderer.diagnose = args.aov.is_some();
-    let mut stats = Stats { adapter: gpu.adapter(), frames: Vec::new() };
-    let bar = progress(todo.len());
-    // Pictures of the same particles, one after the other, share their loading.
-    let runs: Vec<_> = todo.chunk_by(|a, b| a.frame == b.frame).collect();
-    let ring = {
-        let loading: Vec<Moment> = runs.iter().map(|run| moments[run[0].frame]).collect();
-        let workers = std::thread::available_parallelism().map_or(1, |n| n.get().min(runs.len()));
-        let (input, scene) = (input, scene.clone());
-        let load = move |i: usize| input.load(loading[i], &scene);
-        Ring::new(runs.len(), args.memory << 20, workers, load, |_| ())
+    // What is loaded ahead is what others draw, where frames are claimed one by one.
+    let memory = if args.claim { 0 } else { args.memory << 20 };
+    let loader = Loader::new(input, &scene, &moments, queue.pending(), memory);
+    let (gpu, cache) = pipeline_cache::open_adapter()?;
+    let mut easel = Easel {
+        args,
+        scene,
+        studio: studio(args, &gpu),
+        output,
+        stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
+        failed: Vec::new(),
     };
-    let mut draw = |i: usize, take: &Take| -> limpid::Result<()> {
-        let loaded = ring.wait(i)?;
-        let shot = studio.draw(&scene, &take.camera, &loaded.splats, args.size)?;
-        if let Some(chosen) = &args.aov {
-            aov::write(&aov_path(&output.path(take)), studio.images(chosen)?)?;
+    let bar = progress(queue.len());
+    let drawn = draw_all(&mut easel, &mut queue, &loader, &mut log, &bar);
+    bar.finish_and_clear();
+    if let Some(cache) = cache {
+        cache.save();
+    }
+    if let Some(path) = &args.stats {
+        let text = serde_json::to_string_pretty(&easel.stats)?;
+        let write = |file: &mut BufWriter<&File>| file.write_all(text.as_bytes());
+        limpid::output::write_atomically(path, write)?;
+    }
+    drawn?;
+    if let Some(code) = signals::received().filter(|_| !queue.is_empty()) {
+        return Ok(ExitCode::from(code));
+    }
+    let Easel { output, failed, stats, .. } = easel;
+    output.finish()?;
+    if failed.is_empty() {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let all = failed.len() + stats.frames.len();
+    super::complain(format!(
+        "{} of {all} frames failed: {}",
+        failed.len(),
+        FrameSpec::List(failed)
+    ));
+    Ok(ExitCode::from(FAILED_CODE))
+}
+
+/// Draws what the queue gives out, until it is empty or a signal has come.
+fn draw_all(
+    easel: &mut Easel<'_>,
+    queue: &mut Queue,
+    loader: &Loader,
+    log: &mut Log,
+    bar: &ProgressBar,
+) -> limpid::Result<()> {
+    let mut device_failures = 0;
+    let mut next = queue.next(log)?;
+    while let Some(job) = next {
+        let begun = Instant::now();
+        let loaded = loader.wait(&job.take);
+        // The next one is loaded while this one is drawn.
+        next = queue.next_free(log)?;
+        if let Some(next) = &next {
+            loader.aim(&next.take, &job.take);
+        }
+        let drawn = loaded.and_then(|loaded| easel.draw(&job, &loaded));
+        match drawn {
+            Ok(outcome) => {
+                device_failures = 0;
+                let ms = Some(begun.elapsed().as_micros() as f64 / 1e3);
+                log.add(&job.take, job.fingerprint, Status::Done, Outcome { ms, ..outcome })?;
+            }
+            Err(error) => {
+                let error = error.of_frame(job.take.number);
+                let code = error.exit_code();
+                let outcome = Outcome {
+                    error: Some(error.to_string()),
+                    code: Some(code),
+                    ..Outcome::default()
+                };
+                log.add(&job.take, job.fingerprint, Status::Failed, outcome)?;
+                device_failures = if code == RETRYABLE { device_failures + 1 } else { 0 };
+                let hopeless = code == NO_ADAPTER || device_failures == DEVICE_FAILURES;
+                if !easel.args.keep_going || hopeless {
+                    return Err(error);
+                }
+                bar.suspend(|| super::complain(&error));
+                easel.failed.push(job.take.number);
+            }
+        }
+        bar.inc(1);
+        drop(job);
+        if signals::received().is_some() {
+            queue.give_back(next);
+            return Ok(());
+        }
+        if next.is_none() {
+            next = queue.next(log)?;
+        }
+    }
+    Ok(())
+}
+
+/// What pictures are drawn with and go to.
+struct Easel<'a> {
+    args: &'a Args,
+    scene: Scene,
+    studio: Studio,
+    output: Output,
+    stats: Stats,
+    /// Numbers of the frames that failed.
+    failed: Vec<i64>,
+}
+
+impl Easel<'_> {
+    /// Draws a picture and writes it. To keep going after the device has failed, or refused what it was
+    /// told, is to open it anew, once for a picture: it would do so for ever.
+    fn draw(&mut self, job: &Job, loaded: &Loaded) -> limpid::Result<Outcome> {
+        match self.draw_once(job, loaded) {
+            Err(Error::DeviceLost(_) | Error::Defect(_)) if self.args.keep_going => {
+                let gpu = Gpu::headless()?;
+                self.studio = studio(self.args, &gpu);
+                self.stats.adapter = gpu.adapter();
+                self.draw_once(job, loaded)
+            }
+            outcome => outcome,
+        }
+    }
+
+    fn draw_once(&mut self, job: &Job, loaded: &Loaded) -> limpid::Result<Outcome> {
+        let Self { args, scene, studio, output, stats, .. } = self;
+        let shot = studio.draw(scene, &job.take.camera, &loaded.splats, args.size)?;
+        if let (Some(chosen), Some(pictures)) = (&args.aov, output.pictures()) {
+            pictures.write_aovs(&job.take, studio.images(chosen)?, job.fingerprint)?;
         }
         // The picture last: where it exists, all that belongs to it does.
-        output.write(take, &shot.picture)?;
+        output.write(&job.take, &shot.picture, job.fingerprint)?;
         stats.frames.push(FrameStats {
-            frame: take.number,
+            frame: job.take.number,
             particles: loaded.particles,
             splashes: loaded.splats.splashes.len(),
             total_ms: shot.passes.iter().map(|pass| pass.ms).sum(),
             passes: shot.passes,
         });
-        bar.inc(1);
-        Ok(())
-    };
-    let mut drawing = runs.iter().enumerate().flat_map(|(i, run)| run.iter().map(move |t| (i, t)));
-    let drawn = drawing.try_for_each(|(i, take)| draw(i, take));
-    bar.finish_and_clear();
-    if let Some(path) = &args.stats {
-        let text = serde_json::to_string_pretty(&stats)?;
-        output::write_atomically(path, |file| std::io::Write::write_all(file, text.as_bytes()))?;
-    }
-    if INTERRUPTED.load(Ordering::Relaxed) {
-        return Ok(ExitCode::from(INTERRUPTED_CODE));
-    }
-    drawn?;
-    output.finish()?;
-    Ok(ExitCode::SUCCESS)
-}
-
-fn open(args: &Args, overrides: &[String]) -> limpid::Result<Input> {
-    let mut input = match &args.input {
-        Some(input) => Input::open(input, overrides)?,
-        None => Input::demo(overrides)?,
-    };
-    if let Some(scene) = &args.scene {
-        input = input.with_scene(Scene::load_with(scene, overrides)?);
-    }
-    match args.radius {
-        Some(radius) => input.with_radius(radius),
-        None => Ok(input),
+        Ok(Outcome {
+            pixels: Some(format!("{:08x}", fingerprint::checksum(&shot.picture))),
+            particles: Some(loaded.particles),
+            adapter: Some(stats.adapter.clone()),
+            ..Outcome::default()
+        })
     }
 }
 
-/// What is drawn of the particles, how its pictures are numbered, and how many there are a second.
-///
-/// Frames as they are, unless the film's time is another than the sequence's: then moments at equal
-/// steps, which are counted from 1.
-fn moments(args: &Args, input: &Input) -> limpid::Result<(Vec<Moment>, Vec<i64>, f64)> {
-    let spec = match (&args.frames, input.frame) {
-        (Some(spec), _) => spec.clone(),
-        (None, Some(frame)) => FrameSpec::List(vec![frame]),
-        (None, None) => FrameSpec::All,
-    };
-    let mut frames = spec.numbers(&input.sequence, input.missing)?;
-    let fps = args.fps.or(input.fps()).unwrap_or(30.0);
-    if let Some(time) = args.at {
-        frames.sort_unstable();
-        let moment = input.moment(&frames, time);
-        return Ok((vec![moment], vec![moment.frame], fps));
-    }
-    let speed = args.speed.unwrap_or(1.0);
-    if !(1e-3..=1e3).contains(&speed) {
-        return Err(Error::Usage(format!("--speed {speed}: 0.001 to 1000 expected")));
-    }
-    let step = speed * input.fps().unwrap_or(fps) / fps;
-    if step == 1.0 || frames.len() == 1 {
-        return Ok((frames.iter().copied().map(Moment::at).collect(), frames, fps));
-    }
-    if !frames.is_sorted() {
-        let problem = "--frames: slow and fast motion takes the frames in order, as 1-9 or 1,5,9";
-        return Err(Error::Usage(problem.into()));
-    }
-    let moments = input.moments(&frames, step);
-    let numbers = (1..=moments.len() as i64).collect();
-    Ok((moments, numbers, fps))
-}
-
-/// The pictures to draw: this machine's share, from where the camera is.
-fn takes(args: &Args, scene: &Scene, numbers: &[i64], fps: f64) -> limpid::Result<Vec<Take>> {
-    let motion = match (&args.camera_path, args.turntable) {
-        (Some(path), _) => Motion::Path(CameraPath::load(path)?),
-        (None, Some(seconds)) => Motion::Turntable(seconds),
-        (None, None) => Motion::Still,
-    };
-    if (motion != Motion::Still || film_path(args).is_some()) && !numbers.is_sorted() {
-        let problem = "a film and a moving camera take the frames in order, as 1-9 or 1,5,9";
-        return Err(Error::Usage(format!("--frames: {problem}")));
-    }
-    let camera = scene.camera.expect("a settled scene has a camera");
-    let takes = film::takes(numbers, camera, &motion, fps)?;
-    Ok(args.shard.unwrap_or_default().of(takes).collect())
+fn studio(args: &Args, gpu: &Gpu) -> Studio {
+    let mut studio = Studio::new(gpu);
+    studio.renderer.timing = args.stats.is_some();
+    studio.renderer.diagnose = args.aov.is_some();
+    studio
 }
 
 /// The file that `-o` names, if it is a film's.
 fn film_path(args: &Args) -> Option<&Path> {
     let path = Path::new(args.output.as_ref()?);
     film::Kind::of(path).filter(|_| !path.is_dir()).map(|_| path)
-}
-
-/// Where the pictures go.
-enum Output {
-    Pictures(OutputNames),
-    Film(Box<Film>),
-}
-
-impl Output {
-    fn open(args: &Args, count: usize, fps: f64) -> limpid::Result<Self> {
-        let Some(path) = film_path(args) else {
-            let default = if count == 1 { "limpid.png" } else { "limpid_####.png" };
-            let names = OutputNames::parse(args.output.as_deref().unwrap_or(default), count)?;
-            return Ok(Self::Pictures(names));
-        };
-        let name = path.display();
-        let refuse = |problem: &str| Err(Error::Usage(format!("{name}: {problem}")));
-        // Only a name with a place for the number is good for two.
-        if OutputNames::parse(&name.to_string(), 2).is_ok() {
-            return refuse("a film is one file; leave the place for the number out");
-        }
-        if args.shard.is_some() {
-            return refuse("--shard shares pictures out, and a film needs them all; write .png");
-        }
-        if args.skip_existing {
-            return refuse("--skip-existing completes pictures; a film is written whole");
-        }
-        if args.aov.is_some() {
-            return refuse("--aov goes beside pictures; write .png");
-        }
-        Film::create(path, args.size, fps).map(|film| Self::Film(Box::new(film)))
-    }
-
-    fn create_folder(&self) -> limpid::Result<()> {
-        match self {
-            Self::Pictures(names) => names.create_folder(),
-            Self::Film(_) => Ok(()),
-        }
-    }
-
-    /// The file that shows it.
-    fn path(&self, take: &Take) -> PathBuf {
-        match self {
-            Self::Pictures(names) => names.path(take.number),
-            Self::Film(film) => film.path().to_owned(),
-        }
-    }
-
-    fn write(&mut self, take: &Take, picture: &image::RgbImage) -> limpid::Result<()> {
-        match self {
-            Self::Pictures(names) => output::write_png(&names.path(take.number), picture),
-            Self::Film(_) if INTERRUPTED.load(Ordering::Relaxed) => {
-                Err(Error::Usage("interrupted".into()))
-            }
-            Self::Film(film) => film.push(picture),
-        }
-    }
-
-    fn finish(self) -> limpid::Result<()> {
-        match self {
-            Self::Pictures(_) => Ok(()),
-            Self::Film(film) => film.finish(),
-        }
-    }
-}
-
-/// Whether the picture is there, whole and in this size.
-fn exists(path: &Path, size: UVec2) -> bool {
-    limpid::compare::load_picture(path).is_ok_and(|picture| picture.dimensions() == size.into())
-}
-
-/// `frame_0020.aov.exr` for `frame_0020.png`; any other ending stays, it may be the number.
-fn aov_path(picture: &Path) -> PathBuf {
-    let name = picture.to_string_lossy();
-    format!("{}.aov.exr", name.strip_suffix(".png").unwrap_or(&name)).into()
 }
 
 /// Hidden unless standard error is a terminal.

@@ -1,6 +1,6 @@
 //! `limpid report`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use limpid::gpu::Gpu;
@@ -18,15 +18,26 @@ pub(crate) struct Args {
     /// Write the JSON to this file instead.
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
-    /// Scenes to report on, by their names in sims/ [default: all].
+    /// Scenes to report on, by their names in sims/ [default: all]; with --passes also scene files.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     scenes: Vec<String>,
     /// Width of the traced pictures, pixels [default: 1024, or 320 with --quick].
     #[arg(long, value_parser = clap::value_parser!(u32).range(16..=8192))]
     width: Option<u32>,
-    /// Measurements: intersect, smooth, caustics, picture (with its passes) [default: all].
+    /// Measurements: intersect, smooth, caustics, picture (with its passes), passes, elisions
+    /// [default: all].
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_kind)]
     kinds: Vec<Kind>,
+    /// Only what each pass takes beside what it must: --kinds passes.
+    #[arg(long)]
+    passes: bool,
+    /// Only what leaving out saves: --kinds elisions.
+    #[arg(long)]
+    elisions: bool,
+    /// Measure only what `limpid render --max-error` and `--budget` choose by, and write it to this
+    /// file.
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["kinds", "passes", "elisions", "scenes", "json"])]
+    curve: Option<PathBuf>,
 }
 
 fn parse_kind(text: &str) -> Result<Kind, String> {
@@ -35,20 +46,37 @@ fn parse_kind(text: &str) -> Result<Kind, String> {
         "smooth" => Ok(Kind::Smooth),
         "caustics" => Ok(Kind::Caustics),
         "picture" => Ok(Kind::Picture),
-        _ => Err("there are intersect, smooth, caustics and picture".into()),
+        "passes" => Ok(Kind::Pass),
+        "elisions" => Ok(Kind::Elision),
+        _ => Err("there are intersect, smooth, caustics, picture, passes and elisions".into()),
     }
 }
 
+/// What a curve's file begins with.
+const CURVE: &str = "\
+# Written by `limpid report --curve src/quality.toml`: settings, the error of their intersector (pixels),
+# mean FLIP against traced pictures, and the time of a frame over that with the defaults.
+";
+
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let gpu = Gpu::headless()?;
-    let (scenes, kinds) = (args.scenes.clone(), args.kinds.clone());
-    let options = Options { quick: args.quick, width: args.width, scenes, kinds };
-    let report = report::measure(&gpu, &options, &mut |step| eprintln!("report: {step}"))?;
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| anyhow::anyhow!("{}: cannot create the folder: {e}", args.out.display()))?;
-    let write = |path: &std::path::Path, text: &str| {
+    let mut progress = |step: &str| eprintln!("report: {step}");
+    let write = |path: &Path, text: &str| {
         output::write_atomically(path, |file| std::io::Write::write_all(file, text.as_bytes()))
     };
+    if let Some(path) = &args.curve {
+        let curve = report::curve::measure(&gpu, &mut progress)?;
+        write(path, &format!("{CURVE}{}", toml::to_string(&curve)?))?;
+        println!("{}", path.display());
+        return Ok(ExitCode::SUCCESS);
+    }
+    let (scenes, mut kinds) = (args.scenes.clone(), args.kinds.clone());
+    kinds.extend(args.passes.then_some(Kind::Pass));
+    kinds.extend(args.elisions.then_some(Kind::Elision));
+    let options = Options { quick: args.quick, width: args.width, scenes, kinds };
+    let report = report::measure(&gpu, &options, &mut progress)?;
+    std::fs::create_dir_all(&args.out)
+        .map_err(|e| anyhow::anyhow!("{}: cannot create the folder: {e}", args.out.display()))?;
     let json = args.json.clone().unwrap_or_else(|| args.out.join("report.json"));
     write(&json, &serde_json::to_string_pretty(&report)?)?;
     write(&args.out.join("report.html"), &report::html(&report))?;

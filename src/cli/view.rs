@@ -37,6 +37,8 @@ pub(crate) struct Args {
     /// Memory for frames that are loaded ahead, MiB.
     #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
     memory: u64,
+    #[command(flatten)]
+    unpacking: super::Unpacking,
     /// Write what happens, one JSON object a line with seconds since the start: for tests and
     /// reports of defects. `ui_ms` is the longest that the interface worked without a pause.
     #[arg(long, value_name = "FILE.jsonl")]
@@ -61,9 +63,13 @@ pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
         overrides,
         frames: args.frames,
         missing: args.missing,
+        max_unpacked: args.unpacking.max_unpacked,
     };
     let memory = args.memory << 20;
-    run(Options { source: Some(source), window: args.size, memory, log: args.log })?;
+    let shown = run(Options { source: Some(source), window: args.size, memory, log: args.log });
+    // What its threads have in hand ends with the process.
+    limpid::output::abandon();
+    shown?;
     Ok(ExitCode::SUCCESS)
 }
 

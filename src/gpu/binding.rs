@@ -24,6 +24,11 @@ impl Gpu {
             entries: &entries,
         })
     }
+
+    /// As [`uniform`], of what decides branches; see [`Gpu::uniforms_are_stored`].
+    pub(crate) fn branching<T>(&self) -> wgpu::BindingType {
+        if self.uniforms_are_stored() { storage_of(size_of::<T>() as u64) } else { uniform::<T>() }
+    }
 }
 
 /// `var<uniform> x: T`; the size is checked when the pipeline is made.

@@ -3,21 +3,21 @@
 use super::Gpu;
 use crate::error::{Error, Result};
 
-/// Reads `size` bytes of a buffer that has `COPY_SRC`, waiting for the device.
+/// Reads a buffer that has `COPY_SRC`, waiting for the device.
 pub(crate) fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
     let staging = staging(gpu, buffer.size());
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
     gpu.queue.submit([encoder.finish()]);
-    map(gpu, &staging)
+    read_rows(gpu, &staging, buffer.size(), buffer.size())
 }
 
 /// Reads one layer of a texture that has `COPY_SRC`, rows packed without padding.
 pub(crate) fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<u8>> {
     let texel = texture.format().block_copy_size(None).expect("colour formats have a texel size");
-    let row = texture.width() * texel;
-    let padded_row = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-    let staging = staging(gpu, u64::from(padded_row) * u64::from(texture.height()));
+    let row = u64::from(texture.width()) * u64::from(texel);
+    let padded_row = padded(row);
+    let staging = staging(gpu, padded_row * u64::from(texture.height()));
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     encoder.copy_texture_to_buffer(
         wgpu::TexelCopyTextureInfo {
@@ -30,7 +30,7 @@ pub(crate) fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Re
             buffer: &staging,
             layout: wgpu::TexelCopyBufferLayout {
                 offset: 0,
-                bytes_per_row: Some(padded_row),
+                bytes_per_row: Some(padded_row as u32),
                 rows_per_image: None,
             },
         },
@@ -41,12 +41,12 @@ pub(crate) fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Re
         },
     );
     gpu.queue.submit([encoder.finish()]);
-    let padded = map(gpu, &staging)?;
-    Ok(padded
-        .chunks_exact(padded_row as usize)
-        .flat_map(|line| &line[..row as usize])
-        .copied()
-        .collect())
+    read_rows(gpu, &staging, padded_row, row)
+}
+
+/// The bytes from the beginning of one row to the next, where a copy may put them.
+pub(super) fn padded(row: u64) -> u64 {
+    row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT.into())
 }
 
 fn staging(gpu: &Gpu, size: u64) -> wgpu::Buffer {
@@ -58,12 +58,20 @@ fn staging(gpu: &Gpu, size: u64) -> wgpu::Buffer {
     })
 }
 
-fn map(gpu: &Gpu, staging: &wgpu::Buffer) -> Result<Vec<u8>> {
-    staging.map_async(wgpu::MapMode::Read, .., |_| ());
-    let lost = |reason: String| Error::DeviceLost(reason);
-    gpu.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| lost(e.to_string()))?;
+/// Waits for the device, and reads the first `row` of each `padded_row` bytes.
+fn read_rows(gpu: &Gpu, staging: &wgpu::Buffer, padded_row: u64, row: u64) -> Result<Vec<u8>> {
+    // Nothing is asked of a buffer that is not there.
     gpu.check()?;
-    let bytes = staging.get_mapped_range(..).map_err(|e| lost(e.to_string()))?.to_vec();
-    staging.unmap();
+    staging.map_async(wgpu::MapMode::Read, .., |_| ());
+    gpu.wait()?;
+    let lost = |reason: String| Error::DeviceLost(reason);
+    let mapped = staging.get_mapped_range(..).map_err(|e| lost(e.to_string()))?;
+    let rows = mapped.chunks_exact(padded_row as usize);
+    let mut bytes = Vec::new();
+    let room = bytes.try_reserve_exact(rows.len() * row as usize);
+    room.map_err(|e| lost(format!("no memory for a picture: {e}")))?;
+    for padded in rows {
+        bytes.extend_from_slice(&padded[..row as usize]);
+    }
     Ok(bytes)
 }

@@ -22,33 +22,33 @@ use flate2::read::MultiGzDecoder;
 use flate2::{Compression, write::GzEncoder};
 
 use super::{
-    Column, Cursor, Particles, Scalar, UNPACKED_LIMIT, Values, foreign, narrow_id, too_large,
+    Column, Cursor, Particles, Scalar, Values, foreign, narrow_id, too_large, unpacks_to_more,
 };
 use crate::error::{Error, Place, Result};
+use crate::files::DEFLATE_RATIO;
 
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+pub(crate) fn read(path: &Path, bytes: &[u8], limit: u64) -> Result<Particles> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
-        parse(path, &unpack(path, bytes, UNPACKED_LIMIT)?)
+        parse(path, &unpack(path, bytes, limit)?)
     } else {
         parse(path, bytes)
     }
 }
 
-/// Deflate stores at most so many bytes in one.
-const MOST_PER_BYTE: usize = 1032;
-
 fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
     // What the file says of its length, as far as deflate can keep it, spares growing step by step.
-    let length = bytes.last_chunk().map_or(0, |&length| u32::from_le_bytes(length) as usize);
-    let mut unpacked = Vec::with_capacity(length.min(bytes.len().saturating_mul(MOST_PER_BYTE)));
-    let result = MultiGzDecoder::new(bytes).take(limit + 1).read_to_end(&mut unpacked);
+    let length = bytes.last_chunk().map_or(0, |&length| u64::from(u32::from_le_bytes(length)));
+    let length = length.min(DEFLATE_RATIO.saturating_mul(bytes.len() as u64)).min(limit);
+    let mut unpacked = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
+    let result =
+        MultiGzDecoder::new(bytes).take(limit.saturating_add(1)).read_to_end(&mut unpacked);
     let length = unpacked.len() as u64;
     if let Err(error) = result {
         let problem = format!("the gzip stream is damaged or cut off: {error}");
         return Err(Error::malformed(path, Place::Byte(length), problem));
     }
     if length > limit {
-        let problem = format!("the file unpacks to more than {limit} bytes");
+        let problem = unpacks_to_more("file", limit);
         return Err(Error::malformed(path, Place::Byte(limit), problem));
     }
     Ok(unpacked)

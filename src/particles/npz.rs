@@ -9,15 +9,16 @@ use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
 use super::npy::{self, Header};
-use super::{Cursor, Particles, UNPACKED_LIMIT, Values, foreign, known, write_numbers};
-use crate::error::{Error, Place, Result};
+use super::{Cursor, Particles, Values, foreign, known, unpacks_to_more, write_numbers};
+use crate::error::{Error, Place, Result, printable};
+use crate::files::DEFLATE_RATIO;
 
 /// What positions are called, the likeliest first; numpy calls arrays without a name `arr_0`.
 const POSITIONS: [&str; 6] = ["positions", "position", "pos", "x", "points", "arr_0"];
 
 type Archive<'a> = ZipArchive<io::Cursor<&'a [u8]>>;
 
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+pub(crate) fn read(path: &Path, bytes: &[u8], limit: u64) -> Result<Particles> {
     if !bytes.starts_with(b"PK\x03\x04") && !bytes.starts_with(b"PK\x05\x06") {
         return Err(foreign(path, bytes, "an archive of NumPy arrays"));
     }
@@ -33,7 +34,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
             arrays.push((index, name.to_owned()));
         }
     }
-    let mut archive = Members { path, archive, limit: UNPACKED_LIMIT };
+    let mut archive = Members { path, archive, packed: bytes.len() as u64, limit };
     let mut particles = {
         let (index, name) = positions(&mut archive, &arrays)?;
         let path = archive.named(&name);
@@ -42,7 +43,8 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
         Header::read(&mut file)?.positions(&mut file)?
     };
     for (index, name) in &arrays {
-        if known(name).is_some() {
+        // The first of several counts, and no other is unpacked.
+        if known(name).is_some_and(|name| !particles.attribute_names().any(|has| has == name)) {
             let path = archive.named(name);
             let bytes = archive.unpack(*index, name, usize::MAX)?;
             let mut file = Cursor::new(&path, &bytes, false);
@@ -88,6 +90,8 @@ fn positions(archive: &mut Members<'_>, arrays: &[(usize, String)]) -> Result<(u
 struct Members<'a> {
     path: &'a Path,
     archive: Archive<'a>,
+    /// Bytes of the file.
+    packed: u64,
     /// Bytes that a member may unpack to.
     limit: u64,
 }
@@ -95,7 +99,7 @@ struct Members<'a> {
 impl Members<'_> {
     /// How a member is told in messages.
     fn named(&self, name: &str) -> PathBuf {
-        format!("{} ({name}.npy)", self.path.display()).into()
+        format!("{} ({}.npy)", self.path.display(), printable(name.into())).into()
     }
 
     /// The contents of a member, at most `length` of its bytes.
@@ -106,9 +110,9 @@ impl Members<'_> {
         };
         let member = self.archive.by_index(index);
         let member = member.map_err(|error| fail(0, format!("cannot be unpacked: {error}")))?;
-        let limit = (length as u64).min(self.limit + 1);
-        // The sizes are claims; deflate keeps at most some 1000 bytes in one.
-        let claim = member.size().min(member.compressed_size().saturating_mul(1032)).min(limit);
+        let limit = (length as u64).min(self.limit.saturating_add(1));
+        // The sizes are claims; deflate cannot hold more than this.
+        let claim = member.size().min(self.packed.saturating_mul(DEFLATE_RATIO)).min(limit);
         let mut unpacked = Vec::with_capacity(usize::try_from(claim).unwrap_or(0));
         if let Err(error) = member.take(limit).read_to_end(&mut unpacked) {
             return Err(fail(
@@ -117,8 +121,7 @@ impl Members<'_> {
             ));
         }
         if unpacked.len() as u64 > self.limit {
-            let problem = format!("the array unpacks to more than {} bytes", self.limit);
-            return Err(fail(unpacked.len() - 1, problem));
+            return Err(fail(unpacked.len() - 1, unpacks_to_more("array", self.limit)));
         }
         Ok(unpacked)
     }
@@ -169,7 +172,8 @@ mod tests {
         let bytes = zip.finish().unwrap().into_inner();
         let unpack = |limit| {
             let archive = ZipArchive::new(io::Cursor::new(&bytes[..])).unwrap();
-            Members { path: Path::new("bomb.npz"), archive, limit }.unpack(0, "a", usize::MAX)
+            let (path, packed) = (Path::new("bomb.npz"), bytes.len() as u64);
+            Members { path, archive, packed, limit }.unpack(0, "a", usize::MAX)
         };
         assert_eq!(unpack(1000).unwrap().len(), 1000);
         let error = unpack(999).unwrap_err().to_string();

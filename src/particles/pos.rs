@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 use super::{Column, Cursor, Ellipsoid, Particles, Scalar, foreign, known_magic, too_large};
 use crate::error::{Error, Result};
-use crate::output;
+use crate::{files, output};
 
 pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
     if known_magic(bytes).is_some() {
@@ -44,13 +44,26 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
     Ok(particles)
 }
 
+/// Fails if a file of this length cannot hold as many particles as its first bytes say.
+pub(crate) fn check_length(path: &Path, start: &[u8], length: u64) -> Result<()> {
+    let mut file = Cursor::new(path, start, false);
+    let rows = count(&mut file)? as u64;
+    let expected = 8 + 12 * rows;
+    if length == expected {
+        return Ok(());
+    }
+    let problem = format!("{rows} particles need {expected} bytes, the file has {length}");
+    Err(file.error(problem))
+}
+
 /// Reads the ellipsoids that lie beside a file, if they do.
-pub(crate) fn read_ellipsoids(path: &Path, particles: &mut Particles) -> Result<()> {
+pub(crate) fn read_ellipsoids(path: &Path, particles: &mut Particles, limit: u64) -> Result<()> {
     let path = path.with_extension("ani");
-    match std::fs::read(&path) {
-        Ok(bytes) => particles.ellipsoids = Some(ellipsoids(&path, &bytes, particles.len())?),
-        Err(error) if error.kind() == ErrorKind::NotFound => {}
-        Err(error) => return Err(Error::io(&path, "read", error)),
+    let mut bytes = Vec::new();
+    match files::read(&path, |_| limit, &mut bytes) {
+        Ok(()) => particles.ellipsoids = Some(ellipsoids(&path, &bytes, particles.len())?),
+        Err(Error::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {}
+        Err(error) => return Err(error),
     }
     Ok(())
 }

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::Particles;
 use super::cursor::Source;
+use crate::camera::is_place;
 use crate::error::{Error, Result};
 
 /// The types of number that files hold.
@@ -133,7 +134,9 @@ impl Table<'_> {
     /// Particles at the positions that `columns` hold.
     pub(super) fn particles(&self, columns: [Column; 3]) -> Result<Particles> {
         if columns.iter().all(|column| column.scalar == Scalar::F32) {
-            return Ok(Particles::from_positions(self.vectors(columns, "position")?));
+            let positions = self.vectors(columns, "position")?;
+            self.check_places(columns, positions.iter().map(|x| x.as_dvec3()))?;
+            return Ok(Particles::from_positions(positions));
         }
         let places = self.decode(
             |bytes, rows: &mut [DVec3]| {
@@ -145,11 +148,24 @@ impl Table<'_> {
             },
             |record| self.not_finite(columns, "position", record),
         )?;
+        self.check_places(columns, places.iter().copied())?;
         // Where 32-bit floats have been stored as 64-bit ones, there are no digits to keep.
         if places.iter().all(|&place| place.as_vec3().as_dvec3() == place) {
             return Ok(Particles::from_positions(places.iter().map(|p| p.as_vec3()).collect()));
         }
         Ok(Particles::from_places(&places))
+    }
+
+    /// Fails at the first place that no picture can show: 32-bit floats do not hold its square.
+    fn check_places(
+        &self,
+        columns: [Column; 3],
+        mut places: impl Iterator<Item = DVec3> + Clone,
+    ) -> Result<()> {
+        let Some(row) = places.clone().position(|place| !is_place(place)) else { return Ok(()) };
+        let place = places.nth(row).unwrap_or_default().as_vec3().to_array();
+        let problem = format!("particle {row}: position {place:?}, below 1e18 m expected");
+        Err(self.error(row, columns[0], problem))
     }
 
     /// The numbers of `columns` as vectors, all of them finite.

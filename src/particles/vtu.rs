@@ -26,19 +26,28 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use rayon::prelude::*;
 
-use super::{Column, Particles, Scalar, Source, Table, Values, foreign, known, write_numbers};
+use super::{
+    Column, Particles, Scalar, Source, Table, Values, foreign, known, unpacks_to_more,
+    write_numbers,
+};
 use crate::error::{Error, Result};
+use crate::files::DEFLATE_RATIO;
 
-/// Deflate stores at most so many bytes in one.
-const MOST_PER_BYTE: u64 = 1032;
-
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+pub(crate) fn read(path: &Path, bytes: &[u8], limit: u64) -> Result<Particles> {
     let source = Source { path, bytes, text: false };
     let document = Document::read(source)?;
     let mut merged: Vec<Merged<'_>> = Vec::new();
+    // Arrays may share their bytes, so their sum is bounded by nothing in the file.
+    let mut unpacked = 0_u64;
     for array in &document.arrays {
-        let (scalar, data) = document.decode(array)?;
-        let same = |m: &&mut Merged<'_>| m.points == array.points && m.name == array.name;
+        let (scalar, data) = document.decode(array, limit)?;
+        unpacked += data.len() as u64;
+        if unpacked > limit {
+            return Err(source.error(array.start, unpacks_to_more("file", limit)));
+        }
+        // A piece has one array of points, whatever it is called.
+        let same =
+            |m: &&mut Merged<'_>| m.points == array.points && (m.points || m.name == array.name);
         match merged.iter_mut().find(same) {
             None => merged.push(Merged {
                 name: &array.name,
@@ -267,7 +276,7 @@ impl<'a> Document<'a> {
     }
 
     /// An array's numbers as the file's byte order has them, and their type.
-    fn decode(&self, array: &Array) -> Result<(Scalar, Cow<'a, [u8]>)> {
+    fn decode(&self, array: &Array, limit: u64) -> Result<(Scalar, Cow<'a, [u8]>)> {
         let error = |problem: String| {
             self.source.error(array.start, format!("array {}: {problem}", array.name))
         };
@@ -292,7 +301,7 @@ impl<'a> Document<'a> {
             return Ok((array.scalar, Cow::Borrowed(&[])));
         }
         let data = if self.compressed {
-            self.inflate(encoded, length).map(Cow::Owned)
+            self.inflate(encoded, length, limit).map(Cow::Owned)
         } else {
             self.copied(encoded, length)
         };
@@ -347,7 +356,7 @@ impl<'a> Document<'a> {
         if apart {
             return encoded.after(self.word).take(length).map(|(data, _)| data);
         }
-        let (mut data, _) = encoded.take(self.word + length)?;
+        let (mut data, _) = encoded.take(self.word.checked_add(length).ok_or("too long")?)?;
         match &mut data {
             Cow::Borrowed(data) => *data = &data[self.word..],
             Cow::Owned(data) => drop(data.drain(..self.word)),
@@ -355,7 +364,7 @@ impl<'a> Document<'a> {
         Ok(data)
     }
 
-    fn inflate(&self, encoded: Encoded<'_>, length: usize) -> Result<Vec<u8>, String> {
+    fn inflate(&self, encoded: Encoded<'_>, length: usize, limit: u64) -> Result<Vec<u8>, String> {
         let (head, _) = encoded.take(3 * self.word)?;
         let &[blocks, size, last] = self.words(&head).as_slice() else {
             return Err("the header of its blocks is cut off".into());
@@ -372,8 +381,11 @@ impl<'a> Document<'a> {
         let (head, _) = encoded.take(header)?;
         let sizes = self.words(&head).split_off(3);
         let total = sizes.iter().fold(0_u64, |total, &size| total.saturating_add(size));
-        if length as u64 > total.saturating_mul(MOST_PER_BYTE) {
+        if length as u64 > total.saturating_mul(DEFLATE_RATIO) {
             return Err(format!("{length} bytes cannot be in {total} compressed ones"));
+        }
+        if length as u64 > limit {
+            return Err(unpacks_to_more("array", limit));
         }
         let data = encoded.after(header);
         let (data, _) = data.take(usize::try_from(total).unwrap_or(usize::MAX))?;

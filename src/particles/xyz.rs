@@ -12,32 +12,48 @@ use std::path::Path;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::table::all_finite;
-use super::{Column, Cursor, Particles, Scalar, Table, foreign, known_magic, read_at, stl_length};
-use crate::error::Result;
+use super::{Column, Cursor, Particles, Scalar, Table, foreign, known_magic, stl_length};
+use crate::camera::is_place;
+use crate::error::{Error, Place, Result};
+use crate::files;
 
 /// Reads raw floats from the file to where they stay, half the work of reading its bytes first:
 /// `None` if that does not go well. [`read`] tells why.
-pub(crate) fn read_raw(path: &Path) -> Option<Particles> {
+pub(crate) fn read_raw(path: &Path, limit: Option<u64>) -> Option<Particles> {
     /// Few enough to be still in the cache when they are checked.
     const BLOCK: usize = 1 << 14;
-    // What a pipe holds can be read only once.
-    let length = path.metadata().ok().filter(|metadata| metadata.is_file())?.len();
-    let file = File::open(path).ok()?;
+    let (file, metadata) = files::open(path).ok()?;
+    let length = metadata.len();
+    if length > limit.unwrap_or_else(|| files::unpacked_limit(length)) {
+        return None;
+    }
     let mut start = Vec::new();
     (&file).take(TEXT as u64).read_to_end(&mut start).ok()?;
     let foreign = known_magic(&start).is_some() || stl_length(&start) == Some(length);
     if length % 12 != 0 || foreign || is_text(&start) || cfg!(target_endian = "big") {
         return None;
     }
-    let mut positions: Vec<Vec3> = bytemuck::zeroed_vec(usize::try_from(length / 12).ok()?);
+    let rows = usize::try_from(length / 12).ok()?;
+    let mut positions: Vec<Vec3> = bytemuck::allocation::try_zeroed_vec(rows).ok()?;
     let blocks = positions.par_chunks_mut(BLOCK).enumerate();
     let sound = blocks.map(|(i, block)| {
         let offset = (i * BLOCK * size_of::<Vec3>()) as u64;
-        read_at(&file, bytemuck::cast_slice_mut(block), offset).is_ok()
-            && all_finite(bytemuck::cast_slice(block))
+        files::read_at(&file, bytemuck::cast_slice_mut(block), offset).is_ok()
+            && block.iter().all(|x| is_place(x.as_dvec3()))
     });
-    sound.reduce(|| true, |a, b| a & b).then(|| Particles::from_positions(positions))
+    let sound = sound.reduce(|| true, |a, b| a & b);
+    let sound = sound && files::unchanged(path, &file, &metadata).is_ok();
+    sound.then(|| Particles::from_positions(positions))
+}
+
+/// Fails if raw floats that begin like this cannot be of this length.
+pub(crate) fn check_length(path: &Path, start: &[u8], length: u64) -> Result<()> {
+    let left = length % 12;
+    if is_text(start) || left == 0 {
+        return Ok(());
+    }
+    let problem = format!("particle {}: 12 bytes expected, {left} are left", length / 12);
+    Err(Error::malformed(path, Place::Byte(length - left), problem))
 }
 
 /// So many bytes tell text from floats.

@@ -95,7 +95,7 @@ impl Params {
 }
 
 /// Cells of a grid that has so many along the longer side of a view.
-fn cells(size: UVec2, grid: u32) -> UVec2 {
+pub(crate) fn cells(size: UVec2, grid: u32) -> UVec2 {
     let pitch = f64::from(size.max_element()) / f64::from(grid);
     (size.as_dvec2() / pitch).round().as_uvec2().max(UVec2::ONE)
 }
@@ -141,7 +141,7 @@ pub(crate) struct Caustics {
     /// Across, then down.
     blur: [wgpu::ComputePipeline; 2],
     layouts: Layouts,
-    sized: Option<(UVec2, UVec2, Buffers)>,
+    sized: Option<Buffers>,
 }
 
 #[derive(Debug)]
@@ -158,11 +158,14 @@ struct Layouts {
 /// What lies between the kernels.
 #[derive(Debug)]
 struct Buffers {
+    size: UVec2,
+    cells: UVec2,
     grid: wgpu::Buffer,
     landings: wgpu::Buffer,
     sums: wgpu::Buffer,
     gathered: wgpu::Texture,
-    blurred: wgpu::Texture,
+    /// The map before it is blurred, and blurred across; none if it is not.
+    blur: Option<[wgpu::Texture; 2]>,
 }
 
 /// A light's view as its map is made from it.
@@ -189,7 +192,7 @@ impl Caustics {
     /// Makes the layouts; pipelines are compiled when a frame first needs them.
     pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let compute = wgpu::ShaderStages::COMPUTE;
-        let params = || gpu::uniform::<Params>();
+        let params = || gpu.branching::<Params>();
         let (planes, write) = (gpu::sampled(D2), gpu::storage_texture(Layers::FORMAT, D2));
         let layouts = Layouts {
             inputs: gpu.layout(
@@ -258,7 +261,7 @@ impl Caustics {
     ) -> Result<()> {
         let settings = &scene.settings.caustics;
         let cells = cells(size, settings.grid);
-        gpu.check_size(size)?;
+        gpu.check_image(size, "choose a smaller caustics.resolution")?;
         let limits = gpu.device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let needs = [
@@ -275,8 +278,10 @@ impl Caustics {
                 return Err(Error::Adapter { adapter: gpu.adapter(), problem });
             }
         }
-        if self.sized.as_ref().is_none_or(|(s, c, _)| (*s, *c) != (size, cells)) {
-            self.sized = Some((size, cells, Buffers::new(gpu, size, cells)));
+        let blur = settings.blur > 0.0;
+        let fit = |b: &Buffers| (b.size, b.cells, b.blur.is_some()) == (size, cells, blur);
+        if !self.sized.as_ref().is_some_and(fit) {
+            self.sized = Some(Buffers::new(gpu, size, cells, blur));
         }
         let key = Key::new(scene, bound, splash);
         let layouts = &self.layouts;
@@ -296,27 +301,31 @@ impl Caustics {
             };
             let method = [("METHOD", f64::from(key.method as u32))];
             let grid = || pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]);
-            let follow = match key.method {
+            let follow = || match key.method {
                 Method::Straight => Follow::Straight,
-                Method::Forward => Follow::Forward {
-                    grid: grid(),
-                    trace: pipeline("caustics/forward.wgsl", "trace_light", &layouts.forward, &[]),
-                    deposit: {
+                Method::Forward => {
+                    let trace =
+                        || pipeline("caustics/forward.wgsl", "trace_light", &layouts.forward, &[]);
+                    let deposit = || {
                         let groups = [&camera.layout, &layouts.deposit, &bound.layout];
                         let constants = [&key.scene.constants()[..], &camera.constants()].concat();
                         let file = "caustics/deposit.wgsl";
                         gpu::compute_pipeline(gpu, file, "deposit", &groups, &constants)
-                    },
-                },
-                Method::Gather => Follow::Gather {
-                    grid: grid(),
-                    walk: pipeline("caustics/gather.wgsl", "gather", &layouts.gather, &[]),
-                },
+                    };
+                    let (trace, (grid, deposit)) =
+                        rayon::join(trace, || rayon::join(grid, deposit));
+                    Follow::Forward { grid, trace, deposit }
+                }
+                Method::Gather => {
+                    let walk = || pipeline("caustics/gather.wgsl", "gather", &layouts.gather, &[]);
+                    let (walk, grid) = rayon::join(walk, grid);
+                    Follow::Gather { grid, walk }
+                }
             };
-            Pipelines {
-                follow,
-                resolve: pipeline("caustics/resolve.wgsl", "resolve", &layouts.resolve, &method),
-            }
+            let resolve =
+                || pipeline("caustics/resolve.wgsl", "resolve", &layouts.resolve, &method);
+            let (follow, resolve) = rayon::join(follow, resolve);
+            Pipelines { follow, resolve }
         });
         Ok(())
     }
@@ -334,12 +343,10 @@ impl Caustics {
         output: Output<'_>,
         span: Span<'_>,
     ) {
-        let Some((size, _, buffers)) = &self.sized else { return };
+        let Some(buffers) = &self.sized else { return };
         let key = Key::new(scene, inputs.scene, inputs.splash.is_some());
         let pipelines = &self.pipelines[&key];
-        let uniform = |label: &str, bytes: &[u8]| {
-            gpu::buffer_with(gpu, label, wgpu::BufferUsages::UNIFORM, bytes)
-        };
+        let uniform = |label: &str, bytes: &[u8]| gpu::buffer_with(gpu, label, gpu::UNIFORM, bytes);
         let refract = refract::Params::new(scene, &scene.settings.refract, radius);
         let refract = uniform("light view", bytemuck::bytes_of(&refract));
         let own = uniform("caustics", bytemuck::bytes_of(params));
@@ -366,7 +373,11 @@ impl Caustics {
         let (grid, landings) = (&buffers.grid, &buffers.landings);
         let [map, receivers] =
             [output.map, output.receivers].map(|t| gpu::layer_view(t, output.layer));
-        let (gathered, blurred) = (view(&buffers.gathered), view(&buffers.blurred));
+        let gathered = view(&buffers.gathered);
+        let blur = buffers.blur.as_ref().filter(|_| params.blur > 0.0);
+        let blur = blur.map(|between| between.each_ref().map(view));
+        // A layer of the maps is written one by one, but never read so: OpenGL has no such view.
+        let unblurred = blur.as_ref().map_or(&map, |[unblurred, _]| unblurred);
 
         encoder.clear_buffer(&buffers.sums, 0, None);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
@@ -406,20 +417,20 @@ impl Caustics {
             Follow::Gather { grid: start, walk } => {
                 dispatch(start, 3, &vertex_buffer, vertices);
                 let resources = [grid.as_entire_binding(), texture(&gathered)];
-                dispatch(walk, 3, &group(&self.layouts.gather, &resources), *size);
+                dispatch(walk, 3, &group(&self.layouts.gather, &resources), buffers.size);
             }
         }
         let resources = [
             buffers.sums.as_entire_binding(),
             texture(&gathered),
-            texture(&map),
+            texture(unblurred),
             texture(&receivers),
         ];
-        dispatch(&pipelines.resolve, 3, &group(&self.layouts.resolve, &resources), *size);
-        if params.blur > 0.0 {
-            for (blur, (from, to)) in self.blur.iter().zip([(&map, &blurred), (&blurred, &map)]) {
+        dispatch(&pipelines.resolve, 3, &group(&self.layouts.resolve, &resources), buffers.size);
+        if let Some([unblurred, across]) = &blur {
+            for (blur, (from, to)) in self.blur.iter().zip([(unblurred, across), (across, &map)]) {
                 let resources = [texture(from), texture(&planes), texture(to)];
-                dispatch(blur, 1, &group(&self.layouts.blur, &resources), *size);
+                dispatch(blur, 1, &group(&self.layouts.blur, &resources), buffers.size);
             }
         }
     }
@@ -427,7 +438,7 @@ impl Caustics {
     /// What `gather` found for the last light: irradiance and state.
     #[cfg(feature = "report")]
     pub(crate) fn gathered(&self) -> Option<&wgpu::Texture> {
-        self.sized.as_ref().map(|(_, _, buffers)| &buffers.gathered)
+        self.sized.as_ref().map(|buffers| &buffers.gathered)
     }
 }
 
@@ -436,14 +447,15 @@ impl Key {
         let exact = Variant::new(scene, splash, false);
         let variant = Variant { solver: Solver::Guarded, filter: false, stride: 1, ..exact };
         // What the kernels do not read shall not make a variant of them.
-        let variant = Variant { solids: Solids::Exact, ..variant };
-        let scene_variant = SceneVariant { lights: 0, environment: 0, ..bound.variant };
+        let variant = Variant { solids: Solids::Exact, iterations: 0, ..variant };
+        let variant = Variant { samples: 1, edge_samples: 1, ..variant };
+        let scene_variant = SceneVariant { lights: 0, environment: 0, lit: false, ..bound.variant };
         Self { variant, scene: scene_variant, method: scene.settings.caustics.method }
     }
 }
 
 impl Buffers {
-    fn new(gpu: &Gpu, size: UVec2, cells: UVec2) -> Self {
+    fn new(gpu: &Gpu, size: UVec2, cells: UVec2, blur: bool) -> Self {
         let vertices = u64::from((cells + 1).element_product());
         let buffer = |label: &str, size: u64| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -460,11 +472,13 @@ impl Buffers {
             | wgpu::TextureUsages::COPY_SRC;
         let image = |label| gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage);
         Self {
+            size,
+            cells,
             grid: buffer("caustic grid", vertices * VERTEX),
             landings: buffer("landings", vertices * LANDING),
             sums: buffer("light sums", u64::from(size.element_product()) * LIGHT_SUMS),
             gathered: image("gathered"),
-            blurred: image("blurred"),
+            blur: blur.then(|| ["unblurred", "blurred across"].map(image)),
         }
     }
 }

@@ -6,20 +6,28 @@
 //! screen-space liquid rendering with complex refractions", Computer Animation and Virtual Worlds
 //! 27, 2016. Three things differ. The density is a share of that inside a body at rest, so that
 //! the threshold does not depend on the support. Neighbours count by their volume, for files whose
-//! particles differ in size. And by default the *short* axis is held ([`Kernel::Fitted`]): the
-//! papers' volume-preserving ellipsoids sink the surface by a particle.
+//! particles differ in size. And by default the *short* axis is held
+//! ([`Kernel::Fitted`](crate::settings::Kernel::Fitted)): the papers' volume-preserving ellipsoids
+//! sink the surface by a particle.
 
-use std::num::NonZero;
+mod grid;
+mod moments;
+mod shape;
+mod tree;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat3, DVec3, Vec3, Vec3Swizzles as _};
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use glam::{DVec3, Vec3};
 use rayon::iter::Either;
 use rayon::prelude::*;
 
 use crate::particles::{self, Ellipsoid, Particles};
 use crate::scene::Solid;
-use crate::settings::{Classify, Kernel};
+use crate::settings::Classify;
+use grid::Grid;
+use moments::Moments;
+use tree::Tree;
+
+pub use tree::estimate_radius;
 
 /// One splat as the GPU reads it: the ellipsoid { centre + A·s : |s| ≤ 1 }.
 ///
@@ -67,25 +75,7 @@ pub struct Splats {
 /// fine), or a position that is not finite. The result depends on the particles and the settings
 /// alone, not on the number of threads.
 pub fn classify(particles: &Particles, default_radius: f32, settings: &Classify) -> Splats {
-    let cloud = Cloud::new(particles, default_radius);
-    let at_rest = density_at_rest(settings.support.into());
-    let shift = particles::origin_for(cloud.members.iter().map(|m| m.position.as_dvec3()));
-    let given = |member: &Member| {
-        let ellipsoids = particles.ellipsoids.as_ref()?;
-        ellipsoids.get(member.particle as usize).filter(|ellipsoid| ellipsoid.drawable())
-    };
-    let (splashes, aggregates) = cloud.members.par_iter().partition_map(|member| {
-        let near = cloud.moments(member, settings.support.into());
-        if near.weight < f64::from(settings.splash_density) * at_rest {
-            Either::Left(member.splash(settings, shift))
-        } else if let Some(ellipsoid) = given(member) {
-            Either::Right(member.given(ellipsoid, shift))
-        } else {
-            Either::Right(member.aggregate(&near, settings, shift))
-        }
-    });
-    let origin = particles.origin + shift;
-    Splats { aggregates, splashes, radius: cloud.median_radius(default_radius), origin }
+    Cloud::new(particles, default_radius).classify(settings)
 }
 
 /// Lets aggregates wet the solids they rest on: a splat whose centre is within `reach` radii of a
@@ -110,270 +100,143 @@ pub fn wet(splats: &mut Splats, solids: &[Solid], reach: f32) {
     splats.aggregates.extend(copies);
 }
 
-/// A radius for files that have none: half the median distance to the nearest neighbour, over at
-/// most 2,000 particles spread through the file. 0 without two distinct particles.
-pub fn estimate_radius(particles: &Particles) -> f32 {
-    // Radii do not matter here, but a particle without a usable one would be left out.
-    let cloud = Cloud::new(&Particles::from_positions(particles.positions.clone()), 1.0);
-    let step = cloud.members.len().div_ceil(2000).max(1);
-    let mut distances: Vec<f64> = cloud
-        .members
-        .iter()
-        .step_by(step)
-        .filter_map(|member| {
-            let two = NonZero::new(2)?;
-            let query = member.position.to_array();
-            // The nearest is the particle itself.
-            let nearest =
-                cloud.tree.query(&query).nearest_n::<SquaredEuclidean<f64>>(two).execute();
-            nearest.get(1).map(|found| found.distance.sqrt())
-        })
-        .filter(|&distance| distance > 0.0)
-        .collect();
-    if distances.is_empty() {
-        return 0.0;
-    }
-    let middle = distances.len() / 2;
-    (0.5 * *distances.select_nth_unstable_by(middle, f64::total_cmp).1) as f32
+/// Whether a particle of this radius has a volume that a 32-bit float can hold.
+pub(crate) fn drawable(radius: f32) -> bool {
+    radius > 0.0 && radius.powi(3).is_normal()
 }
 
 /// A particle that can be drawn.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Member {
-    position: Vec3,
+    position: [f32; 3],
     radius: f32,
     particle: u32,
     fluid: u32,
 }
 
-/// The drawable particles of a frame, and the tree that finds neighbours among them.
-struct Cloud {
+impl Member {
+    fn position(&self) -> Vec3 {
+        self.position.into()
+    }
+}
+
+/// The particles of a frame that can be drawn, before they are told apart and shaped.
+#[derive(Clone, Debug)]
+pub struct Cloud {
     members: Vec<Member>,
-    tree: ImmutableKdTree<f32, 3>,
+    /// Shapes that the file gives, by particle.
+    ellipsoids: Option<Vec<Ellipsoid>>,
+    /// Median radius, m.
+    radius: f32,
+    /// What members are counted from, in world space.
+    origin: DVec3,
+    /// What splats are counted from, from there.
+    shift: DVec3,
 }
 
 impl Cloud {
-    fn new(particles: &Particles, default_radius: f32) -> Self {
+    /// Leaves out what cannot be drawn; see [`classify`].
+    pub fn new(particles: &Particles, default_radius: f32) -> Self {
         let radius = |i: usize| particles.radii.as_ref().map_or(default_radius, |radii| radii[i]);
         let fluid = |i: usize| particles.fluids.as_ref().map_or(0, |fluids| fluids[i].into());
-        let members: Vec<_> = (0u32..)
-            .zip(&particles.positions)
-            .map(|(particle, &position)| Member {
-                position,
-                radius: radius(particle as usize),
-                particle,
-                fluid: fluid(particle as usize),
-            })
-            .filter(|m| m.position.is_finite() && m.radius > 0.0 && m.radius.powi(3).is_normal())
+        let member = |(i, position): (usize, &Vec3)| Member {
+            position: position.to_array(),
+            radius: radius(i),
+            particle: i as u32,
+            fluid: fluid(i),
+        };
+        let members: Vec<_> = particles
+            .positions
+            .par_iter()
+            .enumerate()
+            .map(member)
+            .filter(|m| m.position().is_finite() && drawable(m.radius))
             .collect();
-        let points: Vec<_> = members.iter().map(|m| m.position.to_array()).collect();
-        let tree = ImmutableKdTree::new_from_slice(&points)
-            .expect("particles are counted in 32 bits, as the tree's items are");
-        Self { members, tree }
-    }
-
-    /// Gathers the neighbourhood of a particle, itself included. 64-bit distances take no time that
-    /// can be measured, and do not overflow however far a stray particle has flown.
-    fn moments(&self, member: &Member, support: f64) -> Moments {
-        let h = support * f64::from(member.radius);
-        let per_h = 1.0 / h;
-        let centre = member.position.as_dvec3();
-        let mut moments = Moments::default();
-        self.tree
-            .query(&member.position.to_array())
-            .within::<SquaredEuclidean<f64>>(h * h)
-            .unsorted()
-            .visit(|found| {
-                let other = &self.members[found.item as usize];
-                let volume = f64::from(other.radius / member.radius).powi(3);
-                moments.add((other.position.as_dvec3() - centre) * per_h, volume);
-            });
-        moments
-    }
-
-    fn median_radius(&self, default: f32) -> f32 {
-        let mut radii: Vec<_> = self.members.iter().map(|m| m.radius).collect();
-        let middle = radii.len() / 2;
-        if radii.is_empty() {
-            return default;
-        }
-        *radii.select_nth_unstable_by(middle, f32::total_cmp).1
-    }
-}
-
-/// Yu and Turk's weight 1 − (d/h)³ of a neighbour, from the square of d/h.
-///
-/// It serves the density as well. The cubic spline of SPH, peaked as it is, gives a lone particle a
-/// third of the density at rest, and three touching ones more than a sheet stretched by half; this
-/// weight nearly counts, and keeps the two apart.
-fn weight(square: f64) -> f64 {
-    (1.0 - square * square.sqrt()).max(0.0)
-}
-
-/// The summed weight inside a body at rest: a cubic lattice of spacing 2 r.
-fn density_at_rest(support: f64) -> f64 {
-    let reach = (support / 2.0) as i32;
-    let cells = || (-reach..=reach).map(f64::from);
-    let lattice = cells().flat_map(|x| cells().flat_map(move |y| cells().map(move |z| (x, y, z))));
-    lattice
-        .map(|(x, y, z)| weight(DVec3::new(x, y, z).length_squared() * 4.0 / support.powi(2)))
-        .sum()
-}
-
-/// Weighted sums over a neighbourhood, relative to the particle and in units of h.
-#[derive(Default)]
-struct Moments {
-    count: u32,
-    weight: f64,
-    first: DVec3,
-    diagonal: DVec3,
-    off_diagonal: DVec3,
-}
-
-impl Moments {
-    fn add(&mut self, offset: DVec3, volume: f64) {
-        let w = volume * weight(offset.length_squared());
-        self.count += 1;
-        self.weight += w;
-        self.first += w * offset;
-        self.diagonal += w * offset * offset;
-        self.off_diagonal += w * offset.xxy() * offset.yzz();
-    }
-
-    fn mean(&self) -> DVec3 {
-        self.first / self.weight
-    }
-
-    /// Covariance about the mean.
-    fn covariance(&self) -> DMat3 {
-        let mean = self.mean();
-        symmetric(
-            self.diagonal / self.weight - mean * mean,
-            self.off_diagonal / self.weight - mean.xxy() * mean.yzz(),
-        )
-    }
-}
-
-impl Member {
-    fn splash(&self, settings: &Classify, shift: DVec3) -> Splat {
-        let radius = f64::from(settings.splash_radius * self.radius);
-        self.splat(self.position.as_dvec3() - shift, DMat3::from_diagonal(DVec3::splat(radius)))
-    }
-
-    fn aggregate(&self, near: &Moments, settings: &Classify, shift: DVec3) -> Splat {
-        let r = f64::from(self.radius);
-        let h = f64::from(settings.support) * r;
-        let centre = self.position.as_dvec3() + f64::from(settings.smoothing) * h * near.mean();
-
-        let (spread, directions) = eigen(near.covariance());
-        let axes = r * semi_axes(spread, near.count - 1, settings);
-        let ellipsoid = directions * DMat3::from_diagonal(axes) * directions.transpose();
-        self.splat(centre - shift, ellipsoid)
-    }
-
-    fn given(&self, ellipsoid: &Ellipsoid, shift: DVec3) -> Splat {
-        let ellipsoid = f64::from(self.radius) * ellipsoid.matrix();
-        self.splat(self.position.as_dvec3() - shift, ellipsoid)
-    }
-
-    fn splat(&self, centre: DVec3, ellipsoid: DMat3) -> Splat {
-        let [x, y, z] = [ellipsoid.x_axis, ellipsoid.y_axis, ellipsoid.z_axis];
-        Splat {
-            centre: centre.as_vec3().to_array(),
-            radius: self.radius,
-            diagonal: DVec3::new(x.x, y.y, z.z).as_vec3().to_array(),
-            particle: self.particle,
-            off_diagonal: DVec3::new(y.x, z.x, z.y).as_vec3().to_array(),
-            fluid: self.fluid,
+        let shift = particles::origin_for(members.iter().map(|m| m.position().as_dvec3()));
+        Self {
+            radius: median_radius(&members, default_radius),
+            members,
+            ellipsoids: particles.ellipsoids.clone(),
+            origin: particles.origin,
+            shift,
         }
     }
-}
 
-/// Neighbours spread by less than this, in h, are one point and rounding errors.
-const COINCIDENT: f64 = 1e-4;
-
-/// Below this many neighbours the papers draw a sphere.
-const FEW_NEIGHBOURS: u32 = 25;
-
-/// Longest semi-axis of a volume-preserving kernel, in r (Imai et al. 2016).
-const VOLUME_CAP: f64 = 1.2;
-
-/// Semi-axes in r, from the eigenvalues of the covariance in h².
-///
-/// The eigenvalues themselves, not their roots, are the relative axes, as in Yu and Turk 2013. The
-/// clamp from below is what keeps sheets, lines and points finite.
-fn semi_axes(spread: DVec3, neighbours: u32, settings: &Classify) -> DVec3 {
-    let longest = spread.max_element();
-    let relative = if longest > COINCIDENT * COINCIDENT {
-        spread.max(DVec3::splat(longest / f64::from(settings.max_ratio).max(1.0))) / longest
-    } else {
-        DVec3::ONE
-    };
-    match settings.kernel {
-        Kernel::Fitted => {
-            let short = f64::from(settings.short_axis) / relative.min_element();
-            (short * relative).min(DVec3::splat(settings.long_axis.into()))
-        }
-        Kernel::Volume if neighbours < FEW_NEIGHBOURS => DVec3::ONE,
-        Kernel::Volume => {
-            (relative / relative.element_product().cbrt()).min(DVec3::splat(VOLUME_CAP))
-        }
+    /// Splashes, aggregates and their shapes; see [`classify`].
+    pub fn classify(&self, settings: &Classify) -> Splats {
+        let Some(grid) = self.grid(settings) else { return self.classify_by_tree(settings) };
+        let shaped = grid.map(self.shaper(settings));
+        // As they are in the file, not as they are in the grid.
+        let slots = grid.slots();
+        self.splats(slots.par_iter().map(|&slot| shaped[slot as usize]))
     }
-}
 
-fn symmetric(diagonal: DVec3, off_diagonal: DVec3) -> DMat3 {
-    let [xy, xz, yz] = off_diagonal.to_array();
-    DMat3::from_cols(
-        DVec3::new(diagonal.x, xy, xz),
-        DVec3::new(xy, diagonal.y, yz),
-        DVec3::new(xz, yz, diagonal.z),
-    )
-}
+    /// As [`Cloud::classify`], with a k-d tree whatever the particles.
+    ///
+    /// It is the check of the grid, which sums the same neighbours in another order and in 32 bits:
+    /// centres and axes agree to 10⁻⁵ r, densities to 10⁻⁶ of their value.
+    pub fn classify_by_tree(&self, settings: &Classify) -> Splats {
+        let support = settings.support.into();
+        let tree = Tree::new(&self.members).thinned(support);
+        let shape = self.shaper(settings);
+        self.splats(self.members.par_iter().map(|m| shape(m, &tree.moments(m, support))))
+    }
 
-/// Eigenvalues of a symmetric matrix, unsorted, and the orthonormal eigenvectors as columns.
-///
-/// Cyclic Jacobi rotations: unlike the closed form through arc cosines they stay exact where
-/// eigenvalues coincide, and in liquid nearly all of them do.
-fn eigen(matrix: DMat3) -> (DVec3, DMat3) {
-    /// Convergence is quadratic, six sweeps suffice for any input; the rest is margin.
-    const SWEEPS: usize = 12;
+    /// Whether neighbours are found by a uniform grid. Radii that differ much, particles here and
+    /// there in a wide space, and crowds are left to the tree.
+    pub fn has_grid(&self, settings: &Classify) -> bool {
+        self.grid(settings).is_some()
+    }
 
-    let mut a = matrix.to_cols_array_2d();
-    let mut vectors = DMat3::IDENTITY.to_cols_array_2d();
-    for _ in 0..SWEEPS {
-        let scale = a[0][0].abs() + a[1][1].abs() + a[2][2].abs();
-        if a[0][1].abs() + a[0][2].abs() + a[1][2].abs() <= f64::EPSILON * scale {
-            break;
-        }
-        for (p, q, other) in [(0, 1, 2), (0, 2, 1), (1, 2, 0)] {
-            if a[p][q] == 0.0 {
-                continue;
-            }
-            // The smaller of the two angles that make a[p][q] vanish, as its tangent.
-            let cotangent = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-            let t = cotangent.signum() / (cotangent.abs() + (cotangent * cotangent + 1.0).sqrt());
-            let c = 1.0 / (t * t + 1.0).sqrt();
-            let rotate = |x: f64, y: f64| (c * (x - t * y), c * (t * x + y));
+    fn grid(&self, settings: &Classify) -> Option<Grid<'_>> {
+        let layout = grid::Layout::of(&self.members, self.radius, settings.support)?;
+        Grid::new(layout, &self.members, self.radius, settings.support)
+    }
 
-            a[p][p] -= t * a[p][q];
-            a[q][q] += t * a[p][q];
-            (a[p][q], a[q][p]) = (0.0, 0.0);
-            (a[other][p], a[other][q]) = rotate(a[other][p], a[other][q]);
-            (a[p][other], a[q][other]) = (a[other][p], a[other][q]);
-            let (left, right) = (vectors[p], vectors[q]);
-            for i in 0..3 {
-                (vectors[p][i], vectors[q][i]) = rotate(left[i], right[i]);
+    /// Makes a splash (left) or an aggregate of a member and what is near it.
+    fn shaper(&self, settings: &Classify) -> impl Fn(&Member, &Moments) -> Either<Splat, Splat> {
+        let least =
+            f64::from(settings.splash_density) * moments::density_at_rest(settings.support.into());
+        let given = |member: &Member| {
+            let ellipsoids = self.ellipsoids.as_ref()?;
+            ellipsoids.get(member.particle as usize).filter(|ellipsoid| ellipsoid.drawable())
+        };
+        move |member, near| {
+            if near.weight < least {
+                Either::Left(member.splash(settings, self.shift))
+            } else if let Some(ellipsoid) = given(member) {
+                Either::Right(member.given(ellipsoid, self.shift))
+            } else {
+                Either::Right(member.aggregate(near, settings, self.shift))
             }
         }
     }
-    (DVec3::new(a[0][0], a[1][1], a[2][2]), DMat3::from_cols_array_2d(&vectors))
+
+    fn splats(&self, shaped: impl ParallelIterator<Item = Either<Splat, Splat>>) -> Splats {
+        let (splashes, aggregates) = shaped.partition_map(|splat| splat);
+        Splats { aggregates, splashes, radius: self.radius, origin: self.origin + self.shift }
+    }
+}
+
+fn median_radius(members: &[Member], default: f32) -> f32 {
+    let Some(first) = members.first() else { return default };
+    if members.iter().all(|m| m.radius == first.radius) {
+        return first.radius;
+    }
+    let mut radii: Vec<_> = members.iter().map(|m| m.radius).collect();
+    let middle = radii.len() / 2;
+    *radii.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DMat3;
+
     use super::*;
 
     /// Uniform in −1 to 1, from a linear congruential generator (Knuth's MMIX).
-    fn noise(seed: &mut u64) -> f64 {
+    pub(super) fn noise(seed: &mut u64) -> f64 {
         *seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (*seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
@@ -382,43 +245,18 @@ mod tests {
         (a - b).to_cols_array().into_iter().fold(0.0, |most, x| x.abs().max(most))
     }
 
-    /// The shapes rest on it: any symmetric matrix is the product of what `eigen` returns.
-    #[test]
-    fn eigen_recomposes_symmetric_matrices() {
-        let mut seed = 1;
-        let mut random = || DVec3::from_array([(); 3].map(|()| noise(&mut seed)));
-        let mut matrices: Vec<_> = (0..1000).map(|_| symmetric(random(), random())).collect();
-        // Where closed forms lose digits: equal, vanishing and nearly equal eigenvalues.
-        for values in [[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [1.0, 1.0 + 1e-9, 1e-17]]
-        {
-            let (_, turn) = eigen(symmetric(random(), random()));
-            matrices.push(turn * DMat3::from_diagonal(values.into()) * turn.transpose());
-            matrices.push(DMat3::from_diagonal(values.into()));
-        }
-        for matrix in matrices {
-            let (values, vectors) = eigen(matrix);
-            let recomposed = vectors * DMat3::from_diagonal(values) * vectors.transpose();
-            assert!(difference(recomposed, matrix) < 1e-12, "{matrix}");
-            assert!(
-                difference(vectors.transpose() * vectors, DMat3::IDENTITY) < 1e-12,
-                "{vectors}"
-            );
-        }
+    /// What both searches find of each member, named.
+    fn searches(cloud: &Cloud, support: f32) -> [(&'static str, Vec<Moments>); 2] {
+        let settings = Classify { support, ..Default::default() };
+        let tree = Tree::new(&cloud.members);
+        let by_tree = cloud.members.iter().map(|m| tree.moments(m, support.into())).collect();
+        let grid = cloud.grid(&settings).expect("particles as in any liquid");
+        let found = grid.map(|_, near| *near);
+        let by_grid = grid.slots().into_iter().map(|slot| found[slot as usize]).collect();
+        [("tree", by_tree), ("grid", by_grid)]
     }
 
-    /// Coincident eigenvalues are told apart from a vanishing one to the last digits.
-    #[test]
-    fn eigenvalues_of_a_sheet_are_exact() {
-        let (_, turn) = eigen(symmetric(DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.3, 0.2, 0.1)));
-        let sheet = turn * DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0)) * turn.transpose();
-        let mut values = eigen(sheet).0.to_array();
-        values.sort_by(f64::total_cmp);
-        for (value, exact) in values.into_iter().zip([0.0, 1.0, 1.0]) {
-            assert!((value - exact).abs() < 1e-14, "{values:?}");
-        }
-    }
-
-    /// The tree finds every neighbour, once, and the one-pass sums lose nothing: they equal the
+    /// Every neighbour is found, once, and the one-pass sums lose nothing: they equal the
     /// textbook's two passes over all pairs, with radii that differ.
     #[test]
     fn moments_equal_a_brute_force_reference() {
@@ -426,7 +264,7 @@ mod tests {
         let positions: Vec<_> = (0..500)
             .map(|_| Vec3::from_array([(); 3].map(|()| noise(&mut seed) as f32 + 10.0)))
             .collect();
-        let radii: Vec<_> = (0..500).map(|_| 0.1 + 0.02 * noise(&mut seed) as f32).collect();
+        let radii: Vec<_> = (0..500).map(|_| 0.1 + 0.05 * noise(&mut seed) as f32).collect();
         let support = 4.0;
         let cloud = Cloud::new(
             &Particles {
@@ -436,47 +274,54 @@ mod tests {
             },
             f32::NAN,
         );
-        for (i, member) in cloud.members.iter().enumerate() {
-            let moments = cloud.moments(member, support);
-            let r = f64::from(radii[i]);
-            let h = support * r;
-            let offset = |j: usize| positions[j].as_dvec3() - positions[i].as_dvec3();
-            let near: Vec<_> = (0..500).filter(|&j| offset(j).length() <= h).collect();
-            let weights: Vec<_> = near
-                .iter()
-                .map(|&j| {
-                    (f64::from(radii[j]) / r).powi(3) * (1.0 - (offset(j).length() / h).powi(3))
-                })
-                .collect();
-            let total: f64 = weights.iter().sum();
-            let mean =
-                near.iter().zip(&weights).map(|(&j, &w)| w * offset(j)).sum::<DVec3>() / total;
-            let covariance = near.iter().zip(&weights).fold(DMat3::ZERO, |sum, (&j, &w)| {
-                let d = offset(j) - mean;
-                sum + DMat3::from_cols(d.x * d, d.y * d, d.z * d) * (w / total)
-            });
+        for (search, found) in searches(&cloud, support) {
+            for (i, moments) in found.into_iter().enumerate() {
+                let r = f64::from(radii[i]);
+                let h = f64::from(support) * r;
+                let offset = |j: usize| positions[j].as_dvec3() - positions[i].as_dvec3();
+                let near: Vec<_> = (0..500).filter(|&j| offset(j).length() <= h).collect();
+                let weights: Vec<_> = near
+                    .iter()
+                    .map(|&j| {
+                        let volume = (f64::from(radii[j]) / r).powi(3);
+                        volume * (1.0 - (offset(j).length() / h).powi(3))
+                    })
+                    .collect();
+                let total: f64 = weights.iter().sum();
+                let mean =
+                    near.iter().zip(&weights).map(|(&j, &w)| w * offset(j)).sum::<DVec3>() / total;
+                let covariance = near.iter().zip(&weights).fold(DMat3::ZERO, |sum, (&j, &w)| {
+                    let d = offset(j) - mean;
+                    sum + DMat3::from_cols(d.x * d, d.y * d, d.z * d) * (w / total)
+                });
 
-            assert_eq!(moments.count as usize, near.len());
-            // The ratio of radii is taken in 32 bits.
-            assert!((moments.weight - total).abs() < 1e-6 * total);
-            assert!((moments.mean() * h - mean).length() < 1e-6 * h);
-            assert!(difference(moments.covariance() * (h * h), covariance) < 1e-6 * h * h);
+                assert_eq!(moments.count as usize, near.len(), "{search}, {i}");
+                // The ratio of radii is taken in 32 bits.
+                assert!((moments.weight - total).abs() < 1e-6 * total, "{search}");
+                assert!((moments.mean() * h - mean).length() < 1e-6 * h, "{search}");
+                let found = moments.covariance() * (h * h);
+                assert!(difference(found, covariance) < 1e-6 * h * h, "{search}");
+            }
         }
     }
 
-    /// The threshold is a share of the density at rest, for any support.
+    /// The threshold is a share of the density at rest, for any support; and neighbours at h itself,
+    /// of which a lattice has many, are counted, whatever the rounding.
     #[test]
     fn density_inside_a_lattice_is_one() {
-        for support in [2.0, 3.0, 4.0, 5.5] {
+        for (support, count) in [(2.0, 7), (3.0, 19), (4.0, 33), (5.5, 81)] {
             let r = 0.025f32;
             let cells = || (-3..=3).map(|i| 2.0 * r * i as f32);
             let positions: Vec<_> = cells()
                 .flat_map(|x| cells().flat_map(move |y| cells().map(move |z| Vec3::new(x, y, z))))
                 .collect();
             let cloud = Cloud::new(&Particles { positions, ..Default::default() }, r);
-            let middle = &cloud.members[cloud.members.len() / 2];
-            let share = cloud.moments(middle, support).weight / density_at_rest(support);
-            assert!((share - 1.0).abs() < 1e-5, "{share} at support {support}");
+            for (search, found) in searches(&cloud, support) {
+                let middle = found[found.len() / 2];
+                let share = middle.weight / moments::density_at_rest(support.into());
+                assert!((share - 1.0).abs() < 1e-5, "{share} at support {support}, {search}");
+                assert_eq!(middle.count, count, "at support {support}, {search}");
+            }
         }
     }
 }

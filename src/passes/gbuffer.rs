@@ -2,7 +2,6 @@
 //! `shaders/common/scene.wgsl`.
 
 use std::collections::HashMap;
-use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec2, Vec3};
@@ -107,6 +106,10 @@ pub const MAX_LIGHTS: usize = 16;
 pub(crate) struct SceneVariant {
     /// Number of solids.
     pub solids: u32,
+    /// Which shapes they have: 1 plane, 2 box, 4 sphere.
+    pub shapes: u32,
+    /// Whether any is lit.
+    pub lit: bool,
     /// Number of lights.
     pub lights: u32,
     /// 0 constant, 1 gradient, 2 map.
@@ -123,12 +126,21 @@ impl SceneVariant {
         };
         let solids = scene.solids.len() as u32;
         let lights = if scene.is_lit() { scene.lights.len() as u32 } else { 0 };
-        Self { solids, lights, environment }
+        let shapes =
+            scene.solids.iter().fold(0, |shapes, solid| shapes | 1 << number(&solid.shape));
+        let lit = scene.solids.iter().any(|solid| solid.lit);
+        Self { solids, shapes, lit, lights, environment }
     }
 
-    pub(crate) fn constants(self) -> [(&'static str, f64); 3] {
-        [("SOLIDS", self.solids), ("LIGHTS", self.lights), ("ENVIRONMENT", self.environment)]
-            .map(|(name, value)| (name, value.into()))
+    pub(crate) fn constants(self) -> [(&'static str, f64); 5] {
+        [
+            ("SOLIDS", self.solids),
+            ("SHAPES", self.shapes),
+            ("ANY_LIT", self.lit.into()),
+            ("LIGHTS", self.lights),
+            ("ENVIRONMENT", self.environment),
+        ]
+        .map(|(name, value)| (name, value.into()))
     }
 }
 
@@ -160,7 +172,7 @@ impl SceneBinding {
         let bindings = [
             gpu::uniform::<SceneUniform>(),
             gpu::uniform::<[SolidData; MAX_SOLIDS]>(),
-            gpu::uniform::<[LightData; MAX_LIGHTS]>(),
+            gpu.branching::<[LightData; MAX_LIGHTS]>(),
             gpu::sampled(D2),
             gpu::sampled(D2Array),
             gpu::sampled(D2Array),
@@ -194,24 +206,13 @@ impl SceneBinding {
             .collect();
         gpu.queue.write_buffer(&self.solids, 0, bytemuck::cast_slice(&solids));
         gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights));
-        if !same(&self.environment, &scene.environment) || self.maps.as_ref() != maps {
+        if self.environment != scene.environment || self.maps.as_ref() != maps {
             let environment = &scene.environment;
             self.group = bind(gpu, &self.layout, &self.solids, &self.lights, environment, maps);
             self.environment = environment.clone();
             self.maps = maps.cloned();
         }
         self.variant = SceneVariant::new(scene);
-    }
-}
-
-/// Whether two environments need no new upload; a map is known by its memory, not its pixels.
-fn same(a: &Environment, b: &Environment) -> bool {
-    match (a, b) {
-        (
-            Environment::Map { size: a, pixels: of_a },
-            Environment::Map { size: b, pixels: of_b },
-        ) => a == b && Arc::ptr_eq(of_a, of_b),
-        (a, b) => a == b,
     }
 }
 
@@ -238,7 +239,7 @@ fn bind(
         ambient: environment.mean().to_array(),
         ..Zeroable::zeroed()
     };
-    let uniform = gpu::buffer_with(gpu, "scene", wgpu::BufferUsages::UNIFORM, &[uniform]);
+    let uniform = gpu::buffer_with(gpu, "scene", gpu::UNIFORM, &[uniform]);
     let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
     let format = wgpu::TextureFormat::Rgba32Float;
     let map = gpu::texture(gpu, "environment", size, 1, format, usage);
@@ -252,7 +253,8 @@ fn bind(
         },
         map.size(),
     );
-    let none = |label| gpu::texture(gpu, label, UVec2::ONE, 1, format, usage);
+    let layers = gpu::array_layers(gpu, 1);
+    let none = |label| gpu::texture(gpu, label, UVec2::ONE, layers, format, usage);
     let [maps, receivers] = match light_maps {
         Some(light_maps) => [&light_maps.maps, &light_maps.receivers].map(gpu::array_view),
         None => ["no caustic maps", "no receivers"].map(|label| gpu::array_view(&none(label))),
@@ -268,17 +270,26 @@ fn bind(
     gpu::bind_group(gpu, "scene", layout, &resources)
 }
 
+/// What `common/scene.wgsl` calls the shape.
+fn number(shape: &Shape) -> u32 {
+    match shape {
+        Shape::Plane { .. } => 0,
+        Shape::Box { .. } => 1,
+        Shape::Sphere { .. } => 2,
+    }
+}
+
 fn solid_data(solid: &Solid, eye: DVec3) -> SolidData {
-    let (shape, origin, extent, half_extent) = match solid.shape {
+    let (origin, extent, half_extent) = match solid.shape {
         Shape::Plane { origin, normal, half_extent } if half_extent < f32::INFINITY => {
-            (0, origin - eye, normal, half_extent)
+            (origin - eye, normal, half_extent)
         }
         // A whole plane goes by its point nearest to the eye, which has the most digits.
         Shape::Plane { origin, normal, .. } => {
-            (0, (origin - eye).project_onto(normal.as_dvec3()), normal, 1e30)
+            ((origin - eye).project_onto(normal.as_dvec3()), normal, 1e30)
         }
-        Shape::Box { min, max } => (1, 0.5 * (min + max) - eye, (0.5 * (max - min)).as_vec3(), 0.0),
-        Shape::Sphere { center, radius } => (2, center - eye, Vec3::splat(radius), 0.0),
+        Shape::Box { min, max } => (0.5 * (min + max) - eye, (0.5 * (max - min)).as_vec3(), 0.0),
+        Shape::Sphere { center, radius } => (center - eye, Vec3::splat(radius), 0.0),
     };
     let (even, tile, odd) = match solid.surface {
         Surface::Color(color) => (color, 0.0, color),
@@ -291,7 +302,7 @@ fn solid_data(solid: &Solid, eye: DVec3) -> SolidData {
     };
     SolidData {
         origin: origin.as_vec3().to_array(),
-        shape,
+        shape: number(&solid.shape),
         extent: extent.to_array(),
         half_extent,
         even: even.to_array(),

@@ -1,6 +1,6 @@
-//! Mip levels of layers: `shaders/mips.wgsl`. Only the intersectors that filter read them.
+//! Mip levels of layers: `shaders/mips/`. Only the intersectors that filter read them.
 
-use wgpu::TextureViewDimension::D2Array;
+use wgpu::TextureViewDimension::{self, D2, D2Array};
 
 use super::Layers;
 use crate::gpu::{self, Gpu, Span};
@@ -16,20 +16,32 @@ pub(crate) fn levels(size: glam::UVec2) -> u32 {
 /// Fills mip levels from level 0.
 #[derive(Debug)]
 pub(crate) struct Mips {
+    layers: Kind,
+    planes: Kind,
+}
+
+/// What coarsens textures of one kind of view.
+#[derive(Debug)]
+struct Kind {
+    dimension: TextureViewDimension,
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
 }
 
 impl Mips {
-    /// Compiles the pipeline.
+    /// Compiles the pipelines.
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        let bindings = [gpu::sampled(D2Array), gpu::storage_texture(Layers::FORMAT, D2Array)];
-        let layout = gpu.layout("mips", wgpu::ShaderStages::COMPUTE, &bindings);
-        let pipeline = gpu::compute_pipeline(gpu, "mips.wgsl", "coarsen", &[&layout], &[]);
-        Self { pipeline, layout }
+        let kind = |file, dimension| {
+            let bindings =
+                [gpu::sampled(dimension), gpu::storage_texture(Layers::FORMAT, dimension)];
+            let layout = gpu.layout("mips", wgpu::ShaderStages::COMPUTE, &bindings);
+            let pipeline = gpu::compute_pipeline(gpu, file, "coarsen", &[&layout], &[]);
+            Kind { dimension, pipeline, layout }
+        };
+        Self { layers: kind("mips/layers.wgsl", D2Array), planes: kind("mips/planes.wgsl", D2) }
     }
 
-    /// Fills the mip levels of `textures`, arrays or not.
+    /// Fills the mip levels of `textures`, with layers or without.
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
@@ -41,16 +53,16 @@ impl Mips {
             label: Some("mips"),
             timestamp_writes: span.compute(),
         });
-        pass.set_pipeline(&self.pipeline);
         for texture in textures {
+            let kind =
+                if texture.depth_or_array_layers() > 1 { &self.layers } else { &self.planes };
+            pass.set_pipeline(&kind.pipeline);
             for level in 1..texture.mip_level_count() {
-                let [finer, coarser] = [level - 1, level].map(|l| gpu::level_view(texture, l));
+                let [finer, coarser] =
+                    [level - 1, level].map(|l| gpu::level_view(texture, l, kind.dimension));
                 let resources = [&finer, &coarser].map(wgpu::BindingResource::TextureView);
-                pass.set_bind_group(
-                    0,
-                    &gpu::bind_group(gpu, "mips", &self.layout, &resources),
-                    &[],
-                );
+                let group = gpu::bind_group(gpu, "mips", &kind.layout, &resources);
+                pass.set_bind_group(0, &group, &[]);
                 let size = glam::UVec2::new(texture.width(), texture.height());
                 let (x, y) = gpu::workgroups((size >> level).max(glam::UVec2::ONE));
                 pass.dispatch_workgroups(x, y, texture.depth_or_array_layers());

@@ -127,7 +127,7 @@ impl Mixture {
                 })],
             }),
             multiview_mask: None,
-            cache: None,
+            cache: gpu.cache(),
         })
     }
 

@@ -1,7 +1,7 @@
 //! Light through the layers: `shaders/refract/`.
 //!
-//! The shader is specialised for what the frame has (splashes, absorption, solids to touch) and
-//! for the chosen intersector; specialisations are compiled once and kept.
+//! The shader is specialised for what the frame has (splashes, absorption, solids to touch), for
+//! the chosen intersector and for all counts that loops run to; specialisations are compiled once and kept.
 
 use std::collections::HashMap;
 
@@ -28,20 +28,12 @@ pub struct Params {
     pub ior: f32,
     /// Reach of wetting, m.
     pub contact: f32,
-    /// Rays per pixel.
-    pub samples: u32,
     /// Interfaces per ray.
     pub interfaces: u32,
     /// Strong internal reflections followed per ray.
     pub internal_bounces: u32,
-    /// Iterations of `newton` and `secant`.
-    pub iterations: u32,
-    /// Rays per pixel of background with an edge in it.
-    pub edge_samples: u32,
     /// Share of the picture's height that `guarded` may step over unseen.
     pub reach: f32,
-    /// Alignment.
-    pub pad: u32,
 }
 
 /// What one specialisation of the shader is made for.
@@ -53,6 +45,12 @@ pub(crate) struct Variant {
     pub filter: bool,
     /// Pixels between samples of `march`.
     pub stride: u32,
+    /// Of `newton` and `secant`.
+    pub iterations: u32,
+    /// Rays per pixel.
+    pub samples: u32,
+    /// Rays per pixel of background with an edge in it.
+    pub edge_samples: u32,
     /// The frame has splashes.
     pub splash: bool,
     /// The liquid absorbs.
@@ -77,11 +75,15 @@ impl Variant {
     /// The smallest variant that draws a frame.
     pub(crate) fn new(scene: &Scene, splash: bool, count: bool) -> Self {
         let settings = &scene.settings.refract;
+        let iterates = matches!(settings.solver, Solver::Newton | Solver::Secant);
         Self {
             solver: settings.solver,
             // What other intersectors do not read shall not make a variant of them.
             filter: settings.filter && settings.solver == Solver::Newton,
             stride: if settings.solver == Solver::March { settings.stride } else { 1 },
+            iterations: if iterates { settings.iterations } else { 0 },
+            samples: settings.samples,
+            edge_samples: settings.edge_samples,
             splash,
             absorption: mixture::strongest(scene) > 0.0,
             mixture: mixture::is_mixed(scene),
@@ -113,6 +115,9 @@ impl Variant {
 
     pub(crate) fn constants(self) -> Vec<(&'static str, f64)> {
         let mut constants = self.switches().to_vec();
+        constants.push(("SAMPLES", self.samples.into()));
+        constants.push(("EDGE_SAMPLES", self.edge_samples.into()));
+        constants.push(("ITERATIONS", self.iterations.into()));
         match self.solver {
             Solver::Newton => constants.push(("FILTER", f64::from(u8::from(self.filter)))),
             Solver::March => constants.push(("STRIDE", self.stride.into())),
@@ -141,6 +146,18 @@ impl Variant {
 struct Pipelines {
     liquid: wgpu::ComputePipeline,
     background: wgpu::ComputePipeline,
+    edges: wgpu::ComputePipeline,
+}
+
+/// Pixels of the background with an edge in them, gathered to be drawn together.
+#[derive(Debug)]
+struct Edges {
+    /// Count, then pixels.
+    list: wgpu::Buffer,
+    /// Arguments of the indirect dispatch over them.
+    dispatch: wgpu::Buffer,
+    gather: wgpu::BindGroup,
+    draw: wgpu::BindGroup,
 }
 
 /// Draws the liquid and what is seen through and beside it.
@@ -153,6 +170,8 @@ pub(crate) struct Refract {
     pipelines: HashMap<(Variant, SceneVariant), Pipelines>,
     params: wgpu::Buffer,
     layout: wgpu::BindGroupLayout,
+    edge_layouts: [wgpu::BindGroupLayout; 2],
+    edges: Edges,
 }
 
 impl Refract {
@@ -170,20 +189,32 @@ impl Refract {
             gpu::storage_of(8),
         ];
         let layout = gpu.layout("refract", wgpu::ShaderStages::COMPUTE, &bindings);
+        // A dispatch must not be bound where it is used, so what draws edges has the list alone.
+        let edge_bindings = [gpu::storage_read_write(8), gpu::storage_read_write(4)];
+        let edge_layouts = [&edge_bindings[..], &edge_bindings[..1]]
+            .map(|bindings| gpu.layout("edges", wgpu::ShaderStages::COMPUTE, bindings));
         Self {
             radiance: Radiance { texture: picture(gpu, "radiance", UVec2::ONE) },
             diagnostics: picture(gpu, "diagnostics", UVec2::ONE),
             pipelines: HashMap::new(),
             params: gpu::uniform_buffer::<Params>(gpu, "refract"),
             layout,
+            edges: Edges::new(gpu, &edge_layouts, UVec2::ONE),
+            edge_layouts,
         }
     }
 
     /// Replaces the pictures; without `count` the diagnostics take no memory.
     pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2, count: bool) {
         self.radiance = Radiance { texture: picture(gpu, "radiance", size) };
+        self.edges = Edges::new(gpu, &self.edge_layouts, size);
         let size = if count { size } else { UVec2::ONE };
         self.diagnostics = picture(gpu, "diagnostics", size);
+    }
+
+    /// Whether `variant` was compiled for the bound scene: it takes longer than all else together.
+    pub(crate) fn is_compiled(&self, variant: Variant, scene: &SceneBinding) -> bool {
+        self.pipelines.contains_key(&(variant, scene.variant))
     }
 
     /// Writes the parameters and compiles `variant` if it is new.
@@ -196,16 +227,22 @@ impl Refract {
         params: &Params,
     ) {
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
-        let layouts = [&camera.layout, &self.layout, &scene.layout];
+        let [gather, draw] = &self.edge_layouts;
         self.pipelines.entry((variant, scene.variant)).or_insert_with(|| {
             let constants = [&variant.constants()[..], &scene.variant.constants()].concat();
-            let pipeline = |entry: &str| {
-                gpu::compute_pipeline(gpu, variant.shader(), entry, &layouts, &constants)
+            let module = crate::shader::module(gpu, variant.shader());
+            let pipeline = |entry: &str, edges: &wgpu::BindGroupLayout| {
+                let layouts = [&camera.layout, &self.layout, &scene.layout, edges];
+                gpu::module_pipeline(gpu, variant.shader(), &module, entry, &layouts, &constants)
             };
-            Pipelines {
-                liquid: pipeline("refract_pixels"),
-                background: pipeline("background_pixels"),
-            }
+            let (liquid, (background, edges)) = rayon::join(
+                || pipeline("refract_pixels", gather),
+                || {
+                    let background = || pipeline("background_pixels", gather);
+                    rayon::join(background, || pipeline("edge_pixels", draw))
+                },
+            );
+            Pipelines { liquid, background, edges }
         });
     }
 
@@ -238,18 +275,47 @@ impl Refract {
             gpu::bind_group(gpu, "refract", &self.layout, &resources)
         };
         let pipelines = &self.pipelines[&(variant, eye.scene.variant)];
+        encoder.clear_buffer(&self.edges.list, 0, Some(4));
+        encoder.clear_buffer(&self.edges.dispatch, 0, Some(4));
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("refract"),
             timestamp_writes: span.compute(),
         });
         pass.set_bind_group(0, &eye.camera.group, &[]);
         pass.set_bind_group(2, &eye.scene.group, &[]);
+        pass.set_bind_group(3, &self.edges.gather, &[]);
         pass.set_pipeline(&pipelines.background);
         pass.set_bind_group(1, &group(&tiles.background), &[]);
         pass.dispatch_workgroups_indirect(&tiles.dispatches, TileLists::BACKGROUND);
         pass.set_pipeline(&pipelines.liquid);
         pass.set_bind_group(1, &group(&tiles.liquid), &[]);
         pass.dispatch_workgroups_indirect(&tiles.dispatches, TileLists::LIQUID);
+        pass.set_bind_group(3, &self.edges.draw, &[]);
+        pass.set_pipeline(&pipelines.edges);
+        pass.dispatch_workgroups_indirect(&self.edges.dispatch, 0);
+    }
+}
+
+impl Edges {
+    fn new(gpu: &Gpu, [gather, draw]: &[wgpu::BindGroupLayout; 2], size: UVec2) -> Self {
+        /// `most_edges` of the shader.
+        const MOST: u64 = 65535 * 64;
+        let limit = gpu.device.limits().max_storage_buffer_binding_size;
+        let pixels = u64::from(size.x) * u64::from(size.y);
+        let list = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("edges"),
+            size: (4 + 4 * pixels.min(MOST)).min(limit / 4 * 4),
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let usage = wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::COPY_DST
+            | wgpu::BufferUsages::INDIRECT;
+        let dispatch = gpu::buffer_with(gpu, "edge groups", usage, &[0u32, 1, 1]);
+        let resources = [list.as_entire_binding(), dispatch.as_entire_binding()];
+        let gather = gpu::bind_group(gpu, "edges found", gather, &resources);
+        let draw = gpu::bind_group(gpu, "edges drawn", draw, &resources[..1]);
+        Self { list, dispatch, gather, draw }
     }
 }
 
@@ -264,13 +330,9 @@ impl Params {
             absorption,
             ior: scene.liquid.ior,
             contact: settings.contact * radius,
-            samples: settings.samples,
             interfaces: settings.interfaces,
             internal_bounces: settings.internal_bounces,
-            iterations: settings.iterations,
-            edge_samples: settings.edge_samples,
             reach: settings.reach,
-            pad: 0,
         }
     }
 }

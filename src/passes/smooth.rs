@@ -15,12 +15,8 @@ use crate::settings::{self, Filter};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Params {
-    /// Taps to each side of the centre.
-    pub taps: i32,
     /// Distance between taps, in pixels or in particle radii.
     pub stride: f32,
-    /// 1 if `stride` is in particle radii.
-    pub in_radii: u32,
     /// Particle radius, m.
     pub radius: f32,
     /// 1/σ², 1/m².
@@ -39,10 +35,8 @@ impl Params {
         let stride = window / (settings.taps - 1) as f32;
         (0..settings.iterations)
             .map(|i| Self {
-                taps: (settings.taps / 2) as i32,
                 // With gaps between taps, each iteration looks half as far as the one before.
                 stride: stride * 0.5f32.powi(i as i32),
-                in_radii: u32::from(in_radii),
                 radius,
                 inv_sigma2: (settings.sigma * radius).powi(-2),
                 delta: settings.delta * radius,
@@ -52,13 +46,40 @@ impl Params {
     }
 }
 
+/// What one specialisation of `iterate` is made for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Variant {
+    filter: Filter,
+    taps: u32,
+    unit: settings::Unit,
+}
+
+impl Variant {
+    fn new(settings: &settings::Smooth) -> Self {
+        Self { filter: settings.filter, taps: settings.taps, unit: settings.unit }
+    }
+
+    fn constants(self) -> [(&'static str, f64); 2] {
+        let in_radii = self.unit == settings::Unit::Radius;
+        [("TAPS", (self.taps / 2).into()), ("IN_RADII", f64::from(u8::from(in_radii)))]
+    }
+
+    fn shader(self) -> &'static str {
+        match self.filter {
+            Filter::PlaneFit => "smooth/plane_fit.wgsl",
+            Filter::Bilateral => "smooth/bilateral.wgsl",
+            Filter::NarrowRange => "smooth/narrow_range.wgsl",
+        }
+    }
+}
+
 /// Smooths a pair of layers.
 #[derive(Debug)]
 pub(crate) struct Smooth {
     /// Output: smoothed planes.
     pub layers: Layers,
     prepare: wgpu::ComputePipeline,
-    iterate: HashMap<Filter, wgpu::ComputePipeline>,
+    iterate: HashMap<Variant, wgpu::ComputePipeline>,
     planes: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     // Normal and depth, written alternately.
@@ -74,19 +95,15 @@ impl Smooth {
             gpu::uniform::<Params>(),
             gpu::sampled(D2Array),
             gpu::storage_texture(Layers::FORMAT, D2Array),
+            gpu::storage_texture(Layers::FORMAT, D2Array),
             gpu::sampled(D2Array),
             gpu::storage_of(8),
         ];
         let layout = gpu.layout("smooth", wgpu::ShaderStages::COMPUTE, &bindings);
         let layouts = [&camera.layout, &layout];
         let pipeline = |entry: &str| {
-            gpu::compute_pipeline(
-                gpu,
-                shader(Filter::PlaneFit),
-                entry,
-                &layouts,
-                &camera.constants(),
-            )
+            let shader = "smooth/plane_fit.wgsl";
+            gpu::compute_pipeline(gpu, shader, entry, &layouts, &camera.constants())
         };
         let (layers, states) = sized(gpu, splatted);
         Self {
@@ -106,15 +123,22 @@ impl Smooth {
         self.splatted = splatted.clone();
     }
 
-    /// Compiles `filter` if it is new.
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, filter: Filter) {
+    /// Compiles the filter with these settings if it is new.
+    pub(crate) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        settings: &settings::Smooth,
+    ) {
         let layouts = [&camera.layout, &self.layout];
-        self.iterate.entry(filter).or_insert_with(|| {
-            gpu::compute_pipeline(gpu, shader(filter), "iterate", &layouts, &camera.constants())
+        let variant = Variant::new(settings);
+        self.iterate.entry(variant).or_insert_with(|| {
+            let constants = [&camera.constants()[..], &variant.constants()].concat();
+            gpu::compute_pipeline(gpu, variant.shader(), "iterate", &layouts, &constants)
         });
     }
 
-    /// Smooths the splatted layers, or the front alone, into [`Smooth::layers`] by a filter that
+    /// Smooths the splatted layers, or the front alone, into [`Smooth::layers`] by settings that
     /// [`Smooth::prepare`] was given.
     #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub(crate) fn record(
@@ -123,7 +147,7 @@ impl Smooth {
         encoder: &mut wgpu::CommandEncoder,
         camera: &CameraBinding,
         tiles: &TileLists,
-        filter: Filter,
+        settings: &settings::Smooth,
         iterations: &[Params],
         backs: bool,
         span: Span<'_>,
@@ -131,9 +155,9 @@ impl Smooth {
         // Only the liquid's tiles are written, and taps read beyond them.
         let [first, second] = &self.states;
         let mut begin = span.first();
-        for layers in [first, second, &self.layers] {
+        for texture in [&first.texture, &second.texture, &self.layers.texture] {
             for layer in [Layers::FRONT, Layers::BACK] {
-                gpu::clear(encoder, &gpu::layer_view(&layers.texture, layer), begin);
+                gpu::clear(encoder, &gpu::layer_view(texture, layer), begin);
                 begin = Span::default();
             }
         }
@@ -142,17 +166,15 @@ impl Smooth {
             timestamp_writes: span.last().compute(),
         });
         pass.set_bind_group(0, &camera.group, &[]);
-        let mut step = |pipeline: &wgpu::ComputePipeline,
-                        params: &Params,
-                        from: &Layers,
-                        to: &Layers| {
+        let planes = gpu::level_view(&self.layers.texture, 0, D2Array);
+        let mut step = |pipeline: &wgpu::ComputePipeline, params: &Params, to: usize| {
             // A buffer per iteration: a uniform written twice holds the last value for the frame.
-            let params = gpu::buffer_with(gpu, "smooth", wgpu::BufferUsages::UNIFORM, &[*params]);
-            let target = gpu::level_view(&to.texture, 0);
+            let params = gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);
             let resources = [
                 params.as_entire_binding(),
-                wgpu::BindingResource::TextureView(&from.view),
-                wgpu::BindingResource::TextureView(&target),
+                wgpu::BindingResource::TextureView(&self.states[1 - to].view),
+                wgpu::BindingResource::TextureView(&self.states[to].view),
+                wgpu::BindingResource::TextureView(&planes),
                 wgpu::BindingResource::TextureView(&self.splatted.view),
                 tiles.liquid.as_entire_binding(),
             ];
@@ -161,22 +183,14 @@ impl Smooth {
             let covered = if backs { TileLists::LIQUID_LAYERS } else { TileLists::LIQUID };
             pass.dispatch_workgroups_indirect(&tiles.dispatches, covered);
         };
-        let [mut from, mut to] = [&self.states[0], &self.states[1]];
         let Some(last) = iterations.last() else { return };
-        step(&self.prepare, last, &self.splatted, from);
+        let mut to = 0;
+        step(&self.prepare, last, to);
         for params in iterations {
-            step(&self.iterate[&filter], params, from, to);
-            (from, to) = (to, from);
+            to = 1 - to;
+            step(&self.iterate[&Variant::new(settings)], params, to);
         }
-        step(&self.planes, last, from, &self.layers);
-    }
-}
-
-fn shader(filter: Filter) -> &'static str {
-    match filter {
-        Filter::PlaneFit => "smooth/plane_fit.wgsl",
-        Filter::Bilateral => "smooth/bilateral.wgsl",
-        Filter::NarrowRange => "smooth/narrow_range.wgsl",
+        step(&self.planes, last, 1 - to);
     }
 }
 

@@ -120,7 +120,7 @@ impl Splat {
                     targets: &[Some(Layers::FORMAT.into())],
                 }),
                 multiview_mask: None,
-                cache: None,
+                cache: gpu.cache(),
             })
         };
         let pipelines = [
@@ -129,6 +129,12 @@ impl Splat {
         ];
         let (layers, depth) = sized(gpu, UVec2::ONE, 1);
         Self { layers, depth, pipelines }
+    }
+
+    /// As this one, with layers of its own: nothing is compiled again.
+    pub(crate) fn another(&self, gpu: &Gpu) -> Self {
+        let (layers, depth) = sized(gpu, UVec2::ONE, 1);
+        Self { layers, depth, pipelines: self.pipelines.clone() }
     }
 
     /// Replaces the layers by ones of so many mip levels.

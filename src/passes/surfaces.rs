@@ -65,7 +65,7 @@ impl Surfaces {
         let camera = CameraBinding::new(gpu, orthographic);
         let scene = SceneBinding::new(gpu);
         let aggregate = Splat::new(gpu, &camera);
-        let splash = Splat::new(gpu, &camera);
+        let splash = aggregate.another(gpu);
         let mixture = Mixture::new(gpu, &camera);
         let tiles = Tiles::new(gpu);
         let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
@@ -122,7 +122,7 @@ impl Surfaces {
         }
         self.smoothed = !fits.is_empty();
         if self.smoothed {
-            self.smooth.prepare(gpu, &self.camera, scene.settings.smooth.filter);
+            self.smooth.prepare(gpu, &self.camera, &scene.settings.smooth);
         }
         if self.wanted.gbuffer {
             self.gbuffer.prepare(gpu, &self.camera, &self.scene);
@@ -160,10 +160,10 @@ impl Surfaces {
             timer.span(tiles),
         );
         if self.smoothed {
-            let filter = scene.settings.smooth.filter;
+            let settings = &scene.settings.smooth;
             let lists = &self.tiles.lists;
             let span = timer.span(smooth);
-            self.smooth.record(gpu, encoder, camera, lists, filter, fits, backs, span);
+            self.smooth.record(gpu, encoder, camera, lists, settings, fits, backs, span);
         }
         if self.wanted.gbuffer {
             self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(gbuffer));

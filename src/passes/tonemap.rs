@@ -21,6 +21,13 @@ pub struct Params {
     pub encode: u32,
 }
 
+/// Linear light, 0 to 1, in 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
+pub fn srgb_byte(c: f64) -> u8 {
+    let c = c.clamp(0.0, 1.0);
+    let encoded = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+    (255.0 * encoded).round() as u8
+}
+
 /// Draws a radiance picture into a caller's view.
 #[derive(Debug)]
 pub(crate) struct Tonemap {
@@ -32,7 +39,7 @@ pub(crate) struct Tonemap {
 impl Tonemap {
     /// Makes the layout; a pipeline is compiled for each target format that is drawn to.
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        let bindings = [gpu::sampled(D2), gpu::uniform::<Params>()];
+        let bindings = [gpu::sampled(D2), gpu.branching::<Params>()];
         Self {
             pipelines: HashMap::new(),
             params: gpu::uniform_buffer::<Params>(gpu, "tonemap"),
@@ -125,6 +132,6 @@ fn pipeline(
             targets: &[Some(format.into())],
         }),
         multiview_mask: None,
-        cache: None,
+        cache: gpu.cache(),
     })
 }

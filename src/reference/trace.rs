@@ -9,6 +9,7 @@ use super::optics::{Interface, fresnel, transmittance};
 use super::surroundings::{Direct, SolidHit, Surroundings};
 use super::{Crossing, Liquid, Ray, wide};
 use crate::camera::Camera;
+use crate::passes::tonemap::srgb_byte;
 use crate::scene::Scene;
 
 /// Interfaces on one path that are enough for pictures.
@@ -37,15 +38,9 @@ pub struct Image {
 impl Image {
     /// The picture in 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
     pub fn to_srgb(&self) -> RgbImage {
-        let level = |c: f64| {
-            let c = c.clamp(0.0, 1.0);
-            let encoded =
-                if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
-            (255.0 * encoded).round() as u8
-        };
         RgbImage::from_fn(self.size.x, self.size.y, |x, y| {
             let pixel = self.pixels[y as usize * self.size.x as usize + x as usize];
-            Rgb(pixel.to_array().map(level))
+            Rgb(pixel.to_array().map(srgb_byte))
         })
     }
 }

@@ -1,5 +1,8 @@
 //! Tables, as Markdown for a README and as rows of text for the page.
 
+use super::elisions::Elision;
+use super::passes::Budget;
+use super::rates::Rates;
 use super::{ErrorKind, Kind, Orders, Report, Row, Stress};
 
 /// A table: names of the columns, whether they are of numbers, and the rows.
@@ -17,6 +20,9 @@ pub(super) const KINDS: [(Kind, &str, &str); 5] = [
     (Kind::Picture, "pictures", "Pictures"),
     (Kind::Pass, "passes", "Passes"),
 ];
+
+/// The title of the budgets.
+pub(super) const BUDGETS: &str = "Budgets";
 
 /// A number with three significant digits, without an exponent where it can be read.
 pub(super) fn significant(value: f64) -> String {
@@ -139,6 +145,45 @@ pub(super) fn measurements(rows: &[&Row], brief: bool) -> Table {
     table
 }
 
+/// Budgets as a table.
+pub(super) fn budgets(budgets: &[Budget]) -> Table {
+    let names = ["scene", "size", "pass", "MB", "Mop", "floor, ms", "ms", "ms/floor"];
+    let row = |b: &Budget| {
+        let mega = |n: f64| significant(1e-6 * n);
+        let number = |n: Option<f64>| n.map_or("not measured".into(), significant);
+        let size = format!("{}×{}", b.size[0], b.size[1]);
+        let [floor, ms, ratio] = [b.floor_ms, b.ms, b.ratio()].map(number);
+        let name = [b.scene.clone(), size, b.pass.clone()];
+        [&name[..], &[mega(b.bytes), mega(b.operations), floor, ms, ratio]].concat()
+    };
+    let head = names.map(|name| (name, !["scene", "size", "pass"].contains(&name))).to_vec();
+    Table { head, rows: budgets.iter().map(row).collect() }
+}
+
+/// What the budgets' floors are computed with.
+pub(super) fn rates(rates: Option<&Rates>) -> String {
+    let Some(rates) = rates else { return "The adapter has no timestamps.".into() };
+    let giga = |rate: f64| significant(1e-9 * rate);
+    let (bytes, operations) = (giga(rates.bytes_per_s), giga(rates.operations_per_s));
+    format!("The adapter copies {bytes} GB/s and multiplies and adds {operations} Gop/s.")
+}
+
+/// Elisions as a table.
+pub(super) fn elisions(elisions: &[Elision]) -> Table {
+    let names = ["left out", "drawn by", "ms", "drawn, ms", "saved, %", "same picture"];
+    let row = |e: &Elision| {
+        let number = |n: Option<f64>| n.map_or("not measured".into(), significant);
+        let saved = e.ms.zip(e.forced_ms).map(|(ms, forced)| 100.0 * (1.0 - ms / forced));
+        let saved = saved.map_or("not measured".into(), |saved| format!("{saved:.0}"));
+        let same = if e.same { "yes" } else { "no" };
+        let (ms, forced) = (number(e.ms), number(e.forced_ms));
+        vec![e.name.clone(), e.forced_by.clone(), ms, forced, saved, same.into()]
+    };
+    let text = ["left out", "drawn by", "same picture"];
+    let head = names.map(|name| (name, !text.contains(&name))).to_vec();
+    Table { head, rows: elisions.iter().map(row).collect() }
+}
+
 /// Order shares as a table.
 pub(super) fn orders(orders: &[Orders]) -> Table {
     let names = ["scene", "SS, %", "SA, %", "AS, %", "AA, %"];
@@ -166,7 +211,12 @@ pub(super) fn stress(stress: &[Stress]) -> Table {
 fn tables(report: &Report) -> Vec<(&'static str, Table)> {
     let of = |kind| report.rows.iter().filter(|row| row.kind == kind).collect::<Vec<_>>();
     let kinds = KINDS.map(|(kind, _, title)| (title, measurements(&of(kind), true)));
-    let others = [("Orders", orders(&report.orders)), ("Extreme scenes", stress(&report.stress))];
+    let others = [
+        (BUDGETS, budgets(&report.budgets)),
+        ("Left out", elisions(&report.elisions)),
+        ("Orders", orders(&report.orders)),
+        ("Extreme scenes", stress(&report.stress)),
+    ];
     kinds.into_iter().chain(others).filter(|(_, table)| !table.rows.is_empty()).collect()
 }
 
@@ -180,6 +230,9 @@ pub fn markdown(report: &Report) -> String {
     let mut markdown = format!("Measured on {}.\n", escape(&report.adapter));
     for (title, table) in tables(report) {
         markdown += &format!("\n### {title}\n\n");
+        if title == BUDGETS {
+            markdown += &format!("{}\n\n", rates(report.rates.as_ref()));
+        }
         markdown += &line(table.head.iter().map(|(name, _)| (*name).to_owned()).collect());
         let rules = table.head.iter().map(|(_, number)| if *number { "--:" } else { "---" });
         markdown += &line(rules.map(str::to_owned).collect());
@@ -211,7 +264,7 @@ mod tests {
             assert!(block.lines().all(|line| cells(line) == head), "{block}");
             tables += 1;
         }
-        assert_eq!(tables, 7);
+        assert_eq!(tables, 9);
         assert!(!markdown(&empty()).contains('|'));
     }
 

@@ -85,7 +85,10 @@ pub fn draw(
     // The first compiles; it is not counted.
     renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
     let times = (0..repeats)
-        .map(|_| renderer.render(scene, camera, splats, &view, Picture::FORMAT, size))
+        .map(|_| {
+            renderer.forget();
+            renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)
+        })
         .collect::<Result<_>>()?;
     let rgb = image::DynamicImage::ImageRgba8(picture.read(gpu)?).into_rgb8();
     Ok((rgb, times))

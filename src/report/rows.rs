@@ -3,6 +3,10 @@
 use image::RgbImage;
 use serde::Serialize;
 
+use super::elisions::Elision;
+use super::passes::Budget;
+use super::rates::Rates;
+
 /// What a row measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -15,8 +19,10 @@ pub enum Kind {
     Caustics,
     /// A whole picture.
     Picture,
-    /// One pass of a frame.
+    /// One pass of a frame, and its budget: [`Budget`].
     Pass,
+    /// What leaving out saves: [`Elision`].
+    Elision,
 }
 
 /// One measurement. What does not apply to its kind, or could not be measured, is absent.
@@ -120,18 +126,9 @@ impl Row {
     /// The row with the median and spread of repeated times.
     #[must_use]
     pub fn timed(mut self, times: &[f64]) -> Self {
-        if !times.is_empty() {
-            let mut sorted = times.to_vec();
-            sorted.sort_by(f64::total_cmp);
-            // Between two ranks, the share of the way from one to the next.
-            let quantile = |share: f64| {
-                let rank = (sorted.len() - 1) as f64 * share;
-                let (below, above) = (sorted[rank as usize], sorted[rank.ceil() as usize]);
-                below + rank.fract() * (above - below)
-            };
-            self.ms = Some(quantile(0.5));
-            self.ms_spread = Some(0.5 * (quantile(0.75) - quantile(0.25)));
-        }
+        let [low, middle, high] = [0.25, 0.5, 0.75].map(|share| quantile(times, share));
+        self.ms = middle;
+        self.ms_spread = low.zip(high).map(|(low, high)| 0.5 * (high - low));
         self
     }
 
@@ -143,6 +140,20 @@ impl Row {
         self.truth = Some(truth.into());
         self
     }
+}
+
+/// The number that a share of the given ones does not exceed, interpolated between two; none of none.
+fn quantile(numbers: &[f64], share: f64) -> Option<f64> {
+    let mut sorted = numbers.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let rank = sorted.len().checked_sub(1)? as f64 * share;
+    let (below, above) = (sorted[rank as usize], sorted[rank.ceil() as usize]);
+    Some(below + rank.fract() * (above - below))
+}
+
+/// The middle of some numbers; none of none.
+pub(crate) fn median(numbers: &[f64]) -> Option<f64> {
+    quantile(numbers, 0.5)
 }
 
 /// In which order rays meet splashes (S) and aggregates (A) at their first two interfaces, as
@@ -199,6 +210,13 @@ pub struct Report {
     pub quick: bool,
     /// The measurements.
     pub rows: Vec<Row>,
+    /// What the adapter moves and computes at best, if passes were budgeted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rates: Option<Rates>,
+    /// Budgets of passes.
+    pub budgets: Vec<Budget>,
+    /// What leaving out saves.
+    pub elisions: Vec<Elision>,
     /// Order shares.
     pub orders: Vec<Orders>,
     /// Extreme scenes.

@@ -2,6 +2,9 @@
 
 use image::{Rgb, RgbImage};
 
+use super::elisions::Elision;
+use super::passes::Budget;
+use super::rates::Rates;
 use super::{ErrorKind, Figure, Kind, Orders, Report, Row, Stress};
 
 /// A report without anything.
@@ -10,6 +13,9 @@ pub(super) fn empty() -> Report {
         adapter: "made <up>".into(),
         quick: false,
         rows: Vec::new(),
+        rates: None,
+        budgets: Vec::new(),
+        elisions: Vec::new(),
         orders: Vec::new(),
         stress: Vec::new(),
         figures: Vec::new(),
@@ -80,6 +86,23 @@ pub(super) fn sample() -> Report {
         adapter: "made <up>".into(),
         quick: true,
         rows,
+        rates: Some(Rates { bytes_per_s: 9e9, operations_per_s: 7e10 }),
+        budgets: vec![Budget {
+            scene: "front".into(),
+            size: [1024, 768],
+            pass: "splat".into(),
+            bytes: 2.5e7,
+            operations: 1.2e9,
+            floor_ms: Some(17.1),
+            ms: Some(111.0),
+        }],
+        elisions: vec![Elision {
+            name: "no splashes: no splash layers".into(),
+            forced_by: "a splash behind the eye".into(),
+            same: true,
+            ms: Some(40.0),
+            forced_ms: Some(50.0),
+        }],
         orders: vec![Orders { scene: "front".into(), ss: 0.02, sa: 0.01, as_: 0.03, aa: 0.94 }],
         stress: vec![Stress {
             case: "ior 1 to 2.5".into(),
@@ -107,7 +130,10 @@ fn json() {
         keys.sort();
         keys
     };
-    assert_eq!(keys(&json), ["adapter", "orders", "quick", "rows", "stress"]);
+    assert_eq!(
+        keys(&json),
+        ["adapter", "budgets", "elisions", "orders", "quick", "rates", "rows", "stress",]
+    );
     let all = "error error_kind fetches iterations kind method ms ms_spread rms_px scene settings \
                solved_of_all solved_of_solvable truth wrong_accepts";
     assert_eq!(keys(&json["rows"][0]).join(" "), all);
@@ -115,6 +141,9 @@ fn json() {
     let pass = rows.iter().find(|row| row["kind"] == "pass").expect("a pass");
     assert_eq!(keys(pass).join(" "), "kind method ms ms_spread scene settings");
     assert!(!text.contains("null"));
+    let budget = "bytes floor_ms ms operations pass scene size";
+    assert_eq!(keys(&json["budgets"][0]).join(" "), budget);
+    assert_eq!(keys(&json["elisions"][0]).join(" "), "forced_by forced_ms ms name same");
     assert_eq!(keys(&json["orders"][0]).join(" "), "aa as sa scene ss");
     let stress = "case median_error not_finite pictures worst worst_error";
     assert_eq!(keys(&json["stress"][0]).join(" "), stress);

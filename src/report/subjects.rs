@@ -6,7 +6,7 @@ use glam::UVec2;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::input::{Input, Loaded};
+use crate::input::{Input, Loaded, Moment};
 use crate::recipe::Recipe;
 use crate::reference::Liquid;
 use crate::reference::analytic::{Ball, Block, Pool};
@@ -53,16 +53,7 @@ impl Subject {
     /// [`Error::Usage`] for a name that there is not; whatever making its particles or its mesh
     /// may raise.
     pub fn new(name: &str) -> Result<Self> {
-        let (name, text) = find(name)?;
-        let input = match text {
-            "" => Input::demo(&[])?,
-            // The demo's particles, which the program has with it.
-            text if name == "dam" => {
-                Input::demo(&[])?.with_scene(Scene::parse(text, name, Path::new(""), &[])?)
-            }
-            text => Input::from_scene(Scene::parse(text, name, Path::new(""), &[])?, name)?,
-        };
-        let (input, scene) = input.settle(&[])?;
+        let (name, input, scene) = open(name)?;
         let frame = &input.sequence.frames[0];
         let particles = input.particles(frame)?;
         let loaded = input.prepare(frame, &particles, &scene)?;
@@ -114,6 +105,44 @@ impl Subject {
     pub fn is_water(&self) -> bool {
         matches!(self.scene.recipe, Some(Recipe::Pool(_)))
     }
+}
+
+/// A scene of this name, or the file of one, with its particles; without its truth, which takes longer
+/// than the rest.
+///
+/// # Errors
+/// As [`Subject::new`], and as [`Input::open`] for a file.
+pub fn load(name: &str) -> Result<(String, Scene, Loaded)> {
+    let (name, input, scene) = if is_file(name) {
+        let (input, scene) = Input::open(name, &[])?.settle(&[])?;
+        let stem = Path::new(name).file_stem().unwrap_or_default();
+        (stem.to_string_lossy().into_owned(), input, scene)
+    } else {
+        let (name, input, scene) = open(name)?;
+        (name.to_owned(), input, scene)
+    };
+    let frame = input.frame.unwrap_or(input.sequence.frames[0].number);
+    let loaded = input.load(Moment::at(frame), &scene)?;
+    Ok((name, scene, loaded))
+}
+
+/// Whether what is to be measured is a file, not a scene's name.
+pub(super) fn is_file(name: &str) -> bool {
+    name.ends_with(".toml")
+}
+
+fn open(name: &str) -> Result<(&'static str, Input, Scene)> {
+    let (name, text) = find(name)?;
+    let input = match text {
+        "" => Input::demo(&[])?,
+        // The demo's particles, which the program has with it.
+        text if name == "dam" => {
+            Input::demo(&[])?.with_scene(Scene::parse(text, name, Path::new(""), &[])?)
+        }
+        text => Input::from_scene(Scene::parse(text, name, Path::new(""), &[])?, name)?,
+    };
+    let (input, scene) = input.settle(&[])?;
+    Ok((name, input, scene))
 }
 
 /// Refuses a name that is not a scene's.

@@ -10,9 +10,11 @@ use serde::{Deserialize, Serialize};
 use super::{Fluid, Light, Liquid, NamedView, ParticleSource, Scene, Shape, Solid, Surface};
 use crate::camera::Camera;
 use crate::environment::Environment;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, printable};
+use crate::files;
 use crate::output::write_atomically;
 use crate::particles::Up;
+use crate::passes::classify;
 use crate::recipe::Recipe;
 use crate::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
 use crate::sim::Simulation;
@@ -140,7 +142,7 @@ impl Scene {
     /// # Errors
     /// As [`Scene::load`]; a bad override is an [`Error::Scene`] that names it.
     pub fn load_with(path: &Path, overrides: &[String]) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, "read", e))?;
+        let text = files::read_text(path)?;
         let folder = path.parent().unwrap_or(Path::new("."));
         Self::parse(&text, &path.display().to_string(), folder, overrides)
     }
@@ -181,12 +183,17 @@ impl Scene {
             let fluid = fluid.meaning(liquid.absorption);
             fluids.push(fluid.map_err(|e| fail(format!("[[fluid]] {number}: {e}")))?);
         }
-        for p in particles.iter_mut().chain(fluids.iter_mut().map(|fluid| &mut fluid.particles)) {
-            if p.radius.is_some_and(|r| !(r > 0.0 && r.is_finite())) {
-                return Err(fail("[particles] radius must be above 0".into()));
+        let fluids_of = (1..).zip(fluids.iter_mut());
+        let fluids_of =
+            fluids_of.map(|(i, fluid)| (format!("[[fluid]] {i}:"), &mut fluid.particles));
+        let particles_of = particles.iter_mut().map(|p| ("[particles]".to_owned(), p));
+        for (table, p) in particles_of.chain(fluids_of) {
+            if let Some(radius) = p.radius.filter(|&radius| !classify::drawable(radius)) {
+                let problem = format!("{table} radius is {radius:?}, expected 1e-12 to 1e12 m");
+                return Err(fail(problem));
             }
             if p.fps.is_some_and(|fps| !(fps > 0.0 && fps.is_finite())) {
-                return Err(fail("[particles] fps must be above 0".into()));
+                return Err(fail(format!("{table} fps must be above 0")));
             }
             p.source = folder.join(&p.source).to_string_lossy().into_owned();
         }
@@ -418,7 +425,7 @@ impl SolidFile {
                 let normal = self.normal.unwrap_or(Vec3::Y);
                 Shape::Plane {
                     origin: need(self.origin, "plane", "origin")?,
-                    normal: normal.try_normalize().ok_or("normal must not be zero")?,
+                    normal: unit(normal).ok_or("normal must not be zero")?,
                     half_extent: self.half_extent.unwrap_or(f32::INFINITY),
                 }
             }
@@ -441,19 +448,32 @@ impl SolidFile {
     }
 }
 
+/// The unit vector of a direction, and itself of one: what was written reads as the same again.
+fn unit(direction: Vec3) -> Option<Vec3> {
+    /// Of a length, where three 32-bit floats have been rounded.
+    const ROUNDING: f64 = 2e-7;
+    let direction64 = direction.as_dvec3();
+    if (direction64.length() - 1.0).abs() < ROUNDING {
+        return Some(direction);
+    }
+    direction64.try_normalize().map(|unit| unit.as_vec3())
+}
+
 /// One message for a TOML error: the line, the problem and, for an unknown key, the nearest.
 pub(crate) fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> Error {
     let mut problem = error.message().trim().to_owned();
     if let Some(nearest) = nearest_key(&problem) {
         problem = format!("{problem}; did you mean `{nearest}`?");
     }
-    let line =
-        error.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
+    let line = error.span().map(|span| {
+        let before = text.as_bytes().get(..span.start).unwrap_or(text.as_bytes());
+        1 + before.iter().filter(|&&byte| byte == b'\n').count()
+    });
     let origin = match line {
         Some(line) => format!("{origin}: line {line}"),
         None => origin.to_owned(),
     };
-    Error::Scene { origin, problem }
+    Error::Scene { origin, problem: printable(problem) }
 }
 
 /// The key most like the unknown one, from serde's message (the first name in backquotes is the

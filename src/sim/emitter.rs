@@ -98,8 +98,8 @@ pub(super) fn emit(
         let direction = emitter.direction.normalize();
         let reach = emitter.radius + emitter.speed / simulation.fps + 2.0 * spacing;
         let center = emitter.center.as_vec3();
-        let mut near: Vec<Vec3> = state.positions.clone();
-        near.retain(|x| x.distance(center) < reach as f32);
+        let is_near = |x: &Vec3| x.distance(center) < reach as f32;
+        let mut near: Vec<Vec3> = state.positions.iter().copied().filter(is_near).collect();
         for layer in layers {
             let age = now - emitter.from - layer as f64 * spacing / emitter.speed;
             for slot in &slots {

@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3, Vec4, Vec4Swizzles as _};
 use rayon::prelude::*;
 
 use super::colliders::{Colliders, Contact};
+use crate::counting_sort;
 
 /// Particles that one task works on. It has no influence on results.
 pub(super) const CHUNK: usize = 256;
@@ -31,23 +32,7 @@ impl Grid {
             .map(|&x| cell(x, min, per_cell, counts))
             .map(|[x, y, z]| ((z * counts[1] + y) * counts[0] + x) as u32)
             .collect_into_vec(&mut self.cells);
-        self.starts.clear();
-        self.starts.resize(counts.iter().product::<usize>() + 1, 0);
-        for &cell in &self.cells {
-            self.starts[cell as usize] += 1;
-        }
-        let mut sum = 0;
-        for start in &mut self.starts {
-            sum += *start;
-            *start = sum;
-        }
-        order.clear();
-        order.resize(points.len(), 0);
-        for (i, &cell) in self.cells.iter().enumerate().rev() {
-            let start = &mut self.starts[cell as usize];
-            *start -= 1;
-            order[*start as usize] = i as u32;
-        }
+        counting_sort::by_cell(&self.cells, counts.iter().product(), &mut self.starts, order);
     }
 
     fn lay(&mut self, points: &[Vec3], width: f32) {

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::frame_path;
+use super::frames_in;
 use crate::error::{Error, Result};
-use crate::output;
 use crate::scene::Scene;
+use crate::{files, output};
 
 /// To be counted up when the same parameters no longer make the same frames.
 const SOLVER: u32 = 2;
@@ -26,16 +26,19 @@ pub(super) fn path(folder: &Path, name: &str) -> PathBuf {
 pub(super) fn keep(scene: &Scene, name: &str, folder: &Path) -> Result<()> {
     let path = path(folder, name);
     let record = of(scene);
-    if path.exists() || frame_path(folder, name, 1).exists() {
-        let known = match std::fs::read_to_string(&path) {
+    let frames = !frames_in(folder, name)?.is_empty();
+    if path.exists() || frames {
+        let known = match files::read_text(&path) {
             Ok(text) => serde_json::from_str(&text).unwrap_or(Value::Null),
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Value::Null,
-            Err(e) => return Err(Error::io(&path, "read", e)),
+            Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+                Value::Null
+            }
+            Err(e) => return Err(e),
         };
         if known == record {
             return Ok(());
         }
-        if frame_path(folder, name, 1).exists() {
+        if frames {
             let key = difference(&known, &record).unwrap_or_default();
             return Err(Error::Usage(format!(
                 "{}: the frames {name}_*.bgeo here were made from other parameters{key}; bake with --restart to replace them, or into another folder with -o",

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::Viewer;
 use super::document::{Document, Source};
-use super::{News, Viewer};
+use super::news::News;
 use crate::error::{Error, Result};
 use crate::output;
 use crate::scene::Scene;
@@ -23,10 +24,14 @@ pub(super) struct Opening {
     pub(super) source: Source,
     /// Whether it has not been read yet.
     pub(super) pending: bool,
+    /// Whether it has been read and is what is open.
+    opened: bool,
     /// How far its bake has come, if one is needed and has not ended.
     pub(super) progress: Option<Progress>,
-    /// Whether frames that have been added are being looked for.
+    /// Whether frames that have been added are being looked for,
     growing: bool,
+    /// and whether there have been more since.
+    again: bool,
     stop: Arc<AtomicBool>,
 }
 
@@ -66,21 +71,41 @@ fn cache() -> PathBuf {
 }
 
 impl Viewer {
-    /// Opens a source in place of what is open, once it has been read.
+    /// Opens a source in place of what is open, once it has been read: until then, and if it cannot
+    /// be, a bake of what is open goes on.
     pub fn open(&mut self, source: Source) {
-        let number = self.opening.as_ref().map_or(0, |opening| opening.number) + 1;
+        self.openings += 1;
+        let number = self.openings;
+        // Two bakes of one scene would write the same files.
+        let kept = |old: &Opening| old.opened && old.source.input != source.input;
+        if let Some(old) = self.opening.take().filter(kept) {
+            self.before = Some(old);
+        }
+        self.before = self.before.take().filter(kept);
         let stop = Arc::new(AtomicBool::new(false));
         let (post, given, stopped) = (self.post.clone(), source.clone(), stop.clone());
-        self.opening =
-            Some(Opening { number, source, pending: true, progress: None, growing: false, stop });
+        self.opening = Some(Opening {
+            number,
+            source,
+            pending: true,
+            opened: false,
+            progress: None,
+            growing: false,
+            again: false,
+            stop,
+        });
         std::thread::spawn(move || {
             let told = |document| post.send(News::Opened(number, Box::new(document)));
             let Some(scene) = simulated(&given) else { return told(Document::open(&given)) };
             let mut open = Document::open(&given).map(|document| told(Ok(document))).is_ok();
             let baked = bake(&scene, &given, |progress| {
                 if !open {
-                    open = true;
-                    told(Document::open(&given));
+                    // The frames that were asked for may be those that come last.
+                    let document = Document::open(&given);
+                    if document.is_ok() || progress.done == progress.frames {
+                        open = true;
+                        told(document);
+                    }
                 }
                 post.send(News::Baked(number, progress));
                 match stopped.load(Ordering::Relaxed) {
@@ -96,42 +121,84 @@ impl Viewer {
         });
     }
 
+    pub(super) fn take_opened(&mut self, number: u64, document: Result<Document>) {
+        let Some(opening) = self.opening.as_mut().filter(|opening| opening.number == number) else {
+            return;
+        };
+        opening.pending = false;
+        match document {
+            Ok(document) => {
+                opening.opened = true;
+                self.before = None;
+                self.opened(document);
+            }
+            Err(error) => {
+                self.opening = self.before.take().or(self.opening.take());
+                self.fail(&error);
+            }
+        }
+    }
+
+    /// What was opened or is being opened with a number, unless it has been let go.
+    pub(super) fn numbered(&mut self, number: u64) -> Option<&mut Opening> {
+        let all = [&mut self.opening, &mut self.before];
+        all.into_iter().flatten().find(|opening| opening.number == number)
+    }
+
     /// A frame has been added to what is open.
     pub(super) fn take_progress(&mut self, number: u64, progress: Progress) {
-        let known = self.document.as_ref().map_or(0, |document| document.numbers.len());
-        let Some(opening) = self.opening.as_mut().filter(|opening| opening.number == number) else {
+        let known = self.document.as_ref().map_or(0, |open| open.input.sequence.frames.len());
+        let Some(opening) = self.numbered(number) else {
             return;
         };
         let ended = progress.done == progress.frames;
         opening.progress = (!ended).then_some(progress);
+        let known = if opening.opened { known } else { 0 };
         // Rings begin anew with each number of frames, so they grow by half at a time.
-        let enough = progress.done as usize > known + known / 2;
-        if opening.pending || opening.growing || !(ended || enough) {
+        let least = if ended { known } else { known + known / 2 };
+        if opening.pending || progress.done as usize <= least {
             return;
         }
-        opening.growing = true;
-        let (post, source) = (self.post.clone(), opening.source.clone());
+        if opening.growing {
+            opening.again = true;
+        } else {
+            self.grow(number);
+        }
+    }
+
+    /// Looks for frames that have been added.
+    fn grow(&mut self, number: u64) {
+        let Some(opening) = self.numbered(number) else { return };
+        (opening.growing, opening.again) = (true, false);
+        let (source, post) = (opening.source.clone(), self.post.clone());
         std::thread::spawn(move || {
             post.send(News::Grown(number, Box::new(Document::open(&source))));
         });
     }
 
     /// What is open has more frames; all else stays.
-    pub(super) fn take_grown(&mut self, number: u64, document: Document) {
-        let Some(opening) = self.opening.as_mut().filter(|opening| opening.number == number) else {
+    pub(super) fn take_grown(&mut self, number: u64, document: Result<Document>) {
+        let Some(opening) = self.numbered(number) else {
             return;
         };
         opening.growing = false;
-        self.moments = document.moments(self.playback.speed()).into();
-        self.playback.set_count(self.moments.len());
-        let ended = opening.progress.is_none();
-        let frames = document.numbers.len();
-        let total = document.plain.simulation.as_ref().map_or(0, |simulation| simulation.frames);
-        self.document = Some(Arc::new(document));
-        self.log.event("grown", serde_json::json!({ "frames": frames }));
-        // The bake may have ended while these were looked for.
-        if ended && (frames as u32) < total {
-            self.take_progress(number, Progress { done: total, frames: total });
+        let again = opening.again;
+        match document {
+            Ok(document) if opening.opened => {
+                self.moments = document.moments(self.playback.speed()).into();
+                self.playback.set_count(self.moments.len());
+                let frames = document.numbers.len();
+                self.document = Some(Arc::new(document));
+                self.log.event("grown", serde_json::json!({ "frames": frames }));
+            }
+            Ok(document) => {
+                opening.opened = true;
+                self.opened(document);
+            }
+            Err(error) => self.fail(&error),
+        }
+        if again {
+            self.grow(number);
         }
     }
 }

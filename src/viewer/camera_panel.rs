@@ -17,21 +17,27 @@ impl Viewer {
             for (name, place) in [("Eye", &mut camera.eye), ("Target", &mut camera.target)] {
                 ui.label(name);
                 for axis in 0..3 {
-                    let drag = egui::DragValue::new(&mut place[axis]).speed(speed);
-                    ui.add(drag.max_decimals(4).suffix(" m"));
+                    let shown = rounded(place[axis], 4);
+                    let drag = egui::DragValue::new(&mut place[axis]).speed(speed).suffix(" m");
+                    ui.add(drag.custom_formatter(|x, _| rounded(x, 4)).custom_parser(other(shown)));
                 }
                 ui.end_row();
             }
             ui.label("Up");
             for axis in 0..3 {
-                ui.add(egui::DragValue::new(&mut camera.up[axis]).speed(0.01).max_decimals(3));
+                let shown = rounded(camera.up[axis].into(), 3);
+                let drag = egui::DragValue::new(&mut camera.up[axis]).speed(0.01);
+                ui.add(drag.custom_formatter(|x, _| rounded(x, 3)).custom_parser(other(shown)));
             }
             ui.end_row();
         });
         ui.horizontal(|ui| {
             let label = ui.label("Field of view");
+            let shown = rounded(camera.fov_y.into(), 2);
             let slider = egui::Slider::new(&mut camera.fov_y, 1.0..=150.0).suffix("°");
-            ui.add(slider.max_decimals(1)).labelled_by(label.id);
+            let slider = slider.clamping(egui::SliderClamping::Edits);
+            let slider = slider.custom_formatter(|x, _| rounded(x, 2)).custom_parser(other(shown));
+            ui.add(slider).labelled_by(label.id);
         });
         self.set_camera(camera);
         ui.horizontal(|ui| {
@@ -71,8 +77,10 @@ impl Viewer {
         egui::Grid::new("keys").num_columns(4).striped(true).show(ui, |ui| {
             for (i, key) in self.path.keys.iter_mut().enumerate() {
                 ui.label(format!("{}", i + 1));
-                let drag = egui::DragValue::new(&mut key.time).speed(0.05);
-                ui.add(drag.fixed_decimals(2).suffix(" s").range(0.0..=1e6));
+                let shown = format!("{:.2}", key.time);
+                let drag = egui::DragValue::new(&mut key.time).speed(0.05).suffix(" s");
+                let drag = drag.range(0.0..=1e6).clamp_existing_to_range(false);
+                ui.add(drag.fixed_decimals(2).custom_parser(other(shown)));
                 if ui.button("Go to").clicked() {
                     going = Some(*key);
                 }
@@ -115,15 +123,25 @@ impl Viewer {
     fn go_to(&mut self, key: Key) {
         self.set_camera(key.camera);
         let Some(document) = self.document.clone() else { return };
-        let away = |at: usize| (document.seconds(self.moments[at]) - key.time).abs();
-        let nearest = (0..self.moments.len()).min_by(|&a, &b| away(a).total_cmp(&away(b)));
-        if let Some(at) = nearest {
-            self.seek(at);
-        }
+        self.seek(document.nearest(&self.moments, key.time));
     }
 
     /// The key frames.
     pub fn path(&self) -> &crate::camera_path::CameraPath {
         &self.path
     }
+}
+
+/// A number as it is shown: with so many decimals, without those that are 0.
+fn rounded(x: f64, decimals: usize) -> String {
+    let text = format!("{x:.decimals$}");
+    let text =
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    text.to_owned()
+}
+
+/// Reads a number that is typed. What is `shown` is none: a field that is entered and left keeps the
+/// decimals that it does not show.
+fn other(shown: String) -> impl Fn(&str) -> Option<f64> {
+    move |text| text.trim().parse().ok().filter(|_| text.trim() != shown)
 }

@@ -36,10 +36,9 @@ pub fn command_line(
         Missing::Hold => option("missing", "hold".into()),
     }
     if at.fraction > 0.0 {
-        let time = at.frame as f64 + at.fraction * (at.next - at.frame) as f64;
         // Between these two, whatever other frames there are.
         option("frames", format!("{},{}", at.frame, at.next));
-        option("at", time.to_string());
+        option("at", at.time().to_string());
     } else {
         option("frames", at.frame.to_string());
     }

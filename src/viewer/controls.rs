@@ -345,7 +345,11 @@ impl Control {
 
     /// Its value in `settings`.
     pub fn get(&self, settings: &Settings) -> Value {
-        let table = toml::Table::try_from(settings).expect("settings are a table of tables");
+        self.of(&table(settings))
+    }
+
+    /// Its value in the [`table`] of settings.
+    pub fn of(&self, table: &toml::Table) -> Value {
         match &table[self.pass][self.key] {
             toml::Value::Float(x) => Value::Number(*x as f32),
             toml::Value::Integer(n) => Value::Whole(*n as u32),
@@ -378,6 +382,12 @@ impl std::fmt::Display for Value {
 
 /// The settings in which `to` differs from `from`.
 pub fn differences(from: &Settings, to: &Settings) -> Vec<(&'static Control, Value)> {
-    let values = CONTROLS.iter().map(|control| (control, control.get(to)));
-    values.filter(|(control, value)| control.get(from) != *value).collect()
+    let (from, to) = (table(from), table(to));
+    let values = CONTROLS.iter().map(|control| (control, control.of(&to)));
+    values.filter(|(control, value)| control.of(&from) != *value).collect()
+}
+
+/// Settings as a scene file has them: a table of each pass.
+pub fn table(settings: &Settings) -> toml::Table {
+    toml::Table::try_from(settings).expect("settings are a table of tables")
 }

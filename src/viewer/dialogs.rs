@@ -7,9 +7,10 @@ use std::time::{Duration, Instant};
 use eframe::egui;
 use glam::UVec2;
 
+use super::Viewer;
 use super::document::Source;
+use super::news::News;
 use super::shortcuts::{POINTER, SHORTCUTS};
-use super::{News, Viewer};
 use crate::camera_path::CameraPath;
 
 /// A dialog that answers sooner than this has not been seen.
@@ -17,7 +18,7 @@ const UNSEEN: Duration = Duration::from_millis(400);
 
 /// An open dialog.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Dialog {
+pub(super) struct Dialog {
     purpose: Purpose,
     path: String,
     size: UVec2,
@@ -74,7 +75,7 @@ impl Dialog {
     }
 
     /// Asks what to open.
-    pub fn open() -> Self {
+    pub(super) fn open() -> Self {
         Self::new(Purpose::Open, "")
     }
 
@@ -153,31 +154,21 @@ impl Viewer {
     /// Does what the dialog is for.
     fn finish(&mut self, dialog: &Dialog) {
         let path = PathBuf::from(&dialog.path);
-        let done = match dialog.purpose {
-            Purpose::Open => {
-                self.open(Source::new(dialog.path.clone()));
-                Ok(None)
-            }
-            Purpose::Picture => {
-                self.save_picture(path, dialog.size, dialog.samples);
-                Ok(None)
-            }
-            Purpose::Scene => {
-                self.save_scene(&path).map(|()| Some(format!("saved {}", path.display())))
-            }
+        match dialog.purpose {
+            Purpose::Open => self.open(Source::new(dialog.path.clone())),
+            Purpose::Picture => self.save_picture(path, dialog.size, dialog.samples),
+            Purpose::Scene => self.save_scene(path),
             Purpose::SavePath => {
-                self.path.save(&path).map(|()| Some(format!("saved {}", path.display())))
+                let keys = self.path.clone();
+                self.write(path, move |path| keys.save(path));
             }
-            Purpose::LoadPath => CameraPath::load(&path).map(|camera_path| {
-                let keys = camera_path.keys.len();
-                self.path = camera_path;
-                Some(format!("{keys} keys from {}", path.display()))
-            }),
-        };
-        match done {
-            Ok(Some(text)) => self.say(text),
-            Ok(None) => {}
-            Err(error) => self.fail(&error),
+            Purpose::LoadPath => {
+                let post = self.post.clone();
+                std::thread::spawn(move || {
+                    let keys = CameraPath::load(&path);
+                    post.send(News::Path(path, keys));
+                });
+            }
         }
     }
 

@@ -25,6 +25,8 @@ pub struct Source {
     pub frames: Option<FrameSpec>,
     /// What stands for a frame that is not there.
     pub missing: Missing,
+    /// How many bytes a particle file may unpack to; see [`crate::particles::Particles::read_within`].
+    pub max_unpacked: Option<u64>,
 }
 
 /// What is open.
@@ -63,6 +65,7 @@ impl Document {
             input = input.with_radius(radius)?;
         }
         input.missing = source.missing;
+        input = input.with_max_unpacked(source.max_unpacked);
         let (input, plain) = input.settle(&[])?;
         let (optics, set): (Vec<_>, Vec<_>) =
             source.overrides.iter().cloned().partition(|text| Scene::is_optics(text));
@@ -86,8 +89,13 @@ impl Document {
     /// Seconds from the first frame to a moment.
     pub fn seconds(&self, at: Moment) -> f64 {
         let first = self.numbers.first().copied().unwrap_or_default();
-        let frames = (at.frame - first) as f64 + at.fraction * (at.next - at.frame) as f64;
-        frames / self.fps()
+        (at.time() - first as f64) / self.fps()
+    }
+
+    /// The place in `moments` of the one nearest to a time, s; 0 in none.
+    pub fn nearest(&self, moments: &[Moment], seconds: f64) -> usize {
+        let away = |at: usize| (self.seconds(moments[at]) - seconds).abs();
+        (0..moments.len()).min_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or_default()
     }
 
     /// Frames per second.
@@ -108,9 +116,8 @@ impl Document {
             // Its frames lie beside the file that was opened, not beside the one that is saved.
             let opened = Path::new(&self.source.input);
             let name = opened.file_stem().unwrap_or_default().to_string_lossy();
-            let pattern = sim::folder(opened).join(format!("{name}_{{}}.bgeo"));
             scene.particles = Some(ParticleSource {
-                source: pattern.to_string_lossy().into_owned(),
+                source: sim::frame_pattern(&sim::folder(opened), &name),
                 frame: None,
                 radius: Some(simulation.particle_radius() as f32),
                 up: Up::Y,

@@ -4,18 +4,20 @@
 //! ones are dropped; pictures to save and to measure are all drawn, one after the other.
 
 use std::collections::VecDeque;
-use std::path::PathBuf;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use eframe::egui::ColorImage;
 use glam::UVec2;
-use image::RgbImage;
 
 use super::pace::Level;
+use super::truth::{Point, Truth};
 use super::views::{Legend, Values, View};
 use crate::camera::Camera;
+use crate::compare::{PIXELS_PER_DEGREE, flip};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, PassTime};
 use crate::input::Loaded;
@@ -73,17 +75,26 @@ pub struct Shown {
     pub passes: Vec<PassTime>,
     /// Time from the request to the picture in memory, ms.
     pub ms: f64,
-    /// What was drawn.
-    pub pane: Pane,
+    /// Pixels.
+    pub size: UVec2,
+    /// Rays per pixel.
+    pub samples: u32,
 }
 
 /// Something to do.
 #[derive(Debug)]
-pub enum Job {
+pub(super) enum Job {
     /// Draws a picture and writes it as PNG.
     Save(Pane, PathBuf),
-    /// Draws a picture to compare with the truth.
-    Measure(Pane),
+    /// Draws a picture and compares it with the truth.
+    Measure(Pane, Arc<Truth>),
+}
+
+/// How far a picture is from which truth.
+#[derive(Debug)]
+pub struct Measured {
+    pub(super) truth: Arc<Truth>,
+    pub(super) point: Point,
 }
 
 /// What the thread has to say.
@@ -91,12 +102,16 @@ pub enum Job {
 pub enum Answer {
     /// A device has been opened: its adapter's name.
     Adapter(String),
+    /// The device has been lost, for this reason; another is opened for what was asked.
+    Lost(String),
     /// A request's pictures.
-    Drawn(Result<Drawn>),
+    Drawn(Drawn),
+    /// The request of this number cannot be drawn.
+    NotDrawn(u64, Error),
     /// A picture has been written.
     Saved(Result<PathBuf>),
-    /// A picture to compare with the truth, and the time of its passes.
-    Measured(Result<Box<(Pane, RgbImage, f64)>>),
+    /// What some settings draw has been compared with the truth.
+    Measured(Result<Measured>),
 }
 
 /// The thread, while this lives.
@@ -124,15 +139,25 @@ enum Next {
     Job(Job),
 }
 
+/// Devices that are opened for one thing to do, before it is given up.
+const ATTEMPTS: usize = 3;
+
+/// From a loss to the next device: a driver that has been reset takes a moment.
+const PAUSE: Duration = Duration::from_millis(100);
+
 impl DrawThread {
-    /// Starts the thread; `answer` is called on it. The device is opened at the first request.
-    pub fn new(answer: impl Fn(Answer) + Send + 'static) -> Self {
+    /// Starts the thread. `open` opens a device on it, at the first request and whenever one is lost;
+    /// `answer` is called on it.
+    pub fn new(
+        open: impl FnMut() -> Result<Gpu> + Send + 'static,
+        answer: impl Fn(Answer) + Send + 'static,
+    ) -> Self {
         let shared = Arc::new(Shared::default());
         let queue = shared.clone();
         let thread = std::thread::spawn(move || {
-            let mut studio = None;
+            let mut worker = Worker { open, answer, studio: None };
             while let Some(next) = queue.next() {
-                answer(act(&mut studio, &answer, next));
+                worker.act(next);
             }
         });
         Self { shared, thread: Some(thread) }
@@ -145,14 +170,15 @@ impl DrawThread {
     }
 
     /// Asks for something that is not dropped.
-    pub fn job(&self, job: Job) {
+    pub(super) fn job(&self, job: Job) {
         self.shared.wanted.lock().expect("no panic holds this lock").jobs.push_back(job);
         self.shared.come.notify_one();
     }
 }
 
 impl Drop for DrawThread {
-    /// Waits for the picture in hand: a device is not to be left while it draws.
+    /// Waits for the picture in hand, for a device is not to be left while it draws, and for those
+    /// that are to be saved.
     fn drop(&mut self) {
         self.shared.wanted.lock().expect("no panic holds this lock").closed = true;
         self.shared.come.notify_one();
@@ -168,7 +194,11 @@ impl Shared {
         let mut wanted = self.wanted.lock().expect("no panic holds this lock");
         loop {
             if wanted.closed {
-                return None;
+                // Only what is to stay.
+                let mut jobs = std::mem::take(&mut wanted.jobs).into_iter();
+                let save = jobs.find(|job| matches!(job, Job::Save(..)));
+                wanted.jobs = jobs.collect();
+                return save.map(Next::Job);
             }
             // What is looked at comes first.
             if let Some(request) = wanted.newest.take() {
@@ -182,41 +212,70 @@ impl Shared {
     }
 }
 
-/// The studio; the first time, with a device that is opened for it.
-fn open<'a>(studio: &'a mut Option<Studio>, answer: &impl Fn(Answer)) -> Result<&'a mut Studio> {
-    if studio.is_none() {
-        let gpu = Gpu::headless()?;
-        answer(Answer::Adapter(gpu.adapter()));
-        *studio = Some(Studio::new(&gpu));
-    }
-    let studio = studio.as_mut().expect("it has just been made");
-    studio.renderer.timing = true;
-    Ok(studio)
+/// What the thread works with.
+struct Worker<O, A> {
+    open: O,
+    answer: A,
+    studio: Option<Studio>,
 }
 
-fn act(studio: &mut Option<Studio>, answer: &impl Fn(Answer), next: Next) -> Answer {
-    let (given, lost) = match next {
-        Next::Request(request) => {
-            let drawn = open(studio, answer).and_then(|studio| draw(studio, request));
-            let lost = matches!(drawn, Err(Error::DeviceLost(_)));
-            (Answer::Drawn(drawn), lost)
-        }
-        Next::Job(Job::Save(pane, path)) => {
-            let saved = open(studio, answer).and_then(|studio| save(studio, &pane, path));
-            let lost = matches!(saved, Err(Error::DeviceLost(_)));
-            (Answer::Saved(saved), lost)
-        }
-        Next::Job(Job::Measure(pane)) => {
-            let measured = open(studio, answer).and_then(|studio| measure(studio, pane));
-            let lost = matches!(measured, Err(Error::DeviceLost(_)));
-            (Answer::Measured(measured), lost)
-        }
-    };
-    // The next request opens another device.
-    if lost {
-        *studio = None;
+impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
+    fn act(&mut self, next: Next) {
+        let answer = match next {
+            Next::Request(request) => match self.attempt(|studio| draw(studio, &request)) {
+                Ok(drawn) => Answer::Drawn(drawn),
+                Err(error) => Answer::NotDrawn(request.number, error),
+            },
+            Next::Job(Job::Save(pane, path)) => {
+                let saved = self.attempt(|studio| save(studio, &pane, &path));
+                Answer::Saved(saved.map(|()| path))
+            }
+            Next::Job(Job::Measure(pane, truth)) => {
+                let point = self.attempt(|studio| measure(studio, &pane, &truth));
+                Answer::Measured(point.map(|point| Measured { truth, point }))
+            }
+        };
+        (self.answer)(answer);
     }
-    given
+
+    /// Does something in the studio; if its device is lost, again in another one.
+    fn attempt<T>(&mut self, act: impl Fn(&mut Studio) -> Result<T>) -> Result<T> {
+        for left in (0..ATTEMPTS).rev() {
+            // Whoever waits for an answer must get one, even of a defect.
+            let done = catch_unwind(AssertUnwindSafe(|| act(self.studio()?)));
+            let defect = |_| Err(Error::Defect("a picture could not be drawn".into()));
+            match done.unwrap_or_else(defect) {
+                Err(Error::DeviceLost(reason)) if left > 0 => {
+                    self.studio = None;
+                    (self.answer)(Answer::Lost(reason));
+                    std::thread::sleep(PAUSE);
+                }
+                Err(error) => {
+                    if matches!(error, Error::DeviceLost(_) | Error::Defect(_)) {
+                        self.studio = None;
+                    }
+                    return Err(error);
+                }
+                done => return done,
+            }
+        }
+        unreachable!("the last attempt returns")
+    }
+
+    /// The studio, on a device that is opened for it if there is none.
+    fn studio(&mut self) -> Result<&mut Studio> {
+        let studio = match self.studio.take() {
+            Some(studio) => studio,
+            None => {
+                let gpu = (self.open)()?;
+                (self.answer)(Answer::Adapter(gpu.adapter()));
+                Studio::new(&gpu)
+            }
+        };
+        let studio = self.studio.insert(studio);
+        studio.renderer.timing = true;
+        Ok(studio)
+    }
 }
 
 /// Draws a picture as `limpid render` does.
@@ -227,12 +286,12 @@ pub fn picture(studio: &mut Studio, pane: &Pane) -> Result<Shot> {
     studio.draw(&pane.scene, &pane.camera, &pane.loaded.splats, pane.size)
 }
 
-fn draw(studio: &mut Studio, request: Request) -> Result<Drawn> {
-    let Request { number, panes, level, view } = request;
+fn draw(studio: &mut Studio, request: &Request) -> Result<Drawn> {
+    let &Request { number, ref panes, level, view } = request;
     studio.renderer.diagnose = view != View::Picture;
-    let panes = panes.into_iter().map(|pane| {
+    let panes = panes.iter().map(|pane| {
         let begun = Instant::now();
-        let Shot { picture: shot, passes } = picture(studio, &pane)?;
+        let Shot { picture: shot, passes } = picture(studio, pane)?;
         let (image, legend, values) = match view.aov() {
             None => {
                 let size = [shot.width() as usize, shot.height() as usize];
@@ -241,23 +300,25 @@ fn draw(studio: &mut Studio, request: Request) -> Result<Drawn> {
             Some(aov) => view.shown(&studio.images(&[aov])?, pane.size),
         };
         let ms = 1e3 * begun.elapsed().as_secs_f64();
-        Ok(Shown { image, legend, values, passes, ms, pane })
+        let (size, samples) = (pane.size, pane.scene.settings.refract.samples);
+        Ok(Shown { image, legend, values, passes, ms, size, samples })
     });
     Ok(Drawn { number, level, panes: panes.collect::<Result<_>>()? })
 }
 
-fn save(studio: &mut Studio, pane: &Pane, path: PathBuf) -> Result<PathBuf> {
+fn save(studio: &mut Studio, pane: &Pane, path: &Path) -> Result<()> {
     studio.renderer.diagnose = false;
     let shot = picture(studio, pane)?;
-    output::write_png(&path, &shot.picture)?;
-    Ok(path)
+    output::write_png(path, &shot.picture)
 }
 
-fn measure(studio: &mut Studio, pane: Pane) -> Result<Box<(Pane, RgbImage, f64)>> {
+fn measure(studio: &mut Studio, pane: &Pane, truth: &Truth) -> Result<Point> {
     studio.renderer.diagnose = false;
     // The first may compile pipelines; it is not counted.
-    picture(studio, &pane)?;
-    let shot = picture(studio, &pane)?;
+    picture(studio, pane)?;
+    studio.renderer.forget();
+    let shot = picture(studio, pane)?;
     let ms = shot.passes.iter().map(|pass| pass.ms).sum();
-    Ok(Box::new((pane, shot.picture, ms)))
+    let flip = flip(&truth.picture, &shot.picture, PIXELS_PER_DEGREE)?.mean();
+    Ok(Point::new(&pane.scene.settings, ms, flip))
 }

@@ -18,9 +18,15 @@ struct Key {
     budget: u64,
 }
 
+/// Frees what may be large on a thread of its own, for that takes longer than the interface may
+/// work.
+pub(super) fn let_go(what: impl Send + 'static) {
+    std::thread::spawn(move || drop(what));
+}
+
 /// One ring for each different way of classifying that is looked at.
 #[derive(Debug)]
-pub struct Frames {
+pub(super) struct Frames {
     rings: Vec<(Key, Ring)>,
     /// Memory for all rings, bytes.
     budget: u64,
@@ -28,20 +34,20 @@ pub struct Frames {
 
 impl Frames {
     /// None yet.
-    pub fn new(budget: u64) -> Self {
+    pub(super) fn new(budget: u64) -> Self {
         Self { rings: Vec::new(), budget }
     }
 
     /// Lets go of all.
-    pub fn clear(&mut self) {
-        self.rings.clear();
+    pub(super) fn clear(&mut self) {
+        let_go(std::mem::take(&mut self.rings));
     }
 
     /// Sees to it that there is a ring for each of `scenes`, and no other.
     ///
     /// `hold` keeps the rings as they are until one of them has frame `at`: a slider that is dragged
     /// changes faster than frames are classified.
-    pub fn prepare(
+    pub(super) fn prepare(
         &mut self,
         document: &Arc<Document>,
         moments: &Arc<[Moment]>,
@@ -85,30 +91,31 @@ impl Frames {
             let ring = Ring::new(key.count, budget, workers, load, move |_| ready());
             self.rings.push((key, ring));
         }
+        let_go(old);
     }
 
     /// Says where playback is and where it goes.
-    pub fn aim(&self, at: usize, step: isize, looped: bool) {
+    pub(super) fn aim(&self, at: usize, step: isize, looped: bool) {
         for (_, ring) in &self.rings {
             ring.aim(at, step, looped);
         }
     }
 
-    /// A moment's particles as a scene classifies them, if they have come.
-    pub fn get(&self, scene: &Scene, i: usize) -> Option<Outcome> {
+    /// A moment's particles, if they have come, and whether they are as the scene classifies them:
+    /// while a slider is dragged there may be others.
+    pub(super) fn get(&self, scene: &Scene, i: usize) -> Option<(Outcome, bool)> {
         let fits = |key: &Key| key.classify == scene.settings.classify;
-        // While a slider is dragged: what there is.
-        let ring = self.rings.iter().find(|(key, _)| fits(key)).or(self.rings.first());
-        ring.and_then(|(_, ring)| ring.get(i))
+        let (key, ring) = self.rings.iter().find(|(key, _)| fits(key)).or(self.rings.first())?;
+        Some((ring.get(i)?, fits(key)))
     }
 
     /// Whether all rings have a moment, loaded or failed.
-    pub fn have(&self, i: usize) -> bool {
+    pub(super) fn have(&self, i: usize) -> bool {
         !self.rings.is_empty() && self.rings.iter().all(|(_, ring)| ring.get(i).is_some())
     }
 
     /// What the first ring holds, and the bytes of all.
-    pub fn state(&self) -> RingState {
+    pub(super) fn state(&self) -> RingState {
         let mut states = self.rings.iter().map(|(_, ring)| ring.state());
         let first = states.next().unwrap_or_default();
         states.fold(first, |mut all, state| {

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 
 /// The log; or none, which takes everything and keeps nothing.
 #[derive(Debug)]
-pub struct Log {
+pub(super) struct Log {
     file: Option<File>,
     start: Instant,
     /// When the interface last finished its work, if it then asked to be called again at once.
@@ -30,7 +30,7 @@ impl Log {
     ///
     /// # Errors
     /// [`Error::Io`] naming the file.
-    pub fn new(path: Option<&Path>) -> Result<Self> {
+    pub(super) fn new(path: Option<&Path>) -> Result<Self> {
         let create = |path| File::create(path).map_err(|e| Error::io(path, "write", e));
         Ok(Self {
             file: path.map(create).transpose()?,
@@ -42,12 +42,12 @@ impl Log {
     }
 
     /// Whether anybody listens.
-    pub fn is_on(&self) -> bool {
+    pub(super) fn is_on(&self) -> bool {
         self.file.is_some()
     }
 
     /// Something happened: `event`, and `fields`, an object, of it.
-    pub fn event(&mut self, event: &str, fields: Value) {
+    pub(super) fn event(&mut self, event: &str, fields: Value) {
         let Some(file) = &mut self.file else { return };
         let mut line = json!({ "t": self.start.elapsed().as_secs_f64(), "event": event });
         if let (Some(line), Value::Object(fields)) = (line.as_object_mut(), fields) {
@@ -59,7 +59,7 @@ impl Log {
     }
 
     /// The interface has worked since `begun`; `again` if it wants to be called at once.
-    pub fn worked(&mut self, begun: Instant, again: bool) {
+    pub(super) fn worked(&mut self, begun: Instant, again: bool) {
         let gap = self.pending.map_or(Duration::ZERO, |ended| begun.duration_since(ended));
         for (i, time) in [begun.elapsed(), gap].into_iter().enumerate() {
             self.longest[i] = self.longest[i].max(time);
@@ -69,13 +69,13 @@ impl Log {
     }
 
     /// Longest work and wait since this was last asked, as fields of an event, ms.
-    pub fn recent(&mut self) -> Value {
+    pub(super) fn recent(&mut self) -> Value {
         let recent = std::mem::take(&mut self.recent);
         times("", recent)
     }
 
     /// The last event.
-    pub fn close(&mut self) {
+    pub(super) fn close(&mut self) {
         let longest = times("longest_", self.longest);
         self.event("close", longest);
     }

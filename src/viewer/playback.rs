@@ -141,12 +141,11 @@ impl Playback {
         self.seek(to.unwrap_or(0));
     }
 
-    /// Replaces the moments by those of another speed; the time shown stays as near as it can.
-    pub fn set_speed(&mut self, speed: Speed, count: usize) {
-        let frames = self.index as f64 * self.speed.step();
+    /// Replaces the moments by those of another speed, of which `index` is then shown.
+    pub fn set_speed(&mut self, speed: Speed, count: usize, index: usize) {
         self.speed = speed;
         self.count = count;
-        self.seek((frames / speed.step()).round() as usize);
+        self.seek(index);
     }
 
     /// The number of moments is another one: a sequence that grows.

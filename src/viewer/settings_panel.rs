@@ -1,9 +1,10 @@
 //! The panel on the right: settings of every pass, the camera, the times.
 
 use eframe::egui;
+use eframe::egui::SliderClamping::Edits;
 use serde_json::json;
 
-use super::controls::{CONTROLS, Control, Kind, PASSES, Value};
+use super::controls::{self, CONTROLS, Control, Kind, PASSES, Value};
 use super::toolbar::named;
 use super::{Tab, Viewer};
 use crate::scene::Scene;
@@ -79,11 +80,12 @@ impl Viewer {
                 scene.fluids.clone_from(&document.scene.fluids);
             });
         });
+        let table = controls::table(&scene.settings);
         for (pass, title) in PASSES {
             section(ui, pass, title, |ui| {
                 grid(ui, pass, |ui| {
                     for control in CONTROLS.iter().filter(|control| control.pass == pass) {
-                        row(ui, control, &mut scene.settings);
+                        row(ui, control, &control.of(&table), &mut scene.settings);
                     }
                 });
                 reset(ui, pass, || {
@@ -94,8 +96,8 @@ impl Viewer {
                 });
             });
         }
-        if *scene != before {
-            let changed = super::controls::differences(&before.settings, &scene.settings);
+        if self.log.is_on() && *scene != before {
+            let changed = controls::differences(&before.settings, &scene.settings);
             let what: Vec<String> = changed
                 .iter()
                 .map(|(control, value)| format!("{}={value}", control.path()))
@@ -147,10 +149,10 @@ fn reset(ui: &mut egui::Ui, what: &str, act: impl FnOnce()) {
     }
 }
 
-/// A setting: its name, its value in its unit and range.
-fn row(ui: &mut egui::Ui, control: &Control, settings: &mut Settings) {
-    let old = control.get(settings);
-    let label = ui.label(control.label).on_hover_text(hint(control, settings));
+/// A setting: its name, its `old` value in its unit and range.
+fn row(ui: &mut egui::Ui, control: &Control, old: &Value, settings: &mut Settings) {
+    let hint = |ui: &mut egui::Ui| _ = ui.label(hint(control, settings));
+    let label = ui.label(control.label).on_hover_ui(hint);
     let unit = match control.unit(settings) {
         "" => String::new(),
         unit if unit.starts_with('/') => unit.to_owned(),
@@ -159,15 +161,19 @@ fn row(ui: &mut egui::Ui, control: &Control, settings: &mut Settings) {
     let mut value = old.clone();
     let response = match (control.kind, &mut value) {
         (Kind::Number(low, high, _), Value::Number(x)) => {
-            ui.add(number_slider(x, low, high).suffix(unit).max_decimals(4))
+            ui.add(number_slider(x, low, high).suffix(unit))
         }
         (Kind::Whole(low, high, _), Value::Whole(n)) => {
-            let slider = egui::Slider::new(n, low..=high).suffix(unit);
+            let slider = egui::Slider::new(n, low..=high).suffix(unit).clamping(Edits);
             ui.add(slider.logarithmic(high / low.max(1) > 64))
         }
         (Kind::Odd(low, high, _), Value::Whole(n)) => {
-            let response = ui.add(egui::Slider::new(n, low..=high).step_by(2.0).suffix(unit));
-            *n = (*n | 1).clamp(low, high);
+            let before = *n;
+            let slider = egui::Slider::new(n, low..=high).suffix(unit).clamping(Edits);
+            let response = ui.add(slider.step_by(2.0));
+            if *n != before {
+                *n = (*n | 1).clamp(low, high);
+            }
             response
         }
         (Kind::Toggle, Value::Toggle(yes)) => ui.checkbox(yes, ""),
@@ -183,9 +189,9 @@ fn row(ui: &mut egui::Ui, control: &Control, settings: &mut Settings) {
         }
         _ => label.clone(),
     };
-    response.labelled_by(label.id).on_hover_text(hint(control, settings));
+    response.labelled_by(label.id).on_hover_ui(hint);
     ui.end_row();
-    if value != old {
+    if value != *old {
         control.set(settings, &value);
     }
 }
@@ -202,23 +208,16 @@ fn hint(control: &Control, settings: &Settings) -> String {
     format!("{}{}\ndefault {default}\n{}", control.help, range.trim_end(), control.path())
 }
 
-/// A slider over a range, logarithmic where that is wide.
+/// A slider over a range, logarithmic where that is wide. To show a number does not change it, be
+/// it finer than a step of the slider or outside of the range.
 fn number_slider(x: &mut f32, low: f64, high: f64) -> egui::Slider<'_> {
-    let mut shown = f64::from(*x);
-    // As it is written, not as 32 bits hold it: 0.12, not 0.119999997.
-    if let Ok(short) = x.to_string().parse() {
-        shown = short;
-    }
     let wide = high - low > 50.0;
     let symmetric = low < 0.0;
-    let slider = egui::Slider::from_get_set(low..=high.min(FAR), move |new| {
-        if let Some(new) = new {
-            shown = new;
-            *x = new as f32;
-        }
-        shown
-    });
-    let slider = slider.clamping(egui::SliderClamping::Always).smart_aim(true);
+    let slider =
+        egui::Slider::new(x, low as f32..=high.min(FAR) as f32).clamping(Edits).smart_aim(true);
+    // As it is written, not as 32 bits hold it: 0.12, not 0.119999997. All of its digits, for what
+    // is shown is what is read again when a field is left.
+    let slider = slider.custom_formatter(|x, _| (x as f32).to_string());
     match wide {
         true if !symmetric => slider.logarithmic(true).smallest_positive(low.max(1e-3)),
         true => slider.logarithmic(true).smallest_positive(1e-2),
@@ -231,7 +230,7 @@ fn liquid(ui: &mut egui::Ui, scene: &mut Scene) {
         let hint =
             "Index of refraction: water 1.33, glass 1.5, a bubble of air in water 0.75.\n0.3 to 3";
         let label = ui.label("Index").on_hover_text(hint);
-        let slider = number_slider(&mut scene.liquid.ior, 0.3, 3.0).max_decimals(4);
+        let slider = number_slider(&mut scene.liquid.ior, 0.3, 3.0);
         ui.add(slider).labelled_by(label.id).on_hover_text(hint);
         ui.end_row();
         if scene.fluids.is_empty() {
@@ -247,7 +246,7 @@ fn liquid(ui: &mut egui::Ui, scene: &mut Scene) {
 fn absorption(ui: &mut egui::Ui, name: &str, sigma: &mut glam::Vec3) {
     for (axis, color) in ["red", "green", "blue"].into_iter().enumerate() {
         let label = ui.label(format!("{name}, {color}"));
-        let slider = number_slider(&mut sigma[axis], 0.0, 1000.0).suffix(" /m").max_decimals(4);
+        let slider = number_slider(&mut sigma[axis], 0.0, 1000.0).suffix(" /m");
         let hint = "What is left of the light after a metre is exp(−this).";
         ui.add(slider).labelled_by(label.id).on_hover_text(hint);
         ui.end_row();

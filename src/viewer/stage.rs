@@ -58,7 +58,7 @@ impl Viewer {
         }
         let ms: f64 = panes.iter().map(|shown| shown.ms).sum();
         let recent = self.log.recent();
-        let size = panes.first().map_or(UVec2::ZERO, |shown| shown.pane.size);
+        let size = panes.first().map_or(UVec2::ZERO, |shown| shown.size);
         self.log.event(
             "picture",
             json!({
@@ -72,15 +72,16 @@ impl Viewer {
             }),
         );
         // The first picture is that of a device being opened.
-        if level != Level::Fine && number > 1 {
+        let first = std::mem::take(&mut self.fresh_device);
+        if level != Level::Fine && !first {
             self.pace.measured(size, self.full_size(), ms);
         }
         if let Some(first) = panes.first() {
             self.history.push(&first.passes);
         }
-        let Some(ctx) = self.post.context.get().cloned() else { return };
+        let Some(ctx) = self.post.context() else { return };
         for (i, shown) in visible.into_iter().zip(panes) {
-            let Shown { image, legend, values, ms, pane, .. } = shown;
+            let Shown { image, legend, values, ms, size, samples, .. } = shown;
             let picture = &mut self.sides[i].picture;
             let options = match legend {
                 Legend::Picture => TextureOptions::LINEAR,
@@ -90,8 +91,7 @@ impl Viewer {
                 Some(texture) => texture.set(image, options),
                 None => picture.texture = Some(ctx.load_texture("picture", image, options)),
             }
-            let samples = pane.scene.settings.refract.samples;
-            picture.shown = Some(Facts { size: pane.size, samples, ms, legend, values });
+            picture.shown = Some(Facts { size, samples, ms, legend, values });
         }
     }
 

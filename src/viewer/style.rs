@@ -36,7 +36,6 @@ pub(super) fn apply(ctx: &egui::Context) {
 }
 
 fn colors(visuals: &mut Visuals, theme: Theme) {
-    let gray = Color32::from_gray;
     let radius = CornerRadius::same(4);
     let (accent, on_accent) = match theme {
         Theme::Dark => (Color32::from_rgb(30, 92, 134), Color32::WHITE),
@@ -45,30 +44,17 @@ fn colors(visuals: &mut Visuals, theme: Theme) {
     visuals.selection.bg_fill = accent;
     visuals.selection.stroke = Stroke::new(1.0, on_accent);
     visuals.slider_trailing_fill = true;
-    match theme {
-        Theme::Dark => {
-            visuals.panel_fill = gray(30);
-            visuals.window_fill = gray(34);
-            visuals.extreme_bg_color = gray(18);
-            visuals.faint_bg_color = gray(36);
-            visuals.widgets.noninteractive.bg_stroke = Stroke::new(1.0, gray(52));
-            visuals.widgets.noninteractive.fg_stroke = Stroke::new(1.0, gray(190));
-            visuals.widgets.inactive.fg_stroke = Stroke::new(1.0, gray(215));
-            visuals.widgets.inactive.weak_bg_fill = gray(48);
-            visuals.widgets.inactive.bg_fill = gray(58);
-        }
-        Theme::Light => {
-            visuals.panel_fill = gray(246);
-            visuals.window_fill = gray(252);
-            visuals.extreme_bg_color = gray(255);
-            visuals.faint_bg_color = gray(238);
-            visuals.widgets.noninteractive.bg_stroke = Stroke::new(1.0, gray(210));
-            visuals.widgets.noninteractive.fg_stroke = Stroke::new(1.0, gray(60));
-            visuals.widgets.inactive.fg_stroke = Stroke::new(1.0, gray(40));
-            visuals.widgets.inactive.weak_bg_fill = gray(228);
-            visuals.widgets.inactive.bg_fill = gray(214);
-        }
-    }
+    // A gray of the dark theme and one of the light.
+    let gray = |dark, light| Color32::from_gray(if theme == Theme::Dark { dark } else { light });
+    visuals.panel_fill = gray(30, 246);
+    visuals.window_fill = gray(34, 252);
+    visuals.extreme_bg_color = gray(18, 255);
+    visuals.faint_bg_color = gray(36, 238);
+    visuals.widgets.noninteractive.bg_stroke = Stroke::new(1.0, gray(52, 210));
+    visuals.widgets.noninteractive.fg_stroke = Stroke::new(1.0, gray(190, 60));
+    visuals.widgets.inactive.fg_stroke = Stroke::new(1.0, gray(215, 40));
+    visuals.widgets.inactive.weak_bg_fill = gray(48, 228);
+    visuals.widgets.inactive.bg_fill = gray(58, 214);
     let widgets = &mut visuals.widgets;
     for widget in [
         &mut widgets.noninteractive,

@@ -16,11 +16,12 @@ impl Viewer {
         let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
         egui::Panel::bottom("timeline").frame(bar).show(ui, |ui| {
             if let Some(document) = self.document.clone() {
+                let ahead = self.frames.state();
                 if self.moments.len() > 1 {
-                    self.transport(ui, &document);
+                    self.transport(ui, &document, &ahead);
                     ui.add_space(2.0);
                 }
-                self.status(ui);
+                self.status(ui, &ahead);
             } else {
                 ui.weak(match self.opening.as_ref().filter(|opening| opening.pending) {
                     Some(opening) => format!("opening {}", opening.source.input),
@@ -30,7 +31,7 @@ impl Viewer {
         });
     }
 
-    fn transport(&mut self, ui: &mut egui::Ui, document: &Document) {
+    fn transport(&mut self, ui: &mut egui::Ui, document: &Document, ahead: &RingState) {
         let ctx = ui.ctx().clone();
         let mut wanted = None;
         ui.horizontal(|ui| {
@@ -70,11 +71,11 @@ impl Viewer {
             }
             ui.add_space(4.0);
             let width = (ui.available_width() - 190.0).max(60.0);
-            self.track(ui, width, document);
+            self.track(ui, width, document, ahead);
             if let Some(at) = self.moment() {
                 ui.add_space(6.0);
                 let last = document.numbers.last().copied().unwrap_or_default();
-                let time = at.frame as f64 + at.fraction * (at.next - at.frame) as f64;
+                let time = at.time();
                 let frame = if at.fraction > 0.0 { format!("{time:.3}") } else { time.to_string() };
                 let seconds = document.seconds(at);
                 ui.monospace(format!("{frame:>6} / {last}  {seconds:6.2} s"));
@@ -87,7 +88,7 @@ impl Viewer {
 
     /// The bar to scrub on: what is loaded, loading and failed, the camera's keys, and where
     /// playback is.
-    fn track(&mut self, ui: &mut egui::Ui, width: f32, document: &Document) {
+    fn track(&mut self, ui: &mut egui::Ui, width: f32, document: &Document, ahead: &RingState) {
         let (outer, mut response) =
             ui.allocate_exact_size(vec2(width, 24.0), Sense::click_and_drag());
         let count = self.moments.len();
@@ -104,7 +105,6 @@ impl Viewer {
         let painter = ui.painter();
         let visuals = ui.visuals();
         painter.rect_filled(rect, 3, visuals.extreme_bg_color);
-        let RingState { loaded, loading, failed, .. } = self.frames.state();
         let dim = accent(ui).gamma_multiply(0.55);
         let paint = |indices: &[usize], color: Color32| {
             for run in indices.chunk_by(|a, b| a + 1 == *b) {
@@ -114,9 +114,9 @@ impl Viewer {
                 painter.rect_filled(part, 2, color);
             }
         };
-        paint(&loaded, dim);
-        paint(&loading, visuals.weak_text_color().gamma_multiply(0.5));
-        paint(&failed, visuals.error_fg_color);
+        paint(&ahead.loaded, dim);
+        paint(&ahead.loading, visuals.weak_text_color().gamma_multiply(0.5));
+        paint(&ahead.failed, visuals.error_fg_color);
         let known: Vec<usize> = self.failed.iter().copied().collect();
         paint(&known, visuals.error_fg_color);
         painter.rect_stroke(rect, 3, visuals.widgets.noninteractive.bg_stroke, StrokeKind::Outside);
@@ -133,7 +133,7 @@ impl Viewer {
         painter.circle_filled(pos2(at, rect.center().y), 4.5, visuals.strong_text_color());
     }
 
-    fn status(&self, ui: &mut egui::Ui) {
+    fn status(&self, ui: &mut egui::Ui, ahead: &RingState) {
         ui.horizontal(|ui| {
             let side = &self.sides[self.edited];
             let mut facts = Vec::new();
@@ -153,9 +153,8 @@ impl Viewer {
                 facts.push(format!("simulating, {} of {}", progress.done, progress.frames));
             }
             if self.moments.len() > 1 {
-                let state = self.frames.state();
                 let mebi = |bytes: u64| bytes >> 20;
-                facts.push(format!("ahead {} of {} MiB", mebi(state.bytes), mebi(state.budget)));
+                facts.push(format!("ahead {} of {} MiB", mebi(ahead.bytes), mebi(ahead.budget)));
             }
             ui.small(facts.join("   ·   "));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {

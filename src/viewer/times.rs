@@ -5,15 +5,13 @@ use std::sync::Arc;
 
 use eframe::egui;
 use egui_plot::{Legend, Line, Plot, PlotPoints, Points};
-use image::RgbImage;
 
-use super::draw_thread::{Job, Pane};
-use super::pace::Level;
-use super::truth::{self, Point};
-use super::{News, Tab, Viewer, controls};
-use crate::compare::{PIXELS_PER_DEGREE, flip};
+use super::draw_thread::{Job, Measured, Pane};
+use super::news::News;
+use super::truth::{self, Point, Truth};
+use super::{Tab, Viewer};
+use crate::error::Result;
 use crate::gpu::PassTime;
-use crate::settings::Settings;
 
 /// Pictures that the plot goes back.
 const LENGTH: usize = 240;
@@ -130,8 +128,8 @@ impl Viewer {
             ui.weak("Each of your settings then becomes a point: its time, and its mean FLIP to the truth.");
             return;
         };
-        if truth.camera != self.camera || Some(truth.at) != self.moment() {
-            ui.weak("The view has changed: trace it again to measure here.");
+        if !truth.fits(&self.scenes[self.edited], &self.camera, self.moment()) {
+            ui.weak("View or liquid have changed: trace the truth again to measure here.");
         }
         let present = self.fine_scene().settings;
         let plot = Plot::new("error")
@@ -148,10 +146,14 @@ impl Viewer {
                     true => egui::Color32::from_rgb(240, 150, 40),
                     false => egui::Color32::from_rgb(90, 160, 220),
                 };
-                let name = description(&point.settings);
                 let at = PlotPoints::from(vec![[point.ms, point.flip]]);
                 let radius = if now { 5.0 } else { 4.0 };
-                plot.points(Points::new(name, at).radius(radius).color(color).filled(true));
+                plot.points(
+                    Points::new(point.description.as_str(), at)
+                        .radius(radius)
+                        .color(color)
+                        .filled(true),
+                );
             }
         });
         if let Some(point) = self.points.iter().find(|point| point.settings == present) {
@@ -170,56 +172,56 @@ impl Viewer {
         self.points.clear();
         self.truth = None;
         self.tracing = true;
+        self.traces += 1;
+        let number = self.traces;
         std::thread::spawn(move || {
             let truth = truth::of(&document, &scene, &camera, at);
-            post.send(News::Traced(Box::new(truth)));
+            post.send(News::Traced(number, Box::new(truth)));
         });
+    }
+
+    pub(super) fn take_truth(&mut self, number: u64, truth: Result<Truth>) {
+        if number != self.traces {
+            return;
+        }
+        self.tracing = false;
+        match truth {
+            Ok(truth) => self.truth = Some(Arc::new(truth)),
+            Err(error) => self.fail(&error),
+        }
     }
 
     /// Draws what is on the screen once more, small, if there is a truth to compare it with.
     pub(super) fn compare_with_truth(&mut self) {
-        let at_rest = self.asked_level == Level::Fine && self.answered == self.asked;
-        if self.tab != Tab::Times || self.measuring || !at_rest {
+        if self.tab != Tab::Times || self.measuring || !self.is_at_rest() {
             return;
         }
-        let fits = self
-            .truth
-            .as_ref()
-            .is_some_and(|truth| truth.camera == self.camera && Some(truth.at) == self.moment());
-        let scene = self.fine_scene();
+        let (scene, at) = (self.fine_scene(), self.moment());
+        let truth = self.truth.as_ref().filter(|truth| truth.fits(&scene, &self.camera, at));
         let known = self.points.iter().any(|point| point.settings == scene.settings);
-        if let Some(loaded) = self.sides[self.edited].loaded.clone()
-            && fits
+        if let (Some(truth), Some(loaded)) = (truth, self.sides[self.edited].loaded.clone())
             && !known
         {
             self.measuring = true;
             let camera = self.camera;
             let pane = Pane { scene: Arc::new(scene), camera, loaded, size: truth::SIZE };
-            self.drawing.job(Job::Measure(pane));
+            self.drawing.job(Job::Measure(pane, truth.clone()));
         }
     }
 
-    pub(super) fn take_measure(&mut self, (pane, picture, ms): (Pane, RgbImage, f64)) {
-        let Some(truth) = self.truth.as_ref().filter(|truth| truth.camera == pane.camera) else {
-            return;
-        };
-        match flip(&truth.picture, &picture, PIXELS_PER_DEGREE) {
-            Ok(map) => {
-                let settings = pane.scene.settings.clone();
-                self.points.push(Point { settings, ms, flip: map.mean() });
+    pub(super) fn take_measure(&mut self, measured: Result<Measured>) {
+        self.measuring = false;
+        match measured {
+            Ok(Measured { truth, point }) => {
+                if self.truth.as_ref().is_some_and(|present| Arc::ptr_eq(present, &truth)) {
+                    self.points.push(point);
+                }
             }
-            Err(error) => self.fail(&error),
+            Err(error) => {
+                // What cannot be measured now cannot be measured in the next frame either.
+                self.truth = None;
+                self.fail(&error);
+            }
         }
     }
-}
-
-/// How settings differ from the defaults, in a few words.
-fn description(settings: &Settings) -> String {
-    let changed = controls::differences(&Settings::default(), settings);
-    let words: Vec<String> = changed
-        .iter()
-        .take(6)
-        .map(|(control, value)| format!("{}={value}", control.path()))
-        .collect();
-    if words.is_empty() { "defaults".into() } else { words.join(" ") }
 }

@@ -3,20 +3,21 @@
 use glam::UVec2;
 use image::RgbImage;
 
+use super::controls;
 use super::document::Document;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::input::Moment;
 use crate::recipe::Recipe;
-use crate::reference::Liquid;
+use crate::reference;
 use crate::reference::analytic::{Ball, Block, Pool};
 use crate::reference::mesh::{Mesh, Reconstruction};
 use crate::reference::trace::{MAX_DEPTH, trace};
-use crate::scene::Scene;
+use crate::scene::{Fluid, Liquid, Scene};
 use crate::settings::Settings;
 
 /// Size of the pictures that are compared.
-pub const SIZE: UVec2 = UVec2::new(160, 120);
+pub(super) const SIZE: UVec2 = UVec2::new(160, 120);
 
 /// Rays per pixel of the truth.
 const SAMPLES: u32 = 4;
@@ -26,28 +27,56 @@ const MOST: usize = 60_000;
 
 /// A traced picture, and of what.
 #[derive(Debug, Clone)]
-pub struct Truth {
+pub(super) struct Truth {
     /// The view.
-    pub camera: Camera,
+    pub(super) camera: Camera,
     /// The moment.
-    pub at: Moment,
+    pub(super) at: Moment,
+    /// What the liquid does to light.
+    liquid: Liquid,
+    /// What each of several liquids does.
+    fluids: Vec<Fluid>,
     /// The picture.
-    pub picture: RgbImage,
+    pub(super) picture: RgbImage,
 }
 
 /// What was drawn with some settings.
 #[derive(Debug, Clone)]
-pub struct Point {
+pub(super) struct Point {
     /// The settings.
-    pub settings: Settings,
+    pub(super) settings: Settings,
+    /// How they differ from the defaults, in a few words.
+    pub(super) description: String,
     /// Time of all passes, ms.
-    pub ms: f64,
+    pub(super) ms: f64,
     /// Mean FLIP to the truth, 0 to 1.
-    pub flip: f64,
+    pub(super) flip: f64,
+}
+
+impl Truth {
+    /// Whether it is that of a scene seen from a camera at a moment.
+    pub(super) fn fits(&self, scene: &Scene, camera: &Camera, at: Option<Moment>) -> bool {
+        let of = (&self.camera, Some(self.at), &self.liquid, &self.fluids);
+        of == (camera, at, &scene.liquid, &scene.fluids)
+    }
+}
+
+impl Point {
+    /// What was measured of `settings`.
+    pub(super) fn new(settings: &Settings, ms: f64, flip: f64) -> Self {
+        let changed = controls::differences(&Settings::default(), settings);
+        let words: Vec<String> = changed
+            .iter()
+            .take(6)
+            .map(|(control, value)| format!("{}={value}", control.path()))
+            .collect();
+        let description = if words.is_empty() { "defaults".into() } else { words.join(" ") };
+        Self { settings: settings.clone(), description, ms, flip }
+    }
 }
 
 /// Why a scene has no cheap truth, if it has none.
-pub fn missing(scene: &Scene, particles: usize) -> Option<&'static str> {
+pub(super) fn missing(scene: &Scene, particles: usize) -> Option<&'static str> {
     if scene.is_lit() {
         Some("Scenes in which light falls through the liquid have no cheap truth.")
     } else if scene.fluids.len() > 1 {
@@ -60,7 +89,7 @@ pub fn missing(scene: &Scene, particles: usize) -> Option<&'static str> {
 }
 
 /// The body that the recipe says, where it has a closed form.
-fn analytic(scene: &Scene) -> Option<Box<dyn Liquid>> {
+fn analytic(scene: &Scene) -> Option<Box<dyn reference::Liquid>> {
     match scene.recipe? {
         Recipe::Ball { center, radius, .. } => Some(Box::new(Ball { center, radius })),
         Recipe::Slab { min, max, .. } => Some(Box::new(Block { min, max })),
@@ -76,7 +105,7 @@ fn analytic(scene: &Scene) -> Option<Box<dyn Liquid>> {
 ///
 /// # Errors
 /// As [`crate::input::Input::particles`] and [`Mesh::reconstruct`].
-pub fn of(document: &Document, scene: &Scene, camera: &Camera, at: Moment) -> Result<Truth> {
+pub(super) fn of(document: &Document, scene: &Scene, camera: &Camera, at: Moment) -> Result<Truth> {
     let liquid = match analytic(scene) {
         Some(liquid) => liquid,
         None => {
@@ -87,5 +116,6 @@ pub fn of(document: &Document, scene: &Scene, camera: &Camera, at: Moment) -> Re
         }
     };
     let picture = trace(&*liquid, scene, camera, SIZE, SAMPLES, MAX_DEPTH).to_srgb();
-    Ok(Truth { camera: *camera, at, picture })
+    let (liquid, fluids) = (scene.liquid, scene.fluids.clone());
+    Ok(Truth { camera: *camera, at, liquid, fluids, picture })
 }

@@ -4,6 +4,7 @@ use eframe::egui::{Color32, ColorImage};
 use glam::UVec2;
 
 use crate::aov::{Aov, Part};
+use crate::passes::tonemap::srgb_byte;
 
 /// What is shown of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -229,11 +230,7 @@ fn light(
     title: &'static str,
     unit: &'static str,
 ) -> (Vec<Color32>, Legend) {
-    let byte = |c: f32| {
-        let c = (c / white).clamp(0.0, 1.0);
-        let encoded = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
-        (255.0 * encoded).round() as u8
-    };
+    let byte = |c: f32| srgb_byte(f64::from(c / white));
     let pixels = r.iter().zip(g).zip(b);
     let pixels = pixels.map(|((&r, &g), &b)| Color32::from_rgb(byte(r), byte(g), byte(b)));
     (pixels.collect(), Legend::Light { title, white, unit })

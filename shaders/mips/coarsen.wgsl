@@ -3,9 +3,8 @@
 // Disparity is linear in a plane's pi, so the mean of four pi is the plane of mean disparity and
 // mean slope. Only planes of the nearest surface among the four are averaged: across a silhouette
 // the mean would be a plane that is nowhere.
-
-@group(0) @binding(0) var finer: texture_2d_array<f32>;
-@group(0) @binding(1) var coarser: texture_storage_2d_array<rgba32float, write>;
+//
+// The root that imports this has the textures: finer, coarser, finer_texel() and store_coarser().
 
 // Relative depth and angle by which two texels of one surface may differ.
 const SAME_DEPTH: f32 = 0.02;
@@ -23,7 +22,7 @@ fn coarsen(@builtin(global_invocation_id) id: vec3u) {
     var nearest = vec4f(0.0);
     for (var i = 0; i < 4; i++) {
         let p = min(2 * vec2i(id.xy) + vec2i(i & 1, i >> 1u), last);
-        texels[i] = textureLoad(finer, p, layer, 0);
+        texels[i] = finer_texel(p, layer);
         // The depth at the texel's centre is in w, 0 where empty.
         if texels[i].w > 0.0 && (nearest.w == 0.0 || texels[i].w < nearest.w) {
             nearest = texels[i];
@@ -40,5 +39,5 @@ fn coarsen(@builtin(global_invocation_id) id: vec3u) {
             count += 1.0;
         }
     }
-    textureStore(coarser, id.xy, layer, sum / max(count, 1.0));
+    store_coarser(id.xy, layer, sum / max(count, 1.0));
 }

@@ -1,0 +1,83 @@
+//! `cargo bench --bench stages`: what the CPU does for a frame, by the statistics of criterion.
+//!
+//! - `read`: each format, 125,000 particles with velocities where it has them, from a hot cache;
+//! - `neighbours`: the search for neighbours and the sums over them;
+//! - `classify`: the same and the ellipsoids that are made of them;
+//! - `tree`: as `classify`, with kiddo's tree instead of the grid.
+//!
+//! `cargo bench --bench stages -- classify/40000` measures what has that in its name, and
+//! `-- --save-baseline NAME` and `-- --baseline NAME` compare two states of the code.
+
+mod support;
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use criterion::{
+    BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main,
+};
+use limpid::particles::{Ellipsoid, Particles};
+use limpid::passes::classify::Cloud;
+
+use support::{COUNTS, Swell};
+
+/// One for each reader, and those of one format that take different ways.
+const FORMATS: [&str; 11] =
+    ["xyz", "npy", "npz", "bhclassic", "bgeo.gz", "vtk", "vtu", "ply", "csv", "pos", "shaped.pos"];
+
+fn read(criterion: &mut Criterion) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let liquid = Swell::new(COUNTS[2]).expect("a frame of the swell");
+    let full = liquid.particles;
+    let bare = Particles::from_positions(full.positions.clone());
+    let mut group = criterion.benchmark_group("read");
+    group.throughput(Throughput::Elements(full.len() as u64));
+    for format in FORMATS {
+        let particles = match format {
+            "xyz" | "npy" | "pos" => bare.clone(),
+            "shaped.pos" => Particles {
+                radii: Some(vec![liquid.radius; full.len()]),
+                ellipsoids: Some(vec![Ellipsoid { xx: 1.5, ..Ellipsoid::SPHERE }; full.len()]),
+                ..bare.clone()
+            },
+            _ => full.clone(),
+        };
+        let path = folder.path().join(format!("liquid.{format}"));
+        particles.write(&path).expect("the format holds the particles");
+        group.bench_function(format, |bencher| {
+            bencher.iter(|| black_box(Particles::read(&path).expect("it was written before")));
+        });
+    }
+    group.finish();
+}
+
+fn classification(criterion: &mut Criterion) {
+    for name in ["neighbours", "classify", "tree"] {
+        let mut group = criterion.benchmark_group(name);
+        group.sampling_mode(SamplingMode::Flat).sample_size(10);
+        group.warm_up_time(Duration::from_secs(1));
+        for count in COUNTS {
+            let Swell { scene, particles, radius } =
+                Swell::new(count).expect("a frame of the swell");
+            let mut settings = scene.settings.classify;
+            if name == "neighbours" {
+                // Sparser than everything is a splash, for which nothing but its neighbours is asked.
+                settings.splash_density = f32::INFINITY;
+            }
+            group.throughput(Throughput::Elements(particles.len() as u64));
+            group.bench_function(BenchmarkId::from_parameter(count), |bencher| {
+                bencher.iter(|| {
+                    let cloud = Cloud::new(&particles, radius);
+                    black_box(match name {
+                        "tree" => cloud.classify_by_tree(&settings),
+                        _ => cloud.classify(&settings),
+                    })
+                });
+            });
+        }
+        group.finish();
+    }
+}
+
+criterion_group!(stages, read, classification);
+criterion_main!(stages);

@@ -1,0 +1,45 @@
+//! Liquid of any number of particles, for the benches.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use limpid::Result;
+use limpid::particles::Particles;
+use limpid::scene::Scene;
+use limpid::sim;
+
+/// The numbers of particles that stages are measured with. Layers being whole, they come out as
+/// 4,752, 39,128, 116,424 and 1,056,000.
+pub(crate) const COUNTS: [usize; 4] = [5_000, 40_000, 125_000, MILLION];
+
+/// Particles of `sims/million.toml`.
+const MILLION: usize = 1_056_000;
+/// Their radius, m.
+const RADIUS: f64 = 0.0125;
+
+/// The tank of `sims/million.toml`, filled with larger particles or the same: the same waves, seen
+/// from the same place.
+pub(crate) struct Swell {
+    pub(crate) scene: Scene,
+    pub(crate) particles: Particles,
+    /// Of the particles, m.
+    pub(crate) radius: f32,
+}
+
+impl Swell {
+    /// With about `count` particles.
+    ///
+    /// # Errors
+    /// As [`sim::bake`]: a frame goes by way of a temporary folder.
+    pub(crate) fn new(count: usize) -> Result<Self> {
+        let radius = RADIUS * (MILLION as f64 / count as f64).cbrt();
+        let text = include_str!("../../sims/million.toml")
+            .replace("radius = 0.0125", &format!("radius = {radius}"))
+            .replace("frames = 60", "frames = 1");
+        let scene = Scene::parse(&text, "swell", Path::new(""), &[])?;
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        sim::bake(&scene, "swell", folder.path(), |_| ControlFlow::Continue(()))?;
+        let particles = Particles::read(&sim::frame_path(folder.path(), "swell", 1))?;
+        Ok(Self { scene, particles, radius: radius as f32 })
+    }
+}

@@ -1,0 +1,20 @@
+// One buffer copied into another: what the adapter's memory moves.
+
+@group(0) @binding(0) var<storage, read> source: array<vec4f>;
+@group(0) @binding(1) var<storage, read_write> copied: array<vec4f>;
+
+// Each workgroup copies four rows of as many as it has threads: `src/report/rates.rs` knows.
+const THREADS: u32 = 256u;
+
+@compute @workgroup_size(THREADS)
+fn stream(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
+    let first = 4u * THREADS * group.x + thread;
+    let a = source[first];
+    let b = source[first + THREADS];
+    let c = source[first + 2u * THREADS];
+    let d = source[first + 3u * THREADS];
+    copied[first] = a;
+    copied[first + THREADS] = b;
+    copied[first + 2u * THREADS] = c;
+    copied[first + 3u * THREADS] = d;
+}

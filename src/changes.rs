@@ -1,0 +1,133 @@
+//! What of a frame is to be drawn anew: all that depends on something that the last frame had
+//! otherwise.
+//!
+//! A camera that moves leaves the caustic maps alone, more rays per pixel leave the layers alone, and
+//! another exposure leaves the radiance alone.
+
+use crate::camera::Camera;
+use crate::passes::classify::{Splat, Splats};
+use crate::passes::surfaces::Wanted;
+use crate::scene::Scene;
+use crate::settings::Refract;
+
+/// What a frame was drawn from.
+#[derive(Debug)]
+pub(crate) struct Drawn {
+    scene: Scene,
+    camera: Camera,
+    splats: Splats,
+    wanted: Wanted,
+    diagnosed: bool,
+}
+
+/// What the next frame has to draw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Changes {
+    /// The particles, which are uploaded.
+    pub splats: bool,
+    /// What the lights see, and their maps.
+    pub lights: bool,
+    /// The view's layers, and its G-buffer.
+    pub surfaces: bool,
+    /// The radiance.
+    pub radiance: bool,
+}
+
+impl Changes {
+    /// All that a frame has.
+    const ALL: Self = Self { splats: true, lights: true, surfaces: true, radiance: true };
+
+    /// What differs from the last frame, if there was one.
+    pub(crate) fn since(
+        last: Option<&Drawn>,
+        scene: &Scene,
+        camera: &Camera,
+        splats: &Splats,
+        wanted: Wanted,
+        diagnosed: bool,
+    ) -> Self {
+        let Some(last) = last else { return Self::ALL };
+        let (old, new) = (&last.scene.settings, &scene.settings);
+        let splats = !same_splats(&last.splats, splats);
+        let solids = last.scene.solids != scene.solids;
+        let lamps = last.scene.lights != scene.lights;
+        let absorption = last.scene.absorptions() != scene.absorptions();
+        let optics = last.scene.liquid != scene.liquid || absorption;
+        let smooth = old.smooth != new.smooth;
+        let lights = splats
+            || solids
+            || lamps
+            || optics
+            || smooth
+            || old.caustics != new.caustics
+            || of_light(&old.refract) != of_light(&new.refract);
+        let surfaces = splats
+            || smooth
+            || last.camera != *camera
+            || last.wanted != wanted
+            || wanted.mixture && absorption
+            || wanted.gbuffer && solids
+            // Mip levels of the G-buffer are filled only where they are read.
+            || wanted.levels > 1 && old.refract.solids != new.refract.solids;
+        let radiance = surfaces
+            || lights
+            || old.refract != new.refract
+            || last.scene.environment != scene.environment
+            || last.diagnosed != diagnosed;
+        Self { splats, lights, surfaces, radiance }
+    }
+}
+
+impl Drawn {
+    /// What a frame was drawn from; memory of the frame before is used again.
+    pub(crate) fn new(
+        last: Option<Self>,
+        changes: Changes,
+        scene: &Scene,
+        camera: &Camera,
+        splats: &Splats,
+        wanted: Wanted,
+        diagnosed: bool,
+    ) -> Self {
+        let mut kept = last.map(|last| last.splats).unwrap_or_default();
+        if changes.splats {
+            kept.aggregates.clone_from(&splats.aggregates);
+            kept.splashes.clone_from(&splats.splashes);
+            (kept.radius, kept.origin) = (splats.radius, splats.origin);
+        }
+        // What no pass reads is not kept.
+        let scene = Scene {
+            particles: None,
+            fluids: scene.fluids.clone(),
+            recipe: None,
+            simulation: None,
+            liquid: scene.liquid,
+            camera: None,
+            views: Vec::new(),
+            environment: scene.environment.clone(),
+            solids: scene.solids.clone(),
+            lights: scene.lights.clone(),
+            settings: scene.settings.clone(),
+        };
+        Self { scene, camera: *camera, splats: kept, wanted, diagnosed }
+    }
+}
+
+/// The settings of [`crate::passes::refract`] that light on its way to what it lights depends on.
+fn of_light(refract: &Refract) -> Refract {
+    let unread = Refract::default();
+    Refract { samples: unread.samples, edge_samples: unread.edge_samples, ..refract.clone() }
+}
+
+/// Bit by bit, which is faster than number by number, and right for numbers that are none.
+fn same_splats(a: &Splats, b: &Splats) -> bool {
+    fn bytes(splats: &[Splat]) -> &[u8] {
+        bytemuck::cast_slice(splats)
+    }
+    a.radius.to_bits() == b.radius.to_bits()
+        && a.origin == b.origin
+        && a.aggregates.len() == b.aggregates.len()
+        && a.splashes.len() == b.splashes.len()
+        && bytes(&a.aggregates) == bytes(&b.aggregates)
+        && bytes(&a.splashes) == bytes(&b.splashes)
+}

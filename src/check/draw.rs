@@ -1,0 +1,164 @@
+//! From an entry to pictures.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use image::RgbImage;
+use tempfile::TempDir;
+
+use super::suite::{Bake, Content, Entry};
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::frames::FrameSpec;
+use crate::input::{Input, Loaded, Moment};
+use crate::output::Litter;
+use crate::scene::Scene;
+use crate::sim;
+use crate::studio::Studio;
+
+/// A folder that is gone when this is dropped or the process is ended by [`crate::output::abandon`].
+struct Baked {
+    // In this order: removed, then forgotten.
+    folder: TempDir,
+    _litter: Litter,
+}
+
+/// An entry's particles and scene, opened.
+pub(super) struct Source<'a> {
+    entry: &'a Entry,
+    input: Input,
+    pub(super) scene: Scene,
+    // Where the frames of a bake are, as long as they are needed.
+    _baked: Option<Baked>,
+}
+
+impl<'a> Source<'a> {
+    /// Opens what `limpid render` would with the same options; simulates it first if wanted.
+    pub(super) fn open(entry: &'a Entry) -> Result<Self> {
+        let (optics, mut set): (Vec<_>, Vec<_>) =
+            entry.set.iter().cloned().partition(|text| Scene::is_optics(text));
+        set.extend(entry.samples.map(|samples| format!("refract.samples={samples}")));
+        let (mut input, baked) = match entry.bake {
+            Some(bake) => {
+                let (input, folder) = baked(&entry.input, bake, &set)?;
+                (input, Some(folder))
+            }
+            None => (Input::open(&entry.input, &set)?, None),
+        };
+        if let Some(scene) = &entry.scene {
+            input = input.with_scene(Scene::load_with(scene, &set)?);
+        }
+        if let Some(radius) = entry.radius {
+            input = input.with_radius(radius)?;
+        }
+        let (input, mut scene) = input.settle(&set)?;
+        for text in &optics {
+            scene.set_optics(text)?;
+        }
+        scene.camera = entry.camera.or(scene.camera);
+        scene.check()?;
+        Ok(Self { entry, input, scene, _baked: baked })
+    }
+
+    /// The moments to draw, with the numbers of their pictures.
+    pub(super) fn moments(&self) -> Result<Vec<(i64, Moment)>> {
+        let sequence = &self.input.sequence;
+        let at = match &self.entry.content {
+            Content::Sequence { frames, .. } => {
+                let numbers = frames.numbers(sequence, self.input.missing)?;
+                let moments = numbers.iter().map(|&number| (number, Moment::at(number)));
+                return Ok(moments.collect());
+            }
+            Content::Frame { at, .. } => *at,
+        };
+        let numbers: Vec<i64> = sequence.frames.iter().map(|frame| frame.number).collect();
+        let fail = |problem| Error::Sequence { pattern: sequence.pattern.clone(), problem };
+        let moment = match (at, self.input.frame, numbers.as_slice()) {
+            // A frame that is not there is an error, not its neighbours and not the nearest one.
+            (Some(at), ..) if at.fract() == 0.0 => {
+                let frame = at as i64;
+                if numbers.binary_search(&frame).is_err() {
+                    return Err(fail(format!("frame {frame} is not there; {}", has(&numbers))));
+                }
+                Moment::at(frame)
+            }
+            (Some(at), ..) => {
+                let moment = self.input.moment(&numbers, at);
+                if moment.fraction == 0.0 {
+                    return Err(fail(format!(
+                        "time {at} is not between frames; {}",
+                        has(&numbers)
+                    )));
+                }
+                moment
+            }
+            (None, Some(frame), _) => Moment::at(frame),
+            (None, None, &[frame]) => Moment::at(frame),
+            (None, None, &[.., last]) if self.entry.bake.is_some() => Moment::at(last),
+            (None, None, _) => {
+                return Err(fail(format!("has {} frames; give frame or at", numbers.len())));
+            }
+        };
+        Ok(vec![(moment.frame, moment)])
+    }
+
+    /// Which of some frames a sequence of all frames should have, and the input has not.
+    pub(super) fn lost(&self, expected: &[i64]) -> Vec<i64> {
+        match &self.entry.content {
+            Content::Sequence { frames: FrameSpec::All, .. } => {
+                let there = |&number: &i64| self.input.sequence.frame(number).is_some();
+                expected.iter().copied().filter(|number| !there(number)).collect()
+            }
+            // A list that names one is an error; one that does not leaves it out.
+            _ => Vec::new(),
+        }
+    }
+
+    /// Reads and classifies what there is at a moment.
+    pub(super) fn load(&self, moment: Moment) -> Result<Loaded> {
+        self.input.load(moment, &self.scene)
+    }
+
+    /// Draws it.
+    pub(super) fn draw(&self, studio: &mut Studio, loaded: &Loaded) -> Result<RgbImage> {
+        let shot = studio.draw(&self.scene, &self.camera(), &loaded.splats, self.entry.size)?;
+        Ok(shot.picture)
+    }
+
+    /// Where it is seen from.
+    pub(super) fn camera(&self) -> Camera {
+        self.scene.camera_for(Default::default())
+    }
+}
+
+/// The frames that there are, as a part of a message.
+fn has(numbers: &[i64]) -> String {
+    match numbers {
+        [] => "there are none".into(),
+        [only] => format!("the only one is {only}"),
+        [first, .., last] => format!("there are {} from {first} to {last}", numbers.len()),
+    }
+}
+
+/// Simulates a scene anew, so that no frames of an older simulation pass for it.
+fn baked(scene_file: &str, bake: Bake, set: &[String]) -> Result<(Input, Baked)> {
+    let mut scene = Scene::load_with(Path::new(scene_file), set)?;
+    let fail = |problem: &str| Error::Scene { origin: scene_file.into(), problem: problem.into() };
+    let Some(simulation) = &mut scene.simulation else {
+        return Err(fail("has no [simulation] to bake"));
+    };
+    simulation.radius = bake.radius.unwrap_or(simulation.radius);
+    // The first frame is the start.
+    simulation.frames = 1 + (bake.seconds * simulation.fps).round() as u32;
+    let created = Litter::create(|| {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().to_owned();
+        Ok((folder, path))
+    });
+    let created = created.map_err(|e| Error::io(&std::env::temp_dir(), "write", e))?;
+    let baked = Baked { folder: created.0, _litter: created.1 };
+    let origin = baked.folder.path().join("baked.toml");
+    sim::bake(&scene, "baked", &sim::folder(&origin), |_| ControlFlow::Continue(()))?;
+    let input = Input::from_scene(scene, &origin.to_string_lossy())?;
+    Ok((input, baked))
+}

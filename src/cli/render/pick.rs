@@ -1,0 +1,30 @@
+//! `--max-error` and `--budget`: settings that satisfy them.
+
+use limpid::gpu::Gpu;
+use limpid::quality::{Choice, Curve, Limits, Picked};
+
+use super::Args;
+use super::plan::Plan;
+
+/// Gives the scene the settings that satisfy the limits, says which, and returns them.
+pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid::Result<Option<Picked>> {
+    let limits = Limits { max_error: args.max_error, budget: args.budget };
+    let Plan { input, scene, moments, takes, .. } = plan;
+    let first = |scene: &_| {
+        let loaded = input.load(moments[takes[0].frame], scene)?;
+        Ok((takes[0].camera, loaded.splats))
+    };
+    let curve = Curve::shipped();
+    let picked = curve.pick(limits, Gpu::headless, scene, first, args.size)?;
+    if let Some(Picked { choice: Choice { set, error_px, flip, .. }, ms }) = &picked {
+        let ms = ms.map_or(String::new(), |ms| format!(", {ms:.3} ms a frame"));
+        eprintln!("limpid: picked {}: {error_px} px, FLIP {flip}{ms}", set.join(" "));
+    }
+    Ok(picked)
+}
+
+/// A number above 0.
+pub(super) fn parse_limit(text: &str) -> Result<f64, &'static str> {
+    let limit = text.parse().ok().filter(|limit: &f64| limit.is_finite() && *limit > 0.0);
+    limit.ok_or("expected a number above 0")
+}

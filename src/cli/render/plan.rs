@@ -1,0 +1,114 @@
+//! What is to be drawn, as the arguments say it.
+
+use limpid::Error;
+use limpid::camera_path::CameraPath;
+use limpid::film::{self, Motion, Take};
+use limpid::frames::FrameSpec;
+use limpid::input::{Input, Moment};
+use limpid::scene::Scene;
+
+use super::{Args, film_path};
+
+/// A scene, and the pictures of it.
+pub(super) struct Plan {
+    pub(super) input: Input,
+    /// Settled.
+    pub(super) scene: Scene,
+    /// What is drawn of the particles.
+    pub(super) moments: Vec<Moment>,
+    /// The pictures of all machines.
+    pub(super) takes: Vec<Take>,
+    /// Pictures per second.
+    pub(super) fps: f64,
+}
+
+impl Plan {
+    pub(super) fn new(args: &Args) -> limpid::Result<Self> {
+        // In this order: what comes later holds.
+        let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
+        let (optics, set): (Vec<_>, Vec<_>) =
+            args.set.iter().cloned().partition(|text| Scene::is_optics(text));
+        overrides.extend(set);
+        overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
+        let mut input = open(args, &overrides)?;
+        input.missing = args.missing;
+        input = input.with_max_unpacked(args.unpacking.max_unpacked);
+        let (input, mut scene) = input.settle(&overrides)?;
+        for text in &optics {
+            scene.set_optics(text)?;
+        }
+        scene.camera = args.camera.or(scene.camera);
+        scene.check()?;
+        let (moments, numbers, fps) = moments(args, &input)?;
+        let takes = takes(args, &scene, &numbers, fps)?;
+        Ok(Self { input, scene, moments, takes, fps })
+    }
+}
+
+fn open(args: &Args, overrides: &[String]) -> limpid::Result<Input> {
+    let mut input = match &args.input {
+        Some(input) => Input::open(input, overrides)?,
+        None => Input::demo(overrides)?,
+    };
+    if let Some(scene) = &args.scene {
+        input = input.with_scene(Scene::load_with(scene, overrides)?);
+    }
+    match args.radius {
+        Some(radius) => input.with_radius(radius),
+        None => Ok(input),
+    }
+}
+
+/// What is drawn of the particles, how its pictures are numbered, and how many there are a second.
+///
+/// Frames as they are, unless the film's time is another than the sequence's: then moments at equal
+/// steps, which are counted from 1.
+fn moments(args: &Args, input: &Input) -> limpid::Result<(Vec<Moment>, Vec<i64>, f64)> {
+    let spec = match (&args.frames, input.frame) {
+        (Some(spec), _) => spec.clone(),
+        (None, Some(frame)) => FrameSpec::List(vec![frame]),
+        (None, None) => FrameSpec::All,
+    };
+    let mut frames = spec.numbers(&input.sequence, input.missing)?;
+    let fps = args.fps.or(input.fps()).unwrap_or(30.0);
+    film::check_fps(fps)?;
+    if let Some(time) = args.at {
+        frames.sort_unstable();
+        let moment = input.moment(&frames, time);
+        return Ok((vec![moment], vec![moment.frame], fps));
+    }
+    let speed = args.speed.unwrap_or(1.0);
+    if !(1e-3..=1e3).contains(&speed) {
+        return Err(Error::Usage(format!("--speed {speed}: 0.001 to 1000 expected")));
+    }
+    let step = speed * input.fps().unwrap_or(fps) / fps;
+    if step == 1.0 || frames.len() == 1 {
+        return Ok((frames.iter().copied().map(Moment::at).collect(), frames, fps));
+    }
+    if !frames.is_sorted() {
+        let problem = "--frames: slow and fast motion takes the frames in order, as 1-9 or 1,5,9";
+        return Err(Error::Usage(problem.into()));
+    }
+    let count = frames[frames.len() - 1].abs_diff(frames[0]) as f64 / step;
+    if count > film::MAX_TAKES {
+        return Err(Error::Usage(format!("{count:.0} pictures; a higher --speed expected")));
+    }
+    let moments = input.moments(&frames, step);
+    let numbers = (1..=moments.len() as i64).collect();
+    Ok((moments, numbers, fps))
+}
+
+/// The pictures, from where the camera is.
+fn takes(args: &Args, scene: &Scene, numbers: &[i64], fps: f64) -> limpid::Result<Vec<Take>> {
+    let motion = match (&args.camera_path, args.turntable) {
+        (Some(path), _) => Motion::Path(CameraPath::load(path)?),
+        (None, Some(seconds)) => Motion::Turntable(seconds),
+        (None, None) => Motion::Still,
+    };
+    if (motion != Motion::Still || film_path(args).is_some()) && !numbers.is_sorted() {
+        let problem = "a film and a moving camera take the frames in order, as 1-9 or 1,5,9";
+        return Err(Error::Usage(format!("--frames: {problem}")));
+    }
+    let camera = scene.camera.expect("a settled scene has a camera");
+    film::takes(numbers, camera, &motion, fps)
+}
