@@ -1,0 +1,119 @@
+//! The environments of `scene.wgsl`: what is seen in each direction.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec3, UVec2};
+use limpid::wgpu;
+
+use super::support::{Kernel, Random, gpu, texture, uniform};
+use super::view::{assert_near, case, vec3};
+
+/// Protects the map's orientation: its middle is -z, right of it +x, its top +y, and it closes
+/// behind without a seam; texel centres come out exactly, places between them in proportion.
+#[test]
+fn environment_map_directions() {
+    let Some(gpu) = gpu() else { return };
+    let size = UVec2::new(16, 8);
+    let mut random = Random(15);
+    let texels: Vec<[f32; 4]> =
+        (0..size.element_product()).map(|_| [(); 4].map(|()| random.unit() as f32)).collect();
+    let map = texture(gpu, size, &[&texels]);
+    let kernel = Kernel {
+        imports: &["common/scene.wgsl"],
+        body: "fn test(x: array<f32, 3>) -> array<f32, 3> {
+            let c = environment_lookup(vec3f(x[0], x[1], x[2]));
+            return array(c.x, c.y, c.z);
+        }",
+        constants: &[],
+        resources: &[(2, 3, wgpu::BindingResource::TextureView(&map))],
+    };
+    let texel = |x: i64, y: i64| {
+        let (w, h) = (i64::from(size.x), i64::from(size.y));
+        vec3(&texels[(y.clamp(0, h - 1) * w + x.rem_euclid(w)) as usize][..3])
+    };
+    // A place of the map, in texels, and the direction that it shows.
+    let shown = |u: f64, v: f64| {
+        let (turn, tilt) = ((u / 16.0 - 0.5) * TAU, (0.5 - v / 8.0) * PI);
+        DVec3::new(tilt.cos() * turn.sin(), tilt.sin(), -tilt.cos() * turn.cos())
+    };
+    let mut cases = vec![DVec3::NEG_Z, DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y];
+    let mean = |list: &[(i64, i64)]| {
+        list.iter().map(|&(x, y)| texel(x, y)).sum::<DVec3>() / list.len() as f64
+    };
+    let mut expected = vec![
+        mean(&[(7, 3), (8, 3), (7, 4), (8, 4)]),
+        mean(&[(11, 3), (12, 3), (11, 4), (12, 4)]),
+        mean(&[(3, 3), (4, 3), (3, 4), (4, 4)]),
+    ];
+    let poles = expected.len();
+    // What a pole's longitude is, nobody can say; its row is.
+    expected.extend([DVec3::ZERO; 2]);
+    for _ in 0..5000 {
+        // The seam at the back is within; rows beyond the first and last centres repeat them.
+        let (u, v) = (random.range(-1.0, 17.0), random.range(0.01, 7.99));
+        let (x, y) = ((u - 0.5).floor(), (v - 0.5).floor());
+        let (fx, fy) = (u - 0.5 - x, v - 0.5 - y);
+        let (i, j) = (x as i64, y as i64);
+        let row = |j: i64| texel(i, j) * (1.0 - fx) + texel(i + 1, j) * fx;
+        cases.push(shown(u, v));
+        expected.push(row(j) * (1.0 - fy) + row(j + 1) * fy);
+    }
+    let cases: Vec<[f32; 3]> = cases.iter().map(|d| case(&[&d.to_array()])).collect();
+    let results: Vec<[f32; 3]> = kernel.run(gpu, &cases);
+    for (k, (result, expected)) in results.iter().zip(&expected).enumerate() {
+        let got = vec3(result);
+        if (poles..poles + 2).contains(&k) {
+            let row = if k == poles { 0 } else { 7 };
+            let dark = (0..16).map(|x| texel(x, row)).reduce(DVec3::min).expect("texels");
+            let bright = (0..16).map(|x| texel(x, row)).reduce(DVec3::max).expect("texels");
+            assert!(
+                got.cmpge(dark - 1e-6).all() && got.cmple(bright + 1e-6).all(),
+                "a pole: {got}"
+            );
+            continue;
+        }
+        // WGSL allows angles an error of 4096 units in the last place, 1e-3 of a radian: 2e-3 of a
+        // texel here. Towards the poles, the longitude of a rounded direction is no better.
+        let direction = vec3(&cases[k]);
+        let tolerance = 6e-3 + 1e-5 / direction.x.hypot(direction.z);
+        assert_near(got.distance(*expected), 0.0, tolerance, &format!("towards {direction}"));
+    }
+}
+
+/// Protects the other two environments, and that the constant chooses among the three.
+#[test]
+fn environment_constant_and_gradient() {
+    let Some(gpu) = gpu() else { return };
+    use limpid::passes::gbuffer::SceneUniform;
+    let (zenith, horizon, nadir) = ([1.0, 2.0, 3.0], [0.5, 0.25, 0.125], [8.0, 4.0, 2.0]);
+    let scene = SceneUniform { zenith, horizon, nadir, ..bytemuck::Zeroable::zeroed() };
+    let buffer = uniform(gpu, &scene);
+    let map = texture(gpu, UVec2::ONE, &[&[[7.0; 4]]]);
+    let mut random = Random(16);
+    let cases: Vec<[f32; 3]> = (0..500).map(|_| case(&[&random.direction().to_array()])).collect();
+    for kind in 0..3 {
+        let kernel = Kernel {
+            imports: &["common/scene.wgsl"],
+            body: "fn test(x: array<f32, 3>) -> array<f32, 3> {
+                let c = environment_radiance(vec3f(x[0], x[1], x[2]));
+                return array(c.x, c.y, c.z);
+            }",
+            constants: &[("ENVIRONMENT", f64::from(kind))],
+            resources: &[
+                (2, 0, buffer.as_entire_binding()),
+                (2, 3, wgpu::BindingResource::TextureView(&map)),
+            ],
+        };
+        let results: Vec<[f32; 3]> = kernel.run(gpu, &cases);
+        for (d, result) in cases.iter().zip(results) {
+            let y = f64::from(d[1]);
+            let end = if y > 0.0 { zenith } else { nadir };
+            let expected = match kind {
+                0 => vec3(&zenith),
+                1 => vec3(&horizon) * (1.0 - y.abs()) + vec3(&end) * y.abs(),
+                _ => DVec3::splat(7.0),
+            };
+            assert_near(vec3(&result).distance(expected), 0.0, 4e-6, "radiance");
+        }
+    }
+}
