@@ -1,0 +1,51 @@
+//! `info`: what it tells people and programs about particles.
+
+use serde_json::Value;
+
+use super::{assert_tells, dam, folder, project, succeed};
+
+/// `info` as text tells what a person wants to know about a file.
+#[test]
+fn info_as_text() {
+    let folder = folder();
+    let text = succeed(folder.path(), &["info", &dam("{}")]);
+    assert_tells(&text, &["5 frames", "5 to 40", "frame 5", "4732 particles"]);
+    assert_tells(&text, &["velocity", "density", "id", "radius", "splashes"]);
+    assert!(!text.contains("frame 20:"), "only the first frame is described: {text}");
+    let text = succeed(folder.path(), &["info", &dam("{}"), "--frames", "20-21"]);
+    assert_tells(&text, &["frame 20:", "frame 21:"]);
+}
+
+/// `info --json` tells the same to programs.
+#[test]
+fn info_as_json() {
+    let project = project();
+    let info = |args: &[&str]| -> Value {
+        let args: Vec<_> = ["info", "--json"].into_iter().chain(args.iter().copied()).collect();
+        serde_json::from_str(&succeed(project.path(), &args)).expect("JSON and nothing else")
+    };
+    let water = info(&["water"]);
+    assert_eq!(water["frames"], 3);
+    assert_eq!((&water["first"], &water["last"]), (&1.into(), &3.into()));
+    let described = water["described"].as_array().unwrap();
+    assert_eq!(described.len(), 1);
+    let frame = &described[0];
+    assert_eq!(frame["frame"], 1);
+    assert_eq!(frame["particles"], 481);
+    assert_eq!(frame["splashes"], 1);
+    assert_eq!(frame["attributes"], Value::Array(Vec::new()));
+    assert!(frame["path"].as_str().unwrap().ends_with("block_1.xyz"));
+    let close = |value: &Value, expected: f64| {
+        assert!((value.as_f64().unwrap() - expected).abs() < 1e-5, "{value}, not {expected}");
+    };
+    for (i, (min, max)) in [(0.02, 0.57), (0.0, 0.6), (0.0, 0.35)].into_iter().enumerate() {
+        close(&frame["min"][i], min);
+        close(&frame["max"][i], max);
+    }
+    close(&frame["radius"], 0.025);
+    close(&info(&["water", "--radius", "0.03"])["described"][0]["radius"], 0.03);
+    // A scene names particles too.
+    let scene = info(&["scenes/block.toml", "--frames", "all"]);
+    assert_eq!(scene["described"].as_array().unwrap().len(), 3);
+    close(&scene["described"][2]["radius"], 0.025);
+}
