@@ -15,8 +15,11 @@ struct Splat {
     diagonal: vec3f,     // A_xx, A_yy, A_zz
     particle: u32,
     off_diagonal: vec3f, // A_xy, A_xz, A_yz
-    fluid: u32,          // of several, from 0
+    tags: u32,           // which of several fluids, from 0; BURIED
 }
+
+// Liquid is all round it: the place of this bit in the tags.
+const BURIED: u32 = 0x10000u;
 
 @group(1) @binding(0) var<storage, read> splats: array<Splat>;
 
@@ -35,22 +38,36 @@ struct Varying {
 
 @vertex
 fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Varying {
-    let splat = splats[instance];
+    return splat_varying(corner, splats[instance]);
+}
+
+fn splat_varying(corner: u32, splat: Splat) -> Varying {
+    let placed = splat_in_view(splat);
+    let to_sphere = symmetric_inverse(splat.diagonal, splat.off_diagonal)
+        * transpose(camera.view_from_world);
+
+    var out: Varying;
+    out.centre = placed.centre;
+    out.sphere_x = to_sphere[0];
+    out.sphere_y = to_sphere[1];
+    out.sphere_z = to_sphere[2];
+    out.fluid = splat.tags & (BURIED - 1u);
+    out.clip = vec4f(splat_corner(corner, placed.centre, placed.rows), 0.5, 1.0);
+    return out;
+}
+
+// An ellipsoid as the view has it: its columns are the rows of its axes matrix.
+struct Placed {
+    centre: vec3f,
+    rows: mat3x3f,
+}
+
+fn splat_in_view(splat: Splat) -> Placed {
     let a = splat.diagonal;
     let b = splat.off_diagonal;
     let shape = mat3x3f(vec3f(a.x, b.x, b.y), vec3f(b.x, a.y, b.z), vec3f(b.y, b.z, a.z));
     let rotation = camera.view_from_world;
-    let centre = rotation * (camera.origin + splat.centre);
-    let to_sphere = symmetric_inverse(a, b) * transpose(rotation);
-
-    var out: Varying;
-    out.centre = centre;
-    out.sphere_x = to_sphere[0];
-    out.sphere_y = to_sphere[1];
-    out.sphere_z = to_sphere[2];
-    out.fluid = splat.fluid;
-    out.clip = vec4f(splat_corner(corner, centre, transpose(rotation * shape)), 0.5, 1.0);
-    return out;
+    return Placed(rotation * (camera.origin + splat.centre), transpose(rotation * shape));
 }
 
 fn symmetric_inverse(a: vec3f, b: vec3f) -> mat3x3f {

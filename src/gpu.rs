@@ -336,6 +336,12 @@ pub(crate) fn uniform_buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str) -> w
     })
 }
 
+/// The part of a buffer that is in use: to shaders, an array's length.
+pub(crate) fn first_bytes(buffer: &wgpu::Buffer, bytes: u64) -> wgpu::BindingResource<'_> {
+    let size = wgpu::BufferSize::new(bytes);
+    wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })
+}
+
 /// Creates a texture of `layers` layers and the view of them all.
 pub(crate) fn texture(
     gpu: &Gpu,

@@ -8,6 +8,7 @@ use crate::light_view::LightView;
 use crate::passes::Layers;
 use crate::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
 use crate::passes::classify::Splats;
+use crate::passes::cull;
 use crate::passes::gbuffer::LightMaps;
 use crate::passes::mixture;
 use crate::passes::smooth;
@@ -36,6 +37,7 @@ impl Lights {
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
+        liquid: &Liquid,
         splats: &Splats,
         fits: &[smooth::Params],
     ) -> Result<()> {
@@ -64,6 +66,7 @@ impl Lights {
         }
 
         let splash = !splats.splashes.is_empty();
+        let culled = cull::pays(splats);
         let views = self.views.iter().flatten();
         for (i, view) in views.enumerate() {
             if self.passes.get(i).is_none_or(|passes| passes.orthographic != view.orthographic) {
@@ -77,9 +80,20 @@ impl Lights {
             let backs = settings.interfaces > 1;
             let size = view.size;
             let mixture = mixture::is_mixed(scene);
-            surfaces.resize(gpu, Wanted { size, splash, mixture, gbuffer: true, levels: 1, backs });
+            let wanted = Wanted { size, splash, mixture, gbuffer: true, levels: 1, backs, culled };
+            surfaces.resize(gpu, wanted);
             let uniform = view.uniform(splats.origin);
-            surfaces.prepare(gpu, scene, &uniform, view.origin, &[], None, splats.radius, fits);
+            surfaces.prepare(
+                gpu,
+                scene,
+                liquid,
+                &uniform,
+                view.origin,
+                &[],
+                None,
+                splats.radius,
+                fits,
+            );
             caustics.prepare(gpu, &surfaces.camera, &surfaces.scene, scene, splash, view.size)?;
         }
         Ok(())

@@ -10,6 +10,7 @@ use crate::gpu::{self, Gpu};
 
 pub mod caustics;
 pub mod classify;
+pub mod cull;
 pub mod gbuffer;
 pub mod mips;
 pub mod mixture;

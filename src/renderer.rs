@@ -10,6 +10,7 @@ use crate::gpu::{self, Gpu, PassTime, Timer};
 use crate::lights::Lights;
 use crate::passes::caustics::CausticMap;
 use crate::passes::classify::Splats;
+use crate::passes::cull;
 use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, Variant};
 use crate::passes::smooth;
@@ -130,6 +131,7 @@ impl Renderer {
             gbuffer: screen_solids || self.diagnose,
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs,
+            culled: cull::pays(splats),
         };
         let last = self.last.take().filter(|_| self.reuse);
         let changes = Changes::since(last.as_ref(), scene, camera, splats, wanted, self.diagnose);
@@ -145,11 +147,13 @@ impl Renderer {
             self.liquid.splashes.upload(gpu, &splats.splashes);
         }
         if changes.lights {
-            self.lights.prepare(gpu, scene, splats, &fits)?;
+            self.lights.prepare(gpu, scene, &self.liquid, splats, &fits)?;
         }
         let uniform = camera.uniform(size, splats.origin);
         let (views, maps) = (self.lights.views(), self.lights.maps());
-        self.eye.prepare(gpu, scene, &uniform, camera.eye, views, maps, splats.radius, &fits);
+        let liquid = &self.liquid;
+        let (eye, radius) = (camera.eye, splats.radius);
+        self.eye.prepare(gpu, scene, liquid, &uniform, eye, views, maps, radius, &fits);
 
         let mut timer = Timer::new(gpu, self.timing);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());

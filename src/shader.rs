@@ -18,6 +18,9 @@ pub const FILES: &[(&str, &str)] = &[
     ("common/scene.wgsl", include_str!("../shaders/common/scene.wgsl")),
     ("common/tiles.wgsl", include_str!("../shaders/common/tiles.wgsl")),
     ("splat.wgsl", include_str!("../shaders/splat.wgsl")),
+    ("cull/select.wgsl", include_str!("../shaders/cull/select.wgsl")),
+    ("cull/depths.wgsl", include_str!("../shaders/cull/depths.wgsl")),
+    ("cull/draw.wgsl", include_str!("../shaders/cull/draw.wgsl")),
     ("mixture.wgsl", include_str!("../shaders/mixture.wgsl")),
     ("tiles.wgsl", include_str!("../shaders/tiles.wgsl")),
     ("smooth/iterate.wgsl", include_str!("../shaders/smooth/iterate.wgsl")),
@@ -58,6 +61,9 @@ pub const FILES: &[(&str, &str)] = &[
 /// The files that are compiled as they are; the others are imported by them.
 pub const ROOTS: &[&str] = &[
     "splat.wgsl",
+    "cull/select.wgsl",
+    "cull/depths.wgsl",
+    "cull/draw.wgsl",
     "mixture.wgsl",
     "tiles.wgsl",
     "smooth/plane_fit.wgsl",

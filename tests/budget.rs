@@ -159,7 +159,7 @@ fn every_pass_has_a_model() {
     let gpu = Gpu::from_device(device, queue);
     let mut renderer = Renderer::new(&gpu);
     renderer.timing = true;
-    let ball = |x: f32, fluid: u32| Splat { fluid, ..sphere(Vec3::X * x, 0.2) };
+    let ball = |x: f32, fluid: u32| Splat { tags: fluid, ..sphere(Vec3::X * x, 0.2) };
     let splats = splats(&[ball(0.0, 0), ball(0.5, 1)], &[ball(-0.5, 0)], 0.1);
     let fluid = |red: f32| Fluid {
         particles: ParticleSource {

@@ -16,7 +16,7 @@ const CLARET: Vec3 = Vec3::new(0.3, 2.0, 1.2);
 const INK: Vec3 = Vec3::new(1.5, 0.9, 0.1);
 
 fn of_fluid(splat: Splat, fluid: u32) -> Splat {
-    Splat { fluid, ..splat }
+    Splat { tags: fluid, ..splat }
 }
 
 /// Fluids of index 1: light goes straight through, and absorption is all there is.
@@ -203,7 +203,7 @@ fn a_scene_of_two_fluids() {
     assert_eq!(particles.radii, Some(vec![0.1, 0.1, 0.2, 0.2, 0.2]));
     assert_eq!(particles.positions[3], Vec3::new(0.4, 1.0, 0.0));
     let loaded = input.load(input.sequence.frame(2).unwrap(), &scene).unwrap();
-    let of_b = |splat: &&Splat| splat.fluid == 1;
+    let of_b = |splat: &&Splat| splat.fluid() == 1;
     let all = || loaded.splats.aggregates.iter().chain(&loaded.splats.splashes);
     assert_eq!((all().count(), all().filter(of_b).count()), (5, 3));
 

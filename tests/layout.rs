@@ -6,7 +6,7 @@ use std::mem::offset_of;
 
 use bytemuck::Zeroable;
 use limpid::camera::CameraUniform;
-use limpid::passes::{Layers, caustics, classify, gbuffer, refract, smooth, tiles, tonemap};
+use limpid::passes::{Layers, caustics, classify, cull, gbuffer, refract, smooth, tiles, tonemap};
 use limpid::shader;
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
 
@@ -107,7 +107,7 @@ fn shared_structs_agree() {
     let camera =
         rust_struct!(CameraUniform { view_from_world, origin, near, size, tangent, far, pad });
     let splat =
-        rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, fluid });
+        rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, tags });
     let smooth = rust_struct!(smooth::Params { stride, radius, inv_sigma2, delta, mu });
     let refract = rust_struct!(refract::Params {
         absorption,
@@ -207,6 +207,8 @@ fn shared_constants_agree() {
         ("gbuffer.wgsl", "MAX_SOLIDS", gbuffer::MAX_SOLIDS as u32),
         ("gbuffer.wgsl", "MAX_LIGHTS", gbuffer::MAX_LIGHTS as u32),
         ("tiles.wgsl", "TILE", tiles::TILE),
+        ("splat.wgsl", "BURIED", classify::Splat::BURIED),
+        ("cull/select.wgsl", "BLOCK", cull::BLOCK),
         ("splat.wgsl", "FRONT", Layers::FRONT),
         ("splat.wgsl", "BACK", Layers::BACK),
     ];

@@ -72,7 +72,7 @@ fn sphere(x: f32) -> Splat {
         diagonal: [0.1; 3],
         particle: 0,
         off_diagonal: [0.0; 3],
-        fluid: 0,
+        tags: 0,
     }
 }
 

@@ -12,6 +12,11 @@ struct TileList {
     tiles: array<u32>, // x + 65536 y
 }
 
+// Tiles in a row of the picture.
+fn tiles_across(width: u32) -> u32 {
+    return (width + TILE - 1u) / TILE;
+}
+
 // The index in a list of the workgroup at `group` of a dispatch.
 fn tile_index(group: vec3u) -> u32 {
     return group.x + ROW * group.y;

@@ -46,8 +46,24 @@ pub struct Splat {
     pub particle: u32,
     /// `A_xy, A_xz, A_yz`, in metres.
     pub off_diagonal: [f32; 3],
+    /// Which of a scene's fluids it is of, from 0, and [`Splat::BURIED`].
+    pub tags: u32,
+}
+
+impl Splat {
+    /// Set in [`Splat::tags`] if liquid is all round the particle. It is a hint: such splats are
+    /// drawn where others do not hide them, and the rest is drawn first to find out.
+    pub const BURIED: u32 = 1 << 16;
+
     /// Which of a scene's fluids it is of, from 0.
-    pub fluid: u32,
+    pub fn fluid(&self) -> u32 {
+        self.tags & (Self::BURIED - 1)
+    }
+
+    /// Whether liquid is all round the particle.
+    pub fn is_buried(&self) -> bool {
+        self.tags & Self::BURIED != 0
+    }
 }
 
 /// What a frame is drawn from. Both lists are in the order of the file; the copies that [`wet`]
@@ -196,8 +212,8 @@ impl Cloud {
 
     /// Makes a splash (left) or an aggregate of a member and what is near it.
     fn shaper(&self, settings: &Classify) -> impl Fn(&Member, &Moments) -> Either<Splat, Splat> {
-        let least =
-            f64::from(settings.splash_density) * moments::density_at_rest(settings.support.into());
+        let at_rest = moments::density_at_rest(settings.support.into());
+        let least = f64::from(settings.splash_density) * at_rest;
         let given = |member: &Member| {
             let ellipsoids = self.ellipsoids.as_ref()?;
             ellipsoids.get(member.particle as usize).filter(|ellipsoid| ellipsoid.drawable())
@@ -205,10 +221,13 @@ impl Cloud {
         move |member, near| {
             if near.weight < least {
                 Either::Left(member.splash(settings, self.shift))
-            } else if let Some(ellipsoid) = given(member) {
-                Either::Right(member.given(ellipsoid, self.shift))
             } else {
-                Either::Right(member.aggregate(near, settings, self.shift))
+                let shaped = match given(member) {
+                    Some(ellipsoid) => member.given(ellipsoid, self.shift),
+                    None => member.aggregate(near, settings, self.shift),
+                };
+                let buried = if near.surrounds(at_rest) { Splat::BURIED } else { 0 };
+                Either::Right(Splat { tags: shaped.tags | buried, ..shaped })
             }
         }
     }

@@ -5,17 +5,20 @@
 
 use glam::UVec2;
 
+use super::cull::{self, Cull, Phase};
 use super::{CameraBinding, Layers};
 use crate::gpu::{self, Gpu, Span};
 use crate::passes::classify::Splat as SplatData;
 
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
+/// Splats that one binding holds.
 #[derive(Debug)]
-struct Chunk {
+pub(super) struct Chunk {
     buffer: wgpu::Buffer,
-    group: wgpu::BindGroup,
-    count: u32,
+    /// Group 1 of `splat.wgsl`: so many splats.
+    pub(super) group: wgpu::BindGroup,
+    pub(super) count: u32,
 }
 
 /// One class of a frame's splats, uploaded: every view draws the same.
@@ -31,7 +34,17 @@ pub(crate) struct SplatBuffers {
 pub(crate) struct Splat {
     /// Output: unsmoothed planes.
     pub layers: Layers,
-    depth: wgpu::TextureView,
+    /// Of fronts and backs; one for both, unless both are drawn twice.
+    depths: Vec<wgpu::TextureView>,
+    pipelines: [wgpu::RenderPipeline; 2],
+    /// Compiled when a frame first needs it.
+    culled: Option<Culled>,
+}
+
+/// What it takes to draw those splats alone that may show.
+#[derive(Debug)]
+struct Culled {
+    cull: Cull,
     pipelines: [wgpu::RenderPipeline; 2],
 }
 
@@ -49,6 +62,11 @@ impl SplatBuffers {
         }
     }
 
+    /// The splats, as they are bound.
+    pub(super) fn chunks(&self) -> impl Iterator<Item = &Chunk> {
+        self.chunks.iter()
+    }
+
     /// Uploads the frame's splats.
     pub(crate) fn upload(&mut self, gpu: &Gpu, splats: &[SplatData]) {
         let limits = gpu.device.limits();
@@ -56,23 +74,27 @@ impl SplatBuffers {
         let most = (bytes as usize / size_of::<SplatData>()).max(1);
         self.chunks.truncate(splats.len().div_ceil(most));
         for (i, splats) in splats.chunks(most).enumerate() {
-            let count = splats.len() as u32;
-            match self.chunks.get_mut(i) {
-                Some(chunk) if chunk.buffer.size() >= size_of_val(splats) as u64 => {
+            let (count, bytes) = (splats.len() as u32, size_of_val(splats) as u64);
+            let old = self.chunks.get(i).filter(|chunk| chunk.buffer.size() >= bytes);
+            let buffer = match old {
+                Some(chunk) => {
                     gpu.queue.write_buffer(&chunk.buffer, 0, bytemuck::cast_slice(splats));
-                    chunk.count = count;
-                }
-                old => {
-                    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-                    let buffer = gpu::buffer_with(gpu, "splats", usage, splats);
-                    let resources = [buffer.as_entire_binding()];
-                    let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
-                    let chunk = Chunk { buffer, group, count };
-                    match old {
-                        Some(old) => *old = chunk,
-                        None => self.chunks.push(chunk),
+                    if chunk.count == count {
+                        continue;
                     }
+                    chunk.buffer.clone()
                 }
+                None => {
+                    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+                    gpu::buffer_with(gpu, "splats", usage, splats)
+                }
+            };
+            let resources = [gpu::first_bytes(&buffer, bytes)];
+            let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
+            let chunk = Chunk { buffer, group, count };
+            match self.chunks.get_mut(i) {
+                Some(old) => *old = chunk,
+                None => self.chunks.push(chunk),
             }
         }
     }
@@ -81,65 +103,41 @@ impl SplatBuffers {
 impl Splat {
     /// Compiles both pipelines; [`Splat::resize`] gives the pass its layers.
     pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
-        let layout = layout(gpu);
-        let module = crate::shader::module(gpu, "splat.wgsl");
-        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("splat"),
-            bind_group_layouts: &[Some(&camera.layout), Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = |side: u32, nearest: wgpu::CompareFunction| {
-            let constants = [&camera.constants()[..], &[("SIDE", f64::from(side))]].concat();
-            let compilation_options =
-                wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
-            gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                label: Some(["splat front", "splat back"][side as usize]),
-                layout: Some(&pipeline_layout),
-                vertex: wgpu::VertexState {
-                    module: &module,
-                    entry_point: Some("vertex"),
-                    compilation_options: compilation_options.clone(),
-                    buffers: &[],
-                },
-                primitive: wgpu::PrimitiveState {
-                    topology: wgpu::PrimitiveTopology::TriangleStrip,
-                    ..Default::default()
-                },
-                depth_stencil: Some(wgpu::DepthStencilState {
-                    format: DEPTH,
-                    depth_write_enabled: Some(true),
-                    depth_compare: Some(nearest),
-                    stencil: Default::default(),
-                    bias: Default::default(),
-                }),
-                multisample: Default::default(),
-                fragment: Some(wgpu::FragmentState {
-                    module: &module,
-                    entry_point: Some("fragment"),
-                    compilation_options,
-                    targets: &[Some(Layers::FORMAT.into())],
-                }),
-                multiview_mask: None,
-                cache: gpu.cache(),
-            })
-        };
-        let pipelines = [
-            pipeline(Layers::FRONT, wgpu::CompareFunction::Greater),
-            pipeline(Layers::BACK, wgpu::CompareFunction::Less),
-        ];
-        let (layers, depth) = sized(gpu, UVec2::ONE, 1);
-        Self { layers, depth, pipelines }
+        let layouts = [Some(&camera.layout), Some(&layout(gpu))];
+        let pipelines = pipelines(gpu, camera, "splat.wgsl", "vertex", &layouts);
+        let (layers, depths) = sized(gpu, UVec2::ONE, 1, 1);
+        Self { layers, depths, pipelines, culled: None }
     }
 
     /// As this one, with layers of its own: nothing is compiled again.
     pub(crate) fn another(&self, gpu: &Gpu) -> Self {
-        let (layers, depth) = sized(gpu, UVec2::ONE, 1);
-        Self { layers, depth, pipelines: self.pipelines.clone() }
+        let (layers, depths) = sized(gpu, UVec2::ONE, 1, 1);
+        Self { layers, depths, pipelines: self.pipelines.clone(), culled: None }
     }
 
-    /// Replaces the layers by ones of so many mip levels.
-    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2, levels: u32) {
-        (self.layers, self.depth) = sized(gpu, size, levels);
+    /// Replaces the layers by ones of so many mip levels, into which all splats are drawn, or those
+    /// alone that are not `culled`.
+    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2, levels: u32, culled: bool) {
+        let depths = if culled { 2 } else { 1 };
+        (self.layers, self.depths) = sized(gpu, size, levels, depths);
+    }
+
+    /// Compiles what it takes to leave out hidden splats, if it is not there, and makes room for the
+    /// frame's.
+    pub(crate) fn prepare_culled(
+        &mut self,
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        splats: &SplatBuffers,
+    ) {
+        let culled = self.culled.get_or_insert_with(|| {
+            let visible = cull::visible_layout(gpu);
+            let layouts = [Some(&camera.layout), Some(&layout(gpu)), Some(&visible)];
+            let pipelines = pipelines(gpu, camera, "cull/draw.wgsl", "vertex_visible", &layouts);
+            Culled { cull: Cull::new(gpu, camera), pipelines }
+        });
+        let size = UVec2::new(self.layers.texture.width(), self.layers.texture.height());
+        culled.cull.prepare(gpu, splats, size);
     }
 
     /// Clears both layers and draws the splats into them, or into the front alone.
@@ -151,8 +149,51 @@ impl Splat {
         backs: bool,
         span: Span<'_>,
     ) {
-        let sides = [(Layers::FRONT, 0.0, span.first()), (Layers::BACK, 1.0, span.last())];
-        for (side, farthest, span) in sides {
+        let spans = [span.first(), span.last()];
+        self.sides(encoder, camera, backs, true, spans, |pass, side| {
+            pass.set_pipeline(&self.pipelines[side]);
+            splats.draw(pass);
+        });
+    }
+
+    /// As [`Splat::record`], without those that are hidden; [`Splat::prepare_culled`] comes first.
+    pub(crate) fn record_culled(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        camera: &CameraBinding,
+        splats: &SplatBuffers,
+        backs: bool,
+        span: Span<'_>,
+    ) {
+        let Some(Culled { cull, pipelines }) = &self.culled else { return };
+        let draw = |pass: &mut wgpu::RenderPass<'_>, side: usize| {
+            pass.set_pipeline(&pipelines[side]);
+            cull.draw(pass, splats);
+        };
+        let none = Span::default();
+        cull.select(encoder, camera, splats, Phase::Surface, span.first());
+        self.sides(encoder, camera, backs, true, [none, none], draw);
+        cull.reduce(gpu, encoder, &self.layers, backs);
+        cull.select(encoder, camera, splats, Phase::Surrounded, none);
+        self.sides(encoder, camera, backs, false, [none, span.last()], draw);
+    }
+
+    /// A device pass for the fronts, and one for the backs.
+    fn sides(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        camera: &CameraBinding,
+        backs: bool,
+        clear: bool,
+        spans: [Span<'_>; 2],
+        draw: impl Fn(&mut wgpu::RenderPass<'_>, usize),
+    ) {
+        let sides = [Layers::FRONT, Layers::BACK].into_iter().zip([0.0, 1.0]);
+        for ((side, farthest), span) in sides.zip(spans) {
+            let depth = self.depths.get(side as usize).unwrap_or(&self.depths[0]);
+            // What nothing is drawn after is not kept.
+            let kept = clear && self.depths.len() > 1;
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("splat"),
                 color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -160,15 +201,21 @@ impl Splat {
                     depth_slice: None,
                     resolve_target: None,
                     ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                        load: match clear {
+                            true => wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                            false => wgpu::LoadOp::Load,
+                        },
                         store: wgpu::StoreOp::Store,
                     },
                 })],
                 depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                    view: &self.depth,
+                    view: depth,
                     depth_ops: Some(wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(farthest),
-                        store: wgpu::StoreOp::Discard,
+                        load: match clear {
+                            true => wgpu::LoadOp::Clear(farthest),
+                            false => wgpu::LoadOp::Load,
+                        },
+                        store: if kept { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard },
                     }),
                     stencil_ops: None,
                 }),
@@ -176,27 +223,83 @@ impl Splat {
                 occlusion_query_set: None,
                 multiview_mask: None,
             });
-            pass.set_pipeline(&self.pipelines[side as usize]);
             pass.set_bind_group(0, &camera.group, &[]);
             if side == Layers::FRONT || backs {
-                splats.draw(&mut pass);
+                draw(&mut pass, side as usize);
             }
         }
     }
 }
 
-/// Group 1 of `splat.wgsl`.
-pub(super) fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    gpu.layout("splats", wgpu::ShaderStages::VERTEX, &[gpu::storage::<SplatData>()])
+/// The pipelines of fronts and backs, by a file's own vertex stage.
+fn pipelines(
+    gpu: &Gpu,
+    camera: &CameraBinding,
+    file: &str,
+    vertex: &str,
+    layouts: &[Option<&wgpu::BindGroupLayout>],
+) -> [wgpu::RenderPipeline; 2] {
+    let module = crate::shader::module(gpu, file);
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(file),
+        bind_group_layouts: layouts,
+        immediate_size: 0,
+    });
+    let pipeline = |side: u32, nearest: wgpu::CompareFunction| {
+        let constants = [&camera.constants()[..], &[("SIDE", f64::from(side))]].concat();
+        let compilation_options =
+            wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
+        gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(["splat front", "splat back"][side as usize]),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some(vertex),
+                compilation_options: compilation_options.clone(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState {
+                topology: wgpu::PrimitiveTopology::TriangleStrip,
+                ..Default::default()
+            },
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(nearest),
+                stencil: Default::default(),
+                bias: Default::default(),
+            }),
+            multisample: Default::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("fragment"),
+                compilation_options,
+                targets: &[Some(Layers::FORMAT.into())],
+            }),
+            multiview_mask: None,
+            cache: gpu.cache(),
+        })
+    };
+    [
+        pipeline(Layers::FRONT, wgpu::CompareFunction::Greater),
+        pipeline(Layers::BACK, wgpu::CompareFunction::Less),
+    ]
 }
 
-fn sized(gpu: &Gpu, size: UVec2, levels: u32) -> (Layers, wgpu::TextureView) {
+/// Group 1 of `splat.wgsl`.
+pub(super) fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+    let stages = wgpu::ShaderStages::VERTEX | wgpu::ShaderStages::COMPUTE;
+    gpu.layout("splats", stages, &[gpu::storage::<SplatData>()])
+}
+
+fn sized(gpu: &Gpu, size: UVec2, levels: u32, depths: usize) -> (Layers, Vec<wgpu::TextureView>) {
     let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
         | wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
     let layers = Layers::new(gpu, "splat layers", size, levels, usage);
     let usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
-    let depth = gpu::texture(gpu, "splat depth", size, 1, DEPTH, usage);
-    (layers, depth.create_view(&Default::default()))
+    let depth = |_| gpu::texture(gpu, "splat depth", size, 1, DEPTH, usage);
+    let depths = (0..depths).map(depth).map(|depth| depth.create_view(&Default::default()));
+    (layers, depths.collect())
 }

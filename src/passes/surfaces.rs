@@ -54,6 +54,8 @@ pub(crate) struct Wanted {
     pub levels: u32,
     /// Light goes out of the liquid as well as in: backs are drawn.
     pub backs: bool,
+    /// So many aggregates are hidden that they are left out.
+    pub culled: bool,
 }
 
 /// Names of the passes in the timings: splat, splashes, mixture, tiles, smooth, gbuffer.
@@ -77,6 +79,7 @@ impl Surfaces {
             gbuffer: false,
             levels: 1,
             backs: true,
+            culled: false,
         };
         let smoothed = false;
         Self { camera, scene, aggregate, splash, mixture, tiles, smooth, gbuffer, wanted, smoothed }
@@ -91,9 +94,9 @@ impl Surfaces {
             return;
         }
         let used = |on: bool| if on { (wanted.size, wanted.levels) } else { (UVec2::ONE, 1) };
-        self.aggregate.resize(gpu, wanted.size, wanted.levels);
+        self.aggregate.resize(gpu, wanted.size, wanted.levels, wanted.culled);
         let (size, levels) = used(wanted.splash);
-        self.splash.resize(gpu, size, levels);
+        self.splash.resize(gpu, size, levels, false);
         self.mixture.resize(gpu, used(wanted.mixture).0);
         self.tiles.resize(gpu, wanted.size);
         self.smooth.resize(gpu, &self.aggregate.layers);
@@ -108,6 +111,7 @@ impl Surfaces {
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
+        liquid: &Liquid,
         camera: &CameraUniform,
         eye: DVec3,
         views: &[Option<LightView>],
@@ -116,6 +120,9 @@ impl Surfaces {
         fits: &[smooth::Params],
     ) {
         self.camera.write(gpu, camera);
+        if self.wanted.culled {
+            self.aggregate.prepare_culled(gpu, &self.camera, &liquid.aggregates);
+        }
         self.scene.upload(gpu, scene, eye, views, maps);
         if self.wanted.mixture {
             self.mixture.prepare(gpu, &self.camera, scene, radius);
@@ -143,7 +150,12 @@ impl Surfaces {
     ) {
         let camera = &self.camera;
         let backs = self.wanted.backs;
-        self.aggregate.record(encoder, camera, &liquid.aggregates, backs, timer.span(splat));
+        let (aggregates, span) = (&liquid.aggregates, timer.span(splat));
+        if self.wanted.culled {
+            self.aggregate.record_culled(gpu, encoder, camera, aggregates, backs, span);
+        } else {
+            self.aggregate.record(encoder, camera, aggregates, backs, span);
+        }
         if self.wanted.splash {
             let span = timer.span(splashes);
             self.splash.record(encoder, camera, &liquid.splashes, backs, span);

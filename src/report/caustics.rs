@@ -365,11 +365,18 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
     let mut surfaces = Surfaces::new(gpu, view.orthographic);
     let splash = !splats.splashes.is_empty();
     let backs = scene.settings.caustics.interfaces > 1;
-    let wanted =
-        Wanted { size: view.size, splash, mixture: false, gbuffer: true, levels: 1, backs };
+    let wanted = Wanted {
+        size: view.size,
+        splash,
+        mixture: false,
+        gbuffer: true,
+        levels: 1,
+        backs,
+        culled: false,
+    };
     surfaces.resize(gpu, wanted);
     let uniform = view.uniform(splats.origin);
-    surfaces.prepare(gpu, scene, &uniform, view.origin, &[], None, splats.radius, &fits);
+    surfaces.prepare(gpu, scene, &liquid, &uniform, view.origin, &[], None, splats.radius, &fits);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let names = ["splat", "splashes", "mixture", "tiles", "smooth", "gbuffer"];
     let timer = &mut Timer::new(gpu, false);

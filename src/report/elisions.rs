@@ -79,7 +79,7 @@ pub fn cases(frame: &Frame) -> Vec<Case> {
             diagonal: [radius; 3],
             particle: 0,
             off_diagonal: [0.0; 3],
-            fluid: 0,
+            tags: 0,
         }
     };
     // So small and so far that no ray meets it.

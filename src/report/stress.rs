@@ -193,7 +193,7 @@ impl Trial {
             diagonal: [x.x, y.y, z.z],
             particle: 0,
             off_diagonal: [x.y, x.z, y.z],
-            fluid: 0,
+            tags: 0,
         };
         let splats = Splats {
             splashes: vec![splat],

@@ -153,7 +153,7 @@ pub(crate) fn ellipsoid(centre: Vec3, axes: Vec3, turn: Quat) -> Splat {
         diagonal: [a.x_axis.x, a.y_axis.y, a.z_axis.z].map(|x| x as f32),
         particle: 0,
         off_diagonal: [a.y_axis.x, a.z_axis.x, a.z_axis.y].map(|x| x as f32),
-        fluid: 0,
+        tags: 0,
     }
 }
 

@@ -50,6 +50,12 @@ impl Moments {
         self.off_diagonal += w * offset.xxy() * offset.yzz();
     }
 
+    /// Whether neighbours are on all sides, as many as inside a body whose weight is `at_rest`: what
+    /// is drawn of the particle lies behind what is drawn of them.
+    pub(super) fn surrounds(&self, at_rest: f64) -> bool {
+        self.weight >= 0.85 * at_rest && self.mean().length_squared() <= 0.06 * 0.06
+    }
+
     /// Where the neighbours are in the mean, in h.
     pub(super) fn mean(&self) -> DVec3 {
         self.first / self.weight

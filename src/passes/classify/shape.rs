@@ -35,7 +35,7 @@ impl Member {
             diagonal: DVec3::new(x.x, y.y, z.z).as_vec3().to_array(),
             particle: self.particle,
             off_diagonal: DVec3::new(y.x, z.x, z.y).as_vec3().to_array(),
-            fluid: self.fluid,
+            tags: self.fluid,
         }
     }
 }

@@ -1,0 +1,13 @@
+// Draws those splats that a list names.
+
+#import splat.wgsl
+
+@group(2) @binding(0) var<storage, read> visible: array<u32>;
+
+@vertex
+fn vertex_visible(
+    @builtin(vertex_index) corner: u32,
+    @builtin(instance_index) instance: u32,
+) -> Varying {
+    return splat_varying(corner, splats[visible[instance]]);
+}

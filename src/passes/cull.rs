@@ -1,0 +1,226 @@
+//! Which splats may show: `shaders/cull/`.
+//!
+//! Nearly all particles of a large body are hidden inside it. Those at its surface are drawn first;
+//! then, of those that liquid surrounds, the ones that the layers drawn so far do not hide for sure
+//! (two phases: U. Haar and S. Aaltonen, "GPU-Driven Rendering Pipelines", SIGGRAPH 2015 courses).
+//! The layers come out as if all were drawn.
+
+use glam::UVec2;
+use wgpu::TextureViewDimension::D2Array;
+
+use super::splat::{self, SplatBuffers};
+use super::tiles::TILE;
+use super::{CameraBinding, Layers};
+use crate::gpu::{self, Gpu, Span};
+use crate::passes::classify::Splats;
+
+/// Splats that a workgroup takes.
+pub const BLOCK: u32 = 256;
+
+/// Words of 32 bits that say of each splat of a block whether it shows.
+const WORDS: u32 = BLOCK / 32;
+
+/// Workgroups in a row of a dispatch, as in `common/tiles.wgsl`.
+const ROW: u32 = 32768;
+
+/// Fewer surrounded splats than these are drawn faster than they are told apart.
+pub const LEAST: usize = 1 << 16;
+
+/// Whether splats of a frame are to be told apart by whether they show.
+pub(crate) fn pays(splats: &Splats) -> bool {
+    use rayon::prelude::*;
+    // More than there are need not be counted.
+    splats.aggregates.len() >= LEAST
+        && splats.aggregates.par_iter().filter(|splat| splat.is_buried()).count() >= LEAST
+}
+
+/// Which splats are looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Phase {
+    /// All but those that liquid surrounds.
+    Surface,
+    /// Those that liquid surrounds.
+    Surrounded,
+}
+
+/// Lists the splats that show in one view.
+#[derive(Debug)]
+pub(crate) struct Cull {
+    mark: [wgpu::ComputePipeline; 2],
+    arrange: wgpu::ComputePipeline,
+    list: wgpu::ComputePipeline,
+    depths: [wgpu::ComputePipeline; 2],
+    select_layout: wgpu::BindGroupLayout,
+    depths_layout: wgpu::BindGroupLayout,
+    visible_layout: wgpu::BindGroupLayout,
+    /// Two numbers for each tile.
+    tiles: wgpu::Buffer,
+    size: UVec2,
+    /// One for each of the splats' chunks.
+    lists: Vec<List>,
+}
+
+/// Splats of one chunk, told apart.
+#[derive(Debug)]
+struct List {
+    splats: u32,
+    /// Masks, counts, the list: room for as many splats, or for more.
+    buffers: [wgpu::Buffer; 3],
+    draw: wgpu::Buffer,
+    select: wgpu::BindGroup,
+    drawn: wgpu::BindGroup,
+}
+
+/// Group 2 of `cull/draw.wgsl`.
+pub(super) fn visible_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+    gpu.layout("visible splats", wgpu::ShaderStages::VERTEX, &[gpu::storage::<u32>()])
+}
+
+impl Cull {
+    /// Compiles the pipelines; [`Cull::prepare`] makes room for a frame's lists.
+    pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
+        let compute = wgpu::ShaderStages::COMPUTE;
+        let bindings = [
+            gpu::storage::<[f32; 2]>(),
+            gpu::storage_read_write(4 * u64::from(WORDS)),
+            gpu::storage_read_write(4),
+            gpu::storage_read_write(4),
+            gpu::storage_read_write(16),
+        ];
+        let select_layout = gpu.layout("cull", compute, &bindings);
+        let bindings = [gpu::sampled(D2Array), gpu::storage_read_write(8)];
+        let depths_layout = gpu.layout("cull depths", compute, &bindings);
+        let splats = splat::layout(gpu);
+        let select = |entry: &str, surrounded: f64| {
+            let constants = [&camera.constants()[..], &[("SURROUNDED", surrounded)]].concat();
+            let layouts = [&camera.layout, &splats, &select_layout];
+            gpu::compute_pipeline(gpu, "cull/select.wgsl", entry, &layouts, &constants)
+        };
+        let depths = |backs: f64| {
+            let constants = [("BACKS", backs)];
+            gpu::compute_pipeline(gpu, "cull/depths.wgsl", "reduce", &[&depths_layout], &constants)
+        };
+        Self {
+            mark: [0.0, 1.0].map(|surrounded| select("mark", surrounded)),
+            arrange: select("arrange", 0.0),
+            list: select("list", 0.0),
+            depths: [0.0, 1.0].map(depths),
+            visible_layout: visible_layout(gpu),
+            tiles: tiles(gpu, UVec2::ONE),
+            size: UVec2::ONE,
+            lists: Vec::new(),
+            select_layout,
+            depths_layout,
+        }
+    }
+
+    /// Makes room for what is told of these splats in a view of `size` pixels.
+    pub(crate) fn prepare(&mut self, gpu: &Gpu, splats: &SplatBuffers, size: UVec2) {
+        if self.size != size {
+            self.tiles = tiles(gpu, size);
+            self.size = size;
+            self.lists.clear();
+        }
+        let counts: Vec<u32> = splats.chunks().map(|chunk| chunk.count).collect();
+        if !counts.iter().eq(self.lists.iter().map(|list| &list.splats)) {
+            let mut old = std::mem::take(&mut self.lists).into_iter();
+            self.lists = counts.iter().map(|&count| self.list(gpu, count, old.next())).collect();
+        }
+    }
+
+    /// A list for so many splats, in the buffers of an `old` one that is large enough.
+    fn list(&self, gpu: &Gpu, splats: u32, old: Option<List>) -> List {
+        let blocks = u64::from(splats.div_ceil(BLOCK));
+        let bytes = [4 * u64::from(WORDS) * blocks, 4 * blocks, 4 * u64::from(splats)];
+        let fits = |list: &List| list.buffers[2].size() >= bytes[2];
+        let (buffers, draw) = match old.filter(fits) {
+            Some(List { buffers, draw, .. }) => (buffers, draw),
+            None => {
+                let storage = wgpu::BufferUsages::STORAGE;
+                // Some more, for frames that grow.
+                let room = |bytes: u64| bytes + bytes / 8 / 4 * 4;
+                let buffers = bytes.map(|bytes| buffer(gpu, "cull", room(bytes), storage));
+                (buffers, buffer(gpu, "cull draw", 16, storage | wgpu::BufferUsages::INDIRECT))
+            }
+        };
+        let of = |i: usize| gpu::first_bytes(&buffers[i], bytes[i]);
+        let [masks, counts, visible] = [0, 1, 2].map(of);
+        let tiles = self.tiles.as_entire_binding();
+        let resources = [tiles, masks, counts, visible.clone(), draw.as_entire_binding()];
+        let select = gpu::bind_group(gpu, "cull", &self.select_layout, &resources);
+        let drawn = gpu::bind_group(gpu, "visible splats", &self.visible_layout, &[visible]);
+        List { splats, buffers, draw, select, drawn }
+    }
+
+    /// Lists those of `phase` that may show.
+    pub(crate) fn select(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        camera: &CameraBinding,
+        splats: &SplatBuffers,
+        phase: Phase,
+        span: Span<'_>,
+    ) {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("cull"),
+            timestamp_writes: span.compute(),
+        });
+        pass.set_bind_group(0, &camera.group, &[]);
+        for (chunk, list) in splats.chunks().zip(&self.lists) {
+            pass.set_bind_group(1, &chunk.group, &[]);
+            pass.set_bind_group(2, &list.select, &[]);
+            let blocks = list.splats.div_ceil(BLOCK);
+            let (x, y) = (blocks.min(ROW), blocks.div_ceil(ROW));
+            pass.set_pipeline(&self.mark[phase as usize]);
+            pass.dispatch_workgroups(x, y, 1);
+            pass.set_pipeline(&self.arrange);
+            pass.dispatch_workgroups(1, 1, 1);
+            pass.set_pipeline(&self.list);
+            pass.dispatch_workgroups(x, y, 1);
+        }
+    }
+
+    /// Reduces what is drawn to a pair of depths for each tile, with `backs` or by fronts alone.
+    pub(crate) fn reduce(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        layers: &Layers,
+        backs: bool,
+    ) {
+        let resources =
+            [wgpu::BindingResource::TextureView(&layers.view), self.tiles.as_entire_binding()];
+        let group = gpu::bind_group(gpu, "cull depths", &self.depths_layout, &resources);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("cull depths"),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(&self.depths[usize::from(backs)]);
+        pass.set_bind_group(0, &group, &[]);
+        let (x, y) = gpu::workgroups(self.size.map(|n| n.div_ceil(TILE)));
+        pass.dispatch_workgroups(x, y, 1);
+    }
+
+    /// Draws what was listed last, with the pipeline that is set.
+    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, splats: &SplatBuffers) {
+        for (chunk, list) in splats.chunks().zip(&self.lists) {
+            pass.set_bind_group(1, &chunk.group, &[]);
+            pass.set_bind_group(2, &list.drawn, &[]);
+            pass.draw_indirect(&list.draw, 0);
+        }
+    }
+}
+
+fn tiles(gpu: &Gpu, size: UVec2) -> wgpu::Buffer {
+    let tiles = u64::from(size.x.div_ceil(TILE)) * u64::from(size.y.div_ceil(TILE));
+    buffer(gpu, "cull depths", 8 * tiles, wgpu::BufferUsages::STORAGE)
+}
+
+fn buffer(gpu: &Gpu, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size,
+        usage,
+        mapped_at_creation: false,
+    })
+}

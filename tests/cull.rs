@@ -1,0 +1,186 @@
+//! Splats that are hidden inside a body are left out, and the layers are the same to the bit.
+
+#[path = "support/frames.rs"]
+mod frames;
+
+use std::collections::HashSet;
+
+use frames::{Shot, Stage, noise_vector, on_axis, scene, sphere, splats, stage};
+use glam::{DVec3, UVec2, Vec3};
+use image::RgbaImage;
+use limpid::camera::Camera;
+use limpid::environment::Environment;
+use limpid::particles::Particles;
+use limpid::passes::classify::{Splat, Splats, classify};
+use limpid::passes::cull;
+use limpid::renderer::Picture;
+use limpid::scene::{Light, Scene, Shape, Solid, Surface};
+
+const SIZE: UVec2 = UVec2::new(160, 120);
+/// Particles along the sides of the body.
+const SIDE: usize = 46;
+/// Half the distance between two of them, m.
+const R: f32 = 1.0 / SIDE as f32;
+
+/// A cube from −1 to 1 m, a little disordered, its splats marked as the classification marks them: all
+/// but two layers on each side.
+fn body() -> Splats {
+    let mut seed = 5;
+    let mut all = Vec::new();
+    for i in 0..SIDE * SIDE * SIDE {
+        let cell = [i % SIDE, i / SIDE % SIDE, i / SIDE / SIDE];
+        let place = Vec3::from_array(cell.map(|k| 2.0 * R * (k as f32 + 0.5) - 1.0));
+        let inside = cell.iter().all(|&k| (2..SIDE - 2).contains(&k));
+        let splat = sphere(place + 0.3 * R * noise_vector(&mut seed), 1.5 * R);
+        all.push(Splat { tags: if inside { Splat::BURIED } else { 0 }, ..splat });
+    }
+    let buried = all.iter().filter(|splat| splat.is_buried()).count();
+    assert!(buried >= cull::LEAST, "{buried} are too few for any to be left out");
+    splats(&all, &[], R)
+}
+
+/// The same with nothing marked, so that all are drawn, in the same order.
+fn unmarked(splats: &Splats) -> Splats {
+    let mut all = splats.clone();
+    all.aggregates.iter_mut().for_each(|splat| splat.tags &= !Splat::BURIED);
+    all
+}
+
+/// Views from outside, at a slant, from near by, past an edge, out of the liquid, and along a face.
+fn views() -> [Camera; 6] {
+    let looking = |eye: DVec3, target: DVec3| Camera { eye, target, ..on_axis(0.0, 50.0) };
+    [
+        on_axis(4.0, 40.0),
+        looking(DVec3::new(2.5, 1.8, 2.9), DVec3::ZERO),
+        looking(DVec3::new(0.1, 0.2, 1.15), DVec3::new(0.3, 0.0, 0.0)),
+        looking(DVec3::new(1.4, 1.3, 1.2), DVec3::new(1.0, -0.6, -1.0)),
+        looking(DVec3::new(0.1, 0.1, 0.2), DVec3::new(1.0, 0.3, -2.0)),
+        looking(DVec3::new(0.0, 1.04, 3.0), DVec3::new(0.0, 0.97, 0.0)),
+    ]
+}
+
+fn picture(stage: &mut Stage, scene: &Scene, camera: &Camera, splats: &Splats) -> RgbaImage {
+    let target = Picture::new(&stage.gpu, SIZE).expect("a picture");
+    let view = target.view();
+    stage
+        .renderer
+        .render(scene, camera, splats, &view, Picture::FORMAT, SIZE)
+        .expect("the frame is drawn");
+    target.read(&stage.gpu).expect("the picture is read")
+}
+
+#[track_caller]
+fn assert_same(a: &Shot, b: &Shot, what: &str) {
+    for (name, values) in &a.channels {
+        let differ = values.iter().zip(b.channel(name)).filter(|(x, y)| x.to_bits() != y.to_bits());
+        assert_eq!(differ.count(), 0, "{what}: values of {name} differ");
+    }
+    assert_eq!(a.picture, b.picture, "{what}");
+}
+
+/// Protects exactness: whatever the view, what is left out does not show.
+#[test]
+fn hidden_splats_do_not_show() {
+    let Some(mut stage) = stage() else { return };
+    let (scene, marked) = (scene(), body());
+    let all = unmarked(&marked);
+    for (i, camera) in views().iter().enumerate() {
+        let culled = stage.shoot(&scene, camera, &marked, SIZE);
+        let drawn = stage.shoot(&scene, camera, &all, SIZE);
+        assert_same(&culled, &drawn, &format!("view {i}"));
+        let covered = culled.channel("depth.aggregate_front").iter().filter(|&&z| z > 0.0).count();
+        assert!(covered > 2000, "view {i} shows {covered} pixels of liquid");
+    }
+}
+
+/// Protects against trust in the marks: they say what is drawn first, not what is left out.
+#[test]
+fn wrong_marks_do_not_show() {
+    let Some(mut stage) = stage() else { return };
+    let (scene, marked) = (scene(), body());
+    let camera = &views()[1];
+    let drawn = stage.shoot(&scene, camera, &unmarked(&marked), SIZE);
+    // All of them, most without any rule, and many at the surface.
+    let rules: [fn(usize, &Splat) -> bool; 3] =
+        [|_, _| true, |i, _| i % 7 < 5, |i, splat| splat.is_buried() || i % 2 == 0];
+    for (rule, marks) in rules.iter().enumerate() {
+        let mut wrong = marked.clone();
+        for (i, splat) in wrong.aggregates.iter_mut().enumerate() {
+            splat.tags = if marks(i, splat) { Splat::BURIED } else { 0 };
+        }
+        assert!(wrong.aggregates.iter().filter(|splat| splat.is_buried()).count() >= cull::LEAST);
+        // Two that are at the same depth may come in another order, so planes may differ there.
+        let culled = stage.shoot(&scene, camera, &wrong, SIZE);
+        for name in ["depth.aggregate_front", "depth.aggregate_back"] {
+            assert_eq!(culled.channel(name), drawn.channel(name), "rule {rule}: {name}");
+        }
+    }
+}
+
+/// Protects the views of lights, which are orthographic, and frames in which fronts alone are drawn.
+#[test]
+fn hidden_splats_cast_the_same_light() {
+    let Some(mut stage) = stage() else { return };
+    let mut lit = scene();
+    lit.environment = Environment::Constant(Vec3::splat(0.5));
+    let floor = Shape::Box { min: DVec3::new(-3.0, -1.5, -3.0), max: DVec3::new(3.0, -1.2, 3.0) };
+    lit.solids = vec![Solid { shape: floor, surface: Surface::Color(Vec3::ONE), lit: true }];
+    let direction = Vec3::new(0.3, -1.0, 0.2);
+    lit.lights = vec![Light::Sun { direction, irradiance: Vec3::ONE }];
+    lit.settings.caustics.resolution = 96;
+    lit.settings.caustics.grid = 96;
+    let mut fronts = lit.clone();
+    fronts.lights.clear();
+    fronts.solids.clear();
+    let [zenith, horizon, nadir] = [0.9, 0.5, 0.1].map(Vec3::splat);
+    fronts.environment = Environment::Gradient { zenith, horizon, nadir };
+    fronts.settings.refract.interfaces = 1;
+    let marked = body();
+    let all = unmarked(&marked);
+    let camera = &views()[1];
+    // Diagnosed, frames have all their backs.
+    stage.renderer.diagnose = false;
+    for (name, scene) in [("lit", &lit), ("fronts", &fronts)] {
+        let [culled, drawn] =
+            [&marked, &all].map(|splats| picture(&mut stage, scene, camera, splats));
+        assert_eq!(culled, drawn, "{name}");
+        // Something is to be seen.
+        let seen: HashSet<_> = culled.pixels().collect();
+        assert!(seen.len() > 50, "{name} has {} colours", seen.len());
+    }
+    stage.renderer.diagnose = true;
+}
+
+/// Protects these tests from passing for the wrong reason: one splat that is missing is seen.
+#[test]
+fn a_missing_splat_is_seen() {
+    let Some(mut stage) = stage() else { return };
+    let (scene, marked) = (scene(), body());
+    let camera = &views()[0];
+    let whole = stage.shoot(&scene, camera, &marked, SIZE);
+    let mut without = marked.clone();
+    // In the middle of the face that the camera sees.
+    without.aggregates.remove((SIDE - 1) * SIDE * SIDE + (SIDE / 2) * SIDE + SIDE / 2);
+    let holed = stage.shoot(&scene, camera, &without, SIZE);
+    assert_ne!(whole.channel("depth.aggregate_front"), holed.channel("depth.aggregate_front"));
+}
+
+/// Protects the marks themselves: most of a large body has them, and nothing of a sheet or a drop.
+#[test]
+fn bodies_are_surrounded_sheets_are_not() {
+    let r = 0.02;
+    let block = |counts: [usize; 3]| {
+        let [x, y, z] = counts;
+        let place = |i: usize| Vec3::new((i % x) as f32, (i / x % y) as f32, (i / x / y) as f32);
+        let positions = (0..x * y * z).map(|i| 2.0 * r * place(i)).collect();
+        let particles = Particles { positions, ..Default::default() };
+        let splats = classify(&particles, r, &Default::default());
+        splats.aggregates.iter().filter(|splat| splat.is_buried()).count()
+    };
+    let inside = block([20, 20, 20]);
+    assert!((16usize.pow(3)..=18usize.pow(3)).contains(&inside), "{inside} of 8000");
+    assert_eq!(block([40, 40, 1]), 0);
+    assert_eq!(block([40, 40, 2]), 0);
+    assert_eq!(block([2, 2, 2]), 0);
+    assert_eq!(block([3, 3, 3]), 1, "the one in the middle");
+}
