@@ -158,7 +158,7 @@ fn a_missing_splat_is_seen() {
     let (scene, marked) = (scene(), body());
     let camera = &views()[0];
     let whole = stage.shoot(&scene, camera, &marked, SIZE);
-    let mut without = marked.clone();
+    let mut without = marked;
     // In the middle of the face that the camera sees.
     without.aggregates.remove((SIDE - 1) * SIDE * SIDE + (SIDE / 2) * SIDE + SIDE / 2);
     let holed = stage.shoot(&scene, camera, &without, SIZE);
