@@ -3,7 +3,8 @@
 //! - `read`: each format, 125,000 particles with velocities where it has them, from a hot cache;
 //! - `neighbours`: the search for neighbours and the sums over them;
 //! - `classify`: the same and the ellipsoids that are made of them;
-//! - `tree`: as `classify`, with kiddo's tree instead of the grid.
+//! - `tree`: as `classify`, with kiddo's tree instead of the grid;
+//! - `device`: as `classify`, on the graphics device, and back in memory.
 //!
 //! `cargo bench --bench stages -- classify/40000` measures what has that in its name, and
 //! `-- --save-baseline NAME` and `-- --baseline NAME` compare two states of the code.
@@ -16,8 +17,9 @@ use std::time::Duration;
 use criterion::{
     BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main,
 };
+use limpid::gpu::Gpu;
 use limpid::particles::{Ellipsoid, Particles};
-use limpid::passes::classify::Cloud;
+use limpid::passes::classify::{Classifier, Cloud};
 
 use support::{COUNTS, Swell};
 
@@ -52,7 +54,14 @@ fn read(criterion: &mut Criterion) {
 }
 
 fn classification(criterion: &mut Criterion) {
-    for name in ["neighbours", "classify", "tree"] {
+    let device = Gpu::headless().and_then(|gpu| Classifier::new(&gpu));
+    if let Err(problem) = &device {
+        eprintln!("no rows of the device: {problem}");
+    }
+    for name in ["neighbours", "classify", "tree", "device"] {
+        if name == "device" && device.is_err() {
+            continue;
+        }
         let mut group = criterion.benchmark_group(name);
         group.sampling_mode(SamplingMode::Flat).sample_size(10);
         group.warm_up_time(Duration::from_secs(1));
@@ -68,8 +77,11 @@ fn classification(criterion: &mut Criterion) {
             group.bench_function(BenchmarkId::from_parameter(count), |bencher| {
                 bencher.iter(|| {
                     let cloud = Cloud::new(&particles, radius);
-                    black_box(match name {
-                        "tree" => cloud.classify_by_tree(&settings),
+                    black_box(match (name, &device) {
+                        ("tree", _) => cloud.classify_by_tree(&settings),
+                        ("device", Ok(device)) => {
+                            device.classify_cloud(&cloud, &settings).expect("the device works")
+                        }
                         _ => cloud.classify(&settings),
                     })
                 });

@@ -16,7 +16,7 @@ use crate::passes::tiles::TILE;
 pub(crate) use binding::{
     sampled, storage, storage_of, storage_read_write, storage_texture, uniform,
 };
-pub(crate) use readback::{read_buffer, read_texture};
+pub(crate) use readback::{read_buffer, read_mapped, read_texture};
 pub use timer::PassTime;
 pub(crate) use timer::{Span, Timer};
 

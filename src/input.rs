@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::particles::{Particles, Up};
-use crate::passes::classify::{self, Splat, Splats};
+use crate::passes::classify::{self, Place, Splat, Splats};
 use crate::recipe::Recipe;
 use crate::scene::Scene;
 use crate::sequence::{Frame, Sequence};
@@ -25,6 +25,7 @@ pub struct Input {
     pub frame: Option<i64>,
     /// What stands for a frame that is not there.
     pub missing: Missing,
+    place: Place,
     fps: Option<f64>,
     // At least one.
     fluids: Vec<Fluid>,
@@ -179,7 +180,8 @@ impl Input {
     /// One fluid.
     fn of(scene: Option<Scene>, fluid: Fluid, frame: Option<i64>) -> Self {
         let sequence = fluid.sequence.clone();
-        Self { scene, sequence, frame, missing: Missing::Error, fps: None, fluids: vec![fluid] }
+        let (missing, place) = (Missing::Error, Place::default());
+        Self { scene, sequence, frame, missing, place, fps: None, fluids: vec![fluid] }
     }
 
     /// The same frames in another scene. Where that names particles of its own, their radius and
@@ -215,6 +217,12 @@ impl Input {
             fluid.radius = Some(radius);
         }
         Ok(self)
+    }
+
+    /// The same frames, classified there; otherwise on the CPU.
+    #[must_use]
+    pub fn classified(self, place: Place) -> Self {
+        Self { place, ..self }
     }
 
     /// The same frames, whose files may each unpack to so many bytes of memory; without a number
@@ -273,7 +281,8 @@ impl Input {
         let lone = sources.iter().all(|particles| Path::new(&particles.source).is_file());
         let frame = sources.iter().find_map(|particles| particles.frame).filter(|_| !lone);
         let fps = sources.iter().find_map(|particles| particles.fps);
-        Ok(Self { scene: Some(scene), sequence, frame, missing: Missing::Error, fps, fluids })
+        let (missing, place) = (Missing::Error, Place::default());
+        Ok(Self { scene: Some(scene), sequence, frame, missing, place, fps, fluids })
     }
 
     /// Frames per second of the simulation, where the scene says it.
@@ -345,7 +354,7 @@ impl Input {
     /// Reads and classifies a moment as `scene` says.
     ///
     /// # Errors
-    /// As [`Input::particles`]; [`Error::Scene`] if there is no way to know a radius.
+    /// As [`Input::particles`] and [`Input::prepare`].
     pub fn load(&self, at: impl Into<Moment>, scene: &Scene) -> Result<Loaded> {
         let at = at.into();
         self.prepare(at, &self.particles(at)?, scene)
@@ -354,7 +363,7 @@ impl Input {
     /// Classifies a frame's particles as `scene` says.
     ///
     /// # Errors
-    /// [`Error::Scene`] if there is no way to know a radius.
+    /// [`Error::Scene`] if there is no way to know a radius; as [`Place::classify`].
     pub fn prepare(
         &self,
         at: impl Into<Moment>,
@@ -364,7 +373,7 @@ impl Input {
         let number = at.into().frame;
         let settings = &scene.settings.classify;
         let radius = self.fluids[0].radius_of(number, particles)?;
-        let mut splats = classify::classify(particles, radius, settings);
+        let mut splats = self.place.classify(particles, radius, settings)?;
         classify::wet(&mut splats, &scene.solids, settings.wetting);
         Ok(Loaded {
             number,

@@ -17,6 +17,14 @@ pub const FILES: &[(&str, &str)] = &[
     ("common/lights.wgsl", include_str!("../shaders/common/lights.wgsl")),
     ("common/scene.wgsl", include_str!("../shaders/common/scene.wgsl")),
     ("common/tiles.wgsl", include_str!("../shaders/common/tiles.wgsl")),
+    ("classify/params.wgsl", include_str!("../shaders/classify/params.wgsl")),
+    ("classify/sums.wgsl", include_str!("../shaders/classify/sums.wgsl")),
+    ("classify/count.wgsl", include_str!("../shaders/classify/count.wgsl")),
+    ("classify/scan.wgsl", include_str!("../shaders/classify/scan.wgsl")),
+    ("classify/order.wgsl", include_str!("../shaders/classify/order.wgsl")),
+    ("classify/moments.wgsl", include_str!("../shaders/classify/moments.wgsl")),
+    ("classify/eigen.wgsl", include_str!("../shaders/classify/eigen.wgsl")),
+    ("classify/shape.wgsl", include_str!("../shaders/classify/shape.wgsl")),
     ("splat.wgsl", include_str!("../shaders/splat.wgsl")),
     ("cull/select.wgsl", include_str!("../shaders/cull/select.wgsl")),
     ("cull/depths.wgsl", include_str!("../shaders/cull/depths.wgsl")),
@@ -60,6 +68,10 @@ pub const FILES: &[(&str, &str)] = &[
 
 /// The files that are compiled as they are; the others are imported by them.
 pub const ROOTS: &[&str] = &[
+    "classify/count.wgsl",
+    "classify/scan.wgsl",
+    "classify/order.wgsl",
+    "classify/shape.wgsl",
     "splat.wgsl",
     "cull/select.wgsl",
     "cull/depths.wgsl",

@@ -35,6 +35,11 @@ impl Studio {
         Self { gpu: gpu.clone(), renderer: Renderer::new(gpu), picture: None }
     }
 
+    /// The device that it draws with.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
     /// Draws one frame of `size` pixels and waits for it.
     ///
     /// # Errors

@@ -50,6 +50,7 @@ use crate::camera_path::CameraPath;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::input::Moment;
+use crate::passes::classify::Place;
 use crate::scene::Scene;
 
 use baking::Opening;
@@ -140,6 +141,10 @@ pub struct Viewer {
     log: Log,
     notices: Vec<Notice>,
     drawing: DrawThread,
+    /// Where particles are classified.
+    place: Place,
+    /// The thread that draws has been told to open a device for them.
+    device_asked: bool,
     /// What writes files.
     writers: Vec<JoinHandle<()>>,
     adapter: Option<String>,
@@ -229,6 +234,15 @@ impl Viewer {
     ) -> Result<Self> {
         let (sender, news) = mpsc::channel();
         let post = Post::new(sender);
+        let place = Place::default();
+        let open = {
+            let (mut open, place) = (open, place.clone());
+            move || {
+                let opened = open();
+                place.set(opened.as_ref().ok());
+                opened
+            }
+        };
         let drawing = {
             let post = post.clone();
             DrawThread::new(open, move |answer| post.send(News::Drawing(answer)))
@@ -238,11 +252,13 @@ impl Viewer {
         let now = Instant::now();
         let mut viewer = Self {
             log: Log::new(options.log.as_deref())?,
-            frames: Frames::new(options.memory),
+            frames: Frames::new(options.memory, place.clone()),
             post,
             news,
             notices: Vec::new(),
             drawing,
+            place,
+            device_asked: false,
             writers: Vec::new(),
             adapter: None,
             document: None,

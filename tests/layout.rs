@@ -6,6 +6,7 @@ use std::mem::offset_of;
 
 use bytemuck::Zeroable;
 use limpid::camera::CameraUniform;
+use limpid::passes::classify::device;
 use limpid::passes::{Layers, caustics, classify, cull, gbuffer, refract, smooth, tiles, tonemap};
 use limpid::shader;
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
@@ -168,6 +169,28 @@ fn shared_structs_agree() {
         subdivide,
         pad,
     });
+    let classify_params = rust_struct!(device::Params {
+        least,
+        per_cell,
+        greatest,
+        members,
+        counts,
+        cells,
+        support,
+        least_weight,
+        density_at_rest,
+        smoothing,
+        max_ratio,
+        volume_kernel,
+        short_axis,
+        long_axis,
+        splash_radius,
+        most_squares,
+        pad,
+    });
+    let shaped =
+        rust_struct!(device::Shaped { offset, density, diagonal, flags, off_diagonal, count });
+    let sum = rust_struct!(device::Sum { count, squares });
     let table = [
         (camera, "splat.wgsl", "Camera"),
         (splat, "splat.wgsl", "Splat"),
@@ -178,6 +201,9 @@ fn shared_structs_agree() {
         (solid, "gbuffer.wgsl", "Solid"),
         (light, "gbuffer.wgsl", "Light"),
         (caustics, "caustics/deposit.wgsl", "CausticParams"),
+        (classify_params, "classify/shape.wgsl", "Params"),
+        (shaped, "classify/shape.wgsl", "Shaped"),
+        (sum, "classify/scan.wgsl", "Sum"),
     ];
     for (rust, root, name) in table {
         same(rust, &shader::source(root), name)
@@ -211,6 +237,10 @@ fn shared_constants_agree() {
         ("cull/select.wgsl", "BLOCK", cull::BLOCK),
         ("splat.wgsl", "FRONT", Layers::FRONT),
         ("splat.wgsl", "BACK", Layers::BACK),
+        ("classify/scan.wgsl", "ROW", device::ROW),
+        ("classify/scan.wgsl", "THREADS", device::SORTING),
+        ("classify/scan.wgsl", "EACH", device::BLOCK / device::SORTING),
+        ("classify/shape.wgsl", "SPLASH", device::Shaped::SPLASH),
     ];
     for (root, name, value) in table {
         assert_eq!(wgsl_constant(root, name), value, "{name}");

@@ -10,8 +10,10 @@ use super::suite::{Bake, Content, Entry};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::frames::FrameSpec;
+use crate::gpu::Gpu;
 use crate::input::{Input, Loaded, Moment};
 use crate::output::Litter;
+use crate::passes::classify::Place;
 use crate::scene::Scene;
 use crate::sim;
 use crate::studio::Studio;
@@ -58,6 +60,11 @@ impl<'a> Source<'a> {
         scene.camera = entry.camera.or(scene.camera);
         scene.check()?;
         Ok(Self { entry, input, scene, _baked: baked })
+    }
+
+    /// The same, with its particles classified on this device.
+    pub(super) fn classified_on(self, gpu: &Gpu) -> Self {
+        Self { input: self.input.classified(Place::on(gpu)), ..self }
     }
 
     /// The moments to draw, with the numbers of their pictures.

@@ -40,6 +40,7 @@ pub(super) fn judge(
     let tolerance = suite.tolerance(entry, adapter);
     let mut outcome = Outcome::new(&entry.name);
     let judged = Source::open(entry).and_then(|source| {
+        let source = source.classified_on(studio.gpu());
         let moments = source.moments()?;
         outcome.drawn = drawn(entry, &source, &moments)?;
         match &entry.content {

@@ -6,6 +6,7 @@ use limpid::frames::FrameSpec;
 use limpid::glam::DVec3;
 use limpid::input::Input;
 use limpid::scene::Scene;
+use limpid::settings::Processor;
 use serde::Serialize;
 
 #[derive(clap::Args)]
@@ -64,10 +65,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         last: frames.last().map_or(0, |frame| frame.number),
         described: Vec::new(),
     };
-    let scene = match &input.scene {
+    let mut scene = match &input.scene {
         Some(scene) => scene.clone(),
         None => Scene::around(-DVec3::ONE, DVec3::ONE, 1.0),
     };
+    // No adapter is needed for that.
+    scene.settings.classify.on = Processor::Cpu;
     for frame in chosen {
         let particles = input.particles(frame)?;
         // What is in a file can be said without a radius.

@@ -24,6 +24,7 @@ use limpid::fingerprint::{self, Fingerprints};
 use limpid::frames::{FrameSpec, Shard};
 use limpid::gpu::{Gpu, PassTime};
 use limpid::input::{Loaded, Missing};
+use limpid::passes::classify::Place;
 use limpid::quality::Picked;
 use limpid::scene::Scene;
 use limpid::settings::Preset;
@@ -197,12 +198,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     // What is loaded ahead is what others draw, where frames are claimed one by one.
     let memory = if args.claim { 0 } else { args.memory << 20 };
+    // They are read meanwhile.
+    let place = Place::awaited();
+    let input = input.classified(place.clone());
     let loader = Loader::new(input, &scene, &moments, queue.pending(), memory);
-    let (gpu, cache) = pipeline_cache::open_adapter()?;
+    let opened = pipeline_cache::open_adapter();
+    place.set(opened.as_ref().ok().map(|(gpu, _)| gpu));
+    let (gpu, cache) = opened?;
     let mut easel = Easel {
         args,
         scene,
         studio: studio(args, &gpu),
+        place,
         output,
         stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
         failed: Vec::new(),
@@ -297,6 +304,8 @@ struct Easel<'a> {
     args: &'a Args,
     scene: Scene,
     studio: Studio,
+    /// Where particles are classified.
+    place: Place,
     output: Output,
     stats: Stats,
     /// Numbers of the frames that failed.
@@ -310,6 +319,7 @@ impl Easel<'_> {
         match self.draw_once(job, loaded) {
             Err(Error::DeviceLost(_) | Error::Defect(_)) if self.args.keep_going => {
                 let gpu = Gpu::headless()?;
+                self.place.set(Some(&gpu));
                 self.studio = studio(self.args, &gpu);
                 self.stats.adapter = gpu.adapter();
                 self.draw_once(job, loaded)

@@ -58,6 +58,30 @@ fn staging(gpu: &Gpu, size: u64) -> wgpu::Buffer {
     })
 }
 
+/// What `act` makes of the first `size` bytes of a buffer that has `MAP_READ` and that `submission`
+/// fills, which alone is waited for.
+pub(crate) fn read_mapped<T>(
+    gpu: &Gpu,
+    staging: &wgpu::Buffer,
+    size: u64,
+    submission: wgpu::SubmissionIndex,
+    act: impl FnOnce(&[u8]) -> T,
+) -> Result<T> {
+    // Nothing is asked of a buffer that is not there.
+    gpu.check()?;
+    staging.map_async(wgpu::MapMode::Read, ..size, |_| ());
+    let waited =
+        gpu.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None });
+    gpu.check()?;
+    waited?;
+    let mapped = staging.get_mapped_range(..size);
+    let mapped = mapped.map_err(|e| Error::DeviceLost(e.to_string()))?;
+    let result = act(&mapped);
+    drop(mapped);
+    staging.unmap();
+    Ok(result)
+}
+
 /// Waits for the device, and reads the first `row` of each `padded_row` bytes.
 fn read_rows(gpu: &Gpu, staging: &wgpu::Buffer, padded_row: u64, row: u64) -> Result<Vec<u8>> {
     // Nothing is asked of a buffer that is not there.

@@ -10,8 +10,10 @@
 //! ([`Kernel::Fitted`](crate::settings::Kernel::Fitted)): the papers' volume-preserving ellipsoids
 //! sink the surface by a particle.
 
+pub mod device;
 mod grid;
 mod moments;
+mod place;
 mod shape;
 mod tree;
 
@@ -27,6 +29,8 @@ use grid::Grid;
 use moments::Moments;
 use tree::Tree;
 
+pub use device::Classifier;
+pub use place::Place;
 pub use tree::estimate_radius;
 
 /// One splat as the GPU reads it: the ellipsoid { centre + A·s : |s| ≤ 1 }.
@@ -89,7 +93,7 @@ pub struct Splats {
 /// `default_radius` serves files without radii. Particles that cannot be drawn are left out: a
 /// radius that is not positive, or whose cube a 32-bit float cannot hold (10⁻¹³ to 10¹² m are
 /// fine), or a position that is not finite. The result depends on the particles and the settings
-/// alone, not on the number of threads.
+/// alone, not on the number of threads. [`Place::classify`] chooses between this and a device.
 pub fn classify(particles: &Particles, default_radius: f32, settings: &Classify) -> Splats {
     Cloud::new(particles, default_radius).classify(settings)
 }
@@ -214,15 +218,11 @@ impl Cloud {
     fn shaper(&self, settings: &Classify) -> impl Fn(&Member, &Moments) -> Either<Splat, Splat> {
         let at_rest = moments::density_at_rest(settings.support.into());
         let least = f64::from(settings.splash_density) * at_rest;
-        let given = |member: &Member| {
-            let ellipsoids = self.ellipsoids.as_ref()?;
-            ellipsoids.get(member.particle as usize).filter(|ellipsoid| ellipsoid.drawable())
-        };
         move |member, near| {
             if near.weight < least {
                 Either::Left(member.splash(settings, self.shift))
             } else {
-                let shaped = match given(member) {
+                let shaped = match self.given(member) {
                     Some(ellipsoid) => member.given(ellipsoid, self.shift),
                     None => member.aggregate(near, settings, self.shift),
                 };
@@ -230,6 +230,12 @@ impl Cloud {
                 Either::Right(Splat { tags: shaped.tags | buried, ..shaped })
             }
         }
+    }
+
+    /// The shape that the file gives a member.
+    fn given(&self, member: &Member) -> Option<&Ellipsoid> {
+        let ellipsoids = self.ellipsoids.as_ref()?;
+        ellipsoids.get(member.particle as usize).filter(|ellipsoid| ellipsoid.drawable())
     }
 
     fn splats(&self, shaped: impl ParallelIterator<Item = Either<Splat, Splat>>) -> Splats {

@@ -12,6 +12,7 @@ use crate::reference::Liquid;
 use crate::reference::analytic::{Ball, Block, Pool};
 use crate::reference::mesh::{Mesh, Reconstruction};
 use crate::scene::Scene;
+use crate::settings::Processor;
 
 /// The scenes of `sims/` that a report measures.
 const RECIPES: [(&str, &str); 12] = [
@@ -113,7 +114,7 @@ impl Subject {
 /// # Errors
 /// As [`Subject::new`], and as [`Input::open`] for a file.
 pub fn load(name: &str) -> Result<(String, Scene, Loaded)> {
-    let (name, input, scene) = if is_file(name) {
+    let (name, input, mut scene) = if is_file(name) {
         let (input, scene) = Input::open(name, &[])?.settle(&[])?;
         let stem = Path::new(name).file_stem().unwrap_or_default();
         (stem.to_string_lossy().into_owned(), input, scene)
@@ -121,6 +122,8 @@ pub fn load(name: &str) -> Result<(String, Scene, Loaded)> {
         let (name, input, scene) = open(name)?;
         (name.to_owned(), input, scene)
     };
+    // What a report measures comes after it.
+    scene.settings.classify.on = Processor::Cpu;
     let frame = input.frame.unwrap_or(input.sequence.frames[0].number);
     let loaded = input.load(Moment::at(frame), &scene)?;
     Ok((name, scene, loaded))

@@ -68,7 +68,7 @@ const fn control(
 use Kind::{Choice, Number, Odd, Toggle, Whole};
 
 /// All settings, in the order of the panel.
-pub const CONTROLS: [Control; 41] = [
+pub const CONTROLS: [Control; 42] = [
     control(
         "classify",
         "support",
@@ -131,6 +131,13 @@ pub const CONTROLS: [Control; 41] = [
         "Wetting",
         Number(0.0, 1000.0, "r"),
         "Liquid this near to a solid reaches down to it.",
+    ),
+    control(
+        "classify",
+        "on",
+        "Computed on",
+        Choice(&["auto", "cpu", "gpu"]),
+        "The graphics device where that is faster, or one of the two.",
     ),
     control(
         "smooth",

@@ -84,6 +84,8 @@ pub struct Shown {
 /// Something to do.
 #[derive(Debug)]
 pub(super) enum Job {
+    /// Opens a device, if there is none: particles are to be classified on it.
+    Open,
     /// Draws a picture and writes it as PNG.
     Save(Pane, PathBuf),
     /// Draws a picture and compares it with the truth.
@@ -226,6 +228,11 @@ impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
                 Ok(drawn) => Answer::Drawn(drawn),
                 Err(error) => Answer::NotDrawn(request.number, error),
             },
+            Next::Job(Job::Open) => {
+                // Why there is none is told when a picture is wanted.
+                let _ = catch_unwind(AssertUnwindSafe(|| self.studio().map(|_| ())));
+                return;
+            }
             Next::Job(Job::Save(pane, path)) => {
                 let saved = self.attempt(|studio| save(studio, &pane, &path));
                 Answer::Saved(saved.map(|()| path))

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::document::Document;
 use crate::input::Moment;
+use crate::passes::classify::Place;
 use crate::ring::{Outcome, Ring, RingState};
 use crate::scene::Scene;
 use crate::settings::Classify;
@@ -30,12 +31,13 @@ pub(super) struct Frames {
     rings: Vec<(Key, Ring)>,
     /// Memory for all rings, bytes.
     budget: u64,
+    place: Place,
 }
 
 impl Frames {
-    /// None yet.
-    pub(super) fn new(budget: u64) -> Self {
-        Self { rings: Vec::new(), budget }
+    /// None yet; they will be classified there.
+    pub(super) fn new(budget: u64, place: Place) -> Self {
+        Self { rings: Vec::new(), budget, place }
     }
 
     /// Lets go of all.
@@ -83,10 +85,11 @@ impl Frames {
                 self.rings.push(old.swap_remove(same));
                 continue;
             }
-            let (document, moments, scene) = (document.clone(), moments.clone(), scene.clone());
+            let input = document.input.clone().classified(self.place.clone());
+            let (moments, scene) = (moments.clone(), scene.clone());
             let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
             let workers = workers.min(moments.len());
-            let load = move |i: usize| document.input.load(moments[i], &scene);
+            let load = move |i: usize| input.load(moments[i], &scene);
             let ready = ready.clone();
             let ring = Ring::new(key.count, budget, workers, load, move |_| ready());
             self.rings.push((key, ring));

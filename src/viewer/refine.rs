@@ -19,6 +19,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::input::Loaded;
 use crate::scene::Scene;
+use crate::settings::Processor;
 
 /// Most rays per pixel with an edge while things move.
 const DRAFT_EDGE_SAMPLES: u32 = 4;
@@ -70,6 +71,13 @@ impl Viewer {
         let index = self.playback.index();
         let dragging =
             self.post.context().is_some_and(|ctx| ctx.input(|input| input.pointer.any_down()));
+        // The first picture, for which a device is opened, needs its particles first.
+        let on_device = scenes.iter().any(|s| s.settings.classify.on == Processor::Gpu);
+        if on_device && !self.device_asked && self.place.is_without_device() {
+            self.device_asked = true;
+            self.place.wait_for_device();
+            self.drawing.job(Job::Open);
+        }
         let post = self.post.clone();
         let step = self.playback.speed().step();
         self.frames.prepare(document, &self.moments, step, &scenes, (index, dragging), move || {

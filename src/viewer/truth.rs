@@ -14,7 +14,7 @@ use crate::reference::analytic::{Ball, Block, Pool};
 use crate::reference::mesh::{Mesh, Reconstruction};
 use crate::reference::trace::{MAX_DEPTH, trace};
 use crate::scene::{Fluid, Liquid, Scene};
-use crate::settings::Settings;
+use crate::settings::{Processor, Settings};
 
 /// Size of the pictures that are compared.
 pub(super) const SIZE: UVec2 = UVec2::new(160, 120);
@@ -110,7 +110,10 @@ pub(super) fn of(document: &Document, scene: &Scene, camera: &Camera, at: Moment
         Some(liquid) => liquid,
         None => {
             let particles = document.input.particles(at)?;
-            let radius = document.input.prepare(at, &particles, scene)?.splats.radius;
+            // The radius alone is wanted, which needs no device.
+            let mut on_cpu = scene.clone();
+            on_cpu.settings.classify.on = Processor::Cpu;
+            let radius = document.input.prepare(at, &particles, &on_cpu)?.splats.radius;
             let how = Reconstruction::on_floor(scene);
             Box::new(Mesh::reconstruct(&particles.positions, radius, &how)?)
         }

@@ -2,6 +2,8 @@
 
 use limpid::gpu::Gpu;
 use limpid::quality::{Choice, Curve, Limits, Picked};
+use limpid::scene::Scene;
+use limpid::settings::Processor;
 
 use super::Args;
 use super::plan::Plan;
@@ -10,8 +12,11 @@ use super::plan::Plan;
 pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid::Result<Option<Picked>> {
     let limits = Limits { max_error: args.max_error, budget: args.budget };
     let Plan { input, scene, moments, takes, .. } = plan;
-    let first = |scene: &_| {
-        let loaded = input.load(moments[takes[0].frame], scene)?;
+    let first = |scene: &Scene| {
+        // No device is open yet, and what is picked does not depend on it.
+        let mut scene = scene.clone();
+        scene.settings.classify.on = Processor::Cpu;
+        let loaded = input.load(moments[takes[0].frame], &scene)?;
         Ok((takes[0].camera, loaded.splats))
     };
     let curve = Curve::shipped();

@@ -99,6 +99,12 @@ fn bulk(members: &[Member], (min, max): (Vec3, Vec3)) -> (Vec3, Vec3) {
     (Vec3::new(x.0, y.0, z.0), Vec3::new(x.1, y.1, z.1))
 }
 
+/// How many share a particle's cell at most, in the mean: more are a crowd. At rest it is
+/// (support / 2)³.
+pub(super) fn most_shared(support: f32) -> f64 {
+    64.0 + 8.0 * (f64::from(support) / 2.0).powi(3)
+}
+
 /// The members of a cloud, sorted by cell.
 pub(super) struct Grid<'a> {
     members: &'a [Member],
@@ -125,10 +131,9 @@ impl<'a> Grid<'a> {
             members.par_iter().map(|m| layout.index(layout.cell(m.position()))).collect();
         let (mut starts, mut order) = (Vec::new(), Vec::new());
         counting_sort::by_cell(&cells, layout.cells(), &mut starts, &mut order);
-        // At rest, a particle shares its cell with (support / 2)³.
         let squares: f64 = starts.windows(2).map(|w| f64::from(w[1] - w[0]).powi(2)).sum();
         let crowd = squares / members.len() as f64;
-        if crowd > 64.0 + 8.0 * (f64::from(support) / 2.0).powi(3) {
+        if crowd > most_shared(support) {
             return None;
         }
         let place = |&i: &u32| {

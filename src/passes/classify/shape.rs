@@ -27,7 +27,7 @@ impl Member {
         self.splat(self.position().as_dvec3() - shift, ellipsoid)
     }
 
-    fn splat(&self, centre: DVec3, ellipsoid: DMat3) -> Splat {
+    pub(super) fn splat(&self, centre: DVec3, ellipsoid: DMat3) -> Splat {
         let [x, y, z] = [ellipsoid.x_axis, ellipsoid.y_axis, ellipsoid.z_axis];
         Splat {
             centre: centre.as_vec3().to_array(),

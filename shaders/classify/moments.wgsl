@@ -1,0 +1,68 @@
+// Weighted sums over a member's neighbourhood, relative to it and in units of h.
+
+#import classify/params.wgsl
+
+@group(0) @binding(1) var<storage, read> starts: array<u32>;
+@group(0) @binding(2) var<storage, read> sorted: array<vec4f>; // place and radius, m
+
+// A neighbour's distance may be so many h, squared: on a lattice many are at h itself, where they
+// weigh nothing, and whether they are counted is not to depend on rounding.
+const WITHIN: f32 = 1.00002;
+
+// Cells are a little wider than h of the median radius: rounding takes nobody further.
+const ROUNDING: f32 = 1.001;
+
+struct Moments {
+    count: u32,         // members within h, itself among them
+    weight: f32,        // sum of w, with the volumes in that of the member
+    first: vec3f,       // of w x
+    diagonal: vec3f,    // of w x^2, y^2, z^2
+    off_diagonal: vec3f // of w xy, xz, yz
+}
+
+// Yu and Turk's weight 1 - (d/h)^3 of a neighbour, from the square of d/h.
+fn weight(square: f32) -> f32 {
+    return max(1.0 - square * sqrt(square), 0.0);
+}
+
+// Those of the member whose place and radius are `own`, in this cell.
+fn moments(own: vec4f, cell: u32) -> Moments {
+    let h = params.support * own.w;
+    let reach = vec3u(u32(ceil(h * params.per_cell * ROUNDING)));
+    let counts = params.counts;
+    let at = vec3u(cell % counts.x, cell / counts.x % counts.y, cell / (counts.x * counts.y));
+    let first = at - min(at, reach);
+    let last = min(at + reach, counts - 1u);
+
+    var all = Moments();
+    for (var z = first.z; z <= last.z; z++) {
+        for (var y = first.y; y <= last.y; y++) {
+            // Cells beside each other are one run. It is summed by itself: short sums lose less.
+            let begin = starts[cell_index(vec3u(first.x, y, z))];
+            let end = starts[cell_index(vec3u(last.x, y, z)) + 1u];
+            var run = Moments();
+            for (var slot = begin; slot < end; slot++) {
+                let other = sorted[slot];
+                // Halves cannot overflow, and what is far off is as good as twice h away.
+                let offset = clamp(0.5 * other.xyz - 0.5 * own.xyz, vec3f(-h), vec3f(h)) * (2.0 / h);
+                let square = dot(offset, offset);
+                if square > WITHIN {
+                    continue;
+                }
+                let ratio = other.w / own.w;
+                let w = ratio * ratio * ratio * weight(square);
+                run.count += 1u;
+                run.weight += w;
+                run.first += w * offset;
+                run.diagonal += w * offset * offset;
+                run.off_diagonal += w * offset.xxy * offset.yzz;
+            }
+            all.count += run.count;
+            all.weight += run.weight;
+            all.first += run.first;
+            all.diagonal += run.diagonal;
+            all.off_diagonal += run.off_diagonal;
+        }
+    }
+    return all;
+}

@@ -1,0 +1,91 @@
+// Splash or aggregate, and what each member is drawn as: `src/passes/classify/shape.rs` on the
+// device. One thread for each member, those of a cell side by side.
+
+#import classify/sums.wgsl
+#import classify/moments.wgsl
+#import classify/eigen.wgsl
+
+// What is told of a member; the host adds what it knows itself.
+struct Shaped {
+    offset: vec3f,       // of the centre from the member, m
+    density: f32,        // share of that inside a body at rest
+    diagonal: vec3f,     // A_xx, A_yy, A_zz, m
+    flags: u32,
+    off_diagonal: vec3f, // A_xy, A_xz, A_yz, m
+    count: u32,          // members within h, itself among them
+}
+
+const SPLASH: u32 = 1u;
+
+@group(0) @binding(3) var<storage, read> order: array<vec2u>; // member and cell
+@group(0) @binding(4) var<storage, read> sums: array<Sum>;
+@group(0) @binding(5) var<storage, read_write> shaped: array<Shaped>; // as in the file
+
+// Eigenvalues below this, in h^2, are one point and rounding errors.
+const COINCIDENT: f32 = 1e-8;
+
+// Below this many neighbours the papers draw a sphere.
+const FEW_NEIGHBOURS: u32 = 25u;
+
+// Longest semi-axis of a volume-preserving kernel, in r (Imai et al. 2016).
+const VOLUME_CAP: f32 = 1.2;
+
+@compute @workgroup_size(64)
+fn shape(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+    let slot = group_index(group) * 64u + local;
+    if slot >= params.members || crowded(sums[blocks()]) {
+        return;
+    }
+    let member = order[slot];
+    let own = sorted[slot];
+    let near = moments(own, member.y);
+    // In h, and about it the covariance in h^2.
+    let mean = near.first / near.weight;
+
+    var result = Shaped();
+    result.density = near.weight / params.density_at_rest;
+    result.count = near.count;
+    if near.weight < params.least_weight {
+        result.flags = SPLASH;
+        result.diagonal = vec3f(params.splash_radius * own.w);
+    } else {
+        let covariance = Symmetric(
+            near.diagonal / near.weight - mean * mean,
+            near.off_diagonal / near.weight - mean.xxy * mean.yzz,
+        );
+        let ellipsoid = kernel(covariance, near.count - 1u);
+        result.offset = params.smoothing * params.support * own.w * mean;
+        result.diagonal = own.w * ellipsoid.diagonal;
+        result.off_diagonal = own.w * ellipsoid.off_diagonal;
+    }
+    shaped[member.x] = result;
+}
+
+// A neighbourhood's kernel, in r: what has the covariance's eigenvectors, and the semi-axes for
+// eigenvalues.
+fn kernel(covariance: Symmetric, neighbours: u32) -> Symmetric {
+    let found = eigen(covariance);
+    return compose(semi_axes(found.values, neighbours), found.vectors);
+}
+
+// Semi-axes in r, from the eigenvalues of the covariance in h^2: they themselves, not their roots,
+// are the relative axes, as in Yu and Turk 2013.
+fn semi_axes(spread: vec3f, neighbours: u32) -> vec3f {
+    let longest = max(max(spread.x, spread.y), spread.z);
+    var relative = vec3f(1.0);
+    if longest > COINCIDENT {
+        relative = max(spread / longest, vec3f(1.0 / params.max_ratio));
+    }
+    if params.volume_kernel == 0u {
+        let shortest = min(min(relative.x, relative.y), relative.z);
+        return min(params.short_axis / shortest * relative, vec3f(params.long_axis));
+    }
+    if neighbours < FEW_NEIGHBOURS {
+        return vec3f(1.0);
+    }
+    let volume = relative.x * relative.y * relative.z;
+    // A step of Newton's method: powers are not exact.
+    var edge = pow(volume, 1.0 / 3.0);
+    edge = (2.0 * edge + volume / (edge * edge)) / 3.0;
+    return min(relative / edge, vec3f(VOLUME_CAP));
+}
