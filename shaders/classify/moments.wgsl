@@ -1,6 +1,7 @@
-// Weighted sums over a member's neighbourhood, relative to it and in units of h.
+// Weighted sums over a member's neighbourhood, in units of h.
 
 #import classify/params.wgsl
+#import classify/eigen.wgsl
 
 @group(0) @binding(1) var<storage, read> starts: array<u32>;
 @group(0) @binding(2) var<storage, read> sorted: array<vec4f>; // place and radius, m
@@ -15,7 +16,7 @@ const ROUNDING: f32 = 1.001;
 struct Moments {
     count: u32,         // members within h, itself among them
     weight: f32,        // sum of w, with the volumes in that of the member
-    first: vec3f,       // of w x
+    first: vec3f,       // of w x, x being counted from a point near the member
     diagonal: vec3f,    // of w x^2, y^2, z^2
     off_diagonal: vec3f // of w xy, xz, yz
 }
@@ -25,8 +26,9 @@ fn weight(square: f32) -> f32 {
     return max(1.0 - square * sqrt(square), 0.0);
 }
 
-// Those of the member whose place and radius are `own`, in this cell.
-fn moments(own: vec4f, cell: u32) -> Moments {
+// Those of the member whose place and radius are `own`, in this cell, about a point that is this far
+// from it.
+fn moments(own: vec4f, cell: u32, point: vec3f) -> Moments {
     let h = params.support * own.w;
     let reach = vec3u(u32(ceil(h * params.per_cell * ROUNDING)));
     let counts = params.counts;
@@ -53,9 +55,10 @@ fn moments(own: vec4f, cell: u32) -> Moments {
                 let w = ratio * ratio * ratio * weight(square);
                 run.count += 1u;
                 run.weight += w;
-                run.first += w * offset;
-                run.diagonal += w * offset * offset;
-                run.off_diagonal += w * offset.xxy * offset.yzz;
+                let x = offset - point;
+                run.first += w * x;
+                run.diagonal += w * x * x;
+                run.off_diagonal += w * x.xxy * x.yzz;
             }
             all.count += run.count;
             all.weight += run.weight;
@@ -65,4 +68,13 @@ fn moments(own: vec4f, cell: u32) -> Moments {
         }
     }
     return all;
+}
+
+// Covariance about the mean, in h^2.
+fn covariance(near: Moments) -> Symmetric {
+    let mean = near.first / near.weight;
+    return Symmetric(
+        near.diagonal / near.weight - mean * mean,
+        near.off_diagonal / near.weight - mean.xxy * mean.yzz,
+    );
 }

@@ -2,8 +2,8 @@
 // device. One thread for each member, those of a cell side by side.
 
 #import classify/sums.wgsl
-#import classify/moments.wgsl
 #import classify/eigen.wgsl
+#import classify/moments.wgsl
 
 // What is told of a member; the host adds what it knows itself.
 struct Shaped {
@@ -27,6 +27,10 @@ const COINCIDENT: f32 = 1e-8;
 // Below this many neighbours the papers draw a sphere.
 const FEW_NEIGHBOURS: u32 = 25u;
 
+// Where the trace of the covariance is less than so many squares of the mean, as of small members
+// beside large ones, their difference has lost digits: sums are taken anew, about the mean.
+const FAR_MEAN: f32 = 0.25;
+
 // Longest semi-axis of a volume-preserving kernel, in r (Imai et al. 2016).
 const VOLUME_CAP: f32 = 1.2;
 
@@ -38,8 +42,7 @@ fn shape(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     }
     let member = order[slot];
     let own = sorted[slot];
-    let near = moments(own, member.y);
-    // In h, and about it the covariance in h^2.
+    let near = moments(own, member.y, vec3f(0.0));
     let mean = near.first / near.weight;
 
     var result = Shaped();
@@ -49,11 +52,11 @@ fn shape(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         result.flags = SPLASH;
         result.diagonal = vec3f(params.splash_radius * own.w);
     } else {
-        let covariance = Symmetric(
-            near.diagonal / near.weight - mean * mean,
-            near.off_diagonal / near.weight - mean.xxy * mean.yzz,
-        );
-        let ellipsoid = kernel(covariance, near.count - 1u);
+        var spread = covariance(near);
+        if dot(spread.diagonal, vec3f(1.0)) < FAR_MEAN * dot(mean, mean) {
+            spread = covariance(moments(own, member.y, mean));
+        }
+        let ellipsoid = kernel(spread, near.count - 1u);
         result.offset = params.smoothing * params.support * own.w * mean;
         result.diagonal = own.w * ellipsoid.diagonal;
         result.off_diagonal = own.w * ellipsoid.off_diagonal;

@@ -122,6 +122,12 @@ fn settings_from_the_command_line() {
     let (comparison, _) = limpid::compare::compare(&plain, &marched).unwrap();
     assert!(comparison.mean_flip < 0.03, "march differs by {}", comparison.mean_flip);
 
+    // Where particles are classified is not seen.
+    let [on_device, on_cpu] =
+        ["gpu", "cpu"].map(|on| picture(&["--set", &format!("classify.on={on}")]));
+    let (comparison, _) = limpid::compare::compare(&on_device, &on_cpu).unwrap();
+    assert!(comparison.mean_flip < 5e-3, "the device differs by {}", comparison.mean_flip);
+
     let dark = picture(&["--set", "tonemap.exposure=-64", "--set", "refract.samples=2"]);
     assert!(dark.iter().all(|&value| value == 0), "64 stops under is black");
 }
