@@ -61,7 +61,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // code instead, fill in a `limpid::scene::Scene`: all its fields are public.
     let (input, scene) = input.settle(&[])?;
     let frame = &input.sequence.frames[0];
-    // Particles become ellipsoids on the CPU; this may as well run on a thread of its own.
+    // Particles become ellipsoids on the CPU, or with `Input::classified` on the device; this may as
+    // well run on a thread of its own.
     let loaded = input.load(frame, &scene)?;
     let camera = scene.camera_for(loaded.bounds);
     renderer.render(&scene, &camera, &loaded.splats, &view, texture.format(), SIZE)?;

@@ -56,6 +56,9 @@
 //! # }
 //! ```
 //!
+//! Where particles change with every frame, the device may classify them:
+//! `input.classified(Place::on(&gpu))`, see [`passes::classify::Place`].
+//!
 //! To draw into a texture of your own program, see [`gpu::Gpu::from_device`] and
 //! `examples/embed.rs`.
 

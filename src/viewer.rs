@@ -205,8 +205,10 @@ pub struct Viewer {
 }
 
 impl Drop for Viewer {
-    /// Waits for the files that are being written; the thread that draws waits for its own.
+    /// Waits for the files that are being written and for particles on the device; the thread that
+    /// draws waits for its own.
     fn drop(&mut self) {
+        self.place.close();
         for writer in self.writers.drain(..) {
             // It has panicked: there is nobody left to tell.
             let _ = writer.join();

@@ -364,6 +364,10 @@ fn settings_choose_the_place() {
             let came = waiting.join().expect("no panic");
             assert_eq!(came.is_ok_and(|splats| splats == on_device), works);
         });
+        // What is over stays over.
+        place.close();
+        place.set(gpu);
+        assert!(place.classify(&particles, R, &on(Processor::Gpu)).is_err());
     }
 }
 

@@ -198,18 +198,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     // What is loaded ahead is what others draw, where frames are claimed one by one.
     let memory = if args.claim { 0 } else { args.memory << 20 };
-    // They are read meanwhile.
     let place = Place::awaited();
-    let input = input.classified(place.clone());
-    let loader = Loader::new(input, &scene, &moments, queue.pending(), memory);
+    let loader = Loader::new(input, place, &scene, &moments, queue.pending(), memory);
+    // Particles are read meanwhile.
     let opened = pipeline_cache::open_adapter();
-    place.set(opened.as_ref().ok().map(|(gpu, _)| gpu));
+    loader.place().set(opened.as_ref().ok().map(|(gpu, _)| gpu));
     let (gpu, cache) = opened?;
     let mut easel = Easel {
         args,
         scene,
         studio: studio(args, &gpu),
-        place,
+        place: loader.place().clone(),
         output,
         stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
         failed: Vec::new(),

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use limpid::film::Take;
 use limpid::input::{Input, Loaded, Moment};
+use limpid::passes::classify::Place;
 use limpid::ring::Ring;
 use limpid::scene::Scene;
 
@@ -13,12 +14,15 @@ pub(super) struct Loader {
     wanted: Vec<usize>,
     /// What a loop comes back to may still be there.
     looped: bool,
+    place: Place,
 }
 
 impl Loader {
-    /// For these pictures, with so many bytes for what is loaded ahead of the next one.
+    /// For these pictures, with so many bytes for what is loaded ahead of the next one; their particles
+    /// are classified in this place, which is closed with the loader.
     pub(super) fn new(
         input: Input,
+        place: Place,
         scene: &Scene,
         moments: &[Moment],
         takes: &[Take],
@@ -30,9 +34,10 @@ impl Loader {
         let loading: Vec<Moment> = wanted.iter().map(|&frame| moments[frame]).collect();
         let workers = std::thread::available_parallelism().map_or(1, |n| n.get().min(wanted.len()));
         let scene = scene.clone();
+        let input = input.classified(place.clone());
         let load = move |i: usize| input.load(loading[i], &scene);
         let ring = Ring::new(wanted.len(), memory, workers, load, |_| ());
-        Self { ring, looped: takes.len() > wanted.len(), wanted }
+        Self { ring, looped: takes.len() > wanted.len(), wanted, place }
     }
 
     /// Begins to load what comes after another picture, and what lies further that way.
@@ -45,7 +50,18 @@ impl Loader {
         self.ring.wait(self.index(take))
     }
 
+    /// Where particles are classified.
+    pub(super) fn place(&self) -> &Place {
+        &self.place
+    }
+
     fn index(&self, take: &Take) -> usize {
         self.wanted.partition_point(|&frame| frame < take.frame)
+    }
+}
+
+impl Drop for Loader {
+    fn drop(&mut self) {
+        self.place.close();
     }
 }

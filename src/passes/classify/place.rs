@@ -20,8 +20,17 @@ pub struct Place {
 
 #[derive(Debug, Default)]
 struct Shared {
-    device: Mutex<Device>,
+    state: Mutex<State>,
+    /// A device has come, or someone has done.
     come: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    device: Device,
+    /// How many classify on it.
+    users: usize,
+    closed: bool,
 }
 
 #[derive(Debug, Default)]
@@ -32,6 +41,22 @@ enum Device {
     Awaited,
     /// With what classifies on it, once that was needed.
     Open(Gpu, Option<Arc<Classifier>>),
+}
+
+/// Someone who classifies on the device.
+struct User<'a> {
+    place: &'a Place,
+    // Always there until it is dropped.
+    classifier: Option<Arc<Classifier>>,
+}
+
+impl Drop for User<'_> {
+    fn drop(&mut self) {
+        // First this: whoever waits for the last user is the last to have the device.
+        self.classifier = None;
+        self.place.lock().users -= 1;
+        self.place.shared.come.notify_all();
+    }
 }
 
 impl Place {
@@ -51,18 +76,39 @@ impl Place {
 
     /// Whether there is no device, and none is awaited.
     pub fn is_without_device(&self) -> bool {
-        matches!(*self.lock(), Device::None)
+        matches!(self.lock().device, Device::None)
     }
 
     /// From now on, who needs a device waits until [`Place::set`] tells of one.
     pub fn wait_for_device(&self) {
-        *self.lock() = Device::Awaited;
+        self.change(Device::Awaited);
     }
 
     /// The device from now on; without one, whoever waits hears that there is none.
     pub fn set(&self, gpu: Option<&Gpu>) {
-        *self.lock() = gpu.map_or(Device::None, |gpu| Device::Open(gpu.clone(), None));
-        self.shared.come.notify_all();
+        self.change(gpu.map_or(Device::None, |gpu| Device::Open(gpu.clone(), None)));
+    }
+
+    /// Lets go of the device, for ever, and waits for those who classify on it: drivers do not bear
+    /// threads that still have one when the program ends.
+    pub fn close(&self) {
+        self.set(None);
+        let mut state = self.lock();
+        (state.device, state.closed) = (Device::None, true);
+        while state.users > 0 {
+            state = self.wait(state);
+        }
+    }
+
+    fn change(&self, device: Device) {
+        let mut state = self.lock();
+        if !state.closed {
+            let old = std::mem::replace(&mut state.device, device);
+            drop(state);
+            self.shared.come.notify_all();
+            // A device may take its time to go.
+            drop(old);
+        }
     }
 
     /// As [`super::classify`], where the settings say: [`Classify::on`].
@@ -78,39 +124,48 @@ impl Place {
         settings: &Classify,
     ) -> Result<Splats> {
         let on_cpu = || classify(particles, default_radius, settings);
-        let on_device = |c: &Classifier| c.classify(particles, default_radius, settings);
+        let on_device = |user: User<'_>| {
+            let classifier = user.classifier.as_ref().ok_or_else(no_device)?;
+            classifier.classify(particles, default_radius, settings)
+        };
         match settings.on {
             Processor::Cpu => Ok(on_cpu()),
-            Processor::Gpu => on_device(&*self.classifier(|_| true)?.ok_or_else(no_device)?),
+            Processor::Gpu => on_device(self.user(|_| true)?.ok_or_else(no_device)?),
             Processor::Auto if particles.len() < FEW => Ok(on_cpu()),
             Processor::Auto => {
-                let classifier = self.classifier(is_hardware).ok().flatten();
-                let splats = classifier.and_then(|classifier| on_device(&classifier).ok());
+                let user = self.user(is_hardware).ok().flatten();
+                let splats = user.and_then(|user| on_device(user).ok());
                 Ok(splats.unwrap_or_else(on_cpu))
             }
         }
     }
 
-    /// What classifies on the device, if there is one and it is `wanted`.
-    fn classifier(&self, wanted: impl Fn(&Gpu) -> bool) -> Result<Option<Arc<Classifier>>> {
-        let mut device = self.lock();
-        while matches!(*device, Device::Awaited) {
-            device = self.shared.come.wait(device).unwrap_or_else(PoisonError::into_inner);
+    /// Someone who classifies on the device, if there is one and it is `wanted`.
+    fn user(&self, wanted: impl Fn(&Gpu) -> bool) -> Result<Option<User<'_>>> {
+        let mut state = self.lock();
+        while matches!(state.device, Device::Awaited) {
+            state = self.wait(state);
         }
-        match &mut *device {
+        match &mut state.device {
             Device::Open(gpu, classifier) if wanted(gpu) => {
                 let there = match classifier.take() {
                     Some(classifier) => classifier,
                     None => Arc::new(Classifier::new(gpu)?),
                 };
-                Ok(Some(classifier.insert(there).clone()))
+                let classifier = Some(classifier.insert(there).clone());
+                state.users += 1;
+                Ok(Some(User { place: self, classifier }))
             }
             _ => Ok(None),
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Device> {
-        self.shared.device.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn wait<'a>(&self, state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
+        self.shared.come.wait(state).unwrap_or_else(PoisonError::into_inner)
     }
 }
 
