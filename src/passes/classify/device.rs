@@ -333,7 +333,7 @@ impl Cloud {
     }
 }
 
-/// What a frame is classified in: 128 bytes a member and 8 a cell on the device, and 48 a member in
+/// What a frame is classified in: 100 bytes a member and 8 a cell on the device, and 48 a member in
 /// memory that it shares.
 #[derive(Debug)]
 struct Buffers {
