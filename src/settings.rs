@@ -563,7 +563,7 @@ impl Settings {
         if path.trim() == "preset" {
             let preset = Self::preset(value.trim().trim_matches('"')).map_err(|e| e.to_string())?;
             let (caustics, tonemap) = (self.caustics.clone(), self.tonemap.clone());
-            let classify = Classify { on: self.classify.on, ..preset.classify.clone() };
+            let classify = Classify { on: self.classify.on, ..preset.classify };
             return Ok(Self { classify, caustics, tonemap, ..preset });
         }
         let (pass, name) = path.trim().split_once('.').ok_or("expected pass.name=value")?;

@@ -348,7 +348,7 @@ fn settings_choose_the_place() {
     compare(&on_device, &Cloud::new(&particles, R), &Classify::default()).expect("as on the CPU");
     let auto = place.classify(&particles, R, &on(Processor::Auto)).expect("never an error");
     let software = gpu.device.adapter_info().device_type == wgpu::DeviceType::Cpu;
-    assert!(auto == if software { expected.clone() } else { on_device.clone() });
+    assert!(auto == *if software { &expected } else { &on_device });
     assert!(
         place.classify(&particles, R, &on(Processor::Cpu)).expect("the CPU is there") == expected
     );
