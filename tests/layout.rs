@@ -241,6 +241,7 @@ fn shared_constants_agree() {
         ("classify/scan.wgsl", "THREADS", device::SORTING),
         ("classify/scan.wgsl", "EACH", device::BLOCK / device::SORTING),
         ("classify/shape.wgsl", "SPLASH", device::Shaped::SPLASH),
+        ("classify/shape.wgsl", "SURROUNDED", device::Shaped::SURROUNDED),
     ];
     for (root, name, value) in table {
         assert_eq!(wgsl_constant(root, name), value, "{name}");

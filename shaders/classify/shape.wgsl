@@ -16,6 +16,11 @@ struct Shaped {
 }
 
 const SPLASH: u32 = 1u;
+const SURROUNDED: u32 = 2u;
+
+// As in `src/passes/classify/moments.rs`.
+const DENSITY_AROUND: f32 = 0.85;
+const OFFSET_AROUND: f32 = 0.06;
 
 @group(0) @binding(3) var<storage, read> order: array<vec2u>; // member and cell
 @group(0) @binding(4) var<storage, read> sums: array<Sum>;
@@ -57,6 +62,8 @@ fn shape(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
             spread = covariance(moments(own, member.y, mean));
         }
         let ellipsoid = kernel(spread, near.count - 1u);
+        let surrounded = result.density >= DENSITY_AROUND && length(mean) <= OFFSET_AROUND;
+        result.flags = select(0u, SURROUNDED, surrounded);
         result.offset = params.smoothing * params.support * own.w * mean;
         result.diagonal = own.w * ellipsoid.diagonal;
         result.off_diagonal = own.w * ellipsoid.off_diagonal;

@@ -64,6 +64,12 @@ impl Splat {
         self.tags & (Self::BURIED - 1)
     }
 
+    /// The same, marked if liquid is all round it.
+    fn buried(self, surrounded: bool) -> Self {
+        let mark = if surrounded { Self::BURIED } else { 0 };
+        Self { tags: self.tags | mark, ..self }
+    }
+
     /// Whether liquid is all round the particle.
     pub fn is_buried(&self) -> bool {
         self.tags & Self::BURIED != 0
@@ -226,8 +232,7 @@ impl Cloud {
                     Some(ellipsoid) => member.given(ellipsoid, self.shift),
                     None => member.aggregate(near, settings, self.shift),
                 };
-                let buried = if near.surrounds(at_rest) { Splat::BURIED } else { 0 };
-                Either::Right(Splat { tags: shaped.tags | buried, ..shaped })
+                Either::Right(shaped.buried(near.surrounds(at_rest)))
             }
         }
     }

@@ -81,7 +81,7 @@ pub struct Shaped {
     pub density: f32,
     /// `A_xx, A_yy, A_zz`, m.
     pub diagonal: [f32; 3],
-    /// [`Shaped::SPLASH`].
+    /// [`Shaped::SPLASH`], [`Shaped::SURROUNDED`].
     pub flags: u32,
     /// `A_xy, A_xz, A_yz`, m.
     pub off_diagonal: [f32; 3],
@@ -92,6 +92,8 @@ pub struct Shaped {
 impl Shaped {
     /// Splash, not aggregate.
     pub const SPLASH: u32 = 1;
+    /// Liquid is all round it.
+    pub const SURROUNDED: u32 = 2;
 }
 
 /// `Sum` of `shaders/classify/sums.wgsl`.
@@ -321,13 +323,17 @@ impl Cloud {
             if shaped.flags & Shaped::SPLASH != 0 {
                 return Either::Left(member.splash(settings, self.shift));
             }
-            if let Some(ellipsoid) = self.given(member) {
-                return Either::Right(member.given(ellipsoid, self.shift));
-            }
-            let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
-            let centre = member.position().as_dvec3() + vector(shaped.offset);
-            let ellipsoid = shape::symmetric(vector(shaped.diagonal), vector(shaped.off_diagonal));
-            Either::Right(member.splat(centre - self.shift, ellipsoid))
+            let surrounded = shaped.flags & Shaped::SURROUNDED != 0;
+            let splat = match self.given(member) {
+                Some(ellipsoid) => member.given(ellipsoid, self.shift),
+                None => {
+                    let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+                    let centre = member.position().as_dvec3() + vector(shaped.offset);
+                    let axes = [shaped.diagonal, shaped.off_diagonal].map(vector);
+                    member.splat(centre - self.shift, shape::symmetric(axes[0], axes[1]))
+                }
+            };
+            Either::Right(splat.buried(surrounded))
         };
         self.splats(self.members.par_iter().zip(shaped).map(splat))
     }

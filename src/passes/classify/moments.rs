@@ -25,6 +25,11 @@ pub(super) fn density_at_rest(support: f64) -> f64 {
 /// weigh nothing, and whether they are counted is not to depend on rounding.
 pub(super) const EDGE: f64 = 1.0 + 1e-5;
 
+/// Share of the density at rest from which a particle may have liquid all round, and how far off, in h,
+/// its neighbours' mean may be.
+const DENSITY_AROUND: f64 = 0.85;
+const OFFSET_AROUND: f64 = 0.06;
+
 /// Weighted sums over a neighbourhood, relative to the particle and in units of h.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Moments {
@@ -53,7 +58,7 @@ impl Moments {
     /// Whether neighbours are on all sides, as many as inside a body whose weight is `at_rest`: what
     /// is drawn of the particle lies behind what is drawn of them.
     pub(super) fn surrounds(&self, at_rest: f64) -> bool {
-        self.weight >= 0.85 * at_rest && self.mean().length_squared() <= 0.06 * 0.06
+        self.weight >= DENSITY_AROUND * at_rest && self.mean().length() <= OFFSET_AROUND
     }
 
     /// Where the neighbours are in the mean, in h.
