@@ -43,8 +43,7 @@ fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance:
 
 fn splat_varying(corner: u32, splat: Splat) -> Varying {
     let placed = splat_in_view(splat);
-    let to_sphere = symmetric_inverse(splat.diagonal, splat.off_diagonal)
-        * transpose(camera.view_from_world);
+    let to_sphere = splat_to_sphere(splat);
 
     var out: Varying;
     out.centre = placed.centre;
@@ -52,8 +51,28 @@ fn splat_varying(corner: u32, splat: Splat) -> Varying {
     out.sphere_y = to_sphere[1];
     out.sphere_z = to_sphere[2];
     out.fluid = splat.tags & (BURIED - 1u);
-    out.clip = vec4f(splat_corner(corner, placed.centre, placed.rows), 0.5, 1.0);
+    out.clip = vec4f(splat_corner(corner, placed.centre, placed.rows), depth_bound(placed), 1.0);
     return out;
+}
+
+// Beyond every depth that a fragment of the splat writes, on the side that is kept: where the device
+// can tell by it, fragments that are hidden for sure are not run.
+fn depth_bound(placed: Placed) -> f32 {
+    let towards_kept = select(1.0, -1.0, SIDE == BACK);
+    let z = max(-placed.centre.z - towards_kept * length(placed.rows[2]), camera.near);
+    // More than what rounding may change.
+    let margin = select(1e-5 * depth_at(z), 1e-6, ORTHOGRAPHIC);
+    return clamp(depth_at(z) + towards_kept * margin, 0.0, 1.0);
+}
+
+// From view space to where the ellipsoid is the unit sphere.
+fn splat_to_sphere(splat: Splat) -> mat3x3f {
+    return symmetric_inverse(splat.diagonal, splat.off_diagonal)
+        * transpose(camera.view_from_world);
+}
+
+fn varying_to_sphere(in: Varying) -> mat3x3f {
+    return mat3x3f(in.sphere_x, in.sphere_y, in.sphere_z);
 }
 
 // An ellipsoid as the view has it: its columns are the rows of its axes matrix.
@@ -119,18 +138,16 @@ struct Chord {
     half_length: f32,    // in depth, m
     f: vec3f,            // sphere space: from the centre to the middle,
     d: vec3f,            // and the ray per unit of depth
-    to_sphere: mat3x3f,
 }
 
-fn splat_chord(in: Varying, omega: vec3f) -> Chord {
-    let centre_depth = -in.centre.z;
-    let to_sphere = mat3x3f(in.sphere_x, in.sphere_y, in.sphere_z);
+fn splat_chord(centre: vec3f, to_sphere: mat3x3f, omega: vec3f) -> Chord {
+    let centre_depth = -centre.z;
     // The ray per unit of depth, and where it is at the centre's depth, seen from the centre.
     var ray = omega;
-    var beside = centre_depth * omega.xy - in.centre.xy;
+    var beside = centre_depth * omega.xy - centre.xy;
     if ORTHOGRAPHIC {
         ray = vec3f(0.0, 0.0, -1.0);
-        beside = omega.xy - in.centre.xy;
+        beside = omega.xy - centre.xy;
     }
     let d = to_sphere * ray;
     let d2 = dot(d, d);
@@ -141,7 +158,7 @@ fn splat_chord(in: Varying, omega: vec3f) -> Chord {
     let half_length = sqrt(max(discriminant, 0.0) / d2);
     let middle = centre_depth - along;
     let hit = discriminant >= 0.0 && middle + half_length >= camera.near;
-    return Chord(hit, middle, half_length, f, d, to_sphere);
+    return Chord(hit, middle, half_length, f, d);
 }
 
 struct Fragment {
@@ -152,21 +169,27 @@ struct Fragment {
 @fragment
 fn fragment(in: Varying) -> Fragment {
     let omega = camera_omega(in.clip.xy);
-    let chord = splat_chord(in, omega);
+    let to_sphere = varying_to_sphere(in);
+    let chord = splat_chord(in.centre, to_sphere, omega);
     if !chord.hit {
         discard;
     }
     let side = select(-chord.half_length, chord.half_length, SIDE == BACK);
     var z = chord.middle + side;
-    let normal = normalize(transpose(chord.to_sphere) * (chord.f + side * chord.d));
+    let normal = normalize(transpose(to_sphere) * (chord.f + side * chord.d));
     var pi = plane_from_normal(omega, z, normal);
     if z < camera.near {
         // The ray starts inside: a front at the near plane itself says so.
         z = camera.near;
         pi = vec3f(0.0, 0.0, -camera_disparity(vec3f(0.0, 0.0, -z)));
     }
+    return Fragment(vec4f(pi, z), depth_at(z));
+}
+
+// Reversed: near is 1.
+fn depth_at(z: f32) -> f32 {
     if ORTHOGRAPHIC {
-        return Fragment(vec4f(pi, z), 1.0 - z / camera.far);
+        return 1.0 - z / camera.far;
     }
-    return Fragment(vec4f(pi, z), camera.near / z);
+    return camera.near / z;
 }

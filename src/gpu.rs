@@ -87,7 +87,8 @@ impl Gpu {
     }
 
     /// Wraps a caller's device and queue. Passes are timed if the device has
-    /// [`wgpu::Features::TIMESTAMP_QUERY`]; no other feature is used.
+    /// [`wgpu::Features::TIMESTAMP_QUERY`], and hidden fragments are left out early if it has
+    /// [`wgpu::Features::SHADER_EARLY_DEPTH_TEST`]; no other feature is used.
     pub fn from_device(device: wgpu::Device, queue: wgpu::Queue) -> Self {
         Self { device, queue, failure: None, cache: None, modules: Arc::default() }
     }
@@ -129,6 +130,13 @@ impl Gpu {
     pub(crate) fn uniforms_are_stored(&self) -> bool {
         let info = self.device.adapter_info();
         info.device_type == wgpu::DeviceType::Cpu && info.backend == wgpu::Backend::Vulkan
+    }
+
+    /// Whether a shader may promise to which side of a depth it writes. OpenGL's promise needs an
+    /// extension more.
+    pub(crate) fn has_early_depth(&self) -> bool {
+        self.device.features().contains(wgpu::Features::SHADER_EARLY_DEPTH_TEST)
+            && self.device.adapter_info().backend != wgpu::Backend::Gl
     }
 
     /// The adapter's name and driver, as figures should be reported with.
@@ -269,8 +277,9 @@ async fn adapters() -> Vec<wgpu::Adapter> {
 }
 
 /// What limpid makes use of where there is such a thing.
-const OPTIONAL: wgpu::Features =
-    wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::PIPELINE_CACHE);
+const OPTIONAL: wgpu::Features = wgpu::Features::TIMESTAMP_QUERY
+    .union(wgpu::Features::PIPELINE_CACHE)
+    .union(wgpu::Features::SHADER_EARLY_DEPTH_TEST);
 
 /// What limpid needs of an adapter beside WebGPU's core limits: nothing native-only.
 async fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), String> {

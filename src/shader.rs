@@ -144,6 +144,14 @@ pub(crate) fn text_module(gpu: &Gpu, label: &str, text: String) -> wgpu::ShaderM
     gpu.module(label, text)
 }
 
+/// The text of `splat.wgsl`, or of one that imports it, whose fragments promise to write no depth beyond
+/// that of `depth_bound`: smaller ones for fronts, greater ones for backs.
+pub fn with_early_depth(text: &str, back: bool) -> String {
+    let promise = if back { "greater_equal" } else { "less_equal" };
+    let fragment = "@fragment\nfn fragment(";
+    text.replace(fragment, &format!("@early_depth_test({promise})\n{fragment}"))
+}
+
 /// Uniforms whose values alone decide branches: `Gpu::branching` in layouts.
 const BRANCHING: [&str; 3] = ["lights", "caustics", "tonemap"];
 

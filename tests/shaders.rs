@@ -216,6 +216,24 @@ fn every_root_is_valid() {
     assert!(broken.is_empty(), "{} broken roots:\n{}", broken.len(), broken.join("\n"));
 }
 
+/// Protects devices that leave out hidden fragments early: what they are given is valid there, and
+/// promises something.
+#[test]
+fn promised_depths_are_valid() {
+    for root in ["splat.wgsl", "cull/draw.wgsl"] {
+        for back in [false, true] {
+            let text = shader::with_early_depth(&shader::source(root), back);
+            assert_eq!(text.matches("@early_depth_test").count(), 1, "{root}");
+            let module = naga::front::wgsl::parse_str(&text).expect(root);
+            let validate = |capabilities| {
+                Validator::new(ValidationFlags::all(), capabilities).validate(&module).map(|_| ())
+            };
+            validate(Capabilities::EARLY_DEPTH_TEST).expect(root);
+            assert!(validate(REQUESTED).is_err(), "{root}: nothing is promised");
+        }
+    }
+}
+
 /// Protects Metal, DirectX 12 and OpenGL, of which none may be here: every shader becomes what their
 /// drivers are given.
 #[test]

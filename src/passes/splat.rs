@@ -9,6 +9,7 @@ use super::cull::{self, Cull, Phase};
 use super::{CameraBinding, Layers};
 use crate::gpu::{self, Gpu, Span};
 use crate::passes::classify::Splat as SplatData;
+use crate::shader;
 
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
@@ -239,13 +240,19 @@ fn pipelines(
     vertex: &str,
     layouts: &[Option<&wgpu::BindGroupLayout>],
 ) -> [wgpu::RenderPipeline; 2] {
-    let module = crate::shader::module(gpu, file);
+    let module = |back: bool| match gpu.has_early_depth() {
+        true => {
+            shader::text_module(gpu, file, shader::with_early_depth(&shader::source(file), back))
+        }
+        false => shader::module(gpu, file),
+    };
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(file),
         bind_group_layouts: layouts,
         immediate_size: 0,
     });
     let pipeline = |side: u32, nearest: wgpu::CompareFunction| {
+        let module = module(side == Layers::BACK);
         let constants = [&camera.constants()[..], &[("SIDE", f64::from(side))]].concat();
         let compilation_options =
             wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };

@@ -1,8 +1,9 @@
-//! `splat.wgsl`: ellipsoids as maps to the unit sphere.
+//! `splat.wgsl`: ellipsoids as maps to the unit sphere, and the depths that they are drawn at.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, UVec2, Vec2, Vec3};
+use limpid::camera::{Camera, CameraUniform};
 
-use super::support::{Kernel, Random, gpu};
+use super::support::{Kernel, Random, gpu, uniform};
 use super::view::case;
 
 /// Protects splats: the map to the unit sphere is the inverse of the ellipsoid's axes, from drops
@@ -43,5 +44,79 @@ fn splat_matrices_are_inverted() {
         // Cofactors are differences of products: up to 100 times smaller than these at a ratio of
         // 10, so their rounding is that much larger; and again in the product above.
         assert!(worst < 2e-4, "{x:?}: inverse off by {worst:e}");
+    }
+}
+
+/// Protects the fragments that devices leave out early: none writes a depth beyond the bound that it was
+/// promised to keep, nearer for fronts, farther for backs, from drops of millimetres near by to
+/// boulders far off and across the near plane, in perspective and in a sun's view; and the bound is no
+/// further off than the ellipsoid is deep.
+#[test]
+fn depths_keep_within_their_bound() {
+    let Some(gpu) = gpu() else { return };
+    let camera = Camera {
+        eye: DVec3::ZERO,
+        target: DVec3::new(0.3, -0.2, -1.0),
+        up: Vec3::Y,
+        fov_y: 60.0,
+        near: Some(0.01),
+    };
+    let perspective = camera.uniform(UVec2::new(640, 480), DVec3::ZERO);
+    let sun = CameraUniform { tangent: Vec2::new(8.0, 6.0), far: 400.0, ..perspective };
+    let forward = camera.target.normalize();
+    let views = [(perspective, 0.0), (sun, 1.0)];
+    for ((view, orthographic), back) in views.into_iter().flat_map(|v| [(v, 0.0), (v, 1.0)]) {
+        let buffer = uniform(gpu, &view);
+        let kernel = Kernel {
+            imports: &["splat.wgsl"],
+            body: "fn test(x: array<f32, 11>) -> array<f32, 4> {
+                let splat = Splat(vec3f(x[6], x[7], x[8]), 0.0, vec3f(x[0], x[1], x[2]), 0u,
+                    vec3f(x[3], x[4], x[5]), 0u);
+                let placed = splat_in_view(splat);
+                let low = splat_corner(0u, placed.centre, placed.rows);
+                let high = splat_corner(3u, placed.centre, placed.rows);
+                let ndc = mix(low, high, vec2f(x[9], x[10]));
+                let u = (ndc * vec2f(0.5, -0.5) + 0.5) * camera.size;
+                let chord = splat_chord(placed.centre, splat_to_sphere(splat), camera_omega(u));
+                let side = select(-chord.half_length, chord.half_length, SIDE == BACK);
+                let z = max(chord.middle + side, camera.near);
+                let deepest = depth_at(max(-placed.centre.z
+                    - select(-1.0, 1.0, SIDE == BACK) * length(placed.rows[2]), camera.near));
+                return array(select(0.0, 1.0, chord.hit), depth_at(z), depth_bound(placed), deepest);
+            }",
+            constants: &[("SIDE", back), ("ORTHOGRAPHIC", orthographic)],
+            resources: &[(0, 0, buffer.as_entire_binding())],
+        };
+        let mut random = Random(23);
+        let cases: Vec<[f32; 11]> = (0..20_000)
+            .map(|_| {
+                let x = random.direction();
+                let y = x.cross(random.direction()).normalize();
+                let turn = DMat3::from_cols(x, y, x.cross(y));
+                let distance = random.magnitude(0.02, 300.0);
+                let size = (distance * random.magnitude(1e-4, 1.0)).min(5.0);
+                let axes = DVec3::new(1.0, random.range(0.2, 1.0), 0.2) * size;
+                let m = turn * DMat3::from_diagonal(axes) * turn.transpose();
+                let centre = distance * forward + 0.2 * distance.min(10.0) * random.direction();
+                let place = [random.unit(), random.unit()];
+                let shape =
+                    [m.x_axis.x, m.y_axis.y, m.z_axis.z, m.x_axis.y, m.x_axis.z, m.y_axis.z];
+                case(&[&shape, &centre.to_array(), &place])
+            })
+            .collect();
+        let results: Vec<[f32; 4]> = kernel.run(gpu, &cases);
+        let mut hits = 0;
+        for (x, [hit, depth, bound, other_end]) in cases.iter().zip(results) {
+            // What lies beyond the far end is clipped.
+            if hit == 0.0 || !(0.0..=1.0).contains(&depth) {
+                continue;
+            }
+            hits += 1;
+            let towards = 1.0 - 2.0 * back as f32;
+            assert!(towards * (bound - depth) >= 0.0, "{x:?}: {depth} is beyond {bound}");
+            let across = (bound - other_end).abs();
+            assert!((bound - depth).abs() <= across + 2e-5 * bound + 2e-6, "{x:?}: {bound} is far");
+        }
+        assert!(hits > 5000, "{hits} rays hit");
     }
 }
