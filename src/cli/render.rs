@@ -355,6 +355,8 @@ fn studio(args: &Args, gpu: &Gpu) -> Studio {
     let mut studio = Studio::new(gpu);
     studio.renderer.timing = args.stats.is_some();
     studio.renderer.diagnose = args.aov.is_some();
+    // A camera that moves around particles at rest leaves the lights' maps as they are.
+    studio.renderer.reuse = args.turntable.is_some() || args.camera_path.is_some();
     studio
 }
 

@@ -281,6 +281,7 @@ impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
         };
         let studio = self.studio.insert(studio);
         studio.renderer.timing = true;
+        studio.renderer.reuse = true;
         Ok(studio)
     }
 }
