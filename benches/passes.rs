@@ -3,7 +3,8 @@
 //! of particles.
 //!
 //! Each figure is the median of several frames in one run, with the least and the greatest beside
-//! it. Scenes are `demo`, `cascade` (40,000 particles), `million` (1,056,000), and `front` where the
+//! it. Scenes are `demo`, `cascade` (40,000 particles), `million` (1,056,000), `million-all` (the same,
+//! none left out because others hide it; only if it is named), and `front` where the
 //! reference scenes are (`LIMPID_REFERENCE`, default `../shared/reference` beside the checkout):
 //!
 //! ```text
@@ -23,7 +24,7 @@ use glam::UVec2;
 use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::input::Input;
-use limpid::passes::classify::{self, Splats};
+use limpid::passes::classify::{self, Splat, Splats};
 use limpid::renderer::{Picture, Renderer};
 use limpid::scene::Scene;
 
@@ -103,6 +104,11 @@ impl Subject {
         let file = match name {
             "demo" => return Self::of(name, Input::demo(settings)?, settings).map(Some),
             "million" => return Self::swell(COUNTS[3], settings).map(Some),
+            "million-all" => {
+                let mut subject = Self::swell(COUNTS[3], settings)?;
+                subject.splats.aggregates.iter_mut().for_each(|s| s.tags &= !Splat::BURIED);
+                return Ok(Some(subject));
+            }
             "cascade" => here.join("sims/cascade.toml"),
             "front" => {
                 let folder = env::var_os("LIMPID_REFERENCE").map(PathBuf::from);

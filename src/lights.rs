@@ -66,7 +66,7 @@ impl Lights {
         }
 
         let splash = !splats.splashes.is_empty();
-        let culled = cull::pays(splats);
+        let culled = cull::pays(gpu, splats);
         let views = self.views.iter().flatten();
         for (i, view) in views.enumerate() {
             if self.passes.get(i).is_none_or(|passes| passes.orthographic != view.orthographic) {

@@ -131,7 +131,7 @@ impl Renderer {
             gbuffer: screen_solids || self.diagnose,
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs,
-            culled: cull::pays(splats),
+            culled: cull::pays(gpu, splats),
         };
         let last = self.last.take().filter(|_| self.reuse);
         let changes = Changes::since(last.as_ref(), scene, camera, splats, wanted, self.diagnose);

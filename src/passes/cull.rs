@@ -6,6 +6,7 @@
 //! The layers come out as if all were drawn.
 
 use glam::UVec2;
+use rayon::prelude::*;
 use wgpu::TextureViewDimension::D2Array;
 
 use super::splat::{self, SplatBuffers};
@@ -26,12 +27,16 @@ const ROW: u32 = 32768;
 /// Fewer surrounded splats than these are drawn faster than they are told apart.
 pub const LEAST: usize = 1 << 16;
 
+/// The same where the processor draws.
+const LEAST_IN_SOFTWARE: usize = 1 << 14;
+
 /// Whether splats of a frame are to be told apart by whether they show.
-pub(crate) fn pays(splats: &Splats) -> bool {
-    use rayon::prelude::*;
+pub(crate) fn pays(gpu: &Gpu, splats: &Splats) -> bool {
+    let software = gpu.device.adapter_info().device_type == wgpu::DeviceType::Cpu;
+    let least = if software { LEAST_IN_SOFTWARE } else { LEAST };
     // More than there are need not be counted.
-    splats.aggregates.len() >= LEAST
-        && splats.aggregates.par_iter().filter(|splat| splat.is_buried()).count() >= LEAST
+    splats.aggregates.len() >= least
+        && splats.aggregates.par_iter().filter(|splat| splat.is_buried()).count() >= least
 }
 
 /// Which splats are looked at.
