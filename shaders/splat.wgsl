@@ -59,10 +59,17 @@ fn splat_varying(corner: u32, splat: Splat) -> Varying {
 // can tell by it, fragments that are hidden for sure are not run.
 fn depth_bound(placed: Placed) -> f32 {
     let towards_kept = select(1.0, -1.0, SIDE == BACK);
-    let z = max(-placed.centre.z - towards_kept * length(placed.rows[2]), camera.near);
-    // More than what rounding may change.
-    let margin = select(1e-5 * depth_at(z), 1e-6, ORTHOGRAPHIC);
-    return clamp(depth_at(z) + towards_kept * margin, 0.0, 1.0);
+    let half_depth = length(placed.rows[2]);
+    let middle = -placed.centre.z;
+    let reach = half_depth + depth_margin(middle, half_depth);
+    let depth = depth_at(max(middle - towards_kept * reach, camera.near));
+    return clamp(depth + select(0.0, towards_kept * 1e-6, ORTHOGRAPHIC), 0.0, 1.0);
+}
+
+// More than what rounding may change of a splat's depths, m: its centre's own, and those of the inverse of
+// its axes, which are poor where it is flat.
+fn depth_margin(middle: f32, half_depth: f32) -> f32 {
+    return 1e-5 * abs(middle) + 1e-3 * half_depth;
 }
 
 // From view space to where the ellipsoid is the unit sphere.

@@ -8,7 +8,6 @@ use crate::light_view::LightView;
 use crate::passes::Layers;
 use crate::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
 use crate::passes::classify::Splats;
-use crate::passes::cull;
 use crate::passes::gbuffer::LightMaps;
 use crate::passes::mixture;
 use crate::passes::smooth;
@@ -39,6 +38,7 @@ impl Lights {
         scene: &Scene,
         liquid: &Liquid,
         splats: &Splats,
+        culled: bool,
         fits: &[smooth::Params],
     ) -> Result<()> {
         let settings = &scene.settings.caustics;
@@ -66,7 +66,6 @@ impl Lights {
         }
 
         let splash = !splats.splashes.is_empty();
-        let culled = cull::pays(gpu, splats);
         let views = self.views.iter().flatten();
         for (i, view) in views.enumerate() {
             if self.passes.get(i).is_none_or(|passes| passes.orthographic != view.orthographic) {

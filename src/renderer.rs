@@ -147,7 +147,8 @@ impl Renderer {
             self.liquid.splashes.upload(gpu, &splats.splashes);
         }
         if changes.lights {
-            self.lights.prepare(gpu, scene, &self.liquid, splats, &fits)?;
+            let (liquid, culled) = (&self.liquid, wanted.culled);
+            self.lights.prepare(gpu, scene, liquid, splats, culled, &fits)?;
         }
         let uniform = camera.uniform(size, splats.origin);
         let (views, maps) = (self.lights.views(), self.lights.maps());

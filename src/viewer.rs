@@ -36,6 +36,7 @@ pub mod views;
 mod window;
 
 use std::collections::BTreeSet;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
 use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
@@ -240,9 +241,10 @@ impl Viewer {
         let open = {
             let (mut open, place) = (open, place.clone());
             move || {
-                let opened = open();
-                place.set(opened.as_ref().ok());
-                opened
+                // Whoever waits for a device must hear that there is none, even of a defect.
+                let opened = catch_unwind(AssertUnwindSafe(&mut open));
+                place.set(opened.as_ref().ok().and_then(|opened| opened.as_ref().ok()));
+                opened.unwrap_or_else(|defect| resume_unwind(defect))
             }
         };
         let drawing = {

@@ -5,15 +5,16 @@ mod frames;
 
 use std::collections::HashSet;
 
-use frames::{Shot, Stage, noise_vector, on_axis, scene, sphere, splats, stage};
+use frames::{Shot, Stage, gpu, noise_vector, on_axis, scene, shoot, sphere, splats, stage};
 use glam::{DVec3, UVec2, Vec3};
 use image::RgbaImage;
 use limpid::camera::Camera;
 use limpid::environment::Environment;
+use limpid::gpu::Gpu;
 use limpid::particles::Particles;
 use limpid::passes::classify::{Splat, Splats, classify};
 use limpid::passes::cull;
-use limpid::renderer::Picture;
+use limpid::renderer::{Picture, Renderer};
 use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 
 const SIZE: UVec2 = UVec2::new(160, 120);
@@ -91,6 +92,49 @@ fn hidden_splats_do_not_show() {
         let covered = culled.channel("depth.aggregate_front").iter().filter(|&&z| z > 0.0).count();
         assert!(covered > 2000, "view {i} shows {covered} pixels of liquid");
     }
+}
+
+/// Protects frames that follow each other: with more particles than the last, fewer, and in another size,
+/// they are drawn as if they were the first.
+#[test]
+fn frames_of_other_counts_and_sizes_are_drawn() {
+    let Some(mut stage) = stage() else { return };
+    let (scene, marked) = (scene(), body());
+    let camera = &views()[1];
+    // A block more by a few splats, within the room that the first frame left for more.
+    let frames =
+        [(67_328, SIZE), (75_700, SIZE), (60_000, SIZE), (75_700, SIZE / 2), (97_000, SIZE)];
+    for (count, size) in frames {
+        let part = Splats { aggregates: marked.aggregates[..count].to_vec(), ..marked.clone() };
+        let culled = stage.shoot(&scene, camera, &part, size);
+        let drawn = stage.shoot(&scene, camera, &unmarked(&part), size);
+        assert_same(&culled, &drawn, &format!("{count} in {size}"));
+    }
+}
+
+/// Protects devices whose bindings do not hold all splats: they are told apart chunk by chunk.
+#[test]
+fn chunks_are_told_apart() {
+    let Some(whole) = gpu() else { return };
+    let wanted = whole.device.adapter_info();
+    let descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    let adapters = wgpu::Instance::new(descriptor).enumerate_adapters(wanted.backend.into());
+    let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info() == wanted);
+    let adapter = adapter.expect("the adapter that the other device is of");
+    let required_limits =
+        wgpu::Limits { max_storage_buffer_binding_size: 2 << 20, ..adapter.limits() };
+    let descriptor = wgpu::DeviceDescriptor { required_limits, ..Default::default() };
+    let (device, queue) =
+        pollster::block_on(adapter.request_device(&descriptor)).expect("less than it has");
+    let small = Gpu::from_device(device, queue);
+    let (scene, marked) = (scene(), body());
+    assert!(size_of_val(&marked.aggregates[..]) > 2 * (2 << 20), "three chunks");
+    let [parts, at_once] = [&small, &whole].map(|gpu| {
+        let mut renderer = Renderer::new(gpu);
+        renderer.diagnose = true;
+        shoot(gpu, &mut renderer, &scene, &views()[1], &marked, SIZE)
+    });
+    assert_same(&parts, &at_once, "in chunks");
 }
 
 /// Protects against trust in the marks: they say what is drawn first, not what is left out.

@@ -62,8 +62,8 @@ fn is_hidden(placed: Placed, low: vec2f, high: vec2f) -> bool {
     }
     let half_depth = length(placed.rows[2]);
     let middle = -placed.centre.z;
-    // Beyond what rounding may change: of depths, and of the depth buffer in an orthographic view.
-    let margin = 1e-5 * middle + select(0.0, 1e-6 * camera.far, ORTHOGRAPHIC);
+    // Beyond what rounding may change, of the depth buffer too in an orthographic view.
+    let margin = depth_margin(middle, half_depth) + select(0.0, 1e-6 * camera.far, ORTHOGRAPHIC);
     let nearest = middle - half_depth - margin;
     let farthest = middle + half_depth + margin;
     for (var y = first.y; y <= last.y; y++) {

@@ -207,7 +207,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut easel = Easel {
         args,
         scene,
-        studio: studio(args, &gpu),
+        studio: studio(args, &gpu, moments.len() == 1),
+        at_rest: moments.len() == 1,
         place: loader.place().clone(),
         output,
         stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
@@ -303,6 +304,8 @@ struct Easel<'a> {
     args: &'a Args,
     scene: Scene,
     studio: Studio,
+    /// All pictures are of the same particles.
+    at_rest: bool,
     /// Where particles are classified.
     place: Place,
     output: Output,
@@ -319,7 +322,7 @@ impl Easel<'_> {
             Err(Error::DeviceLost(_) | Error::Defect(_)) if self.args.keep_going => {
                 let gpu = Gpu::headless()?;
                 self.place.set(Some(&gpu));
-                self.studio = studio(self.args, &gpu);
+                self.studio = studio(self.args, &gpu, self.at_rest);
                 self.stats.adapter = gpu.adapter();
                 self.draw_once(job, loaded)
             }
@@ -351,12 +354,12 @@ impl Easel<'_> {
     }
 }
 
-fn studio(args: &Args, gpu: &Gpu) -> Studio {
+fn studio(args: &Args, gpu: &Gpu, at_rest: bool) -> Studio {
     let mut studio = Studio::new(gpu);
     studio.renderer.timing = args.stats.is_some();
     studio.renderer.diagnose = args.aov.is_some();
     // A camera that moves around particles at rest leaves the lights' maps as they are.
-    studio.renderer.reuse = args.turntable.is_some() || args.camera_path.is_some();
+    studio.renderer.reuse = at_rest && (args.turntable.is_some() || args.camera_path.is_some());
     studio
 }
 

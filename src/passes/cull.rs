@@ -3,7 +3,7 @@
 //! Nearly all particles of a large body are hidden inside it. Those at its surface are drawn first;
 //! then, of those that liquid surrounds, the ones that the layers drawn so far do not hide for sure
 //! (two phases: U. Haar and S. Aaltonen, "GPU-Driven Rendering Pipelines", SIGGRAPH 2015 courses).
-//! The layers come out as if all were drawn.
+//! The layers come out as if all were drawn in that order.
 
 use glam::UVec2;
 use rayon::prelude::*;
@@ -30,8 +30,15 @@ pub const LEAST: usize = 1 << 16;
 /// The same where the processor draws.
 const LEAST_IN_SOFTWARE: usize = 1 << 14;
 
-/// Whether splats of a frame are to be told apart by whether they show.
+/// Whether splats of a frame are to be told apart by whether they show: so many are surrounded, and the
+/// device has what it takes.
 pub(crate) fn pays(gpu: &Gpu, splats: &Splats) -> bool {
+    let limits = gpu.device.limits();
+    if limits.max_storage_buffers_per_shader_stage < 8
+        || limits.max_compute_invocations_per_workgroup < BLOCK
+    {
+        return false;
+    }
     let software = gpu.device.adapter_info().device_type == wgpu::DeviceType::Cpu;
     let least = if software { LEAST_IN_SOFTWARE } else { LEAST };
     // More than there are need not be counted.
@@ -135,16 +142,18 @@ impl Cull {
 
     /// A list for so many splats, in the buffers of an `old` one that is large enough.
     fn list(&self, gpu: &Gpu, splats: u32, old: Option<List>) -> List {
+        // For masks, counts and the list of so many blocks.
+        let words = |blocks: u64| [u64::from(WORDS) * blocks, blocks, u64::from(BLOCK) * blocks];
         let blocks = u64::from(splats.div_ceil(BLOCK));
-        let bytes = [4 * u64::from(WORDS) * blocks, 4 * blocks, 4 * u64::from(splats)];
-        let fits = |list: &List| list.buffers[2].size() >= bytes[2];
+        let bytes = words(blocks).map(|words| 4 * words);
+        let fits = |list: &List| list.buffers.iter().zip(bytes).all(|(b, bytes)| b.size() >= bytes);
         let (buffers, draw) = match old.filter(fits) {
             Some(List { buffers, draw, .. }) => (buffers, draw),
             None => {
                 let storage = wgpu::BufferUsages::STORAGE;
                 // Some more, for frames that grow.
-                let room = |bytes: u64| bytes + bytes / 8 / 4 * 4;
-                let buffers = bytes.map(|bytes| buffer(gpu, "cull", room(bytes), storage));
+                let room = words(blocks + blocks / 8);
+                let buffers = room.map(|words| buffer(gpu, "cull", 4 * words, storage));
                 (buffers, buffer(gpu, "cull draw", 16, storage | wgpu::BufferUsages::INDIRECT))
             }
         };

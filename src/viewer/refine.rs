@@ -73,10 +73,11 @@ impl Viewer {
             self.post.context().is_some_and(|ctx| ctx.input(|input| input.pointer.any_down()));
         // The first picture, for which a device is opened, needs its particles first.
         let on_device = scenes.iter().any(|s| s.settings.classify.on == Processor::Gpu);
-        if on_device && !self.device_asked && self.place.is_without_device() {
+        if on_device && !self.device_asked {
             self.device_asked = true;
-            self.place.wait_for_device();
-            self.drawing.job(Job::Open);
+            if self.place.wait_for_device() {
+                self.drawing.job(Job::Open);
+            }
         }
         let post = self.post.clone();
         let step = self.playback.speed().step();

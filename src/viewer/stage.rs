@@ -73,7 +73,11 @@ impl Viewer {
         );
         // The first picture is that of a device being opened.
         let first = std::mem::take(&mut self.fresh_device);
-        if level != Level::Fine && !first {
+        // Nor that of one in which little had changed since the last.
+        let whole = panes.iter().all(|shown| {
+            shown.passes.is_empty() || shown.passes.iter().any(|pass| pass.name == "splat")
+        });
+        if level != Level::Fine && !first && whole {
             self.pace.measured(size, self.full_size(), ms);
         }
         if let Some(first) = panes.first() {

@@ -89,13 +89,14 @@ fn depths_keep_within_their_bound() {
         };
         let mut random = Random(23);
         let cases: Vec<[f32; 11]> = (0..20_000)
-            .map(|_| {
+            .map(|i| {
                 let x = random.direction();
                 let y = x.cross(random.direction()).normalize();
                 let turn = DMat3::from_cols(x, y, x.cross(y));
                 let distance = random.magnitude(0.02, 300.0);
                 let size = (distance * random.magnitude(1e-4, 1.0)).min(5.0);
-                let axes = DVec3::new(1.0, random.range(0.2, 1.0), 0.2) * size;
+                let flat = if i % 2 == 0 { 0.2 } else { 1e-3 };
+                let axes = DVec3::new(1.0, random.range(0.2, 1.0), flat) * size;
                 let m = turn * DMat3::from_diagonal(axes) * turn.transpose();
                 let centre = distance * forward + 0.2 * distance.min(10.0) * random.direction();
                 let place = [random.unit(), random.unit()];
@@ -115,7 +116,10 @@ fn depths_keep_within_their_bound() {
             let towards = 1.0 - 2.0 * back as f32;
             assert!(towards * (bound - depth) >= 0.0, "{x:?}: {depth} is beyond {bound}");
             let across = (bound - other_end).abs();
-            assert!((bound - depth).abs() <= across + 2e-5 * bound + 2e-6, "{x:?}: {bound} is far");
+            assert!(
+                (bound - depth).abs() <= 2.0 * across + 1e-3 * bound + 2e-6,
+                "{x:?}: {bound} is far"
+            );
         }
         assert!(hits > 5000, "{hits} rays hit");
     }

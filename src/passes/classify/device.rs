@@ -31,6 +31,9 @@ pub const BLOCK: u32 = 2048;
 /// Workgroups in a row of a dispatch, as in `classify/params.wgsl`.
 pub const ROW: u32 = 32768;
 
+/// Most bytes of a frame's results for which its buffers are kept for the next.
+const KEPT: u64 = 256 << 20;
+
 /// `Params` of `shaders/classify/params.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -214,11 +217,16 @@ impl Classifier {
 
         // Nothing is shared out among threads while this is locked: one of them might come here too.
         let mut kept = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
-        let old = kept.take().filter(|b| b.members >= members && b.cells >= cells);
+        let old = kept.take();
+        let (most_members, most_cells) = old.as_ref().map_or((0, 0), |b| (b.members, b.cells));
+        let old = old.filter(|b| b.members >= members && b.cells >= cells);
         // The next frame may have a few more.
         let room = |count: u64, bytes: u64| (count + count / 8).min(most / bytes - 1);
         let (each, cell) = (size_of::<Shaped>() as u64, size_of::<u32>() as u64);
-        let new = || Buffers::new(&self.gpu, room(members, each), room(cells, cell));
+        let new = || {
+            let members = room(members, each).max(most_members);
+            Buffers::new(&self.gpu, members, room(cells, cell).max(most_cells))
+        };
         let Some(buffers) = old.or_else(new) else { return Ok(None) };
         let submission = self.submit(&buffers, &params, &places);
         let bytes = Buffers::read_bytes(members);
@@ -228,7 +236,8 @@ impl Classifier {
                 let all: Sum = bytemuck::pod_read_unaligned(all);
                 (bytemuck::pod_collect_to_vec::<u8, Shaped>(shaped), all)
             })?;
-        *kept = Some(buffers);
+        // Drawing needs the device's memory too.
+        *kept = Some(buffers).filter(|buffers| buffers.members * each <= KEPT);
         Ok((all.squares <= params.most_squares).then_some(shaped))
     }
 

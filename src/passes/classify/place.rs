@@ -74,14 +74,15 @@ impl Place {
         place
     }
 
-    /// Whether there is no device, and none is awaited.
-    pub fn is_without_device(&self) -> bool {
-        matches!(self.lock().device, Device::None)
-    }
-
-    /// From now on, who needs a device waits until [`Place::set`] tells of one.
-    pub fn wait_for_device(&self) {
-        self.change(Device::Awaited);
+    /// From now on, who needs a device waits until [`Place::set`] tells of one. Returns whether: not if
+    /// there is a device, or one is awaited already.
+    pub fn wait_for_device(&self) -> bool {
+        let mut state = self.lock();
+        let waits = matches!(state.device, Device::None) && !state.closed;
+        if waits {
+            state.device = Device::Awaited;
+        }
+        waits
     }
 
     /// The device from now on; without one, whoever waits hears that there is none.
