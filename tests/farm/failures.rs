@@ -1,0 +1,92 @@
+//! Frames that fail, manifests, and films.
+
+use super::*;
+
+/// One broken file costs one frame: it is reported with its number, the others are drawn, and the
+/// exit code says that not all is well. Without --keep-going it ends the run with its own code.
+#[test]
+fn keep_going_draws_the_others() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(4);
+    fs::write(project.water(2), "0.1 0.2\nnonsense\n").unwrap();
+    let render = |more: &[&str]| {
+        let ended = project.limpid(more).output().unwrap();
+        (ended.status.code().unwrap(), String::from_utf8(ended.stderr).unwrap())
+    };
+    let (code, told) = render(&["-o", "f/", "--keep-going", "--manifest=m.jsonl"]);
+    let told: Vec<&str> = told.lines().collect();
+    assert_eq!(code, 1, "{told:?}");
+    let [error, summary] = told[..] else { panic!("{told:?}") };
+    assert!(error.starts_with("limpid: frame 2: water/block_2.xyz: line 1"), "{error}");
+    assert_eq!(summary, "limpid: 1 of 4 frames failed: 2");
+    let names: Vec<_> = project.files("f").into_keys().collect();
+    assert_eq!(names, ["frame_0001.png", "frame_0003.png", "frame_0004.png"]);
+    let lines = lines(&project.path("m.jsonl"));
+    let failed = lines.iter().find(|line| text(line, "status") == "failed").expect("a failure");
+    assert_eq!((failed["frame"].as_i64(), failed["code"].as_i64()), (Some(2), Some(4)));
+    assert_eq!(format!("limpid: {}", text(failed, "error")), error);
+
+    let (code, told) = render(&["-o", "g/", "--manifest=n.jsonl"]);
+    assert_eq!(code, 4, "{told}");
+    assert_eq!(told.lines().collect::<Vec<_>>(), [error]);
+    assert_eq!(project.files("g").into_keys().collect::<Vec<_>>(), ["frame_0001.png"]);
+    // Repaired, what is missing is drawn.
+    project.write_water(2, 0.06);
+    let (code, told) = render(&["-o", "f/", "--keep-going", "--skip-existing"]);
+    assert_eq!((code, told.as_str()), (0, ""));
+    assert_eq!(project.files("f").len(), 4);
+}
+
+/// Three processes add to one manifest, each line whole and with everything that was promised; a
+/// line that a full disk once cut off spoils no other.
+#[test]
+fn a_manifest_may_be_shared() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(6);
+    let manifest = project.path("m.jsonl");
+    File::create(&manifest).unwrap().write_all(b"{\"frame\":7,\"sta").unwrap();
+    let shares = ["1/3", "2/3", "3/3"]
+        .map(|shard| project.start(&["--shard", shard, "-o", "f/", "--manifest=m.jsonl"]));
+    for share in shares {
+        assert_success(share.wait_with_output().unwrap());
+    }
+    let text_of = fs::read_to_string(&manifest).unwrap();
+    let (torn, rest) = text_of.split_once('\n').unwrap();
+    assert_eq!(torn, "{\"frame\":7,\"sta");
+    fs::write(&manifest, rest).unwrap();
+    let lines = lines(&manifest);
+    assert_eq!(lines.len(), 6);
+    let mut frames = BTreeSet::new();
+    for line in lines {
+        frames.insert(line["frame"].as_i64().unwrap());
+        assert_eq!(text(&line, "status"), DONE);
+        let picture = image::open(project.path(text(&line, "file"))).unwrap().into_rgb8();
+        let mut crc = flate2::Crc::new();
+        crc.update(&picture);
+        assert_eq!(text(&line, "pixels"), format!("{:08x}", crc.sum()));
+        assert_eq!(text(&line, "fingerprint").len(), 32);
+        assert_eq!(line["particles"].as_u64(), Some(192));
+        assert!(line["ms"].as_f64().unwrap() > 0.0);
+        assert!(!text(&line, "adapter").is_empty() && !text(&line, "host").is_empty());
+        assert!(line["pid"].as_u64().is_some());
+    }
+    assert!(frames.into_iter().eq(1..=6));
+}
+
+/// A film is one file: what concerns pictures is refused before anything is drawn.
+#[test]
+fn films_are_not_shared_out() {
+    let project = Project::new(2);
+    for option in ["--claim", "--keep-going", "--manifest=m.jsonl"] {
+        let ended = project.limpid(&["-o", "film.apng", option]).output().unwrap();
+        let told = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(2), "{told}");
+        let name = option.split('=').next().unwrap();
+        assert!(told.contains("film.apng") && told.contains(name), "{told}");
+    }
+    assert!(!project.path("film.apng").exists() && !project.path("m.jsonl").exists());
+}

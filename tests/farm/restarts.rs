@@ -1,0 +1,69 @@
+//! Runs that were killed, and what they leave.
+
+use super::*;
+
+/// Killed without a chance to tidy up, at any moment, a run leaves nothing under a picture's name
+/// that is not that picture; started again it completes the sequence, to the byte as if nothing had
+/// happened. Ten times here; `LIMPID_KILLS` says otherwise.
+#[test]
+fn killed_at_any_moment_and_restarted() {
+    if !adapter() {
+        return;
+    }
+    let kills = std::env::var("LIMPID_KILLS").map_or(10, |text| text.parse().expect("a number"));
+    let project = Project::new(8);
+    let aovs = "--aov=depth,inside";
+    let begun = Instant::now();
+    project.render(&[aovs, "-o", "single/"]);
+    let whole_run = begun.elapsed();
+    let single = project.files("single");
+    assert_eq!(single.len(), 16);
+    // Any moments will do; these are not the same in two runs.
+    let seed = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap().as_nanos() as u64;
+    let mut noise = seed | 1;
+    let mut unfinished = 0;
+    for kill in 0..kills {
+        noise = noise.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        let folder = format!("killed_{kill}");
+        let mut args = vec![aovs, "--skip-existing", "-o"];
+        let output = format!("{folder}/");
+        args.push(&output);
+        let mut child = project.start(&args);
+        std::thread::sleep(whole_run.mul_f64((noise >> 11) as f64 / (1_u64 << 53) as f64));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let mut left = project.files(&folder);
+        left.retain(|name, _| !name.starts_with(".limpid-"));
+        unfinished += usize::from(left.len() < single.len());
+        for (name, bytes) in &left {
+            assert!(bytes == &single[name], "{name} was half-written");
+        }
+
+        project.render(&args);
+        let mut whole = project.files(&folder);
+        whole.retain(|name, _| !name.starts_with(".limpid-"));
+        assert_same(&whole, &single);
+        fs::remove_dir_all(project.path(&folder)).unwrap();
+    }
+    println!("{kills} kills (seed {seed}), {unfinished} of them before the end");
+    assert!(unfinished > 0, "the kills came too late");
+}
+
+/// What killed runs have left is removed when it is old; what may be another run's is not.
+#[test]
+fn old_temporary_files_are_swept_up() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(1);
+    // Beside a picture and beside a film.
+    for output in ["a.png", "a.gif"] {
+        for (name, hours) in [(".limpid-old", 25), (".limpid-young", 1), (".other-old", 25)] {
+            let file = File::create(project.path(name)).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_hours(hours)).unwrap();
+        }
+        project.render(&["-o", output]);
+        assert!(!project.path(".limpid-old").exists());
+        assert!(project.path(".limpid-young").exists() && project.path(".other-old").exists());
+    }
+}
