@@ -16,7 +16,7 @@ use crate::passes::tiles::TILE;
 pub(crate) use binding::{
     sampled, storage, storage_of, storage_read_write, storage_texture, uniform,
 };
-pub(crate) use readback::{read_buffer, read_mapped, read_texture};
+pub(crate) use readback::{Reading, begin_reading, read_buffer, read_mapped, read_texture};
 pub use timer::PassTime;
 pub(crate) use timer::{Span, Timer};
 
@@ -172,13 +172,6 @@ impl Gpu {
             (None, Some(reason)) => Err(Error::Defect(reason)),
             (None, None) => polled,
         }
-    }
-
-    /// Waits until the device has done all that it was given, and fails as [`Gpu::check`].
-    fn wait(&self) -> Result<()> {
-        let waited = self.poll(wgpu::PollType::wait_indefinitely());
-        self.check()?;
-        waited
     }
 
     /// wgpu 30 panics if a device is lost while it is waited for; its locks are free by then.

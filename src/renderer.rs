@@ -261,9 +261,31 @@ impl Picture {
     /// # Errors
     /// [`crate::Error::DeviceLost`].
     pub fn read(&self, gpu: &Gpu) -> Result<image::RgbaImage> {
-        let bytes = gpu::read_texture(gpu, &self.texture, 0)?;
-        let picture =
-            image::RgbaImage::from_raw(self.texture.width(), self.texture.height(), bytes);
+        self.begin_reading(gpu).wait(gpu)
+    }
+
+    /// Tells the device to copy the picture as it is now; the next may be rendered at once.
+    pub fn begin_reading(&self, gpu: &Gpu) -> Reading {
+        let size = UVec2::new(self.texture.width(), self.texture.height());
+        Reading { size, texels: gpu::begin_reading(gpu, &self.texture, 0) }
+    }
+}
+
+/// A picture on its way to memory.
+#[derive(Debug)]
+pub struct Reading {
+    size: UVec2,
+    texels: gpu::Reading,
+}
+
+impl Reading {
+    /// Waits for the picture, not for what the device was told after it.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub fn wait(self, gpu: &Gpu) -> Result<image::RgbaImage> {
+        let bytes = self.texels.wait(gpu)?;
+        let picture = image::RgbaImage::from_raw(self.size.x, self.size.y, bytes);
         Ok(picture.expect("the texture has four bytes per pixel"))
     }
 }

@@ -8,7 +8,7 @@ use crate::camera::Camera;
 use crate::error::Result;
 use crate::gpu::{Gpu, PassTime};
 use crate::passes::classify::Splats;
-use crate::renderer::{Picture, Renderer};
+use crate::renderer::{Picture, Reading, Renderer};
 use crate::scene::Scene;
 
 /// Draws pictures into memory.
@@ -51,6 +51,21 @@ impl Studio {
         splats: &Splats,
         size: UVec2,
     ) -> Result<Shot> {
+        self.begin(scene, camera, splats, size)?.wait()
+    }
+
+    /// Tells the device to draw one frame of `size` pixels. While it does so the next one's particles can
+    /// be uploaded: by beginning that one. Waits only where [`Renderer::timing`] is set.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn begin(
+        &mut self,
+        scene: &Scene,
+        camera: &Camera,
+        splats: &Splats,
+        size: UVec2,
+    ) -> Result<Drawing> {
         let same = self.picture.take().filter(|(old, _)| *old == size);
         let (_, picture) = match same {
             Some(same) => self.picture.insert(same),
@@ -58,8 +73,8 @@ impl Studio {
         };
         let view = picture.view();
         let passes = self.renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
-        let picture = image::DynamicImage::ImageRgba8(picture.read(&self.gpu)?).into_rgb8();
-        Ok(Shot { picture, passes })
+        let picture = picture.begin_reading(&self.gpu);
+        Ok(Drawing { gpu: self.gpu.clone(), picture, passes })
     }
 
     /// Intermediate images of the last frame; some need [`Renderer::diagnose`] to have been set.
@@ -68,5 +83,24 @@ impl Studio {
     /// As [`aov::read`].
     pub fn images(&self, chosen: &[Aov]) -> Result<Vec<aov::Part>> {
         aov::read(&self.gpu, &self.renderer.images(), chosen)
+    }
+}
+
+/// One picture that the device has been told to draw.
+#[derive(Debug)]
+pub struct Drawing {
+    gpu: Gpu,
+    picture: Reading,
+    passes: Vec<PassTime>,
+}
+
+impl Drawing {
+    /// Waits for the picture, not for those that were begun after it.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub fn wait(self) -> Result<Shot> {
+        let picture = image::DynamicImage::ImageRgba8(self.picture.wait(&self.gpu)?).into_rgb8();
+        Ok(Shot { picture, passes: self.passes })
     }
 }

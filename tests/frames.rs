@@ -16,6 +16,7 @@ use limpid::passes::classify::{Splats, classify};
 use limpid::renderer::{Picture, Renderer};
 use limpid::scene::{Scene, Shape};
 use limpid::settings::{Classify, Solids};
+use limpid::studio::{Drawing, Studio};
 use limpid::wgpu;
 
 const SIZE: UVec2 = UVec2::new(120, 90);
@@ -56,6 +57,32 @@ fn assert_same(a: &Shot, b: &Shot, why: &str) {
         assert!(bits(values) == bits(b.channel(name)), "{why}: {name} differs");
     }
     assert!(a.picture == b.picture, "{why}: the pictures differ");
+}
+
+/// Pictures that are begun while the device still draws others are those that it draws alone: particles
+/// that are uploaded meanwhile, in fewer and in larger buffers, and other sizes, touch none of them.
+#[test]
+fn pictures_begun_ahead_are_the_same() {
+    let Some(gpu) = gpu() else { return };
+    let frames: Vec<_> = [(300, SIZE), (200, SIZE), (400, SIZE), (200, SIZE / 2), (300, 2 * SIZE)]
+        .into_iter()
+        .map(|(count, size)| (tank_of(count), size))
+        .collect();
+    let alone = frames.iter().map(|((scene, camera, drawn), size)| {
+        let shot = Studio::new(&gpu).draw(scene, camera, drawn, *size).expect("a picture");
+        shot.picture
+    });
+    let alone: Vec<_> = alone.collect();
+    let mut studio = Studio::new(&gpu);
+    let begun: Vec<_> = frames
+        .iter()
+        .map(|((scene, camera, drawn), size)| studio.begin(scene, camera, drawn, *size))
+        .collect();
+    // The last first: none waits for another.
+    for (begun, alone) in begun.into_iter().zip(alone).rev() {
+        let picture = begun.and_then(Drawing::wait).expect("a picture").picture;
+        assert!(picture == alone, "{:?} differs", picture.dimensions());
+    }
 }
 
 /// The largest difference of two pictures' radiance.

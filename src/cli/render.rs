@@ -11,12 +11,13 @@ use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use glam::UVec2;
 use indicatif::{ProgressBar, ProgressStyle};
 use limpid::Error;
-use limpid::aov::{self, Aov};
+use limpid::aov::{self, Aov, Part};
 use limpid::camera::Camera;
 use limpid::claim::Claims;
 use limpid::film;
@@ -28,7 +29,7 @@ use limpid::passes::classify::Place;
 use limpid::quality::Picked;
 use limpid::scene::Scene;
 use limpid::settings::Preset;
-use limpid::studio::Studio;
+use limpid::studio::{Drawing, Studio};
 use serde::Serialize;
 
 use super::signals;
@@ -213,6 +214,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         output,
         stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
         failed: Vec::new(),
+        failures: 0,
+        since: Instant::now(),
     };
     let bar = progress(queue.len());
     let drawn = draw_all(&mut easel, &mut queue, &loader, &mut log, &bar);
@@ -243,7 +246,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(FAILED_CODE))
 }
 
-/// Draws what the queue gives out, until it is empty or a signal has come.
+/// Draws what the queue gives out, until it is empty or a signal has come. While the device draws a
+/// picture, the one before is written, and particles for the next are loaded and uploaded.
 fn draw_all(
     easel: &mut Easel<'_>,
     queue: &mut Queue,
@@ -251,52 +255,40 @@ fn draw_all(
     log: &mut Log,
     bar: &ProgressBar,
 ) -> limpid::Result<()> {
-    let mut device_failures = 0;
+    let mut before = None;
     let mut next = queue.next(log)?;
     while let Some(job) = next {
-        let begun = Instant::now();
         let loaded = loader.wait(&job.take);
-        // The next one is loaded while this one is drawn.
         next = queue.next_free(log)?;
         if let Some(next) = &next {
             loader.aim(&next.take, &job.take);
         }
-        let drawn = loaded.and_then(|loaded| easel.draw(&job, &loaded));
-        match drawn {
-            Ok(outcome) => {
-                device_failures = 0;
-                let ms = Some(begun.elapsed().as_micros() as f64 / 1e3);
-                log.add(&job.take, job.fingerprint, Status::Done, Outcome { ms, ..outcome })?;
-            }
-            Err(error) => {
-                let error = error.of_frame(job.take.number);
-                let code = error.exit_code();
-                let outcome = Outcome {
-                    error: Some(error.to_string()),
-                    code: Some(code),
-                    ..Outcome::default()
-                };
-                log.add(&job.take, job.fingerprint, Status::Failed, outcome)?;
-                device_failures = if code == RETRYABLE { device_failures + 1 } else { 0 };
-                let hopeless = code == NO_ADAPTER || device_failures == DEVICE_FAILURES;
-                if !easel.args.keep_going || hopeless {
-                    return Err(error);
-                }
-                bar.suspend(|| super::complain(&error));
-                easel.failed.push(job.take.number);
-            }
+        let sitting = loaded.map(|loaded| easel.begin(&job, loaded));
+        if let Some((job, sitting)) = before.replace((job, sitting)) {
+            easel.conclude(&job, sitting, log, bar)?;
         }
-        bar.inc(1);
-        drop(job);
-        if signals::received().is_some() {
+        let interrupted = signals::received().is_some();
+        if (interrupted || next.is_none())
+            && let Some((job, sitting)) = before.take()
+        {
+            easel.conclude(&job, sitting, log, bar)?;
+        }
+        if interrupted {
             queue.give_back(next);
             return Ok(());
         }
         if next.is_none() {
             next = queue.next(log)?;
+            easel.since = Instant::now();
         }
     }
     Ok(())
+}
+
+/// A picture that is being drawn.
+struct Sitting {
+    loaded: Arc<Loaded>,
+    drawing: limpid::Result<(Drawing, Vec<Part>)>,
 }
 
 /// What pictures are drawn with and go to.
@@ -312,29 +304,97 @@ struct Easel<'a> {
     stats: Stats,
     /// Numbers of the frames that failed.
     failed: Vec<i64>,
+    /// Of the device, in a row.
+    failures: u32,
+    /// When the last picture was done, or the wait for others.
+    since: Instant,
 }
 
 impl Easel<'_> {
-    /// Draws a picture and writes it. To keep going after the device has failed, or refused what it was
-    /// told, is to open it anew, once for a picture: it would do so for ever.
-    fn draw(&mut self, job: &Job, loaded: &Loaded) -> limpid::Result<Outcome> {
-        match self.draw_once(job, loaded) {
+    /// Tells the device to draw a picture.
+    fn begin(&mut self, job: &Job, loaded: Arc<Loaded>) -> Sitting {
+        let drawing = self.begin_drawing(job, &loaded);
+        Sitting { loaded, drawing }
+    }
+
+    fn begin_drawing(
+        &mut self,
+        job: &Job,
+        loaded: &Loaded,
+    ) -> limpid::Result<(Drawing, Vec<Part>)> {
+        let Self { args, scene, studio, .. } = self;
+        let drawing = studio.begin(scene, &job.take.camera, &loaded.splats, args.size)?;
+        // The next picture's images take their place.
+        let chosen = args.aov.as_deref().unwrap_or_default();
+        let images = if chosen.is_empty() { Vec::new() } else { studio.images(chosen)? };
+        Ok((drawing, images))
+    }
+
+    /// Writes a picture, and what has become of it.
+    fn conclude(
+        &mut self,
+        job: &Job,
+        sitting: limpid::Result<Sitting>,
+        log: &mut Log,
+        bar: &ProgressBar,
+    ) -> limpid::Result<()> {
+        match sitting.and_then(|sitting| self.finish(job, sitting)) {
+            Ok(outcome) => {
+                self.failures = 0;
+                let ms = Some(self.since.elapsed().as_micros() as f64 / 1e3);
+                log.add(&job.take, job.fingerprint, Status::Done, Outcome { ms, ..outcome })?;
+            }
+            Err(error) => {
+                let error = error.of_frame(job.take.number);
+                let code = error.exit_code();
+                let outcome = Outcome {
+                    error: Some(error.to_string()),
+                    code: Some(code),
+                    ..Outcome::default()
+                };
+                log.add(&job.take, job.fingerprint, Status::Failed, outcome)?;
+                self.failures = if code == RETRYABLE { self.failures + 1 } else { 0 };
+                let hopeless = code == NO_ADAPTER || self.failures == DEVICE_FAILURES;
+                if !self.args.keep_going || hopeless {
+                    return Err(error);
+                }
+                bar.suspend(|| super::complain(&error));
+                self.failed.push(job.take.number);
+            }
+        }
+        self.since = Instant::now();
+        bar.inc(1);
+        Ok(())
+    }
+
+    /// To keep going after the device has failed, or refused what it was told, is to open it anew, once
+    /// for a picture: it would do so for ever.
+    fn finish(&mut self, job: &Job, sitting: Sitting) -> limpid::Result<Outcome> {
+        let Sitting { loaded, drawing } = sitting;
+        match drawing.and_then(|drawing| self.write(job, &loaded, drawing)) {
             Err(Error::DeviceLost(_) | Error::Defect(_)) if self.args.keep_going => {
                 let gpu = Gpu::headless()?;
                 self.place.set(Some(&gpu));
                 self.studio = studio(self.args, &gpu, self.at_rest);
                 self.stats.adapter = gpu.adapter();
-                self.draw_once(job, loaded)
+                let drawing = self.begin_drawing(job, &loaded)?;
+                self.write(job, &loaded, drawing)
             }
             outcome => outcome,
         }
     }
 
-    fn draw_once(&mut self, job: &Job, loaded: &Loaded) -> limpid::Result<Outcome> {
-        let Self { args, scene, studio, output, stats, .. } = self;
-        let shot = studio.draw(scene, &job.take.camera, &loaded.splats, args.size)?;
-        if let (Some(chosen), Some(pictures)) = (&args.aov, output.pictures()) {
-            pictures.write_aovs(&job.take, studio.images(chosen)?, job.fingerprint)?;
+    /// Waits for the device.
+    fn write(
+        &mut self,
+        job: &Job,
+        loaded: &Loaded,
+        (drawing, images): (Drawing, Vec<Part>),
+    ) -> limpid::Result<Outcome> {
+        let Self { args, output, stats, .. } = self;
+        let shot = drawing.wait()?;
+        if let (Some(_), Some(pictures)) = (&args.aov, output.pictures()) {
+            pictures.write_aovs(&job.take, images, job.fingerprint)?;
         }
         // The picture last: where it exists, all that belongs to it does.
         output.write(&job.take, &shot.picture, job.fingerprint)?;

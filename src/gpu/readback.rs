@@ -8,12 +8,26 @@ pub(crate) fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
     let staging = staging(gpu, buffer.size());
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
-    gpu.queue.submit([encoder.finish()]);
-    read_rows(gpu, &staging, buffer.size(), buffer.size())
+    let submission = gpu.queue.submit([encoder.finish()]);
+    read_mapped(gpu, &staging, buffer.size(), submission, <[u8]>::to_vec)
+}
+
+/// Rows of a texture on their way to memory: what is told to the device meanwhile comes after them.
+#[derive(Debug)]
+pub(crate) struct Reading {
+    staging: wgpu::Buffer,
+    padded_row: u64,
+    row: u64,
+    submission: wgpu::SubmissionIndex,
 }
 
 /// Reads one layer of a texture that has `COPY_SRC`, rows packed without padding.
 pub(crate) fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<u8>> {
+    begin_reading(gpu, texture, layer).wait(gpu)
+}
+
+/// As [`read_texture`], without waiting for it.
+pub(crate) fn begin_reading(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Reading {
     let texel = texture.format().block_copy_size(None).expect("colour formats have a texel size");
     let row = u64::from(texture.width()) * u64::from(texel);
     let padded_row = padded(row);
@@ -40,8 +54,8 @@ pub(crate) fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Re
             depth_or_array_layers: 1,
         },
     );
-    gpu.queue.submit([encoder.finish()]);
-    read_rows(gpu, &staging, padded_row, row)
+    let submission = gpu.queue.submit([encoder.finish()]);
+    Reading { staging, padded_row, row, submission }
 }
 
 /// The bytes from the beginning of one row to the next, where a copy may put them.
@@ -82,20 +96,21 @@ pub(crate) fn read_mapped<T>(
     Ok(result)
 }
 
-/// Waits for the device, and reads the first `row` of each `padded_row` bytes.
-fn read_rows(gpu: &Gpu, staging: &wgpu::Buffer, padded_row: u64, row: u64) -> Result<Vec<u8>> {
-    // Nothing is asked of a buffer that is not there.
-    gpu.check()?;
-    staging.map_async(wgpu::MapMode::Read, .., |_| ());
-    gpu.wait()?;
-    let lost = |reason: String| Error::DeviceLost(reason);
-    let mapped = staging.get_mapped_range(..).map_err(|e| lost(e.to_string()))?;
-    let rows = mapped.chunks_exact(padded_row as usize);
-    let mut bytes = Vec::new();
-    let room = bytes.try_reserve_exact(rows.len() * row as usize);
-    room.map_err(|e| lost(format!("no memory for a picture: {e}")))?;
-    for padded in rows {
-        bytes.extend_from_slice(&padded[..row as usize]);
+impl Reading {
+    /// Waits for these rows, not for what the device was told after them.
+    pub(crate) fn wait(self, gpu: &Gpu) -> Result<Vec<u8>> {
+        let Self { staging, padded_row, row, submission } = self;
+        let bytes = read_mapped(gpu, &staging, staging.size(), submission, |mapped| {
+            let rows = mapped.chunks_exact(padded_row as usize);
+            let mut bytes = Vec::new();
+            bytes.try_reserve_exact(rows.len() * row as usize)?;
+            for padded in rows {
+                bytes.extend_from_slice(&padded[..row as usize]);
+            }
+            Ok(bytes)
+        })?;
+        bytes.map_err(|e: std::collections::TryReserveError| {
+            Error::DeviceLost(format!("no memory for a picture: {e}"))
+        })
     }
-    Ok(bytes)
 }
