@@ -17,8 +17,8 @@ use clap::{Parser, Subcommand};
 
 /// Draws clear liquid straight from particles.
 ///
-/// Exit codes: 0 done, 1 the pictures differ or frames failed, 2 usage, 3 size or format mismatch,
-/// 4 missing or unreadable file, 5 no graphics adapter, 6 device lost or out of memory (try again).
+/// Exit codes: 0 done, 1 the pictures differ, errors have risen or frames failed, 2 usage, 3 size or
+/// format mismatch, 4 missing or unreadable file, 5 no graphics adapter, 6 device lost or out of memory (try again).
 #[derive(Parser)]
 #[command(version, about, long_about)]
 struct Cli {

@@ -8,11 +8,13 @@
 //! - [`stress`]: extreme scales, places, lenses and indices, against a closed form.
 //! - [`passes`]: what each pass takes, against what it must move and compute at the adapter's best.
 //! - [`elisions`]: what is left out of a frame that does not need it, and what that saves.
+//! - [`against`]: which errors have risen since an earlier report.
 //! - [`curve`]: what `limpid render --max-error` and `--budget` choose by.
 //!
 //! Times are the device's own timestamps. Methods run by turns, after a warm-up; a row has the
 //! median and half the distance between the quartiles.
 
+pub mod against;
 pub mod caustics;
 pub mod curve;
 pub mod elisions;
@@ -45,7 +47,7 @@ use subjects::Subject;
 /// What to measure.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Options {
-    /// Small pictures and few methods: under two minutes on two cores without a GPU.
+    /// Small pictures and few methods: a few minutes on two cores without a GPU.
     pub quick: bool,
     /// Width of traced pictures, pixels; 320 or 1024 if absent.
     pub width: Option<u32>,

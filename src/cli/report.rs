@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use limpid::gpu::Gpu;
 use limpid::output;
+use limpid::report::against::Measured;
 use limpid::report::{self, Kind, Options};
 
 #[derive(clap::Args)]
@@ -12,7 +13,7 @@ pub(crate) struct Args {
     /// Folder for report.json, report.html and report.md.
     #[arg(long, default_value = "report")]
     out: PathBuf,
-    /// Small pictures and few methods: under two minutes on two cores without a GPU.
+    /// Small pictures and few methods: a few minutes on two cores without a GPU.
     #[arg(long)]
     quick: bool,
     /// Write the JSON to this file instead.
@@ -34,9 +35,13 @@ pub(crate) struct Args {
     /// Only what leaving out saves: --kinds elisions.
     #[arg(long)]
     elisions: bool,
+    /// Compare the errors with those of an earlier report.json: tells which are worse; the exit code is 1
+    /// if any has risen by more than a hundredth of itself.
+    #[arg(long, value_name = "FILE.json")]
+    against: Option<PathBuf>,
     /// Measure only what `limpid render --max-error` and `--budget` choose by, and write it to this
     /// file.
-    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["kinds", "passes", "elisions", "scenes", "json"])]
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["kinds", "passes", "elisions", "scenes", "json", "against"])]
     curve: Option<PathBuf>,
 }
 
@@ -58,7 +63,11 @@ const CURVE: &str = "\
 # mean FLIP against traced pictures, and the time of a frame over that with the defaults.
 ";
 
+/// The exit code if an error has risen.
+const WORSE: u8 = 1;
+
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let earlier = args.against.as_deref().map(Measured::read).transpose()?;
     let gpu = Gpu::headless()?;
     let mut progress = |step: &str| eprintln!("report: {step}");
     let write = |path: &Path, text: &str| {
@@ -90,5 +99,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
     println!("{}", args.out.join("report.html").display());
-    Ok(ExitCode::SUCCESS)
+    let Some(earlier) = earlier else { return Ok(ExitCode::SUCCESS) };
+    let against = Measured::of(&report).against(&earlier);
+    println!("{against}");
+    let risen = against.risen().next().is_some();
+    Ok(if risen { ExitCode::from(WORSE) } else { ExitCode::SUCCESS })
 }

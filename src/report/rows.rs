@@ -1,14 +1,14 @@
 //! What a report holds: rows of numbers, and the figures that go with them.
 
 use image::RgbImage;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::elisions::Elision;
 use super::passes::Budget;
 use super::rates::Rates;
 
 /// What a row measures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
     /// One intersection per pixel.
@@ -26,7 +26,7 @@ pub enum Kind {
 }
 
 /// One measurement. What does not apply to its kind, or could not be measured, is absent.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// What was measured.
     pub kind: Kind,
@@ -79,7 +79,7 @@ pub struct Row {
 }
 
 /// The measure of a row's error.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ErrorKind {
     /// Share of solvable rays that were not solved, plus share of all with a wrong hit.
@@ -174,7 +174,7 @@ pub struct Orders {
 }
 
 /// Pictures of extreme scenes.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Stress {
     /// What was varied.
     pub case: String,

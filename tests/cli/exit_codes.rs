@@ -119,6 +119,7 @@ fn missing_and_damaged_files() {
     fail(&["none.bgeo"], &["info", "none.bgeo"]);
     fail(&["none.png"], &["compare", "a.png", "none.png"]);
     fail(&["cut.png"], &["compare", "a.png", "cut.png"]);
+    fail(&["none.json", "No such file"], &["report", "--against", "none.json"]);
     fail(&["cut.bgeo", "byte"], &["render", "cut.bgeo"]);
     fail(&["cut.bgeo", "byte"], &["info", "cut.bgeo"]);
     fail(&["23", "missing"], &["render", &dam("{}"), "--frames", "20-23"]);

@@ -8,6 +8,7 @@ mod compare;
 mod exit_codes;
 mod info;
 mod render;
+mod report;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
