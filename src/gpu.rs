@@ -216,7 +216,7 @@ impl Gpu {
         } else if 4 + 4 * tiles > limits.max_storage_buffer_binding_size {
             let most = limits.max_storage_buffer_binding_size;
             format!("lists at most {most} bytes of tiles (max_storage_buffer_binding_size)")
-        } else if tiles.min(ROW) > u64::from(limits.max_compute_workgroups_per_dimension) {
+        } else if tiles.min(ROW.into()) > u64::from(limits.max_compute_workgroups_per_dimension) {
             let most = limits.max_compute_workgroups_per_dimension;
             format!(
                 "runs at most {most} workgroups in a row (max_compute_workgroups_per_dimension)"
@@ -229,8 +229,13 @@ impl Gpu {
     }
 }
 
-/// Workgroups in a row of a dispatch over tiles, as in `common/tiles.wgsl`.
-const ROW: u64 = 32768;
+/// Workgroups in a row of a dispatch, as in `common/groups.wgsl`.
+pub const ROW: u32 = 32768;
+
+/// Dispatches so many workgroups; shaders number them by `group_index`.
+pub(crate) fn dispatch(pass: &mut wgpu::ComputePass<'_>, groups: u32) {
+    pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
+}
 
 /// What an error says, and what it says of its cause.
 fn reasons(error: &dyn std::error::Error) -> String {

@@ -8,7 +8,7 @@ use bytemuck::Zeroable;
 use limpid::camera::CameraUniform;
 use limpid::passes::classify::device;
 use limpid::passes::{Layers, caustics, classify, cull, gbuffer, refract, smooth, tiles, tonemap};
-use limpid::shader;
+use limpid::{gpu, shader};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
 
 /// One field as either language has it.
@@ -237,7 +237,8 @@ fn shared_constants_agree() {
         ("cull/select.wgsl", "BLOCK", cull::BLOCK),
         ("splat.wgsl", "FRONT", Layers::FRONT),
         ("splat.wgsl", "BACK", Layers::BACK),
-        ("classify/scan.wgsl", "ROW", device::ROW),
+        ("classify/scan.wgsl", "ROW", gpu::ROW),
+        ("tiles.wgsl", "ROW", gpu::ROW),
         ("classify/scan.wgsl", "THREADS", device::SORTING),
         ("classify/scan.wgsl", "EACH", device::BLOCK / device::SORTING),
         ("classify/shape.wgsl", "SPLASH", device::Shaped::SPLASH),

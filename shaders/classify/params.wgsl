@@ -1,5 +1,7 @@
 // What all of a classification's kernels are told, and how their threads are counted.
 
+#import common/groups.wgsl
+
 struct Params {
     least: vec3f,          // the grid's corners, m
     per_cell: f32,         // 1/m
@@ -21,14 +23,6 @@ struct Params {
 
 // Storage, not a uniform: its values decide branches.
 @group(0) @binding(0) var<storage, read> params: Params;
-
-// Workgroups in a row of a dispatch; below the 65535 that every adapter allows.
-const ROW: u32 = 32768u;
-
-// The number of a workgroup.
-fn group_index(group: vec3u) -> u32 {
-    return group.x + ROW * group.y;
-}
 
 fn cell_index(cell: vec3u) -> u32 {
     return (cell.z * params.counts.y + cell.y) * params.counts.x + cell.x;

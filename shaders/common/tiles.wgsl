@@ -3,9 +3,9 @@
 // Work on the liquid is dispatched over its tiles alone. Order in a list is not defined; every
 // pixel is in one tile of one list, so pictures do not depend on it.
 
+#import common/groups.wgsl
+
 const TILE: u32 = 8u;
-// Workgroups in a row of a dispatch; below the 65535 that every adapter allows.
-const ROW: u32 = 32768u;
 
 struct TileList {
     count: u32,
@@ -15,11 +15,6 @@ struct TileList {
 // Tiles in a row of the picture.
 fn tiles_across(width: u32) -> u32 {
     return (width + TILE - 1u) / TILE;
-}
-
-// The index in a list of the workgroup at `group` of a dispatch.
-fn tile_index(group: vec3u) -> u32 {
-    return group.x + ROW * group.y;
 }
 
 // The pixel of thread `local` in a packed tile.

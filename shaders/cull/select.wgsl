@@ -82,7 +82,7 @@ var<workgroup> mask: array<atomic<u32>, WORDS>;
 // A workgroup takes a block of splats.
 @compute @workgroup_size(BLOCK)
 fn mark(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    let block = tile_index(group);
+    let block = group_index(group);
     if local < WORDS {
         atomicStore(&mask[local], 0u);
     }
@@ -138,7 +138,7 @@ fn arrange(@builtin(local_invocation_index) local: u32) {
 // The list, in the order of the splats.
 @compute @workgroup_size(BLOCK)
 fn list(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    let block = tile_index(group);
+    let block = group_index(group);
     if block >= arrayLength(&counts) {
         return;
     }

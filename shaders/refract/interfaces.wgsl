@@ -548,7 +548,7 @@ fn has_liquid(texel: vec2i) -> bool {
 
 @compute @workgroup_size(8, 8)
 fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let index = tile_index(group);
+    let index = group_index(group);
     if index >= tiles.count {
         return;
     }
@@ -575,7 +575,7 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
 
 @compute @workgroup_size(8, 8)
 fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let index = tile_index(group);
+    let index = group_index(group);
     if index >= tiles.count {
         return;
     }

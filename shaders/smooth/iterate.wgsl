@@ -39,7 +39,7 @@ fn state_at(q: vec2i, layer: i32) -> vec4f {
 
 @compute @workgroup_size(8, 8)
 fn prepare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let index = tile_index(group);
+    let index = group_index(group);
     if index >= liquid.count {
         return;
     }
@@ -58,7 +58,7 @@ fn prepare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
 
 @compute @workgroup_size(8, 8)
 fn iterate(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let index = tile_index(group);
+    let index = group_index(group);
     if index >= liquid.count {
         return;
     }
@@ -95,7 +95,7 @@ fn tap_weight(offset: vec2i) -> f32 {
 
 @compute @workgroup_size(8, 8)
 fn planes(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let index = tile_index(group);
+    let index = group_index(group);
     if index >= liquid.count {
         return;
     }

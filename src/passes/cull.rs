@@ -21,9 +21,6 @@ pub const BLOCK: u32 = 256;
 /// Words of 32 bits that say of each splat of a block whether it shows.
 const WORDS: u32 = BLOCK / 32;
 
-/// Workgroups in a row of a dispatch, as in `common/tiles.wgsl`.
-const ROW: u32 = 32768;
-
 /// Fewer surrounded splats than these are drawn faster than they are told apart.
 pub const LEAST: usize = 1 << 16;
 
@@ -184,13 +181,12 @@ impl Cull {
             pass.set_bind_group(1, &chunk.group, &[]);
             pass.set_bind_group(2, &list.select, &[]);
             let blocks = list.splats.div_ceil(BLOCK);
-            let (x, y) = (blocks.min(ROW), blocks.div_ceil(ROW));
             pass.set_pipeline(&self.mark[phase as usize]);
-            pass.dispatch_workgroups(x, y, 1);
+            gpu::dispatch(&mut pass, blocks);
             pass.set_pipeline(&self.arrange);
             pass.dispatch_workgroups(1, 1, 1);
             pass.set_pipeline(&self.list);
-            pass.dispatch_workgroups(x, y, 1);
+            gpu::dispatch(&mut pass, blocks);
         }
     }
 

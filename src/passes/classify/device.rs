@@ -28,8 +28,6 @@ pub const SORTING: u32 = 256;
 const SHAPING: u32 = 64;
 /// Cells of a block of the prefix sum, as in `classify/sums.wgsl`.
 pub const BLOCK: u32 = 2048;
-/// Workgroups in a row of a dispatch, as in `classify/params.wgsl`.
-pub const ROW: u32 = 32768;
 
 /// Most bytes of a frame's results for which its buffers are kept for the next.
 const KEPT: u64 = 256 << 20;
@@ -133,7 +131,7 @@ impl Classifier {
             && limits.max_compute_invocations_per_workgroup >= SORTING
             && limits.max_compute_workgroup_size_x >= SORTING
             && limits.max_compute_workgroup_storage_size >= 2 * 4 * SORTING
-            && limits.max_compute_workgroups_per_dimension >= ROW;
+            && limits.max_compute_workgroups_per_dimension >= gpu::ROW;
         if !enough {
             let problem = "cannot classify: its limits for compute shaders are below WebGPU's; \
                            set classify.on to auto or cpu";
@@ -274,7 +272,7 @@ impl Classifier {
         let mut run = |pipeline, group: &wgpu::BindGroup, groups: u32| {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, group, &[]);
-            pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
+            gpu::dispatch(&mut pass, groups);
         };
         let sorters = params.members.div_ceil(SORTING);
         let blocks = blocks(cells);
