@@ -136,7 +136,8 @@ impl fmt::Display for Against {
         // The worst of all, however little it is.
         for change in worse.iter().take(risen.clamp(1, SHOWN)) {
             let Change { name, before, after } = change;
-            write!(f, "\n  {name}: {before:e} -> {after:e} ({:+.2} %)", 100.0 * change.risen())?;
+            let risen = 100.0 * change.risen();
+            write!(f, "\n  {name}: {before:.3e} -> {after:.3e} ({risen:+.2} %)")?;
         }
         Ok(())
     }
@@ -193,7 +194,7 @@ mod tests {
         assert_eq!(names, expected);
         let text = worse.to_string();
         assert!(text.contains("3 worse, 3 of them by more than 1 %"), "{text}");
-        assert!(text.contains("RaysWrong: 2e-2 -> 3e-2 (+50.00 %)"), "{text}");
+        assert!(text.contains("RaysWrong: 2.000e-2 -> 3.000e-2 (+50.00 %)"), "{text}");
 
         let undefined = measured(f64::NAN, 1e-5, 0).against(&before);
         assert_eq!(undefined.risen().count(), 1);
