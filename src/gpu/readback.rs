@@ -9,10 +9,12 @@ pub(crate) fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
     let submission = gpu.queue.submit([encoder.finish()]);
-    read_mapped(gpu, &staging, buffer.size(), submission, <[u8]>::to_vec)
+    let row = buffer.size();
+    Reading { staging, padded_row: row, row, submission }.wait(gpu)
 }
 
-/// Rows of a texture on their way to memory: what is told to the device meanwhile comes after them.
+/// Rows of a texture, or a buffer as one row, on their way to memory: what is told to the device
+/// meanwhile comes after them.
 #[derive(Debug)]
 pub(crate) struct Reading {
     staging: wgpu::Buffer,
