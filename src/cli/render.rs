@@ -258,6 +258,12 @@ fn draw_all(
     let mut before = None;
     let mut next = queue.next(log)?;
     while let Some(job) = next {
+        // While its particles still come, the one before need not wait for them.
+        if !loader.has(&job.take)
+            && let Some((job, sitting)) = before.take()
+        {
+            easel.conclude(&job, sitting, log, bar)?;
+        }
         let loaded = loader.wait(&job.take);
         next = queue.next_free(log)?;
         if let Some(next) = &next {

@@ -46,6 +46,11 @@ impl Loader {
         self.ring.aim(self.index(take), step, self.looped);
     }
 
+    /// Whether nobody has to wait for the particles of a picture.
+    pub(super) fn has(&self, take: &Take) -> bool {
+        self.ring.get(self.index(take)).is_some()
+    }
+
     pub(super) fn wait(&self, take: &Take) -> limpid::Result<Arc<Loaded>> {
         self.ring.wait(self.index(take))
     }
