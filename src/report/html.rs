@@ -100,8 +100,8 @@ fn reading(kind: Kind) -> &'static str {
              <dt>solved</dt><dd>its hit is within a pixel of the truth, and at its depth</dd>\
              <dt>wrong accept</dt><dd>a hit of a ray that cannot be solved, or one more than two \
              pixels off or at another depth; as a share of all rays</dd>\
-             <dt>rays wrong</dt><dd>solvable rays that were not solved, of the solvable, plus wrong \
-             accepts, of all</dd>\
+             <dt>rays wrong</dt><dd>solvable rays that were not solved, and hits of rays that cannot \
+             be solved; each ray once, as a share of all rays</dd>\
              <dt>ms</dt><dd>net: the cost of everything but the intersection is \
              subtracted</dd>\
              <dt>fetches</dt><dd>texels read per ray, mean</dd>\
@@ -109,7 +109,9 @@ fn reading(kind: Kind) -> &'static str {
         }
         Kind::Smooth => {
             "<p>The splatted layers are smoothed, all iterations of a filter together, and compared \
-             with the true surface.</p>\n"
+             with the true surface at the pixels that both cover. Depths differ most at silhouettes, \
+             where a pixel more or less is another surface: their error is told over all pixels, and \
+             without the tenth that differs most.</p>\n"
         }
         Kind::Caustics => {
             "<p>The irradiance that light through the liquid brings to the solids, as a map in the \

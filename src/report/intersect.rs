@@ -382,10 +382,9 @@ pub(super) fn rows(
         let pairs = measurement.ms.iter().zip(&measured[0].ms);
         let net: Vec<f64> = pairs.map(|(ms, nothing)| (ms - nothing).max(0.0)).collect();
         let score = score(view, truths, &measurement.answers);
-        let wrong = 1.0 - score.solved_of_solvable() + score.wrong_accepts();
         let mut row = Row::new(Kind::Intersect, name, &method.name, &method.words)
             .timed(&net)
-            .with_error(wrong, ErrorKind::RaysWrong, truth);
+            .with_error(score.rays_wrong(), ErrorKind::RaysWrong, truth);
         row.fetches = Some(measurement.fetches);
         row.iterations = Some(measurement.iterations);
         row.solved_of_solvable = Some(score.solved_of_solvable());
@@ -467,5 +466,43 @@ impl ViewLayers {
             splash: splash.map(pair).transpose()?,
             solids: solids.unwrap_or_else(|| vec![[0.0; 4]; size.element_product() as usize]),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::layers::LayerHit;
+
+    /// Protects the share of wrong rays: each ray counts once, however it fails, and the share is of
+    /// all rays.
+    #[test]
+    fn each_wrong_ray_counts_once() {
+        let view = View {
+            size: DVec2::new(160.0, 120.0),
+            tangent: DVec2::new(0.4, 0.3),
+            near: 1e-3,
+            far: None,
+        };
+        let hit = LayerHit { u: DVec2::splat(60.5), depth: 5.0, plane: DVec3::new(0.0, 0.0, -0.2) };
+        let (right, aside) = (Answer::Hit(hit.u, 5.0), Answer::Hit(hit.u + 20.0, 5.0));
+        let (solvable, hidden) = (Truth::Hit(hit), Truth::Unsolvable);
+        let rays = [
+            (Truth::None, Answer::None),
+            (solvable, right),
+            // Neither solved nor right: one ray that is wrong.
+            (solvable, aside),
+            (solvable, Answer::Missed),
+            (hidden, right),
+            (hidden, Answer::Missed),
+        ];
+        let (truths, answers): (Vec<_>, Vec<_>) = rays.into_iter().unzip();
+        let method = Method { name: "known".into(), words: String::new(), settings: None };
+        let measurement =
+            Measurement { ms: vec![1.0], answers, fetches: 0.0, iterations: 0.0, orders: [0; 4] };
+        let (methods, measured) = ([method.clone(), method], [measurement.clone(), measurement]);
+        let rows = rows("known", &methods, &measured, &view, &truths, "known");
+        assert_eq!(rows[0].error, Some(3.0 / 5.0));
+        assert_eq!(rows[0].wrong_accepts, Some(2.0 / 5.0));
     }
 }

@@ -58,7 +58,8 @@ pub(super) fn error_name(kind: ErrorKind) -> &'static str {
         ErrorKind::RaysWrong => "rays wrong",
         ErrorKind::NormalMedianDegrees => "normals, median error, °",
         ErrorKind::NormalP90Degrees => "normals, 90 % within, °",
-        ErrorKind::DepthRmsRadii => "depth, RMS, radii",
+        ErrorKind::DepthRmsAllRadii => "depth, RMS, radii",
+        ErrorKind::DepthRmsNineTenthsRadii => "depth, RMS without the worst tenth, radii",
         ErrorKind::MeanFlip => "mean FLIP",
         ErrorKind::RelativeL1 => "relative L1",
         ErrorKind::RelativeL1OnePath => "relative L1, one path",
@@ -275,10 +276,15 @@ mod tests {
         let rows: Vec<&Row> = report.rows.iter().filter(|row| row.kind == Kind::Smooth).collect();
         let table = measurements(&rows, true);
         let names: Vec<&str> = table.head.iter().map(|column| column.0).collect();
-        let errors = ["normals, median error, °", "normals, 90 % within, °", "depth, RMS, radii"];
-        assert_eq!(names[names.len() - 3..], errors);
-        assert_eq!(table.rows.len() * 3, rows.len());
-        assert!(table.rows.iter().all(|row| row[names.len() - 3..].iter().all(|c| !c.is_empty())));
+        let errors = [
+            "normals, median error, °",
+            "normals, 90 % within, °",
+            "depth, RMS, radii",
+            "depth, RMS without the worst tenth, radii",
+        ];
+        assert_eq!(names[names.len() - 4..], errors);
+        assert_eq!(table.rows.len() * 4, rows.len());
+        assert!(table.rows.iter().all(|row| row[names.len() - 4..].iter().all(|c| !c.is_empty())));
     }
 
     /// Protects what numbers say: three significant digits, and no share that is not whole is

@@ -82,14 +82,20 @@ pub struct Row {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ErrorKind {
-    /// Share of solvable rays that were not solved, plus share of all with a wrong hit.
+    /// Share of all rays that were answered other than by the truth: solvable ones that were not
+    /// solved, and hits of rays that cannot be solved.
     RaysWrong,
     /// Median angle between normals, degrees.
     NormalMedianDegrees,
     /// Angle between normals that 90 % of the pixels do not exceed, degrees.
     NormalP90Degrees,
-    /// Root mean square difference of depths, particle radii.
-    DepthRmsRadii,
+    /// Root mean square difference of depths over all pixels that both surfaces cover, particle
+    /// radii.
+    DepthRmsAllRadii,
+    /// As [`ErrorKind::DepthRmsAllRadii`] without the tenth of the pixels that differ most: at
+    /// silhouettes a pixel more or less is another surface.
+    #[serde(alias = "depth_rms_radii")]
+    DepthRmsNineTenthsRadii,
     /// Mean FLIP of the whole picture (Andersson et al. 2020).
     MeanFlip,
     /// Relative L1 difference.

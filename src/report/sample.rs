@@ -33,7 +33,11 @@ fn intersect(scene: &str, method: &str, settings: &str, ms: f64, missed: f64, wr
         ..Row::new(Kind::Intersect, scene, method, settings)
     }
     .timed(&[0.9 * ms, ms, 1.1 * ms])
-    .with_error(missed + wrong, ErrorKind::RaysWrong, "the same layers, intersected exactly")
+    .with_error(
+        0.7 * missed + 0.3 * wrong,
+        ErrorKind::RaysWrong,
+        "the same layers, intersected exactly",
+    )
 }
 
 /// A report with all kinds of rows.
@@ -58,7 +62,8 @@ pub(super) fn sample() -> Report {
         for (kind, times) in [
             (ErrorKind::NormalMedianDegrees, 1.0),
             (ErrorKind::NormalP90Degrees, 3.0),
-            (ErrorKind::DepthRmsRadii, 0.02),
+            (ErrorKind::DepthRmsAllRadii, 0.05),
+            (ErrorKind::DepthRmsNineTenthsRadii, 0.02),
         ] {
             let row = Row::new(Kind::Smooth, "ball", method, "").timed(&[ms]);
             rows.push(row.with_error(times * error, kind, "analytic"));

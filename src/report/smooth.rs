@@ -85,10 +85,14 @@ pub fn measure(
             row.iterations = Some(settings.smooth.iterations.into());
             row.timed(&of_smooth)
         };
-        if let Some([median, p90, depth]) = errors {
-            rows.push(row().with_error(median, ErrorKind::NormalMedianDegrees, subject.truth));
-            rows.push(row().with_error(p90, ErrorKind::NormalP90Degrees, subject.truth));
-            rows.push(row().with_error(depth / radius, ErrorKind::DepthRmsRadii, subject.truth));
+        if let Some(SurfaceErrors { angles: [median, p90], depths: [all, nine_tenths] }) = errors {
+            let errors = [
+                (median, ErrorKind::NormalMedianDegrees),
+                (p90, ErrorKind::NormalP90Degrees),
+                (all / radius, ErrorKind::DepthRmsAllRadii),
+                (nine_tenths / radius, ErrorKind::DepthRmsNineTenthsRadii),
+            ];
+            rows.extend(errors.map(|(error, kind)| row().with_error(error, kind, subject.truth)));
         }
         if let Some(truth) = &truth {
             let map = flip(truth, &picture, PIXELS_PER_DEGREE)?;
@@ -98,15 +102,22 @@ pub fn measure(
     Ok(rows)
 }
 
-/// Median and 90th percentile of the angle between normals (degrees), and the root mean square
-/// difference of depths (m) of the nearer nine tenths of the pixels that both surfaces cover: at
-/// silhouettes a pixel more or less is another surface.
+/// How a surface differs from another at the pixels that both cover.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct SurfaceErrors {
+    /// Median and 90th percentile of the angle between normals, degrees.
+    angles: [f64; 2],
+    /// Root mean square difference of depths, m: of all, and without the tenth that differs most.
+    depths: [f64; 2],
+}
+
+/// Compares a layer's texels with the true depths and normals.
 fn surface_errors(
     view: &View,
     texels: &[[f32; 4]],
     depths: &[f64],
     normals: &[DVec3],
-) -> Option<[f64; 3]> {
+) -> Option<SurfaceErrors> {
     let width = view.size.x as usize;
     let mut angles = Vec::new();
     let mut differences = Vec::new();
@@ -126,9 +137,14 @@ fn surface_errors(
     angles.sort_by(f64::total_cmp);
     differences.sort_by(f64::total_cmp);
     let at = |share: f64| angles[((angles.len() - 1) as f64 * share) as usize];
-    let near = &differences[..(differences.len() * 9).div_ceil(10)];
-    let rms = (near.iter().map(|d| d * d).sum::<f64>() / near.len() as f64).sqrt();
-    Some([at(0.5), at(0.9), rms])
+    let rms = |differences: &[f64]| {
+        (differences.iter().map(|d| d * d).sum::<f64>() / differences.len() as f64).sqrt()
+    };
+    let nine_tenths = (differences.len() * 9).div_ceil(10);
+    Some(SurfaceErrors {
+        angles: [at(0.5), at(0.9)],
+        depths: [rms(&differences), rms(&differences[..nine_tenths])],
+    })
 }
 
 #[cfg(test)]
@@ -161,14 +177,25 @@ mod tests {
             vec![[p.x, p.y, p.z, 1.0]; depths.len()]
         };
         let same = surface_errors(&view, &texels(plane), &depths, &normals).expect("a surface");
-        assert!(same.iter().all(|&e| e < 1e-3), "{same:?}");
+        let all = same.angles.iter().chain(&same.depths);
+        assert!(all.copied().all(|e| e < 1e-3), "{same:?}");
         let (_, turned) = surface(turn, depth);
-        let [median, p90, _] = surface_errors(&view, &texels(turned), &depths, &normals).unwrap();
+        let found = surface_errors(&view, &texels(turned), &depths, &normals).unwrap();
+        let [median, p90] = found.angles;
         assert!((median - turn.to_degrees()).abs() < 1e-3, "{median}");
         assert!((p90 - turn.to_degrees()).abs() < 1e-3, "{p90}");
         let (_, moved) = surface(0.0, depth + 0.25);
-        let [_, _, rms] = surface_errors(&view, &texels(moved), &depths, &normals).unwrap();
-        assert!((rms - 0.25).abs() < 1e-5, "{rms}");
+        let found = surface_errors(&view, &texels(moved), &depths, &normals).unwrap();
+        for rms in found.depths {
+            assert!((rms - 0.25).abs() < 1e-5, "{rms}");
+        }
+        // One pixel in twelve far off: all pixels have it in their mean, nine tenths have not.
+        let (_, far) = surface(0.0, 4.0 * depth);
+        let mut torn = texels(plane);
+        torn[..16].copy_from_slice(&texels(far)[..16]);
+        let found = surface_errors(&view, &torn, &depths, &normals).unwrap();
+        assert!((found.depths[0] - 3.0 * depth / 12f64.sqrt()).abs() < 1e-3, "{found:?}");
+        assert!(found.depths[1] < 1e-3, "{found:?}");
         assert_eq!(surface_errors(&view, &vec![[0.0; 4]; 192], &depths, &normals), None);
     }
 }

@@ -66,6 +66,9 @@ pub struct Score {
     pub solved: u64,
     /// Hits that are not: of rays that cannot be solved, or more than two pixels off.
     pub wrong: u64,
+    /// Rays answered other than by the truth, each counted once: solvable ones that were not
+    /// solved, and hits of rays that cannot be solved.
+    pub failed: u64,
     /// Root mean square distance of the solved from the truth, pixels.
     pub rms_px: f64,
 }
@@ -79,6 +82,11 @@ impl Score {
     /// Share of all rays that were solved.
     pub fn solved_of_all(&self) -> f64 {
         self.solved as f64 / self.rays.max(1) as f64
+    }
+
+    /// Share of all rays that were answered other than by the truth.
+    pub fn rays_wrong(&self) -> f64 {
+        self.failed as f64 / self.rays.max(1) as f64
     }
 
     /// Share of all rays with a hit that is wrong.
@@ -122,7 +130,9 @@ pub fn score(view: &View, truths: &[Truth], answers: &[Answer]) -> Score {
         }
         score.rays += 1;
         let Truth::Hit(hit) = truth else {
-            score.wrong += u64::from(matches!(answer, Answer::Hit(..)));
+            let hit = u64::from(matches!(answer, Answer::Hit(..)));
+            score.wrong += hit;
+            score.failed += hit;
             continue;
         };
         score.solvable += 1;
@@ -135,6 +145,7 @@ pub fn score(view: &View, truths: &[Truth], answers: &[Answer]) -> Score {
             score.wrong += 1;
         }
     }
+    score.failed += score.solvable - score.solved;
     score.rms_px = (squares / score.solved.max(1) as f64).sqrt();
     score
 }
