@@ -1,9 +1,9 @@
 //! Settings by what a picture may cost, or how wrong it may be: `limpid render --max-error` and
 //! `--budget`.
 //!
-//! They are chosen from what was measured, `src/quality.toml`, which `limpid report --curve` writes.
-//! Errors are the same on every adapter. Costs are relative to the defaults', so a few frames of the
-//! scene tell what they are on the adapter that is there.
+//! How wrong they are was measured beforehand, `src/quality.toml`, which `limpid report --curve` writes:
+//! errors are the same on every adapter. What they take depends on adapter, scene and size, so it
+//! is measured where it is asked for.
 
 use std::sync::LazyLock;
 
@@ -31,12 +31,12 @@ pub struct Curve {
     pub width: u32,
     /// Intersectors; all other settings are the defaults. The defaults themselves come first.
     pub intersectors: Vec<Choice>,
-    /// Intersectors with less or more smoothing, rays and bounces: those that no other is better
-    /// than in everything.
+    /// Intersectors with less or more smoothing, rays and bounces: the defaults, and those that no
+    /// other is better than in everything.
     pub pictures: Vec<Choice>,
 }
 
-/// Settings, and what they cost.
+/// Settings, and how good they are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Choice {
@@ -48,7 +48,8 @@ pub struct Choice {
     pub error_px: f64,
     /// Mean FLIP of the pictures against traced ones.
     pub flip: f64,
-    /// Time of a frame over that with the defaults.
+    /// Time of a frame over that with the defaults, on the curve's adapter and at its width: of no
+    /// other size or scene.
     pub cost: f64,
 }
 
@@ -67,16 +68,16 @@ pub struct Picked {
     /// The settings and what is known of them.
     #[serde(flatten)]
     pub choice: Choice,
-    /// Time of a frame on this adapter, measured, ms; if a budget was given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub ms: Option<f64>,
+    /// Time of a frame, ms, measured on this adapter, on this scene, at the size asked for.
+    pub ms: f64,
 }
 
 /// Frames of which the median is taken.
 const FRAMES: usize = 3;
 
-/// Frames that are measured before a budget is given up.
-const ATTEMPTS: usize = 4;
+/// Times that differ by no more than this share of the shorter are alike: medians of a few frames
+/// vary so much.
+pub const NOISE: f64 = 0.1;
 
 impl Curve {
     /// The measurements that limpid has with it.
@@ -87,45 +88,69 @@ impl Curve {
         &SHIPPED
     }
 
-    /// The cheapest intersector whose error is at most `max_error` pixels.
+    /// What is exact enough: intersectors, or with a budget pictures. The defaults are among them if
+    /// they are.
     ///
     /// # Errors
     /// [`Error::Usage`] naming the least error, if that is larger.
-    pub fn cheapest(&self, max_error: f64) -> Result<&Choice> {
-        let right = self.intersectors.iter().filter(|choice| choice.error_px <= max_error);
-        let cheaper = |a: &&Choice, b: &&Choice| a.cost.total_cmp(&b.cost);
-        right.min_by(cheaper).ok_or_else(|| too_exact(&self.intersectors, max_error))
+    pub fn candidates(&self, limits: Limits) -> Result<Vec<&Choice>> {
+        let all = if limits.budget.is_some() { &self.pictures } else { &self.intersectors };
+        let Some(max_error) = limits.max_error else { return Ok(all.iter().collect()) };
+        let right: Vec<_> = all.iter().filter(|choice| choice.error_px <= max_error).collect();
+        if right.is_empty() {
+            let exact = |a: &&Choice, b: &&Choice| a.error_px.total_cmp(&b.error_px);
+            let best = all.iter().min_by(exact).map_or(String::new(), |best| {
+                format!("; the least is {} ({})", best.error_px, best.set.join(" "))
+            });
+            let problem = format!("--max-error {max_error}: no intersector is so exact{best}");
+            return Err(Error::Usage(problem));
+        }
+        Ok(right)
     }
 
-    /// The settings with the best picture that cost at most `cost`, and whose intersector's error is
-    /// at most `max_error` pixels. `unit` is what a cost of 1 is, ms.
+    /// What satisfies the limits best, of `candidates` that take so many ms a frame each.
+    ///
+    /// Without a budget: of those that take as long as the fastest, or longer by no more than
+    /// [`NOISE`], the most exact. With one: of those that fit it, the best picture; but nothing
+    /// whose hits are worse than the defaults' where something else fits. So a larger limit never
+    /// picks what is slower, a larger budget never what is worse, and nothing worse than the
+    /// defaults is picked where these fit.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the best that can be had, if nothing satisfies both.
-    pub fn best(&self, max_error: Option<f64>, budget: f64, unit: f64) -> Result<&Choice> {
-        let max_error = max_error.unwrap_or(f64::INFINITY);
-        let right: Vec<_> =
-            self.pictures.iter().filter(|choice| choice.error_px <= max_error).collect();
-        let cheaper = |a: &&&Choice, b: &&&Choice| a.cost.total_cmp(&b.cost);
-        let Some(cheapest) = right.iter().min_by(cheaper) else {
-            return Err(too_exact(&self.pictures, max_error));
+    /// [`Error::Usage`] naming the fastest, if none fits the budget.
+    pub fn decide(&self, limits: Limits, candidates: &[&Choice], ms: &[f64]) -> Result<Picked> {
+        let timed = || candidates.iter().copied().zip(ms.iter().copied());
+        let fastest = timed().min_by(|a, b| a.1.total_cmp(&b.1));
+        let (quick, least) = fastest.ok_or_else(|| Error::Usage("nothing to pick".into()))?;
+        let best = match limits.budget {
+            None => timed()
+                .filter(|(_, ms)| *ms <= (1.0 + NOISE) * least)
+                .min_by(|(a, _), (b, _)| a.error_px.total_cmp(&b.error_px)),
+            Some(budget) => {
+                let default = self.intersectors.first().map_or(f64::INFINITY, |d| d.error_px);
+                timed().filter(|(_, ms)| *ms <= budget).min_by(|(a, a_ms), (b, b_ms)| {
+                    let worse = |choice: &Choice| choice.error_px > default;
+                    (worse(a).cmp(&worse(b)))
+                        .then(a.flip.total_cmp(&b.flip))
+                        .then(a.error_px.total_cmp(&b.error_px))
+                        .then(a_ms.total_cmp(b_ms))
+                })
+            }
         };
-        let better =
-            |a: &&&Choice, b: &&&Choice| a.flip.total_cmp(&b.flip).then(a.cost.total_cmp(&b.cost));
-        let affordable = right.iter().filter(|choice| choice.cost * unit <= budget);
-        affordable.min_by(better).copied().ok_or_else(|| {
-            let (ms, set) = (cheapest.cost * unit, cheapest.set.join(" "));
-            Error::Usage(format!(
-                "--budget {budget}: the fastest settings take about {ms:.2} ms a frame here ({set})"
-            ))
-        })
+        let Some((choice, ms)) = best else {
+            let (budget, set) = (limits.budget.unwrap_or(0.0), quick.set.join(" "));
+            let problem = "the fastest settings take about";
+            let what = format!("--budget {budget}: {problem} {least:.2} ms a frame here ({set})");
+            return Err(Error::Usage(what));
+        };
+        Ok(Picked { choice: choice.clone(), ms })
     }
 
-    /// What satisfies `limits`, and the scene's settings with it; none if there are none. A budget is
-    /// measured on `gpu`, by frames of this scene.
+    /// What satisfies `limits`, and the scene's settings with it; none if there are none. All that
+    /// may be picked draws the frame at `size` some times on `gpu`.
     ///
     /// # Errors
-    /// As [`Curve::cheapest`], [`Curve::best`] and [`Renderer::render`].
+    /// As [`Curve::candidates`], [`Curve::decide`] and [`Renderer::render`].
     pub fn pick(
         &self,
         limits: Limits,
@@ -134,73 +159,55 @@ impl Curve {
         frame: impl FnOnce(&Scene) -> Result<(Camera, Splats)>,
         size: UVec2,
     ) -> Result<Option<Picked>> {
-        let Some(budget) = limits.budget else {
-            let Some(max_error) = limits.max_error else { return Ok(None) };
-            let choice = self.cheapest(max_error)?;
-            scene.settings = scene.settings.with(&choice.set)?;
-            return Ok(Some(Picked { choice: choice.clone(), ms: None }));
-        };
-        let (camera, splats) = frame(scene)?;
-        let gpu = gpu()?;
-        let mut renderer = Renderer::new(&gpu);
-        let mut take = |set: &[String]| -> Result<(f64, Scene)> {
-            let settings = scene.settings.with(set)?;
-            let scene = Scene { settings, ..scene.clone() };
-            let ms = frame_ms(&gpu, &mut renderer, &scene, &camera, &splats, size)?;
-            Ok((ms, scene))
-        };
-        // The defaults' time is the unit of all others'; where it foretells one wrongly, it is
-        // corrected by that.
-        let mut unit = take(&self.intersectors[0].set)?.0;
-        for _ in 0..ATTEMPTS {
-            let choice = self.best(limits.max_error, budget, unit)?;
-            let (ms, with) = take(&choice.set)?;
-            if ms <= budget {
-                *scene = with;
-                return Ok(Some(Picked { choice: choice.clone(), ms: Some(ms) }));
-            }
-            unit = unit.max(ms / choice.cost);
+        if limits == Limits::default() {
+            return Ok(None);
         }
-        let problem = "what the settings take here varies too much; a larger one expected";
-        Err(Error::Usage(format!("--budget {budget}: {problem}")))
+        let candidates = self.candidates(limits)?;
+        let with = |choice: &&Choice| -> Result<Scene> {
+            Ok(Scene { settings: scene.settings.with(&choice.set)?, ..scene.clone() })
+        };
+        let scenes: Vec<_> = candidates.iter().map(with).collect::<Result<_>>()?;
+        let (camera, splats) = frame(scene)?;
+        let ms = frame_times(&gpu()?, &scenes, &camera, &splats, size)?;
+        let picked = self.decide(limits, &candidates, &ms)?;
+        scene.settings = scene.settings.with(&picked.choice.set)?;
+        Ok(Some(picked))
     }
 }
 
-/// Nothing is so exact; the best is told.
-fn too_exact(choices: &[Choice], max_error: f64) -> Error {
-    let exact = |a: &&Choice, b: &&Choice| a.error_px.total_cmp(&b.error_px);
-    let best = choices.iter().min_by(exact).map_or(String::new(), |best| {
-        format!("; the least is {} ({})", best.error_px, best.set.join(" "))
-    });
-    Error::Usage(format!("--max-error {max_error}: no intersector is so exact{best}"))
-}
-
-/// Time of a frame on the device, ms, the median of some after one that may compile; by the clock
-/// where the adapter has no timestamps.
-fn frame_ms(
+/// Time of a frame of each scene on the device, ms, the median of some after one that may compile; by
+/// the clock where the adapter has no timestamps. By turns, so that what disturbs one disturbs all.
+fn frame_times(
     gpu: &Gpu,
-    renderer: &mut Renderer,
-    scene: &Scene,
+    scenes: &[Scene],
     camera: &Camera,
     splats: &Splats,
     size: UVec2,
-) -> Result<f64> {
+) -> Result<Vec<f64>> {
+    let mut renderer = Renderer::new(gpu);
     let target = Picture::new(gpu, size)?;
     renderer.timing = true;
-    let mut times = Vec::new();
-    for _ in 0..=FRAMES {
-        renderer.forget();
-        let begun = std::time::Instant::now();
-        let passes =
-            renderer.render(scene, camera, splats, &target.view(), Picture::FORMAT, size)?;
-        if passes.is_empty() {
-            target.read(gpu)?;
-            times.push(1e3 * begun.elapsed().as_secs_f64());
-        } else {
-            times.push(passes.iter().map(|pass| pass.ms).sum());
+    let mut times = vec![Vec::new(); scenes.len()];
+    for round in 0..=FRAMES {
+        for (scene, times) in scenes.iter().zip(&mut times) {
+            renderer.forget();
+            let begun = std::time::Instant::now();
+            let view = target.view();
+            let passes = renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
+            let ms = if passes.is_empty() {
+                target.read(gpu)?;
+                1e3 * begun.elapsed().as_secs_f64()
+            } else {
+                passes.iter().map(|pass| pass.ms).sum()
+            };
+            if round > 0 {
+                times.push(ms);
+            }
         }
     }
-    times.remove(0);
-    times.sort_by(f64::total_cmp);
-    Ok(times[FRAMES / 2])
+    let median = |mut times: Vec<f64>| {
+        times.sort_by(f64::total_cmp);
+        times[FRAMES / 2]
+    };
+    Ok(times.into_iter().map(median).collect())
 }

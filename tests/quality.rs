@@ -7,7 +7,7 @@ mod frames;
 use frames::{gpu, on_axis, scene, sphere, splats};
 use glam::{UVec2, Vec3};
 use limpid::Error;
-use limpid::quality::{Choice, Curve, Limits};
+use limpid::quality::{Choice, Curve, Limits, NOISE, Picked};
 use limpid::renderer::Renderer;
 use limpid::report::curve::hit_errors;
 use limpid::settings::Settings;
@@ -38,51 +38,133 @@ fn the_shipped_curve_is_whole() {
     let first = &curve.intersectors[0];
     assert_eq!(Settings::default().with(&first.set).expect("settings"), Settings::default());
     assert_eq!(first.cost, 1.0);
+    // They may be picked for a budget as well.
+    let picture = &curve.pictures[0];
+    assert_eq!(Settings::default().with(&picture.set).expect("settings"), Settings::default());
+    let known = |choice: &Choice| (choice.error_px, choice.flip, choice.cost);
+    assert_eq!(known(picture), known(first));
 }
 
-/// Protects `--max-error`: what is picked satisfies it, nothing cheaper does, and a looser error never
-/// picks what is dearer.
-#[test]
-fn the_cheapest_within_an_error() {
+/// Times of a frame that hold wherever they are asked for, ms: a fixed share and one per pixel, larger
+/// where more texels are read. Marching is as fast as anything at a small size and slowest at a
+/// large one.
+fn known_ms(set: &[String], pixels: f64) -> f64 {
+    let per_pixel = |text: &String| match text.as_str() {
+        "refract.solver=march" => 4e-5,
+        "refract.stride=1" => 4e-4,
+        "refract.solver=guarded" => 5e-5,
+        "refract.reach=0.01" => 2e-5,
+        "refract.samples=4" => 3e-4,
+        "smooth.iterations=5" => 1e-4,
+        _ => 1e-6,
+    };
+    250.0 + pixels * set.iter().map(per_pixel).sum::<f64>()
+}
+
+const SIZES: [f64; 3] = [256.0 * 192.0, 1280.0 * 720.0, 3840.0 * 2160.0];
+
+/// What is picked where frames take `ms` of their settings and a number of pixels.
+fn pick(limits: Limits, pixels: f64) -> limpid::Result<Picked> {
     let curve = Curve::shipped();
-    let mut last = f64::INFINITY;
-    let mut picked = 0;
-    for limit in limits(curve.intersectors.iter().map(|choice| choice.error_px)) {
-        let Ok(choice) = curve.cheapest(limit) else {
-            assert_eq!(picked, 0, "{limit}: a looser error finds nothing");
-            continue;
-        };
-        picked += 1;
-        assert!(choice.error_px <= limit);
-        let cheaper = |other: &&Choice| other.error_px <= limit && other.cost < choice.cost;
-        assert_eq!(curve.intersectors.iter().find(cheaper), None);
-        assert!(choice.cost <= last, "{limit}: {} after {last}", choice.cost);
-        last = choice.cost;
-    }
-    assert!(picked > 10);
+    let candidates = curve.candidates(limits)?;
+    let ms: Vec<_> = candidates.iter().map(|choice| known_ms(&choice.set, pixels)).collect();
+    curve.decide(limits, &candidates, &ms)
 }
 
-/// Protects `--budget`, alone and with an error: what is picked satisfies both, nothing that does has
-/// a better picture, and a larger budget never picks a worse one.
+/// Protects `--max-error`: what is picked satisfies it, nothing that does is faster by more than
+/// noise, nothing as fast is more exact, and a looser error never picks what is slower.
+#[test]
+fn the_fastest_within_an_error() {
+    let curve = Curve::shipped();
+    for pixels in SIZES {
+        let mut last = f64::INFINITY;
+        let mut picked = 0;
+        for limit in limits(curve.intersectors.iter().map(|choice| choice.error_px)) {
+            let Ok(found) = pick(Limits { max_error: Some(limit), budget: None }, pixels) else {
+                assert_eq!(picked, 0, "{limit}: a looser error finds nothing");
+                continue;
+            };
+            picked += 1;
+            assert!(found.choice.error_px <= limit);
+            let right = curve.intersectors.iter().filter(|other| other.error_px <= limit);
+            for other in right {
+                let ms = known_ms(&other.set, pixels);
+                assert!(found.ms <= (1.0 + NOISE) * ms, "{limit}: {:?}", other.set);
+                let better = ms <= found.ms && other.error_px < found.choice.error_px;
+                assert!(!better, "{limit}: {:?} rather than {:?}", other.set, found.choice.set);
+            }
+            assert!(found.ms <= last, "{limit}: {} after {last}", found.ms);
+            last = found.ms;
+        }
+        assert!(picked > 10);
+    }
+}
+
+/// Protects sizes: where frames of a small picture take as long with each, the most exact is picked;
+/// where the size asked for makes that one slow, it is not picked for an error that others keep too.
+#[test]
+fn what_holds_at_one_size_is_not_taken_for_another() {
+    let [small, _, large] = SIZES;
+    let at = |pixels| pick(Limits { max_error: Some(1.0), budget: None }, pixels).unwrap().choice;
+    assert!(at(small).set.contains(&"refract.stride=1".to_owned()), "{:?}", at(small));
+    assert_eq!(at(large), Curve::shipped().intersectors[0], "the defaults keep it too");
+    // By the costs of the small size marching would be picked for both.
+    let of = |choice: &Choice| known_ms(&choice.set, large);
+    assert!(of(&at(small)) > 4.0 * of(&at(large)));
+}
+
+/// Protects ties: of intersectors that take as long but for noise, the most exact is picked, whichever
+/// of them was measured to be the fastest.
+#[test]
+fn ties_are_decided_by_the_error() {
+    let curve = Curve::shipped();
+    let limits = Limits { max_error: Some(100.0), budget: None };
+    let candidates = curve.candidates(limits).unwrap();
+    let exact = candidates.iter().map(|choice| choice.error_px).fold(f64::INFINITY, f64::min);
+    for fastest in 0..candidates.len() {
+        let mut ms = vec![20.0 * (1.0 + 0.9 * NOISE); candidates.len()];
+        ms[fastest] = 20.0;
+        let picked = curve.decide(limits, &candidates, &ms).unwrap();
+        assert_eq!(picked.choice.error_px, exact, "{:?}", candidates[fastest].set);
+        // Beyond noise the faster counts.
+        ms[fastest] = 20.0 / (1.0 + NOISE);
+        let picked = curve.decide(limits, &candidates, &ms).unwrap();
+        assert_eq!(&picked.choice, candidates[fastest]);
+    }
+}
+
+/// Protects `--budget`, alone and with an error: what is picked satisfies both; a larger budget never
+/// picks a worse picture; and where the defaults fit, nothing is picked that is worse than they are.
 #[test]
 fn the_best_within_a_budget() {
     let curve = Curve::shipped();
-    let unit = 40.0;
-    let errors = limits(curve.pictures.iter().map(|choice| choice.error_px));
-    for max_error in errors.into_iter().map(Some).chain([None]) {
-        let most = max_error.unwrap_or(f64::INFINITY);
-        let fits = |choice: &&Choice, ms: f64| choice.error_px <= most && choice.cost * unit <= ms;
-        let mut last = f64::INFINITY;
-        for ms in limits(curve.pictures.iter().map(|choice| choice.cost * unit)) {
-            let Ok(choice) = curve.best(max_error, ms, unit) else {
-                assert_eq!(curve.pictures.iter().find(|other| fits(other, ms)), None);
-                continue;
-            };
-            assert!(fits(&choice, ms));
-            let better = |other: &&Choice| fits(other, ms) && other.flip < choice.flip;
-            assert_eq!(curve.pictures.iter().find(better), None);
-            assert!(choice.flip <= last);
-            last = choice.flip;
+    let default = &curve.intersectors[0];
+    for pixels in SIZES {
+        let errors = limits(curve.pictures.iter().map(|choice| choice.error_px));
+        for max_error in errors.into_iter().map(Some).chain([None]) {
+            let most = max_error.unwrap_or(f64::INFINITY);
+            let mut last = (true, f64::INFINITY);
+            let times = curve.pictures.iter().map(|choice| known_ms(&choice.set, pixels));
+            for budget in limits(times) {
+                let fits = |choice: &&Choice| {
+                    choice.error_px <= most && known_ms(&choice.set, pixels) <= budget
+                };
+                let found = pick(Limits { max_error, budget: Some(budget) }, pixels);
+                let Ok(Picked { choice, ms }) = found else {
+                    assert_eq!(curve.pictures.iter().find(fits), None);
+                    continue;
+                };
+                assert!(fits(&&choice) && ms <= budget);
+                let quality = (choice.error_px > default.error_px, choice.flip);
+                assert!(quality <= last, "{budget}: {quality:?} after {last:?}");
+                last = quality;
+                let defaults_fit =
+                    curve.pictures.iter().filter(fits).any(|c| c == &curve.pictures[0]);
+                if defaults_fit {
+                    assert!(choice.error_px <= default.error_px, "{budget}: {choice:?}");
+                    assert!(choice.flip <= default.flip, "{budget}: {choice:?}");
+                }
+            }
         }
     }
 }
@@ -92,20 +174,21 @@ fn the_best_within_a_budget() {
 fn impossible_limits_name_the_best() {
     let curve = Curve::shipped();
     let best = numbers(curve).map(|choice| choice.error_px).fold(f64::INFINITY, f64::min);
-    let told = |error: Error| match error {
-        Error::Usage(text) => text,
-        other => panic!("{other}"),
+    let told = |max_error: Option<f64>, budget: Option<f64>| match pick(
+        Limits { max_error, budget },
+        SIZES[0],
+    ) {
+        Err(Error::Usage(text)) => text,
+        other => panic!("{other:?}"),
     };
-    let text = told(curve.cheapest(0.5 * best).expect_err("too exact"));
+    let text = told(Some(0.5 * best), None);
     let least = curve.intersectors.iter().map(|c| c.error_px).fold(f64::INFINITY, f64::min);
     assert!(text.contains("--max-error") && text.contains(&format!("{least} (")), "{text}");
-    let text = told(curve.best(None, 1e-9, 100.0).expect_err("too fast"));
-    let least = curve.pictures.iter().map(|c| c.cost).fold(f64::INFINITY, f64::min);
-    assert!(
-        text.contains("--budget") && text.contains(&format!("{:.2} ms", 100.0 * least)),
-        "{text}"
-    );
-    let text = told(curve.best(Some(0.5 * best), 1e9, 1.0).expect_err("too exact"));
+    let text = told(None, Some(1e-9));
+    let times = curve.pictures.iter().map(|c| known_ms(&c.set, SIZES[0]));
+    let least = times.fold(f64::INFINITY, f64::min);
+    assert!(text.contains("--budget") && text.contains(&format!("{least:.2} ms")), "{text}");
+    let text = told(Some(0.5 * best), Some(1e9));
     assert!(text.contains("--max-error") && text.contains("refract.solver="), "{text}");
 }
 
@@ -126,9 +209,14 @@ fn picks_are_measured() {
     };
     let (picked, settings) = pick(Limits { max_error: None, budget: Some(1e6) });
     let picked = picked.expect("affordable").expect("a budget");
-    assert!(picked.ms.is_some_and(|ms| (0.0..1e6).contains(&ms)));
+    assert!((0.0..1e6).contains(&picked.ms));
     let flips = curve.pictures.iter().map(|choice| choice.flip);
     assert_eq!(picked.choice.flip, flips.fold(f64::INFINITY, f64::min));
+    assert_eq!(settings, scene().settings.with(&picked.choice.set).expect("settings"));
+    // An error is kept by what is measured as well.
+    let (picked, settings) = pick(Limits { max_error: Some(1.0), budget: None });
+    let picked = picked.expect("some are so exact").expect("a limit");
+    assert!(picked.choice.error_px <= 1.0 && picked.ms > 0.0, "{picked:?}");
     assert_eq!(settings, scene().settings.with(&picked.choice.set).expect("settings"));
     let (refused, settings) = pick(Limits { max_error: None, budget: Some(1e-9) });
     assert!(matches!(refused, Err(Error::Usage(_))), "{refused:?}");

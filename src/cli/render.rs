@@ -137,12 +137,14 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     set: Vec<String>,
     /// The fastest intersector whose hits are at most so many pixels off, RMS, a miss counting as 10;
-    /// all other settings stay. Says what it picked.
-    #[arg(long, value_name = "PX", value_parser = pick::parse_limit)]
+    /// of those that are as fast, the most exact. All other settings stay. Draws the first frame some
+    /// times with each, and says what it picked. Not for what several machines share, which would
+    /// pick otherwise.
+    #[arg(long, value_name = "PX", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
     max_error: Option<f64>,
     /// The best picture in so much time on the device, ms a frame: picks the intersector, its rays, bounces
-    /// and smoothing by drawing the first frame some times, and says what it picked. Not for what
-    /// several machines share, which would pick otherwise.
+    /// and smoothing by drawing the first frame some times with each, and says what it picked. Not for
+    /// what several machines share.
     #[arg(long, value_name = "MS", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
     budget: Option<f64>,
     /// Write intermediate images beside each picture, as NAME.aov.exr: a list, or all.

@@ -94,7 +94,8 @@ pub fn measure(gpu: &Gpu, progress: &mut dyn FnMut(&str)) -> Result<Curve> {
         b.error_px <= a.error_px && b.flip <= a.flip && b.cost < a.cost
             || b.error_px <= a.error_px && b.flip < a.flip && b.cost <= a.cost
     };
-    let front = pictures.iter().filter(|a| !pictures.iter().any(|b| worse(a, b)));
+    let kept = |(i, a): &(usize, &Choice)| *i == 0 || !pictures.iter().any(|b| worse(a, b));
+    let front = pictures.iter().enumerate().filter(kept).map(|(_, choice)| choice);
     Ok(Curve {
         adapter: gpu.adapter(),
         scenes: SCENES.map(str::to_owned).to_vec(),

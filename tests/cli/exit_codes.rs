@@ -46,6 +46,7 @@ fn usage_errors() {
     // Machines that share frames must not pick each for itself.
     fail(&["--budget", "--shard"], &["render", "--budget=5", "--shard=1/2"]);
     fail(&["--budget", "--skip-existing"], &["render", "--budget=5", "--skip-existing"]);
+    fail(&["--max-error", "--shard"], &["render", "--max-error=5", "--shard=1/2"]);
     fail(&["elisions"], &["report", "--kinds=pases"]);
     fail(&["--curve", "--passes"], &["report", "--curve=c.toml", "--passes"]);
     fail(&["--max-flip"], &["compare", "a.png", "b.png", "--max-flip", "nan"]);

@@ -266,7 +266,7 @@ fn limits_pick_settings() {
     };
     let stats = draw("--max-error=5");
     assert!(stats["picked"]["error_px"].as_f64().is_some_and(|px| px <= 5.0), "{stats}");
-    assert_eq!(stats["picked"]["ms"], Value::Null);
+    assert!(stats["picked"]["ms"].as_f64().is_some_and(|ms| ms > 0.0), "{stats}");
     let stats = draw("--budget=100000");
     assert!(stats["picked"]["ms"].as_f64().is_some_and(|ms| ms <= 1e5), "{stats}");
     assert!(

@@ -22,8 +22,8 @@ pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid::Result<Option<Picked
     let curve = Curve::shipped();
     let picked = curve.pick(limits, Gpu::headless, scene, first, args.size)?;
     if let Some(Picked { choice: Choice { set, error_px, flip, .. }, ms }) = &picked {
-        let ms = ms.map_or(String::new(), |ms| format!(", {ms:.3} ms a frame"));
-        eprintln!("limpid: picked {}: {error_px} px, FLIP {flip}{ms}", set.join(" "));
+        let set = set.join(" ");
+        eprintln!("limpid: picked {set}: {error_px} px, FLIP {flip}, {ms:.3} ms a frame");
     }
     Ok(picked)
 }
