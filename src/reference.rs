@@ -19,6 +19,7 @@ pub mod mesh;
 pub mod optics;
 pub mod surroundings;
 pub mod trace;
+mod wetting;
 
 /// A half line.
 #[derive(Debug, Clone, Copy, PartialEq)]

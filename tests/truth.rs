@@ -9,7 +9,7 @@ use image::{Rgb, RgbImage};
 use limpid::camera::Camera;
 use limpid::compare::{compare, load_picture};
 use limpid::environment::Environment;
-use limpid::glam::{DMat3, DVec2, DVec3, UVec2, Vec3};
+use limpid::glam::{DMat3, DVec2, DVec3, UVec2, UVec3, Vec3};
 use limpid::input::Input;
 use limpid::reference::analytic::{Ball, Block, Ellipsoid, Pool};
 use limpid::reference::mesh::{Mesh, Reconstruction};
@@ -405,6 +405,66 @@ fn few_particles_are_meshed_and_bad_ones_refused() {
     assert!(Mesh::reconstruct(&[Vec3::ONE], f32::INFINITY, &how).is_err());
 }
 
+/// Protects liquid among solids: it wets all that it touches, whichever comes first, whichever way a
+/// plane's normal points and however thin a box is, and stands out behind no box.
+#[test]
+fn all_solids_that_are_touched_are_wet() {
+    let scene = scene(
+        "[[solid]]\nshape = \"plane\"\norigin = [0.0, 0.3, 0.5]\nnormal = [1.0, 0.0, 0.0]\n\
+        [[solid]]\nshape = \"plane\"\norigin = [0.0, 0.0, 0.0]\n\
+        [[solid]]\nshape = \"plane\"\norigin = [1.0, 0.3, 0.5]\nnormal = [1.0, 0.0, 0.0]\n\
+        half_extent = 2.0\n\
+        [[solid]]\nshape = \"box\"\nmin = [-1.0, 0.0, -0.5]\nmax = [2.0, 2.0, 0.0]\n\
+        [[solid]]\nshape = \"box\"\nmin = [-1.0, 0.0, 1.0]\nmax = [2.0, 2.0, 1.001]\n\
+        [[solid]]\nshape = \"sphere\"\ncenter = [0.5, 0.1, 0.5]\nradius = 0.2",
+    );
+    let (radius, ball) = (0.05, Vec3::new(0.5, 0.1, 0.5));
+    // Centres a radius away from all solids.
+    let lattice = (0..10 * 7 * 10).map(|i| {
+        let place = UVec3::new(i % 10, i / 100, i / 10 % 10).as_vec3();
+        2.0 * radius * (place + 0.5)
+    });
+    let particles: Vec<Vec3> = lattice.filter(|x| x.distance(ball) >= 0.2 + radius).collect();
+    let how = Reconstruction::among(&scene.solids);
+    let mesh = Mesh::reconstruct(&particles, radius, &how).unwrap();
+    let surroundings = Surroundings::new(&scene);
+    // Until a solid is met, or beyond it by no more than coordinates are rounded.
+    let touches = |hit: f64, crossing: f64| hit <= crossing + 1e-6 * (1.0 + crossing);
+    let mut random = Random(5);
+    let mut met = [0; 6];
+    for i in 0..3000 {
+        let mut on = || random.range(0.15, 0.85);
+        let low = 0.1 + 0.4 * on();
+        let (a, b) = (on(), on());
+        let (origin, to, behind) = match i % 5 {
+            0 => (DVec3::new(0.5, low, 0.5), DVec3::new(0.0, low, b), DVec3::NEG_X),
+            1 => (DVec3::new(a, 0.5, b), DVec3::new(a, 0.0, b), DVec3::NEG_Y),
+            2 => (DVec3::new(0.5, low, 0.5), DVec3::new(1.0, low, b), DVec3::X),
+            3 => (DVec3::new(0.5, low, 0.5), DVec3::new(a, low, 0.0), DVec3::NEG_Z),
+            _ => (DVec3::new(0.5, low, 0.5), DVec3::new(a, low, 1.0), DVec3::Z),
+        };
+        // From the liquid to the solid.
+        if mesh.contains(origin) {
+            let inwards = ray(origin, to - origin);
+            let hit = surroundings.hit(&inwards).expect("a solid");
+            met[hit.solid] += 1;
+            let crossing = mesh.crossing(&inwards, true);
+            let wet = crossing.is_none_or(|c| touches(hit.t, c.t));
+            assert!(wet, "air before solid {}: {inwards:?} {crossing:?}", hit.solid);
+        }
+        // And from behind a box; a plane is the face of something thick.
+        if i % 5 < 3 {
+            continue;
+        }
+        let outwards = ray(to + 0.6 * behind, -behind);
+        let hit = surroundings.hit(&outwards).expect("a solid");
+        let crossing = mesh.crossing(&outwards, false);
+        let hidden = crossing.is_none_or(|c| touches(hit.t, c.t));
+        assert!(hidden, "liquid behind solid {}: {outwards:?} {crossing:?}", hit.solid);
+    }
+    assert!(met.iter().all(|&count| count > 100), "{met:?}");
+}
+
 /// Protects solids and lights: the nearest counts, in its colour, under Lambert's law.
 #[test]
 fn surroundings_are_the_scene() {
@@ -521,7 +581,7 @@ fn pictures_are_those_of_independent_software() {
         let particles = input.particles(frame).unwrap();
         let scene = input.scene.expect("a scene");
         let radius = scene.particles.as_ref().and_then(|p| p.radius).expect("a radius");
-        let how = Reconstruction::on_floor(&scene);
+        let how = Reconstruction::among(&scene.solids);
         let mesh = Mesh::reconstruct(&particles.positions, radius, &how).unwrap();
 
         let path = references.join("pictures").join(name).with_extension("png");

@@ -6,18 +6,20 @@ use glam::{DVec3, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
+use rayon::prelude::*;
 use splashsurf_lib::nalgebra::Vector3;
 use splashsurf_lib::neighborhood_search::neighborhood_search_spatial_hashing_parallel;
 use splashsurf_lib::postprocessing::{marching_cubes_cleanup, par_laplacian_smoothing_inplace};
 use splashsurf_lib::sph_interpolation::SphInterpolator;
 use splashsurf_lib::{Aabb3d, Parameters, reconstruct_surface};
 
+use super::wetting::Walls;
 use super::{Crossing, Liquid, Ray};
 use crate::error::{Error, Result};
-use crate::scene::{Scene, Shape};
+use crate::scene::{Shape, Solid};
 
 /// How a surface is laid around particles. Lengths are in particle radii.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Reconstruction {
     /// Half the reach of a particle's density.
     pub smoothing_length: f32,
@@ -28,9 +30,9 @@ pub struct Reconstruction {
     /// Rounds of smoothing that move each vertex between its neighbours, less where particles are
     /// few: spray keeps its size.
     pub smoothing_iterations: usize,
-    /// Height of a floor, m. What is close above it is drawn below it, because particles rest at a
-    /// distance from a wall that the liquid would wet.
-    pub floor: Option<f64>,
+    /// Solids that the liquid wets where it touches them: particles rest at a distance from them,
+    /// which the surface around particles would leave dry.
+    pub wetted: Vec<Shape>,
 }
 
 impl Default for Reconstruction {
@@ -40,28 +42,20 @@ impl Default for Reconstruction {
             cube_size: 0.5,
             threshold: 0.6,
             smoothing_iterations: 25,
-            floor: None,
+            wetted: Vec::new(),
         }
     }
 }
 
 impl Reconstruction {
-    /// The default, on the floor of a scene: its first plane.
-    pub fn on_floor(scene: &Scene) -> Self {
-        let floor = scene.solids.iter().find_map(|solid| match solid.shape {
-            Shape::Plane { origin, .. } => Some(origin.y),
-            _ => None,
-        });
-        Self { floor, ..Self::default() }
+    /// The default, of liquid among solids: it wets all of them that it touches.
+    pub fn among(solids: &[Solid]) -> Self {
+        Self { wetted: solids.iter().map(|solid| solid.shape).collect(), ..Self::default() }
     }
 }
 
 /// Weighted number of neighbours from which on a vertex is smoothed fully (`splashsurf`'s default).
 const FULL_NEIGHBOURS: f32 = 13.0;
-/// Below so many particle radii above the floor the liquid wets it, and so deep it is drawn then.
-const WETTING: f64 = 2.2;
-const WET_DEPTH: f64 = 0.4;
-
 /// A closed surface of triangles, counterclockwise seen from outside.
 pub struct Mesh {
     vertices: Vec<DVec3>,
@@ -157,16 +151,9 @@ impl Mesh {
             &weights,
         );
 
-        let radius = f64::from(radius);
-        let vertices = mesh.vertices.iter().map(|v| {
-            let v = Vec3::from(<[f32; 3]>::from(*v)).as_dvec3();
-            match how.floor {
-                Some(floor) if v.y < floor + WETTING * radius => {
-                    DVec3::new(v.x, floor - WET_DEPTH * radius, v.z)
-                }
-                _ => v,
-            }
-        });
+        let walls = Walls::new(&how.wetted, particles, radius.into());
+        let vertices = (mesh.vertices.par_iter())
+            .map(|v| walls.wetted(Vec3::from(<[f32; 3]>::from(*v)).as_dvec3()));
         let triangles = mesh.triangles.iter().map(|t| t.map(|i| i as u32));
         Self::new(vertices.collect(), triangles.collect())
     }

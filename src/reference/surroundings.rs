@@ -272,7 +272,7 @@ impl Lamp {
 }
 
 /// Coordinates along the two axes most in a plane: x and z if it is horizontal.
-fn in_plane(normal: DVec3, x: DVec3) -> DVec2 {
+pub(super) fn in_plane(normal: DVec3, x: DVec3) -> DVec2 {
     let a = normal.abs();
     if a.y >= a.x.max(a.z) {
         x.xz()

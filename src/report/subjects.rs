@@ -71,7 +71,7 @@ impl Subject {
                 (Box::new(Pool { waves: pool.surface(), min, max, bottom }), "analytic")
             }
             _ => {
-                let how = Reconstruction::on_floor(&scene);
+                let how = Reconstruction::among(&scene.solids);
                 let (at, radius) = (&particles.positions, loaded.splats.radius);
                 (Box::new(Mesh::reconstruct(at, radius, &how)?), "mesh")
             }

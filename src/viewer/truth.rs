@@ -114,7 +114,7 @@ pub(super) fn of(document: &Document, scene: &Scene, camera: &Camera, at: Moment
             let mut on_cpu = scene.clone();
             on_cpu.settings.classify.on = Processor::Cpu;
             let radius = document.input.prepare(at, &particles, &on_cpu)?.splats.radius;
-            let how = Reconstruction::on_floor(scene);
+            let how = Reconstruction::among(&scene.solids);
             Box::new(Mesh::reconstruct(&particles.positions, radius, &how)?)
         }
     };
