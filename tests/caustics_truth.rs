@@ -11,7 +11,7 @@ use limpid::light_view::LightView;
 use limpid::recipe::Recipe;
 use limpid::reference::analytic::{Ball, Block, Pool};
 use limpid::reference::caustics::{
-    CausticMap, Spot, beams, beams_over_layers, beams_with_error, photons,
+    CausticMap, Spot, beams, beams_over_layers, beams_with_error, on_solids, photons,
 };
 use limpid::reference::layers::{Layer, Pair};
 use limpid::reference::optics::{fresnel, refract, transmittance};
@@ -531,6 +531,89 @@ fn finer_layers_come_nearer() {
     assert!(ball[1] < 0.7 * ball[0], "{ball:?}");
 }
 
+/// Protects the light on all solids: behind a wall under water, where refracted light comes and no
+/// straight view from the light shows anything; on the wall, on a ball, and nowhere else.
+#[test]
+fn light_comes_where_no_straight_view_shows() {
+    let scene = clear(&format!(
+        "{FLOOR}lit = true\n\
+         [[solid]]\nshape = \"box\"\nmin = [-0.3, -1.0, -9.0]\nmax = [-0.2, 0.5, 9.0]\nlit = true\n\
+         [[solid]]\nshape = \"sphere\"\ncenter = [1.1, -0.7, 0.3]\nradius = 0.25\nlit = true"
+    ));
+    let ior = f64::from(scene.liquid.ior);
+    let (light, liquid) = (sun(OBLIQUE), water(Waves::default()));
+    let bounds = (DVec3::new(-1.5, -1.0, -1.0), DVec3::new(1.5, 0.0, 1.0));
+    let maps = on_solids(&liquid, bounds, &scene, &light, 1, 96, 3);
+    let at = |solid: usize, point: DVec3, normal: DVec3| {
+        let spot = Spot { solid, point, normal };
+        maps.iter().find(|map| map.takes(&spot)).map_or(DVec3::ZERO, |map| map.at(&spot))
+    };
+    let cos = (2f64 / 3.0).sqrt();
+    let inner = ((1.0 - cos * cos).sqrt() / ior).asin();
+    let level = (1.0 - fresnel(cos, ior)) * cos * POWER;
+    // Light that passes the wall's top enters at once 0.354 from it and goes on by 0.482.
+    let edge = -0.2 + 0.5 * (1.0 / cos / cos - 1.0).sqrt() + inner.tan();
+    let straight = -0.2 + 1.5 * (1.0 / cos / cos - 1.0).sqrt();
+    assert!((edge - 0.6355).abs() < 1e-3 && (straight - 0.8607).abs() < 1e-3, "{edge} {straight}");
+    for i in 0..40 {
+        let x = -0.17 + 0.04 * f64::from(i);
+        let found = at(0, DVec3::new(x, -1.0, -0.4), DVec3::Y);
+        if x < edge - 0.07 {
+            assert_eq!(found, DVec3::ZERO, "{x}");
+        } else if x > edge + 0.07 && x < 1.3 {
+            assert!(close(found, level, 1e-6), "{x}: {found} {level}");
+        }
+    }
+    // A map along the light shows none of the floor before the end of its straight shadow.
+    let view = light_view(&light, bounds.0, bounds.1, &scene, 96);
+    let map = beams(&liquid, &scene, &light, &view, 1, 3);
+    let hidden = Spot { solid: 0, point: DVec3::new(0.75, -1.0, -0.4), normal: DVec3::Y };
+    assert_eq!(map.at(&hidden), DVec3::ZERO);
+    assert!(close(at(0, hidden.point, hidden.normal), level, 1e-6));
+
+    let wall = at(1, DVec3::new(-0.3, -0.5, 0.2), DVec3::NEG_X);
+    assert!(close(wall, level * inner.tan(), 1e-6), "{wall}");
+    assert_eq!(at(1, DVec3::new(-0.2, -0.5, 0.2), DVec3::X), DVec3::ZERO);
+    let towards = DVec3::new(-inner.sin(), inner.cos(), 0.0);
+    for normal in [DVec3::Y, towards, DVec3::new(-0.8, 0.5, 0.3).normalize(), DVec3::X, DVec3::Z] {
+        let found = at(2, DVec3::new(1.1, -0.7, 0.3) + 0.25 * normal, normal);
+        let expected = level / inner.cos() * normal.dot(towards).max(0.0);
+        assert!(
+            (found - expected).length() < 0.04 * level.length(),
+            "{normal}: {found} {expected}"
+        );
+    }
+}
+
+/// Protects point lights that no single view shows: in the liquid, and above it so low that it is
+/// seen under nearly all directions, each with its closed form below.
+#[test]
+fn a_light_in_the_liquid_or_close_above_shines_all_round() {
+    let scene = clear(&format!("{FLOOR}lit = true"));
+    let ior = f64::from(scene.liquid.ior);
+    let liquid = water(Waves::default());
+    let bounds = (DVec3::new(-1.0, -1.0, -1.0), DVec3::new(1.0, 0.0, 1.0));
+    let intensity = Vec3::new(3.0, 2.0, 1.0);
+    for height in [-0.5, 0.1] {
+        let light = Light::Point { position: height * DVec3::Y, intensity };
+        let maps = on_solids(&liquid, bounds, &scene, &light, 1, 256, 3);
+        assert_eq!(maps.len(), 1);
+        let at = |x: f64| {
+            maps[0].at(&Spot { solid: 0, point: DVec3::new(x, -1.0, 0.0), normal: DVec3::Y })
+        };
+        let (below, aside) = (at(0.0), at(0.3));
+        if height < 0.0 {
+            assert!(close(below, POWER / 0.25, 0.03), "{below}");
+            let expected = POWER * 0.5 / (0.25 + 0.09f64).powf(1.5);
+            assert!(close(aside, expected, 0.03), "{aside} {expected}");
+        } else {
+            // From above water looks 1/n as deep (Walter 2009, straight down).
+            let expected = POWER * (1.0 - fresnel(1.0, ior)) / (height + 1.0 / ior).powi(2);
+            assert!(close(below, expected, 0.03), "{below} {expected}");
+        }
+    }
+}
+
 fn looking(eye: DVec3, target: DVec3, up: Vec3) -> Camera {
     Camera { eye, target, up, fov_y: 40.0, near: None }
 }
@@ -587,7 +670,7 @@ fn liquid_lets_light_through_to_what_is_lit() {
     let cos = 2.0 / 5f64.sqrt();
     let t = 1.0 - fresnel(cos, ior);
     let low = looking(DVec3::new(0.0, -0.8, 0.0), DVec3::new(0.0, -1.0, 0.0), Vec3::X);
-    let seen = |liquid: &Block, maps: &[Option<CausticMap>]| {
+    let seen = |liquid: &Block, maps: &[Option<Vec<CausticMap>>]| {
         trace_lit(liquid, &scene, &low, UVec2::ONE, 1, MAX_DEPTH, maps).pixels[0]
     };
     let full = POWER * (0.5 * cos / PI);
@@ -607,17 +690,17 @@ fn liquid_lets_light_through_to_what_is_lit() {
     let view = light_view(&light, -DVec3::ONE, DVec3::new(1.0, 0.0, 1.0), &scene, 32);
     let inner = (1.0 - (1.0 - cos * cos) / (ior * ior)).sqrt();
     let map = beams(&wide(-1.0), &scene, &light, &view, 1, 1);
-    let within = seen(&wide(-1.0), &[Some(map)]);
+    let within = seen(&wide(-1.0), &[Some(vec![map])]);
     let expected = full * t * eye * transmittance(absorption, 1.0 / inner);
     assert!(close(within, expected, 1e-6), "{within} {expected}");
     let map = beams(&wide(-0.5), &scene, &light, &view, 2, 1);
-    let above = seen(&wide(-0.5), &[Some(map)]);
+    let above = seen(&wide(-0.5), &[Some(vec![map])]);
     let expected = full * t * t * transmittance(absorption, 0.5 / inner);
     assert!(close(above, expected, 1e-6), "{above} {expected}");
     // Beside the liquid the sun is as it is, map or none.
     let beside = Block { min: DVec3::new(0.6, -1.0, -1.0), max: DVec3::new(1.0, 0.0, 1.0) };
     let map = beams(&beside, &scene, &light, &view, 1, 1);
-    for maps in [&[][..], &[Some(map)]] {
+    for maps in [&[][..], &[Some(vec![map])]] {
         assert!(close(seen(&beside, maps), full, 1e-6));
     }
 }

@@ -19,7 +19,7 @@ use limpid::light_view::LightView;
 use limpid::passes::classify::Splats;
 use limpid::recipe::Recipe;
 use limpid::reference::analytic::{Ball, Pool};
-use limpid::reference::caustics::{Views, beams};
+use limpid::reference::caustics::{Views, beams, on_solids};
 use limpid::reference::optics::fresnel;
 use limpid::reference::surroundings::Surroundings;
 use limpid::reference::trace::{MAX_DEPTH, trace_lit};
@@ -664,15 +664,9 @@ fn against_truth(
     let (straight, _) = draw(Method::Straight);
     let (picture, maps) = draw(Method::Forward);
     let interfaces = scene.settings.caustics.interfaces;
-    let truth = |light: &Light, map: &LightView| {
-        let source = LightView::new(light, bounds, &scene.solids, 0.02, 128, None)?;
-        let views = Views { light: &source, map };
-        Some(beams(liquid, scene, light, views, interfaces, 3))
-    };
-    let maps: Vec<_> = (scene.lights.iter().zip(&maps))
-        .map(|(light, map)| truth(light, &map.as_ref()?.view))
-        .collect();
     assert!(maps.iter().all(Option::is_some));
+    let truth = |light| Some(on_solids(liquid, bounds, scene, light, interfaces, 128, 3));
+    let maps: Vec<_> = scene.lights.iter().map(truth).collect();
     let truth = trace_lit(liquid, scene, camera, SIZE, 16, MAX_DEPTH, &maps).to_srgb();
     [picture, straight].map(|p| flip(&truth, &p, PIXELS_PER_DEGREE).expect("of one size").mean())
 }

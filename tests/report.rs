@@ -8,9 +8,11 @@ use glam::{DVec2, DVec3, IVec2, UVec2};
 use limpid::camera::Camera;
 use limpid::reference::layers::{Layer, View, entry, exit};
 use limpid::reference::optics;
+use limpid::renderer::Renderer;
 use limpid::report::intersect::{
     Answer, Bench, Method, Target, Truth, ViewLayers, score, truths, world_from_view,
 };
+use limpid::report::{Stress, stress};
 use limpid::scene::Scene;
 use limpid::settings::{Refract, Solver};
 use support::{Random, gpu};
@@ -231,4 +233,20 @@ fn rays_are_refracted_as_snell_says() {
     let d = DVec3::new(30f64.to_radians().sin(), 0.0, -(30f64.to_radians().cos()));
     let inside = optics::refract(d, n, 1.33).expect("into water, all angles pass");
     assert!((inside.x.asin().to_degrees() - 22.0824).abs() < 1e-4);
+}
+
+/// Protects extreme scenes: spray, a pool, droplets beside the eye and an eye in the liquid are among
+/// them, all pixels are finite, and what a splat draws exactly is near the truth.
+#[test]
+fn extreme_scenes_are_of_all_kinds() {
+    let Some(gpu) = gpu() else { return };
+    let rows = stress::measure(gpu, &mut Renderer::new(gpu), 2).expect("measured");
+    for Stress { case, not_finite, median_error, worst_error, worst, .. } in &rows {
+        println!("{case}: {median_error:.4}, at worst {worst_error:.4} ({worst})");
+        assert_eq!(*not_finite, 0, "{case}");
+        assert!(*worst_error < 0.2, "{case}: {worst_error}, {worst}");
+    }
+    for name in ["spray", "pool", "beside the eye", "eye in the liquid"] {
+        assert!(rows.iter().any(|row| row.case.contains(name)), "{name}");
+    }
 }

@@ -53,7 +53,35 @@ impl Liquid for Ellipsoid {
     }
 
     fn contains(&self, point: DVec3) -> bool {
-        (self.sphere_from_world * (point - self.center)).length() < 1.0
+        self.level(point) < 1.0
+    }
+}
+
+impl Ellipsoid {
+    /// 0 in the centre, 1 on the surface.
+    fn level(&self, point: DVec3) -> f64 {
+        (self.sphere_from_world * (point - self.center)).length()
+    }
+}
+
+/// Ellipsoids that do not touch each other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drops(pub Vec<Ellipsoid>);
+
+impl Liquid for Drops {
+    fn crossing(&self, ray: &Ray, inside: bool) -> Option<Crossing> {
+        if !inside {
+            let entered = self.0.iter().filter_map(|drop| drop.crossing(ray, false));
+            return entered.min_by(|a, b| a.t.total_cmp(&b.t));
+        }
+        // The ray starts in one of them, or by rounding just off it.
+        let level = |drop: &&Ellipsoid| drop.level(ray.origin);
+        let own = self.0.iter().min_by(|a, b| level(a).total_cmp(&level(b)));
+        own?.crossing(ray, true)
+    }
+
+    fn contains(&self, point: DVec3) -> bool {
+        self.0.iter().any(|drop| drop.contains(point))
     }
 }
 

@@ -5,6 +5,7 @@
 //! folds of either sign add; [`photons`] counts single rays and shares only their paths with it.
 //! Both know the liquid itself; [`beams_over_layers`] knows only what a light's layers show of it.
 
+mod charts;
 mod laying;
 mod paths;
 
@@ -16,23 +17,33 @@ use rayon::prelude::*;
 use self::laying::{Grid, Ledger, Receivers, Sum, Triangle, lay_beams, over_rows, together};
 use self::paths::{Beam, LayerTracer, Tracer};
 use super::layers::{self, Layer, Pair};
-use super::surroundings::SolidHit;
+use super::surroundings::{Side, SolidHit, Surroundings};
 use super::{Liquid, wide};
 use crate::light_view::LightView;
 use crate::scene::{self, Light, Scene};
 
-/// Light that has passed through liquid, where it falls on what a light sees of the solids.
+/// Light that has passed through liquid, where it falls on what a view shows of the solids: all that a
+/// light sees, or one face of a solid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CausticMap {
-    /// The light's view, whose texels these are.
+    /// The view whose texels these are.
     pub view: LightView,
+    /// The face that it shows; none if it shows all that it sees.
+    face: Option<Side>,
     /// Mean irradiance, W/m², on the part of the texel's receiver that the light sees through the
     /// texel, by light that has passed through liquid; 0 where there is no receiver.
     pub irradiance: Vec<DVec3>,
     /// What the view's ray through the texel's centre meets, liquid ignored.
     pub receivers: Vec<Option<Receiver>>,
-    /// Where the light went.
+    /// Where the light went; of several faces, to all of them.
     pub flux: Flux,
+}
+
+/// What a map shows of the solids.
+#[derive(Debug, Clone, Copy)]
+struct Chart {
+    view: LightView,
+    face: Option<Side>,
 }
 
 /// What a texel shows of the solids.
@@ -111,7 +122,24 @@ impl Spot {
     }
 }
 
+impl Chart {
+    /// All that is seen in a view.
+    fn whole(view: &LightView) -> Self {
+        Self { view: *view, face: None }
+    }
+
+    /// Whether it may show a point, in its frame or outside.
+    fn takes(&self, spot: &Spot) -> bool {
+        self.face.is_none_or(|face| face.takes(spot.solid, spot.normal))
+    }
+}
+
 impl CausticMap {
+    /// Whether a point is of the surface that it shows, in its frame or outside.
+    pub fn takes(&self, spot: &Spot) -> bool {
+        self.face.is_none_or(|face| face.takes(spot.solid, spot.normal))
+    }
+
     /// Irradiance at a point of a solid, W/m²: bilinear among the texels around it that show the
     /// same surface.
     pub fn at(&self, spot: &Spot) -> DVec3 {
@@ -174,10 +202,54 @@ pub fn beams<'a>(
     density: u32,
 ) -> CausticMap {
     let views = views.into();
-    let tracer = Tracer::new(liquid, scene, views, interfaces);
-    let receivers = Receivers::new(views.map, &tracer.surroundings);
-    let grid = Grid::corners(views.light, density);
-    lay_beams(views.light, light, &receivers, grid, |u| tracer.follow(u))
+    let charts = [Chart::whole(views.map)];
+    let maps = on_charts(liquid, scene, light, &[*views.light], &charts, interfaces, density);
+    maps.into_iter().next().expect("a map for the chart")
+}
+
+/// The caustics of one light on all lit solids, by [`beams`]: a map for each face that light
+/// through liquid falls on, seen straight on. Nothing hides one from another, whichever way
+/// light comes to it. `texels` of the maps are as long as the longest side of the box that holds all
+/// liquid, from `bounds.0` to `bounds.1`, m.
+///
+/// The light's rays are its own, from wherever it is: from a point light in the liquid or beside it
+/// they go in all directions. A face's map holds its light but for the outermost hundredth along each
+/// side, and what falls further from nine tenths of it than these are wide. Only solids that are round or flat from outside are shown, none from within.
+pub fn on_solids(
+    liquid: &(impl Liquid + ?Sized),
+    bounds: (DVec3, DVec3),
+    scene: &Scene,
+    light: &Light,
+    interfaces: u32,
+    texels: u32,
+    density: u32,
+) -> Vec<CausticMap> {
+    let pixel = (bounds.1 - bounds.0).max_element() / f64::from(texels);
+    let sources = charts::sources(light, bounds, pixel);
+    let charts = charts::of_solids(liquid, scene, &sources, interfaces, pixel, 2 * texels);
+    on_charts(liquid, scene, light, &sources, &charts, interfaces, density)
+}
+
+/// The light from some views of it on charts.
+fn on_charts(
+    liquid: &(impl Liquid + ?Sized),
+    scene: &Scene,
+    light: &Light,
+    sources: &[LightView],
+    charts: &[Chart],
+    interfaces: u32,
+    density: u32,
+) -> Vec<CausticMap> {
+    let surroundings = Surroundings::new(scene);
+    let receivers: Vec<_> =
+        charts.iter().map(|chart| Receivers::new(chart, &surroundings)).collect();
+    let mut sum = Sum::new(&receivers);
+    for source in sources {
+        let tracer = Tracer::new(liquid, scene, source, charts, interfaces);
+        let grid = Grid::corners(source, density);
+        lay_beams(source, light, &receivers, grid, &mut sum, |u| tracer.follow(u));
+    }
+    sum.finish(receivers)
 }
 
 /// [`beams`] at a density (at least 2) and at half of it: the finer map, and the relative L1
@@ -208,8 +280,9 @@ pub fn path_counts<'a>(
     density: u32,
 ) -> Vec<u32> {
     let views = views.into();
-    let tracer = Tracer::new(liquid, scene, views, interfaces);
-    let receivers = Receivers::new(views.map, &tracer.surroundings);
+    let charts = [Chart::whole(views.map)];
+    let tracer = Tracer::new(liquid, scene, views.light, &charts, interfaces);
+    let receivers = Receivers::new(&charts[0], &tracer.surroundings);
     let grid = Grid::corners(views.light, density);
     let mut counts = vec![0; views.map.size.element_product() as usize];
     let held = |triangles: &mut dyn Iterator<Item = Triangle<'_>>| -> Vec<usize> {
@@ -268,8 +341,9 @@ pub fn photons<'a>(
     seed: u64,
 ) -> CausticMap {
     let views = views.into();
-    let tracer = Tracer::new(liquid, scene, views, interfaces);
-    let receivers = Receivers::new(views.map, &tracer.surroundings);
+    let charts = [Chart::whole(views.map)];
+    let tracer = Tracer::new(liquid, scene, views.light, &charts, interfaces);
+    let receivers = vec![Receivers::new(&charts[0], &tracer.surroundings)];
     let size = views.light.size.as_dvec2();
     let share = power(light) * (size.element_product() / f64::from(count));
     // The plastic number: the positive root of x³ = x + 1.
@@ -278,7 +352,7 @@ pub fn photons<'a>(
     let mut state = seed;
     let turn = DVec2::from_array([0; 2].map(|_| crate::waves::splitmix64(&mut state)));
 
-    let mut sum = Sum::new(views.map);
+    let mut sum = Sum::new(&receivers);
     for batch in (0..count).step_by(BATCH as usize) {
         let end = count.min(batch.saturating_add(BATCH));
         let chunks = (batch..end).into_par_iter().step_by(CHUNK as usize);
@@ -298,7 +372,7 @@ pub fn photons<'a>(
             .collect();
         sum.add(ledgers);
     }
-    sum.finish(&receivers)
+    sum.finish(receivers).into_iter().next().expect("a map for the chart")
 }
 
 /// The caustics of one light by beams over what its view shows: the truth for whoever knows no more
@@ -328,8 +402,11 @@ pub fn beams_over_layers(
         contact,
         interfaces,
     };
-    let receivers = Receivers::of_planes(view, &tracer.view, solids);
-    lay_beams(view, light, &receivers, Grid::centres(view, density), |u| tracer.follow(u))
+    let receivers = vec![Receivers::of_planes(view, &tracer.view, solids)];
+    let mut sum = Sum::new(&receivers);
+    let grid = Grid::centres(view, density);
+    lay_beams(view, light, &receivers, grid, &mut sum, |u| tracer.follow(u));
+    sum.finish(receivers).into_iter().next().expect("a map for the view")
 }
 
 /// W/m² of a sun, W/sr of a point.

@@ -42,6 +42,34 @@ pub struct Direct {
     pub irradiance: DVec3,
 }
 
+/// A part of a solid's surface that is seen whole from one direction: a side of a plane or of a box, or
+/// the sixth of a sphere around an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Side {
+    pub(super) solid: usize,
+    /// Unit vector out of it.
+    pub(super) axis: DVec3,
+    /// Centre and radius, m, of a sphere.
+    pub(super) round: Option<(DVec3, f64)>,
+}
+
+impl Side {
+    /// Whether the point of a solid with this unit normal is of this face.
+    pub(super) fn takes(&self, solid: usize, normal: DVec3) -> bool {
+        let towards = match self.round {
+            Some(_) => dominant(normal) == self.axis,
+            None => normal.dot(self.axis) > 0.9,
+        };
+        self.solid == solid && towards
+    }
+}
+
+/// The axis, with its sign, that is nearest to a direction.
+fn dominant(direction: DVec3) -> DVec3 {
+    let axis = direction.abs().max_position();
+    DVec3::AXES[axis] * direction[axis].signum()
+}
+
 /// How far off a surface shadow rays start, m and relative.
 const SHADOW: f64 = 1e-9;
 
@@ -105,6 +133,30 @@ impl Surroundings {
         let (t, solid) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let point = ray.at(t);
         Some(SolidHit { t, point, normal: self.solids[solid].form.normal(point), solid })
+    }
+
+    /// Where a ray meets one of the solids, whatever else is in its way.
+    pub(super) fn hit_alone(&self, solid: usize, ray: &Ray) -> Option<SolidHit> {
+        let form = &self.solids[solid].form;
+        let t = form.distance(ray)?;
+        let point = ray.at(t);
+        Some(SolidHit { t, point, normal: form.normal(point), solid })
+    }
+
+    /// Whether what is just above a point of a surface lies within a solid.
+    pub(super) fn covers(&self, point: DVec3, normal: DVec3) -> bool {
+        let above = point + SHADOW * (1.0 + point.abs().max_element()) * normal;
+        self.solids.iter().any(|solid| solid.form.contains(above))
+    }
+
+    /// The side of a solid that has this normal.
+    pub(super) fn side(&self, solid: usize, normal: DVec3) -> Side {
+        match self.solids[solid].form {
+            Form::Sphere { center, radius } => {
+                Side { solid, axis: dominant(normal), round: Some((center, radius)) }
+            }
+            _ => Side { solid, axis: normal, round: None },
+        }
     }
 
     /// Radiance seen along a ray in the absence of liquid.
@@ -215,6 +267,14 @@ impl Form {
                 let t = if near > 0.0 { near } else { far };
                 (t > 0.0).then_some(t)
             }
+        }
+    }
+
+    fn contains(&self, point: DVec3) -> bool {
+        match *self {
+            Self::Plane { .. } => false,
+            Self::Box { min, max } => point.cmpgt(min).all() && point.cmplt(max).all(),
+            Self::Sphere { center, radius } => point.distance(center) < radius,
         }
     }
 

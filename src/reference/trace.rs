@@ -101,8 +101,9 @@ pub fn trace(
     trace_lit(liquid, scene, camera, size, samples, max_depth, &[])
 }
 
-/// [`trace`] with the light that passes through liquid from caustic maps, of each light of the
-/// scene in their order; a light without one comes straight through. Shadows of solids are exact.
+/// [`trace`] with the light that passes through liquid from caustic maps, one or more of each light
+/// of the scene in their order, as [`super::caustics::on_solids`] makes them; a light without any comes
+/// straight through. Shadows of solids are exact.
 pub fn trace_lit(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
@@ -110,7 +111,7 @@ pub fn trace_lit(
     size: UVec2,
     samples: u32,
     max_depth: u32,
-    maps: &[Option<CausticMap>],
+    maps: &[Option<Vec<CausticMap>>],
 ) -> Image {
     let view = View::new(camera, size);
     let tracer = Tracer {
@@ -155,7 +156,7 @@ struct Tracer<'a, L: ?Sized> {
     absorption: DVec3,
     radiance_scaling: bool,
     max_depth: u32,
-    maps: &'a [Option<CausticMap>],
+    maps: &'a [Option<Vec<CausticMap>>],
 }
 
 impl<L: Liquid + ?Sized> Tracer<'_, L> {
@@ -221,13 +222,15 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
         inside: bool,
     ) -> DVec3 {
         let along = |direct: &Direct| Ray { origin: hit.point, direction: direct.towards };
-        let Some(map) = self.maps.get(light).and_then(Option::as_ref) else {
+        let Some(maps) = self.maps.get(light).and_then(Option::as_ref) else {
             return direct.map_or(DVec3::ZERO, |direct| {
                 direct.irradiance * self.straight(&along(direct), direct.distance, inside)
             });
         };
         let normal = hit.facing(direction);
-        let caustic = map.at(&Spot { solid: hit.solid, point: hit.point, normal });
+        let spot = Spot { solid: hit.solid, point: hit.point, normal };
+        let map = maps.iter().find(|map| map.takes(&spot));
+        let caustic = map.map_or(DVec3::ZERO, |map| map.at(&spot));
         let Some(direct) = direct.filter(|_| !inside) else { return caustic };
         let in_the_way = |c: Crossing| c.t < direct.distance;
         if self.liquid.crossing(&along(direct), false).is_some_and(in_the_way) {

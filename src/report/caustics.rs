@@ -198,22 +198,19 @@ fn density(resolution: u32) -> u32 {
     2048u32.div_ceil(resolution).clamp(2, 6)
 }
 
-/// The true caustic map of each light of a scene, for the texels that its own settings ask for but
-/// no more than `resolution`; none if nothing is lit.
-pub fn truths(subject: &Subject, resolution: u32) -> Vec<Option<reference::CausticMap>> {
-    let scene = with(&subject.scene, |c| c.resolution = c.resolution.min(resolution));
+/// The true caustics of each light of a scene on its solids, as fine as its own settings ask for but
+/// no finer than `resolution`; none if nothing is lit. Nothing of them depends on what the renderer
+/// lets its lights see.
+pub fn truths(subject: &Subject, resolution: u32) -> Vec<Option<Vec<reference::CausticMap>>> {
+    let scene = &subject.scene;
     if !scene.is_lit() {
         return Vec::new();
     }
-    let views = lights::views(&scene, &subject.loaded.splats);
-    let map = |(light, view): (&Light, &Option<LightView>)| {
-        let map = view.as_ref()?;
-        let source = source(subject, light, scene.settings.caustics.resolution)?;
-        let views = reference::Views { light: &source, map };
-        let density = density(scene.settings.caustics.resolution);
-        Some(reference::beams(&*subject.liquid, &scene, light, views, 2, density))
-    };
-    scene.lights.iter().zip(&views).map(map).collect()
+    let texels = scene.settings.caustics.resolution.min(resolution);
+    let (liquid, bounds) = (&*subject.liquid, subject.bounds);
+    let maps =
+        |light| reference::on_solids(liquid, bounds, scene, light, 2, texels, density(texels));
+    scene.lights.iter().map(|light| Some(maps(light))).collect()
 }
 
 fn with(scene: &Scene, change: impl Fn(&mut settings::Caustics)) -> Scene {

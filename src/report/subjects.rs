@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::UVec2;
+use glam::{DVec3, UVec2};
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
@@ -42,6 +42,8 @@ pub struct Subject {
     pub loaded: Loaded,
     /// The true surface.
     pub liquid: Box<dyn Liquid>,
+    /// The corners of a box that holds the true surface, m.
+    pub bounds: (DVec3, DVec3),
     /// What the true surface is.
     pub truth: &'static str,
     input: Input,
@@ -58,28 +60,35 @@ impl Subject {
         let frame = &input.sequence.frames[0];
         let particles = input.particles(frame)?;
         let loaded = input.prepare(frame, &particles, &scene)?;
-        let (liquid, truth): (Box<dyn Liquid>, _) = match &scene.recipe {
+        let (liquid, bounds, truth): (Box<dyn Liquid>, _, _) = match &scene.recipe {
             Some(Recipe::Ball { center, radius, .. }) => {
-                (Box::new(Ball { center: *center, radius: *radius }), "analytic")
+                let bounds = (*center - *radius, *center + *radius);
+                (Box::new(Ball { center: *center, radius: *radius }), bounds, "analytic")
             }
             Some(Recipe::Slab { min, max, .. }) => {
-                (Box::new(Block { min: *min, max: *max }), "analytic")
+                (Box::new(Block { min: *min, max: *max }), (*min, *max), "analytic")
             }
             Some(Recipe::Pool(pool)) => {
                 let (min, max) = (-pool.half_extent, pool.half_extent);
-                let bottom = -pool.depth;
-                (Box::new(Pool { waves: pool.surface(), min, max, bottom }), "analytic")
+                let (waves, bottom) = (pool.surface(), -pool.depth);
+                let bounds =
+                    (DVec3::new(min.x, bottom, min.y), DVec3::new(max.x, waves.bound(), max.y));
+                (Box::new(Pool { waves, min, max, bottom }), bounds, "analytic")
             }
             _ => {
                 let how = Reconstruction::among(&scene.solids);
                 let (at, radius) = (&particles.positions, loaded.splats.radius);
-                (Box::new(Mesh::reconstruct(at, radius, &how)?), "mesh")
+                let mesh = Mesh::reconstruct(at, radius, &how)?;
+                let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+                let bounds =
+                    (mesh.vertices().iter()).fold(none, |(min, max), v| (min.min(*v), max.max(*v)));
+                (Box::new(mesh), bounds, "mesh")
             }
         };
         let camera = scene.camera_for(loaded.bounds);
         let further = scene.views.iter().map(|v| (format!("{name}:{}", v.name), v.camera));
         let views = std::iter::once((name.to_owned(), camera)).chain(further).collect();
-        Ok(Self { name, scene, views, loaded, liquid, truth, input })
+        Ok(Self { name, scene, views, loaded, liquid, bounds, truth, input })
     }
 
     /// The scene with other settings, and its particles classified by them.

@@ -4,16 +4,16 @@ use glam::{DVec2, DVec3, IVec2, UVec2};
 use rayon::prelude::*;
 
 use super::paths::{Beam, End, Landing, facing};
-use super::{CausticMap, Flux, Receiver, Spot, index, power};
+use super::{CausticMap, Chart, Flux, Receiver, Spot, index, power};
 use crate::light_view::LightView;
 use crate::reference::Ray;
 use crate::reference::layers::{self, Layer};
 use crate::reference::surroundings::Surroundings;
 use crate::scene::Light;
 
-/// What the texels of a light's view show, and for those at edges the solids themselves.
+/// What the texels of a chart show, and for those at edges the solids themselves.
 pub(super) struct Receivers<'a> {
-    pub(super) view: &'a LightView,
+    pub(super) chart: Chart,
     pub(super) texels: Vec<Option<Receiver>>,
     pub(super) surroundings: Option<&'a Surroundings>,
 }
@@ -22,13 +22,13 @@ pub(super) struct Receivers<'a> {
 pub(super) const EDGE_SAMPLES: u32 = 256;
 
 impl<'a> Receivers<'a> {
-    pub(super) fn new(view: &'a LightView, surroundings: &'a Surroundings) -> Self {
-        let size = view.size;
+    pub(super) fn new(chart: &Chart, surroundings: &'a Surroundings) -> Self {
+        let (view, size) = (&chart.view, chart.view.size);
         let width = size.x as usize;
         let texel = |i: usize| IVec2::new((i % width) as i32, (i / width) as i32);
         let spots: Vec<_> = (0..width * size.y as usize)
             .into_par_iter()
-            .map(|i| seen(view, surroundings, texel(i).as_dvec2() + 0.5))
+            .map(|i| seen(chart, surroundings, texel(i).as_dvec2() + 0.5))
             .collect();
         let edge = |i: usize, spot: &Spot| {
             (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| IVec2::new(dx, dy))).any(|d| {
@@ -41,7 +41,7 @@ impl<'a> Receivers<'a> {
             let edge = edge(i, &spot);
             let corner = texel(i).as_dvec2();
             let area = patch_area(view, corner + 0.5, spot.point, spot.normal);
-            let seen_at = |u: DVec2| seen(view, surroundings, u);
+            let seen_at = |u: DVec2| seen(chart, surroundings, u);
             let shown = |k: &u32| {
                 // Hammersley's points.
                 let n = f64::from(EDGE_SAMPLES);
@@ -58,10 +58,10 @@ impl<'a> Receivers<'a> {
             Some(Receiver { spot, area: share * area, edge })
         };
         let texels = (0..spots.len()).into_par_iter().map(receiver).collect();
-        Self { view, texels, surroundings: Some(surroundings) }
+        Self { chart: *chart, texels, surroundings: Some(surroundings) }
     }
 
-    pub(super) fn of_planes(light: &'a LightView, view: &layers::View, planes: &Layer) -> Self {
+    pub(super) fn of_planes(light: &LightView, view: &layers::View, planes: &Layer) -> Self {
         let width = light.size.x;
         let receiver = |i: u32| {
             let texel = UVec2::new(i % width, i / width);
@@ -79,26 +79,33 @@ impl<'a> Receivers<'a> {
             })
         };
         let texels = (0..light.size.element_product()).into_par_iter().map(receiver).collect();
-        Self { view: light, texels, surroundings: None }
+        Self { chart: Chart::whole(light), texels, surroundings: None }
     }
 
     /// The texel's number, if at `u` it shows the surface on which something landed.
     pub(super) fn shows(&self, texel: IVec2, u: DVec2, spot: &Spot) -> Option<usize> {
-        let i = index(self.view.size, texel)?;
+        let i = index(self.chart.view.size, texel)?;
         let receiver = self.texels[i]?;
         let there = match self.surroundings.filter(|_| receiver.edge) {
-            Some(surroundings) => seen(self.view, surroundings, u)?.continues(spot),
+            Some(surroundings) => seen(&self.chart, surroundings, u)?.continues(spot),
             None => true,
         };
         (there && receiver.spot.continues(spot)).then_some(i)
     }
 }
 
-/// What the light sees straight through a pixel position.
-pub(super) fn seen(view: &LightView, surroundings: &Surroundings, u: DVec2) -> Option<Spot> {
-    let (origin, direction) = view.ray(u);
-    let hit = surroundings.hit(&Ray { origin, direction })?;
-    Some(Spot::of(&hit, direction))
+/// What a chart shows straight through a pixel position.
+pub(super) fn seen(chart: &Chart, surroundings: &Surroundings, u: DVec2) -> Option<Spot> {
+    let (origin, direction) = chart.view.ray(u);
+    let ray = Ray { origin, direction };
+    let hit = match &chart.face {
+        Some(face) => surroundings.hit_alone(face.solid, &ray)?,
+        None => surroundings.hit(&ray)?,
+    };
+    let spot = Spot::of(&hit, direction);
+    // No light comes to what lies within another solid.
+    let bare = chart.face.is_none() || !surroundings.covers(hit.point, spot.normal);
+    (bare && chart.takes(&spot)).then_some(spot)
 }
 
 /// Area of the surface through a point that one pixel shows, m².
@@ -179,10 +186,11 @@ pub(super) fn over_rows<T: Send>(
 pub(super) fn lay_beams(
     source: &LightView,
     light: &Light,
-    receivers: &Receivers<'_>,
+    receivers: &[Receivers<'_>],
     grid: Grid,
+    sum: &mut Sum,
     follow: impl Fn(DVec2) -> Beam + Sync,
-) -> CausticMap {
+) {
     let power = power(light) * (0.5 * grid.cell * grid.cell);
     let lay = |triangles: &mut dyn Iterator<Item = Triangle<'_>>| {
         let mut ledger = Ledger::new(receivers);
@@ -191,55 +199,59 @@ pub(super) fn lay_beams(
         }
         ledger
     };
-    let mut sum = Sum::new(receivers.view);
     over_rows(grid, follow, lay, |ledgers| sum.add(ledgers));
-    sum.finish(receivers)
 }
 
-/// Power on each texel.
+/// Power on each chart's texels.
 pub(super) struct Sum {
-    pub(super) power: Vec<DVec3>,
+    pub(super) power: Vec<Vec<DVec3>>,
     pub(super) flux: Flux,
 }
 
 impl Sum {
-    pub(super) fn new(view: &LightView) -> Self {
-        let texels = view.size.element_product() as usize;
-        Self { power: vec![DVec3::ZERO; texels], flux: Flux::default() }
+    pub(super) fn new(receivers: &[Receivers<'_>]) -> Self {
+        let power = receivers.iter().map(|chart| vec![DVec3::ZERO; chart.texels.len()]);
+        Self { power: power.collect(), flux: Flux::default() }
     }
 
     /// In order, so that the same numbers come of any number of threads.
     pub(super) fn add(&mut self, ledgers: Vec<Ledger<'_>>) {
         for ledger in ledgers {
             self.flux += ledger.flux;
-            for (texel, power) in ledger.deposits {
-                self.power[texel as usize] += power;
+            for (chart, texel, power) in ledger.deposits {
+                self.power[chart as usize][texel as usize] += power;
             }
         }
     }
 
-    pub(super) fn finish(self, receivers: &Receivers<'_>) -> CausticMap {
-        let irradiance = self.power.iter().zip(&receivers.texels);
-        let irradiance =
-            irradiance.map(|(&power, receiver)| receiver.map_or(DVec3::ZERO, |r| power / r.area));
-        CausticMap {
-            view: *receivers.view,
-            irradiance: irradiance.collect(),
-            receivers: receivers.texels.clone(),
-            flux: self.flux,
-        }
+    /// A map for each chart.
+    pub(super) fn finish(self, receivers: Vec<Receivers<'_>>) -> Vec<CausticMap> {
+        let map = |(power, receivers): (Vec<DVec3>, Receivers<'_>)| {
+            let irradiance = power.iter().zip(&receivers.texels).map(|(&power, receiver)| {
+                receiver.map_or(DVec3::ZERO, |receiver| power / receiver.area)
+            });
+            CausticMap {
+                view: receivers.chart.view,
+                face: receivers.chart.face,
+                irradiance: irradiance.collect(),
+                receivers: receivers.texels,
+                flux: self.flux,
+            }
+        };
+        self.power.into_iter().zip(receivers).map(map).collect()
     }
 }
 
 /// What some of the light brought to which texel.
 pub(super) struct Ledger<'a> {
-    pub(super) receivers: &'a Receivers<'a>,
-    pub(super) deposits: Vec<(u32, DVec3)>,
+    pub(super) receivers: &'a [Receivers<'a>],
+    /// Chart, texel and power.
+    pub(super) deposits: Vec<(u32, u32, DVec3)>,
     pub(super) flux: Flux,
 }
 
 impl<'a> Ledger<'a> {
-    pub(super) fn new(receivers: &'a Receivers<'a>) -> Self {
+    pub(super) fn new(receivers: &'a [Receivers<'a>]) -> Self {
         Self { receivers, deposits: Vec::new(), flux: Flux::default() }
     }
 
@@ -266,7 +278,7 @@ impl<'a> Ledger<'a> {
             && let [Some(u), Some(v), Some(w)] = [a, b, c].map(|(landing, _)| landing.u)
             && together(corners)
         {
-            self.lay(&[u, v, w], &a.0.spot, a.1 + b.1 + c.1);
+            self.lay(&[u, v, w], &a.0, a.1 + b.1 + c.1);
             return;
         }
         for (landing, power) in thirds.into_iter().flatten() {
@@ -275,19 +287,19 @@ impl<'a> Ledger<'a> {
                 continue;
             };
             let square = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)];
-            self.lay(&square.map(|d| u + cell * DVec2::from(d)), &landing.spot, power);
+            self.lay(&square.map(|d| u + cell * DVec2::from(d)), &landing, power);
         }
     }
 
     /// Spreads power evenly over a convex polygon in the map.
-    pub(super) fn lay(&mut self, polygon: &[DVec2], spot: &Spot, power: DVec3) {
+    pub(super) fn lay(&mut self, polygon: &[DVec2], landing: &Landing, power: DVec3) {
         let low = polygon.iter().copied().fold(DVec2::INFINITY, DVec2::min);
         let high = polygon.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
         let centre = polygon.iter().sum::<DVec2>() / polygon.len() as f64;
-        let size = self.receivers.view.size.as_dvec2();
+        let size = self.size(landing);
         let framed = low.cmpge(DVec2::ZERO).all() && high.cmplt(size).all();
         if framed && low.floor() == high.floor() {
-            self.deposit(low.floor().as_ivec2(), centre, spot, power);
+            self.deposit(low.floor().as_ivec2(), centre, landing, power);
             return;
         }
         let whole = Polygon::new(polygon);
@@ -295,7 +307,7 @@ impl<'a> Ledger<'a> {
         // A line or a point, at a perfect focus: its area would be rounding.
         if area <= 1e-7 * (high - low).length() {
             for &u in polygon {
-                self.lay_at(u, spot, power / polygon.len() as f64);
+                self.lay_at(u, landing, power / polygon.len() as f64);
             }
             return;
         }
@@ -312,7 +324,7 @@ impl<'a> Ledger<'a> {
                 if share > 0.0 {
                     laid += share;
                     let texel = DVec2::new(x, y).as_ivec2();
-                    self.deposit(texel, piece.middle(), spot, share * power);
+                    self.deposit(texel, piece.middle(), landing, share * power);
                 }
                 x += 1.0;
             }
@@ -325,24 +337,29 @@ impl<'a> Ledger<'a> {
 
     pub(super) fn lay_point(&mut self, landing: Landing, power: DVec3) {
         match landing.u {
-            Some(u) => self.lay_at(u, &landing.spot, power),
+            Some(u) => self.lay_at(u, &landing, power),
             None => self.flux.outside += power,
         }
     }
 
-    pub(super) fn lay_at(&mut self, u: DVec2, spot: &Spot, power: DVec3) {
-        if u.cmpge(DVec2::ZERO).all() && u.cmplt(self.receivers.view.size.as_dvec2()).all() {
-            self.deposit(u.floor().as_ivec2(), u, spot, power);
+    /// Size of the chart on which something landed, pixels.
+    fn size(&self, landing: &Landing) -> DVec2 {
+        self.receivers[landing.chart].chart.view.size.as_dvec2()
+    }
+
+    pub(super) fn lay_at(&mut self, u: DVec2, landing: &Landing, power: DVec3) {
+        if u.cmpge(DVec2::ZERO).all() && u.cmplt(self.size(landing)).all() {
+            self.deposit(u.floor().as_ivec2(), u, landing, power);
         } else {
             self.flux.outside += power;
         }
     }
 
-    pub(super) fn deposit(&mut self, texel: IVec2, u: DVec2, spot: &Spot, power: DVec3) {
-        match self.receivers.shows(texel, u, spot) {
+    fn deposit(&mut self, texel: IVec2, u: DVec2, landing: &Landing, power: DVec3) {
+        match self.receivers[landing.chart].shows(texel, u, &landing.spot) {
             Some(i) => {
                 self.flux.received += power;
-                self.deposits.push((i as u32, power));
+                self.deposits.push((landing.chart as u32, i as u32, power));
             }
             None => self.flux.hidden += power,
         }
@@ -355,6 +372,10 @@ pub(super) fn together(corners: [&Beam; 3]) -> bool {
         let [enter, leave] = beam.interfaces;
         [enter, leave, beam.landing().map(|landing| landing.spot)]
     });
+    let charts = corners.map(|beam| beam.landing().map(|landing| landing.chart));
+    if charts != [charts[0]; 3] {
+        return false;
+    }
     let pair = |i: usize, j: usize| {
         spots[i].iter().zip(&spots[j]).all(|pair| match pair {
             (Some(a), Some(b)) => a.continues(b),

@@ -2,7 +2,8 @@
 
 use glam::{DVec2, DVec3, IVec2};
 
-use super::{OFF, Spot, Views};
+use super::{Chart, OFF, Spot};
+use crate::light_view::LightView;
 use crate::reference::layers::{self, Layer, Pair};
 use crate::reference::optics::{Interface, transmittance};
 use crate::reference::surroundings::{SolidHit, Surroundings};
@@ -33,7 +34,9 @@ pub(super) enum End {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Landing {
     pub(super) spot: Spot,
-    /// Pixel position in the light's view; none behind it.
+    /// The chart that shows it.
+    pub(super) chart: usize,
+    /// Pixel position in the chart's view; none behind it, or where no chart shows it.
     pub(super) u: Option<DVec2>,
 }
 
@@ -68,7 +71,10 @@ impl Beam {
 pub(super) struct Tracer<'a, L: ?Sized> {
     pub(super) liquid: &'a L,
     pub(super) surroundings: Surroundings,
-    pub(super) views: Views<'a>,
+    pub(super) light: &'a LightView,
+    /// Whether the light is in the liquid.
+    pub(super) inside: bool,
+    pub(super) charts: &'a [Chart],
     pub(super) ior: f64,
     /// 1/m.
     pub(super) absorption: DVec3,
@@ -82,11 +88,19 @@ pub(super) enum Ahead {
 }
 
 impl<'a, L: Liquid + ?Sized> Tracer<'a, L> {
-    pub(super) fn new(liquid: &'a L, scene: &Scene, views: Views<'a>, interfaces: u32) -> Self {
+    pub(super) fn new(
+        liquid: &'a L,
+        scene: &Scene,
+        light: &'a LightView,
+        charts: &'a [Chart],
+        interfaces: u32,
+    ) -> Self {
         Self {
             liquid,
             surroundings: Surroundings::new(scene),
-            views,
+            light,
+            inside: !light.orthographic && liquid.contains(light.origin),
+            charts,
             ior: scene.liquid.ior.into(),
             absorption: wide(scene.liquid.absorption),
             interfaces,
@@ -95,18 +109,21 @@ impl<'a, L: Liquid + ?Sized> Tracer<'a, L> {
 
     pub(super) fn follow(&self, u: DVec2) -> Beam {
         let mut beam = Beam::new();
-        let (origin, direction) = self.views.light.ray(u);
-        let ray = Ray { origin, direction };
-        let Ahead::Surface(entry) = self.ahead(&ray, false) else { return beam };
-        let Some(ray) = self.pass(&mut beam, &ray, &entry, false) else {
-            return beam.ending(End::Reflected);
-        };
+        let (origin, direction) = self.light.ray(u);
+        let mut ray = Ray { origin, direction };
+        if !self.inside {
+            let Ahead::Surface(entry) = self.ahead(&ray, false) else { return beam };
+            let Some(refracted) = self.pass(&mut beam, &ray, &entry, false) else {
+                return beam.ending(End::Reflected);
+            };
+            ray = refracted;
+        }
         let exit = match self.ahead(&ray, true) {
             Ahead::Solid(hit) => {
                 beam.transmittance *= transmittance(self.absorption, hit.t);
                 return self.land(beam, &hit, &ray);
             }
-            Ahead::Surface(exit) if self.interfaces >= 2 => exit,
+            Ahead::Surface(exit) if self.inside || self.interfaces >= 2 => exit,
             _ => return beam.ending(End::Liquid),
         };
         beam.transmittance *= transmittance(self.absorption, exit.t);
@@ -145,9 +162,14 @@ impl<'a, L: Liquid + ?Sized> Tracer<'a, L> {
     }
 
     pub(super) fn land(&self, beam: Beam, hit: &SolidHit, ray: &Ray) -> Beam {
-        let (u, depth) = self.views.map.project(hit.point);
-        let u = (depth > self.views.map.near).then_some(u);
-        beam.ending(End::Landed(Landing { spot: Spot::of(hit, ray.direction), u }))
+        let spot = Spot::of(hit, ray.direction);
+        let chart = self.charts.iter().position(|chart| chart.takes(&spot));
+        let u = chart.and_then(|chart| {
+            let view = &self.charts[chart].view;
+            let (u, depth) = view.project(hit.point);
+            (depth > view.near).then_some(u)
+        });
+        beam.ending(End::Landed(Landing { spot, chart: chart.unwrap_or(0), u }))
     }
 }
 
@@ -261,7 +283,7 @@ impl LayerTracer<'_> {
     pub(super) fn landing(&self, hit: &layers::LayerHit, direction: DVec3) -> Landing {
         let point = self.view.point_at_depth(hit.u, hit.depth);
         let normal = facing(self.view.normal(hit.plane), direction);
-        Landing { spot: Spot { solid: 0, point, normal }, u: Some(hit.u) }
+        Landing { spot: Spot { solid: 0, point, normal }, chart: 0, u: Some(hit.u) }
     }
 }
 
