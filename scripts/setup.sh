@@ -5,8 +5,9 @@
 #
 #   scripts/setup.sh        what is needed
 #   scripts/setup.sh --all  also ffmpeg, for .mp4 and .webm films, and what the tests of the
-#                           viewer start it in: a display of its own, and tools to drive it; and
-#                           OpenGL, to test that it draws what Vulkan draws
+#                           viewer start it in: a display of its own, and tools to drive it;
+#                           OpenGL, to test that it draws what Vulkan draws; and faketime, to test
+#                           machines whose clock is wrong
 set -euo pipefail
 
 rust_needed=1.95
@@ -66,6 +67,7 @@ case $(uname -s) in
         has_driver || packages+=(mesa-vulkan-drivers)
         if $all; then
             has ffmpeg || packages+=(ffmpeg)
+            has faketime || packages+=(faketime)
             has Xvfb || packages+=(xvfb)
             has xdotool || packages+=(xdotool)
             has xwininfo || packages+=(x11-utils)

@@ -10,9 +10,10 @@ mod report;
 mod signals;
 mod view;
 
+use std::io::{self, ErrorKind, Write as _};
 use std::process::ExitCode;
 
-use clap::error::ErrorKind;
+use clap::error::ErrorKind as Usage;
 use clap::{Parser, Subcommand};
 
 /// Draws clear liquid straight from particles.
@@ -48,7 +49,8 @@ enum Command {
 
 pub(crate) fn run() -> anyhow::Result<ExitCode> {
     let command = parse()?.command;
-    signals::listen()?;
+    signals::listen().map_err(limpid::Error::Threads)?;
+    start_workers()?;
     match command {
         Command::Render(args) => render::run(&args),
         Command::Bake(args) => bake::run(&args),
@@ -68,18 +70,38 @@ fn plain(line: &str) -> String {
 
 /// Says on standard error what is wrong, on one line.
 pub(crate) fn complain(problem: impl std::fmt::Display) {
-    eprintln!("limpid: {}", plain(&problem.to_string()));
+    tell(&format!("limpid: {problem}"));
+}
+
+/// Writes one line to standard error. Messages may be lost (a full disk, a reader that has left), work
+/// may not: so this neither fails nor panics, as `eprintln!` does.
+pub(crate) fn tell(line: &str) {
+    let line = plain(line) + "\n";
+    let _ = io::stderr().write_all(line.as_bytes());
 }
 
 /// Prints results; a reader that has seen enough (`| head -1`) is not an error.
-fn print(text: &str) -> anyhow::Result<()> {
-    use std::io::{ErrorKind, Write};
-    let text: Vec<String> = text.split('\n').map(plain).collect();
-    let text = text.join("\n");
-    match writeln!(std::io::stdout(), "{text}") {
-        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(e.into()),
+fn print(text: &str) -> limpid::Result<()> {
+    let lines: Vec<String> = text.split('\n').map(plain).collect();
+    let text = lines.join("\n") + "\n";
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(source) if source.kind() != ErrorKind::BrokenPipe => {
+            Err(limpid::Error::Io { path: "standard output".into(), action: "write", source })
+        }
         _ => Ok(()),
     }
+}
+
+/// Starts the threads that share long loops: as many as there are cores, or one where the system
+/// gives no more (`ulimit -u`).
+fn start_workers() -> limpid::Result<()> {
+    // Tried with threads of their own, for those that all share can be asked for once only.
+    let possible = rayon::ThreadPoolBuilder::new().build().is_ok();
+    // 0 is as many as there are cores, or as RAYON_NUM_THREADS says.
+    let threads = if possible { 0 } else { 1 };
+    let started = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    started.map_err(|error| limpid::Error::Threads(io::Error::other(error)))
 }
 
 // What all commands say that read particles; a documentation comment would become their help.
@@ -100,9 +122,9 @@ fn parse_mib(text: &str) -> Result<u64, &'static str> {
 /// As clap parses, but with every error on one line like all others.
 fn parse() -> anyhow::Result<Cli> {
     Cli::try_parse().map_err(|error| match error.kind() {
-        ErrorKind::DisplayHelp
-        | ErrorKind::DisplayVersion
-        | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
+        Usage::DisplayHelp
+        | Usage::DisplayVersion
+        | Usage::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
         _ => anyhow::anyhow!(one_line(&error.to_string())),
     })
 }

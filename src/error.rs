@@ -113,6 +113,11 @@ pub enum Error {
     /// No window can be shown.
     #[error("no window: {0}; `limpid render` draws without one")]
     Window(String),
+    /// The system starts no more threads, or no thread with the stack it needs.
+    #[error(
+        "the system gives no more threads ({0}); raise its limits (`ulimit -u`, `ulimit -v`) or end other programs, and try again"
+    )]
+    Threads(io::Error),
     /// The device was lost or ran out of memory; the same frame may succeed later.
     #[error("the graphics device failed ({0}); the frame may succeed if tried again")]
     DeviceLost(String),
@@ -127,7 +132,7 @@ impl Error {
             Self::Mismatch(_) | Self::Format { .. } => 3,
             Self::Io { .. } | Self::Malformed { .. } | Self::Sequence { .. } => 4,
             Self::NoAdapter | Self::Adapter { .. } | Self::Window(_) => 5,
-            Self::DeviceLost(_) => 6,
+            Self::DeviceLost(_) | Self::Threads(_) => 6,
             Self::Frame { source, .. } => source.exit_code(),
             Self::Shared(error) => error.exit_code(),
         }

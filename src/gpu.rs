@@ -7,6 +7,7 @@ mod timer;
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::Builder;
 
 use glam::UVec2;
 
@@ -51,8 +52,10 @@ impl Gpu {
     /// `WGPU_BACKEND` and `WGPU_ADAPTER_NAME` select one, as in other wgpu programs.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`] if there is none, [`Error::Adapter`] if it refuses a device.
+    /// [`Error::NoAdapter`] if there is none, [`Error::Adapter`] if it refuses a device,
+    /// [`Error::Threads`] if the system starts fewer threads than a driver may need.
     pub fn headless() -> Result<Self> {
+        check_threads()?;
         // The best adapter that gives a device: a broken driver should not hide a working one.
         let mut refusal = Error::NoAdapter;
         for adapter in pollster::block_on(adapters()) {
@@ -246,6 +249,29 @@ fn reasons(error: &dyn std::error::Error) -> String {
         cause = error.source();
     }
     text.trim_end_matches('.').to_owned()
+}
+
+/// Fails where the system does not start as many threads as drivers do: Mesa's software one then waits
+/// for ever for those that it did not get.
+fn check_threads() -> Result<()> {
+    const MORE: usize = 8;
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let threads: Vec<_> = std::iter::repeat_with(|| Builder::new().spawn(std::thread::park))
+        .take(cores + MORE)
+        .collect();
+    // All at once, and none for longer.
+    let mut checked = Ok(());
+    for thread in threads {
+        match thread {
+            Ok(thread) => {
+                thread.thread().unpark();
+                // It has nothing to tell.
+                let _ = thread.join();
+            }
+            Err(error) => checked = Err(Error::Threads(error)),
+        }
+    }
+    checked
 }
 
 /// All adapters: GPUs before integrated ones before software, OpenGL last.

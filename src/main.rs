@@ -6,14 +6,29 @@ mod pipeline_cache;
 
 use std::process::ExitCode;
 
+/// Bytes of stack, whatever the system gives the first thread (`ulimit -s`).
+const STACK: usize = 8 << 20;
+
 fn main() -> ExitCode {
     mesa::leave_window_systems_alone();
-    match cli::run() {
-        Ok(code) => code,
-        Err(error) => {
-            cli::complain(&error);
-            let code = error.downcast_ref::<limpid::Error>().map_or(2, limpid::Error::exit_code);
-            ExitCode::from(code)
-        }
+    // Windows belong to the first thread of a process.
+    if std::env::args_os().nth(1).is_some_and(|command| command == "view") {
+        return run();
     }
+    let thread = std::thread::Builder::new().name("limpid".into()).stack_size(STACK).spawn(run);
+    match thread {
+        // It has said itself why it has panicked; the code is that of any panic.
+        Ok(thread) => thread.join().unwrap_or(ExitCode::from(101)),
+        Err(error) => failed(&limpid::Error::Threads(error).into()),
+    }
+}
+
+fn run() -> ExitCode {
+    cli::run().unwrap_or_else(|error| failed(&error))
+}
+
+fn failed(error: &anyhow::Error) -> ExitCode {
+    cli::complain(error);
+    let code = error.downcast_ref::<limpid::Error>().map_or(2, limpid::Error::exit_code);
+    ExitCode::from(code)
 }

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use image::RgbImage;
 use tempfile::NamedTempFile;
@@ -139,20 +139,35 @@ pub fn abandon() {
     std::mem::forget(litter);
 }
 
+/// The time by the clock of the file system that `path` is on: clocks of machines differ, and ages of
+/// files are told by the one that dates them.
+pub(crate) fn file_time(path: &Path) -> Result<SystemTime> {
+    let probe = Temporary::beside(path)?;
+    let mut file = probe.as_file();
+    let time = file.write_all(b"?").and_then(|()| file.sync_all());
+    time.and_then(|()| file.metadata()?.modified()).map_err(|e| Error::io(path, "write", e))
+}
+
 /// Removes temporary files that killed processes have left in a folder: those to which nothing was
-/// written for a day, by the clock of this machine.
+/// written for a day, by the clock of the file system.
 pub fn sweep(folder: &Path) {
-    let old = |entry: &std::fs::DirEntry| {
-        let written = entry.metadata().and_then(|metadata| metadata.modified());
-        written.is_ok_and(|time| time.elapsed().is_ok_and(|age| age > ABANDONED))
-    };
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let ours = |entry: &std::fs::DirEntry| {
         entry.file_name().to_str().is_some_and(|name| name.starts_with(TEMPORARY))
     };
-    for entry in entries.filter(ours).filter(old) {
-        // Another may have been faster.
-        let _ = std::fs::remove_file(entry.path());
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let temporary: Vec<_> = entries.filter(ours).collect();
+    if temporary.is_empty() {
+        return;
+    }
+    // A folder that cannot be written to is an error when there is a picture to write.
+    let Ok(now) = file_time(&folder.join("any")) else { return };
+    for entry in temporary {
+        let written = entry.metadata().and_then(|metadata| metadata.modified());
+        let age = written.ok().and_then(|time| now.duration_since(time).ok());
+        if age.is_some_and(|age| age > ABANDONED) {
+            // Another may have been faster.
+            let _ = std::fs::remove_file(entry.path());
+        }
     }
 }
 

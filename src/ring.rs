@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock};
 
 use crate::error::{Error, Result};
 use crate::input::Loaded;
@@ -44,6 +44,8 @@ struct Shared {
     work: Condvar,
     // A frame has come.
     came: Condvar,
+    /// Why there is no worker, if the system has started none.
+    idle: OnceLock<Arc<Error>>,
 }
 
 #[derive(Default)]
@@ -105,7 +107,8 @@ impl Ring {
     /// A ring over frames 0 to `count` − 1 that holds at most `budget` bytes, but always one frame.
     ///
     /// `load` reads and classifies a frame on one of `workers` threads (at least one); `ready` is
-    /// told of each that has come, loaded or failed.
+    /// told of each that has come, loaded or failed. If the system starts not even one thread, every
+    /// frame fails with [`Error::Threads`].
     pub fn new(
         count: usize,
         budget: u64,
@@ -119,19 +122,28 @@ impl Ring {
             state: Mutex::new(State::default()),
             work: Condvar::new(),
             came: Condvar::new(),
+            idle: OnceLock::new(),
         });
         let (load, ready) = (Arc::new(load), Arc::new(ready));
-        for _ in 0..workers.max(1) {
-            let (shared, load, ready) = (shared.clone(), load.clone(), ready.clone());
-            std::thread::spawn(move || {
-                while let Some(i) = shared.next() {
+        for started in 0..workers.max(1) {
+            let (load, ready) = (load.clone(), ready.clone());
+            let worker = shared.clone();
+            let work = move || {
+                while let Some(i) = worker.next() {
                     // Whoever waits for the frame must hear of it, even of a defect.
                     let loaded = catch_unwind(AssertUnwindSafe(|| load(i)));
                     let defect = |_| Err(Error::Defect("a frame could not be loaded".into()));
-                    shared.finish(i, loaded.unwrap_or_else(defect));
+                    worker.finish(i, loaded.unwrap_or_else(defect));
                     ready(i);
                 }
-            });
+            };
+            if let Err(error) = std::thread::Builder::new().spawn(work) {
+                // Fewer do the same work.
+                if started == 0 {
+                    shared.idle.get_or_init(|| Arc::new(Error::Threads(error)));
+                }
+                break;
+            }
         }
         Self { shared }
     }
@@ -154,6 +166,9 @@ impl Ring {
 
     /// Frame `i`, if it has come. Never blocks.
     pub fn get(&self, i: usize) -> Option<Outcome> {
+        if let Some(error) = self.shared.idle.get() {
+            return Some(Err(error.clone()));
+        }
         match self.shared.lock().slots.get(&i)? {
             Slot::Loading(_) => None,
             Slot::Done(outcome, _) => Some(outcome.clone()),
@@ -167,6 +182,9 @@ impl Ring {
     pub fn wait(&self, i: usize) -> Result<Arc<Loaded>> {
         if i >= self.shared.count {
             return Err(Error::Usage(format!("frame {i} of {}", self.shared.count)));
+        }
+        if let Some(error) = self.shared.idle.get() {
+            return Err(error.clone().into());
         }
         let aim = self.shared.lock().aim;
         self.aim(i, aim.step, aim.looped);

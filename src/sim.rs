@@ -390,7 +390,7 @@ pub fn bake(
         // A frame is written while the next one is made.
         let (made, to_write) = sync_channel::<(u32, Particles)>(1);
         let (wrote, written) = channel();
-        scope.spawn(move || {
+        let write = move || {
             for (number, particles) in to_write {
                 let outcome = particles.write(&frame_path(folder, name, number)).map(|()| number);
                 let failed = outcome.is_err();
@@ -398,7 +398,8 @@ pub fn bake(
                     return;
                 }
             }
-        });
+        };
+        std::thread::Builder::new().spawn_scoped(scope, write).map_err(Error::Threads)?;
         let mut frame = Source::new(simulation, scene, last);
         let mut tell =
             |outcome: Result<u32>| outcome.map(|done| progress(Progress { done, frames }));

@@ -186,10 +186,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let claims = pictures.clone().filter(|_| args.claim).map(|pictures| {
         let version = env!("CARGO_PKG_VERSION");
         let owner = format!("limpid {version} on {host}, process {}\n", std::process::id());
-        (Claims { owner, timeout: Duration::from_secs(args.claim_timeout) }, pictures)
+        (Claims::new(owner, Duration::from_secs(args.claim_timeout)), pictures)
     });
     let manifest = args.manifest.as_deref().map(|path| Manifest::open(path, host)).transpose()?;
-    let mut log = Log { manifest, pictures };
+    let keep_going = args.keep_going;
+    let bar = progress(takes.len());
+    let mut log = Log { manifest, pictures, bar, keep_going, failed: Vec::new() };
     let takes = args.shard.unwrap_or_default().of(takes).collect();
     let mut queue = Queue::new(takes, fingerprints, claims);
     if args.skip_existing || args.claim {
@@ -198,6 +200,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if queue.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
+    log.bar.set_length(queue.len() as u64);
 
     // What is loaded ahead is what others draw, where frames are claimed one by one.
     let memory = if args.claim { 0 } else { args.memory << 20 };
@@ -215,13 +218,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         place: loader.place().clone(),
         output,
         stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
-        failed: Vec::new(),
         failures: 0,
         since: Instant::now(),
     };
-    let bar = progress(queue.len());
-    let drawn = draw_all(&mut easel, &mut queue, &loader, &mut log, &bar);
-    bar.finish_and_clear();
+    let drawn = draw_all(&mut easel, &mut queue, &loader, &mut log);
+    log.bar.finish_and_clear();
     if let Some(cache) = cache {
         cache.save();
     }
@@ -234,8 +235,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(code) = signals::received().filter(|_| !queue.is_empty()) {
         return Ok(ExitCode::from(code));
     }
-    let Easel { output, failed, stats, .. } = easel;
+    let Easel { output, stats, .. } = easel;
     output.finish()?;
+    let failed = log.failed;
     if failed.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
@@ -255,7 +257,6 @@ fn draw_all(
     queue: &mut Queue,
     loader: &Loader,
     log: &mut Log,
-    bar: &ProgressBar,
 ) -> limpid::Result<()> {
     let mut before = None;
     let mut next = queue.next(log)?;
@@ -264,22 +265,23 @@ fn draw_all(
         if !loader.has(&job.take)
             && let Some((job, sitting)) = before.take()
         {
-            easel.conclude(&job, sitting, log, bar)?;
+            easel.conclude(&job, sitting, log)?;
         }
-        let loaded = loader.wait(&job.take);
+        let sitting = loader.wait(&job.take).map(|loaded| easel.begin(&job, loaded));
+        if let Some((job, sitting)) = before.take() {
+            easel.conclude(&job, sitting, log)?;
+        }
+        // Only now, with the claim on the one before given up: a process holds two at most.
         next = queue.next_free(log)?;
         if let Some(next) = &next {
             loader.aim(&next.take, &job.take);
         }
-        let sitting = loaded.map(|loaded| easel.begin(&job, loaded));
-        if let Some((job, sitting)) = before.replace((job, sitting)) {
-            easel.conclude(&job, sitting, log, bar)?;
-        }
+        before = Some((job, sitting));
         let interrupted = signals::received().is_some();
         if (interrupted || next.is_none())
             && let Some((job, sitting)) = before.take()
         {
-            easel.conclude(&job, sitting, log, bar)?;
+            easel.conclude(&job, sitting, log)?;
         }
         if interrupted {
             queue.give_back(next);
@@ -310,8 +312,6 @@ struct Easel<'a> {
     place: Place,
     output: Output,
     stats: Stats,
-    /// Numbers of the frames that failed.
-    failed: Vec<i64>,
     /// Of the device, in a row.
     failures: u32,
     /// When the last picture was done, or the wait for others.
@@ -344,34 +344,22 @@ impl Easel<'_> {
         job: &Job,
         sitting: limpid::Result<Sitting>,
         log: &mut Log,
-        bar: &ProgressBar,
     ) -> limpid::Result<()> {
         match sitting.and_then(|sitting| self.finish(job, sitting)) {
             Ok(outcome) => {
                 self.failures = 0;
                 let ms = Some(self.since.elapsed().as_micros() as f64 / 1e3);
                 log.add(&job.take, job.fingerprint, Status::Done, Outcome { ms, ..outcome })?;
+                log.bar.inc(1);
             }
             Err(error) => {
-                let error = error.of_frame(job.take.number);
                 let code = error.exit_code();
-                let outcome = Outcome {
-                    error: Some(error.to_string()),
-                    code: Some(code),
-                    ..Outcome::default()
-                };
-                log.add(&job.take, job.fingerprint, Status::Failed, outcome)?;
                 self.failures = if code == RETRYABLE { self.failures + 1 } else { 0 };
-                let hopeless = code == NO_ADAPTER || self.failures == DEVICE_FAILURES;
-                if !self.args.keep_going || hopeless {
-                    return Err(error);
-                }
-                bar.suspend(|| super::complain(&error));
-                self.failed.push(job.take.number);
+                log.keep_going &= code != NO_ADAPTER && self.failures != DEVICE_FAILURES;
+                log.fail(&job.take, job.fingerprint, error)?;
             }
         }
         self.since = Instant::now();
-        bar.inc(1);
         Ok(())
     }
 

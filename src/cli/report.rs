@@ -69,7 +69,7 @@ const WORSE: u8 = 1;
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let earlier = args.against.as_deref().map(Measured::read).transpose()?;
     let gpu = Gpu::headless()?;
-    let mut progress = |step: &str| eprintln!("report: {step}");
+    let mut progress = |step: &str| super::tell(&format!("report: {step}"));
     let write = |path: &Path, text: &str| {
         output::write_atomically(path, |file| std::io::Write::write_all(file, text.as_bytes()))
     };

@@ -1,5 +1,5 @@
 //! What Ctrl-C and its like do: the process ends at once, without temporary files and claims. A
-//! command that has something to finish is given the first signal to do so.
+//! command that has something to finish is given the first signal to do so, but for Ctrl-\.
 
 #[cfg(unix)]
 use std::sync::Arc;
@@ -20,15 +20,19 @@ static GRACE: AtomicBool = AtomicBool::new(false);
 pub(super) fn listen() -> std::io::Result<()> {
     #[cfg(unix)]
     {
-        use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+        use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
         // Writing beyond the system's limit on the length of files (`ulimit -f`) ends a process, unless
         // someone listens: then it fails as on a full disk, and what is half-written is removed.
         signal_hook::flag::register(SIGXFSZ, Arc::default())?;
-        let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM])?;
-        std::thread::spawn(move || {
+        // What `nohup` has the process ignore stays ignored.
+        let optional = [SIGHUP, SIGQUIT].into_iter().filter(|&signal| is_heard(signal));
+        let heard = [SIGINT, SIGTERM].into_iter().chain(optional);
+        let mut signals = signal_hook::iterator::Signals::new(heard)?;
+        let listen = move || {
             let mut first = None;
             signals.forever().for_each(|signal| receive(signal, &mut first));
-        });
+        };
+        std::thread::Builder::new().spawn(listen)?;
         Ok(())
     }
     #[cfg(not(unix))]
@@ -38,7 +42,23 @@ pub(super) fn listen() -> std::io::Result<()> {
     }
 }
 
+/// Whether a signal would end the process, as it was started. Where that is not known it is left as
+/// it is.
+#[cfg(unix)]
+fn is_heard(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    ignored.is_some_and(|mask| mask >> (signal - 1) & 1 == 0)
+}
+
 fn receive(signal: i32, first: &mut Option<Instant>) {
+    #[cfg(unix)]
+    if signal == signal_hook::consts::SIGQUIT {
+        limpid::output::abandon();
+        // At once, with a memory dump where the system makes one.
+        let _ = signal_hook::low_level::emulate_default_handler(signal);
+    }
     let began = *first.get_or_insert_with(Instant::now);
     let again = RECEIVED.swap(signal, Ordering::Relaxed) != 0;
     if again && began.elapsed() < ONE {
@@ -59,7 +79,8 @@ pub(super) fn finish_first() {
     GRACE.store(true, Ordering::Relaxed);
 }
 
-/// The exit code for the signal that has come, if one has: 130 for Ctrl-C, 143 for `kill`.
+/// The exit code for the signal that has come, if one has: 130 for Ctrl-C, 143 for `kill`, 129 for a
+/// terminal that was closed.
 pub(super) fn received() -> Option<u8> {
     match RECEIVED.load(Ordering::Relaxed) {
         0 => None,

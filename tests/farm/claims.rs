@@ -54,7 +54,7 @@ fn claims_of_the_dead_are_taken_over() {
     for name in ["frame_0001.png.claim1", "frame_0002.png.claim1", "frame_0002.png.claim2"] {
         claim(name);
     }
-    let living = Claims { owner: "a test".into(), timeout: Duration::from_secs(60) };
+    let living = Claims::new("a test".into(), Duration::from_secs(60));
     let third = project.path("f/frame_0003.png");
     let held = living.take(&third).unwrap().expect("nobody has it");
     let mut child = project.start(&["--claim", "-o", "f/", "--manifest=m.jsonl"]);
@@ -78,8 +78,7 @@ fn a_claim_is_one_owners() {
         let names = entries.map(|e| e.unwrap().file_name().into_string().unwrap());
         names.collect::<BTreeSet<_>>()
     };
-    let claims =
-        |seconds| Claims { owner: "a test\n".into(), timeout: Duration::from_secs(seconds) };
+    let claims = |seconds| Claims::new("a test\n".into(), Duration::from_secs(seconds));
     let picture = folder.path().join("frame_0001.png");
     // At once, by many: one has it.
     let race = |claims: &Claims| {
@@ -128,4 +127,112 @@ fn a_claim_is_one_owners() {
     let nowhere = folder.path().join("nowhere/frame_0001.png");
     let error = claims(1).take(&nowhere).unwrap_err().to_string();
     assert!(error.contains("nowhere") && error.contains("claim"), "{error}");
+}
+
+/// A claim that says nothing of its age is not believed for ever: one that another user has closed to
+/// this one, and one from the future, as after the server's clock was set back.
+#[test]
+fn claims_are_stale_whatever_they_hide() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = folder.path().join("frame_0001.png");
+    let claims = Claims::new("a test".into(), Duration::from_secs(1));
+    let claim = File::create(folder.path().join("frame_0001.png.claim1")).unwrap();
+    claim.set_modified(SystemTime::now() + Duration::from_hours(48)).unwrap();
+    assert!(claims.take(&picture).unwrap().is_none(), "it may be alive");
+    std::thread::sleep(Duration::from_millis(600));
+    // It is: it changes.
+    claim.set_modified(SystemTime::now() + Duration::from_hours(47)).unwrap();
+    assert!(claims.take(&picture).unwrap().is_none());
+    std::thread::sleep(Duration::from_millis(600));
+    assert!(claims.take(&picture).unwrap().is_none());
+    std::thread::sleep(Duration::from_millis(600));
+    assert!(claims.take(&picture).unwrap().is_some(), "nobody writes to it");
+}
+
+/// As above, of another user's claim: who may do anything can read it, so this is somebody else.
+#[test]
+#[cfg(target_os = "linux")]
+fn the_claim_of_a_dead_stranger_is_taken_over() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(1);
+    let Some(mut command) = project.limpid_as_nobody(&[]) else { return };
+    let claim = project.path("f/frame_0001.png.claim1");
+    fs::create_dir(project.path("f")).unwrap();
+    fs::set_permissions(project.path("f"), Permissions::from_mode(0o777)).unwrap();
+    let file = File::create(&claim).unwrap();
+    file.set_modified(SystemTime::now() - Duration::from_hours(1)).unwrap();
+    fs::set_permissions(&claim, Permissions::from_mode(0o600)).unwrap();
+    command.args(["render", "water", "--size=48x36", "--claim", "-o", "f/"]);
+    let ended = command.timeout(Duration::from_secs(60)).output().unwrap();
+    assert!(ended.status.success(), "{ended:?}");
+    assert_eq!(project.files("f").into_keys().collect::<Vec<_>>(), ["frame_0001.png"]);
+}
+
+/// What is no claim but has its name is an error that says so; with --keep-going the other frames are
+/// drawn. It was waited for, for ever and in silence.
+#[test]
+#[cfg(unix)]
+fn what_is_no_claim_is_not_waited_for() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(4);
+    fs::create_dir(project.path("f")).unwrap();
+    let claim = |frame: u32| project.path(format!("f/frame_000{frame}.png.claim1"));
+    std::os::unix::fs::symlink("nowhere", claim(1)).unwrap();
+    assert!(Command::new("mkfifo").arg(claim(2)).status().unwrap().success());
+    fs::create_dir(claim(3)).unwrap();
+    let mut command = assert_cmd::Command::from_std(project.limpid(&["--claim", "-o", "f/"]));
+    let ended = command.arg("--keep-going").timeout(Duration::from_secs(60)).output().unwrap();
+    let told = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(1), "{told}");
+    for frame in 1..=3 {
+        let expected =
+            format!("limpid: frame {frame}: f/frame_000{frame}.png.claim1: cannot claim: this is");
+        assert!(told.lines().any(|line| line.starts_with(&expected)), "{told}");
+    }
+    assert!(told.ends_with("3 of 4 frames failed: 1-3\n"), "{told}");
+    assert!(project.path("f/frame_0004.png").is_file());
+}
+
+/// A process that waits says after a time for what, and for whom.
+#[test]
+fn waiting_is_said() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(1);
+    fs::create_dir(project.path("f")).unwrap();
+    let claims = Claims::new("somebody on a far machine\n".into(), Duration::from_secs(1));
+    let held = claims.take(&project.path("f/frame_0001.png")).unwrap().expect("nobody has it");
+    let mut child = project.start(&["--claim", "--claim-timeout=1", "-o", "f/"]);
+    let mut line = String::new();
+    BufReader::new(child.stderr.take().unwrap()).read_line(&mut line).unwrap();
+    assert_eq!(
+        line,
+        "limpid: waiting for 1 frames of others: 1 of somebody on a far machine: f/frame_0001.png.claim1\n"
+    );
+    drop(held);
+    assert!(child.wait().unwrap().success());
+}
+
+/// A process holds two claims at most: of the frame that it draws, and of the one that it loads.
+#[test]
+fn a_process_holds_two_claims() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(6);
+    let mut child = project.start(&["--samples=256", "--claim", "-o", "f/"]);
+    let mut most = 0;
+    while child.try_wait().unwrap().is_none() {
+        let names = fs::read_dir(project.path("f")).into_iter().flatten().flatten();
+        let claims = names.filter(|entry| entry.path().extension().is_some_and(|e| e == "claim1"));
+        most = most.max(claims.count());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert!((1..=2).contains(&most), "{most} claims");
+    assert_eq!(project.files("f").len(), 6);
 }

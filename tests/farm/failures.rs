@@ -90,3 +90,27 @@ fn films_are_not_shared_out() {
     }
     assert!(!project.path("film.apng").exists() && !project.path("m.jsonl").exists());
 }
+
+/// Messages may be lost, work not: with a full disk behind standard error the other frames are drawn,
+/// and the exit code is what it would be.
+#[test]
+#[cfg(target_os = "linux")]
+fn messages_that_cannot_be_written_cost_nothing() {
+    if !adapter() {
+        return;
+    }
+    let full = || File::options().write(true).open("/dev/full").unwrap();
+    let project = Project::new(5);
+    fs::write(project.water(2), "0.1 0.2\nnonsense\n").unwrap();
+    let mut command = project.limpid(&["-o", "f/", "--keep-going"]);
+    assert_eq!(command.stderr(full()).status().unwrap().code(), Some(1));
+    assert_eq!(project.files("f").len(), 4);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
+    assert_eq!(command.args(["info", "nosuch"]).stderr(full()).status().unwrap().code(), Some(4));
+    // What was asked for is work: that it cannot be written is an error.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
+    let ended = command.arg("info").arg(project.water(1)).stdout(full()).output().unwrap();
+    let told = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(4), "{told}");
+    assert!(told.starts_with("limpid: standard output: cannot write: "), "{told}");
+}

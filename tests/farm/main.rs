@@ -11,11 +11,14 @@ mod restarts;
 mod shards;
 mod signals;
 mod slurm;
+mod threads;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-use std::fs::{self, File};
-use std::io::Write as _;
+use std::fs::{self, File, Permissions};
+use std::io::{BufRead as _, BufReader, Write as _};
+#[cfg(unix)]
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Barrier, OnceLock};
@@ -77,6 +80,29 @@ impl Project {
         command.args(["render", "water", "--size=48x36"]).args(args);
         command.current_dir(self.0.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
+    }
+
+    /// The program in the project's folder as a user who may do nothing in particular, and whom nobody
+    /// else is, started by a `wrapper`; `None` where one cannot become another user.
+    #[cfg(target_os = "linux")]
+    fn limpid_as_nobody(&self, wrapper: &[&str]) -> Option<assert_cmd::Command> {
+        const USER: &str = "54321";
+        let mut command = assert_cmd::Command::new("setpriv");
+        command.args(["--reuid", USER, "--regid", USER, "--clear-groups"]);
+        // The one that was built may lie in a folder of somebody's own.
+        let program = self.path("limpid");
+        fs::copy(env!("CARGO_BIN_EXE_limpid"), &program).unwrap();
+        fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
+        fs::set_permissions(self.0.path(), Permissions::from_mode(0o755)).unwrap();
+        command.current_dir(self.0.path()).env("HOME", "/nonexistent");
+        command.args(wrapper).arg(program);
+        let mut probe = Command::new("setpriv");
+        probe.args(["--reuid", USER, "--regid", USER, "--clear-groups", "true"]);
+        if probe.output().is_ok_and(|ended| ended.status.success()) {
+            return Some(command);
+        }
+        eprintln!("skipped: one cannot become another user here");
+        None
     }
 
     fn start(&self, args: &[&str]) -> Child {

@@ -67,3 +67,25 @@ fn old_temporary_files_are_swept_up() {
         assert!(project.path(".limpid-young").exists() && project.path(".other-old").exists());
     }
 }
+
+/// A machine whose clock is two days ahead does not take another's film for abandoned: ages are told by
+/// the file system's clock. Only where `faketime` is installed, or `LIMPID_REQUIRE_FAKETIME=1` says that
+/// it must run.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_clock_that_is_ahead_sweeps_nothing_up() {
+    let required = std::env::var("LIMPID_REQUIRE_FAKETIME").is_ok_and(|value| value == "1");
+    let installed = Command::new("faketime").arg("--version").output().is_ok();
+    if !adapter() || !(installed || required) {
+        eprintln!("skipped: no faketime here");
+        return;
+    }
+    let project = Project::new(1);
+    File::create(project.path(".limpid-young")).unwrap();
+    let mut command = Command::new("faketime");
+    command.args(["+2 days", env!("CARGO_BIN_EXE_limpid"), "render", "water", "--size=48x36"]);
+    // The program's clock alone: what the file system says is as it is.
+    command.args(["-o", "a.png"]).env("NO_FAKE_STAT", "1").current_dir(project.0.path());
+    assert_success(command.output().unwrap());
+    assert!(project.path(".limpid-young").exists());
+}

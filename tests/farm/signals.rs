@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM.
+//! SIGINT, SIGTERM, SIGHUP and SIGQUIT.
 
 use super::*;
 
@@ -20,7 +20,7 @@ fn signals_finish_the_frame_in_hand() {
     };
     assert_success(render(&["-o", "single/"]).output().unwrap());
     let single = project.files("single");
-    for (name, code, folder) in [("INT", 130, "int"), ("TERM", 143, "term")] {
+    for (name, code, folder) in [("INT", 130, "int"), ("TERM", 143, "term"), ("HUP", 129, "hup")] {
         let output = format!("{folder}/");
         let child = render(&["--claim", "-o", &output]).spawn().unwrap();
         until("a frame", || project.path(folder).join("frame_0002.png").exists());
@@ -68,4 +68,78 @@ fn the_second_signal_leaves_nothing_behind() {
         left.iter().all(|name| name.starts_with("frame_") && name.ends_with(".png")),
         "{left:?}"
     );
+}
+
+/// SIGQUIT ends it at once as the system would, but without temporary files and claims.
+#[test]
+#[cfg(unix)]
+fn quitting_leaves_nothing_behind() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(2);
+    let mut command = Command::new("sh");
+    // Without a memory dump.
+    command.args(["-c", "ulimit -c 0; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_limpid"), "render"]);
+    command.args(["water", "--size=1600x1200", "--samples=64", "--claim", "-o", "f/"]);
+    let mut child = command.current_dir(project.0.path()).spawn().unwrap();
+    until("a claim", || project.path("f/frame_0001.png.claim1").exists());
+    signal(&child, "QUIT");
+    let ended = child.wait().unwrap();
+    assert_eq!(std::os::unix::process::ExitStatusExt::signal(&ended), Some(3), "{ended}");
+    assert!(project.files("f").is_empty(), "{:?}", project.files("f").keys());
+}
+
+/// What `nohup` has started goes on when its terminal is closed.
+#[test]
+#[cfg(target_os = "linux")]
+fn what_ignores_hangups_still_does() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(4);
+    let mut command = Command::new("nohup");
+    command.args([env!("CARGO_BIN_EXE_limpid"), "render", "water", "--size=48x36", "-o", "f/"]);
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = command.current_dir(project.0.path()).spawn().unwrap();
+    until("a frame", || project.path("f/frame_0001.png").exists());
+    signal(&child, "HUP");
+    assert!(child.wait().unwrap().success());
+    assert_eq!(project.files("f").len(), 4);
+}
+
+/// A check that simulates leaves no frames in the system's temporary folder, however it is ended.
+#[test]
+#[cfg(unix)]
+fn an_interrupted_check_leaves_no_simulation() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(0);
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("sims/dam_break.toml");
+    let suite = format!(
+        "[[frame]]\nname = \"dam\"\ninput = {:?}\nexpected = \"dam.png\"\nbake = {{ seconds = 20.0 }}\n",
+        scene.display().to_string()
+    );
+    fs::write(project.path("suite.toml"), suite).unwrap();
+    for (name, temporary) in [("TERM", "a"), ("HUP", "b"), ("QUIT", "c")] {
+        let temporary = project.path(temporary);
+        fs::create_dir(&temporary).unwrap();
+        let mut command = Command::new("sh");
+        command.args(["-c", "ulimit -c 0; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_limpid")]);
+        command.args(["check", "suite.toml"]).env("TMPDIR", &temporary);
+        let mut child = command.current_dir(project.0.path()).spawn().unwrap();
+        let baked = || {
+            fs::read_dir(&temporary)
+                .unwrap()
+                .flatten()
+                .any(|folder| folder.path().join("baked/baked").is_dir())
+        };
+        until("a simulation", baked);
+        std::thread::sleep(Duration::from_millis(100));
+        signal(&child, name);
+        assert!(!child.wait().unwrap().success());
+        let left: Vec<_> = fs::read_dir(&temporary).unwrap().flatten().collect();
+        assert!(left.is_empty(), "SIG{name} leaves {left:?}");
+    }
 }

@@ -1,9 +1,11 @@
-//! What has become of each frame, as lines of JSON that several processes may append to one file.
+//! What has become of each frame: as lines of JSON that several processes may append to one file, and
+//! as messages.
 
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
+use indicatif::ProgressBar;
 use limpid::Error;
 use limpid::film::Take;
 use limpid::fingerprint::Fingerprint;
@@ -64,6 +66,12 @@ pub(super) struct Manifest {
 pub(super) struct Log {
     pub(super) manifest: Option<Manifest>,
     pub(super) pictures: Option<Pictures>,
+    /// Frames that are done, for whoever watches.
+    pub(super) bar: ProgressBar,
+    /// Whether a frame that fails leaves the others alone.
+    pub(super) keep_going: bool,
+    /// Numbers of the frames that have failed.
+    pub(super) failed: Vec<i64>,
 }
 
 impl Manifest {
@@ -84,6 +92,37 @@ impl Log {
         status: Status,
     ) -> limpid::Result<()> {
         self.add(take, fingerprint, status, Outcome::default())
+    }
+
+    /// A frame that has failed.
+    ///
+    /// # Errors
+    /// That error, where it ends the run.
+    pub(super) fn fail(
+        &mut self,
+        take: &Take,
+        fingerprint: Fingerprint,
+        error: Error,
+    ) -> limpid::Result<()> {
+        let error = error.of_frame(take.number);
+        let outcome = Outcome {
+            error: Some(error.to_string()),
+            code: Some(error.exit_code()),
+            ..Outcome::default()
+        };
+        self.add(take, fingerprint, Status::Failed, outcome)?;
+        if !self.keep_going {
+            return Err(error);
+        }
+        self.complain(&error);
+        self.failed.push(take.number);
+        self.bar.inc(1);
+        Ok(())
+    }
+
+    /// Says something on a line of its own.
+    pub(super) fn complain(&self, message: impl std::fmt::Display) {
+        self.bar.suspend(|| crate::cli::complain(message));
     }
 
     pub(super) fn add(

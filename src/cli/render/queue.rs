@@ -1,7 +1,7 @@
 //! Who draws what: the frames that are left to this process.
 
 use std::collections::VecDeque;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use limpid::claim::{Claim, Claims};
 use limpid::film::Take;
@@ -14,6 +14,9 @@ use super::output::Pictures;
 
 /// How often it is looked whether others have finished their frames.
 const PATIENCE: Duration = Duration::from_millis(500);
+
+/// After how long it is said that others are waited for; then after twice as long, and so on.
+const SILENCE: Duration = Duration::from_secs(30);
 
 /// A picture that is this process's to draw.
 pub(super) struct Job {
@@ -65,8 +68,10 @@ impl Queue {
             // One that was killed between its picture and its claim has left that behind.
             if let Some((claims, pictures)) = &self.claims
                 && Claims::exist(&pictures.path(&take))
+                && let Err(error) = claims.take(&pictures.path(&take))
             {
-                drop(claims.take(&pictures.path(&take))?);
+                log.fail(&take, self.fingerprint(&take), error)?;
+                continue;
             }
             log.tell(&take, self.fingerprint(&take), Status::Skipped)?;
         }
@@ -97,10 +102,11 @@ impl Queue {
         while signals::received().is_none()
             && let Some(take) = self.pending.pop_front()
         {
-            match self.look(take).map_err(|e| e.of_frame(take.number))? {
-                Look::Mine(job) => return Ok(Some(*job)),
-                Look::Others => self.others.push_back(take),
-                Look::Done => log.tell(&take, self.fingerprint(&take), Status::Claimed)?,
+            match self.look(take) {
+                Ok(Look::Mine(job)) => return Ok(Some(*job)),
+                Ok(Look::Others) => self.others.push_back(take),
+                Ok(Look::Done) => log.tell(&take, self.fingerprint(&take), Status::Claimed)?,
+                Err(error) => log.fail(&take, self.fingerprint(&take), error)?,
             }
         }
         Ok(None)
@@ -109,10 +115,20 @@ impl Queue {
     /// As [`Queue::next_free`], but waits until others have drawn theirs, or given them up.
     pub(super) fn next(&mut self, log: &mut Log) -> limpid::Result<Option<Job>> {
         let mut patience = Duration::ZERO;
+        let since = Instant::now();
+        let mut silence = self.claims.as_ref().map_or(SILENCE, |(c, _)| c.timeout().min(SILENCE));
         loop {
             let job = self.next_free(log)?;
             if job.is_some() || self.others.is_empty() || signals::received().is_some() {
                 return Ok(job);
+            }
+            if since.elapsed() >= silence
+                && let (Some((_, pictures)), Some(take)) = (&self.claims, self.others.front())
+            {
+                let holder = Claims::holder(&pictures.path(take));
+                let (count, frame) = (self.others.len(), take.number);
+                log.complain(format!("waiting for {count} frames of others: {frame} of {holder}"));
+                silence *= 2;
             }
             std::thread::sleep(patience);
             patience = PATIENCE;
