@@ -225,7 +225,7 @@ fn a_process_holds_two_claims() {
         return;
     }
     let project = Project::new(6);
-    let mut child = project.start(&["--samples=256", "--claim", "-o", "f/"]);
+    let mut child = project.start(&["--samples=64", "--claim", "-o", "f/"]);
     let mut most = 0;
     while child.try_wait().unwrap().is_none() {
         let names = fs::read_dir(project.path("f")).into_iter().flatten().flatten();
