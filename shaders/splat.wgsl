@@ -119,7 +119,11 @@ fn splat_corner(corner: u32, centre: vec3f, rows: mat3x3f) -> vec2f {
         return (centre.xy + sign * half) / camera.tangent + sign * margin;
     }
     if -centre.z - half_depth <= camera.near {
-        return sign; // the near plane cuts it: the bound does not exist
+        let x = cut_slopes(rows[0], rows[2], centre.x, -centre.z, half_depth);
+        let y = cut_slopes(rows[1], rows[2], centre.y, -centre.z, half_depth);
+        // No farther out than it takes to cover the picture: what is left of it may be as wide as it likes.
+        let bounds = vec2f(select(x.x, x.y, sign.x > 0.0), select(y.x, y.y, sign.y > 0.0));
+        return clamp(bounds / camera.tangent + sign * margin, vec2f(-2.0), vec2f(2.0));
     }
     // Tangent planes through the eye, { x = b z }: q b^2 - 2 r b - s = 0.
     let g = rows[2];
@@ -136,6 +140,45 @@ fn tangent_discriminant(a: vec3f, g: vec3f, x: f32, z: f32) -> f32 {
     let along = z * a - x * g;
     let across = cross(a, g);
     return dot(along, along) - dot(across, across);
+}
+
+// The least and the greatest x / depth of what the near plane leaves of an ellipsoid, in front of it. `a`
+// and `g` are the rows of x and of z of its axes matrix, `x` and `depth` its centre's.
+//
+// In the plane of x and depth what is left is an ellipse cut off by a line. There the slope is extreme where
+// a line through the eye touches the ellipse, or at an end of the cut.
+fn cut_slopes(a: vec3f, g: vec3f, x: f32, depth: f32, half_depth: f32) -> vec2f {
+    let half_x = length(a);
+    // The cut, { depth = near }.
+    let beyond = (depth - camera.near) / half_depth;
+    let middle = x + beyond * dot(a, g) / half_depth;
+    // Somewhat more: of an ellipse that is hardly cut, a square root of rounding.
+    let share = sqrt(max(1.0 - beyond * beyond, 0.0) + 1e-6);
+    let half = share * length(cross(a, g)) / half_depth + 2e-6 * (abs(x) + half_x);
+    var bounds = vec2f(middle - half, middle + half) / camera.near;
+
+    // The lines { x = b depth } that touch it: q b^2 - 2 r b - s = 0. Either root as a quotient that may
+    // have no end, for one of them is upright when the ellipse ends at the eye.
+    let discriminant = tangent_discriminant(a, g, x, -depth);
+    if discriminant <= 0.0 {
+        return bounds; // the eye is in it
+    }
+    let q = (depth - half_depth) * (depth + half_depth);
+    let r = dot(a, g) + x * depth;
+    let s = (half_x - x) * (half_x + x);
+    let sum = r + select(-1.0, 1.0, r >= 0.0) * sqrt(discriminant);
+    var roots = array(vec2f(sum, q), vec2f(-s, sum));
+    for (var i = 0; i < 2; i++) {
+        // Where it touches; what is in doubt counts, for the line through it bounds more.
+        let root = roots[i];
+        let across = root.y * a + root.x * g;
+        let at = depth + dot(g, across) * (root.y * x - root.x * depth) / dot(across, across);
+        if at >= 0.99999 * camera.near - 1e-4 * half_depth {
+            let slope = root.x / root.y;
+            bounds = vec2f(min(bounds.x, slope), max(bounds.y, slope));
+        }
+    }
+    return bounds;
 }
 
 // Where the pixel's ray passes the ellipsoid.

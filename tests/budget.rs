@@ -11,6 +11,7 @@ use frames::{
     ellipsoid, gpu, noise, noise_turn, noise_vector, on_axis, scene, shoot, sphere, splats,
 };
 use glam::{DVec3, UVec2, Vec3};
+use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::light_view::LightView;
 use limpid::passes::classify::{Splat, Splats};
@@ -97,10 +98,10 @@ fn coverage_is_what_is_drawn() {
         };
         (0..count).map(any).collect()
     };
-    let splats = splats(&ellipsoids(40), &ellipsoids(5), 0.1);
+    let many = splats(&ellipsoids(40), &ellipsoids(5), 0.1);
     let camera = on_axis(4.0, 40.0);
-    let counts = eye_counts(&scene(), &camera, &splats, SIZE);
-    let shot = shoot(&gpu, &mut renderer, &scene(), &camera, &splats, SIZE);
+    let counts = eye_counts(&scene(), &camera, &many, SIZE);
+    let shot = shoot(&gpu, &mut renderer, &scene(), &camera, &many, SIZE);
     let drawn = |class: &str| {
         let depths = shot.channel(&format!("depth.{class}_front"));
         depths.iter().filter(|&&depth| depth > 0.0).count() as f64
@@ -108,6 +109,22 @@ fn coverage_is_what_is_drawn() {
     assert!(counts.aggregate_fragments > 1.1 * counts.aggregate_pixels);
     assert_close(counts.aggregate_pixels, drawn("aggregate"), 1e-3);
     assert_close(counts.splash_pixels, drawn("splash"), 1e-3);
+
+    // Some beside the camera, which the near plane cuts.
+    let beside = [(); 8].map(|()| {
+        let axes = 0.05 + 0.1 * (0.5 + 0.5 * noise_vector(&mut seed));
+        let place = noise_vector(&mut seed) * Vec3::new(0.5, 0.4, 0.1) + 3.5 * Vec3::Z;
+        ellipsoid(place, axes, noise_turn(&mut seed))
+    });
+    let near = splats(&beside, &[], 0.1);
+    let camera = Camera { near: Some(0.5), ..on_axis(4.0, 70.0) };
+    let counts = eye_counts(&scene(), &camera, &near, SIZE);
+    let shot = shoot(&gpu, &mut renderer, &scene(), &camera, &near, SIZE);
+    let depths = shot.channel("depth.aggregate_front");
+    let drawn = depths.iter().filter(|&&depth| depth > 0.0).count() as f64;
+    let cut = depths.iter().filter(|&&depth| depth > 0.0 && depth <= 0.50001).count() as f64;
+    assert!(cut > 0.1 * drawn && drawn < 0.8 * counts.pixels, "{cut} of {drawn}");
+    assert_close(counts.aggregate_pixels, drawn, 1e-3);
 }
 
 /// Protects the lights' counts: under a sun a ball covers a circle of its own size, whatever the

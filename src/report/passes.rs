@@ -7,7 +7,7 @@
 //! outside of their ellipsoids cost nothing, a cube root is no dearer than on paper. No pass reaches
 //! its floor; passes far from it are where work goes.
 
-use glam::{DMat3, DVec2, DVec3, UVec2, Vec3};
+use glam::{DMat3, DVec2, DVec3, IVec2, UVec2, Vec3};
 use serde::Serialize;
 
 use super::picture;
@@ -297,9 +297,17 @@ fn cover(uniform: &CameraUniform, splats: &[Splat], covered: &mut [bool]) -> (f6
     for splat in splats {
         let silhouette = match silhouette(uniform, splat) {
             Silhouette::Hidden => continue,
-            // The eye may be in it: every pixel is asked.
-            Silhouette::Cut => {
-                (0..size.y).for_each(|y| mark(y, 0, size.x));
+            Silhouette::Cut(cut) => {
+                let (low, high) = cut.bounds(uniform);
+                let (left, right) = (pixel(low.x, size.x), pixel(high.x, size.x));
+                for y in pixel(low.y, size.y)..pixel(high.y, size.y) {
+                    // What is convex has one run in a row.
+                    let hit = |x: &i32| cut.is_hit(uniform, IVec2::new(*x, y));
+                    if let Some(from) = (left..right).find(hit) {
+                        let to = (from..right).rfind(hit).map_or(from, |last| last + 1);
+                        mark(y, from, to);
+                    }
+                }
                 continue;
             }
             Silhouette::Ellipse(silhouette) => silhouette,
@@ -323,8 +331,61 @@ enum Silhouette {
     /// Before the near plane.
     Hidden,
     /// The near plane cuts it.
-    Cut,
+    Cut(Cut),
     Ellipse(Ellipse),
+}
+
+/// An ellipsoid { centre + A s : |s| <= 1 } in view space, of which the near plane leaves a part.
+struct Cut {
+    centre: DVec3,
+    axes: DMat3,
+    to_sphere: DMat3,
+    near: f64,
+}
+
+impl Cut {
+    /// Whether the ray through a pixel's centre meets what is left.
+    fn is_hit(&self, uniform: &CameraUniform, pixel: IVec2) -> bool {
+        let ndc = 2.0 * (pixel.as_dvec2() + 0.5) / uniform.size.as_dvec2() - 1.0;
+        let ray = (ndc * DVec2::new(1.0, -1.0) * uniform.tangent.as_dvec2()).extend(-1.0);
+        let (ray, start) = (self.to_sphere * ray, self.to_sphere * -self.centre);
+        let (a, b, c) = (ray.length_squared(), start.dot(ray), start.length_squared() - 1.0);
+        let discriminant = b * b - a * c;
+        discriminant >= 0.0 && discriminant.sqrt() - b >= a * self.near
+    }
+
+    /// The corners of the rectangle around what is left, pixels.
+    fn bounds(&self, uniform: &CameraUniform) -> (DVec2, DVec2) {
+        let size = uniform.size.as_dvec2();
+        let scale = 0.5 * size / uniform.tangent.as_dvec2();
+        let [x, y] = [0, 1].map(|axis| self.slopes(axis));
+        let (low, high) = (DVec2::new(x[0], -y[1]), DVec2::new(x[1], -y[0]));
+        (0.5 * size + scale * low, 0.5 * size + scale * high)
+    }
+
+    /// The least and the greatest x / depth, or y / depth: `cut_slopes` of `splat.wgsl`.
+    fn slopes(&self, axis: usize) -> [f64; 2] {
+        let (a, g) = (self.axes.row(axis), self.axes.row(2));
+        let (x, depth) = (self.centre[axis], -self.centre.z);
+        let beyond = (depth - self.near) / g.length();
+        let middle = x + beyond * a.dot(g) / g.length();
+        let half = (1.0 - beyond * beyond).max(0.0).sqrt() * a.cross(g).length() / g.length();
+        let mut slopes = vec![(middle - half) / self.near, (middle + half) / self.near];
+        // Lines { x = b depth } that touch it: q b² − 2 r b − s = 0.
+        let (q, s) = (depth * depth - g.dot(g), a.dot(a) - x * x);
+        let r = a.dot(g) + x * depth;
+        let root = (r * r + q * s).sqrt().copysign(r);
+        for (over, under) in [(r + root, q), (-s, r + root)] {
+            let across = under * a + over * g;
+            let at = depth + g.dot(across) * (under * x - over * depth) / across.length_squared();
+            // Not a number if no line does.
+            if at >= self.near {
+                slopes.push(over / under);
+            }
+        }
+        let least = slopes.iter().copied().fold(f64::INFINITY, f64::min);
+        [least, slopes.iter().copied().fold(f64::NEG_INFINITY, f64::max)]
+    }
 }
 
 /// { centre + d : d S⁻¹ d <= 1 }, S symmetric, pixels.
@@ -358,7 +419,7 @@ fn silhouette(uniform: &CameraUniform, splat: &Splat) -> Silhouette {
         (centre.truncate(), flat)
     } else {
         if depth - reach <= near {
-            return Silhouette::Cut;
+            return Silhouette::Cut(Cut { centre, axes, to_sphere: axes.inverse(), near });
         }
         // What is in front has z < 0: of the slopes x / -z and y / -z.
         let dual = |i: usize, j: usize| {
