@@ -311,6 +311,144 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
     assert!(message.contains("nowhere.wgsl"), "{message}");
 }
 
+/// Every loop of every shader: its file, its function, how it begins, and what bounds its turns.
+#[rustfmt::skip]
+const LOOPS: [(&str, &str, &str, &str); 71] = [
+    ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
+    ("caustics/conic.wgsl", "conic_first_exit", "for (var edge = 0u; edge < 3u; edge++)", "a constant"),
+    ("caustics/conic.wgsl", "conic_solve", "for (var i = 0u; i < CONIC_ROUNDS; i++)", "a constant"),
+    ("caustics/conic.wgsl", "conic_walk", "for (var k = 0; k < 4 && beginning.found && conic_is_outside(beginning.x); k++)", "a constant"),
+    ("caustics/conic.wgsl", "conic_walk", "for (var k = 0u; k < 6u && !beginning.sure; k++)", "a constant"),
+    ("caustics/conic.wgsl", "conic_walk", "for (var turn = 0; turn < 2; turn++)", "a constant"),
+    ("caustics/conic.wgsl", "conic_walk_near", "for (var k = 0u; k < CONIC_SEARCHED; k++)", "a constant"),
+    ("caustics/conic.wgsl", "conic_walk_near", "for (var turn = 0; turn < 2; turn++)", "a constant"),
+    ("caustics/conic.wgsl", "conic_follow", "for (var step = 0u; exit.found && step <= steps; step++)", "caustics.steps, 4096 at most"),
+    ("caustics/deposit.wgsl", "deposit", "for (var k = 0; k < SIDE * SIDE; k++)", "a constant"),
+    ("caustics/deposit.wgsl", "patch_point", "for (var j = 0; j < SIDE; j++)", "a constant"),
+    ("caustics/deposit.wgsl", "patch_point", "for (var i = 0; i < SIDE; i++)", "a constant"),
+    ("caustics/deposit.wgsl", "lay_patch", "for (var j = 0; j < parts; j++)", "caustics.subdivide, 8 at most"),
+    ("caustics/deposit.wgsl", "lay_patch", "for (var i = 0; i < parts; i++)", "caustics.subdivide, 8 at most"),
+    ("caustics/deposit.wgsl", "torn", "for (var j = 0; j < PARTS; j++)", "a constant"),
+    ("caustics/deposit.wgsl", "torn", "for (var i = 0; i < 2 * (PARTS - j) - 1; i++)", "a constant"),
+    ("caustics/deposit.wgsl", "lay", "for (var i = 0; i < SPECKS * SPECKS; i++)", "a constant"),
+    ("caustics/deposit.wgsl", "lay", "for (var y = low.y; y < high.y; y += 1.0)", "LARGEST_BOX texels of the map together"),
+    ("caustics/deposit.wgsl", "lay", "for (var x = low.x; x < high.x; x += 1.0)", "LARGEST_BOX texels of the map together"),
+    ("caustics/deposit.wgsl", "add", "for (var i = 0u; i < 3u; i++)", "a constant"),
+    ("caustics/gather.wgsl", "line_pixel", "for (var k = 0; k < 5; k++)", "a constant"),
+    ("caustics/grid.wgsl", "grid_vertices", "for (var i = 0; i < 4; i++)", "a constant"),
+    ("classify/eigen.wgsl", "eigen", "for (var i = 0u; i < ROTATIONS; i++)", "a constant"),
+    ("classify/moments.wgsl", "moments", "for (var z = first.z; z <= last.z; z++)", "cells within the support, 10 radii at most, and the grid"),
+    ("classify/moments.wgsl", "moments", "for (var y = first.y; y <= last.y; y++)", "cells within the support, 10 radii at most, and the grid"),
+    ("classify/moments.wgsl", "moments", "for (var slot = begin; slot < end; slot++)", "the particles of a run of cells; crowds are the processor's"),
+    ("classify/order.wgsl", "arrange", "for (var other = begin; other < end; other++)", "the particles of a cell; crowds are the processor's"),
+    ("classify/scan.wgsl", "sum_before", "for (var stride = 1u; stride < THREADS; stride *= 2u)", "log2 of the workgroup's threads"),
+    ("classify/scan.wgsl", "sum_squares", "for (var stride = THREADS / 2u; stride > 0u; stride /= 2u)", "log2 of the workgroup's threads"),
+    ("classify/scan.wgsl", "add_blocks", "for (var k = 0u; k < EACH; k++)", "a constant"),
+    ("classify/scan.wgsl", "add_sums", "for (var block = first; block < end; block++)", "blocks of the particles or cells, over the workgroup's threads"),
+    ("classify/scan.wgsl", "add_sums", "for (var block = first; block < end; block++)", "blocks of the particles or cells, over the workgroup's threads"),
+    ("classify/scan.wgsl", "begin_cells", "for (var k = 0u; k < EACH; k++)", "a constant"),
+    ("classify/scan.wgsl", "begin_cells", "for (var k = 0u; k < EACH && first + k <= params.cells; k++)", "a constant"),
+    ("common/lights.wgsl", "light_with_liquid", "for (var i = 0; i < 4; i++)", "a constant"),
+    ("common/scene.wgsl", "scene_trace", "for (var i = 0u; i < SOLIDS; i++)", "the scene's solids, 512 at most"),
+    ("common/scene.wgsl", "scene_blocks", "for (var i = 0u; i < SOLIDS; i++)", "the scene's solids, 512 at most"),
+    ("common/scene.wgsl", "solid_radiance", "for (var i = 0u; i < LIGHTS; i++)", "the scene's lights, 16 at most"),
+    ("cull/depths.wgsl", "reduce", "for (var i = 0u; i < TILE * TILE; i++)", "a constant"),
+    ("cull/select.wgsl", "is_hidden", "for (var y = first.y; y <= last.y; y++)", "MOST_TILES together"),
+    ("cull/select.wgsl", "is_hidden", "for (var x = first.x; x <= last.x; x++)", "MOST_TILES together"),
+    ("cull/select.wgsl", "mark", "for (var word = 0u; word < WORDS; word++)", "a constant"),
+    ("cull/select.wgsl", "arrange", "for (var block = first; block < last; block++)", "blocks of the particles or cells, over the workgroup's threads"),
+    ("cull/select.wgsl", "arrange", "for (var thread = 0u; thread < local; thread++)", "the workgroup's threads"),
+    ("cull/select.wgsl", "arrange", "for (var block = first; block < last; block++)", "blocks of the particles or cells, over the workgroup's threads"),
+    ("cull/select.wgsl", "list", "for (var before = 0u; before < word; before++)", "WORDS"),
+    ("mips/coarsen.wgsl", "coarsen", "for (var i = 0; i < 4; i++)", "a constant"),
+    ("mips/coarsen.wgsl", "coarsen", "for (var i = 0; i < 4; i++)", "a constant"),
+    ("refract/guarded.wgsl", "liquid_exit", "for (var i = 0u; i < EXIT_STEPS; i++)", "a constant"),
+    ("refract/guarded.wgsl", "front_entry", "for (var i = 0u; i < ENTRY_STEPS && tau < 1.0; i++)", "a constant"),
+    ("refract/guarded.wgsl", "front_entry", "for (var k = 0u; k < 8u; k++)", "a constant"),
+    ("refract/guarded.wgsl", "opaque_entry", "for (var i = 0u; i < OPAQUE_STEPS; i++)", "a constant"),
+    ("refract/interfaces.wgsl", "trace", "for (var event = 0u; event < 17u; event++)", "a constant"),
+    ("refract/interfaces.wgsl", "background_mean", "for (var i = 0u; i < count; i++)", "refract.samples or refract.edge_samples, 64 at most"),
+    ("refract/interfaces.wgsl", "draw_background", "for (var probe = 0; probe < 5; probe++)", "a constant"),
+    ("refract/interfaces.wgsl", "refract_pixels", "for (var i = 0u; i < SAMPLES; i++)", "refract.samples, 64 at most"),
+    ("refract/march.wgsl", "liquid_exit", "for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++)", "the picture's sides"),
+    ("refract/march.wgsl", "front_entry", "for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++)", "the picture's sides"),
+    ("refract/march.wgsl", "strided_exit", "for (var i = 0u; i < most_texels() && tau < 1.0; i++)", "the picture's sides"),
+    ("refract/march.wgsl", "strided_entry", "for (var i = 0u; i < most_texels() && tau < 1.0; i++)", "the picture's sides"),
+    ("refract/newton.wgsl", "intersect", "for (var i = 0u; i <= ITERATIONS; i++)", "refract.iterations, 64 at most"),
+    ("refract/secant.wgsl", "intersect", "for (var i = 0u; i < ITERATIONS; i++)", "refract.iterations, 64 at most"),
+    ("report/arithmetic.wgsl", "arithmetic", "for (var i = 0u; i < ROUNDS; i++)", "a constant"),
+    ("smooth/bilateral.wgsl", "smoothed", "for (var y = -TAPS; y <= TAPS; y++)", "smooth.taps, 33 at most"),
+    ("smooth/bilateral.wgsl", "smoothed", "for (var x = -TAPS; x <= TAPS; x++)", "smooth.taps, 33 at most"),
+    ("smooth/narrow_range.wgsl", "smoothed", "for (var ring = 1; ring <= TAPS; ring++)", "smooth.taps, 33 at most"),
+    ("smooth/narrow_range.wgsl", "smoothed", "for (var i = 0; i < 4 * ring; i++)", "smooth.taps, 33 at most"),
+    ("smooth/plane_fit.wgsl", "smoothed", "for (var y = -TAPS; y <= TAPS; y++)", "smooth.taps, 33 at most"),
+    ("smooth/plane_fit.wgsl", "smoothed", "for (var x = -TAPS; x <= TAPS; x++)", "smooth.taps, 33 at most"),
+    ("splat.wgsl", "cut_slopes", "for (var i = 0; i < 2; i++)", "a constant"),
+    ("tiles.wgsl", "sort", "for (var i = 0u; i < TILE * TILE && !covered; i++)", "a constant"),
+];
+
+/// A loop as the table has it, without its bound.
+type Loop = (String, String, String);
+
+/// The loops of a shader's text; or one that cannot be bounded by its first line, which is then no counted
+/// loop with a condition.
+fn loops(file: &str, text: &str) -> Result<Vec<Loop>, String> {
+    let mut function = "";
+    let mut found = Vec::new();
+    for line in text.lines() {
+        let code = line.split("//").next().unwrap_or_default().trim();
+        let words: Vec<_> = code.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+        if let Some(at) = words.iter().position(|&word| word == "fn") {
+            function = words.get(at + 1).copied().unwrap_or_default();
+        }
+        if !["for", "while", "loop"].iter().any(|keyword| words.contains(keyword)) {
+            continue;
+        }
+        let header = code.trim_end_matches('{').trim();
+        let parts: Vec<_> = header.split(';').map(str::trim).collect();
+        let counted = header.starts_with("for (var ")
+            && parts.len() == 3
+            && ["<", "<=", ">"].iter().any(|compare| parts[1].contains(&format!(" {compare} ")))
+            && parts[2] != ")";
+        if !counted {
+            return Err(format!("{file}, {function}: {header} has no bound"));
+        }
+        found.push((file.to_owned(), function.to_owned(), header.to_owned()));
+    }
+    Ok(found)
+}
+
+/// Protects frames from loops that the device does not end within seconds, in which no signal is heard: each
+/// is bounded by the picture, the map, the scene or a constant. A new one is put into the table with its
+/// bound.
+#[test]
+fn every_loop_is_bounded() {
+    let mut found: Vec<Loop> = FILES
+        .iter()
+        .flat_map(|(file, text)| loops(file, text).unwrap_or_else(|problem| panic!("{problem}")))
+        .collect();
+    let own = |&(file, function, header, bound): &(&str, &str, &str, &str)| {
+        assert!(!bound.is_empty(), "{file}, {function}: {header}");
+        (file.to_owned(), function.to_owned(), header.to_owned())
+    };
+    let mut known: Vec<Loop> = LOOPS.iter().map(own).collect();
+    found.sort();
+    known.sort();
+    let new: Vec<_> = found.iter().filter(|one| !known.contains(one)).collect();
+    assert!(new.is_empty(), "not in the table: {new:#?}");
+    assert_eq!(found, known, "gone, or more often than in the table");
+
+    // What it must find.
+    for planted in ["loop {", "while x < 1.0 {", "for (var i = 0; ; i++) {", "for (; i < 9; i++) {"]
+    {
+        let problem = loops("planted.wgsl", &format!("fn endless() {{\n    {planted}\n}}"));
+        assert!(problem.as_ref().is_err_and(|e| e.contains("endless")), "{planted}: {problem:?}");
+    }
+    let own = loops("planted.wgsl", "fn new() {\n    for (var i = 0; i < 9; i++) { // for\n}");
+    let header = "for (var i = 0; i < 9; i++)";
+    assert_eq!(own, Ok(vec![("planted.wgsl".into(), "new".into(), header.into())]));
+}
+
 /// Protects this file's checks from passing for the wrong reason: each is shown what it must find.
 #[test]
 fn the_checks_find_planted_errors() {

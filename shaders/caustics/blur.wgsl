@@ -26,14 +26,14 @@ fn blur(@builtin(global_invocation_id) id: vec3u) {
     let texel = 2.0 * camera.tangent.x / camera.size.x * select(dot(own, omega), 1.0, ORTHOGRAPHIC);
     let slope = plane_slope(own);
     let axis = select(vec2i(1, 0), vec2i(0, 1), DOWN);
-    let reach = i32(ceil(3.0 * caustics.blur));
+    // Not beyond the map, which a wide blur may be many times as wide as.
+    let along = select(p.x, p.y, DOWN);
+    let last = select(size.x, size.y, DOWN) - 1;
+    let reach = i32(min(ceil(3.0 * caustics.blur), f32(last)));
     var sum = vec3f(0.0);
     var weight = 0.0;
-    for (var i = -reach; i <= reach; i++) {
+    for (var i = max(-reach, -along); i <= min(reach, last - along); i++) {
         let q = p + i * axis;
-        if any(q < vec2i(0)) || any(q >= size) {
-            continue;
-        }
         let there = textureLoad(receivers, q, 0).xyz;
         let miss = abs(dot(there - own, camera_omega(vec2f(q) + 0.5)));
         if miss <= SAME_RECEIVER * (texel + abs(slope.x) + abs(slope.y)) {

@@ -578,7 +578,7 @@ fn conic_follow(
     var exit = first_exit;
     let out = exit_point(exit);
     var b = End(out, conic_residual(triangle, sight, out, forward, way));
-    for (var step = 0u; exit.found; step++) {
+    for (var step = 0u; exit.found && step <= steps; step++) {
         if (a.g < 0.0) != (b.g < 0.0) {
             let root = conic_solve(triangle, sight, a, b, along, forward, way);
             let path = conic_path(triangle, sight, root, *walked);

@@ -8,6 +8,12 @@
 
 override STRIDE: u32 = 1u;
 
+// No line through the picture enters more texels; twice as many, against rounding.
+fn most_texels() -> u32 {
+    let size = textureDimensions(aggregate_layers);
+    return 2u * (size.x + size.y);
+}
+
 // Steps through the texels along the ray.
 struct Walk {
     texel: vec2i,
@@ -55,7 +61,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     var plane = vec3f(0.0);
     var last = texel;
     var leave = slabs_leave(load_slabs(texel), ray, 0.0, AT_START);
-    while walk.tau < 1.0 {
+    for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++) {
         if !leave.inside {
             if plane_is_empty(plane) {
                 return no_interface();
@@ -84,7 +90,7 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     var walk = walk_start(ray);
     // Whether the ray was in front of the layer, or beside it, when it came to this texel.
     var ahead = false;
-    while walk.tau < 1.0 {
+    for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++) {
         diagnosed.iterations += 1.0;
         let front = class_plane(layer_class, FRONT, walk.texel);
         let back = class_plane(layer_class, BACK, walk.texel);
@@ -126,7 +132,7 @@ fn strided_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     if !leave.inside {
         return no_interface();
     }
-    while tau < 1.0 {
+    for (var i = 0u; i < most_texels() && tau < 1.0; i++) {
         let next = min(tau + step, 1.0);
         if leave.tau <= next {
             return interface_at(ray, leave.tau, leave.plane, last);
@@ -157,7 +163,7 @@ fn strided_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     var root = NEVER;
     var plane = vec3f(0.0);
     var texel = vec2i(0);
-    while tau < 1.0 {
+    for (var i = 0u; i < most_texels() && tau < 1.0; i++) {
         diagnosed.iterations += 1.0;
         let there = screen_ray_texel(ray, tau);
         let front = class_plane(layer_class, FRONT, there);
