@@ -2,17 +2,20 @@
 
 #import common/tiles.wgsl
 
-struct AtomicTileList {
-    count: atomic<u32>,
-    tiles: array<u32>,
+// Of long work the lists are divided: a part of the picture's tiles has a list of its own.
+struct Sections {
+    tiles: u32, // of a section
+    words: u32, // of its list: a `TileList`
+    count: u32,
 }
 
 @group(0) @binding(0) var aggregate_layers: texture_2d_array<f32>;
 @group(0) @binding(1) var splash_layers: texture_2d_array<f32>;
-@group(0) @binding(2) var<storage, read_write> liquid: AtomicTileList;
-@group(0) @binding(3) var<storage, read_write> background: AtomicTileList;
-// Indirect dispatches: liquid, liquid for both layers, background.
-@group(0) @binding(4) var<storage, read_write> dispatches: array<vec3u, 3>;
+@group(0) @binding(2) var<storage, read_write> liquid: array<atomic<u32>>;
+@group(0) @binding(3) var<storage, read_write> background: array<atomic<u32>>;
+// Indirect dispatches of each section: liquid, liquid for both layers, background.
+@group(0) @binding(4) var<storage, read_write> dispatches: array<array<vec3u, 3>>;
+@group(0) @binding(5) var<storage, read> sections: Sections;
 
 override SPLASH: bool = false;
 
@@ -31,19 +34,26 @@ fn sort(@builtin(global_invocation_id) id: vec3u) {
         }
     }
     let tile = id.x | (id.y << 16u);
+    let section = (id.y * tiles_across(size.x) + id.x) / sections.tiles;
+    let count = section * sections.words;
     if covered {
-        liquid.tiles[atomicAdd(&liquid.count, 1u)] = tile;
+        atomicStore(&liquid[count + 1u + atomicAdd(&liquid[count], 1u)], tile);
     } else {
-        background.tiles[atomicAdd(&background.count, 1u)] = tile;
+        atomicStore(&background[count + 1u + atomicAdd(&background[count], 1u)], tile);
     }
 }
 
 @compute @workgroup_size(1)
-fn arrange() {
-    let covered = dispatch(atomicLoad(&liquid.count));
-    dispatches[0] = covered;
-    dispatches[1] = vec3u(covered.xy, covered.z * 2u);
-    dispatches[2] = dispatch(atomicLoad(&background.count));
+fn arrange(@builtin(workgroup_id) group: vec3u) {
+    let section = group_index(group);
+    if section >= sections.count {
+        return;
+    }
+    let count = section * sections.words;
+    let covered = dispatch(atomicLoad(&liquid[count]));
+    dispatches[section][0] = covered;
+    dispatches[section][1] = vec3u(covered.xy, covered.z * 2u);
+    dispatches[section][2] = dispatch(atomicLoad(&background[count]));
 }
 
 fn dispatch(count: u32) -> vec3u {

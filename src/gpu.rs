@@ -1,6 +1,7 @@
 //! The graphics device, and the few helpers that keep each pass short.
 
 mod binding;
+mod commands;
 mod readback;
 mod timer;
 
@@ -17,6 +18,8 @@ use crate::passes::tiles::TILE;
 pub(crate) use binding::{
     sampled, storage, storage_of, storage_read_write, storage_texture, uniform,
 };
+pub(crate) use commands::Commands;
+pub use commands::{MOST_WORK, Piece, pieces};
 pub(crate) use readback::{Reading, begin_reading, read_buffer, read_mapped, read_texture};
 pub use timer::PassTime;
 pub(crate) use timer::{Span, Timer};
@@ -34,6 +37,8 @@ pub struct Gpu {
     cache: Option<wgpu::PipelineCache>,
     /// Modules by their text: several pipelines are made of one.
     modules: Arc<Mutex<HashMap<String, wgpu::ShaderModule>>>,
+    /// Of one submission.
+    most_work: u64,
 }
 
 /// The first of each that a device has reported.
@@ -93,7 +98,14 @@ impl Gpu {
     /// [`wgpu::Features::TIMESTAMP_QUERY`], and hidden fragments are left out early if it has
     /// [`wgpu::Features::SHADER_EARLY_DEPTH_TEST`]; no other feature is used.
     pub fn from_device(device: wgpu::Device, queue: wgpu::Queue) -> Self {
-        Self { device, queue, failure: None, cache: None, modules: Arc::default() }
+        Self {
+            device,
+            queue,
+            failure: None,
+            cache: None,
+            modules: Arc::default(),
+            most_work: MOST_WORK,
+        }
     }
 
     /// Compiles all pipelines from now on with `cache`, and adds those to it that it has not.
@@ -104,6 +116,18 @@ impl Gpu {
     #[must_use]
     pub fn with_pipeline_cache(self, cache: wgpu::PipelineCache) -> Self {
         Self { cache: Some(cache), ..self }
+    }
+
+    /// Divides frames into submissions of at most so much work, in evaluations of a layer, instead of
+    /// [`MOST_WORK`]. Pictures are the same.
+    #[must_use]
+    pub fn with_most_work(self, most_work: u64) -> Self {
+        Self { most_work, ..self }
+    }
+
+    /// The most work of one submission.
+    pub(crate) fn most_work(&self) -> u64 {
+        self.most_work
     }
 
     /// What pipelines are compiled with.

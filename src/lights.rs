@@ -3,7 +3,7 @@
 use glam::{DVec3, UVec2};
 
 use crate::error::Result;
-use crate::gpu::{self, Gpu, Timer};
+use crate::gpu::{self, Commands, Gpu, Timer};
 use crate::light_view::LightView;
 use crate::passes::Layers;
 use crate::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
@@ -12,6 +12,7 @@ use crate::passes::gbuffer::LightMaps;
 use crate::passes::mixture;
 use crate::passes::smooth;
 use crate::passes::surfaces::{Liquid, Surfaces, Wanted};
+use crate::passes::tiles::Sections;
 use crate::scene::Scene;
 
 /// The lights' own views and maps; nothing if nothing is lit.
@@ -79,7 +80,10 @@ impl Lights {
             let backs = settings.interfaces > 1;
             let size = view.size;
             let mixture = mixture::is_mixed(scene);
-            let wanted = Wanted { size, splash, mixture, gbuffer: true, levels: 1, backs, culled };
+            let sections = Sections::for_work(gpu, size, smooth::work(&scene.settings.smooth));
+            let gbuffer = true;
+            let wanted =
+                Wanted { size, splash, mixture, gbuffer, levels: 1, backs, culled, sections };
             surfaces.resize(gpu, wanted);
             let uniform = view.uniform(splats.origin);
             surfaces.prepare(
@@ -103,7 +107,7 @@ impl Lights {
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
+        commands: &mut Commands<'_>,
         scene: &Scene,
         liquid: &Liquid,
         splats: &Splats,
@@ -123,7 +127,7 @@ impl Lights {
                 "light smooth",
                 "light gbuffer",
             ];
-            surfaces.record(gpu, encoder, scene, liquid, fits, timer, names);
+            surfaces.record(gpu, commands, scene, liquid, fits, timer, names);
             let inputs = Inputs {
                 camera: &surfaces.camera,
                 scene: &surfaces.scene,
@@ -137,7 +141,7 @@ impl Lights {
             let params = Params::new(light, view, &scene.settings.caustics);
             let radius = splats.radius;
             let span = timer.span("caustics");
-            caustics.record(gpu, encoder, scene, radius, &params, inputs, output, span);
+            caustics.record(gpu, commands, scene, radius, &params, inputs, output, span);
         }
     }
 

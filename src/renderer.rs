@@ -6,7 +6,7 @@ use crate::camera::Camera;
 use crate::changes::{Changes, Drawn};
 use crate::environment::Environment;
 use crate::error::{Error, Result};
-use crate::gpu::{self, Gpu, PassTime, Timer};
+use crate::gpu::{self, Commands, Gpu, PassTime, Timer};
 use crate::lights::Lights;
 use crate::passes::caustics::CausticMap;
 use crate::passes::classify::Splats;
@@ -16,6 +16,7 @@ use crate::passes::refract::{self, Refract, Variant};
 use crate::passes::smooth;
 use crate::passes::splat::SplatBuffers;
 use crate::passes::surfaces::{Liquid, Surfaces, Wanted};
+use crate::passes::tiles::Sections;
 use crate::passes::tonemap::Tonemap;
 use crate::passes::{GBuffer, Layers, Radiance};
 use crate::scene::Scene;
@@ -37,6 +38,7 @@ pub struct Renderer {
     sized_for: (UVec2, bool),
     /// None after an error, or if nothing is to be kept.
     last: Option<Drawn>,
+    submissions: u32,
     /// Measure each pass with the device's timestamps, where it has them.
     pub timing: bool,
     /// Keep what [`Renderer::images`] needs: per-pixel counts, and the G-buffer.
@@ -78,6 +80,7 @@ impl Renderer {
             tonemap: Tonemap::new(gpu),
             sized_for: (UVec2::ONE, false),
             last: None,
+            submissions: 0,
             timing: false,
             diagnose: false,
             reuse: false,
@@ -90,7 +93,7 @@ impl Renderer {
     /// are the caller's to choose. sRGB formats are encoded by the device, others by limpid.
     ///
     /// Returns the time of each pass that ran if [`Renderer::timing`] is set, else nothing at once,
-    /// without waiting for the device. What the last frame has drawn from the same input is not
+    /// without waiting for the device unless the frame takes it seconds. What the last frame has drawn from the same input is not
     /// drawn again: [`Renderer::forget`].
     ///
     /// # Errors
@@ -124,6 +127,9 @@ impl Renderer {
         let backs = settings.refract.interfaces > 1
             || self.diagnose
             || may_start_inside(splats, camera, size);
+        let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
+        let work = refract::work(&settings.refract, size, scene.solids.len(), lit);
+        let work = work.max(smooth::work(&settings.smooth));
         let wanted = Wanted {
             size,
             splash: has_splash,
@@ -132,6 +138,7 @@ impl Renderer {
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs,
             culled: cull::pays(gpu, splats),
+            sections: Sections::for_work(gpu, size, work),
         };
         let last = self.last.take().filter(|_| self.reuse);
         let changes = Changes::since(last.as_ref(), scene, camera, splats, wanted, self.diagnose);
@@ -157,19 +164,18 @@ impl Renderer {
         self.eye.prepare(gpu, scene, liquid, &uniform, eye, views, maps, radius, &fits);
 
         let mut timer = Timer::new(gpu, self.timing);
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut commands = Commands::new(gpu);
         if changes.lights {
             let lights = &self.lights;
-            lights.record(gpu, &mut encoder, scene, &self.liquid, splats, &fits, &mut timer);
+            lights.record(gpu, &mut commands, scene, &self.liquid, splats, &fits, &mut timer);
         }
         if changes.surfaces {
             let names = ["splat", "splat splashes", "mixture", "tiles", "smooth", "gbuffer"];
-            self.eye.record(gpu, &mut encoder, scene, &self.liquid, &fits, &mut timer, names);
+            self.eye.record(gpu, &mut commands, scene, &self.liquid, &fits, &mut timer, names);
         }
         if !self.refract.is_compiled(variant, &self.eye.scene) {
             // The device begins to draw while the longest shaders are compiled.
-            let next = gpu.device.create_command_encoder(&Default::default());
-            gpu.queue.submit([std::mem::replace(&mut encoder, next).finish()]);
+            commands.submit();
         }
         let params = refract::Params::new(scene, &settings.refract, splats.radius);
         self.refract.prepare(gpu, &self.eye.camera, &self.eye.scene, variant, &params);
@@ -179,15 +185,18 @@ impl Renderer {
             layers.extend(self.eye.splash_layers().map(|splash| &splash.texture));
             layers.extend(screen_solids.then_some(&self.eye.gbuffer.images.planes));
             let mips = self.mips.get_or_insert_with(|| Mips::new(gpu));
-            mips.record(gpu, &mut encoder, &layers, timer.span("mips"));
+            mips.record(gpu, &mut commands.encoder, &layers, timer.span("mips"));
         }
         if changes.radiance {
-            self.refract.record(gpu, &mut encoder, &self.eye, variant, timer.span("refract"));
+            let span = timer.span("refract");
+            self.refract.record(gpu, &mut commands, &self.eye, variant, work, span);
         }
         let radiance = &self.refract.radiance;
-        self.tonemap.record(gpu, &mut encoder, radiance, target, format, timer.span("tonemap"));
-        let resolved = timer.resolve(gpu, &mut encoder);
-        gpu.queue.submit([encoder.finish()]);
+        let encoder = &mut commands.encoder;
+        self.tonemap.record(gpu, encoder, radiance, target, format, timer.span("tonemap"));
+        let resolved = timer.resolve(gpu, encoder);
+        commands.submit();
+        self.submissions = commands.submissions;
         gpu.check()?;
         let diagnosed = self.diagnose;
         // A copy of all splats, for callers who want it.
@@ -200,6 +209,11 @@ impl Renderer {
     /// measure what a frame takes.
     pub fn forget(&mut self) {
         self.last = None;
+    }
+
+    /// Submissions of the last frame: more than a few, where one would hold the device too long.
+    pub fn submissions(&self) -> u32 {
+        self.submissions
     }
 
     /// The intermediate images of the last frame.

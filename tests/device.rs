@@ -11,11 +11,15 @@ use image::RgbImage;
 use limpid::Error;
 use limpid::aov::Aov;
 use limpid::environment::Environment;
-use limpid::gpu::Gpu;
+use limpid::gpu::{Gpu, MOST_WORK, pieces};
 use limpid::input::{Input, Loaded, Moment};
+use limpid::passes::caustics::Work;
 use limpid::passes::classify::Splats;
+use limpid::passes::tiles::Sections;
+use limpid::passes::{refract, smooth};
 use limpid::renderer::{Picture, Renderer};
 use limpid::scene::Scene;
+use limpid::settings::{Caustics, Refract, Smooth, Solver};
 use limpid::studio::Studio;
 use limpid::wgpu;
 
@@ -379,4 +383,94 @@ fn render_without_enough_memory_ends_in_its_exit_code() {
         Some(5 | 6) => assert!(!drawn && !said.contains("panicked"), "{said}"),
         code => panic!("{code:?}: {said}"),
     }
+}
+
+/// Protects graphics cards that are reset when one piece of work takes too long: a frame in many
+/// submissions is the frame in one, to the bit, by every method that walks far.
+#[test]
+fn divided_frames_are_the_same() {
+    let gpu = Gpu::headless().expect("an adapter");
+    let mut renderers =
+        [gpu.clone(), gpu.clone().with_most_work(1 << 17)].map(|gpu| Renderer::new(&gpu));
+    let (scene, loaded) = frame();
+    let camera = scene.camera_for(loaded.bounds);
+    let size = UVec2::new(64, 48);
+    for set in [
+        &["refract.solver=march", "refract.samples=2", "caustics.blur=0.1"][..],
+        &["caustics.method=gather", "caustics.steps=4096"],
+    ] {
+        let set: Vec<String> = set.iter().map(|text| (*text).to_owned()).collect();
+        let settings = scene.settings.with(&set).expect("valid settings");
+        let scene = Scene { settings, ..scene.clone() };
+        let [whole, divided] = renderers.each_mut().map(|renderer| {
+            let picture = Picture::new(&gpu, size).expect("a picture");
+            let (target, format) = (picture.view(), Picture::FORMAT);
+            let drawn = renderer.render(&scene, &camera, &loaded.splats, &target, format, size);
+            drawn.expect("the frame is drawn");
+            let map = renderer.images().caustics.remove(0).expect("a map");
+            let (light, _) = map.read(&gpu).expect("the map is read");
+            let bits: Vec<_> = light.iter().map(|texel| texel.map(f32::to_bits)).collect();
+            (picture.read(&gpu).expect("the picture is read"), bits, renderer.submissions())
+        });
+        assert!(whole.2 <= 2 && divided.2 > 20, "{} and {} submissions", whole.2, divided.2);
+        assert!(whole.0 == divided.0, "{set:?}: the pictures differ");
+        assert!(whole.1 == divided.1, "{set:?}: the maps differ");
+        assert!(whole.1.iter().any(|texel| texel[0] != 0), "{set:?}: no light");
+    }
+}
+
+/// Protects the same cards: with every setting at its end, no submission of a picture or a map of 8192 pixels a
+/// side has more work than is allowed, or it is a single tile; and ordinary frames are not divided.
+#[test]
+fn submissions_are_bounded() {
+    let size = UVec2::splat(8192);
+    let kernels = |settings: &Caustics, size: UVec2, blur: f32, solids: usize| {
+        let Work { grid, trace, deposit, gather, resolve, blur } =
+            Work::new(settings, size, blur, solids);
+        [grid, trace, deposit, gather, resolve, blur]
+    };
+    let extreme = Caustics { steps: 4096, subdivide: 8, ..Caustics::default() };
+    for each in kernels(&extreme, size, 1e9, 512) {
+        for extent in [size, size + 1, UVec2::new(8192, 3), UVec2::new(3, 8192)] {
+            let pieces = pieces(extent, each, MOST_WORK);
+            let threads = |size: UVec2| u64::from(size.x) * u64::from(size.y);
+            let all: u64 = pieces.iter().map(|piece| threads(piece.size)).sum();
+            assert_eq!(all, threads(extent), "{extent} by {each}");
+            for piece in &pieces {
+                assert!(threads(piece.size) * each <= MOST_WORK, "{piece:?} by {each}");
+                assert_eq!(piece.first % 8, UVec2::ZERO, "{piece:?}: workgroups are whole");
+                assert!((piece.first + piece.size).cmple(extent).all(), "{piece:?} of {extent}");
+            }
+        }
+    }
+    assert!(kernels(&extreme, size, 1e9, 512).iter().all(|each| each * (1 << 26) > MOST_WORK / 4));
+    let usual = UVec2::splat(512);
+    for each in kernels(&Caustics::default(), usual, 5.0, 8) {
+        assert_eq!(pieces(usual, each, MOST_WORK).len(), 1);
+    }
+
+    let samples = 64;
+    let extreme = Refract {
+        solver: Solver::March,
+        interfaces: 8,
+        internal_bounces: 8,
+        samples,
+        edge_samples: samples,
+        ..Refract::default()
+    };
+    let filter = Smooth { taps: 33, ..Smooth::default() };
+    let one = |solids, lights| refract::work(&extreme, size, solids, lights);
+    for each in [one(512, 16), one(8, 1), smooth::work(&filter), smooth::work(&Smooth::default())] {
+        for alignment in [4, 16, 256] {
+            let sections = Sections::new(size, each, MOST_WORK, alignment, 1 << 31);
+            let (tiles, count) = (u64::from(sections.tiles), u64::from(sections.count));
+            assert!(tiles * count >= 1 << 20 && tiles * (count - 1) < 1 << 20, "{sections:?}");
+            assert!(tiles * 64 * each <= MOST_WORK.max(64 * each), "{sections:?} by {each}");
+            assert!(64 * each <= 2 * MOST_WORK, "{each} for a pixel");
+            assert!(sections.words > sections.tiles && 4 * sections.words % alignment == 0);
+        }
+    }
+    let usual = UVec2::new(1920, 1080);
+    let each = refract::work(&Refract::default(), usual, 8, 1);
+    assert_eq!(Sections::new(usual, each, MOST_WORK, 256, 1 << 27).count, 1);
 }

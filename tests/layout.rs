@@ -168,7 +168,9 @@ fn shared_structs_agree() {
         level,
         subdivide,
         pad,
+        first,
     });
+    let sections = rust_struct!(tiles::Sections { tiles, words, count });
     let classify_params = rust_struct!(device::Params {
         least,
         per_cell,
@@ -201,6 +203,7 @@ fn shared_structs_agree() {
         (solid, "gbuffer.wgsl", "Solid"),
         (light, "gbuffer.wgsl", "Light"),
         (caustics, "caustics/deposit.wgsl", "CausticParams"),
+        (sections, "tiles.wgsl", "Sections"),
         (classify_params, "classify/shape.wgsl", "Params"),
         (shaped, "classify/shape.wgsl", "Shaped"),
         (sum, "classify/scan.wgsl", "Sum"),

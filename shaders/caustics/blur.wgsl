@@ -16,7 +16,7 @@ const SAME_RECEIVER: f32 = 1.0;
 
 @compute @workgroup_size(8, 8)
 fn blur(@builtin(global_invocation_id) id: vec3u) {
-    let p = vec2i(id.xy);
+    let p = vec2i(id.xy + caustics.first);
     let size = vec2i(camera.size);
     if any(p >= size) {
         return;

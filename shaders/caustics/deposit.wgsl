@@ -50,8 +50,9 @@ struct Patch {
 
 // One thread per cell.
 @compute @workgroup_size(8, 8)
-fn deposit(@builtin(global_invocation_id) id: vec3u) {
-    if any(id.xy >= caustics.cells) {
+fn deposit(@builtin(global_invocation_id) thread: vec3u) {
+    let id = thread.xy + caustics.first;
+    if any(id >= caustics.cells) {
         return;
     }
     let row = caustics.cells.x + 1u;
@@ -65,7 +66,7 @@ fn deposit(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let cell = camera.size / vec2f(caustics.cells);
-    let inner = all(id.xy > vec2u(0u)) && all(id.xy + 2u <= caustics.cells);
+    let inner = all(id > vec2u(0u)) && all(id + 2u <= caustics.cells);
     var smooth_there = inner && caustics.subdivide > 1u && all(states == vec4u(LANDED));
     if smooth_there {
         var patch_of: Patch;

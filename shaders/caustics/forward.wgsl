@@ -86,8 +86,9 @@ fn light_path(vertex: GridVertex) -> Landing {
 }
 
 @compute @workgroup_size(8, 8)
-fn trace_light(@builtin(global_invocation_id) id: vec3u) {
-    if any(id.xy > caustics.cells) {
+fn trace_light(@builtin(global_invocation_id) thread: vec3u) {
+    let id = thread.xy + caustics.first;
+    if any(id > caustics.cells) {
         return;
     }
     let index = id.y * (caustics.cells.x + 1u) + id.x;

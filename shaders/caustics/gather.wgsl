@@ -152,7 +152,7 @@ fn largest_magnification() -> f32 {
 
 @compute @workgroup_size(8, 8)
 fn gather(@builtin(global_invocation_id) id: vec3u) {
-    let texel = vec2i(id.xy);
+    let texel = vec2i(id.xy + caustics.first);
     if any(texel >= vec2i(camera.size)) {
         return;
     }

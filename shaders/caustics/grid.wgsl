@@ -35,12 +35,13 @@ fn disparity_per_texel(disparity: f32) -> f32 {
 }
 
 @compute @workgroup_size(8, 8)
-fn grid_vertices(@builtin(global_invocation_id) id: vec3u) {
-    if any(id.xy > caustics.cells) {
+fn grid_vertices(@builtin(global_invocation_id) thread: vec3u) {
+    let id = thread.xy + caustics.first;
+    if any(id > caustics.cells) {
         return;
     }
     let index = id.y * (caustics.cells.x + 1u) + id.x;
-    let u = grid_pixel(id.xy);
+    let u = grid_pixel(id);
     let omega = camera_omega(u);
     let last = vec2i(camera.size) - 1;
     let own = clamp(vec2i(floor(u)), vec2i(0), last);

@@ -12,6 +12,8 @@ struct CausticParams {
     // border: n in xyz, 0 if it is not level.
     level: vec4f,
     subdivide: u32,    // parts along the side of a cell whose light is laid
+    pad: u32,
+    first: vec2u,      // thread of a piece of a dispatch
 }
 
 struct GridVertex {

@@ -53,7 +53,7 @@ fn class_straight(front: vec3f, back: vec3f, omega: vec3f, d: vec3f, end: vec3f,
 
 @compute @workgroup_size(8, 8)
 fn resolve(@builtin(global_invocation_id) id: vec3u) {
-    let p = vec2i(id.xy);
+    let p = vec2i(id.xy + caustics.first);
     if any(p >= vec2i(camera.size)) {
         return;
     }

@@ -97,6 +97,11 @@ impl<'a> Span<'a> {
         Self { begin: None, ..self }
     }
 
+    /// Of several device passes, for the first, the last, or one between.
+    pub(crate) fn part(self, first: bool, last: bool) -> Self {
+        Self { begin: self.begin.filter(|_| first), end: self.end.filter(|_| last), ..self }
+    }
+
     pub(crate) fn render(self) -> Option<wgpu::RenderPassTimestampWrites<'a>> {
         (self.begin.is_some() || self.end.is_some()).then_some(wgpu::RenderPassTimestampWrites {
             query_set: self.queries?,
@@ -106,7 +111,7 @@ impl<'a> Span<'a> {
     }
 
     pub(crate) fn compute(self) -> Option<wgpu::ComputePassTimestampWrites<'a>> {
-        Some(wgpu::ComputePassTimestampWrites {
+        (self.begin.is_some() || self.end.is_some()).then_some(wgpu::ComputePassTimestampWrites {
             query_set: self.queries?,
             beginning_of_pass_write_index: self.begin,
             end_of_pass_write_index: self.end,

@@ -25,7 +25,7 @@ use super::gbuffer::{SceneBinding, SceneVariant};
 use super::refract::{self, Variant};
 use super::{CameraBinding, GBuffer, Layers};
 use crate::error::{Error, Result};
-use crate::gpu::{self, Gpu, Span};
+use crate::gpu::{self, Commands, Gpu, Piece, Span};
 use crate::light_view::LightView;
 use crate::scene::{Light, Scene};
 use crate::settings::{self, Method, Solids, Solver};
@@ -53,7 +53,9 @@ pub struct Params {
     /// Parts along the side of a cell whose light is laid.
     pub subdivide: u32,
     /// Alignment.
-    pub pad: [u32; 3],
+    pub pad: u32,
+    /// The first thread of a piece of a dispatch.
+    pub first: [u32; 2],
 }
 
 impl Params {
@@ -89,7 +91,8 @@ impl Params {
                 up.extend(up.dot(at)).as_vec4().to_array()
             }),
             subdivide: settings.subdivide,
-            pad: [0; 3],
+            pad: 0,
+            first: [0; 2],
         }
     }
 }
@@ -335,7 +338,7 @@ impl Caustics {
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
+        commands: &mut Commands<'_>,
         scene: &Scene,
         radius: f32,
         params: &Params,
@@ -349,7 +352,6 @@ impl Caustics {
         let uniform = |label: &str, bytes: &[u8]| gpu::buffer_with(gpu, label, gpu::UNIFORM, bytes);
         let refract = refract::Params::new(scene, &scene.settings.refract, radius);
         let refract = uniform("light view", bytemuck::bytes_of(&refract));
-        let own = uniform("caustics", bytemuck::bytes_of(params));
         let view = |texture: &wgpu::Texture| gpu::layer_view(texture, 0);
         let planes = view(&inputs.gbuffer.planes);
         let splash = inputs.splash.unwrap_or(inputs.aggregate);
@@ -366,10 +368,6 @@ impl Caustics {
                 texture(inputs.mixture.unwrap_or(&planes)),
             ],
         );
-        let group = |layout, resources: &[wgpu::BindingResource<'_>]| {
-            let all = [&[own.as_entire_binding()], resources].concat();
-            gpu::bind_group(gpu, "caustics", layout, &all)
-        };
         let (grid, landings) = (&buffers.grid, &buffers.landings);
         let [map, receivers] =
             [output.map, output.receivers].map(|t| gpu::layer_view(t, output.layer));
@@ -379,66 +377,143 @@ impl Caustics {
         // A layer of the maps is written one by one, but never read so: OpenGL has no such view.
         let unblurred = blur.as_ref().map_or(&map, |[unblurred, _]| unblurred);
 
-        encoder.clear_buffer(&buffers.sums, 0, None);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("caustics"),
-            timestamp_writes: span.compute(),
-        });
+        commands.encoder.clear_buffer(&buffers.sums, 0, None);
         let vertices = UVec2::from_array(params.cells) + 1;
-        let mut dispatch = |pipeline: &wgpu::ComputePipeline,
-                            own_at: u32,
-                            own: &wgpu::BindGroup,
-                            extent: UVec2| {
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &inputs.camera.group, &[]);
-            pass.set_bind_group(2, &inputs.scene.group, &[]);
-            if own_at == 3 {
-                pass.set_bind_group(1, &light_view, &[]);
-            }
-            pass.set_bind_group(own_at, own, &[]);
-            let (x, y) = gpu::workgroups(extent);
-            pass.dispatch_workgroups(x, y, 1);
-        };
-        let vertex_buffer = group(&self.layouts.grid, &[grid.as_entire_binding()]);
+        let work =
+            Work::new(&scene.settings.caustics, buffers.size, params.blur, scene.solids.len());
+        let layouts = &self.layouts;
+        let resources = vec![grid.as_entire_binding()];
+        let start = |start| Step::new(start, 3, &layouts.grid, resources, vertices, work.grid);
+        let mut steps = Vec::new();
         match &pipelines.follow {
             Follow::Straight => {}
-            Follow::Forward { grid: start, trace, deposit } => {
-                dispatch(start, 3, &vertex_buffer, vertices);
-                let resources = [grid.as_entire_binding(), landings.as_entire_binding()];
-                dispatch(trace, 3, &group(&self.layouts.forward, &resources), vertices);
-                let resources = [
+            Follow::Forward { grid: first, trace, deposit } => {
+                steps.push(start(first));
+                let resources = vec![grid.as_entire_binding(), landings.as_entire_binding()];
+                let layout = &layouts.forward;
+                steps.push(Step::new(trace, 3, layout, resources, vertices, work.trace));
+                let resources = vec![
                     grid.as_entire_binding(),
                     landings.as_entire_binding(),
                     texture(&planes),
                     buffers.sums.as_entire_binding(),
                 ];
-                dispatch(deposit, 1, &group(&self.layouts.deposit, &resources), vertices - 1);
+                let (layout, cells) = (&layouts.deposit, vertices - 1);
+                steps.push(Step::new(deposit, 1, layout, resources, cells, work.deposit));
             }
-            Follow::Gather { grid: start, walk } => {
-                dispatch(start, 3, &vertex_buffer, vertices);
-                let resources = [grid.as_entire_binding(), texture(&gathered)];
-                dispatch(walk, 3, &group(&self.layouts.gather, &resources), buffers.size);
+            Follow::Gather { grid: first, walk } => {
+                steps.push(start(first));
+                let resources = vec![grid.as_entire_binding(), texture(&gathered)];
+                let layout = &layouts.gather;
+                steps.push(Step::new(walk, 3, layout, resources, buffers.size, work.gather));
             }
         }
-        let resources = [
+        let resources = vec![
             buffers.sums.as_entire_binding(),
             texture(&gathered),
             texture(unblurred),
             texture(&receivers),
         ];
-        dispatch(&pipelines.resolve, 3, &group(&self.layouts.resolve, &resources), buffers.size);
+        let (resolve, layout) = (&pipelines.resolve, &layouts.resolve);
+        steps.push(Step::new(resolve, 3, layout, resources, buffers.size, work.resolve));
         if let Some([unblurred, across]) = &blur {
             for (blur, (from, to)) in self.blur.iter().zip([(unblurred, across), (across, &map)]) {
-                let resources = [texture(from), texture(&planes), texture(to)];
-                dispatch(blur, 1, &group(&self.layouts.blur, &resources), buffers.size);
+                let resources = vec![texture(from), texture(&planes), texture(to)];
+                let layout = &layouts.blur;
+                steps.push(Step::new(blur, 1, layout, resources, buffers.size, work.blur));
             }
         }
+
+        let most = gpu.most_work();
+        let pieces = |step| Step::pieces(step, most);
+        let parts: Vec<_> = steps.iter().flat_map(pieces).collect();
+        commands.compute("caustics", span, &parts, |pass, (step, piece)| {
+            let params = Params { first: piece.first.to_array(), ..*params };
+            let params = uniform("caustics", bytemuck::bytes_of(&params));
+            let all = [&[params.as_entire_binding()], &step.resources[..]].concat();
+            pass.set_pipeline(step.pipeline);
+            pass.set_bind_group(0, &inputs.camera.group, &[]);
+            pass.set_bind_group(2, &inputs.scene.group, &[]);
+            if step.own_at == 3 {
+                pass.set_bind_group(1, &light_view, &[]);
+            }
+            let own = gpu::bind_group(gpu, "caustics", step.layout, &all);
+            pass.set_bind_group(step.own_at, &own, &[]);
+            let (x, y) = gpu::workgroups(piece.size);
+            pass.dispatch_workgroups(x, y, 1);
+        });
     }
 
     /// What `gather` found for the last light: irradiance and state.
     #[cfg(feature = "report")]
     pub(crate) fn gathered(&self) -> Option<&wgpu::Texture> {
         self.sized.as_ref().map(|buffers| &buffers.gathered)
+    }
+}
+
+/// A kernel of a map, over `extent` threads that each do so much `work`.
+struct Step<'a> {
+    pipeline: &'a wgpu::ComputePipeline,
+    /// The group of what is below: its parameters, and then these.
+    own_at: u32,
+    layout: &'a wgpu::BindGroupLayout,
+    resources: Vec<wgpu::BindingResource<'a>>,
+    extent: UVec2,
+    work: u64,
+}
+
+impl<'a> Step<'a> {
+    fn new(
+        pipeline: &'a wgpu::ComputePipeline,
+        own_at: u32,
+        layout: &'a wgpu::BindGroupLayout,
+        resources: Vec<wgpu::BindingResource<'a>>,
+        extent: UVec2,
+        work: u64,
+    ) -> Self {
+        Self { pipeline, own_at, layout, resources, extent, work }
+    }
+
+    /// What it is done in, each with its work.
+    fn pieces(&self, most: u64) -> impl Iterator<Item = ((&Self, Piece), u64)> {
+        let pieces = gpu::pieces(self.extent, self.work, most);
+        pieces.into_iter().map(move |piece| {
+            let threads = u64::from(piece.size.x) * u64::from(piece.size.y);
+            ((self, piece), threads.saturating_mul(self.work))
+        })
+    }
+}
+
+/// What one thread of each kernel does, in evaluations of a layer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Work {
+    /// A vertex: four planes, and whether a solid is before it.
+    pub grid: u64,
+    /// A path: the walks to where it leaves the liquid and to what it lights.
+    pub trace: u64,
+    /// A cell: its parts; where its light is torn, rays of their own.
+    pub deposit: u64,
+    /// A texel: its triangles.
+    pub gather: u64,
+    /// A texel.
+    pub resolve: u64,
+    /// A texel: those within three standard deviations.
+    pub blur: u64,
+}
+
+impl Work {
+    /// The work for a map of `size` texels, blurred by `blur` texels, in a scene of so many solids.
+    pub fn new(settings: &settings::Caustics, size: UVec2, blur: f32, solids: usize) -> Self {
+        let solids = solids as u64;
+        let reach = (3.0 * blur).min(size.max_element() as f32) as u64;
+        Self {
+            grid: 8 + solids,
+            trace: u64::from(settings.interfaces) * 64 + solids,
+            deposit: u64::from(settings.subdivide).pow(2) * 32 + 32 * solids,
+            gather: 64 + 2 * u64::from(settings.steps) + solids,
+            resolve: 8,
+            blur: 1 + 2 * reach,
+        }
     }
 }
 

@@ -14,7 +14,7 @@ use super::mixture;
 use super::surfaces::Surfaces;
 use super::tiles::TileLists;
 use super::{CameraBinding, Layers, Radiance};
-use crate::gpu::{self, Gpu, Span};
+use crate::gpu::{self, Commands, Gpu, Span};
 use crate::scene::Scene;
 use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
 
@@ -246,13 +246,15 @@ impl Refract {
         });
     }
 
-    /// Draws the picture with a variant that [`Refract::prepare`] was given.
+    /// Draws the picture with a variant that [`Refract::prepare`] was given, whose pixels take so much
+    /// [`work`].
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
+        commands: &mut Commands<'_>,
         eye: &Surfaces,
         variant: Variant,
+        work: u64,
         span: Span<'_>,
     ) {
         let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
@@ -260,7 +262,7 @@ impl Refract {
         let (planes, surfaces) = (view(&gbuffer.planes), view(&gbuffer.surfaces));
         let (radiance, diagnostics) = (view(&self.radiance.texture), view(&self.diagnostics));
         let tiles = &eye.tiles.lists;
-        let group = |list: &wgpu::Buffer| {
+        let group = |list: &wgpu::Buffer, section: u32| {
             let resources = [
                 self.params.as_entire_binding(),
                 wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
@@ -270,30 +272,53 @@ impl Refract {
                 wgpu::BindingResource::TextureView(&surfaces),
                 wgpu::BindingResource::TextureView(&radiance),
                 wgpu::BindingResource::TextureView(&diagnostics),
-                list.as_entire_binding(),
+                tiles.section(list, section),
             ];
             gpu::bind_group(gpu, "refract", &self.layout, &resources)
         };
         let pipelines = &self.pipelines[&(variant, eye.scene.variant)];
-        encoder.clear_buffer(&self.edges.list, 0, Some(4));
-        encoder.clear_buffer(&self.edges.dispatch, 0, Some(4));
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("refract"),
-            timestamp_writes: span.compute(),
-        });
-        pass.set_bind_group(0, &eye.camera.group, &[]);
-        pass.set_bind_group(2, &eye.scene.group, &[]);
-        pass.set_bind_group(3, &self.edges.gather, &[]);
-        pass.set_pipeline(&pipelines.background);
-        pass.set_bind_group(1, &group(&tiles.background), &[]);
-        pass.dispatch_workgroups_indirect(&tiles.dispatches, TileLists::BACKGROUND);
-        pass.set_pipeline(&pipelines.liquid);
-        pass.set_bind_group(1, &group(&tiles.liquid), &[]);
-        pass.dispatch_workgroups_indirect(&tiles.dispatches, TileLists::LIQUID);
-        pass.set_bind_group(3, &self.edges.draw, &[]);
-        pass.set_pipeline(&pipelines.edges);
-        pass.dispatch_workgroups_indirect(&self.edges.dispatch, 0);
+        for section in tiles.sections() {
+            commands.reserve(tiles.pixels().saturating_mul(work));
+            let encoder = &mut commands.encoder;
+            encoder.clear_buffer(&self.edges.list, 0, Some(4));
+            encoder.clear_buffer(&self.edges.dispatch, 0, Some(4));
+            let span = span.part(section == 0, section + 1 == tiles.sections().end);
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some("refract"),
+                timestamp_writes: span.compute(),
+            });
+            let at = |which| tiles.dispatch(which, section);
+            pass.set_bind_group(0, &eye.camera.group, &[]);
+            pass.set_bind_group(2, &eye.scene.group, &[]);
+            pass.set_bind_group(3, &self.edges.gather, &[]);
+            pass.set_pipeline(&pipelines.background);
+            pass.set_bind_group(1, &group(&tiles.background, section), &[]);
+            pass.dispatch_workgroups_indirect(&tiles.dispatches, at(TileLists::BACKGROUND));
+            pass.set_pipeline(&pipelines.liquid);
+            pass.set_bind_group(1, &group(&tiles.liquid, section), &[]);
+            pass.dispatch_workgroups_indirect(&tiles.dispatches, at(TileLists::LIQUID));
+            pass.set_bind_group(3, &self.edges.draw, &[]);
+            pass.set_pipeline(&pipelines.edges);
+            pass.dispatch_workgroups_indirect(&self.edges.dispatch, 0);
+        }
     }
+}
+
+/// The most that a pixel of a picture of `size` takes, in evaluations of a layer, in a scene of so many
+/// solids and of so many lights that light something.
+pub fn work(settings: &settings::Refract, size: UVec2, solids: usize, lights: usize) -> u64 {
+    let walk = match settings.solver {
+        Solver::March => (size.x + size.y).div_ceil(settings.stride),
+        // As it has been measured; its own bounds are higher.
+        Solver::Guarded => 32,
+        Solver::Newton | Solver::Secant => settings.iterations + 1,
+        Solver::Plane | Solver::Plane3 | Solver::Single => 2,
+    };
+    let solids = (solids * (1 + lights)) as u64;
+    let turns = u64::from(settings.interfaces + settings.internal_bounces);
+    let liquid = u64::from(settings.samples) * turns * (u64::from(walk) + solids);
+    let background = u64::from(settings.samples.max(settings.edge_samples)) * (1 + solids);
+    liquid.max(background)
 }
 
 impl Edges {

@@ -8,7 +8,7 @@ use wgpu::TextureViewDimension::D2Array;
 
 use super::tiles::TileLists;
 use super::{CameraBinding, Layers};
-use crate::gpu::{self, Gpu, Span};
+use crate::gpu::{self, Commands, Gpu, Span};
 use crate::settings::{self, Filter};
 
 /// One iteration's parameters, as `smooth/iterate.wgsl` has them.
@@ -144,7 +144,7 @@ impl Smooth {
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
+        commands: &mut Commands<'_>,
         camera: &CameraBinding,
         tiles: &TileLists,
         settings: &settings::Smooth,
@@ -157,41 +157,54 @@ impl Smooth {
         let mut begin = span.first();
         for texture in [&first.texture, &second.texture, &self.layers.texture] {
             for layer in [Layers::FRONT, Layers::BACK] {
-                gpu::clear(encoder, &gpu::layer_view(texture, layer), begin);
+                gpu::clear(&mut commands.encoder, &gpu::layer_view(texture, layer), begin);
                 begin = Span::default();
             }
         }
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("smooth"),
-            timestamp_writes: span.last().compute(),
-        });
-        pass.set_bind_group(0, &camera.group, &[]);
         let planes = gpu::level_view(&self.layers.texture, 0, D2Array);
-        let mut step = |pipeline: &wgpu::ComputePipeline, params: &Params, to: usize| {
-            // A buffer per iteration: a uniform written twice holds the last value for the frame.
-            let params = gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);
-            let resources = [
-                params.as_entire_binding(),
-                wgpu::BindingResource::TextureView(&self.states[1 - to].view),
-                wgpu::BindingResource::TextureView(&self.states[to].view),
-                wgpu::BindingResource::TextureView(&planes),
-                wgpu::BindingResource::TextureView(&self.splatted.view),
-                tiles.liquid.as_entire_binding(),
-            ];
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(1, &gpu::bind_group(gpu, "smooth", &self.layout, &resources), &[]);
-            let covered = if backs { TileLists::LIQUID_LAYERS } else { TileLists::LIQUID };
-            pass.dispatch_workgroups_indirect(&tiles.dispatches, covered);
-        };
         let Some(last) = iterations.last() else { return };
-        let mut to = 0;
-        step(&self.prepare, last, to);
-        for params in iterations {
-            to = 1 - to;
-            step(&self.iterate[&Variant::new(settings)], params, to);
-        }
-        step(&self.planes, last, 1 - to);
+        let iterate = &self.iterate[&Variant::new(settings)];
+        let mut steps = vec![(&self.prepare, last)];
+        steps.extend(iterations.iter().map(|params| (iterate, params)));
+        steps.push((&self.planes, last));
+        // A buffer per iteration: a uniform written twice holds the last value for the frame.
+        let buffer = |params: &Params| gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);
+        let steps = (0..).zip(steps).map(|(i, (pipeline, params))| (i, pipeline, buffer(params)));
+        let steps: Vec<(usize, &wgpu::ComputePipeline, wgpu::Buffer)> = steps.collect();
+        let work = tiles.pixels().saturating_mul(work(settings));
+        let of_step = |step| tiles.sections().map(move |section| ((step, section), work));
+        let parts: Vec<_> = steps.iter().flat_map(of_step).collect();
+        commands.compute(
+            "smooth",
+            span.last(),
+            &parts,
+            |pass, ((i, pipeline, params), section)| {
+                let resources = [
+                    params.as_entire_binding(),
+                    wgpu::BindingResource::TextureView(&self.states[(i + 1) % 2].view),
+                    wgpu::BindingResource::TextureView(&self.states[i % 2].view),
+                    wgpu::BindingResource::TextureView(&planes),
+                    wgpu::BindingResource::TextureView(&self.splatted.view),
+                    tiles.section(&tiles.liquid, *section),
+                ];
+                pass.set_pipeline(pipeline);
+                pass.set_bind_group(0, &camera.group, &[]);
+                pass.set_bind_group(
+                    1,
+                    &gpu::bind_group(gpu, "smooth", &self.layout, &resources),
+                    &[],
+                );
+                let covered = if backs { TileLists::LIQUID_LAYERS } else { TileLists::LIQUID };
+                let at = tiles.dispatch(covered, *section);
+                pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
+            },
+        );
     }
+}
+
+/// The work of an iteration at a pixel, in evaluations of a layer.
+pub fn work(settings: &settings::Smooth) -> u64 {
+    2 * u64::from(settings.taps).pow(2)
 }
 
 fn sized(gpu: &Gpu, splatted: &Layers) -> (Layers, [Layers; 2]) {

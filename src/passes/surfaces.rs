@@ -8,10 +8,10 @@ use super::gbuffer::{Gbuffer, LightMaps, SceneBinding};
 use super::mixture::Mixture;
 use super::smooth::{self, Smooth};
 use super::splat::{Splat, SplatBuffers};
-use super::tiles::Tiles;
+use super::tiles::{Sections, Tiles};
 use super::{CameraBinding, Layers};
 use crate::camera::CameraUniform;
-use crate::gpu::{Gpu, Timer};
+use crate::gpu::{Commands, Gpu, Timer};
 use crate::light_view::LightView;
 use crate::scene::Scene;
 
@@ -56,6 +56,8 @@ pub(crate) struct Wanted {
     pub backs: bool,
     /// So many aggregates are hidden that they are left out.
     pub culled: bool,
+    /// How the lists of tiles are divided.
+    pub sections: Sections,
 }
 
 /// Names of the passes in the timings: splat, splashes, mixture, tiles, smooth, gbuffer.
@@ -80,6 +82,7 @@ impl Surfaces {
             levels: 1,
             backs: true,
             culled: false,
+            sections: Sections { tiles: 1, words: 2, count: 1 },
         };
         let smoothed = false;
         Self { camera, scene, aggregate, splash, mixture, tiles, smooth, gbuffer, wanted, smoothed }
@@ -98,7 +101,7 @@ impl Surfaces {
         let (size, levels) = used(wanted.splash);
         self.splash.resize(gpu, size, levels, false);
         self.mixture.resize(gpu, used(wanted.mixture).0);
-        self.tiles.resize(gpu, wanted.size);
+        self.tiles.resize(gpu, wanted.size, wanted.sections);
         self.smooth.resize(gpu, &self.aggregate.layers);
         let (size, levels) = used(wanted.gbuffer);
         self.gbuffer.resize(gpu, size, levels);
@@ -141,13 +144,14 @@ impl Surfaces {
     pub(crate) fn record(
         &self,
         gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
+        commands: &mut Commands<'_>,
         scene: &Scene,
         liquid: &Liquid,
         fits: &[smooth::Params],
         timer: &mut Timer,
         [splat, splashes, mixture, tiles, smooth, gbuffer]: Names,
     ) {
+        let encoder = &mut commands.encoder;
         let camera = &self.camera;
         let backs = self.wanted.backs;
         let (aggregates, span) = (&liquid.aggregates, timer.span(splat));
@@ -175,9 +179,10 @@ impl Surfaces {
             let settings = &scene.settings.smooth;
             let lists = &self.tiles.lists;
             let span = timer.span(smooth);
-            self.smooth.record(gpu, encoder, camera, lists, settings, fits, backs, span);
+            self.smooth.record(gpu, commands, camera, lists, settings, fits, backs, span);
         }
         if self.wanted.gbuffer {
+            let encoder = &mut commands.encoder;
             self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(gbuffer));
         }
     }

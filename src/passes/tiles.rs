@@ -3,6 +3,7 @@
 //! Later passes are dispatched over those alone. On a software adapter, which runs both sides of
 //! every branch, this is what makes the empty part of a picture cheap.
 
+use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
 use wgpu::TextureViewDimension::D2Array;
 
@@ -32,6 +33,51 @@ pub(crate) struct TileLists {
     /// Arguments of indirect dispatches, at [`TileLists::LIQUID`] and its like.
     pub(crate) dispatches: wgpu::Buffer,
     size: UVec2,
+    sections: Sections,
+    sections_buffer: wgpu::Buffer,
+}
+
+/// `Sections` of `tiles.wgsl`: how lists are divided.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct Sections {
+    /// Tiles of a section.
+    pub tiles: u32,
+    /// Words of its list.
+    pub words: u32,
+    /// Sections of a view.
+    pub count: u32,
+}
+
+impl Sections {
+    /// The sections of a view of `size` pixels on this device, in whose slowest pass a pixel takes `each`
+    /// work.
+    pub(crate) fn for_work(gpu: &Gpu, size: UVec2, each: u64) -> Self {
+        let limits = gpu.device.limits();
+        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        Self::new(size, each, gpu.most_work(), limits.min_storage_buffer_offset_alignment, bytes)
+    }
+
+    /// The sections of a view of `size` pixels in whose slowest pass a pixel takes `each` work: of at most
+    /// `most` work, and of one tile at least. Lists begin at multiples of `alignment` bytes and have at most
+    /// `bytes` together.
+    pub fn new(size: UVec2, each: u64, most: u64, alignment: u32, bytes: u64) -> Self {
+        let all = size.map(|n| n.div_ceil(TILE)).element_product();
+        let fit = most / each.saturating_mul(u64::from(TILE * TILE)).max(1);
+        if fit >= u64::from(all) {
+            return Self { tiles: all, words: 1 + all, count: 1 };
+        }
+        let aligned = |tiles: u32| {
+            let words = (1 + tiles).next_multiple_of((alignment / 4).max(1));
+            Self { tiles, words, count: all.div_ceil(tiles) }
+        };
+        let sections = aligned(fit.max(1) as u32);
+        match 4 * u64::from(sections.words) * u64::from(sections.count) <= bytes {
+            true => sections,
+            // Without gaps.
+            false => aligned(sections.words - 1),
+        }
+    }
 }
 
 impl TileLists {
@@ -41,6 +87,34 @@ impl TileLists {
     pub(crate) const LIQUID_LAYERS: u64 = 16;
     /// Dispatch over the other tiles.
     pub(crate) const BACKGROUND: u64 = 32;
+    /// From one section's dispatches to the next one's.
+    const DISPATCHES: u64 = 48;
+
+    /// The sections of the lists.
+    pub(crate) fn sections(&self) -> std::ops::Range<u32> {
+        0..self.sections.count
+    }
+
+    /// Pixels of a section.
+    pub(crate) fn pixels(&self) -> u64 {
+        u64::from(self.sections.tiles) * u64::from(TILE * TILE)
+    }
+
+    /// A section of `list`.
+    pub(crate) fn section<'a>(
+        &self,
+        list: &'a wgpu::Buffer,
+        section: u32,
+    ) -> wgpu::BindingResource<'a> {
+        let bytes = 4 * u64::from(self.sections.words);
+        let (offset, size) = (u64::from(section) * bytes, wgpu::BufferSize::new(bytes));
+        wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: list, offset, size })
+    }
+
+    /// Where the arguments of a section's dispatch are.
+    pub(crate) fn dispatch(&self, which: u64, section: u32) -> u64 {
+        Self::DISPATCHES * u64::from(section) + which
+    }
 }
 
 impl Tiles {
@@ -52,13 +126,14 @@ impl Tiles {
             gpu::storage_read_write(8),
             gpu::storage_read_write(8),
             gpu::storage_read_write(48),
+            gpu::storage::<Sections>(),
         ];
         let layout = gpu.layout("tiles", wgpu::ShaderStages::COMPUTE, &bindings);
         let pipeline = |entry: &str, constants: &[(&str, f64)]| {
             gpu::compute_pipeline(gpu, "tiles.wgsl", entry, &[&layout], constants)
         };
         Self {
-            lists: sized(gpu, UVec2::ONE),
+            lists: sized(gpu, UVec2::ONE, Sections { tiles: 1, words: 2, count: 1 }),
             sort: [0.0, 1.0].map(|splash| pipeline("sort", &[("SPLASH", splash)])),
             arrange: pipeline("arrange", &[]),
             layout,
@@ -66,8 +141,8 @@ impl Tiles {
     }
 
     /// Replaces the lists.
-    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2) {
-        self.lists = sized(gpu, size);
+    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2, sections: Sections) {
+        self.lists = sized(gpu, size, sections);
     }
 
     /// Sorts the tiles by the splatted layers.
@@ -79,15 +154,19 @@ impl Tiles {
         splash: Option<&Layers>,
         span: Span<'_>,
     ) {
-        let TileLists { liquid, background, dispatches, size } = &self.lists;
-        encoder.clear_buffer(liquid, 0, Some(4));
-        encoder.clear_buffer(background, 0, Some(4));
+        let TileLists { liquid, background, dispatches, size, sections, sections_buffer } =
+            &self.lists;
+        // The counts.
+        let cleared = (sections.count == 1).then_some(4);
+        encoder.clear_buffer(liquid, 0, cleared);
+        encoder.clear_buffer(background, 0, cleared);
         let resources = [
             wgpu::BindingResource::TextureView(&aggregate.view),
             wgpu::BindingResource::TextureView(&splash.unwrap_or(aggregate).view),
             liquid.as_entire_binding(),
             background.as_entire_binding(),
             dispatches.as_entire_binding(),
+            sections_buffer.as_entire_binding(),
         ];
         let group = gpu::bind_group(gpu, "tiles", &self.layout, &resources);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
@@ -99,12 +178,12 @@ impl Tiles {
         let (x, y) = gpu::workgroups(size.map(|n| n.div_ceil(TILE)));
         pass.dispatch_workgroups(x, y, 1);
         pass.set_pipeline(&self.arrange);
-        pass.dispatch_workgroups(1, 1, 1);
+        gpu::dispatch(&mut pass, sections.count);
     }
 }
 
-fn sized(gpu: &Gpu, size: UVec2) -> TileLists {
-    let tiles = u64::from(size.x.div_ceil(TILE)) * u64::from(size.y.div_ceil(TILE));
+fn sized(gpu: &Gpu, size: UVec2, sections: Sections) -> TileLists {
+    let (words, count) = (u64::from(sections.words), u64::from(sections.count));
     let buffer = |label: &str, size: u64, usage: wgpu::BufferUsages| {
         gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
@@ -113,11 +192,22 @@ fn sized(gpu: &Gpu, size: UVec2) -> TileLists {
             mapped_at_creation: false,
         })
     };
-    let list = |label: &str| buffer(label, 4 + 4 * tiles, wgpu::BufferUsages::COPY_DST);
+    let list = |label: &str| buffer(label, 4 * words * count, wgpu::BufferUsages::COPY_DST);
     TileLists {
         liquid: list("liquid tiles"),
         background: list("background tiles"),
-        dispatches: buffer("tile dispatches", 48, wgpu::BufferUsages::INDIRECT),
+        dispatches: buffer(
+            "tile dispatches",
+            TileLists::DISPATCHES * count,
+            wgpu::BufferUsages::INDIRECT,
+        ),
         size,
+        sections,
+        sections_buffer: gpu::buffer_with(
+            gpu,
+            "tile sections",
+            wgpu::BufferUsages::STORAGE,
+            &[sections],
+        ),
     }
 }

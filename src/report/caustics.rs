@@ -10,7 +10,7 @@ use super::intersect::{self, Target, ViewLayers, upload};
 use super::rows::{ErrorKind, Kind, Row};
 use super::subjects::Subject;
 use crate::error::Result;
-use crate::gpu::{self, Gpu, Timer};
+use crate::gpu::{self, Commands, Gpu, Timer};
 use crate::light_view::LightView;
 use crate::lights;
 use crate::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
@@ -18,6 +18,7 @@ use crate::passes::gbuffer::SceneBinding;
 use crate::passes::smooth;
 use crate::passes::splat::SplatBuffers;
 use crate::passes::surfaces::{self, Surfaces, Wanted};
+use crate::passes::tiles::Sections;
 use crate::passes::{CameraBinding, GBuffer, Layers};
 use crate::reference::caustics as reference;
 use crate::reference::layers as reference_layers;
@@ -137,11 +138,11 @@ impl Bench {
         let [map, receivers] = &self.outputs;
         let output = Output { map, receivers, layer: 0 };
         let mut timer = Timer::new(gpu, true);
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut commands = Commands::new(gpu);
         let span = timer.span("caustics");
-        self.caustics.record(gpu, &mut encoder, scene, radius, &params, inputs, output, span);
-        let resolved = timer.resolve(gpu, &mut encoder);
-        gpu.queue.submit([encoder.finish()]);
+        self.caustics.record(gpu, &mut commands, scene, radius, &params, inputs, output, span);
+        let resolved = timer.resolve(gpu, &mut commands.encoder);
+        commands.submit();
         gpu.check()?;
         let ms = timer.read(gpu, resolved.as_ref())?.first().map_or(0.0, |time| time.ms);
 
@@ -370,15 +371,16 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
         levels: 1,
         backs,
         culled: false,
+        sections: Sections::for_work(gpu, view.size, smooth::work(&scene.settings.smooth)),
     };
     surfaces.resize(gpu, wanted);
     let uniform = view.uniform(splats.origin);
     surfaces.prepare(gpu, scene, &liquid, &uniform, view.origin, &[], None, splats.radius, &fits);
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let mut commands = Commands::new(gpu);
     let names = ["splat", "splashes", "mixture", "tiles", "smooth", "gbuffer"];
     let timer = &mut Timer::new(gpu, false);
-    surfaces.record(gpu, &mut encoder, scene, &liquid, &fits, timer, names);
-    gpu.queue.submit([encoder.finish()]);
+    surfaces.record(gpu, &mut commands, scene, &liquid, &fits, timer, names);
+    commands.submit();
     gpu.check()?;
     let solids = Some(&surfaces.gbuffer.images.planes);
     ViewLayers::read(gpu, surfaces.aggregate_layers(), surfaces.splash_layers(), solids)
