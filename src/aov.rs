@@ -18,6 +18,7 @@ use crate::error::{Error, Place, Result};
 use crate::files;
 use crate::fingerprint::Fingerprint;
 use crate::gpu::{self, Gpu};
+use crate::output::{Kind, write_atomically};
 use crate::passes::Layers;
 use crate::passes::caustics::CausticMap;
 use crate::renderer::Images;
@@ -134,7 +135,8 @@ pub struct Channel {
 /// Channels of one size: a part of an `OpenEXR` file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
-    /// `limpid` for those of the picture's size, `caustics.1` for the map of the first light.
+    /// `limpid` for those of the picture's size, `caustics.1` for the map of the first light; empty
+    /// for a picture alone.
     pub name: String,
     /// Width and height, pixels.
     pub size: UVec2,
@@ -217,6 +219,22 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
     Ok([picture].into_iter().chain(maps).filter(|part| !part.channels.is_empty()).collect())
 }
 
+/// Reads the linear picture of the last frame back, as the channels R, G and B that programs take for
+/// a picture. It has no alpha: every ray ends at something that radiates.
+///
+/// # Errors
+/// [`Error::DeviceLost`].
+pub fn read_radiance(gpu: &Gpu, images: &Images) -> Result<Part> {
+    let texture = &images.radiance.texture;
+    let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, 0)?);
+    let mut channels = Vec::new();
+    for (i, color) in ["R", "G", "B"].into_iter().enumerate() {
+        push(&mut channels, color.into(), &texels, |p| p[i]);
+    }
+    let size = UVec2::new(texture.width(), texture.height());
+    Ok(Part { name: String::new(), size, channels })
+}
+
 /// The map of one light.
 fn caustics(gpu: &Gpu, map: &CausticMap) -> Result<Part> {
     let size = map.view.size;
@@ -246,7 +264,7 @@ fn push(
 /// [`Error::Io`] naming the file.
 pub fn write(path: &Path, parts: Vec<Part>) -> Result<()> {
     let lossless = Encoding::FAST_LOSSLESS;
-    crate::output::write_atomically(path, |file| encode(parts, lossless, None, file))
+    write_atomically(path, Kind::Picture, |file| encode(parts, lossless, None, file))
 }
 
 /// As [`write()`], with what the images were made from: [`is_whole`].
@@ -255,7 +273,7 @@ pub fn write(path: &Path, parts: Vec<Part>) -> Result<()> {
 /// As [`write()`].
 pub fn write_frame(path: &Path, parts: Vec<Part>, fingerprint: Fingerprint) -> Result<()> {
     let lossless = Encoding::FAST_LOSSLESS;
-    crate::output::write_atomically(path, |file| encode(parts, lossless, Some(fingerprint), file))
+    write_atomically(path, Kind::Picture, |file| encode(parts, lossless, Some(fingerprint), file))
 }
 
 /// Whether the file is there, can be read to its end, and was made from this.
@@ -292,7 +310,10 @@ pub(crate) fn encode(
                 .collect();
             Layer::new(
                 (part.size.x as usize, part.size.y as usize),
-                LayerAttributes::named(part.name.as_str()),
+                match part.name.as_str() {
+                    "" => LayerAttributes::default(),
+                    name => LayerAttributes::named(name),
+                },
                 encoding,
                 AnyChannels::sort(list),
             )

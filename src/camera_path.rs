@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::camera::{Camera, is_place, up};
 use crate::error::{Error, Result};
 use crate::files;
-use crate::output;
+use crate::output::{self, Kind};
 use crate::scene::toml_error;
 
 /// A camera that moves from key to key.
@@ -110,7 +110,7 @@ impl CameraPath {
             KeyFile { time, eye, target, up, fov_y, near }
         });
         let file = PathFile { key: key.collect() };
-        output::write_atomically(path, |out| {
+        output::write_atomically(path, Kind::CameraPath, |out| {
             let text = toml::to_string(&file).map_err(std::io::Error::other)?;
             std::io::Write::write_all(out, text.as_bytes())
         })

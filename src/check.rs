@@ -25,7 +25,6 @@ mod page;
 mod record;
 mod suite;
 
-use std::collections::BTreeSet;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -36,7 +35,7 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::output;
+use crate::output::{self, Files, Kind, folder_of};
 use crate::studio::Studio;
 
 pub use exhibit::{Exhibit, Panel};
@@ -57,8 +56,8 @@ pub struct Report {
     pub outcomes: Vec<Outcome>,
     /// What the run took, s.
     pub seconds: f64,
-    /// The files that the suite expects, of all entries: not to be taken for results.
-    expectations: Vec<PathBuf>,
+    /// What the suite reads and expects, of all entries: no result takes its place.
+    files: Files,
 }
 
 /// What drew.
@@ -280,8 +279,8 @@ impl Suite {
             outcomes.push(outcome);
         }
         let seconds = begun.elapsed().as_secs_f64();
-        let expectations = self.entries.iter().flat_map(Entry::expectations).collect();
-        Ok(Report { suite: self.path.clone(), adapter, outcomes, seconds, expectations })
+        let files = self.files();
+        Ok(Report { suite: self.path.clone(), adapter, outcomes, seconds, files })
     }
 }
 
@@ -305,15 +304,19 @@ impl Report {
     ///
     /// # Errors
     /// [`Error::Io`] naming the file that could not be written; [`Error::Scene`] for a record that
-    /// is no TOML.
+    /// is no TOML; [`Error::Usage`] for an expectation that lies outside the suite's folder or in
+    /// whose place something else than a picture is: then nothing is written.
     pub fn bless(&mut self) -> Result<()> {
         let mut record = record::Record::open(&self.suite)?;
+        for (path, _) in self.outcomes.iter().flat_map(|outcome| &outcome.blessing) {
+            suite::check_blessing(&self.suite, path)?;
+        }
         for outcome in &mut self.outcomes {
             if outcome.blessing.is_empty() {
                 continue;
             }
             for (path, bytes) in &outcome.blessing {
-                write_file(path, bytes)?;
+                write_file(path, Kind::Picture, bytes)?;
             }
             record.note(&outcome.name, &self.adapter, &outcome.drawn);
             // After each: what is written is recorded, whatever happens to the next.
@@ -328,35 +331,32 @@ impl Report {
     ///
     /// # Errors
     /// [`Error::Io`] naming the file or folder; [`Error::Usage`] where a result would take the place
-    /// of an expectation.
+    /// of an expectation, an input or a file that is no result.
     pub fn write(&self, folder: &Path) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-        let expected = self.expected();
-        self.clear(folder, &expected)?;
+        self.clear(folder)?;
         for outcome in &self.outcomes {
             for (name, bytes) in outcome.files() {
                 let path = folder.join(name);
-                if expected.contains(&place(&path)) {
+                if self.is_kept(&path) {
                     let path = path.display();
-                    let problem =
-                        format!("{path}: the suite expects this file; name another folder");
-                    return Err(Error::Usage(problem));
+                    let problem = "the suite reads or expects this file; name another folder";
+                    return Err(Error::Usage(format!("{path}: {problem}")));
                 }
-                write_file(&path, bytes)?;
+                write_file(&path, Kind::Picture, bytes)?;
             }
         }
-        write_file(&folder.join("index.html"), self.page().as_bytes())
+        write_file(&folder.join("index.html"), Kind::Page, self.page().as_bytes())
     }
 
-    /// Where the files are that the suite expects.
-    fn expected(&self) -> BTreeSet<PathBuf> {
-        let blessing = self.outcomes.iter().flat_map(|outcome| &outcome.blessing);
-        let blessing = blessing.map(|(path, _)| path);
-        blessing.chain(&self.expectations).map(|path| place(path)).collect()
+    /// Whether the suite reads a file or expects it.
+    fn is_kept(&self, path: &Path) -> bool {
+        let mut blessing = self.outcomes.iter().flat_map(|outcome| &outcome.blessing);
+        self.files.has_input(path) || blessing.any(|(blessed, _)| place(blessed) == place(path))
     }
 
-    /// Removes what an earlier run wrote of these entries, never an expectation.
-    fn clear(&self, folder: &Path, expected: &BTreeSet<PathBuf>) -> Result<()> {
+    /// Removes what an earlier run wrote of these entries: pictures, never an expectation.
+    fn clear(&self, folder: &Path) -> Result<()> {
         let fail = |e| Error::io(folder, "list", e);
         for file in std::fs::read_dir(folder).map_err(fail)? {
             let file = file.map_err(fail)?;
@@ -367,7 +367,8 @@ impl Report {
                 rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
             };
             let path = file.path();
-            if self.outcomes.iter().any(ours) && !expected.contains(&place(&path)) {
+            let picture = || Kind::Picture.check(&path).is_ok();
+            if self.outcomes.iter().any(ours) && !self.is_kept(&path) && picture() {
                 std::fs::remove_file(&path).map_err(|e| Error::io(&path, "remove", e))?;
             }
         }
@@ -427,15 +428,15 @@ impl Outcome {
 
 /// The same for all paths to a file, whether it is there or not.
 fn place(path: &Path) -> PathBuf {
-    let folder = output::folder_of(path);
+    let folder = folder_of(path);
     let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
     path.file_name().map_or(folder.clone(), |name| folder.join(name))
 }
 
 /// Writes a file, and the folder around it if need be.
-fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+fn write_file(path: &Path, kind: Kind, bytes: &[u8]) -> Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
     }
-    output::write_atomically(path, |file| std::io::Write::write_all(file, bytes))
+    output::write_atomically(path, kind, |file| std::io::Write::write_all(file, bytes))
 }

@@ -63,6 +63,11 @@ pub(crate) fn run() -> anyhow::Result<ExitCode> {
     }
 }
 
+/// The exit code for the signal that has come, if one has.
+pub(crate) fn signal() -> Option<u8> {
+    signals::received()
+}
+
 /// A line without commands to the terminal: names of files may hold anything.
 fn plain(line: &str) -> String {
     line.replace(char::is_control, "?")

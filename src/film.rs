@@ -12,7 +12,7 @@ use image::RgbImage;
 use crate::camera::Camera;
 use crate::camera_path::CameraPath;
 use crate::error::{Error, Result};
-use crate::output::Temporary;
+use crate::output::{Kind as FileKind, Temporary};
 use ffmpeg::Ffmpeg;
 
 /// More pictures of a film than this are a slip of the keyboard.
@@ -178,6 +178,7 @@ impl Film {
             _ if size.min_element() == 0 => return usage(format!("{x}x{y} pixels are none")),
             _ => {}
         }
+        FileKind::Film.check(path)?;
         // A pipe or a device cannot take a film that is patched at its end.
         if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {
             return Err(Error::io(path, "write", io::Error::other("not a regular file")));

@@ -1,12 +1,13 @@
 //! From what a user names to frames that can be drawn.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use glam::DVec3;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
+use crate::files;
 use crate::particles::{Particles, Up};
 use crate::passes::classify::{self, Place, Splat, Splats};
 use crate::recipe::Recipe;
@@ -93,6 +94,57 @@ pub(crate) struct Origin<'a> {
     pub(crate) up: Up,
 }
 
+/// The contents of a regular file of at most `limit` bytes; pipes, devices and folders are refused
+/// without waiting for them.
+///
+/// # Errors
+/// [`Error::Io`], or [`Error::Format`] for a longer file.
+pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    files::read(path, |_| limit, &mut bytes)?;
+    Ok(bytes)
+}
+
+/// The files that an input names, as far as they can be found: a scene with its environment map, and
+/// all particle files. What is wrong with them, opening tells.
+pub fn files_of(input: &str) -> Vec<PathBuf> {
+    let path = Path::new(input);
+    if !is_scene_file(path) {
+        return sequence_files(input);
+    }
+    let mut all = vec![path.to_owned()];
+    let text = files::read_text(path).unwrap_or_default();
+    let table: toml::Table = text.parse().unwrap_or_default();
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let named = |table: Option<&toml::Value>, key: &str| -> Option<String> {
+        Some(folder.join(table?.get(key)?.as_str()?).to_string_lossy().into_owned())
+    };
+    all.extend(named(table.get("environment"), "map").map(PathBuf::from));
+    let fluids = table.get("fluid").and_then(toml::Value::as_array);
+    let mixed = fluids.into_iter().flatten();
+    let sources = mixed.chain(table.get("particles")).filter_map(|of| named(Some(of), "source"));
+    all.extend(sources.flat_map(|source| sequence_files(&source)));
+    if table.contains_key("simulation") {
+        all.extend(sequence_files(&sim::folder(path).to_string_lossy()));
+    }
+    all
+}
+
+fn is_scene_file(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+/// The particle files of a sequence, and the ellipsoids beside them.
+fn sequence_files(input: &str) -> Vec<PathBuf> {
+    let frames = Sequence::open(input).map(|sequence| sequence.frames).unwrap_or_default();
+    let files = frames.into_iter().flat_map(|frame| {
+        let pos = frame.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("pos"));
+        let ellipsoids = pos.then(|| frame.path.with_extension("ani"));
+        [Some(frame.path), ellipsoids].into_iter().flatten()
+    });
+    files.collect()
+}
+
 /// A moment of a sequence: a frame, or a point between two.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
@@ -151,7 +203,7 @@ impl Input {
     /// [`Error::Scene`].
     pub fn open(input: &str, overrides: &[String]) -> Result<Self> {
         let path = Path::new(input);
-        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        if is_scene_file(path) {
             return Self::from_scene(Scene::load_with(path, overrides)?, input);
         }
         let sequence = Sequence::open(input)?;

@@ -29,6 +29,10 @@ fn run() -> ExitCode {
 
 fn failed(error: &anyhow::Error) -> ExitCode {
     cli::complain(error);
+    // What a signal has interrupted did not fail.
+    if let Some(code) = cli::signal() {
+        return ExitCode::from(code);
+    }
     let code = error.downcast_ref::<limpid::Error>().map_or(2, limpid::Error::exit_code);
     ExitCode::from(code)
 }

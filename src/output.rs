@@ -1,21 +1,32 @@
 //! Files that are written whole or not at all, and their names.
 
+mod stream;
+mod target;
+
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read as _, Seek as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
 
-use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::webp::WebPEncoder;
+use image::{ImageEncoder as _, RgbImage};
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
 use crate::fingerprint::Fingerprint;
 use crate::sequence::placeholder;
 
+pub use stream::{Pipe, Stream, interrupt};
+pub use target::{Files, Kind, check_folder};
+
 /// What the names of temporary files begin with.
 const TEMPORARY: &str = ".limpid-";
+
+/// Of 100: it takes a look at single pixels to tell such a JPEG from the picture.
+const JPEG_QUALITY: u8 = 92;
 
 /// A temporary file that has not been written to for so long is nobody's any more.
 const ABANDONED: Duration = Duration::from_hours(24);
@@ -23,27 +34,54 @@ const ABANDONED: Duration = Duration::from_hours(24);
 /// Files, and folders with all that is in them, that must not outlive the process.
 static LITTER: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Writes a file under a temporary name beside `path`, then renames it.
+/// Writes a file under a temporary name beside `path`, then renames it. To a pipe or a device it is
+/// written as it is.
 ///
 /// # Errors
-/// [`Error::Io`] naming `path`; then nothing is left under that name that was not there before.
+/// As [`Kind::check`], and [`Error::Io`] naming `path`; then nothing is left under that name that was
+/// not there before.
 pub fn write_atomically(
     path: &Path,
+    kind: Kind,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<()> {
     let fail = |e: io::Error| Error::io(path, "write", e);
-    // A pipe or a device is written to; a file that took its name would be in nobody's interest.
-    if path.metadata().is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir()) {
-        let file = File::options().write(true).open(path).map_err(fail)?;
-        let mut buffer = BufWriter::new(&file);
-        write(&mut buffer).map_err(fail)?;
-        return buffer.flush().map_err(fail);
+    kind.check(path)?;
+    if is_device(path) {
+        return write_to_device(path, write).map_err(fail);
     }
     let temporary = Temporary::beside(path)?;
     let mut buffer = BufWriter::new(temporary.as_file());
     write(&mut buffer).map_err(fail)?;
     buffer.into_inner().map_err(|e| fail(e.into_error()))?;
     temporary.keep(path)
+}
+
+/// Whether a path leads to a pipe, a device or a socket: a file that took its name would be in
+/// nobody's interest.
+fn is_device(path: &Path) -> bool {
+    path.metadata().is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir())
+}
+
+/// By way of a file without a name: some formats are not written from their beginning to their end.
+fn write_to_device(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> io::Result<()> {
+    const PART: u64 = 1 << 20;
+    let mut device = Pipe::open(path)?;
+    let mut file = tempfile::tempfile()?;
+    let mut buffer = BufWriter::new(&file);
+    write(&mut buffer)?;
+    buffer.into_inner().map_err(io::IntoInnerError::into_error)?;
+    file.rewind()?;
+    loop {
+        let mut part = Vec::new();
+        if (&file).take(PART).read_to_end(&mut part)? == 0 {
+            return Ok(());
+        }
+        device.write(part)?;
+    }
 }
 
 /// A file that is gone when it is dropped or the process is ended by [`abandon`], unless it is
@@ -171,20 +209,84 @@ pub fn sweep(folder: &Path) {
     }
 }
 
+/// The formats of pictures, by the ending of their names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PictureFormat {
+    /// `.png`: 8-bit sRGB, lossless.
+    Png,
+    /// `.jpg`, `.jpeg`: 8-bit sRGB, of a quality that is hard to tell from the picture.
+    Jpeg,
+    /// `.webp`: 8-bit sRGB, lossless.
+    Webp,
+    /// `.exr`: radiance before exposure and tone mapping, linear 32-bit floats.
+    Exr,
+}
+
+impl PictureFormat {
+    /// The format that a name says. A pipe or a device gets PNG, whatever its name.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming those that can be written.
+    pub fn of(path: &Path) -> Result<Self> {
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        match ending.as_str() {
+            "png" => Ok(Self::Png),
+            "jpg" | "jpeg" => Ok(Self::Jpeg),
+            "webp" => Ok(Self::Webp),
+            "exr" => Ok(Self::Exr),
+            _ if is_device(path) => Ok(Self::Png),
+            _ => Err(Error::Usage(format!(
+                "{}: a picture ends in .png, .jpg, .webp or .exr",
+                path.display()
+            ))),
+        }
+    }
+
+    /// Whether its files say what they were drawn from: [`Fingerprint`].
+    pub fn holds_fingerprint(self) -> bool {
+        matches!(self, Self::Png | Self::Exr)
+    }
+}
+
 /// Writes an 8-bit sRGB picture as PNG.
 ///
 /// # Errors
 /// As [`write_atomically`].
 pub fn write_png(path: &Path, picture: &RgbImage) -> Result<()> {
-    write_atomically(path, |file| encode_png(file, picture, &[]))
+    write_atomically(path, Kind::Picture, |file| encode_png(file, picture, &[]))
 }
 
-/// As [`write_png`], with what the picture was made from: [`Fingerprint::is_of_png`].
+/// Writes an 8-bit sRGB picture in the format that the name says; a PNG with what it was made from,
+/// if that is given: [`Fingerprint::is_of_png`].
 ///
 /// # Errors
-/// As [`write_atomically`].
-pub fn write_frame(path: &Path, picture: &RgbImage, fingerprint: Fingerprint) -> Result<()> {
-    write_atomically(path, |file| encode_png(file, picture, &fingerprint.notes(picture)))
+/// As [`PictureFormat::of`], [`Error::Usage`] for `.exr`, which holds radiance
+/// ([`crate::aov::write`]), and as [`write_atomically`].
+pub fn write_picture(
+    path: &Path,
+    picture: &RgbImage,
+    fingerprint: Option<Fingerprint>,
+) -> Result<()> {
+    let (width, height) = picture.dimensions();
+    let rgb = image::ExtendedColorType::Rgb8;
+    match PictureFormat::of(path)? {
+        PictureFormat::Png => write_atomically(path, Kind::Picture, |file| {
+            let notes = fingerprint.map(|fingerprint| fingerprint.notes(picture));
+            encode_png(file, picture, notes.as_ref().map_or(&[], |notes| &notes[..]))
+        }),
+        PictureFormat::Jpeg => write_atomically(path, Kind::Picture, |file| {
+            let encoder = JpegEncoder::new_with_quality(file, JPEG_QUALITY);
+            encoder.write_image(picture, width, height, rgb).map_err(io::Error::other)
+        }),
+        PictureFormat::Webp => write_atomically(path, Kind::Picture, |file| {
+            let encoder = WebPEncoder::new_lossless(file);
+            encoder.write_image(picture, width, height, rgb).map_err(io::Error::other)
+        }),
+        PictureFormat::Exr => {
+            let problem = "an .exr holds radiance, this is an 8-bit picture";
+            Err(Error::Usage(format!("{}: {problem}; choose .png", path.display())))
+        }
+    }
 }
 
 /// Nothing but the picture and the notes goes into the file: no time, no machine.

@@ -29,6 +29,7 @@ use serde::{Deserialize, Serialize};
 use self::cursor::{Cursor, Source};
 use self::table::{Column, Scalar, Table};
 use crate::error::{Error, Result};
+use crate::output::Kind;
 use crate::{files, output};
 
 pub use ellipsoid::Ellipsoid;
@@ -152,10 +153,11 @@ impl Particles {
     /// be written, or has no room for so many particles or such large ids.
     pub fn write(&self, path: &Path) -> Result<()> {
         let (format, write) = writable(path)?;
+        Kind::Particles.check(path)?;
         if format.extension == ".pos" {
             pos::write_ellipsoids(self, path)?;
         }
-        output::write_atomically(path, |file| write(self, file))
+        output::write_atomically(path, Kind::Particles, |file| write(self, file))
     }
 
     /// What a file of this name could not hold of these particles: names of attributes, and
@@ -416,6 +418,28 @@ impl Format {
             _ => Ok(()),
         }
     }
+}
+
+/// Whether a file that begins like this, of this length, is of the format that its name says.
+pub(crate) fn is_of_its_format(path: &Path, head: &[u8], length: u64) -> bool {
+    let Ok(format) = format_for(path) else { return false };
+    let whole = head.len() as u64 == length;
+    match format.extension {
+        // Without a mark of its own: what is read of it must be sound.
+        ".xyz" => xyz::is_sound(path, head, length),
+        ".pos" => pos::check_length(path, head, length).is_ok(),
+        _ => match format.parse(path, head, files::unpacked_limit(length)) {
+            Err(Error::Format { .. }) => false,
+            // One that is cut off is of its format still.
+            Err(_) => !whole || known_magic(head).is_some(),
+            Ok(_) => true,
+        },
+    }
+}
+
+/// Whether a file that begins like this, of this length, holds the ellipsoids of a `.pos`.
+pub(crate) fn are_ellipsoids(path: &Path, head: &[u8], length: u64) -> bool {
+    pos::check_ellipsoids_length(path, head, length).is_ok()
 }
 
 /// The extensions that can be read, as a list for messages.

@@ -11,7 +11,8 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use limpid::gpu::Gpu;
-use limpid::{output, wgpu};
+use limpid::output::{self, Kind};
+use limpid::wgpu;
 use siphasher::sip128::{Hasher128 as _, SipHasher24};
 
 /// Bytes of the checksum that a file begins with.
@@ -77,7 +78,7 @@ impl PipelineCache {
         // The next run compiles what this one could not keep.
         let Some(Ok(())) = self.path.parent().map(create_folder) else { return };
         let sum = checksum(&self.maker, &data).to_le_bytes();
-        let _ = output::write_atomically(&self.path, |file| {
+        let _ = output::write_atomically(&self.path, Kind::Cache, |file| {
             file.write_all(&sum)?;
             file.write_all(&data)
         });
@@ -99,11 +100,7 @@ fn create(device: &wgpu::Device, data: Option<&[u8]>) -> Option<wgpu::PipelineCa
 
 /// The bytes in a file that `maker` has written and nobody has changed.
 fn read(path: &Path, maker: &str) -> Option<Vec<u8>> {
-    let metadata = fs::metadata(path).ok()?;
-    if !metadata.is_file() || metadata.len() > LARGEST + CHECKSUM as u64 {
-        return None;
-    }
-    let bytes = fs::read(path).ok()?;
+    let bytes = limpid::input::read(path, LARGEST + CHECKSUM as u64).ok()?;
     let (sum, data) = bytes.split_first_chunk::<CHECKSUM>()?;
     (checksum(maker, data).to_le_bytes() == *sum).then(|| data.to_vec())
 }

@@ -3,7 +3,7 @@
 mod file;
 mod optics;
 
-pub(crate) use file::toml_error;
+pub(crate) use file::{is_scene, toml_error};
 
 use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use serde::{Deserialize, Serialize};

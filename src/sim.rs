@@ -20,6 +20,7 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::output;
 use crate::particles::Particles;
 use crate::scene::Scene;
 use crate::waves::WaveSpectrum;
@@ -428,14 +429,21 @@ pub fn bake(
 /// Removes a bake's frames and its record, so that the next one begins anew.
 ///
 /// # Errors
-/// [`Error::Io`] naming the file that could not be removed.
+/// [`Error::Io`] naming the file that could not be removed; [`Error::Usage`] for frames without a
+/// record, which may be another program's.
 pub fn clear(name: &str, folder: &Path) -> Result<()> {
     let remove = |path: &Path| std::fs::remove_file(path).map_err(|e| Error::io(path, "remove", e));
+    let (frames, record) = (frames_in(folder, name)?, record::path(folder, name));
+    if !frames.is_empty() && !record.exists() {
+        return Err(record::unknown(name, folder));
+    }
+    if record.exists() {
+        output::Kind::BakeRecord.check(&record)?;
+    }
     // The record last: without it the frames that are left would be nobody's.
-    for path in frames_in(folder, name)? {
+    for path in frames {
         remove(&path)?;
     }
-    let record = record::path(folder, name);
     if record.exists() { remove(&record) } else { Ok(()) }
 }
 

@@ -84,6 +84,15 @@ impl Studio {
     pub fn images(&self, chosen: &[Aov]) -> Result<Vec<aov::Part>> {
         aov::read(&self.gpu, &self.renderer.images(), chosen)
     }
+
+    /// The last frame as a linear picture: radiance before exposure and tone mapping, W/(m² sr), for
+    /// [`aov::write`].
+    ///
+    /// # Errors
+    /// As [`aov::read`].
+    pub fn radiance(&self) -> Result<aov::Part> {
+        aov::read_radiance(&self.gpu, &self.renderer.images())
+    }
 }
 
 /// One picture that the device has been told to draw.

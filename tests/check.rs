@@ -176,6 +176,13 @@ fn wrong_pictures_fail() {
     assert_eq!(run_some(gpu, &path, &["damaged"]).exit_code(), 4);
     assert_eq!(run_some(gpu, &path, &["hot", "same"]).exit_code(), 1);
 
+    // What is no picture is nobody's to replace, and then none is.
+    let before = fs::read(file("hot")).unwrap();
+    let error = report.bless().expect_err("a text in a picture's place").to_string();
+    assert!(error.contains("text.png: this file is not a picture"), "{error}");
+    assert_eq!(fs::read(file("text")).unwrap(), b"no picture");
+    assert!(fs::read(file("hot")).unwrap() == before);
+    fs::remove_file(file("text")).unwrap();
     report.bless().expect("written");
     assert_eq!(report.exit_code(), 0);
     assert_eq!(run(gpu, &path).count(Verdict::Passed), names.len());

@@ -245,6 +245,24 @@ fn videos_are_what_went_in() {
     }
 }
 
+/// Protects whoever compares films by their bytes, as of pictures: the same pictures are the same
+/// file, without random names inside.
+#[test]
+fn equal_videos_are_equal_files() {
+    if !ffmpeg() {
+        return;
+    }
+    for kind in ["mp4", "webm"] {
+        let folder = folder();
+        let [one, other] = ["one", "other"].map(|name| {
+            let path = folder.path().join(name).with_extension(kind);
+            write(&path, 25.0, &[many_colors(1), many_colors(2)]);
+            std::fs::read(path).unwrap()
+        });
+        assert!(one == other, "{kind}");
+    }
+}
+
 fn file_url(path: &Path) -> String {
     format!("file:{}", path.display())
 }

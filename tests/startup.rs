@@ -106,6 +106,7 @@ fn drawn(folder: &Path, cache: &Path) -> RgbImage {
     command.env_remove("LOCALAPPDATA").current_dir(folder);
     let output = command
         .args(["render", "--size=48x32", "--radius=0.03", "-o", "water.png", "water.xyz"])
+        .timeout(std::time::Duration::from_secs(60))
         .output()
         .expect("the program starts");
     let stderr = String::from_utf8_lossy(&output.stderr);
@@ -187,6 +188,14 @@ fn damaged_and_foreign_pipelines_are_replaced() {
     fs::remove_file(&file).expect("it was there");
     fs::create_dir(&file).expect("the folder is writable");
     assert!(drawn(folder.path(), folder.path()) == picture, "a folder: another picture");
+    // A pipe in its place is neither read nor written: both would wait for ever.
+    #[cfg(unix)]
+    {
+        fs::remove_dir(&file).expect("it was there");
+        let made = std::process::Command::new("mkfifo").arg(&file).status().expect("mkfifo runs");
+        assert!(made.success());
+        assert!(drawn(folder.path(), folder.path()) == picture, "a pipe: another picture");
+    }
 }
 
 /// Protects machines on which there is no place for it: read-only homes, full disks, no home at all.

@@ -179,6 +179,7 @@ pub(super) mod tests {
     use super::super::Adapter;
     use super::*;
     use crate::error::Error;
+    use crate::output::Files;
     use crate::page::tests::assert_self_contained;
     use image::RgbImage;
 
@@ -196,8 +197,8 @@ pub(super) mod tests {
         wrong.error = Some(Error::Mismatch("a.png: 4x4 pixels".into()));
         let adapter = Adapter { name: "a".into(), driver: "d".into(), backend: "vulkan".into() };
         let outcomes = vec![good, bad, wrong];
-        let (suite, expectations) = ("tests/limpid.toml".into(), Vec::new());
-        Report { suite, adapter, outcomes, seconds: 1.0, expectations }
+        let (suite, files) = ("tests/limpid.toml".into(), Files::default());
+        Report { suite, adapter, outcomes, seconds: 1.0, files }
     }
 
     /// Protects a page that can be kept and sent: it fetches nothing, no text becomes markup, and

@@ -7,6 +7,7 @@ use toml::{Table, Value};
 use super::{Adapter, write_file};
 use crate::error::Result;
 use crate::files;
+use crate::output::Kind;
 use crate::scene::toml_error;
 
 const HEADER: &str = "# What `limpid check --bless` drew the expected pictures with.\n";
@@ -50,6 +51,6 @@ impl Record {
                 text += &format!("{key} = {value}\n");
             }
         }
-        write_file(&self.path, text.as_bytes())
+        write_file(&self.path, Kind::BlessRecord, text.as_bytes())
     }
 }

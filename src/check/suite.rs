@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use glam::UVec2;
 use serde::Deserialize;
@@ -12,10 +12,10 @@ use super::Adapter;
 use crate::aov::Aov;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::files;
 use crate::frames::FrameSpec;
-use crate::output::OutputNames;
+use crate::output::{Files, Kind, OutputNames, folder_of};
 use crate::scene::toml_error;
+use crate::{files, input};
 
 /// What to draw, what it must look like, and how nearly.
 #[derive(Debug, Clone, PartialEq)]
@@ -261,6 +261,43 @@ impl Suite {
         })
     }
 
+    /// What the suite reads: itself, and the scenes and particles of its entries.
+    fn inputs(&self) -> Files {
+        let mut files = Files::default();
+        files.reads(&self.path);
+        for entry in &self.entries {
+            let scene = entry.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
+            for input in [Some(entry.input.clone()), scene].into_iter().flatten() {
+                input::files_of(&input).iter().for_each(|path| files.reads(path));
+            }
+        }
+        files
+    }
+
+    /// What no result of the suite may replace: what it reads and what it expects.
+    pub fn files(&self) -> Files {
+        let mut files = self.inputs();
+        self.entries.iter().flat_map(Entry::expectations).for_each(|path| files.reads(&path));
+        files
+    }
+
+    /// Fails unless the expectations of the chosen entries may be written: none is an input, and
+    /// all are pictures below the suite's folder.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the file, or the filter that no entry has; [`Error::Io`].
+    pub fn check_blessings(&self, filter: &[String]) -> Result<()> {
+        let inputs = self.inputs();
+        for path in self.chosen(filter)?.into_iter().flat_map(Entry::expectations) {
+            if inputs.has_input(&path) {
+                let problem = "the suite reads this file; expect another";
+                return Err(Error::Usage(format!("{}: {problem}", path.display())));
+            }
+            check_blessing(&self.path, &path)?;
+        }
+        Kind::BlessRecord.check_if_there(&self.path.with_extension("").join("blessed.toml"))
+    }
+
     /// The entries whose names hold one of `filter`; all without one.
     pub(super) fn chosen(&self, filter: &[String]) -> Result<Vec<&Entry>> {
         let matches = |entry: &&Entry| {
@@ -275,6 +312,35 @@ impl Suite {
         }
         Ok(chosen)
     }
+}
+
+/// Fails unless an expectation of a suite may be written: below its folder, whatever links lead to,
+/// and in the place of nothing but a picture.
+pub(super) fn check_blessing(suite: &Path, path: &Path) -> Result<()> {
+    let there = |path: &Path| path.symlink_metadata().is_ok();
+    // What is not there yet is below the folder that it will be in.
+    let nearest = path.ancestors().find(|path| there(path)).unwrap_or(Path::new(""));
+    let nearest = if nearest == Path::new("") { Path::new(".") } else { nearest };
+    let folder = folder_of(suite).canonicalize().map_err(|e| Error::io(suite, "read", e))?;
+    let real = nearest.canonicalize().map_err(|e| Error::io(path, "write", e))?;
+    if !real.starts_with(folder) {
+        let problem = "a link leads out of the suite's folder; expectations stay below it";
+        return Err(Error::Usage(format!("{}: {problem}", path.display())));
+    }
+    Kind::Picture.check_if_there(path)
+}
+
+/// A file below the suite's folder with one of these endings.
+fn expectation(folder: &Path, file: &Path, ending: &str) -> Result<PathBuf, String> {
+    let below = |part| matches!(part, Component::Normal(_) | Component::CurDir);
+    let name = file.display();
+    if !file.components().all(below) {
+        return Err(format!("expected `{name}`: a path below the suite's folder expected"));
+    }
+    if !file.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending)) {
+        return Err(format!("expected `{name}`: a name that ends in .{ending} expected"));
+    }
+    Ok(folder.join(file))
 }
 
 /// What the suite says for all entries.
@@ -312,7 +378,7 @@ impl EntryFile {
             not_for(&[("expected_aov", expected_aov.is_some())], "[[frame]]")?;
             let frames = frames.as_deref().unwrap_or("all").parse().map_err(text)?;
             let expected = match expected {
-                Some(pattern) => defaults.folder.join(pattern),
+                Some(pattern) => expectation(defaults.folder, Path::new(&pattern), "png")?,
                 None => defaults.expected.join(&name).join("####.png"),
             };
             let expected = OutputNames::parse(&expected.to_string_lossy(), 2);
@@ -326,11 +392,11 @@ impl EntryFile {
                 return Err("at must be finite".into());
             }
             let expected = match expected {
-                Some(file) => defaults.folder.join(file),
+                Some(file) => expectation(defaults.folder, Path::new(&file), "png")?,
                 None => defaults.expected.join(format!("{name}.png")),
             };
             let expected_aov = match expected_aov {
-                Some(file) => defaults.folder.join(file),
+                Some(file) => expectation(defaults.folder, &file, "exr")?,
                 None => expected.with_extension("exr"),
             };
             let aovs = aov.unwrap_or_default();

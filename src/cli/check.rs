@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use limpid::check::{Report, Suite, Verdict};
 use limpid::gpu::Gpu;
-use limpid::output;
+use limpid::output::{self, Kind};
 
 /// Where results go if nothing else is said; only what failed makes it.
 const RESULTS: &str = "limpid-check";
@@ -34,6 +34,8 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let suite = Suite::load(&args.suite)?;
+    let folder = args.out.as_deref().unwrap_or(Path::new(RESULTS));
+    check_outputs(args, &suite, folder)?;
     let gpu = Gpu::headless()?;
     // A pipe that is closed ends the listing, not the run.
     let mut listing = Ok(());
@@ -48,9 +50,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     if let Some(path) = &args.junit {
         let xml = report.junit();
-        output::write_atomically(path, |file| std::io::Write::write_all(file, xml.as_bytes()))?;
+        output::write_atomically(path, Kind::Junit, |file| {
+            std::io::Write::write_all(file, xml.as_bytes())
+        })?;
     }
-    let folder = args.out.as_deref().unwrap_or(Path::new(RESULTS));
     let passed = report.count(Verdict::Passed) == report.outcomes.len();
     // What lies there from an earlier run would pass for this one's.
     if args.out.is_some() || !passed || folder.exists() {
@@ -61,6 +64,21 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         false => super::print(&summary(&report, (!passed).then_some(folder)))?,
     }
     Ok(ExitCode::from(report.exit_code()))
+}
+
+/// Before anything is drawn.
+fn check_outputs(args: &Args, suite: &Suite, folder: &Path) -> limpid::Result<()> {
+    if args.bless {
+        suite.check_blessings(&args.filter)?;
+    }
+    let mut files = suite.files();
+    if let Some(path) = &args.junit {
+        files.writes(path, Kind::Junit)?;
+    }
+    match folder.exists() {
+        true => files.writes(&folder.join("index.html"), Kind::Page),
+        false => output::check_folder(folder),
+    }
 }
 
 fn summary(report: &Report, results: Option<&Path>) -> String {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use limpid::output::{Files, Kind, PictureFormat};
 use limpid::{compare, output};
 
 #[derive(clap::Args)]
@@ -14,7 +15,7 @@ pub(crate) struct Args {
     /// Exit with 1 if the mean FLIP is above this, 0 to 1.
     #[arg(long, value_name = "X", value_parser = parse_share)]
     max_flip: Option<f64>,
-    /// Write a picture of the differences.
+    /// Write a picture of the differences: .png, .jpg or .webp.
     #[arg(long, value_name = "D.png")]
     diff: Option<PathBuf>,
     /// Print machine-readable results.
@@ -23,9 +24,18 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    if let Some(path) = &args.diff {
+        let mut files = Files::default();
+        [&args.reference, &args.test].into_iter().for_each(|path| files.reads(path));
+        files.writes(path, Kind::Picture)?;
+        if PictureFormat::of(path)? == PictureFormat::Exr {
+            let problem = "differences are an 8-bit picture: .png, .jpg or .webp expected";
+            return Err(limpid::Error::Usage(format!("{}: {problem}", path.display())).into());
+        }
+    }
     let (comparison, map) = compare::compare_files(&args.reference, &args.test)?;
     if let Some(path) = &args.diff {
-        output::write_png(path, &map.picture())?;
+        output::write_picture(path, &map.picture(), None)?;
     }
     let text =
         if args.json { serde_json::to_string_pretty(&comparison)? } else { describe(&comparison) };

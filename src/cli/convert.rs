@@ -4,7 +4,8 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use limpid::frames::FrameSpec;
-use limpid::output::OutputNames;
+use limpid::input;
+use limpid::output::{self, Files, Kind, OutputNames};
 use limpid::particles::{Particles, Up};
 use limpid::sequence::{Frame, Sequence};
 use rayon::prelude::*;
@@ -41,12 +42,22 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // Before anything is read.
     Particles::default().lost(Path::new(&output))?;
     if folder {
+        output::check_folder(Path::new(&args.output))?;
         let error =
             |e| limpid::Error::Io { path: (&args.output).into(), action: "create", source: e };
         std::fs::create_dir_all(&args.output).map_err(error)?;
     }
     let skip = |frame: &&Frame| args.skip_existing && names.path(frame.number).exists();
     let todo: Vec<&Frame> = frames.into_iter().filter(|frame| !skip(frame)).collect();
+    let mut files = Files::default();
+    input::files_of(&args.input).iter().for_each(|path| files.reads(path));
+    for frame in &todo {
+        let path = names.path(frame.number);
+        files.writes(&path, Kind::Particles)?;
+        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("pos")) {
+            files.writes(&path.with_extension("ani"), Kind::Ellipsoids)?;
+        }
+    }
 
     let bar = super::render::progress(todo.len());
     let mut lost: Vec<&str> = Vec::new();

@@ -25,6 +25,7 @@ use limpid::fingerprint::{self, Fingerprints};
 use limpid::frames::{FrameSpec, Shard};
 use limpid::gpu::{Gpu, PassTime};
 use limpid::input::{Loaded, Missing};
+use limpid::output::Kind;
 use limpid::passes::classify::Place;
 use limpid::quality::Picked;
 use limpid::scene::Scene;
@@ -60,9 +61,9 @@ pub(crate) struct Args {
     /// Draw the input's particles in this scene.
     #[arg(long)]
     scene: Option<PathBuf>,
-    /// The picture; of several frames a name with a place for the number (####, {}, %04d, $F4),
-    /// or a folder [default: limpid.png, limpid_####.png]. A film of them ends in .mp4 or .webm,
-    /// which need ffmpeg, or in .gif or .apng.
+    /// The picture: .png, .jpg, .webp, or .exr for linear radiance; of several frames a name with a
+    /// place for the number (####, {}, %04d, $F4), or a folder [default: limpid.png,
+    /// limpid_####.png]. A film of them ends in .mp4 or .webm, which need ffmpeg, or in .gif or .apng.
     #[arg(short, long)]
     output: Option<String>,
     /// Width and height in pixels.
@@ -174,6 +175,7 @@ struct FrameStats {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut plan = Plan::new(args)?;
+    output::check(args, &plan.takes)?;
     let picked = pick::pick(args, &mut plan)?;
     let Plan { input, scene, moments, takes, fps } = plan;
     // A film must not stay behind half-written.
@@ -229,7 +231,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.stats {
         let text = serde_json::to_string_pretty(&easel.stats)?;
         let write = |file: &mut BufWriter<&File>| file.write_all(text.as_bytes());
-        limpid::output::write_atomically(path, write)?;
+        limpid::output::write_atomically(path, Kind::Measurements, write)?;
     }
     drawn?;
     if let Some(code) = signals::received().filter(|_| !queue.is_empty()) {
@@ -298,7 +300,16 @@ fn draw_all(
 /// A picture that is being drawn.
 struct Sitting {
     loaded: Arc<Loaded>,
-    drawing: limpid::Result<(Drawing, Vec<Part>)>,
+    drawing: limpid::Result<Begun>,
+}
+
+/// What is told to the device, and what has come back of it already.
+struct Begun {
+    drawing: Drawing,
+    /// Intermediate images.
+    images: Vec<Part>,
+    /// The linear picture, if that is written.
+    radiance: Option<Part>,
 }
 
 /// What pictures are drawn with and go to.
@@ -325,17 +336,14 @@ impl Easel<'_> {
         Sitting { loaded, drawing }
     }
 
-    fn begin_drawing(
-        &mut self,
-        job: &Job,
-        loaded: &Loaded,
-    ) -> limpid::Result<(Drawing, Vec<Part>)> {
-        let Self { args, scene, studio, .. } = self;
+    fn begin_drawing(&mut self, job: &Job, loaded: &Loaded) -> limpid::Result<Begun> {
+        let Self { args, scene, studio, output, .. } = self;
         let drawing = studio.begin(scene, &job.take.camera, &loaded.splats, args.size)?;
         // The next picture's images take their place.
         let chosen = args.aov.as_deref().unwrap_or_default();
         let images = if chosen.is_empty() { Vec::new() } else { studio.images(chosen)? };
-        Ok((drawing, images))
+        let radiance = output.is_linear().then(|| studio.radiance()).transpose()?;
+        Ok(Begun { drawing, images, radiance })
     }
 
     /// Writes a picture, and what has become of it.
@@ -385,7 +393,7 @@ impl Easel<'_> {
         &mut self,
         job: &Job,
         loaded: &Loaded,
-        (drawing, images): (Drawing, Vec<Part>),
+        Begun { drawing, images, radiance }: Begun,
     ) -> limpid::Result<Outcome> {
         let Self { args, output, stats, .. } = self;
         let shot = drawing.wait()?;
@@ -393,7 +401,7 @@ impl Easel<'_> {
             pictures.write_aovs(&job.take, images, job.fingerprint)?;
         }
         // The picture last: where it exists, all that belongs to it does.
-        output.write(&job.take, &shot.picture, job.fingerprint)?;
+        output.write(&job.take, &shot.picture, radiance, job.fingerprint)?;
         stats.frames.push(FrameStats {
             frame: job.take.number,
             particles: loaded.particles,

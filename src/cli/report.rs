@@ -1,10 +1,12 @@
 //! `limpid report`.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use limpid::gpu::Gpu;
-use limpid::output;
+use limpid::input;
+use limpid::output::{self, Files, Kind as FileKind};
 use limpid::report::against::Measured;
 use limpid::report::{self, Kind, Options};
 
@@ -63,19 +65,36 @@ const CURVE: &str = "\
 # mean FLIP against traced pictures, and the time of a frame over that with the defaults.
 ";
 
+/// Before anything is measured, which takes minutes.
+fn check_outputs(args: &Args, json: &Path) -> anyhow::Result<()> {
+    let mut files = Files::default();
+    let scenes = args.scenes.iter().flat_map(|scene| input::files_of(scene));
+    scenes.chain(args.against.clone()).for_each(|path| files.reads(&path));
+    if let Some(path) = &args.curve {
+        return Ok(files.writes(path, FileKind::Curve)?);
+    }
+    std::fs::create_dir_all(&args.out)
+        .map_err(|e| anyhow::anyhow!("{}: cannot create the folder: {e}", args.out.display()))?;
+    files.writes(json, FileKind::Measurements)?;
+    files.writes(&args.out.join("report.html"), FileKind::Page)?;
+    Ok(files.writes(&args.out.join("report.md"), FileKind::Tables)?)
+}
+
 /// The exit code if an error has risen.
 const WORSE: u8 = 1;
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let json = args.json.clone().unwrap_or_else(|| args.out.join("report.json"));
+    check_outputs(args, &json)?;
     let earlier = args.against.as_deref().map(Measured::read).transpose()?;
     let gpu = Gpu::headless()?;
     let mut progress = |step: &str| super::tell(&format!("report: {step}"));
-    let write = |path: &Path, text: &str| {
-        output::write_atomically(path, |file| std::io::Write::write_all(file, text.as_bytes()))
+    let write = |path: &Path, kind: FileKind, text: &str| {
+        output::write_atomically(path, kind, |file| file.write_all(text.as_bytes()))
     };
     if let Some(path) = &args.curve {
         let curve = report::curve::measure(&gpu, &mut progress)?;
-        write(path, &format!("{CURVE}{}", toml::to_string(&curve)?))?;
+        write(path, FileKind::Curve, &format!("{CURVE}{}", toml::to_string(&curve)?))?;
         println!("{}", path.display());
         return Ok(ExitCode::SUCCESS);
     }
@@ -84,18 +103,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     kinds.extend(args.elisions.then_some(Kind::Elision));
     let options = Options { quick: args.quick, width: args.width, scenes, kinds };
     let report = report::measure(&gpu, &options, &mut progress)?;
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| anyhow::anyhow!("{}: cannot create the folder: {e}", args.out.display()))?;
-    let json = args.json.clone().unwrap_or_else(|| args.out.join("report.json"));
-    write(&json, &serde_json::to_string_pretty(&report)?)?;
-    write(&args.out.join("report.html"), &report::html(&report))?;
-    write(&args.out.join("report.md"), &report::markdown(&report))?;
+    write(&json, FileKind::Measurements, &serde_json::to_string_pretty(&report)?)?;
+    write(&args.out.join("report.html"), FileKind::Page, &report::html(&report))?;
+    write(&args.out.join("report.md"), FileKind::Tables, &report::markdown(&report))?;
     for figure in &report.figures {
         for (number, (_, picture)) in figure.panels.iter().enumerate() {
             let name = format!("{}-{number}.png", figure.scene.replace(':', "-"));
-            output::write_atomically(&args.out.join(name), |file| {
-                picture.write_to(file, image::ImageFormat::Png).map_err(std::io::Error::other)
-            })?;
+            output::write_png(&args.out.join(name), picture)?;
         }
     }
     println!("{}", args.out.join("report.html").display());

@@ -64,6 +64,7 @@ fn receive(signal: i32, first: &mut Option<Instant>) {
     if again && began.elapsed() < ONE {
         return;
     }
+    limpid::output::interrupt();
     if again || !GRACE.load(Ordering::Relaxed) {
         limpid::output::abandon();
         // At once: what would be run at the end expects that nothing else runs.

@@ -49,6 +49,8 @@ impl Ffmpeg {
             Kind::Webm => {
                 command.args(["-c:v", "libvpx-vp9", "-crf", CRF_VP9, "-b:v", "0"]);
                 command.args(["-cpu-used", "2", "-row-mt", "1", "-f", "webm"]);
+                // Without random names for the segment and its tracks, equal films are equal files.
+                command.args(["-fflags", "+bitexact", "-flags:v", "+bitexact"]);
             }
             _ => {
                 command.args(["-c:v", "libx264", "-crf", CRF_H264]);

@@ -24,6 +24,7 @@ use rayon::prelude::*;
 
 use super::{Column, Cursor, Ellipsoid, Particles, Scalar, foreign, known_magic, too_large};
 use crate::error::{Error, Result};
+use crate::output::Kind;
 use crate::{files, output};
 
 pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
@@ -53,6 +54,18 @@ pub(crate) fn check_length(path: &Path, start: &[u8], length: u64) -> Result<()>
         return Ok(());
     }
     let problem = format!("{rows} particles need {expected} bytes, the file has {length}");
+    Err(file.error(problem))
+}
+
+/// Fails if a file of this length cannot hold as many ellipsoids as its first bytes say.
+pub(crate) fn check_ellipsoids_length(path: &Path, start: &[u8], length: u64) -> Result<()> {
+    let mut file = Cursor::new(path, start, false);
+    let rows = count(&mut file)? as u64;
+    let expected = 4 + 36 * rows;
+    if length == expected {
+        return Ok(());
+    }
+    let problem = format!("{rows} ellipsoids need {expected} bytes, the file has {length}");
     Err(file.error(problem))
 }
 
@@ -110,6 +123,8 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
 /// Writes the ellipsoids beside `path`, or removes those of a file that is about to be replaced.
 pub(crate) fn write_ellipsoids(particles: &Particles, path: &Path) -> Result<()> {
     let path = path.with_extension("ani");
+    // Whether it is replaced or removed.
+    Kind::Ellipsoids.check(&path)?;
     let Some(ellipsoids) = &particles.ellipsoids else {
         return match std::fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
@@ -120,7 +135,7 @@ pub(crate) fn write_ellipsoids(particles: &Particles, path: &Path) -> Result<()>
     };
     let radius = written_radius(particles);
     let differ = common_radius(particles).is_none();
-    output::write_atomically(&path, |out| {
+    output::write_atomically(&path, Kind::Ellipsoids, |out| {
         out.write_all(&rows(particles)?.to_le_bytes())?;
         ellipsoids.iter().enumerate().try_for_each(|(i, &ellipsoid)| {
             let own = particles.radii.as_ref().filter(|_| differ).map(|radii| radii[i] / radius);

@@ -8,6 +8,7 @@ use serde::Deserialize;
 
 use super::rows::{Report, Row, Stress};
 use crate::error::{Error, Result};
+use crate::files;
 
 /// Of its last digits a figure may lose this share: the same mathematics in other machine code.
 pub const TOLERANCE: f64 = 0.01;
@@ -54,8 +55,8 @@ impl Measured {
     /// # Errors
     /// [`Error::Io`] if it cannot be read, [`Error::Format`] if it is no report.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read(path).map_err(|e| Error::io(path, "read", e))?;
-        serde_json::from_slice(&text)
+        let text = files::read_text(path)?;
+        serde_json::from_str(&text)
             .map_err(|e| Error::format(path, format!("not the JSON of a report: {e}")))
     }
 

@@ -12,7 +12,7 @@ use crate::camera::Camera;
 use crate::environment::Environment;
 use crate::error::{Error, Result, printable};
 use crate::files;
-use crate::output::write_atomically;
+use crate::output::{Kind, write_atomically};
 use crate::particles::Up;
 use crate::passes::classify;
 use crate::recipe::Recipe;
@@ -253,6 +253,8 @@ impl Scene {
     /// # Errors
     /// [`Error::Io`] naming the file; nothing is left half-written.
     pub fn save(&self, path: &Path) -> Result<()> {
+        // Before its map is written.
+        Kind::Scene.check(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut scene = self.clone();
         let sources = scene.particles.iter_mut();
@@ -268,12 +270,17 @@ impl Scene {
             picture
                 .write_to(&mut bytes, image::ImageFormat::OpenExr)
                 .map_err(|e| Error::io(&map, "write", std::io::Error::other(e)))?;
-            write_atomically(&map, |file| file.write_all(bytes.get_ref()))?;
+            write_atomically(&map, Kind::Picture, |file| file.write_all(bytes.get_ref()))?;
         }
         let name = map.file_name().unwrap_or_default().to_string_lossy();
         let text = scene.to_toml(Some(&name))?;
-        write_atomically(path, |file| file.write_all(text.as_bytes()))
+        write_atomically(path, Kind::Scene, |file| file.write_all(text.as_bytes()))
     }
+}
+
+/// Whether a text is that of a scene file, whatever the files that it names hold.
+pub(crate) fn is_scene(text: &str) -> bool {
+    toml::from_str::<SceneFile>(text).is_ok()
 }
 
 /// A path that was relative to the working directory, for a file in `folder`.

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::frames_in;
 use crate::error::{Error, Result};
+use crate::output::Kind;
 use crate::scene::Scene;
 use crate::{files, output};
 
@@ -38,6 +39,9 @@ pub(super) fn keep(scene: &Scene, name: &str, folder: &Path) -> Result<()> {
         if known == record {
             return Ok(());
         }
+        if frames && known == Value::Null {
+            return Err(unknown(name, folder));
+        }
         if frames {
             let key = difference(&known, &record).unwrap_or_default();
             return Err(Error::Usage(format!(
@@ -47,7 +51,16 @@ pub(super) fn keep(scene: &Scene, name: &str, folder: &Path) -> Result<()> {
         }
     }
     let text = serde_json::to_string_pretty(&record).expect("numbers and names are JSON");
-    output::write_atomically(&path, |file| writeln!(file, "{text}"))
+    output::write_atomically(&path, Kind::BakeRecord, |file| writeln!(file, "{text}"))
+}
+
+/// The error of frames that no bake is known to have made.
+pub(super) fn unknown(name: &str, folder: &Path) -> Error {
+    Error::Usage(format!(
+        "{}: the frames {name}_*.bgeo here have no {name}.bake.json, so they may be another program's; \
+         remove them yourself, or bake into another folder with -o",
+        folder.display()
+    ))
 }
 
 /// All that frames depend on; their number is not among it.

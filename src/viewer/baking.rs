@@ -10,7 +10,8 @@ use super::Viewer;
 use super::document::{Document, Source};
 use super::news::News;
 use crate::error::{Error, Result};
-use crate::output;
+use crate::files;
+use crate::output::{self, Kind};
 use crate::scene::Scene;
 use crate::sim::{self, Progress};
 
@@ -50,10 +51,10 @@ impl Source {
         let path = cache().join("limpid").join("dam_break.toml");
         let folder = path.parent().unwrap_or(Path::new(""));
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-        if std::fs::read_to_string(&path).ok().as_deref() != Some(BUILT_IN) {
+        if files::read_text(&path).ok().as_deref() != Some(BUILT_IN) {
             // Frames of an older version are another liquid's.
             sim::clear("dam_break", &sim::folder(&path))?;
-            output::write_atomically(&path, |file| {
+            output::write_atomically(&path, Kind::Scene, |file| {
                 std::io::Write::write_all(file, BUILT_IN.as_bytes())
             })?;
         }

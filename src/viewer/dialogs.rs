@@ -52,7 +52,7 @@ impl Purpose {
     fn filter(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Open => ("Scenes and particles", &[]),
-            Self::Picture => ("PNG", &["png"]),
+            Self::Picture => ("Pictures", &["png", "jpg", "webp", "exr"]),
             Self::Scene | Self::LoadPath | Self::SavePath => ("TOML", &["toml"]),
         }
     }

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use super::playback::Speed;
 use crate::error::Result;
 use crate::frames::FrameSpec;
-use crate::input::{Input, Missing, Moment};
+use crate::input::{Input, Missing, Moment, files_of};
+use crate::output::{Files, Kind};
 use crate::particles::Up;
 use crate::scene::{ParticleSource, Scene};
 use crate::sim;
@@ -107,6 +108,23 @@ impl Document {
     pub fn name(&self) -> &str {
         let input = self.source.input.trim_end_matches('/');
         input.rsplit('/').next().unwrap_or(input)
+    }
+
+    /// Fails if what is saved to `path` would take the place of what is open: of its file, its
+    /// environment map or its particles, or of a file of another kind.
+    ///
+    /// # Errors
+    /// As [`Files::writes`].
+    pub fn check_output(&self, path: &Path, kind: Kind) -> Result<()> {
+        let mut files = Files::default();
+        let scene = self.source.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
+        for input in [Some(self.source.input.clone()), scene].into_iter().flatten() {
+            files_of(&input).iter().for_each(|path| files.reads(path));
+        }
+        if kind == Kind::Scene {
+            files.writes(&path.with_extension("environment.exr"), Kind::Picture)?;
+        }
+        files.writes(path, kind)
     }
 
     /// A scene as it is to be saved: with the particles that are drawn, wherever they came from.

@@ -16,12 +16,13 @@ use glam::UVec2;
 use super::pace::Level;
 use super::truth::{Point, Truth};
 use super::views::{Legend, Values, View};
+use crate::aov;
 use crate::camera::Camera;
 use crate::compare::{PIXELS_PER_DEGREE, flip};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, PassTime};
 use crate::input::Loaded;
-use crate::output;
+use crate::output::{self, PictureFormat};
 use crate::scene::Scene;
 use crate::studio::{Shot, Studio};
 
@@ -317,7 +318,10 @@ fn draw(studio: &mut Studio, request: &Request) -> Result<Drawn> {
 fn save(studio: &mut Studio, pane: &Pane, path: &Path) -> Result<()> {
     studio.renderer.diagnose = false;
     let shot = picture(studio, pane)?;
-    output::write_png(path, &shot.picture)
+    match PictureFormat::of(path)? {
+        PictureFormat::Exr => aov::write(path, vec![studio.radiance()?]),
+        _ => output::write_picture(path, &shot.picture, None),
+    }
 }
 
 fn measure(studio: &mut Studio, pane: &Pane, truth: &Truth) -> Result<Point> {

@@ -3,19 +3,18 @@
 //! Each has `t`, seconds since the start, and `event`. Events that tell of pictures have the time
 //! that the interface's own work took at most since the last one, `ui_ms`.
 
-use std::fs::File;
-use std::io::Write as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::output::{Kind, Stream};
 
 /// The log; or none, which takes everything and keeps nothing.
 #[derive(Debug)]
 pub(super) struct Log {
-    file: Option<File>,
+    file: Option<Stream>,
     start: Instant,
     /// When the interface last finished its work, if it then asked to be called again at once.
     pending: Option<Instant>,
@@ -29,9 +28,9 @@ impl Log {
     /// Writes into a new file at `path`.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the file.
+    /// As [`Stream::create`].
     pub(super) fn new(path: Option<&Path>) -> Result<Self> {
-        let create = |path| File::create(path).map_err(|e| Error::io(path, "write", e));
+        let create = |path| Stream::create(path, Kind::Log);
         Ok(Self {
             file: path.map(create).transpose()?,
             start: Instant::now(),
@@ -54,8 +53,7 @@ impl Log {
             line.extend(fields);
         }
         // A full disk is no reason to stop looking at a liquid.
-        let _ = writeln!(file, "{line}");
-        let _ = file.flush();
+        let _ = file.write(format!("{line}\n").into_bytes());
     }
 
     /// The interface has worked since `begun`; `again` if it wants to be called at once.

@@ -18,6 +18,7 @@ use super::{Compare, FINE_SAMPLES, Viewer};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::input::Loaded;
+use crate::output::Kind;
 use crate::scene::Scene;
 use crate::settings::Processor;
 
@@ -203,7 +204,8 @@ impl Viewer {
         Some(command_line(document, &scene, &self.camera, at, size, output))
     }
 
-    /// Draws the picture at rest in `size` pixels and writes it as PNG, as soon as it can. What is
+    /// Draws the picture at rest in `size` pixels and writes it in the format that the name says, as
+    /// soon as it can. What is
     /// shown in place of a frame that is not loaded is not saved under its name.
     pub fn save_picture(&mut self, path: PathBuf, size: UVec2, samples: u32) {
         let side = &self.sides[self.edited];
@@ -212,6 +214,11 @@ impl Viewer {
             self.fail(&Error::Usage("not saved: this frame is not loaded".into()));
             return;
         };
+        let open = self.document.as_ref();
+        if let Some(Err(error)) = open.map(|open| open.check_output(&path, Kind::Picture)) {
+            self.fail(&error);
+            return;
+        }
         let mut scene = self.fine_scene();
         scene.settings.refract.samples = samples;
         let pane = Pane { scene: Arc::new(scene), camera: self.camera, loaded, size };
@@ -224,7 +231,10 @@ impl Viewer {
         let mut scene = self.fine_scene();
         scene.camera = Some(self.camera);
         // An environment is a picture, which takes its time.
-        self.write(path, move |path| document.saved(&scene, at).save(path));
+        self.write(path, move |path| {
+            document.check_output(path, Kind::Scene)?;
+            document.saved(&scene, at).save(path)
+        });
     }
 
     /// Writes a file on a thread of its own, which the viewer waits for at its end.

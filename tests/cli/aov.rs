@@ -71,10 +71,17 @@ fn aovs_can_be_chosen() {
     }
     let project = project();
     // Frames of a sequence keep their numbers, whatever the pictures are called.
-    let args = ["scenes/block.toml", "--frames=1-2", "-o", "take.####", "--aov", "inside,radiance"];
+    let args =
+        ["scenes/block.toml", "--frames=1-2", "-o", "take.####.jpg", "--aov", "inside,radiance"];
     render(project.path(), &args);
-    let files =
-        ["scenes", "take.0001", "take.0001.aov.exr", "take.0002", "take.0002.aov.exr", "water"];
+    let files = [
+        "scenes",
+        "take.0001.aov.exr",
+        "take.0001.jpg",
+        "take.0002.aov.exr",
+        "take.0002.jpg",
+        "water",
+    ];
     assert_names(project.path(), &files);
     let channels = channels(&project.path().join("take.0001.aov.exr"));
     let names: Vec<_> = channels.keys().map(String::as_str).collect();

@@ -7,6 +7,7 @@ mod aov;
 mod compare;
 mod exit_codes;
 mod info;
+mod outputs;
 mod render;
 mod report;
 

@@ -809,6 +809,99 @@ pub(crate) const CASES: &[Case] = &[
         "a.ply/b.ply: cannot write: …",
     ),
     case(
+        "a picture over its particles",
+        "render water.xyz -o water.xyz",
+        block,
+        Way::Small,
+        2,
+        "water.xyz: a picture ends in .png, .jpg, .webp or .exr, a film in .mp4, .webm, .gif or .apng",
+    ),
+    case(
+        "a picture over the environment that it shows",
+        "render a.toml --scene a.toml -o b.png",
+        |f| {
+            two_pictures(f);
+            block(f);
+            write(
+                f.join("a.toml"),
+                "environment.map = \"b.png\"\nparticles = { source = \"water.xyz\", radius = 0.03 }",
+            );
+        },
+        Way::Small,
+        2,
+        "b.png: the same command reads this file; choose another name for its output",
+    ),
+    case(
+        "a conversion into its input",
+        "convert water.xyz ./water.xyz",
+        block,
+        Way::Small,
+        2,
+        "./water.xyz: the same command reads this file; choose another name for its output",
+    ),
+    case(
+        "a difference over one of the pictures",
+        "compare a.png b.png --diff b.png",
+        two_pictures,
+        Way::Small,
+        2,
+        "b.png: the same command reads this file; choose another name for its output",
+    ),
+    case(
+        "statistics over another program's file",
+        "render water.xyz -o out/a.png --stats a.vtk",
+        |f| {
+            block(f);
+            write(f.join("a.vtk"), "# vtk DataFile Version 3.0");
+        },
+        Way::Small,
+        2,
+        "a.vtk: this file is not statistics or a report of limpid and is left as it is; choose another name",
+    ),
+    case(
+        "two outputs in one file",
+        "render water.xyz -o out/a.png --stats a.json --manifest a.json",
+        block,
+        Way::Small,
+        2,
+        "a.json: two outputs of the command would be this file; choose another name",
+    ),
+    case(
+        "an output folder that is mistyped",
+        "render water.xyz -o nosuch/a.png",
+        block,
+        Way::Small,
+        4,
+        "nosuch/a.png: cannot write: there is no folder nosuch",
+    ),
+    case(
+        "results of a suite over the suite",
+        "check a.toml --junit a.toml",
+        |f| write(f.join("a.toml"), "[[frame]]\nname = \"a\"\ninput = \"water.xyz\""),
+        Way::Small,
+        2,
+        "a.toml: the same command reads this file; choose another name for its output",
+    ),
+    case(
+        "an expectation outside the suite's folder",
+        "check a.toml --bless",
+        |f| {
+            let text = "[[frame]]\nname = \"a\"\ninput = \"water.xyz\"\nexpected = \"../b.png\"";
+            write(f.join("a.toml"), text);
+        },
+        Way::Small,
+        2,
+        "a.toml: [[frame]] `a`: expected `../b.png`: a path below the suite's folder expected",
+    ),
+    case(
+        "a pipe as an earlier report",
+        "report --against a.json",
+        |f| pipe(&f.join("a.json")),
+        Way::Small,
+        4,
+        "a.json: cannot read: this is a pipe or device, a file expected",
+    ),
+    case(
         "no particles",
         "render a.xyz --size 64x48 -o out/a.png",
         |f| write(f.join("a.xyz"), ""),

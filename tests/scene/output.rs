@@ -6,7 +6,7 @@ use std::path::Path;
 
 use image::{DynamicImage, Rgb, RgbImage};
 use limpid::Error;
-use limpid::output::{OutputNames, write_atomically, write_png};
+use limpid::output::{Kind, OutputNames, write_atomically, write_png};
 use tempfile::TempDir;
 
 use super::assert_tells;
@@ -72,22 +72,24 @@ fn files_are_written_whole_or_not_at_all() {
         file.write_all(&[b'x'; 100_000])?;
         Err(io::Error::new(io::ErrorKind::StorageFull, "the disk is full"))
     };
-    let error = write_atomically(&path, full).unwrap_err();
+    let error = write_atomically(&path, Kind::Cache, full).unwrap_err();
     assert!(matches!(error, Error::Io { action: "write", .. }), "{error:?}");
     assert_tells(&error.to_string(), &["a.txt", "the disk is full"]);
     assert_eq!(names(&folder), [""; 0]);
 
-    write_atomically(&path, |file| file.write_all(b"first")).unwrap();
-    write_atomically(&path, full).unwrap_err();
+    write_atomically(&path, Kind::Cache, |file| file.write_all(b"first")).unwrap();
+    write_atomically(&path, Kind::Cache, full).unwrap_err();
     assert_eq!(fs::read(&path).unwrap(), b"first");
-    write_atomically(&path, |file| file.write_all(b"second")).unwrap();
+    write_atomically(&path, Kind::Cache, |file| file.write_all(b"second")).unwrap();
     assert_eq!(fs::read(&path).unwrap(), b"second");
     assert_eq!(names(&folder), ["a.txt"]);
 
     // A name that is taken by a folder, and a folder that is a file or not there.
     fs::create_dir(folder.path().join("taken")).unwrap();
     for name in ["taken", "a.txt/b.txt", "none/b.txt"] {
-        let error = write_atomically(&folder.path().join(name), |file| file.write_all(b"lost"));
+        let error = write_atomically(&folder.path().join(name), Kind::Cache, |file| {
+            file.write_all(b"lost")
+        });
         let message = error.unwrap_err().to_string();
         assert_tells(&message, &[name, "cannot write"]);
         assert!(!message.contains(".limpid-"), "the temporary name is nobody's concern: {message}");
@@ -102,7 +104,7 @@ fn files_have_ordinary_permissions() {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
     let [ours, plain] = ["ours", "plain"].map(|name| folder.path().join(name));
-    write_atomically(&ours, |file| file.write_all(b"x")).unwrap();
+    write_atomically(&ours, Kind::Cache, |file| file.write_all(b"x")).unwrap();
     fs::write(&plain, "x").unwrap();
     let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
     assert_eq!(mode(&ours), mode(&plain));
@@ -116,7 +118,7 @@ fn what_is_no_file_is_not_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("socket");
     let _socket = std::os::unix::net::UnixListener::bind(&path).unwrap();
-    write_atomically(&path, |file| file.write_all(b"x")).unwrap_err();
+    write_atomically(&path, Kind::Cache, |file| file.write_all(b"x")).unwrap_err();
     assert!(fs::metadata(&path).unwrap().file_type().is_socket());
     assert_eq!(names(&folder), ["socket"]);
 }

@@ -9,6 +9,7 @@ use indicatif::ProgressBar;
 use limpid::Error;
 use limpid::film::Take;
 use limpid::fingerprint::Fingerprint;
+use limpid::output::{Kind, Stream};
 use serde::Serialize;
 
 use super::output::Pictures;
@@ -57,7 +58,7 @@ pub(super) struct Outcome {
 
 /// A file of such lines.
 pub(super) struct Manifest {
-    file: File,
+    file: Stream,
     path: PathBuf,
     host: String,
 }
@@ -77,8 +78,7 @@ pub(super) struct Log {
 impl Manifest {
     /// Opens it for lines to be added.
     pub(super) fn open(path: &Path, host: String) -> limpid::Result<Self> {
-        let file = File::options().append(true).create(true).read(true).open(path);
-        let file = file.map_err(|source| fail(path, source))?;
+        let file = Stream::append(path, Kind::Manifest)?;
         Ok(Self { file, path: path.to_owned(), host })
     }
 }
@@ -152,23 +152,24 @@ fn fail(path: &Path, source: io::Error) -> Error {
     Error::Io { path: path.to_owned(), action: "write", source }
 }
 
-fn append(file: &mut File, line: &Line<'_>) -> io::Result<()> {
+fn append(stream: &mut Stream, line: &Line<'_>) -> io::Result<()> {
+    let mut text = serde_json::to_vec(line)?;
+    text.push(b'\n');
+    let Stream::File(file) = stream else { return stream.write(text) };
     // NFS appends where it believes the end to be; who holds a lock has asked. Where there are no
     // locks, one write to the end of a local file is whole still.
     let locked = file.lock().is_ok();
-    let written = write_line(file, line);
+    let written = write_line(file, text);
     if locked {
         file.unlock()?;
     }
     written
 }
 
-fn write_line(file: &mut File, line: &Line<'_>) -> io::Result<()> {
-    let mut text = serde_json::to_vec(line)?;
-    text.push(b'\n');
+fn write_line(file: &mut File, mut text: Vec<u8>) -> io::Result<()> {
     // What a full disk has cut off stays a line of its own.
     let mut last = [b'\n'];
-    if file.metadata()?.is_file() && file.seek(SeekFrom::End(0))? > 0 {
+    if file.seek(SeekFrom::End(0))? > 0 {
         file.seek(SeekFrom::End(-1))?;
         file.read_exact(&mut last)?;
     }

@@ -8,7 +8,8 @@ use limpid::Error;
 use limpid::aov::{self, Aov, Part};
 use limpid::film::{Film, Take};
 use limpid::fingerprint::Fingerprint;
-use limpid::output::{self, OutputNames};
+use limpid::input;
+use limpid::output::{self, Files, Kind, OutputNames, PictureFormat};
 
 use super::{Args, film_path};
 
@@ -21,19 +22,45 @@ pub(super) enum Output {
 #[derive(Clone)]
 pub(super) struct Pictures {
     names: OutputNames,
+    format: PictureFormat,
     size: UVec2,
     aovs: Option<Vec<Aov>>,
+}
+
+/// Fails if an output is an input, another output or a file of another kind, or cannot be written:
+/// before anything is drawn.
+pub(super) fn check(args: &Args, takes: &[Take]) -> limpid::Result<()> {
+    let mut files = Files::default();
+    let scene = args.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
+    for input in args.input.iter().chain(&scene) {
+        input::files_of(input).iter().for_each(|path| files.reads(path));
+    }
+    args.camera_path.iter().for_each(|path| files.reads(path));
+    match film_path(args) {
+        Some(path) => files.writes(path, Kind::Film)?,
+        None => {
+            let pictures = Pictures::new(args, takes.len())?;
+            pictures.names.create_folder()?;
+            for take in args.shard.unwrap_or_default().of(takes) {
+                let path = pictures.path(take);
+                files.writes(&path, Kind::Picture)?;
+                if pictures.aovs.is_some() {
+                    files.writes(&aov_path(&path), Kind::Picture)?;
+                }
+            }
+        }
+    }
+    args.stats.iter().try_for_each(|path| files.writes(path, Kind::Measurements))?;
+    args.manifest.iter().try_for_each(|path| files.writes(path, Kind::Manifest))
 }
 
 impl Output {
     /// For `count` pictures of all machines.
     pub(super) fn open(args: &Args, count: usize, fps: f64) -> limpid::Result<Self> {
         let Some(path) = film_path(args) else {
-            let default = if count == 1 { "limpid.png" } else { "limpid_####.png" };
-            let names = OutputNames::parse(args.output.as_deref().unwrap_or(default), count)?;
-            names.create_folder()?;
-            output::sweep(folder_of(&names.path(0)));
-            return Ok(Self::Pictures(Pictures { names, size: args.size, aovs: args.aov.clone() }));
+            let pictures = Pictures::new(args, count)?;
+            output::sweep(folder_of(&pictures.names.path(0)));
+            return Ok(Self::Pictures(pictures));
         };
         let name = path.display();
         let refuse = |problem: &str| Err(Error::Usage(format!("{name}: {problem}")));
@@ -74,14 +101,23 @@ impl Output {
         &mut self,
         take: &Take,
         picture: &RgbImage,
+        radiance: Option<Part>,
         fingerprint: Fingerprint,
     ) -> limpid::Result<()> {
-        match self {
-            Self::Pictures(pictures) => {
-                output::write_frame(&pictures.path(take), picture, fingerprint)
+        match (self, radiance) {
+            (Self::Pictures(pictures), Some(radiance)) => {
+                aov::write_frame(&pictures.path(take), vec![radiance], fingerprint)
             }
-            Self::Film(film) => film.push(picture),
+            (Self::Pictures(pictures), None) => {
+                output::write_picture(&pictures.path(take), picture, Some(fingerprint))
+            }
+            (Self::Film(film), _) => film.push(picture),
         }
+    }
+
+    /// Whether it is radiance that is written.
+    pub(super) fn is_linear(&self) -> bool {
+        self.pictures().is_some_and(|pictures| pictures.format == PictureFormat::Exr)
     }
 
     pub(super) fn finish(self) -> limpid::Result<()> {
@@ -93,6 +129,22 @@ impl Output {
 }
 
 impl Pictures {
+    /// For `count` pictures.
+    fn new(args: &Args, count: usize) -> limpid::Result<Self> {
+        let default = if count == 1 { "limpid.png" } else { "limpid_####.png" };
+        let names = OutputNames::parse(args.output.as_deref().unwrap_or(default), count)?;
+        let path = names.path(0);
+        let format = PictureFormat::of(&path).map_err(|error| {
+            Error::Usage(format!("{error}, a film in .mp4, .webm, .gif or .apng"))
+        })?;
+        if (args.skip_existing || args.claim) && !format.holds_fingerprint() {
+            let problem = "--skip-existing and --claim need .png or .exr, which hold what a picture \
+                           was drawn from";
+            return Err(Error::Usage(format!("{}: {problem}", path.display())));
+        }
+        Ok(Self { names, format, size: args.size, aovs: args.aov.clone() })
+    }
+
     pub(super) fn path(&self, take: &Take) -> PathBuf {
         self.names.path(take.number)
     }
@@ -104,7 +156,11 @@ impl Pictures {
             .aovs
             .as_ref()
             .is_none_or(|aovs| aov::is_whole(&aov_path(&path), fingerprint.with(&listed(aovs))));
-        images && fingerprint.is_of_png(&path, self.size)
+        images
+            && match self.format {
+                PictureFormat::Exr => aov::is_whole(&path, fingerprint),
+                _ => fingerprint.is_of_png(&path, self.size),
+            }
     }
 
     pub(super) fn write_aovs(
@@ -131,8 +187,7 @@ fn listed(aovs: &[Aov]) -> String {
     names.join(",")
 }
 
-/// `frame_0020.aov.exr` for `frame_0020.png`; any other ending stays, it may be the number.
+/// `frame_0020.aov.exr` for `frame_0020.png`.
 fn aov_path(picture: &Path) -> PathBuf {
-    let name = picture.to_string_lossy();
-    format!("{}.aov.exr", name.strip_suffix(".png").unwrap_or(&name)).into()
+    picture.with_extension("aov.exr")
 }
