@@ -85,8 +85,8 @@ const WORSE: u8 = 1;
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let json = args.json.clone().unwrap_or_else(|| args.out.join("report.json"));
-    check_outputs(args, &json)?;
     let earlier = args.against.as_deref().map(Measured::read).transpose()?;
+    check_outputs(args, &json)?;
     let gpu = Gpu::headless()?;
     let mut progress = |step: &str| super::tell(&format!("report: {step}"));
     let write = |path: &Path, kind: FileKind, text: &str| {
