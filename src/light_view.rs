@@ -11,9 +11,10 @@ use crate::scene::{Light, Shape, Solid};
 /// [`crate::camera::Camera`]'s. In an orthographic view the place of disparity, which is linear along
 /// straight lines of the picture, is taken by the height above the far plane, far − z.
 ///
-/// Over a level surface it looks along the light as still water would refract it (a point light
+/// Made for a level surface it looks along the light as still water would refract it (a point light
 /// then seems to be higher): so it sees what light reaches under water, and not what a straight
-/// line would. Elsewhere it looks along the light itself.
+/// line would. Such a view serves caustic maps alone: where liquid is in the light's own way is told
+/// by a view along the light itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightView {
     /// The origin of view space in world space, m: the point light, or a point before all that the
@@ -34,6 +35,9 @@ pub struct LightView {
     /// Height of the surface that the view is made for, m, if that is level.
     pub level: Option<f64>,
 }
+
+/// Faces of the cube that shows all that is around a point light: [`LightView::face`].
+pub const CUBE: usize = 6;
 
 /// Half the widest angle at which a point light's picture is still useful.
 const WIDEST: f64 = 75.0 * std::f64::consts::PI / 180.0;
@@ -157,6 +161,54 @@ impl LightView {
             size,
             level: height,
         })
+    }
+
+    /// The view from a point light through one face of a cube around it: 90 degrees wide, with
+    /// `resolution` texels along either side. Faces are +x, −x, +y, −y, +z and −z, from 0.
+    ///
+    /// None where no liquid between `min` and `max`, m, is in that direction, and for a sun.
+    pub fn face(
+        light: &Light,
+        face: usize,
+        (min, max): (DVec3, DVec3),
+        resolution: u32,
+    ) -> Option<Self> {
+        let Light::Point { position, .. } = *light else { return None };
+        let axis = face / 2;
+        let sign = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let back = -sign * DVec3::AXES[axis];
+        let (low, high) = (min - position, max - position);
+        // What is seen is as far ahead as it is aside, or farther.
+        let ahead = (sign * low[axis]).max(sign * high[axis]);
+        let aside = low.max(-high).max(DVec3::ZERO);
+        let extent = (max - min).length();
+        if !(extent > 0.0 && extent.is_finite()) {
+            return None;
+        }
+        if ahead <= 0.0 || (0..3).any(|other| other != axis && aside[other] > ahead) {
+            return None;
+        }
+        let up = if axis == 1 { DVec3::NEG_Z } else { DVec3::Y };
+        let right = up.cross(back);
+        Some(Self {
+            origin: position,
+            view_from_world: DMat3::from_cols(right, back.cross(right), back).transpose(),
+            half_extent: DVec2::ONE,
+            near: 1e-4 * extent,
+            far: f64::INFINITY,
+            orthographic: false,
+            size: UVec2::splat(resolution.max(1)),
+            level: None,
+        })
+    }
+
+    /// Whether both look along the same rays.
+    pub fn looks_as(&self, other: &Self) -> bool {
+        let turned = (self.view_from_world.z_axis - other.view_from_world.z_axis).length()
+            + (self.view_from_world.x_axis - other.view_from_world.x_axis).length();
+        self.orthographic == other.orthographic
+            && turned < 1e-9
+            && (self.orthographic || self.origin == other.origin)
     }
 
     /// What the shaders need, with splats counted from `origin` in world space, m.

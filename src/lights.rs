@@ -1,10 +1,10 @@
 //! What the lights of a frame see, and the caustic maps that are made of it.
 
-use glam::{DVec3, UVec2};
+use glam::{DMat3, DVec3, UVec2, Vec3};
 
 use crate::error::Result;
 use crate::gpu::{self, Commands, Gpu, Timer};
-use crate::light_view::LightView;
+use crate::light_view::{CUBE, LightView};
 use crate::passes::Layers;
 use crate::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
 use crate::passes::classify::Splats;
@@ -13,14 +13,45 @@ use crate::passes::mixture;
 use crate::passes::smooth;
 use crate::passes::surfaces::{Liquid, Surfaces, Wanted};
 use crate::passes::tiles::Sections;
-use crate::scene::Scene;
+use crate::scene::{Light, Scene};
+use crate::settings::{self, Method};
+
+/// The views from one light.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct LightViews {
+    /// The view by which the caustic map is made; none where the light would see the liquid under
+    /// too wide an angle.
+    pub map: Option<LightView>,
+    /// Views along the light itself, which tell where liquid is in its way: none if the map's is
+    /// such a view, one, or the faces of a cube, of which those are none that see no liquid.
+    pub straight: Vec<Option<LightView>>,
+}
+
+/// A view from a light, and the part of the maps that is made by it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PlacedView {
+    /// The view.
+    pub view: LightView,
+    /// The light's number.
+    pub light: usize,
+    /// The number of the view among the light's: 0 is the caustic map's.
+    pub slot: usize,
+    /// How many straight views the light has.
+    pub straight: u32,
+    /// Layer of the maps.
+    pub layer: u32,
+    /// Where its texels begin there.
+    pub corner: UVec2,
+}
 
 /// The lights' own views and maps; nothing if nothing is lit.
 #[derive(Debug, Default)]
 pub(crate) struct Lights {
-    views: Vec<Option<LightView>>,
+    /// How many lights the scene has that light anything.
+    count: usize,
+    views: Vec<PlacedView>,
     maps: Option<LightMaps>,
-    /// A view's passes, in the order of the lights; kept for the next frame.
+    /// A view's passes, in the order of the views; kept for the next frame.
     passes: Vec<LightPasses>,
 }
 
@@ -43,17 +74,16 @@ impl Lights {
         fits: &[smooth::Params],
     ) -> Result<()> {
         let settings = &scene.settings.caustics;
-        self.views.clear();
+        (self.count, self.views) = (0, Vec::new());
         if !scene.is_lit() {
             return Ok(());
         }
-        self.views.extend(views(scene, splats));
-        if self.views.iter().all(Option::is_none) {
-            return Ok(());
-        }
+        self.count = scene.lights.len();
+        self.views = place(&light_views(scene, splats), settings.resolution);
+        let Some(last) = self.views.last() else { return Ok(()) };
         let size = UVec2::splat(settings.resolution);
         gpu.check_image(size, "choose a smaller caustics.resolution")?;
-        let layers = gpu::array_layers(gpu, scene.lights.len() as u32);
+        let layers = gpu::array_layers(gpu, (last.layer + 1).max(self.count as u32));
         let fits_maps = |maps: &LightMaps| {
             maps.maps.width() == size.x && maps.maps.depth_or_array_layers() == layers
         };
@@ -67,8 +97,8 @@ impl Lights {
         }
 
         let splash = !splats.splashes.is_empty();
-        let views = self.views.iter().flatten();
-        for (i, view) in views.enumerate() {
+        for (i, placed) in self.views.iter().enumerate() {
+            let view = &placed.view;
             if self.passes.get(i).is_none_or(|passes| passes.orthographic != view.orthographic) {
                 let surfaces = Surfaces::new(gpu, view.orthographic);
                 let caustics = Caustics::new(gpu, &surfaces.camera);
@@ -97,12 +127,14 @@ impl Lights {
                 splats.radius,
                 fits,
             );
-            caustics.prepare(gpu, &surfaces.camera, &surfaces.scene, scene, splash, view.size)?;
+            let own = settings_of(placed, settings);
+            let (camera, bound) = (&surfaces.camera, &surfaces.scene);
+            caustics.prepare(gpu, camera, bound, scene, &own, splash, size)?;
         }
         Ok(())
     }
 
-    /// Draws what each light sees, and its map.
+    /// Draws what each light sees, and its maps.
     #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub(crate) fn record(
         &self,
@@ -114,9 +146,7 @@ impl Lights {
         fits: &[smooth::Params],
         timer: &mut Timer,
     ) {
-        let seen = self.views.iter().zip(&scene.lights).enumerate();
-        let seen = seen.filter_map(|(i, (view, light))| Some((i, view.as_ref()?, light)));
-        for ((layer, view, light), passes) in seen.zip(&self.passes) {
+        for (placed, passes) in self.views.iter().zip(&self.passes) {
             let Some(maps) = &self.maps else { return };
             let LightPasses { surfaces, caustics, .. } = passes;
             let names = [
@@ -128,6 +158,7 @@ impl Lights {
                 "light gbuffer",
             ];
             surfaces.record(gpu, commands, scene, liquid, fits, timer, names);
+            let own = settings_of(placed, &scene.settings.caustics);
             let inputs = Inputs {
                 camera: &surfaces.camera,
                 scene: &surfaces.scene,
@@ -135,53 +166,143 @@ impl Lights {
                 splash: surfaces.splash_layers(),
                 gbuffer: &surfaces.gbuffer.images,
                 mixture: Some(&surfaces.mixture.view),
+                method: own.method,
             };
-            let output =
-                Output { map: &maps.maps, receivers: &maps.receivers, layer: layer as u32 };
-            let params = Params::new(light, view, &scene.settings.caustics);
+            let PlacedView { layer, corner, .. } = *placed;
+            let output = Output { map: &maps.maps, receivers: &maps.receivers, layer };
+            let light = &scene.lights[placed.light];
+            let wet = placed.straight as usize == CUBE && placed.slot > 0 && is_wet(light, splats);
+            let params = Params {
+                wet: u32::from(wet),
+                corner: corner.to_array(),
+                ..Params::new(light, &placed.view, &own)
+            };
             let radius = splats.radius;
             let span = timer.span("caustics");
             caustics.record(gpu, commands, scene, radius, &params, inputs, output, span);
         }
     }
 
-    /// Each light's view, if it has one.
-    pub(crate) fn views(&self) -> &[Option<LightView>] {
+    /// The lights' views, as the maps hold them.
+    pub(crate) fn views(&self) -> &[PlacedView] {
         &self.views
     }
 
     /// The maps, if any light has one.
     pub(crate) fn maps(&self) -> Option<&LightMaps> {
-        self.maps.as_ref().filter(|_| self.views.iter().any(Option::is_some))
+        self.maps.as_ref().filter(|_| !self.views.is_empty())
     }
 
-    /// The maps with the views that they were made by.
+    /// The caustic maps with the views that they were made by.
     pub(crate) fn caustic_maps(&self) -> Vec<Option<CausticMap>> {
-        let map = |(layer, view): (u32, &Option<LightView>)| {
-            let (view, maps) = ((*view)?, self.maps.as_ref()?);
+        let mut found = vec![None; self.count];
+        let Some(maps) = &self.maps else { return found };
+        for placed in self.views.iter().filter(|placed| placed.slot == 0) {
             let (map, receivers) = (maps.maps.clone(), maps.receivers.clone());
-            Some(CausticMap { view, map, receivers, layer })
-        };
-        (0..).zip(&self.views).map(map).collect()
+            let (view, layer) = (placed.view, placed.layer);
+            found[placed.light] = Some(CausticMap { view, map, receivers, layer });
+        }
+        found
+    }
+
+    /// Numbers, from 0, of the lights that shine through liquid straight, without caustics: those in
+    /// the liquid and those that see it under more than 150 degrees.
+    pub(crate) fn without_caustics(&self) -> Vec<usize> {
+        let has_map = |light| self.views.iter().any(|view| view.light == light && view.slot == 0);
+        (0..self.count).filter(|&light| !self.views.is_empty() && !has_map(light)).collect()
     }
 }
 
-/// The view by which each light's map is made; none where a light has no use for one.
+/// The views that the caustic maps of a scene's lights are made by.
 pub(crate) fn views(scene: &Scene, splats: &Splats) -> Vec<Option<LightView>> {
+    light_views(scene, splats).into_iter().map(|views| views.map).collect()
+}
+
+/// All views of each of a scene's lights; none without liquid.
+pub(crate) fn light_views(scene: &Scene, splats: &Splats) -> Vec<LightViews> {
     let settings = &scene.settings.caustics;
-    let Some(bounds) = bounds(splats) else { return vec![None; scene.lights.len()] };
+    let Some(bounds) = bounds(splats) else {
+        return vec![LightViews::default(); scene.lights.len()];
+    };
     let margin = f64::from(settings.margin);
     let level = level(splats, bounds).map(|height| (height, f64::from(scene.liquid.ior)));
-    let view =
-        |light| LightView::new(light, bounds, &scene.solids, margin, settings.resolution, level);
-    scene.lights.iter().map(view).collect()
+    let views = |light| {
+        let view = |level| {
+            LightView::new(light, bounds, &scene.solids, margin, settings.resolution, level)
+        };
+        let map = view(level);
+        let along = if level.is_some() { view(None) } else { map };
+        let straight = match (map, along) {
+            (Some(map), Some(along)) if map.looks_as(&along) => Vec::new(),
+            (_, Some(along)) => vec![Some(along)],
+            // The faces share a layer, three by two.
+            (_, None) => {
+                let texels = settings.resolution / 3;
+                let face = |face| LightView::face(light, face, bounds, texels);
+                (0..CUBE).map(face).collect()
+            }
+        };
+        LightViews { map, straight }
+    };
+    scene.lights.iter().map(views).collect()
+}
+
+/// Gives each view its place in maps of so many texels along either side: a layer for the caustic map
+/// and one for the straight views.
+fn place(lights: &[LightViews], resolution: u32) -> Vec<PlacedView> {
+    let mut placed = Vec::new();
+    let mut layer = 0;
+    for (light, views) in lights.iter().enumerate() {
+        let straight = views.straight.len() as u32;
+        if let Some(view) = views.map {
+            let (slot, corner) = (0, UVec2::ZERO);
+            placed.push(PlacedView { view, light, slot, straight, layer, corner });
+            layer += 1;
+        }
+        let before = placed.len();
+        for (i, view) in (0..).zip(&views.straight) {
+            let Some(view) = *view else { continue };
+            let corner = UVec2::new(i % 3, i / 3) * (resolution / 3);
+            let slot = 1 + i as usize;
+            placed.push(PlacedView { view, light, slot, straight, layer, corner });
+        }
+        layer += u32::from(placed.len() > before);
+    }
+    placed
+}
+
+/// The settings by which a view's map is made: a straight view has no caustics.
+fn settings_of(placed: &PlacedView, settings: &settings::Caustics) -> settings::Caustics {
+    match placed.slot {
+        0 => settings.clone(),
+        _ => settings::Caustics { method: Method::Straight, blur: 0.0, ..settings.clone() },
+    }
+}
+
+/// By how much ellipsoids are grown to leave no gaps within a liquid.
+const CLOSED: f64 = 1.3;
+
+/// Whether a light is in the liquid: in any of its ellipsoids.
+fn is_wet(light: &Light, splats: &Splats) -> bool {
+    let Light::Point { position, .. } = *light else { return false };
+    let position = position - splats.origin;
+    splats.aggregates.iter().any(|splat| {
+        let ([xx, yy, zz], [xy, xz, yz]) = (splat.diagonal, splat.off_diagonal);
+        let axes = DMat3::from_cols_array_2d(
+            &[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]].map(|column| column.map(f64::from)),
+        );
+        let offset = position - Vec3::from_array(splat.centre).as_dvec3();
+        // No semi-axis is longer than the sum of its columns' lengths.
+        let reach = axes.x_axis.length() + axes.y_axis.length() + axes.z_axis.length();
+        offset.length() <= CLOSED * reach && (axes.inverse() * offset).length() <= CLOSED
+    })
 }
 
 /// The box around a frame's splats, m; none without any.
 pub(crate) fn bounds(splats: &Splats) -> Option<(DVec3, DVec3)> {
     let all = splats.aggregates.iter().chain(&splats.splashes);
     let (min, max) = all.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), splat| {
-        let centre = glam::Vec3::from_array(splat.centre).as_dvec3();
+        let centre = Vec3::from_array(splat.centre).as_dvec3();
         let radius = f64::from(splat.radius);
         (min.min(centre - radius), max.max(centre + radius))
     });
@@ -197,7 +318,7 @@ fn level(splats: &Splats, (min, max): (DVec3, DVec3)) -> Option<f64> {
     let breadth = (max - min).with_y(0.0);
     let mut tops = [f64::NEG_INFINITY; COLUMNS * COLUMNS];
     for splat in &splats.aggregates {
-        let centre = splats.origin + glam::Vec3::from_array(splat.centre).as_dvec3();
+        let centre = splats.origin + Vec3::from_array(splat.centre).as_dvec3();
         let at = ((centre - min) / breadth.max(DVec3::splat(f64::MIN_POSITIVE))) * COLUMNS as f64;
         let column = |x: f64| (x as usize).min(COLUMNS - 1);
         let top = &mut tops[column(at.z) * COLUMNS + column(at.x)];

@@ -216,6 +216,12 @@ impl Renderer {
         self.submissions
     }
 
+    /// Numbers, from 0, of the last frame's lights that shine through the liquid straight, without
+    /// caustics: point lights in the liquid, and such as see it under more than 150 degrees.
+    pub fn lights_without_caustics(&self) -> Vec<usize> {
+        self.lights.without_caustics()
+    }
+
     /// The intermediate images of the last frame.
     pub fn images(&self) -> Images {
         let (eye, refract) = (&self.eye, &self.refract);

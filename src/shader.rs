@@ -154,7 +154,7 @@ pub fn with_early_depth(text: &str, back: bool) -> String {
 }
 
 /// Uniforms whose values alone decide branches: `Gpu::branching` in layouts.
-const BRANCHING: [&str; 3] = ["lights", "caustics", "tonemap"];
+const BRANCHING: [&str; 4] = ["lights", "light_views", "caustics", "tonemap"];
 
 /// The text with the uniforms that decide branches as read-only storage, as software Vulkan gets it:
 /// there each of them costs a compilation per frame. Storage in turn is read lane by lane, so all

@@ -141,11 +141,8 @@ fn shared_structs_agree() {
         phase,
         pad,
     });
-    let light = rust_struct!(gbuffer::LightData {
-        place,
-        kind,
-        power,
-        map,
+    let light = rust_struct!(gbuffer::LightData { place, kind, power, straight, map, pad });
+    let light_view = rust_struct!(gbuffer::LightViewData {
         right,
         half_width,
         up,
@@ -154,8 +151,9 @@ fn shared_structs_agree() {
         far,
         origin,
         width,
+        corner,
         height,
-        pad,
+        layer,
     });
     let caustics = rust_struct!(caustics::Params {
         power,
@@ -167,8 +165,10 @@ fn shared_structs_agree() {
         blur,
         level,
         subdivide,
-        pad,
+        wet,
         first,
+        corner,
+        pad,
     });
     let sections = rust_struct!(tiles::Sections { tiles, words, count });
     let classify_params = rust_struct!(device::Params {
@@ -202,6 +202,7 @@ fn shared_structs_agree() {
         (scene, "gbuffer.wgsl", "Scene"),
         (solid, "gbuffer.wgsl", "Solid"),
         (light, "gbuffer.wgsl", "Light"),
+        (light_view, "gbuffer.wgsl", "LightView"),
         (caustics, "caustics/deposit.wgsl", "CausticParams"),
         (sections, "tiles.wgsl", "Sections"),
         (classify_params, "classify/shape.wgsl", "Params"),
@@ -235,6 +236,7 @@ fn shared_constants_agree() {
     let table = [
         ("gbuffer.wgsl", "MAX_SOLIDS", gbuffer::MAX_SOLIDS as u32),
         ("gbuffer.wgsl", "MAX_LIGHTS", gbuffer::MAX_LIGHTS as u32),
+        ("gbuffer.wgsl", "MAX_LIGHT_VIEWS", (gbuffer::MAX_LIGHTS * gbuffer::LIGHT_VIEWS) as u32),
         ("tiles.wgsl", "TILE", tiles::TILE),
         ("splat.wgsl", "BURIED", classify::Splat::BURIED),
         ("cull/select.wgsl", "BLOCK", cull::BLOCK),

@@ -643,6 +643,140 @@ fn the_floor_is_lit_for_a_camera_in_the_liquid() {
     assert_close(sum / f64::from(count), expected, 0.05, "light on the floor");
 }
 
+/// Where the shadow on the floor beside a block that reaches to x = 0.6 m ends, for a sun at 45
+/// degrees from −x, by the share of dark pixels between 0.8 and 1.6 m.
+fn shadow_end(stage: &mut Stage, scene: &Scene, drawn: &Splats) -> f64 {
+    let camera = camera(DVec3::new(1.2, 5.0, 0.0), DVec3::new(1.2, 0.0, 0.01), 26.0);
+    let view = View::new(&camera, SIZE);
+    let shot = stage.shoot(scene, &camera, drawn, SIZE);
+    let half_lit = 0.5 * (SKY + 0.5 * 2.0 * 0.5f64.sqrt() / PI);
+    let (mut dark, mut seen) = (0.0, 0.0);
+    for p in shot.pixels() {
+        let Some(x) = on_floor(&camera, &view, p) else { continue };
+        if x.z.abs() < 0.3 && (0.8..1.6).contains(&x.x) {
+            dark += f64::from(u8::from(shot.radiance(p).y < half_lit));
+            seen += 1.0;
+        }
+    }
+    assert!(seen > 500.0, "{seen}");
+    0.8 + 0.8 * dark / seen
+}
+
+/// Protects shadows beside liquid that stands without walls: the floor gets no direct light where the
+/// straight line to the sun meets the block, although the map looks along refracted light; and a bump
+/// that leaves the top not level, far from the edge that throws the shadow, does not move its end.
+#[test]
+fn a_block_of_liquid_shadows_along_the_true_light() {
+    let Some(mut stage) = stage() else { return };
+    let at = "kind = \"slab\"\nmin = [-0.6, 0.0, -0.6]\nmax = [0.6, 0.6, 0.6]\ncount = 15000";
+    let (scene, block) = wet(at, &[floor()], &[sun(Vec3::new(1.0, -1.0, 0.0))]);
+    let level = shadow_end(&mut stage, &scene, &block);
+    assert!(stage.renderer.images().caustics[0].as_ref().is_some_and(|m| m.view.level.is_some()));
+    let mut bumped = block.clone();
+    for splat in &block.aggregates {
+        let [x, y, z] = splat.centre.map(f64::from);
+        if x < -0.25 && y > 0.3 {
+            let centre = [x, y + 0.25, z].map(|v| v as f32);
+            bumped.aggregates.push(limpid::passes::classify::Splat { centre, ..*splat });
+        }
+    }
+    let bump = shadow_end(&mut stage, &scene, &bumped);
+    assert!(stage.renderer.images().caustics[0].as_ref().is_some_and(|m| m.view.level.is_none()));
+    println!("the shadow ends at {level} m, {bump} m with a bump");
+    // The block's edge is rounded by about a particle.
+    assert!((level - 1.2).abs() < 0.04, "{level}, not 1.2 m");
+    assert!((bump - level).abs() < 0.015, "{level} m, {bump} m with a bump");
+}
+
+/// Protects lights too near to the liquid for one view: under a lamp over a wide pool each point of
+/// the floor gets what Fresnel and Beer and Lambert leave on the straight line.
+#[test]
+fn a_lamp_close_to_a_pool_is_absorbed() {
+    let Some(mut stage) = stage() else { return };
+    let position = DVec3::new(0.1, 0.55, 0.05);
+    let lamp = Light::Point { position, intensity: Vec3::splat(3.0) };
+    let (mut scene, slab) = slab(&[lamp]);
+    let camera = camera(DVec3::new(0.0, 3.0, 0.2), DVec3::ZERO, 30.0);
+    let lit = stage.shoot(&scene, &camera, &slab, SIZE);
+    lit.assert_finite();
+    assert_eq!(stage.renderer.lights_without_caustics(), [0]);
+    scene.lights.clear();
+    let dark = stage.shoot(&scene, &camera, &slab, SIZE);
+    let view = View::new(&camera, SIZE);
+    let mut shares: [Vec<DVec3>; 3] = Default::default();
+    for p in lit.pixels() {
+        let ray = ray(&camera, &view, p.as_dvec2() + 0.5);
+        let (seen, cos) = entering(-ray.direction.y);
+        let t = (0.4 - ray.origin.y) / ray.direction.y;
+        let across = ray.direction.with_y(0.0) / IOR * (0.4 / cos);
+        let x = (ray.at(t) + across).with_y(0.0);
+        let distance = x.distance(position);
+        let cos_light = position.y / distance;
+        if x.abs().max_element() > 0.8 {
+            continue;
+        }
+        let left = (-0.4 / cos_light * DVec3::X).exp() * entering(cos_light).0;
+        let arriving = 3.0 * cos_light / (distance * distance) * left;
+        let expected = 0.5 / PI * arriving * seen / (IOR * IOR) * (-0.4 / cos * DVec3::X).exp();
+        let ring = (x.distance(position.with_y(0.0)) / 0.3) as usize;
+        if let Some(ring) = shares.get_mut(ring) {
+            ring.push((lit.radiance(p) - dark.radiance(p)) / expected);
+        }
+    }
+    for (i, ring) in shares.iter().enumerate() {
+        let mean = ring.iter().sum::<DVec3>() / ring.len() as f64;
+        println!("{i}: {mean} of {}", ring.len());
+        assert!(ring.len() > 50, "{}", ring.len());
+        assert_close(mean, DVec3::ONE, 0.05, &format!("ring {i}"));
+    }
+}
+
+/// Protects lamps in the liquid: through a drop around it a lamp lights the floor by exp(−σ r) and
+/// what one face lets out; at the bottom of a block by exp(−σ d) alone.
+#[test]
+fn a_lamp_in_the_liquid_is_absorbed() {
+    let Some(mut stage) = stage() else { return };
+    let lamp = |position| Light::Point { position, intensity: Vec3::splat(3.0) };
+    let (scene, drop) = drop(&[lamp(DROP.center)]);
+    let outside = camera(DVec3::new(0.0, 0.9, 4.0), DVec3::new(0.0, 0.1, 0.0), 40.0);
+    let view = View::new(&outside, SIZE);
+    let shot = stage.shoot(&scene, &outside, &drop, SIZE);
+    let (mut sum, mut count) = (DVec3::ZERO, 0);
+    for p in shot.pixels() {
+        let Some(x) = on_floor(&outside, &view, p).filter(|x| x.length() < 1.2) else { continue };
+        let distance = x.distance(DROP.center);
+        let left = entering(1.0).0 * (-DROP.radius * DVec3::X).exp();
+        let arriving = 3.0 * DROP.center.y / distance.powi(3) * left;
+        sum += shot.radiance(p) / (0.5 * (SKY + arriving / PI));
+        count += 1;
+    }
+    println!("drop: {}", sum / f64::from(count));
+    assert!(count > 300, "{count}");
+    assert_close(sum / f64::from(count), DVec3::ONE, 0.03, "under a lamp in a drop");
+
+    let position = DVec3::new(0.1, 0.3, 0.1);
+    let (mut scene, slab) = slab(&[lamp(position)]);
+    let diver = camera(DVec3::new(0.0, 0.25, 0.3), DVec3::new(0.0, 0.0, 0.0), 40.0);
+    let view = View::new(&diver, SIZE);
+    let lit = stage.shoot(&scene, &diver, &slab, SIZE);
+    scene.lights.clear();
+    let dark = stage.shoot(&scene, &diver, &slab, SIZE);
+    let (mut sum, mut count) = (DVec3::ZERO, 0);
+    for p in lit.pixels() {
+        let Some(x) = on_floor(&diver, &view, p).filter(|x| x.abs().max_element() < 0.5) else {
+            continue;
+        };
+        let distance = x.distance(position);
+        let arriving = 3.0 * position.y / distance.powi(3) * (-distance * DVec3::X).exp();
+        let left = (-x.distance(diver.eye) * DVec3::X).exp();
+        sum += (lit.radiance(p) - dark.radiance(p)) / (0.5 / PI * arriving * left);
+        count += 1;
+    }
+    println!("block: {}", sum / f64::from(count));
+    assert!(count > 1000, "{count}");
+    assert_close(sum / f64::from(count), DVec3::ONE, 0.03, "a lamp in a block");
+}
+
 // -------------------------------------------------------------------------------- against the truth
 
 /// Mean FLIP of the picture against one traced in 64 bits through the true surface, lit by true

@@ -12,8 +12,9 @@ struct CausticParams {
     // border: n in xyz, 0 if it is not level.
     level: vec4f,
     subdivide: u32,    // parts along the side of a cell whose light is laid
-    pad: u32,
+    wet: u32,          // 1 if the light is in the liquid
     first: vec2u,      // thread of a piece of a dispatch
+    corner: vec2u,     // where the view's texels begin in the maps
 }
 
 struct GridVertex {

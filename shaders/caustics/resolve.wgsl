@@ -23,23 +23,36 @@ fn straight(slabs: Slabs, receiver: vec3f, omega: vec3f) -> vec3f {
     let d = camera_ray_direction(omega);
     let end = camera_point(omega, dot(receiver, omega));
     let n_r = plane_normal(receiver);
-    var passed = class_straight(slabs.aggregate_front, slabs.aggregate_back, omega, d, end, n_r);
+    let wet = caustics.wet == 1u;
+    var passed = class_straight(slabs.aggregate_front, slabs.aggregate_back, omega, d, end, n_r, wet);
     if SPLASH {
-        passed *= class_straight(slabs.splash_front, slabs.splash_back, omega, d, end, n_r);
+        passed *= class_straight(slabs.splash_front, slabs.splash_back, omega, d, end, n_r, false);
     }
     return passed;
 }
 
-fn class_straight(front: vec3f, back: vec3f, omega: vec3f, d: vec3f, end: vec3f, n_r: vec3f) -> vec3f {
+fn class_straight(
+    front: vec3f,
+    back: vec3f,
+    omega: vec3f,
+    d: vec3f,
+    end: vec3f,
+    n_r: vec3f,
+    starts_wet: bool,
+) -> vec3f {
     let disparity = dot(front, omega);
     if disparity <= camera_disparity(end) {
         return vec3f(1.0);
     }
-    let from_point = camera_point(omega, disparity);
+    var from_point = camera_point(omega, disparity);
     var to_point = camera_point(omega, max(dot(back, omega), 1e-20));
     let cos_theta_i = abs(dot(caustics_to_light(from_point), plane_normal(front)));
     let cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
     var passed = 1.0 - reflectance(cos_theta_i, cos_theta_t, params.ior);
+    if starts_wet {
+        from_point = camera_ray_origin(omega);
+        passed = 1.0;
+    }
     let wet = CONTACT && abs(dot(n_r, to_point - end)) <= params.contact;
     if dot(back, omega) <= camera_disparity(end) || wet {
         to_point = end;
@@ -61,9 +74,10 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
     let omega = camera_omega(vec2f(p) + 0.5);
     let slabs = load_slabs(p);
     let nearest = max(dot(slabs.aggregate_front, omega), dot(slabs.splash_front, omega));
-    textureStore(receiver_out, p, vec4f(plane.xyz, nearest));
+    let out = p + vec2i(caustics.corner);
+    textureStore(receiver_out, out, vec4f(plane.xyz, nearest));
     if plane_is_empty(plane.xyz) {
-        textureStore(map_out, p, vec4f(0.0));
+        textureStore(map_out, out, vec4f(0.0));
         return;
     }
     let covered = nearest > dot(plane.xyz, omega);
@@ -85,7 +99,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
             irradiance = select(irradiance, found.rgb, found.a > 0.5);
         }
     }
-    textureStore(map_out, p, vec4f(irradiance, select(1.0, 0.0, covered)));
+    textureStore(map_out, out, vec4f(irradiance, select(1.0, 0.0, covered)));
 }
 
 fn light_ratio(word: u32) -> vec3f {

@@ -52,10 +52,14 @@ pub struct Params {
     pub level: [f32; 4],
     /// Parts along the side of a cell whose light is laid.
     pub subdivide: u32,
-    /// Alignment.
-    pub pad: u32,
+    /// 1 if the light is in the liquid.
+    pub wet: u32,
     /// The first thread of a piece of a dispatch.
     pub first: [u32; 2],
+    /// Where the view's texels begin in the maps.
+    pub corner: [u32; 2],
+    /// Alignment.
+    pub pad: [u32; 2],
 }
 
 impl Params {
@@ -91,8 +95,10 @@ impl Params {
                 up.extend(up.dot(at)).as_vec4().to_array()
             }),
             subdivide: settings.subdivide,
-            pad: 0,
+            wet: 0,
             first: [0; 2],
+            corner: [0; 2],
+            pad: [0; 2],
         }
     }
 }
@@ -181,6 +187,8 @@ pub(crate) struct Inputs<'a> {
     pub gbuffer: &'a GBuffer,
     /// Of fluids of different absorption.
     pub mixture: Option<&'a wgpu::TextureView>,
+    /// How light is followed.
+    pub method: Method,
 }
 
 /// Where a light's map goes: one layer of both textures.
@@ -249,21 +257,26 @@ impl Caustics {
         Self { pipelines: HashMap::new(), blur, layouts, sized: None }
     }
 
-    /// Makes room for a view of `size` texels, and compiles what a frame needs if it is new.
+    /// Makes room for a view of `size` texels, and compiles what a frame needs if it is new: the
+    /// view's settings need not be the scene's.
     ///
     /// # Errors
     /// [`Error::Adapter`] for a map or a grid that the adapter cannot hold.
+    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub(crate) fn prepare(
         &mut self,
         gpu: &Gpu,
         camera: &CameraBinding,
         bound: &SceneBinding,
         scene: &Scene,
+        settings: &settings::Caustics,
         splash: bool,
         size: UVec2,
     ) -> Result<()> {
-        let settings = &scene.settings.caustics;
-        let cells = cells(size, settings.grid);
+        let cells = match settings.method {
+            Method::Straight => UVec2::ONE,
+            _ => cells(size, settings.grid),
+        };
         gpu.check_image(size, "choose a smaller caustics.resolution")?;
         let limits = gpu.device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
@@ -286,7 +299,7 @@ impl Caustics {
         if !self.sized.as_ref().is_some_and(fit) {
             self.sized = Some(Buffers::new(gpu, size, cells, blur));
         }
-        let key = Key::new(scene, bound, splash);
+        let key = Key::new(scene, bound, settings.method, splash);
         let layouts = &self.layouts;
         self.pipelines.entry(key).or_insert_with(|| {
             let pipeline = |file: &str, entry: &str, own, constants: &[(&'static str, f64)]| {
@@ -347,7 +360,7 @@ impl Caustics {
         span: Span<'_>,
     ) {
         let Some(buffers) = &self.sized else { return };
-        let key = Key::new(scene, inputs.scene, inputs.splash.is_some());
+        let key = Key::new(scene, inputs.scene, inputs.method, inputs.splash.is_some());
         let pipelines = &self.pipelines[&key];
         let uniform = |label: &str, bytes: &[u8]| gpu::buffer_with(gpu, label, gpu::UNIFORM, bytes);
         let refract = refract::Params::new(scene, &scene.settings.refract, radius);
@@ -518,14 +531,14 @@ impl Work {
 }
 
 impl Key {
-    fn new(scene: &Scene, bound: &SceneBinding, splash: bool) -> Self {
+    fn new(scene: &Scene, bound: &SceneBinding, method: Method, splash: bool) -> Self {
         let exact = Variant::new(scene, splash, false);
         let variant = Variant { solver: Solver::Guarded, filter: false, stride: 1, ..exact };
         // What the kernels do not read shall not make a variant of them.
         let variant = Variant { solids: Solids::Exact, iterations: 0, ..variant };
         let variant = Variant { samples: 1, edge_samples: 1, ..variant };
         let scene_variant = SceneVariant { lights: 0, environment: 0, lit: false, ..bound.variant };
-        Self { variant, scene: scene_variant, method: scene.settings.caustics.method }
+        Self { variant, scene: scene_variant, method }
     }
 }
 

@@ -10,7 +10,7 @@ use wgpu::TextureViewDimension::{D2, D2Array};
 use super::{CameraBinding, GBuffer, Layers};
 use crate::environment::Environment;
 use crate::gpu::{self, Gpu, Span};
-use crate::light_view::LightView;
+use crate::lights::PlacedView;
 use crate::scene::{Light, Scene, Shape, Solid, Surface};
 
 /// `Scene` of `common/scene.wgsl`.
@@ -71,9 +71,19 @@ pub struct LightData {
     pub kind: u32,
     /// Irradiance or radiant intensity.
     pub power: [f32; 3],
+    /// Views along the light itself beside its map's: 0, 1, or the 6 faces of a cube.
+    pub straight: u32,
     /// 1 if it has a caustic map.
     pub map: u32,
-    /// The map's view: its axis to the right.
+    /// Alignment.
+    pub pad: [u32; 3],
+}
+
+/// `LightView` of `common/lights.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct LightViewData {
+    /// Its axis to the right.
     pub right: [f32; 3],
     /// Half its width: m for a sun, tangents for a point light.
     pub half_width: f32,
@@ -87,12 +97,14 @@ pub struct LightData {
     pub far: f32,
     /// Its origin seen from the eye, m.
     pub origin: [f32; 3],
-    /// Texels across the map.
+    /// Texels across.
     pub width: f32,
-    /// Texels down the map.
+    /// Where its texels begin in the maps.
+    pub corner: [u32; 2],
+    /// Texels down.
     pub height: f32,
-    /// Alignment.
-    pub pad: [f32; 3],
+    /// Layer of the maps.
+    pub layer: u32,
 }
 
 /// Solids that a scene can have: 40 KiB of uniform memory.
@@ -100,6 +112,9 @@ pub const MAX_SOLIDS: usize = 512;
 
 /// Lights that a scene can have.
 pub const MAX_LIGHTS: usize = 16;
+
+/// Views that a light can have: its map's, then the faces of a cube around it.
+pub const LIGHT_VIEWS: usize = 7;
 
 /// What pipelines that see the scene are specialised for: the constants of `common/scene.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -112,6 +127,8 @@ pub(crate) struct SceneVariant {
     pub lit: bool,
     /// Number of lights.
     pub lights: u32,
+    /// Whether any light has views beside its map's.
+    pub straight_views: bool,
     /// 0 constant, 1 gradient, 2 map.
     pub environment: u32,
 }
@@ -129,15 +146,16 @@ impl SceneVariant {
         let shapes =
             scene.solids.iter().fold(0, |shapes, solid| shapes | 1 << number(&solid.shape));
         let lit = scene.solids.iter().any(|solid| solid.lit);
-        Self { solids, shapes, lit, lights, environment }
+        Self { solids, shapes, lit, lights, straight_views: false, environment }
     }
 
-    pub(crate) fn constants(self) -> [(&'static str, f64); 5] {
+    pub(crate) fn constants(self) -> [(&'static str, f64); 6] {
         [
             ("SOLIDS", self.solids),
             ("SHAPES", self.shapes),
             ("ANY_LIT", self.lit.into()),
             ("LIGHTS", self.lights),
+            ("STRAIGHT_VIEWS", self.straight_views.into()),
             ("ENVIRONMENT", self.environment),
         ]
         .map(|(name, value)| (name, value.into()))
@@ -153,11 +171,12 @@ pub(crate) struct SceneBinding {
     pub(crate) variant: SceneVariant,
     solids: wgpu::Buffer,
     lights: wgpu::Buffer,
+    light_views: wgpu::Buffer,
     environment: Environment,
     maps: Option<LightMaps>,
 }
 
-/// The caustic maps of a scene's lights, one layer each: `common/lights.wgsl`.
+/// The maps of a scene's lights: `common/lights.wgsl`.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LightMaps {
     /// Irradiance and share of direct light.
@@ -176,51 +195,58 @@ impl SceneBinding {
             gpu::sampled(D2),
             gpu::sampled(D2Array),
             gpu::sampled(D2Array),
+            gpu.branching::<[LightViewData; MAX_LIGHTS * LIGHT_VIEWS]>(),
         ];
         let layout = gpu.layout("scene", wgpu::ShaderStages::COMPUTE, &bindings);
         let solids = gpu::uniform_buffer::<[SolidData; MAX_SOLIDS]>(gpu, "solids");
         let lights = gpu::uniform_buffer::<[LightData; MAX_LIGHTS]>(gpu, "lights");
+        let light_views =
+            gpu::uniform_buffer::<[LightViewData; MAX_LIGHTS * LIGHT_VIEWS]>(gpu, "light views");
         let environment = Environment::default();
-        let group = bind(gpu, &layout, &solids, &lights, &environment, None);
+        let buffers = [&solids, &lights, &light_views];
+        let group = bind(gpu, &layout, buffers, &environment, None);
         let variant = SceneVariant::default();
-        Self { layout, group, variant, solids, lights, environment, maps: None }
+        Self { layout, group, variant, solids, lights, light_views, environment, maps: None }
     }
 
     /// Uploads a scene's solids and lights as `eye` sees them, its environment if it is new, and
-    /// the views of the lights that have maps.
+    /// the lights' views.
     pub(crate) fn upload(
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
         eye: DVec3,
-        views: &[Option<LightView>],
+        views: &[PlacedView],
         maps: Option<&LightMaps>,
     ) {
         let solids: Vec<_> = scene.solids.iter().map(|solid| solid_data(solid, eye)).collect();
-        let views = views.iter().copied().chain(std::iter::repeat(None));
-        let lights: Vec<_> = scene
-            .lights
-            .iter()
-            .zip(views)
-            .map(|(light, view)| light_data(light, view, eye))
-            .collect();
+        let mut lights: Vec<_> = scene.lights.iter().map(|light| light_data(light, eye)).collect();
+        let mut light_views = vec![LightViewData::zeroed(); LIGHT_VIEWS * lights.len()];
+        for placed in views {
+            light_views[LIGHT_VIEWS * placed.light + placed.slot] = light_view_data(placed, eye);
+            let light = &mut lights[placed.light];
+            light.map |= u32::from(placed.slot == 0);
+            light.straight = light.straight.max(placed.straight);
+        }
         gpu.queue.write_buffer(&self.solids, 0, bytemuck::cast_slice(&solids));
         gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights));
+        gpu.queue.write_buffer(&self.light_views, 0, bytemuck::cast_slice(&light_views));
         if self.environment != scene.environment || self.maps.as_ref() != maps {
             let environment = &scene.environment;
-            self.group = bind(gpu, &self.layout, &self.solids, &self.lights, environment, maps);
+            let buffers = [&self.solids, &self.lights, &self.light_views];
+            self.group = bind(gpu, &self.layout, buffers, environment, maps);
             self.environment = environment.clone();
             self.maps = maps.cloned();
         }
-        self.variant = SceneVariant::new(scene);
+        let straight_views = views.iter().any(|placed| placed.straight > 0);
+        self.variant = SceneVariant { straight_views, ..SceneVariant::new(scene) };
     }
 }
 
 fn bind(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,
-    solids: &wgpu::Buffer,
-    lights: &wgpu::Buffer,
+    [solids, lights, light_views]: [&wgpu::Buffer; 3],
     environment: &Environment,
     light_maps: Option<&LightMaps>,
 ) -> wgpu::BindGroup {
@@ -266,6 +292,7 @@ fn bind(
         wgpu::BindingResource::TextureView(&map.create_view(&Default::default())),
         wgpu::BindingResource::TextureView(&maps),
         wgpu::BindingResource::TextureView(&receivers),
+        light_views.as_entire_binding(),
     ];
     gpu::bind_group(gpu, "scene", layout, &resources)
 }
@@ -314,22 +341,19 @@ fn solid_data(solid: &Solid, eye: DVec3) -> SolidData {
     }
 }
 
-fn light_data(light: &Light, view: Option<LightView>, eye: DVec3) -> LightData {
+fn light_data(light: &Light, eye: DVec3) -> LightData {
     let (kind, place, power) = match *light {
         Light::Sun { direction, irradiance } => (0, -direction.normalize_or_zero(), irradiance),
         Light::Point { position, intensity } => (1, (position - eye).as_vec3(), intensity),
     };
-    let data = LightData {
-        place: place.to_array(),
-        kind,
-        power: power.to_array(),
-        map: u32::from(view.is_some()),
-        ..Zeroable::zeroed()
-    };
-    let Some(view) = view else { return data };
+    LightData { place: place.to_array(), kind, power: power.to_array(), ..Zeroable::zeroed() }
+}
+
+fn light_view_data(placed: &PlacedView, eye: DVec3) -> LightViewData {
+    let view = &placed.view;
     let [right, up, back] = view.view_from_world.transpose().to_cols_array_2d();
     let narrow = |axis: [f64; 3]| axis.map(|x| x as f32);
-    LightData {
+    LightViewData {
         right: narrow(right),
         half_width: view.half_extent.x as f32,
         up: narrow(up),
@@ -338,8 +362,9 @@ fn light_data(light: &Light, view: Option<LightView>, eye: DVec3) -> LightData {
         far: if view.orthographic { view.far as f32 } else { 0.0 },
         origin: (view.origin - eye).as_vec3().to_array(),
         width: view.size.x as f32,
+        corner: placed.corner.to_array(),
         height: view.size.y as f32,
-        ..data
+        layer: placed.layer,
     }
 }
 

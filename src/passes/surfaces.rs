@@ -12,7 +12,7 @@ use super::tiles::{Sections, Tiles};
 use super::{CameraBinding, Layers};
 use crate::camera::CameraUniform;
 use crate::gpu::{Commands, Gpu, Timer};
-use crate::light_view::LightView;
+use crate::lights::PlacedView;
 use crate::scene::Scene;
 
 /// A frame's splats on the device.
@@ -117,7 +117,7 @@ impl Surfaces {
         liquid: &Liquid,
         camera: &CameraUniform,
         eye: DVec3,
-        views: &[Option<LightView>],
+        views: &[PlacedView],
         maps: Option<&LightMaps>,
         radius: f32,
         fits: &[smooth::Params],

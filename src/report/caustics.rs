@@ -125,8 +125,9 @@ impl Bench {
     pub fn run(&mut self, scene: &Scene, light: usize, radius: f32) -> Result<Run> {
         let (gpu, camera, bound) = (&self.gpu, &self.camera, &self.scene);
         let size = self.view.size;
-        self.caustics.prepare(gpu, camera, bound, scene, self.splash.is_some(), size)?;
-        let params = Params::new(&scene.lights[light], &self.view, &scene.settings.caustics);
+        let settings = &scene.settings.caustics;
+        self.caustics.prepare(gpu, camera, bound, scene, settings, self.splash.is_some(), size)?;
+        let params = Params::new(&scene.lights[light], &self.view, settings);
         let inputs = Inputs {
             camera,
             scene: bound,
@@ -134,6 +135,7 @@ impl Bench {
             splash: self.splash.as_ref(),
             gbuffer: &self.gbuffer,
             mixture: None,
+            method: settings.method,
         };
         let [map, receivers] = &self.outputs;
         let output = Output { map, receivers, layer: 0 };

@@ -227,21 +227,26 @@ pub fn eye_counts(scene: &Scene, camera: &Camera, splats: &Splats, size: UVec2) 
 pub fn light_counts(scene: &Scene, splats: &Splats) -> Vec<Counts> {
     let settings = &scene.settings.caustics;
     let is = |on: bool| f64::from(u8::from(on));
-    let views = if scene.is_lit() { lights::views(scene, splats) } else { Vec::new() };
-    let of_view = |view: &crate::light_view::LightView| {
+    let views = if scene.is_lit() { lights::light_views(scene, splats) } else { Vec::new() };
+    let of_view = |(view, method): (&crate::light_view::LightView, Method)| {
         let cells = caustics::cells(view.size, settings.grid).as_dvec2();
         Counts {
             sides: settings.interfaces.into(),
             vertices: (cells + 1.0).element_product(),
             parts: cells.element_product() * f64::from(settings.subdivide).powi(2),
             light_interfaces: settings.interfaces.into(),
-            forward: is(settings.method == Method::Forward),
-            gather: is(settings.method == Method::Gather),
-            blurred: is(settings.blur > 0.0),
+            forward: is(method == Method::Forward),
+            gather: is(method == Method::Gather),
+            blurred: is(settings.blur > 0.0 && method == settings.method),
             ..view_counts(scene, &view.uniform(splats.origin), splats)
         }
     };
-    views.iter().flatten().map(of_view).collect()
+    let of_light = |views: &lights::LightViews| {
+        let map = views.map.iter().map(|view| (view, settings.method));
+        let straight = views.straight.iter().flatten().map(|view| (view, Method::Straight));
+        map.chain(straight).map(of_view).collect::<Vec<_>>()
+    };
+    views.iter().flat_map(of_light).collect()
 }
 
 /// What any view has.
