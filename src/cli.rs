@@ -15,6 +15,7 @@ use std::process::ExitCode;
 
 use clap::error::ErrorKind as Usage;
 use clap::{Parser, Subcommand};
+use limpid::particles::{AttributeMap, ReadOptions};
 
 /// Draws clear liquid straight from particles.
 ///
@@ -111,11 +112,22 @@ fn start_workers() -> limpid::Result<()> {
 
 // What all commands say that read particles; a documentation comment would become their help.
 #[derive(clap::Args)]
-struct Unpacking {
+struct Reading {
     /// Memory that one particle file may unpack to, MiB [default: a hundred times its length, but
     /// 1024 to 16384].
     #[arg(long, value_name = "MIB", value_parser = parse_mib)]
     max_unpacked: Option<u64>,
+    /// Read attributes (velocity, density, radius, id, ellipsoid) from arrays of other names than the
+    /// usual ones: velocity=U,radius=h. `limpid info` lists the arrays.
+    #[arg(long, value_name = "ATTRIBUTE=ARRAY,...")]
+    map: Option<AttributeMap>,
+}
+
+impl Reading {
+    fn options(&self) -> ReadOptions {
+        let map = self.map.clone().unwrap_or_default();
+        ReadOptions { max_unpacked: self.max_unpacked, map }
+    }
 }
 
 /// Bytes, from a number of MiB.

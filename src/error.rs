@@ -88,6 +88,14 @@ pub enum Error {
         "no graphics adapter found: install a Vulkan driver, or Mesa's software one (Debian: apt-get install mesa-vulkan-drivers)"
     )]
     NoAdapter,
+    /// There are adapters, but none that the environment selects.
+    #[error("no graphics adapter fits {selected}; there are: {there}")]
+    NoSuchAdapter {
+        /// The variables and their values.
+        selected: String,
+        /// The adapters with their backends.
+        there: String,
+    },
     /// The adapter cannot do what is asked: too large a picture, a missing format.
     #[error("adapter {adapter}: {problem}")]
     Adapter {
@@ -131,7 +139,10 @@ impl Error {
             Self::Defect(_) => 1,
             Self::Mismatch(_) | Self::Format { .. } => 3,
             Self::Io { .. } | Self::Malformed { .. } | Self::Sequence { .. } => 4,
-            Self::NoAdapter | Self::Adapter { .. } | Self::Window(_) => 5,
+            Self::NoAdapter
+            | Self::NoSuchAdapter { .. }
+            | Self::Adapter { .. }
+            | Self::Window(_) => 5,
             Self::DeviceLost(_) | Self::Threads(_) => 6,
             Self::Frame { source, .. } => source.exit_code(),
             Self::Shared(error) => error.exit_code(),

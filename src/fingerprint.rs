@@ -23,6 +23,7 @@ use crate::camera::Camera;
 use crate::environment::Environment;
 use crate::files;
 use crate::input::{Input, Moment, Origin};
+use crate::particles::{AttributeMap, Up};
 use crate::scene::Scene;
 
 /// Keywords of the texts in a PNG.
@@ -163,19 +164,20 @@ fn look(scene: &Scene) -> (String, &[u8]) {
         // Where its particles are, how large and which way up, is the input's to say.
         fluid.particles.source.clear();
         (fluid.particles.frame, fluid.particles.fps) = (None, None);
-        (fluid.particles.radius, fluid.particles.up) = (None, crate::particles::Up::default());
+        (fluid.particles.radius, fluid.particles.up) = (None, Up::default());
+        fluid.particles.map = AttributeMap::default();
     }
     (format!("{scene:?}"), map)
 }
 
 /// Where particles come from.
 fn tell(origin: &Origin<'_>) -> String {
-    let Origin { file, made, radius, up } = origin;
+    let Origin { file, made, radius, up, map } = origin;
     // Ellipsoids lie in a file of their own.
     let ellipsoids = file.filter(|path| path.extension().is_some_and(|e| e == "pos"));
     let ellipsoids = ellipsoids.map(|path| path.with_extension("ani"));
     let files = [file.as_deref(), ellipsoids.as_deref()].map(|path| Some(stamp(path?)));
-    format!("{files:?} {made:?} {radius:?} {up:?}")
+    format!("{files:?} {made:?} {radius:?} {up:?} {map}")
 }
 
 /// Path, length and time of modification, ns, of a file that may not be there yet. The path is the

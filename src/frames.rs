@@ -82,7 +82,8 @@ impl FrameSpec {
 }
 
 impl FrameSpec {
-    /// The numbers of the selected frames; unless a missing frame is an error, those in the gaps too.
+    /// The numbers of the selected frames; unless a missing frame is an error, those in the
+    /// [gaps](Sequence::gaps) too.
     ///
     /// # Errors
     ///
@@ -95,12 +96,13 @@ impl FrameSpec {
         match (self, sequence.frames.as_slice()) {
             (Self::List(numbers), _) => Ok(numbers.clone()),
             (Self::All, [first, .., last]) => {
-                if last.number.abs_diff(first.number) >= MAX_FRAMES {
-                    let (first, last) = (first.number, last.number);
+                let (first, last, stride) = (first.number, last.number, sequence.stride());
+                let steps = last.abs_diff(first) / stride;
+                if steps >= MAX_FRAMES {
                     let problem = format!("frames {first} to {last}: more than {MAX_FRAMES}");
                     return Err(Error::Usage(problem));
                 }
-                Ok((first.number..=last.number).collect())
+                Ok((0..=steps).map(|k| first.saturating_add_unsigned(k * stride)).collect())
             }
             (Self::All, frames) => Ok(frames.iter().map(|frame| frame.number).collect()),
         }

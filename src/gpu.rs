@@ -12,7 +12,7 @@ use std::thread::Builder;
 
 use glam::UVec2;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, printable};
 use crate::passes::tiles::TILE;
 
 pub(crate) use binding::{
@@ -57,13 +57,20 @@ impl Gpu {
     /// `WGPU_BACKEND` and `WGPU_ADAPTER_NAME` select one, as in other wgpu programs.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`] if there is none, [`Error::Adapter`] if it refuses a device,
-    /// [`Error::Threads`] if the system starts fewer threads than a driver may need.
+    /// [`Error::NoAdapter`] if there is none, [`Error::NoSuchAdapter`] if these variables select none,
+    /// [`Error::Adapter`] if it refuses a device, [`Error::Threads`] if the system starts fewer
+    /// threads than a driver may need.
     pub fn headless() -> Result<Self> {
         check_threads()?;
+        let wanted = std::env::var("WGPU_ADAPTER_NAME").unwrap_or_default();
+        let backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all());
+        let adapters = pollster::block_on(adapters(backends, &wanted));
         // The best adapter that gives a device: a broken driver should not hide a working one.
         let mut refusal = Error::NoAdapter;
-        for adapter in pollster::block_on(adapters()) {
+        if adapters.is_empty() {
+            refusal = none_selected(refusal);
+        }
+        for adapter in adapters {
             match pollster::block_on(open(&adapter)) {
                 Ok((device, queue)) => return Ok(Self::own(device, queue)),
                 Err(problem) => {
@@ -298,9 +305,29 @@ fn check_threads() -> Result<()> {
     checked
 }
 
-/// All adapters: GPUs before integrated ones before software, OpenGL last.
-async fn adapters() -> Vec<wgpu::Adapter> {
-    let wanted = std::env::var("WGPU_ADAPTER_NAME").unwrap_or_default().to_lowercase();
+/// Why no adapter is selected: the environment, if there are any without it.
+fn none_selected(otherwise: Error) -> Error {
+    let set = ["WGPU_BACKEND", "WGPU_ADAPTER_NAME"].into_iter().filter_map(|name| {
+        let value = std::env::var(name).ok().filter(|value| !value.is_empty())?;
+        Some(format!("{name}={value}"))
+    });
+    let set: Vec<String> = set.collect();
+    if set.is_empty() {
+        return otherwise;
+    }
+    let all = pollster::block_on(adapters(wgpu::Backends::all(), ""));
+    let all = all.iter().map(wgpu::Adapter::get_info);
+    let there: Vec<String> = all.map(|info| format!("{} ({})", info.name, info.backend)).collect();
+    if there.is_empty() {
+        return otherwise;
+    }
+    Error::NoSuchAdapter { selected: printable(set.join(" ")), there: there.join(", ") }
+}
+
+/// All adapters of some backends whose name contains `wanted`: GPUs before integrated ones before
+/// software, OpenGL last.
+async fn adapters(selected: wgpu::Backends, wanted: &str) -> Vec<wgpu::Adapter> {
+    let wanted = wanted.to_lowercase();
     let mut all = Vec::new();
     for backends in [wgpu::Backends::PRIMARY, wgpu::Backends::GL] {
         // OpenGL only where there is nothing else: it may look for a window system.
@@ -308,7 +335,7 @@ async fn adapters() -> Vec<wgpu::Adapter> {
             break;
         }
         let descriptor = wgpu::InstanceDescriptor {
-            backends: wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all()) & backends,
+            backends: selected & backends,
             ..wgpu::InstanceDescriptor::new_without_display_handle_from_env()
         };
         all = wgpu::Instance::new(descriptor).enumerate_adapters(backends).await;

@@ -8,10 +8,10 @@ use glam::DVec3;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::files;
-use crate::particles::{Particles, Up};
+use crate::particles::{Array, AttributeMap, Contents, Particles, ReadOptions, Up};
 use crate::passes::classify::{self, Place, Splat, Splats};
 use crate::recipe::Recipe;
-use crate::scene::Scene;
+use crate::scene::{ParticleSource, Scene};
 use crate::sequence::{Frame, Sequence};
 use crate::sim;
 
@@ -38,8 +38,7 @@ struct Fluid {
     sequence: Sequence,
     radius: Option<f32>,
     up: Up,
-    /// How many bytes a file may unpack to; see [`Particles::read_within`].
-    max_unpacked: Option<u64>,
+    options: ReadOptions,
     source: Source,
 }
 
@@ -92,6 +91,8 @@ pub(crate) struct Origin<'a> {
     pub(crate) radius: Option<f32>,
     /// Which axis points up.
     pub(crate) up: Up,
+    /// Which arrays attributes are read from.
+    pub(crate) map: &'a AttributeMap,
 }
 
 /// The contents of a regular file of at most `limit` bytes; pipes, devices and folders are refused
@@ -164,7 +165,7 @@ impl Moment {
 
     /// Its time, counted as the frames are: 12.25 is a quarter of the way from frame 12 to 13.
     pub fn time(self) -> f64 {
-        self.frame as f64 + self.fraction * (self.next - self.frame) as f64
+        self.frame as f64 + self.fraction * self.next.abs_diff(self.frame) as f64
     }
 }
 
@@ -175,7 +176,7 @@ impl From<&Frame> for Moment {
 }
 
 /// A frame of particles, ready to draw.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Loaded {
     /// Its number; of a moment between two frames, that of the first.
     pub number: i64,
@@ -185,6 +186,10 @@ pub struct Loaded {
     pub splats: Splats,
     /// Corners of the box around all centres; both 0 without particles.
     pub bounds: (DVec3, DVec3),
+    /// What their files hold besides the places, and what is used of it; see [`Contents::arrays`].
+    pub arrays: Vec<Array>,
+    /// Cells of meshes in their files; see [`Contents::cells`].
+    pub cells: usize,
 }
 
 impl Loaded {
@@ -207,7 +212,7 @@ impl Input {
             return Self::from_scene(Scene::load_with(path, overrides)?, input);
         }
         let sequence = Sequence::open(input)?;
-        Ok(Self::of(None, Fluid::of_files(sequence, None, Up::Y), None))
+        Ok(Self::of(None, Fluid::of_files(sequence, None, Up::Y, AttributeMap::default()), None))
     }
 
     /// The built-in demo: a frame of a double dam break, simulated with SPlisHSPlasH.
@@ -223,7 +228,7 @@ impl Input {
             sequence: Sequence { frames: vec![frame], pattern: "demo".into() },
             radius: particles.radius,
             up: particles.up,
-            max_unpacked: None,
+            options: ReadOptions::default(),
             source: Source::Embedded(include_bytes!("../sims/demo.bgeo")),
         };
         Ok(Self::of(Some(scene), fluid, Some(0)))
@@ -236,8 +241,8 @@ impl Input {
         Self { scene, sequence, frame, missing, place, fps: None, fluids: vec![fluid] }
     }
 
-    /// The same frames in another scene. Where that names particles of its own, their radius and
-    /// axis hold for these.
+    /// The same frames in another scene. Where that names particles of its own, their radius, axis
+    /// and map of attributes hold for these.
     #[must_use]
     pub fn with_scene(mut self, scene: Scene) -> Self {
         if let Some(simulation) = &scene.simulation {
@@ -251,6 +256,7 @@ impl Input {
             for fluid in &mut self.fluids {
                 fluid.radius = particles.radius.or(fluid.radius);
                 fluid.up = particles.up;
+                fluid.options.map.clone_from(&particles.map);
             }
         }
         Self { scene: Some(scene), ..self }
@@ -277,12 +283,13 @@ impl Input {
         Self { place, ..self }
     }
 
-    /// The same frames, whose files may each unpack to so many bytes of memory; without a number
-    /// to what [`Particles::read_within`] lets them.
+    /// The same frames, whose files are read like this. A map of attributes replaces the scene's,
+    /// unless it is empty.
     #[must_use]
-    pub fn with_max_unpacked(mut self, bytes: Option<u64>) -> Self {
+    pub fn with_options(mut self, options: &ReadOptions) -> Self {
         for fluid in &mut self.fluids {
-            fluid.max_unpacked = bytes;
+            let map = if options.map.is_empty() { &fluid.options.map } else { &options.map };
+            fluid.options = ReadOptions { map: map.clone(), ..*options };
         }
         self
     }
@@ -298,7 +305,7 @@ impl Input {
                 sequence: Sequence { frames: vec![frame], pattern: origin.into() },
                 radius: Some(recipe.particle_radius() as f32),
                 up: Up::Y,
-                max_unpacked: None,
+                options: ReadOptions::default(),
                 source: Source::Recipe(recipe),
             };
             return Ok(Self::of(Some(scene), fluid, Some(0)));
@@ -310,7 +317,7 @@ impl Input {
                 Error::Sequence { pattern: origin.into(), problem }
             })?;
             let (radius, fps) = (simulation.particle_radius() as f32, simulation.fps);
-            let fluid = Fluid::of_files(sequence, Some(radius), Up::Y);
+            let fluid = Fluid::of_files(sequence, Some(radius), Up::Y, AttributeMap::default());
             return Ok(Self { fps: Some(fps), ..Self::of(Some(scene), fluid, None) });
         }
         let sources = scene.sources();
@@ -318,7 +325,8 @@ impl Input {
             .iter()
             .map(|particles| {
                 let sequence = Sequence::open(&particles.source)?;
-                Ok(Fluid::of_files(sequence, particles.radius, particles.up))
+                let ParticleSource { radius, up, map, .. } = particles;
+                Ok(Fluid::of_files(sequence, *radius, *up, map.clone()))
             })
             .collect::<Result<_>>()?;
         let Some(first) = fluids.first() else {
@@ -342,7 +350,8 @@ impl Input {
         self.fps
     }
 
-    /// Every `step` frames from the first of `numbers`, which ascend, to the last.
+    /// Every `step` frames from the first of `numbers`, which ascend, to the last. A frame is as long as
+    /// the sequence's [stride](Sequence::stride).
     pub fn moments(&self, numbers: &[i64], step: f64) -> Vec<Moment> {
         let (Some(&first), Some(&last)) = (numbers.first(), numbers.last()) else {
             return Vec::new();
@@ -350,24 +359,29 @@ impl Input {
         if step == 1.0 || step <= 0.0 || step.is_nan() {
             return numbers.iter().map(|&number| Moment::at(number)).collect();
         }
-        let count = ((last - first) as f64 / step * (1.0 + 1e-12)).floor() as usize;
-        (0..=count).map(|k| self.moment(numbers, first as f64 + k as f64 * step)).collect()
+        let step = step * self.sequence.stride() as f64;
+        let count = (last.abs_diff(first) as f64 / step * (1.0 + 1e-12)).floor() as usize;
+        (0..=count).map(|k| after(numbers, k as f64 * step)).collect()
     }
 
     /// The moment at `time`, counted as the frames are, whose `numbers` ascend: 12.25 is a quarter
-    /// of the way from frame 12 to 13. The ends hold. Without numbers, frame 0.
-    pub fn moment(&self, numbers: &[i64], time: f64) -> Moment {
-        // A frame's own time is not to be missed by a rounding error.
-        let near = time.round();
-        let time = if (time - near).abs() < 1e-9 * near.abs().max(1.0) { near } else { time };
-        let after = numbers.partition_point(|&number| number as f64 <= time);
-        let frame = numbers.get(after.saturating_sub(1)).copied().unwrap_or_default();
-        match numbers.get(after) {
-            Some(&next) if time > frame as f64 => {
-                let fraction = (time - frame as f64) / (next - frame) as f64;
-                Moment { frame, next, fraction }
+    /// of the way from frame 12 to 13.
+    ///
+    /// # Errors
+    /// [`Error::Sequence`] for a time before the first frame or after the last.
+    pub fn moment(&self, numbers: &[i64], time: f64) -> Result<Moment> {
+        let fail = |problem| Error::Sequence { pattern: self.sequence.pattern.clone(), problem };
+        match numbers {
+            [first, .., last] | [first @ last]
+                if (*first as f64..=*last as f64).contains(&time) =>
+            {
+                Ok(after(numbers, time - *first as f64))
             }
-            _ => Moment::at(frame),
+            [first, .., last] => {
+                Err(fail(format!("time {time} is not in its frames, {first} to {last}")))
+            }
+            [frame] => Err(fail(format!("time {time} is not in its only frame, {frame}"))),
+            [] => Err(fail("has no frames".into())),
         }
     }
 
@@ -375,23 +389,35 @@ impl Input {
     /// interpolated, see [`Particles::between`].
     ///
     /// # Errors
-    /// As [`Particles::read`] and [`Recipe::particles`]; [`Error::Sequence`] for a frame that is
+    /// As [`Contents::read`] and [`Recipe::particles`]; [`Error::Sequence`] for a frame that is
     /// not there, as [`Input::missing`] says.
     pub fn particles(&self, at: impl Into<Moment>) -> Result<Particles> {
+        self.contents(at).map(|contents| contents.particles)
+    }
+
+    /// As [`Input::particles`], with what the files hold besides; between frames, the one before.
+    ///
+    /// # Errors
+    /// As [`Input::particles`].
+    pub fn contents(&self, at: impl Into<Moment>) -> Result<Contents> {
         let at = at.into();
         if let [fluid] = self.fluids.as_slice() {
             return fluid.moment(at, self.missing);
         }
-        let fluids = self.fluids.iter().map(|fluid| {
-            let mut particles = fluid.moment(at, self.missing)?;
+        let (mut fluids, mut arrays, mut cells) = (Vec::new(), Vec::new(), 0_usize);
+        for fluid in &self.fluids {
+            let contents = fluid.moment(at, self.missing)?;
+            let mut particles = contents.particles;
             // Each fluid's own radius, whatever the others'.
             if particles.radii.is_none() {
                 let radius = fluid.radius_of(at.frame, &particles)?;
                 particles.radii = Some(vec![radius; particles.len()]);
             }
-            Ok(particles)
-        });
-        Ok(Particles::mixed(&fluids.collect::<Result<Vec<_>>>()?))
+            fluids.push(particles);
+            arrays.extend(contents.arrays);
+            cells = cells.saturating_add(contents.cells);
+        }
+        Ok(Contents { particles: Particles::mixed(&fluids), arrays, cells })
     }
 
     /// Where the particles of a moment come from: of each fluid the frame and, between two, the next.
@@ -409,7 +435,8 @@ impl Input {
     /// As [`Input::particles`] and [`Input::prepare`].
     pub fn load(&self, at: impl Into<Moment>, scene: &Scene) -> Result<Loaded> {
         let at = at.into();
-        self.prepare(at, &self.particles(at)?, scene)
+        let Contents { particles, arrays, cells } = self.contents(at)?;
+        Ok(Loaded { arrays, cells, ..self.prepare(at, &particles, scene)? })
     }
 
     /// Classifies a frame's particles as `scene` says.
@@ -432,6 +459,8 @@ impl Input {
             particles: particles.len(),
             splats,
             bounds: particles.bounds().unwrap_or_default(),
+            arrays: Vec::new(),
+            cells: 0,
         })
     }
 
@@ -453,7 +482,7 @@ impl Input {
         let mut radius = 0.0_f32;
         for fluid in &mut self.fluids {
             for number in fluid.sequence.frames.iter().map(|frame| frame.number) {
-                let particles = fluid.particles(number, Missing::Error)?;
+                let particles = fluid.contents(number, Missing::Error)?.particles;
                 let Some((min, max)) = particles.bounds() else { continue };
                 around = Some(around.map_or((min, max), |(a, b)| (a.min(min), b.max(max))));
                 let settled = fluid.radius_of(number, &particles)?;
@@ -479,36 +508,58 @@ impl Input {
     }
 }
 
+/// The moment so much after the first of `numbers`, of which there is one; the last one holds.
+fn after(numbers: &[i64], time: f64) -> Moment {
+    let Some(&first) = numbers.first() else { return Moment::at(0) };
+    // From the first frame, so that large numbers lose no digits.
+    let since = |number: i64| number.abs_diff(first) as f64;
+    // A frame's own time is not to be missed by a rounding error.
+    let near = time.round();
+    let time = if (time - near).abs() < 1e-9 * near.abs().max(1.0) { near } else { time };
+    let after = numbers.partition_point(|&number| since(number) <= time);
+    let frame = numbers.get(after.saturating_sub(1)).copied().unwrap_or(first);
+    match numbers.get(after) {
+        Some(&next) if time > since(frame) => {
+            let fraction = (time - since(frame)) / (since(next) - since(frame));
+            Moment { frame, next, fraction }
+        }
+        _ => Moment::at(frame),
+    }
+}
+
 impl Fluid {
-    fn of_files(sequence: Sequence, radius: Option<f32>, up: Up) -> Self {
-        Self { sequence, radius, up, max_unpacked: None, source: Source::Files }
+    fn of_files(sequence: Sequence, radius: Option<f32>, up: Up, map: AttributeMap) -> Self {
+        let options = ReadOptions { map, ..ReadOptions::default() };
+        Self { sequence, radius, up, options, source: Source::Files }
     }
 
     /// The particles of a moment, y up.
-    fn moment(&self, at: Moment, missing: Missing) -> Result<Particles> {
-        let particles = self.particles(at.frame, missing)?;
+    fn moment(&self, at: Moment, missing: Missing) -> Result<Contents> {
+        let contents = self.contents(at.frame, missing)?;
         if at.fraction == 0.0 {
-            return Ok(particles);
+            return Ok(contents);
         }
-        Ok(Particles::between(&particles, &self.particles(at.next, missing)?, at.fraction))
+        let next = self.contents(at.next, missing)?.particles;
+        let particles = Particles::between(&contents.particles, &next, at.fraction);
+        Ok(Contents { particles, ..contents })
     }
 
     /// The particles of a frame, y up.
-    fn particles(&self, number: i64, missing: Missing) -> Result<Particles> {
+    fn contents(&self, number: i64, missing: Missing) -> Result<Contents> {
         let Some(frame) = self.frame(number, missing) else {
             if missing != Missing::Error {
-                return Ok(Particles::default());
+                return Ok(Contents::default());
             }
             let problem = format!("frame {number} is missing; --missing empty or hold goes on");
             return Err(Error::Sequence { pattern: self.sequence.pattern.clone(), problem });
         };
-        let mut particles = match self.source {
-            Source::Files => Particles::read_within(&frame.path, self.max_unpacked)?,
-            Source::Embedded(bytes) => Particles::parse(&frame.path, bytes)?,
-            Source::Recipe(recipe) => return recipe.particles(),
+        let mut contents = match self.source {
+            Source::Files => Contents::read(&frame.path, &self.options)?,
+            Source::Embedded(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
+            Source::Recipe(recipe) => return recipe.particles().map(Contents::from),
         };
-        particles.to_y_up(self.up);
-        Ok(particles)
+        contents.particles.to_y_up(self.up);
+        Ok(contents)
     }
 
     /// The frame that is shown as this number, if there is one.
@@ -527,7 +578,7 @@ impl Fluid {
             Source::Embedded(_) => (None, None),
             Source::Recipe(recipe) => (None, frame.map(|_| recipe)),
         };
-        Origin { file, made, radius: self.radius, up: self.up }
+        Origin { file, made, radius: self.radius, up: self.up, map: &self.options.map }
     }
 
     /// The radius for particles without one of their own: as given, or from their spacing.

@@ -82,6 +82,7 @@ pub mod gpu;
 pub mod input;
 pub mod light_view;
 mod lights;
+pub mod notice;
 pub mod output;
 mod page;
 pub mod particles;

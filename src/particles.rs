@@ -4,6 +4,7 @@
 //! `Table` that turns records of any layout into attributes. A count in a header is a claim, not a
 //! length: it is held against the bytes that are left before anything is allocated.
 
+mod arrays;
 mod between;
 mod bgeo;
 mod csv;
@@ -19,6 +20,7 @@ mod vtu;
 mod xyz;
 
 use std::cell::Cell;
+use std::fmt;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -26,12 +28,14 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
+use self::arrays::MOST_LISTED;
 use self::cursor::{Cursor, Source};
 use self::table::{Column, Scalar, Table};
 use crate::error::{Error, Result};
 use crate::output::Kind;
 use crate::{files, output};
 
+pub use arrays::{Array, AttributeMap, Contents};
 pub use ellipsoid::Ellipsoid;
 
 /// One frame of particles, structure of arrays: every attribute that is present has one entry
@@ -68,6 +72,79 @@ pub enum Up {
     Z,
 }
 
+/// What particles may have besides their places.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Attribute {
+    /// [`Particles::velocities`].
+    Velocity,
+    /// [`Particles::densities`].
+    Density,
+    /// [`Particles::radii`].
+    Radius,
+    /// [`Particles::ids`].
+    Id,
+    /// [`Particles::ellipsoids`].
+    Ellipsoid,
+}
+
+impl Attribute {
+    const ALL: [Self; 5] = [Self::Velocity, Self::Density, Self::Radius, Self::Id, Self::Ellipsoid];
+
+    /// Its name, as limpid writes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Velocity => "velocity",
+            Self::Density => "density",
+            Self::Radius => "radius",
+            Self::Id => "id",
+            Self::Ellipsoid => "ellipsoid",
+        }
+    }
+
+    /// The attribute that simulators call `name`.
+    fn called(name: &str) -> Option<Self> {
+        Some(match name.to_ascii_lowercase().as_str() {
+            "velocity" | "velocities" | "vel" | "v" => Self::Velocity,
+            "density" | "rho" | "rhop" => Self::Density,
+            "radius" | "radii" | "pscale" => Self::Radius,
+            "id" | "ids" | "idp" => Self::Id,
+            "ellipsoid" => Self::Ellipsoid,
+            _ => return None,
+        })
+    }
+
+    /// All names, for messages.
+    fn list() -> String {
+        Self::ALL.map(Self::name).join(", ")
+    }
+}
+
+impl fmt::Display for Attribute {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// How particle files are read.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Bytes that a file may unpack to: a few bytes of a compressed file can claim any amount of
+    /// memory. Without a limit that is a hundred times the file's length, but at least 1 GiB and at
+    /// most 16.
+    pub max_unpacked: Option<u64>,
+    /// Arrays that attributes are read from, where they go by other names than simulators' usual ones.
+    pub map: AttributeMap,
+}
+
+/// [`ReadOptions`], settled for a file.
+#[derive(Clone, Copy)]
+struct Reading<'a> {
+    /// Bytes that the file may unpack to.
+    limit: u64,
+    map: &'a AttributeMap,
+}
+
 impl Particles {
     /// Reads one frame. The extension names the format, and the contents must confirm it:
     ///
@@ -87,7 +164,7 @@ impl Particles {
     /// Attributes go by the names that simulators write, in any case: `velocity`, `velocities`,
     /// `vel`, `v`; `density`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`; and
     /// `ellipsoid`, of the six numbers of [`Ellipsoid`]. The first of several wins; all others are
-    /// skipped. Positions are what the format says they are; in `.npz` they are called
+    /// ignored, as [`Contents::read`] tells. Positions are what the format says they are; in `.npz` they are called
     /// `positions`, `position`, `pos`, `x`, `points` or `arr_0`, or are the only array of shape
     /// (n, 3); in `.csv` the columns are `x`, `px`, `Points:0`, `Points_0`, `Pos.x` and so on.
     ///
@@ -96,37 +173,7 @@ impl Particles {
     /// [`Error::Io`] if the file cannot be read, [`Error::Format`] if it is of another kind, and
     /// [`Error::Malformed`] if it contradicts itself or holds a value that is not finite.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::read_within(path, None)
-    }
-
-    /// As [`Particles::read`], of a file that may unpack to `max_unpacked` bytes: a few bytes of a
-    /// compressed file can claim any amount of memory. Without a limit that is a hundred times the
-    /// file's length, but at least 1 GiB and at most 16.
-    ///
-    /// # Errors
-    ///
-    /// As [`Particles::read`]; [`Error::Malformed`] if it unpacks to more.
-    pub fn read_within(path: &Path, max_unpacked: Option<u64>) -> Result<Self> {
-        let format = format_for(path)?;
-        if format.extension == ".xyz"
-            && let Some(particles) = xyz::read_raw(path, max_unpacked)
-        {
-            return Ok(particles);
-        }
-        let (file, metadata) = files::open(path)?;
-        let limit = max_unpacked.unwrap_or_else(|| files::unpacked_limit(metadata.len()));
-        format.probe(path, &file, metadata.len())?;
-        let mut bytes = BUFFER.take();
-        let read = files::contents(path, &file, &metadata, limit, &mut bytes);
-        let particles = read.and_then(|()| format.parse(path, &bytes, limit));
-        if bytes.capacity() <= BUFFERED {
-            BUFFER.set(bytes);
-        }
-        let mut particles = particles?;
-        if format.extension == ".pos" {
-            pos::read_ellipsoids(path, &mut particles, limit)?;
-        }
-        Ok(particles)
+        Contents::read(path, &ReadOptions::default()).map(|contents| contents.particles)
     }
 
     /// Like [`Particles::read`], with the contents at hand; `path` gives the format and stands in
@@ -136,7 +183,7 @@ impl Particles {
     ///
     /// As [`Particles::read`].
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
-        format_for(path)?.parse(path, bytes, files::unpacked_limit(bytes.len() as u64))
+        Contents::parse(path, bytes, &ReadOptions::default()).map(|contents| contents.particles)
     }
 
     /// Writes one frame, whole or not at all, in the format that the extension names; see
@@ -227,18 +274,24 @@ impl Particles {
         }
     }
 
-    /// Keeps the attribute `name` if limpid knows it and does not have it yet.
-    fn attach(&mut self, name: &str, table: &Table<'_>, columns: &[Column]) -> Result<()> {
-        match (known(name), columns) {
-            (Some("velocity"), &[x, y, z]) if self.velocities.is_none() => {
+    /// Keeps an attribute that it does not have yet, if it is of so many numbers; whether it did.
+    fn attach(
+        &mut self,
+        attribute: Attribute,
+        name: &str,
+        table: &Table<'_>,
+        columns: &[Column],
+    ) -> Result<bool> {
+        match (attribute, columns) {
+            (Attribute::Velocity, &[x, y, z]) if self.velocities.is_none() => {
                 self.check_rows(name, table)?;
                 self.velocities = Some(table.vectors([x, y, z], "velocity")?);
             }
-            (Some("density"), &[column]) if self.densities.is_none() => {
+            (Attribute::Density, &[column]) if self.densities.is_none() => {
                 self.check_rows(name, table)?;
                 self.densities = Some(table.floats([column], "density")?.into_flattened());
             }
-            (Some("radius"), &[column]) if self.radii.is_none() => {
+            (Attribute::Radius, &[column]) if self.radii.is_none() => {
                 self.check_rows(name, table)?;
                 let radii = table.floats([column], "radius")?.into_flattened();
                 if let Some(i) = radii.iter().position(|&r| r < 0.0) {
@@ -247,18 +300,18 @@ impl Particles {
                 }
                 self.radii = Some(radii);
             }
-            (Some("id"), &[column]) if self.ids.is_none() => {
+            (Attribute::Id, &[column]) if self.ids.is_none() => {
                 self.check_rows(name, table)?;
                 self.ids = Some(table.integers(column, "id")?);
             }
-            (Some("ellipsoid"), &[xx, yy, zz, xy, yz, xz]) if self.ellipsoids.is_none() => {
+            (Attribute::Ellipsoid, &[xx, yy, zz, xy, yz, xz]) if self.ellipsoids.is_none() => {
                 self.check_rows(name, table)?;
                 let entries = table.floats([xx, yy, zz, xy, yz, xz], "ellipsoid")?;
                 self.ellipsoids = Some(bytemuck::allocation::cast_vec(entries));
             }
-            _ => {}
+            _ => return Ok(false),
         }
-        Ok(())
+        Ok(true)
     }
 
     fn check_rows(&self, name: &str, table: &Table<'_>) -> Result<()> {
@@ -268,6 +321,50 @@ impl Particles {
         }
         let problem = format!("attribute {name} has {rows} entries for {particles} particles");
         Err(table.source.error(table.start, problem))
+    }
+}
+
+impl Contents {
+    /// As [`Particles::read`], with what the file holds besides.
+    ///
+    /// # Errors
+    ///
+    /// As [`Particles::read`]; [`Error::Malformed`] for a file that unpacks to more than it may, and
+    /// [`Error::Format`] if an array that the options name is not there.
+    pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let format = format_for(path)?;
+        if format.extension == ".xyz"
+            && options.map.is_empty()
+            && let Some(particles) = xyz::read_raw(path, options.max_unpacked)
+        {
+            return Ok(particles.into());
+        }
+        let (file, metadata) = files::open(path)?;
+        let limit = options.max_unpacked.unwrap_or_else(|| files::unpacked_limit(metadata.len()));
+        let reading = Reading { limit, map: &options.map };
+        format.probe(path, &file, metadata.len())?;
+        let mut bytes = BUFFER.take();
+        let read = files::contents(path, &file, &metadata, limit, &mut bytes);
+        let contents = read.and_then(|()| format.parse(path, &bytes, &reading));
+        if bytes.capacity() <= BUFFERED {
+            BUFFER.set(bytes);
+        }
+        let mut contents = contents?;
+        if format.extension == ".pos" {
+            pos::read_ellipsoids(path, &mut contents, limit)?;
+        }
+        Ok(contents)
+    }
+
+    /// As [`Contents::read`], with the contents at hand; see [`Particles::parse`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Contents::read`].
+    pub fn parse(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Self> {
+        let limit = options.max_unpacked;
+        let limit = limit.unwrap_or_else(|| files::unpacked_limit(bytes.len() as u64));
+        format_for(path)?.parse(path, bytes, &Reading { limit, map: &options.map })
     }
 }
 
@@ -311,18 +408,6 @@ thread_local! {
 /// Buffers of more bytes than this are not kept: those of about a million particles are.
 const BUFFERED: usize = 64 << 20;
 
-/// The attribute that simulators call `name`.
-fn known(name: &str) -> Option<&'static str> {
-    Some(match name.to_ascii_lowercase().as_str() {
-        "velocity" | "velocities" | "vel" | "v" => "velocity",
-        "density" | "rho" | "rhop" => "density",
-        "radius" | "radii" | "pscale" => "radius",
-        "id" | "ids" | "idp" => "id",
-        "ellipsoid" => "ellipsoid",
-        _ => return None,
-    })
-}
-
 /// The problem of a `what` that unpacks to more than it may, and the remedy.
 fn unpacks_to_more(what: &str, limit: u64) -> String {
     format!("the {what} unpacks to more than {limit} bytes; --max-unpacked MIB allows more")
@@ -345,13 +430,7 @@ pub(crate) fn origin_for(places: impl Iterator<Item = DVec3>) -> DVec3 {
     if far { middle } else { DVec3::ZERO }
 }
 
-enum Reader {
-    Plain(fn(&Path, &[u8]) -> Result<Particles>),
-    /// Of what may be packed, and how many bytes it may unpack to.
-    Packed(fn(&Path, &[u8], u64) -> Result<Particles>),
-}
-use Reader::{Packed, Plain};
-
+type Reader = fn(&Path, &[u8], &Reading<'_>) -> Result<Contents>;
 type Writer = fn(&Particles, &mut BufWriter<&File>) -> io::Result<()>;
 
 struct Format {
@@ -377,26 +456,28 @@ const FORMATS: [Format; 12] = {
         Format { extension, read, write: Some(write), holds, wide }
     }
     [
-        format(".bgeo", Packed(bgeo::read), bgeo::write_gzip, ALL, false),
-        format(".bgeo.gz", Packed(bgeo::read), bgeo::write_gzip, ALL, false),
-        format(".bhclassic", Packed(bgeo::read), bgeo::write, ALL, false),
-        format(".vtk", Plain(vtk::read), vtk::write, ALL, true),
-        format(".vtu", Packed(vtu::read), vtu::write, ALL, true),
-        Format { extension: ".vtp", read: Packed(vtu::read), write: None, holds: ALL, wide: true },
-        format(".ply", Plain(ply::read), ply::write, ALL, true),
-        format(".npy", Plain(npy::read), npy::write, &[], true),
-        format(".npz", Packed(npz::read), npz::write, ALL, true),
-        format(".xyz", Plain(xyz::read), xyz::write, &[], false),
-        format(".pos", Plain(pos::read), pos::write, &["radius", "ellipsoid"], false),
-        format(".csv", Plain(csv::read), csv::write, ALL, true),
+        format(".bgeo", bgeo::read, bgeo::write_gzip, ALL, false),
+        format(".bgeo.gz", bgeo::read, bgeo::write_gzip, ALL, false),
+        format(".bhclassic", bgeo::read, bgeo::write, ALL, false),
+        format(".vtk", vtk::read, vtk::write, ALL, true),
+        format(".vtu", vtu::read, vtu::write, ALL, true),
+        Format { extension: ".vtp", read: vtu::read, write: None, holds: ALL, wide: true },
+        format(".ply", ply::read, ply::write, ALL, true),
+        format(".npy", npy::read, npy::write, &[], true),
+        format(".npz", npz::read, npz::write, ALL, true),
+        format(".xyz", xyz::read, xyz::write, &[], false),
+        format(".pos", pos::read, pos::write, &["radius", "ellipsoid"], false),
+        format(".csv", csv::read, csv::write, ALL, true),
     ]
 };
 
 impl Format {
-    fn parse(&self, path: &Path, bytes: &[u8], limit: u64) -> Result<Particles> {
-        match self.read {
-            Plain(read) => read(path, bytes),
-            Packed(read) => read(path, bytes, limit),
+    /// Fails too if an array is not there that the options name.
+    fn parse(&self, path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
+        let contents = (self.read)(path, bytes, reading)?;
+        match contents.unread(reading.map) {
+            Some(problem) => Err(Error::format(path, problem)),
+            None => Ok(contents),
         }
     }
 
@@ -410,7 +491,8 @@ impl Format {
         }
         let mut start = vec![0; START as usize];
         files::read_at(file, &mut start, 0).map_err(|source| Error::io(path, "read", source))?;
-        match (self.parse(path, &start, LARGE), self.extension) {
+        let reading = Reading { limit: LARGE, map: &AttributeMap::default() };
+        match ((self.read)(path, &start, &reading), self.extension) {
             // All others may come from the cut.
             (Err(error @ Error::Format { .. }), _) => Err(error),
             (_, ".xyz") => xyz::check_length(path, &start, length),
@@ -579,6 +661,37 @@ const ELLIPSOID_COLUMNS: [&str; 6] = [
     "ellipsoid_yz",
     "ellipsoid_xz",
 ];
+
+/// The columns of a vector whose names begin with one of `bases`, among names in lower case: `vx`,
+/// `Points:0`, `Points_0`, `Pos.x` and so on.
+fn vector_among(names: &[String], bases: &[&str]) -> Option<Vec<usize>> {
+    let find = |wanted: &str| names.iter().position(|name| name == wanted);
+    let mut spellings = bases.iter().flat_map(|base| {
+        ["", ":", "_", "."].into_iter().flat_map(move |between| {
+            [["x", "y", "z"], ["0", "1", "2"]]
+                .map(|axes| axes.map(|axis| format!("{base}{between}{axis}")))
+        })
+    });
+    spellings.find_map(|names| names.iter().map(|name| find(name)).collect())
+}
+
+/// The columns of the velocities.
+fn velocity_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
+    match map.array_of(Attribute::Velocity) {
+        Some(name) => vector_among(names, &[&name]),
+        None => vector_among(names, &["velocity", "velocities", "vel", "v"]),
+    }
+}
+
+/// The columns of the ellipsoids.
+fn ellipsoid_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
+    let base = map.array_of(Attribute::Ellipsoid).unwrap_or_else(|| "ellipsoid".into());
+    let find = |wanted: &String| names.iter().position(|name| name == wanted);
+    let spelt = |between: &str| [0, 1, 2, 3, 4, 5].map(|k| format!("{base}{between}{k}"));
+    let letters = ELLIPSOID_COLUMNS.map(|name| name.replacen("ellipsoid", &base, 1));
+    let spellings = [letters, spelt(":"), spelt("_")];
+    spellings.iter().find_map(|names| names.iter().map(find).collect())
+}
 
 /// The length of a file that begins like this if it is binary STL. That has no magic, but its
 /// length follows from its count of triangles.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::camera::{Camera, is_place};
 use crate::environment::Environment;
 use crate::error::{Error, Result};
-use crate::particles::Up;
+use crate::particles::{AttributeMap, Up};
 use crate::passes::gbuffer::{MAX_LIGHTS, MAX_SOLIDS};
 use crate::passes::mixture::MAX_FLUIDS;
 use crate::recipe::Recipe;
@@ -46,7 +46,7 @@ pub struct Scene {
 }
 
 /// A particle file or sequence, as a scene names it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParticleSource {
     /// A file, a pattern or a folder, relative to the scene file.
@@ -64,6 +64,9 @@ pub struct ParticleSource {
     /// the film.
     #[serde(default)]
     pub fps: Option<f64>,
+    /// Which arrays attributes are read from, where they go by other names than the usual ones.
+    #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
+    pub map: AttributeMap,
 }
 
 /// One of several liquids in a scene. All have one index of refraction: that of [`Scene::liquid`].

@@ -62,6 +62,31 @@ impl Sequence {
         self.frames.get(at)
     }
 
+    /// How far the numbers of two frames are apart that follow each other: the largest number that
+    /// all differences are multiples of, 1 for a single frame. Simulators number their files by steps,
+    /// of which they write every hundredth.
+    pub fn stride(&self) -> u64 {
+        let gcd = |mut a: u64, mut b: u64| {
+            while b > 0 {
+                (a, b) = (b, a % b);
+            }
+            a
+        };
+        let pairs = self.frames.array_windows();
+        pairs.map(|[a, b]| b.number.abs_diff(a.number)).fold(0, gcd).max(1)
+    }
+
+    /// The ranges of numbers that are missing between frames: the first and the last of each.
+    pub fn gaps(&self) -> Vec<(i64, i64)> {
+        let stride = self.stride();
+        let pairs = self.frames.array_windows();
+        let gaps = pairs.filter(|[a, b]| b.number.abs_diff(a.number) > stride);
+        let ends = |[a, b]: &[Frame; 2]| {
+            (a.number.saturating_add_unsigned(stride), b.number.saturating_sub_unsigned(stride))
+        };
+        gaps.map(ends).collect()
+    }
+
     /// The frames of both, by number; where both have one, this one's.
     pub(crate) fn joined(mut self, other: &Self) -> Self {
         let new = other.frames.iter().filter(|frame| self.frame(frame.number).is_none());

@@ -178,16 +178,8 @@ fn every_pass_has_a_model() {
     renderer.timing = true;
     let ball = |x: f32, fluid: u32| Splat { tags: fluid, ..sphere(Vec3::X * x, 0.2) };
     let splats = splats(&[ball(0.0, 0), ball(0.5, 1)], &[ball(-0.5, 0)], 0.1);
-    let fluid = |red: f32| Fluid {
-        particles: ParticleSource {
-            source: String::new(),
-            frame: None,
-            radius: None,
-            up: Default::default(),
-            fps: None,
-        },
-        absorption: Vec3::X * red,
-    };
+    let fluid =
+        |red: f32| Fluid { particles: ParticleSource::default(), absorption: Vec3::X * red };
     let point = Light::Point { position: DVec3::Y * 5.0, intensity: Vec3::ONE };
     let mut names = BTreeSet::new();
     for method in Method::ALL {

@@ -136,6 +136,20 @@ fn what_is_lost_is_told_once() {
     assert!(info.contains("5 particles, radius, ellipsoid"), "{info}");
 }
 
+/// Arrays that are no attributes are told too, unless they are mapped.
+#[test]
+fn arrays_that_are_left_out_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("a.csv"), "x,y,z,Diameter,h\n0,0,0,5,0.5\n1,0,0,5,0.5\n").unwrap();
+    let (code, stderr) = convert(folder, &["a.csv", "a.npz"]);
+    assert_eq!(code, 0);
+    assert!(stderr.starts_with("limpid: a.csv: Diameter, h are left out; --map "), "{stderr}");
+    let (_, stderr) = convert(folder, &["a.csv", "b.npz", "--map", "radius=h"]);
+    assert!(stderr.starts_with("limpid: a.csv: Diameter is left out"), "{stderr}");
+    assert_eq!(read(folder, "b.npz").radii, Some(vec![0.5; 2]));
+}
+
 #[test]
 fn damage_is_told_and_leaves_nothing() {
     let folder = sequence();

@@ -394,7 +394,7 @@ fn render(folder: &Path, args: &[&str], path: Option<&Path>) -> Result<(), (i32,
     if let Some(path) = path {
         command.env("PATH", path);
     }
-    let command = command.current_dir(folder).arg("render").args(args);
+    let command = command.current_dir(folder).args(["render", "--quiet"]).args(args);
     if !args.iter().any(|arg| arg.starts_with("--size")) {
         command.arg("--size=160x120");
     }

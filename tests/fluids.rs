@@ -26,13 +26,7 @@ fn fluids(absorptions: &[Vec3]) -> Scene {
     scene.fluids = absorptions
         .iter()
         .map(|&absorption| Fluid {
-            particles: ParticleSource {
-                source: "unused".into(),
-                frame: None,
-                radius: None,
-                up: Default::default(),
-                fps: None,
-            },
+            particles: ParticleSource { source: "unused".into(), ..Default::default() },
             absorption,
         })
         .collect();

@@ -8,7 +8,6 @@ use limpid::aov::{self, Aov};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::Gpu;
-use limpid::particles::Up;
 use limpid::passes::classify::{Splat, Splats};
 use limpid::renderer::{Picture, Renderer};
 use limpid::scene::{Fluid, Light, Liquid, ParticleSource, Scene, Shape, Solid, Surface};
@@ -103,9 +102,7 @@ fn scene() -> Scene {
 }
 
 fn fluid(absorption: Vec3) -> Fluid {
-    let particles =
-        ParticleSource { source: "".into(), frame: None, radius: None, up: Up::Y, fps: None };
-    Fluid { particles, absorption }
+    Fluid { particles: ParticleSource::default(), absorption }
 }
 
 fn solids() -> Vec<Solid> {

@@ -143,6 +143,65 @@ fn moments_meet_the_frames() {
     assert_eq!(at(quarter[4]), 4.0);
 }
 
+/// Steps of a simulation of which every hundredth was written are frames, not time between them: slow
+/// motion makes as many pictures of them as of frames 0 to 3.
+#[test]
+fn an_even_stride_is_one_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let numbers = [0, 100, 200, 300];
+    let mut input = open(folder.path(), &numbers);
+    assert_eq!(input.sequence.stride(), 100);
+    assert_eq!(input.moments(&numbers, 0.99).len(), 4);
+    let halves = input.moments(&numbers, 0.5);
+    let half = Moment { frame: 100, next: 200, fraction: 0.5 };
+    assert_eq!((halves.len(), halves[3], halves[6]), (7, half, Moment::at(300)));
+    input.missing = Missing::Hold;
+    assert_eq!(FrameSpec::All.numbers(&input.sequence, input.missing).unwrap(), numbers);
+    assert!(input.sequence.gaps().is_empty());
+
+    let folder = tempfile::tempdir().unwrap();
+    let gap = open(folder.path(), &[-40, -20, 40]).sequence;
+    assert_eq!((gap.stride(), gap.gaps()), (20, vec![(0, 20)]));
+    let held = FrameSpec::All.numbers(&gap, Missing::Hold).unwrap();
+    assert_eq!(held, [-40, -20, 0, 20, 40]);
+}
+
+/// A time beyond the frames is an error that names them.
+#[test]
+fn times_beyond_the_frames_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = open(folder.path(), &[3, 4, 6]);
+    let at = |time| input.moment(&[3, 4, 6], time);
+    assert_eq!(at(6.0).unwrap(), Moment::at(6));
+    assert_eq!(at(5.0).unwrap(), Moment { frame: 4, next: 6, fraction: 0.5 });
+    for time in [2.9, 6.1, f64::NAN, f64::INFINITY, -1e300] {
+        let error = at(time).unwrap_err();
+        assert!(matches!(error, Error::Sequence { .. }));
+        assert!(error.to_string().contains("3 to 6"), "{error}");
+    }
+}
+
+/// Numbers of any size neither overflow nor lose the moments between them.
+#[test]
+fn frame_numbers_may_be_extreme() {
+    let folder = tempfile::tempdir().unwrap();
+    let (least, most) = (i64::MIN, i64::MAX);
+    let close = [most - 4, most - 2, most];
+    let input = open(folder.path(), &close);
+    let halves = input.moments(&close, 0.5);
+    assert_eq!(halves[1], Moment { frame: most - 4, next: most - 2, fraction: 0.5 });
+    assert!(halves[1].time().is_finite());
+    assert_eq!(FrameSpec::All.numbers(&input.sequence, Missing::Hold).unwrap(), close);
+
+    let folder = tempfile::tempdir().unwrap();
+    let apart = [least, 0, most];
+    let input = open(folder.path(), &apart);
+    assert_eq!(input.sequence.gaps(), [(least + 1, -1), (1, most - 1)]);
+    assert!(FrameSpec::All.numbers(&input.sequence, Missing::Hold).is_err());
+    let middle = input.moment(&apart, 2f64.powi(62)).unwrap();
+    assert!(middle.frame == 0 && (middle.fraction - 0.5).abs() < 1e-9);
+}
+
 /// `--missing`: an error that names the frame, nothing, or the last one before.
 #[test]
 fn missing_frames() {
@@ -169,10 +228,10 @@ fn missing_frames() {
     assert!("nothing".parse::<Missing>().is_err());
 }
 
-/// Runs `limpid render` over frames 1 and 3 of a small ball that moves, and lists the pictures.
+/// Runs `limpid render` over frames 1, 2 and 4 of a small ball that moves, and lists the pictures.
 fn render(arguments: &[&str]) -> Result<Vec<(String, Vec<u8>)>, String> {
     let folder = tempfile::tempdir().unwrap();
-    for number in [1, 3] {
+    for number in [1, 2, 4] {
         let grid = || (0..4).map(|i| 0.05 * f64::from(i));
         let places = grid().flat_map(|x| grid().flat_map(move |y| grid().map(move |z| (x, y, z))));
         let line =
@@ -182,7 +241,9 @@ fn render(arguments: &[&str]) -> Result<Vec<(String, Vec<u8>)>, String> {
     }
     let output = assert_cmd::Command::new(env!("CARGO_BIN_EXE_limpid"))
         .current_dir(folder.path())
-        .args(["render", "w_{}.xyz", "--size", "48x36", "--radius", "0.025", "-o", "out/"])
+        .args([
+            "render", "--quiet", "w_{}.xyz", "--size", "48x36", "--radius", "0.025", "-o", "out/",
+        ])
         .args(arguments)
         .output()
         .unwrap();
@@ -211,30 +272,39 @@ fn slow_motion_and_gaps_on_the_command_line() {
     };
     let Some(_) = gpu() else { return };
     let plain = render(&[]).unwrap();
-    assert_eq!(names(&plain), ["frame_0001.png", "frame_0003.png"]);
+    assert_eq!(names(&plain), ["frame_0001.png", "frame_0002.png", "frame_0004.png"]);
 
     let slow = render(&["--speed", "0.5"]).unwrap();
-    let five: Vec<_> = (1..=5).map(|i| format!("frame_{i:04}.png")).collect();
-    assert_eq!(names(&slow), five);
-    assert_eq!((&slow[0].1, &slow[4].1), (&plain[0].1, &plain[1].1));
+    let seven: Vec<_> = (1..=7).map(|i| format!("frame_{i:04}.png")).collect();
+    assert_eq!(names(&slow), seven);
+    assert_eq!((&slow[2].1, &slow[6].1), (&plain[1].1, &plain[2].1));
     assert!(slow.windows(2).all(|pair| pair[0].1 != pair[1].1), "each is a moment of its own");
     let halves: Vec<_> = ["1/2", "2/2"]
         .iter()
         .flat_map(|shard| render(&["--speed", "0.5", "--shard", shard]).unwrap())
         .collect();
-    assert!(halves.iter().all(|picture| slow.contains(picture)) && halves.len() == 5);
+    assert!(halves.iter().all(|picture| slow.contains(picture)) && halves.len() == 7);
 
     let held = render(&["--missing", "hold"]).unwrap();
-    assert_eq!(names(&held), five[..3]);
-    assert_eq!(held[1].1, plain[0].1);
+    assert_eq!(names(&held), seven[..4]);
+    assert_eq!(held[2].1, plain[1].1);
     let empty = render(&["--missing", "empty"]).unwrap();
-    assert_ne!(empty[1].1, plain[0].1);
-    assert_eq!(empty[2].1, plain[1].1);
+    assert_ne!(empty[2].1, plain[1].1);
+    assert_eq!(empty[3].1, plain[2].1);
 
-    let error = render(&["--frames", "1-3"]).unwrap_err();
-    assert!(error.contains("1 of 3 frames are missing: 2"), "{error}");
+    let error = render(&["--frames", "1-4"]).unwrap_err();
+    assert!(error.contains("1 of 4 frames are missing: 3"), "{error}");
+    // Beyond the frames is no frame, not the last one.
+    for time in ["0", "4.5", "-3", "1e30"] {
+        let error = render(&["--at", time]).unwrap_err();
+        assert!(error.contains("is not in its frames, 1 to 4"), "{error}");
+    }
+    for time in ["nan", "inf", "soon"] {
+        let error = render(&["--at", time]).unwrap_err();
+        assert!(error.contains("expected a time in frames"), "{error}");
+    }
     let error = render(&["--speed", "0"]).unwrap_err();
     assert!(error.contains("--speed 0: 0.001 to 1000 expected"), "{error}");
-    let error = render(&["--speed", "0.5", "--frames", "3,1"]).unwrap_err();
+    let error = render(&["--speed", "0.5", "--frames", "4,1"]).unwrap_err();
     assert!(error.contains("in order"), "{error}");
 }

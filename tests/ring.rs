@@ -16,7 +16,7 @@ fn frame(number: usize, splats: usize) -> Loaded {
         number: number as i64,
         particles: splats,
         splats: Splats { aggregates: vec![splat; splats], ..Splats::default() },
-        bounds: Default::default(),
+        ..Loaded::default()
     }
 }
 

@@ -105,7 +105,8 @@ fn drawn(folder: &Path, cache: &Path) -> RgbImage {
     command.env("NODEVICE_SELECT", "1").env("XDG_CACHE_HOME", cache).env("HOME", cache);
     command.env_remove("LOCALAPPDATA").current_dir(folder);
     let output = command
-        .args(["render", "--size=48x32", "--radius=0.03", "-o", "water.png", "water.xyz"])
+        .args(["render", "--quiet", "--size=48x32", "--radius=0.03", "-o", "water.png"])
+        .arg("water.xyz")
         .timeout(std::time::Duration::from_secs(60))
         .output()
         .expect("the program starts");

@@ -90,7 +90,7 @@ impl<'a> Source<'a> {
                 Moment::at(frame)
             }
             (Some(at), ..) => {
-                let moment = self.input.moment(&numbers, at);
+                let moment = self.input.moment(&numbers, at)?;
                 if moment.fraction == 0.0 {
                     return Err(fail(format!(
                         "time {at} is not between frames; {}",

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use limpid::frames::FrameSpec;
 use limpid::input;
 use limpid::output::{self, Files, Kind, OutputNames};
-use limpid::particles::{Particles, Up};
+use limpid::particles::{Contents, Particles, Up};
 use limpid::sequence::{Frame, Sequence};
 use rayon::prelude::*;
 
@@ -24,7 +24,7 @@ pub(crate) struct Args {
     #[arg(long, default_value = "y", value_parser = parse_up)]
     up: Up,
     #[command(flatten)]
-    unpacking: super::Unpacking,
+    reading: super::Reading,
     /// Leave frames alone whose file exists.
     #[arg(long)]
     skip_existing: bool,
@@ -60,7 +60,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
 
     let bar = super::render::progress(todo.len());
-    let mut lost: Vec<&str> = Vec::new();
+    let (mut lost, mut ignored) = (Vec::new(), Vec::new());
     // No more frames in memory than threads, whichever of their work is stolen.
     for frames in todo.chunks(rayon::current_num_threads()) {
         let convert = |frame: &&Frame| {
@@ -71,23 +71,45 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let converted: Vec<_> = frames.par_iter().map(convert).collect();
         for names in converted {
             // A line of the bar must not be left beside the error.
-            let names = names.inspect_err(|_| bar.finish_and_clear())?;
-            lost.extend(names.into_iter().filter(|name| !lost.contains(name)).collect::<Vec<_>>());
+            let (names, arrays) = names.inspect_err(|_| bar.finish_and_clear())?;
+            add(&mut lost, names);
+            add(&mut ignored, arrays);
         }
     }
     bar.finish_and_clear();
     if !lost.is_empty() {
         super::complain(format!("{output}: this format has no room for {}", lost.join(", ")));
     }
+    if !ignored.is_empty() {
+        let (arrays, those) = (ignored.join(", "), if ignored.len() > 1 { "are" } else { "is" });
+        let remedy = "--map reads attributes from arrays of other names";
+        super::complain(format!("{}: {arrays} {those} left out; {remedy}", args.input));
+    }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Converts a frame, and says what was lost.
-fn convert(frame: &Frame, path: &Path, args: &Args) -> limpid::Result<Vec<&'static str>> {
-    let mut particles = Particles::read_within(&frame.path, args.unpacking.max_unpacked)?;
+/// Converts a frame, and says what was lost: attributes that the format cannot hold, and arrays
+/// that are none.
+fn convert(
+    frame: &Frame,
+    path: &Path,
+    args: &Args,
+) -> limpid::Result<(Vec<&'static str>, Vec<String>)> {
+    let Contents { mut particles, arrays, .. } =
+        Contents::read(&frame.path, &args.reading.options())?;
     particles.to_y_up(args.up);
     particles.write(path)?;
-    particles.lost(path)
+    let ignored = arrays.into_iter().filter(|array| array.used_as.is_none());
+    Ok((particles.lost(path)?, ignored.map(|array| array.name).collect()))
+}
+
+/// Adds the names that are not there yet.
+fn add<T: PartialEq>(names: &mut Vec<T>, more: Vec<T>) {
+    for name in more {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
 }
 
 fn parse_up(text: &str) -> Result<Up, &'static str> {

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use limpid::frames::FrameSpec;
 use limpid::glam::DVec3;
 use limpid::input::Input;
+use limpid::particles::{Array, Attribute, Contents};
 use limpid::scene::Scene;
 use limpid::settings::Processor;
 use serde::Serialize;
@@ -20,7 +21,7 @@ pub(crate) struct Args {
     #[arg(long)]
     radius: Option<f32>,
     #[command(flatten)]
-    unpacking: super::Unpacking,
+    reading: super::Reading,
     /// Print machine-readable results.
     #[arg(long)]
     json: bool,
@@ -43,13 +44,26 @@ struct FrameInfo {
     min: [f64; 3],
     max: [f64; 3],
     attributes: Vec<&'static str>,
+    /// What the file holds besides the places.
+    arrays: Vec<ArrayInfo>,
     /// m; estimated from the spacing unless given, none for a lone particle.
     radius: Option<f32>,
     splashes: Option<usize>,
 }
 
+#[derive(Serialize)]
+struct ArrayInfo {
+    name: String,
+    shape: Vec<usize>,
+    /// The attribute that it is read as; none of one that is ignored.
+    used_as: Option<&'static str>,
+    /// Name and shape.
+    #[serde(skip)]
+    told: String,
+}
+
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut input = Input::open(&args.input, &[])?.with_max_unpacked(args.unpacking.max_unpacked);
+    let mut input = Input::open(&args.input, &[])?.with_options(&args.reading.options());
     if let Some(radius) = args.radius {
         input = input.with_radius(radius)?;
     }
@@ -72,7 +86,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // No adapter is needed for that.
     scene.settings.classify.on = Processor::Cpu;
     for frame in chosen {
-        let particles = input.particles(frame)?;
+        let Contents { particles, arrays, .. } = input.contents(frame)?;
         // What is in a file can be said without a radius.
         let loaded = input.prepare(frame, &particles, &scene).ok();
         let (min, max) = particles.bounds().unwrap_or_default();
@@ -83,6 +97,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             min: min.to_array().map(shortest),
             max: max.to_array().map(shortest),
             attributes: particles.attribute_names().collect(),
+            arrays: arrays.into_iter().map(array_info).collect(),
             radius: loaded.as_ref().map(|loaded| loaded.splats.radius),
             splashes: loaded.as_ref().map(|loaded| loaded.splats.splashes.len()),
         });
@@ -90,6 +105,22 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let text = if args.json { serde_json::to_string_pretty(&info)? } else { describe(&info) };
     super::print(&text)?;
     Ok(ExitCode::SUCCESS)
+}
+
+impl ArrayInfo {
+    /// `velocity (4732, 3)`, `U (4732, 3) as velocity`.
+    fn tell(&self) -> String {
+        match self.used_as {
+            Some(attribute) if attribute != self.name => format!("{} as {attribute}", self.told),
+            _ => self.told.clone(),
+        }
+    }
+}
+
+fn array_info(array: Array) -> ArrayInfo {
+    let told = array.to_string();
+    let Array { name, shape, used_as } = array;
+    ArrayInfo { name, shape, used_as: used_as.map(Attribute::name), told }
 }
 
 /// A 32-bit float's own digits, not those that it has as a 64-bit one.
@@ -109,6 +140,13 @@ fn describe(info: &Info) -> String {
         let [x, y, z] = [0, 1, 2].map(|i| format!("{} to {}", frame.min[i], frame.max[i]));
         lines.push(format!("frame {}: {}", frame.frame, frame.path));
         lines.push(format!("  {} particles, {attributes}", frame.particles));
+        for (used, title) in [(true, "used"), (false, "ignored")] {
+            let arrays = frame.arrays.iter().filter(|array| array.used_as.is_some() == used);
+            let told: Vec<String> = arrays.map(ArrayInfo::tell).collect();
+            if !told.is_empty() {
+                lines.push(format!("  {title}: {}", told.join(", ")));
+            }
+        }
         lines.push(format!("  x {x}, y {y}, z {z} m"));
         lines.push(match (frame.radius, frame.splashes) {
             (Some(radius), Some(splashes)) => format!("  radius {radius} m, {splashes} splashes"),

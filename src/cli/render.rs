@@ -6,6 +6,7 @@ mod output;
 mod pick;
 mod plan;
 mod queue;
+mod words;
 
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
@@ -40,6 +41,7 @@ use manifest::{Log, Manifest, Outcome, Status};
 use output::Output;
 use plan::Plan;
 use queue::{Job, Queue};
+use words::Words;
 
 /// Exit codes: some frames failed and others did not, there is no adapter that can draw them, and
 /// the device failed.
@@ -74,7 +76,7 @@ pub(crate) struct Args {
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
     /// One moment at this time, in frames: 12.25 is a quarter of the way from 12 to 13.
-    #[arg(long, allow_hyphen_values = true, value_name = "TIME")]
+    #[arg(long, allow_hyphen_values = true, value_name = "TIME", value_parser = parse_time)]
     at: Option<f64>,
     /// Where it is seen from, m and degrees: `eye=1,2,3 target=0,0,0 fov_y=40`, and where wanted
     /// up=0,1,0 and near=0.01 [default: the scene's camera].
@@ -87,7 +89,7 @@ pub(crate) struct Args {
     #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
     memory: u64,
     #[command(flatten)]
-    unpacking: super::Unpacking,
+    reading: super::Reading,
     /// One share of the frames, I/N with I from 1.
     #[arg(long)]
     shard: Option<Shard>,
@@ -151,6 +153,9 @@ pub(crate) struct Args {
     /// Write intermediate images beside each picture, as NAME.aov.exr: a list, or all.
     #[arg(long, value_name = "LIST", value_parser = aov::parse_list)]
     aov: Option<AovList>,
+    /// Say nothing on standard error but errors, and show no progress.
+    #[arg(short, long)]
+    quiet: bool,
     /// Write adapter, counts and milliseconds per pass.
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
@@ -177,7 +182,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut plan = Plan::new(args)?;
     output::check(args, &plan.takes)?;
     let picked = pick::pick(args, &mut plan)?;
-    let Plan { input, scene, moments, takes, fps } = plan;
+    let Plan { input, scene, moments, takes, fps, notices } = plan;
     // A film must not stay behind half-written.
     signals::finish_first();
     let output = Output::open(args, takes.len(), fps)?;
@@ -192,14 +197,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     });
     let manifest = args.manifest.as_deref().map(|path| Manifest::open(path, host)).transpose()?;
     let keep_going = args.keep_going;
-    let bar = progress(takes.len());
+    let bar = if args.quiet { ProgressBar::hidden() } else { progress(takes.len()) };
+    let mut words = Words::new(bar.clone(), args.quiet);
+    notices.iter().for_each(|notice| words.notice(notice));
     let mut log = Log { manifest, pictures, bar, keep_going, failed: Vec::new() };
-    let takes = args.shard.unwrap_or_default().of(takes).collect();
+    let takes: Vec<_> = args.shard.unwrap_or_default().of(takes).collect();
+    let wanted = takes.len();
     let mut queue = Queue::new(takes, fingerprints, claims);
     if args.skip_existing || args.claim {
         queue.skip(&mut log)?;
     }
     if queue.is_empty() {
+        words.line(&format!("{wanted} of {wanted} pictures are there already"));
         return Ok(ExitCode::SUCCESS);
     }
     log.bar.set_length(queue.len() as u64);
@@ -220,6 +229,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         place: loader.place().clone(),
         output,
         stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
+        words,
         failures: 0,
         since: Instant::now(),
     };
@@ -237,9 +247,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(code) = signals::received().filter(|_| !queue.is_empty()) {
         return Ok(ExitCode::from(code));
     }
-    let Easel { output, stats, .. } = easel;
-    output.finish()?;
+    let Easel { output, stats, words, .. } = easel;
     let failed = log.failed;
+    let numbers: Vec<i64> = stats.frames.iter().map(|frame| frame.frame).collect();
+    let others = wanted.saturating_sub(numbers.len() + failed.len());
+    let told = output.told(&numbers, others);
+    output.finish()?;
+    words.line(&told);
     if failed.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
@@ -323,6 +337,7 @@ struct Easel<'a> {
     place: Place,
     output: Output,
     stats: Stats,
+    words: Words,
     /// Of the device, in a row.
     failures: u32,
     /// When the last picture was done, or the wait for others.
@@ -332,6 +347,8 @@ struct Easel<'a> {
 impl Easel<'_> {
     /// Tells the device to draw a picture.
     fn begin(&mut self, job: &Job, loaded: Arc<Loaded>) -> Sitting {
+        let view = (&job.take.camera, self.args.size);
+        self.words.frame(&loaded, &self.scene, view, &self.stats.adapter);
         let drawing = self.begin_drawing(job, &loaded);
         Sitting { loaded, drawing }
     }
@@ -438,6 +455,11 @@ pub(super) fn progress(frames: usize) -> ProgressBar {
     let bar = if frames > 1 { ProgressBar::new(frames as u64) } else { ProgressBar::hidden() };
     let template = "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left";
     bar.with_style(ProgressStyle::with_template(template).expect("the template is valid"))
+}
+
+fn parse_time(text: &str) -> Result<f64, &'static str> {
+    let time = text.parse().ok().filter(|time: &f64| time.is_finite());
+    time.ok_or("expected a time in frames, as 12 or 12.25")
 }
 
 pub(crate) fn parse_size(text: &str) -> Result<UVec2, String> {

@@ -38,7 +38,7 @@ pub(crate) struct Args {
     #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
     memory: u64,
     #[command(flatten)]
-    unpacking: super::Unpacking,
+    reading: super::Reading,
     /// Write what happens, one JSON object a line with seconds since the start: for tests and
     /// reports of defects. `ui_ms` is the longest that the interface worked without a pause.
     #[arg(long, value_name = "FILE.jsonl")]
@@ -63,7 +63,7 @@ pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
         overrides,
         frames: args.frames,
         missing: args.missing,
-        max_unpacked: args.unpacking.max_unpacked,
+        options: args.reading.options(),
     };
     let memory = args.memory << 20;
     let shown = run(Options { source: Some(source), window: args.size, memory, log: args.log });

@@ -22,16 +22,17 @@ use flate2::read::MultiGzDecoder;
 use flate2::{Compression, write::GzEncoder};
 
 use super::{
-    Column, Cursor, Particles, Scalar, Values, foreign, narrow_id, too_large, unpacks_to_more,
+    AttributeMap, Column, Contents, Cursor, Particles, Reading, Scalar, Values, foreign, narrow_id,
+    too_large, unpacks_to_more,
 };
 use crate::error::{Error, Place, Result};
 use crate::files::DEFLATE_RATIO;
 
-pub(crate) fn read(path: &Path, bytes: &[u8], limit: u64) -> Result<Particles> {
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
-        parse(path, &unpack(path, bytes, limit)?)
+        parse(path, &unpack(path, bytes, reading.limit)?, reading.map)
     } else {
-        parse(path, bytes)
+        parse(path, bytes, reading.map)
     }
 }
 
@@ -107,7 +108,7 @@ fn encode(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
     out.write_all(&[0x00, 0xff])
 }
 
-fn parse(path: &Path, bytes: &[u8]) -> Result<Particles> {
+fn parse(path: &Path, bytes: &[u8], map: &AttributeMap) -> Result<Contents> {
     if !bytes.starts_with(b"BgeoV") {
         return Err(foreign(path, bytes, "a BGEO file of version 5"));
     }
@@ -143,16 +144,20 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Particles> {
                 return Err(file.error(problem));
             }
         };
-        named_columns.push((name, columns));
+        named_columns.push((name, size, columns));
         stride = stride.saturating_add(4 * size);
     }
 
     let table = file.table(points, stride, true, "points")?;
-    let mut particles = table.particles(Column::triple(Scalar::F32))?;
-    for (name, columns) in &named_columns {
-        particles.attach(name, &table, columns)?;
+    let mut contents = Contents::from(table.particles(Column::triple(Scalar::F32))?);
+    for (name, size, columns) in &named_columns {
+        match columns.as_slice() {
+            // Strings.
+            [] => contents.list(name, &[points, *size], None),
+            columns => contents.take(map, name, &table, columns)?,
+        }
     }
-    Ok(particles)
+    Ok(contents)
 }
 
 fn skip_defaults(file: &mut Cursor<'_>, size: usize) -> Result<usize> {

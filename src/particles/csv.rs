@@ -3,7 +3,8 @@
 //!
 //! The first line may name the columns. A vector's are told by its name, perhaps a `:`, `_` or `.`,
 //! and `x`, `y`, `z` or `0`, `1`, `2`: `x`, `px`, `Points:0`, `Points_0`, `Pos.x [m]`. Without such
-//! a line the first three columns are x, y and z.
+//! a line the first three columns are x, y and z. Lines that begin with `#` are left out, but for
+//! one before the numbers that names as many columns as they have.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -14,26 +15,26 @@ use csv::{ByteRecord, ReaderBuilder, Trim};
 use glam::DVec3;
 
 use super::{
-    Column, Cursor, ELLIPSOID_COLUMNS, Particles, Scalar, Table, Values, foreign, known,
-    known_magic, origin_for,
+    Attribute, AttributeMap, Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values,
+    ellipsoid_among, foreign, known_magic, origin_for, vector_among, velocity_among,
 };
 use crate::error::{Error, Result};
 
-/// What positions and velocities are called before the axis.
+/// What positions are called before the axis.
 const POSITION: [&str; 9] =
     ["", "p", "points", "point", "pos", "position", "positions", "coord", "coordinates"];
-const VELOCITY: [&str; 4] = ["velocity", "velocities", "vel", "v"];
 
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
     if known_magic(bytes).is_some() {
         return Err(foreign(path, bytes, "a table of text"));
     }
     let skipped = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     let text = &bytes[skipped..];
+    let (comments, delimiter) = beginning(text);
     let file = Cursor::new(path, bytes, true);
     let mut records = ReaderBuilder::new()
-        .delimiter(delimiter(text))
+        .delimiter(delimiter)
         .has_headers(false)
         .flexible(true)
         .comment(Some(b'#'))
@@ -52,14 +53,17 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
 
     let mut start = next(&mut record)?;
     let named = record.iter().take(3).any(|field| float(field).is_none());
-    let names: Vec<String> = match named {
-        true => record.iter().map(canonical).collect(),
-        false => ["x", "y", "z"].map(String::from).into(),
+    let labels: Vec<String> = match named {
+        true => record.iter().map(label).collect(),
+        false => commented(&comments, delimiter, record.len()).unwrap_or_else(|| {
+            let unnamed = (3..record.len()).map(|column| format!("column {}", column + 1));
+            ["x", "y", "z"].map(String::from).into_iter().chain(unnamed).collect()
+        }),
     };
     if start.is_none() {
-        return Ok(Particles::default());
+        return Ok(Contents::default());
     }
-    let wanted = Wanted::among(path, &names)?;
+    let wanted = Wanted::among(path, labels, reading.map)?;
     if named {
         start = next(&mut record)?;
     }
@@ -91,20 +95,52 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
         big_endian: false,
         starts: Some(starts),
     };
-    wanted.particles(&table)
+    wanted.contents(&table)
 }
 
-fn delimiter(text: &[u8]) -> u8 {
-    let line = text.split(|&byte| byte == b'\n').find(|line| !line.trim_ascii().is_empty());
-    let count =
-        |delimiter: &u8| line.unwrap_or_default().iter().filter(|&byte| byte == delimiter).count();
+/// The lines before the first one that is no comment, and the delimiter of that.
+fn beginning(text: &[u8]) -> (Vec<&[u8]>, u8) {
+    let mut comments = Vec::new();
+    let mut first: &[u8] = &[];
+    for line in text.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii) {
+        match line.strip_prefix(b"#") {
+            Some(comment) => comments.push(comment),
+            None if line.is_empty() => {}
+            None => {
+                first = line;
+                break;
+            }
+        }
+    }
+    let count = |delimiter: &u8| first.iter().filter(|&byte| byte == delimiter).count();
     // The last of those that are equal: comma, if there is none.
-    [b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b',')
+    (comments, [b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b','))
+}
+
+/// The names of so many columns that a comment gives, as `NumPy` writes them.
+fn commented(comments: &[&[u8]], delimiter: u8, columns: usize) -> Option<Vec<String>> {
+    comments.iter().rev().find_map(|comment| {
+        let mut line = ReaderBuilder::new()
+            .delimiter(delimiter)
+            .has_headers(false)
+            .trim(Trim::All)
+            .from_reader(*comment);
+        let mut record = ByteRecord::new();
+        line.read_byte_record(&mut record).ok()?;
+        let labels: Vec<String> = record.iter().map(label).collect();
+        let names: Vec<String> = labels.iter().map(|label| canonical(label)).collect();
+        let names_all = names.len() == columns && vector_among(&names, &POSITION).is_some();
+        names_all.then_some(labels)
+    })
+}
+
+fn label(field: &[u8]) -> String {
+    String::from_utf8_lossy(field).trim().to_owned()
 }
 
 /// A column's name without case and unit, as `Rhop [kg/m^3]` has one.
-fn canonical(name: &[u8]) -> String {
-    let name = String::from_utf8_lossy(name).to_ascii_lowercase();
+fn canonical(label: &str) -> String {
+    let name = label.to_ascii_lowercase();
     name.split(" [").next().unwrap_or_default().trim().to_owned()
 }
 
@@ -125,25 +161,18 @@ fn integer_bytes(field: &[u8]) -> Option<[u8; 8]> {
 
 /// The columns of positions and attributes, and what they are.
 struct Wanted {
-    /// Name, fields of the record, whether they are integers.
-    attributes: Vec<(&'static str, Vec<usize>, bool)>,
+    /// Of all columns, as the file has them.
+    labels: Vec<String>,
+    /// Fields of the record.
+    positions: Vec<usize>,
+    /// Those of each attribute, in the order of [`Wanted::among`].
+    attributes: Vec<(Attribute, Vec<usize>)>,
 }
 
 impl Wanted {
-    fn among(path: &Path, names: &[String]) -> Result<Self> {
-        let find = |wanted: &str| names.iter().position(|name| name == wanted);
-        let vector = |bases: &[&str]| {
-            let spellings = bases.iter().flat_map(|base| {
-                ["", ":", "_", "."].into_iter().flat_map(move |between| {
-                    [["x", "y", "z"], ["0", "1", "2"]]
-                        .map(|axes| axes.map(|axis| format!("{base}{between}{axis}")))
-                })
-            });
-            spellings
-                .filter_map(|names| names.iter().map(|name| find(name)).collect::<Option<Vec<_>>>())
-                .next()
-        };
-        let Some(positions) = vector(&POSITION) else {
+    fn among(path: &Path, labels: Vec<String>, map: &AttributeMap) -> Result<Self> {
+        let names: Vec<String> = labels.iter().map(|label| canonical(label)).collect();
+        let Some(positions) = vector_among(&names, &POSITION) else {
             let there: Vec<&str> = names.iter().take(8).map(String::as_str).collect();
             let problem = format!(
                 "no columns x, y and z or Points:0 to Points:2; there are: {}",
@@ -151,41 +180,55 @@ impl Wanted {
             );
             return Err(Error::format(path, problem));
         };
-        let mut attributes = vec![("position", positions, false)];
-        attributes.extend(vector(&VELOCITY).map(|fields| ("velocity", fields, false)));
-        let spelt = |between: &str| [0, 1, 2, 3, 4, 5].map(|k| format!("ellipsoid{between}{k}"));
-        let ellipsoid = [ELLIPSOID_COLUMNS.map(String::from), spelt(":"), spelt("_")];
-        let ellipsoid = ellipsoid
-            .iter()
-            .find_map(|names| names.iter().map(|name| find(name)).collect::<Option<Vec<_>>>());
-        attributes.extend(ellipsoid.map(|fields| ("ellipsoid", fields, false)));
-        for (field, name) in names.iter().enumerate() {
-            if let Some(name @ ("density" | "radius" | "id")) = known(name) {
-                attributes.push((name, vec![field], name == "id"));
-            }
-        }
-        Ok(Self { attributes })
+        let velocity = velocity_among(&names, map).map(|fields| (Attribute::Velocity, fields));
+        let ellipsoid = ellipsoid_among(&names, map).map(|fields| (Attribute::Ellipsoid, fields));
+        let single = names.iter().enumerate().filter_map(|(field, name)| {
+            let attribute = map.attribute_of(name).or_else(|| map.attribute_of(&labels[field]))?;
+            let single = !matches!(attribute, Attribute::Velocity | Attribute::Ellipsoid);
+            single.then(|| (attribute, vec![field]))
+        });
+        let attributes = velocity.into_iter().chain(ellipsoid).chain(single).collect();
+        Ok(Self { labels, positions, attributes })
     }
 
+    /// Name, field and whether it is an integer, of every number that is read.
     fn fields(&self) -> impl Iterator<Item = (&'static str, usize, bool)> {
-        self.attributes.iter().flat_map(|(name, fields, integer)| {
-            fields.iter().map(move |&field| (*name, field, *integer))
-        })
+        let positions = self.positions.iter().map(|&field| ("position", field, false));
+        let attributes = self.attributes.iter().flat_map(|(attribute, fields)| {
+            let integer = *attribute == Attribute::Id;
+            fields.iter().map(move |&field| (attribute.name(), field, integer))
+        });
+        positions.chain(attributes)
     }
 
-    fn particles(&self, table: &Table<'_>) -> Result<Particles> {
-        let mut particles = Particles::default();
-        let mut offset = 0;
-        for (name, fields, integer) in &self.attributes {
-            let scalar = if *integer { Scalar::I64 } else { Scalar::F64 };
-            let columns = Column::adjacent(offset, fields.len(), scalar);
-            offset += fields.len() * scalar.size();
-            match (*name, columns.as_slice()) {
-                ("position", &[x, y, z]) => particles = table.particles([x, y, z])?,
-                _ => particles.attach(name, table, &columns)?,
+    fn contents(&self, table: &Table<'_>) -> Result<Contents> {
+        let columns: Vec<Column> = self
+            .fields()
+            .enumerate()
+            .map(|(k, (_, _, integer))| {
+                let scalar = if integer { Scalar::I64 } else { Scalar::F64 };
+                Column { offset: k * scalar.size(), scalar }
+            })
+            .collect();
+        let (positions, mut rest) = columns.split_at(3);
+        let positions = [positions[0], positions[1], positions[2]];
+        let mut contents = Contents::from(table.particles(positions)?);
+        let mut used = self.positions.clone();
+        for (attribute, fields) in &self.attributes {
+            let names: Vec<&str> = fields.iter().map(|&at| self.labels[at].as_str()).collect();
+            let shape = [table.rows, fields.len()];
+            let shape = if fields.len() == 1 { &shape[..1] } else { &shape[..] };
+            let columns;
+            (columns, rest) = rest.split_at(fields.len());
+            contents.take_as(Some(*attribute), &names.join(" "), shape, table, columns)?;
+            used.extend(fields);
+        }
+        for (at, label) in self.labels.iter().enumerate() {
+            if !used.contains(&at) {
+                contents.list(label, &[table.rows], None);
             }
         }
-        Ok(particles)
+        Ok(contents)
     }
 }
 

@@ -15,15 +15,15 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::{Column, Cursor, Particles, Scalar, Table, foreign, write_numbers};
+use super::{Column, Contents, Cursor, Particles, Reading, Scalar, Table, foreign, write_numbers};
 use crate::error::{Error, Result};
 
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Contents> {
     if !bytes.starts_with(MAGIC) {
         return Err(foreign(path, bytes, "a NumPy array"));
     }
     let mut file = Cursor::new(path, bytes, false);
-    Header::read(&mut file)?.positions(&mut file)
+    Header::read(&mut file)?.positions(&mut file).map(Contents::from)
 }
 
 const MAGIC: &[u8] = b"\x93NUMPY";
@@ -73,6 +73,11 @@ impl Header {
         self.shape.split(',').map(str::trim).filter(|size| !size.is_empty()).collect()
     }
 
+    /// The sizes along all axes, as far as they are numbers.
+    pub(super) fn shape(&self) -> Vec<usize> {
+        self.sizes().iter().filter_map(|size| size.parse().ok()).collect()
+    }
+
     /// Whether this can be positions.
     pub(super) fn triples(&self) -> bool {
         matches!(self.sizes().as_slice(), [_, "3"])
@@ -117,7 +122,8 @@ impl Header {
         }
     }
 
-    /// The array, one row a particle, if its shape is (n) or (n, k) and it holds plain numbers.
+    /// The array, one row a particle, if its shape is (n) or (n, k) and it holds plain numbers; of
+    /// one number, shape (), a single row.
     pub(super) fn table<'a>(
         &self,
         file: &mut Cursor<'a>,
@@ -128,6 +134,7 @@ impl Header {
         let Some((big_endian, scalar)) = self.scalar() else { return Ok(None) };
         let sizes = self.sizes();
         let (rows, size) = match *sizes.as_slice() {
+            [] => ("1", 1),
             [rows] => (rows, 1),
             [rows, size] => (rows, file.count(Some(size), "the shape")?),
             _ => return Ok(None),

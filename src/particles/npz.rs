@@ -9,7 +9,10 @@ use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
 use super::npy::{self, Header};
-use super::{Cursor, Particles, Values, foreign, known, unpacks_to_more, write_numbers};
+use super::{
+    Attribute, AttributeMap, Column, Contents, Cursor, Particles, Reading, Table, Values, foreign,
+    unpacks_to_more, write_numbers,
+};
 use crate::error::{Error, Place, Result, printable};
 use crate::files::DEFLATE_RATIO;
 
@@ -18,7 +21,7 @@ const POSITIONS: [&str; 6] = ["positions", "position", "pos", "x", "points", "ar
 
 type Archive<'a> = ZipArchive<io::Cursor<&'a [u8]>>;
 
-pub(crate) fn read(path: &Path, bytes: &[u8], limit: u64) -> Result<Particles> {
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if !bytes.starts_with(b"PK\x03\x04") && !bytes.starts_with(b"PK\x05\x06") {
         return Err(foreign(path, bytes, "an archive of NumPy arrays"));
     }
@@ -34,56 +37,96 @@ pub(crate) fn read(path: &Path, bytes: &[u8], limit: u64) -> Result<Particles> {
             arrays.push((index, name.to_owned()));
         }
     }
+    let (limit, map) = (reading.limit, reading.map);
     let mut archive = Members { path, archive, packed: bytes.len() as u64, limit };
-    let mut particles = {
-        let (index, name) = positions(&mut archive, &arrays)?;
-        let path = archive.named(&name);
-        let bytes = archive.unpack(index, &name, usize::MAX)?;
+    let heads = heads(&mut archive, &arrays)?;
+    let places = positions(path, map, &arrays, &heads)?;
+    let mut contents = {
+        let (index, name) = &arrays[places];
+        let path = archive.named(name);
+        let bytes = archive.unpack(*index, name, usize::MAX)?;
         let mut file = Cursor::new(&path, &bytes, false);
-        Header::read(&mut file)?.positions(&mut file)?
+        Contents::from(Header::read(&mut file)?.positions(&mut file)?)
     };
-    for (index, name) in &arrays {
+    let others = arrays.iter().zip(&heads).enumerate().filter(|(at, _)| *at != places);
+    for (_, ((index, name), head)) in others {
+        let shape = head.as_ref().map(Header::shape).unwrap_or_default();
+        let attribute = map.attribute_of(name);
         // The first of several counts, and no other is unpacked.
-        if known(name).is_some_and(|name| !particles.attribute_names().any(|has| has == name)) {
-            let path = archive.named(name);
-            let bytes = archive.unpack(*index, name, usize::MAX)?;
-            let mut file = Cursor::new(&path, &bytes, false);
-            if let Some((table, columns)) = Header::read(&mut file)?.table(&mut file, name)? {
-                particles.attach(name, &table, &columns)?;
-            }
-        }
+        let has = |attribute: Attribute| {
+            contents.particles.attribute_names().any(|has| has == attribute.name())
+        };
+        let Some(attribute) = attribute.filter(|&attribute| !has(attribute)) else {
+            contents.list(name, &shape, None);
+            continue;
+        };
+        let path = archive.named(name);
+        let bytes = archive.unpack(*index, name, usize::MAX)?;
+        let mut file = Cursor::new(&path, &bytes, false);
+        let Some((table, columns)) = Header::read(&mut file)?.table(&mut file, name)? else {
+            contents.list(name, &shape, None);
+            continue;
+        };
+        let table = for_all(table, &columns, attribute, &shape, contents.particles.len());
+        contents.take_as(Some(attribute), name, &shape, &table, &columns)?;
     }
-    Ok(particles)
+    Ok(contents)
 }
 
-/// The array that holds the positions.
-fn positions(archive: &mut Members<'_>, arrays: &[(usize, String)]) -> Result<(usize, String)> {
+/// One radius or density that holds for all particles, as one for each.
+fn for_all<'a>(
+    table: Table<'a>,
+    columns: &[Column],
+    attribute: Attribute,
+    shape: &[usize],
+    rows: usize,
+) -> Table<'a> {
+    let single = matches!(attribute, Attribute::Radius | Attribute::Density);
+    match columns {
+        [column] if single && matches!(shape, [] | [1]) && rows != 1 => {
+            Table { rows, stride: 0, bytes: table.bytes, ..table }
+        }
+        _ => table,
+    }
+}
+
+/// The headers of all arrays; none of what is no array of plain numbers.
+fn heads(archive: &mut Members<'_>, arrays: &[(usize, String)]) -> Result<Vec<Option<Header>>> {
     /// Enough for the header of any array of plain numbers.
     const HEADER: usize = 1 << 12;
-    let mut triples = Vec::new();
-    for (index, name) in arrays {
+    let mut head = |(index, name): &(usize, String)| {
         let path = archive.named(name);
         let start = archive.unpack(*index, name, HEADER)?;
-        // What cannot be understood here may be no array of plain numbers, so no concern.
-        if Header::read(&mut Cursor::new(&path, &start, false)).is_ok_and(|head| head.triples()) {
-            triples.push((*index, name.clone()));
-        }
-    }
+        Ok(Header::read(&mut Cursor::new(&path, &start, false)).ok())
+    };
+    arrays.iter().map(&mut head).collect()
+}
+
+/// Which array holds the positions.
+fn positions(
+    path: &Path,
+    map: &AttributeMap,
+    arrays: &[(usize, String)],
+    heads: &[Option<Header>],
+) -> Result<usize> {
+    let triples = heads.iter().enumerate();
+    let triples = triples.filter(|(_, head)| head.as_ref().is_some_and(Header::triples));
+    let triples: Vec<(usize, &str)> = triples.map(|(at, _)| (at, arrays[at].1.as_str())).collect();
     let named = POSITIONS
         .iter()
         .find_map(|known| triples.iter().find(|(_, name)| name.eq_ignore_ascii_case(known)));
     let other = || {
-        let mut others = triples.iter().filter(|(_, name)| known(name).is_none());
+        let mut others = triples.iter().filter(|(_, name)| map.attribute_of(name).is_none());
         others.next().filter(|_| others.next().is_none())
     };
-    named.or_else(other).cloned().ok_or_else(|| {
+    named.or_else(other).map(|&(at, _)| at).ok_or_else(|| {
         let there: Vec<&str> = arrays.iter().take(8).map(|(_, name)| name.as_str()).collect();
         let problem = format!(
             "no array `{}` of shape (n, 3) of floats, nor a single other one; there are: {}",
             POSITIONS.join("`, `"),
             there.join(", ")
         );
-        Error::format(archive.path, problem)
+        Error::format(path, problem)
     })
 }
 

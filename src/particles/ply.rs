@@ -10,7 +10,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::{
-    Column, Cursor, ELLIPSOID_COLUMNS, Particles, Scalar, Table, Values, foreign, narrow_id,
+    Attribute, AttributeMap, Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values,
+    ellipsoid_among, foreign, narrow_id, velocity_among,
 };
 use crate::error::{Error, Result};
 
@@ -29,10 +30,10 @@ struct Element {
 
 enum Property {
     Number { name: String, scalar: Scalar },
-    List { length: Scalar, item: Scalar },
+    List { name: String, length: Scalar, item: Scalar },
 }
 
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if !bytes.starts_with(b"ply\n") && !bytes.starts_with(b"ply\r\n") {
         return Err(foreign(path, bytes, "a PLY file"));
     }
@@ -51,7 +52,11 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
             file.take_records(element.count, element.stride(encoding), &element.name)?;
         }
     }
-    vertices(&mut file, &elements[vertex], encoding)
+    let mut contents = vertices(&mut file, &elements[vertex], encoding, reading.map)?;
+    let cells = ["face", "tristrips", "edge"];
+    let cells = elements.iter().filter(|element| cells.contains(&element.name.as_str()));
+    contents.cells = cells.map(|element| element.count).fold(0, usize::saturating_add);
+    Ok(contents)
 }
 
 fn header(file: &mut Cursor<'_>) -> Result<(Encoding, Vec<Element>)> {
@@ -71,7 +76,8 @@ fn header(file: &mut Cursor<'_>) -> Result<(Encoding, Vec<Element>)> {
             ["property", kind @ .., name] => {
                 let property = match kind {
                     ["list", length, item] => {
-                        Property::List { length: scalar(file, length)?, item: scalar(file, item)? }
+                        let (length, item) = (scalar(file, length)?, scalar(file, item)?);
+                        Property::List { name: (*name).into(), length, item }
                     }
                     [kind] => {
                         Property::Number { name: (*name).into(), scalar: scalar(file, kind)? }
@@ -169,7 +175,7 @@ fn record(
     for property in &element.properties {
         match *property {
             Property::Number { scalar, .. } => keep(file.take(scalar.size(), name)?),
-            Property::List { length, item } => {
+            Property::List { length, item, .. } => {
                 let column = Column { offset: 0, scalar: length };
                 let bytes = file.take(length.size(), name)?;
                 match column.integer(bytes, encoding == Encoding::BigEndian).map(usize::try_from) {
@@ -182,12 +188,17 @@ fn record(
     Ok(())
 }
 
-fn vertices(file: &mut Cursor<'_>, element: &Element, encoding: Encoding) -> Result<Particles> {
+fn vertices(
+    file: &mut Cursor<'_>,
+    element: &Element,
+    encoding: Encoding,
+    map: &AttributeMap,
+) -> Result<Contents> {
     let columns = element.columns(encoding);
+    let names: Vec<String> = columns.iter().map(|(name, _)| name.to_ascii_lowercase()).collect();
     let stride = element.stride(encoding);
     let big_endian = encoding == Encoding::BigEndian;
-    let find = |name: &str| columns.iter().find(|(n, _)| *n == name).map(|&(_, column)| column);
-    let find_all = |names: &[&str]| names.iter().map(|name| find(name)).collect::<Option<Vec<_>>>();
+    let find = |name: &str| columns.iter().position(|(n, _)| *n == name);
     let (Some(x), Some(y), Some(z)) = (find("x"), find("y"), find("z")) else {
         let problem = "the vertices have no properties x, y and z";
         return Err(Error::format(file.source.path, problem));
@@ -208,19 +219,31 @@ fn vertices(file: &mut Cursor<'_>, element: &Element, encoding: Encoding) -> Res
         file.table(element.count, stride, big_endian, "vertices")?
     };
 
-    let mut particles = table.particles([x, y, z])?;
-    for names in [["vx", "vy", "vz"], ["velocity_x", "velocity_y", "velocity_z"]] {
-        if let Some(columns) = find_all(&names) {
-            particles.attach("velocity", &table, &columns)?;
+    let position = [x, y, z];
+    let mut contents = Contents::from(table.particles(position.map(|at| columns[at].1))?);
+    let mut taken = position.to_vec();
+    let vectors = [
+        (Attribute::Velocity, velocity_among(&names, map)),
+        (Attribute::Ellipsoid, ellipsoid_among(&names, map)),
+    ];
+    for (attribute, at) in vectors {
+        let Some(at) = at else { continue };
+        let (names, columns): (Vec<&str>, Vec<Column>) = at.iter().map(|&k| columns[k]).unzip();
+        let shape = [table.rows, at.len()];
+        contents.take_as(Some(attribute), &names.join(" "), &shape, &table, &columns)?;
+        taken.extend(at);
+    }
+    for (at, (name, column)) in columns.iter().enumerate() {
+        if !taken.contains(&at) {
+            contents.take(map, name, &table, &[*column])?;
         }
     }
-    if let Some(columns) = find_all(&ELLIPSOID_COLUMNS) {
-        particles.attach("ellipsoid", &table, &columns)?;
+    for property in &element.properties {
+        if let Property::List { name, .. } = property {
+            contents.list(name, &[table.rows], None);
+        }
     }
-    for (name, column) in &columns {
-        particles.attach(name, &table, &[*column])?;
-    }
-    Ok(particles)
+    Ok(contents)
 }
 
 /// Writes the vertices, binary and little-endian.

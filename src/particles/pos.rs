@@ -22,12 +22,15 @@ use std::path::Path;
 use glam::{DMat3, Mat3};
 use rayon::prelude::*;
 
-use super::{Column, Cursor, Ellipsoid, Particles, Scalar, foreign, known_magic, too_large};
+use super::{
+    Attribute, Column, Contents, Cursor, Ellipsoid, Particles, Reading, Scalar, foreign,
+    known_magic, too_large,
+};
 use crate::error::{Error, Result};
 use crate::output::Kind;
 use crate::{files, output};
 
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Contents> {
     if known_magic(bytes).is_some() {
         return Err(foreign(path, bytes, "a frame of particles"));
     }
@@ -39,10 +42,13 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
     }
     let table = file.table(rows, 12, false, "positions")?;
     end(&mut file, "positions (solids have another kind of .pos, with several meshes)")?;
-    let mut particles = table.particles(Column::triple(Scalar::F32))?;
+    let mut contents = Contents::from(table.particles(Column::triple(Scalar::F32))?);
     // 0 stands for a radius that is not known.
-    particles.radii = (radius > 0.0).then(|| vec![radius; rows]);
-    Ok(particles)
+    if radius > 0.0 {
+        contents.particles.radii = Some(vec![radius; rows]);
+        contents.list("radius", &[], Some(Attribute::Radius));
+    }
+    Ok(contents)
 }
 
 /// Fails if a file of this length cannot hold as many particles as its first bytes say.
@@ -70,11 +76,15 @@ pub(crate) fn check_ellipsoids_length(path: &Path, start: &[u8], length: u64) ->
 }
 
 /// Reads the ellipsoids that lie beside a file, if they do.
-pub(crate) fn read_ellipsoids(path: &Path, particles: &mut Particles, limit: u64) -> Result<()> {
+pub(super) fn read_ellipsoids(path: &Path, contents: &mut Contents, limit: u64) -> Result<()> {
     let path = path.with_extension("ani");
     let mut bytes = Vec::new();
     match files::read(&path, |_| limit, &mut bytes) {
-        Ok(()) => particles.ellipsoids = Some(ellipsoids(&path, &bytes, particles.len())?),
+        Ok(()) => {
+            let rows = contents.particles.len();
+            contents.particles.ellipsoids = Some(ellipsoids(&path, &bytes, rows)?);
+            contents.list("ellipsoid", &[rows, 9], Some(Attribute::Ellipsoid));
+        }
         Err(Error::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {}
         Err(error) => return Err(error),
     }

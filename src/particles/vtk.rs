@@ -10,14 +10,24 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::{Column, Cursor, Particles, Scalar, Table, Values, foreign, write_numbers};
+use super::{
+    AttributeMap, Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values, foreign,
+    write_numbers,
+};
 use crate::error::{Error, Result};
 
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if !bytes.starts_with(b"# vtk DataFile Version ") {
         return Err(foreign(path, bytes, "a legacy VTK file"));
     }
-    Vtk::open(path, bytes)?.read()
+    Vtk::open(path, bytes, reading.map)?.read()
+}
+
+/// Whether cells of this type are nothing but points.
+pub(super) fn is_point(kind: Option<i64>) -> bool {
+    const VERTEX: i64 = 1;
+    const POLY_VERTEX: i64 = 2;
+    matches!(kind, Some(VERTEX | POLY_VERTEX))
 }
 
 /// What the numbers of an attribute belong to.
@@ -33,11 +43,14 @@ struct Vtk<'a> {
     /// From version 5 on, cells are stored as offsets and connectivity.
     split_cells: bool,
     section: Section,
-    particles: Option<Particles>,
+    map: &'a AttributeMap,
+    contents: Option<Contents>,
+    /// Cells of more than a point.
+    cells: usize,
 }
 
 impl<'a> Vtk<'a> {
-    fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
+    fn open(path: &'a Path, bytes: &'a [u8], map: &'a AttributeMap) -> Result<Self> {
         let mut file = Cursor::new(path, bytes, true);
         let first = file.line().unwrap_or_default();
         let version = first.rsplit(' ').next().and_then(|version| {
@@ -63,16 +76,18 @@ impl<'a> Vtk<'a> {
             }
         };
         file.source.text = text;
-        Ok(Self { file, split_cells, section: Section::Dataset, particles: None })
+        let section = Section::Dataset;
+        Ok(Self { file, split_cells, section, map, contents: None, cells: 0 })
     }
 
-    fn read(mut self) -> Result<Particles> {
+    fn read(mut self) -> Result<Contents> {
         while let Some(line) = self.keyword_line() {
             let words: Vec<&str> = line.split_ascii_whitespace().collect();
             let keyword = words.first().copied().unwrap_or_default().to_ascii_uppercase();
             self.block(&keyword, &words)?;
         }
-        self.particles.ok_or_else(|| self.file.error("the file ends before `POINTS`"))
+        let missing = || self.file.error("the file ends before `POINTS`");
+        Ok(Contents { cells: self.cells, ..self.contents.ok_or_else(missing)? })
     }
 
     /// The next line with a keyword. Blank lines and METADATA blocks, which last up to a blank
@@ -104,11 +119,19 @@ impl<'a> Vtk<'a> {
             }
             "CELLS" | "VERTICES" | "LINES" | "POLYGONS" | "TRIANGLE_STRIPS" => {
                 let (cells, size) = (count(1)?, count(2)?);
+                if !matches!(keyword, "CELLS" | "VERTICES") {
+                    self.cells = self.cells.saturating_add(cells);
+                }
                 self.cells(cells, size)
             }
             "CELL_TYPES" => {
                 let cells = count(1)?;
-                self.table(cells, 1, Scalar::I32, keyword).map(drop)
+                let table = self.table(cells, 1, Scalar::I32, keyword)?;
+                let column = Column { offset: 0, scalar: self.stored(Scalar::I32) };
+                let records = table.bytes.chunks_exact(table.stride);
+                let points = records.filter(|record| is_point(column.integer(record, true)));
+                self.cells = self.cells.saturating_add(table.rows - points.count());
+                Ok(())
             }
             "CELL_DATA" => {
                 self.section = Section::Cells(count(1)?);
@@ -116,7 +139,7 @@ impl<'a> Vtk<'a> {
             }
             "POINT_DATA" => {
                 let rows = count(1)?;
-                let particles = self.particles.as_ref().map_or(0, Particles::len);
+                let particles = self.contents.as_ref().map_or(0, |contents| contents.particles.len());
                 if rows != particles {
                     let problem = format!("POINT_DATA for {rows} points, but there are {particles}");
                     return Err(self.file.error(problem));
@@ -162,12 +185,12 @@ impl<'a> Vtk<'a> {
     }
 
     fn points(&mut self, rows: usize, scalar: Scalar) -> Result<()> {
-        if self.particles.is_some() {
+        if self.contents.is_some() {
             return Err(self.file.error("a second POINTS block"));
         }
         let table = self.table(rows, 3, scalar, "POINTS")?;
         let xyz = Column::triple(self.stored(scalar));
-        self.particles = Some(table.particles(xyz)?);
+        self.contents = Some(table.particles(xyz)?.into());
         Ok(())
     }
 
@@ -227,10 +250,14 @@ impl<'a> Vtk<'a> {
     fn values(&mut self, name: &str, rows: usize, size: usize, scalar: Scalar) -> Result<()> {
         let table = self.table(rows, size, scalar, name)?;
         let stored = self.stored(scalar);
-        match (&mut self.particles, self.section) {
+        match (&mut self.contents, self.section) {
             // No attribute of ours has more than six numbers; others may claim any size.
-            (Some(particles), Section::Points(_)) if size <= 6 => {
-                particles.attach(name, &table, &Column::adjacent(0, size, stored))
+            (Some(contents), Section::Points(_)) if size <= 6 => {
+                contents.take(self.map, name, &table, &Column::adjacent(0, size, stored))
+            }
+            (Some(contents), Section::Points(_)) => {
+                contents.list(name, &[rows, size], None);
+                Ok(())
             }
             _ => Ok(()),
         }

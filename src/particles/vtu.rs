@@ -26,16 +26,18 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use rayon::prelude::*;
 
+use super::vtk::is_point;
 use super::{
-    Column, Particles, Scalar, Source, Table, Values, foreign, known, unpacks_to_more,
-    write_numbers,
+    AttributeMap, Column, Contents, MOST_LISTED, Particles, Reading, Scalar, Source, Table, Values,
+    foreign, unpacks_to_more, write_numbers,
 };
 use crate::error::{Error, Result};
 use crate::files::DEFLATE_RATIO;
 
-pub(crate) fn read(path: &Path, bytes: &[u8], limit: u64) -> Result<Particles> {
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     let source = Source { path, bytes, text: false };
-    let document = Document::read(source)?;
+    let (limit, map) = (reading.limit, reading.map);
+    let document = Document::read(source, map)?;
     let mut merged: Vec<Merged<'_>> = Vec::new();
     // Arrays may share their bytes, so their sum is bounded by nothing in the file.
     let mut unpacked = 0_u64;
@@ -69,7 +71,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8], limit: u64) -> Result<Particles> {
         }
     }
 
-    let mut particles = None;
+    let mut contents: Option<Contents> = None;
     let order = |m: &Merged<'_>| !m.points;
     merged.sort_by_key(order); // Points may come after their attributes.
     for array in merged {
@@ -85,15 +87,24 @@ pub(crate) fn read(path: &Path, bytes: &[u8], limit: u64) -> Result<Particles> {
             starts: Some(Vec::new()),
         };
         let columns = Column::adjacent(0, size, scalar);
-        match (&mut particles, columns.as_slice()) {
-            (None, &[x, y, z]) if array.points => particles = Some(table.particles([x, y, z])?),
-            (Some(particles), _) => particles.attach(array.name, &table, &columns)?,
+        match (&mut contents, columns.as_slice()) {
+            (None, &[x, y, z]) if array.points => {
+                contents = Some(table.particles([x, y, z])?.into());
+            }
+            (Some(contents), _) => contents.take(map, array.name, &table, &columns)?,
             _ => {}
         }
     }
-    match particles {
-        Some(particles) if particles.len() == document.rows => Ok(particles),
-        None if document.rows == 0 => Ok(Particles::default()),
+    match contents {
+        Some(mut contents) if contents.particles.len() == document.rows => {
+            for (name, [rows, size]) in &document.ignored {
+                let shape = [*rows, *size];
+                contents.list(name, if *size == 1 { &shape[..1] } else { &shape }, None);
+            }
+            contents.cells = document.cells.saturating_add(document.cells_by_type(limit));
+            Ok(contents)
+        }
+        None if document.rows == 0 => Ok(Contents::default()),
         _ => {
             let problem = format!("{} points, but not all have a place", document.rows);
             Err(source.error(document.end, problem))
@@ -122,6 +133,12 @@ struct Document<'a> {
     /// Points of all pieces.
     rows: usize,
     arrays: Vec<Array>,
+    /// Names and shapes of the points' other arrays.
+    ignored: Vec<(String, [usize; 2])>,
+    /// Lines, strips and polygons.
+    cells: usize,
+    /// The types of cells, a piece each.
+    types: Vec<Array>,
     /// The appended data, and whether it is base64.
     appended: Option<(usize, bool)>,
     /// Where the XML, as far as it was read, ends.
@@ -153,11 +170,12 @@ enum Data {
 enum Section {
     Points,
     PointData,
+    Cells,
     Other,
 }
 
 impl<'a> Document<'a> {
-    fn read(source: Source<'a>) -> Result<Self> {
+    fn read(source: Source<'a>, map: &AttributeMap) -> Result<Self> {
         let mut document = Self {
             source,
             big_endian: false,
@@ -165,12 +183,15 @@ impl<'a> Document<'a> {
             compressed: false,
             rows: 0,
             arrays: Vec::new(),
+            ignored: Vec::new(),
+            cells: 0,
+            types: Vec::new(),
             appended: None,
             end: 0,
         };
         let mut xml = Reader::from_reader(source.bytes);
         let (mut opened, mut closed) = (false, false);
-        let (mut section, mut rows) = (Section::Other, 0);
+        let (mut section, mut rows, mut cells) = (Section::Other, 0, 0);
         loop {
             let start = xml.buffer_position() as usize;
             let event = xml.read_event().map_err(|error| {
@@ -182,7 +203,7 @@ impl<'a> Document<'a> {
                 Event::Start(element) | Event::Empty(element) => element,
                 Event::End(element) => {
                     match element.name().as_ref() {
-                        b"Points" | b"PointData" => section = Section::Other,
+                        b"Points" | b"PointData" | b"Cells" => section = Section::Other,
                         b"VTKFile" => closed = true,
                         _ => {}
                     }
@@ -202,14 +223,32 @@ impl<'a> Document<'a> {
                 b"Piece" => {
                     rows = at.count("NumberOfPoints")?.unwrap_or(0);
                     document.rows = document.rows.saturating_add(rows);
+                    cells = at.count("NumberOfCells")?.unwrap_or(0);
+                    for kind in ["NumberOfLines", "NumberOfStrips", "NumberOfPolys"] {
+                        let count = at.count(kind)?.unwrap_or(0);
+                        document.cells = document.cells.saturating_add(count);
+                    }
                 }
                 b"Points" if !empty => section = Section::Points,
                 b"PointData" if !empty => section = Section::PointData,
+                b"Cells" if !empty => section = Section::Cells,
                 b"DataArray" if section != Section::Other => {
-                    let array = at.array(section == Section::Points, rows)?;
+                    let name = at.attribute("Name")?.unwrap_or_default();
+                    let wanted = match section {
+                        Section::Points => true,
+                        Section::PointData => map.attribute_of(&name).is_some(),
+                        Section::Cells | Section::Other => name == "types",
+                    };
+                    let rows = if section == Section::Cells { cells } else { rows };
+                    let size = at.count("NumberOfComponents")?.unwrap_or(1);
+                    let read = wanted.then(|| at.array(name.clone(), section, size, rows));
+                    let array = read.transpose()?.flatten();
                     let text = if empty { start..start } else { text_of(&mut xml, source)? };
-                    if let Some(array) = array {
-                        document.arrays.push(array.with_text(text));
+                    match (array, section) {
+                        (Some(array), Section::Cells) => document.types.push(array.with_text(text)),
+                        (Some(array), _) => document.arrays.push(array.with_text(text)),
+                        (None, Section::PointData) => document.ignore(name, [rows, size]),
+                        _ => {}
                     }
                 }
                 b"AppendedData" => {
@@ -273,6 +312,33 @@ impl<'a> Document<'a> {
             }
         };
         Ok(())
+    }
+
+    /// Notes an array that is not read; those of other pieces with this name belong to it.
+    fn ignore(&mut self, name: String, [rows, size]: [usize; 2]) {
+        if let Some((_, shape)) = self.ignored.iter_mut().find(|(known, _)| *known == name) {
+            shape[0] = shape[0].saturating_add(rows);
+        } else if self.ignored.len() < MOST_LISTED {
+            self.ignored.push((name, [rows, size]));
+        }
+    }
+
+    /// Cells of more than a point, by their types. What cannot be decoded is no concern of particles.
+    fn cells_by_type(&self, limit: u64) -> usize {
+        // Pieces may share their bytes.
+        let mut left = limit;
+        let others = self.types.iter().map(|array| {
+            if left == 0 {
+                return 0;
+            }
+            let Ok((scalar, bytes)) = self.decode(array, left) else { return 0 };
+            left = left.saturating_sub(bytes.len() as u64);
+            let column = Column { offset: 0, scalar };
+            let records = bytes.chunks_exact(scalar.size());
+            let points = records.filter(|x| is_point(column.integer(x, self.big_endian)));
+            array.rows.saturating_sub(points.count())
+        });
+        others.fold(0, usize::saturating_add)
     }
 
     /// An array's numbers as the file's byte order has them, and their type.
@@ -478,15 +544,20 @@ impl Place<'_, '_> {
     }
 
     /// The array that this element is, if it is one of ours.
-    fn array(&self, points: bool, rows: usize) -> Result<Option<Array>> {
+    fn array(
+        &self,
+        name: String,
+        section: Section,
+        size: usize,
+        rows: usize,
+    ) -> Result<Option<Array>> {
         /// No attribute has more numbers.
         const MOST: usize = 6;
-        let name = self.attribute("Name")?.unwrap_or_default();
-        let size = self.count("NumberOfComponents")?.unwrap_or(1);
+        let points = section == Section::Points;
         if points && size != 3 {
             return Err(self.error(&format!("points of {size} numbers, 3 expected")));
         }
-        if !points && (known(&name).is_none() || size > MOST || size == 0) {
+        if !points && !(1..=MOST).contains(&size) {
             return Ok(None);
         }
         let scalar = match self.attribute("type")?.unwrap_or_default().as_str() {

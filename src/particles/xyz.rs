@@ -12,7 +12,9 @@ use std::path::Path;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{Column, Cursor, Particles, Scalar, Table, foreign, known_magic, stl_length};
+use super::{
+    Column, Contents, Cursor, Particles, Reading, Scalar, Table, foreign, known_magic, stl_length,
+};
 use crate::camera::is_place;
 use crate::error::{Error, Place, Result};
 use crate::files;
@@ -75,7 +77,7 @@ fn is_text(bytes: &[u8]) -> bool {
     !bytes.is_empty() && bytes.iter().take(TEXT).all(printable)
 }
 
-pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
+pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Contents> {
     if known_magic(bytes).is_some() {
         return Err(foreign(path, bytes, "raw or text positions"));
     }
@@ -94,7 +96,7 @@ pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Particles> {
         }
         (table, Scalar::F32)
     };
-    table.particles(Column::triple(scalar))
+    table.particles(Column::triple(scalar)).map(Contents::from)
 }
 
 /// Writes raw floats.

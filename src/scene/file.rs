@@ -13,7 +13,7 @@ use crate::environment::Environment;
 use crate::error::{Error, Result, printable};
 use crate::files;
 use crate::output::{Kind, write_atomically};
-use crate::particles::Up;
+use crate::particles::{AttributeMap, Up};
 use crate::passes::classify;
 use crate::recipe::Recipe;
 use crate::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
@@ -61,6 +61,8 @@ struct FluidFile {
     #[serde(default)]
     up: Up,
     fps: Option<f64>,
+    #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
+    map: AttributeMap,
     absorption: Option<Vec3>,
     color: Option<Vec3>,
 }
@@ -321,14 +323,15 @@ impl LiquidFile {
 
 impl FluidFile {
     fn of(fluid: &Fluid) -> Self {
-        let ParticleSource { source, frame, radius, up, fps } = fluid.particles.clone();
-        Self { source, frame, radius, up, fps, absorption: Some(fluid.absorption), color: None }
+        let ParticleSource { source, frame, radius, up, fps, map } = fluid.particles.clone();
+        let absorption = Some(fluid.absorption);
+        Self { source, frame, radius, up, fps, map, absorption, color: None }
     }
 
     fn meaning(self, default: Vec3) -> Result<Fluid, String> {
-        let Self { source, frame, radius, up, fps, absorption: given, color } = self;
+        let Self { source, frame, radius, up, fps, map, absorption: given, color } = self;
         let absorption = absorption(given, color)?.unwrap_or(default);
-        Ok(Fluid { particles: ParticleSource { source, frame, radius, up, fps }, absorption })
+        Ok(Fluid { particles: ParticleSource { source, frame, radius, up, fps, map }, absorption })
     }
 }
 
@@ -426,6 +429,23 @@ impl SolidFile {
     fn meaning(self) -> Result<Solid, String> {
         fn need<T>(value: Option<T>, shape: &str, key: &str) -> Result<T, String> {
             value.ok_or_else(|| format!("a {shape} needs {key}"))
+        }
+        let (name, takes): (_, &[&str]) = match self.shape {
+            ShapeFile::Plane => ("plane", &["origin", "normal", "half_extent"]),
+            ShapeFile::Box => ("box", &["min", "max"]),
+            ShapeFile::Sphere => ("sphere", &["center", "radius"]),
+        };
+        let given = [
+            ("origin", self.origin.is_some()),
+            ("normal", self.normal.is_some()),
+            ("half_extent", self.half_extent.is_some()),
+            ("min", self.min.is_some()),
+            ("max", self.max.is_some()),
+            ("center", self.center.is_some()),
+            ("radius", self.radius.is_some()),
+        ];
+        if let Some((key, _)) = given.iter().find(|(key, given)| *given && !takes.contains(key)) {
+            return Err(format!("a {name} has no {key}; it takes {}", takes.join(", ")));
         }
         let shape = match self.shape {
             ShapeFile::Plane => {

@@ -30,6 +30,9 @@ pub fn command_line(
     if let Some(radius) = source.radius {
         option("radius", radius.to_string());
     }
+    if !source.options.map.is_empty() {
+        option("map", source.options.map.to_string());
+    }
     match source.missing {
         Missing::Error => {}
         Missing::Empty => option("missing", "empty".into()),

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::frames::FrameSpec;
 use crate::input::{Input, Missing, Moment, files_of};
 use crate::output::{Files, Kind};
-use crate::particles::Up;
+use crate::particles::{AttributeMap, ReadOptions, Up};
 use crate::scene::{ParticleSource, Scene};
 use crate::sim;
 
@@ -26,8 +26,8 @@ pub struct Source {
     pub frames: Option<FrameSpec>,
     /// What stands for a frame that is not there.
     pub missing: Missing,
-    /// How many bytes a particle file may unpack to; see [`crate::particles::Particles::read_within`].
-    pub max_unpacked: Option<u64>,
+    /// How particle files are read.
+    pub options: ReadOptions,
 }
 
 /// What is open.
@@ -66,7 +66,7 @@ impl Document {
             input = input.with_radius(radius)?;
         }
         input.missing = source.missing;
-        input = input.with_max_unpacked(source.max_unpacked);
+        input = input.with_options(&source.options);
         let (input, plain) = input.settle(&[])?;
         let (optics, set): (Vec<_>, Vec<_>) =
             source.overrides.iter().cloned().partition(|text| Scene::is_optics(text));
@@ -89,8 +89,10 @@ impl Document {
 
     /// Seconds from the first frame to a moment.
     pub fn seconds(&self, at: Moment) -> f64 {
-        let first = self.numbers.first().copied().unwrap_or_default();
-        (at.time() - first as f64) / self.fps()
+        let first = self.numbers.first().copied().unwrap_or(at.frame);
+        let part = at.fraction * at.next.abs_diff(at.frame) as f64;
+        let since = at.frame.abs_diff(first) as f64 + part;
+        since / (self.input.sequence.stride() as f64 * self.fps())
     }
 
     /// The place in `moments` of the one nearest to a time, s; 0 in none.
@@ -140,12 +142,13 @@ impl Document {
                 radius: Some(simulation.particle_radius() as f32),
                 up: Up::Y,
                 fps: Some(simulation.fps),
+                map: AttributeMap::default(),
             });
         }
         let own = scene.recipe.is_some() || !scene.fluids.is_empty();
         if !own && (scene.particles.is_none() || self.source.scene.is_some()) {
-            let (radius, up, fps) = match scene.particles.take() {
-                Some(particles) => (particles.radius, particles.up, particles.fps),
+            let (radius, up, fps, map) = match scene.particles.take() {
+                Some(particles) => (particles.radius, particles.up, particles.fps, particles.map),
                 None => Default::default(),
             };
             scene.particles = Some(ParticleSource {
@@ -154,12 +157,16 @@ impl Document {
                 radius: self.source.radius.or(radius),
                 up,
                 fps,
+                map,
             });
         }
         let sources = scene.fluids.iter_mut().map(|fluid| &mut fluid.particles);
         for particles in sources.chain(scene.particles.iter_mut()) {
             particles.frame = (self.numbers.len() > 1).then_some(at.frame);
             particles.radius = self.source.radius.or(particles.radius);
+            if !self.source.options.map.is_empty() {
+                particles.map.clone_from(&self.source.options.map);
+            }
         }
         scene
     }

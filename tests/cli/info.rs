@@ -11,6 +11,7 @@ fn info_as_text() {
     let text = succeed(folder.path(), &["info", &dam("{}")]);
     assert_tells(&text, &["5 frames", "5 to 40", "frame 5", "4732 particles"]);
     assert_tells(&text, &["velocity", "density", "id", "radius", "splashes"]);
+    assert_tells(&text, &["  used: id (4732), ", "velocity (4732, 3)"]);
     assert!(!text.contains("frame 20:"), "only the first frame is described: {text}");
     let text = succeed(folder.path(), &["info", &dam("{}"), "--frames", "20-21"]);
     assert_tells(&text, &["frame 20:", "frame 21:"]);
@@ -48,4 +49,29 @@ fn info_as_json() {
     let scene = info(&["scenes/block.toml", "--frames", "all"]);
     assert_eq!(scene["described"].as_array().unwrap().len(), 3);
     close(&scene["described"][2]["radius"], 0.025);
+}
+
+/// What a file holds is listed, used or ignored, and `--map` reads attributes from any array of it.
+#[test]
+fn info_lists_arrays() {
+    let folder = folder();
+    let csv = "x,y,z,U_x,U_y,U_z,h\n0,0,0,1,2,3,0.1\n0,0,1,1,2,3,0.1\n";
+    std::fs::write(folder.path().join("a.csv"), csv).unwrap();
+    let text = succeed(folder.path(), &["info", "a.csv"]);
+    assert_tells(&text, &["positions only", "  ignored: U_x (2), U_y (2), U_z (2), h (2)"]);
+    let mapped = ["info", "a.csv", "--map", "velocity=U,radius=h"];
+    let text = succeed(folder.path(), &mapped);
+    assert_tells(&text, &["  used: U_x U_y U_z (2, 3) as velocity, h (2) as radius"]);
+    assert_tells(&text, &["radius 0.1 m"]);
+    let json = succeed(folder.path(), &[&mapped[..], &["--json"]].concat());
+    let json: Value = serde_json::from_str(&json).unwrap();
+    let arrays = &json["described"][0]["arrays"];
+    assert_eq!(arrays[1], serde_json::json!({ "name": "h", "shape": [2], "used_as": "radius" }));
+    let line = super::fail(folder.path(), 3, &["info", "a.csv", "--map", "radius=r"]);
+    assert_tells(&line, &["a.csv: --map radius=r: no array `r`", "h (2)"]);
+
+    // A scene says it in a table.
+    let scene = "[particles]\nsource = \"a.csv\"\nmap = { radius = \"h\" }\n";
+    std::fs::write(folder.path().join("a.toml"), scene).unwrap();
+    assert_tells(&succeed(folder.path(), &["info", "a.toml"]), &["h (2) as radius"]);
 }

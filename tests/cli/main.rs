@@ -10,6 +10,7 @@ mod info;
 mod outputs;
 mod render;
 mod report;
+mod words;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -56,17 +57,26 @@ fn succeed(folder: &Path, args: &[&str]) -> String {
     stdout
 }
 
-/// Runs `render`, which must succeed without a word, on a terminal or not.
+/// Runs `render --quiet`, which must succeed without a word, on a terminal or not.
 #[track_caller]
 fn render(folder: &Path, args: &[&str]) {
-    let args: Vec<_> = ["render", SIZE].into_iter().chain(args.iter().copied()).collect();
+    let args: Vec<_> =
+        ["render", "--quiet", SIZE].into_iter().chain(args.iter().copied()).collect();
     assert_eq!(succeed(folder, &args), "", "{args:?}: render prints nothing");
 }
 
 /// Runs what must fail with `code` and one line, and returns that line.
 #[track_caller]
 fn fail(folder: &Path, code: i32, args: &[&str]) -> String {
-    one_line(args, code, run(folder, args))
+    one_line(args, code, run(folder, &quiet(args)))
+}
+
+/// What errors are told beside is not asked for.
+fn quiet<'a>(args: &[&'a str]) -> Vec<&'a str> {
+    match args {
+        ["render", rest @ ..] => ["render", "--quiet"].iter().chain(rest).copied().collect(),
+        _ => args.to_vec(),
+    }
 }
 
 #[track_caller]

@@ -37,7 +37,7 @@ fn only_the_same_picture_is_skipped() {
     let absolute = project.path("water").display().to_string();
     let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
     let scene_path = format!("--scene={}", project.path("scenes/s.toml").display());
-    command.args(["render", &absolute, "--size=48x36", "--radius=0.025", &scene_path]);
+    command.args(["render", "--quiet", &absolute, "--size=48x36", "--radius=0.025", &scene_path]);
     command.args(["--skip-existing", "-o", ".", "--manifest=../absolute.jsonl"]);
     assert_success(command.current_dir(project.path("f")).output().unwrap());
     for line in lines(&project.path("absolute.jsonl")) {
@@ -60,7 +60,7 @@ fn only_the_same_picture_is_skipped() {
         args.retain(|arg| !(arg.starts_with("--radius") && other[0].starts_with("--radius")));
         args.extend(other);
         let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
-        command.args(["render", "water"]).args(&args).current_dir(project.0.path());
+        command.args(["render", "--quiet", "water"]).args(&args).current_dir(project.0.path());
         if !other[0].starts_with("--size") {
             command.arg("--size=48x36");
         }
@@ -84,7 +84,9 @@ fn only_the_same_picture_is_skipped() {
     // The same name, length and time elsewhere.
     fs::rename(project.path("water"), project.path("moved")).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
-    command.args(["render", "moved", "--size=48x36", "--manifest=moved.jsonl"]).args(base);
+    command
+        .args(["render", "--quiet", "moved", "--size=48x36", "--manifest=moved.jsonl"])
+        .args(base);
     assert_success(command.current_dir(project.0.path()).output().unwrap());
     for line in lines(&project.path("moved.jsonl")) {
         assert_eq!(text(&line, "status"), DONE, "other files of the same names");

@@ -77,7 +77,7 @@ impl Project {
 
     fn limpid(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
-        command.args(["render", "water", "--size=48x36"]).args(args);
+        command.args(["render", "water", "--quiet", "--size=48x36"]).args(args);
         command.current_dir(self.0.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }

@@ -14,7 +14,7 @@ fn signals_finish_the_frame_in_hand() {
     let big = ["--size=200x150", "--samples=16"];
     let render = |more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
-        command.args(["render", "water"]).args(big).args(more);
+        command.args(["render", "water", "--quiet"]).args(big).args(more);
         command.current_dir(project.0.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     };

@@ -78,6 +78,10 @@ fn run(case: &Case, limpid: &Path) -> Result<(), String> {
         _ => assert_cmd::Command::new("sh"),
     };
     command.args(["-c", shell]).arg(limpid).args(words(case.arguments));
+    // What is said beside an error is no part of the table.
+    if case.arguments.starts_with("render") {
+        command.arg("--quiet");
+    }
     command.env("NODEVICE_SELECT", "1").env("RAYON_NUM_THREADS", "2");
     let output = command.current_dir(folder.path()).timeout(Duration::from_secs(120)).output();
     let output = output.map_err(|error| format!("it does not end: {error}"))?;

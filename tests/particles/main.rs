@@ -3,6 +3,7 @@
 //! the place and the remedy; and no file whatever makes a reader panic or allocate by a claim.
 
 mod all_formats;
+mod arrays;
 mod bgeo;
 mod csv;
 mod npy;

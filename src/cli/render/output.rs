@@ -120,6 +120,30 @@ impl Output {
         self.pictures().is_some_and(|pictures| pictures.format == PictureFormat::Exr)
     }
 
+    /// `wrote a.png`, of the pictures with these numbers and so many others that others have drawn.
+    pub(super) fn told(&self, numbers: &[i64], others: usize) -> String {
+        let count = numbers.len();
+        let there = match others {
+            0 => String::new(),
+            1 => "; 1 was there already".into(),
+            _ => format!("; {others} were there already"),
+        };
+        let path = |number: Option<&i64>| match (self, number) {
+            (Self::Pictures(pictures), Some(&number)) => {
+                pictures.names.path(number).display().to_string()
+            }
+            (Self::Pictures(_), None) => String::new(),
+            (Self::Film(film), _) => film.path().display().to_string(),
+        };
+        let (first, last) = (path(numbers.iter().min()), path(numbers.iter().max()));
+        match self {
+            Self::Film(_) => format!("wrote {first}, {count} pictures"),
+            Self::Pictures(_) if count == 0 => format!("wrote nothing{there}"),
+            Self::Pictures(_) if count == 1 => format!("wrote {first}{there}"),
+            Self::Pictures(_) => format!("wrote {count} pictures, {first} to {last}{there}"),
+        }
+    }
+
     pub(super) fn finish(self) -> limpid::Result<()> {
         match self {
             Self::Pictures(_) => Ok(()),

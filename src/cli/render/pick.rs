@@ -23,9 +23,11 @@ pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid::Result<Option<Picked
     let picked = curve.pick(limits, Gpu::headless, scene, first, args.size)?;
     if let Some(Picked { choice: Choice { set, error_px, flip, .. }, ms }) = &picked {
         let set = set.join(" ");
-        crate::cli::complain(format!(
-            "picked {set}: {error_px} px, FLIP {flip}, {ms:.3} ms a frame"
-        ));
+        if !args.quiet {
+            crate::cli::complain(format!(
+                "picked {set}: {error_px} px, FLIP {flip}, {ms:.3} ms a frame"
+            ));
+        }
     }
     Ok(picked)
 }

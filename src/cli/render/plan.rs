@@ -5,9 +5,13 @@ use limpid::camera_path::CameraPath;
 use limpid::film::{self, Motion, Take};
 use limpid::frames::FrameSpec;
 use limpid::input::{Input, Moment};
+use limpid::notice::{self, Notice};
 use limpid::scene::Scene;
 
 use super::{Args, film_path};
+
+/// Frames per second, where nobody says it.
+const DEFAULT_FPS: f64 = 30.0;
 
 /// A scene, and the pictures of it.
 pub(super) struct Plan {
@@ -20,6 +24,7 @@ pub(super) struct Plan {
     pub(super) takes: Vec<Take>,
     /// Pictures per second.
     pub(super) fps: f64,
+    pub(super) notices: Vec<Notice>,
 }
 
 impl Plan {
@@ -32,7 +37,7 @@ impl Plan {
         overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
         let mut input = open(args, &overrides)?;
         input.missing = args.missing;
-        input = input.with_max_unpacked(args.unpacking.max_unpacked);
+        input = input.with_options(&args.reading.options());
         let (input, mut scene) = input.settle(&overrides)?;
         for text in &optics {
             scene.set_optics(text)?;
@@ -41,7 +46,8 @@ impl Plan {
         scene.check()?;
         let (moments, numbers, fps) = moments(args, &input)?;
         let takes = takes(args, &scene, &numbers, fps)?;
-        Ok(Self { input, scene, moments, takes, fps })
+        let notices = notices(args, &input, numbers.len());
+        Ok(Self { input, scene, moments, takes, fps, notices })
     }
 }
 
@@ -70,11 +76,11 @@ fn moments(args: &Args, input: &Input) -> limpid::Result<(Vec<Moment>, Vec<i64>,
         (None, None) => FrameSpec::All,
     };
     let mut frames = spec.numbers(&input.sequence, input.missing)?;
-    let fps = args.fps.or(input.fps()).unwrap_or(30.0);
+    let fps = args.fps.or(input.fps()).unwrap_or(DEFAULT_FPS);
     film::check_fps(fps)?;
     if let Some(time) = args.at {
         frames.sort_unstable();
-        let moment = input.moment(&frames, time);
+        let moment = input.moment(&frames, time)?;
         return Ok((vec![moment], vec![moment.frame], fps));
     }
     let speed = args.speed.unwrap_or(1.0);
@@ -89,13 +95,27 @@ fn moments(args: &Args, input: &Input) -> limpid::Result<(Vec<Moment>, Vec<i64>,
         let problem = "--frames: slow and fast motion takes the frames in order, as 1-9 or 1,5,9";
         return Err(Error::Usage(problem.into()));
     }
-    let count = frames[frames.len() - 1].abs_diff(frames[0]) as f64 / step;
+    let frame = input.sequence.stride() as f64;
+    let count = frames[frames.len() - 1].abs_diff(frames[0]) as f64 / (frame * step);
     if count > film::MAX_TAKES {
         return Err(Error::Usage(format!("{count:.0} pictures; a higher --speed expected")));
     }
     let moments = input.moments(&frames, step);
     let numbers = (1..=moments.len() as i64).collect();
     Ok((moments, numbers, fps))
+}
+
+/// What is to be said of the sequence.
+fn notices(args: &Args, input: &Input, pictures: usize) -> Vec<Notice> {
+    let chosen = args.at.is_some() || input.frame.is_some();
+    let all = matches!(args.frames, None | Some(FrameSpec::All)) && !chosen;
+    let gaps = notice::of_sequence(input).filter(|_| all);
+    let timed = film_path(args).is_some()
+        || args.speed.is_some()
+        || args.camera_path.is_some()
+        || args.turntable.is_some();
+    let assumed = timed && pictures > 1 && args.fps.or(input.fps()).is_none();
+    gaps.into_iter().chain(assumed.then_some(Notice::Rate(DEFAULT_FPS))).collect()
 }
 
 /// The pictures, from where the camera is.

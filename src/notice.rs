@@ -1,0 +1,162 @@
+//! What is worth knowing of a run besides its pictures: nothing is wrong for certain, but it may be
+//! why a picture is not what was meant. Whoever draws decides whether to say it.
+
+use std::fmt;
+
+use glam::{DVec3, Mat3, UVec2, Vec3};
+use rayon::prelude::*;
+
+use crate::camera::Camera;
+use crate::input::{Input, Loaded, Missing};
+use crate::passes::classify::Splat;
+use crate::scene::Scene;
+
+/// One such thing. Its text is a line that ends in the remedy, where there is one.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Notice {
+    /// Numbers between the frames of a sequence that no file has, as ranges, and what stands for them.
+    Gaps(Vec<(i64, i64)>, Missing),
+    /// Nothing says how many frames a second a sequence has; so many are taken for it.
+    Rate(f64),
+    /// Lights shine on nothing that shows it.
+    Unlit,
+    /// The particles are the corners of a mesh of so many cells.
+    Mesh(usize),
+    /// Hardly any light comes through so many metres of this liquid: perhaps they are millimetres.
+    Opaque {
+        /// The longest side of the box around the bulk of the particles, m.
+        extent: f64,
+        /// Absorption coefficient, 1/m.
+        absorption: Vec3,
+    },
+    /// No liquid is in a picture of so many particles.
+    Unseen(usize),
+    /// So many of the particles of a picture are beside it or behind the camera.
+    Outside(usize, usize),
+}
+
+impl fmt::Display for Notice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Gaps(gaps, missing) => {
+                let range = |&(first, last): &(i64, i64)| match first == last {
+                    true => first.to_string(),
+                    false => format!("{first} to {last}"),
+                };
+                let some: Vec<String> = gaps.iter().take(5).map(range).collect();
+                let more = if gaps.len() > 5 { ", ..." } else { "" };
+                let done = match missing {
+                    Missing::Error => "left out; --missing hold or empty fills the gaps",
+                    Missing::Empty => "drawn without particles",
+                    Missing::Hold => "drawn as the frame before",
+                };
+                write!(f, "frames are missing and {done}: {}{more}", some.join(", "))
+            }
+            Self::Rate(fps) => write!(
+                f,
+                "the sequence's frames per second are not known, {fps} assumed; --fps, or fps in the \
+                 scene's [particles], says them"
+            ),
+            Self::Unlit => f.write_str(
+                "[[light]] lights nothing: no [[solid]] has `lit = true`, and liquid shows no light \
+                 by itself",
+            ),
+            Self::Mesh(cells) => write!(
+                f,
+                "the file is a mesh (cells: {cells}), and its corners are drawn as particles; export \
+                 the particles that it was made from"
+            ),
+            Self::Opaque { extent, absorption } => {
+                let [r, g, b] = (*absorption / 1000.0).to_array();
+                write!(
+                    f,
+                    "the particles extend over {extent:.0} m, through which no light comes; if these \
+                     are millimetres: --set 'liquid.absorption=[{r}, {g}, {b}]'"
+                )
+            }
+            Self::Unseen(particles) => write!(
+                f,
+                "no liquid is visible: all {} particles are out of the picture; {VIEW}",
+                thousands(*particles)
+            ),
+            Self::Outside(outside, particles) => write!(
+                f,
+                "{:.0} % of the particles are out of the picture; {VIEW}",
+                (100.0 * *outside as f64 / *particles as f64).floor()
+            ),
+        }
+    }
+}
+
+/// What moves the view.
+const VIEW: &str = "--camera moves the view, and a scene without [camera] fits it";
+
+/// A number with commas between its thousands: `40,368`.
+pub fn thousands(number: usize) -> String {
+    let digits = number.to_string();
+    let comma = |at: usize| at > 0 && (digits.len() - at).is_multiple_of(3);
+    let digit = |(at, digit)| if comma(at) { vec![',', digit] } else { vec![digit] };
+    digits.chars().enumerate().flat_map(digit).collect()
+}
+
+/// Of a sequence, all of whose frames are drawn.
+pub fn of_sequence(input: &Input) -> Option<Notice> {
+    let gaps = input.sequence.gaps();
+    (!gaps.is_empty()).then_some(Notice::Gaps(gaps, input.missing))
+}
+
+/// Of a scene, whatever particles are drawn in it.
+pub fn of_scene(scene: &Scene) -> Option<Notice> {
+    (!scene.lights.is_empty() && !scene.is_lit()).then_some(Notice::Unlit)
+}
+
+/// Of a frame of particles, wherever it is seen from.
+pub fn of_frame(loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
+    let mut notices = Vec::new();
+    if loaded.cells > 0 {
+        notices.push(Notice::Mesh(loaded.cells));
+    }
+    notices.extend(opaque(loaded.bounds, scene));
+    notices
+}
+
+fn opaque((min, max): (DVec3, DVec3), scene: &Scene) -> Option<Notice> {
+    /// Metres, beyond which a simulation is unusual.
+    const LARGE: f64 = 100.0;
+    /// Of the light of the least absorbed colour, e⁻¹⁰ is left.
+    const DEPTH: f64 = 10.0;
+    let extent = (max - min).max_element();
+    let mut absorptions = scene.absorptions().into_iter();
+    let dark = |absorption: &Vec3| f64::from(absorption.min_element()) * extent > DEPTH;
+    let absorption = absorptions.find(dark).filter(|_| extent > LARGE)?;
+    Some(Notice::Opaque { extent, absorption })
+}
+
+/// Of a picture of `size` pixels: whether the particles are in it. What solids hide counts as seen.
+pub fn of_view(loaded: &Loaded, camera: &Camera, size: UVec2) -> Option<Notice> {
+    let splats = &loaded.splats;
+    let view = camera.uniform(size, splats.origin);
+    let turn = Mat3::from_cols_array_2d(&view.view_from_world.map(|[x, y, z, _]| [x, y, z]));
+    // How far a sphere of radius 1 reaches over the planes through the picture's edges.
+    let slant = (view.tangent * view.tangent + 1.0).map(f32::sqrt);
+    let seen = |splat: &Splat| {
+        let x = turn * (Vec3::from_array(splat.centre) + view.origin);
+        // No ellipsoid reaches farther.
+        let entries = Vec3::from(splat.diagonal).abs().max_element()
+            + Vec3::from(splat.off_diagonal).abs().element_sum();
+        let depth = -x.z;
+        depth + entries > view.near
+            && (x.x.abs() <= depth * view.tangent.x + entries * slant.x)
+            && (x.y.abs() <= depth * view.tangent.y + entries * slant.y)
+    };
+    let count = splats.aggregates.len() + splats.splashes.len();
+    let all = splats.aggregates.par_iter().chain(&splats.splashes).with_min_len(4096);
+    let outside = count - all.filter(|splat| seen(splat)).count();
+    if count == 0 {
+        None
+    } else if outside == count {
+        Some(Notice::Unseen(loaded.particles))
+    } else {
+        (2 * outside > count).then_some(Notice::Outside(outside, count))
+    }
+}

@@ -1,0 +1,145 @@
+//! What `render` says on standard error: what it draws, what it wrote, and what may be why a picture is
+//! not what was meant.
+
+use std::fs;
+use std::path::Path;
+
+use super::{SIZE, adapter, assert_tells, folder, project, run};
+
+/// Runs `render`, which must succeed, and returns what it said, line by line.
+#[track_caller]
+fn said(folder: &Path, args: &[&str]) -> Vec<String> {
+    let args: Vec<_> = ["render", SIZE].into_iter().chain(args.iter().copied()).collect();
+    let outcome = run(folder, &args);
+    assert_eq!((outcome.code, outcome.stdout.as_str()), (0, ""), "{args:?}: {}", outcome.stderr);
+    let lines = outcome.stderr.lines().map(|line| line.strip_prefix("limpid: ").unwrap());
+    lines.map(str::to_owned).collect()
+}
+
+/// A small block of liquid of this spacing, as a table with more columns and another corner.
+fn block(spacing: f64, columns: &str, values: &str, corner: [f64; 3]) -> String {
+    let mut text = format!("x,y,z{columns}\n");
+    for i in 0..6 * 6 * 6 {
+        let [x, y, z] = [i % 6, i / 6 % 6, i / 36].map(|i| f64::from(i) * spacing);
+        text += &format!("{},{},{}{values}\n", x + corner[0], y + corner[1], z + corner[2]);
+    }
+    text
+}
+
+/// One line for what is drawn, one for what was written; with --quiet none.
+#[test]
+fn a_line_for_input_and_one_for_output() {
+    if !adapter() {
+        return;
+    }
+    let folder = folder();
+    let text = block(0.05, ",vx,vy,vz,Diameter", ",0,0,0,0.05", [0.0; 3]);
+    fs::write(folder.path().join("a.csv"), &text).unwrap();
+    let lines = said(folder.path(), &["a.csv", "--radius=0.025", "-o", "a.png"]);
+    assert_eq!(lines.len(), 2, "{lines:?}");
+    let start = "216 particles, radius 0.025 m";
+    assert!(lines[0].starts_with(start), "{lines:?}");
+    assert_tells(&lines[0], &[", vx vy vz used, Diameter ignored; "]);
+    assert_eq!(lines[1], "wrote a.png");
+    let quiet = said(folder.path(), &["a.csv", "--radius=0.025", "-o", "a.png", "--quiet"]);
+    assert!(quiet.is_empty(), "{quiet:?}");
+
+    fs::write(folder.path().join("w_0100.csv"), &text).unwrap();
+    fs::write(folder.path().join("w_0200.csv"), &text).unwrap();
+    let several = ["w_{}.csv", "--radius=0.025", "-o", "out/"];
+    let lines = said(folder.path(), &several);
+    assert_eq!(lines[1..], ["wrote 2 pictures, out/frame_0100.png to out/frame_0200.png"]);
+    let lines = said(folder.path(), &[&several[..], &["--skip-existing"]].concat());
+    assert_eq!(lines, ["2 of 2 pictures are there already"]);
+    fs::remove_file(folder.path().join("out/frame_0200.png")).unwrap();
+    let lines = said(folder.path(), &[&several[..], &["--skip-existing"]].concat());
+    assert_eq!(lines[1..], ["wrote out/frame_0200.png; 1 was there already"]);
+    // A film's pictures need a rate, and nobody has said it.
+    let lines = said(folder.path(), &["w_{}.csv", "--radius=0.025", "-o", "film.apng"]);
+    assert_tells(&lines[0], &["frames per second are not known, 30 assumed; --fps"]);
+    assert_eq!(lines[2..], ["wrote film.apng, 2 pictures"]);
+    let lines = said(folder.path(), &["w_{}.csv", "--radius=0.025", "-o", "b.apng", "--fps=25"]);
+    assert_eq!(lines.len(), 2, "{lines:?}");
+}
+
+/// Frames that are missing are told once, with what becomes of them.
+#[test]
+fn gaps_are_told() {
+    if !adapter() {
+        return;
+    }
+    let folder = folder();
+    for number in [10, 20, 50, 70] {
+        let text = block(0.05, "", "", [0.0; 3]);
+        fs::write(folder.path().join(format!("w_{number}.csv")), text).unwrap();
+    }
+    let render = |args: &[&str]| {
+        let args = [&["w_{}.csv", "--radius=0.025", "-o", "out/"], args].concat();
+        said(folder.path(), &args)
+    };
+    let lines = render(&[]);
+    assert_tells(&lines[0], &["frames are missing and left out", ": 30 to 40, 60"]);
+    assert_eq!(lines.len(), 3, "{lines:?}");
+    let lines = render(&["--missing=hold"]);
+    assert_tells(&lines[0], &["drawn as the frame before: 30 to 40, 60"]);
+    assert_tells(&lines[2], &["wrote 7 pictures"]);
+    assert_eq!(render(&["--frames=10,70"]).len(), 2, "what was asked for is there");
+}
+
+/// Each slip has a line of its own, with the remedy; a sound run has none of them.
+#[test]
+fn slips_are_told() {
+    if !adapter() {
+        return;
+    }
+    let folder = folder();
+    let folder = folder.path();
+    let write = |name: &str, text: &str| fs::write(folder.join(name), text).unwrap();
+    write("a.csv", &block(0.05, "", "", [0.0; 3]));
+    let render = |args: &[&str]| {
+        let lines = said(folder, &[args, &["-o", "a.png"]].concat());
+        assert_eq!(lines.last().unwrap(), "wrote a.png");
+        lines[1..lines.len() - 1].join("\n")
+    };
+    let radius = "--radius=0.025";
+    assert_eq!(render(&["a.csv", radius]), "");
+
+    let away = "--camera=eye=0,0,5 target=0,0,9 fov_y=40";
+    let line = render(&["a.csv", radius, away]);
+    assert_tells(&line, &["no liquid is visible: all 216 particles", "--camera"]);
+    let near = "--camera=eye=0.3,0.3,0.5 target=0.3,0.3,0 fov_y=20";
+    assert_tells(&render(&["a.csv", radius, near]), &["% of the particles are out of the picture"]);
+
+    write("mm.csv", &block(50.0, "", "", [0.0; 3]));
+    let line = render(&["mm.csv", "--radius=25"]);
+    assert_tells(
+        &line,
+        &["extend over 250 m", "--set 'liquid.absorption=[0.0012, 0.00035, 0.00012]'"],
+    );
+    let set = "liquid.absorption=[0.0012, 0.00035, 0.00012]";
+    assert_eq!(render(&["mm.csv", "--radius=25", "--set", set]), "", "the remedy helps");
+
+    let sun = "[[light]]\nsun = { direction = [0, -1, 0], irradiance = [1, 1, 1] }\n";
+    let floor = "[[solid]]\nshape = \"plane\"\norigin = [0, -1, 0]\n";
+    write("dark.toml", &format!("{floor}{sun}"));
+    write("lit.toml", &format!("{floor}lit = true\n{sun}"));
+    let line = render(&["a.csv", radius, "--scene=dark.toml"]);
+    assert_tells(&line, &["[[light]] lights nothing", "`lit = true`"]);
+    assert_eq!(render(&["a.csv", radius, "--scene=lit.toml"]), "");
+
+    let mesh = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nelement face 1\nproperty list uchar int i\nend_header\n\
+        0 0 0\n0.05 0 0\n0 0.05 0\n3 0 1 2\n";
+    write("mesh.ply", mesh);
+    assert_tells(&render(&["mesh.ply", radius]), &["a mesh (cells: 1)"]);
+}
+
+/// A key that another shape has is refused as one is that none has.
+#[test]
+fn keys_of_other_shapes_are_refused() {
+    let project = project();
+    let scene = "[[solid]]\nshape = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nhalf_extent = 2\n";
+    fs::write(project.path().join("a.toml"), scene).unwrap();
+    let line = super::fail(project.path(), 2, &["render", "water", "--scene=a.toml"]);
+    assert_tells(&line, &["[[solid]] 1: a sphere has no half_extent; it takes center, radius"]);
+}
