@@ -128,7 +128,7 @@ impl Subject {
         let number = input.frame.unwrap_or(input.sequence.frames[0].number);
         let frame = input.sequence.frame(number).unwrap_or(&input.sequence.frames[0]);
         let loaded = input.load(frame, &scene)?;
-        let camera = scene.camera_for(loaded.bounds);
+        let camera = scene.camera_for(loaded.bulk.bounds);
         let (name, particles) = (name.into(), loaded.particles);
         Ok(Self { name, particles, scene, camera, splats: loaded.splats })
     }

@@ -64,7 +64,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Particles become ellipsoids on the CPU, or with `Input::classified` on the device; this may as
     // well run on a thread of its own.
     let loaded = input.load(frame, &scene)?;
-    let camera = scene.camera_for(loaded.bounds);
+    let camera = scene.camera_for(loaded.bulk.bounds);
     renderer.render(&scene, &camera, &loaded.splats, &view, texture.format(), SIZE)?;
 
     // ---- 4. The program's own again. The queue keeps the order: this copy comes after the frame.

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use glam::DVec3;
 
+use crate::bulk::Bulk;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::files;
@@ -190,6 +191,9 @@ pub struct Loaded {
     pub arrays: Vec<Array>,
     /// Cells of meshes in their files; see [`Contents::cells`].
     pub cells: usize,
+    /// The box around the bulk of them, for cameras, and how many lie outside; all 0 without
+    /// particles.
+    pub bulk: Bulk,
 }
 
 impl Loaded {
@@ -461,12 +465,14 @@ impl Input {
             bounds: particles.bounds().unwrap_or_default(),
             arrays: Vec::new(),
             cells: 0,
+            bulk: particles.bulk().unwrap_or_default(),
         })
     }
 
     /// Settles what neither files nor scene say, by the first frame that has particles: the radius
-    /// of each fluid, and for a scene without a camera the view. Bare files get a scene of their own. So
-    /// a sequence has one radius and one view, however it is shared among machines.
+    /// of each fluid, and for a scene without a camera the view, of the
+    /// [bulk](Bulk) of the particles. Bare files get a scene of their own. So a sequence has one
+    /// radius and one view, however it is shared among machines.
     ///
     /// # Errors
     /// As [`Particles::read`]; [`Error::Scene`] for a bad override.
@@ -483,7 +489,7 @@ impl Input {
         for fluid in &mut self.fluids {
             for number in fluid.sequence.frames.iter().map(|frame| frame.number) {
                 let particles = fluid.contents(number, Missing::Error)?.particles;
-                let Some((min, max)) = particles.bounds() else { continue };
+                let Some(Bulk { bounds: (min, max), .. }) = particles.bulk() else { continue };
                 around = Some(around.map_or((min, max), |(a, b)| (a.min(min), b.max(max))));
                 let settled = fluid.radius_of(number, &particles)?;
                 radius = radius.max(settled);

@@ -49,7 +49,7 @@
 //! let (input, scene) = input.settle(&[])?;
 //! let frame = &input.sequence.frames[0];
 //! let loaded = input.load(frame, &scene)?;
-//! let camera = scene.camera_for(loaded.bounds);
+//! let camera = scene.camera_for(loaded.bulk.bounds);
 //! let shot = studio.draw(&scene, &camera, &loaded.splats, glam::UVec2::new(1024, 768))?;
 //! output::write_png("water.png".as_ref(), &shot.picture)?;
 //! # Ok(())
@@ -65,6 +65,7 @@
 #![forbid(unsafe_code)]
 
 pub mod aov;
+pub mod bulk;
 pub mod camera;
 pub mod camera_path;
 mod changes;

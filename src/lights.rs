@@ -2,12 +2,13 @@
 
 use glam::{DMat3, DVec3, UVec2, Vec3};
 
+use crate::bulk::{self, Bulk};
 use crate::error::Result;
 use crate::gpu::{self, Commands, Gpu, Timer};
 use crate::light_view::{CUBE, LightView};
 use crate::passes::Layers;
 use crate::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
-use crate::passes::classify::Splats;
+use crate::passes::classify::{Splat, Splats};
 use crate::passes::gbuffer::LightMaps;
 use crate::passes::mixture;
 use crate::passes::smooth;
@@ -219,19 +220,25 @@ pub(crate) fn views(scene: &Scene, splats: &Splats) -> Vec<Option<LightView>> {
 }
 
 /// All views of each of a scene's lights; none without liquid.
+///
+/// They show the bulk of the liquid: a splash far off would leave a few texels for the rest. Where a
+/// point light has splashes around it, and so no view of the bulk, the caustic map shows the core.
 pub(crate) fn light_views(scene: &Scene, splats: &Splats) -> Vec<LightViews> {
     let settings = &scene.settings.caustics;
-    let Some(bounds) = bounds(splats) else {
+    let bulk = bulk(splats);
+    let within = |part| around(splats, part);
+    let boxes = bulk.and_then(|bulk| Some((within(bulk.bounds)?, within(bulk.core)?)));
+    let Some((bounds, core)) = boxes else {
         return vec![LightViews::default(); scene.lights.len()];
     };
     let margin = f64::from(settings.margin);
     let level = level(splats, bounds).map(|height| (height, f64::from(scene.liquid.ior)));
     let views = |light| {
-        let view = |level| {
-            LightView::new(light, bounds, &scene.solids, margin, settings.resolution, level)
+        let view = |seen, level| {
+            LightView::new(light, seen, &scene.solids, margin, settings.resolution, level)
         };
-        let map = view(level);
-        let along = if level.is_some() { view(None) } else { map };
+        let map = view(bounds, level).or_else(|| view(core, level));
+        let along = view(bounds, None);
         let straight = match (map, along) {
             (Some(map), Some(along)) if map.looks_as(&along) => Vec::new(),
             (_, Some(along)) => vec![Some(along)],
@@ -298,15 +305,33 @@ fn is_wet(light: &Light, splats: &Splats) -> bool {
     })
 }
 
-/// The box around a frame's splats, m; none without any.
+/// The box around the bulk of a frame's splats, m; none without any.
 pub(crate) fn bounds(splats: &Splats) -> Option<(DVec3, DVec3)> {
+    around(splats, bulk(splats)?.bounds)
+}
+
+/// The bulk of the splats' centres, counted from their origin.
+fn bulk(splats: &Splats) -> Option<Bulk> {
+    let bodies = splats.aggregates.len();
+    let splat = |i: usize| splats.aggregates.get(i).unwrap_or_else(|| &splats.splashes[i - bodies]);
+    bulk::bulk(bodies + splats.splashes.len(), |i| centre(splat(i)))
+}
+
+/// The box around the splats whose centres, counted from their origin, are in a box, m.
+fn around(splats: &Splats, (least, greatest): (DVec3, DVec3)) -> Option<(DVec3, DVec3)> {
     let all = splats.aggregates.iter().chain(&splats.splashes);
+    let within = |x: DVec3| least.cmple(x).all() && x.cmple(greatest).all();
+    let all = all.filter(|splat| within(centre(splat)));
     let (min, max) = all.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), splat| {
-        let centre = Vec3::from_array(splat.centre).as_dvec3();
-        let radius = f64::from(splat.radius);
+        let (centre, radius) = (centre(splat), f64::from(splat.radius));
         (min.min(centre - radius), max.max(centre + radius))
     });
     min.is_finite().then_some((splats.origin + min, splats.origin + max))
+}
+
+/// A splat's centre, counted from the splats' origin.
+fn centre(splat: &Splat) -> DVec3 {
+    Vec3::from_array(splat.centre).as_dvec3()
 }
 
 /// Columns along either side of the grid by which [`level`] judges.
@@ -317,8 +342,9 @@ const COLUMNS: usize = 24;
 fn level(splats: &Splats, (min, max): (DVec3, DVec3)) -> Option<f64> {
     let breadth = (max - min).with_y(0.0);
     let mut tops = [f64::NEG_INFINITY; COLUMNS * COLUMNS];
-    for splat in &splats.aggregates {
-        let centre = splats.origin + Vec3::from_array(splat.centre).as_dvec3();
+    let within = |x: &DVec3| min.cmple(*x).all() && x.cmple(max).all();
+    let centres = splats.aggregates.iter().map(|splat| splats.origin + centre(splat));
+    for centre in centres.filter(within) {
         let at = ((centre - min) / breadth.max(DVec3::splat(f64::MIN_POSITIVE))) * COLUMNS as f64;
         let column = |x: f64| (x as usize).min(COLUMNS - 1);
         let top = &mut tops[column(at.z) * COLUMNS + column(at.x)];

@@ -31,6 +31,7 @@ use serde::{Deserialize, Serialize};
 use self::arrays::MOST_LISTED;
 use self::cursor::{Cursor, Source};
 use self::table::{Column, Scalar, Table};
+use crate::bulk::{Bulk, bulk};
 use crate::error::{Error, Result};
 use crate::output::Kind;
 use crate::{files, output};
@@ -258,6 +259,11 @@ impl Particles {
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         let places = self.positions.iter().map(|&position| self.origin + position.as_dvec3());
         bounds(places)
+    }
+
+    /// Where the bulk of the particles is: [`bulk()`](crate::bulk::bulk).
+    pub fn bulk(&self) -> Option<Bulk> {
+        bulk(self.len(), |i| self.place(i))
     }
 
     /// Turns positions, velocities and ellipsoids of a file with this `up` axis to limpid's, which

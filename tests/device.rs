@@ -67,7 +67,7 @@ fn frame() -> (Scene, Loaded) {
 
 fn draw(studio: &mut Studio, size: UVec2) -> limpid::Result<RgbImage> {
     let (scene, loaded) = frame();
-    let camera = scene.camera_for(loaded.bounds);
+    let camera = scene.camera_for(loaded.bulk.bounds);
     studio.draw(&scene, &camera, &loaded.splats, size).map(|shot| shot.picture)
 }
 
@@ -122,7 +122,7 @@ fn device_lost_between_frames() {
 fn device_lost_before_the_picture_is_read() {
     let gpu = Gpu::headless().expect("an adapter");
     let (scene, loaded) = frame();
-    let camera = scene.camera_for(loaded.bounds);
+    let camera = scene.camera_for(loaded.bulk.bounds);
     let mut renderer = Renderer::new(&gpu);
     let picture = Picture::new(&gpu, SIZE).expect("the size is allowed");
     let drawn =
@@ -247,7 +247,7 @@ fn what_does_not_fit_is_refused_by_its_limit() {
     let (mut scene, loaded) = frame();
     scene.settings.caustics.resolution = 16;
     scene.settings.caustics.grid = 8;
-    let camera = scene.camera_for(loaded.bounds);
+    let camera = scene.camera_for(loaded.bulk.bounds);
     for (limit, lower) in adapters {
         let (gpu, errors) = limited(lower);
         let mut studio = Studio::new(&gpu);
@@ -293,7 +293,7 @@ fn maps_that_do_not_fit_are_refused() {
     for (remedy, change) in changes {
         let (mut scene, loaded) = frame();
         change(&mut scene);
-        let camera = scene.camera_for(loaded.bounds);
+        let camera = scene.camera_for(loaded.bulk.bounds);
         match studio.draw(&scene, &camera, &loaded.splats, SIZE) {
             Ok(_) => assert_eq!(remedy, "", "it should be refused"),
             Err(error) => {
@@ -315,7 +315,7 @@ fn particles_are_drawn_in_parts_that_fit() {
     let (mut scene, loaded) = frame();
     scene.lights.clear();
     scene.liquid.absorption = Vec3::ZERO;
-    let camera = scene.camera_for(loaded.bounds);
+    let camera = scene.camera_for(loaded.bulk.bounds);
     let one = loaded.splats.aggregates[0];
     for count in [0, 1, 1365, 1366, 5000, 100, 20_000] {
         let splats = Splats {
@@ -335,7 +335,7 @@ fn particles_are_drawn_in_parts_that_fit() {
 fn picture_takes_the_memory_that_is_documented() {
     let (mut scene, loaded) = frame();
     (scene.lights, scene.solids) = (Vec::new(), Vec::new());
-    let camera = scene.camera_for(loaded.bounds);
+    let camera = scene.camera_for(loaded.bulk.bounds);
     for (splash, diagnose, documented) in
         [(false, false, 156.0), (true, false, 192.0), (false, true, 204.0)]
     {

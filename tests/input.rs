@@ -1,12 +1,17 @@
 //! Protects what a sequence is drawn with: one radius, one view, whatever its first frames hold and
 //! however its frames are shared out.
 
+#[allow(dead_code, reason = "the generator alone is used")]
+mod support;
+
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
 use limpid::Error;
 use limpid::input::Input;
+use limpid::particles::Particles;
 use limpid::scene::Scene;
+use support::Random;
 use tempfile::TempDir;
 
 /// A folder of `.xyz` frames, numbered from 0.
@@ -85,4 +90,80 @@ fn a_scene_gives_radius_and_axis() {
     assert_eq!(input.load(frame, &scene).unwrap().splats.radius, 0.25);
     assert_eq!(input.particles(frame).unwrap().positions[0], Vec3::new(0.0, 2.0, -1.0));
     assert!(matches!(open(&folder).with_radius(-1.0), Err(Error::Usage(_))));
+}
+
+/// A block of 20³ particles, spaced 0.05 and shaken, so 1 m wide.
+fn block(random: &mut Random) -> Vec<Vec3> {
+    let along = || (0..20).map(|i| 0.05 * f64::from(i));
+    let lattice = along().flat_map(|x| along().flat_map(move |y| along().map(move |z| (x, y, z))));
+    lattice.map(|at| (DVec3::from(at) + 0.01 * random.direction()).as_vec3()).collect()
+}
+
+/// Particles that a simulation has lost do not set the view: the bulk is that of all others to the
+/// last bit, and the lost ones are counted.
+#[test]
+fn escaped_particles_are_outside_of_the_bulk() {
+    let mut random = Random(1);
+    let cloud = block(&mut random);
+    let whole = Particles::from_positions(cloud.clone()).bulk().unwrap();
+    for (escaped, distance) in [1, 8, 10].into_iter().flat_map(|n| [10.0, 1e3, 1e6].map(|d| (n, d)))
+    {
+        let mut places = cloud.clone();
+        // In front, for the order in the file must not matter.
+        let lost = (0..escaped).map(|_| (distance * random.direction()).as_vec3() + 0.5);
+        places.splice(0..0, lost);
+        let bulk = Particles::from_positions(places).bulk().unwrap();
+        assert_eq!(bulk.outside, escaped, "at {distance}");
+        assert_eq!(bulk.bounds, whole.bounds, "{escaped} at {distance}");
+    }
+}
+
+/// The box of the bulk is that of all particles where nothing is lost: around a compact cloud with
+/// its outermost particles, two bodies far from each other, a body with a thin jet, a few particles.
+#[test]
+fn what_is_not_lost_is_in_the_bulk() {
+    let mut random = Random(2);
+    let cloud = block(&mut random);
+    let far = Vec3::new(0.0, 60.0, 0.0);
+    let bodies = [cloud.clone(), cloud[..800].iter().map(|&x| x + far).collect()].concat();
+    // 75 particles one behind the other, under 1 % of all.
+    let jet = (1..=75).map(|i| Vec3::new(0.5, 1.0 + 0.05 * i as f32, 0.5));
+    let jet = cloud.iter().copied().chain(jet).collect();
+    // Normally distributed: the sum of uniform numbers.
+    let mut normal = || (0..12).map(|_| random.unit()).sum::<f64>() as f32;
+    let gaussian = (0..5000).map(|_| Vec3::new(normal(), normal(), normal())).collect();
+    let few = vec![Vec3::ZERO, Vec3::splat(0.1), Vec3::new(40.0, 0.0, 0.0)];
+    let cases: [(&str, Vec<Vec3>); 5] = [
+        ("cloud", gaussian),
+        ("two bodies", bodies),
+        ("jet", jet),
+        ("few", few),
+        ("one place", vec![Vec3::ONE; 100]),
+    ];
+    for (name, places) in cases {
+        let particles = Particles::from_positions(places);
+        let bulk = particles.bulk().unwrap();
+        assert_eq!((Some(bulk.bounds), bulk.outside), (particles.bounds(), 0), "{name}");
+    }
+    assert_eq!(Particles::default().bulk(), None);
+}
+
+/// Bare files get a view and a floor by the bulk of the first frame.
+#[test]
+fn a_bare_file_is_seen_whole_though_a_particle_escaped() {
+    let places = block(&mut Random(3));
+    let escaped = [places.clone(), vec![Vec3::new(3.0, -1e6, 0.0)]].concat();
+    let [whole, escaped] = [places, escaped].map(|places| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bgeo");
+        Particles::from_positions(places).write(&path).unwrap();
+        let input = Input::open(path.to_str().unwrap(), &[]).unwrap().with_radius(0.025).unwrap();
+        let (input, scene) = input.settle(&[]).unwrap();
+        (input.load(&input.sequence.frames[0], &scene).unwrap(), scene)
+    });
+    assert_eq!(escaped.1.camera, whole.1.camera);
+    assert_eq!(escaped.1.solids, whole.1.solids);
+    assert_eq!((escaped.0.bulk.outside, whole.0.bulk.outside), (1, 0));
+    assert_eq!(escaped.0.bulk.bounds, whole.0.bounds);
+    assert_eq!(escaped.0.bounds.0.y, -1e6);
 }

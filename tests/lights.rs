@@ -524,6 +524,30 @@ fn lit_frames_do_not_depend_on_each_other() {
     }
 }
 
+/// Protects the maps' texels from lost particles: a splash a thousand times as far off as the slab is
+/// wide changes no view, and a drop above a lamp leaves it a map of the slab.
+#[test]
+fn a_splash_far_off_leaves_the_maps_alone() {
+    let Some(mut stage) = stage() else { return };
+    let lamp = Light::Point { position: DVec3::new(0.0, 1.6, 0.0), intensity: Vec3::ONE };
+    let (scene, whole) = slab(&[sun(Vec3::new(0.3, -1.0, 0.2)), lamp]);
+    let camera = camera(DVec3::new(0.0, 2.0, 4.0), DVec3::ZERO, 40.0);
+    let mut views = |splash: Option<Vec3>| -> Vec<LightView> {
+        let mut splats = whole.clone();
+        splats.splashes.extend(splash.map(|at| frames::sphere(at, whole.radius)));
+        stage.shoot(&scene, &camera, &splats, UVec2::new(16, 12));
+        let maps = stage.renderer.images().caustics;
+        maps.into_iter().map(|map| map.expect("a map").view).collect()
+    };
+    let alone = views(None);
+    for lost in [Vec3::new(2000.0, 0.0, 0.0), Vec3::new(10.0, -2000.0, 500.0)] {
+        assert_eq!(views(Some(lost)), alone, "a splash at {lost}");
+    }
+    let below = views(Some(Vec3::new(0.1, 2.0, 0.0)));
+    let change = below[1].half_extent / alone[1].half_extent;
+    assert!((change - 1.0).abs().max_element() < 0.1, "{change}");
+}
+
 /// Protects `caustics.blur`: it is the width, in metres, that a spot gets in either direction, and
 /// the light that is in the map stays in it, to 2 %.
 #[test]

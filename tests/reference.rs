@@ -94,7 +94,7 @@ fn mean_flip_to_the_references() {
         let reference = load_picture(&path).unwrap_or_else(|error| panic!("{error}"));
         let size = UVec2::from(reference.dimensions());
         let picture = Picture::new(&gpu, size).unwrap();
-        let camera = scene.camera_for(loaded.bounds);
+        let camera = scene.camera_for(loaded.bulk.bounds);
         renderer
             .render(&scene, &camera, &loaded.splats, &picture.view(), Picture::FORMAT, size)
             .unwrap();

@@ -158,7 +158,8 @@ pub fn hit_errors(gpu: &Gpu, renderer: &mut Renderer, sets: &[Vec<String>]) -> R
                 Ok(Method { name: set.join(" "), words: String::new(), settings })
             })
             .collect::<Result<_>>()?;
-        let (size, camera) = (subjects::size(name, HITS_WIDTH), scene.camera_for(loaded.bounds));
+        let (size, camera) =
+            (subjects::size(name, HITS_WIDTH), scene.camera_for(loaded.bulk.bounds));
         let uniform = camera.uniform(size, DVec3::ZERO);
         let view = View::new(&uniform);
         let layers = ViewLayers::drawn(gpu, renderer, &scene, &camera, &loaded.splats, size)?;

@@ -459,7 +459,7 @@ pub fn measure(
 ) -> Result<Vec<Budget>> {
     let (name, scene, loaded) = subjects::load(name)?;
     let size = subjects::size(&name, width);
-    let camera = scene.camera_for(loaded.bounds);
+    let camera = scene.camera_for(loaded.bulk.bounds);
     let drawn = (&scene, &camera, &loaded.splats);
     measure_frame(gpu, renderer, rates, &name, drawn, size, repeats)
 }

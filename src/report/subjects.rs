@@ -85,7 +85,7 @@ impl Subject {
                 (Box::new(mesh), bounds, "mesh")
             }
         };
-        let camera = scene.camera_for(loaded.bounds);
+        let camera = scene.camera_for(loaded.bulk.bounds);
         let further = scene.views.iter().map(|v| (format!("{name}:{}", v.name), v.camera));
         let views = std::iter::once((name.to_owned(), camera)).chain(further).collect();
         Ok(Self { name, scene, views, loaded, liquid, bounds, truth, input })

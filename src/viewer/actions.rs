@@ -142,7 +142,7 @@ impl Viewer {
             let aspect = self.stage_size.as_dvec2();
             let aspect = if aspect.min_element() > 0.0 { aspect.x / aspect.y } else { 1.0 };
             let radius = f64::from(loaded.splats.radius);
-            let (min, max) = loaded.bounds;
+            let (min, max) = loaded.bulk.bounds;
             let camera = rig::fit(&self.camera, (min - radius, max + radius), aspect);
             self.set_camera(camera);
         }

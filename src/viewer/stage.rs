@@ -209,7 +209,7 @@ impl Viewer {
         }
         ui.ctx().request_repaint();
         let extent = self.sides[self.edited].loaded.as_ref().map_or(1.0, |loaded| {
-            let (min, max) = loaded.bounds;
+            let (min, max) = loaded.bulk.bounds;
             (max - min).length().max(f64::from(loaded.splats.radius)).max(1e-6)
         });
         let seconds = f64::from(ui.input(|input| input.stable_dt).min(0.1));

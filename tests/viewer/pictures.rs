@@ -44,7 +44,7 @@ fn draw_thread_and_studio_draw_the_same_bits() {
         let settings = scene.settings.with(&overrides).expect("settings");
         let scene = Scene { settings, ..scene.clone() };
         let loaded = Arc::new(input.load(at, &scene).expect("it loads"));
-        let camera = scene.camera_for(loaded.bounds);
+        let camera = scene.camera_for(loaded.bulk.bounds);
         let size = UVec2::new(160, 120);
         let shot = studio.draw(&scene, &camera, &loaded.splats, size).expect("it draws");
         let pane = Pane { scene: scene.into(), camera, loaded, size };
