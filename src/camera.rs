@@ -22,8 +22,9 @@ pub struct Camera {
     pub up: Vec3,
     /// Vertical field of view, degrees (above 0, below 180).
     pub fov_y: f32,
-    /// Near plane, m; by default a thousandth of the distance to the target. Liquid nearer than
-    /// this counts as around the eye.
+    /// Near plane, m. Liquid nearer than this counts as around the eye. By default a thousandth of
+    /// the distance to the target; where that would cut liquid that the eye is outside of, half the
+    /// way to the nearest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near: Option<f32>,
 }
@@ -126,7 +127,7 @@ impl Camera {
             corner.dot(back) + off_axis / tangent
         });
         // At least so far away that the eye and the target are different numbers.
-        let least = (1e-12 * target.abs().max_element()).max(1e-5);
+        let least = (1e-12 * target.abs().max_element()).max(1e-9);
         let distance = needed.fold(least, f64::max) * 1.05;
         Self { eye: target + back * distance, target, up: Vec3::Y, fov_y, near: None }
     }
@@ -142,7 +143,7 @@ impl Camera {
         Self { eye: self.target + offset, ..self }
     }
 
-    /// The near plane, m.
+    /// The near plane, m, where no liquid is nearer.
     pub fn near(&self) -> f32 {
         self.near.unwrap_or_else(|| (1e-3 * self.eye.distance(self.target)) as f32)
     }

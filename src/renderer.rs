@@ -1,6 +1,7 @@
 //! The frame, on one page.
 
-use glam::{UVec2, Vec3};
+use glam::{Mat3, UVec2, Vec3};
+use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::changes::{Changes, Drawn};
@@ -9,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{self, Commands, Gpu, PassTime, Timer};
 use crate::lights::Lights;
 use crate::passes::caustics::CausticMap;
-use crate::passes::classify::Splats;
+use crate::passes::classify::{self, Splat, Splats};
 use crate::passes::cull;
 use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, Variant};
@@ -112,6 +113,8 @@ impl Renderer {
         camera.check()?;
         self.gpu.check()?;
         self.gpu.check_size(size)?;
+        check_scale(splats, camera)?;
+        let camera = &clear_of_liquid(camera, splats, size, scene.settings.classify.support);
         if let Environment::Map { size, pixels } = &scene.environment {
             self.gpu.check_image(*size, "choose a smaller environment map")?;
             if pixels.is_empty() || pixels.len() != size.x as usize * size.y as usize {
@@ -237,6 +240,71 @@ impl Renderer {
     }
 }
 
+/// Squares of the product of a splat's axes and its distance have to be numbers that 32-bit floats
+/// hold: beyond, the liquid would not be seen.
+fn check_scale(splats: &Splats, camera: &Camera) -> Result<()> {
+    /// m². Pictures at these ends are as in the middle.
+    const PRODUCTS: std::ops::RangeInclusive<f64> = 1e-18..=1e18;
+    let (radius, distance) = (f64::from(splats.radius), camera.eye.distance(camera.target));
+    let empty = splats.aggregates.is_empty() && splats.splashes.is_empty();
+    if empty || PRODUCTS.contains(&(radius * distance)) {
+        return Ok(());
+    }
+    let problem = format!(
+        "a particle radius of {radius:e} m seen from {distance:e} m cannot be drawn: their product must be \
+         1e-18 to 1e18 m²; choose another unit of length"
+    );
+    Err(Error::Scene { origin: "particles".into(), problem })
+}
+
+/// The camera; if it has the default near plane and the eye is outside of the liquid, but nearer to
+/// it than that plane, with one in front of the liquid. Else that would count as around the eye: a
+/// low eye with a far target would look out of the water.
+fn clear_of_liquid(camera: &Camera, splats: &Splats, size: UVec2, support: f32) -> Camera {
+    /// Share of the way to the liquid, for smoothing may bring a surface nearer.
+    const BEFORE: f64 = 0.5;
+    /// Splats are seen from the eye in 32-bit floats: nearer than this share of the origin's distance
+    /// or of a radius, near and far sides are not told apart.
+    const LEAST: (f64, f64) = (1e-6, 1e-3);
+    if camera.near.is_some() {
+        return *camera;
+    }
+    let uniform = camera.uniform(size, splats.origin);
+    let eye = camera.eye - splats.origin;
+    let ahead = (camera.target - camera.eye).normalize();
+    // From the eye to the near plane's corners, per unit of its depth.
+    let corner = f64::from(uniform.tangent.extend(1.0).length());
+    let farthest = corner * f64::from(uniform.near);
+    let clearance = |splat: &Splat| {
+        let offset = Vec3::from_array(splat.centre).as_dvec3() - eye;
+        let (distance, reach) = (offset.length(), f64::from(reach(splat)));
+        if distance - reach >= farthest || offset.dot(ahead) + reach <= 0.0 {
+            return f64::INFINITY;
+        }
+        let ([a, b, c], [d, e, f]) = (splat.diagonal, splat.off_diagonal);
+        let axes = Mat3::from_cols_array(&[a, d, e, d, b, f, e, f, c]).as_dmat3();
+        let to_sphere = axes.inverse();
+        // A way of this length in sphere space is no shorter than that over the norm in the world.
+        let norm = to_sphere.to_cols_array().map(|x| x * x).iter().sum::<f64>().sqrt();
+        (((to_sphere * offset).length() - 1.0) / norm).max(distance - reach)
+    };
+    let all = splats.aggregates.par_iter().chain(&splats.splashes);
+    let nearest = all.map(clearance).reduce(|| f64::INFINITY, f64::min);
+    let outside = nearest > 0.0 && !classify::is_inside(splats, eye, support);
+    if nearest >= farthest || !outside {
+        return *camera;
+    }
+    let least = (LEAST.0 * eye.length()).max(LEAST.1 * f64::from(splats.radius));
+    let near = (BEFORE * nearest / corner).max(least) as f32;
+    Camera { near: Some(near.min(uniform.near)), ..*camera }
+}
+
+/// No semi-axis of a splat is longer than this, m: the Frobenius norm of their matrix.
+fn reach(splat: &Splat) -> f32 {
+    let [diagonal, off] = [splat.diagonal, splat.off_diagonal].map(Vec3::from_array);
+    (diagonal.length_squared() + 2.0 * off.length_squared()).sqrt()
+}
+
 /// Whether the picture may have a pixel whose ray starts in liquid. Then it leaves by a back, also
 /// where a ray is followed through one interface.
 fn may_start_inside(splats: &Splats, camera: &Camera, size: UVec2) -> bool {
@@ -244,10 +312,7 @@ fn may_start_inside(splats: &Splats, camera: &Camera, size: UVec2) -> bool {
     // From the eye to the near plane's corners; and room for planes that are seen at a slant.
     let near = 32.0 * uniform.near * uniform.tangent.extend(1.0).length();
     splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
-        let [diagonal, off] = [splat.diagonal, splat.off_diagonal].map(Vec3::from_array);
-        // No semi-axis is longer than the Frobenius norm of their matrix.
-        let reach = (diagonal.length_squared() + 2.0 * off.length_squared()).sqrt();
-        (uniform.origin + Vec3::from_array(splat.centre)).length() <= 1.001 * reach + near
+        (uniform.origin + Vec3::from_array(splat.centre)).length() <= 1.001 * reach(splat) + near
     })
 }
 

@@ -4,8 +4,8 @@
 mod frames;
 
 use frames::{
-    Ellipsoid, Shot, View, ellipsoid, noise, noise_turn, noise_vector, on_axis, scene, sphere,
-    splats, stage,
+    Ellipsoid, Shot, View, ellipsoid, mean_difference, noise, noise_turn, noise_vector, on_axis,
+    scene, sphere, splats, stage,
 };
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
@@ -313,6 +313,55 @@ fn eye_in_the_liquid_starts_at_the_near_plane() {
     assert!(errors.depth < 1e-5 && errors.normal < 1e-4, "{errors:?}");
     assert!(errors.rim_depth < 2e-4, "{errors:?}");
     assert!(started > 500 && entered > 500, "{started} start inside, {entered} enter");
+}
+
+/// Liquid that the eye is outside of is seen from outside, however low the eye and far the target: a
+/// pool 1 cm below an eye whose target is 100 m away looks as with a near plane of 1 mm. The default
+/// one would be at 10 cm, and the eye in the pool. It is there still where the eye is in the liquid,
+/// also in a gap between particles, and where no liquid is near: to the last bit.
+#[test]
+fn a_low_eye_with_a_far_target_is_outside_of_the_pool() {
+    let Some(mut stage) = stage() else { return };
+    let spacing = 0.02;
+    let pool = (0..4).flat_map(|y| (0..40).flat_map(move |x| (0..50).map(move |z| (x, y, z))));
+    let pool: Vec<_> = pool
+        .map(|(x, y, z)| Vec3::new(x as f32 - 19.5, -y as f32 - 0.5, -z as f32) * spacing)
+        .collect();
+    let drawn = |axis: f32| -> Vec<_> {
+        pool.iter().map(|&at| Splat { radius: 0.5 * spacing, ..sphere(at, axis) }).collect()
+    };
+    let (full, touching) = (drawn(0.9 * spacing), drawn(0.5 * spacing));
+    let top = 0.4 * f64::from(spacing);
+    let eye_at = |eye: DVec3| Camera {
+        eye,
+        target: eye - 100.0 * DVec3::Z,
+        up: Vec3::Y,
+        fov_y: 60.0,
+        near: None,
+    };
+    let mut shot = |camera: Camera, near: Option<f32>, drawn: &[Splat]| {
+        let camera = Camera { near, ..camera };
+        stage.shoot(&scene(), &camera, &splats(drawn, &[], 0.5 * spacing), SIZE)
+    };
+    let low = eye_at(DVec3::new(0.0, top + 0.01, -0.3));
+    let [found, expected, cut] = [None, Some(1e-3), Some(0.1)].map(|near| shot(low, near, &full));
+    let error = mean_difference(&found, &expected);
+    println!(
+        "off by {error:e}; {} with a near plane in the pool",
+        mean_difference(&cut, &expected)
+    );
+    assert!(error < 1e-3, "off by {error:e}");
+    assert!(mean_difference(&cut, &expected) > 0.02, "the near plane does not matter");
+
+    let inside = DVec3::new(0.0, -0.04, -0.31);
+    for (what, eye, drawn) in [
+        ("in the pool", inside, &full),
+        ("in a gap", inside, &touching),
+        ("high up", DVec3::new(0.0, 0.3, 0.2), &full),
+    ] {
+        let [found, expected] = [None, Some(0.1)].map(|near| shot(eye_at(eye), near, drawn));
+        assert_eq!(found.picture, expected.picture, "{what}");
+    }
 }
 
 /// What is behind the eye is not seen, however large or close; nor is what is beside the picture.

@@ -126,6 +126,21 @@ pub fn wet(splats: &mut Splats, solids: &[Solid], reach: f32) {
     splats.aggregates.extend(copies);
 }
 
+/// Whether a place, counted from the splats' origin, has so many aggregates around it as places in a
+/// body have, also between its particles. From the height of the topmost centres upwards it has not.
+pub(crate) fn is_inside(splats: &Splats, place: DVec3, support: f32) -> bool {
+    const AROUND: f64 = 0.75;
+    let h = f64::from(support) * f64::from(splats.radius);
+    let mut near = Moments::default();
+    for splat in &splats.aggregates {
+        let offset = (Vec3::from_array(splat.centre).as_dvec3() - place) / h;
+        if offset.length_squared() <= 1.0 {
+            near.add(offset, f64::from(splat.radius / splats.radius).powi(3));
+        }
+    }
+    near.weight >= AROUND * moments::density_at_rest(support.into())
+}
+
 /// Whether a particle of this radius has a volume that a 32-bit float can hold.
 pub(crate) fn drawable(radius: f32) -> bool {
     radius > 0.0 && radius.powi(3).is_normal()
