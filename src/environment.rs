@@ -55,6 +55,16 @@ impl Default for Environment {
     }
 }
 
+/// The largest radiance that can be drawn, W/(m² sr) per channel; also the largest irradiance, W/m²,
+/// and intensity, W/sr. The sun's is 2·10⁷. Sums and products of some such numbers are still far from
+/// the end of 32-bit floats, with the highest exposure too.
+pub const MAX_RADIANCE: f32 = 1e12;
+
+/// Whether each channel of a radiance is 0 to [`MAX_RADIANCE`].
+pub(crate) fn is_radiance(c: Vec3) -> bool {
+    c.to_array().iter().all(|c| (0.0..=MAX_RADIANCE).contains(c))
+}
+
 impl Environment {
     /// Reads an equirectangular picture: Radiance HDR, OpenEXR, or PNG (sRGB).
     ///
@@ -96,8 +106,12 @@ impl Environment {
         };
         let pixels: Vec<_> =
             picture.pixels().map(|p| [linear(p[0]), linear(p[1]), linear(p[2]), 1.0]).collect();
-        if pixels.is_empty() || !pixels.iter().flatten().all(|c| c.is_finite()) {
-            return Err(Error::format(path, "the environment has no pixels, or infinite ones"));
+        if pixels.is_empty() {
+            return Err(Error::format(path, "the environment has no pixels"));
+        }
+        if let Some(c) = pixels.iter().flatten().find(|&&c| !is_radiance(Vec3::splat(c))) {
+            let problem = format!("the environment has a radiance of {c}: 0 to 1e12 expected");
+            return Err(Error::format(path, problem));
         }
         Ok(Self::Map { size, pixels: pixels.into() })
     }
@@ -125,12 +139,12 @@ impl Environment {
         }
     }
 
-    /// Whether every radiance is finite.
-    pub fn is_finite(&self) -> bool {
+    /// Whether every radiance can be drawn: see [`MAX_RADIANCE`].
+    pub fn is_drawable(&self) -> bool {
         match self {
-            Self::Constant(c) => c.is_finite(),
+            Self::Constant(c) => is_radiance(*c),
             Self::Gradient { zenith, horizon, nadir } => {
-                zenith.is_finite() && horizon.is_finite() && nadir.is_finite()
+                [zenith, horizon, nadir].into_iter().all(|c| is_radiance(*c))
             }
             // Known since it was read; to look at every pixel in each frame would cost more.
             Self::Map { .. } => true,

@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, is_place};
-use crate::environment::Environment;
+use crate::environment::{Environment, is_radiance};
 use crate::error::{Error, Result};
 use crate::particles::{AttributeMap, Up};
 use crate::passes::gbuffer::{MAX_LIGHTS, MAX_SOLIDS};
@@ -319,8 +319,8 @@ impl Scene {
                 format!("at most {MAX_SOLIDS} solids and {MAX_LIGHTS} lights can be drawn");
             return fail("[solid]", &problem);
         }
-        if !self.environment.is_finite() {
-            return fail("environment", "radiances must be finite");
+        if !self.environment.is_drawable() {
+            return fail("environment", "radiances must be 0 to 1e12");
         }
         for (number, solid) in (1..).zip(&self.solids) {
             if let Some(problem) = solid.problem() {
@@ -357,10 +357,10 @@ impl Solid {
             ],
         };
         let surface = match self.surface {
-            Surface::Color(color) => [(color.is_finite(), "color must be finite"), (true, "")],
+            Surface::Color(color) => [(is_radiance(color), "color must be 0 to 1e12"), (true, "")],
             Surface::Checker { tile, even, odd } => [
                 (tile > 0.0 && tile.is_finite(), "a checker's tile must be above 0"),
-                (even.is_finite() && odd.is_finite(), "a checker's colours must be finite"),
+                (is_radiance(even) && is_radiance(odd), "a checker's colours must be 0 to 1e12"),
             ],
         };
         let mut checks = shape.into_iter().chain(surface);
@@ -381,9 +381,9 @@ impl Light {
                 (is_place(position), intensity, "a point's position must be finite")
             }
         };
-        match (place, power.is_finite()) {
+        match (place, is_radiance(power)) {
             (false, _) => Some(problem),
-            (_, false) => Some("irradiance and intensity must be finite"),
+            (_, false) => Some("irradiance and intensity must be 0 to 1e12"),
             _ => None,
         }
     }

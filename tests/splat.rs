@@ -10,6 +10,7 @@ use frames::{
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::passes::classify::Splat;
+use limpid::renderer::Picture;
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 
@@ -440,4 +441,42 @@ fn splashes_and_aggregates_are_apart() {
     assert!(!one.has("depth.splash_front") && !one.has("normal.splash_back.X"));
     assert!(stage.renderer.images().splash.is_none());
     assert_eq!(one.channel("depth.aggregate_front"), both.channel("depth.aggregate_front"));
+}
+
+/// A scale at which 32-bit floats hold the squares of areas gives the same picture as any other, and
+/// one beyond is refused: no picture without the liquid.
+#[test]
+fn a_scale_is_drawn_or_refused() {
+    let Some(mut stage) = stage() else { return };
+    let mut seed = 5;
+    let body: Vec<_> = (0..40)
+        .map(|_| (0.5 * noise_vector(&mut seed), Vec3::splat(0.2), noise_turn(&mut seed)))
+        .collect();
+    // The product of radius and distance is the square of the scale.
+    let scaled = |scale: f32| {
+        let drawn: Vec<_> = body
+            .iter()
+            .map(|&(at, axes, turn)| ellipsoid(scale * at, scale * axes, turn))
+            .collect();
+        (on_axis(5.0 * scale, 30.0), splats(&drawn, &[], 0.2 * scale))
+    };
+    let mut refused = |scale: f32| {
+        let (camera, splats) = scaled(scale);
+        let frame = Picture::new(&stage.gpu, SIZE).unwrap();
+        let view = frame.view();
+        stage.renderer.render(&scene(), &camera, &splats, &view, Picture::FORMAT, SIZE).err()
+    };
+    for scale in [3e9, 3e-10] {
+        let error = refused(scale).expect("beyond").to_string();
+        assert!(error.contains("unit of length"), "{error}");
+    }
+    let mut picture = |scale: f32| {
+        let (camera, splats) = scaled(scale);
+        stage.shoot(&scene(), &camera, &splats, SIZE)
+    };
+    let one = picture(1.0);
+    for scale in [0.9e9, 1e4, 1e-4, 1.1e-9] {
+        let error = mean_difference(&one, &picture(scale));
+        assert!(error < 2e-3, "at {scale}: {error}");
+    }
 }

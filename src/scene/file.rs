@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Fluid, Light, Liquid, NamedView, ParticleSource, Scene, Shape, Solid, Surface};
 use crate::camera::Camera;
-use crate::environment::Environment;
+use crate::environment::{self, Environment};
 use crate::error::{Error, Result, printable};
 use crate::files;
 use crate::output::{Kind, write_atomically};
@@ -372,8 +372,10 @@ impl EnvironmentFile {
         };
         let environment = environment.scaled(scale);
         match &environment {
-            Environment::Map { pixels, .. } if !pixels.iter().flatten().all(|c| c.is_finite()) => {
-                Err(fail("[environment] scale makes the map infinite".into()))
+            Environment::Map { pixels, .. }
+                if pixels.iter().flatten().any(|&c| c > environment::MAX_RADIANCE) =>
+            {
+                Err(fail("[environment] scale makes the map brighter than 1e12".into()))
             }
             _ => Ok(environment),
         }

@@ -5,6 +5,7 @@ use std::fs;
 use glam::{UVec2, Vec3};
 use image::{DynamicImage, Rgb, Rgb32FImage, RgbImage};
 use limpid::environment::Environment;
+use limpid::scene::Scene;
 
 fn close(a: Vec3, b: Vec3, tolerance: f32) -> bool {
     (a - b).abs().max_element() <= tolerance
@@ -111,4 +112,35 @@ fn mean_of_an_environment() {
     let share = 0.5 * (1.0 - 18f32.to_radians().cos());
     assert!(close(cap.mean(), Vec3::splat(share), 1e-5), "{} {share}", cap.mean());
     assert!(close(cap.scaled(3.0).mean(), Vec3::splat(3.0 * share), 3e-5));
+}
+
+/// What would make infinite or negative pictures is refused, by the key that it is in.
+#[test]
+fn radiances_that_cannot_be_drawn_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for value in [-0.5f32, 1e38] {
+        let color = format!("[1.0, {value:?}, 1.0]");
+        for (key, text) in [
+            ("environment", format!("[environment]\nradiance = {color}")),
+            (
+                "environment",
+                format!("[environment]\ngradient = {{ zenith = {color}, horizon = [1, 1, 1] }}"),
+            ),
+            ("color", format!("[[solid]]\nshape = \"plane\"\norigin = [0, 0, 0]\ncolor = {color}")),
+            (
+                "irradiance",
+                format!("[[light]]\nsun = {{ direction = [0, -1, 0], irradiance = {color} }}"),
+            ),
+        ] {
+            let text = format!("[liquid]\nior = 1.33\n{text}\n");
+            let scene = Scene::parse(&text, "s.toml", folder.path(), &[]);
+            let error = scene.and_then(|scene| scene.check()).expect_err(&text).to_string();
+            assert!(error.contains(key) && error.contains("0 to 1e12"), "{error}");
+        }
+        let path = folder.path().join("sky.exr");
+        let map = Rgb32FImage::from_pixel(2, 1, Rgb([1.0, value, 1.0]));
+        DynamicImage::ImageRgb32F(map).save(&path).unwrap();
+        let error = Environment::load(&path).unwrap_err().to_string();
+        assert!(error.contains("0 to 1e12"), "{error}");
+    }
 }
