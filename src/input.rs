@@ -33,11 +33,27 @@ pub struct Input {
     fluids: Vec<Fluid>,
 }
 
+/// Where the radius of particles is from, the surest first.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum RadiusFrom {
+    /// Their file has radii.
+    #[default]
+    File,
+    /// The user: [`Input::with_radius`].
+    Option,
+    /// The scene, its recipe or its simulation.
+    Scene,
+    /// Their spacing: [`classify::estimate_radius`].
+    Guess,
+}
+
 /// Where the particles of one fluid come from.
 #[derive(Debug, Clone)]
 struct Fluid {
     sequence: Sequence,
     radius: Option<f32>,
+    /// Where that is from; without one, a guess.
+    radius_from: RadiusFrom,
     up: Up,
     options: ReadOptions,
     source: Source,
@@ -185,6 +201,8 @@ pub struct Loaded {
     pub particles: usize,
     /// What they are drawn as.
     pub splats: Splats,
+    /// Where their radius is from; of several fluids, the least sure.
+    pub radius_from: RadiusFrom,
     /// Corners of the box around all centres; both 0 without particles.
     pub bounds: (DVec3, DVec3),
     /// What their files hold besides the places, and what is used of it; see [`Contents::arrays`].
@@ -231,6 +249,7 @@ impl Input {
         let fluid = Fluid {
             sequence: Sequence { frames: vec![frame], pattern: "demo".into() },
             radius: particles.radius,
+            radius_from: RadiusFrom::Scene,
             up: particles.up,
             options: ReadOptions::default(),
             source: Source::Embedded(include_bytes!("../sims/demo.bgeo")),
@@ -253,12 +272,16 @@ impl Input {
             self.fps = Some(simulation.fps);
             for fluid in &mut self.fluids {
                 fluid.radius = Some(simulation.particle_radius() as f32);
+                fluid.radius_from = RadiusFrom::Scene;
             }
         }
         if let Some(particles) = scene.sources().first() {
             self.fps = particles.fps.or(self.fps);
             for fluid in &mut self.fluids {
-                fluid.radius = particles.radius.or(fluid.radius);
+                if let Some(radius) = particles.radius {
+                    fluid.radius = Some(radius);
+                    fluid.radius_from = RadiusFrom::Scene;
+                }
                 fluid.up = particles.up;
                 fluid.options.map.clone_from(&particles.map);
             }
@@ -277,6 +300,7 @@ impl Input {
         }
         for fluid in &mut self.fluids {
             fluid.radius = Some(radius);
+            fluid.radius_from = RadiusFrom::Option;
         }
         Ok(self)
     }
@@ -308,6 +332,7 @@ impl Input {
             let fluid = Fluid {
                 sequence: Sequence { frames: vec![frame], pattern: origin.into() },
                 radius: Some(recipe.particle_radius() as f32),
+                radius_from: RadiusFrom::Scene,
                 up: Up::Y,
                 options: ReadOptions::default(),
                 source: Source::Recipe(recipe),
@@ -462,6 +487,7 @@ impl Input {
             number,
             particles: particles.len(),
             splats,
+            radius_from: self.radius_from(particles),
             bounds: particles.bounds().unwrap_or_default(),
             arrays: Vec::new(),
             cells: 0,
@@ -469,10 +495,23 @@ impl Input {
         })
     }
 
+    /// Where the radius of a frame's particles is from; of several fluids, the least sure. A
+    /// guess holds for a sequence once [`Input::settle`] has settled it.
+    pub fn radius_from(&self, particles: &Particles) -> RadiusFrom {
+        match self.fluids.as_slice() {
+            [_] if particles.radii.is_some() => RadiusFrom::File,
+            fluids => fluids.iter().map(|fluid| fluid.radius_from).max().unwrap_or_default(),
+        }
+    }
+
     /// Settles what neither files nor scene say, by the first frame that has particles: the radius
     /// of each fluid, and for a scene without a camera the view, of the
     /// [bulk](Bulk) of the particles. Bare files get a scene of their own. So a sequence has one
     /// radius and one view, however it is shared among machines.
+    ///
+    /// A file named alone that is one of a sequence has that one's radius: a guess from its first
+    /// frame with particles, unless the two guesses differ by more than a tenth, for then
+    /// the files are not of one simulation, though their names look so.
     ///
     /// # Errors
     /// As [`Particles::read`]; [`Error::Scene`] for a bad override.
@@ -491,9 +530,11 @@ impl Input {
                 let particles = fluid.contents(number, Missing::Error)?.particles;
                 let Some(Bulk { bounds: (min, max), .. }) = particles.bulk() else { continue };
                 around = Some(around.map_or((min, max), |(a, b)| (a.min(min), b.max(max))));
-                let settled = fluid.radius_of(number, &particles)?;
+                let settled = fluid.settled_radius(number, &particles)?;
                 radius = radius.max(settled);
-                if settled > 0.0 {
+                if settled > 0.0 && fluid.radius.is_none() {
+                    let own = particles.radii.is_some();
+                    fluid.radius_from = if own { RadiusFrom::File } else { RadiusFrom::Guess };
                     fluid.radius = Some(settled);
                 }
                 break;
@@ -536,7 +577,8 @@ fn after(numbers: &[i64], time: f64) -> Moment {
 impl Fluid {
     fn of_files(sequence: Sequence, radius: Option<f32>, up: Up, map: AttributeMap) -> Self {
         let options = ReadOptions { map, ..ReadOptions::default() };
-        Self { sequence, radius, up, options, source: Source::Files }
+        let radius_from = radius.map_or(RadiusFrom::Guess, |_| RadiusFrom::Scene);
+        Self { sequence, radius, radius_from, up, options, source: Source::Files }
     }
 
     /// The particles of a moment, y up.
@@ -585,6 +627,27 @@ impl Fluid {
             Source::Recipe(recipe) => (None, frame.map(|_| recipe)),
         };
         Origin { file, made, radius: self.radius, up: self.up, map: &self.options.map }
+    }
+
+    /// The radius for all frames: as [`Fluid::radius_of`], or of a lone file that of the sequence
+    /// that it is of.
+    fn settled_radius(&self, number: i64, particles: &Particles) -> Result<f32> {
+        /// Guesses of one sequence differ by less than this share.
+        const SAME: f32 = 0.1;
+        let own = self.radius_of(number, particles)?;
+        let guessed = self.radius.is_none() && particles.radii.is_none();
+        let (Source::Files, [frame], true) = (&self.source, &*self.sequence.frames, guessed) else {
+            return Ok(own);
+        };
+        let siblings = Sequence::around(&frame.path).map_or(Vec::new(), |all| all.frames);
+        let earlier = siblings.iter().take_while(|sibling| sibling.number < frame.number);
+        let first = earlier
+            .map_while(|sibling| Contents::read(&sibling.path, &self.options).ok())
+            .map(|contents| contents.particles)
+            .find(|particles| !particles.is_empty());
+        let theirs = first.filter(|first| first.radii.is_none());
+        let theirs = theirs.map_or(own, |first| classify::estimate_radius(&first));
+        Ok(if (theirs - own).abs() <= SAME * own { theirs } else { own })
     }
 
     /// The radius for particles without one of their own: as given, or from their spacing.

@@ -56,6 +56,17 @@ impl Sequence {
         }
     }
 
+    /// The frames of the sequence that a file is of: those in its folder whose names differ from
+    /// its own in the last number alone. None where the name has no number.
+    pub(crate) fn around(file: &Path) -> Option<Self> {
+        let name = file.file_name()?.to_str()?;
+        let (prefix, _, suffix) = numbered(name)?;
+        let parent = file.parent().filter(|parent| !parent.as_os_str().is_empty());
+        let folder = parent.unwrap_or(Path::new("."));
+        let pattern = Pattern { folder, prefix, suffix, width: 1 };
+        Self::from_pattern(&file.to_string_lossy(), &pattern).ok()
+    }
+
     /// The frame with this number, if there is one.
     pub fn frame(&self, number: i64) -> Option<&Frame> {
         let at = self.frames.binary_search_by_key(&number, |frame| frame.number).ok()?;

@@ -9,9 +9,17 @@ use super::moments::{EDGE, Moments};
 use super::{Cloud, Member, drawable};
 use crate::particles::Particles;
 
-/// A radius for files that have none: half the median distance to the nearest neighbour, over at
-/// most 2,000 particles spread through the file. 0 without two distinct particles, or if those are
-/// so near or far that nothing of that radius can be drawn.
+/// A radius for files that have none: half the distance of neighbours where the particles are dense.
+///
+/// A particle's spacing is the median distance to its six nearest neighbours: 2 r exactly in a cubic
+/// lattice, in sheets of one or two of its layers and in a packing of spheres that touch, and on
+/// average in SPH at rest, where each particle has (2 r)³. The nearest neighbour alone is up to a
+/// quarter nearer there. Of at most 2,000 particles spread through the file the lower quartile
+/// counts: spray, where particles have nobody near, does not matter while it is less than three
+/// quarters, and frames of a sequence agree. `tests/radius.rs` measures it: within 5 %.
+///
+/// 0 without two distinct particles, or if those are so near or far that nothing of that radius
+/// can be drawn.
 pub fn estimate_radius(particles: &Particles) -> f32 {
     // Radii do not matter here, but a particle without a usable one would be left out.
     let cloud = Cloud::new(&Particles::from_positions(particles.positions.clone()), 1.0);
@@ -22,19 +30,21 @@ pub fn estimate_radius(particles: &Particles) -> f32 {
         .iter()
         .step_by(step)
         .filter_map(|member| {
-            let two = NonZero::new(2)?;
             // The nearest is the particle itself.
             let query = tree.query(&member.position);
-            let nearest = query.nearest_n::<SquaredEuclidean<f64>>(two).execute();
-            nearest.get(1).map(|found| found.distance.sqrt())
+            let nearest = query.nearest_n::<SquaredEuclidean<f64>>(NonZero::new(7)?).execute();
+            let near = nearest.iter().map(|found| found.distance.sqrt());
+            let mut near: Vec<f64> = near.filter(|&distance| distance > 0.0).collect();
+            near.sort_unstable_by(f64::total_cmp);
+            let last = near.len().checked_sub(1)?;
+            Some(0.5 * (near[last / 2] + near[last.div_ceil(2)]))
         })
-        .filter(|&distance| distance > 0.0)
         .collect();
     if distances.is_empty() {
         return 0.0;
     }
-    let middle = distances.len() / 2;
-    let radius = (0.5 * *distances.select_nth_unstable_by(middle, f64::total_cmp).1) as f32;
+    let quarter = distances.len() / 4;
+    let radius = (0.5 * *distances.select_nth_unstable_by(quarter, f64::total_cmp).1) as f32;
     if drawable(radius) { radius } else { 0.0 }
 }
 
