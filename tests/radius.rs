@@ -14,7 +14,7 @@ use limpid::passes::classify::estimate_radius;
 use limpid::scene::Scene;
 use support::Random;
 
-/// The error that README and docs promise.
+/// The error that docs/radius.md promises.
 const MOST: f64 = 0.05;
 
 /// Places of a lattice of `counts` cells, each `spacing` wide, with particles at `basis`.

@@ -43,6 +43,11 @@ struct FrameInfo {
     particles: usize,
     min: [f64; 3],
     max: [f64; 3],
+    /// The box around the bulk of the particles, for which cameras and floors are made.
+    bulk_min: [f64; 3],
+    bulk_max: [f64; 3],
+    /// How many particles lie outside of that.
+    outside: usize,
     attributes: Vec<&'static str>,
     /// What the file holds besides the places.
     arrays: Vec<ArrayInfo>,
@@ -67,6 +72,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(radius) = args.radius {
         input = input.with_radius(radius)?;
     }
+    // With the radius that `render` takes; what has none is described without.
+    let input = input.clone().settle(&[]).map_or(input, |(settled, _)| settled);
     let frames = &input.sequence.frames;
     let chosen = match &args.frames {
         Some(spec) => spec.select(&input.sequence)?,
@@ -90,12 +97,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         // What is in a file can be said without a radius.
         let loaded = input.prepare(frame, &particles, &scene).ok();
         let (min, max) = particles.bounds().unwrap_or_default();
+        let bulk = particles.bulk().unwrap_or_default();
         info.described.push(FrameInfo {
             frame: frame.number,
             path: frame.path.display().to_string(),
             particles: particles.len(),
             min: min.to_array().map(shortest),
             max: max.to_array().map(shortest),
+            bulk_min: bulk.bounds.0.to_array().map(shortest),
+            bulk_max: bulk.bounds.1.to_array().map(shortest),
+            outside: bulk.outside,
             attributes: particles.attribute_names().collect(),
             arrays: arrays.into_iter().map(array_info).collect(),
             radius: loaded.as_ref().map(|loaded| loaded.splats.radius),
@@ -137,7 +148,10 @@ fn describe(info: &Info) -> String {
             [] => "positions only".to_owned(),
             names => names.join(", "),
         };
-        let [x, y, z] = [0, 1, 2].map(|i| format!("{} to {}", frame.min[i], frame.max[i]));
+        let extent = |min: [f64; 3], max: [f64; 3]| {
+            let [x, y, z] = [0, 1, 2].map(|i| format!("{} to {}", min[i], max[i]));
+            format!("x {x}, y {y}, z {z} m")
+        };
         lines.push(format!("frame {}: {}", frame.frame, frame.path));
         lines.push(format!("  {} particles, {attributes}", frame.particles));
         for (used, title) in [(true, "used"), (false, "ignored")] {
@@ -147,7 +161,11 @@ fn describe(info: &Info) -> String {
                 lines.push(format!("  {title}: {}", told.join(", ")));
             }
         }
-        lines.push(format!("  x {x}, y {y}, z {z} m"));
+        lines.push(format!("  {}", extent(frame.min, frame.max)));
+        if frame.outside > 0 {
+            let bulk = extent(frame.bulk_min, frame.bulk_max);
+            lines.push(format!("  {} lie outside of {bulk}", frame.outside));
+        }
         lines.push(match (frame.radius, frame.splashes) {
             (Some(radius), Some(splashes)) => format!("  radius {radius} m, {splashes} splashes"),
             _ => "  no radii, and no spacing to estimate one from".to_owned(),

@@ -75,3 +75,21 @@ fn info_lists_arrays() {
     std::fs::write(folder.path().join("a.toml"), scene).unwrap();
     assert_tells(&succeed(folder.path(), &["info", "a.toml"]), &["h (2) as radius"]);
 }
+
+/// A lost particle is told apart: the box around all, and the one that a camera would show.
+#[test]
+fn info_tells_what_lies_outside() {
+    let folder = folder();
+    let mut text: String = (0..100).map(|i| format!("{} {} 0\n", i % 10, i / 10)).collect();
+    std::fs::write(folder.path().join("whole.xyz"), &text).unwrap();
+    let whole = succeed(folder.path(), &["info", "whole.xyz"]);
+    assert!(!whole.contains("outside"), "{whole}");
+    text += "0 -5000 0\n";
+    std::fs::write(folder.path().join("lost.xyz"), &text).unwrap();
+    let lost = succeed(folder.path(), &["info", "lost.xyz"]);
+    assert_tells(&lost, &["y -5000 to 9", "1 lie outside of x 0 to 9, y 0 to 9"]);
+    let json = succeed(folder.path(), &["info", "--json", "lost.xyz"]);
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["described"][0]["outside"], 1);
+    assert_eq!(json["described"][0]["bulk_min"][1], 0.0);
+}
