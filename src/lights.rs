@@ -306,6 +306,7 @@ fn is_wet(light: &Light, splats: &Splats) -> bool {
 }
 
 /// The box around the bulk of a frame's splats, m; none without any.
+#[cfg(feature = "report")]
 pub(crate) fn bounds(splats: &Splats) -> Option<(DVec3, DVec3)> {
     around(splats, bulk(splats)?.bounds)
 }
