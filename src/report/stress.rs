@@ -189,11 +189,11 @@ impl Trial {
                 }
             }
             Case::Pool => {
-                // Half as thick as high above the floor its middle is.
-                let thickness = 0.1 + 0.4 * axes.y;
+                // Half below the floor: what nearly touches it is wet for one and dry for the other,
+                // which is a question of conventions.
                 let wide = 20.0 * axes + 10.0;
-                let centre = DVec3::new(0.0, thickness - FLOOR, 0.0);
-                let axes = DVec3::new(wide.x, thickness, wide.z);
+                let centre = DVec3::new(0.0, -FLOOR, 0.0);
+                let axes = DVec3::new(wide.x, 0.1 + 0.4 * axes.y, wide.z);
                 trial.drops = vec![Drop { centre, axes, turn: DQuat::from_rotation_y(azimuth) }];
             }
             Case::Beside => {
