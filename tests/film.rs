@@ -257,7 +257,7 @@ fn equal_videos_are_equal_files() {
         let [one, other] = ["one", "other"].map(|name| {
             let path = folder.path().join(name).with_extension(kind);
             write(&path, 25.0, &[many_colors(1), many_colors(2)]);
-            std::fs::read(path).unwrap()
+            fs::read(path).unwrap()
         });
         assert!(one == other, "{kind}");
     }
