@@ -512,11 +512,12 @@ impl Format {
 pub(crate) fn is_of_its_format(path: &Path, head: &[u8], length: u64) -> bool {
     let Ok(format) = format_for(path) else { return false };
     let whole = head.len() as u64 == length;
+    let reading = Reading { limit: files::unpacked_limit(length), map: &AttributeMap::default() };
     match format.extension {
         // Without a mark of its own: what is read of it must be sound.
-        ".xyz" => xyz::is_sound(path, head, length),
+        ".xyz" => xyz::is_sound(path, head, length, &reading),
         ".pos" => pos::check_length(path, head, length).is_ok(),
-        _ => match format.parse(path, head, files::unpacked_limit(length)) {
+        _ => match (format.read)(path, head, &reading) {
             Err(Error::Format { .. }) => false,
             // One that is cut off is of its format still.
             Err(_) => !whole || known_magic(head).is_some(),

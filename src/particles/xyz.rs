@@ -59,14 +59,14 @@ pub(crate) fn check_length(path: &Path, start: &[u8], length: u64) -> Result<()>
 }
 
 /// Whether a file that begins like this, of this length, holds positions as far as that tells.
-pub(crate) fn is_sound(path: &Path, head: &[u8], length: u64) -> bool {
+pub(super) fn is_sound(path: &Path, head: &[u8], length: u64, reading: &Reading<'_>) -> bool {
     let last = |is_end: fn(&u8) -> bool| head.iter().rposition(is_end).map_or(0, |at| at + 1);
     let end = match (head.len() as u64 == length, is_text(head)) {
         (true, _) => head.len(),
         (false, true) => last(|&byte| byte == b'\n'),
         (false, false) => head.len() / 12 * 12,
     };
-    check_length(path, head, length).is_ok() && read(path, &head[..end]).is_ok()
+    check_length(path, head, length).is_ok() && read(path, &head[..end], reading).is_ok()
 }
 
 /// So many bytes tell text from floats.
