@@ -22,7 +22,7 @@ pub use idol::Idol;
 pub use pool::{Pool, Reef};
 pub use vase::Vase;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, printable};
 use crate::particles::Particles;
 use crate::scene::Solid;
 
@@ -72,6 +72,14 @@ pub enum Recipe {
 /// The least share of the box around a body that the body may fill.
 const LEAST_FILLED: f64 = 0.01;
 
+/// Places that are looked at for each particle, at most, and always: a body that fills a hundredth of
+/// the box around it takes a hundred, a sheet thinner than particles are far apart any number.
+const MOST_PLACES: f64 = 400.0;
+const ALWAYS_PLACES: f64 = 1e6;
+
+/// Sines that are taken to place particles under waves, at most: some minutes.
+const MOST_WORK: f64 = 1e11;
+
 /// A droplet: where it is, its radius in particle spacings (0 for a lone particle).
 struct Droplet {
     center: DVec3,
@@ -89,7 +97,10 @@ impl Recipe {
     /// # Errors
     /// [`Error::Scene`] naming the first key that is out of its range.
     pub fn check(&self) -> Result<()> {
-        let fail = |problem: String| Err(Error::Scene { origin: "recipe".into(), problem });
+        let fail = |problem: String| {
+            let problem = printable(problem);
+            Err(Error::Scene { origin: "recipe".into(), problem })
+        };
         let place = match *self {
             Self::Ball { center, .. } => [("center", center); 2],
             Self::Slab { min, max, .. } => [("min", min), ("max", max)],
@@ -102,10 +113,12 @@ impl Recipe {
                 return fail(format!("{key} is {point}, expected coordinates up to 10000 m"));
             }
         }
-        if let Self::Slab { min, max, .. } = self
-            && !min.cmplt(*max).all()
-        {
-            return fail("min must be below max".into());
+        if let Self::Slab { min, max, .. } = self {
+            /// So thin that volumes and distances keep their digits.
+            const THINNEST: f64 = 1e-9;
+            if !(*max - *min).cmpge(DVec3::splat(THINNEST)).all() {
+                return fail(format!("min must be below max, by at least {THINNEST} m"));
+            }
         }
         let size = 1e-3..=1e3;
         let ranges = match *self {
@@ -147,6 +160,14 @@ impl Recipe {
         }
     }
 
+    /// How many waves its surface is the sum of.
+    fn waves(&self) -> u32 {
+        match self {
+            Self::Pool(pool) => pool.waves.count,
+            _ => 0,
+        }
+    }
+
     fn seed(&self) -> u64 {
         match *self {
             Self::Ball { seed, .. }
@@ -182,11 +203,11 @@ impl Recipe {
 
     /// Radius r of the particles, m: each has the volume of a cube of side 2 r.
     pub fn particle_radius(&self) -> f64 {
-        0.5 * self.spacing(&self.body())
+        0.5 * self.spacing(self.body().volume())
     }
 
-    fn spacing(&self, body: &Body) -> f64 {
-        (body.volume() / (self.count() * (1.0 - self.spray()))).cbrt()
+    fn spacing(&self, volume: f64) -> f64 {
+        (volume / (self.count() * (1.0 - self.spray()))).cbrt()
     }
 
     /// The particles.
@@ -200,12 +221,29 @@ impl Recipe {
     /// box around it that looking for it would take forever.
     pub fn particles(&self) -> Result<Particles> {
         self.check()?;
+        let fail = |problem: String| Err(Error::Scene { origin: "recipe".into(), problem });
         let body = self.body();
-        if body.volume() < LEAST_FILLED * (body.max - body.min).element_product() {
-            let problem = "the liquid is too thin for the space that it extends over".into();
-            return Err(Error::Scene { origin: "recipe".into(), problem });
+        let volume = body.volume();
+        if volume < LEAST_FILLED * (body.max - body.min).element_product() {
+            return fail("the liquid is too thin for the space that it extends over".into());
         }
-        let spacing = self.spacing(&body);
+        let count = self.count();
+        let spacing = self.spacing(volume);
+        let places = fill::places(&body, spacing);
+        if !(places <= MOST_PLACES * count + ALWAYS_PLACES) {
+            return fail(format!(
+                "count is {count}: particles would be {spacing:.3e} m apart, too far for liquid this \
+                 thin; make count larger or the liquid thicker"
+            ));
+        }
+        let work = places * f64::from(self.waves());
+        if work > MOST_WORK {
+            let waves = self.waves();
+            return fail(format!(
+                "waves.count is {waves}, too many for a count of {count}: {work:.0e} sines would be \
+                 taken, at most {MOST_WORK:.0e}"
+            ));
+        }
         let mut points = fill::fill(&body, spacing, self.seed());
         let thrown = (self.spray() * self.count()) as usize;
         match self {

@@ -1,5 +1,6 @@
 //! Which files are the frames of a sequence.
 
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -127,31 +128,28 @@ impl Sequence {
     }
 
     fn from_folder(folder: &Path) -> Result<Self> {
-        let mut stems: Vec<String> = Vec::new();
+        let mut stems = BTreeSet::new();
         let mut frames = Vec::new();
         for name in list(folder)?.iter().filter(|name| readable_stem(name).is_some()) {
             let (stem, number) = match numbered(name) {
                 Some((prefix, number, suffix)) => (format!("{prefix}{{}}{suffix}"), number),
                 None => (name.clone(), 0),
             };
-            if !stems.contains(&stem) {
-                stems.push(stem);
-            }
+            stems.insert(stem);
             frames.push(Frame { number, path: folder.join(name) });
         }
-        stems.sort();
-        match stems.as_slice() {
+        let count = stems.len();
+        let some: Vec<String> = stems.into_iter().take(8).collect();
+        match some.as_slice() {
             [stem] => Self::sorted(frames, folder.join(stem).display().to_string()),
             [] => {
                 let problem = format!("no particle files ({}) in this folder", extensions());
                 Err(Error::Sequence { pattern: folder.display().to_string(), problem })
             }
             _ => {
-                let more = if stems.len() > 8 { ", ..." } else { "" };
-                let some: Vec<&str> = stems.iter().take(8).map(String::as_str).collect();
+                let more = if count > some.len() { ", ..." } else { "" };
                 let problem = format!(
-                    "{} sequences in this folder; name one by its pattern: {}{more}",
-                    stems.len(),
+                    "{count} sequences in this folder; name one by its pattern: {}{more}",
                     some.join(", ")
                 );
                 Err(Error::Sequence { pattern: folder.display().to_string(), problem })

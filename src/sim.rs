@@ -28,6 +28,9 @@ use crate::waves::WaveSpectrum;
 /// Mass density of the liquid at rest, kg/m³.
 const DENSITY: f32 = 1000.0;
 
+/// The most that a swell's tables may hold: a wave for each particle along the tank's three edges.
+const MOST_TABLED: f64 = 1e8;
+
 /// The most particles that a simulation may have.
 const MOST_PARTICLES: f64 = 1e7;
 
@@ -268,6 +271,15 @@ impl Simulation {
                 ];
                 if let Some(problem) = out_of_range(&ranges) {
                     return Some(problem);
+                }
+                let (min, max) = self.blocks[0].extent();
+                let along = emitter::lattice(min, max, 2.0 * self.radius).element_sum();
+                if along * f64::from(waves.count) > MOST_TABLED {
+                    let count = waves.count;
+                    return Some(format!(
+                        "waves.count is {count}, too many for a block of {along} particles along its \
+                         edges: their product may be {MOST_TABLED}"
+                    ));
                 }
             }
             Kind::Pbf => {}

@@ -23,12 +23,25 @@ const STIFFNESS: f64 = 0.22;
 /// How much a body's distance changes, at most, over a unit of length. 1 where it is exact.
 const STEEPEST: f64 = 1.5;
 
+/// Cells in which points are sorted, at most, for each.
+const CELLS_PER_POINT: usize = 64;
+
+/// The side of a lattice cell, of two points, and how many there are along each axis.
+fn lattice(body: &Body, spacing: f64) -> (f64, DVec3) {
+    let cell = 2f64.cbrt() * spacing;
+    (cell, ((body.max - body.min) / cell).ceil() + 1.0)
+}
+
+/// How many places [`fill`] looks at.
+pub(super) fn places(body: &Body, spacing: f64) -> f64 {
+    2.0 * lattice(body, spacing).1.element_product()
+}
+
 /// Points of mean spacing `spacing` in `body`, none nearer to its surface than about half that
 /// where the body is thick enough: a shaken body-centred lattice, relaxed.
 pub(super) fn fill(body: &Body, spacing: f64, seed: u64) -> Vec<DVec3> {
-    // Two points to a cell.
-    let cell = 2f64.cbrt() * spacing;
-    let cells = ((body.max - body.min) / cell).ceil().as_u64vec3() + 1;
+    let (cell, cells) = lattice(body, spacing);
+    let cells = cells.as_u64vec3();
     let slice = |i: u64| {
         let corners = (0..cells.y).flat_map(move |j| (0..cells.z).map(move |k| (j, k)));
         corners.flat_map(move |(j, k)| {
@@ -155,13 +168,20 @@ struct Grid {
 }
 
 impl Grid {
-    /// Cells of side `cell`, and around them an empty layer.
+    /// Cells of side `cell`, and around them an empty layer. They are wider where so few points are in
+    /// so wide a space that cells would take more memory than these.
     fn new(points: &[DVec3], cell: f64) -> Self {
         let (min, max) =
             points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &x| {
                 (min.min(x), max.max(x))
             });
         // Half a cell more, so that rounding cannot put a point into that layer.
+        let most = (CELLS_PER_POINT * points.len() + (1 << 20)) as f64;
+        let count = |cell: f64| ((max - min) / cell + 3.5).element_product();
+        let mut cell = cell;
+        while count(cell) > most {
+            cell *= 1.25;
+        }
         let (min, per_cell) = (min - 1.5 * cell, 1.0 / cell);
         let cells = ((max - min) * per_cell).to_array().map(|n| n as usize + 2);
         let mut grid = Self { min, per_cell, cells, starts: Vec::new(), sorted: Vec::new() };

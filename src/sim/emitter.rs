@@ -1,6 +1,8 @@
 //! Where particles come from: blocks at the start, and discs that pour.
 
-use glam::{DVec3, Vec3};
+use std::collections::HashMap;
+
+use glam::{DVec3, IVec3, Vec3};
 
 use super::colliders::Colliders;
 use super::{Block, Emitter, Simulation, State};
@@ -33,6 +35,10 @@ pub(super) fn places(block: &Block, spacing: f64) -> Vec<DVec3> {
     let first = 0.5 * (min + max) - 0.5 * spacing * (counts - 1.0);
     let ball = block.ball();
     let mut places = Vec::new();
+    // A needle's other axes may be long.
+    if counts.min_element() < 1.0 {
+        return places;
+    }
     for y in 0..counts.y as u32 {
         for z in 0..counts.z as u32 {
             for x in 0..counts.x as u32 {
@@ -98,22 +104,53 @@ pub(super) fn emit(
         let direction = emitter.direction.normalize();
         let reach = emitter.radius + emitter.speed / simulation.fps + 2.0 * spacing;
         let center = emitter.center.as_vec3();
-        let is_near = |x: &Vec3| x.distance(center) < reach as f32;
-        let mut near: Vec<Vec3> = state.positions.iter().copied().filter(is_near).collect();
+        let is_near = |x: &&Vec3| x.distance(center) < reach as f32;
+        let closest = 0.6 * spacing as f32;
+        let mut near = Near::new(closest);
+        state.positions.iter().filter(is_near).for_each(|&x| near.add(x));
         for layer in layers {
             let age = now - emitter.from - layer as f64 * spacing / emitter.speed;
             for slot in &slots {
                 let x = emitter.center + *slot + age * emitter.speed * direction;
-                let closest = 0.6 * spacing as f32;
-                let is_free = |x: &Vec3| near.iter().all(|other| other.distance(*x) >= closest);
-                let x = colliders.place(jittered(x, id, simulation)).filter(is_free);
-                if let Some(x) = x {
+                let x = colliders.place(jittered(x, id, simulation));
+                if let Some(x) = x.filter(|&x| near.is_free(x)) {
                     state.push(id, x, emitter.speed * direction);
-                    near.push(x);
+                    near.add(x);
                 }
                 id += 1;
             }
         }
+    }
+}
+
+/// Particles that may be too close to a new one, by cubes as wide as that is.
+struct Near {
+    closest: f32,
+    cubes: HashMap<IVec3, Vec<Vec3>>,
+}
+
+impl Near {
+    fn new(closest: f32) -> Self {
+        Self { closest, cubes: HashMap::new() }
+    }
+
+    fn cube(&self, x: Vec3) -> IVec3 {
+        // A little wider, so that no rounding puts a neighbour beyond the next cube.
+        (x.as_dvec3() / (1.001 * f64::from(self.closest))).floor().as_ivec3()
+    }
+
+    fn add(&mut self, x: Vec3) {
+        self.cubes.entry(self.cube(x)).or_default().push(x);
+    }
+
+    fn is_free(&self, x: Vec3) -> bool {
+        let cube = self.cube(x);
+        let beside = [-1, 0, 1];
+        let around = beside.into_iter().flat_map(|i| {
+            beside.into_iter().flat_map(move |j| beside.map(move |k| IVec3::new(i, j, k)))
+        });
+        let others = around.filter_map(|offset| self.cubes.get(&(cube.saturating_add(offset))));
+        others.flatten().all(|other| other.distance(x) >= self.closest)
     }
 }
 

@@ -46,10 +46,16 @@ fn within_memory<T>(what: &str, bytes: usize, read: impl FnOnce() -> T) -> T {
     const PER_BYTE: usize = 4 * 1032;
     /// Other tests run beside this one.
     const ALWAYS: usize = 64 << 20;
-    let most = MEMORY.max_allocated().max(MEMORY.allocated() + ALWAYS + PER_BYTE * bytes);
-    let result = read();
+    within(what, ALWAYS + PER_BYTE * bytes, read)
+}
+
+/// Fails if something took more than `most` bytes of memory.
+#[track_caller]
+pub(crate) fn within<T>(what: &str, most: usize, act: impl FnOnce() -> T) -> T {
+    let most = MEMORY.max_allocated().max(MEMORY.allocated() + most);
+    let result = act();
     let taken = MEMORY.max_allocated();
-    assert!(taken <= most, "{what}: {bytes} bytes took {} MiB", taken >> 20);
+    assert!(taken <= most, "{what}: took {} MiB, at most {} expected", taken >> 20, most >> 20);
     result
 }
 

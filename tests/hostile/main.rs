@@ -11,3 +11,4 @@ mod files;
 mod numbers;
 mod prepare;
 mod runner;
+mod scenes;
