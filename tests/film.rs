@@ -253,9 +253,9 @@ fn equal_videos_are_equal_files() {
         return;
     }
     for kind in ["mp4", "webm"] {
-        let folder = folder();
-        let [one, other] = ["one", "other"].map(|name| {
-            let path = folder.path().join(name).with_extension(kind);
+        let [one, other] = [(); 2].map(|()| {
+            let folder = folder();
+            let path = folder.path().join("film").with_extension(kind);
             write(&path, 25.0, &[many_colors(1), many_colors(2)]);
             fs::read(path).unwrap()
         });
