@@ -7,7 +7,7 @@ use glam::{DVec3, Mat3, UVec2, Vec3};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::input::{Input, Loaded, Missing};
+use crate::input::{Input, Loaded, Missing, RadiusFrom};
 use crate::passes::classify::Splat;
 use crate::scene::Scene;
 
@@ -22,6 +22,10 @@ pub enum Notice {
     Unlit,
     /// The particles are the corners of a mesh of so many cells.
     Mesh(usize),
+    /// So many particles are far from all others.
+    Lost(usize),
+    /// An array that is ignored may be what the radius was guessed for.
+    MaybeRadius(String),
     /// Hardly any light comes through so many metres of this liquid: perhaps they are millimetres.
     Opaque {
         /// The longest side of the box around the bulk of the particles, m.
@@ -65,6 +69,23 @@ impl fmt::Display for Notice {
                 f,
                 "the file is a mesh (cells: {cells}), and its corners are drawn as particles; export \
                  the particles that it was made from"
+            ),
+            Self::Lost(count) => {
+                let (are, do_not) = if *count == 1 { ("is", "does") } else { ("are", "do") };
+                write!(
+                    f,
+                    "{} of the particles {are} far from all others and {do_not} not count for the \
+                     view, the floor and the lights",
+                    thousands(*count)
+                )
+            }
+            Self::MaybeRadius(array) if array.to_ascii_lowercase().contains("diam") => {
+                write!(f, "{array} is ignored, and the radius is guessed; --radius takes half of it")
+            }
+            Self::MaybeRadius(array) => write!(
+                f,
+                "{array} is ignored, and the radius is guessed; if it is the radius: \
+                 --map radius={array}"
             ),
             Self::Opaque { extent, absorption } => {
                 let [r, g, b] = (*absorption / 1000.0).to_array();
@@ -116,7 +137,17 @@ pub fn of_frame(loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
     if loaded.cells > 0 {
         notices.push(Notice::Mesh(loaded.cells));
     }
-    notices.extend(opaque(loaded.bounds, scene));
+    if loaded.bulk.outside > 0 {
+        notices.push(Notice::Lost(loaded.bulk.outside));
+    }
+    if loaded.radius_from == RadiusFrom::Guess {
+        const RADII: [&str; 7] = ["r", "h", "diameter", "diam", "size", "psize", "rad"];
+        let named = |name: &str| RADII.iter().any(|radius| name.eq_ignore_ascii_case(radius));
+        let mut ignored = loaded.arrays.iter().filter(|array| array.used_as.is_none());
+        let radius = ignored.find(|array| named(&array.name));
+        notices.extend(radius.map(|array| Notice::MaybeRadius(array.name.clone())));
+    }
+    notices.extend(opaque(loaded.bulk.bounds, scene));
     notices
 }
 

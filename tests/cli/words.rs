@@ -37,9 +37,9 @@ fn a_line_for_input_and_one_for_output() {
     fs::write(folder.path().join("a.csv"), &text).unwrap();
     let lines = said(folder.path(), &["a.csv", "--radius=0.025", "-o", "a.png"]);
     assert_eq!(lines.len(), 2, "{lines:?}");
-    let start = "216 particles, radius 0.025 m";
+    let start = "216 particles, radius 0.025 m (--radius), ";
     assert!(lines[0].starts_with(start), "{lines:?}");
-    assert_tells(&lines[0], &[", vx vy vz used, Diameter ignored; "]);
+    assert_tells(&lines[0], &["vx vy vz used, Diameter ignored; "]);
     assert_eq!(lines[1], "wrote a.png");
     let quiet = said(folder.path(), &["a.csv", "--radius=0.025", "-o", "a.png", "--quiet"]);
     assert!(quiet.is_empty(), "{quiet:?}");

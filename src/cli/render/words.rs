@@ -5,7 +5,7 @@ use std::mem::{Discriminant, discriminant};
 use glam::UVec2;
 use indicatif::ProgressBar;
 use limpid::camera::Camera;
-use limpid::input::Loaded;
+use limpid::input::{Loaded, RadiusFrom};
 use limpid::notice::{self, Notice, thousands};
 use limpid::particles::Array;
 use limpid::scene::Scene;
@@ -63,10 +63,16 @@ impl Words {
     }
 }
 
-/// `40,368 particles, radius 0.025 m, velocity used, density ignored; llvmpipe`.
+/// `40,368 particles, radius 0.025 m (guessed), velocity used, density ignored; llvmpipe`.
 fn describe(loaded: &Loaded, adapter: &str) -> String {
+    let from = match loaded.radius_from {
+        RadiusFrom::File => "from the file",
+        RadiusFrom::Option => "--radius",
+        RadiusFrom::Scene => "from the scene",
+        RadiusFrom::Guess => "guessed",
+    };
     let (particles, radius) = (thousands(loaded.particles), loaded.splats.radius);
-    let mut text = format!("{particles} particles, radius {radius} m");
+    let mut text = format!("{particles} particles, radius {radius} m ({from})");
     for (used, word) in [(true, "used"), (false, "ignored")] {
         let arrays = loaded.arrays.iter().filter(|array| array.used_as.is_some() == used);
         if let Some(names) = listed(arrays) {
