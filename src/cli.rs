@@ -20,7 +20,8 @@ use limpid::particles::{AttributeMap, ReadOptions};
 /// Draws clear liquid straight from particles.
 ///
 /// Exit codes: 0 done, 1 the pictures differ, errors have risen or frames failed, 2 usage, 3 size or
-/// format mismatch, 4 missing or unreadable file, 5 no graphics adapter, 6 device lost or out of memory (try again).
+/// format mismatch, 4 missing or unreadable file, 5 no graphics adapter, 6 device lost, or memory or threads ran out
+/// (try again).
 #[derive(Parser)]
 #[command(version, about, long_about)]
 struct Cli {

@@ -309,7 +309,7 @@ impl Refract {
 pub fn work(settings: &settings::Refract, size: UVec2, solids: usize, lights: usize) -> u64 {
     let walk = match settings.solver {
         Solver::March => (size.x + size.y).div_ceil(settings.stride),
-        // As it has been measured; its own bounds are higher.
+        // What is usual, by estimate; its own bounds are higher.
         Solver::Guarded => 32,
         Solver::Newton | Solver::Secant => settings.iterations + 1,
         Solver::Plane | Solver::Plane3 | Solver::Single => 2,
