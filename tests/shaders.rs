@@ -348,7 +348,7 @@ const LOOPS: [(&str, &str, &str, &str); 71] = [
     ("classify/scan.wgsl", "add_sums", "for (var block = first; block < end; block++)", "blocks of the particles or cells, over the workgroup's threads"),
     ("classify/scan.wgsl", "begin_cells", "for (var k = 0u; k < EACH; k++)", "a constant"),
     ("classify/scan.wgsl", "begin_cells", "for (var k = 0u; k < EACH && first + k <= params.cells; k++)", "a constant"),
-    ("common/lights.wgsl", "light_with_liquid", "for (var i = 0; i < 4; i++)", "a constant"),
+    ("common/lights.wgsl", "passed_by_view", "for (var i = 0; i < 4; i++)", "a constant"),
     ("common/scene.wgsl", "scene_trace", "for (var i = 0u; i < SOLIDS; i++)", "the scene's solids, 512 at most"),
     ("common/scene.wgsl", "scene_blocks", "for (var i = 0u; i < SOLIDS; i++)", "the scene's solids, 512 at most"),
     ("common/scene.wgsl", "solid_radiance", "for (var i = 0u; i < LIGHTS; i++)", "the scene's lights, 16 at most"),
