@@ -407,7 +407,7 @@ impl Input {
                 Ok(after(numbers, time - *first as f64))
             }
             [first, .., last] => {
-                Err(fail(format!("time {time} is not in its frames, {first} to {last}")))
+                Err(fail(format!("time {time} is not in its frames, from {first} to {last}")))
             }
             [frame] => Err(fail(format!("time {time} is not in its only frame, {frame}"))),
             [] => Err(fail("has no frames".into())),

@@ -482,10 +482,14 @@ fn found(simulation: &Simulation, name: &str, folder: &Path) -> (u32, Option<Sta
     let there = |number: &u32| frame_path(folder, name, *number).exists();
     let mut found = (1..=simulation.frames).take_while(there).count() as u32;
     while found > 0 {
-        let last = Particles::read(&frame_path(folder, name, found)).ok();
+        let path = frame_path(folder, name, found);
+        let last = Particles::read(&path).ok();
         if let Some(state) = last.and_then(State::from_particles) {
             return (found, Some(state));
         }
+        // By the record it is this bake's, but it is no particle file, which would be replaced. That it
+        // cannot be removed is an error once it is written.
+        let _ = std::fs::remove_file(path);
         found -= 1;
     }
     (0, None)

@@ -297,7 +297,7 @@ fn slow_motion_and_gaps_on_the_command_line() {
     // Beyond the frames is no frame, not the last one.
     for time in ["0", "4.5", "-3", "1e30"] {
         let error = render(&["--at", time]).unwrap_err();
-        assert!(error.contains("is not in its frames, 1 to 4"), "{error}");
+        assert!(error.contains("is not in its frames, from 1 to 4"), "{error}");
     }
     for time in ["nan", "inf", "soon"] {
         let error = render(&["--at", time]).unwrap_err();
