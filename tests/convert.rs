@@ -94,6 +94,11 @@ fn sequences() {
     succeed(folder, &["water/water_$F.vtk", "frames", "--skip-existing"]);
     assert_eq!(names(&folder.join("frames")).len(), 4);
     assert_eq!(fs::read(folder.join("frames/frame_0009.bgeo")).unwrap(), b"mine");
+    // It is no particle file, so it is somebody's own.
+    let line = fail(folder, 2, &["water", "frames"]);
+    assert!(line.contains("frame_0009.bgeo") && line.contains("choose another name"), "{line}");
+    assert_eq!(fs::read(folder.join("frames/frame_0009.bgeo")).unwrap(), b"mine");
+    fs::remove_file(folder.join("frames/frame_0009.bgeo")).unwrap();
     succeed(folder, &["water", "frames"]);
     assert_eq!(read(folder, "frames/frame_0009.bgeo"), particles(9));
 

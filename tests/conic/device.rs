@@ -343,6 +343,10 @@ fn the_map_is_gathered() {
             0.0,
             0.0,
             0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
         ],
     );
     let layers = support::texture(gpu, size, &[&front, &back]);
