@@ -305,7 +305,8 @@ fn a_dropped_film_leaves_nothing() {
         }
         let folder = folder();
         let path = folder.path().join(name);
-        fs::write(&path, "what was there before").unwrap();
+        let before = "GIF89a: a film that was there before";
+        fs::write(&path, before).unwrap();
         let mut film = Film::create(&path, SIZE, 30.0).unwrap();
         for frame in 0..3 {
             film.push(&many_colors(frame)).unwrap();
@@ -317,7 +318,7 @@ fn a_dropped_film_leaves_nothing() {
         drop(film);
         assert_eq!(processes(folder.path()), 0, "{name}");
         assert_eq!(names(folder.path()), [name.into()].into());
-        assert_eq!(fs::read_to_string(&path).unwrap(), "what was there before");
+        assert_eq!(fs::read_to_string(&path).unwrap(), before);
     }
 }
 
