@@ -375,7 +375,10 @@ fn extreme_recipes_are_finite() {
                 assert!(particles.positions.iter().all(|x| x.is_finite()), "{table}");
                 assert!(particles.len() < 10_000, "{table}: {}", particles.len());
             }
-            Err(error) => assert!(error.to_string().contains("too thin"), "{table}: {error}"),
+            Err(error) => {
+                let told = error.to_string();
+                assert!(told.contains("too thin") || told.contains("too far"), "{table}: {told}");
+            }
         }
     }
 }
