@@ -108,6 +108,113 @@ fn origins_may_differ() {
     assert!(found.abs_diff_eq(DVec3::X, 1e-6), "{found}");
 }
 
+/// A block of particles 0.1 apart in a unit box, each with an id and a velocity, in any order.
+fn block(velocity: Vec3) -> Particles {
+    let at =
+        |i: i64| (Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) + 0.5) * 0.1;
+    Particles {
+        velocities: Some(vec![velocity; 1000]),
+        ids: Some((0..1000).collect()),
+        ..Particles::from_positions((0..1000).map(at).collect())
+    }
+}
+
+/// The same block after a time, in a box whose sides are one: what leaves it comes in opposite.
+fn carried(a: &Particles, time: f32) -> Particles {
+    let velocities = a.velocities.clone().unwrap();
+    let place = |(x, v): (&Vec3, &Vec3)| (*x + *v * time).rem_euclid(Vec3::ONE);
+    Particles { positions: a.positions.iter().zip(&velocities).map(place).collect(), ..a.clone() }
+}
+
+/// Protects periodic boxes: no particle flies through the picture from one side to the other, and
+/// those that cross no border are where they are, with velocities and without.
+#[test]
+fn periodic_borders_are_crossed_unseen() {
+    let a = block(Vec3::new(2.0, 0.0, 0.3));
+    let b = carried(&a, 0.1);
+    for velocities in [true, false] {
+        let told = |p: &Particles| Particles {
+            velocities: p.velocities.clone().filter(|_| velocities),
+            ..p.clone()
+        };
+        for fraction in [0.1f32, 0.4, 0.6, 0.9] {
+            let between = Particles::between(&told(&a), &told(&b), fraction.into());
+            assert_eq!(between.len(), 1000);
+            let exact = carried(&a, 0.1 * fraction);
+            let ids = between.ids.as_ref().unwrap();
+            let off = |(id, x): (&i64, &Vec3)| {
+                let d = *x - exact.positions[*id as usize];
+                (d - d.round()).length()
+            };
+            let off: Vec<_> = ids.iter().zip(&between.positions).map(off).collect();
+            let wrong = off.iter().filter(|&&off| off > 1e-4).count();
+            let most = off.iter().fold(0.0f32, |most, &off| most.max(off));
+            if velocities {
+                assert_eq!(wrong, 0, "at {fraction}");
+            } else {
+                // Those that cross a border stand still: two layers of the ten.
+                assert!(wrong <= 200 && most < 0.13, "{wrong} at {fraction}, by {most}");
+            }
+        }
+    }
+}
+
+/// Protects ids that are given again: one in a hundred is another particle elsewhere. It is in its
+/// old place for one half and in the new one for the other, and all others fly as if it were not
+/// there.
+#[test]
+fn ids_that_are_used_again_do_not_fly() {
+    let a = block(Vec3::new(0.3, -0.2, 0.1));
+    let velocities = a.velocities.clone().unwrap();
+    let mut b = a.clone();
+    for (x, v) in b.positions.iter_mut().zip(&velocities) {
+        *x += *v * 0.04;
+    }
+    let again = |i: usize| i % 100 == 7;
+    for i in (0..1000).filter(|&i| again(i)) {
+        b.positions[i] += Vec3::new(3.0, 1.0, 0.0);
+    }
+    for fraction in [0.25f32, 0.75] {
+        let between = Particles::between(&a, &b, fraction.into());
+        assert_eq!(between.len(), 1000);
+        for i in 0..1000 {
+            let far = again(i) && fraction > 0.5;
+            let shift = if far { Vec3::new(3.0, 1.0, 0.0) } else { Vec3::ZERO };
+            let expected = a.positions[i] + velocities[i] * 0.04 * fraction + shift;
+            assert!(between.positions[i].abs_diff_eq(expected, 1e-5), "{i} at {fraction}");
+        }
+    }
+}
+
+/// Protects files without ids: particles of one place in the files are taken for the same only where
+/// they may be; in a shuffled file nothing says which is which, and the nearer frame is shown.
+#[test]
+fn shuffled_files_are_held() {
+    let a = Particles { ids: None, ..block(Vec3::new(0.3, -0.2, 0.1)) };
+    let mut b = a.clone();
+    let velocities = a.velocities.clone().unwrap();
+    for (x, v) in b.positions.iter_mut().zip(&velocities) {
+        *x += *v * 0.04;
+    }
+    let mut shuffled = b.clone();
+    let mut seed = 5;
+    for i in (1..1000).rev() {
+        shuffled.positions.swap(i, (frames::noise(&mut seed) * (i + 1) as f32) as usize);
+    }
+    for told in [true, false] {
+        let strip = |p: &Particles| Particles {
+            velocities: p.velocities.clone().filter(|_| told),
+            ..p.clone()
+        };
+        let (a, b, shuffled) = (strip(&a), strip(&b), strip(&shuffled));
+        let middle: Vec<_> =
+            a.positions.iter().zip(&b.positions).map(|(a, b)| a.midpoint(*b)).collect();
+        assert_near(&Particles::between(&a, &b, 0.5).positions, &middle);
+        assert_eq!(Particles::between(&a, &shuffled, 0.4), a);
+        assert_eq!(Particles::between(&a, &shuffled, 0.6), shuffled);
+    }
+}
+
 fn open(folder: &Path, numbers: &[i64]) -> Input {
     for number in numbers {
         let text = format!("{number} 0 0\n{number} 1 0\n");

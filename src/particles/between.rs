@@ -9,12 +9,15 @@ use super::{Particles, origin_for};
 impl Particles {
     /// Particles at `fraction` (0 to 1) of the way from frame `a` to frame `b`.
     ///
-    /// Particles are matched by their ids; without ids, by their order where both frames have as many.
-    /// A matched particle follows the cubic that has its two places and velocities (Hermite), or
-    /// without velocities a straight line: so ballistic flight is exact. How much time lies between
-    /// the frames is found from what has moved: the least squares of displacement against mean
-    /// velocity. A particle that only one frame has is there for the half that is nearer to it, and
-    /// flies straight on. At 0 and at 1 the result holds the particles of that frame, as they are.
+    /// Particles are matched by their ids; without ids, by their order where both frames have as many
+    /// and most move as far as particles do (by their velocities, or little against the liquid's
+    /// extent); else the nearer frame is shown. A matched particle follows the cubic that has its two
+    /// places and velocities (Hermite), or without velocities a straight line: so ballistic flight is
+    /// exact. How much time lies between the frames is found from what has moved: the least squares of
+    /// displacement against mean velocity. A particle that only one frame has is there for the half
+    /// that is nearer to it, and flies straight on. So is one that jumps: through a periodic border,
+    /// or because its id was given to another. At 0 and at 1 the result holds the particles of that
+    /// frame, as they are.
     pub fn between(a: &Self, b: &Self, fraction: f64) -> Self {
         if fraction <= 0.0 {
             return a.clone();
@@ -22,12 +25,26 @@ impl Particles {
         if fraction >= 1.0 {
             return b.clone();
         }
-        let pairs = match (&a.ids, &b.ids) {
-            (Some(from), Some(to)) => by_id(from, to),
-            _ if a.len() == b.len() => (0..a.len()).map(|i| (Some(i), Some(i))).collect(),
-            // Nothing says which is which: the nearer frame.
-            _ => return if fraction < 0.5 { a.clone() } else { b.clone() },
+        let nearer = |fraction: f64| if fraction < 0.5 { a.clone() } else { b.clone() };
+        let (mut pairs, told) = match (&a.ids, &b.ids) {
+            (Some(from), Some(to)) => (by_id(from, to), true),
+            _ if a.len() == b.len() => ((0..a.len()).map(|i| (Some(i), Some(i))).collect(), false),
+            // Nothing says which is which.
+            _ => return nearer(fraction),
         };
+        let apart = b.origin - a.origin;
+        let move_to = |i: usize, j: usize| apart + (b.positions[j] - a.positions[i]).as_dvec3();
+        let motion = Motion::new(a, b, &pairs, move_to);
+        if !told && !motion.is_plausible() {
+            return nearer(fraction);
+        }
+        for pair in &mut pairs {
+            if let (Some(i), Some(j)) = *pair
+                && motion.is_jump(i, j, move_to(i, j))
+            {
+                *pair = if fraction < 0.5 { (Some(i), None) } else { (None, Some(j)) };
+            }
+        }
         let pairs: Vec<_> = pairs
             .into_iter()
             .filter(|pair| match pair {
@@ -36,8 +53,6 @@ impl Particles {
                 (None, _) => fraction >= 0.5,
             })
             .collect();
-        let apart = b.origin - a.origin;
-        let move_to = |i: usize, j: usize| apart + (b.positions[j] - a.positions[i]).as_dvec3();
         let duration = match (&a.velocities, &b.velocities) {
             (Some(from), Some(to)) => duration(&pairs, move_to, from, to),
             _ => 0.0,
@@ -125,6 +140,140 @@ fn by_id(from: &[i64], to: &[i64]) -> Vec<Pair> {
     rest.sort_unstable();
     pairs.extend(rest.into_iter().map(|j| (None, Some(j))));
     pairs
+}
+
+/// How far matched particles move, as most of them do: what tells those that jump.
+struct Motion<'a> {
+    velocities: Option<[&'a [Vec3]; 2]>,
+    /// Time between the frames, s; 0 if velocities do not tell.
+    duration: f64,
+    /// The motion that all share, m; 0 where velocities tell.
+    shared: DVec3,
+    /// Median distance of a particle from where it is expected, m.
+    usual: f64,
+    /// About the distance between two particles, m.
+    spacing: f64,
+    /// The diagonal of the box that most particles are in, m.
+    extent: f64,
+    /// Too few particles to tell what is usual.
+    few: bool,
+}
+
+/// Particles from which on most of them tell what is usual.
+const FEW: usize = 16;
+
+/// Pairs that are looked at for medians, evenly over all.
+const SAMPLES: usize = 10_000;
+
+/// Median distances from where particles are expected, beyond which one jumps.
+const USUAL: f64 = 8.0;
+/// Spacings that a particle may always be off.
+const SPACINGS: f64 = 2.0;
+/// Share of the extent that particles may move without velocities.
+const SHARE: f64 = 0.1;
+
+impl<'a> Motion<'a> {
+    fn new(
+        a: &'a Particles,
+        b: &'a Particles,
+        pairs: &[Pair],
+        moved: impl Fn(usize, usize) -> DVec3,
+    ) -> Self {
+        let step = pairs.len().div_ceil(SAMPLES).max(1);
+        let both = pairs.iter().filter_map(|&(i, j)| Some((i?, j?)));
+        let sample: Vec<_> = both
+            .step_by(step)
+            .map(|(i, j)| (i, j, moved(i, j)))
+            .filter(|(.., d)| d.is_finite())
+            .collect();
+        let velocities = a.velocities.as_deref().zip(b.velocities.as_deref());
+        let mut motion = Self {
+            velocities: velocities.map(|(from, to)| [from, to]),
+            duration: 0.0,
+            shared: DVec3::ZERO,
+            usual: 0.0,
+            spacing: 0.0,
+            extent: 0.0,
+            few: sample.len() < FEW,
+        };
+        motion.duration = motion.robust_duration(&sample);
+        if motion.duration == 0.0 {
+            let axis = |k: usize| median(sample.iter().map(|(.., d)| d[k]).collect());
+            motion.shared = DVec3::new(axis(0), axis(1), axis(2));
+        }
+        motion.usual = median(sample.iter().map(|&(i, j, d)| motion.off(i, j, d)).collect());
+        let sides = [0, 1, 2].map(|k| {
+            let mut x: Vec<_> =
+                sample.iter().map(|&(i, ..)| f64::from(a.positions[i][k])).collect();
+            x.sort_by(f64::total_cmp);
+            let outer = x.len() / 20;
+            x.get(outer).map_or(0.0, |low| x[x.len() - 1 - outer] - low)
+        });
+        motion.extent = DVec3::from(sides).length();
+        // Of a sheet or a line, in the directions that it has.
+        let long = sides.into_iter().filter(|&side| side > 1e-3 * motion.extent);
+        let (volume, dimensions) = long.fold((1.0, 0.0), |(v, n), side| (v * side, n + 1.0));
+        if dimensions > 0.0 {
+            motion.spacing = f64::powf(volume / pairs.len() as f64, 1.0 / dimensions);
+        }
+        motion
+    }
+
+    /// As [`duration`], by the weighted median of what each particle says: however far some jump.
+    fn robust_duration(&self, sample: &[(usize, usize, DVec3)]) -> f64 {
+        let mut said: Vec<_> = sample
+            .iter()
+            .filter_map(|&(i, j, d)| {
+                let v = self.mean_velocity(i, j)?;
+                let weight = v.length_squared();
+                (weight > 0.0 && weight.is_finite()).then(|| (d.dot(v) / weight, weight))
+            })
+            .collect();
+        said.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut left = 0.5 * said.iter().map(|(_, weight)| weight).sum::<f64>();
+        let median = said.iter().find(|(_, weight)| {
+            left -= weight;
+            left <= 0.0
+        });
+        median.map_or(0.0, |&(duration, _)| duration.max(0.0))
+    }
+
+    fn mean_velocity(&self, i: usize, j: usize) -> Option<DVec3> {
+        self.velocities.map(|[from, to]| 0.5 * (from[i] + to[j]).as_dvec3())
+    }
+
+    /// How far a particle is from where it is expected, m.
+    fn off(&self, i: usize, j: usize, moved: DVec3) -> f64 {
+        let own = self.mean_velocity(i, j).map_or(DVec3::ZERO, |v| self.duration * v);
+        (moved - self.shared - own).length()
+    }
+
+    /// Whether particles of one place in the files may be the same: most are where they are expected.
+    fn is_plausible(&self) -> bool {
+        self.few || self.usual <= f64::max(SPACINGS * self.spacing, SHARE * self.extent)
+    }
+
+    /// Whether a particle is farther from where it is expected than anything that flows.
+    fn is_jump(&self, i: usize, j: usize, moved: DVec3) -> bool {
+        let own = match self.velocities {
+            Some([from, to]) if self.duration > 0.0 => {
+                // It may turn round on its way.
+                self.duration * f64::from(from[i].length() + to[j].length())
+            }
+            _ => SHARE * self.extent,
+        };
+        let most = USUAL * self.usual + SPACINGS * self.spacing + own;
+        !self.few && self.off(i, j, moved) > most
+    }
+}
+
+/// The middle value; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// The time between two frames, s: Σ d·v / Σ v·v over the matched particles, d how far one has moved
