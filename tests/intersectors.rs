@@ -278,6 +278,43 @@ fn solvers_find_exits_of_a_wedge() {
     }
 }
 
+/// Protects rims, where smoothing leaves fronts behind their backs: there is no liquid between them. A
+/// ray leaves where it enters, by the back, and does not enter there again.
+#[test]
+fn crossed_layers_are_left_at_once() {
+    let Some(gpu) = gpu() else { return };
+    let view = View::of_size(320, 240, 1e-3);
+    let mut random = Random(23);
+    let [back, front] = wedge(&mut random);
+    let picture = Picture::new(gpu, &view, |_| Some(front), |_| Some(back));
+    let probes: Vec<_> = (0..1000)
+        .map(|_| {
+            let u = random.pixel(view.pixels());
+            let o = view.omega(u) / front.dot(view.omega(u));
+            let d = refracted(o.normalize(), -front.normalize(), 1.33).expect("from outside");
+            Probe::new(Query::Exit, o, d, u)
+        })
+        .collect();
+    for solver in [GUARDED, MARCH, NEWTON, PLANE] {
+        let answers = picture.ask(gpu, &view, solver, &probes);
+        for (probe, answer) in probes.iter().zip(&answers) {
+            assert!(answer.found, "{solver} finds no end of {probe:?}");
+            let off = answer.position.distance(probe.o);
+            assert!(off < 1e-4 * probe.o.length(), "{solver} {probe:?}: {off:e}");
+            assert_near(answer.plane.distance(back), 0.0, 1e-6, "the plane that it leaves by");
+        }
+        let on = |(probe, answer): (&Probe, &Answer)| Probe {
+            query: Query::Entry,
+            o: answer.position,
+            ..*probe
+        };
+        let on: Vec<_> = probes.iter().zip(&answers).map(on).collect();
+        let again = picture.ask(gpu, &view, solver, &on);
+        let again = again.iter().filter(|answer| answer.found).count();
+        assert_eq!(again, 0, "{solver}: rays enter where they have left");
+    }
+}
+
 /// Protects entries: rays from in front meet a plane where it is, from any side and at any slant;
 /// rays that lead away from it, or start behind it, meet nothing.
 #[test]

@@ -100,6 +100,34 @@ fn unions_and_silhouettes_end_where_they_should() {
     assert_eq!(hit.map(|hit| hit.u.round()), expected.map(|u| u.round()));
 }
 
+/// Protects rims: where smoothing has left a front behind its back there is no liquid, and a ray ends
+/// where it begins. It has a true end: an answer elsewhere, or none, is wrong.
+#[test]
+fn crossed_layers_end_at_once() {
+    let size = UVec2::new(160, 120);
+    let view = View::new(&camera().uniform(size, DVec3::ZERO));
+    let layer = |z: f64| Layer {
+        size,
+        planes: vec![DVec3::new(0.0, 0.0, -1.0 / z); size.element_product() as usize],
+    };
+    let u = DVec2::new(40.5, 60.5);
+    let d = DVec3::new(0.2, 0.1, -1.0).normalize();
+    for (front, back) in [(4.0, 3.9), (4.0, 2.0)] {
+        let pair = [layer(front), layer(back)];
+        let o = front * view.omega(u);
+        let hit = exit(&view, &[&pair], o, d, u.floor().as_ivec2()).expect("it ends at once");
+        assert!(hit.u.distance(u) < 1e-9 && (hit.depth - front).abs() < 1e-9, "{hit:?}");
+        assert_eq!(hit.plane, pair[1].planes[0]);
+        let right = score(&view, &[Truth::Hit(hit)], &[Answer::Hit(u, front)]);
+        let far = score(&view, &[Truth::Hit(hit)], &[Answer::Hit(u, 2.0 * front)]);
+        assert_eq!([right.solved, right.wrong, far.solved, far.wrong], [1, 0, 0, 1]);
+        // Another class that the ray is in goes on.
+        let around = [layer(3.5), layer(5.0)];
+        let hit = exit(&view, &[&pair, &around], o, d, u.floor().as_ivec2()).expect("its back");
+        assert!((hit.depth - 5.0).abs() < 1e-9, "{hit:?}");
+    }
+}
+
 /// Protects entries: a plane is met from in front, and what passes behind an edge goes on.
 #[test]
 fn entries_are_from_in_front() {

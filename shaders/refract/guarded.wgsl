@@ -20,7 +20,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     let stride = max(params.reach * camera.size.y, LEAST_STRIDE) * ray.tau_per_pixel;
     var inside_tau = 0.0;
     var inside_texel = texel;
-    var inside = slabs_leave(load_slabs(texel), ray, 0.0, AT_START);
+    var inside = slabs_leave_at_start(load_slabs(texel), ray);
     if !inside.inside {
         return no_interface();
     }

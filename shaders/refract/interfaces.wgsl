@@ -215,6 +215,38 @@ fn slabs_leave(slabs: Slabs, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
     return splash;
 }
 
+// As `slabs_leave`, for a ray that starts on a front of these planes.
+fn slabs_leave_at_start(slabs: Slabs, ray: ScreenRay) -> Leave {
+    let leave = slabs_leave(slabs, ray, 0.0, AT_START);
+    if leave.inside {
+        return leave;
+    }
+    return crossed_slabs_leave(slabs, ray);
+}
+
+// Smoothing may leave a front behind its back, at rims above all: there is no liquid between them, and
+// a ray that starts on such a front leaves at once, by the back.
+fn crossed_slabs_leave(slabs: Slabs, ray: ScreenRay) -> Leave {
+    let aggregate = crossed_leave(slabs.aggregate_front, slabs.aggregate_back, ray);
+    if !SPLASH || aggregate.inside {
+        return aggregate;
+    }
+    return crossed_leave(slabs.splash_front, slabs.splash_back, ray);
+}
+
+fn crossed_leave(front: vec3f, back: vec3f, ray: ScreenRay) -> Leave {
+    let to_front = abs(screen_ray_residual(ray, front, 0.0));
+    let to_back = screen_ray_residual(ray, back, 0.0);
+    let slack = AT_START * ray.disparity;
+    if plane_is_empty(front) || plane_is_empty(back) || to_front > slack || to_back <= slack {
+        return Leave(false, NEVER, vec3f(0.0));
+    }
+    // Behind the front by more than rounding: else the ray would enter here again.
+    let slope = screen_ray_residual_slope(ray, front);
+    let tau = select(0.0, 4.0 * ROUNDING * ray.disparity / slope, slope > 0.0);
+    return Leave(true, min(tau, 1.0), back);
+}
+
 const AGGREGATE: i32 = 0;
 const SPLASHES: i32 = 1;
 const OPAQUE: i32 = 2;

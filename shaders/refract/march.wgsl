@@ -60,7 +60,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     var walk = walk_start(ray);
     var plane = vec3f(0.0);
     var last = texel;
-    var leave = slabs_leave(load_slabs(texel), ray, 0.0, AT_START);
+    var leave = slabs_leave_at_start(load_slabs(texel), ray);
     for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++) {
         if !leave.inside {
             if plane_is_empty(plane) {
@@ -128,7 +128,7 @@ fn strided_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     let step = strided_step(ray);
     var tau = 0.0;
     var last = texel;
-    var leave = slabs_leave(load_slabs(texel), ray, 0.0, AT_START);
+    var leave = slabs_leave_at_start(load_slabs(texel), ray);
     if !leave.inside {
         return no_interface();
     }

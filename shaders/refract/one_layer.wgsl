@@ -66,6 +66,18 @@ fn class_exit(layer_class: i32, ray: ScreenRay) -> Interface {
 }
 
 fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
+    let hit = union_exit(ray, texel);
+    if hit.found {
+        return hit;
+    }
+    let start = crossed_slabs_leave(load_slabs(texel), ray);
+    if start.inside {
+        return interface_at(ray, start.tau, start.plane, texel);
+    }
+    return hit;
+}
+
+fn union_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     if !SPLASH {
         return class_exit(AGGREGATE, ray);
     }

@@ -154,7 +154,8 @@ const ROUNDING: f64 = 3e-6;
 const AT_START: f64 = 2e-3;
 
 /// Where a ray that starts inside the liquid, in `texel`, leaves the union of the classes; `None`
-/// if it leaves the picture first, or does not start inside.
+/// if it leaves the picture first, or does not start inside. One that starts on a front whose back is
+/// before it (smoothing crosses them at rims) leaves at once: there is no liquid between the two.
 pub fn exit(view: &View, classes: &[&Pair], o: DVec3, d: DVec3, texel: IVec2) -> Option<LayerHit> {
     let mut last = None;
     for (index, step) in Walk::new(view, o, d, texel).enumerate() {
@@ -174,7 +175,9 @@ pub fn exit(view: &View, classes: &[&Pair], o: DVec3, d: DVec3, texel: IVec2) ->
         }
         let Some((t, plane)) = end else {
             // Out at the border of two texels: the last plane inside.
-            return last.map(|plane| hit_at(view, o, d, step.begin, plane));
+            let crossed = || classes.iter().find_map(|pair| crossed_back(view, pair, o, texel));
+            let plane = if index == 0 { crossed() } else { last };
+            return plane.map(|plane| hit_at(view, o, d, step.begin, plane));
         };
         if t <= step.end {
             return t.is_finite().then(|| hit_at(view, o, d, t, plane));
@@ -205,6 +208,19 @@ pub fn entry(view: &View, layer: &Layer, o: DVec3, d: DVec3, texel: IVec2) -> Op
 fn hit_at(view: &View, o: DVec3, d: DVec3, t: f64, plane: DVec3) -> LayerHit {
     let x = o + t * d;
     LayerHit { u: view.pixel(x), depth: -x.z, plane }
+}
+
+/// The back of a texel, if a point on its front is behind it.
+fn crossed_back(view: &View, pair: &Pair, o: DVec3, texel: IVec2) -> Option<DVec3> {
+    let planes = pair.each_ref().map(|layer| layer.at(texel));
+    if planes.contains(&DVec3::ZERO) {
+        return None;
+    }
+    let [front, back] = planes.map(|plane| {
+        let (g, c) = view.equation(plane);
+        g.dot(o) - c
+    });
+    (front.abs() <= AT_START && back > AT_START).then_some(planes[1])
 }
 
 /// Where the interval between a front and a back that holds o + t d ends, and by which plane;
