@@ -66,7 +66,8 @@ impl Changes {
             || last.camera != *camera
             || last.wanted != wanted
             || wanted.mixture && absorption
-            || wanted.gbuffer && solids
+            // Walls hide the liquid behind them.
+            || solids
             // Mip levels of the G-buffer are filled only where they are read.
             || wanted.levels > 1 && old.refract.solids != new.refract.solids;
         let radiance = surfaces

@@ -117,17 +117,7 @@ impl Lights {
                 Wanted { size, splash, mixture, gbuffer, levels: 1, backs, culled, sections };
             surfaces.resize(gpu, wanted);
             let uniform = view.uniform(splats.origin);
-            surfaces.prepare(
-                gpu,
-                scene,
-                liquid,
-                &uniform,
-                view.origin,
-                &[],
-                None,
-                splats.radius,
-                fits,
-            );
+            surfaces.prepare(gpu, scene, liquid, &uniform, view.origin, &[], None, splats, fits);
             let own = settings_of(placed, settings);
             let (camera, bound) = (&surfaces.camera, &surfaces.scene);
             caustics.prepare(gpu, camera, bound, scene, &own, splash, size)?;

@@ -15,7 +15,6 @@ use crate::passes::cull;
 use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, Variant};
 use crate::passes::smooth;
-use crate::passes::splat::SplatBuffers;
 use crate::passes::surfaces::{Liquid, Surfaces, Wanted};
 use crate::passes::tiles::Sections;
 use crate::passes::tonemap::Tonemap;
@@ -73,7 +72,7 @@ impl Renderer {
     pub fn new(gpu: &Gpu) -> Self {
         Self {
             gpu: gpu.clone(),
-            liquid: Liquid { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) },
+            liquid: Liquid::new(gpu),
             lights: Lights::default(),
             eye: Surfaces::new(gpu, false),
             mips: None,
@@ -153,8 +152,7 @@ impl Renderer {
 
         let fits = smooth::Params::iterations(&settings.smooth, splats.radius);
         if changes.splats {
-            self.liquid.aggregates.upload(gpu, &splats.aggregates);
-            self.liquid.splashes.upload(gpu, &splats.splashes);
+            self.liquid.upload(gpu, splats);
         }
         if changes.lights {
             let (liquid, culled) = (&self.liquid, wanted.culled);
@@ -163,8 +161,8 @@ impl Renderer {
         let uniform = camera.uniform(size, splats.origin);
         let (views, maps) = (self.lights.views(), self.lights.maps());
         let liquid = &self.liquid;
-        let (eye, radius) = (camera.eye, splats.radius);
-        self.eye.prepare(gpu, scene, liquid, &uniform, eye, views, maps, radius, &fits);
+        let eye = camera.eye;
+        self.eye.prepare(gpu, scene, liquid, &uniform, eye, views, maps, splats, &fits);
 
         let mut timer = Timer::new(gpu, self.timing);
         let mut commands = Commands::new(gpu);

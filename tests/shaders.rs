@@ -313,7 +313,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: its file, its function, how it begins, and what bounds its turns.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 71] = [
+const LOOPS: [(&str, &str, &str, &str); 72] = [
     ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
     ("caustics/conic.wgsl", "conic_first_exit", "for (var edge = 0u; edge < 3u; edge++)", "a constant"),
     ("caustics/conic.wgsl", "conic_solve", "for (var i = 0u; i < CONIC_ROUNDS; i++)", "a constant"),
@@ -369,6 +369,7 @@ const LOOPS: [(&str, &str, &str, &str); 71] = [
     ("refract/interfaces.wgsl", "trace", "for (var event = 0u; event < 17u; event++)", "a constant"),
     ("refract/interfaces.wgsl", "background_mean", "for (var i = 0u; i < count; i++)", "refract.samples or refract.edge_samples, 64 at most"),
     ("refract/interfaces.wgsl", "draw_background", "for (var probe = 0; probe < 5; probe++)", "a constant"),
+    ("refract/interfaces.wgsl", "is_hidden", "for (var probe = 0; probe < 5; probe++)", "a constant"),
     ("refract/interfaces.wgsl", "refract_pixels", "for (var i = 0u; i < SAMPLES; i++)", "refract.samples, 64 at most"),
     ("refract/march.wgsl", "liquid_exit", "for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++)", "the picture's sides"),
     ("refract/march.wgsl", "front_entry", "for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++)", "the picture's sides"),

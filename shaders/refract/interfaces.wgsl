@@ -578,6 +578,30 @@ fn has_liquid(texel: vec2i) -> bool {
     return covered;
 }
 
+// Whether solids hide the liquid all over the pixel: at its centre and at its corners. The front's plane
+// may be steep at a rim; what is behind its depth at the centre counts as hidden too.
+fn is_hidden(p: vec2i) -> bool {
+    if SOLIDS == 0u {
+        return false;
+    }
+    let middle = camera_omega(vec2f(p) + 0.5);
+    var front = textureLoad(aggregate_layers, p, FRONT, 0).xyz;
+    if SPLASH {
+        let splash = textureLoad(splash_layers, p, FRONT, 0).xyz;
+        front = select(front, splash, dot(splash, middle) > dot(front, middle));
+    }
+    let disparity = dot(front, middle);
+    for (var probe = 0; probe < 5; probe++) {
+        let corner = vec2f(vec2i(probe & 1, (probe >> 1u) & 1));
+        let omega = camera_omega(vec2f(p) + select(corner, vec2f(0.5), probe == 0));
+        let solid = solid_ahead(vec3f(0.0), normalize(omega));
+        if length(omega) / solid.t < min(disparity, dot(front, omega)) {
+            return false;
+        }
+    }
+    return true;
+}
+
 @compute @workgroup_size(8, 8)
 fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
     let index = group_index(group);
@@ -588,7 +612,8 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    if !has_liquid(p) {
+    // A solid in front is drawn as it is without the liquid.
+    if !has_liquid(p) || is_hidden(p) {
         draw_background(p);
         return;
     }

@@ -16,6 +16,7 @@ mod moments;
 mod place;
 mod shape;
 mod tree;
+mod walls;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -23,7 +24,6 @@ use rayon::iter::Either;
 use rayon::prelude::*;
 
 use crate::particles::{self, Ellipsoid, Particles};
-use crate::scene::Solid;
 use crate::settings::Classify;
 use grid::Grid;
 use moments::Moments;
@@ -32,6 +32,8 @@ use tree::Tree;
 pub use device::Classifier;
 pub use place::Place;
 pub use tree::estimate_radius;
+pub use walls::wet;
+pub(crate) use walls::{Eye, seen_past_walls};
 
 /// One splat as the GPU reads it: the ellipsoid { centre + A·s : |s| ≤ 1 }.
 ///
@@ -50,7 +52,7 @@ pub struct Splat {
     pub particle: u32,
     /// `A_xy, A_xz, A_yz`, in metres.
     pub off_diagonal: [f32; 3],
-    /// Which of a scene's fluids it is of, from 0, and [`Splat::BURIED`].
+    /// Which of a scene's fluids it is of, from 0; [`Splat::BURIED`]; of a copy on a plane, which.
     pub tags: u32,
 }
 
@@ -58,6 +60,17 @@ impl Splat {
     /// Set in [`Splat::tags`] if liquid is all round the particle. It is a hint: such splats are
     /// drawn where others do not hide them, and the rest is drawn first to find out.
     pub const BURIED: u32 = 1 << 16;
+
+    /// Where in [`Splat::tags`] a copy that [`wet`] laid on a plane holds that solid's number, from 1,
+    /// in ten bits.
+    const WALL: u32 = 17;
+    /// Set if that copy is of liquid on the side that the plane's normal points away from.
+    const WALL_FROM_BEHIND: u32 = 1 << 27;
+
+    /// Whether [`wet`] laid it on a plane.
+    fn is_copy(&self) -> bool {
+        self.tags >> Self::WALL & 0x3ff != 0
+    }
 
     /// Which of a scene's fluids it is of, from 0.
     pub fn fluid(&self) -> u32 {
@@ -102,28 +115,6 @@ pub struct Splats {
 /// alone, not on the number of threads. [`Place::classify`] chooses between this and a device.
 pub fn classify(particles: &Particles, default_radius: f32, settings: &Classify) -> Splats {
     Cloud::new(particles, default_radius).classify(settings)
-}
-
-/// Lets aggregates wet the solids they rest on: a splat whose centre is within `reach` radii of a
-/// solid is drawn a second time, moved along the solid's normal onto its surface.
-///
-/// SPH boundaries hold liquid a particle's spacing off a wall. Without the copies a gap shows
-/// between the two, and in it light is totally reflected that in a real tank never meets air.
-pub fn wet(splats: &mut Splats, solids: &[Solid], reach: f32) {
-    let origin = splats.origin;
-    let touching = |splat: &Splat, solid: &Solid| {
-        let centre = Vec3::from_array(splat.centre).as_dvec3();
-        let (distance, normal) = solid.shape.distance(origin + centre);
-        let near = distance > 0.0 && distance <= f64::from(reach * splat.radius);
-        let moved = centre - distance * normal;
-        near.then(|| Splat { centre: moved.as_vec3().to_array(), ..*splat })
-    };
-    let aggregates = &splats.aggregates;
-    let copies: Vec<_> = aggregates
-        .par_iter()
-        .flat_map_iter(|splat| solids.iter().filter_map(move |solid| touching(splat, solid)))
-        .collect();
-    splats.aggregates.extend(copies);
 }
 
 /// Whether a place, counted from the splats' origin, has so many aggregates around it as places in a

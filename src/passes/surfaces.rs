@@ -13,6 +13,7 @@ use super::{CameraBinding, Layers};
 use crate::camera::CameraUniform;
 use crate::gpu::{Commands, Gpu, Timer};
 use crate::lights::PlacedView;
+use crate::passes::classify::{Eye, Splats, seen_past_walls};
 use crate::scene::Scene;
 
 /// A frame's splats on the device.
@@ -22,6 +23,19 @@ pub(crate) struct Liquid {
     pub aggregates: SplatBuffers,
     /// Droplets.
     pub splashes: SplatBuffers,
+}
+
+impl Liquid {
+    /// Nothing to draw yet.
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        Self { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) }
+    }
+
+    /// Uploads a frame's splats.
+    pub(crate) fn upload(&mut self, gpu: &Gpu, splats: &Splats) {
+        self.aggregates.upload(gpu, &splats.aggregates);
+        self.splashes.upload(gpu, &splats.splashes);
+    }
 }
 
 /// A view's passes up to the point where light is followed, and their outputs.
@@ -37,6 +51,8 @@ pub(crate) struct Surfaces {
     pub gbuffer: Gbuffer,
     wanted: Wanted,
     smoothed: bool,
+    /// The splats of this view alone, where it looks at walls from behind.
+    own: Option<Liquid>,
 }
 
 /// What a view's textures are made for.
@@ -84,8 +100,19 @@ impl Surfaces {
             culled: false,
             sections: Sections { tiles: 1, words: 2, count: 1 },
         };
-        let smoothed = false;
-        Self { camera, scene, aggregate, splash, mixture, tiles, smooth, gbuffer, wanted, smoothed }
+        Self {
+            camera,
+            scene,
+            aggregate,
+            splash,
+            mixture,
+            tiles,
+            smooth,
+            gbuffer,
+            wanted,
+            smoothed: false,
+            own: None,
+        }
     }
 
     /// Gives each pass what it needs at this size, and one pixel to those that do not run.
@@ -119,16 +146,25 @@ impl Surfaces {
         eye: DVec3,
         views: &[PlacedView],
         maps: Option<&LightMaps>,
-        radius: f32,
+        splats: &Splats,
         fits: &[smooth::Params],
     ) {
         self.camera.write(gpu, camera);
+        // The third row of the rotation into view space points at an orthographic view's eye.
+        let [x, y, z] = camera.view_from_world.map(|column| f64::from(column[2]));
+        let from = if camera.far > 0.0 { Eye::Towards(DVec3::new(x, y, z)) } else { Eye::At(eye) };
+        self.own = seen_past_walls(splats, &scene.solids, from).map(|seen| {
+            let mut own = self.own.take().unwrap_or_else(|| Liquid::new(gpu));
+            own.upload(gpu, &seen);
+            own
+        });
+        let liquid = self.own.as_ref().unwrap_or(liquid);
         if self.wanted.culled {
             self.aggregate.prepare_culled(gpu, &self.camera, &liquid.aggregates);
         }
         self.scene.upload(gpu, scene, eye, views, maps);
         if self.wanted.mixture {
-            self.mixture.prepare(gpu, &self.camera, scene, radius);
+            self.mixture.prepare(gpu, &self.camera, scene, splats.radius);
         }
         self.smoothed = !fits.is_empty();
         if self.smoothed {
@@ -153,6 +189,7 @@ impl Surfaces {
     ) {
         let encoder = &mut commands.encoder;
         let camera = &self.camera;
+        let liquid = self.own.as_ref().unwrap_or(liquid);
         let backs = self.wanted.backs;
         let (aggregates, span) = (&liquid.aggregates, timer.span(splat));
         if self.wanted.culled {

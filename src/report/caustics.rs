@@ -377,8 +377,8 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
     };
     surfaces.resize(gpu, wanted);
     let uniform = view.uniform(splats.origin);
-    surfaces.prepare(gpu, scene, &liquid, &uniform, view.origin, &[], None, splats.radius, &fits);
     let mut commands = Commands::new(gpu);
+    surfaces.prepare(gpu, scene, &liquid, &uniform, view.origin, &[], None, splats, &fits);
     let names = ["splat", "splashes", "mixture", "tiles", "smooth", "gbuffer"];
     let timer = &mut Timer::new(gpu, false);
     surfaces.record(gpu, &mut commands, scene, &liquid, &fits, timer, names);
