@@ -132,15 +132,38 @@ pub fn compare(reference: &RgbImage, test: &RgbImage) -> Result<(Comparison, Fli
     Ok((comparison, map))
 }
 
-/// Loads and compares two PNG files; whatever is wrong, the message names the files.
+/// Loads and compares two PNG files; whatever is wrong, the message names the files. Their sizes are
+/// compared before any pixel is decoded.
 pub fn compare_files(reference: &Path, test: &Path) -> Result<(Comparison, FlipMap)> {
-    let pictures = (load_picture(reference)?, load_picture(test)?);
-    compare(&pictures.0, &pictures.1).map_err(|error| match error {
+    let read = |path| -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        files::read_picture(path, &mut bytes)?;
+        Ok(bytes)
+    };
+    let (reference_bytes, test_bytes) = (read(reference)?, read(test)?);
+    let named = |error| match error {
         Error::Mismatch(problem) => {
             Error::Mismatch(format!("{} and {}: {problem}", reference.display(), test.display()))
         }
         other => other,
-    })
+    };
+    // Decoding tells what is wrong with a header.
+    let sizes = size(&reference_bytes).zip(size(&test_bytes));
+    if let Some((of_reference, of_test)) = sizes {
+        check_sizes(of_reference, of_test).map_err(named)?;
+    }
+    let reference = parse_picture(reference, &reference_bytes)?;
+    let test = parse_picture(test, &test_bytes)?;
+    compare(&reference, &test).map_err(named)
+}
+
+/// Width and height, by the header.
+fn size(bytes: &[u8]) -> Option<(u32, u32)> {
+    let header = files::survive(Path::new(""), || {
+        let reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+        Ok(reader.into_dimensions().ok())
+    });
+    header.ok()?
 }
 
 /// Loads a PNG of 8 or 16 bits as 8-bit sRGB; 16 bits are rounded, grey becomes RGB.
@@ -166,11 +189,13 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
         return Err(Error::format(path, "not a PNG; pictures to compare are PNG files in sRGB"));
     }
 
+    /// Bytes that a pixel takes when it is compared: as RGB, and in half of the FLIP map and the
+    /// sorted copy of it.
+    const EACH: u64 = 3 + 4;
     let mut cursor = Cursor::new(bytes);
-    let mut reader = ImageReader::with_format(&mut cursor, ImageFormat::Png);
-    let limits = files::picture_limits(bytes);
-    reader.limits(limits.map_err(|problem| Error::format(path, problem))?);
-    let picture = reader.decode().map_err(|error| match error {
+    let reader = ImageReader::with_format(&mut cursor, ImageFormat::Png);
+    let picture = files::decode_picture(path, bytes, reader, EACH)?;
+    let picture = picture.map_err(|error| match error {
         ImageError::Decoding(_) | ImageError::IoError(_) => {
             Error::malformed(path, Place::Byte(cursor.position()), error.to_string())
         }
@@ -192,13 +217,11 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
 }
 
 /// Fails unless both pictures have the same size and at least one pixel.
-fn check_sizes(reference: &RgbImage, test: &RgbImage) -> Result<()> {
-    let (width, height) = reference.dimensions();
-    if (width, height) != test.dimensions() {
+fn check_sizes((width, height): (u32, u32), test: (u32, u32)) -> Result<()> {
+    if (width, height) != test {
         return Err(Error::Mismatch(format!(
             "the reference is {width}x{height} pixels, the test {}x{}; render both at one size",
-            test.width(),
-            test.height()
+            test.0, test.1
         )));
     }
     if width == 0 || height == 0 {

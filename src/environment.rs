@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::{UVec2, Vec3};
+use image::{ImageError, ImageReader};
 
 use crate::error::{Error, Result};
 use crate::files;
@@ -30,6 +31,21 @@ pub enum Environment {
         /// Rows from the top, linear RGB and 1.
         pixels: Arc<[[f32; 4]]>,
     },
+}
+
+fn reader<'a>(path: &Path, bytes: &'a [u8]) -> Result<ImageReader<Cursor<&'a [u8]>>> {
+    let reader = ImageReader::new(Cursor::new(bytes));
+    reader.with_guessed_format().map_err(|e| Error::io(path, "read", e))
+}
+
+fn foreign(path: &Path, error: ImageError) -> Error {
+    match error {
+        ImageError::IoError(error) => Error::io(path, "read", error),
+        error => {
+            let problem = format!("not a picture for an environment (HDR, EXR, PNG): {error}");
+            Error::format(path, problem)
+        }
+    }
 }
 
 impl PartialEq for Environment {
@@ -76,44 +92,59 @@ impl Environment {
         Self::parse(path, &bytes)
     }
 
+    /// As [`Environment::load`], of the header alone: a map without pixels.
+    ///
+    /// # Errors
+    /// As [`Environment::load`].
+    pub(crate) fn outline(path: &Path) -> Result<Self> {
+        let mut bytes = Vec::new();
+        files::read_picture(path, &mut bytes)?;
+        files::survive(path, || {
+            let mut reader = reader(path, &bytes)?;
+            let limits = files::picture_limits(&bytes);
+            reader.limits(limits.map_err(|problem| Error::format(path, problem))?);
+            let (width, height) = reader.into_dimensions().map_err(|e| foreign(path, e))?;
+            Ok(Self::Map { size: UVec2::new(width, height), pixels: Arc::new([]) })
+        })
+    }
+
     /// As [`Environment::load`], with the contents at hand; `path` stands in messages.
     ///
     /// # Errors
-    /// [`Error::Format`] naming the file.
+    /// [`Error::Format`] naming the file, [`Error::Memory`].
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let mut reader = image::ImageReader::new(Cursor::new(bytes))
-            .with_guessed_format()
-            .map_err(|e| Error::io(path, "read", e))?;
+        /// Rows that are converted at a time: few enough not to count.
+        const ROWS: u32 = 64;
+        let reader = reader(path, bytes)?;
         let srgb = reader.format() == Some(image::ImageFormat::Png);
-        let decode = || {
-            let limits = files::picture_limits(bytes);
-            reader.limits(limits.map_err(|problem| Error::format(path, problem))?);
-            reader.decode().map_err(|e| match e {
-                image::ImageError::IoError(e) => Error::io(path, "read", e),
-                e => Error::format(
-                    path,
-                    format!("not a picture for an environment (HDR, EXR, PNG): {e}"),
-                ),
-            })
-        };
-        let picture = files::survive(path, decode)?;
-        let picture = picture.into_rgb32f();
+        let each = size_of::<[f32; 4]>() as u64;
+        let picture = files::survive(path, || {
+            files::decode_picture(path, bytes, reader, each)?.map_err(|e| foreign(path, e))
+        })?;
         let size = UVec2::new(picture.width(), picture.height());
         let linear = |c: f32| match srgb {
             true if c <= 0.04045 => c / 12.92,
             true => ((c + 0.055) / 1.055).powf(2.4),
             false => c,
         };
-        let pixels: Vec<_> =
-            picture.pixels().map(|p| [linear(p[0]), linear(p[1]), linear(p[2]), 1.0]).collect();
-        if pixels.is_empty() {
+        let count = size.x as usize * size.y as usize;
+        if count == 0 {
             return Err(Error::format(path, "the environment has no pixels"));
+        }
+        let mut pixels: Arc<[_]> = std::iter::repeat_n([0.0; 4], count).collect();
+        let filled: &mut [[f32; 4]] = Arc::get_mut(&mut pixels).expect("nobody else has it");
+        let bands = (0..size.y).step_by(ROWS as usize);
+        for (top, rows) in bands.zip(filled.chunks_mut(ROWS as usize * size.x as usize)) {
+            let part = picture.crop_imm(0, top, size.x, ROWS.min(size.y - top)).into_rgb32f();
+            for (p, pixel) in part.pixels().zip(rows) {
+                *pixel = [linear(p[0]), linear(p[1]), linear(p[2]), 1.0];
+            }
         }
         if let Some(c) = pixels.iter().flatten().find(|&&c| !is_radiance(Vec3::splat(c))) {
             let problem = format!("the environment has a radiance of {c}: 0 to 1e12 expected");
             return Err(Error::format(path, problem));
         }
-        Ok(Self::Map { size, pixels: pixels.into() })
+        Ok(Self::Map { size, pixels })
     }
 
     /// The same environment, `scale` times as bright.
@@ -131,10 +162,14 @@ impl Environment {
             },
             Self::Map { size, pixels } => Self::Map {
                 size,
-                pixels: pixels
-                    .iter()
-                    .map(|p| [scale * p[0], scale * p[1], scale * p[2], 1.0])
-                    .collect(),
+                pixels: {
+                    // Nobody else has them where a scene is read.
+                    let mut pixels = pixels;
+                    for p in Arc::make_mut(&mut pixels) {
+                        *p = [scale * p[0], scale * p[1], scale * p[2], 1.0];
+                    }
+                    pixels
+                },
             },
         }
     }

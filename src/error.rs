@@ -129,6 +129,14 @@ pub enum Error {
     /// The device was lost or ran out of memory; the same frame may succeed later.
     #[error("the graphics device failed ({0}); the frame may succeed if tried again")]
     DeviceLost(String),
+    /// The system has no memory for it now; with less beside it the same may succeed later.
+    #[error("{what}: no memory: {mib} MiB more cannot be had; it may succeed if tried again")]
+    Memory {
+        /// What it was to hold: a file, a picture, a frame's shapes.
+        what: String,
+        /// How much was asked for, MiB.
+        mib: u64,
+    },
 }
 
 impl Error {
@@ -138,12 +146,14 @@ impl Error {
             Self::Usage(_) | Self::Scene { .. } => 2,
             Self::Defect(_) => 1,
             Self::Mismatch(_) | Self::Format { .. } => 3,
+            // The system's own word for no memory.
+            Self::Io { source, .. } if source.kind() == io::ErrorKind::OutOfMemory => 6,
             Self::Io { .. } | Self::Malformed { .. } | Self::Sequence { .. } => 4,
             Self::NoAdapter
             | Self::NoSuchAdapter { .. }
             | Self::Adapter { .. }
             | Self::Window(_) => 5,
-            Self::DeviceLost(_) | Self::Threads(_) => 6,
+            Self::DeviceLost(_) | Self::Threads(_) | Self::Memory { .. } => 6,
             Self::Frame { source, .. } => source.exit_code(),
             Self::Shared(error) => error.exit_code(),
         }

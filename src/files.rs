@@ -2,15 +2,16 @@
 //! may take, and what changes while it is read.
 
 use std::fs::{File, Metadata};
-use std::io::{self, Read};
+use std::io::{self, BufRead, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use exr::meta::{BlockDescription, MetaData};
-use image::ImageFormat;
+use image::{DynamicImage, ImageDecoder as _, ImageFormat, ImageReader, ImageResult};
 use rayon::prelude::*;
 
 use crate::error::{Error, Place, Result};
+use crate::memory;
 
 /// Scenes, paths and suites are written by hand; what is longer is none.
 const TEXT_LIMIT: u64 = 64 << 20;
@@ -43,6 +44,51 @@ pub(crate) fn picture_limits(bytes: &[u8]) -> Result<image::Limits, String> {
     let mut limits = image::Limits::default();
     limits.max_alloc = Some(most);
     Ok(limits)
+}
+
+/// Decodes a picture, of each of whose pixels `each` bytes more will be made: no more in all than the
+/// file may unpack to, and than there is.
+///
+/// # Errors
+/// [`Error::Format`] and [`Error::Memory`]; what the decoder says is left to the caller.
+pub(crate) fn decode_picture<R: BufRead + Seek>(
+    path: &Path,
+    bytes: &[u8],
+    mut reader: ImageReader<R>,
+    each: u64,
+) -> Result<ImageResult<DynamicImage>> {
+    let limits = picture_limits(bytes).map_err(|problem| Error::format(path, problem))?;
+    reader.limits(limits.clone());
+    let mut decoder = match reader.into_decoder() {
+        Ok(decoder) => decoder,
+        Err(error) => return Ok(Err(error)),
+    };
+    let (width, height) = decoder.dimensions();
+    let pixels = u64::from(width) * u64::from(height);
+    let decoded = decoder.total_bytes();
+    let (made, most) =
+        (decoded.saturating_add(each.saturating_mul(pixels)), unpacked_limit(bytes.len() as u64));
+    let mut left = limits;
+    if let Err(error) = left.reserve(decoded).and_then(|()| decoder.set_limits(left)) {
+        return Ok(Err(error));
+    }
+    if made > most {
+        let problem = format!(
+            "{width}x{height} pixels take {} MiB of memory, a file of {} KiB at most {}; it seems made \
+             to exhaust memory",
+            made >> 20,
+            bytes.len().div_ceil(1 << 10),
+            most >> 20
+        );
+        return Err(Error::format(path, problem));
+    }
+    let name = path.display();
+    memory::probe(usize::try_from(decoded).unwrap_or(usize::MAX), &name)?;
+    let picture = DynamicImage::from_decoder(decoder);
+    if picture.is_ok() {
+        memory::probe(usize::try_from(each * pixels).unwrap_or(usize::MAX), name)?;
+    }
+    Ok(picture)
 }
 
 /// What a decoder that is not limpid's makes of a file. That it panics is an error too: where overflows
@@ -139,7 +185,9 @@ pub(crate) fn contents(
     let length = usize::try_from(metadata.len());
     let length = length.map_err(|_| fail(io::ErrorKind::FileTooLarge.into()))?;
     let more = length.saturating_sub(bytes.len());
-    bytes.try_reserve_exact(more).map_err(|_| fail(io::ErrorKind::OutOfMemory.into()))?;
+    if bytes.try_reserve_exact(more).is_err() {
+        return Err(Error::Memory { what: path.display().to_string(), mib: metadata.len() >> 20 });
+    }
     bytes.resize(length, 0);
     // Not to its end: a file that grows as fast as it is read has none.
     let result = if !cfg!(unix) || length < PART {

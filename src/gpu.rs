@@ -13,6 +13,7 @@ use std::thread::Builder;
 use glam::UVec2;
 
 use crate::error::{Error, Result, printable};
+use crate::memory;
 use crate::passes::tiles::TILE;
 
 pub(crate) use binding::{
@@ -41,6 +42,9 @@ pub struct Gpu {
     most_work: u64,
 }
 
+/// Memory that a device may take to open, in bytes: Mesa's software one with its compiler.
+const OPENING: usize = 512 << 20;
+
 /// The first of each that a device has reported.
 #[derive(Debug, Clone, Default)]
 struct Failure {
@@ -59,7 +63,7 @@ impl Gpu {
     /// # Errors
     /// [`Error::NoAdapter`] if there is none, [`Error::NoSuchAdapter`] if these variables select none,
     /// [`Error::Adapter`] if it refuses a device, [`Error::Threads`] if the system starts fewer
-    /// threads than a driver may need.
+    /// threads than a driver may need, [`Error::Memory`] if that may be for want of memory.
     pub fn headless() -> Result<Self> {
         check_threads()?;
         let wanted = std::env::var("WGPU_ADAPTER_NAME").unwrap_or_default();
@@ -79,6 +83,8 @@ impl Gpu {
                 }
             }
         }
+        // For want of memory adapters are refused as well, or not found.
+        memory::probe(OPENING, "a graphics device")?;
         Err(refusal)
     }
 

@@ -9,6 +9,7 @@ use crate::bulk::Bulk;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::memory;
 use crate::particles::{Array, AttributeMap, Contents, Particles, ReadOptions, Up};
 use crate::passes::classify::{self, Place, Splat, Splats};
 use crate::recipe::Recipe;
@@ -237,6 +238,19 @@ impl Input {
         Ok(Self::of(None, Fluid::of_files(sequence, None, Up::Y, AttributeMap::default()), None))
     }
 
+    /// As [`Input::open`], for who wants to know what is there and not to draw it: an environment map is
+    /// checked by its header, and its pixels are left out.
+    ///
+    /// # Errors
+    /// As [`Input::open`].
+    pub fn outline(input: &str) -> Result<Self> {
+        let path = Path::new(input);
+        if is_scene_file(path) {
+            return Self::from_scene(Scene::outline(path)?, input);
+        }
+        Self::open(input, &[])
+    }
+
     /// The built-in demo: a frame of a double dam break, simulated with SPlisHSPlasH.
     ///
     /// # Errors
@@ -440,12 +454,15 @@ impl Input {
             // Each fluid's own radius, whatever the others'.
             if particles.radii.is_none() {
                 let radius = fluid.radius_of(at.frame, &particles)?;
-                particles.radii = Some(vec![radius; particles.len()]);
+                let radii = std::iter::repeat_n(radius, particles.len());
+                particles.radii = Some(memory::collect(radii, &fluid.sequence.pattern)?);
             }
             fluids.push(particles);
             arrays.extend(contents.arrays);
             cells = cells.saturating_add(contents.cells);
         }
+        let count: usize = fluids.iter().map(Particles::len).sum();
+        memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
         Ok(Contents { particles: Particles::mixed(&fluids), arrays, cells })
     }
 
@@ -502,6 +519,15 @@ impl Input {
             [_] if particles.radii.is_some() => RadiusFrom::File,
             fluids => fluids.iter().map(|fluid| fluid.radius_from).max().unwrap_or_default(),
         }
+    }
+
+    /// Median radius of a frame's particles, m: their own, or as given, or estimated from the spacing.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] if there is no way to know one; [`Error::Memory`].
+    pub fn radius(&self, at: impl Into<Moment>, particles: &Particles) -> Result<f32> {
+        let default = self.fluids[0].radius_of(at.into().frame, particles)?;
+        classify::median_radius(particles, default)
     }
 
     /// Settles what neither files nor scene say, by the first frame that has particles: the radius
@@ -588,6 +614,8 @@ impl Fluid {
             return Ok(contents);
         }
         let next = self.contents(at.next, missing)?.particles;
+        let count = contents.particles.len() + next.len();
+        memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
         let particles = Particles::between(&contents.particles, &next, at.fraction);
         Ok(Contents { particles, ..contents })
     }
@@ -652,7 +680,13 @@ impl Fluid {
 
     /// The radius for particles without one of their own: as given, or from their spacing.
     fn radius_of(&self, number: i64, particles: &Particles) -> Result<f32> {
-        let radius = self.radius.unwrap_or_else(|| classify::estimate_radius(particles));
+        let radius = match self.radius {
+            Some(radius) => radius,
+            None => {
+                classify::probe_memory(particles.len(), &self.sequence.pattern)?;
+                classify::estimate_radius(particles)
+            }
+        };
         if radius > 0.0 || particles.is_empty() || particles.radii.is_some() {
             return Ok(radius);
         }

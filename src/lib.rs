@@ -83,6 +83,7 @@ pub mod gpu;
 pub mod input;
 pub mod light_view;
 mod lights;
+mod memory;
 pub mod notice;
 pub mod output;
 mod page;

@@ -115,6 +115,17 @@ impl Attribute {
         })
     }
 
+    /// Bytes that it takes for each particle once it is read.
+    fn bytes(self) -> u64 {
+        let bytes = match self {
+            Self::Velocity => size_of::<Vec3>(),
+            Self::Density | Self::Radius => size_of::<f32>(),
+            Self::Id => size_of::<i64>(),
+            Self::Ellipsoid => size_of::<Ellipsoid>(),
+        };
+        bytes as u64
+    }
+
     /// All names, for messages.
     fn list() -> String {
         Self::ALL.map(Self::name).join(", ")
@@ -413,6 +424,9 @@ thread_local! {
 
 /// Buffers of more bytes than this are not kept: those of about a million particles are.
 const BUFFERED: usize = 64 << 20;
+
+/// Bytes that a particle's position takes once it is read.
+const POSITION_BYTES: u64 = size_of::<Vec3>() as u64;
 
 /// The problem of a `what` that unpacks to more than it may, and the remedy.
 fn unpacks_to_more(what: &str, limit: u64) -> String {

@@ -23,6 +23,7 @@ pub use pool::{Pool, Reef};
 pub use vase::Vase;
 
 use crate::error::{Error, Result, printable};
+use crate::memory;
 use crate::particles::Particles;
 use crate::scene::Solid;
 
@@ -218,7 +219,7 @@ impl Recipe {
     ///
     /// # Errors
     /// As [`Recipe::check`]; [`Error::Scene`] for proportions that leave so little liquid in the
-    /// box around it that looking for it would take forever.
+    /// box around it that looking for it would take forever; [`Error::Memory`].
     pub fn particles(&self) -> Result<Particles> {
         self.check()?;
         let fail = |problem: String| Err(Error::Scene { origin: "recipe".into(), problem });
@@ -244,6 +245,7 @@ impl Recipe {
                  taken, at most {MOST_WORK:.0e}"
             ));
         }
+        memory::probe((count as usize).saturating_mul(fill::BYTES), "a recipe's particles")?;
         let mut points = fill::fill(&body, spacing, self.seed());
         let thrown = (self.spray() * self.count()) as usize;
         match self {

@@ -20,6 +20,7 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::output;
 use crate::particles::Particles;
 use crate::scene::Scene;
@@ -30,6 +31,10 @@ const DENSITY: f32 = 1000.0;
 
 /// The most that a swell's tables may hold: a wave for each particle along the tank's three edges.
 const MOST_TABLED: f64 = 1e8;
+
+/// Bytes that a particle takes while it is simulated: itself in three frames, sorted, and its
+/// neighbours.
+const EACH: usize = 640;
 
 /// The most particles that a simulation may have.
 const MOST_PARTICLES: f64 = 1e7;
@@ -398,6 +403,10 @@ pub fn bake(
     if found >= frames {
         return Ok(());
     }
+
+    let blocks = simulation.blocks.iter().map(|block| block.count(2.0 * simulation.radius));
+    let count = last.as_ref().map_or_else(|| blocks.sum(), |state| state.len() as u64);
+    memory::probe((count as usize).saturating_mul(EACH), name)?;
 
     std::thread::scope(|scope| {
         // A frame is written while the next one is made.

@@ -2,12 +2,10 @@
 
 use std::process::ExitCode;
 
+use limpid::Error;
 use limpid::frames::FrameSpec;
-use limpid::glam::DVec3;
 use limpid::input::Input;
 use limpid::particles::{Array, Attribute, Contents};
-use limpid::scene::Scene;
-use limpid::settings::Processor;
 use serde::Serialize;
 
 #[derive(clap::Args)]
@@ -53,7 +51,6 @@ struct FrameInfo {
     arrays: Vec<ArrayInfo>,
     /// m; estimated from the spacing unless given, none for a lone particle.
     radius: Option<f32>,
-    splashes: Option<usize>,
 }
 
 #[derive(Serialize)]
@@ -68,12 +65,16 @@ struct ArrayInfo {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut input = Input::open(&args.input, &[])?.with_options(&args.reading.options());
+    let mut input = Input::outline(&args.input)?.with_options(&args.reading.options());
     if let Some(radius) = args.radius {
         input = input.with_radius(radius)?;
     }
     // With the radius that `render` takes; what has none is described without.
-    let input = input.clone().settle(&[]).map_or(input, |(settled, _)| settled);
+    let input = match input.clone().settle(&[]) {
+        Ok((settled, _)) => settled,
+        Err(error @ Error::Memory { .. }) => return Err(error.into()),
+        Err(_) => input,
+    };
     let frames = &input.sequence.frames;
     let chosen = match &args.frames {
         Some(spec) => spec.select(&input.sequence)?,
@@ -86,16 +87,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         last: frames.last().map_or(0, |frame| frame.number),
         described: Vec::new(),
     };
-    let mut scene = match &input.scene {
-        Some(scene) => scene.clone(),
-        None => Scene::around(-DVec3::ONE, DVec3::ONE, 1.0),
-    };
-    // No adapter is needed for that.
-    scene.settings.classify.on = Processor::Cpu;
     for frame in chosen {
         let Contents { particles, arrays, .. } = input.contents(frame)?;
-        // What is in a file can be said without a radius.
-        let loaded = input.prepare(frame, &particles, &scene).ok();
+        // The rest can be told of a file without a radius.
+        let radius = match input.radius(frame, &particles) {
+            Err(Error::Scene { .. }) => None,
+            radius => Some(radius?),
+        };
         let (min, max) = particles.bounds().unwrap_or_default();
         let bulk = particles.bulk().unwrap_or_default();
         info.described.push(FrameInfo {
@@ -109,8 +107,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             outside: bulk.outside,
             attributes: particles.attribute_names().collect(),
             arrays: arrays.into_iter().map(array_info).collect(),
-            radius: loaded.as_ref().map(|loaded| loaded.splats.radius),
-            splashes: loaded.as_ref().map(|loaded| loaded.splats.splashes.len()),
+            radius,
         });
     }
     let text = if args.json { serde_json::to_string_pretty(&info)? } else { describe(&info) };
@@ -166,9 +163,9 @@ fn describe(info: &Info) -> String {
             let bulk = extent(frame.bulk_min, frame.bulk_max);
             lines.push(format!("  {} lie outside of {bulk}", frame.outside));
         }
-        lines.push(match (frame.radius, frame.splashes) {
-            (Some(radius), Some(splashes)) => format!("  radius {radius} m, {splashes} splashes"),
-            _ => "  no radii, and no spacing to estimate one from".to_owned(),
+        lines.push(match frame.radius {
+            Some(radius) => format!("  radius {radius} m"),
+            None => "  no radii, and no spacing to estimate one from".to_owned(),
         });
     }
     lines.join("\n")

@@ -6,6 +6,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::time::{Duration, Instant};
 
+/// The exit code of what may succeed if tried again.
+#[cfg(unix)]
+const RETRYABLE: i32 = 6;
+
 /// Signals that come so close together are one: `timeout` and job schedulers send theirs to a
 /// process and to its group.
 const ONE: Duration = Duration::from_millis(100);
@@ -20,7 +24,11 @@ static GRACE: AtomicBool = AtomicBool::new(false);
 pub(super) fn listen() -> std::io::Result<()> {
     #[cfg(unix)]
     {
-        use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
+        use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
+        // Libraries and drivers that get no memory abort. Whoever started the process may try again then,
+        // as with any other lack of memory.
+        let always = Arc::new(AtomicBool::new(true));
+        signal_hook::flag::register_conditional_shutdown(SIGABRT, RETRYABLE, always)?;
         // Writing beyond the system's limit on the length of files (`ulimit -f`) ends a process, unless
         // someone listens: then it fails as on a full disk, and what is half-written is removed.
         signal_hook::flag::register(SIGXFSZ, Arc::default())?;

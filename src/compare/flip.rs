@@ -13,10 +13,12 @@
 //! - The factors of `YCxCz` (116, 500, 200, and the offset −16) are left out: the filters are
 //!   linear and sum to one, so the factors would cancel on the way back to linear RGB.
 //! - Each row is filtered down the columns first, then along, so it needs no other row's
-//!   result: rows run in parallel and no filtered picture is stored.
+//!   result: rows run in parallel, no filtered picture is stored, and of the channels those of a
+//!   band of rows alone.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use glam::{Mat3, Vec2, Vec3};
 use image::RgbImage;
@@ -24,6 +26,7 @@ use rayon::prelude::*;
 
 use super::{FlipMap, check_sizes};
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// Pixels per degree of the visual field that the paper proposes, 67.02: a screen 0.7 m wide
 /// with 3840 pixels, seen from 0.7 m.
@@ -37,6 +40,9 @@ const KNEE_INPUT: f32 = 0.4;
 const KNEE_OUTPUT: f32 = 0.95;
 /// Width w of the feature detectors, in degrees of the visual field.
 const FEATURE_WIDTH_IN_DEGREES: f64 = 0.082;
+
+/// Rows that are compared at a time: with all their channels they take little beside the picture.
+const BAND: usize = 256;
 
 /// Contrast sensitivity per opponent channel as sums of `a √(π/b) exp(−π² d²/b)`, d in
 /// degrees, listed as (a, b).
@@ -60,7 +66,7 @@ const OPPONENT_FROM_RELATIVE_XYZ: Mat3 =
 ///
 /// More pixels per degree mean a greater distance, which hides finer differences.
 pub fn flip(reference: &RgbImage, test: &RgbImage, pixels_per_degree: f32) -> Result<FlipMap> {
-    check_sizes(reference, test)?;
+    check_sizes(reference.dimensions(), test.dimensions())?;
     // Below 1 the detectors are far narrower than a pixel, above 1000 filters span thousands.
     if !(1.0..=1000.0).contains(&pixels_per_degree) {
         return Err(Error::Usage(format!(
@@ -70,27 +76,66 @@ pub fn flip(reference: &RgbImage, test: &RgbImage, pixels_per_degree: f32) -> Re
 
     let (width, height) = reference.dimensions();
     let observer = Observer::new(f64::from(pixels_per_degree));
-    let (reference, test) = rayon::join(|| Opponent::new(reference), || Opponent::new(test));
+    let (width, height) = (width as usize, height as usize);
+    let mut values = memory::zeroed(width * height, "the FLIP map of a picture")?;
+    for (band, rows) in values.chunks_mut(BAND * width).enumerate() {
+        let top = band * BAND;
+        observer.compare_rows(reference, test, top, rows)?;
+    }
+    Ok(FlipMap { width: width as u32, height: height as u32, values })
+}
 
-    let mut values = vec![0.0; width as usize * height as usize];
-    values.par_chunks_exact_mut(width as usize).enumerate().for_each(|(y, row)| {
-        let colours = observer.colours(&reference, y).zip(observer.colours(&test, y));
-        let features = observer.features(&reference, y).zip(observer.features(&test, y));
-        for ((value, (c0, c1)), (f0, f1)) in row.iter_mut().zip(colours).zip(features) {
-            let colour_difference = observer.colour_difference(c0, c1);
-            *value = colour_difference.powf(1.0 - feature_difference(f0, f1));
-        }
-    });
-    Ok(FlipMap { width, height, values })
+impl Observer {
+    /// FLIP of the rows from `top` on.
+    fn compare_rows(
+        &self,
+        reference: &RgbImage,
+        test: &RgbImage,
+        top: usize,
+        values: &mut [f32],
+    ) -> Result<()> {
+        let width = reference.width() as usize;
+        let end = top + values.len() / width;
+        let seen =
+            top.saturating_sub(self.reach())..(end + self.reach()).min(reference.height() as usize);
+        // Three channels of two pictures, and what a row is filtered to.
+        let floats = width * (6 * seen.len() + 64 * rayon::current_num_threads());
+        memory::probe(floats * size_of::<f32>(), "rows of a picture to compare")?;
+        let (reference, test) = rayon::join(
+            || Opponent::new(reference, seen.clone()),
+            || Opponent::new(test, seen.clone()),
+        );
+        let rows = values.par_chunks_exact_mut(width).enumerate();
+        rows.for_each(|(y, row)| {
+            let y = top + y;
+            let colours = self.colours(&reference, y).zip(self.colours(&test, y));
+            let features = self.features(&reference, y).zip(self.features(&test, y));
+            for ((value, (c0, c1)), (f0, f1)) in row.iter_mut().zip(colours).zip(features) {
+                let colour_difference = self.colour_difference(c0, c1);
+                *value = colour_difference.powf(1.0 - feature_difference(f0, f1));
+            }
+        });
+        Ok(())
+    }
+
+    /// How many rows away a pixel is looked at.
+    fn reach(&self) -> usize {
+        let kernels =
+            self.contrast.iter().flatten().chain([&self.gaussian, &self.edge, &self.point]);
+        kernels.map(|kernel| kernel.len() / 2).max().unwrap_or(0)
+    }
 }
 
 /// Weights of an odd number of neighbours, the pixel itself in the middle.
 type Kernel = Vec<f32>;
 
-/// One channel of a picture.
+/// One channel of some rows of a picture.
 struct Plane {
     width: usize,
+    /// Of the whole picture.
     height: usize,
+    /// The first row.
+    top: usize,
     values: Vec<f32>,
 }
 
@@ -103,7 +148,7 @@ impl Plane {
 
         let mut column_sums = vec![0.0; self.width + 2 * radius];
         for (tap, &weight) in down.iter().enumerate() {
-            let source = (y + tap).saturating_sub(radius).min(self.height - 1);
+            let source = (y + tap).saturating_sub(radius).min(self.height - 1) - self.top;
             let row = &self.values[source * self.width..][..self.width];
             add_weighted(&mut column_sums[inside.clone()], row, weight);
         }
@@ -125,25 +170,27 @@ fn add_weighted(sums: &mut [f32], values: &[f32], weight: f32) {
     }
 }
 
-/// A picture as planes of Y, Cx and Cz.
+/// Rows of a picture as planes of Y, Cx and Cz.
 struct Opponent([Plane; 3]);
 
 impl Opponent {
-    fn new(picture: &RgbImage) -> Self {
+    fn new(picture: &RgbImage, rows: Range<usize>) -> Self {
         let (width, height) = (picture.width() as usize, picture.height() as usize);
         let opponent_from_linear = OPPONENT_FROM_RELATIVE_XYZ * RELATIVE_XYZ_FROM_LINEAR;
         let linear_from_srgb: [f32; 256] =
             std::array::from_fn(|level| linear_from_srgb(level as f32 / 255.0));
 
-        let mut channels = [(); 3].map(|()| Vec::with_capacity(width * height));
-        for pixel in picture.pixels() {
-            let linear = Vec3::from(pixel.0.map(|level| linear_from_srgb[usize::from(level)]));
+        let mut channels = [(); 3].map(|()| Vec::with_capacity(width * rows.len()));
+        let levels = &picture.as_raw()[3 * width * rows.start..3 * width * rows.end];
+        for pixel in levels.as_chunks::<3>().0 {
+            let linear = Vec3::from(pixel.map(|level| linear_from_srgb[usize::from(level)]));
             let opponent = (opponent_from_linear * linear).to_array();
             for (channel, value) in channels.iter_mut().zip(opponent) {
                 channel.push(value);
             }
         }
-        Self(channels.map(|values| Plane { width, height, values }))
+        let top = rows.start;
+        Self(channels.map(|values| Plane { width, height, top, values }))
     }
 }
 

@@ -7,6 +7,10 @@ use glam::{DVec3, Vec3};
 use super::{Particles, origin_for};
 
 impl Particles {
+    /// Bytes that [`Particles::between`] and [`Particles::mixed`] take for each particle that they are
+    /// given, at most: pairs twice, a table of ids, and all attributes.
+    pub(crate) const MATCHED: usize = 2 * size_of::<Pair>() + 48 + 72;
+
     /// Particles at `fraction` (0 to 1) of the way from frame `a` to frame `b`.
     ///
     /// Particles are matched by their ids; without ids, by their order where both frames have as many

@@ -15,24 +15,25 @@
 //! limpid writes has none.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, ErrorKind, Read, Write};
 use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 use flate2::{Compression, write::GzEncoder};
 
 use super::{
-    AttributeMap, Column, Contents, Cursor, Particles, Reading, Scalar, Values, foreign, narrow_id,
-    too_large, unpacks_to_more,
+    Attribute, AttributeMap, Column, Contents, Cursor, POSITION_BYTES, Particles, Reading, Scalar,
+    Values, foreign, narrow_id, too_large, unpacks_to_more,
 };
 use crate::error::{Error, Place, Result};
 use crate::files::DEFLATE_RATIO;
+use crate::memory;
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
-        parse(path, &unpack(path, bytes, reading.limit)?, reading.map)
+        parse(path, &unpack(path, bytes, reading.limit)?, reading.map, reading.limit)
     } else {
-        parse(path, bytes, reading.map)
+        parse(path, bytes, reading.map, u64::MAX)
     }
 }
 
@@ -40,11 +41,14 @@ fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
     // What the file says of its length, as far as deflate can keep it, spares growing step by step.
     let length = bytes.last_chunk().map_or(0, |&length| u64::from(u32::from_le_bytes(length)));
     let length = length.min(DEFLATE_RATIO.saturating_mul(bytes.len() as u64)).min(limit);
-    let mut unpacked = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
+    let mut unpacked = memory::reserve(usize::try_from(length).unwrap_or(0), path.display())?;
     let result =
         MultiGzDecoder::new(bytes).take(limit.saturating_add(1)).read_to_end(&mut unpacked);
     let length = unpacked.len() as u64;
     if let Err(error) = result {
+        if error.kind() == ErrorKind::OutOfMemory {
+            return Err(Error::io(path, "unpack", error));
+        }
         let problem = format!("the gzip stream is damaged or cut off: {error}");
         return Err(Error::malformed(path, Place::Byte(length), problem));
     }
@@ -108,7 +112,8 @@ fn encode(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
     out.write_all(&[0x00, 0xff])
 }
 
-fn parse(path: &Path, bytes: &[u8], map: &AttributeMap) -> Result<Contents> {
+/// Reads what, with the particles that it holds, takes at most `limit` bytes.
+fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -> Result<Contents> {
     if !bytes.starts_with(b"BgeoV") {
         return Err(foreign(path, bytes, "a BGEO file of version 5"));
     }
@@ -126,6 +131,7 @@ fn parse(path: &Path, bytes: &[u8], map: &AttributeMap) -> Result<Contents> {
 
     let mut stride = 4 * Scalar::F32.size(); // x, y, z, and w, which is 1
     let mut named_columns = Vec::new();
+    let mut read = POSITION_BYTES;
     for _ in 0..attributes {
         let length = file.array("an attribute's name").map(u16::from_be_bytes)?;
         let name = String::from_utf8_lossy(file.take(length.into(), "an attribute's name")?);
@@ -144,11 +150,15 @@ fn parse(path: &Path, bytes: &[u8], map: &AttributeMap) -> Result<Contents> {
                 return Err(file.error(problem));
             }
         };
+        read = read.saturating_add(map.attribute_of(&name).map_or(0, Attribute::bytes));
         named_columns.push((name, size, columns));
         stride = stride.saturating_add(4 * size);
     }
 
     let table = file.table(points, stride, true, "points")?;
+    if (bytes.len() as u64).saturating_add(read.saturating_mul(points as u64)) > limit {
+        return Err(file.error(unpacks_to_more("file", limit)));
+    }
     let mut contents = Contents::from(table.particles(Column::triple(Scalar::F32))?);
     for (name, size, columns) in &named_columns {
         match columns.as_slice() {

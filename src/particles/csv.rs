@@ -19,6 +19,7 @@ use super::{
     ellipsoid_among, foreign, known_magic, origin_for, vector_among, velocity_among,
 };
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// What positions are called before the axis.
 const POSITION: [&str; 9] =
@@ -68,9 +69,12 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         start = next(&mut record)?;
     }
 
+    let stride = wanted.fields().count() * Scalar::F64.size();
     let (mut numbers, mut starts) = (Vec::new(), Vec::new());
     while let Some(offset) = start {
         let row = starts.len();
+        memory::grow(&mut numbers, stride, path.display())?;
+        memory::grow(&mut starts, 1, path.display())?;
         for (name, field, integer) in wanted.fields() {
             let problem = |found: &str| {
                 let problem =
@@ -91,7 +95,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         start: skipped,
         rows: starts.len(),
         bytes: Cow::Owned(numbers),
-        stride: wanted.fields().count() * Scalar::F64.size(),
+        stride,
         big_endian: false,
         starts: Some(starts),
     };

@@ -15,6 +15,7 @@ use super::{
 };
 use crate::error::{Error, Place, Result, printable};
 use crate::files::DEFLATE_RATIO;
+use crate::memory;
 
 /// What positions are called, the likeliest first; numpy calls arrays without a name `arr_0`.
 const POSITIONS: [&str; 6] = ["positions", "position", "pos", "x", "points", "arr_0"];
@@ -38,13 +39,16 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         }
     }
     let (limit, map) = (reading.limit, reading.map);
-    let mut archive = Members { path, archive, packed: bytes.len() as u64, limit };
+    let packed = bytes.len() as u64;
+    let mut archive = Members { path, archive, packed, limit, taken: 0 };
     let heads = heads(&mut archive, &arrays)?;
     let places = positions(path, map, &arrays, &heads)?;
     let mut contents = {
         let (index, name) = &arrays[places];
         let path = archive.named(name);
         let bytes = archive.unpack(*index, name, usize::MAX)?;
+        // No more than the array itself.
+        archive.take(bytes.len() as u64, name)?;
         let mut file = Cursor::new(&path, &bytes, false);
         Contents::from(Header::read(&mut file)?.positions(&mut file)?)
     };
@@ -68,6 +72,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
             continue;
         };
         let table = for_all(table, &columns, attribute, &shape, contents.particles.len());
+        archive.take(attribute.bytes().saturating_mul(table.rows as u64), name)?;
         contents.take_as(Some(attribute), name, &shape, &table, &columns)?;
     }
     Ok(contents)
@@ -135,14 +140,26 @@ struct Members<'a> {
     archive: Archive<'a>,
     /// Bytes of the file.
     packed: u64,
-    /// Bytes that a member may unpack to.
+    /// Bytes that all members, and what is read from them, may take.
     limit: u64,
+    /// Bytes that they have taken.
+    taken: u64,
 }
 
 impl Members<'_> {
     /// How a member is told in messages.
     fn named(&self, name: &str) -> PathBuf {
         format!("{} ({}.npy)", self.path.display(), printable(name.into())).into()
+    }
+
+    /// Counts what is read from a member.
+    fn take(&mut self, bytes: u64, name: &str) -> Result<()> {
+        self.taken = self.taken.saturating_add(bytes);
+        if self.taken <= self.limit {
+            return Ok(());
+        }
+        let problem = unpacks_to_more("file", self.limit);
+        Err(Error::malformed(&self.named(name), Place::Byte(0), problem))
     }
 
     /// The contents of a member, at most `length` of its bytes.
@@ -153,18 +170,26 @@ impl Members<'_> {
         };
         let member = self.archive.by_index(index);
         let member = member.map_err(|error| fail(0, format!("cannot be unpacked: {error}")))?;
-        let limit = (length as u64).min(self.limit.saturating_add(1));
+        let left = self.limit.saturating_sub(self.taken);
+        let limit = (length as u64).min(left.saturating_add(1));
         // The sizes are claims; deflate cannot hold more than this.
         let claim = member.size().min(self.packed.saturating_mul(DEFLATE_RATIO)).min(limit);
-        let mut unpacked = Vec::with_capacity(usize::try_from(claim).unwrap_or(0));
+        let mut unpacked = memory::reserve(usize::try_from(claim).unwrap_or(0), path.display())?;
         if let Err(error) = member.take(limit).read_to_end(&mut unpacked) {
+            if error.kind() == io::ErrorKind::OutOfMemory {
+                return Err(Error::io(&path, "unpack", error));
+            }
             return Err(fail(
                 unpacked.len(),
                 format!("the archive is damaged or cut off: {error}"),
             ));
         }
-        if unpacked.len() as u64 > self.limit {
-            return Err(fail(unpacked.len() - 1, unpacks_to_more("array", self.limit)));
+        if unpacked.len() as u64 > left {
+            return Err(fail(unpacked.len() - 1, unpacks_to_more("file", self.limit)));
+        }
+        // Headers that are looked at are gone again.
+        if length == usize::MAX {
+            self.taken += unpacked.len() as u64;
         }
         Ok(unpacked)
     }
@@ -216,7 +241,7 @@ mod tests {
         let unpack = |limit| {
             let archive = ZipArchive::new(io::Cursor::new(&bytes[..])).unwrap();
             let (path, packed) = (Path::new("bomb.npz"), bytes.len() as u64);
-            Members { path, archive, packed, limit }.unpack(0, "a", usize::MAX)
+            Members { path, archive, packed, limit, taken: 0 }.unpack(0, "a", usize::MAX)
         };
         assert_eq!(unpack(1000).unwrap().len(), 1000);
         let error = unpack(999).unwrap_err().to_string();

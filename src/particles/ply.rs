@@ -14,6 +14,7 @@ use super::{
     ellipsoid_among, foreign, narrow_id, velocity_among,
 };
 use crate::error::{Error, Result};
+use crate::memory;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Encoding {
@@ -209,6 +210,8 @@ fn vertices(
         let start = file.offset;
         for _ in 0..element.count {
             let offset = file.offset;
+            memory::grow(&mut bytes, stride, file.source.path.display())?;
+            memory::grow(&mut starts, 1, file.source.path.display())?;
             record(file, element, encoding, &mut |number| bytes.extend_from_slice(number))?;
             // Blank lines may come before a line of text, so its own start counts.
             starts.push(if file.source.text { file.start } else { offset });

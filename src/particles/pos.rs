@@ -28,7 +28,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::output::Kind;
-use crate::{files, output};
+use crate::{files, memory, output};
 
 pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Contents> {
     if known_magic(bytes).is_some() {
@@ -45,7 +45,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
     let mut contents = Contents::from(table.particles(Column::triple(Scalar::F32))?);
     // 0 stands for a radius that is not known.
     if radius > 0.0 {
-        contents.particles.radii = Some(vec![radius; rows]);
+        let radii = std::iter::repeat_n(radius, rows);
+        contents.particles.radii = Some(memory::collect(radii, path.display())?);
         contents.list("radius", &[], Some(Attribute::Radius));
     }
     Ok(contents)
@@ -103,6 +104,7 @@ fn ellipsoids(path: &Path, bytes: &[u8], particles: usize) -> Result<Vec<Ellipso
     end(&mut file, "ellipsoids")?;
     let columns: [Column; 9] = std::array::from_fn(|k| columns[k]);
     let maps = table.floats(columns, "ellipsoid")?;
+    memory::probe(rows * size_of::<Ellipsoid>(), path.display())?;
     let ellipsoid = |map| Ellipsoid::of_map(Mat3::from_cols_array(map).as_dmat3());
     Ok(maps.par_iter().with_min_len(1024).map(ellipsoid).collect())
 }

@@ -10,6 +10,7 @@ use super::Particles;
 use super::cursor::Source;
 use crate::camera::is_place;
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// The types of number that files hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,6 +151,7 @@ impl Table<'_> {
         )?;
         self.check_places(columns, places.iter().copied())?;
         // Where 32-bit floats have been stored as 64-bit ones, there are no digits to keep.
+        memory::probe(places.len() * size_of::<Vec3>(), self.source.path.display())?;
         if places.iter().all(|&place| place.as_vec3().as_dvec3() == place) {
             return Ok(Particles::from_positions(places.iter().map(|p| p.as_vec3()).collect()));
         }
@@ -255,7 +257,7 @@ impl Table<'_> {
         problem: impl Fn(&[u8]) -> Option<(Column, String)>,
     ) -> Result<Vec<T>> {
         let from = |row: usize| self.bytes.get(row * self.stride..).unwrap_or_default();
-        let mut values: Vec<T> = bytemuck::zeroed_vec(self.rows);
+        let mut values: Vec<T> = memory::zeroed(self.rows, self.source.path.display())?;
         // Waking other threads for a few rows would take longer than decoding them.
         let sound = if self.rows <= BLOCK {
             fill(from(0), &mut values)

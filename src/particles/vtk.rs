@@ -15,6 +15,7 @@ use super::{
     write_numbers,
 };
 use crate::error::{Error, Result};
+use crate::memory;
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if !bytes.starts_with(b"# vtk DataFile Version ") {
@@ -277,8 +278,10 @@ impl<'a> Vtk<'a> {
                     let problem = format!("{what}: the file ends in row {row} of {rows}");
                     return Err(self.file.source.error(self.file.offset, problem));
                 };
+                memory::grow(&mut bytes, Scalar::F64.size(), self.file.source.path.display())?;
                 bytes.extend(self.file.number(&word)?.to_be_bytes());
                 if column == 0 {
+                    memory::grow(&mut starts, 1, self.file.source.path.display())?;
                     starts.push(self.file.start);
                 }
             }

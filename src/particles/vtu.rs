@@ -28,22 +28,24 @@ use rayon::prelude::*;
 
 use super::vtk::is_point;
 use super::{
-    AttributeMap, Column, Contents, MOST_LISTED, Particles, Reading, Scalar, Source, Table, Values,
-    foreign, unpacks_to_more, write_numbers,
+    Attribute, AttributeMap, Column, Contents, MOST_LISTED, POSITION_BYTES, Particles, Reading,
+    Scalar, Source, Table, Values, foreign, unpacks_to_more, write_numbers,
 };
 use crate::error::{Error, Result};
 use crate::files::DEFLATE_RATIO;
+use crate::memory;
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     let source = Source { path, bytes, text: false };
     let (limit, map) = (reading.limit, reading.map);
     let document = Document::read(source, map)?;
     let mut merged: Vec<Merged<'_>> = Vec::new();
-    // Arrays may share their bytes, so their sum is bounded by nothing in the file.
+    // Arrays may share their bytes, so their sum is bounded by nothing in the file. What is read from
+    // them counts as well.
     let mut unpacked = 0_u64;
     for array in &document.arrays {
         let (scalar, data) = document.decode(array, limit)?;
-        unpacked += data.len() as u64;
+        unpacked = unpacked.saturating_add(data.len() as u64 + array.read_bytes(map));
         if unpacked > limit {
             return Err(source.error(array.start, unpacks_to_more("file", limit)));
         }
@@ -62,6 +64,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
             }),
             Some(first) if first.scalar == scalar && first.size == array.size => {
                 first.rows += array.rows;
+                memory::probe(first.data.len() + data.len(), path.display())?;
                 first.data.to_mut().extend_from_slice(&data);
             }
             Some(_) => {
@@ -366,12 +369,17 @@ impl<'a> Document<'a> {
         if length == 0 {
             return Ok((array.scalar, Cow::Borrowed(&[])));
         }
+        // What base64 decodes to.
+        memory::probe(length.min(encoded.bytes.len()), self.source.path.display())?;
         let data = if self.compressed {
-            self.inflate(encoded, length, limit).map(Cow::Owned)
+            let packed = self.packed(encoded, length, limit).map_err(error)?;
+            let mut unpacked = memory::zeroed(length, self.source.path.display())?;
+            packed.inflate(&mut unpacked).map_err(error)?;
+            Cow::Owned(unpacked)
         } else {
-            self.copied(encoded, length)
+            self.copied(encoded, length).map_err(error)?
         };
-        data.map(|data| (array.scalar, data)).map_err(error)
+        Ok((array.scalar, data))
     }
 
     fn ascii(&self, array: &Array, text: &[u8]) -> Result<(Scalar, Vec<u8>)> {
@@ -391,6 +399,7 @@ impl<'a> Document<'a> {
             };
             let problem = || error(format!("a number expected, found `{word:.40}`"));
             let bytes = bytes.ok_or_else(problem)?;
+            memory::grow(&mut data, size_of::<u64>(), self.source.path.display())?;
             data.extend(if self.big_endian { bytes.to_be_bytes() } else { bytes.to_le_bytes() });
             count += 1;
         }
@@ -430,7 +439,13 @@ impl<'a> Document<'a> {
         Ok(data)
     }
 
-    fn inflate(&self, encoded: Encoded<'_>, length: usize, limit: u64) -> Result<Vec<u8>, String> {
+    /// The blocks that `length` bytes are packed in.
+    fn packed(
+        &self,
+        encoded: Encoded<'a>,
+        length: usize,
+        limit: u64,
+    ) -> Result<Packed<'a>, String> {
         let (head, _) = encoded.take(3 * self.word)?;
         let &[blocks, size, last] = self.words(&head).as_slice() else {
             return Err("the header of its blocks is cut off".into());
@@ -455,12 +470,25 @@ impl<'a> Document<'a> {
         }
         let data = encoded.after(header);
         let (data, _) = data.take(usize::try_from(total).unwrap_or(usize::MAX))?;
+        Ok(Packed { data, sizes, block: size as usize })
+    }
+}
 
-        let mut rest = &*data;
-        let packed: Vec<&[u8]> =
-            sizes.iter().map(|&size| rest.split_off(..size as usize).unwrap_or_default()).collect();
-        let mut unpacked = vec![0; length];
-        let blocks = unpacked.par_chunks_mut(size as usize).zip(packed);
+/// Blocks that zlib has compressed.
+struct Packed<'a> {
+    data: Cow<'a, [u8]>,
+    /// Compressed bytes of each.
+    sizes: Vec<u64>,
+    /// Bytes of each, but for the last.
+    block: usize,
+}
+
+impl Packed<'_> {
+    fn inflate(&self, unpacked: &mut [u8]) -> Result<(), String> {
+        let mut rest = &*self.data;
+        let split = |&size: &u64| rest.split_off(..size as usize).unwrap_or_default();
+        let packed: Vec<&[u8]> = self.sizes.iter().map(split).collect();
+        let blocks = unpacked.par_chunks_mut(self.block).zip(packed);
         blocks.enumerate().try_for_each(|(i, (block, packed))| {
             let mut zlib = Decompress::new(true);
             match zlib.decompress(packed, block, FlushDecompress::Finish) {
@@ -468,8 +496,7 @@ impl<'a> Document<'a> {
                 Ok(_) => Err(format!("block {i} does not unpack to {} bytes", block.len())),
                 Err(error) => Err(format!("block {i} is damaged: {error}")),
             }
-        })?;
-        Ok(unpacked)
+        })
     }
 }
 
@@ -594,6 +621,13 @@ impl Place<'_, '_> {
 }
 
 impl Array {
+    /// Bytes that it takes once it is read as positions or an attribute.
+    fn read_bytes(&self, map: &AttributeMap) -> u64 {
+        let attribute = map.attribute_of(&self.name).map_or(0, Attribute::bytes);
+        let bytes = if self.points { POSITION_BYTES } else { attribute };
+        bytes.saturating_mul(self.rows as u64)
+    }
+
     fn with_text(mut self, text: Range<usize>) -> Self {
         match &mut self.data {
             Data::Ascii(range) | Data::Base64(range) => *range = text,

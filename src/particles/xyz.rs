@@ -17,7 +17,7 @@ use super::{
 };
 use crate::camera::is_place;
 use crate::error::{Error, Place, Result};
-use crate::files;
+use crate::{files, memory};
 
 /// Reads raw floats from the file to where they stay, half the work of reading its bytes first:
 /// `None` if that does not go well. [`read`] tells why.
@@ -120,6 +120,8 @@ fn text_table<'a>(file: &mut Cursor<'a>) -> Result<Table<'a>> {
             );
             return Err(file.error(problem));
         };
+        memory::grow(&mut bytes, size_of::<[f64; 3]>(), file.source.path.display())?;
+        memory::grow(&mut starts, 1, file.source.path.display())?;
         for word in [x, y, z] {
             bytes.extend(file.number(word)?.to_le_bytes());
         }

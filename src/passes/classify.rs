@@ -23,6 +23,8 @@ use glam::{DVec3, Vec3};
 use rayon::iter::Either;
 use rayon::prelude::*;
 
+use crate::error::Result;
+use crate::memory;
 use crate::particles::{self, Ellipsoid, Particles};
 use crate::settings::Classify;
 use grid::Grid;
@@ -187,7 +189,9 @@ impl Cloud {
             .collect();
         let shift = particles::origin_for(members.iter().map(|m| m.position().as_dvec3()));
         Self {
-            radius: median_radius(&members, default_radius),
+            radius: common_radius(&members).unwrap_or_else(|| {
+                median(members.iter().map(|m| m.radius).collect(), default_radius)
+            }),
             members,
             ellipsoids: particles.ellipsoids.clone(),
             origin: particles.origin,
@@ -212,7 +216,15 @@ impl Cloud {
         let support = settings.support.into();
         let tree = Tree::new(&self.members).thinned(support);
         let shape = self.shaper(settings);
-        self.splats(self.members.par_iter().map(|m| shape(m, &tree.moments(m, support))))
+        if !tree.is_thinned() {
+            return self
+                .splats(self.members.par_iter().map(|m| shape(m, &tree.moments(m, support))));
+        }
+        // In a crowd many may be in one place, and find the same there.
+        let (distinct, which) = distinct(&self.members);
+        let found: Vec<_> = distinct.par_iter().map(|m| tree.moments(m, support)).collect();
+        let members = self.members.par_iter().zip(&which);
+        self.splats(members.map(|(m, &i)| shape(m, &found[i as usize])))
     }
 
     /// Whether neighbours are found by a uniform grid. Radii that differ much, particles here and
@@ -255,14 +267,47 @@ impl Cloud {
     }
 }
 
-fn median_radius(members: &[Member], default: f32) -> f32 {
-    let Some(first) = members.first() else { return default };
-    if members.iter().all(|m| m.radius == first.radius) {
-        return first.radius;
+/// The members without those that equal another in place and radius, and for each member the one that
+/// stands for it.
+fn distinct(members: &[Member]) -> (Vec<&Member>, Vec<u32>) {
+    let bits = |m: &Member| (m.position.map(f32::to_bits), m.radius.to_bits());
+    let mut order: Vec<u32> = (0..members.len() as u32).collect();
+    order.par_sort_unstable_by_key(|&i| bits(&members[i as usize]));
+    let (mut distinct, mut which) = (Vec::<&Member>::new(), vec![0; members.len()]);
+    for i in order {
+        let member = &members[i as usize];
+        if distinct.last().is_none_or(|last| bits(last) != bits(member)) {
+            distinct.push(member);
+        }
+        which[i as usize] = distinct.len() as u32 - 1;
     }
-    let mut radii: Vec<_> = members.iter().map(|m| m.radius).collect();
+    (distinct, which)
+}
+
+fn common_radius(members: &[Member]) -> Option<f32> {
+    let first = members.first()?.radius;
+    members.iter().all(|m| m.radius == first).then_some(first)
+}
+
+fn median(mut radii: Vec<f32>, default: f32) -> f32 {
     let middle = radii.len() / 2;
-    *radii.select_nth_unstable_by(middle, f32::total_cmp).1
+    if radii.is_empty() { default } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 }
+}
+
+/// Median radius of the particles that can be drawn, m; `default` where they have none.
+pub(crate) fn median_radius(particles: &Particles, default: f32) -> Result<f32> {
+    let Some(radii) = &particles.radii else { return Ok(default) };
+    let mut drawable_radii = memory::reserve(radii.len(), "radii of particles")?;
+    drawable_radii.extend(radii.iter().copied().filter(|&radius| drawable(radius)));
+    Ok(median(drawable_radii, default))
+}
+
+/// Fails if there is no memory to classify so many particles, or to estimate their radius; `what`
+/// tells whose they are.
+pub(crate) fn probe_memory(particles: usize, what: &str) -> Result<()> {
+    /// Bytes for each, by estimate: 310 at most, of which 100 are what it is drawn as.
+    const EACH: usize = 320;
+    memory::probe(particles.saturating_mul(EACH), what)
 }
 
 #[cfg(test)]

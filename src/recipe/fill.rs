@@ -23,6 +23,9 @@ const STIFFNESS: f64 = 0.22;
 /// How much a body's distance changes, at most, over a unit of length. 1 where it is exact.
 const STEEPEST: f64 = 1.5;
 
+/// Bytes that filling takes for each point, at most: points and distances, their successors, and cells.
+pub(super) const BYTES: usize = 4 * 32 + 24 + 8 * CELLS_PER_POINT;
+
 /// Cells in which points are sorted, at most, for each.
 const CELLS_PER_POINT: usize = 64;
 

@@ -129,6 +129,9 @@ struct CheckerFile {
     odd: Vec3,
 }
 
+/// How an environment map is read.
+type LoadMap = fn(&Path) -> Result<Environment>;
+
 impl Scene {
     /// Reads a scene file. Paths in it are relative to it.
     ///
@@ -144,9 +147,21 @@ impl Scene {
     /// # Errors
     /// As [`Scene::load`]; a bad override is an [`Error::Scene`] that names it.
     pub fn load_with(path: &Path, overrides: &[String]) -> Result<Self> {
+        Self::read(path, overrides, Environment::load)
+    }
+
+    /// As [`Scene::load`], with an environment map's size alone.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub(crate) fn outline(path: &Path) -> Result<Self> {
+        Self::read(path, &[], Environment::outline)
+    }
+
+    fn read(path: &Path, overrides: &[String], load_map: LoadMap) -> Result<Self> {
         let text = files::read_text(path)?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        Self::parse(&text, &path.display().to_string(), folder, overrides)
+        Self::parse_with(&text, &path.display().to_string(), folder, overrides, load_map)
     }
 
     /// Parses a scene file's text. `origin` names it in errors; paths are relative to `folder`.
@@ -154,6 +169,16 @@ impl Scene {
     /// # Errors
     /// As [`Scene::load_with`].
     pub fn parse(text: &str, origin: &str, folder: &Path, overrides: &[String]) -> Result<Self> {
+        Self::parse_with(text, origin, folder, overrides, Environment::load)
+    }
+
+    fn parse_with(
+        text: &str,
+        origin: &str,
+        folder: &Path,
+        overrides: &[String],
+        load_map: LoadMap,
+    ) -> Result<Self> {
         let file: SceneFile = toml::from_str(text).map_err(|e| toml_error(text, origin, &e))?;
         let fail = |problem: String| Error::Scene { origin: origin.to_owned(), problem };
         let mut solids = Vec::new();
@@ -199,7 +224,7 @@ impl Scene {
             }
             p.source = folder.join(&p.source).to_string_lossy().into_owned();
         }
-        let environment = file.environment.meaning(folder, &fail)?;
+        let environment = file.environment.meaning(folder, load_map, &fail)?;
         let settings = file.settings.meaning(text).map_err(|e| toml_error(text, origin, &e))?;
         let settings = settings.with(overrides)?;
         let scene = Self {
@@ -352,7 +377,12 @@ impl EnvironmentFile {
         }
     }
 
-    fn meaning(self, folder: &Path, fail: &dyn Fn(String) -> Error) -> Result<Environment> {
+    fn meaning(
+        self,
+        folder: &Path,
+        load_map: LoadMap,
+        fail: &dyn Fn(String) -> Error,
+    ) -> Result<Environment> {
         let scale = self.scale.unwrap_or(1.0);
         if !(scale >= 0.0 && scale.is_finite()) {
             return Err(fail("[environment] scale must not be negative".into()));
@@ -365,7 +395,7 @@ impl EnvironmentFile {
                 horizon: g.horizon,
                 nadir: g.nadir.unwrap_or(g.horizon),
             },
-            (None, None, Some(map)) => Environment::load(&folder.join(map))?,
+            (None, None, Some(map)) => load_map(&folder.join(map))?,
             _ => {
                 return Err(fail("[environment] takes one of radiance, gradient and map".into()));
             }

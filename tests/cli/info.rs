@@ -10,7 +10,7 @@ fn info_as_text() {
     let folder = folder();
     let text = succeed(folder.path(), &["info", &dam("{}")]);
     assert_tells(&text, &["5 frames", "5 to 40", "frame 5", "4732 particles"]);
-    assert_tells(&text, &["velocity", "density", "id", "radius", "splashes"]);
+    assert_tells(&text, &["velocity", "density", "id", "radius"]);
     assert_tells(&text, &["  used: id (4732), ", "velocity (4732, 3)"]);
     assert!(!text.contains("frame 20:"), "only the first frame is described: {text}");
     let text = succeed(folder.path(), &["info", &dam("{}"), "--frames", "20-21"]);
@@ -33,7 +33,6 @@ fn info_as_json() {
     let frame = &described[0];
     assert_eq!(frame["frame"], 1);
     assert_eq!(frame["particles"], 481);
-    assert_eq!(frame["splashes"], 1);
     assert_eq!(frame["attributes"], Value::Array(Vec::new()));
     assert!(frame["path"].as_str().unwrap().ends_with("block_1.xyz"));
     let close = |value: &Value, expected: f64| {

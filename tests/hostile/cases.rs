@@ -8,8 +8,8 @@ use std::path::Path;
 
 use super::files;
 use super::prepare::{
-    block, block_and, bomb, dam, forbid, found, lying_archive, nothing, pipe, shared_pieces,
-    sparse, two_pictures, write,
+    blank, blank_surroundings, block, block_and, bomb, dam, forbid, found, lying_archive, many,
+    nothing, pipe, shared_pieces, sparse, two_pictures, write,
 };
 
 /// One thing that is done to the program, and how it must end.
@@ -469,6 +469,81 @@ pub(crate) const CASES: &[Case] = &[
         Way::Small,
         4,
         "a.vtu: byte …: the file unpacks to more than 1073741824 bytes; --max-unpacked MIB allows more",
+    ),
+    case(
+        "a BGEO whose particles take more than its contents",
+        "info --max-unpacked 16 a.bgeo",
+        |f| many(f, 700_000, "a.bgeo"),
+        Way::Small,
+        4,
+        "a.bgeo: byte …: the file unpacks to more than 16777216 bytes; --max-unpacked MIB allows more",
+    ),
+    case(
+        "an npz whose arrays are too many together",
+        "info --max-unpacked 16 a.npz",
+        |f| many(f, 400_000, "a.npz"),
+        Way::Small,
+        4,
+        "a.npz (…): byte …: the file unpacks to more than 16777216 bytes; --max-unpacked MIB allows more",
+    ),
+    case(
+        "a blank environment map of 144 million pixels",
+        "info a.toml",
+        blank_surroundings,
+        Way::Small,
+        0,
+        "",
+    ),
+    case(
+        "the same, to be drawn",
+        "render a.toml",
+        blank_surroundings,
+        Way::Small,
+        3,
+        "blank.png: 12000x12000 pixels take … MiB of memory, a file of … KiB at most 1024; it seems made to exhaust memory",
+    ),
+    case(
+        "the same, compared with itself",
+        "compare blank.png blank.png",
+        |f| blank(f, 12_000),
+        Way::Small,
+        3,
+        "blank.png: 12000x12000 pixels take … MiB of memory, a file of … KiB at most 1024; it seems made to exhaust memory",
+    ),
+    case(
+        "pictures of two sizes, one of them huge",
+        "compare blank.png a.png",
+        |f| {
+            blank(f, 12_000);
+            two_pictures(f);
+        },
+        Way::Small,
+        3,
+        "blank.png and a.png: the reference is 12000x12000 pixels, the test 160x120; render both at one size",
+    ),
+    case(
+        "a slab as thin as nothing, 20 km wide",
+        "info a.toml",
+        |f| {
+            let slab = "[recipe]\nkind = \"slab\"\nmin = [-1e4, 0, -1e4]\nmax = [1e4, 1e-6, 1e4]\ncount = 1000\n";
+            write(f.join("a.toml"), slab);
+        },
+        Way::Small,
+        2,
+        "recipe: count is 1000: particles would be … m apart, too far for liquid this thin; make count larger or the liquid thicker",
+    ),
+    case(
+        "ten thousand waves in a tank 4 km long",
+        "bake a.toml",
+        |f| {
+            let tank = "[simulation]\nkind = \"swell\"\nframes = 2\nradius = 0.05\n\
+                        waves = { count = 10000, wavelengths = [1.0, 9.0], rms_slope = 0.01, seed = 1 }\n\
+                        [[simulation.block]]\nmin = [-2000, 0, 0]\nmax = [2000, 1, 1]\n";
+            write(f.join("a.toml"), tank);
+        },
+        Way::Small,
+        2,
+        "a.toml: [simulation] waves.count is 10000, too many for a block of 40020 particles along its edges: their product may be 100000000",
     ),
     case(
         "an npz member that is longer than it says",

@@ -8,6 +8,7 @@
 mod cases;
 mod damage;
 mod files;
+mod memory;
 mod numbers;
 mod prepare;
 mod runner;

@@ -6,6 +6,9 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::process::Command;
 
+use limpid::glam::Vec3;
+use limpid::particles::Particles;
+
 use super::{damage, files};
 
 const FOUR_GIB: u64 = 4 << 30;
@@ -79,6 +82,42 @@ pub(crate) fn lying_archive() -> Vec<u8> {
     let entry = bytes.windows(4).rposition(|four| four == b"PK\x01\x02").expect("a directory");
     bytes[entry + 24..entry + 28].copy_from_slice(&100_u32.to_le_bytes());
     bytes
+}
+
+/// Particles in one place, with every attribute that takes no room when it is packed.
+pub(crate) fn many(folder: &Path, count: usize, name: &str) {
+    let particles = Particles {
+        velocities: name.ends_with(".npz").then(|| vec![Vec3::ZERO; count]),
+        densities: name.ends_with(".npz").then(|| vec![1000.0; count]),
+        ..Particles::from_positions(vec![Vec3::ONE; count])
+    };
+    particles.write(&folder.join(name)).expect("it can be written");
+}
+
+/// `blank.png`, a black square, packed as well as deflate can.
+pub(crate) fn blank(folder: &Path, side: u32) {
+    let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
+    let mut chunk = |name: &[u8], contents: &[u8]| {
+        let named = [name, contents].concat();
+        let mut checksum = flate2::Crc::new();
+        checksum.update(&named);
+        png.extend((contents.len() as u32).to_be_bytes());
+        png.extend(named);
+        png.extend(checksum.sum().to_be_bytes());
+    };
+    let header = [&side.to_be_bytes()[..], &side.to_be_bytes(), &[8, 0, 0, 0, 0]].concat();
+    chunk(b"IHDR", &header);
+    chunk(b"IDAT", &files::zlib(&vec![0; (side as usize + 1) * side as usize]));
+    chunk(b"IEND", &[]);
+    write(folder.join("blank.png"), png);
+}
+
+/// `a.toml`, the block of water in front of `blank.png`.
+pub(crate) fn blank_surroundings(folder: &Path) {
+    block(folder);
+    blank(folder, 12_000);
+    let scene = "[particles]\nsource = \"water.xyz\"\n[environment]\nmap = \"blank.png\"\n";
+    write(folder.join("a.toml"), scene);
 }
 
 pub(crate) fn pipe(path: &Path) {

@@ -1,4 +1,4 @@
-//! Simulations whose numbers are anything.
+//! Recipes and simulations whose numbers are anything.
 //!
 //! Protects whoever opens a scene of others: it is made, or refused by a message that names a key;
 //! neither takes more memory than its particles, nor as long as its emptiness is wide.
@@ -11,6 +11,19 @@ use limpid::scene::Scene;
 use limpid::sim;
 
 use super::damage::{Random, counting, within};
+
+const RECIPES: [&str; 7] = [
+    "kind = \"ball\"\ncenter = [0.0, 0.5, 0.0]\nradius = 0.4\ncount = 300\n",
+    "kind = \"slab\"\nmin = [-0.5, 0.0, -0.5]\nmax = [0.5, 0.4, 0.5]\ncount = 300\n",
+    "kind = \"idol\"\nbase = [0.0, 0.0, 0.0]\nheight = 1.0\ncount = 300\n",
+    "kind = \"pool\"\nhalf_extent = [1.0, 1.0]\ndepth = 0.5\nhull = 0.2\ncount = 300\n\
+     waves = { count = 20, wavelengths = [0.5, 1.5], rms_slope = 0.05, seed = 1 }\n",
+    "kind = \"vase\"\nbase = [0.0, 0.0, 0.0]\nheight = 1.0\nradii = [0.2, 0.4, 0.3]\nripple = 0.01\n\
+     wavelength = 0.2\ncount = 300\n",
+    "kind = \"cascade\"\nsteps = 3\ntread = 0.6\nriser = 0.3\nwidth = 1.0\nfilm = 0.1\nspeed = 1.0\n\
+     basin = [2.0, 2.0, 0.5]\nspray = 0.1\ncount = 300\n",
+    "kind = \"slab\"\nmin = [-1e4, 0.0, -1e4]\nmax = [1e4, 0.5, 1e4]\ncount = 300\n",
+];
 
 const SIMULATIONS: [&str; 4] = [
     "frames = 9\nradius = 0.05\n[[simulation.block]]\nmin = [0.0, 0.0, 0.0]\nmax = [0.5, 0.5, 0.5]\n",
@@ -55,6 +68,27 @@ fn refused(text: &str, error: &Error) {
 }
 
 const MOST: usize = 192 << 20;
+
+#[test]
+fn mutated_recipes_are_made_or_refused() {
+    let _turn = counting();
+    let mut random = Random(15);
+    for round in 0..48 {
+        let recipe = mutated(RECIPES[round % RECIPES.len()], &mut random);
+        let text = format!("[recipe]\n{recipe}");
+        let made = within(&text, MOST, || {
+            let scene = Scene::parse(&text, "a.toml", Path::new(""), &[])?;
+            scene.recipe.expect("it has one").particles()
+        });
+        match made {
+            Ok(particles) => {
+                assert!(particles.len() < 3000, "{}: {text}", particles.len());
+                assert!(particles.positions.iter().all(|x| x.is_finite()), "{text}");
+            }
+            Err(error) => refused(&text, &error),
+        }
+    }
+}
 
 #[test]
 fn mutated_simulations_are_baked_or_refused() {

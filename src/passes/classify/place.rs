@@ -3,7 +3,7 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use super::device::Classifier;
-use super::{Splats, classify};
+use super::{Splats, classify, probe_memory};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::particles::Particles;
@@ -115,28 +115,32 @@ impl Place {
     /// As [`super::classify`], where the settings say: [`Classify::on`].
     ///
     /// # Errors
-    /// Of [`Processor::Gpu`]: [`Error::Usage`] without a device, [`Error::Adapter`] if it cannot
-    /// classify, and as [`Gpu::check`]. Of the others none: what the device does not do, the CPU
-    /// does.
+    /// [`Error::Memory`]. Of [`Processor::Gpu`]: [`Error::Usage`] without a device,
+    /// [`Error::Adapter`] if it cannot classify, and as [`Gpu::check`]: of the others what the device
+    /// does not do, the CPU does.
     pub fn classify(
         &self,
         particles: &Particles,
         default_radius: f32,
         settings: &Classify,
     ) -> Result<Splats> {
-        let on_cpu = || classify(particles, default_radius, settings);
+        // When the device is open: that takes memory too.
+        let on_cpu = || {
+            probe_memory(particles.len(), "the shapes of particles")?;
+            Ok(classify(particles, default_radius, settings))
+        };
         let on_device = |user: User<'_>| {
             let classifier = user.classifier.as_ref().ok_or_else(no_device)?;
             classifier.classify(particles, default_radius, settings)
         };
         match settings.on {
-            Processor::Cpu => Ok(on_cpu()),
+            Processor::Cpu => on_cpu(),
             Processor::Gpu => on_device(self.user(|_| true)?.ok_or_else(no_device)?),
-            Processor::Auto if particles.len() < FEW => Ok(on_cpu()),
+            Processor::Auto if particles.len() < FEW => on_cpu(),
             Processor::Auto => {
                 let user = self.user(is_hardware).ok().flatten();
                 let splats = user.and_then(|user| on_device(user).ok());
-                Ok(splats.unwrap_or_else(on_cpu))
+                splats.map_or_else(on_cpu, Ok)
             }
         }
     }

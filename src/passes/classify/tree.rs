@@ -72,19 +72,32 @@ impl<'a> Tree<'a> {
         const SAMPLES: usize = 256;
         /// Neighbours that are enough for a shape.
         const ENOUGH: usize = 1024;
+        const LEAST: usize = 64;
         if self.members.len() <= MOST {
             return self;
         }
-        let samples = self.members.iter().step_by(self.members.len().div_ceil(SAMPLES));
-        let (count, visits) = samples.fold((0, 0), |(count, visits), member| {
-            (count + 1, visits + self.moments(member, support).count as usize)
-        });
+        let (mut count, mut visits) = (0, 0);
+        for member in self.members.iter().step_by(self.members.len().div_ceil(SAMPLES)) {
+            visits += self.moments(member, support).count as usize;
+            count += 1;
+            // A few of a large crowd tell as much as all.
+            if visits > FEW / 8 {
+                break;
+            }
+        }
         let neighbours = visits / count;
         if neighbours > MOST && neighbours.saturating_mul(self.members.len()) > FEW {
-            self.stride = neighbours / ENOUGH;
+            // Of the largest crowds fewer do, for as few visits.
+            let enough = ENOUGH.min(FEW / self.members.len()).max(LEAST);
+            self.stride = neighbours / enough;
             self.tree = tree(self.members, self.stride);
         }
         self
+    }
+
+    /// Whether some members stand for the rest.
+    pub(super) fn is_thinned(&self) -> bool {
+        self.stride > 1
     }
 
     /// Gathers the neighbourhood of a particle, itself included. 64-bit distances take no time that
