@@ -231,7 +231,7 @@ impl Recipe {
         let count = self.count();
         let spacing = self.spacing(volume);
         let places = fill::places(&body, spacing);
-        if !(places <= MOST_PLACES * count + ALWAYS_PLACES) {
+        if places.is_nan() || places > MOST_PLACES * count + ALWAYS_PLACES {
             return fail(format!(
                 "count is {count}: particles would be {spacing:.3e} m apart, too far for liquid this \
                  thin; make count larger or the liquid thicker"

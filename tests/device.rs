@@ -467,7 +467,9 @@ fn submissions_are_bounded() {
             assert!(tiles * count >= 1 << 20 && tiles * (count - 1) < 1 << 20, "{sections:?}");
             assert!(tiles * 64 * each <= MOST_WORK.max(64 * each), "{sections:?} by {each}");
             assert!(64 * each <= 2 * MOST_WORK, "{each} for a pixel");
-            assert!(sections.words > sections.tiles && 4 * sections.words % alignment == 0);
+            assert!(
+                sections.words > sections.tiles && (4 * sections.words).is_multiple_of(alignment)
+            );
         }
     }
     let usual = UVec2::new(1920, 1080);
