@@ -177,10 +177,10 @@ fn ids_that_are_used_again_do_not_fly() {
     for fraction in [0.25f32, 0.75] {
         let between = Particles::between(&a, &b, fraction.into());
         assert_eq!(between.len(), 1000);
-        for i in 0..1000 {
+        for (i, v) in velocities.iter().enumerate() {
             let far = again(i) && fraction > 0.5;
             let shift = if far { Vec3::new(3.0, 1.0, 0.0) } else { Vec3::ZERO };
-            let expected = a.positions[i] + velocities[i] * 0.04 * fraction + shift;
+            let expected = a.positions[i] + v * 0.04 * fraction + shift;
             assert!(between.positions[i].abs_diff_eq(expected, 1e-5), "{i} at {fraction}");
         }
     }
