@@ -66,8 +66,9 @@ impl Changes {
             || last.camera != *camera
             || last.wanted != wanted
             || wanted.mixture && absorption
+            || wanted.gbuffer && solids
             // Walls hide the liquid behind them.
-            || solids
+            || solids && !same_shapes(&last.scene, scene)
             // Mip levels of the G-buffer are filled only where they are read.
             || wanted.levels > 1 && old.refract.solids != new.refract.solids;
         let radiance = surfaces
@@ -118,6 +119,11 @@ impl Drawn {
 fn of_light(refract: &Refract) -> Refract {
     let unread = Refract::default();
     Refract { samples: unread.samples, edge_samples: unread.edge_samples, ..refract.clone() }
+}
+
+fn same_shapes(a: &Scene, b: &Scene) -> bool {
+    let shapes = |scene: &Scene| scene.solids.iter().map(|solid| solid.shape).collect::<Vec<_>>();
+    shapes(a) == shapes(b)
 }
 
 /// Bit by bit, which is faster than number by number, and right for numbers that are none.
