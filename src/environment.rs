@@ -33,6 +33,61 @@ pub enum Environment {
     },
 }
 
+/// What level liquid leaves of even light from the sky, by depth: each of two paths has a share of it,
+/// and a length per metre of depth.
+///
+/// At depth h the share of the light that falls on the surface is ∫₀¹ (1 − F) t(h/μ) ds, where s is the
+/// square of the sine of the angle in the air, F the reflectance there, μ = √(1 − s/n²) the cosine in the
+/// liquid and t the transmittance. The paths are the two-point Gaussian quadrature for the weight 1 − F
+/// (G. H. Golub and J. H. Welsch, Calculation of Gauss Quadrature Rules, 1969): exact at the surface, and
+/// for n from 1.2 to 3 within 0.1 % down to two absorption lengths, 0.3 % down to eight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EvenLight {
+    /// Of the light that falls on the surface.
+    pub shares: [f32; 2],
+    /// Metres per metre of depth.
+    pub paths: [f32; 2],
+}
+
+impl EvenLight {
+    /// Into liquid of this index, relative to what is above it.
+    pub fn below(ior: f32) -> Self {
+        /// Of the integrals over the weight: the paths are right to the last bit of 32.
+        const STEPS: u32 = 512;
+        let n2 = f64::from(ior).powi(2);
+        // By the cosine in the air, in which the reflectance is smooth: s = 1 − c².
+        let mut moments = [0.0; 4];
+        for step in 0..STEPS {
+            let c = (f64::from(step) + 0.5) / f64::from(STEPS);
+            let s = 1.0 - c * c;
+            if s < n2 {
+                let weight = 2.0 * c / f64::from(STEPS) * (1.0 - reflectance(c, n2));
+                for (moment, power) in moments.iter_mut().zip([1.0, s, s * s, s * s * s]) {
+                    *moment += weight * power;
+                }
+            }
+        }
+        // The roots of the quadratic that is orthogonal to 1 and s.
+        let [m0, m1, m2, m3] = moments;
+        let determinant = m0 * m2 - m1 * m1;
+        let (half, product) =
+            ((m0 * m3 - m1 * m2) / (2.0 * determinant), (m1 * m3 - m2 * m2) / determinant);
+        let spread = (half * half - product).sqrt();
+        let (near, far) = (half - spread, half + spread);
+        let share = (m1 - m0 * near) / (far - near);
+        let path = |s: f64| (1.0 - s / n2).sqrt().recip() as f32;
+        Self { shares: [(m0 - share) as f32, share as f32], paths: [path(near), path(far)] }
+    }
+}
+
+/// Fresnel's reflectance of unpolarised light from the air, of a cosine and a square of the index.
+fn reflectance(cos_i: f64, n2: f64) -> f64 {
+    let q = (n2 - 1.0 + cos_i * cos_i).sqrt();
+    let perpendicular = (cos_i - q) / (cos_i + q);
+    let parallel = (n2 * cos_i - q) / (n2 * cos_i + q);
+    0.5 * (perpendicular * perpendicular + parallel * parallel)
+}
+
 fn reader<'a>(path: &Path, bytes: &'a [u8]) -> Result<ImageReader<Cursor<&'a [u8]>>> {
     let reader = ImageReader::new(Cursor::new(bytes));
     reader.with_guessed_format().map_err(|e| Error::io(path, "read", e))

@@ -1,6 +1,6 @@
 //! The frame, on one page.
 
-use glam::{Mat3, UVec2, Vec3};
+use glam::{Mat3, UVec2, Vec3, Vec3Swizzles as _};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
@@ -126,9 +126,8 @@ impl Renderer {
         let has_splash = !splats.splashes.is_empty();
         let variant = Variant::new(scene, has_splash, self.diagnose);
         let gpu = &self.gpu;
-        let backs = settings.refract.interfaces > 1
-            || self.diagnose
-            || may_start_inside(splats, camera, size);
+        let starts_inside = may_start_inside(splats, camera, size);
+        let backs = settings.refract.interfaces > 1 || self.diagnose || starts_inside;
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
         let work = refract::work(&settings.refract, size, scene.solids.len(), lit);
         let work = work.max(smooth::work(&settings.smooth));
@@ -178,7 +177,10 @@ impl Renderer {
             // The device begins to draw while the longest shaders are compiled.
             commands.submit();
         }
-        let params = refract::Params::new(scene, &settings.refract, splats.radius);
+        let mut params = refract::Params::new(scene, &settings.refract, splats.radius);
+        if starts_inside && variant.absorption && scene.solids.iter().any(|solid| solid.lit) {
+            params.eye_depth = depth_below_surface(splats, uniform.origin);
+        }
         self.refract.prepare(gpu, &self.eye.camera, &self.eye.scene, variant, &params);
         self.tonemap.prepare(gpu, &settings.tonemap, format);
         if changes.surfaces && variant.mips() {
@@ -312,6 +314,17 @@ fn may_start_inside(splats: &Splats, camera: &Camera, size: UVec2) -> bool {
     splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
         (uniform.origin + Vec3::from_array(splat.centre)).length() <= 1.001 * reach(splat) + near
     })
+}
+
+/// How far the liquid reaches above the eye, m: the highest particle of those that the vertical through
+/// the eye passes, or nearly; 0 if there is none. `origin` is that of the splats, seen from the eye.
+fn depth_below_surface(splats: &Splats, origin: Vec3) -> f32 {
+    let height = |splat: &Splat| {
+        let centre = origin + Vec3::from_array(splat.centre);
+        let near = centre.xz().length() <= 2.0 * splat.radius;
+        if near { centre.y + splat.radius } else { 0.0 }
+    };
+    splats.aggregates.par_iter().map(height).reduce(|| 0.0, f32::max)
 }
 
 /// A picture of its own for [`Renderer::render`], and its way to memory.

@@ -2,14 +2,17 @@
 //! closed forms, against light traced in 64 bits, and from one frame to the next.
 #![cfg(feature = "report")]
 
+#[path = "support/even_light.rs"]
+mod even_light;
 #[path = "support/frames.rs"]
 mod frames;
 
 use std::f64::consts::PI;
 use std::path::Path;
 
+use even_light::even_light;
 use frames::{Shot, Stage, View, gpu, scene, shoot, splats, stage};
-use glam::{DVec2, DVec3, UVec2, Vec3};
+use glam::{DVec2, DVec3, UVec2, Vec3, Vec3Swizzles as _};
 use image::DynamicImage;
 use limpid::camera::Camera;
 use limpid::compare::{PIXELS_PER_DEGREE, flip};
@@ -299,7 +302,7 @@ fn entering(cos_theta_i: f64) -> (f64, f64) {
 
 /// Protects the light under still liquid from the particle to the picture: the floor under a block
 /// gets E T cos(theta) exp(-sigma l) by every method, to 3 % in its mean, and so the methods agree;
-/// the sky's light is the same as ever; and the floor beside the block does not change.
+/// the sky's light comes as `even_light` has it; and the floor beside the block does not change.
 #[test]
 fn the_floor_under_a_slab() {
     let Some(mut stage) = stage() else { return };
@@ -331,7 +334,7 @@ fn the_floor_under_a_slab() {
             }
             let ray = ray(&camera, &view, p.as_dvec2() + 0.5);
             let (seen, cos) = entering(-ray.direction.y);
-            let lit = 0.5 * (SKY + arriving / PI);
+            let lit = 0.5 * (SKY * even_light(IOR, absorption, height) + arriving / PI);
             let here = seen / (IOR * IOR) * (-height / cos * absorption).exp() * lit;
             let here = here + (1.0 - seen) * SKY;
             sum += shot.radiance(p);
@@ -665,6 +668,58 @@ fn the_floor_is_lit_for_a_camera_in_the_liquid() {
     assert!(count > 1000, "{count}");
     let expected = 0.5 * 2.0 / PI * entering(1.0).0 * (-0.4 * DVec3::X).exp();
     assert_close(sum / f64::from(count), expected, 0.05, "light on the floor");
+}
+
+/// Protects deep water: the floor of a pool has the even light of the sky that is left at its depth, by
+/// what a floor of the same radiance looks like that needs no light; seen from above, at a slant and
+/// from within the liquid. The particles' surface may be up to a radius below the block's.
+#[test]
+fn even_light_weakens_on_its_way_down() {
+    let Some(mut stage) = stage() else { return };
+    let absorption = DVec3::new(1.0, 0.3, 0.0);
+    for depth in [0.2, 1.0, 4.0] {
+        let (side, bottom) = (4.0 * depth, DVec3::new(0.0, -depth, 0.0));
+        let at = format!(
+            "kind = \"slab\"\nmin = [-{side:?}, -{depth:?}, -{side:?}]\n\
+             max = [{side:?}, 0.0, {side:?}]\ncount = 20000"
+        );
+        let floor = Shape::Plane { origin: bottom, normal: Vec3::Y, half_extent: f32::INFINITY };
+        let (mut scene, drawn) = wet(&at, &[lit(floor)], &[]);
+        scene.liquid.absorption = absorption.as_vec3();
+        let glowing = |radiance: f64| {
+            let mut scene = scene.clone();
+            scene.solids[0].surface = Surface::Color(Vec3::splat(radiance as f32));
+            scene.solids[0].lit = false;
+            scene
+        };
+        let scenes = [scene.clone(), glowing(0.5 * SKY), glowing(0.0)];
+        for (eye, target) in
+            [([0.0, 3.0, 0.5], 0.0), ([0.0, 1.5, 3.0], 0.0), ([0.0, -0.4, 0.2], -1.0)]
+        {
+            let eye = depth * DVec3::from_array(eye);
+            let camera = camera(eye, DVec3::new(0.0, target * depth, 0.0), 36.0);
+            let view = View::new(&camera, SIZE);
+            let shots = scenes.each_ref().map(|s| stage.shoot(s, &camera, &drawn, SIZE));
+            let (mut sums, mut count) = ([DVec3::ZERO; 3], 0);
+            for p in shots[0].pixels() {
+                let ray = ray(&camera, &view, p.as_dvec2() + 0.5);
+                let at = ray.at(eye.y.abs() / ray.direction.y.abs());
+                if ray.direction.y >= 0.0 || at.xz().abs().max_element() > 2.5 * depth {
+                    continue;
+                }
+                for (sum, shot) in sums.iter_mut().zip(&shots) {
+                    *sum += shot.radiance(p);
+                }
+                count += 1;
+            }
+            assert!(count > 2000, "{count}");
+            let share = (sums[0] - sums[2]) / (sums[1] - sums[2]);
+            let depths = [depth, depth - f64::from(drawn.radius)];
+            let [least, most] = depths.map(|depth| even_light(IOR, absorption, depth));
+            println!("{depth} m, from {eye}: {share}, {least} to {most}");
+            assert!(share.cmpge(0.99 * least).all() && share.cmple(1.01 * most).all(), "{share}");
+        }
+    }
 }
 
 /// Where the shadow on the floor beside a block that reaches to x = 0.6 m ends, for a sun at 45

@@ -126,9 +126,7 @@ fn the_guess_is_within_five_percent() {
             let guess = f64::from(estimate_radius(&Particles::from_positions(positions))) / unit;
             let error = guess / radius - 1.0;
             println!("{name}: {guess:.5} for {radius:.5}, {:+.1} %", 100.0 * error);
-            // The least even of all: darts leave gaps that no simulation does.
-            let most = if name == "blue noise" { 0.06 } else { MOST };
-            if error.abs() > most {
+            if error.abs() > MOST {
                 missed.push(format!("{name}: {guess} for {radius}"));
             }
         }

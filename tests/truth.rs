@@ -2,9 +2,13 @@
 
 #![cfg(feature = "report")]
 
+#[path = "support/even_light.rs"]
+mod even_light;
+
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
+use even_light::even_light;
 use image::{Rgb, RgbImage};
 use limpid::camera::Camera;
 use limpid::compare::{compare, load_picture};
@@ -186,6 +190,50 @@ fn a_wet_floor_is_seen_through_one_interface() {
         let found = seen_down(&Block { min: low, max: high }, &scene(text));
         assert!((found - expected).length() < 2e-3, "{bottom}: {found} {expected}");
     }
+}
+
+/// Protects the even light of the sky on wet solids: reflected at the surface and absorbed on its way
+/// down, as the closed form has it, whether walls stand around or not; all of it where there is no
+/// liquid.
+#[test]
+fn even_light_weakens_on_its_way_down() {
+    let absorption = DVec3::new(1.0, 0.3, 0.0);
+    let text = |depth: f64| {
+        format!(
+            "[liquid]\nior = 1.33\nabsorption = [1.0, 0.3, 0.0]\n[environment]\n\
+             radiance = [0.5, 0.5, 0.5]\n[[solid]]\nshape = \"plane\"\norigin = [0.0, -{depth:?}, 0.0]\n\
+             half_extent = 100.0\ncolor = [0.8, 0.8, 0.8]\nlit = true\n"
+        )
+    };
+    let r = (0.33f64 / 2.33).powi(2);
+    for depth in [0.2, 1.0, 4.0] {
+        let (low, high) = (DVec3::new(-90.0, -depth, -90.0), DVec3::new(90.0, 0.0, 90.0));
+        let sea = Block { min: low, max: high };
+        let down = transmittance(absorption, depth);
+        let floor = 0.4 * even_light(WATER, absorption, depth);
+        let expected = (1.0 - r) / (WATER * WATER) * down * floor + r * 0.5;
+        let found = seen_down(&sea, &scene(&text(depth)));
+        let off = ((found - expected) / expected).abs().max_element();
+        println!("{depth} m: {found}, by the closed form {expected}: off by {off:.4}");
+        assert!(off < 0.004, "{depth}: {found} {expected}");
+
+        // As deep a shaft with black walls: they hide nothing, as they do not in the air.
+        let wall = |min: [f64; 3], max: [f64; 3]| {
+            format!(
+                "[[solid]]\nshape = \"box\"\nmin = {min:?}\nmax = {max:?}\ncolor = [0.0, 0.0, 0.0]\n"
+            )
+        };
+        let shaft = text(depth)
+            + &wall([-0.6, -5.0, -0.5], [-0.5, 0.0, 0.5])
+            + &wall([0.5, -5.0, -0.5], [0.6, 0.0, 0.5])
+            + &wall([-0.6, -5.0, -0.6], [0.6, 0.0, -0.5])
+            + &wall([-0.6, -5.0, 0.5], [0.6, 0.0, 0.6]);
+        let (low, high) = (DVec3::new(-0.5, -depth, -0.5), DVec3::new(0.5, 0.0, 0.5));
+        let in_shaft = seen_down(&Block { min: low, max: high }, &scene(&shaft));
+        assert!(((in_shaft - found) / found).abs().max_element() < 1e-6, "{in_shaft} {found}");
+    }
+    let air = Block { min: DVec3::splat(50.0), max: DVec3::splat(51.0) };
+    assert!((seen_down(&air, &scene(&text(1.0))) - 0.5 * 0.8).length() < 1e-7);
 }
 
 fn pool() -> Pool {

@@ -200,15 +200,15 @@ fn in_shadow(x: vec3f, n: vec3f, to_light: ToLight) -> bool {
 }
 
 // Radiance that leaves the solid at x towards the side from which `d` arrives: its colour, or
-// Lambert's reflection of the lights and of the ambient radiance.
-fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f) -> vec3f {
+// Lambert's reflection of the lights and of the ambient radiance, of which the share `ambient` gets there.
+fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f, ambient: vec3f) -> vec3f {
     let solid = solids[index];
     let color = solid_color(solid, x, normal);
     if !ANY_LIT {
         return color;
     }
     let n = select(normal, -normal, dot(d, normal) > 0.0);
-    var irradiance_over_pi = scene.ambient;
+    var irradiance_over_pi = ambient * scene.ambient;
     for (var i = 0u; i < LIGHTS; i++) {
         let to_light = light_from(lights[i], x);
         let cos_theta = max(dot(n, to_light.direction), 0.0);

@@ -24,6 +24,9 @@ struct Params {
     interfaces: u32,
     internal_bounces: u32,
     reach: f32,            // share of the height that `guarded` may step over unseen
+    ambient_shares: vec2f, // of the ambient light that level liquid lets in, by two paths
+    ambient_paths: vec2f,  // their metres per metre of depth
+    eye_depth: f32,        // of the eye below the liquid's surface, m; 0 outside of it
 }
 
 override SPLASH: bool = false;            // the frame has splash layers
@@ -73,14 +76,27 @@ fn most_edges() -> u32 {
 // Reflectance above which an internal reflection is followed and the transmitted light looked up.
 const STRONG: f32 = 0.3;
 
-// What the liquid leaves of light from `o` to `x`. Several fluids are taken as mixed along the rays
-// of the pixels where the light's own way begins and ends.
+// What the liquid leaves of light from `o` to `x`.
 fn transmittance_between(o: vec3f, x: vec3f) -> vec3f {
+    return optics_transmittance(absorption_between(o, x), distance(o, x));
+}
+
+// Several fluids are taken as mixed along the rays of the pixels where the light's own way begins and
+// ends.
+fn absorption_between(o: vec3f, x: vec3f) -> vec3f {
     var absorption = params.absorption;
     if MIXTURE {
         absorption *= 0.5 * (mixture_at(o) + mixture_at(x));
     }
-    return optics_transmittance(absorption, distance(o, x));
+    return absorption;
+}
+
+// What the liquid leaves of the ambient light at x, `depth` below its surface.
+fn ambient_at(x: vec3f, depth: f32) -> vec3f {
+    let up = camera_view_direction(vec3f(0.0, 1.0, 0.0));
+    let absorption = absorption_between(x, x + depth * up);
+    return params.ambient_shares.x * optics_transmittance(absorption, params.ambient_paths.x * depth)
+        + params.ambient_shares.y * optics_transmittance(absorption, params.ambient_paths.y * depth);
 }
 
 fn mixture_at(x: vec3f) -> vec3f {
@@ -308,43 +324,49 @@ struct Look {
     solid: SolidHit,
     weight: vec3f,
     screen: bool,    // solids may be looked up in the G-buffer first
+    ambient: vec3f,  // the share of ambient light that reaches the solid
 }
 
 fn look(ray: Look) -> vec3f {
     if SCREEN_SOLIDS && ray.screen {
         let hit = front_entry(OPAQUE, screen_ray(ray.o, ray.d, NOTHING));
         if hit.found {
-            return ray.weight * texel_radiance(hit.texel);
+            return ray.weight * texel_radiance(hit.texel, ray.ambient);
         }
     }
-    return ray.weight * radiance_of(ray.solid, ray.o, ray.d);
+    return ray.weight * radiance_of(ray.solid, ray.o, ray.d, ray.ambient);
 }
 
 // The radiance of the solid that the eye sees in a texel's centre.
-fn texel_radiance(texel: vec2i) -> vec3f {
+fn texel_radiance(texel: vec2i, ambient: vec3f) -> vec3f {
     let omega = camera_omega(vec2f(texel) + 0.5);
     let plane = textureLoad(gbuffer_planes, texel, 0).xyz;
     let surface = textureLoad(gbuffer_surfaces, texel, 0);
     let x = camera_world_point(camera_point(omega, dot(plane, omega)));
-    return solid_radiance(u32(surface.w), x, surface.xyz, camera_world_direction(normalize(omega)));
+    return solid_radiance(u32(surface.w), x, surface.xyz, camera_world_direction(normalize(omega)), ambient);
 }
 
 // The radiance of the solid that the ray meets, or of the environment.
-fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f) -> vec3f {
+fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f, ambient: vec3f) -> vec3f {
     let world_d = camera_world_direction(d);
     if solid.t >= NOTHING {
         return environment_radiance(world_d);
     }
     let x = camera_world_point(o) + solid.t * world_d;
-    return solid_radiance(solid.index, x, solid.normal, world_d);
+    return solid_radiance(solid.index, x, solid.normal, world_d, ambient);
+}
+
+fn in_picture(x: vec3f) -> bool {
+    let u = camera_pixel(x);
+    return -x.z >= camera.near && all(u >= vec2f(0.0)) && all(u < camera.size);
 }
 
 // Whether the picture shows liquid in front of x.
 fn covered(x: vec3f) -> bool {
-    let u = camera_pixel(x);
-    if -x.z < camera.near || any(u < vec2f(0.0)) || any(u >= camera.size) {
+    if !in_picture(x) {
         return false;
     }
+    let u = camera_pixel(x);
     let texel = vec2i(u);
     var front = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
     if plane_is_empty(front) && SPLASH {
@@ -365,7 +387,8 @@ fn touches(solid: SolidHit, x: vec3f) -> bool {
 //
 // One turn of the loop is one event for every ray, whichever side of the liquid it is on: the way to
 // the next interface, what is seen along the direction that is not followed, and the direction that
-// is. So the long parts stand here once, for rays that run side by side.
+// is. So the long parts stand here once, for rays that run side by side. A ray that ends at a wet, lit
+// solid has one turn more: straight up to the surface, for the ambient light on its way down.
 fn trace(u: vec2f, texel: vec2i) -> vec3f {
     let omega = camera_omega(u);
     var o = vec3f(0.0);
@@ -396,27 +419,40 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
         o = omega * camera.near;
     }
 
-    // At most 8 interfaces and 8 bounces, each a turn of its own, and the turn that ends.
-    for (var event = 0u; event < 17u; event++) {
+    // What is seen at the end, kept for the turn in which its depth is found.
+    var seen: Look;
+    var rises = false;
+    let up = camera_view_direction(vec3f(0.0, 1.0, 0.0));
+    // Of the last interface: where the picture does not show the surface, it is that high.
+    var height = params.eye_depth;
+
+    // At most 8 interfaces and 8 bounces, each a turn of its own, the turn that ends, and the one up.
+    for (var event = 0u; event < 18u; event++) {
         // What ends the way: no more liquid, a solid, or the picture's border.
-        var ends = !inside && !hit.found;
+        var ends = rises || !inside && !hit.found;
         var end_scale = 1.0;
         var screen = !eye;
+        var wet = false;
+        var to_hit = 0.0;
         if inside {
             solid = solid_ahead(o, d);
-            if interfaces >= params.interfaces {
+            if !rises && interfaces >= params.interfaces {
                 ends = true;
                 end_scale = scale;
             } else {
-                hit = liquid_exit(screen_ray(o, d, solid.t), start);
-                if !hit.found {
+                hit = liquid_exit(screen_ray(o, d, select(solid.t, NOTHING, rises)), start);
+                if !hit.found && !rises {
                     diagnosed.failures += 1.0;
                     hit.found = !plane_is_empty(hit.plane);
                 }
-                let to_hit = distance(hit.position, o);
+                to_hit = distance(hit.position, o);
                 // The liquid reaches the solid.
-                let wet = solid.t < NOTHING
+                wet = !rises && solid.t < NOTHING
                     && (!hit.found || solid.t <= to_hit || touches(solid, hit.position));
+            }
+            if rises {
+                seen.ambient = select(seen.ambient, ambient_at(o, to_hit), hit.found);
+            } else if !ends {
                 ends = wet || !hit.found;
                 // Out of the picture while inside, and no plane to go by: the environment.
                 end_scale = select(scale, 1.0, wet);
@@ -431,7 +467,9 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             }
         }
         eye = false;
-        var seen = Look(o, d, solid, end_scale * weight, screen);
+        if !rises {
+            seen = Look(o, d, solid, end_scale * weight, screen, vec3f(1.0));
+        }
         if !ends {
             o = hit.position;
             start = hit.texel;
@@ -466,9 +504,14 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             }
             // A reflection off the outside is not followed either. A solid that liquid covers in this
             // view is seen through the liquid: without that, crests would mirror a dry floor.
-            if REFLECT_SOLIDS && !inside {
+            height = dot(o, up);
+            if REFLECT_SOLIDS && seen.solid.t < NOTHING && (!inside || ANY_LIT) {
                 let x = o + seen.solid.t * seen.d;
-                seen.weight /= select(1.0, scale, seen.solid.t < NOTHING && covered(x));
+                let below = !inside && covered(x);
+                seen.weight /= select(1.0, scale, below);
+                if ANY_LIT && (below || inside && !bounce) {
+                    seen.ambient = ambient_at(x, max(height - dot(x, up), 0.0));
+                }
             }
             weight *= select(through, f, bounce);
             d = select(transmitted, reflected, bounce);
@@ -484,6 +527,17 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
                 }
             } else {
                 inside = true;
+            }
+        }
+        if ANY_LIT && wet {
+            // From where the layers have liquid: the solid may be a little beyond it.
+            o += min(solid.t, select(NOTHING, to_hit, hit.found)) * d;
+            seen.ambient = ambient_at(o, max(height - dot(o, up), 0.0));
+            rises = ABSORPTION && solids[solid.index].lit == 1u && in_picture(o);
+            if rises {
+                d = up;
+                start = vec2i(camera_pixel(o));
+                continue;
             }
         }
         if any(seen.weight > vec3f(0.0)) {
@@ -514,7 +568,7 @@ const EDGE: f32 = 0.02;
 fn background_ray(u: vec2f) -> vec3f {
     let eye = vec3f(0.0);
     let d = normalize(camera_omega(u));
-    return radiance_of(solid_ahead(eye, d), eye, d);
+    return radiance_of(solid_ahead(eye, d), eye, d, vec3f(1.0));
 }
 
 fn background_mean(p: vec2i, count: u32) -> vec3f {

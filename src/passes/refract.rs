@@ -14,6 +14,7 @@ use super::mixture;
 use super::surfaces::Surfaces;
 use super::tiles::TileLists;
 use super::{CameraBinding, Layers, Radiance};
+use crate::environment::EvenLight;
 use crate::gpu::{self, Commands, Gpu, Span};
 use crate::scene::Scene;
 use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
@@ -34,6 +35,14 @@ pub struct Params {
     pub internal_bounces: u32,
     /// Share of the picture's height that `guarded` may step over unseen.
     pub reach: f32,
+    /// What level liquid leaves of the ambient light: see [`EvenLight`].
+    pub ambient_shares: [f32; 2],
+    /// Metres per metre of depth, of each of these shares.
+    pub ambient_paths: [f32; 2],
+    /// Depth of the eye below the liquid's surface, m; 0 outside of it.
+    pub eye_depth: f32,
+    /// Uniforms come in blocks of 16 bytes.
+    pub pad_eye_depth: [u32; 3],
 }
 
 /// What one specialisation of the shader is made for.
@@ -315,7 +324,8 @@ pub fn work(settings: &settings::Refract, size: UVec2, solids: usize, lights: us
         Solver::Plane | Solver::Plane3 | Solver::Single => 2,
     };
     let solids = (solids * (1 + lights)) as u64;
-    let turns = u64::from(settings.interfaces + settings.internal_bounces);
+    // One more, up from a wet solid.
+    let turns = u64::from(settings.interfaces + settings.internal_bounces + 1);
     let liquid = u64::from(settings.samples) * turns * (u64::from(walk) + solids);
     let background = u64::from(settings.samples.max(settings.edge_samples)) * (1 + solids);
     liquid.max(background)
@@ -351,6 +361,7 @@ impl Params {
             true => [mixture::strongest(scene); 3],
             false => scene.absorptions()[0].to_array(),
         };
+        let ambient = EvenLight::below(scene.liquid.ior);
         Self {
             absorption,
             ior: scene.liquid.ior,
@@ -358,6 +369,10 @@ impl Params {
             interfaces: settings.interfaces,
             internal_bounces: settings.internal_bounces,
             reach: settings.reach,
+            ambient_shares: ambient.shares,
+            ambient_paths: ambient.paths,
+            eye_depth: 0.0,
+            pad_eye_depth: [0; 3],
         }
     }
 }

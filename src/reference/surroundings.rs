@@ -162,22 +162,29 @@ impl Surroundings {
     /// Radiance seen along a ray in the absence of liquid.
     pub fn radiance(&self, ray: &Ray) -> DVec3 {
         match self.hit(ray) {
-            Some(hit) => self.solid_radiance(&hit, ray.direction, |_, direct| {
+            Some(hit) => self.solid_radiance(&hit, ray.direction, DVec3::ONE, |_, direct| {
                 direct.map_or(DVec3::ZERO, |direct| direct.irradiance)
             }),
             None => self.environment(ray.direction),
         }
     }
 
+    /// Whether a solid reflects light, or shows its colour whatever falls on it.
+    pub(super) fn is_lit(&self, solid: usize) -> bool {
+        self.solids[solid].lit
+    }
+
     /// Radiance that a solid sends against `direction`: its colour, or Lambert's reflection of the
     /// lights that it is not in the shadow of and of the environment's mean.
     ///
+    /// `ambient` is the share of that mean which reaches it: 1 in the absence of liquid.
     /// `arriving` turns what a light, by its number, would send in the absence of liquid, `None` in
     /// its shadow, into the irradiance on the surface, W/m².
     pub fn solid_radiance(
         &self,
         hit: &SolidHit,
         direction: DVec3,
+        ambient: DVec3,
         arriving: impl Fn(usize, Option<&Direct>) -> DVec3,
     ) -> DVec3 {
         let solid = &self.solids[hit.solid];
@@ -189,7 +196,7 @@ impl Surroundings {
         let irradiance: DVec3 = (0..self.lights.len())
             .map(|light| arriving(light, self.direct(light, hit.point, normal).as_ref()))
             .sum();
-        color * (self.ambient + irradiance / PI)
+        color * (ambient * self.ambient + irradiance / PI)
     }
 
     /// What a light sends straight to a point of a solid whose normal, towards the lit side, is

@@ -1,5 +1,7 @@
 //! Light followed through a liquid and its surroundings, both ways at every interface.
 
+use std::f64::consts::TAU;
+
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use image::{Rgb, RgbImage};
 use rayon::prelude::*;
@@ -89,7 +91,7 @@ const MAX_STRAIGHT: u32 = 64;
 /// radiance by the squared index are exact; a solid ends a path. Nothing is random.
 ///
 /// Lights come straight through the liquid, less what its interfaces reflect and what it absorbs;
-/// [`trace_lit`] has them refracted.
+/// [`trace_lit`] has them refracted. The even light of the environment comes refracted in both.
 pub fn trace(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
@@ -173,7 +175,9 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
                 let arriving = |light: usize, direct: Option<&Direct>| {
                     self.arriving(light, direct, &hit, ray.direction, inside)
                 };
-                let radiance = self.surroundings.solid_radiance(&hit, ray.direction, arriving);
+                let ambient = self.ambient(&hit, ray.direction, inside);
+                let radiance =
+                    self.surroundings.solid_radiance(&hit, ray.direction, ambient, arriving);
                 return within(hit.t) * radiance;
             }
         }
@@ -210,6 +214,77 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
             } else {
                 refracted(weight)
             }
+    }
+
+    /// The share of the even light of the environment that reaches a solid which is seen along
+    /// `direction`. In the air all of it does, whichever way the solid faces and whatever stands
+    /// around it. So in the liquid: the share is that of light which falls on a level patch there, by
+    /// rays through the liquid's true surface, for which solids are mirrors, so that they neither take
+    /// light away nor add any. What a surface throws back into the liquid is lost.
+    fn ambient(&self, hit: &SolidHit, direction: DVec3, inside: bool) -> DVec3 {
+        /// Rays of the cone to which a level surface refracts the whole sky, and of those beyond it,
+        /// which come through waves alone.
+        const CONE: u32 = 8;
+        const BEYOND: u32 = 4;
+        if !inside || !self.surroundings.is_lit(hit.solid) {
+            return DVec3::ONE;
+        }
+        // Squares of the sine to the vertical in the liquid, and their shares of a cosine's weight.
+        let edge = (1.0 / (self.ior * self.ior)).min(1.0);
+        let cone = (0..CONE).map(|i| {
+            // Even steps of the cosine in the air: grazing light is reflected most.
+            let cos = (f64::from(i) + 0.5) / f64::from(CONE);
+            (edge * (1.0 - cos * cos), edge * 2.0 * cos / f64::from(CONE))
+        });
+        let beyond = (0..BEYOND).map(|i| {
+            let width = (1.0 - edge) / f64::from(BEYOND);
+            (edge + (f64::from(i) + 0.5) * width, width)
+        });
+        let rays = cone.chain(beyond).enumerate().map(|(i, (sin2, share))| {
+            // By the golden angle, so that no two have the same azimuth.
+            let (sin, cos) = (TAU * 0.618_033_988_749_895 * i as f64).sin_cos();
+            let up = DVec3::new(sin2.sqrt() * cos, (1.0 - sin2).sqrt(), sin2.sqrt() * sin);
+            share * self.from_sky(Ray { origin: hit.point, direction: up }, hit.facing(direction))
+        });
+        self.ior * self.ior * rays.sum::<DVec3>()
+    }
+
+    /// The share of even light that comes down a ray from the sky to a solid of this normal, in the
+    /// liquid; not scaled by the index.
+    fn from_sky(&self, mut ray: Ray, normal: DVec3) -> DVec3 {
+        /// Mirrors and interfaces on the way.
+        const MOST: u32 = 16;
+        let mirrored = |ray: Ray, point: DVec3, normal: DVec3| {
+            let along = ray.direction.dot(normal);
+            let direction = ray.direction - 2.0 * along.min(0.0) * normal;
+            // Off the surface by more than rounding.
+            Ray { origin: point + TOUCH * (1.0 + point.abs().max_element()) * normal, direction }
+        };
+        ray = mirrored(ray, ray.origin, normal);
+        let mut left = DVec3::ONE;
+        let mut inside = true;
+        for _ in 0..MOST {
+            let crossing = self.liquid.crossing(&ray, inside);
+            let solid = self.surroundings.hit(&ray).filter(|_| inside);
+            let first = |hit: &SolidHit| {
+                crossing.as_ref().is_none_or(|c| hit.t <= c.t + TOUCH * (1.0 + c.t))
+            };
+            if let Some(hit) = solid.filter(first) {
+                left *= transmittance(self.absorption, hit.t);
+                ray = mirrored(ray, hit.point, hit.facing(ray.direction));
+                continue;
+            }
+            // Liquid without end is taken for none, as in `radiance`.
+            let Some(crossing) = crossing else { return left };
+            let eta = if inside { 1.0 / self.ior } else { self.ior };
+            let interface = interface(&ray, &crossing, inside, eta);
+            let Some(direction) = interface.refracted else { return DVec3::ZERO };
+            let absorption = if inside { self.absorption } else { DVec3::ZERO };
+            left *= (1.0 - interface.reflectance) * transmittance(absorption, crossing.t);
+            ray = Ray { origin: ray.at(crossing.t), direction };
+            inside = !inside;
+        }
+        DVec3::ZERO
     }
 
     /// Irradiance by a light on a solid that is seen along `direction`, in the liquid or outside.
