@@ -77,7 +77,21 @@ fn plain(line: &str) -> String {
 
 /// Says on standard error what is wrong, on one line.
 pub(crate) fn complain(problem: impl std::fmt::Display) {
-    tell(&format!("limpid: {problem}"));
+    let words: Vec<String> = problem.to_string().split(' ').map(brief).collect();
+    tell(&format!("limpid: {}", words.join(" ")));
+}
+
+/// A word without its middle, if that is so long that nobody would find the rest of the line: an
+/// argument that should not be one is said back in full. A path may have 4096 characters; its ends tell.
+fn brief(word: &str) -> String {
+    const MOST: usize = 512;
+    const END: usize = 128;
+    let count = word.chars().count();
+    if count <= MOST {
+        return word.to_owned();
+    }
+    let start = word.chars().take(MOST - END);
+    start.chain("...".chars()).chain(word.chars().skip(count - END)).collect()
 }
 
 /// Writes one line to standard error. Messages may be lost (a full disk, a reader that has left), work

@@ -37,6 +37,8 @@ pub enum Notice {
     Unseen(usize),
     /// So many of the particles of a picture are beside it or behind the camera.
     Outside(usize, usize),
+    /// Lights, by their numbers from 0, have no caustics: [`crate::renderer::Renderer::lights_without_caustics`].
+    Straight(Vec<usize>),
 }
 
 impl fmt::Display for Notice {
@@ -105,6 +107,16 @@ impl fmt::Display for Notice {
                 "{:.0} % of the particles are out of the picture; {VIEW}",
                 (100.0 * *outside as f64 / *particles as f64).floor()
             ),
+            Self::Straight(lights) => {
+                let numbers: Vec<String> = lights.iter().map(|light| (light + 1).to_string()).collect();
+                write!(
+                    f,
+                    "no caustics by [[light]] {}: a point light in the liquid, or so near that it sees \
+                     it under more than 150 degrees, shines straight through; move it away from the \
+                     liquid",
+                    numbers.join(", ")
+                )
+            }
         }
     }
 }

@@ -26,6 +26,7 @@ use limpid::fingerprint::{self, Fingerprints};
 use limpid::frames::{FrameSpec, Shard};
 use limpid::gpu::{Gpu, PassTime};
 use limpid::input::{Loaded, Missing};
+use limpid::notice::Notice;
 use limpid::output::Kind;
 use limpid::passes::classify::Place;
 use limpid::quality::Picked;
@@ -354,8 +355,12 @@ impl Easel<'_> {
     }
 
     fn begin_drawing(&mut self, job: &Job, loaded: &Loaded) -> limpid::Result<Begun> {
-        let Self { args, scene, studio, output, .. } = self;
+        let Self { args, scene, studio, output, words, .. } = self;
         let drawing = studio.begin(scene, &job.take.camera, &loaded.splats, args.size)?;
+        let straight = studio.renderer.lights_without_caustics();
+        if !straight.is_empty() {
+            words.notice(&Notice::Straight(straight));
+        }
         // The next picture's images take their place.
         let chosen = args.aov.as_deref().unwrap_or_default();
         let images = if chosen.is_empty() { Vec::new() } else { studio.images(chosen)? };

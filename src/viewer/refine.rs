@@ -18,6 +18,7 @@ use super::{Compare, FINE_SAMPLES, Viewer};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::input::Loaded;
+use crate::notice;
 use crate::output::Kind;
 use crate::scene::Scene;
 use crate::settings::Processor;
@@ -86,9 +87,13 @@ impl Viewer {
             post.send(News::Loaded);
         });
         self.frames.aim(index, self.playback.step(), self.playback.looped);
+        let mut first = None;
         for side in visible {
             match self.frames.get(&self.scenes[side], index) {
                 Some((Ok(loaded), fits)) => {
+                    if self.sides.iter().all(|side| side.loaded.is_none()) {
+                        first = Some((loaded.clone(), side));
+                    }
                     let side = &mut self.sides[side];
                     (side.at, side.fits) = (Some(index), fits);
                     let old = side.loaded.replace(loaded);
@@ -106,6 +111,21 @@ impl Viewer {
                 }
                 None => self.sides[side].at = None,
             }
+        }
+        if let Some((loaded, side)) = first {
+            self.say_notices(&loaded, side);
+        }
+    }
+
+    /// Says what is worth knowing of the first frame of what was opened.
+    fn say_notices(&mut self, loaded: &Loaded, side: usize) {
+        let Some(document) = &self.document else { return };
+        let scene = &self.scenes[side];
+        let mut notices = notice::of_frame(loaded, scene);
+        notices.extend(notice::of_scene(scene));
+        notices.extend(notice::of_sequence(&document.input));
+        for notice in notices {
+            self.say(notice.to_string());
         }
     }
 

@@ -126,12 +126,35 @@ fn slips_are_told() {
     let line = render(&["a.csv", radius, "--scene=dark.toml"]);
     assert_tells(&line, &["[[light]] lights nothing", "`lit = true`"]);
     assert_eq!(render(&["a.csv", radius, "--scene=lit.toml"]), "");
+    let lamp = "[[light]]\npoint = { position = [0.12, 0.12, 0.12], intensity = [1, 1, 1] }\n";
+    write("lamp.toml", &format!("{floor}lit = true\n{sun}{lamp}"));
+    let line = render(&["a.csv", radius, "--scene=lamp.toml"]);
+    assert_tells(&line, &["no caustics by [[light]] 2:", "shines straight through"]);
 
     let mesh = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
         property float z\nelement face 1\nproperty list uchar int i\nend_header\n\
         0 0 0\n0.05 0 0\n0 0.05 0\n3 0 1 2\n";
     write("mesh.ply", mesh);
     assert_tells(&render(&["mesh.ply", radius]), &["a mesh (cells: 1)"]);
+}
+
+/// What is said back stays a line that can be read, whatever was given: its ends are there.
+#[test]
+fn long_arguments_make_no_long_lines() {
+    let folder = folder();
+    let long = format!("first{}last", "q".repeat(5000));
+    let wrong: [&[&str]; 4] = [
+        &["info", &long],
+        &["render", "--size", &long],
+        &["render", "--aov", &long],
+        &["render", "--set", &format!("liquid.{long}=1")],
+    ];
+    for args in wrong {
+        let outcome = run(folder.path(), args);
+        assert_ne!(outcome.code, 0);
+        assert!(outcome.stderr.len() < 2000, "{} bytes", outcome.stderr.len());
+        assert_tells(&outcome.stderr, &["first", "last"]);
+    }
 }
 
 /// A key that another shape has is refused as one is that none has.

@@ -70,6 +70,20 @@ fn damaged_frame_is_told_and_playback_goes_on() {
     assert!(harness.state().notices().is_empty());
 }
 
+/// Protects what may be why a picture is not what was meant: the viewer says it as `render` does.
+#[test]
+fn what_is_odd_about_an_input_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("dark.toml");
+    let text = "[recipe]\nkind = \"ball\"\ncenter = [0, 0, 0]\nradius = 0.5\ncount = 200\n\
+                [[light]]\nsun = { direction = [0, -1, 0], irradiance = [1, 1, 1] }\n";
+    std::fs::write(&path, text).expect("it is written");
+    let mut harness = harness(Source::new(path.display().to_string()), [700.0, 400.0]);
+    let told = |viewer: &Viewer| viewer.notices().iter().any(|n| n.text.contains("lights nothing"));
+    until(&mut harness, "it is told", told);
+    assert!(harness.state().notices().iter().all(|n| !n.error));
+}
+
 /// A simulation of seven frames.
 fn drip(folder: &Path) -> PathBuf {
     let path = folder.join("drip.toml");
