@@ -45,4 +45,7 @@ fn no_memory_is_told_by_its_exit_code() {
     codes_of(&["info", "a.xyz"], 60_000, 200_000);
     codes_of(&["convert", "a.xyz", "out/a.vtu"], 60_000, 120_000);
     codes_of(&["convert", "a.xyz", "out/a.csv"], 60_000, 120_000);
+    // A graphics driver takes most of it.
+    let draw = ["render", "a.xyz", "--radius=0.5", "--size=80x60", "-o", "out/a.png"];
+    codes_of(&draw, 700_000, 1_700_000);
 }
