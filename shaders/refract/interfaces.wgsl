@@ -423,7 +423,8 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
     var seen: Look;
     var rises = false;
     let up = camera_view_direction(vec3f(0.0, 1.0, 0.0));
-    // Of the last interface: where the picture does not show the surface, it is that high.
+    // Of the last interface: the surface is at least that high, where the picture does not show it or
+    // the way up runs beside a wall.
     var height = params.eye_depth;
 
     // At most 8 interfaces and 8 bounces, each a turn of its own, the turn that ends, and the one up.
@@ -451,7 +452,8 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
                     && (!hit.found || solid.t <= to_hit || touches(solid, hit.position));
             }
             if rises {
-                seen.ambient = select(seen.ambient, ambient_at(o, to_hit), hit.found);
+                let depth = max(height - dot(o, up), 0.0);
+                seen.ambient = ambient_at(o, max(depth, select(0.0, to_hit, hit.found)));
             } else if !ends {
                 ends = wet || !hit.found;
                 // Out of the picture while inside, and no plane to go by: the environment.

@@ -84,6 +84,9 @@ impl View {
 /// Interfaces between a solid and a light that are counted.
 const MAX_STRAIGHT: u32 = 64;
 
+/// Rays to the sky, for even light in the liquid, by all samples of a pixel.
+const SKY_RAYS: u32 = 384;
+
 /// The picture of a liquid in a scene, with `samples` rays through each pixel of `size` and at most
 /// `max_depth` interfaces on a path (see [`MAX_DEPTH`]).
 ///
@@ -124,6 +127,7 @@ pub fn trace_lit(
         radiance_scaling: scene.settings.refract.radiance_scaling,
         max_depth,
         maps,
+        sky_rays: (SKY_RAYS / samples.max(1)).clamp(6, 48),
     };
     let inside = liquid.contains(view.eye);
     let offsets = sample_offsets(samples.max(1));
@@ -150,6 +154,18 @@ fn sample_offsets(count: u32) -> Vec<DVec2> {
     (0..count).map(point).collect()
 }
 
+/// A number from 0 to 1 that is another one for each point (S. Vigna's SplitMix64, 2015).
+fn scattered(point: DVec3) -> f64 {
+    let mix = |seed: u64, x: f64| {
+        let z = (seed ^ x.to_bits()).wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    };
+    let bits = point.to_array().into_iter().fold(0, mix);
+    (bits >> 11) as f64 / (1u64 << 53) as f64
+}
+
 struct Tracer<'a, L: ?Sized> {
     liquid: &'a L,
     surroundings: Surroundings,
@@ -159,6 +175,8 @@ struct Tracer<'a, L: ?Sized> {
     radiance_scaling: bool,
     max_depth: u32,
     maps: &'a [Option<Vec<CausticMap>>],
+    /// Rays to the sky from a wet solid that a whole sample sees.
+    sky_rays: u32,
 }
 
 impl<L: Liquid + ?Sized> Tracer<'_, L> {
@@ -175,7 +193,7 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
                 let arriving = |light: usize, direct: Option<&Direct>| {
                     self.arriving(light, direct, &hit, ray.direction, inside)
                 };
-                let ambient = self.ambient(&hit, ray.direction, inside);
+                let ambient = self.ambient(&hit, ray.direction, inside, weight);
                 let radiance =
                     self.surroundings.solid_radiance(&hit, ray.direction, ambient, arriving);
                 return within(hit.t) * radiance;
@@ -221,28 +239,30 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
     /// around it. So in the liquid: the share is that of light which falls on a level patch there, by
     /// rays through the liquid's true surface, for which solids are mirrors, so that they neither take
     /// light away nor add any. What a surface throws back into the liquid is lost.
-    fn ambient(&self, hit: &SolidHit, direction: DVec3, inside: bool) -> DVec3 {
-        /// Rays of the cone to which a level surface refracts the whole sky, and of those beyond it,
-        /// which come through waves alone.
-        const CONE: u32 = 8;
-        const BEYOND: u32 = 4;
+    fn ambient(&self, hit: &SolidHit, direction: DVec3, inside: bool, weight: DVec3) -> DVec3 {
         if !inside || !self.surroundings.is_lit(hit.solid) {
             return DVec3::ONE;
         }
         // Squares of the sine to the vertical in the liquid, and their shares of a cosine's weight.
         let edge = (1.0 / (self.ior * self.ior)).min(1.0);
-        let cone = (0..CONE).map(|i| {
+        // In the cone to which a level surface refracts the whole sky; a third as many beyond it, which
+        // come through waves alone.
+        let many = (f64::from(self.sky_rays) * weight.max_element()).ceil().max(3.0);
+        let cone = (0..many as u32).map(|i| {
             // Even steps of the cosine in the air: grazing light is reflected most.
-            let cos = (f64::from(i) + 0.5) / f64::from(CONE);
-            (edge * (1.0 - cos * cos), edge * 2.0 * cos / f64::from(CONE))
+            let cos = (f64::from(i) + 0.5) / many;
+            (edge * (1.0 - cos * cos), edge * 2.0 * cos / many)
         });
-        let beyond = (0..BEYOND).map(|i| {
-            let width = (1.0 - edge) / f64::from(BEYOND);
+        let few = (many / 3.0).ceil();
+        let beyond = (0..few as u32).map(|i| {
+            let width = (1.0 - edge) / few;
             (edge + (f64::from(i) + 0.5) * width, width)
         });
+        // From another azimuth at each point, so that waves show no pattern of the rays.
+        let turn = scattered(hit.point);
         let rays = cone.chain(beyond).enumerate().map(|(i, (sin2, share))| {
-            // By the golden angle, so that no two have the same azimuth.
-            let (sin, cos) = (TAU * 0.618_033_988_749_895 * i as f64).sin_cos();
+            // By the golden angle: no two have the same azimuth.
+            let (sin, cos) = (TAU * (turn + 0.618_033_988_749_895 * i as f64)).sin_cos();
             let up = DVec3::new(sin2.sqrt() * cos, (1.0 - sin2).sqrt(), sin2.sqrt() * sin);
             share * self.from_sky(Ray { origin: hit.point, direction: up }, hit.facing(direction))
         });
