@@ -134,6 +134,20 @@ fn the_guess_is_within_five_percent() {
     assert!(missed.is_empty(), "{missed:?}");
 }
 
+/// Particles that are in the file more than once are as far from the others as if they were not.
+#[test]
+fn particles_in_one_place_count_once() {
+    let random = &mut Random(3);
+    let places = shaken(lattice([10; 3], 0.05, &[[0.5; 3]]), 0.01, random);
+    let once: Vec<Vec3> = places.iter().map(|x| x.as_vec3()).collect();
+    let thrice = once.iter().flat_map(|&x| [x; 3]).collect();
+    let [once, thrice] = [once, thrice].map(|x| estimate_radius(&Particles::from_positions(x)));
+    assert_eq!(once, thrice);
+    // As many as no tree of all of them would be built for in less than minutes.
+    let crowd = vec![Vec3::ONE; 3_000_000];
+    assert_eq!(estimate_radius(&Particles::from_positions(crowd)), 0.0);
+}
+
 /// A frame drawn alone looks as it does in its sequence: both have the radius of the first frame,
 /// unless the frames are of different simulations.
 #[test]

@@ -272,7 +272,7 @@ impl Cloud {
 fn distinct(members: &[Member]) -> (Vec<&Member>, Vec<u32>) {
     let bits = |m: &Member| (m.position.map(f32::to_bits), m.radius.to_bits());
     let mut order: Vec<u32> = (0..members.len() as u32).collect();
-    order.par_sort_unstable_by_key(|&i| bits(&members[i as usize]));
+    order.par_sort_unstable_by_key(|&i| (bits(&members[i as usize]), i));
     let (mut distinct, mut which) = (Vec::<&Member>::new(), vec![0; members.len()]);
     for i in order {
         let member = &members[i as usize];

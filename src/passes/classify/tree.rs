@@ -6,7 +6,7 @@ use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use super::moments::{EDGE, Moments};
-use super::{Cloud, Member, drawable};
+use super::{Cloud, Member, distinct, drawable};
 use crate::particles::Particles;
 
 /// A radius for files that have none: half the distance of neighbours where the particles are dense.
@@ -23,10 +23,13 @@ use crate::particles::Particles;
 pub fn estimate_radius(particles: &Particles) -> f32 {
     // Radii do not matter here, but a particle without a usable one would be left out.
     let cloud = Cloud::new(&Particles::from_positions(particles.positions.clone()), 1.0);
-    let tree = Tree::new(&cloud.members).tree;
-    let step = cloud.members.len().div_ceil(2000).max(1);
-    let mut distances: Vec<f64> = cloud
-        .members
+    // Particles in one place have no distance, and a tree of very many takes minutes.
+    let (mut places, _) = distinct(&cloud.members);
+    places.sort_unstable_by_key(|member| member.particle);
+    let places: Vec<Member> = places.into_iter().copied().collect();
+    let tree = Tree::new(&places).tree;
+    let step = places.len().div_ceil(2000).max(1);
+    let mut distances: Vec<f64> = places
         .iter()
         .step_by(step)
         .filter_map(|member| {
