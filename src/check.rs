@@ -25,6 +25,7 @@ mod page;
 mod record;
 mod suite;
 
+use std::collections::HashSet;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -334,11 +335,15 @@ impl Report {
     /// of an expectation, an input or a file that is no result.
     pub fn write(&self, folder: &Path) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-        self.clear(folder)?;
+        let blessings = self.outcomes.iter().flat_map(|outcome| &outcome.blessing);
+        let blessed: HashSet<PathBuf> = blessings.map(|(path, _)| place(path)).collect();
+        // What the suite reads or expects; what it has just blessed is another file than it read.
+        let is_kept = |path: &Path| self.files.has_input(path) || blessed.contains(&place(path));
+        self.clear(folder, is_kept)?;
         for outcome in &self.outcomes {
             for (name, bytes) in outcome.files() {
                 let path = folder.join(name);
-                if self.is_kept(&path) {
+                if is_kept(&path) {
                     let path = path.display();
                     let problem = "the suite reads or expects this file; name another folder";
                     return Err(Error::Usage(format!("{path}: {problem}")));
@@ -349,14 +354,8 @@ impl Report {
         write_file(&folder.join("index.html"), Kind::Page, self.page().as_bytes())
     }
 
-    /// Whether the suite reads a file or expects it.
-    fn is_kept(&self, path: &Path) -> bool {
-        let mut blessing = self.outcomes.iter().flat_map(|outcome| &outcome.blessing);
-        self.files.has_input(path) || blessing.any(|(blessed, _)| place(blessed) == place(path))
-    }
-
     /// Removes what an earlier run wrote of these entries: pictures, never an expectation.
-    fn clear(&self, folder: &Path) -> Result<()> {
+    fn clear(&self, folder: &Path, is_kept: impl Fn(&Path) -> bool) -> Result<()> {
         let fail = |e| Error::io(folder, "list", e);
         for file in std::fs::read_dir(folder).map_err(fail)? {
             let file = file.map_err(fail)?;
@@ -368,7 +367,7 @@ impl Report {
             };
             let path = file.path();
             let picture = || Kind::Picture.check(&path).is_ok();
-            if self.outcomes.iter().any(ours) && !self.is_kept(&path) && picture() {
+            if self.outcomes.iter().any(ours) && !is_kept(&path) && picture() {
                 std::fs::remove_file(&path).map_err(|e| Error::io(&path, "remove", e))?;
             }
         }

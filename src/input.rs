@@ -668,14 +668,23 @@ impl Fluid {
             return Ok(own);
         };
         let siblings = Sequence::around(&frame.path).map_or(Vec::new(), |all| all.frames);
-        let earlier = siblings.iter().take_while(|sibling| sibling.number < frame.number);
-        let first = earlier
-            .map_while(|sibling| Contents::read(&sibling.path, &self.options).ok())
-            .map(|contents| contents.particles)
-            .find(|particles| !particles.is_empty());
-        let theirs = first.filter(|first| first.radii.is_none());
-        let theirs = theirs.map_or(own, |first| classify::estimate_radius(&first));
-        Ok(if (theirs - own).abs() <= SAME * own { theirs } else { own })
+        for sibling in siblings.iter().take_while(|sibling| sibling.number < frame.number) {
+            let first = match Contents::read(&sibling.path, &self.options) {
+                Ok(contents) => contents.particles,
+                // Not of one simulation.
+                Err(Error::Malformed { .. } | Error::Format { .. }) => break,
+                Err(error) => return Err(error),
+            };
+            if first.is_empty() {
+                continue;
+            }
+            if first.radii.is_none() {
+                let theirs = self.radius_of(sibling.number, &first)?;
+                return Ok(if (theirs - own).abs() <= SAME * own { theirs } else { own });
+            }
+            break;
+        }
+        Ok(own)
     }
 
     /// The radius for particles without one of their own: as given, or from their spacing.

@@ -1,6 +1,6 @@
 //! What the lights of a frame see, and the caustic maps that are made of it.
 
-use glam::{DMat3, DVec3, UVec2, Vec3};
+use glam::{DVec3, UVec2, Vec3};
 
 use crate::bulk::{self, Bulk};
 use crate::error::Result;
@@ -26,6 +26,8 @@ pub(crate) struct LightViews {
     /// Views along the light itself, which tell where liquid is in its way: none if the map's is
     /// such a view, one, or the faces of a cube, of which those are none that see no liquid.
     pub straight: Vec<Option<LightView>>,
+    /// Whether it is a point in the liquid.
+    pub wet: bool,
 }
 
 /// A view from a light, and the part of the maps that is made by it.
@@ -43,6 +45,8 @@ pub(crate) struct PlacedView {
     pub layer: u32,
     /// Where its texels begin there.
     pub corner: UVec2,
+    /// Whether the light is in the liquid, and this one of the faces around it.
+    pub wet: bool,
 }
 
 /// The lights' own views and maps; nothing if nothing is lit.
@@ -117,6 +121,7 @@ impl Lights {
                 Wanted { size, splash, mixture, gbuffer, levels: 1, backs, culled, sections };
             surfaces.resize(gpu, wanted);
             let uniform = view.uniform(splats.origin);
+            surfaces.look_past_walls(gpu, scene, &uniform, view.origin, splats);
             surfaces.prepare(gpu, scene, liquid, &uniform, view.origin, &[], None, splats, fits);
             let own = settings_of(placed, settings);
             let (camera, bound) = (&surfaces.camera, &surfaces.scene);
@@ -162,9 +167,8 @@ impl Lights {
             let PlacedView { layer, corner, .. } = *placed;
             let output = Output { map: &maps.maps, receivers: &maps.receivers, layer };
             let light = &scene.lights[placed.light];
-            let wet = placed.straight as usize == CUBE && placed.slot > 0 && is_wet(light, splats);
             let params = Params {
-                wet: u32::from(wet),
+                wet: u32::from(placed.wet),
                 corner: corner.to_array(),
                 ..Params::new(light, &placed.view, &own)
             };
@@ -239,7 +243,9 @@ pub(crate) fn light_views(scene: &Scene, splats: &Splats) -> Vec<LightViews> {
                 (0..CUBE).map(face).collect()
             }
         };
-        LightViews { map, straight }
+        // Only one that sees it all round may be in it.
+        let wet = straight.len() == CUBE && is_wet(light, splats);
+        LightViews { map, straight, wet }
     };
     scene.lights.iter().map(views).collect()
 }
@@ -253,7 +259,7 @@ fn place(lights: &[LightViews], resolution: u32) -> Vec<PlacedView> {
         let straight = views.straight.len() as u32;
         if let Some(view) = views.map {
             let (slot, corner) = (0, UVec2::ZERO);
-            placed.push(PlacedView { view, light, slot, straight, layer, corner });
+            placed.push(PlacedView { view, light, slot, straight, layer, corner, wet: false });
             layer += 1;
         }
         let before = placed.len();
@@ -261,7 +267,8 @@ fn place(lights: &[LightViews], resolution: u32) -> Vec<PlacedView> {
             let Some(view) = *view else { continue };
             let corner = UVec2::new(i % 3, i / 3) * (resolution / 3);
             let slot = 1 + i as usize;
-            placed.push(PlacedView { view, light, slot, straight, layer, corner });
+            let wet = views.wet;
+            placed.push(PlacedView { view, light, slot, straight, layer, corner, wet });
         }
         layer += u32::from(placed.len() > before);
     }
@@ -284,14 +291,9 @@ fn is_wet(light: &Light, splats: &Splats) -> bool {
     let Light::Point { position, .. } = *light else { return false };
     let position = position - splats.origin;
     splats.aggregates.iter().any(|splat| {
-        let ([xx, yy, zz], [xy, xz, yz]) = (splat.diagonal, splat.off_diagonal);
-        let axes = DMat3::from_cols_array_2d(
-            &[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]].map(|column| column.map(f64::from)),
-        );
-        let offset = position - Vec3::from_array(splat.centre).as_dvec3();
-        // No semi-axis is longer than the sum of its columns' lengths.
-        let reach = axes.x_axis.length() + axes.y_axis.length() + axes.z_axis.length();
-        offset.length() <= CLOSED * reach && (axes.inverse() * offset).length() <= CLOSED
+        let offset = position - centre(splat);
+        let near = offset.length() <= CLOSED * splat.longest();
+        near && (splat.axes().inverse() * offset).length() <= CLOSED
     })
 }
 

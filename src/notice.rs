@@ -184,13 +184,11 @@ pub fn of_view(loaded: &Loaded, camera: &Camera, size: UVec2) -> Option<Notice> 
     let slant = (view.tangent * view.tangent + 1.0).map(f32::sqrt);
     let seen = |splat: &Splat| {
         let x = turn * (Vec3::from_array(splat.centre) + view.origin);
-        // No ellipsoid reaches farther.
-        let entries = Vec3::from(splat.diagonal).abs().max_element()
-            + Vec3::from(splat.off_diagonal).abs().element_sum();
+        let reach = splat.longest() as f32;
         let depth = -x.z;
-        depth + entries > view.near
-            && (x.x.abs() <= depth * view.tangent.x + entries * slant.x)
-            && (x.y.abs() <= depth * view.tangent.y + entries * slant.y)
+        depth + reach > view.near
+            && (x.x.abs() <= depth * view.tangent.x + reach * slant.x)
+            && (x.y.abs() <= depth * view.tangent.y + reach * slant.y)
     };
     let count = splats.aggregates.len() + splats.splashes.len();
     let all = splats.aggregates.par_iter().chain(&splats.splashes).with_min_len(4096);

@@ -223,7 +223,7 @@ pub enum PictureFormat {
 }
 
 impl PictureFormat {
-    /// The format that a name says. A pipe or a device gets PNG, whatever its name.
+    /// The format that a name says. A pipe or a device of another name gets PNG.
     ///
     /// # Errors
     /// [`Error::Usage`] naming those that can be written.

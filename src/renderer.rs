@@ -1,6 +1,6 @@
 //! The frame, on one page.
 
-use glam::{Mat3, UVec2, Vec3, Vec3Swizzles as _};
+use glam::{UVec2, Vec3, Vec3Swizzles as _};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
@@ -92,9 +92,9 @@ impl Renderer {
     /// The scene's own `camera` and `particles` are not used: a view and classified particles
     /// are the caller's to choose. sRGB formats are encoded by the device, others by limpid.
     ///
-    /// Returns the time of each pass that ran if [`Renderer::timing`] is set, else nothing at once,
-    /// without waiting for the device unless the frame takes it seconds. What the last frame has drawn from the same input is not
-    /// drawn again: [`Renderer::forget`].
+    /// Returns the time of each pass that ran if [`Renderer::timing`] is set, else nothing. It waits for
+    /// the device to time it, and where a frame is so long that it is divided. What the last frame has
+    /// drawn from the same input is not drawn again: [`Renderer::forget`].
     ///
     /// # Errors
     /// [`crate::Error::Scene`] for a value out of range, [`crate::Error::Adapter`] for a picture
@@ -161,6 +161,9 @@ impl Renderer {
         let (views, maps) = (self.lights.views(), self.lights.maps());
         let liquid = &self.liquid;
         let eye = camera.eye;
+        if changes.surfaces {
+            self.eye.look_past_walls(gpu, scene, &uniform, eye, splats);
+        }
         self.eye.prepare(gpu, scene, liquid, &uniform, eye, views, maps, splats, &fits);
 
         let mut timer = Timer::new(gpu, self.timing);
@@ -277,13 +280,11 @@ fn clear_of_liquid(camera: &Camera, splats: &Splats, size: UVec2, support: f32) 
     let farthest = corner * f64::from(uniform.near);
     let clearance = |splat: &Splat| {
         let offset = Vec3::from_array(splat.centre).as_dvec3() - eye;
-        let (distance, reach) = (offset.length(), f64::from(reach(splat)));
+        let (distance, reach) = (offset.length(), splat.longest());
         if distance - reach >= farthest || offset.dot(ahead) + reach <= 0.0 {
             return f64::INFINITY;
         }
-        let ([a, b, c], [d, e, f]) = (splat.diagonal, splat.off_diagonal);
-        let axes = Mat3::from_cols_array(&[a, d, e, d, b, f, e, f, c]).as_dmat3();
-        let to_sphere = axes.inverse();
+        let to_sphere = splat.axes().inverse();
         // A way of this length in sphere space is no shorter than that over the norm in the world.
         let norm = to_sphere.to_cols_array().map(|x| x * x).iter().sum::<f64>().sqrt();
         (((to_sphere * offset).length() - 1.0) / norm).max(distance - reach)
@@ -299,12 +300,6 @@ fn clear_of_liquid(camera: &Camera, splats: &Splats, size: UVec2, support: f32) 
     Camera { near: Some(near.min(uniform.near)), ..*camera }
 }
 
-/// No semi-axis of a splat is longer than this, m: the Frobenius norm of their matrix.
-fn reach(splat: &Splat) -> f32 {
-    let [diagonal, off] = [splat.diagonal, splat.off_diagonal].map(Vec3::from_array);
-    (diagonal.length_squared() + 2.0 * off.length_squared()).sqrt()
-}
-
 /// Whether the picture may have a pixel whose ray starts in liquid. Then it leaves by a back, also
 /// where a ray is followed through one interface.
 fn may_start_inside(splats: &Splats, camera: &Camera, size: UVec2) -> bool {
@@ -312,7 +307,8 @@ fn may_start_inside(splats: &Splats, camera: &Camera, size: UVec2) -> bool {
     // From the eye to the near plane's corners; and room for planes that are seen at a slant.
     let near = 32.0 * uniform.near * uniform.tangent.extend(1.0).length();
     splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
-        (uniform.origin + Vec3::from_array(splat.centre)).length() <= 1.001 * reach(splat) + near
+        (uniform.origin + Vec3::from_array(splat.centre)).length()
+            <= 1.001 * splat.longest() as f32 + near
     })
 }
 

@@ -45,7 +45,7 @@ struct Shared {
     // A frame has come.
     came: Condvar,
     /// Why there is no worker, if the system has started none.
-    idle: OnceLock<Arc<Error>>,
+    no_worker: OnceLock<Arc<Error>>,
 }
 
 #[derive(Default)]
@@ -122,7 +122,7 @@ impl Ring {
             state: Mutex::new(State::default()),
             work: Condvar::new(),
             came: Condvar::new(),
-            idle: OnceLock::new(),
+            no_worker: OnceLock::new(),
         });
         let (load, ready) = (Arc::new(load), Arc::new(ready));
         for started in 0..workers.max(1) {
@@ -140,7 +140,7 @@ impl Ring {
             if let Err(error) = std::thread::Builder::new().spawn(work) {
                 // Fewer do the same work.
                 if started == 0 {
-                    shared.idle.get_or_init(|| Arc::new(Error::Threads(error)));
+                    shared.no_worker.get_or_init(|| Arc::new(Error::Threads(error)));
                 }
                 break;
             }
@@ -166,7 +166,7 @@ impl Ring {
 
     /// Frame `i`, if it has come. Never blocks.
     pub fn get(&self, i: usize) -> Option<Outcome> {
-        if let Some(error) = self.shared.idle.get() {
+        if let Some(error) = self.shared.no_worker.get() {
             return Some(Err(error.clone()));
         }
         match self.shared.lock().slots.get(&i)? {
@@ -183,7 +183,7 @@ impl Ring {
         if i >= self.shared.count {
             return Err(Error::Usage(format!("frame {i} of {}", self.shared.count)));
         }
-        if let Some(error) = self.shared.idle.get() {
+        if let Some(error) = self.shared.no_worker.get() {
             return Err(error.clone().into());
         }
         let aim = self.shared.lock().aim;

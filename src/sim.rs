@@ -394,7 +394,7 @@ pub fn bake(
     let frames = simulation.frames;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
     record::keep(scene, name, folder)?;
-    let (found, last) = found(simulation, name, folder);
+    let (found, last) = found(simulation, name, folder)?;
     for done in 1..=found {
         if progress(Progress { done, frames }).is_break() {
             return Ok(());
@@ -487,21 +487,28 @@ fn frames_in(folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
 }
 
 /// The number of whole frames that are there without a gap, and the particles of the last.
-fn found(simulation: &Simulation, name: &str, folder: &Path) -> (u32, Option<State>) {
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Memory`]: the frame may be whole.
+fn found(simulation: &Simulation, name: &str, folder: &Path) -> Result<(u32, Option<State>)> {
     let there = |number: &u32| frame_path(folder, name, *number).exists();
     let mut found = (1..=simulation.frames).take_while(there).count() as u32;
     while found > 0 {
         let path = frame_path(folder, name, found);
-        let last = Particles::read(&path).ok();
-        if let Some(state) = last.and_then(State::from_particles) {
-            return (found, Some(state));
+        let last = match Particles::read(&path) {
+            Ok(last) => State::from_particles(last),
+            Err(Error::Malformed { .. } | Error::Format { .. }) => None,
+            Err(error) => return Err(error),
+        };
+        if last.is_some() {
+            return Ok((found, last));
         }
         // By the record it is this bake's, but it is no particle file, which would be replaced. That it
         // cannot be removed is an error once it is written.
         let _ = std::fs::remove_file(path);
         found -= 1;
     }
-    (0, None)
+    Ok((0, None))
 }
 
 /// What makes the frames, one after the other.

@@ -106,6 +106,31 @@ fn frames_are_the_same_on_any_threads_and_after_a_break() {
     assert_finite(&whole);
 }
 
+/// Protects frames that cannot be read for a while: they are left alone, and so are those before them.
+#[test]
+fn frames_that_cannot_be_read_are_not_removed() {
+    let folder = TempDir::new().unwrap();
+    bake(BUSY, folder.path(), 3).unwrap();
+    let there = |n: &u32| sim::frame_path(folder.path(), "x", *n).exists();
+    let last = (1..).take_while(there).last().unwrap();
+    let path = sim::frame_path(folder.path(), "x", last);
+    std::fs::remove_file(&path).unwrap();
+    std::fs::create_dir(&path).unwrap();
+    let error = bake(BUSY, folder.path(), 9).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+    assert!((1..last).all(|n| there(&n)), "frames are gone");
+}
+
+/// Protects from advice that does not help: a record that is no record is called so.
+#[test]
+fn a_damaged_record_is_told() {
+    let folder = TempDir::new().unwrap();
+    bake(BUSY, folder.path(), 2).unwrap();
+    std::fs::write(folder.path().join("x.bake.json"), "{").unwrap();
+    let error = bake(BUSY, folder.path(), 3).unwrap_err().to_string();
+    assert!(error.contains("x.bake.json: not the record of a bake"), "{error}");
+}
+
 /// Protects a sequence from being continued by another simulation.
 #[test]
 fn frames_of_other_parameters_are_not_continued() {

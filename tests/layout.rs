@@ -117,6 +117,10 @@ fn shared_structs_agree() {
         interfaces,
         internal_bounces,
         reach,
+        ambient_shares,
+        ambient_paths,
+        eye_depth,
+        pad_eye_depth,
     });
     let tonemap = rust_struct!(tonemap::Params { gain, curve, encode });
     let scene = rust_struct!(gbuffer::SceneUniform {

@@ -810,6 +810,28 @@ fn a_lamp_close_to_a_pool_is_absorbed() {
     }
 }
 
+/// Protects what is measured of many lights: each pass of each view of lamps in the liquid is timed.
+#[test]
+fn many_lamps_are_timed() {
+    let Some(mut stage) = stage() else { return };
+    let lamp = |i: i32| Light::Point {
+        position: DVec3::new(0.3 * f64::from(i % 3 - 1), 0.2, 0.3 * f64::from(i / 3 - 1)),
+        intensity: Vec3::splat(1.0),
+    };
+    let lamps: Vec<_> = (0..6).map(lamp).collect();
+    let (mut scene, slab) = slab(&lamps);
+    scene.settings.caustics.resolution = 48;
+    let Stage { gpu, renderer } = &mut *stage;
+    renderer.timing = true;
+    let camera = camera(DVec3::new(0.0, 6.0, 1.0), DVec3::ZERO, 36.0);
+    let frame = Picture::new(gpu, SIZE).expect("a frame");
+    let times = renderer.render(&scene, &camera, &slab, &frame.view(), Picture::FORMAT, SIZE);
+    renderer.timing = false;
+    let times = times.expect("the frame is drawn");
+    let count = times.iter().filter(|time| time.name == "caustics").count();
+    assert!(times.is_empty() || count == 36, "{count} of six faces of six lamps");
+}
+
 /// Protects lamps in the liquid: through a drop around it a lamp lights the floor by exp(−σ r) and
 /// what one face lets out; at the bottom of a block by exp(−σ d) alone.
 #[test]

@@ -154,7 +154,7 @@ pub(crate) struct Args {
     /// Write intermediate images beside each picture, as NAME.aov.exr: a list, or all.
     #[arg(long, value_name = "LIST", value_parser = aov::parse_list)]
     aov: Option<AovList>,
-    /// Say nothing on standard error but errors, and show no progress.
+    /// Say nothing on standard error but errors and whom it waits for, and show no progress.
     #[arg(short, long)]
     quiet: bool,
     /// Write adapter, counts and milliseconds per pass.
@@ -209,8 +209,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         queue.skip(&mut log)?;
     }
     if queue.is_empty() {
-        words.line(&format!("{wanted} of {wanted} pictures are there already"));
-        return Ok(ExitCode::SUCCESS);
+        let there = wanted - log.failed.len();
+        words.line(&format!("{there} of {wanted} pictures are there already"));
+        return Ok(ending(log.failed, wanted));
     }
     log.bar.set_length(queue.len() as u64);
 
@@ -255,16 +256,21 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let told = output.told(&numbers, others);
     output.finish()?;
     words.line(&told);
-    if failed.is_empty() {
-        return Ok(ExitCode::SUCCESS);
-    }
     let all = failed.len() + stats.frames.len();
+    Ok(ending(failed, all))
+}
+
+/// The exit code of a run, with a line on the frames that failed.
+fn ending(failed: Vec<i64>, all: usize) -> ExitCode {
+    if failed.is_empty() {
+        return ExitCode::SUCCESS;
+    }
     super::complain(format!(
         "{} of {all} frames failed: {}",
         failed.len(),
         FrameSpec::List(failed)
     ));
-    Ok(ExitCode::from(FAILED_CODE))
+    ExitCode::from(FAILED_CODE)
 }
 
 /// Draws what the queue gives out, until it is empty or a signal has come. While the device draws a

@@ -26,9 +26,9 @@ pub(super) fn listen() -> std::io::Result<()> {
     {
         use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
         // Libraries and drivers that get no memory abort. Whoever started the process may try again then,
-        // as with any other lack of memory.
-        let always = Arc::new(AtomicBool::new(true));
-        signal_hook::flag::register_conditional_shutdown(SIGABRT, RETRYABLE, always)?;
+        // as with any other lack of memory. Without a limit on it (`ulimit -v`), an abort is a defect.
+        let limited = Arc::new(AtomicBool::new(is_memory_limited()));
+        signal_hook::flag::register_conditional_shutdown(SIGABRT, RETRYABLE, limited)?;
         // Writing beyond the system's limit on the length of files (`ulimit -f`) ends a process, unless
         // someone listens: then it fails as on a full disk, and what is half-written is removed.
         signal_hook::flag::register(SIGXFSZ, Arc::default())?;
@@ -48,6 +48,14 @@ pub(super) fn listen() -> std::io::Result<()> {
         let mut first = None;
         ctrlc::set_handler(move || receive(2, &mut first)).map_err(std::io::Error::other)
     }
+}
+
+/// Whether the process may have only so much address space.
+#[cfg(unix)]
+fn is_memory_limited() -> bool {
+    let limits = std::fs::read_to_string("/proc/self/limits").unwrap_or_default();
+    let space = limits.lines().find_map(|line| line.strip_prefix("Max address space"));
+    space.is_some_and(|space| !space.trim_start().starts_with("unlimited"))
 }
 
 /// Whether a signal would end the process, as it was started. Where that is not known it is left as

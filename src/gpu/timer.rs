@@ -30,8 +30,8 @@ pub(crate) struct Span<'a> {
     end: Option<u32>,
 }
 
-// The camera's passes, and six for each of 16 lights.
-const MAX_SPANS: u32 = 128;
+/// The camera's passes, and seven for each of the seven views of 16 lights.
+const MAX_SPANS: u32 = 16 + 7 * 7 * 16;
 
 impl Timer {
     pub(crate) fn new(gpu: &Gpu, enabled: bool) -> Self {

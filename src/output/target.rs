@@ -54,7 +54,8 @@ const PICTURES: [(usize, &[u8]); 4] =
 const FILMS: [(usize, &[u8]); 4] =
     [(4, b"ftyp"), (0, b"\x1a\x45\xdf\xa3"), (0, b"GIF8"), (0, b"\x89PNG")];
 
-/// As much of a file tells of what kind it is.
+/// As much of a file tells of what kind it is: of a picture or film, and of others.
+const MARK: u64 = 16;
 const HEAD: u64 = 64 << 10;
 
 impl Kind {
@@ -88,7 +89,11 @@ impl Kind {
             return Ok(true);
         }
         let mut head = Vec::new();
-        let read = (&file).take(HEAD).read_to_end(&mut head);
+        let enough = match self {
+            Self::Picture | Self::Film | Self::Cache => MARK,
+            _ => HEAD,
+        };
+        let read = (&file).take(enough).read_to_end(&mut head);
         read.map_err(|e| Error::io(path, "read", e))?;
         let any = |marks: &[(usize, &[u8])]| {
             marks.iter().any(|(at, mark)| head.get(*at..).is_some_and(|h| h.starts_with(mark)))

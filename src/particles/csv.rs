@@ -217,7 +217,8 @@ impl Wanted {
         let (positions, mut rest) = columns.split_at(3);
         let positions = [positions[0], positions[1], positions[2]];
         let mut contents = Contents::from(table.particles(positions)?);
-        let mut used = self.positions.clone();
+        let mut used = vec![false; self.labels.len()];
+        self.positions.iter().for_each(|&at| used[at] = true);
         for (attribute, fields) in &self.attributes {
             let names: Vec<&str> = fields.iter().map(|&at| self.labels[at].as_str()).collect();
             let shape = [table.rows, fields.len()];
@@ -225,12 +226,10 @@ impl Wanted {
             let columns;
             (columns, rest) = rest.split_at(fields.len());
             contents.take_as(Some(*attribute), &names.join(" "), shape, table, columns)?;
-            used.extend(fields);
+            fields.iter().for_each(|&at| used[at] = true);
         }
-        for (at, label) in self.labels.iter().enumerate() {
-            if !used.contains(&at) {
-                contents.list(label, &[table.rows], None);
-            }
+        for (label, _) in self.labels.iter().zip(used).filter(|(_, used)| !used) {
+            contents.list(label, &[table.rows], None);
         }
         Ok(contents)
     }

@@ -54,25 +54,24 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
 
 /// Fails if a file of this length cannot hold as many particles as its first bytes say.
 pub(crate) fn check_length(path: &Path, start: &[u8], length: u64) -> Result<()> {
-    let mut file = Cursor::new(path, start, false);
-    let rows = count(&mut file)? as u64;
-    let expected = 8 + 12 * rows;
-    if length == expected {
-        return Ok(());
-    }
-    let problem = format!("{rows} particles need {expected} bytes, the file has {length}");
-    Err(file.error(problem))
+    check_size(path, start, length, [8, 12], "particles")
 }
 
 /// Fails if a file of this length cannot hold as many ellipsoids as its first bytes say.
 pub(crate) fn check_ellipsoids_length(path: &Path, start: &[u8], length: u64) -> Result<()> {
+    check_size(path, start, length, [4, 36], "ellipsoids")
+}
+
+/// Of a file with so many bytes before its rows, and in each.
+fn check_size(path: &Path, start: &[u8], length: u64, sizes: [u64; 2], what: &str) -> Result<()> {
+    let [head, each] = sizes;
     let mut file = Cursor::new(path, start, false);
     let rows = count(&mut file)? as u64;
-    let expected = 4 + 36 * rows;
+    let expected = head + each * rows;
     if length == expected {
         return Ok(());
     }
-    let problem = format!("{rows} ellipsoids need {expected} bytes, the file has {length}");
+    let problem = format!("{rows} {what} need {expected} bytes, the file has {length}");
     Err(file.error(problem))
 }
 

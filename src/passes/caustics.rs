@@ -396,7 +396,14 @@ impl Caustics {
             Work::new(&scene.settings.caustics, buffers.size, params.blur, scene.solids.len());
         let layouts = &self.layouts;
         let resources = vec![grid.as_entire_binding()];
-        let start = |start| Step::new(start, 3, &layouts.grid, resources, vertices, work.grid);
+        let start = |pipeline| Step {
+            pipeline,
+            own_at: 3,
+            layout: &layouts.grid,
+            resources,
+            extent: vertices,
+            work: work.grid,
+        };
         let mut steps = Vec::new();
         match &pipelines.follow {
             Follow::Straight => {}
@@ -404,7 +411,14 @@ impl Caustics {
                 steps.push(start(first));
                 let resources = vec![grid.as_entire_binding(), landings.as_entire_binding()];
                 let layout = &layouts.forward;
-                steps.push(Step::new(trace, 3, layout, resources, vertices, work.trace));
+                steps.push(Step {
+                    pipeline: trace,
+                    own_at: 3,
+                    layout,
+                    resources,
+                    extent: vertices,
+                    work: work.trace,
+                });
                 let resources = vec![
                     grid.as_entire_binding(),
                     landings.as_entire_binding(),
@@ -412,13 +426,27 @@ impl Caustics {
                     buffers.sums.as_entire_binding(),
                 ];
                 let (layout, cells) = (&layouts.deposit, vertices - 1);
-                steps.push(Step::new(deposit, 1, layout, resources, cells, work.deposit));
+                steps.push(Step {
+                    pipeline: deposit,
+                    own_at: 1,
+                    layout,
+                    resources,
+                    extent: cells,
+                    work: work.deposit,
+                });
             }
             Follow::Gather { grid: first, walk } => {
                 steps.push(start(first));
                 let resources = vec![grid.as_entire_binding(), texture(&gathered)];
                 let layout = &layouts.gather;
-                steps.push(Step::new(walk, 3, layout, resources, buffers.size, work.gather));
+                steps.push(Step {
+                    pipeline: walk,
+                    own_at: 3,
+                    layout,
+                    resources,
+                    extent: buffers.size,
+                    work: work.gather,
+                });
             }
         }
         let resources = vec![
@@ -428,12 +456,26 @@ impl Caustics {
             texture(&receivers),
         ];
         let (resolve, layout) = (&pipelines.resolve, &layouts.resolve);
-        steps.push(Step::new(resolve, 3, layout, resources, buffers.size, work.resolve));
+        steps.push(Step {
+            pipeline: resolve,
+            own_at: 3,
+            layout,
+            resources,
+            extent: buffers.size,
+            work: work.resolve,
+        });
         if let Some([unblurred, across]) = &blur {
             for (blur, (from, to)) in self.blur.iter().zip([(unblurred, across), (across, &map)]) {
                 let resources = vec![texture(from), texture(&planes), texture(to)];
                 let layout = &layouts.blur;
-                steps.push(Step::new(blur, 1, layout, resources, buffers.size, work.blur));
+                steps.push(Step {
+                    pipeline: blur,
+                    own_at: 1,
+                    layout,
+                    resources,
+                    extent: buffers.size,
+                    work: work.blur,
+                });
             }
         }
 
@@ -476,17 +518,6 @@ struct Step<'a> {
 }
 
 impl<'a> Step<'a> {
-    fn new(
-        pipeline: &'a wgpu::ComputePipeline,
-        own_at: u32,
-        layout: &'a wgpu::BindGroupLayout,
-        resources: Vec<wgpu::BindingResource<'a>>,
-        extent: UVec2,
-        work: u64,
-    ) -> Self {
-        Self { pipeline, own_at, layout, resources, extent, work }
-    }
-
     /// What it is done in, each with its work.
     fn pieces(&self, most: u64) -> impl Iterator<Item = ((&Self, Piece), u64)> {
         let pieces = gpu::pieces(self.extent, self.work, most);

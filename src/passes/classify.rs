@@ -19,7 +19,7 @@ mod tree;
 mod walls;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 use rayon::iter::Either;
 use rayon::prelude::*;
 
@@ -72,6 +72,17 @@ impl Splat {
     /// Whether [`wet`] laid it on a plane.
     fn is_copy(&self) -> bool {
         self.tags >> Self::WALL & 0x3ff != 0
+    }
+
+    /// What turns the unit sphere into it: a symmetric matrix, m.
+    pub(crate) fn axes(&self) -> DMat3 {
+        let ([a, b, c], [d, e, f]) = (self.diagonal, self.off_diagonal);
+        DMat3::from_cols_array(&[a, d, e, d, b, f, e, f, c].map(f64::from))
+    }
+
+    /// No semi-axis is longer, m: the Frobenius norm of their matrix.
+    pub(crate) fn longest(&self) -> f64 {
+        self.axes().to_cols_array().map(|x| x * x).iter().sum::<f64>().sqrt()
     }
 
     /// Which of a scene's fluids it is of, from 0.

@@ -10,6 +10,7 @@ use wgpu::TextureViewDimension::{D2, D2Array};
 use super::{CameraBinding, GBuffer, Layers};
 use crate::environment::Environment;
 use crate::gpu::{self, Gpu, Span};
+use crate::light_view::CUBE;
 use crate::lights::PlacedView;
 use crate::scene::{Light, Scene, Shape, Solid, Surface};
 
@@ -114,7 +115,7 @@ pub const MAX_SOLIDS: usize = 512;
 pub const MAX_LIGHTS: usize = 16;
 
 /// Views that a light can have: its map's, then the faces of a cube around it.
-pub const LIGHT_VIEWS: usize = 7;
+pub const LIGHT_VIEWS: usize = 1 + CUBE;
 
 /// What pipelines that see the scene are specialised for: the constants of `common/scene.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]

@@ -134,6 +134,26 @@ impl Surfaces {
         self.gbuffer.resize(gpu, size, levels);
     }
 
+    /// Uploads the splats as the view is to see them, where they are not to be seen through walls; of
+    /// what has not moved since they are there.
+    pub(crate) fn look_past_walls(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        camera: &CameraUniform,
+        eye: DVec3,
+        splats: &Splats,
+    ) {
+        // The third row of the rotation into view space points at an orthographic view's eye.
+        let [x, y, z] = camera.view_from_world.map(|column| f64::from(column[2]));
+        let from = if camera.far > 0.0 { Eye::Towards(DVec3::new(x, y, z)) } else { Eye::At(eye) };
+        self.own = seen_past_walls(splats, &scene.solids, from).map(|seen| {
+            let mut own = self.own.take().unwrap_or_else(|| Liquid::new(gpu));
+            own.upload(gpu, &seen);
+            own
+        });
+    }
+
     /// Uploads the view and the scene as it sees it, with the lights' own views and maps, and
     /// compiles what is new.
     #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
@@ -150,14 +170,6 @@ impl Surfaces {
         fits: &[smooth::Params],
     ) {
         self.camera.write(gpu, camera);
-        // The third row of the rotation into view space points at an orthographic view's eye.
-        let [x, y, z] = camera.view_from_world.map(|column| f64::from(column[2]));
-        let from = if camera.far > 0.0 { Eye::Towards(DVec3::new(x, y, z)) } else { Eye::At(eye) };
-        self.own = seen_past_walls(splats, &scene.solids, from).map(|seen| {
-            let mut own = self.own.take().unwrap_or_else(|| Liquid::new(gpu));
-            own.upload(gpu, &seen);
-            own
-        });
         let liquid = self.own.as_ref().unwrap_or(liquid);
         if self.wanted.culled {
             self.aggregate.prepare_culled(gpu, &self.camera, &liquid.aggregates);

@@ -137,7 +137,7 @@ impl Chart {
 impl CausticMap {
     /// Whether a point is of the surface that it shows, in its frame or outside.
     pub fn takes(&self, spot: &Spot) -> bool {
-        self.face.is_none_or(|face| face.takes(spot.solid, spot.normal))
+        Chart { view: self.view, face: self.face }.takes(spot)
     }
 
     /// Irradiance at a point of a solid, W/m²: bilinear among the texels around it that show the
@@ -213,8 +213,9 @@ pub fn beams<'a>(
 /// liquid, from `bounds.0` to `bounds.1`, m.
 ///
 /// The light's rays are its own, from wherever it is: from a point light in the liquid or beside it
-/// they go in all directions. A face's map holds its light but for the outermost hundredth along each
-/// side, and what falls further from nine tenths of it than these are wide. Only solids that are round or flat from outside are shown, none from within.
+/// they go in all directions. A face's map is fitted to nine tenths of its light: it leaves out the
+/// outermost hundredth along each side, and what falls further off than the fitted part is wide. Only
+/// solids that are round or flat from outside are shown, none from within.
 pub fn on_solids(
     liquid: &(impl Liquid + ?Sized),
     bounds: (DVec3, DVec3),

@@ -154,7 +154,7 @@ fn sample_offsets(count: u32) -> Vec<DVec2> {
     (0..count).map(point).collect()
 }
 
-/// A number from 0 to 1 that is another one for each point (S. Vigna's SplitMix64, 2015).
+/// A number from 0 to 1 that is another one for each point (`SplitMix64`, S. Vigna 2015).
 fn scattered(point: DVec3) -> f64 {
     let mix = |seed: u64, x: f64| {
         let z = (seed ^ x.to_bits()).wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -264,14 +264,14 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
             // By the golden angle: no two have the same azimuth.
             let (sin, cos) = (TAU * (turn + 0.618_033_988_749_895 * i as f64)).sin_cos();
             let up = DVec3::new(sin2.sqrt() * cos, (1.0 - sin2).sqrt(), sin2.sqrt() * sin);
-            share * self.from_sky(Ray { origin: hit.point, direction: up }, hit.facing(direction))
+            share * self.sky_share(Ray { origin: hit.point, direction: up }, hit.facing(direction))
         });
         self.ior * self.ior * rays.sum::<DVec3>()
     }
 
     /// The share of even light that comes down a ray from the sky to a solid of this normal, in the
     /// liquid; not scaled by the index.
-    fn from_sky(&self, mut ray: Ray, normal: DVec3) -> DVec3 {
+    fn sky_share(&self, mut ray: Ray, normal: DVec3) -> DVec3 {
         /// Mirrors and interfaces on the way.
         const MOST: u32 = 16;
         let mirrored = |ray: Ray, point: DVec3, normal: DVec3| {

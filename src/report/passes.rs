@@ -228,7 +228,7 @@ pub fn light_counts(scene: &Scene, splats: &Splats) -> Vec<Counts> {
     let settings = &scene.settings.caustics;
     let is = |on: bool| f64::from(u8::from(on));
     let views = if scene.is_lit() { lights::light_views(scene, splats) } else { Vec::new() };
-    let of_view = |(view, method): (&crate::light_view::LightView, Method)| {
+    let of_view = |(view, method, blurred): (&crate::light_view::LightView, Method, bool)| {
         let cells = caustics::cells(view.size, settings.grid).as_dvec2();
         Counts {
             sides: settings.interfaces.into(),
@@ -237,13 +237,13 @@ pub fn light_counts(scene: &Scene, splats: &Splats) -> Vec<Counts> {
             light_interfaces: settings.interfaces.into(),
             forward: is(method == Method::Forward),
             gather: is(method == Method::Gather),
-            blurred: is(settings.blur > 0.0 && method == settings.method),
+            blurred: is(blurred),
             ..view_counts(scene, &view.uniform(splats.origin), splats)
         }
     };
     let of_light = |views: &lights::LightViews| {
-        let map = views.map.iter().map(|view| (view, settings.method));
-        let straight = views.straight.iter().flatten().map(|view| (view, Method::Straight));
+        let map = views.map.iter().map(|view| (view, settings.method, settings.blur > 0.0));
+        let straight = views.straight.iter().flatten().map(|view| (view, Method::Straight, false));
         map.chain(straight).map(of_view).collect::<Vec<_>>()
     };
     views.iter().flat_map(of_light).collect()

@@ -30,7 +30,13 @@ pub(super) fn keep(scene: &Scene, name: &str, folder: &Path) -> Result<()> {
     let frames = !frames_in(folder, name)?.is_empty();
     if path.exists() || frames {
         let known = match files::read_text(&path) {
-            Ok(text) => serde_json::from_str(&text).unwrap_or(Value::Null),
+            Ok(text) => serde_json::from_str(&text).map_err(|e| {
+                let problem = format!(
+                    "not the record of a bake: {e}; remove it and the frames {name}_*.bgeo beside it, or \
+                     bake into another folder with -o"
+                );
+                Error::format(&path, problem)
+            })?,
             Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
                 Value::Null
             }

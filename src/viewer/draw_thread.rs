@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 use eframe::egui::ColorImage;
 use glam::UVec2;
 
+use super::document::Document;
 use super::pace::Level;
 use super::truth::{Point, Truth};
 use super::views::{Legend, Values, View};
@@ -22,7 +23,7 @@ use crate::compare::{PIXELS_PER_DEGREE, flip};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, PassTime};
 use crate::input::Loaded;
-use crate::output::{self, PictureFormat};
+use crate::output::{self, Kind, PictureFormat};
 use crate::scene::Scene;
 use crate::studio::{Shot, Studio};
 
@@ -87,8 +88,8 @@ pub struct Shown {
 pub(super) enum Job {
     /// Opens a device, if there is none: particles are to be classified on it.
     Open,
-    /// Draws a picture and writes it as PNG.
-    Save(Pane, PathBuf),
+    /// Draws a picture and writes it, unless that would replace a part of what is open.
+    Save(Pane, PathBuf, Option<Arc<Document>>),
     /// Draws a picture and compares it with the truth.
     Measure(Pane, Arc<Truth>),
 }
@@ -234,8 +235,10 @@ impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
                 let _ = catch_unwind(AssertUnwindSafe(|| self.studio().map(|_| ())));
                 return;
             }
-            Next::Job(Job::Save(pane, path)) => {
-                let saved = self.attempt(|studio| save(studio, &pane, &path));
+            Next::Job(Job::Save(pane, path, open)) => {
+                let allowed = open.map_or(Ok(()), |open| open.check_output(&path, Kind::Picture));
+                let saved =
+                    allowed.and_then(|()| self.attempt(|studio| save(studio, &pane, &path)));
                 Answer::Saved(saved.map(|()| path))
             }
             Next::Job(Job::Measure(pane, truth)) => {

@@ -225,8 +225,8 @@ impl Viewer {
     }
 
     /// Draws the picture at rest in `size` pixels and writes it in the format that the name says, as
-    /// soon as it can. What is
-    /// shown in place of a frame that is not loaded is not saved under its name.
+    /// soon as it can. What is shown in place of a frame that is not loaded is not saved under its
+    /// name.
     pub fn save_picture(&mut self, path: PathBuf, size: UVec2, samples: u32) {
         let side = &self.sides[self.edited];
         let present = side.fits && side.at == Some(self.playback.index());
@@ -234,15 +234,10 @@ impl Viewer {
             self.fail(&Error::Usage("not saved: this frame is not loaded".into()));
             return;
         };
-        let open = self.document.as_ref();
-        if let Some(Err(error)) = open.map(|open| open.check_output(&path, Kind::Picture)) {
-            self.fail(&error);
-            return;
-        }
         let mut scene = self.fine_scene();
         scene.settings.refract.samples = samples;
         let pane = Pane { scene: Arc::new(scene), camera: self.camera, loaded, size };
-        self.drawing.job(Job::Save(pane, path));
+        self.drawing.job(Job::Save(pane, path, self.document.clone()));
     }
 
     /// Writes the scene that is edited, seen as it is seen now, as soon as it can.

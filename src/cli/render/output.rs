@@ -137,6 +137,7 @@ impl Output {
         };
         let (first, last) = (path(numbers.iter().min()), path(numbers.iter().max()));
         match self {
+            Self::Film(_) if count == 1 => format!("wrote {first}, one picture"),
             Self::Film(_) => format!("wrote {first}, {count} pictures"),
             Self::Pictures(_) if count == 0 => format!("wrote nothing{there}"),
             Self::Pictures(_) if count == 1 => format!("wrote {first}{there}"),

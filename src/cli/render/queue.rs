@@ -70,8 +70,8 @@ impl Queue {
                 && Claims::exist(&pictures.path(&take))
                 && let Err(error) = claims.take(&pictures.path(&take))
             {
-                log.fail(&take, self.fingerprint(&take), error)?;
-                continue;
+                // The picture is whole all the same.
+                log.complain(format!("the claim on it is left: {error}"));
             }
             log.tell(&take, self.fingerprint(&take), Status::Skipped)?;
         }
@@ -127,7 +127,8 @@ impl Queue {
             {
                 let holder = Claims::holder(&pictures.path(take));
                 let (count, frame) = (self.others.len(), take.number);
-                log.complain(format!("waiting for {count} frames of others: {frame} of {holder}"));
+                let frames = if count == 1 { "a frame" } else { &*format!("{count} frames") };
+                log.complain(format!("waiting for {frames} of others: {frame} of {holder}"));
                 silence *= 2;
             }
             std::thread::sleep(patience);

@@ -95,7 +95,7 @@ pub(crate) fn seen_past_walls(splats: &Splats, solids: &[Solid], eye: Eye) -> Op
     let margin = 0.25 * f64::from(splats.radius);
     let moved = |splat: &Splat| {
         let mut centre = splats.origin + Vec3::from_array(splat.centre).as_dvec3();
-        let longest = longest(splat);
+        let longest = splat.longest();
         let mut any = false;
         for wall in &walls {
             let (distance, normal) = wall.to(splat, centre);
@@ -188,15 +188,7 @@ impl<'a> Wall<'a> {
 
 /// How far a splat reaches from its centre in the direction of a unit vector, m.
 fn reach_along(splat: &Splat, n: DVec3) -> f64 {
-    let [a, b] = [splat.diagonal, splat.off_diagonal].map(|v| Vec3::from_array(v).as_dvec3());
-    let row = |x: f64, y: f64, z: f64| DVec3::new(x, y, z).dot(n);
-    DVec3::new(row(a.x, b.x, b.y), row(b.x, a.y, b.z), row(b.y, b.z, a.z)).length()
-}
-
-/// No semi-axis of a splat is longer: the Frobenius norm of their matrix, m.
-fn longest(splat: &Splat) -> f64 {
-    let [a, b] = [splat.diagonal, splat.off_diagonal].map(|v| Vec3::from_array(v).as_dvec3());
-    (a.length_squared() + 2.0 * b.length_squared()).sqrt()
+    (splat.axes() * n).length()
 }
 
 /// A solid's extent along a unit normal, m.
@@ -222,7 +214,7 @@ impl Extent {
             |a: (Vec3, Vec3, f64), b: (Vec3, Vec3, f64)| (a.0.min(b.0), a.1.max(b.1), a.2.max(b.2));
         let one = |splat: &Splat| {
             let centre = Vec3::from_array(splat.centre);
-            (centre, centre, longest(splat))
+            (centre, centre, splat.longest())
         };
         let all = splats.aggregates.par_iter().chain(&splats.splashes);
         let (min, max, reach) = all.map(one).reduce(empty, join);
