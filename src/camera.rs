@@ -67,7 +67,12 @@ impl FromStr for Camera {
                 ("up", &[x, y, z]) => up = parsed([x, y, z]).ok_or_else(problem)?.into(),
                 ("fov_y", &[x]) => fov_y = Some(x.parse().map_err(|_| problem())?),
                 ("near", &[x]) => near = Some(x.parse().map_err(|_| problem())?),
-                _ => return Err(usage("eye=X,Y,Z target=X,Y,Z fov_y=DEGREES expected")),
+                ("eye" | "target" | "up" | "fov_y" | "near", _) => return Err(problem()),
+                _ => {
+                    let known =
+                        "eye=X,Y,Z target=X,Y,Z fov_y=DEGREES up=X,Y,Z near=METRES expected";
+                    return Err(usage(&format!("there is no {key}; {known}")));
+                }
             }
         }
         let eye = DVec3::from_array(eye.ok_or_else(|| usage("eye=X,Y,Z is missing"))?);
@@ -163,7 +168,7 @@ impl Camera {
         } else if view == DVec3::ZERO {
             fail("eye and target are the same point")
         } else if view.cross(up).length() <= 1e-6 * up.length() {
-            fail("up is along the view direction, or zero")
+            fail("up is along the view direction, or zero; seen straight from above, say up=0,0,-1")
         } else if !(self.fov_y > 0.0 && self.fov_y < 180.0) {
             fail("fov_y must be above 0 and below 180 degrees")
         } else if !(self.near() > 0.0 && self.near().is_finite()) {

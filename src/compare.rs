@@ -184,6 +184,22 @@ pub fn parse_picture(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
     files::survive(path, || decode(path, bytes))
 }
 
+/// Whether a PNG has an animation control chunk, which precedes its pixels.
+fn is_animated(bytes: &[u8]) -> bool {
+    let mut rest = bytes.get(8..).unwrap_or_default();
+    while let Some((length, chunk)) = rest.split_first_chunk::<4>() {
+        match chunk.get(..4) {
+            Some(b"acTL") => return true,
+            None | Some(b"IDAT") => return false,
+            Some(_) => {}
+        }
+        // Its type and checksum.
+        let length = u32::from_be_bytes(*length) as usize;
+        rest = chunk.get(length.saturating_add(8)..).unwrap_or_default();
+    }
+    false
+}
+
 fn decode(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
     if !matches!(image::guess_format(bytes), Ok(ImageFormat::Png)) {
         return Err(Error::format(path, "not a PNG; pictures to compare are PNG files in sRGB"));
@@ -192,6 +208,9 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
     /// Bytes that a pixel takes when it is compared: as RGB, and in half of the FLIP map and the
     /// sorted copy of it.
     const EACH: u64 = 3 + 4;
+    if is_animated(bytes) {
+        return Err(Error::format(path, "a film (animated PNG); compare pictures of it"));
+    }
     let mut cursor = Cursor::new(bytes);
     let reader = ImageReader::with_format(&mut cursor, ImageFormat::Png);
     let picture = files::decode_picture(path, bytes, reader, EACH)?;

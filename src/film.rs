@@ -257,7 +257,11 @@ impl Film {
                 .map_err(io::Error::other)
                 .and_then(|()| count_apng_frames(file.as_file(), frames)),
         };
-        written.map_err(|e| Error::io(&path, "write", e))?;
+        let whole = written.and_then(|()| match file.as_file().metadata()?.len() {
+            0 => Err(io::Error::other("nothing was written")),
+            _ => Ok(()),
+        });
+        whole.map_err(|e| Error::io(&path, "write", e))?;
         file.keep(&path)
     }
 }

@@ -393,6 +393,21 @@ impl Input {
         self.fps
     }
 
+    /// Fails unless every fluid has these frames, or may lack them.
+    ///
+    /// # Errors
+    /// [`Error::Sequence`] naming the fluid's files and the first frame that they lack.
+    pub fn check_frames(&self, numbers: &[i64]) -> Result<()> {
+        let lacks = |fluid: &Fluid, number: i64| {
+            self.missing == Missing::Error && fluid.frame(number, self.missing).is_none()
+        };
+        let mut fluids = self.fluids.iter();
+        let found = fluids.find_map(|fluid| {
+            numbers.iter().find(|&&number| lacks(fluid, number)).map(|&number| (fluid, number))
+        });
+        found.map_or(Ok(()), |(fluid, number)| Err(fluid.lacks(number)))
+    }
+
     /// Every `step` frames from the first of `numbers`, which ascend, to the last. A frame is as long as
     /// the sequence's [stride](Sequence::stride).
     pub fn moments(&self, numbers: &[i64], step: f64) -> Vec<Moment> {
@@ -555,8 +570,13 @@ impl Input {
             for number in fluid.sequence.frames.iter().map(|frame| frame.number) {
                 let particles = fluid.contents(number, Missing::Error)?.particles;
                 let Some(Bulk { bounds: (min, max), .. }) = particles.bulk() else { continue };
+                // One particle has no spacing; a frame after it may.
+                let last = fluid.sequence.frames.last().is_none_or(|frame| frame.number == number);
+                let settled = match fluid.settled_radius(number, &particles) {
+                    Err(Error::Scene { .. }) if !last => continue,
+                    settled => settled?,
+                };
                 around = Some(around.map_or((min, max), |(a, b)| (a.min(min), b.max(max))));
-                let settled = fluid.settled_radius(number, &particles)?;
                 radius = radius.max(settled);
                 if settled > 0.0 && fluid.radius.is_none() {
                     let own = particles.radii.is_some();
@@ -620,14 +640,18 @@ impl Fluid {
         Ok(Contents { particles, ..contents })
     }
 
+    fn lacks(&self, number: i64) -> Error {
+        let problem = format!("frame {number} is missing; --missing empty or hold goes on");
+        Error::Sequence { pattern: self.sequence.pattern.clone(), problem }
+    }
+
     /// The particles of a frame, y up.
     fn contents(&self, number: i64, missing: Missing) -> Result<Contents> {
         let Some(frame) = self.frame(number, missing) else {
             if missing != Missing::Error {
                 return Ok(Contents::default());
             }
-            let problem = format!("frame {number} is missing; --missing empty or hold goes on");
-            return Err(Error::Sequence { pattern: self.sequence.pattern.clone(), problem });
+            return Err(self.lacks(number));
         };
         let mut contents = match self.source {
             Source::Files => Contents::read(&frame.path, &self.options)?,
@@ -679,7 +703,11 @@ impl Fluid {
                 continue;
             }
             if first.radii.is_none() {
-                let theirs = self.radius_of(sibling.number, &first)?;
+                let theirs = match self.radius_of(sibling.number, &first) {
+                    // One particle has no spacing.
+                    Err(Error::Scene { .. }) => continue,
+                    theirs => theirs?,
+                };
                 return Ok(if (theirs - own).abs() <= SAME * own { theirs } else { own });
             }
             break;

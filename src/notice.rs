@@ -8,14 +8,16 @@ use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::input::{Input, Loaded, Missing, RadiusFrom};
-use crate::passes::classify::Splat;
+use crate::particles::Particles;
+use crate::passes::classify::{self, Splat};
 use crate::scene::Scene;
 
 /// One such thing. Its text is a line that ends in the remedy, where there is one.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Notice {
-    /// Numbers between the frames of a sequence that no file has, as ranges, and what stands for them.
-    Gaps(Vec<(i64, i64)>, Missing),
+    /// Numbers between the frames of a sequence that no file has, as ranges, and what stands for them
+    /// in pictures.
+    Gaps(Vec<(i64, i64)>, Option<Missing>),
     /// Nothing says how many frames a second a sequence has; so many are taken for it.
     Rate(f64),
     /// Lights shine on nothing that shows it.
@@ -26,6 +28,8 @@ pub enum Notice {
     Lost(usize),
     /// An array that is ignored may be what the radius was guessed for.
     MaybeRadius(String),
+    /// The particles are much closer together than their radius, m.
+    Crowded(f32),
     /// Hardly any light comes through so many metres of this liquid: perhaps they are millimetres.
     Opaque {
         /// The longest side of the box around the bulk of the particles, m.
@@ -52,11 +56,14 @@ impl fmt::Display for Notice {
                 let some: Vec<String> = gaps.iter().take(5).map(range).collect();
                 let more = if gaps.len() > 5 { ", ..." } else { "" };
                 let done = match missing {
-                    Missing::Error => "left out; --missing hold or empty fills the gaps",
-                    Missing::Empty => "drawn without particles",
-                    Missing::Hold => "drawn as the frame before",
+                    None => "",
+                    Some(Missing::Error) => {
+                        " and left out; --missing hold or empty fills the gaps"
+                    }
+                    Some(Missing::Empty) => " and drawn without particles",
+                    Some(Missing::Hold) => " and drawn as the frame before",
                 };
-                write!(f, "frames are missing and {done}: {}{more}", some.join(", "))
+                write!(f, "frames are missing{done}: {}{more}", some.join(", "))
             }
             Self::Rate(fps) => write!(
                 f,
@@ -88,6 +95,11 @@ impl fmt::Display for Notice {
                 f,
                 "{array} is ignored, and the radius is guessed; if it is the radius: \
                  --map radius={array}"
+            ),
+            Self::Crowded(radius) => write!(
+                f,
+                "the particles are much closer together than their radius of {radius} m, which makes one \
+                 blob of them and takes long: their places and their radius may be in different units"
             ),
             Self::Opaque { extent, absorption } => {
                 let [r, g, b] = (*absorption / 1000.0).to_array();
@@ -135,7 +147,7 @@ pub fn thousands(number: usize) -> String {
 /// Of a sequence, all of whose frames are drawn.
 pub fn of_sequence(input: &Input) -> Option<Notice> {
     let gaps = input.sequence.gaps();
-    (!gaps.is_empty()).then_some(Notice::Gaps(gaps, input.missing))
+    (!gaps.is_empty()).then_some(Notice::Gaps(gaps, Some(input.missing)))
 }
 
 /// Of a scene, whatever particles are drawn in it.
@@ -159,8 +171,26 @@ pub fn of_frame(loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
         let radius = ignored.find(|array| named(&array.name));
         notices.extend(radius.map(|array| Notice::MaybeRadius(array.name.clone())));
     }
+    notices.extend(crowded(loaded));
     notices.extend(opaque(loaded.bulk.bounds, scene));
     notices
+}
+
+fn crowded(loaded: &Loaded) -> Option<Notice> {
+    /// No method has a radius so many times that by the spacing: three at most, and centres that are
+    /// smoothed over such a crowd are up to twice as close.
+    const TOO_LARGE: f32 = 8.0;
+    /// More particles take too long to look at for a word.
+    const MOST: usize = 2_000_000;
+    let splats = &loaded.splats;
+    let all = || splats.aggregates.iter().chain(&splats.splashes).filter(|splat| !splat.is_copy());
+    if loaded.radius_from == RadiusFrom::Guess || all().count() > MOST {
+        return None;
+    }
+    let places = all().map(|splat| Vec3::from_array(splat.centre)).collect();
+    let spaced = classify::estimate_radius(&Particles::from_positions(places));
+    let crowded = spaced > 0.0 && splats.radius > TOO_LARGE * spaced;
+    crowded.then_some(Notice::Crowded(splats.radius))
 }
 
 fn opaque((min, max): (DVec3, DVec3), scene: &Scene) -> Option<Notice> {

@@ -7,7 +7,8 @@ use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, BufWriter, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::process::Child;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, SystemTime};
 
 use image::codecs::jpeg::JpegEncoder;
@@ -105,8 +106,7 @@ impl Temporary {
             let name = file.path().to_owned();
             Ok((file, name))
         });
-        // The error names the temporary file, which is nobody's concern.
-        let (file, litter) = created.map_err(|e| Error::io(path, "write", e.kind().into()))?;
+        let (file, litter) = created.map_err(|e| Error::io(path, "write", without_name(&e)))?;
         Ok(Self { file, litter })
     }
 
@@ -125,6 +125,19 @@ impl Temporary {
         self.file.persist(path).map_err(|e| fail(e.error))?;
         drop(self.litter);
         Ok(())
+    }
+}
+
+/// An error that does not name the temporary file, which is nobody's concern.
+fn without_name(error: &io::Error) -> io::Error {
+    let source = error.get_ref().and_then(std::error::Error::source);
+    let code = source.and_then(|e| e.downcast_ref::<io::Error>()?.raw_os_error());
+    match code {
+        // Some have no name but the system's: too many open files, for one.
+        Some(code) if io::Error::from(error.kind()).to_string() == "uncategorized error" => {
+            io::Error::from_raw_os_error(code)
+        }
+        _ => error.kind().into(),
     }
 }
 
@@ -160,12 +173,33 @@ impl Drop for Litter {
 }
 
 fn litter() -> MutexGuard<'static, BTreeSet<PathBuf>> {
-    LITTER.lock().unwrap_or_else(PoisonError::into_inner)
+    locked(&LITTER)
+}
+
+/// Programs that write files for this one, which [`abandon`] ends first.
+static CHILDREN: Mutex<Vec<Weak<Mutex<Child>>>> = Mutex::new(Vec::new());
+
+/// Has [`abandon`] end a program that writes a file, until it is dropped.
+pub(crate) fn adopt(child: &Arc<Mutex<Child>>) {
+    let mut children = locked(&CHILDREN);
+    children.retain(|child| child.strong_count() > 0);
+    children.push(Arc::downgrade(child));
+}
+
+/// What a lock holds, whoever has panicked with it.
+pub(crate) fn locked<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
+    lock.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Removes the temporary files and folders and the claims of this process, for one that is about to end at
 /// once: other threads wait for ever when they are about to create or to keep a file.
 pub fn abandon() {
+    // Else they would write again what is removed.
+    for child in locked(&CHILDREN).drain(..).filter_map(|child| child.upgrade()) {
+        let mut child = locked(&child);
+        let _ = child.kill();
+        let _ = child.wait();
+    }
     let litter = litter();
     for path in litter.iter() {
         // What cannot be removed now is swept up later.

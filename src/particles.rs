@@ -291,7 +291,8 @@ impl Particles {
         }
     }
 
-    /// Keeps an attribute that it does not have yet, if it is of so many numbers; whether it did.
+    /// Keeps an attribute that it does not have yet, if it is of so many numbers, and of radii any is
+    /// above 0; whether it did.
     fn attach(
         &mut self,
         attribute: Attribute,
@@ -314,6 +315,10 @@ impl Particles {
                 if let Some(i) = radii.iter().position(|&r| r < 0.0) {
                     let problem = format!("particle {i}: radius {}, 0 or more expected", radii[i]);
                     return Err(table.error(i, column, problem));
+                }
+                // Never filled in: not known, as 0 is elsewhere.
+                if radii.iter().all(|&r| r == 0.0) {
+                    return Ok(false);
                 }
                 self.radii = Some(radii);
             }

@@ -314,10 +314,11 @@ impl Scene {
         for view in &self.views {
             view.camera.check()?;
         }
-        if self.solids.len() > MAX_SOLIDS || self.lights.len() > MAX_LIGHTS {
-            let problem =
-                format!("at most {MAX_SOLIDS} solids and {MAX_LIGHTS} lights can be drawn");
-            return fail("[solid]", &problem);
+        if self.solids.len() > MAX_SOLIDS {
+            return fail("[[solid]]", &format!("at most {MAX_SOLIDS} solids can be drawn"));
+        }
+        if self.lights.len() > MAX_LIGHTS {
+            return fail("[[light]]", &format!("at most {MAX_LIGHTS} lights can be drawn"));
         }
         if !self.environment.is_drawable() {
             return fail("environment", "radiances must be 0 to 1e12");

@@ -129,6 +129,9 @@ fn an_apng_is_lossless_and_exactly_timed() {
             let pictures: Vec<_> = (0..count).map(many_colors).collect();
             write(&path, fps, &pictures);
             assert_eq!(read_apng(&path), pictures);
+            // Its first picture would stand for all.
+            let error = limpid::compare::load_picture(&path).unwrap_err().to_string();
+            assert!(error.contains("film"), "{error}");
 
             let mut options = png::DecodeOptions::default();
             options.set_skip_ancillary_crc_failures(false);
@@ -536,14 +539,16 @@ fn a_missing_ffmpeg_is_told() {
     assert_eq!(names(folder.path()), before, "nothing is left behind");
 }
 
-/// Protects: Ctrl-C ends a film without a trace: no half-written file, no process.
+/// Protects: Ctrl-C and Ctrl-\ end a film without a trace: no half-written file, no process.
 #[cfg(unix)]
 #[test]
 fn an_interrupted_film_leaves_nothing() {
     if !adapter() {
         return;
     }
-    for name in ["w.apng", "w.mp4"] {
+    for (name, signal, code) in
+        [("w.apng", "INT", Some(130)), ("w.mp4", "INT", Some(130)), ("w.mp4", "QUIT", None)]
+    {
         if name == "w.mp4" && !ffmpeg() {
             continue;
         }
@@ -558,9 +563,9 @@ fn an_interrupted_film_leaves_nothing() {
             assert_eq!(film.try_wait().unwrap(), None, "{name}: it runs until it is interrupted");
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
-        let interrupt = format!("kill -INT {}", film.id());
+        let interrupt = format!("kill -{signal} {}", film.id());
         assert!(Command::new("sh").args(["-c", &interrupt]).status().unwrap().success());
-        assert_eq!(film.wait().unwrap().code(), Some(130), "{name}");
+        assert_eq!(film.wait().unwrap().code(), code, "{name}, {signal}");
         assert_eq!(names(folder.path()), before, "{name}: nothing is left behind");
         assert_eq!(processes(folder.path()), 0, "{name}");
     }
@@ -595,7 +600,19 @@ fn a_failing_ffmpeg_is_quoted() {
         assert!(error.contains("exit status: 1"), "{error}");
         assert_eq!(names(folder.path()), before, "nothing is left behind");
     }
+    // A disk that was full for its last bytes is no error to it, nor is a film without any.
+    for (script, problem) in [
+        ("/bin/cat >/dev/null; echo 'Error writing trailer' >&2", "Error writing trailer"),
+        ("/bin/cat >/dev/null", "nothing was written"),
+    ] {
+        fs::write(bin.join("ffmpeg"), format!("#!/bin/sh\n{script}\n")).unwrap();
+        let args = ["water_{}.xyz", "-o", "w.mp4"];
+        let (code, error) = render(folder.path(), &args, Some(&bin)).unwrap_err();
+        assert!(code == 4 && error.contains(problem), "{code}: {error}");
+        assert_eq!(names(folder.path()), before, "nothing is left behind");
+    }
     // The same does succeed where it succeeds.
-    fs::write(bin.join("ffmpeg"), "#!/bin/sh\n/bin/cat >/dev/null\n").unwrap();
+    let script = "#!/bin/sh\nfor last; do :; done\n/bin/cat >\"${last#file:}\"\n";
+    fs::write(bin.join("ffmpeg"), script).unwrap();
     render(folder.path(), &["water_{}.xyz", "-o", "w.mp4"], Some(&bin)).unwrap();
 }

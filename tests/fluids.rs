@@ -6,7 +6,7 @@ mod frames;
 
 use frames::{Stage, glowing, on_axis, scene, sphere, splats, stage};
 use glam::{DVec3, UVec2, Vec3};
-use limpid::input::{Input, Moment};
+use limpid::input::{Input, Missing, Moment};
 use limpid::particles::Particles;
 use limpid::passes::classify::{Splat, Splats};
 use limpid::scene::{Fluid, ParticleSource, Scene, Shape};
@@ -244,4 +244,12 @@ fn fluids_are_interpolated_each_by_itself() {
     let places: Vec<f32> = particles.positions.iter().map(|x| x.x).collect();
     assert_eq!(places, [0.5, 10.5, 101.0]);
     assert_eq!(particles.fluids, Some(vec![0, 0, 1]));
+    // What one of them lacks is told before anything is drawn.
+    input.check_frames(&[1, 2]).unwrap();
+    std::fs::remove_file(folder.path().join("b_2.bgeo")).unwrap();
+    let mut input = Input::open(path.to_str().unwrap(), &[]).unwrap();
+    let error = input.check_frames(&[1, 2]).unwrap_err().to_string();
+    assert!(error.contains("b_{}.bgeo") && error.contains("frame 2 is missing"), "{error}");
+    input.missing = Missing::Hold;
+    input.check_frames(&[1, 2]).unwrap();
 }

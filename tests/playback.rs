@@ -33,6 +33,18 @@ fn assert_near(a: &[Vec3], b: &[Vec3]) {
     }
 }
 
+/// Numbers that many share are a material or a phase, and tell nobody apart: the order does.
+#[test]
+fn ids_that_repeat_are_none() {
+    let grid = |shift: f32| {
+        let place = |i: usize| Vec3::new((i % 10) as f32 + shift, (i / 10) as f32, 0.0);
+        let ids = Some((0..100).map(|i| i % 2).collect());
+        Particles { ids, ..Particles::from_positions((0..100).map(place).collect()) }
+    };
+    let between = Particles::between(&grid(0.0), &grid(0.4), 0.5);
+    assert_near(&between.positions, &grid(0.2).positions);
+}
+
 /// Ballistic flight is exact, for any time between the frames, told by nobody; the order of the file
 /// does not matter where there are ids; at frame times the files are as they are.
 #[test]

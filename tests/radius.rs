@@ -154,21 +154,23 @@ fn particles_in_one_place_count_once() {
 fn a_frame_alone_has_the_radius_of_its_sequence() {
     let folder = tempfile::tempdir().unwrap();
     let random = &mut Random(2);
-    let path = |number: i32| folder.path().join(format!("w_{number:03}.xyz"));
+    let path = |number: i32| folder.path().join(format!("w_{:03}.xyz", number + 1));
     let mut write = |number: i32, spacing: f64, shake: f64| {
         let places = lattice([8; 3], spacing, &[[0.5; 3]]);
         let places = shaken(places, shake * spacing, random);
         let particles = Particles::from_positions(places.iter().map(|x| x.as_vec3()).collect());
         particles.write(&path(number)).unwrap();
     };
-    Particles::default().write(&path(0)).unwrap();
+    Particles::default().write(&path(-1)).unwrap();
+    // As an inlet begins: one particle has no spacing.
+    Particles::from_positions(vec![Vec3::ZERO]).write(&path(0)).unwrap();
     write(1, 0.05, 0.0);
     write(2, 0.05, 0.2);
     write(20, 0.08, 0.0);
     let settled = |input: &Path, number: i64| {
         let (input, scene) =
             Input::open(input.to_str().unwrap(), &[]).unwrap().settle(&[]).unwrap();
-        let loaded = input.load(input.sequence.frame(number).unwrap(), &scene).unwrap();
+        let loaded = input.load(input.sequence.frame(number + 1).unwrap(), &scene).unwrap();
         assert_eq!(loaded.radius_from, RadiusFrom::Guess);
         loaded.splats.radius
     };

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use limpid::frames::FrameSpec;
 use limpid::input;
+use limpid::notice::Notice;
 use limpid::output::{self, Files, Kind, OutputNames};
 use limpid::particles::{Contents, Particles, Up};
 use limpid::sequence::{Frame, Sequence};
@@ -59,6 +60,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
 
+    if args.frames.is_none() && !sequence.gaps().is_empty() {
+        super::complain(Notice::Gaps(sequence.gaps(), None));
+    }
     let bar = super::render::progress(todo.len());
     let (mut lost, mut ignored) = (Vec::new(), Vec::new());
     // No more frames in memory than threads, whichever of their work is stolen.

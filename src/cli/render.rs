@@ -81,7 +81,7 @@ pub(crate) struct Args {
     at: Option<f64>,
     /// Where it is seen from, m and degrees: `eye=1,2,3 target=0,0,0 fov_y=40`, and where wanted
     /// up=0,1,0 and near=0.01 [default: the scene's camera].
-    #[arg(long, allow_hyphen_values = true)]
+    #[arg(long, allow_hyphen_values = true, conflicts_with = "camera_path")]
     camera: Option<Camera>,
     /// What stands for a frame that is not there: error, empty or hold (the last one before).
     #[arg(long, default_value = "error")]
@@ -208,6 +208,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if args.skip_existing || args.claim {
         queue.skip(&mut log)?;
     }
+    if queue.is_empty() && wanted == 0 {
+        words.line("there are no pictures in this share of the frames");
+        return Ok(ExitCode::SUCCESS);
+    }
     if queue.is_empty() {
         let there = wanted - log.failed.len();
         words.line(&format!("{there} of {wanted} pictures are there already"));
@@ -255,6 +259,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let others = wanted.saturating_sub(numbers.len() + failed.len());
     let told = output.told(&numbers, others);
     output.finish()?;
+    words.end();
     words.line(&told);
     let all = failed.len() + stats.frames.len();
     Ok(ending(failed, all))

@@ -32,9 +32,12 @@ pub(super) fn listen() -> std::io::Result<()> {
         // Writing beyond the system's limit on the length of files (`ulimit -f`) ends a process, unless
         // someone listens: then it fails as on a full disk, and what is half-written is removed.
         signal_hook::flag::register(SIGXFSZ, Arc::default())?;
-        // What `nohup` has the process ignore stays ignored.
-        let optional = [SIGHUP, SIGQUIT].into_iter().filter(|&signal| is_heard(signal));
-        let heard = [SIGINT, SIGTERM].into_iter().chain(optional);
+        // What `nohup` or a shell's `&` has the process ignore stays ignored.
+        let ended_by =
+            [SIGINT, SIGTERM].into_iter().filter(|&signal| is_ignored(signal) != Some(true));
+        let optional =
+            [SIGHUP, SIGQUIT].into_iter().filter(|&signal| is_ignored(signal) == Some(false));
+        let heard = ended_by.chain(optional);
         let mut signals = signal_hook::iterator::Signals::new(heard)?;
         let listen = move || {
             let mut first = None;
@@ -58,14 +61,13 @@ fn is_memory_limited() -> bool {
     space.is_some_and(|space| !space.trim_start().starts_with("unlimited"))
 }
 
-/// Whether a signal would end the process, as it was started. Where that is not known it is left as
-/// it is.
+/// Whether a signal would not end the process, as it was started; `None` where that is not known.
 #[cfg(unix)]
-fn is_heard(signal: i32) -> bool {
+fn is_ignored(signal: i32) -> Option<bool> {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-    ignored.is_some_and(|mask| mask >> (signal - 1) & 1 == 0)
+    ignored.map(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
 fn receive(signal: i32, first: &mut Option<Instant>) {

@@ -4,11 +4,14 @@ use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, Write as _};
 use std::path::Path;
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use glam::UVec2;
 
 use super::Kind;
+use crate::output;
 
 /// Constant rate factors: the quality that x264 and libvpx keep up, whatever bits that takes.
 /// Lower is better; these are a step above their defaults (23 and 32), so that fine caustics and
@@ -18,7 +21,7 @@ const CRF_VP9: &str = "24";
 
 /// `ffmpeg`, which writes a file from pictures.
 pub(super) struct Ffmpeg {
-    child: Child,
+    child: Arc<Mutex<Child>>,
     pictures: Option<ChildStdin>,
     /// What it says; a file, so that it never waits for a reader.
     messages: File,
@@ -34,7 +37,7 @@ impl Ffmpeg {
     ) -> io::Result<Self> {
         let messages = tempfile::tempfile()?;
         let mut command = Command::new("ffmpeg");
-        command.args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y"]);
+        command.args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y", "-xerror"]);
         command.args(["-f", "rawvideo", "-pixel_format", "rgb24"]);
         command.args(["-video_size", &format!("{}x{}", size.x, size.y)]);
         command.args(["-framerate", &format!("{frames}/{seconds}"), "-i", "pipe:0"]);
@@ -75,6 +78,8 @@ impl Ffmpeg {
             kind => io::Error::new(kind, format!("ffmpeg does not start: {e}")),
         })?;
         let pictures = child.stdin.take();
+        let child = Arc::new(Mutex::new(child));
+        output::adopt(&child);
         Ok(Self { child, pictures, messages })
     }
 
@@ -85,16 +90,28 @@ impl Ffmpeg {
         pictures.write_all(picture).map_err(|_| self.problem())
     }
 
-    /// Waits until all is written.
+    /// Waits until all is written. It may end as if nothing were wrong where the disk was full for its
+    /// last bytes; what it says tells.
     pub(super) fn finish(mut self) -> io::Result<()> {
         self.pictures = None;
-        if self.child.wait()?.success() { Ok(()) } else { Err(self.problem()) }
+        let good = self.wait()?.success() && self.messages.metadata()?.len() == 0;
+        if good { Ok(()) } else { Err(self.problem()) }
+    }
+
+    /// Leaves it to others to end it meanwhile.
+    fn wait(&self) -> io::Result<ExitStatus> {
+        loop {
+            if let Some(status) = output::locked(&self.child).try_wait()? {
+                return Ok(status);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
     }
 
     /// Why it ended: its last lines.
     fn problem(&mut self) -> io::Error {
         self.pictures = None;
-        let status = self.child.wait().map_or_else(|e| e.to_string(), |status| status.to_string());
+        let status = self.wait().map_or_else(|e| e.to_string(), |status| status.to_string());
         let mut text = Vec::new();
         let read = self.messages.rewind().and_then(|()| self.messages.read_to_end(&mut text));
         let text = String::from_utf8_lossy(&text);
@@ -112,8 +129,9 @@ impl Ffmpeg {
 impl Drop for Ffmpeg {
     /// Ends it, if it has not ended; what it was writing is not wanted.
     fn drop(&mut self) {
+        let mut child = output::locked(&self.child);
         // Both fail only for a process that is no more.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        let _ = child.kill();
+        let _ = child.wait();
     }
 }

@@ -1,6 +1,6 @@
 //! Particles between two frames, and of several fluids together.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DVec3, Vec3};
 
@@ -13,7 +13,8 @@ impl Particles {
 
     /// Particles at `fraction` (0 to 1) of the way from frame `a` to frame `b`.
     ///
-    /// Particles are matched by their ids; without ids, by their order where both frames have as many
+    /// Particles are matched by their ids; without ids, or if these are the same for many (a material, a
+    /// phase), by their order where both frames have as many
     /// and most move as far as particles do (by their velocities, or little against the liquid's
     /// extent); else the nearer frame is shown. A matched particle follows the cubic that has its two
     /// places and velocities (Hermite), or without velocities a straight line: so ballistic flight is
@@ -31,7 +32,9 @@ impl Particles {
         }
         let nearer = |fraction: f64| if fraction < 0.5 { a.clone() } else { b.clone() };
         let (mut pairs, told) = match (&a.ids, &b.ids) {
-            (Some(from), Some(to)) => (by_id(from, to), true),
+            (Some(from), Some(to)) if are_distinct(from) && are_distinct(to) => {
+                (by_id(from, to), true)
+            }
             _ if a.len() == b.len() => ((0..a.len()).map(|i| (Some(i), Some(i))).collect(), false),
             // Nothing says which is which.
             _ => return nearer(fraction),
@@ -133,6 +136,12 @@ impl Particles {
 }
 
 type Pair = (Option<usize>, Option<usize>);
+
+/// Whether numbers tell particles apart, but for a few.
+fn are_distinct(ids: &[i64]) -> bool {
+    let distinct = ids.iter().collect::<HashSet<_>>().len();
+    10 * distinct >= 9 * ids.len()
+}
 
 /// The particles of both frames, those of the first in its order, then those that only the second
 /// has. Of several with one id the last counts.

@@ -179,6 +179,9 @@ enum Section {
 
 impl<'a> Document<'a> {
     fn read(source: Source<'a>, map: &AttributeMap) -> Result<Self> {
+        // The XML reader counts from behind a byte order mark.
+        let bytes = source.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source.bytes);
+        let source = Source { bytes, ..source };
         let mut document = Self {
             source,
             big_endian: false,

@@ -70,7 +70,7 @@ impl Splat {
     const WALL_FROM_BEHIND: u32 = 1 << 27;
 
     /// Whether [`wet`] laid it on a plane.
-    fn is_copy(&self) -> bool {
+    pub(crate) fn is_copy(&self) -> bool {
         self.tags >> Self::WALL & 0x3ff != 0
     }
 

@@ -181,6 +181,8 @@ impl Scene {
     ) -> Result<Self> {
         let file: SceneFile = toml::from_str(text).map_err(|e| toml_error(text, origin, &e))?;
         let fail = |problem: String| Error::Scene { origin: origin.to_owned(), problem };
+        let table: toml::Table = text.parse().map_err(|e| toml_error(text, origin, &e))?;
+        check_vectors("", &toml::Value::Table(table)).map_err(fail)?;
         let mut solids = Vec::new();
         for (i, solid) in file.solid.into_iter().enumerate() {
             let number = i + 1;
@@ -516,6 +518,29 @@ fn unit(direction: Vec3) -> Option<Vec3> {
         return Some(direction);
     }
     direction64.try_normalize().map(|unit| unit.as_vec3())
+}
+
+/// Fails for a vector of too many numbers, of which the first would be taken: commas for points.
+fn check_vectors(key: &str, value: &toml::Value) -> Result<(), String> {
+    let inner = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
+    match value {
+        toml::Value::Table(table) => {
+            table.iter().try_for_each(|(name, value)| check_vectors(&inner(name), value))
+        }
+        toml::Value::Array(values) => {
+            let pair = ["wavelengths", "half_extent"].iter().any(|name| key.ends_with(name));
+            let most = if pair { 2 } else { 3 };
+            let numbers = values.iter().all(|v| v.is_integer() || v.is_float());
+            if numbers && values.len() > most {
+                let count = values.len();
+                return Err(format!(
+                    "{key} has {count} numbers, {most} expected; decimals have points, not commas"
+                ));
+            }
+            values.iter().try_for_each(|value| check_vectors(key, value))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// One message for a TOML error: the line, the problem and, for an unknown key, the nearest.

@@ -46,5 +46,9 @@ impl Scene {
 }
 
 fn vector(value: toml::Value) -> Result<Vec3, toml::de::Error> {
+    // The first three of more would be taken.
+    if let Some(count) = value.as_array().map(Vec::len).filter(|&count| count != 3) {
+        return Err(serde::de::Error::custom(format!("3 numbers expected, found {count}")));
+    }
     Ok(Vec3::from_array(value.try_into()?))
 }

@@ -110,6 +110,19 @@ fn slips_are_told() {
     let near = "--camera=eye=0.3,0.3,0.5 target=0.3,0.3,0 fov_y=20";
     assert_tells(&render(&["a.csv", radius, near]), &["% of the particles are out of the picture"]);
 
+    // Half a metre of water, its radius in centimetres.
+    assert_tells(
+        &render(&["a.csv", "--radius=2.5"]),
+        &["much closer together than their radius of 2.5 m"],
+    );
+    write("none.csv", "x,y,z\n");
+    let lines = said(folder, &["none.csv", "-o", "a.png"]);
+    assert_tells(&lines[0], &["no picture has particles"]);
+    // Never filled in.
+    write("zero.csv", &block(0.05, ",radius", ",0", [0.0; 3]));
+    let lines = said(folder, &["zero.csv", "-o", "a.png"]);
+    assert_tells(&lines[0], &["m (guessed)", "radius ignored"]);
+
     write("mm.csv", &block(50.0, "", "", [0.0; 3]));
     let line = render(&["mm.csv", "--radius=25"]);
     assert_tells(

@@ -181,6 +181,12 @@ fn vtu_variants() {
         };
         assert_eq!(read("UnstructuredGrid", &whole), vtu_attributes(), "variant {i}");
         assert_eq!(read("PolyData", &whole), vtu_attributes(), "variant {i}");
+        let marked = [b"\xef\xbb\xbf", &*vtu("PolyData", &whole, stored, headers)].concat();
+        assert_eq!(
+            super::read("a.vtp", &marked).unwrap(),
+            vtu_attributes(),
+            "variant {i}, byte order mark"
+        );
         let pieces = [1, 0, 2];
         assert_eq!(read("UnstructuredGrid", &pieces), vtu_attributes(), "variant {i} in pieces");
         assert_eq!(read("UnstructuredGrid", &[0]).len(), 0, "variant {i} of nothing");

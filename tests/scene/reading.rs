@@ -221,6 +221,12 @@ fn ranges() {
     for ior in ["0.29", "3.5", "nan", "inf", "-1.33"] {
         out("ior = 1.4", &format!("ior = {ior}"), &["liquid", "ior"]);
     }
+    // A comma for a point makes one number of two.
+    out(
+        "absorption = [1.0, 0.5, 0.25]",
+        "absorption = [1,0, 0.5, 0.25]",
+        &["liquid.absorption has 4"],
+    );
     for absorption in ["-0.5", "nan", "inf"] {
         let to = format!("absorption = [1.0, {absorption}, 0.25]");
         out("absorption = [1.0, 0.5, 0.25]", &to, &["liquid", "absorption"]);

@@ -76,6 +76,7 @@ fn moments(args: &Args, input: &Input) -> limpid::Result<(Vec<Moment>, Vec<i64>,
         (None, None) => FrameSpec::All,
     };
     let mut frames = spec.numbers(&input.sequence, input.missing)?;
+    input.check_frames(&frames)?;
     let fps = args.fps.or(input.fps()).unwrap_or(DEFAULT_FPS);
     film::check_fps(fps)?;
     if let Some(time) = args.at {

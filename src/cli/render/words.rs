@@ -63,6 +63,15 @@ impl Words {
     }
 }
 
+impl Words {
+    /// What is known once all pictures are drawn.
+    pub(super) fn end(&self) {
+        if !self.begun {
+            self.line("no picture has particles");
+        }
+    }
+}
+
 /// `40,368 particles, radius 0.025 m (guessed), velocity used, density ignored; llvmpipe`.
 fn describe(loaded: &Loaded, adapter: &str) -> String {
     let from = match loaded.radius_from {
