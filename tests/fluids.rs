@@ -204,7 +204,7 @@ fn a_scene_of_two_fluids() {
     // A frame that one of them lacks.
     let first = input.sequence.frame(1).expect("one fluid has it").clone();
     assert!(input.particles(&first).unwrap_err().to_string().contains("frame 1 is missing"));
-    input.missing = limpid::input::Missing::Empty;
+    input.missing = Missing::Empty;
     assert_eq!(input.particles(&first).unwrap().len(), 2);
 
     for (bad, problem) in [

@@ -6,6 +6,18 @@ use limpid::camera::{Camera, CameraUniform};
 use super::support::{Kernel, Random, gpu, uniform};
 use super::view::case;
 
+/// A rotation to anywhere.
+fn turn(random: &mut Random) -> DMat3 {
+    let x = random.direction();
+    let y = x.cross(random.direction()).normalize();
+    DMat3::from_cols(x, y, x.cross(y))
+}
+
+/// The six entries of a symmetric matrix, as a splat has them.
+fn entries(m: DMat3) -> [f64; 6] {
+    [m.x_axis.x, m.y_axis.y, m.z_axis.z, m.x_axis.y, m.x_axis.z, m.y_axis.z]
+}
+
 /// Protects splats: the map to the unit sphere is the inverse of the ellipsoid's axes, from drops
 /// of micrometres to boulders, round to flat.
 #[test]
@@ -23,15 +35,13 @@ fn splat_matrices_are_inverted() {
     let mut random = Random(17);
     let cases: Vec<[f32; 6]> = (0..20_000)
         .map(|i| {
-            let x = random.direction();
-            let y = x.cross(random.direction()).normalize();
-            let turn = DMat3::from_cols(x, y, x.cross(y));
+            let turn = turn(&mut random);
             // `max_ratio` goes to 100 for eigenvalues of the covariance: 10 for the axes.
             let flat = if i % 3 == 0 { 1.0 } else { random.magnitude(1.0, 10.0) };
             let axes = DVec3::new(1.0, random.range(1.0 / flat, 1.0), 1.0 / flat);
             let m =
                 turn * DMat3::from_diagonal(axes * random.magnitude(1e-6, 1e3)) * turn.transpose();
-            case(&[&[m.x_axis.x, m.y_axis.y, m.z_axis.z, m.x_axis.y, m.x_axis.z, m.y_axis.z]])
+            case(&[&entries(m)])
         })
         .collect();
     let results: Vec<[f32; 9]> = kernel.run(gpu, &cases);
@@ -90,9 +100,7 @@ fn depths_keep_within_their_bound() {
         let mut random = Random(23);
         let cases: Vec<[f32; 11]> = (0..20_000)
             .map(|i| {
-                let x = random.direction();
-                let y = x.cross(random.direction()).normalize();
-                let turn = DMat3::from_cols(x, y, x.cross(y));
+                let turn = turn(&mut random);
                 let distance = random.magnitude(0.02, 300.0);
                 let size = (distance * random.magnitude(1e-4, 1.0)).min(5.0);
                 let flat = if i % 2 == 0 { 0.2 } else { 1e-3 };
@@ -100,9 +108,7 @@ fn depths_keep_within_their_bound() {
                 let m = turn * DMat3::from_diagonal(axes) * turn.transpose();
                 let centre = distance * forward + 0.2 * distance.min(10.0) * random.direction();
                 let place = [random.unit(), random.unit()];
-                let shape =
-                    [m.x_axis.x, m.y_axis.y, m.z_axis.z, m.x_axis.y, m.x_axis.z, m.y_axis.z];
-                case(&[&shape, &centre.to_array(), &place])
+                case(&[&entries(m), &centre.to_array(), &place])
             })
             .collect();
         let results: Vec<[f32; 4]> = kernel.run(gpu, &cases);
@@ -158,17 +164,14 @@ fn rectangles_of_cut_splats_are_tight() {
     let mut random = Random(29);
     let cases: Vec<[f32; 9]> = (0..3000)
         .map(|i| {
-            let x = random.direction();
-            let y = x.cross(random.direction()).normalize();
-            let turn = DMat3::from_cols(x, y, x.cross(y));
+            let turn = turn(&mut random);
             let flat = [1.0, 0.3, 0.01][i % 3];
             let axes = DVec3::new(1.0, random.range(0.3, 1.0), flat) * random.magnitude(0.01, 5.0);
             let m = turn * DMat3::from_diagonal(axes) * turn.transpose();
             let beyond = random.range(-0.999, 0.999) * m.row(2).length();
             let beside = random.magnitude(0.01, 3.0) * axes.x * random.direction();
             let centre = DVec3::new(beside.x, beside.y, -near - beyond);
-            let shape = [m.x_axis.x, m.y_axis.y, m.z_axis.z, m.x_axis.y, m.x_axis.z, m.y_axis.z];
-            case(&[&shape, &centre.to_array()])
+            case(&[&entries(m), &centre.to_array()])
         })
         .collect();
     let rectangles: Vec<[f32; 4]> = kernel.run(gpu, &cases);
