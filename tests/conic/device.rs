@@ -314,7 +314,8 @@ fn the_map_is_gathered() {
 
     let camera = support::uniform(gpu, &view);
     let absorption = DVec3::new(0.1, 0.2, 0.4);
-    let mut params = [0.1, 0.2, 0.4, WATER as f32, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, 0.0];
+    let mut params = [0.0; 16];
+    params[..5].copy_from_slice(&[0.1, 0.2, 0.4, WATER as f32, 0.1]);
     let params_buffer = support::uniform(gpu, &params);
     params[4] = 0.01;
     let dry_buffer = support::uniform(gpu, &params);
