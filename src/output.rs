@@ -102,7 +102,7 @@ impl Temporary {
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         builder.prefix(TEMPORARY);
         let created = Litter::create(|| {
-            let file = builder.tempfile_in(folder_of(path))?;
+            let file = builder.tempfile_in(folder_of(&behind_link(path)))?;
             let name = file.path().to_owned();
             Ok((file, name))
         });
@@ -122,7 +122,7 @@ impl Temporary {
     pub(crate) fn keep(self, path: &Path) -> Result<()> {
         let fail = |e: io::Error| Error::io(path, "write", e);
         self.file.as_file().sync_all().map_err(fail)?;
-        self.file.persist(path).map_err(|e| fail(e.error))?;
+        self.file.persist(behind_link(path)).map_err(|e| fail(e.error))?;
         drop(self.litter);
         Ok(())
     }
@@ -138,6 +138,14 @@ fn without_name(error: &io::Error) -> io::Error {
             io::Error::from_raw_os_error(code)
         }
         _ => error.kind().into(),
+    }
+}
+
+/// The file that a path leads to: a link stays one, and what it leads to is replaced.
+fn behind_link(path: &Path) -> PathBuf {
+    match path.is_symlink() {
+        true => path.canonicalize().unwrap_or_else(|_| path.to_owned()),
+        false => path.to_owned(),
     }
 }
 

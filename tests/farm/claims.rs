@@ -212,7 +212,7 @@ fn waiting_is_said() {
     BufReader::new(child.stderr.take().unwrap()).read_line(&mut line).unwrap();
     assert_eq!(
         line,
-        "limpid: waiting for 1 frames of others: 1 of somebody on a far machine: f/frame_0001.png.claim1\n"
+        "limpid: waiting for a frame of others: 1 of somebody on a far machine: f/frame_0001.png.claim1\n"
     );
     drop(held);
     assert!(child.wait().unwrap().success());

@@ -84,6 +84,17 @@ fn files_are_written_whole_or_not_at_all() {
     assert_eq!(fs::read(&path).unwrap(), b"second");
     assert_eq!(names(&folder), ["a.txt"]);
 
+    // A link stays one, to the file that is written.
+    #[cfg(unix)]
+    {
+        let link = folder.path().join("latest");
+        std::os::unix::fs::symlink("a.txt", &link).unwrap();
+        write_atomically(&link, Kind::Cache, |file| file.write_all(b"third")).unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(fs::read(&path).unwrap(), b"third");
+        fs::remove_file(&link).unwrap();
+    }
+
     // A name that is taken by a folder, and a folder that is a file or not there.
     fs::create_dir(folder.path().join("taken")).unwrap();
     for name in ["taken", "a.txt/b.txt", "none/b.txt"] {
