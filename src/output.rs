@@ -187,11 +187,14 @@ fn litter() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 /// Programs that write files for this one, which [`abandon`] ends first.
 static CHILDREN: Mutex<Vec<Weak<Mutex<Child>>>> = Mutex::new(Vec::new());
 
-/// Has [`abandon`] end a program that writes a file, until it is dropped.
-pub(crate) fn adopt(child: &Arc<Mutex<Child>>) {
+/// Starts a program that writes a file, which [`abandon`] ends until it is dropped.
+pub(crate) fn start(spawn: impl FnOnce() -> io::Result<Child>) -> io::Result<Arc<Mutex<Child>>> {
+    // Nobody ends the process between the program and its entry.
     let mut children = locked(&CHILDREN);
+    let child = Arc::new(Mutex::new(spawn()?));
     children.retain(|child| child.strong_count() > 0);
-    children.push(Arc::downgrade(child));
+    children.push(Arc::downgrade(&child));
+    Ok(child)
 }
 
 /// What a lock holds, whoever has panicked with it.
@@ -203,11 +206,14 @@ pub(crate) fn locked<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
 /// once: other threads wait for ever when they are about to create or to keep a file.
 pub fn abandon() {
     // Else they would write again what is removed.
-    for child in locked(&CHILDREN).drain(..).filter_map(|child| child.upgrade()) {
+    let mut children = locked(&CHILDREN);
+    for child in children.drain(..).filter_map(|child| child.upgrade()) {
         let mut child = locked(&child);
         let _ = child.kill();
         let _ = child.wait();
     }
+    // Nor are others started.
+    std::mem::forget(children);
     let litter = litter();
     for path in litter.iter() {
         // What cannot be removed now is swept up later.

@@ -69,7 +69,7 @@ impl Ffmpeg {
         // In a group of its own, Ctrl-C is for limpid alone, which ends it too.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        let mut child = command.spawn().map_err(|e| match e.kind() {
+        let child = output::start(|| command.spawn()).map_err(|e| match e.kind() {
             io::ErrorKind::NotFound => io::Error::new(
                 io::ErrorKind::NotFound,
                 "this kind of film needs ffmpeg, which is not on PATH: install it (Debian: \
@@ -77,9 +77,7 @@ impl Ffmpeg {
             ),
             kind => io::Error::new(kind, format!("ffmpeg does not start: {e}")),
         })?;
-        let pictures = child.stdin.take();
-        let child = Arc::new(Mutex::new(child));
-        output::adopt(&child);
+        let pictures = output::locked(&child).stdin.take();
         Ok(Self { child, pictures, messages })
     }
 
