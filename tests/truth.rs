@@ -12,7 +12,7 @@ use even_light::even_light;
 use image::{Rgb, RgbImage};
 use limpid::camera::Camera;
 use limpid::compare::{compare, load_picture};
-use limpid::environment::Environment;
+use limpid::environment::{Environment, EvenLight};
 use limpid::glam::{DMat3, DVec2, DVec3, UVec2, UVec3, Vec3};
 use limpid::input::Input;
 use limpid::reference::analytic::{Ball, Block, Drops, Ellipsoid, Pool};
@@ -234,6 +234,25 @@ fn even_light_weakens_on_its_way_down() {
     }
     let air = Block { min: DVec3::splat(50.0), max: DVec3::splat(51.0) };
     assert!((seen_down(&air, &scene(&text(1.0))) - 0.5 * 0.8).length() < 1e-7);
+}
+
+/// Protects the renderer's two paths for even light: within what `EvenLight` promises of the closed form,
+/// from the surface down to where nothing is left.
+#[test]
+fn two_paths_stand_for_all_of_the_sky() {
+    for ior in [1.2_f32, 1.333, 1.5, 2.0, 3.0] {
+        let EvenLight { shares, paths } = EvenLight::below(ior);
+        for (depth, tolerance) in [(0.0, 1e-5), (0.1, 1e-3), (0.5, 1e-3), (2.0, 1e-3), (8.0, 3e-3)]
+        {
+            let path = |i: usize| f64::from(shares[i]) * (-depth * f64::from(paths[i])).exp();
+            let expected = even_light(ior.into(), DVec3::ONE, depth).x;
+            let off = (path(0) + path(1)) / expected - 1.0;
+            assert!(
+                off.abs() < tolerance,
+                "index {ior}, {depth} absorption lengths: off by {off:e}"
+            );
+        }
+    }
 }
 
 fn pool() -> Pool {
