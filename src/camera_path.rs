@@ -6,10 +6,9 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, is_place, up};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, toml_error};
 use crate::files;
 use crate::output::{self, Kind};
-use crate::scene::toml_error;
 
 /// A camera that moves from key to key.
 ///

@@ -189,3 +189,37 @@ pub(crate) fn printable(problem: String) -> String {
     let shown = problem.chars().take(MOST).map(|c| if c.is_control() { '?' } else { c });
     shown.chain(if cut { "..." } else { "" }.chars()).collect()
 }
+
+/// One message for a TOML error: the line, the problem and, for an unknown key, the nearest.
+pub(crate) fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> Error {
+    let mut problem = error.message().trim().to_owned();
+    if let Some(nearest) = nearest_key(&problem) {
+        problem = format!("{problem}; did you mean `{nearest}`?");
+    }
+    let line = error.span().map(|span| {
+        let before = text.as_bytes().get(..span.start).unwrap_or(text.as_bytes());
+        1 + before.iter().filter(|&&byte| byte == b'\n').count()
+    });
+    let origin = match line {
+        Some(line) => format!("{origin}: line {line}"),
+        None => origin.to_owned(),
+    };
+    Error::Scene { origin, problem: printable(problem) }
+}
+
+/// The key most like the unknown one, from serde's message (the first name in backquotes is the
+/// unknown key, the rest are those that exist) or from toml's own about tables in arrays.
+fn nearest_key(message: &str) -> Option<&str> {
+    let names: Vec<&str> = match message.strip_prefix("unexpected keys in table: ") {
+        Some(rest) => {
+            let (unknown, known) = rest.split_once(", available keys: ")?;
+            unknown.split(", ").take(1).chain(known.split(", ")).collect()
+        }
+        None if message.starts_with("unknown") => message.split('`').skip(1).step_by(2).collect(),
+        None => return None,
+    };
+    let (unknown, known) = names.split_first()?;
+    known.iter().copied().max_by(|a, b| {
+        strsim::jaro_winkler(a, unknown).total_cmp(&strsim::jaro_winkler(b, unknown))
+    })
+}

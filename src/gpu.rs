@@ -14,7 +14,6 @@ use glam::UVec2;
 
 use crate::error::{Error, Result, printable};
 use crate::memory;
-use crate::passes::tiles::TILE;
 
 pub(crate) use binding::{
     sampled, storage, storage_of, storage_read_write, storage_texture, uniform,
@@ -373,7 +372,7 @@ async fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), St
     if !flags.contains(DownlevelFlags::VERTEX_STORAGE | DownlevelFlags::INDIRECT_EXECUTION) {
         return lacks("storage buffers in vertex shaders or no indirect dispatch");
     }
-    let planes = adapter.get_texture_format_features(crate::passes::Layers::FORMAT);
+    let planes = adapter.get_texture_format_features(LAYER_FORMAT);
     let needed = TextureUsages::RENDER_ATTACHMENT
         | TextureUsages::STORAGE_BINDING
         | TextureUsages::TEXTURE_BINDING;
@@ -583,7 +582,13 @@ pub(crate) fn module_pipeline(
     })
 }
 
-/// The 8 × 8 workgroups that cover `size` pixels.
+/// Threads along either side of a workgroup that draws pixels, and pixels along that of a tile.
+pub const TILE: u32 = 8;
+
+/// What layers of planes are stored in: π in red, green and blue, depth in alpha.
+pub const LAYER_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+
+/// The workgroups that cover `size` pixels.
 pub(crate) fn workgroups(size: UVec2) -> (u32, u32) {
-    (size.x.div_ceil(8), size.y.div_ceil(8))
+    (size.x.div_ceil(TILE), size.y.div_ceil(TILE))
 }

@@ -10,7 +10,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::memory;
-use crate::particles::{Array, AttributeMap, Contents, Particles, ReadOptions, Up};
+use crate::particles::{self, Array, AttributeMap, Contents, Particles, ReadOptions, Up};
 use crate::passes::classify::{self, Place, Splat, Splats};
 use crate::recipe::Recipe;
 use crate::scene::{ParticleSource, Scene};
@@ -308,7 +308,7 @@ impl Input {
     /// # Errors
     /// [`Error::Usage`] unless a 32-bit float holds the radius' cube.
     pub fn with_radius(mut self, radius: f32) -> Result<Self> {
-        if !classify::drawable(radius) {
+        if !particles::drawable(radius) {
             let problem = format!("a particle radius of {radius}: 1e-12 to 1e12 m expected");
             return Err(Error::Usage(problem));
         }

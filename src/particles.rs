@@ -346,6 +346,11 @@ impl Particles {
     }
 }
 
+/// Whether a particle of this radius has a volume that a 32-bit float can hold.
+pub(crate) fn drawable(radius: f32) -> bool {
+    radius > 0.0 && radius.powi(3).is_normal()
+}
+
 impl Contents {
     /// As [`Particles::read`], with what the file holds besides.
     ///

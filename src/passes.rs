@@ -35,7 +35,7 @@ pub struct Layers {
 
 impl Layers {
     /// π in red, green and blue, depth in alpha; all 0 where empty.
-    pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+    pub const FORMAT: wgpu::TextureFormat = gpu::LAYER_FORMAT;
     /// The layer of nearest fronts.
     pub const FRONT: u32 = 0;
     /// The layer of farthest backs.

@@ -3,7 +3,7 @@
 mod file;
 mod optics;
 
-pub(crate) use file::{is_scene, toml_error};
+pub(crate) use file::is_scene;
 
 use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use serde::{Deserialize, Serialize};
@@ -12,11 +12,18 @@ use crate::camera::{Camera, is_place};
 use crate::environment::{Environment, is_radiance};
 use crate::error::{Error, Result};
 use crate::particles::{AttributeMap, Up};
-use crate::passes::gbuffer::{MAX_LIGHTS, MAX_SOLIDS};
-use crate::passes::mixture::MAX_FLUIDS;
 use crate::recipe::Recipe;
 use crate::settings::Settings;
 use crate::sim::Simulation;
+
+/// Solids that a scene can have: 40 KiB of uniform memory.
+pub const MAX_SOLIDS: usize = 512;
+
+/// Lights that a scene can have.
+pub const MAX_LIGHTS: usize = 16;
+
+/// Fluids that a scene can have.
+pub const MAX_FLUIDS: usize = 16;
 
 /// Everything that a picture shows apart from the particles themselves.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,8 +8,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
-use crate::scene::toml_error;
+use crate::error::{Error, Result, toml_error};
 
 /// All settings of the renderer. The defaults are those of the README's first row.
 ///

@@ -164,3 +164,14 @@ pub fn with_stored_uniforms(text: &str) -> String {
         text.replace(&format!("var<uniform> {name}:"), &format!("var<storage, read> {name}:"))
     })
 }
+
+/// The value of a constant that a shader has, by its text: for tests of what Rust has too.
+#[cfg(test)]
+pub(crate) fn constant(root: &str, name: &str) -> f64 {
+    let source = source(root);
+    let declared = source.lines().find_map(|line| line.strip_prefix("const ")?.strip_prefix(name));
+    let declared = declared.unwrap_or_else(|| panic!("{root} has no constant {name}"));
+    let (_, value) = declared.split_once('=').expect("a value");
+    let value = value.split(';').next().expect("an end").trim();
+    value.trim_end_matches(['u', 'i', 'f']).parse().expect("a number")
+}

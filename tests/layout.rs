@@ -8,7 +8,7 @@ use bytemuck::Zeroable;
 use limpid::camera::CameraUniform;
 use limpid::passes::classify::device;
 use limpid::passes::{Layers, caustics, classify, cull, gbuffer, refract, smooth, tiles, tonemap};
-use limpid::{gpu, shader};
+use limpid::{gpu, scene, shader};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
 
 /// One field as either language has it.
@@ -238,10 +238,11 @@ fn wgsl_constant(root: &str, name: &str) -> u32 {
 #[test]
 fn shared_constants_agree() {
     let table = [
-        ("gbuffer.wgsl", "MAX_SOLIDS", gbuffer::MAX_SOLIDS as u32),
-        ("gbuffer.wgsl", "MAX_LIGHTS", gbuffer::MAX_LIGHTS as u32),
-        ("gbuffer.wgsl", "MAX_LIGHT_VIEWS", (gbuffer::MAX_LIGHTS * gbuffer::LIGHT_VIEWS) as u32),
-        ("tiles.wgsl", "TILE", tiles::TILE),
+        ("gbuffer.wgsl", "MAX_SOLIDS", scene::MAX_SOLIDS as u32),
+        ("gbuffer.wgsl", "MAX_LIGHTS", scene::MAX_LIGHTS as u32),
+        ("mixture.wgsl", "MAX_FLUIDS", scene::MAX_FLUIDS as u32),
+        ("gbuffer.wgsl", "MAX_LIGHT_VIEWS", (scene::MAX_LIGHTS * gbuffer::LIGHT_VIEWS) as u32),
+        ("tiles.wgsl", "TILE", gpu::TILE),
         ("splat.wgsl", "BURIED", classify::Splat::BURIED),
         ("cull/select.wgsl", "BLOCK", cull::BLOCK),
         ("splat.wgsl", "FRONT", Layers::FRONT),

@@ -1,17 +1,20 @@
 //! Pictures against references.
 //!
 //! Protects the one number that limpid is measured by: the mean FLIP to pictures of the same
-//! particles whose surface was reconstructed and path-traced. The references are not part of what
-//! a user clones: `LIMPID_REFERENCE` names their folder (default `../shared/reference` beside the
-//! checkout), with `scenes/NAME.toml` and `pictures/NAME.png`. Where it is not, this test says so.
+//! particles whose surface was reconstructed and path-traced, in the folder that `LIMPID_REFERENCE`
+//! names.
 
-use std::path::{Path, PathBuf};
+#[path = "support/references.rs"]
+mod references;
+
+use std::path::Path;
 
 use glam::UVec2;
 use limpid::compare::{compare, load_picture};
 use limpid::gpu::Gpu;
 use limpid::input::Input;
 use limpid::renderer::{Picture, Renderer};
+use references::references;
 
 const SCENES: [&str; 5] = [
     "double_dam_break_front",
@@ -24,18 +27,6 @@ const SCENES: [&str; 5] = [
 /// Mean FLIP that the five must reach together, and that none of them may exceed.
 const MAX_MEAN: f64 = 0.065;
 const MAX_ONE: f64 = 0.12;
-
-fn references() -> Option<PathBuf> {
-    let folder = std::env::var_os("LIMPID_REFERENCE").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/reference"),
-        PathBuf::from,
-    );
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("skipped: no references in {} (set LIMPID_REFERENCE)", folder.display());
-    None
-}
 
 fn input(references: &Path, name: &str, overrides: &[String]) -> Input {
     let path = references.join("scenes").join(name).with_extension("toml");

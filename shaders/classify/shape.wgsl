@@ -27,7 +27,7 @@ const OFFSET_AROUND: f32 = 0.06;
 @group(0) @binding(5) var<storage, read_write> shaped: array<Shaped>; // as in the file
 
 // Eigenvalues below this, in h^2, are one point and rounding errors.
-const COINCIDENT: f32 = 1e-8;
+const COINCIDENT_SQUARED: f32 = 1e-8;
 
 // Below this many neighbours the papers draw a sphere.
 const FEW_NEIGHBOURS: u32 = 25u;
@@ -83,7 +83,7 @@ fn kernel(covariance: Symmetric, neighbours: u32) -> Symmetric {
 fn semi_axes(spread: vec3f, neighbours: u32) -> vec3f {
     let longest = max(max(spread.x, spread.y), spread.z);
     var relative = vec3f(1.0);
-    if longest > COINCIDENT {
+    if longest > COINCIDENT_SQUARED {
         relative = max(spread / longest, vec3f(1.0 / params.max_ratio));
     }
     if params.volume_kernel == 0u {

@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 use super::{Adapter, write_file};
-use crate::error::Result;
+use crate::error::{Result, toml_error};
 use crate::files;
 use crate::output::Kind;
-use crate::scene::toml_error;
 
 const HEADER: &str = "# What `limpid check --bless` drew the expected pictures with.\n";
 

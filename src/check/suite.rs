@@ -11,10 +11,9 @@ use serde::Deserialize;
 use super::Adapter;
 use crate::aov::Aov;
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, toml_error};
 use crate::frames::FrameSpec;
 use crate::output::{Files, Kind, OutputNames, folder_of};
-use crate::scene::toml_error;
 use crate::{files, input};
 
 /// What to draw, what it must look like, and how nearly.

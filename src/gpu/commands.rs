@@ -7,8 +7,7 @@ use std::collections::VecDeque;
 
 use glam::UVec2;
 
-use super::{Gpu, Span};
-use crate::passes::tiles::TILE;
+use super::{Gpu, Span, TILE};
 
 /// Most work of one submission: evaluations of a layer, or what takes as long. Slow graphics cards do as
 /// many in a second; ordinary frames have less in all.

@@ -25,7 +25,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::memory;
-use crate::particles::{self, Ellipsoid, Particles};
+use crate::particles::{self, Ellipsoid, Particles, drawable};
 use crate::settings::Classify;
 use grid::Grid;
 use moments::Moments;
@@ -143,11 +143,6 @@ pub(crate) fn is_inside(splats: &Splats, place: DVec3, support: f32) -> bool {
         }
     }
     near.weight >= AROUND * moments::density_at_rest(support.into())
-}
-
-/// Whether a particle of this radius has a volume that a 32-bit float can hold.
-pub(crate) fn drawable(radius: f32) -> bool {
-    radius > 0.0 && radius.powi(3).is_normal()
 }
 
 /// A particle that can be drawn.

@@ -10,9 +10,8 @@ use rayon::prelude::*;
 use wgpu::TextureViewDimension::D2Array;
 
 use super::splat::{self, SplatBuffers};
-use super::tiles::TILE;
 use super::{CameraBinding, Layers};
-use crate::gpu::{self, Gpu, Span};
+use crate::gpu::{self, Gpu, Span, TILE};
 use crate::passes::classify::Splats;
 
 /// Splats that a workgroup takes.

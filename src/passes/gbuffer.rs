@@ -12,7 +12,7 @@ use crate::environment::Environment;
 use crate::gpu::{self, Gpu, Span};
 use crate::light_view::CUBE;
 use crate::lights::PlacedView;
-use crate::scene::{Light, Scene, Shape, Solid, Surface};
+use crate::scene::{Light, MAX_LIGHTS, MAX_SOLIDS, Scene, Shape, Solid, Surface};
 
 /// `Scene` of `common/scene.wgsl`.
 #[repr(C)]
@@ -107,12 +107,6 @@ pub struct LightViewData {
     /// Layer of the maps.
     pub layer: u32,
 }
-
-/// Solids that a scene can have: 40 KiB of uniform memory.
-pub const MAX_SOLIDS: usize = 512;
-
-/// Lights that a scene can have.
-pub const MAX_LIGHTS: usize = 16;
 
 /// Views that a light can have: its map's, then the faces of a cube around it.
 pub const LIGHT_VIEWS: usize = 1 + CUBE;

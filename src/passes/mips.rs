@@ -70,3 +70,15 @@ impl Mips {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Protects intersectors that read mip levels from those that are not there.
+    #[test]
+    fn levels_are_those_of_the_shader() {
+        let levels = crate::shader::constant("common/layers.wgsl", "MIP_LEVELS");
+        assert_eq!(levels, f64::from(MIP_LEVELS));
+    }
+}

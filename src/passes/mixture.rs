@@ -10,10 +10,7 @@ use glam::{UVec2, Vec4};
 use super::CameraBinding;
 use super::splat::{self, SplatBuffers};
 use crate::gpu::{self, Gpu, Span};
-use crate::scene::Scene;
-
-/// Most fluids of a scene.
-pub const MAX_FLUIDS: usize = 16;
+use crate::scene::{MAX_FLUIDS, Scene};
 
 /// Sums over splats: half floats are the only ones that every adapter adds up, and a share of two
 /// thousandths is nothing against what a ray's bending changes.

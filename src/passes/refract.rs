@@ -151,6 +151,9 @@ impl Variant {
     }
 }
 
+/// Edges that a workgroup draws.
+const EDGE_GROUP: u64 = 64;
+
 #[derive(Debug)]
 struct Pipelines {
     liquid: wgpu::ComputePipeline,
@@ -334,7 +337,7 @@ pub fn work(settings: &settings::Refract, size: UVec2, solids: usize, lights: us
 impl Edges {
     fn new(gpu: &Gpu, [gather, draw]: &[wgpu::BindGroupLayout; 2], size: UVec2) -> Self {
         /// `most_edges` of the shader.
-        const MOST: u64 = 65535 * 64;
+        const MOST: u64 = 65535 * EDGE_GROUP;
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
         let pixels = u64::from(size.x) * u64::from(size.y);
         let list = gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -382,4 +385,16 @@ fn picture(gpu: &Gpu, label: &str, size: UVec2) -> wgpu::Texture {
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
     gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Protects edges from being forgotten: the list is as long as the shader takes it for.
+    #[test]
+    fn edge_groups_are_those_of_the_shader() {
+        let group = crate::shader::constant("refract/interfaces.wgsl", "EDGE_GROUP");
+        assert_eq!(group, EDGE_GROUP as f64);
+    }
 }

@@ -8,10 +8,7 @@ use glam::UVec2;
 use wgpu::TextureViewDimension::D2Array;
 
 use super::Layers;
-use crate::gpu::{self, Gpu, Span};
-
-/// Pixels along a tile's side, and threads along a workgroup's.
-pub const TILE: u32 = 8;
+use crate::gpu::{self, Gpu, Span, TILE};
 
 /// Sorts tiles into those that liquid covers and the rest.
 #[derive(Debug)]

@@ -10,11 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::{Fluid, Light, Liquid, NamedView, ParticleSource, Scene, Shape, Solid, Surface};
 use crate::camera::Camera;
 use crate::environment::{self, Environment};
-use crate::error::{Error, Result, printable};
+use crate::error::{Error, Result, toml_error};
 use crate::files;
 use crate::output::{Kind, write_atomically};
-use crate::particles::{AttributeMap, Up};
-use crate::passes::classify;
+use crate::particles::{self, AttributeMap, Up};
 use crate::recipe::Recipe;
 use crate::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
 use crate::sim::Simulation;
@@ -217,7 +216,7 @@ impl Scene {
             fluids_of.map(|(i, fluid)| (format!("[[fluid]] {i}:"), &mut fluid.particles));
         let particles_of = particles.iter_mut().map(|p| ("[particles]".to_owned(), p));
         for (table, p) in particles_of.chain(fluids_of) {
-            if let Some(radius) = p.radius.filter(|&radius| !classify::drawable(radius)) {
+            if let Some(radius) = p.radius.filter(|&radius| !particles::drawable(radius)) {
                 let problem = format!("{table} radius is {radius:?}, expected 1e-12 to 1e12 m");
                 return Err(fail(problem));
             }
@@ -541,38 +540,4 @@ fn check_vectors(key: &str, value: &toml::Value) -> Result<(), String> {
         }
         _ => Ok(()),
     }
-}
-
-/// One message for a TOML error: the line, the problem and, for an unknown key, the nearest.
-pub(crate) fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> Error {
-    let mut problem = error.message().trim().to_owned();
-    if let Some(nearest) = nearest_key(&problem) {
-        problem = format!("{problem}; did you mean `{nearest}`?");
-    }
-    let line = error.span().map(|span| {
-        let before = text.as_bytes().get(..span.start).unwrap_or(text.as_bytes());
-        1 + before.iter().filter(|&&byte| byte == b'\n').count()
-    });
-    let origin = match line {
-        Some(line) => format!("{origin}: line {line}"),
-        None => origin.to_owned(),
-    };
-    Error::Scene { origin, problem: printable(problem) }
-}
-
-/// The key most like the unknown one, from serde's message (the first name in backquotes is the
-/// unknown key, the rest are those that exist) or from toml's own about tables in arrays.
-fn nearest_key(message: &str) -> Option<&str> {
-    let names: Vec<&str> = match message.strip_prefix("unexpected keys in table: ") {
-        Some(rest) => {
-            let (unknown, known) = rest.split_once(", available keys: ")?;
-            unknown.split(", ").take(1).chain(known.split(", ")).collect()
-        }
-        None if message.starts_with("unknown") => message.split('`').skip(1).step_by(2).collect(),
-        None => return None,
-    };
-    let (unknown, known) = names.split_first()?;
-    known.iter().copied().max_by(|a, b| {
-        strsim::jaro_winkler(a, unknown).total_cmp(&strsim::jaro_winkler(b, unknown))
-    })
 }

@@ -75,3 +75,16 @@ impl Moments {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Protects what the device takes for the inside of a body: its constants are these.
+    #[test]
+    fn constants_are_those_of_the_shader() {
+        let shader = |name| crate::shader::constant("classify/shape.wgsl", name);
+        assert_eq!(shader("DENSITY_AROUND"), DENSITY_AROUND);
+        assert_eq!(shader("OFFSET_AROUND"), OFFSET_AROUND);
+    }
+}

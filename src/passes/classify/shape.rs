@@ -40,8 +40,8 @@ impl Member {
     }
 }
 
-/// Neighbours spread by less than this, in h, are one point and rounding errors.
-const COINCIDENT: f64 = 1e-4;
+/// Neighbours spread by less than the root of this, in h, are one point and rounding errors.
+const COINCIDENT_SQUARED: f64 = 1e-8;
 
 /// Below this many neighbours the papers draw a sphere.
 const FEW_NEIGHBOURS: u32 = 25;
@@ -55,7 +55,7 @@ fn kernel(covariance: DMat3, neighbours: u32, settings: &Classify) -> DMat3 {
     // Inside a body no axis is clamped: all are the same multiple of the eigenvalues, so that the
     // kernel is that multiple of the covariance, and nobody needs to know its directions.
     let spread = eigenvalues(covariance);
-    if spread.min_element() > COINCIDENT * COINCIDENT {
+    if spread.min_element() > COINCIDENT_SQUARED {
         let scale = semi_axes(spread, neighbours, settings) / spread;
         if scale.max_element() - scale.min_element() <= 1e-9 * scale.max_element() {
             return scale.x * covariance;
@@ -72,7 +72,7 @@ fn kernel(covariance: DMat3, neighbours: u32, settings: &Classify) -> DMat3 {
 /// clamp from below is what keeps sheets, lines and points finite.
 fn semi_axes(spread: DVec3, neighbours: u32, settings: &Classify) -> DVec3 {
     let longest = spread.max_element();
-    let relative = if longest > COINCIDENT * COINCIDENT {
+    let relative = if longest > COINCIDENT_SQUARED {
         spread.max(DVec3::splat(longest / f64::from(settings.max_ratio).max(1.0))) / longest
     } else {
         DVec3::ONE
@@ -160,6 +160,15 @@ fn eigen(matrix: DMat3) -> (DVec3, DMat3) {
 mod tests {
     use super::*;
     use crate::passes::classify::tests::noise;
+
+    /// Protects the shapes that the device makes: its constants are these.
+    #[test]
+    fn constants_are_those_of_the_shader() {
+        let shader = |name| crate::shader::constant("classify/shape.wgsl", name);
+        assert_eq!(shader("COINCIDENT_SQUARED"), COINCIDENT_SQUARED);
+        assert_eq!(shader("FEW_NEIGHBOURS"), f64::from(FEW_NEIGHBOURS));
+        assert_eq!(shader("VOLUME_CAP"), VOLUME_CAP);
+    }
 
     fn difference(a: DMat3, b: DMat3) -> f64 {
         (a - b).to_cols_array().into_iter().fold(0.0, |most, x| x.abs().max(most))

@@ -6,8 +6,8 @@ use glam::DVec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use super::moments::{EDGE, Moments};
-use super::{Cloud, Member, distinct, drawable};
-use crate::particles::Particles;
+use super::{Cloud, Member, distinct};
+use crate::particles::{Particles, drawable};
 
 /// A radius for files that have none: half the distance of neighbours where the particles are dense.
 ///
