@@ -401,7 +401,8 @@ impl Viewer {
             return;
         }
         let mut openings = [&self.opening, &self.before].into_iter().flatten();
-        let growing = openings.any(|opening| opening.progress.is_some());
+        let growing = openings
+            .any(|opening| opening.progress.is_some() || opening.growing || opening.pending);
         if self.playback.count() > 1 {
             let (frames, caught_up) = (&self.frames, self.is_caught_up());
             self.playback.advance(passed, |i| caught_up && frames.have(i));
