@@ -30,7 +30,7 @@ pub(super) struct Opening {
     /// How far its bake has come, if one is needed and has not ended.
     pub(super) progress: Option<Progress>,
     /// Whether frames that have been added are being looked for,
-    growing: bool,
+    pub(super) growing: bool,
     /// and whether there have been more since.
     again: bool,
     stop: Arc<AtomicBool>,
