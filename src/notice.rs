@@ -187,6 +187,8 @@ fn crowded(loaded: &Loaded) -> Option<Notice> {
     if loaded.radius_from == RadiusFrom::Guess || all().count() > MOST {
         return None;
     }
+    // Not worth an end for want of memory.
+    classify::probe_memory(splats.aggregates.len() + splats.splashes.len(), "a notice").ok()?;
     let places = all().map(|splat| Vec3::from_array(splat.centre)).collect();
     let spaced = classify::estimate_radius(&Particles::from_positions(places));
     let crowded = spaced > 0.0 && splats.radius > TOO_LARGE * spaced;

@@ -534,13 +534,13 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
         if ANY_LIT && wet {
             // From where the layers have liquid: the solid may be a little beyond it.
             o += min(solid.t, select(NOTHING, to_hit, hit.found)) * d;
-            seen.ambient = ambient_at(o, max(height - dot(o, up), 0.0));
             rises = ABSORPTION && solids[solid.index].lit == 1u && in_picture(o);
             if rises {
                 d = up;
                 start = vec2i(camera_pixel(o));
                 continue;
             }
+            seen.ambient = ambient_at(o, max(height - dot(o, up), 0.0));
         }
         if any(seen.weight > vec3f(0.0)) {
             result += look(seen);

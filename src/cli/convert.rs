@@ -60,8 +60,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
 
-    if args.frames.is_none() && !sequence.gaps().is_empty() {
-        super::complain(Notice::Gaps(sequence.gaps(), None));
+    let gaps = sequence.gaps();
+    if args.frames.is_none() && !gaps.is_empty() {
+        super::complain(Notice::Gaps(gaps, None));
     }
     let bar = super::render::progress(todo.len());
     let (mut lost, mut ignored) = (Vec::new(), Vec::new());

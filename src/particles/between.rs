@@ -14,9 +14,9 @@ impl Particles {
     /// Particles at `fraction` (0 to 1) of the way from frame `a` to frame `b`.
     ///
     /// Particles are matched by their ids; without ids, or if these are the same for many (a material, a
-    /// phase), by their order where both frames have as many
-    /// and most move as far as particles do (by their velocities, or little against the liquid's
-    /// extent); else the nearer frame is shown. A matched particle follows the cubic that has its two
+    /// phase), by their order where both frames have as many and most move as far as particles do (by
+    /// their velocities, or little against the liquid's extent); else the nearer frame is shown. A
+    /// matched particle follows the cubic that has its two
     /// places and velocities (Hermite), or without velocities a straight line: so ballistic flight is
     /// exact. How much time lies between the frames is found from what has moved: the least squares of
     /// displacement against mean velocity. A particle that only one frame has is there for the half

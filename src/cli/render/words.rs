@@ -61,9 +61,7 @@ impl Words {
             self.notice(&notice);
         }
     }
-}
 
-impl Words {
     /// What is known once all pictures are drawn.
     pub(super) fn end(&self) {
         if !self.begun {
