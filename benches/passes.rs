@@ -102,7 +102,7 @@ impl Subject {
     fn named(name: &str, settings: &[String]) -> limpid::Result<Option<Self>> {
         let here = Path::new(env!("CARGO_MANIFEST_DIR"));
         let file = match name {
-            "demo" => return Self::of(name, Input::demo(settings)?, settings).map(Some),
+            "demo" => return Self::of(name, Input::demo()?, settings).map(Some),
             "million" => return Self::swell(COUNTS[3], settings).map(Some),
             "million-all" => {
                 let mut subject = Self::swell(COUNTS[3], settings)?;
@@ -120,25 +120,28 @@ impl Subject {
         if !file.exists() {
             return Ok(None);
         }
-        Self::of(name, Input::open(&file.to_string_lossy(), settings)?, settings).map(Some)
+        Self::of(name, Input::open(&file.to_string_lossy())?, settings).map(Some)
     }
 
     fn of(name: &str, input: Input, settings: &[String]) -> limpid::Result<Self> {
-        let (input, scene) = input.settle(settings)?;
+        let (input, mut project) = input.settle()?;
+        project.set(settings)?;
         let number = input.frame.unwrap_or(input.sequence.frames[0].number);
         let frame = input.sequence.frame(number).unwrap_or(&input.sequence.frames[0]);
-        let loaded = input.load(frame, &scene)?;
-        let camera = scene.camera_for(loaded.bulk.bounds);
+        let loaded = input.load(frame, &project.scene)?;
+        let camera = project.camera_for(loaded.bulk.bounds);
+        let scene = project.scene;
         let (name, particles) = (name.into(), loaded.particles);
         Ok(Self { name, particles, scene, camera, splats: loaded.splats })
     }
 
     fn swell(count: usize, settings: &[String]) -> limpid::Result<Self> {
-        let Swell { mut scene, particles, radius } = Swell::new(count)?;
-        scene.settings = scene.settings.with(settings)?;
+        let Swell { mut project, particles, radius } = Swell::new(count)?;
+        project.set(settings)?;
+        let camera = project.camera_for(particles.bounds().unwrap_or_default());
+        let scene = project.scene;
         let mut splats = classify::classify(&particles, radius, &scene.settings.classify);
         classify::wet(&mut splats, &scene.solids, scene.settings.classify.wetting);
-        let camera = scene.camera_for(particles.bounds().unwrap_or_default());
         Ok(Self { name: "swell".into(), particles: particles.len(), scene, camera, splats })
     }
 }

@@ -43,7 +43,7 @@ fn main() -> limpid::Result<()> {
 /// Writes so many frames of a recipe's particles.
 fn write(name: &str, folder: &Path) -> limpid::Result<()> {
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("sims/{name}.toml"));
-    let input = Input::open(&scene.to_string_lossy(), &[])?;
+    let input = Input::open(&scene.to_string_lossy())?;
     let bare = input.particles(&input.sequence.frames[0])?;
     let count = bare.len();
     let particles = Particles {
@@ -56,14 +56,14 @@ fn write(name: &str, folder: &Path) -> limpid::Result<()> {
 }
 
 fn measure(folder: &Path) -> limpid::Result<()> {
-    let (input, scene) = Input::open(&folder.to_string_lossy(), &[])?.settle(&[])?;
+    let (input, project) = Input::open(&folder.to_string_lossy())?.settle()?;
     let numbers: Vec<i64> = input.sequence.frames.iter().map(|frame| frame.number).collect();
     let moments = input.moments(&numbers, 1.0);
     let threads = rayon::current_num_threads();
     let mut rates = Vec::new();
     let (mut particles, mut most) = (0, 0);
     for _ in 0..RUNS {
-        let (input, scene, moments) = (input.clone(), scene.clone(), moments.clone());
+        let (input, scene, moments) = (input.clone(), project.scene.clone(), moments.clone());
         let load = move |i: usize| input.load(moments[i], &scene);
         let start = Instant::now();
         let ring = Ring::new(numbers.len(), BUDGET, threads, load, |_| ());

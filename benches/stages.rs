@@ -66,9 +66,9 @@ fn classification(criterion: &mut Criterion) {
         group.sampling_mode(SamplingMode::Flat).sample_size(10);
         group.warm_up_time(Duration::from_secs(1));
         for count in COUNTS {
-            let Swell { scene, particles, radius } =
+            let Swell { project, particles, radius } =
                 Swell::new(count).expect("a frame of the swell");
-            let mut settings = scene.settings.classify;
+            let mut settings = project.scene.settings.classify;
             if name == "neighbours" {
                 // Sparser than everything is a splash, for which nothing but its neighbours is asked.
                 settings.splash_density = f32::INFINITY;

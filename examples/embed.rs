@@ -54,18 +54,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // ---- 3. One frame. In a loop, repeat this part; the renderer keeps its memory.
 
     let input = match std::env::args().nth(1) {
-        Some(path) => Input::open(&path, &[])?,
-        None => Input::demo(&[])?,
+        Some(path) => Input::open(&path)?,
+        None => Input::demo()?,
     };
     // The scene of the input, or for bare particles one that is made around them. To build one in
     // code instead, fill in a `limpid::scene::Scene`: all its fields are public.
-    let (input, scene) = input.settle(&[])?;
+    let (input, project) = input.settle()?;
     let frame = &input.sequence.frames[0];
     // Particles become ellipsoids on the CPU, or with `Input::classified` on the device; this may as
     // well run on a thread of its own.
-    let loaded = input.load(frame, &scene)?;
-    let camera = scene.camera_for(loaded.bulk.bounds);
-    renderer.render(&scene, &camera, &loaded.splats, &view, texture.format(), SIZE)?;
+    let loaded = input.load(frame, &project.scene)?;
+    let camera = project.camera_for(loaded.bulk.bounds);
+    renderer.render(&project.scene, &camera, &loaded.splats, &view, texture.format(), SIZE)?;
 
     // ---- 4. The program's own again. The queue keeps the order: this copy comes after the frame.
 

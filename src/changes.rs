@@ -97,21 +97,7 @@ impl Drawn {
             kept.splashes.clone_from(&splats.splashes);
             (kept.radius, kept.origin) = (splats.radius, splats.origin);
         }
-        // What no pass reads is not kept.
-        let scene = Scene {
-            particles: None,
-            fluids: scene.fluids.clone(),
-            recipe: None,
-            simulation: None,
-            liquid: scene.liquid,
-            camera: None,
-            views: Vec::new(),
-            environment: scene.environment.clone(),
-            solids: scene.solids.clone(),
-            lights: scene.lights.clone(),
-            settings: scene.settings.clone(),
-        };
-        Self { scene, camera: *camera, splats: kept, wanted, diagnosed }
+        Self { scene: scene.clone(), camera: *camera, splats: kept, wanted, diagnosed }
     }
 }
 

@@ -69,6 +69,14 @@ pub enum Error {
         /// What is wrong with which key.
         problem: String,
     },
+    /// A value that is to be replaced by name: [`crate::project::Project::set`].
+    #[error("--set {text}: {problem}")]
+    Override {
+        /// The override.
+        text: String,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// No file matches a pattern, or frames of a range are missing.
     #[error("{pattern}: {problem}")]
     Sequence {
@@ -143,7 +151,7 @@ impl Error {
     /// The process exit code for this error, as the command line documents it.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Usage(_) | Self::Scene { .. } => 2,
+            Self::Usage(_) | Self::Scene { .. } | Self::Override { .. } => 2,
             Self::Defect(_) => 1,
             Self::Mismatch(_) | Self::Format { .. } => 3,
             // The system's own word for no memory.

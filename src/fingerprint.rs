@@ -23,7 +23,6 @@ use crate::camera::Camera;
 use crate::environment::Environment;
 use crate::files;
 use crate::input::{Input, Moment, Origin};
-use crate::particles::{AttributeMap, Up};
 use crate::scene::Scene;
 
 /// Keywords of the texts in a PNG.
@@ -151,22 +150,7 @@ fn look(scene: &Scene) -> (String, &[u8]) {
         }
         other => (other.clone(), &[][..]),
     };
-    let mut scene = Scene {
-        particles: None,
-        recipe: None,
-        simulation: None,
-        camera: None,
-        views: Vec::new(),
-        environment,
-        ..scene.clone()
-    };
-    for fluid in &mut scene.fluids {
-        // Where its particles are, how large and which way up, is the input's to say.
-        fluid.particles.source.clear();
-        (fluid.particles.frame, fluid.particles.fps) = (None, None);
-        (fluid.particles.radius, fluid.particles.up) = (None, Up::default());
-        fluid.particles.map = AttributeMap::default();
-    }
+    let scene = Scene { environment, ..scene.clone() };
     (format!("{scene:?}"), map)
 }
 

@@ -12,22 +12,25 @@ use crate::files;
 use crate::memory;
 use crate::particles::{self, Array, AttributeMap, Contents, Particles, ReadOptions, Up};
 use crate::passes::classify::{self, Place, Splat, Splats};
+use crate::project::{LiquidSource, ParticleSource, Processor, Project};
 use crate::recipe::Recipe;
-use crate::scene::{ParticleSource, Scene};
+use crate::scene::Scene;
 use crate::sequence::{Frame, Sequence};
 use crate::sim;
 
-/// A scene with its particle frames.
+/// A project with its particle frames.
 #[derive(Debug, Clone)]
 pub struct Input {
-    /// The scene; `None` for bare particle files, which get one from [`Input::settle`].
-    pub scene: Option<Scene>,
+    /// The project; `None` for bare particle files, which get one from [`Input::settle`].
+    pub project: Option<Project>,
     /// The frames; of several fluids, those that any of them has.
     pub sequence: Sequence,
     /// The frame that the scene names.
     pub frame: Option<i64>,
     /// What stands for a frame that is not there.
     pub missing: Missing,
+    /// What classifies the particles; opening takes it from the project.
+    processor: Processor,
     place: Place,
     fps: Option<f64>,
     // At least one.
@@ -227,12 +230,12 @@ impl Input {
     /// Opens a scene or a recipe (`.toml`), a particle file, a pattern or a folder.
     ///
     /// # Errors
-    /// As [`Scene::load_with`] and [`Sequence::open`]; a scene without particles is an
+    /// As [`Project::load`] and [`Sequence::open`]; a scene without particles is an
     /// [`Error::Scene`].
-    pub fn open(input: &str, overrides: &[String]) -> Result<Self> {
+    pub fn open(input: &str) -> Result<Self> {
         let path = Path::new(input);
         if is_scene_file(path) {
-            return Self::from_scene(Scene::load_with(path, overrides)?, input);
+            return Self::from_project(Project::load(path)?, input);
         }
         let sequence = Sequence::open(input)?;
         Ok(Self::of(None, Fluid::of_files(sequence, None, Up::Y, AttributeMap::default()), None))
@@ -246,19 +249,20 @@ impl Input {
     pub fn outline(input: &str) -> Result<Self> {
         let path = Path::new(input);
         if is_scene_file(path) {
-            return Self::from_scene(Scene::outline(path)?, input);
+            return Self::from_project(Project::outline(path)?, input);
         }
-        Self::open(input, &[])
+        Self::open(input)
     }
 
     /// The built-in demo: a frame of a double dam break, simulated with SPlisHSPlasH.
     ///
     /// # Errors
-    /// [`Error::Scene`] for a bad override.
-    pub fn demo(overrides: &[String]) -> Result<Self> {
+    /// None that a test does not find.
+    pub fn demo() -> Result<Self> {
         let text = include_str!("../sims/demo.toml");
-        let scene = Scene::parse(text, "demo", Path::new(""), overrides)?;
-        let particles = scene.particles.clone().expect("the demo names its particles");
+        let project = Project::parse(text, "demo", Path::new(""))?;
+        let particles = project.source.files().first().cloned();
+        let particles = particles.expect("the demo names its particles");
         let frame = Frame { number: 0, path: particles.source.into() };
         let fluid = Fluid {
             sequence: Sequence { frames: vec![frame], pattern: "demo".into() },
@@ -268,28 +272,36 @@ impl Input {
             options: ReadOptions::default(),
             source: Source::Embedded(include_bytes!("../sims/demo.bgeo")),
         };
-        Ok(Self::of(Some(scene), fluid, Some(0)))
+        Ok(Self::of(Some(project), fluid, Some(0)))
     }
 
     /// One fluid.
-    fn of(scene: Option<Scene>, fluid: Fluid, frame: Option<i64>) -> Self {
+    fn of(project: Option<Project>, fluid: Fluid, frame: Option<i64>) -> Self {
         let sequence = fluid.sequence.clone();
-        let (missing, place) = (Missing::Error, Place::default());
-        Self { scene, sequence, frame, missing, place, fps: None, fluids: vec![fluid] }
+        Self {
+            processor: project.as_ref().map_or(Processor::default(), |project| project.processor),
+            project,
+            sequence,
+            frame,
+            missing: Missing::Error,
+            place: Place::default(),
+            fps: None,
+            fluids: vec![fluid],
+        }
     }
 
-    /// The same frames in another scene. Where that names particles of its own, their radius, axis
+    /// The same frames in another scene. Where its file names particles of its own, their radius, axis
     /// and map of attributes hold for these.
     #[must_use]
-    pub fn with_scene(mut self, scene: Scene) -> Self {
-        if let Some(simulation) = &scene.simulation {
+    pub fn with_project(mut self, project: Project) -> Self {
+        if let Some(simulation) = project.source.simulation() {
             self.fps = Some(simulation.fps);
             for fluid in &mut self.fluids {
                 fluid.radius = Some(simulation.particle_radius() as f32);
                 fluid.radius_from = RadiusFrom::Scene;
             }
         }
-        if let Some(particles) = scene.sources().first() {
+        if let Some(particles) = project.source.files().first() {
             self.fps = particles.fps.or(self.fps);
             for fluid in &mut self.fluids {
                 if let Some(radius) = particles.radius {
@@ -300,7 +312,7 @@ impl Input {
                 fluid.options.map.clone_from(&particles.map);
             }
         }
-        Self { scene: Some(scene), ..self }
+        Self { processor: project.processor, project: Some(project), ..self }
     }
 
     /// The same frames with a particle radius in metres where the files have none.
@@ -325,6 +337,12 @@ impl Input {
         Self { place, ..self }
     }
 
+    /// The same frames, classified by this one.
+    #[must_use]
+    pub fn processed_by(self, processor: Processor) -> Self {
+        Self { processor, ..self }
+    }
+
     /// The same frames, whose files are read like this. A map of attributes replaces the scene's,
     /// unless it is empty.
     #[must_use]
@@ -336,12 +354,12 @@ impl Input {
         self
     }
 
-    /// As [`Input::open`], of a scene that is at hand.
+    /// As [`Input::open`], of a project that is at hand.
     ///
     /// # Errors
     /// As [`Input::open`].
-    pub fn from_scene(scene: Scene, origin: &str) -> Result<Self> {
-        if let Some(recipe) = scene.recipe {
+    pub fn from_project(project: Project, origin: &str) -> Result<Self> {
+        if let LiquidSource::Recipe(recipe) = project.source {
             let frame = Frame { number: 0, path: origin.into() };
             let fluid = Fluid {
                 sequence: Sequence { frames: vec![frame], pattern: origin.into() },
@@ -351,9 +369,9 @@ impl Input {
                 options: ReadOptions::default(),
                 source: Source::Recipe(recipe),
             };
-            return Ok(Self::of(Some(scene), fluid, Some(0)));
+            return Ok(Self::of(Some(project), fluid, Some(0)));
         }
-        if let Some(simulation) = &scene.simulation {
+        if let Some(simulation) = project.source.simulation() {
             let folder = sim::folder(Path::new(origin));
             let sequence = Sequence::open(&folder.to_string_lossy()).map_err(|_| {
                 let problem = format!("not simulated yet; run: limpid bake {origin}");
@@ -361,9 +379,9 @@ impl Input {
             })?;
             let (radius, fps) = (simulation.particle_radius() as f32, simulation.fps);
             let fluid = Fluid::of_files(sequence, Some(radius), Up::Y, AttributeMap::default());
-            return Ok(Self { fps: Some(fps), ..Self::of(Some(scene), fluid, None) });
+            return Ok(Self { fps: Some(fps), ..Self::of(Some(project), fluid, None) });
         }
-        let sources = scene.sources();
+        let sources = project.source.files();
         let fluids: Vec<Fluid> = sources
             .iter()
             .map(|particles| {
@@ -384,8 +402,16 @@ impl Input {
         let lone = sources.iter().all(|particles| Path::new(&particles.source).is_file());
         let frame = sources.iter().find_map(|particles| particles.frame).filter(|_| !lone);
         let fps = sources.iter().find_map(|particles| particles.fps);
-        let (missing, place) = (Missing::Error, Place::default());
-        Ok(Self { scene: Some(scene), sequence, frame, missing, place, fps, fluids })
+        Ok(Self {
+            processor: project.processor,
+            project: Some(project),
+            sequence,
+            frame,
+            missing: Missing::Error,
+            place: Place::default(),
+            fps,
+            fluids,
+        })
     }
 
     /// Frames per second of the simulation, where the scene says it.
@@ -513,7 +539,7 @@ impl Input {
         let number = at.into().frame;
         let settings = &scene.settings.classify;
         let radius = self.fluids[0].radius_of(number, particles)?;
-        let mut splats = self.place.classify(particles, radius, settings)?;
+        let mut splats = self.place.classify(particles, radius, settings, self.processor)?;
         classify::wet(&mut splats, &scene.solids, settings.wetting);
         Ok(Loaded {
             number,
@@ -555,14 +581,14 @@ impl Input {
     /// the files are not of one simulation, though their names look so.
     ///
     /// # Errors
-    /// As [`Particles::read`]; [`Error::Scene`] for a bad override.
-    pub fn settle(mut self, overrides: &[String]) -> Result<(Self, Scene)> {
-        let complete = self.scene.as_ref().filter(|scene| scene.camera.is_some());
-        if let Some(scene) = complete
+    /// As [`Particles::read`].
+    pub fn settle(mut self) -> Result<(Self, Project)> {
+        let complete = self.project.as_ref().filter(|project| project.camera.is_some());
+        if let Some(project) = complete
             && self.fluids.iter().all(|fluid| fluid.radius.is_some())
         {
-            let scene = scene.clone();
-            return Ok((self, scene));
+            let project = project.clone();
+            return Ok((self, project));
         }
         let mut around: Option<(DVec3, DVec3)> = None;
         let mut radius = 0.0_f32;
@@ -587,17 +613,11 @@ impl Input {
             }
         }
         let (min, max) = around.unwrap_or((-DVec3::ONE, DVec3::ONE));
-        let mut scene = match self.scene.clone() {
-            Some(scene) => scene,
-            None => {
-                let mut scene = Scene::around(min, max, radius);
-                scene.settings = scene.settings.with(overrides)?;
-                scene
-            }
-        };
+        let around = || Project::from(Scene::around(min, max, radius));
+        let mut project = self.project.clone().unwrap_or_else(around);
         let margin = f64::from(radius);
-        scene.camera.get_or_insert_with(|| Camera::fit(min - margin, max + margin));
-        Ok((self, scene))
+        project.camera.get_or_insert_with(|| Camera::fit(min - margin, max + margin));
+        Ok((self, project))
     }
 }
 
@@ -733,12 +753,5 @@ impl Fluid {
         };
         let problem = "no radii, and no spacing to estimate one from; give --radius".into();
         Err(Error::Scene { origin, problem })
-    }
-}
-
-impl Scene {
-    /// The scene's camera, or one that fits `bounds`.
-    pub fn camera_for(&self, bounds: (DVec3, DVec3)) -> Camera {
-        self.camera.unwrap_or_else(|| Camera::fit(bounds.0, bounds.1))
     }
 }

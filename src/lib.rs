@@ -40,17 +40,17 @@
 //! # Use
 //!
 //! ```no_run
-//! use limpid::{gpu::Gpu, input::Input, output, studio::Studio};
+//! use limpid::{gpu::Gpu, output, project::open::Request, studio::Studio};
 //!
 //! # fn main() -> limpid::Result<()> {
 //! let gpu = Gpu::headless()?;
 //! let mut studio = Studio::new(&gpu);
-//! let input = Input::open("frames/water_{}.bgeo", &[])?;
-//! let (input, scene) = input.settle(&[])?;
-//! let frame = &input.sequence.frames[0];
-//! let loaded = input.load(frame, &scene)?;
-//! let camera = scene.camera_for(loaded.bulk.bounds);
-//! let shot = studio.draw(&scene, &camera, &loaded.splats, glam::UVec2::new(1024, 768))?;
+//! let request = Request { input: Some("frames/water_{}.bgeo".into()), ..Request::default() };
+//! let opened = request.open()?;
+//! let (input, project) = (opened.input, opened.project);
+//! let loaded = input.load(&input.sequence.frames[0], &project)?;
+//! let camera = project.camera_for(loaded.bulk.bounds);
+//! let shot = studio.draw(&project.scene, &camera, &loaded.splats, glam::UVec2::new(1024, 768))?;
 //! output::write_png("water.png".as_ref(), &shot.picture)?;
 //! # Ok(())
 //! # }
@@ -89,6 +89,7 @@ pub mod output;
 mod page;
 pub mod particles;
 pub mod passes;
+pub mod project;
 pub mod quality;
 pub mod recipe;
 #[cfg(feature = "report")]

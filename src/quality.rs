@@ -14,6 +14,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::passes::classify::Splats;
+use crate::project::overrides::replaced;
 use crate::renderer::{Picture, Renderer};
 use crate::scene::Scene;
 
@@ -164,13 +165,13 @@ impl Curve {
         }
         let candidates = self.candidates(limits)?;
         let with = |choice: &&Choice| -> Result<Scene> {
-            Ok(Scene { settings: scene.settings.with(&choice.set)?, ..scene.clone() })
+            Ok(Scene { settings: replaced(&scene.settings, &choice.set)?, ..scene.clone() })
         };
         let scenes: Vec<_> = candidates.iter().map(with).collect::<Result<_>>()?;
         let (camera, splats) = frame(scene)?;
         let ms = frame_times(&gpu()?, &scenes, &camera, &splats, size)?;
         let picked = self.decide(limits, &candidates, &ms)?;
-        scene.settings = scene.settings.with(&picked.choice.set)?;
+        scene.settings = replaced(&scene.settings, &picked.choice.set)?;
         Ok(Some(picked))
     }
 }

@@ -165,8 +165,9 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
     }
     if all && !options.quick || asked(Kind::Elision) {
         progress("what is left out");
-        let (_, scene, loaded) = subjects::load("demo")?;
-        let (camera, splats) = (scene.camera_for(loaded.bulk.bounds), loaded.splats);
+        let (_, project, loaded) = subjects::load("demo")?;
+        let scene = project.scene.clone();
+        let (camera, splats) = (project.camera_for(loaded.bulk.bounds), loaded.splats);
         let (frame, size) = (Frame { scene, camera, splats }, subjects::size("demo", effort.width));
         report.elisions = elisions::measure(gpu, &mut renderer, &frame, size, effort.repeats)?;
     }

@@ -1,20 +1,12 @@
 //! What a picture shows: liquid, camera, and what surrounds them.
 
-mod file;
-mod optics;
-
-pub(crate) use file::is_scene;
-
 use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use serde::{Deserialize, Serialize};
 
-use crate::camera::{Camera, is_place};
+use crate::camera::is_place;
 use crate::environment::{Environment, is_radiance};
 use crate::error::{Error, Result};
-use crate::particles::{AttributeMap, Up};
-use crate::recipe::Recipe;
 use crate::settings::Settings;
-use crate::sim::Simulation;
 
 /// Solids that a scene can have: 40 KiB of uniform memory.
 pub const MAX_SOLIDS: usize = 512;
@@ -25,24 +17,17 @@ pub const MAX_LIGHTS: usize = 16;
 /// Fluids that a scene can have.
 pub const MAX_FLUIDS: usize = 16;
 
-/// Everything that a picture shows apart from the particles themselves.
-#[derive(Debug, Clone, PartialEq)]
+/// What a picture shows apart from the particles themselves and the view.
+///
+/// Fields may be added: write `Scene { solids, ..Scene::default() }`.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Scene {
-    /// Where the particles come from; none for a scene whose particles the caller has.
-    pub particles: Option<ParticleSource>,
-    /// Several liquids instead of one, each with particles and an absorption of its own.
-    pub fluids: Vec<Fluid>,
-    /// The parameters that particles are made from, where they come from no file.
-    pub recipe: Option<Recipe>,
-    /// The simulation that particles come from, once it is baked: [`crate::sim::bake`].
-    pub simulation: Option<Simulation>,
     /// The liquid's optics.
     pub liquid: Liquid,
-    /// The view; `None` fits one to the particles.
-    pub camera: Option<Camera>,
-    /// Further views of interest, by name; [`crate::report`] measures them too.
-    pub views: Vec<NamedView>,
-    /// What is seen where there is nothing else.
+    /// The absorption coefficient of each of several fluids, 1/m per channel of light; empty for one
+    /// liquid. All have the index of refraction of [`Scene::liquid`].
+    pub fluids: Vec<Vec3>,
+    /// Radiance where there is neither liquid nor a solid.
     pub environment: Environment,
     /// Opaque bodies.
     pub solids: Vec<Solid>,
@@ -50,39 +35,6 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Settings of every pass.
     pub settings: Settings,
-}
-
-/// A particle file or sequence, as a scene names it.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ParticleSource {
-    /// A file, a pattern or a folder, relative to the scene file.
-    pub source: String,
-    /// The frame to draw when no other is asked for.
-    #[serde(default)]
-    pub frame: Option<i64>,
-    /// Particle radius, m, where the file has none; estimated from the spacing if absent.
-    #[serde(default)]
-    pub radius: Option<f32>,
-    /// Which axis of the file points up.
-    #[serde(default)]
-    pub up: Up,
-    /// Frames per second of the simulation, above 0, for slow motion and films; if absent, that of
-    /// the film.
-    #[serde(default)]
-    pub fps: Option<f64>,
-    /// Which arrays attributes are read from, where they go by other names than the usual ones.
-    #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
-    pub map: AttributeMap,
-}
-
-/// One of several liquids in a scene. All have one index of refraction: that of [`Scene::liquid`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct Fluid {
-    /// Its particles.
-    pub particles: ParticleSource,
-    /// Absorption coefficient of red, green and blue light, 1/m.
-    pub absorption: Vec3,
 }
 
 /// The liquid's optics.
@@ -99,16 +51,6 @@ impl Default for Liquid {
     fn default() -> Self {
         Self { ior: 1.33, absorption: Vec3::new(1.2, 0.35, 0.12) }
     }
-}
-
-/// A further view of a scene.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NamedView {
-    /// Its name.
-    pub name: String,
-    /// Where it is seen from.
-    pub camera: Camera,
 }
 
 /// An opaque body.
@@ -228,8 +170,7 @@ pub enum Light {
 }
 
 impl Scene {
-    /// A scene for particles that come without one: a camera that fits them, a checkered floor
-    /// under them, a pale sky.
+    /// A scene for particles that come without one: a checkered floor under them, a pale sky.
     pub fn around(min: DVec3, max: DVec3, radius: f32) -> Self {
         let margin = f64::from(radius);
         let size = (max - min).max_element().max(2.0 * margin) as f32;
@@ -240,13 +181,6 @@ impl Scene {
         let tile = tile.into_iter().find(|&tile| tile <= size / 8.0).unwrap_or(decade);
         let centre = 0.5 * (min + max);
         Self {
-            particles: None,
-            fluids: Vec::new(),
-            recipe: None,
-            simulation: None,
-            views: Vec::new(),
-            liquid: Liquid::default(),
-            camera: Some(Camera::fit(min - margin, max + margin)),
             environment: Environment::Gradient {
                 zenith: Vec3::new(0.30, 0.50, 0.85),
                 horizon: Vec3::new(0.75, 0.82, 0.90),
@@ -265,21 +199,15 @@ impl Scene {
                 },
                 lit: false,
             }],
-            lights: Vec::new(),
-            settings: Settings::default(),
+            ..Self::default()
         }
-    }
-
-    /// Where particles come from: one source, or one for each fluid.
-    pub fn sources(&self) -> Vec<&ParticleSource> {
-        self.particles.iter().chain(self.fluids.iter().map(|fluid| &fluid.particles)).collect()
     }
 
     /// The absorption of each fluid, 1/m; at least one.
     pub fn absorptions(&self) -> Vec<Vec3> {
         match self.fluids.as_slice() {
             [] => vec![self.liquid.absorption],
-            fluids => fluids.iter().map(|fluid| fluid.absorption).collect(),
+            fluids => fluids.to_vec(),
         }
     }
 
@@ -296,12 +224,6 @@ impl Scene {
         let fail = |origin: &str, problem: &str| {
             Err(Error::Scene { origin: origin.into(), problem: problem.into() })
         };
-        if let Some(recipe) = &self.recipe {
-            recipe.check()?;
-        }
-        if let Some(simulation) = &self.simulation {
-            simulation.check()?;
-        }
         if !(0.3..=3.0).contains(&self.liquid.ior) {
             return fail("liquid", "ior must be between 0.3 and 3");
         }
@@ -314,12 +236,6 @@ impl Scene {
         }
         if self.fluids.len() > MAX_FLUIDS {
             return fail("[fluid]", &format!("at most {MAX_FLUIDS} fluids can be drawn"));
-        }
-        if let Some(camera) = &self.camera {
-            camera.check()?;
-        }
-        for view in &self.views {
-            view.camera.check()?;
         }
         if self.solids.len() > MAX_SOLIDS {
             return fail("[[solid]]", &format!("at most {MAX_SOLIDS} solids can be drawn"));

@@ -4,11 +4,10 @@
 //! drops of millimetres and dams of metres.
 
 use std::fmt;
-use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result, toml_error};
+use crate::error::{Error, Result};
 
 /// All settings of the renderer. The defaults are those of the README's first row.
 ///
@@ -42,20 +41,6 @@ pub enum Kernel {
     Volume,
 }
 
-/// What classifies particles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Processor {
-    /// The graphics device where it is hardware and a frame has 8192 particles or more; otherwise
-    /// the CPU.
-    #[default]
-    Auto,
-    /// The CPU.
-    Cpu,
-    /// The graphics device, be it software; without one that can, frames fail.
-    Gpu,
-}
-
 /// Settings of [`crate::passes::classify`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -80,9 +65,6 @@ pub struct Classify {
     /// Aggregates whose centre is this near to a solid reach down to it, in r: 0 (none does) to
     /// 1000, default 3.3.
     pub wetting: f32,
-    /// What does it. The results differ by less than 10⁻⁴ r. What no uniform grid serves (radii
-    /// that differ much, crowds) and what the device does not hold is left to the CPU.
-    pub on: Processor,
 }
 
 impl Default for Classify {
@@ -97,7 +79,6 @@ impl Default for Classify {
             long_axis: 2.2,
             splash_radius: 1.2,
             wetting: 3.3,
-            on: Processor::Auto,
         }
     }
 }
@@ -507,90 +488,7 @@ impl fmt::Display for Preset {
     }
 }
 
-impl FromStr for Preset {
-    type Err = Error;
-
-    /// # Errors
-    /// [`Error::Usage`] naming the nearest preset for an unknown one.
-    fn from_str(name: &str) -> Result<Self> {
-        toml::Value::from(name).try_into().map_err(|e| match toml_error("", "", &e) {
-            Error::Scene { problem, .. } => Error::Usage(problem),
-            other => other,
-        })
-    }
-}
-
 impl Settings {
-    /// The settings of the [`Preset`] of this name.
-    ///
-    /// # Errors
-    /// As `Preset::from_str`.
-    pub fn preset(name: &str) -> Result<Self> {
-        Ok(name.parse::<Preset>()?.settings())
-    }
-
-    /// These settings with those replaced that a scene file's `[settings]` gives.
-    pub(crate) fn overlaid(&self, file: &toml::Table) -> Result<Self, toml::de::Error> {
-        let mut all = toml::Table::try_from(self).expect("settings are a table of tables");
-        for (pass, settings) in &mut all {
-            let given = file.get(pass).and_then(toml::Value::as_table);
-            if let (Some(settings), Some(given)) = (settings.as_table_mut(), given) {
-                settings.extend(given.clone());
-            }
-        }
-        all.try_into()
-    }
-
-    /// These settings with some replaced, in order: each override is `pass.name=value`, or
-    /// `preset=NAME`, which replaces all but caustics and tone mapping, and [`Classify::on`].
-    ///
-    /// # Errors
-    /// [`Error::Scene`] naming the override, and the nearest key for an unknown one.
-    pub fn with(&self, overrides: &[String]) -> Result<Self> {
-        let mut settings = self.clone();
-        for text in overrides {
-            settings = settings.with_one(text).map_err(|problem: String| Error::Scene {
-                origin: format!("--set {text}"),
-                problem,
-            })?;
-        }
-        Ok(settings)
-    }
-
-    fn with_one(&self, text: &str) -> Result<Self, String> {
-        let (path, value) = text.split_once('=').ok_or("expected pass.name=value")?;
-        if path.trim() == "preset" {
-            let preset = Self::preset(value.trim().trim_matches('"')).map_err(|e| e.to_string())?;
-            let (caustics, tonemap) = (self.caustics.clone(), self.tonemap.clone());
-            let classify = Classify { on: self.classify.on, ..preset.classify };
-            return Ok(Self { classify, caustics, tonemap, ..preset });
-        }
-        let (pass, name) = path.trim().split_once('.').ok_or("expected pass.name=value")?;
-        // A bare word is a string: `refract.solver=march` needs no quotes.
-        let value: toml::Value = format!("v = {value}")
-            .parse::<toml::Table>()
-            .ok()
-            .and_then(|mut table| table.remove("v"))
-            .unwrap_or_else(|| toml::Value::String(value.trim().to_owned()));
-        let mut table = toml::Table::try_from(self).map_err(|e| e.to_string())?;
-        let pass = table
-            .entry(pass)
-            .or_insert_with(|| toml::Value::Table(toml::Table::new()))
-            .as_table_mut()
-            .ok_or("expected pass.name=value")?;
-        // An integer is a number too.
-        let value = match (pass.get(name), value) {
-            (Some(toml::Value::Float(_)), toml::Value::Integer(i)) => toml::Value::Float(i as f64),
-            (_, value) => value,
-        };
-        pass.insert(name.to_owned(), value);
-        let written = toml::to_string(&table).map_err(|e| e.to_string())?;
-        toml::from_str(&written).map_err(|e| match toml_error("", "", &e) {
-            Error::Scene { problem, .. } => problem,
-            other => other.to_string(),
-        })
-    }
-
     /// Checks every number against its range.
     ///
     /// # Errors

@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::memory;
 use crate::output;
 use crate::particles::Particles;
-use crate::scene::Scene;
+use crate::scene::Solid;
 use crate::waves::WaveSpectrum;
 
 /// Mass density of the liquid at rest, kg/m³.
@@ -370,30 +370,27 @@ pub fn frame_pattern(folder: &Path, name: &str) -> String {
     folder.join(format!("{name}_{{}}.bgeo")).to_string_lossy().into_owned()
 }
 
-/// Makes the frames of a scene's simulation that are not in `folder` yet.
+/// Makes the frames of a simulation among `solids` that are not in `folder` yet.
 ///
 /// `progress` is told of each frame that is on disk, also of those found there, in order, and ends
 /// the bake by [`ControlFlow::Break`]; what is there then is whole, and the next bake goes on
 /// from it.
 ///
 /// # Errors
-/// [`Error::Scene`] for a scene without a simulation and as [`Simulation::check`], [`Error::Io`] if
+/// As [`Simulation::check`]; [`Error::Io`] if
 /// the folder cannot be written, [`Error::Usage`] if it holds frames of this name that other
 /// parameters made.
 pub fn bake(
-    scene: &Scene,
+    simulation: &Simulation,
+    solids: &[Solid],
     name: &str,
     folder: &Path,
     mut progress: impl FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<()> {
-    let Some(simulation) = &scene.simulation else {
-        let problem = "has no [simulation] to bake".into();
-        return Err(Error::Scene { origin: name.into(), problem });
-    };
     simulation.check()?;
     let frames = simulation.frames;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-    record::keep(scene, name, folder)?;
+    record::keep(simulation, solids, name, folder)?;
     let (found, last) = found(simulation, name, folder)?;
     for done in 1..=found {
         if progress(Progress { done, frames }).is_break() {
@@ -422,7 +419,7 @@ pub fn bake(
             }
         };
         std::thread::Builder::new().spawn_scoped(scope, write).map_err(Error::Threads)?;
-        let mut frame = Source::new(simulation, scene, last);
+        let mut frame = Source::new(simulation, solids, last);
         let mut tell =
             |outcome: Result<u32>| outcome.map(|done| progress(Progress { done, frames }));
         for number in found + 1..=frames {
@@ -518,9 +515,9 @@ enum Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    fn new(simulation: &'a Simulation, scene: &Scene, last: Option<State>) -> Self {
+    fn new(simulation: &'a Simulation, solids: &[Solid], last: Option<State>) -> Self {
         match simulation.kind {
-            Kind::Pbf => Self::Pbf(Box::new(pbf::Fluid::new(simulation, &scene.solids)), last),
+            Kind::Pbf => Self::Pbf(Box::new(pbf::Fluid::new(simulation, solids)), last),
             Kind::Swell => Self::Swell(swell::Swell::new(simulation), simulation.fps),
         }
     }

@@ -252,7 +252,7 @@ impl Viewer {
             DrawThread::new(open, move |answer| post.send(News::Drawing(answer)))
         };
         let nothing = Scene::around(-glam::DVec3::ONE, glam::DVec3::ONE, 0.0);
-        let camera = nothing.camera_for(Default::default());
+        let camera = Camera::fit(-glam::DVec3::ONE, glam::DVec3::ONE);
         let now = Instant::now();
         let mut viewer = Self {
             log: Log::new(options.log.as_deref())?,
@@ -374,12 +374,13 @@ impl Viewer {
         {
             self.playback.seek(at);
         }
-        self.scenes = [document.scene.clone(), document.scene.clone()];
+        self.scenes = [document.project.scene.clone(), document.project.scene.clone()];
+        self.frames.processor = document.project.processor;
         self.edited = 0;
         for side in std::mem::take(&mut self.sides) {
             let_go(side.loaded);
         }
-        self.camera = document.scene.camera_for(Default::default());
+        self.camera = document.project.camera_for(Default::default());
         self.path = CameraPath::default();
         self.follow = false;
         self.subject = None;
@@ -389,7 +390,7 @@ impl Viewer {
         self.points.clear();
         self.history = times::History::default();
         // A simulation is there to be seen moving.
-        self.playback.playing = document.plain.simulation.is_some();
+        self.playback.playing = document.project.source.simulation().is_some();
         self.document = Some(document);
     }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::Vec3;
 use limpid::particles::Particles;
-use limpid::scene::Scene;
+use limpid::project::Project;
 use limpid::sim::{self, Progress};
 use limpid::{Error, Result};
 use tempfile::TempDir;
@@ -40,12 +40,23 @@ min = [0.5, 0.0, 0.1]
 max = [0.7, 0.2, 0.2]
 ";
 
-fn scene(text: &str) -> Scene {
-    Scene::parse(text, "test", Path::new("."), &[]).unwrap()
+fn project(text: &str) -> Project {
+    Project::parse(text, "test", Path::new(".")).unwrap()
+}
+
+/// Bakes a project's simulation.
+fn run(
+    project: &Project,
+    name: &str,
+    folder: &Path,
+    progress: impl FnMut(Progress) -> ControlFlow<()>,
+) -> Result<()> {
+    let simulation = project.source.simulation().expect("a simulation");
+    sim::bake(simulation, &project.scene.solids, name, folder, progress)
 }
 
 fn bake(text: &str, folder: &Path, most: u32) -> Result<()> {
-    sim::bake(&scene(text), "x", folder, |Progress { done, .. }| {
+    run(&project(text), "x", folder, |Progress { done, .. }| {
         if done < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     })
 }
@@ -58,7 +69,7 @@ fn frame(folder: &Path, number: u32) -> Particles {
 fn baked(text: &str) -> Vec<Particles> {
     let folder = TempDir::new().unwrap();
     bake(text, folder.path(), u32::MAX).unwrap();
-    let frames = scene(text).simulation.unwrap().frames;
+    let frames = project(text).source.simulation().unwrap().frames;
     (1..=frames).map(|number| frame(folder.path(), number)).collect()
 }
 
@@ -91,7 +102,7 @@ fn frames_are_the_same_on_any_threads_and_after_a_break() {
     std::fs::write(sim::frame_path(folder.path(), "x", last.unwrap()), b"cut off").unwrap();
     bake(BUSY, folder.path(), 9).unwrap();
     let mut told = Vec::new();
-    sim::bake(&scene(BUSY), "x", folder.path(), |progress| {
+    run(&project(BUSY), "x", folder.path(), |progress| {
         told.push(progress.done);
         ControlFlow::Continue(())
     })
@@ -331,8 +342,8 @@ from = 10.0
 #[test]
 fn a_swell_moves_as_its_velocities_say() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("sims/million.toml");
-    let mut full = Scene::load(&path).unwrap();
-    let block = full.simulation.as_mut().unwrap();
+    let mut full = Project::load(&path).unwrap();
+    let block = full.source.simulation_mut().unwrap();
     let size = (block.blocks[0].max.unwrap() - block.blocks[0].min.unwrap()) / 0.025;
     assert_eq!(size.round().element_product(), 1_056_000.0);
     let frames = baked(
@@ -358,16 +369,16 @@ max = [2.0, 0.5, 1.0]
 fn every_recipe_starts() {
     for (name, count) in [("dam_break", 9_000..=20_000), ("fountain", 0..=100)] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("sims/{name}.toml"));
-        let mut scene = Scene::load(&path).unwrap();
-        scene.simulation.as_mut().unwrap().frames = 2;
+        let mut project = Project::load(&path).unwrap();
+        project.source.simulation_mut().unwrap().frames = 2;
         let folder = TempDir::new().unwrap();
-        sim::bake(&scene, "x", folder.path(), |_| ControlFlow::Continue(())).unwrap();
+        run(&project, "x", folder.path(), |_| ControlFlow::Continue(())).unwrap();
         assert!(count.contains(&frame(folder.path(), 1).len()), "{name}");
         assert_finite(&[frame(folder.path(), 2)]);
     }
     for name in ["wave", "steps", "crown", "million"] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("sims/{name}.toml"));
-        assert!(Scene::load(&path).unwrap().simulation.is_some(), "{name}");
+        assert!(Project::load(&path).unwrap().source.simulation().is_some(), "{name}");
     }
 }
 
@@ -381,16 +392,16 @@ fn a_baked_scene_is_an_input() {
                 [[simulation.block]]\ncenter = [0.0, 1.0, 0.0]\nradius = 0.2\n";
     std::fs::write(&path, text).unwrap();
     let name = path.to_str().unwrap();
-    let error = limpid::input::Input::open(name, &[]).unwrap_err();
+    let error = limpid::input::Input::open(name).unwrap_err();
     assert!(error.to_string().contains(&format!("run: limpid bake {name}")), "{error}");
     assert_eq!(error.exit_code(), 4);
 
-    let scene = Scene::load(&path).unwrap();
-    sim::bake(&scene, "drop", &sim::folder(&path), |_| ControlFlow::Continue(())).unwrap();
-    let input = limpid::input::Input::open(name, &[]).unwrap();
+    run(&Project::load(&path).unwrap(), "drop", &sim::folder(&path), |_| ControlFlow::Continue(()))
+        .unwrap();
+    let input = limpid::input::Input::open(name).unwrap();
     assert_eq!(input.fps(), Some(24.0));
-    let (input, scene) = input.settle(&[]).unwrap();
+    let (input, project) = input.settle().unwrap();
     let numbers: Vec<_> = input.sequence.frames.iter().map(|frame| frame.number).collect();
     assert_eq!(numbers, [1, 2, 3]);
-    assert_eq!(input.load(&input.sequence.frames[2], &scene).unwrap().splats.radius, 0.03);
+    assert_eq!(input.load(&input.sequence.frames[2], &project.scene).unwrap().splats.radius, 0.03);
 }

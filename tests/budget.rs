@@ -18,7 +18,7 @@ use limpid::passes::classify::{Splat, Splats};
 use limpid::renderer::{Picture, Renderer};
 use limpid::report::passes::{Counts, eye_counts, light_counts, measure_frame, work};
 use limpid::report::rates::{self, Rates};
-use limpid::scene::{Fluid, Light, ParticleSource, Scene, Shape, Solid, Surface};
+use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 use limpid::settings::{Method, Solids, Solver};
 use limpid::wgpu;
 
@@ -178,14 +178,12 @@ fn every_pass_has_a_model() {
     renderer.timing = true;
     let ball = |x: f32, fluid: u32| Splat { tags: fluid, ..sphere(Vec3::X * x, 0.2) };
     let splats = splats(&[ball(0.0, 0), ball(0.5, 1)], &[ball(-0.5, 0)], 0.1);
-    let fluid =
-        |red: f32| Fluid { particles: ParticleSource::default(), absorption: Vec3::X * red };
     let point = Light::Point { position: DVec3::Y * 5.0, intensity: Vec3::ONE };
     let mut names = BTreeSet::new();
     for method in Method::ALL {
         for solver in Solver::ALL {
             let mut scene = Scene { solids: vec![floor()], lights: vec![sun(), point], ..scene() };
-            scene.fluids = vec![fluid(1.0), fluid(2.0)];
+            scene.fluids = vec![Vec3::X, Vec3::X * 2.0];
             scene.settings.smooth.iterations = 2;
             scene.settings.refract.solver = solver;
             scene.settings.refract.solids = Solids::Screen;

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3, UVec2};
 use limpid::light_view::LightView;
+use limpid::project::Project;
 use limpid::reference::analytic::{Block, Pool};
 use limpid::reference::surroundings::Surroundings;
 use limpid::reference::{Liquid, Ray, optics};
@@ -30,7 +31,7 @@ fn scene(direction: DVec3, absorption: f64, solids: &str) -> Scene {
         "[liquid]\nior = {IOR:?}\nabsorption = [{absorption:?}, 0.0, 0.0]\n{solids}\n\
          [[light]]\nsun = {{ direction = [{x:?}, {y:?}, {z:?}], irradiance = [2.0, 2.0, 2.0] }}\n"
     );
-    Scene::parse(&text, "caustics", Path::new("."), &[]).expect("a valid scene")
+    Project::parse(&text, "caustics", Path::new(".")).expect("a valid scene").scene
 }
 
 fn floor(depth: f64) -> String {

@@ -8,6 +8,7 @@ use std::path::Path;
 use limpid::camera::Camera;
 use limpid::glam::{DMat3, DVec2, DVec3, UVec2, Vec3};
 use limpid::light_view::LightView;
+use limpid::project::Project;
 use limpid::recipe::Recipe;
 use limpid::reference::analytic::{Ball, Block, Pool};
 use limpid::reference::caustics::{
@@ -23,8 +24,12 @@ use limpid::waves::{WaveSpectrum, Waves};
 
 const WATER: f64 = 1.33;
 
+fn project(text: &str) -> Project {
+    Project::parse(text, "test", Path::new("")).unwrap()
+}
+
 fn scene(text: &str) -> Scene {
-    Scene::parse(text, "test", Path::new(""), &[]).unwrap()
+    project(text).scene
 }
 
 fn clear(solids: &str) -> Scene {
@@ -751,7 +756,7 @@ fn steep_rays_cross_waves_once() {
 fn a_pool_is_drawn_at_its_time() {
     let text = "[recipe]\nkind = \"pool\"\nhalf_extent = [2.0, 2.0]\ndepth = 1.0\nhull = 0.2\n\
         count = 1000\nwaves = { count = 9, wavelengths = [0.3, 1.0], rms_slope = 0.1, seed = 1 }\n";
-    let surface = |text: &str| match scene(text).recipe {
+    let surface = |text: &str| match project(text).source.recipe() {
         Some(Recipe::Pool(pool)) => pool.surface(),
         _ => unreachable!(),
     };
@@ -760,6 +765,6 @@ fn a_pool_is_drawn_at_its_time() {
     let later = surface(&format!("{text}time = 1.5\n"));
     assert_eq!(later, still.at(1.5));
     assert!((later.height(DVec2::ONE) - still.height(DVec2::ONE)).abs() > 1e-4);
-    let error = Scene::parse(&format!("{text}time = -1.0\n"), "t", Path::new(""), &[]);
+    let error = Project::parse(&format!("{text}time = -1.0\n"), "t", Path::new(""));
     assert!(error.unwrap_err().to_string().contains("time"));
 }

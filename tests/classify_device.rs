@@ -14,8 +14,9 @@ use limpid::error::Error;
 use limpid::gpu::Gpu;
 use limpid::particles::{Ellipsoid, Particles};
 use limpid::passes::classify::{Classifier, Cloud, Place, Splat, Splats, classify};
+use limpid::project::Processor;
 use limpid::scene::Scene;
-use limpid::settings::{Classify, Kernel, Processor};
+use limpid::settings::{Classify, Kernel};
 use limpid::wgpu;
 
 use frames::{gpu, noise, noise_vector, on_axis, stage};
@@ -340,35 +341,38 @@ fn frames_that_do_not_fit_are_left_to_the_cpu() {
 #[test]
 fn settings_choose_the_place() {
     let particles = cloud(random(9000, 13, 1.0));
-    let on = |on: Processor| Classify { on, ..Default::default() };
+    let settings = Classify::default();
     let expected = classify(&particles, R, &Classify::default());
     let nowhere = Place::default();
     for processor in [Processor::Auto, Processor::Cpu] {
-        let splats = nowhere.classify(&particles, R, &on(processor)).expect("the CPU is there");
+        let splats =
+            nowhere.classify(&particles, R, &settings, processor).expect("the CPU is there");
         assert!(splats == expected);
     }
-    let refused = nowhere.classify(&particles, R, &on(Processor::Gpu));
+    let refused = nowhere.classify(&particles, R, &settings, Processor::Gpu);
     assert!(matches!(&refused, Err(Error::Usage(problem)) if problem.contains("classify.on")));
 
     let Some(gpu) = gpu() else { return };
     let place = Place::on(&gpu);
-    let on_device = place.classify(&particles, R, &on(Processor::Gpu)).expect("the device works");
+    let on_device =
+        place.classify(&particles, R, &settings, Processor::Gpu).expect("the device works");
     assert!(on_device != expected, "sums in another order differ in some bit");
     compare(&on_device, &Cloud::new(&particles, R), &Classify::default()).expect("as on the CPU");
-    let auto = place.classify(&particles, R, &on(Processor::Auto)).expect("never an error");
+    let auto = place.classify(&particles, R, &settings, Processor::Auto).expect("never an error");
     let software = gpu.device.adapter_info().device_type == wgpu::DeviceType::Cpu;
     assert!(auto == *if software { &expected } else { &on_device });
     assert!(
-        place.classify(&particles, R, &on(Processor::Cpu)).expect("the CPU is there") == expected
+        place.classify(&particles, R, &settings, Processor::Cpu).expect("the CPU is there")
+            == expected
     );
 
     // Who needs a device waits for it, and for the news that there is none.
     for (gpu, works) in [(Some(&gpu), true), (None, false)] {
         let place = Place::awaited();
         std::thread::scope(|scope| {
-            let waiting = scope.spawn(|| place.classify(&particles, R, &on(Processor::Gpu)));
+            let waiting = scope.spawn(|| place.classify(&particles, R, &settings, Processor::Gpu));
             // Who does not need it does not wait.
-            assert!(place.classify(&particles, R, &on(Processor::Cpu)).is_ok());
+            assert!(place.classify(&particles, R, &settings, Processor::Cpu).is_ok());
             place.set(gpu);
             let came = waiting.join().expect("no panic");
             assert_eq!(came.is_ok_and(|splats| splats == on_device), works);
@@ -376,7 +380,7 @@ fn settings_choose_the_place() {
         // What is over stays over.
         place.close();
         place.set(gpu);
-        assert!(place.classify(&particles, R, &on(Processor::Gpu)).is_err());
+        assert!(place.classify(&particles, R, &settings, Processor::Gpu).is_err());
     }
 }
 

@@ -10,6 +10,7 @@ use glam::{UVec2, Vec3};
 use image::RgbImage;
 use limpid::Error;
 use limpid::aov::Aov;
+use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::{Gpu, MOST_WORK, pieces};
 use limpid::input::{Input, Loaded, Moment};
@@ -17,6 +18,8 @@ use limpid::passes::caustics::Work;
 use limpid::passes::classify::Splats;
 use limpid::passes::tiles::Sections;
 use limpid::passes::{refract, smooth};
+use limpid::project::Project;
+use limpid::project::overrides::replaced;
 use limpid::renderer::{Picture, Renderer};
 use limpid::scene::Scene;
 use limpid::settings::{Caustics, Refract, Smooth, Solver};
@@ -57,17 +60,17 @@ resolution = 64
 grid = 32
 "#;
 
-fn frame() -> (Scene, Loaded) {
-    let scene = Scene::parse(SCENE, "slab", Path::new(""), &[]).expect("a scene");
-    let input = Input::from_scene(scene, "slab").expect("particles");
-    let (input, scene) = input.settle(&[]).expect("it settles");
-    let loaded = input.load(Moment::at(0), &scene).expect("it loads");
-    (scene, loaded)
+/// A scene, the camera that it names, and its particles.
+fn frame() -> (Scene, Camera, Loaded) {
+    let project = Project::parse(SCENE, "slab", Path::new("")).expect("a scene");
+    let input = Input::from_project(project, "slab").expect("particles");
+    let (input, project) = input.settle().expect("it settles");
+    let loaded = input.load(Moment::at(0), &project.scene).expect("it loads");
+    (project.scene, project.camera.expect("it is settled"), loaded)
 }
 
 fn draw(studio: &mut Studio, size: UVec2) -> limpid::Result<RgbImage> {
-    let (scene, loaded) = frame();
-    let camera = scene.camera_for(loaded.bulk.bounds);
+    let (scene, camera, loaded) = frame();
     studio.draw(&scene, &camera, &loaded.splats, size).map(|shot| shot.picture)
 }
 
@@ -121,8 +124,7 @@ fn device_lost_between_frames() {
 #[test]
 fn device_lost_before_the_picture_is_read() {
     let gpu = Gpu::headless().expect("an adapter");
-    let (scene, loaded) = frame();
-    let camera = scene.camera_for(loaded.bulk.bounds);
+    let (scene, camera, loaded) = frame();
     let mut renderer = Renderer::new(&gpu);
     let picture = Picture::new(&gpu, SIZE).expect("the size is allowed");
     let drawn =
@@ -244,10 +246,9 @@ fn what_does_not_fit_is_refused_by_its_limit() {
         ("", |_| ()),
     ];
     let sizes = [(1, 1), (17, 250), (256, 256), (257, 1), (1, 300), (640, 480), (1000, 70)];
-    let (mut scene, loaded) = frame();
+    let (mut scene, camera, loaded) = frame();
     scene.settings.caustics.resolution = 16;
     scene.settings.caustics.grid = 8;
-    let camera = scene.camera_for(loaded.bulk.bounds);
     for (limit, lower) in adapters {
         let (gpu, errors) = limited(lower);
         let mut studio = Studio::new(&gpu);
@@ -291,9 +292,8 @@ fn maps_that_do_not_fit_are_refused() {
         ("", |_| ()),
     ];
     for (remedy, change) in changes {
-        let (mut scene, loaded) = frame();
+        let (mut scene, camera, loaded) = frame();
         change(&mut scene);
-        let camera = scene.camera_for(loaded.bulk.bounds);
         match studio.draw(&scene, &camera, &loaded.splats, SIZE) {
             Ok(_) => assert_eq!(remedy, "", "it should be refused"),
             Err(error) => {
@@ -312,10 +312,9 @@ fn maps_that_do_not_fit_are_refused() {
 fn particles_are_drawn_in_parts_that_fit() {
     let (gpu, errors) = limited(|limits| limits.max_storage_buffer_binding_size = 65536);
     let mut studio = Studio::new(&gpu);
-    let (mut scene, loaded) = frame();
+    let (mut scene, camera, loaded) = frame();
     scene.lights.clear();
     scene.liquid.absorption = Vec3::ZERO;
-    let camera = scene.camera_for(loaded.bulk.bounds);
     let one = loaded.splats.aggregates[0];
     for count in [0, 1, 1365, 1366, 5000, 100, 20_000] {
         let splats = Splats {
@@ -333,9 +332,8 @@ fn particles_are_drawn_in_parts_that_fit() {
 /// bare, with splashes, and with the intermediate images. Where the device tells what it has given.
 #[test]
 fn picture_takes_the_memory_that_is_documented() {
-    let (mut scene, loaded) = frame();
+    let (mut scene, camera, loaded) = frame();
     (scene.lights, scene.solids) = (Vec::new(), Vec::new());
-    let camera = scene.camera_for(loaded.bulk.bounds);
     for (splash, diagnose, documented) in
         [(false, false, 156.0), (true, false, 192.0), (false, true, 204.0)]
     {
@@ -392,15 +390,14 @@ fn divided_frames_are_the_same() {
     let gpu = Gpu::headless().expect("an adapter");
     let mut renderers =
         [gpu.clone(), gpu.clone().with_most_work(1 << 17)].map(|gpu| Renderer::new(&gpu));
-    let (scene, loaded) = frame();
-    let camera = scene.camera_for(loaded.bounds);
+    let (scene, camera, loaded) = frame();
     let size = UVec2::new(64, 48);
     for set in [
         &["refract.solver=march", "refract.samples=2", "caustics.blur=0.1"][..],
         &["caustics.method=gather", "caustics.steps=4096"],
     ] {
         let set: Vec<String> = set.iter().map(|text| (*text).to_owned()).collect();
-        let settings = scene.settings.with(&set).expect("valid settings");
+        let settings = replaced(&scene.settings, &set).expect("valid settings");
         let scene = Scene { settings, ..scene.clone() };
         let [whole, divided] = renderers.each_mut().map(|renderer| {
             let picture = Picture::new(&gpu, size).expect("a picture");

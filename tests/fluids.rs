@@ -9,7 +9,8 @@ use glam::{DVec3, UVec2, Vec3};
 use limpid::input::{Input, Missing, Moment};
 use limpid::particles::Particles;
 use limpid::passes::classify::{Splat, Splats};
-use limpid::scene::{Fluid, ParticleSource, Scene, Shape};
+use limpid::project::Project;
+use limpid::scene::{Scene, Shape};
 
 const SIZE: UVec2 = UVec2::new(64, 48);
 const CLARET: Vec3 = Vec3::new(0.3, 2.0, 1.2);
@@ -23,13 +24,7 @@ fn of_fluid(splat: Splat, fluid: u32) -> Splat {
 fn fluids(absorptions: &[Vec3]) -> Scene {
     let mut scene = scene();
     scene.liquid.ior = 1.0;
-    scene.fluids = absorptions
-        .iter()
-        .map(|&absorption| Fluid {
-            particles: ParticleSource { source: "unused".into(), ..Default::default() },
-            absorption,
-        })
-        .collect();
+    scene.fluids = absorptions.to_vec();
     scene
 }
 
@@ -188,7 +183,8 @@ fn a_scene_of_two_fluids() {
          [[fluid]]\nsource = \"b_{}.xyz\"\nup = \"z\"\ncolor = [0.5, 1.0, 0.25]\n",
     );
     let path = folder.path().join("scene.toml");
-    let (mut input, scene) = Input::open(path.to_str().unwrap(), &[]).unwrap().settle(&[]).unwrap();
+    let (mut input, project) = Input::open(path.to_str().unwrap()).unwrap().settle().unwrap();
+    let scene = project.scene;
     let ln2 = std::f32::consts::LN_2;
     assert_eq!(scene.absorptions(), [Vec3::new(1.0, 2.0, 3.0), Vec3::new(ln2, 0.0, 2.0 * ln2)]);
     assert_eq!(input.frame, Some(2));
@@ -215,7 +211,7 @@ fn a_scene_of_two_fluids() {
         ("[[fluid]]\nsource = \"a\"\nfps = 0.0", "fps must be above 0"),
         ("[[fluid]]\nsource = \"a\"\ncolour = [1, 1, 1]", "did you mean `color`"),
     ] {
-        let error = Scene::parse(bad, "scene", folder.path(), &[]).unwrap_err().to_string();
+        let error = Project::parse(bad, "scene", folder.path()).unwrap_err().to_string();
         assert!(error.contains(problem), "{bad}: {error}");
     }
 }
@@ -238,7 +234,7 @@ fn fluids_are_interpolated_each_by_itself() {
     let fluid = |name: &str| format!("[[fluid]]\nsource = \"{name}_{{}}.bgeo\"\nradius = 0.1\n");
     let path = folder.path().join("scene.toml");
     std::fs::write(&path, fluid("a") + &fluid("b")).unwrap();
-    let input = Input::open(path.to_str().unwrap(), &[]).unwrap();
+    let input = Input::open(path.to_str().unwrap()).unwrap();
     let middle = Moment { frame: 1, next: 2, fraction: 0.25 };
     let particles = input.particles(middle).unwrap();
     let places: Vec<f32> = particles.positions.iter().map(|x| x.x).collect();
@@ -247,7 +243,7 @@ fn fluids_are_interpolated_each_by_itself() {
     // What one of them lacks is told before anything is drawn.
     input.check_frames(&[1, 2]).unwrap();
     std::fs::remove_file(folder.path().join("b_2.bgeo")).unwrap();
-    let mut input = Input::open(path.to_str().unwrap(), &[]).unwrap();
+    let mut input = Input::open(path.to_str().unwrap()).unwrap();
     let error = input.check_frames(&[1, 2]).unwrap_err().to_string();
     assert!(error.contains("b_{}.bgeo") && error.contains("frame 2 is missing"), "{error}");
     input.missing = Missing::Hold;

@@ -35,8 +35,7 @@ fn tank_of(count: usize) -> (Scene, Camera, Splats) {
         })
         .collect();
     let particles = Particles { positions, ..Default::default() };
-    let mut scene = Scene::around(DVec3::splat(-0.8), DVec3::splat(0.8), 0.06);
-    scene.camera = None;
+    let scene = Scene::around(DVec3::splat(-0.8), DVec3::splat(0.8), 0.06);
     let camera = Camera { eye: DVec3::new(0.7, 1.2, 2.4), ..on_axis(0.0, 40.0) };
     let drawn = classify(&particles, 0.06, &scene.settings.classify);
     assert!(drawn.splashes.len() > 10 && drawn.aggregates.len() > 100);

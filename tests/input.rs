@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 use limpid::Error;
 use limpid::input::Input;
 use limpid::particles::Particles;
-use limpid::scene::Scene;
+use limpid::project::Project;
 use support::Random;
 use tempfile::TempDir;
 
@@ -24,7 +24,7 @@ fn frames(contents: &[&str]) -> TempDir {
 }
 
 fn open(folder: &TempDir) -> Input {
-    Input::open(folder.path().join("w_{}.xyz").to_str().unwrap(), &[]).unwrap()
+    Input::open(folder.path().join("w_{}.xyz").to_str().unwrap()).unwrap()
 }
 
 const PAIR: &str = "50.0 1.0 0.0\n50.2 1.0 0.0\n";
@@ -35,13 +35,13 @@ const CLOSER: &str = "50.0 1.0 0.0\n50.1 1.0 0.0\n";
 #[test]
 fn the_first_filled_frame_settles_radius_and_view() {
     let folder = frames(&["", PAIR, CLOSER]);
-    let (input, scene) = open(&folder).settle(&[]).unwrap();
+    let (input, project) = open(&folder).settle().unwrap();
     for (frame, particles) in input.sequence.frames.iter().zip([0, 2, 2]) {
-        let loaded = input.load(frame, &scene).unwrap();
+        let loaded = input.load(frame, &project.scene).unwrap();
         assert_eq!(loaded.particles, particles);
         assert!((loaded.splats.radius - 0.1).abs() < 1e-6, "{}", loaded.splats.radius);
     }
-    let target = scene.camera.expect("a fitted camera").target;
+    let target = project.camera.expect("a fitted camera").target;
     assert!(target.abs_diff_eq(DVec3::new(50.1, 1.0, 0.0), 1e-4), "{target}");
 }
 
@@ -49,23 +49,23 @@ fn the_first_filled_frame_settles_radius_and_view() {
 #[test]
 fn a_scene_without_a_camera_gets_one() {
     let folder = frames(&[PAIR, "0.0 0.0 0.0\n1.0 0.0 0.0\n"]);
-    let scene = Scene::parse("", "empty", Path::new("."), &[]).unwrap();
-    let (_, scene) = open(&folder).with_scene(scene).settle(&[]).unwrap();
-    assert!(scene.camera.expect("a fitted camera").target.x > 49.0);
+    let scene = Project::parse("", "empty", Path::new(".")).unwrap();
+    let (_, project) = open(&folder).with_project(scene).settle().unwrap();
+    assert!(project.camera.expect("a fitted camera").target.x > 49.0);
 }
 
 /// Nothing to see is a picture too; a lone particle without a radius is a question.
 #[test]
 fn empty_and_lone_frames() {
     let folder = frames(&["", ""]);
-    let (input, scene) = open(&folder).settle(&[]).unwrap();
-    assert_eq!(input.load(&input.sequence.frames[0], &scene).unwrap().particles, 0);
+    let (input, project) = open(&folder).settle().unwrap();
+    assert_eq!(input.load(&input.sequence.frames[0], &project.scene).unwrap().particles, 0);
 
     let folder = frames(&["1.0 2.0 3.0\n"]);
-    let error = open(&folder).settle(&[]).unwrap_err();
+    let error = open(&folder).settle().unwrap_err();
     assert!(error.to_string().contains("--radius"), "{error}");
-    let (input, scene) = open(&folder).with_radius(0.5).unwrap().settle(&[]).unwrap();
-    assert_eq!(input.load(&input.sequence.frames[0], &scene).unwrap().splats.radius, 0.5);
+    let (input, project) = open(&folder).with_radius(0.5).unwrap().settle().unwrap();
+    assert_eq!(input.load(&input.sequence.frames[0], &project.scene).unwrap().splats.radius, 0.5);
 }
 
 /// A scene's frame is that frame, also where the pattern matches only another one.
@@ -74,7 +74,7 @@ fn a_missing_frame_is_not_replaced_by_another() {
     let folder = frames(&[PAIR]);
     let text = "[particles]\nsource = \"w_{}.xyz\"\nframe = 7\n";
     std::fs::write(folder.path().join("scene.toml"), text).unwrap();
-    let input = Input::open(folder.path().join("scene.toml").to_str().unwrap(), &[]).unwrap();
+    let input = Input::open(folder.path().join("scene.toml").to_str().unwrap()).unwrap();
     assert_eq!(input.frame, Some(7));
     assert!(input.sequence.frame(7).is_none());
 }
@@ -84,10 +84,10 @@ fn a_missing_frame_is_not_replaced_by_another() {
 fn a_scene_gives_radius_and_axis() {
     let folder = frames(&["0.0 1.0 2.0\n5.0 1.0 2.0\n"]);
     let text = "[particles]\nsource = \"other.xyz\"\nradius = 0.25\nup = \"z\"\n";
-    let scene = Scene::parse(text, "scene", Path::new("."), &[]).unwrap();
-    let (input, scene) = open(&folder).with_scene(scene).settle(&[]).unwrap();
+    let scene = Project::parse(text, "scene", Path::new(".")).unwrap();
+    let (input, project) = open(&folder).with_project(scene).settle().unwrap();
     let frame = &input.sequence.frames[0];
-    assert_eq!(input.load(frame, &scene).unwrap().splats.radius, 0.25);
+    assert_eq!(input.load(frame, &project.scene).unwrap().splats.radius, 0.25);
     assert_eq!(input.particles(frame).unwrap().positions[0], Vec3::new(0.0, 2.0, -1.0));
     assert!(matches!(open(&folder).with_radius(-1.0), Err(Error::Usage(_))));
 }
@@ -157,12 +157,12 @@ fn a_bare_file_is_seen_whole_though_a_particle_escaped() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.bgeo");
         Particles::from_positions(places).write(&path).unwrap();
-        let input = Input::open(path.to_str().unwrap(), &[]).unwrap().with_radius(0.025).unwrap();
-        let (input, scene) = input.settle(&[]).unwrap();
-        (input.load(&input.sequence.frames[0], &scene).unwrap(), scene)
+        let input = Input::open(path.to_str().unwrap()).unwrap().with_radius(0.025).unwrap();
+        let (input, project) = input.settle().unwrap();
+        (input.load(&input.sequence.frames[0], &project.scene).unwrap(), project)
     });
     assert_eq!(escaped.1.camera, whole.1.camera);
-    assert_eq!(escaped.1.solids, whole.1.solids);
+    assert_eq!(escaped.1.scene.solids, whole.1.scene.solids);
     assert_eq!((escaped.0.bulk.outside, whole.0.bulk.outside), (1, 0));
     assert_eq!(escaped.0.bulk.bounds, whole.0.bounds);
     assert_eq!(escaped.0.bounds.0.y, -1e6);

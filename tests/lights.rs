@@ -20,6 +20,7 @@ use limpid::environment::Environment;
 use limpid::input::Input;
 use limpid::light_view::LightView;
 use limpid::passes::classify::Splats;
+use limpid::project::Project;
 use limpid::recipe::Recipe;
 use limpid::reference::analytic::{Ball, Pool};
 use limpid::reference::caustics::{Views, beams, on_solids};
@@ -79,15 +80,16 @@ fn wet(recipe: &str, solids: &[Solid], lights: &[Light]) -> (Scene, Splats) {
          [environment]\nradiance = [{SKY:?}, {SKY:?}, {SKY:?}]\n\
          [camera]\neye = [0.0, 0.0, 1.0]\ntarget = [0.0, 0.0, 0.0]\nfov_y = 40.0\n"
     );
-    let mut scene = Scene::parse(&text, "lights", Path::new("."), &[]).expect("a valid scene");
+    let mut project = Project::parse(&text, "lights", Path::new(".")).expect("a valid scene");
+    let scene = &mut project.scene;
     scene.solids = solids.to_vec();
     scene.lights = lights.to_vec();
     scene.settings.caustics.resolution = 128;
     scene.settings.caustics.grid = 128;
-    let input = Input::from_scene(scene, "lights").expect("a recipe");
-    let (input, scene) = input.settle(&[]).expect("a camera");
-    let loaded = input.load(&input.sequence.frames[0], &scene).expect("particles");
-    (scene, loaded.splats)
+    let input = Input::from_project(project, "lights").expect("a recipe");
+    let (input, project) = input.settle().expect("a camera");
+    let loaded = input.load(&input.sequence.frames[0], &project.scene).expect("particles");
+    (project.scene, loaded.splats)
 }
 
 /// A block of liquid that lies on the floor, 2 m wide and 0.4 m high.
@@ -940,7 +942,9 @@ fn a_lit_pool_looks_like_the_truth() {
         wall(-2.0, 2.0, 2.0, 2.2),
     ];
     let (mut scene, drawn) = wet(at, &solids, &[sun(Vec3::new(-0.4, -1.0, 0.3))]);
-    let Some(Recipe::Pool(pool)) = scene.recipe else { panic!("a pool") };
+    let project =
+        Project::parse(&format!("[recipe]\n{at}"), "pool", Path::new(".")).expect("a pool");
+    let Some(Recipe::Pool(pool)) = project.source.recipe() else { panic!("a pool") };
     scene.settings.caustics.interfaces = 1;
     scene.settings.refract.samples = 4;
     scene.liquid.absorption = Vec3::new(0.3, 0.1, 0.05);

@@ -10,10 +10,8 @@ use limpid::environment::Environment;
 use limpid::gpu::Gpu;
 use limpid::passes::classify::{Splat, Splats};
 use limpid::renderer::{Picture, Renderer};
-use limpid::scene::{Fluid, Light, Liquid, ParticleSource, Scene, Shape, Solid, Surface};
-use limpid::settings::{
-    Curve, Filter, Fresnel, Method, Reflections, Settings, Solids, Solver, Unit,
-};
+use limpid::scene::{Light, Scene, Shape, Solid, Surface};
+use limpid::settings::{Curve, Filter, Fresnel, Method, Reflections, Solids, Solver, Unit};
 use limpid::wgpu;
 
 /// A no-op device that remembers what its validation says.
@@ -86,23 +84,7 @@ fn splats(aggregates: usize, splashes: usize) -> Splats {
 }
 
 fn scene() -> Scene {
-    Scene {
-        particles: None,
-        fluids: Vec::new(),
-        recipe: None,
-        simulation: None,
-        views: Vec::new(),
-        liquid: Liquid::default(),
-        camera: None,
-        environment: Environment::default(),
-        solids: Vec::new(),
-        lights: Vec::new(),
-        settings: Settings::default(),
-    }
-}
-
-fn fluid(absorption: Vec3) -> Fluid {
-    Fluid { particles: ParticleSource::default(), absorption }
+    Scene::default()
 }
 
 fn solids() -> Vec<Solid> {
@@ -225,7 +207,7 @@ fn every_setting_is_valid() {
         ("gathered caustics", |s| s.settings.caustics.method = Method::Gather),
         ("straight light", |s| s.settings.caustics.method = Method::Straight),
         ("several fluids", |s| {
-            s.fluids = [Vec3::X, Vec3::Y].map(fluid).to_vec();
+            s.fluids = vec![Vec3::X, Vec3::Y];
         }),
         ("aces, many samples", |s| {
             s.settings.tonemap.curve = Curve::Aces;
@@ -234,7 +216,7 @@ fn every_setting_is_valid() {
     ];
     for diagnose in [false, true] {
         for (what, change) in changes {
-            let mut scene = Scene { solids: solids(), lights: lights(), ..scene() };
+            let mut scene = Scene { solids: solids(), lights: lights(), ..Scene::default() };
             change(&mut scene);
             renderer.diagnose = diagnose;
             device.render(&mut renderer, &scene, &splats(3, 1), UVec2::new(20, 10));

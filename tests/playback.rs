@@ -232,7 +232,7 @@ fn open(folder: &Path, numbers: &[i64]) -> Input {
         let text = format!("{number} 0 0\n{number} 1 0\n");
         std::fs::write(folder.join(format!("w_{number}.xyz")), text).unwrap();
     }
-    Input::open(folder.join("w_{}.xyz").to_str().unwrap(), &[]).unwrap()
+    Input::open(folder.join("w_{}.xyz").to_str().unwrap()).unwrap()
 }
 
 /// Moments: every step from the first frame to the last, each frame exactly when its time comes, over

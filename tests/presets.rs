@@ -11,6 +11,7 @@ use glam::{DVec3, UVec2, Vec3};
 use limpid::error::Error;
 use limpid::particles::Particles;
 use limpid::passes::classify::classify;
+use limpid::project::{Project, overrides};
 use limpid::scene::Scene;
 use limpid::settings::{
     Curve, Filter, Fresnel, Kernel, Preset, Reflections, Settings, Solids, Solver, Unit,
@@ -18,7 +19,10 @@ use limpid::settings::{
 
 fn parse(text: &str, overrides: &[&str]) -> Result<Scene, Error> {
     let overrides: Vec<_> = overrides.iter().map(|&text| text.to_owned()).collect();
-    Scene::parse(text, "test.toml", Path::new("."), &overrides)
+    let mut project = Project::parse(text, "test.toml", Path::new("."))?;
+    project.set(&overrides)?;
+    project.check()?;
+    Ok(project.scene)
 }
 
 fn settings(text: &str, overrides: &[&str]) -> Settings {
@@ -30,11 +34,10 @@ fn settings(text: &str, overrides: &[&str]) -> Settings {
 fn every_preset_survives_a_round_trip() {
     for preset in Preset::ALL {
         let name = preset.to_string();
-        assert_eq!(name.parse::<Preset>().unwrap(), preset);
+        assert_eq!(overrides::preset(&name).unwrap(), preset);
         assert_eq!(toml::Value::from(name.clone()).try_into::<Preset>().unwrap(), preset);
         let expected = preset.settings();
         expected.check().unwrap_or_else(|e| panic!("{name}: {e}"));
-        assert_eq!(Settings::preset(&name).unwrap(), expected);
 
         // By its name, by its tables, and by both.
         let named = format!("[settings]\npreset = \"{name}\"\n");
@@ -53,7 +56,7 @@ fn every_preset_survives_a_round_trip() {
 /// Protects what each paper says from being changed with the defaults.
 #[test]
 fn presets_are_what_the_papers_say() {
-    let later = Settings::preset("imai2016").unwrap();
+    let later = Preset::Imai2016.settings();
     let (c, s, r) = (&later.classify, &later.smooth, &later.refract);
     assert_eq!((c.kernel, c.max_ratio, c.smoothing), (Kernel::Volume, 4.0, 0.9));
     assert_eq!(c.splash_radius, 1.0);
@@ -63,11 +66,11 @@ fn presets_are_what_the_papers_say() {
     assert_eq!((r.fresnel, r.reflections), (Fresnel::Schlick, Reflections::Environment));
     assert_eq!(r.samples, 1);
 
-    let earlier = Settings::preset("imai2014").unwrap();
+    let earlier = Preset::Imai2014.settings();
     assert_eq!(earlier.smooth, limpid::settings::Smooth { filter: Filter::Bilateral, ..s.clone() });
     assert_eq!(earlier.refract, limpid::settings::Refract { interfaces: 2, ..r.clone() });
 
-    let newton = Settings::preset("mayer2026").unwrap();
+    let newton = Preset::Mayer2026.settings();
     let r = &newton.refract;
     assert_eq!((r.solver, r.iterations, r.interfaces), (Solver::Newton, 5, 2));
     assert_eq!((r.fresnel, r.solids, r.internal_bounces), (Fresnel::Schlick, Solids::Screen, 0));
@@ -84,7 +87,7 @@ fn imai2014_draws_spheres() {
         positions.push(2.0 * r * Vec3::new((i % 5) as f32, (i / 5 % 5) as f32, (i / 25) as f32));
     }
     let particles = Particles { positions: positions.clone(), ..Particles::default() };
-    let drawn = classify(&particles, r, &Settings::preset("imai2014").unwrap().classify);
+    let drawn = classify(&particles, r, &Preset::Imai2014.settings().classify);
     assert_eq!((drawn.aggregates.len(), drawn.splashes.len()), (126, 0));
     for splat in &drawn.aggregates {
         let at = positions[splat.particle as usize];
@@ -93,7 +96,7 @@ fn imai2014_draws_spheres() {
         assert!(splat.off_diagonal.iter().all(|a| a.abs() < 1e-5), "{splat:?}");
     }
     // The later paper tells the one on its own apart.
-    let drawn = classify(&particles, r, &Settings::preset("imai2016").unwrap().classify);
+    let drawn = classify(&particles, r, &Preset::Imai2016.settings().classify);
     assert_eq!((drawn.aggregates.len(), drawn.splashes.len()), (125, 1));
 }
 
@@ -112,7 +115,7 @@ fn a_scene_overrides_its_preset() {
         [settings.tonemap]
         curve = "aces"
     "#;
-    let mut expected = Settings::preset("imai2016").unwrap();
+    let mut expected = Preset::Imai2016.settings();
     expected.classify.support = 3.0;
     expected.refract.solver = Solver::March;
     // A default that is given is given.
@@ -121,7 +124,7 @@ fn a_scene_overrides_its_preset() {
     assert_eq!(settings(text, &[]), expected);
     // Wherever the keys are written.
     let inline = "settings = { refract = { samples = 4 }, preset = \"imai2014\" }";
-    let mut expected = Settings::preset("imai2014").unwrap();
+    let mut expected = Preset::Imai2014.settings();
     expected.refract.samples = 4;
     assert_eq!(settings(inline, &[]), expected);
 }
@@ -140,7 +143,7 @@ fn the_command_line_overrides_the_scene() {
         [settings.tonemap]
         exposure = -1.5
     "#;
-    let mut expected = Settings::preset("mayer2026").unwrap();
+    let mut expected = Preset::Mayer2026.settings();
     expected.tonemap.exposure = -1.5;
     expected.caustics.resolution = 64;
     assert_eq!(settings(text, &["preset=mayer2026"]), expected);
@@ -175,7 +178,7 @@ fn an_unknown_preset_names_the_nearest() {
     {
         let scene = format!("[liquid]\nior = 1.3\n[settings]\npreset = \"{wrong}\"");
         let errors = [
-            (Settings::preset(wrong).unwrap_err(), ""),
+            (overrides::preset(wrong).unwrap_err(), ""),
             (parse(&scene, &[]).unwrap_err(), "test.toml: line 4: "),
             (parse("", &[&format!("preset={wrong}")]).unwrap_err(), "--set preset="),
         ];

@@ -7,6 +7,7 @@ mod frames;
 use frames::{gpu, on_axis, scene, sphere, splats};
 use glam::{UVec2, Vec3};
 use limpid::Error;
+use limpid::project::overrides::replaced;
 use limpid::quality::{Choice, Curve, Limits, NOISE, Picked};
 use limpid::renderer::Renderer;
 use limpid::report::curve::hit_errors;
@@ -31,16 +32,22 @@ fn the_shipped_curve_is_whole() {
     assert!(curve.intersectors.len() > 10 && curve.pictures.len() > 5);
     assert!(!curve.adapter.is_empty() && !curve.scenes.is_empty());
     for Choice { set, error_px, flip, cost } in numbers(curve) {
-        Settings::default().with(set).expect("settings").check().expect("settings in their range");
+        replaced(&Settings::default(), set)
+            .expect("settings")
+            .check()
+            .expect("settings in their range");
         assert!((0.0..=10.0).contains(error_px), "{set:?}: {error_px}");
         assert!((0.0..=1.0).contains(flip) && cost.is_finite() && *cost > 0.0, "{set:?}");
     }
     let first = &curve.intersectors[0];
-    assert_eq!(Settings::default().with(&first.set).expect("settings"), Settings::default());
+    assert_eq!(replaced(&Settings::default(), &first.set).expect("settings"), Settings::default());
     assert_eq!(first.cost, 1.0);
     // They may be picked for a budget as well.
     let picture = &curve.pictures[0];
-    assert_eq!(Settings::default().with(&picture.set).expect("settings"), Settings::default());
+    assert_eq!(
+        replaced(&Settings::default(), &picture.set).expect("settings"),
+        Settings::default()
+    );
     let known = |choice: &Choice| (choice.error_px, choice.flip, choice.cost);
     assert_eq!(known(picture), known(first));
 }
@@ -212,12 +219,12 @@ fn picks_are_measured() {
     assert!((0.0..1e6).contains(&picked.ms));
     let flips = curve.pictures.iter().map(|choice| choice.flip);
     assert_eq!(picked.choice.flip, flips.fold(f64::INFINITY, f64::min));
-    assert_eq!(settings, scene().settings.with(&picked.choice.set).expect("settings"));
+    assert_eq!(settings, replaced(&scene().settings, &picked.choice.set).expect("settings"));
     // An error is kept by what is measured as well.
     let (picked, settings) = pick(Limits { max_error: Some(1.0), budget: None });
     let picked = picked.expect("some are so exact").expect("a limit");
     assert!(picked.choice.error_px <= 1.0 && picked.ms > 0.0, "{picked:?}");
-    assert_eq!(settings, scene().settings.with(&picked.choice.set).expect("settings"));
+    assert_eq!(settings, replaced(&scene().settings, &picked.choice.set).expect("settings"));
     let (refused, settings) = pick(Limits { max_error: None, budget: Some(1e-9) });
     assert!(matches!(refused, Err(Error::Usage(_))), "{refused:?}");
     assert_eq!(settings, scene().settings);

@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use limpid::input::{Input, RadiusFrom};
 use limpid::particles::Particles;
 use limpid::passes::classify::estimate_radius;
-use limpid::scene::Scene;
+use limpid::project::Project;
 use support::Random;
 
 /// The error that docs/radius.md promises.
@@ -68,8 +68,9 @@ fn splashed(r: f64, random: &mut Random) -> Vec<DVec3> {
 }
 
 fn recipe(text: &str) -> (Vec<DVec3>, f64) {
-    let scene = Scene::parse(&format!("[recipe]\n{text}\n"), "recipe", Path::new("."), &[]);
-    let recipe = scene.expect("a valid recipe").recipe.expect("a recipe");
+    let project = Project::parse(&format!("[recipe]\n{text}\n"), "recipe", Path::new("."));
+    let project = project.expect("a valid recipe");
+    let recipe = project.source.recipe().expect("a recipe");
     let particles = recipe.particles().expect("particles");
     (particles.positions.iter().map(|x| x.as_dvec3()).collect(), recipe.particle_radius())
 }
@@ -168,9 +169,8 @@ fn a_frame_alone_has_the_radius_of_its_sequence() {
     write(2, 0.05, 0.2);
     write(20, 0.08, 0.0);
     let settled = |input: &Path, number: i64| {
-        let (input, scene) =
-            Input::open(input.to_str().unwrap(), &[]).unwrap().settle(&[]).unwrap();
-        let loaded = input.load(input.sequence.frame(number + 1).unwrap(), &scene).unwrap();
+        let (input, project) = Input::open(input.to_str().unwrap()).unwrap().settle().unwrap();
+        let loaded = input.load(input.sequence.frame(number + 1).unwrap(), &project.scene).unwrap();
         assert_eq!(loaded.radius_from, RadiusFrom::Guess);
         loaded.splats.radius
     };
@@ -193,10 +193,10 @@ fn a_radius_says_where_it_is_from() {
         particles.write(&path).unwrap();
         path
     });
-    let open = |path: &Path| Input::open(path.to_str().unwrap(), &[]).unwrap();
+    let open = |path: &Path| Input::open(path.to_str().unwrap()).unwrap();
     let from = |input: Input| {
-        let (input, scene) = input.settle(&[]).unwrap();
-        let loaded = input.load(&input.sequence.frames[0], &scene).unwrap();
+        let (input, project) = input.settle().unwrap();
+        let loaded = input.load(&input.sequence.frames[0], &project.scene).unwrap();
         (loaded.radius_from, loaded.splats.radius)
     };
     assert_eq!(from(open(&bare)), (RadiusFrom::Guess, 0.5));

@@ -8,8 +8,8 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use limpid::Error;
 use limpid::input::Input;
 use limpid::passes::classify;
+use limpid::project::{LiquidSource, Project};
 use limpid::recipe::Recipe;
-use limpid::scene::Scene;
 use limpid::settings::Classify;
 
 const NAMES: [&str; 6] = ["drop", "slab", "idol", "breaker", "cascade", "vase"];
@@ -18,20 +18,20 @@ fn path(name: &str) -> String {
     format!("{}/sims/{name}.toml", env!("CARGO_MANIFEST_DIR"))
 }
 
-fn scene(name: &str) -> Scene {
-    Scene::load(Path::new(&path(name))).unwrap()
+fn project(name: &str) -> Project {
+    Project::load(Path::new(&path(name))).unwrap()
 }
 
 fn recipe(name: &str) -> Recipe {
-    scene(name).recipe.expect("a recipe")
+    *project(name).source.recipe().expect("a recipe")
 }
 
 fn positions(recipe: &Recipe) -> Vec<DVec3> {
     recipe.particles().unwrap().positions.iter().map(|x| x.as_dvec3()).collect()
 }
 
-fn parse(table: &str) -> limpid::Result<Scene> {
-    Scene::parse(table, "test", Path::new("."), &[])
+fn parse(table: &str) -> limpid::Result<Project> {
+    Project::parse(table, "test", Path::new("."))
 }
 
 /// Each file opens as any input does: one frame, with a radius, a camera, and as many particles as
@@ -39,10 +39,10 @@ fn parse(table: &str) -> limpid::Result<Scene> {
 #[test]
 fn every_recipe_is_an_input() {
     for name in NAMES {
-        let (input, scene) = Input::open(&path(name), &[]).unwrap().settle(&[]).unwrap();
-        let recipe = scene.recipe.expect("a recipe");
+        let (input, project) = Input::open(&path(name)).unwrap().settle().unwrap();
+        let recipe = project.source.recipe().expect("a recipe");
         let [frame] = input.sequence.frames.as_slice() else { panic!("{name}: one frame") };
-        let loaded = input.load(frame, &scene).unwrap();
+        let loaded = input.load(frame, &project.scene).unwrap();
         let share = loaded.particles as f64 / recipe.count();
         assert!((share - 1.0).abs() < 0.05, "{name}: {share} of the particles asked for");
         assert_eq!(loaded.splats.radius, recipe.particle_radius() as f32);
@@ -228,14 +228,15 @@ fn every_scene_loads() {
             continue;
         }
         let name = path.to_str().unwrap();
-        let mut scene = Scene::load(&path).unwrap();
-        if scene.simulation.is_none() {
+        let mut project = Project::load(&path).unwrap();
+        if project.source.simulation().is_none() {
             let input;
-            (input, scene) = Input::open(name, &[]).unwrap().settle(&[]).unwrap();
+            (input, project) = Input::open(name).unwrap().settle().unwrap();
             assert_eq!(input.sequence.frames.len(), 1, "{name}");
-            assert!(scene.recipe.is_some() != scene.particles.is_some(), "{name}");
+            assert!(project.source != LiquidSource::Unspecified, "{name}");
         }
-        assert!(scene.camera.is_some(), "{name}");
+        assert!(project.camera.is_some(), "{name}");
+        let scene = project.scene;
         let lit = scene.solids.iter().any(|solid| solid.lit);
         assert_eq!(lit, !scene.lights.is_empty(), "{name}: lit solids and lights");
         count += 1;
@@ -247,11 +248,11 @@ fn every_scene_loads() {
 #[test]
 fn no_particle_is_in_a_solid() {
     for name in NAMES {
-        let scene = scene(name);
-        let recipe = scene.recipe.expect("a recipe");
+        let project = project(name);
+        let recipe = project.source.recipe().expect("a recipe");
         let r = recipe.particle_radius();
         for x in recipe.particles().unwrap().positions {
-            for solid in &scene.solids {
+            for solid in &project.scene.solids {
                 let distance = solid.shape.distance(x.as_dvec3()).0;
                 assert!(distance > 0.4 * r, "{name}: {x} is {} r from a solid", distance / r);
             }
@@ -369,8 +370,8 @@ fn extreme_recipes_are_finite() {
          ripple = 100\nwavelength = 1000\ncount = 500",
     ];
     for table in tables {
-        let scene = parse(&format!("[recipe]\n{table}\n")).unwrap();
-        match scene.recipe.expect("a recipe").particles() {
+        let project = parse(&format!("[recipe]\n{table}\n")).unwrap();
+        match project.source.recipe().expect("a recipe").particles() {
             Ok(particles) => {
                 assert!(particles.positions.iter().all(|x| x.is_finite()), "{table}");
                 assert!(particles.len() < 10_000, "{table}: {}", particles.len());

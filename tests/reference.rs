@@ -28,10 +28,9 @@ const SCENES: [&str; 5] = [
 const MAX_MEAN: f64 = 0.065;
 const MAX_ONE: f64 = 0.12;
 
-fn input(references: &Path, name: &str, overrides: &[String]) -> Input {
+fn input(references: &Path, name: &str) -> Input {
     let path = references.join("scenes").join(name).with_extension("toml");
-    Input::open(path.to_str().expect("the path is UTF-8"), overrides)
-        .unwrap_or_else(|error| panic!("{error}"))
+    Input::open(path.to_str().expect("the path is UTF-8")).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The scenes load as they are, and name a frame that is there.
@@ -39,10 +38,10 @@ fn input(references: &Path, name: &str, overrides: &[String]) -> Input {
 fn scenes_load_unchanged() {
     let Some(references) = references() else { return };
     for name in SCENES {
-        let input = input(&references, name, &[]);
-        let scene = input.scene.as_ref().expect("a scene");
-        assert!(scene.camera.is_some(), "{name} has a camera");
-        assert_eq!(scene.solids.len(), 1, "{name} has a floor");
+        let input = input(&references, name);
+        let project = input.project.as_ref().expect("a scene");
+        assert!(project.camera.is_some(), "{name} has a camera");
+        assert_eq!(project.scene.solids.len(), 1, "{name} has a floor");
         let frame = match input.frame {
             Some(number) => input.sequence.frame(number),
             None => input.sequence.frames.first(),
@@ -73,21 +72,21 @@ fn mean_flip_to_the_references() {
         "scene", "mean FLIP", "99th pct", "RMSE", "PSNR, dB"
     );
     for name in SCENES {
-        let input = input(&references, name, &["refract.samples=4".to_owned()]);
-        let (input, scene) = input.settle(&[]).unwrap();
+        let (input, mut project) = input(&references, name).settle().unwrap();
+        project.scene.settings.refract.samples = 4;
         let frame = match input.frame {
             Some(number) => input.sequence.frame(number).expect("the scene's frame"),
             None => &input.sequence.frames[0],
         };
-        let loaded = input.load(frame, &scene).unwrap();
+        let loaded = input.load(frame, &project.scene).unwrap();
 
         let path = references.join("pictures").join(name).with_extension("png");
         let reference = load_picture(&path).unwrap_or_else(|error| panic!("{error}"));
         let size = UVec2::from(reference.dimensions());
         let picture = Picture::new(&gpu, size).unwrap();
-        let camera = scene.camera_for(loaded.bulk.bounds);
+        let camera = project.camera_for(loaded.bulk.bounds);
         renderer
-            .render(&scene, &camera, &loaded.splats, &picture.view(), Picture::FORMAT, size)
+            .render(&project.scene, &camera, &loaded.splats, &picture.view(), Picture::FORMAT, size)
             .unwrap();
         let picture = image::DynamicImage::ImageRgba8(picture.read(&gpu).unwrap()).into_rgb8();
         let (result, _) = compare(&reference, &picture).unwrap();

@@ -131,9 +131,7 @@ fn cloud(settings: &Scene) -> Splats {
 
 /// A scene for the cloud: a checkered floor, a sky, absorption, the default settings.
 fn tank() -> Scene {
-    let mut scene = Scene::around(DVec3::splat(-0.8), DVec3::splat(0.8), 0.06);
-    scene.camera = None;
-    scene
+    Scene::around(DVec3::splat(-0.8), DVec3::splat(0.8), 0.06)
 }
 
 fn above() -> Camera {

@@ -6,6 +6,7 @@ mod support;
 
 use glam::{DVec2, DVec3, IVec2, UVec2};
 use limpid::camera::Camera;
+use limpid::project::Project;
 use limpid::reference::layers::{Layer, View, entry, exit};
 use limpid::reference::optics;
 use limpid::renderer::Renderer;
@@ -197,7 +198,7 @@ fn planar() -> (Scene, ViewLayers) {
         origin = [0.0, 0.0, -0.5]
         normal = [0.1, 0.2, 1.0]
         half_extent = 50.0";
-    let scene = Scene::parse(toml, "planar", "".as_ref(), &[]).unwrap();
+    let scene = Project::parse(toml, "planar", "".as_ref()).unwrap().scene;
     let size = UVec2::new(160, 120);
     let view = View::new(&camera().uniform(size, DVec3::ZERO));
     let water = plane(DVec3::new(0.0, 0.0, -4.5), DVec3::new(0.15, -0.1, -1.0));

@@ -8,6 +8,7 @@ use frames::{Shot, Stage, View, ellipsoid, on_axis, scene, sphere, splats, stage
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::passes::classify::{Splat, Splats};
+use limpid::project::overrides::replaced;
 use limpid::scene::Scene;
 use limpid::settings::{Filter, Settings, Unit};
 
@@ -488,7 +489,7 @@ fn marks_that_the_ray_starts_inside_are_kept() {
 /// The filters and their numbers by the names of a scene's settings.
 #[test]
 fn filters_are_settings() {
-    let with = |set: &str| Settings::default().with(&[set.to_owned()]);
+    let with = |set: &str| replaced(&Settings::default(), &[set.to_owned()]);
     assert_eq!(Settings::default().smooth.filter, Filter::PlaneFit);
     for (name, filter) in ["plane-fit", "bilateral", "narrow-range"].into_iter().zip(FILTERS) {
         let set = with(&format!("smooth.filter={name}")).unwrap();

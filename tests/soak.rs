@@ -17,6 +17,7 @@ use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::particles::Particles;
 use limpid::passes::classify;
+use limpid::project::Project;
 use limpid::scene::Scene;
 use limpid::studio::Studio;
 use limpid::wgpu;
@@ -83,7 +84,9 @@ fn kind(i: usize) -> Kind {
     let overrides: Vec<_> =
         SETTINGS[i % SETTINGS.len()].iter().map(|text| (*text).to_owned()).collect();
     let text = format!("[liquid]\nabsorption = [0.8, 0.3, 0.1]\n{}", LOOKS[i % LOOKS.len()]);
-    let scene = Scene::parse(&text, "soak", Path::new(""), &overrides).expect("a scene");
+    let mut project = Project::parse(&text, "soak", Path::new("")).expect("a scene");
+    project.set(&overrides).expect("settings");
+    let scene = project.scene;
     let mut random = Random(i as u64);
     let places: Vec<_> = (0..COUNTS[i % COUNTS.len()])
         .map(|_| DVec3::new(random.range(-0.5, 0.5), random.range(-0.6, 0.0), random.unit()))

@@ -76,16 +76,10 @@ fn tank(place: Place) -> (Scene, Camera, Splats) {
     let mut settings = Settings::default();
     settings.refract.edge_samples = 1;
     let scene = Scene {
-        fluids: Vec::new(),
-        particles: None,
-        recipe: None,
-        simulation: None,
-        views: Vec::new(),
         liquid: Liquid {
             absorption: Vec3::new(1.2, 0.35, 0.12) / place.length(1.0),
             ..Default::default()
         },
-        camera: None,
         environment: Environment::Gradient {
             zenith: Vec3::new(0.20, 0.42, 0.85),
             horizon: Vec3::new(0.85, 0.90, 0.95),
@@ -101,6 +95,7 @@ fn tank(place: Place) -> (Scene, Camera, Splats) {
             Light::Point { position: place.point(0.5, 1.5, 1.5), intensity },
         ],
         settings,
+        ..Scene::default()
     };
     let camera = Camera {
         eye: place.point(0.9, 1.5, 3.1),

@@ -10,11 +10,13 @@ use std::fs;
 use std::hash::Hasher as _;
 use std::path::{Path, PathBuf};
 
-use glam::{UVec2, Vec3};
+use glam::{DVec3, UVec2, Vec3};
 use image::RgbImage;
+use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::particles::Particles;
 use limpid::passes::classify::{self, Splats};
+use limpid::project::Project;
 use limpid::scene::Scene;
 use limpid::settings::Solver;
 use limpid::studio::Studio;
@@ -32,8 +34,8 @@ fn compiled(gpu: &Gpu) -> [isize; 3] {
 
 fn scene(solver: Solver) -> Scene {
     let text = "[environment]\nradiance = [0.5, 0.6, 0.8]\n\
-                [camera]\neye = [0.0, 1.0, 4.0]\ntarget = [0.0, 0.0, 0.0]\nfov_y = 40.0\n";
-    let mut scene = Scene::parse(text, "plain", Path::new(""), &[]).expect("a scene");
+                ";
+    let mut scene = Project::parse(text, "plain", Path::new("")).expect("a scene").scene;
     scene.settings.refract.solver = solver;
     scene
 }
@@ -47,7 +49,8 @@ fn splats(scene: &Scene, droplet: bool) -> Splats {
 }
 
 fn draw(studio: &mut Studio, scene: &Scene, droplet: bool) {
-    let camera = scene.camera.expect("the scene has one");
+    let (eye, target) = (DVec3::new(0.0, 1.0, 4.0), DVec3::ZERO);
+    let camera = Camera { eye, target, up: Vec3::Y, fov_y: 40.0, near: None };
     studio
         .draw(scene, &camera, &splats(scene, droplet), UVec2::new(48, 32))
         .expect("the frame is drawn");

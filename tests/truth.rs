@@ -17,6 +17,7 @@ use limpid::compare::{compare, load_picture};
 use limpid::environment::{Environment, EvenLight};
 use limpid::glam::{DMat3, DVec2, DVec3, UVec2, UVec3, Vec3};
 use limpid::input::Input;
+use limpid::project::Project;
 use limpid::reference::analytic::{Ball, Block, Drops, Ellipsoid, Pool};
 use limpid::reference::mesh::{Mesh, Reconstruction};
 use limpid::reference::optics::{Interface, fresnel, reflect, refract, transmittance};
@@ -44,8 +45,12 @@ impl Random {
     }
 }
 
+fn project(text: &str) -> Project {
+    Project::parse(text, "test", Path::new("")).unwrap()
+}
+
 fn scene(text: &str) -> Scene {
-    Scene::parse(text, "test", Path::new(""), &[]).unwrap()
+    project(text).scene
 }
 
 fn ray(origin: DVec3, direction: DVec3) -> Ray {
@@ -61,7 +66,8 @@ fn seen_down(liquid: &impl Liquid, scene: &Scene) -> DVec3 {
 
 fn looking(eye: Vec3, target: Vec3) -> Camera {
     let (eye, target) = (eye.to_array(), target.to_array());
-    scene(&format!("[camera]\neye = {eye:?}\ntarget = {target:?}\nfov_y = 40.0")).camera.unwrap()
+    let text = format!("[camera]\neye = {eye:?}\ntarget = {target:?}\nfov_y = 40.0");
+    project(&text).camera.unwrap()
 }
 
 const WATER: f64 = 1.33;
@@ -371,8 +377,8 @@ const CHECKERED: &str = "[liquid]\nior = 1.33\nabsorption = [1.2, 0.35, 0.12]\n[
 /// Protects meshes: finer and finer triangles converge to the picture of the exact ball.
 #[test]
 fn a_finer_mesh_comes_nearer_to_the_ball() {
-    let scene = scene(CHECKERED);
-    let camera = scene.camera.unwrap();
+    let Project { scene, camera, .. } = project(CHECKERED);
+    let camera = camera.unwrap();
     let size = UVec2::new(96, 72);
     let (center, radius) = (DVec3::new(0.1, 0.1, 0.0), 0.7);
     let ball = Ball { center, radius };
@@ -653,21 +659,22 @@ fn pictures_are_those_of_independent_software() {
     let mut sum = 0.0;
     for name in SCENES {
         let path = references.join("scenes").join(name).with_extension("toml");
-        let input = Input::open(path.to_str().expect("the path is UTF-8"), &[]).unwrap();
+        let input = Input::open(path.to_str().expect("the path is UTF-8")).unwrap();
         let frame = match input.frame {
             Some(number) => input.sequence.frame(number).expect("the scene's frame"),
             None => &input.sequence.frames[0],
         };
         let particles = input.particles(frame).unwrap();
-        let scene = input.scene.expect("a scene");
-        let radius = scene.particles.as_ref().and_then(|p| p.radius).expect("a radius");
+        let project = input.project.expect("a scene");
+        let radius = project.source.files()[0].radius.expect("a radius");
+        let scene = project.scene;
         let how = Reconstruction::among(&scene.solids);
         let mesh = Mesh::reconstruct(&particles.positions, radius, &how).unwrap();
 
         let path = references.join("pictures").join(name).with_extension("png");
         let reference = halved(&load_picture(&path).unwrap());
         let size = UVec2::from(reference.dimensions());
-        let camera = scene.camera.expect("a camera");
+        let camera = project.camera.expect("a camera");
         let picture = trace(&mesh, &scene, &camera, size, 4, MAX_DEPTH).to_srgb();
         let flip = compare(&reference, &picture).unwrap().0.mean_flip;
         println!("{name:<26} mean FLIP {flip:.4}");

@@ -10,6 +10,7 @@ use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::input::Input;
 use limpid::passes::classify::Splats;
+use limpid::project::Project;
 use limpid::scene::{Scene, Shape, Solid, Surface};
 
 const SIZE: UVec2 = UVec2::new(120, 90);
@@ -26,14 +27,14 @@ gradient = { zenith = [0.2, 0.4, 0.8], horizon = [0.8, 0.9, 0.9], nadir = [0.3, 
 ";
 
 fn block(wall: Shape) -> (Scene, Splats) {
-    let mut scene = Scene::parse(BLOCK, "block", Path::new(""), &[]).unwrap();
+    let mut project = Project::parse(BLOCK, "block", Path::new("")).unwrap();
     let (even, odd) = (Vec3::new(0.85, 0.8, 0.7), Vec3::new(0.15, 0.2, 0.3));
     let surface = Surface::Checker { tile: 0.11, even, odd };
-    scene.solids = vec![Solid { shape: wall, surface, lit: false }];
-    let input = Input::from_scene(scene, "block").unwrap();
-    let (input, scene) = input.settle(&[]).unwrap();
-    let splats = input.load(&input.sequence.frames[0], &scene).unwrap().splats;
-    (scene, splats)
+    project.scene.solids = vec![Solid { shape: wall, surface, lit: false }];
+    let input = Input::from_project(project, "block").unwrap();
+    let (input, project) = input.settle().unwrap();
+    let splats = input.load(&input.sequence.frames[0], &project.scene).unwrap().splats;
+    (project.scene, splats)
 }
 
 fn plane(normal: Vec3, half_extent: f32) -> Shape {

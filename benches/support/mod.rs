@@ -5,7 +5,7 @@ use std::path::Path;
 
 use limpid::Result;
 use limpid::particles::Particles;
-use limpid::scene::Scene;
+use limpid::project::Project;
 use limpid::sim;
 
 /// The numbers of particles that stages are measured with. Layers being whole, they come out as
@@ -20,7 +20,7 @@ const RADIUS: f64 = 0.0125;
 /// The tank of `sims/million.toml`, filled with larger particles or the same: the same waves, seen
 /// from the same place.
 pub(crate) struct Swell {
-    pub(crate) scene: Scene,
+    pub(crate) project: Project,
     pub(crate) particles: Particles,
     /// Of the particles, m.
     pub(crate) radius: f32,
@@ -36,10 +36,13 @@ impl Swell {
         let text = include_str!("../../sims/million.toml")
             .replace("radius = 0.0125", &format!("radius = {radius}"))
             .replace("frames = 60", "frames = 1");
-        let scene = Scene::parse(&text, "swell", Path::new(""), &[])?;
+        let mut project = Project::parse(&text, "swell", Path::new(""))?;
+        let simulation = project.simulation_mut("swell")?.clone();
+        let solids = &project.scene.solids;
         let folder = tempfile::tempdir().expect("a temporary folder");
-        sim::bake(&scene, "swell", folder.path(), |_| ControlFlow::Continue(()))?;
+        let go_on = |_| ControlFlow::Continue(());
+        sim::bake(&simulation, solids, "swell", folder.path(), go_on)?;
         let particles = Particles::read(&sim::frame_path(folder.path(), "swell", 1))?;
-        Ok(Self { scene, particles, radius: radius as f32 })
+        Ok(Self { project, particles, radius: radius as f32 })
     }
 }

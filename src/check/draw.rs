@@ -14,6 +14,8 @@ use crate::gpu::Gpu;
 use crate::input::{Input, Loaded, Moment};
 use crate::output::Litter;
 use crate::passes::classify::Place;
+use crate::project::Project;
+use crate::project::open::Request;
 use crate::scene::Scene;
 use crate::sim;
 use crate::studio::Studio;
@@ -30,6 +32,8 @@ pub(super) struct Source<'a> {
     entry: &'a Entry,
     input: Input,
     pub(super) scene: Scene,
+    /// Where it is seen from.
+    pub(super) camera: Camera,
     // Where the frames of a bake are, as long as they are needed.
     _baked: Option<Baked>,
 }
@@ -37,29 +41,25 @@ pub(super) struct Source<'a> {
 impl<'a> Source<'a> {
     /// Opens what `limpid render` would with the same options; simulates it first if wanted.
     pub(super) fn open(entry: &'a Entry) -> Result<Self> {
-        let (optics, mut set): (Vec<_>, Vec<_>) =
-            entry.set.iter().cloned().partition(|text| Scene::is_optics(text));
-        set.extend(entry.samples.map(|samples| format!("refract.samples={samples}")));
-        let (mut input, baked) = match entry.bake {
-            Some(bake) => {
-                let (input, folder) = baked(&entry.input, bake, &set)?;
-                (input, Some(folder))
-            }
-            None => (Input::open(&entry.input, &set)?, None),
+        let samples = entry.samples.map(|samples| format!("refract.samples={samples}"));
+        let request = Request {
+            input: Some(entry.input.clone()),
+            scene: entry.scene.clone(),
+            radius: entry.radius,
+            overrides: entry.set.iter().cloned().chain(samples).collect(),
+            camera: entry.camera,
+            ..Request::default()
         };
-        if let Some(scene) = &entry.scene {
-            input = input.with_scene(Scene::load_with(scene, &set)?);
-        }
-        if let Some(radius) = entry.radius {
-            input = input.with_radius(radius)?;
-        }
-        let (input, mut scene) = input.settle(&set)?;
-        for text in &optics {
-            scene.set_optics(text)?;
-        }
-        scene.camera = entry.camera.or(scene.camera);
-        scene.check()?;
-        Ok(Self { entry, input, scene, _baked: baked })
+        let (opened, baked) = match entry.bake {
+            Some(bake) => {
+                let (input, folder) = baked(&entry.input, bake)?;
+                (request.open_from(input)?, Some(folder))
+            }
+            None => (request.open()?, None),
+        };
+        let camera = opened.project.camera_for(Default::default());
+        let (input, scene) = (opened.input, opened.project.scene);
+        Ok(Self { entry, input, scene, camera, _baked: baked })
     }
 
     /// The same, with its particles classified on this device.
@@ -128,13 +128,8 @@ impl<'a> Source<'a> {
 
     /// Draws it.
     pub(super) fn draw(&self, studio: &mut Studio, loaded: &Loaded) -> Result<RgbImage> {
-        let shot = studio.draw(&self.scene, &self.camera(), &loaded.splats, self.entry.size)?;
+        let shot = studio.draw(&self.scene, &self.camera, &loaded.splats, self.entry.size)?;
         Ok(shot.picture)
-    }
-
-    /// Where it is seen from.
-    pub(super) fn camera(&self) -> Camera {
-        self.scene.camera_for(Default::default())
     }
 }
 
@@ -148,15 +143,13 @@ fn has(numbers: &[i64]) -> String {
 }
 
 /// Simulates a scene anew, so that no frames of an older simulation pass for it.
-fn baked(scene_file: &str, bake: Bake, set: &[String]) -> Result<(Input, Baked)> {
-    let mut scene = Scene::load_with(Path::new(scene_file), set)?;
-    let fail = |problem: &str| Error::Scene { origin: scene_file.into(), problem: problem.into() };
-    let Some(simulation) = &mut scene.simulation else {
-        return Err(fail("has no [simulation] to bake"));
-    };
+fn baked(scene_file: &str, bake: Bake) -> Result<(Input, Baked)> {
+    let mut project = Project::load(Path::new(scene_file))?;
+    let simulation = project.simulation_mut(scene_file)?;
     simulation.radius = bake.radius.unwrap_or(simulation.radius);
     // The first frame is the start.
     simulation.frames = 1 + (bake.seconds * simulation.fps).round() as u32;
+    let simulation = simulation.clone();
     let created = Litter::create(|| {
         let folder = tempfile::tempdir()?;
         let path = folder.path().to_owned();
@@ -165,7 +158,9 @@ fn baked(scene_file: &str, bake: Bake, set: &[String]) -> Result<(Input, Baked)>
     let created = created.map_err(|e| Error::io(&std::env::temp_dir(), "write", e))?;
     let baked = Baked { folder: created.0, _litter: created.1 };
     let origin = baked.folder.path().join("baked.toml");
-    sim::bake(&scene, "baked", &sim::folder(&origin), |_| ControlFlow::Continue(()))?;
-    let input = Input::from_scene(scene, &origin.to_string_lossy())?;
+    let folder = sim::folder(&origin);
+    let solids = &project.scene.solids;
+    sim::bake(&simulation, solids, "baked", &folder, |_| ControlFlow::Continue(()))?;
+    let input = Input::from_project(project, &origin.to_string_lossy())?;
     Ok((input, baked))
 }

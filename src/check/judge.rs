@@ -76,7 +76,7 @@ fn drawn(entry: &Entry, source: &Source<'_>, moments: &[(i64, Moment)]) -> Resul
         }
         _ => drop(table.insert("frames".into(), Value::try_from(frames).map_err(defect)?)),
     }
-    table.insert("camera".into(), source.camera().to_string().into());
+    table.insert("camera".into(), source.camera.to_string().into());
     table.extend(Table::try_from(&source.scene.settings).map_err(defect)?);
     Ok(table)
 }

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use limpid::scene::Scene;
-use limpid::{Error, sim};
+use limpid::project::Project;
+use limpid::sim;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -23,22 +23,17 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut scene = Scene::load(&args.scene)?;
-    let origin = || args.scene.display().to_string();
-    let Some(simulation) = &mut scene.simulation else {
-        let problem = "has no [simulation] to bake".into();
-        return Err(Error::Scene { origin: origin(), problem }.into());
-    };
+    let mut project = Project::load(&args.scene)?;
+    let simulation = project.simulation_mut(&args.scene.display().to_string())?;
     simulation.frames = args.frames.unwrap_or(simulation.frames);
-    simulation.check()?;
-    let frames = simulation.frames;
+    let simulation = simulation.clone();
     let name = args.scene.file_stem().unwrap_or_default().to_string_lossy();
     let folder = args.output.clone().unwrap_or_else(|| sim::folder(&args.scene));
     if args.restart {
         sim::clear(&name, &folder)?;
     }
-    let bar = super::render::progress(frames as usize);
-    let baked = sim::bake(&scene, &name, &folder, |progress| {
+    let bar = super::render::progress(simulation.frames as usize);
+    let baked = sim::bake(&simulation, &project.scene.solids, &name, &folder, |progress| {
         bar.set_position(progress.done.into());
         ControlFlow::Continue(())
     });

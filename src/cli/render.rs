@@ -29,6 +29,7 @@ use limpid::input::{Loaded, Missing};
 use limpid::notice::Notice;
 use limpid::output::Kind;
 use limpid::passes::classify::Place;
+use limpid::project::overrides;
 use limpid::quality::Picked;
 use limpid::scene::Scene;
 use limpid::settings::Preset;
@@ -134,7 +135,7 @@ pub(crate) struct Args {
     radius: Option<f32>,
     /// Draw by a published method: limpid, imai2014, imai2016 or mayer2026. Replaces the scene's
     /// settings, all but the tone mapping; --set comes after.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = overrides::preset)]
     preset: Option<Preset>,
     /// Replace a setting: refract.solver=march; or the liquid: liquid.ior=1.4,
     /// "liquid.absorption=[1, 0.3, 0.1]", "fluid.2.absorption=[0, 0, 5]".

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use glam::UVec2;
 use limpid::frames::FrameSpec;
 use limpid::input::Missing;
+use limpid::project::overrides;
 use limpid::settings::Preset;
 
 #[derive(clap::Args)]
@@ -20,7 +21,7 @@ pub(crate) struct Args {
     #[arg(long)]
     radius: Option<f32>,
     /// Begin with the settings of a published method: limpid, imai2014, imai2016 or mayer2026.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = overrides::preset)]
     preset: Option<Preset>,
     /// Begin with a setting replaced: refract.solver=march, liquid.ior=1.4.
     #[arg(long, value_name = "PASS.NAME=VALUE")]

@@ -8,7 +8,7 @@ use super::{Temporary, folder_of};
 use crate::camera_path::CameraPath;
 use crate::error::{Error, Result};
 use crate::particles;
-use crate::{files, scene};
+use crate::{files, project};
 
 /// What a file is written as. A file that is there already is replaced only if it is of the same
 /// kind, by its contents, or empty.
@@ -111,7 +111,7 @@ impl Kind {
             Self::Film => any(&FILMS),
             Self::Particles => particles::is_of_its_format(path, &head, length),
             Self::Ellipsoids => particles::are_ellipsoids(path, &head, length),
-            Self::Scene => files::read_text(path).is_ok_and(|text| scene::is_scene(&text)),
+            Self::Scene => files::read_text(path).is_ok_and(|text| project::is_scene(&text)),
             Self::CameraPath => CameraPath::load(path).is_ok(),
             Self::Measurements => json("adapter"),
             Self::Manifest => json("frame"),

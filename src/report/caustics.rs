@@ -300,7 +300,7 @@ pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
         let reached = counts.iter().filter(|&&n| n > 0).count().max(1) as f64;
         let several = counts.iter().filter(|&&n| n > 1).count() as f64 / reached;
         let radius = subject.loaded.splats.radius;
-        let layers = match subject.is_water() {
+        let layers = match subject.is_water {
             true => ViewLayers::of_light(&*subject.liquid, &scene, &view),
             false => drawn(gpu, subject, &scene, &view)?,
         };
@@ -339,7 +339,7 @@ pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
             rows.extend([row, other]);
         }
     }
-    if subject.is_water() {
+    if subject.is_water {
         rows.extend(rays(gpu, subject, quick)?);
     }
     Ok(rows)

@@ -11,6 +11,7 @@ use crate::compare::{PIXELS_PER_DEGREE, flip};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::passes::classify::Splats;
+use crate::project::overrides::replaced;
 use crate::quality::{Choice, Curve};
 use crate::reference::layers::View;
 use crate::reference::trace::{MAX_DEPTH, trace_lit};
@@ -149,17 +150,17 @@ fn measured(
 pub fn hit_errors(gpu: &Gpu, renderer: &mut Renderer, sets: &[Vec<String>]) -> Result<Vec<f64>> {
     let mut sums = vec![(0.0, 0); sets.len()];
     for name in SCENES {
-        let (_, scene, loaded) = subjects::load(name)?;
-        let scene = Scene { settings: Settings::default(), ..scene };
+        let (_, project, loaded) = subjects::load(name)?;
+        let scene = Scene { settings: Settings::default(), ..project.scene.clone() };
         let methods: Vec<_> = sets
             .iter()
             .map(|set| {
-                let settings = Some(scene.settings.with(set)?.refract);
+                let settings = Some(replaced(&scene.settings, set)?.refract);
                 Ok(Method { name: set.join(" "), words: String::new(), settings })
             })
             .collect::<Result<_>>()?;
         let (size, camera) =
-            (subjects::size(name, HITS_WIDTH), scene.camera_for(loaded.bulk.bounds));
+            (subjects::size(name, HITS_WIDTH), project.camera_for(loaded.bulk.bounds));
         let uniform = camera.uniform(size, DVec3::ZERO);
         let view = View::new(&uniform);
         let layers = ViewLayers::drawn(gpu, renderer, &scene, &camera, &loaded.splats, size)?;
@@ -189,7 +190,7 @@ fn pictures(
     let frames: Vec<(Scene, Splats)> = list
         .iter()
         .map(|(_, set)| {
-            let (scene, loaded) = subject.with(&Settings::default().with(set)?)?;
+            let (scene, loaded) = subject.with(&replaced(&Settings::default(), set)?)?;
             Ok((scene, loaded.splats))
         })
         .collect::<Result<_>>()?;

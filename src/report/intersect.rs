@@ -325,7 +325,7 @@ pub fn report(
     quick: bool,
     report: &mut Report,
 ) -> Result<()> {
-    let target = if subject.is_water() { Target::Solids } else { Target::Liquid };
+    let target = if subject.is_water { Target::Solids } else { Target::Liquid };
     let width = match (quick, target) {
         (true, _) => 320,
         (false, Target::Solids) => 2000,

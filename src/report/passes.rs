@@ -457,10 +457,10 @@ pub fn measure(
     width: u32,
     repeats: usize,
 ) -> Result<Vec<Budget>> {
-    let (name, scene, loaded) = subjects::load(name)?;
+    let (name, project, loaded) = subjects::load(name)?;
     let size = subjects::size(&name, width);
-    let camera = scene.camera_for(loaded.bulk.bounds);
-    let drawn = (&scene, &camera, &loaded.splats);
+    let camera = project.camera_for(loaded.bulk.bounds);
+    let drawn = (&project.scene, &camera, &loaded.splats);
     measure_frame(gpu, renderer, rates, &name, drawn, size, repeats)
 }
 

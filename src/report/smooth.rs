@@ -62,7 +62,7 @@ pub fn measure(
     let view = View::new(&camera.uniform(size, DVec3::ZERO));
     let [front, _] = first_last(&*subject.liquid, &camera, size);
     // Waves are traced too slowly for a picture that other scenes have as well.
-    let truth = (!subject.is_water()).then(|| {
+    let truth = (!subject.is_water).then(|| {
         let (liquid, samples) = (&*subject.liquid, effort.truth_samples);
         trace(liquid, &subject.scene, &camera, size, samples, MAX_DEPTH).to_srgb()
     });

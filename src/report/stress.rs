@@ -15,7 +15,6 @@ use crate::reference::analytic::{Drops, Ellipsoid};
 use crate::reference::trace::trace;
 use crate::renderer::{Picture, Renderer};
 use crate::scene::{Liquid, Scene, Shape, Solid, Surface};
-use crate::settings::Settings;
 use crate::waves::splitmix64;
 
 /// What a case varies; all else is moderate.
@@ -274,14 +273,7 @@ impl Trial {
                 surface: Surface::Color(color(0.5, 0.4, 0.3)),
                 lit: false,
             }],
-            particles: None,
-            fluids: Vec::new(),
-            recipe: None,
-            simulation: None,
-            camera: None,
-            views: Vec::new(),
-            lights: Vec::new(),
-            settings: Settings::default(),
+            ..Scene::default()
         };
         let splat = |drop: &Drop| {
             let [x, y, z] = drop

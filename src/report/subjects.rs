@@ -7,12 +7,12 @@ use glam::{DVec3, UVec2};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::input::{Input, Loaded, Moment};
+use crate::project::{Processor, Project};
 use crate::recipe::Recipe;
 use crate::reference::Liquid;
 use crate::reference::analytic::{Ball, Block, Pool};
 use crate::reference::mesh::{Mesh, Reconstruction};
 use crate::scene::Scene;
-use crate::settings::Processor;
 
 /// The scenes of `sims/` that a report measures.
 const RECIPES: [(&str, &str); 12] = [
@@ -36,6 +36,8 @@ pub struct Subject {
     pub name: &'static str,
     /// The scene, with the settings that it names.
     pub scene: Scene,
+    /// Whether it is water whose surface alone is asked for, over solids.
+    pub is_water: bool,
     /// Views: the scene's own, and those that it names besides.
     pub views: Vec<(String, Camera)>,
     /// The particles as the program would draw them.
@@ -56,11 +58,12 @@ impl Subject {
     /// [`Error::Usage`] for a name that there is not; whatever making its particles or its mesh
     /// may raise.
     pub fn new(name: &str) -> Result<Self> {
-        let (name, input, scene) = open(name)?;
+        let (name, input, project) = open(name)?;
+        let scene = &project.scene;
         let frame = &input.sequence.frames[0];
         let particles = input.particles(frame)?;
-        let loaded = input.prepare(frame, &particles, &scene)?;
-        let (liquid, bounds, truth): (Box<dyn Liquid>, _, _) = match &scene.recipe {
+        let loaded = input.prepare(frame, &particles, scene)?;
+        let (liquid, bounds, truth): (Box<dyn Liquid>, _, _) = match project.source.recipe() {
             Some(Recipe::Ball { center, radius, .. }) => {
                 let bounds = (*center - *radius, *center + *radius);
                 (Box::new(Ball { center: *center, radius: *radius }), bounds, "analytic")
@@ -85,10 +88,12 @@ impl Subject {
                 (Box::new(mesh), bounds, "mesh")
             }
         };
-        let camera = scene.camera_for(loaded.bulk.bounds);
-        let further = scene.views.iter().map(|v| (format!("{name}:{}", v.name), v.camera));
+        let camera = project.camera_for(loaded.bulk.bounds);
+        let further = project.views.iter().map(|v| (format!("{name}:{}", v.name), v.camera));
         let views = std::iter::once((name.to_owned(), camera)).chain(further).collect();
-        Ok(Self { name, scene, views, loaded, liquid, bounds, truth, input })
+        let is_water = matches!(project.source.recipe(), Some(Recipe::Pool(_)));
+        let scene = project.scene;
+        Ok(Self { name, scene, is_water, views, loaded, liquid, bounds, truth, input })
     }
 
     /// The scene with other settings, and its particles classified by them.
@@ -110,11 +115,6 @@ impl Subject {
         let loaded = self.input.load(frame, &scene)?;
         Ok((scene, loaded))
     }
-
-    /// Whether it is water whose surface alone is asked for, over solids.
-    pub fn is_water(&self) -> bool {
-        matches!(self.scene.recipe, Some(Recipe::Pool(_)))
-    }
 }
 
 /// A scene of this name, or the file of one, with its particles; without its truth, which takes longer
@@ -122,20 +122,20 @@ impl Subject {
 ///
 /// # Errors
 /// As [`Subject::new`], and as [`Input::open`] for a file.
-pub fn load(name: &str) -> Result<(String, Scene, Loaded)> {
-    let (name, input, mut scene) = if is_file(name) {
-        let (input, scene) = Input::open(name, &[])?.settle(&[])?;
+pub fn load(name: &str) -> Result<(String, Project, Loaded)> {
+    let (name, input, project) = if is_file(name) {
+        let (input, project) = Input::open(name)?.settle()?;
         let stem = Path::new(name).file_stem().unwrap_or_default();
-        (stem.to_string_lossy().into_owned(), input, scene)
+        (stem.to_string_lossy().into_owned(), input, project)
     } else {
-        let (name, input, scene) = open(name)?;
-        (name.to_owned(), input, scene)
+        let (name, input, project) = open(name)?;
+        (name.to_owned(), input, project)
     };
     // What a report measures comes after it.
-    scene.settings.classify.on = Processor::Cpu;
+    let input = input.processed_by(Processor::Cpu);
     let frame = input.frame.unwrap_or(input.sequence.frames[0].number);
-    let loaded = input.load(Moment::at(frame), &scene)?;
-    Ok((name, scene, loaded))
+    let loaded = input.load(Moment::at(frame), &project.scene)?;
+    Ok((name, project, loaded))
 }
 
 /// Whether what is to be measured is a file, not a scene's name.
@@ -143,18 +143,18 @@ pub(super) fn is_file(name: &str) -> bool {
     name.ends_with(".toml")
 }
 
-fn open(name: &str) -> Result<(&'static str, Input, Scene)> {
+fn open(name: &str) -> Result<(&'static str, Input, Project)> {
     let (name, text) = find(name)?;
     let input = match text {
-        "" => Input::demo(&[])?,
+        "" => Input::demo()?,
         // The demo's particles, which the program has with it.
         text if name == "dam" => {
-            Input::demo(&[])?.with_scene(Scene::parse(text, name, Path::new(""), &[])?)
+            Input::demo()?.with_project(Project::parse(text, name, Path::new(""))?)
         }
-        text => Input::from_scene(Scene::parse(text, name, Path::new(""), &[])?, name)?,
+        text => Input::from_project(Project::parse(text, name, Path::new(""))?, name)?,
     };
-    let (input, scene) = input.settle(&[])?;
-    Ok((name, input, scene))
+    let (input, project) = input.settle()?;
+    Ok((name, input, project))
 }
 
 /// Refuses a name that is not a scene's.

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::frames_in;
+use super::{Simulation, frames_in};
 use crate::error::{Error, Result};
 use crate::output::Kind;
-use crate::scene::Scene;
+use crate::scene::Solid;
 use crate::{files, output};
 
 /// To be counted up when the same parameters no longer make the same frames.
@@ -19,14 +19,19 @@ pub(super) fn path(folder: &Path, name: &str) -> PathBuf {
     folder.join(format!("{name}.bake.json"))
 }
 
-/// Writes the record of a scene beside the frames to come, or finds it there.
+/// Writes the record of a simulation beside the frames to come, or finds it there.
 ///
 /// # Errors
 /// [`Error::Usage`] if frames are there that other parameters made, [`Error::Io`] if the record
 /// cannot be read or written.
-pub(super) fn keep(scene: &Scene, name: &str, folder: &Path) -> Result<()> {
+pub(super) fn keep(
+    simulation: &Simulation,
+    solids: &[Solid],
+    name: &str,
+    folder: &Path,
+) -> Result<()> {
     let path = path(folder, name);
-    let record = of(scene);
+    let record = of(simulation, solids);
     let frames = !frames_in(folder, name)?.is_empty();
     if path.exists() || frames {
         let known = match files::read_text(&path) {
@@ -70,11 +75,11 @@ pub(super) fn unknown(name: &str, folder: &Path) -> Error {
 }
 
 /// All that frames depend on; their number is not among it.
-fn of(scene: &Scene) -> Value {
+fn of(simulation: &Simulation, solids: &[Solid]) -> Value {
     let mut record = json!({
         "solver": SOLVER,
-        "simulation": scene.simulation,
-        "solids": scene.solids.iter().map(|solid| solid.shape).collect::<Vec<_>>(),
+        "simulation": simulation,
+        "solids": solids.iter().map(|solid| solid.shape).collect::<Vec<_>>(),
     });
     if let Some(simulation) = record["simulation"].as_object_mut() {
         simulation.remove("frames");

@@ -150,7 +150,7 @@ impl Viewer {
 
     pub(super) fn home(&mut self) {
         if let Some(document) = &self.document {
-            let camera = document.scene.camera_for(Default::default());
+            let camera = document.project.camera_for(Default::default());
             self.set_camera(camera);
         }
     }

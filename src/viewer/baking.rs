@@ -12,8 +12,9 @@ use super::news::News;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::output::{self, Kind};
-use crate::scene::Scene;
-use crate::sim::{self, Progress};
+use crate::project::Project;
+use crate::scene::Solid;
+use crate::sim::{self, Progress, Simulation};
 
 /// The scene that is shown without any other.
 const BUILT_IN: &str = include_str!("../../sims/dam_break.toml");
@@ -97,9 +98,10 @@ impl Viewer {
         });
         std::thread::spawn(move || {
             let told = |document| post.send(News::Opened(number, Box::new(document)));
-            let Some(scene) = simulated(&given) else { return told(Document::open(&given)) };
+            let Some(project) = simulated(&given) else { return told(Document::open(&given)) };
+            let Some(simulation) = project.source.simulation() else { return };
             let mut open = Document::open(&given).map(|document| told(Ok(document))).is_ok();
-            let baked = bake(&scene, &given, |progress| {
+            let baked = bake(simulation, &project.scene.solids, &given, |progress| {
                 if !open {
                     // The frames that were asked for may be those that come last.
                     let document = Document::open(&given);
@@ -206,19 +208,20 @@ impl Viewer {
 
 /// The scene of a source that is simulated; `None` for all others, and for what cannot be read,
 /// which opening tells.
-fn simulated(source: &Source) -> Option<Scene> {
+fn simulated(source: &Source) -> Option<Project> {
     let path = Path::new(&source.input);
     let scene = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    let scene = scene.then(|| Scene::load(path).ok()).flatten()?;
-    scene.simulation.is_some().then_some(scene)
+    let project = scene.then(|| Project::load(path).ok()).flatten()?;
+    project.source.simulation().is_some().then_some(project)
 }
 
 fn bake(
-    scene: &Scene,
+    simulation: &Simulation,
+    solids: &[Solid],
     source: &Source,
     progress: impl FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<()> {
     let path = Path::new(&source.input);
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    sim::bake(scene, &name, &sim::folder(path), progress)
+    sim::bake(simulation, solids, &name, &sim::folder(path), progress)
 }

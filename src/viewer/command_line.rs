@@ -6,13 +6,14 @@ use super::controls;
 use super::document::Document;
 use crate::camera::Camera;
 use crate::input::{Missing, Moment};
+use crate::project::Processor;
 use crate::scene::Scene;
 
 /// `limpid render` with all that it takes to draw `scene` at a moment, seen from `camera`, into
 /// `output`: for a POSIX shell, to be run in the folder that the input was named in.
 pub fn command_line(
     document: &Document,
-    scene: &Scene,
+    (scene, processor): (&Scene, Processor),
     camera: &Camera,
     at: Moment,
     size: UVec2,
@@ -51,6 +52,9 @@ pub fn command_line(
     for (control, value) in controls::differences(&plain.settings, &scene.settings) {
         option("set", format!("{}={value}", control.path()));
     }
+    if processor != document.input.project.as_ref().map_or(Processor::Auto, |p| p.processor) {
+        option("set", format!("classify.on={processor}"));
+    }
     if scene.liquid.ior != plain.liquid.ior {
         option("set", format!("liquid.ior={:?}", scene.liquid.ior));
     }
@@ -58,8 +62,8 @@ pub fn command_line(
         option("set", format!("liquid.absorption={}", vector(scene.liquid.absorption)));
     }
     for (number, (new, old)) in (1..).zip(scene.fluids.iter().zip(&plain.fluids)) {
-        if new.absorption != old.absorption {
-            option("set", format!("fluid.{number}.absorption={}", vector(new.absorption)));
+        if new != old {
+            option("set", format!("fluid.{number}.absorption={}", vector(*new)));
         }
     }
     words.push("-o".to_owned());

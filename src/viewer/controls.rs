@@ -1,6 +1,7 @@
 //! Every setting as the panel shows it: its name, unit, range and what it does. One table, which
 //! the panel, the tests and the command line read.
 
+use crate::project::overrides::replaced;
 use crate::settings::{Settings, Unit};
 
 /// A setting.
@@ -68,7 +69,7 @@ const fn control(
 use Kind::{Choice, Number, Odd, Toggle, Whole};
 
 /// All settings, in the order of the panel.
-pub const CONTROLS: [Control; 42] = [
+pub const CONTROLS: [Control; 41] = [
     control(
         "classify",
         "support",
@@ -131,13 +132,6 @@ pub const CONTROLS: [Control; 42] = [
         "Wetting",
         Number(0.0, 1000.0, "r"),
         "Liquid this near to a solid reaches down to it.",
-    ),
-    control(
-        "classify",
-        "on",
-        "Computed on",
-        Choice(&["auto", "cpu", "gpu"]),
-        "The graphics device where that is faster, or one of the two.",
     ),
     control(
         "smooth",
@@ -368,7 +362,7 @@ impl Control {
 
     /// Replaces its value. A value of another kind changes nothing.
     pub fn set(&self, settings: &mut Settings, value: &Value) {
-        if let Ok(changed) = settings.with(&[format!("{}={value}", self.path())]) {
+        if let Ok(changed) = replaced(settings, &[format!("{}={value}", self.path())]) {
             *settings = changed;
         }
     }

@@ -3,12 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use super::playback::Speed;
+use crate::camera::Camera;
 use crate::error::Result;
 use crate::frames::FrameSpec;
 use crate::input::{Input, Missing, Moment, files_of};
 use crate::output::{Files, Kind};
 use crate::particles::{AttributeMap, ReadOptions, Up};
-use crate::scene::{ParticleSource, Scene};
+use crate::project::open::{Opened, Request};
+use crate::project::{LiquidSource, ParticleSource, Project};
+use crate::scene::Scene;
 use crate::sim;
 
 /// What to open, as the command line names it.
@@ -39,8 +42,8 @@ pub struct Document {
     pub input: Input,
     /// The scene as `limpid render` would draw it without further arguments.
     pub plain: Scene,
-    /// The scene with what the command line replaced.
-    pub scene: Scene,
+    /// The project with what the command line replaced.
+    pub project: Project,
     /// Numbers of its frames, ascending; at least one.
     pub numbers: Vec<i64>,
 }
@@ -58,28 +61,20 @@ impl Document {
     /// # Errors
     /// As [`Input::open`] and [`Input::settle`].
     pub fn open(source: &Source) -> Result<Self> {
-        let mut input = Input::open(&source.input, &[])?;
-        if let Some(scene) = &source.scene {
-            input = input.with_scene(Scene::load(scene)?);
-        }
-        if let Some(radius) = source.radius {
-            input = input.with_radius(radius)?;
-        }
-        input.missing = source.missing;
-        input = input.with_options(&source.options);
-        let (input, plain) = input.settle(&[])?;
-        let (optics, set): (Vec<_>, Vec<_>) =
-            source.overrides.iter().cloned().partition(|text| Scene::is_optics(text));
-        let mut scene = plain.clone();
-        scene.settings = scene.settings.with(&set)?;
-        for text in &optics {
-            scene.set_optics(text)?;
-        }
-        scene.check()?;
+        let request = Request {
+            input: Some(source.input.clone()),
+            scene: source.scene.clone(),
+            radius: source.radius,
+            overrides: source.overrides.clone(),
+            camera: None,
+            missing: source.missing,
+            options: source.options.clone(),
+        };
+        let Opened { input, plain, project } = request.open()?;
         let spec = source.frames.clone().unwrap_or_default();
         let mut numbers = spec.numbers(&input.sequence, input.missing)?;
         numbers.sort_unstable();
-        Ok(Self { source: source.clone(), input, plain, scene, numbers })
+        Ok(Self { source: source.clone(), input, plain: plain.scene, project, numbers })
     }
 
     /// The moments of playback at a speed.
@@ -130,13 +125,14 @@ impl Document {
     }
 
     /// A scene as it is to be saved: with the particles that are drawn, wherever they came from.
-    pub fn saved(&self, scene: &Scene, at: Moment) -> Scene {
-        let mut scene = scene.clone();
-        if let Some(simulation) = scene.simulation.take() {
+    pub fn saved(&self, scene: Scene, camera: Camera, at: Moment) -> Project {
+        let camera = Some(camera);
+        let mut project = Project { scene, camera, ..self.project.clone() };
+        if let LiquidSource::Simulation(simulation) = &project.source {
             // Its frames lie beside the file that was opened, not beside the one that is saved.
             let opened = Path::new(&self.source.input);
             let name = opened.file_stem().unwrap_or_default().to_string_lossy();
-            scene.particles = Some(ParticleSource {
+            project.source = LiquidSource::File(ParticleSource {
                 source: sim::frame_pattern(&sim::folder(opened), &name),
                 frame: None,
                 radius: Some(simulation.particle_radius() as f32),
@@ -145,13 +141,13 @@ impl Document {
                 map: AttributeMap::default(),
             });
         }
-        let own = scene.recipe.is_some() || !scene.fluids.is_empty();
-        if !own && (scene.particles.is_none() || self.source.scene.is_some()) {
-            let (radius, up, fps, map) = match scene.particles.take() {
-                Some(particles) => (particles.radius, particles.up, particles.fps, particles.map),
-                None => Default::default(),
-            };
-            scene.particles = Some(ParticleSource {
+        let unnamed = match &project.source {
+            LiquidSource::Unspecified => Some(ParticleSource::default()),
+            LiquidSource::File(file) if self.source.scene.is_some() => Some(file.clone()),
+            _ => None,
+        };
+        if let Some(ParticleSource { radius, up, fps, map, .. }) = unnamed {
+            project.source = LiquidSource::File(ParticleSource {
                 source: self.source.input.clone(),
                 frame: None,
                 radius: self.source.radius.or(radius),
@@ -160,14 +156,13 @@ impl Document {
                 map,
             });
         }
-        let sources = scene.fluids.iter_mut().map(|fluid| &mut fluid.particles);
-        for particles in sources.chain(scene.particles.iter_mut()) {
+        for particles in project.source.files_mut() {
             particles.frame = (self.numbers.len() > 1).then_some(at.frame);
             particles.radius = self.source.radius.or(particles.radius);
             if !self.source.options.map.is_empty() {
                 particles.map.clone_from(&self.source.options.map);
             }
         }
-        scene
+        project
     }
 }

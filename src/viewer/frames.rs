@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::document::Document;
 use crate::input::Moment;
 use crate::passes::classify::Place;
+use crate::project::Processor;
 use crate::ring::{Outcome, Ring, RingState};
 use crate::scene::Scene;
 use crate::settings::Classify;
@@ -13,6 +14,7 @@ use crate::settings::Classify;
 #[derive(Debug, Clone, PartialEq)]
 struct Key {
     classify: Classify,
+    processor: Processor,
     /// Frames from moment to moment.
     step: f64,
     count: usize,
@@ -32,12 +34,14 @@ pub(super) struct Frames {
     /// Memory for all rings, bytes.
     budget: u64,
     place: Place,
+    /// What classifies the frames.
+    pub(super) processor: Processor,
 }
 
 impl Frames {
     /// None yet; they will be classified there.
     pub(super) fn new(budget: u64, place: Place) -> Self {
-        Self { rings: Vec::new(), budget, place }
+        Self { rings: Vec::new(), budget, place, processor: Processor::default() }
     }
 
     /// Lets go of all.
@@ -67,6 +71,7 @@ impl Frames {
         let budget = self.budget / different.len().max(1) as u64;
         let key = |scene: &Scene| Key {
             classify: scene.settings.classify.clone(),
+            processor: self.processor,
             step,
             count: moments.len(),
             budget,
@@ -86,6 +91,7 @@ impl Frames {
                 continue;
             }
             let input = document.input.clone().classified(self.place.clone());
+            let input = input.processed_by(self.processor);
             let (moments, scene) = (moments.clone(), scene.clone());
             let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
             let workers = workers.min(moments.len());
@@ -107,7 +113,9 @@ impl Frames {
     /// A moment's particles, if they have come, and whether they are as the scene classifies them:
     /// while a slider is dragged there may be others.
     pub(super) fn get(&self, scene: &Scene, i: usize) -> Option<(Outcome, bool)> {
-        let fits = |key: &Key| key.classify == scene.settings.classify;
+        let fits = |key: &Key| {
+            (&key.classify, key.processor) == (&scene.settings.classify, self.processor)
+        };
         let (key, ring) = self.rings.iter().find(|(key, _)| fits(key)).or(self.rings.first())?;
         Some((ring.get(i)?, fits(key)))
     }

@@ -20,8 +20,8 @@ use crate::error::{Error, Result};
 use crate::input::Loaded;
 use crate::notice;
 use crate::output::Kind;
+use crate::project::{Processor, Project};
 use crate::scene::Scene;
-use crate::settings::Processor;
 
 /// Most rays per pixel with an edge while things move.
 const DRAFT_EDGE_SAMPLES: u32 = 4;
@@ -74,7 +74,7 @@ impl Viewer {
         let dragging =
             self.post.context().is_some_and(|ctx| ctx.input(|input| input.pointer.any_down()));
         // The first picture, for which a device is opened, needs its particles first.
-        let on_device = scenes.iter().any(|s| s.settings.classify.on == Processor::Gpu);
+        let on_device = self.frames.processor == Processor::Gpu;
         if on_device && !self.device_asked {
             self.device_asked = true;
             if self.place.wait_for_device() {
@@ -221,7 +221,8 @@ impl Viewer {
         let document = self.document.as_ref()?;
         let (scene, at) = (self.fine_scene(), self.moment()?);
         let size = self.stage_size.max(UVec2::ONE);
-        Some(command_line(document, &scene, &self.camera, at, size, output))
+        let processor = self.frames.processor;
+        Some(command_line(document, (&scene, processor), &self.camera, at, size, output))
     }
 
     /// Draws the picture at rest in `size` pixels and writes it in the format that the name says, as
@@ -243,12 +244,11 @@ impl Viewer {
     /// Writes the scene that is edited, seen as it is seen now, as soon as it can.
     pub fn save_scene(&mut self, path: PathBuf) {
         let (Some(document), Some(at)) = (self.document.clone(), self.moment()) else { return };
-        let mut scene = self.fine_scene();
-        scene.camera = Some(self.camera);
+        let (scene, camera, processor) = (self.fine_scene(), self.camera, self.frames.processor);
         // An environment is a picture, which takes its time.
         self.write(path, move |path| {
             document.check_output(path, Kind::Scene)?;
-            document.saved(&scene, at).save(path)
+            Project { processor, ..document.saved(scene, camera, at) }.save(path)
         });
     }
 

@@ -7,6 +7,8 @@ use serde_json::json;
 use super::controls::{self, CONTROLS, Control, Kind, PASSES, Value};
 use super::toolbar::named;
 use super::{Tab, Viewer};
+use crate::project::Processor;
+use crate::project::overrides::replaced;
 use crate::scene::Scene;
 use crate::settings::{Preset, Settings};
 
@@ -49,7 +51,7 @@ impl Viewer {
                 }
                 let reset = ui.button("Reset all").on_hover_text("all as they were opened");
                 if reset.clicked() {
-                    self.scenes[self.edited] = document.scene.clone();
+                    self.scenes[self.edited] = document.project.scene.clone();
                 }
             });
         });
@@ -76,8 +78,8 @@ impl Viewer {
         section(ui, "liquid", "Liquid", |ui| {
             liquid(ui, scene);
             reset(ui, "liquid", || {
-                scene.liquid = document.scene.liquid;
-                scene.fluids.clone_from(&document.scene.fluids);
+                scene.liquid = document.project.scene.liquid;
+                scene.fluids.clone_from(&document.project.scene.fluids);
             });
         });
         let table = controls::table(&scene.settings);
@@ -87,11 +89,17 @@ impl Viewer {
                     for control in CONTROLS.iter().filter(|control| control.pass == pass) {
                         row(ui, control, &control.of(&table), &mut scene.settings);
                     }
+                    if pass == "classify" {
+                        computed_on(ui, &mut self.frames.processor);
+                    }
                 });
                 reset(ui, pass, || {
                     for control in CONTROLS.iter().filter(|control| control.pass == pass) {
-                        let opened = control.get(&document.scene.settings);
+                        let opened = control.get(&document.project.scene.settings);
                         control.set(&mut scene.settings, &opened);
+                    }
+                    if pass == "classify" {
+                        self.frames.processor = document.project.processor;
                     }
                 });
             });
@@ -109,7 +117,7 @@ impl Viewer {
 
 /// Replaces all but what belongs to the picture, as `--preset` does.
 pub(super) fn take_preset(settings: &mut Settings, preset: Preset) {
-    if let Ok(changed) = settings.with(&[format!("preset={preset}")]) {
+    if let Ok(changed) = replaced(settings, &[format!("preset={preset}")]) {
         *settings = changed;
     }
 }
@@ -196,6 +204,23 @@ fn row(ui: &mut egui::Ui, control: &Control, old: &Value, settings: &mut Setting
     }
 }
 
+/// What classifies the particles.
+fn computed_on(ui: &mut egui::Ui, processor: &mut Processor) {
+    const NAME: &str = "Computed on";
+    const HINT: &str =
+        "The graphics device where that is faster, or one of the two.\ndefault auto\nclassify.on";
+    let label = ui.label(NAME).on_hover_text(HINT);
+    let choice = egui::ComboBox::from_id_salt("classify.on").selected_text(processor.to_string());
+    let response = choice.show_ui(ui, |ui| {
+        for option in Processor::ALL {
+            ui.selectable_value(processor, option, option.to_string());
+        }
+    });
+    named(&response.response, NAME);
+    response.response.labelled_by(label.id).on_hover_text(HINT);
+    ui.end_row();
+}
+
 fn hint(control: &Control, settings: &Settings) -> String {
     let unit = control.unit(settings);
     let range = match control.kind {
@@ -237,7 +262,7 @@ fn liquid(ui: &mut egui::Ui, scene: &mut Scene) {
             absorption(ui, "Absorption", &mut scene.liquid.absorption);
         }
         for (number, fluid) in (1..).zip(&mut scene.fluids) {
-            absorption(ui, &format!("Absorption {number}"), &mut fluid.absorption);
+            absorption(ui, &format!("Absorption {number}"), fluid);
         }
     });
 }

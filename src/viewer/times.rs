@@ -107,7 +107,11 @@ impl Viewer {
         ui.strong(format!("Time against error, at {} × {}", size.x, size.y));
         let loaded = self.sides[self.edited].loaded.clone();
         let particles = loaded.as_ref().map_or(0, |loaded| loaded.particles);
-        if let Some(why) = truth::missing(&self.scenes[self.edited], particles) {
+        if let Some(why) = self
+            .document
+            .as_ref()
+            .and_then(|document| truth::missing(document, &self.scenes[self.edited], particles))
+        {
             ui.weak(why);
             return;
         }

@@ -1,6 +1,6 @@
 //! Ground truth for small pictures, and how far what was drawn is from it.
 
-use glam::UVec2;
+use glam::{UVec2, Vec3};
 use image::RgbImage;
 
 use super::controls;
@@ -8,13 +8,14 @@ use super::document::Document;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::input::Moment;
+use crate::project::Processor;
 use crate::recipe::Recipe;
 use crate::reference;
 use crate::reference::analytic::{Ball, Block, Pool};
 use crate::reference::mesh::{Mesh, Reconstruction};
 use crate::reference::trace::{MAX_DEPTH, trace};
-use crate::scene::{Fluid, Liquid, Scene};
-use crate::settings::{Processor, Settings};
+use crate::scene::{Liquid, Scene};
+use crate::settings::Settings;
 
 /// Size of the pictures that are compared.
 pub(super) const SIZE: UVec2 = UVec2::new(160, 120);
@@ -35,7 +36,7 @@ pub(super) struct Truth {
     /// What the liquid does to light.
     liquid: Liquid,
     /// What each of several liquids does.
-    fluids: Vec<Fluid>,
+    fluids: Vec<Vec3>,
     /// The picture.
     pub(super) picture: RgbImage,
 }
@@ -76,12 +77,16 @@ impl Point {
 }
 
 /// Why a scene has no cheap truth, if it has none.
-pub(super) fn missing(scene: &Scene, particles: usize) -> Option<&'static str> {
+pub(super) fn missing(
+    document: &Document,
+    scene: &Scene,
+    particles: usize,
+) -> Option<&'static str> {
     if scene.is_lit() {
         Some("Scenes in which light falls through the liquid have no cheap truth.")
     } else if scene.fluids.len() > 1 {
         Some("Scenes with several liquids have no cheap truth.")
-    } else if analytic(scene).is_none() && particles > MOST {
+    } else if analytic(document).is_none() && particles > MOST {
         Some("So many particles have no cheap truth.")
     } else {
         None
@@ -89,8 +94,8 @@ pub(super) fn missing(scene: &Scene, particles: usize) -> Option<&'static str> {
 }
 
 /// The body that the recipe says, where it has a closed form.
-fn analytic(scene: &Scene) -> Option<Box<dyn reference::Liquid>> {
-    match scene.recipe? {
+fn analytic(document: &Document) -> Option<Box<dyn reference::Liquid>> {
+    match *document.project.source.recipe()? {
         Recipe::Ball { center, radius, .. } => Some(Box::new(Ball { center, radius })),
         Recipe::Slab { min, max, .. } => Some(Box::new(Block { min, max })),
         Recipe::Pool(pool) => {
@@ -106,14 +111,13 @@ fn analytic(scene: &Scene) -> Option<Box<dyn reference::Liquid>> {
 /// # Errors
 /// As [`crate::input::Input::particles`] and [`Mesh::reconstruct`].
 pub(super) fn of(document: &Document, scene: &Scene, camera: &Camera, at: Moment) -> Result<Truth> {
-    let liquid = match analytic(scene) {
+    let liquid = match analytic(document) {
         Some(liquid) => liquid,
         None => {
             let particles = document.input.particles(at)?;
             // The radius alone is wanted, which needs no device.
-            let mut on_cpu = scene.clone();
-            on_cpu.settings.classify.on = Processor::Cpu;
-            let radius = document.input.prepare(at, &particles, &on_cpu)?.splats.radius;
+            let on_cpu = document.input.clone().processed_by(Processor::Cpu);
+            let radius = on_cpu.prepare(at, &particles, scene)?.splats.radius;
             let how = Reconstruction::among(&scene.solids);
             Box::new(Mesh::reconstruct(&particles.positions, radius, &how)?)
         }

@@ -19,6 +19,8 @@ use limpid::glam::{DVec3, Vec3};
 use limpid::input::Missing;
 use limpid::output::OutputNames;
 use limpid::particles::Particles;
+use limpid::project::Project;
+use limpid::project::overrides::replaced;
 use limpid::scene::Scene;
 use limpid::settings::Settings;
 use limpid::{Result, aov, compare};
@@ -69,9 +71,9 @@ fn read(name: &str, bytes: &[u8]) -> Result<()> {
         }
         Some("hdr") => environment(path, bytes),
         Some("exr") => aov::parse(path, bytes).map(drop).and(environment(path, bytes)),
-        Some("scene") => Scene::parse(&text(), name, Path::new("/nowhere"), &[]).map(|scene| {
+        Some("scene") => Project::parse(&text(), name, Path::new("/nowhere")).map(|scene| {
             let written = scene.to_toml(None).expect("it has no map");
-            let again = Scene::parse(&written, "written", Path::new(""), &[]);
+            let again = Project::parse(&written, "written", Path::new(""));
             assert_eq!(again.expect("what is written can be read"), scene, "{name}");
         }),
         Some("suite") => Suite::parse(&text(), path).map(drop),
@@ -366,13 +368,13 @@ fn repeated_sections_take_no_longer_than_they_are() {
 #[test]
 fn any_value_of_an_option_is_taken_or_refused() {
     let _turn = counting();
-    let around = || Scene::around(-DVec3::ONE, DVec3::ONE, 0.1);
+    let around = || Project::from(Scene::around(-DVec3::ONE, DVec3::ONE, 0.1));
     let parse = |kind: usize, text: &str| match kind {
         0 => text.parse::<FrameSpec>().map(drop),
         1 => text.parse::<Shard>().map(drop),
         2 => text.parse::<Camera>().map(|camera| camera.check().expect("it can be used")),
-        3 => Settings::default().with(&[text.into()]).and_then(|settings| settings.check()),
-        4 => around().set_optics(text),
+        3 => replaced(&Settings::default(), &[text.into()]).and_then(|settings| settings.check()),
+        4 => around().set(&[text.into()]),
         5 => aov::parse_list(text).map(drop),
         6 => OutputNames::parse(text, 2).map(|names| drop(names.path(i64::MIN))),
         _ => text.parse::<Missing>().map(drop),

@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use limpid::Error;
-use limpid::scene::Scene;
+use limpid::project::Project;
 use limpid::sim;
 
 use super::damage::{Random, counting, within};
@@ -77,8 +77,8 @@ fn mutated_recipes_are_made_or_refused() {
         let recipe = mutated(RECIPES[round % RECIPES.len()], &mut random);
         let text = format!("[recipe]\n{recipe}");
         let made = within(&text, MOST, || {
-            let scene = Scene::parse(&text, "a.toml", Path::new(""), &[])?;
-            scene.recipe.expect("it has one").particles()
+            let project = Project::parse(&text, "a.toml", Path::new(""))?;
+            project.source.recipe().expect("it has one").particles()
         });
         match made {
             Ok(particles) => {
@@ -102,12 +102,13 @@ fn mutated_simulations_are_baked_or_refused() {
         let text = text.replace("1e3", "1e5").replace("1e4", "1e5");
         let folder = tempfile::tempdir().expect("a temporary folder");
         let baked = within(&text, MOST, || {
-            let scene = Scene::parse(&text, "a.toml", Path::new(""), &[])?;
+            let mut project = Project::parse(&text, "a.toml", Path::new(""))?;
+            let simulation = project.simulation_mut("a")?.clone();
             let two = |progress: sim::Progress| match progress.done {
                 2.. => ControlFlow::Break(()),
                 _ => ControlFlow::Continue(()),
             };
-            sim::bake(&scene, "a", folder.path(), two)
+            sim::bake(&simulation, &project.scene.solids, "a", folder.path(), two)
         });
         if let Err(error) = baked {
             refused(&text, &error);

@@ -5,7 +5,7 @@ use std::fs;
 use glam::{UVec2, Vec3};
 use image::{DynamicImage, Rgb, Rgb32FImage, RgbImage};
 use limpid::environment::Environment;
-use limpid::scene::Scene;
+use limpid::project::Project;
 
 fn close(a: Vec3, b: Vec3, tolerance: f32) -> bool {
     (a - b).abs().max_element() <= tolerance
@@ -133,7 +133,7 @@ fn radiances_that_cannot_be_drawn_are_refused() {
             ),
         ] {
             let text = format!("[liquid]\nior = 1.33\n{text}\n");
-            let scene = Scene::parse(&text, "s.toml", folder.path(), &[]);
+            let scene = Project::parse(&text, "s.toml", folder.path());
             let error = scene.and_then(|scene| scene.check()).expect_err(&text).to_string();
             assert!(error.contains(key) && error.contains("0 to 1e12"), "{error}");
         }

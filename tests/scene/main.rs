@@ -15,6 +15,7 @@ use std::path::Path;
 
 use glam::Vec3;
 use limpid::Result;
+use limpid::project::Project;
 use limpid::scene::Scene;
 
 /// Every table and every key that the reference scenes have, and then some.
@@ -72,13 +73,18 @@ method = "straight"
 margin = 0.2
 "#;
 
-fn parse(text: &str) -> Result<Scene> {
-    Scene::parse(text, "test.toml", Path::new("scenes"), &[])
+fn parse(text: &str) -> Result<Project> {
+    Project::parse(text, "test.toml", Path::new("scenes"))
+}
+
+#[track_caller]
+fn project(text: &str) -> Project {
+    parse(text).unwrap_or_else(|error| panic!("{error}\nin {text}"))
 }
 
 #[track_caller]
 fn scene(text: &str) -> Scene {
-    parse(text).unwrap_or_else(|error| panic!("{error}\nin {text}"))
+    project(text).scene
 }
 
 #[track_caller]

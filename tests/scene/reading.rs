@@ -8,10 +8,11 @@ use limpid::Error;
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::particles::Up;
-use limpid::scene::{Light, Scene, Shape, Surface};
+use limpid::project::{LiquidSource, Project};
+use limpid::scene::{Light, Shape, Surface};
 use limpid::settings::{Settings, Solver};
 
-use super::{FULL, assert_tells, parse, scene};
+use super::{FULL, assert_tells, parse, project, scene};
 
 /// The message of a scene that must be refused: one line, naming the file.
 #[track_caller]
@@ -39,21 +40,21 @@ fn slip(from: &str, to: &str, parts: &[&str]) {
 /// Every key arrives where it belongs.
 #[test]
 fn a_full_scene_means_what_it_says() {
-    let scene = scene(FULL);
-    let particles = scene.particles.expect("the scene names its particles");
+    let Project { scene, source, camera, .. } = project(FULL);
+    let LiquidSource::File(particles) = source else { panic!("the scene names its particles") };
     // Paths are relative to the scene file.
     assert_eq!(Path::new(&particles.source), Path::new("scenes/../water/fluid_{}.bgeo"));
     assert_eq!((particles.frame, particles.radius), (Some(20), Some(0.025)));
     assert_eq!(particles.up, Up::Z);
     assert_eq!((scene.liquid.ior, scene.liquid.absorption), (1.4, Vec3::new(1.0, 0.5, 0.25)));
-    let camera = Camera {
+    let expected = Camera {
         eye: DVec3::new(0.0, 1.5, 4.0),
         target: DVec3::new(0.0, 0.25, 0.0),
         up: Vec3::Y,
         fov_y: 40.0,
         near: Some(0.01),
     };
-    assert_eq!(scene.camera, Some(camera));
+    assert_eq!(camera, Some(expected));
     let gradient = Environment::Gradient {
         zenith: Vec3::new(0.2, 0.4, 0.8),
         horizon: Vec3::new(0.8, 0.9, 1.0),
@@ -86,14 +87,14 @@ fn a_full_scene_means_what_it_says() {
 /// What is left out has the documented defaults; an empty file is a scene without particles.
 #[test]
 fn everything_has_a_default() {
-    let empty = scene("");
-    assert_eq!(empty.particles, None);
-    assert_eq!(empty.camera, None);
+    let empty = project("");
+    assert_eq!((empty.source, empty.camera), (LiquidSource::Unspecified, None));
+    let empty = empty.scene;
     assert_eq!((empty.liquid.ior, empty.solids.len(), empty.lights.len()), (1.33, 0, 0));
     assert_eq!(empty.environment, Environment::default());
     assert_eq!(empty.settings, Settings::default());
 
-    let few = scene(
+    let few = project(
         r#"
         [particles]
         source = "a.ply"
@@ -109,9 +110,9 @@ fn everything_has_a_default() {
         normal = [0, 0, 2]
         "#,
     );
-    let particles = few.particles.unwrap();
+    let particles = &few.source.files()[0];
     assert_eq!((particles.frame, particles.radius, particles.up), (None, None, Up::Y));
-    let camera = few.camera.unwrap();
+    let (camera, few) = (few.camera.unwrap(), few.scene);
     assert_eq!((camera.up, camera.near), (Vec3::Y, None));
     assert_eq!(camera.near(), 1e-3);
     let Environment::Gradient { horizon, nadir, .. } = few.environment else { panic!() };
@@ -131,7 +132,7 @@ fn environments() {
     let folder = tempfile::tempdir().unwrap();
     RgbImage::from_pixel(4, 2, Rgb([255, 0, 255])).save(folder.path().join("sky.png")).unwrap();
     let text = "[environment]\nmap = \"sky.png\"\nscale = 0.5";
-    let map = Scene::parse(text, "test.toml", folder.path(), &[]).unwrap().environment;
+    let map = Project::parse(text, "test.toml", folder.path()).unwrap().scene.environment;
     let pixels = vec![[0.5, 0.0, 0.5, 1.0]; 8].into();
     assert_eq!(map, Environment::Map { size: UVec2::new(4, 2), pixels });
 

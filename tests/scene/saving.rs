@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use image::{Rgb, Rgb32FImage};
-use limpid::scene::{Light, Scene};
+use limpid::project::Project;
+use limpid::scene::Light;
 
 /// Protects saved scenes: what is written is read as the same scene, for every scene that comes
 /// with the program.
@@ -19,12 +20,12 @@ fn scenes_survive_being_written() {
         }
         count += 1;
         let text = fs::read_to_string(&path).expect("it can be read");
-        let parse = |text: &str| Scene::parse(text, "scene", Path::new(""), &[]);
-        let scene = parse(&text).expect("it is a scene");
-        let written = scene.to_toml(None).expect("it can be written");
+        let parse = |text: &str| Project::parse(text, "scene", Path::new(""));
+        let project = parse(&text).expect("it is a scene");
+        let written = project.to_toml(None).expect("it can be written");
         let again =
             parse(&written).unwrap_or_else(|e| panic!("{}: {e}\n{written}", path.display()));
-        assert_eq!(again, scene, "{}\n{written}", path.display());
+        assert_eq!(again, project, "{}\n{written}", path.display());
     }
     assert!(count > 5);
 }
@@ -70,16 +71,17 @@ fn scene_with_everything_survives_being_saved() {
         [settings]
         preset = "mayer2026"
         smooth = { sigma = 0.3 }
+        classify = { on = "cpu" }
     "#;
     fs::write(at("scene.toml"), text).expect("it is written");
-    let scene = Scene::load(&at("scene.toml")).expect("it is a scene");
-    assert!(matches!(scene.lights[0], Light::Point { .. }));
-    scene.save(&at("saved.toml")).expect("it is saved");
-    assert_eq!(Scene::load(&at("saved.toml")).expect("it is a scene"), scene);
+    let project = Project::load(&at("scene.toml")).expect("it is a scene");
+    assert!(matches!(project.scene.lights[0], Light::Point { .. }));
+    project.save(&at("saved.toml")).expect("it is saved");
+    assert_eq!(Project::load(&at("saved.toml")).expect("it is a scene"), project);
     let written = fs::read_to_string(at("saved.toml")).expect("text");
     assert!(
         written.contains("source = \"a_{}.bgeo\""),
         "what is beside it has a short name: {written}"
     );
-    assert!(scene.to_toml(None).is_err(), "a map needs a file");
+    assert!(project.to_toml(None).is_err(), "a map needs a file");
 }

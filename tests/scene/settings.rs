@@ -1,16 +1,16 @@
 //! Settings of the passes and overrides from the command line: defaults, ranges, slips.
 
 use std::collections::BTreeSet;
-use std::path::Path;
 
 use glam::Vec3;
 use limpid::Error;
-use limpid::scene::Scene;
+use limpid::project::Processor;
+use limpid::project::overrides::replaced;
 use limpid::settings::{
     Curve, Fresnel, Kernel, Method, Reflections, Settings, Solids, Solver, Unit,
 };
 
-use super::{FULL, assert_tells, scene};
+use super::{FULL, assert_tells, parse, scene};
 
 /// Each pass has its table in a scene.
 #[test]
@@ -67,7 +67,7 @@ fn every_default_survives_a_round_trip() {
     for (pass, settings) in &table {
         for (key, value) in settings.as_table().unwrap() {
             let set = format!("{pass}.{key}={value}");
-            assert_eq!(defaults.with(std::slice::from_ref(&set)).unwrap(), defaults, "{set}");
+            assert_eq!(replaced(&defaults, std::slice::from_ref(&set)).unwrap(), defaults, "{set}");
             keys.insert(set);
         }
     }
@@ -75,7 +75,7 @@ fn every_default_survives_a_round_trip() {
     // Other values than the defaults, down to the last bit.
     for value in [0.1f32, 1.0 / 3.0, 1.0e-3, 123.456] {
         let set = [format!("smooth.sigma={value}")];
-        assert_eq!(defaults.with(&set).unwrap().smooth.sigma, value);
+        assert_eq!(replaced(&defaults, &set).unwrap().smooth.sigma, value);
     }
 }
 
@@ -84,7 +84,7 @@ fn every_default_survives_a_round_trip() {
 fn overrides() {
     let with = |sets: &[&str]| {
         let sets: Vec<_> = sets.iter().map(|&set| set.to_owned()).collect();
-        Settings::default().with(&sets)
+        replaced(&Settings::default(), &sets)
     };
     // Bare words are strings; quotes are fine too.
     assert_eq!(with(&["refract.solver=march"]).unwrap().refract.solver, Solver::March);
@@ -119,7 +119,7 @@ fn overrides() {
         ("", &["pass.name=value"]),
     ] {
         let error = with(&["smooth.taps=7", set]).expect_err(set);
-        assert!(matches!(error, Error::Scene { .. }), "{error:?}");
+        assert!(matches!(error, Error::Override { .. }), "{error:?}");
         let message = error.to_string();
         assert!(message.starts_with(&format!("--set {set}: ")), "{message}");
         assert!(!message.contains('\n'), "{message}");
@@ -127,7 +127,9 @@ fn overrides() {
     }
     // Overrides are checked with the scene that they complete.
     let samples = ["refract.samples=0".to_owned()];
-    let error = Scene::parse(FULL, "test.toml", Path::new("."), &samples).unwrap_err();
+    let mut project = parse(FULL).expect("a scene");
+    project.set(&samples).expect("a number");
+    let error = project.check().unwrap_err();
     assert_tells(&error.to_string(), &["refract.samples", "1 to 64"]);
 }
 
@@ -151,7 +153,8 @@ fn settings_ranges() {
         ("caustics.margin", ["0", "10"], ["-0.1", "inf"]),
         ("tonemap.exposure", ["-64", "64"], ["inf", "nan"]),
     ] {
-        let check = |value: &str| Settings::default().with(&[format!("{key}={value}")])?.check();
+        let check =
+            |value: &str| replaced(&Settings::default(), &[format!("{key}={value}")])?.check();
         for value in inside {
             check(value).unwrap_or_else(|error| panic!("{error}"));
         }
@@ -163,16 +166,18 @@ fn settings_ranges() {
     }
 }
 
-/// Protects overrides of the liquid: the right one changes, and what is none is refused.
+/// Protects overrides of what is no pass's setting: the right one changes, and what is none is refused.
 #[test]
-fn liquid_can_be_overridden() {
+fn liquid_and_processor_can_be_overridden() {
     let text = "[[fluid]]\nsource = \"a\"\n[[fluid]]\nsource = \"b\"\n";
-    let mut scene = Scene::parse(text, "scene", Path::new(""), &[]).expect("a scene");
-    let before = scene.clone();
-    scene.set_optics("liquid.ior=1.5").expect("an index");
-    scene.set_optics("fluid.2.absorption=[1, 2.5, 3.0]").expect("an absorption");
-    assert_eq!((scene.liquid.ior, scene.fluids[1].absorption), (1.5, Vec3::new(1.0, 2.5, 3.0)));
+    let mut project = parse(text).expect("a scene");
+    let before = project.scene.clone();
+    let set = ["liquid.ior=1.5", "fluid.2.absorption=[1, 2.5, 3.0]", "classify.on=cpu"];
+    project.set(&set.map(String::from)).expect("an index, an absorption, a processor");
+    let scene = &project.scene;
+    assert_eq!((scene.liquid.ior, scene.fluids[1]), (1.5, Vec3::new(1.0, 2.5, 3.0)));
     assert_eq!(scene.fluids[0], before.fluids[0]);
+    assert_eq!(project.processor, Processor::Cpu);
     for bad in [
         "liquid.ior=wet",
         "liquid.colour=[1,1,1]",
@@ -180,8 +185,9 @@ fn liquid_can_be_overridden() {
         "fluid.0.absorption=[1,1,1]",
         "liquid.absorption=[1,1]",
         "liquid.ior",
+        "classify.on=both",
     ] {
-        let error = scene.set_optics(bad).expect_err(bad).to_string();
+        let error = project.set(&[bad.into()]).expect_err(bad).to_string();
         assert!(error.contains(bad), "{error}");
     }
 }

@@ -177,17 +177,10 @@ pub(crate) fn scene() -> Scene {
     settings.smooth.iterations = 0;
     settings.refract.edge_samples = 1;
     Scene {
-        fluids: Vec::new(),
-        particles: None,
-        recipe: None,
-        simulation: None,
-        views: Vec::new(),
         liquid: Liquid { ior: 1.33, absorption: Vec3::ZERO },
-        camera: None,
         environment: Environment::Constant(Vec3::ONE),
-        solids: Vec::new(),
-        lights: Vec::new(),
         settings,
+        ..Scene::default()
     }
 }
 

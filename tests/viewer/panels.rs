@@ -180,7 +180,9 @@ fn liquid_and_presets_change_and_reset() {
     harness.get_by_role_and_label(Role::Button, "imai2016").click_accesskit();
     harness.step();
     harness.step();
-    let expected = opened.settings.with(&["preset=imai2016".into()]).expect("a preset");
+    let expected =
+        limpid::project::overrides::replaced(&opened.settings, &["preset=imai2016".into()])
+            .expect("a preset");
     assert_eq!(harness.state().scenes()[0].settings, expected);
     // The other settings are others.
     assert_eq!(harness.state().scenes()[1], opened);

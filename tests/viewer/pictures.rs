@@ -6,6 +6,7 @@ use std::sync::{Arc, mpsc};
 use glam::UVec2;
 use limpid::gpu::Gpu;
 use limpid::input::{Input, Moment};
+use limpid::project::overrides::replaced;
 use limpid::scene::Scene;
 use limpid::studio::Studio;
 use limpid::viewer::Viewer;
@@ -22,9 +23,10 @@ use super::{
 /// what a studio draws; at a frame, between two, and with another setting.
 #[test]
 fn draw_thread_and_studio_draw_the_same_bits() {
-    let input = Input::open(&sequence().input, &[]).expect("the frames are there");
+    let input = Input::open(&sequence().input).expect("the frames are there");
     let input = input.with_radius(0.025).expect("a radius");
-    let (input, scene) = input.settle(&[]).expect("it settles");
+    let (input, project) = input.settle().expect("it settles");
+    let scene = &project.scene;
     let gpu = Gpu::headless().expect("an adapter");
     let mut studio = Studio::new(&gpu);
     let (sender, answers) = mpsc::channel();
@@ -41,10 +43,10 @@ fn draw_thread_and_studio_draw_the_same_bits() {
     ];
     let mut pictures = Vec::new();
     for (number, (at, overrides)) in (1..).zip(cases) {
-        let settings = scene.settings.with(&overrides).expect("settings");
+        let settings = replaced(&scene.settings, &overrides).expect("settings");
         let scene = Scene { settings, ..scene.clone() };
         let loaded = Arc::new(input.load(at, &scene).expect("it loads"));
-        let camera = scene.camera_for(loaded.bulk.bounds);
+        let camera = project.camera_for(loaded.bulk.bounds);
         let size = UVec2::new(160, 120);
         let shot = studio.draw(&scene, &camera, &loaded.splats, size).expect("it draws");
         let pane = Pane { scene: scene.into(), camera, loaded, size };

@@ -7,6 +7,8 @@ use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::input::Moment;
+use limpid::project::Processor;
+use limpid::project::overrides::replaced;
 use limpid::settings::Settings;
 use limpid::viewer::command_line::{command_line, quoted};
 use limpid::viewer::controls::{CONTROLS, Control, Kind, PASSES, Value, differences};
@@ -34,7 +36,7 @@ fn controls_are_the_settings() {
 
     for control in &CONTROLS {
         let with = |value: String| {
-            let settings = Settings::default().with(&[format!("{}={value}", control.path())]);
+            let settings = replaced(&Settings::default(), &[format!("{}={value}", control.path())]);
             settings.and_then(|settings| settings.check().map(|()| settings))
         };
         let path = control.path();
@@ -89,7 +91,7 @@ fn values_survive_the_command_line() {
     assert_eq!(changed.len(), 4);
     let overrides: Vec<String> =
         changed.iter().map(|(control, value)| format!("{}={value}", control.path())).collect();
-    assert_eq!(Settings::default().with(&overrides).expect("settings"), settings);
+    assert_eq!(replaced(&Settings::default(), &overrides).expect("settings"), settings);
 }
 
 /// Protects comparisons of scenes, which the interface makes in each frame: environments that share
@@ -143,9 +145,16 @@ fn quoted_words_survive_a_shell() {
 fn command_line_tells_what_differs() {
     let source = sequence();
     let document = Document::open(&source).expect("it opens");
-    let camera = document.scene.camera.expect("it is settled");
+    let camera = document.project.camera.expect("it is settled");
     let size = UVec2::new(64, 48);
-    let plain = command_line(&document, &document.scene, &camera, Moment::at(20), size, "a b.png");
+    let plain = command_line(
+        &document,
+        (&document.project.scene, Processor::Auto),
+        &camera,
+        Moment::at(20),
+        size,
+        "a b.png",
+    );
     assert!(!plain.contains("--set"), "{plain}");
     assert!(plain.contains("--frames=20") && plain.ends_with("-o 'a b.png'"), "{plain}");
     let written = plain.split("--camera='").nth(1).and_then(|rest| rest.split('\'').next());

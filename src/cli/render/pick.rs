@@ -1,9 +1,9 @@
 //! `--max-error` and `--budget`: settings that satisfy them.
 
 use limpid::gpu::Gpu;
+use limpid::project::Processor;
 use limpid::quality::{Choice, Curve, Limits, Picked};
 use limpid::scene::Scene;
-use limpid::settings::Processor;
 
 use super::Args;
 use super::plan::Plan;
@@ -14,9 +14,8 @@ pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid::Result<Option<Picked
     let Plan { input, scene, moments, takes, .. } = plan;
     let first = |scene: &Scene| {
         // No device is open yet, and what is picked does not depend on it.
-        let mut scene = scene.clone();
-        scene.settings.classify.on = Processor::Cpu;
-        let loaded = input.load(moments[takes[0].frame], &scene)?;
+        let input = input.clone().processed_by(Processor::Cpu);
+        let loaded = input.load(moments[takes[0].frame], scene)?;
         Ok((takes[0].camera, loaded.splats))
     };
     let curve = Curve::shipped();

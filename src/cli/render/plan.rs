@@ -1,11 +1,13 @@
 //! What is to be drawn, as the arguments say it.
 
 use limpid::Error;
+use limpid::camera::Camera;
 use limpid::camera_path::CameraPath;
 use limpid::film::{self, Motion, Take};
 use limpid::frames::FrameSpec;
 use limpid::input::{Input, Moment};
 use limpid::notice::{self, Notice};
+use limpid::project::open::Request;
 use limpid::scene::Scene;
 
 use super::{Args, film_path};
@@ -16,7 +18,6 @@ const DEFAULT_FPS: f64 = 30.0;
 /// A scene, and the pictures of it.
 pub(super) struct Plan {
     pub(super) input: Input,
-    /// Settled.
     pub(super) scene: Scene,
     /// What is drawn of the particles.
     pub(super) moments: Vec<Moment>,
@@ -31,37 +32,24 @@ impl Plan {
     pub(super) fn new(args: &Args) -> limpid::Result<Self> {
         // In this order: what comes later holds.
         let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
-        let (optics, set): (Vec<_>, Vec<_>) =
-            args.set.iter().cloned().partition(|text| Scene::is_optics(text));
-        overrides.extend(set);
+        overrides.extend(args.set.iter().cloned());
         overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
-        let mut input = open(args, &overrides)?;
-        input.missing = args.missing;
-        input = input.with_options(&args.reading.options());
-        let (input, mut scene) = input.settle(&overrides)?;
-        for text in &optics {
-            scene.set_optics(text)?;
-        }
-        scene.camera = args.camera.or(scene.camera);
-        scene.check()?;
+        let request = Request {
+            input: args.input.clone(),
+            scene: args.scene.clone(),
+            radius: args.radius,
+            overrides,
+            camera: args.camera,
+            missing: args.missing,
+            options: args.reading.options(),
+        };
+        let opened = request.open()?;
+        let camera = opened.project.camera_for(Default::default());
+        let (input, scene) = (opened.input, opened.project.scene);
         let (moments, numbers, fps) = moments(args, &input)?;
-        let takes = takes(args, &scene, &numbers, fps)?;
+        let takes = takes(args, camera, &numbers, fps)?;
         let notices = notices(args, &input, numbers.len());
         Ok(Self { input, scene, moments, takes, fps, notices })
-    }
-}
-
-fn open(args: &Args, overrides: &[String]) -> limpid::Result<Input> {
-    let mut input = match &args.input {
-        Some(input) => Input::open(input, overrides)?,
-        None => Input::demo(overrides)?,
-    };
-    if let Some(scene) = &args.scene {
-        input = input.with_scene(Scene::load_with(scene, overrides)?);
-    }
-    match args.radius {
-        Some(radius) => input.with_radius(radius),
-        None => Ok(input),
     }
 }
 
@@ -120,7 +108,7 @@ fn notices(args: &Args, input: &Input, pictures: usize) -> Vec<Notice> {
 }
 
 /// The pictures, from where the camera is.
-fn takes(args: &Args, scene: &Scene, numbers: &[i64], fps: f64) -> limpid::Result<Vec<Take>> {
+fn takes(args: &Args, camera: Camera, numbers: &[i64], fps: f64) -> limpid::Result<Vec<Take>> {
     let motion = match (&args.camera_path, args.turntable) {
         (Some(path), _) => Motion::Path(CameraPath::load(path)?),
         (None, Some(seconds)) => Motion::Turntable(seconds),
@@ -130,6 +118,5 @@ fn takes(args: &Args, scene: &Scene, numbers: &[i64], fps: f64) -> limpid::Resul
         let problem = "a film and a moving camera take the frames in order, as 1-9 or 1,5,9";
         return Err(Error::Usage(format!("--frames: {problem}")));
     }
-    let camera = scene.camera.expect("a settled scene has a camera");
     film::takes(numbers, camera, &motion, fps)
 }

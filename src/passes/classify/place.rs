@@ -7,7 +7,8 @@ use super::{Splats, classify, probe_memory};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::particles::Particles;
-use crate::settings::{Classify, Processor};
+use crate::project::Processor;
+use crate::settings::Classify;
 
 /// Frames of fewer particles take the CPU about as long as the device takes to answer.
 const FEW: usize = 8192;
@@ -112,7 +113,7 @@ impl Place {
         }
     }
 
-    /// As [`super::classify`], where the settings say: [`Classify::on`].
+    /// As [`super::classify`], on the device or the CPU.
     ///
     /// # Errors
     /// [`Error::Memory`]. Of [`Processor::Gpu`]: [`Error::Usage`] without a device,
@@ -123,6 +124,7 @@ impl Place {
         particles: &Particles,
         default_radius: f32,
         settings: &Classify,
+        processor: Processor,
     ) -> Result<Splats> {
         // When the device is open: that takes memory too.
         let on_cpu = || {
@@ -133,7 +135,7 @@ impl Place {
             let classifier = user.classifier.as_ref().ok_or_else(no_device)?;
             classifier.classify(particles, default_radius, settings)
         };
-        match settings.on {
+        match processor {
             Processor::Cpu => on_cpu(),
             Processor::Gpu => on_device(self.user(|_| true)?.ok_or_else(no_device)?),
             Processor::Auto if particles.len() < FEW => on_cpu(),

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use cap::Cap;
+use limpid::project::Project;
 use limpid::camera::Camera;
 use limpid::camera_path::CameraPath;
 use limpid::check::Suite;
@@ -84,11 +85,11 @@ pub fn ellipsoids(bytes: &[u8]) {
 /// A scene file.
 pub fn scene(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
-    let parse = || Scene::parse(text, "fuzzed", Path::new("/nowhere"), &[]);
+    let parse = || Project::parse(text, "fuzzed", Path::new("/nowhere"));
     match within_memory(bytes.len(), parse) {
         Ok(scene) => {
             let written = scene.to_toml(None).expect("a scene without a map can be written");
-            let again = Scene::parse(&written, "written", Path::new(""), &[]);
+            let again = Project::parse(&written, "written", Path::new(""));
             assert_eq!(again.expect("what is written can be read"), scene);
         }
         Err(error) => check_error(&error, "", &[2, 3, 4]),
@@ -132,11 +133,10 @@ pub fn arguments(bytes: &[u8]) {
         "c" => {
             text.parse::<Camera>().inspect(|c| c.check().expect("a camera that can be used")).err()
         }
-        "S" => Settings::default()
-            .with(&[text.into()])
+        "S" => replaced(&Settings::default(), &[text.into()])
             .inspect(|settings| settings.check().expect("settings that can be used"))
             .err(),
-        "l" => Scene::around(-DVec3::ONE, DVec3::ONE, 0.1).set_optics(text).err(),
+        "l" => Project::from(Scene::around(-DVec3::ONE, DVec3::ONE, 0.1)).set(&[text.into()]).err(),
         "a" => aov::parse_list(text).err(),
         "o" => OutputNames::parse(text, 2).map(|names| names.path(i64::MIN)).err(),
         "m" => text.parse::<Missing>().err(),

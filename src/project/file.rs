@@ -1,13 +1,14 @@
-//! Scenes as files: what TOML says, what that means, and how a scene is written so that it reads as
-//! the same again.
+//! Scene files: their TOML, its meaning, and how a project is written so that it reads as the same
+//! again.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
+use toml::de::{DeTable, DeValue, ValueDeserializer};
 
-use super::{Fluid, Light, Liquid, NamedView, ParticleSource, Scene, Shape, Solid, Surface};
+use super::{LiquidSource, NamedView, ParticleSource, Processor, Project};
 use crate::camera::Camera;
 use crate::environment::{self, Environment};
 use crate::error::{Error, Result, toml_error};
@@ -15,10 +16,11 @@ use crate::files;
 use crate::output::{Kind, write_atomically};
 use crate::particles::{self, AttributeMap, Up};
 use crate::recipe::Recipe;
+use crate::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
 use crate::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
 use crate::sim::Simulation;
 
-// The file as it is written; `Scene` is what it means.
+// The file as it is written; `Project` is its meaning.
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -131,56 +133,45 @@ struct CheckerFile {
 /// How an environment map is read.
 type LoadMap = fn(&Path) -> Result<Environment>;
 
-impl Scene {
+impl Project {
     /// Reads a scene file. Paths in it are relative to it.
     ///
     /// # Errors
     /// [`Error::Io`], or [`Error::Scene`] naming the line, the key and, for an unknown one, the
     /// nearest that exists.
     pub fn load(path: &Path) -> Result<Self> {
-        Self::load_with(path, &[])
+        Self::read(path, Environment::load)
     }
 
-    /// As [`Scene::load`], with settings replaced as by [`Settings::with`]: `refract.samples=4`.
+    /// As [`Project::load`], with an environment map's size alone.
     ///
     /// # Errors
-    /// As [`Scene::load`]; a bad override is an [`Error::Scene`] that names it.
-    pub fn load_with(path: &Path, overrides: &[String]) -> Result<Self> {
-        Self::read(path, overrides, Environment::load)
-    }
-
-    /// As [`Scene::load`], with an environment map's size alone.
-    ///
-    /// # Errors
-    /// As [`Scene::load`].
+    /// As [`Project::load`].
     pub(crate) fn outline(path: &Path) -> Result<Self> {
-        Self::read(path, &[], Environment::outline)
+        Self::read(path, Environment::outline)
     }
 
-    fn read(path: &Path, overrides: &[String], load_map: LoadMap) -> Result<Self> {
+    fn read(path: &Path, load_map: LoadMap) -> Result<Self> {
         let text = files::read_text(path)?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        Self::parse_with(&text, &path.display().to_string(), folder, overrides, load_map)
+        Self::parse_with(&text, &path.display().to_string(), folder, load_map)
     }
 
     /// Parses a scene file's text. `origin` names it in errors; paths are relative to `folder`.
     ///
     /// # Errors
-    /// As [`Scene::load_with`].
-    pub fn parse(text: &str, origin: &str, folder: &Path, overrides: &[String]) -> Result<Self> {
-        Self::parse_with(text, origin, folder, overrides, Environment::load)
+    /// As [`Project::load`].
+    pub fn parse(text: &str, origin: &str, folder: &Path) -> Result<Self> {
+        Self::parse_with(text, origin, folder, Environment::load)
     }
 
-    fn parse_with(
-        text: &str,
-        origin: &str,
-        folder: &Path,
-        overrides: &[String],
-        load_map: LoadMap,
-    ) -> Result<Self> {
-        let file: SceneFile = toml::from_str(text).map_err(|e| toml_error(text, origin, &e))?;
+    fn parse_with(text: &str, origin: &str, folder: &Path, load_map: LoadMap) -> Result<Self> {
+        let at_line = |e: toml::de::Error| toml_error(text, origin, &e);
         let fail = |problem: String| Error::Scene { origin: origin.to_owned(), problem };
-        let table: toml::Table = text.parse().map_err(|e| toml_error(text, origin, &e))?;
+        let mut table = DeTable::parse(text).map_err(at_line)?;
+        let processor = take_processor(table.get_mut()).map_err(at_line)?;
+        let file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(at_line)?;
+        let table: toml::Table = text.parse().map_err(at_line)?;
         check_vectors("", &toml::Value::Table(table)).map_err(fail)?;
         let mut solids = Vec::new();
         for (i, solid) in file.solid.into_iter().enumerate() {
@@ -205,17 +196,26 @@ impl Scene {
             solids.extend(recipe.solids());
         }
         let liquid = file.liquid.meaning().map_err(|e| fail(format!("[liquid] {e}")))?;
-        let mut particles = file.particles;
         let mut fluids = Vec::new();
+        let mut sources = Vec::new();
         for (number, fluid) in (1..).zip(file.fluid) {
             let fluid = fluid.meaning(liquid.absorption);
-            fluids.push(fluid.map_err(|e| fail(format!("[[fluid]] {number}: {e}")))?);
+            let (source, absorption) =
+                fluid.map_err(|e| fail(format!("[[fluid]] {number}: {e}")))?;
+            sources.push(source);
+            fluids.push(absorption);
         }
-        let fluids_of = (1..).zip(fluids.iter_mut());
-        let fluids_of =
-            fluids_of.map(|(i, fluid)| (format!("[[fluid]] {i}:"), &mut fluid.particles));
-        let particles_of = particles.iter_mut().map(|p| ("[particles]".to_owned(), p));
-        for (table, p) in particles_of.chain(fluids_of) {
+        let mut source = match (file.particles, file.recipe, file.simulation) {
+            (Some(particles), ..) => LiquidSource::File(particles),
+            (_, Some(recipe), _) => LiquidSource::Recipe(recipe),
+            (.., Some(simulation)) => LiquidSource::Simulation(simulation),
+            _ if !sources.is_empty() => LiquidSource::Fluids(sources),
+            _ => LiquidSource::Unspecified,
+        };
+        let lone = matches!(source, LiquidSource::File(_));
+        for (number, p) in (1..).zip(source.files_mut()) {
+            let table =
+                if lone { "[particles]".to_owned() } else { format!("[[fluid]] {number}:") };
             if let Some(radius) = p.radius.filter(|&radius| !particles::drawable(radius)) {
                 let problem = format!("{table} radius is {radius:?}, expected 1e-12 to 1e12 m");
                 return Err(fail(problem));
@@ -226,53 +226,63 @@ impl Scene {
             p.source = folder.join(&p.source).to_string_lossy().into_owned();
         }
         let environment = file.environment.meaning(folder, load_map, &fail)?;
-        let settings = file.settings.meaning(text).map_err(|e| toml_error(text, origin, &e))?;
-        let settings = settings.with(overrides)?;
-        let scene = Self {
-            particles,
-            fluids,
-            recipe: file.recipe,
-            simulation: file.simulation,
-            liquid,
+        let settings = file.settings.meaning(text).map_err(at_line)?;
+        let lights = file.light;
+        let project = Self {
+            scene: Scene { liquid, fluids, environment, solids, lights, settings },
+            source,
             camera: file.camera,
             views: file.view,
-            environment,
-            solids,
-            lights: file.light,
-            settings,
+            processor,
         };
-        scene.check().map_err(|e| match e {
+        project.check().map_err(|e| match e {
             Error::Scene { origin: part, problem } => fail(format!("[{part}] {problem}")),
             other => other,
         })?;
-        Ok(scene)
+        Ok(project)
     }
 
-    /// The scene as the text of a scene file, which [`Scene::parse`] reads as the same scene, to the
-    /// last bit. Paths are as the scene has them. An environment map is in a file of its own, which
+    /// The text of a scene file, which [`Project::parse`] reads as the same project, to the last bit.
+    /// Paths are as the project has them. An environment map is in a file of its own, which
     /// is given.
     ///
     /// # Errors
     /// [`Error::Usage`] for an environment map without a file.
     pub fn to_toml(&self, map: Option<&str>) -> Result<String> {
-        let environment = EnvironmentFile::of(&self.environment, map)?;
-        // Those that come with the recipe are not written: reading adds them again.
-        let own = self.recipe.map_or(0, |recipe| recipe.solids().len());
-        let own = self.solids.len().saturating_sub(own);
+        let environment = EnvironmentFile::of(&self.scene.environment, map)?;
+        let Self { scene, source, camera, views, processor } = self;
+        let recipe = source.recipe().copied();
+        // Reading adds the recipe's solids again.
+        let own = recipe.map_or(0, |recipe| recipe.solids().len());
+        let own = scene.solids.len().saturating_sub(own);
+        let (mut particles, mut fluid) = (None, Vec::new());
+        match source {
+            LiquidSource::File(file) => particles = Some(file.clone()),
+            LiquidSource::Fluids(files) => {
+                let fluids = files.iter().zip(&scene.fluids);
+                fluid.extend(fluids.map(|(source, &absorption)| FluidFile::of(source, absorption)));
+            }
+            _ => {}
+        }
         let file = SceneFile {
-            particles: self.particles.clone(),
-            fluid: self.fluids.iter().map(FluidFile::of).collect(),
-            recipe: self.recipe,
-            simulation: self.simulation.clone(),
-            liquid: LiquidFile::of(&self.liquid),
-            camera: self.camera,
-            view: self.views.clone(),
+            particles,
+            fluid,
+            recipe,
+            simulation: source.simulation().cloned(),
+            liquid: LiquidFile::of(&scene.liquid),
+            camera: *camera,
+            view: views.clone(),
             environment,
-            solid: self.solids[..own].iter().map(SolidFile::of).collect(),
-            light: self.lights.clone(),
-            settings: SettingsFile::of(&self.settings),
+            solid: scene.solids[..own].iter().map(SolidFile::of).collect(),
+            light: scene.lights.clone(),
+            settings: SettingsFile::of(&scene.settings),
         };
-        toml::to_string(&file).map_err(|e| Error::Usage(format!("the scene: {e}")))
+        let fail = |e: &dyn std::fmt::Display| Error::Usage(format!("the scene: {e}"));
+        let mut file = toml::Table::try_from(&file).map_err(|e| fail(&e))?;
+        if *processor != Processor::default() {
+            put_processor(&mut file, *processor);
+        }
+        toml::to_string(&file).map_err(|e| fail(&e))
     }
 
     /// Writes a scene file that draws alike wherever it lies: particle files in its folder by their
@@ -284,13 +294,12 @@ impl Scene {
         // Before its map is written.
         Kind::Scene.check(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let mut scene = self.clone();
-        let sources = scene.particles.iter_mut();
-        for particles in sources.chain(scene.fluids.iter_mut().map(|fluid| &mut fluid.particles)) {
+        let mut project = self.clone();
+        for particles in project.source.files_mut() {
             particles.source = seen_from(folder, &particles.source);
         }
         let map = path.with_extension("environment.exr");
-        if let Environment::Map { size, pixels } = &scene.environment {
+        if let Environment::Map { size, pixels } = &project.scene.environment {
             let rgb: Vec<f32> = pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
             let picture = image::Rgb32FImage::from_raw(size.x, size.y, rgb);
             let picture = picture.ok_or_else(|| Error::Usage("the map is incomplete".into()))?;
@@ -301,14 +310,39 @@ impl Scene {
             write_atomically(&map, Kind::Picture, |file| file.write_all(bytes.get_ref()))?;
         }
         let name = map.file_name().unwrap_or_default().to_string_lossy();
-        let text = scene.to_toml(Some(&name))?;
+        let text = project.to_toml(Some(&name))?;
         write_atomically(path, Kind::Scene, |file| file.write_all(text.as_bytes()))
     }
 }
 
 /// Whether a text is that of a scene file, whatever the files that it names hold.
 pub(crate) fn is_scene(text: &str) -> bool {
-    toml::from_str::<SceneFile>(text).is_ok()
+    let Ok(mut table) = DeTable::parse(text) else { return false };
+    take_processor(table.get_mut()).is_ok()
+        && SceneFile::deserialize(toml::Deserializer::from(table)).is_ok()
+}
+
+/// Removes `classify.on` from the file's `[settings]`: it says how the work is done, not how a picture
+/// looks.
+fn take_processor(file: &mut DeTable<'_>) -> Result<Processor, toml::de::Error> {
+    fn table<'a, 'i>(of: &'a mut DeTable<'i>, name: &str) -> Option<&'a mut DeTable<'i>> {
+        if let DeValue::Table(table) = of.get_mut(name)?.get_mut() { Some(table) } else { None }
+    }
+    let classify = table(file, "settings").and_then(|settings| table(settings, "classify"));
+    match classify.and_then(|classify| classify.remove("on")) {
+        Some(value) => Processor::deserialize(ValueDeserializer::from(value)),
+        None => Ok(Processor::default()),
+    }
+}
+
+/// Adds what [`take_processor`] removes.
+fn put_processor(file: &mut toml::Table, processor: Processor) {
+    let classify = ["settings", "classify"].into_iter().fold(file, |table, name| {
+        let inner = table.entry(name).or_insert_with(|| toml::Table::new().into());
+        inner.as_table_mut().expect("the file has these tables")
+    });
+    let on = toml::Value::try_from(processor).expect("a processor is a word");
+    classify.insert("on".into(), on);
 }
 
 /// A path that was relative to the working directory, for a file in `folder`.
@@ -348,16 +382,16 @@ impl LiquidFile {
 }
 
 impl FluidFile {
-    fn of(fluid: &Fluid) -> Self {
-        let ParticleSource { source, frame, radius, up, fps, map } = fluid.particles.clone();
-        let absorption = Some(fluid.absorption);
+    fn of(source: &ParticleSource, absorption: Vec3) -> Self {
+        let ParticleSource { source, frame, radius, up, fps, map } = source.clone();
+        let absorption = Some(absorption);
         Self { source, frame, radius, up, fps, map, absorption, color: None }
     }
 
-    fn meaning(self, default: Vec3) -> Result<Fluid, String> {
+    fn meaning(self, default: Vec3) -> Result<(ParticleSource, Vec3), String> {
         let Self { source, frame, radius, up, fps, map, absorption: given, color } = self;
         let absorption = absorption(given, color)?.unwrap_or(default);
-        Ok(Fluid { particles: ParticleSource { source, frame, radius, up, fps, map }, absorption })
+        Ok((ParticleSource { source, frame, radius, up, fps, map }, absorption))
     }
 }
 
@@ -428,8 +462,23 @@ impl SettingsFile {
         // The structs do not tell what was given from what is a default; the text does.
         let file: toml::Table = text.parse()?;
         let given = file.get("settings").and_then(toml::Value::as_table);
-        preset.settings().overlaid(given.unwrap_or(&toml::Table::new()))
+        overlaid(&preset.settings(), given.unwrap_or(&toml::Table::new()))
     }
+}
+
+/// Settings with those replaced that a file's `[settings]` gives.
+fn overlaid(settings: &Settings, file: &toml::Table) -> Result<Settings, toml::de::Error> {
+    let mut all = toml::Table::try_from(settings).expect("settings are a table of tables");
+    for (pass, settings) in &mut all {
+        let given = file.get(pass).and_then(toml::Value::as_table);
+        if let (Some(settings), Some(given)) = (settings.as_table_mut(), given) {
+            settings.extend(given.clone());
+        }
+    }
+    if let Some(classify) = all.get_mut("classify").and_then(toml::Value::as_table_mut) {
+        classify.remove("on");
+    }
+    all.try_into()
 }
 
 impl SolidFile {
