@@ -23,17 +23,18 @@ use std::time::Instant;
 use glam::UVec2;
 use limpid::camera::Camera;
 use limpid::gpu::Gpu;
-use limpid::input::Input;
-use limpid::passes::classify::{self, Splat, Splats};
-use limpid::renderer::{Picture, Renderer};
+use limpid::liquid::classify::{self, Splat, Splats};
+use limpid::renderer::Renderer;
 use limpid::scene::Scene;
+use limpid::studio::Picture;
+use limpid_io::input::Input;
 
 use support::{COUNTS, Swell};
 
 /// The scenes and the curve, in this order.
 const ALL: [&str; 5] = ["demo", "cascade", "front", "million", "curve"];
 
-fn main() -> limpid::Result<()> {
+fn main() -> limpid_io::Result<()> {
     let options = Options::parse();
     let gpu = Gpu::headless()?;
     let Options { size, frames, .. } = options;
@@ -99,8 +100,8 @@ struct Subject {
 
 impl Subject {
     /// A scene by its name or its file; none if its files are not here.
-    fn named(name: &str, settings: &[String]) -> limpid::Result<Option<Self>> {
-        let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    fn named(name: &str, settings: &[String]) -> limpid_io::Result<Option<Self>> {
+        let here = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
         let file = match name {
             "demo" => return Self::of(name, Input::demo()?, settings).map(Some),
             "million" => return Self::swell(COUNTS[3], settings).map(Some),
@@ -123,7 +124,7 @@ impl Subject {
         Self::of(name, Input::open(&file.to_string_lossy())?, settings).map(Some)
     }
 
-    fn of(name: &str, input: Input, settings: &[String]) -> limpid::Result<Self> {
+    fn of(name: &str, input: Input, settings: &[String]) -> limpid_io::Result<Self> {
         let (input, mut project) = input.settle()?;
         project.set(settings)?;
         let number = input.frame.unwrap_or(input.sequence.frames[0].number);
@@ -135,7 +136,7 @@ impl Subject {
         Ok(Self { name, particles, scene, camera, splats: loaded.splats })
     }
 
-    fn swell(count: usize, settings: &[String]) -> limpid::Result<Self> {
+    fn swell(count: usize, settings: &[String]) -> limpid_io::Result<Self> {
         let Swell { mut project, particles, radius } = Swell::new(count)?;
         project.set(settings)?;
         let camera = project.camera_for(particles.bounds().unwrap_or_default());
@@ -155,7 +156,7 @@ struct Times {
     frame: Vec<f64>,
 }
 
-fn measure(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid::Result<Times> {
+fn measure(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid_io::Result<Times> {
     let Subject { scene, camera, splats, .. } = subject;
     let size = options.size;
     let picture = Picture::new(gpu, size)?;
@@ -167,7 +168,7 @@ fn measure(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid::Result<Ti
         let passes =
             renderer.render(scene, camera, splats, &picture.view(), Picture::FORMAT, size)?;
         picture.read(gpu)?;
-        Ok::<_, limpid::Error>((passes, start.elapsed().as_secs_f64() * 1e3))
+        Ok::<_, limpid_io::Error>((passes, start.elapsed().as_secs_f64() * 1e3))
     };
     // The first frame also compiles shaders.
     draw(true)?;
@@ -187,7 +188,7 @@ fn measure(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid::Result<Ti
     Ok(times)
 }
 
-fn passes(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid::Result<()> {
+fn passes(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid_io::Result<()> {
     let times = measure(gpu, subject, options)?;
     println!("\n{}, {} particles", subject.name, subject.particles);
     for (name, ms) in times.passes {
@@ -200,7 +201,7 @@ fn passes(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid::Result<()>
 
 /// One liquid of more and more particles. The exponent is that of the number, between two rows: with
 /// 1 a frame would take as much longer as it has more particles.
-fn curve(gpu: &Gpu, options: &Options) -> limpid::Result<()> {
+fn curve(gpu: &Gpu, options: &Options) -> limpid_io::Result<()> {
     println!(
         "\nswell: {:>9} {:>9} {:>9} {:>9} {:>9}",
         "particles", "splat", "device", "frame", "exponent"

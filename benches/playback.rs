@@ -9,9 +9,9 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
-use limpid::input::Input;
-use limpid::particles::Particles;
-use limpid::ring::Ring;
+use limpid::liquid::Particles;
+use limpid_io::input::Input;
+use limpid_io::ring::Ring;
 
 const FRAMES: usize = 24;
 const BUDGET: u64 = 64 << 20;
@@ -19,7 +19,7 @@ const RUNS: usize = 3;
 /// Set for a run with so many threads, which measures the sequence in this folder.
 const FOLDER: &str = "LIMPID_BENCH_FOLDER";
 
-fn main() -> limpid::Result<()> {
+fn main() -> limpid_io::Result<()> {
     if let Some(folder) = std::env::var_os(FOLDER) {
         return measure(Path::new(&folder));
     }
@@ -41,8 +41,9 @@ fn main() -> limpid::Result<()> {
 }
 
 /// Writes so many frames of a recipe's particles.
-fn write(name: &str, folder: &Path) -> limpid::Result<()> {
-    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("sims/{name}.toml"));
+fn write(name: &str, folder: &Path) -> limpid_io::Result<()> {
+    let scene =
+        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("sims/{name}.toml"));
     let input = Input::open(&scene.to_string_lossy())?;
     let bare = input.particles(&input.sequence.frames[0])?;
     let count = bare.len();
@@ -52,10 +53,12 @@ fn write(name: &str, folder: &Path) -> limpid::Result<()> {
         ids: Some((0..count as i64).collect()),
         ..bare
     };
-    (0..FRAMES).try_for_each(|i| particles.write(&folder.join(format!("{name}_{i:04}.bgeo"))))
+    (0..FRAMES).try_for_each(|i| {
+        limpid_io::particles::write(&particles, &folder.join(format!("{name}_{i:04}.bgeo")))
+    })
 }
 
-fn measure(folder: &Path) -> limpid::Result<()> {
+fn measure(folder: &Path) -> limpid_io::Result<()> {
     let (input, project) = Input::open(&folder.to_string_lossy())?.settle()?;
     let numbers: Vec<i64> = input.sequence.frames.iter().map(|frame| frame.number).collect();
     let moments = input.moments(&numbers, 1.0);

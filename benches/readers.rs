@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use flate2::read::MultiGzDecoder;
 use glam::Vec3;
-use limpid::particles::{Ellipsoid, Particles};
+use limpid::liquid::{Ellipsoid, Particles};
 
 const PARTICLES: usize = 1_000_000;
 const RUNS: usize = 5;
@@ -21,7 +21,7 @@ const RUNS: usize = 5;
 /// Where an attribute is: its first byte and the bytes from one particle to the next.
 type Layout = Vec<(usize, usize)>;
 
-fn main() -> limpid::Result<()> {
+fn main() -> limpid_io::Result<()> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let bare = Particles::from_positions(vectors(1.0));
     let moving = Particles { velocities: Some(vectors(9.81)), ..bare.clone() };
@@ -64,9 +64,9 @@ fn main() -> limpid::Result<()> {
             continue;
         }
         let path = folder.path().join(name);
-        particles.write(&path)?;
-        assert_eq!(&Particles::read(&path)?, particles, "{name}");
-        let limpid = best(|| Particles::read(&path).expect("it was read before"));
+        limpid_io::particles::write(particles, &path)?;
+        assert_eq!(&limpid_io::particles::read(&path)?, particles, "{name}");
+        let limpid = best(|| limpid_io::particles::read(&path).expect("it was read before"));
         let read = best(|| bytes(&path));
         let plain = layout(name, &bytes(&path)).map(|(layout, big_endian)| {
             best(|| {

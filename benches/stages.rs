@@ -18,8 +18,8 @@ use criterion::{
     BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main,
 };
 use limpid::gpu::Gpu;
-use limpid::particles::{Ellipsoid, Particles};
-use limpid::passes::classify::{Classifier, Cloud};
+use limpid::liquid::classify::{Classifier, Cloud};
+use limpid::liquid::{Ellipsoid, Particles};
 
 use support::{COUNTS, Swell};
 
@@ -45,9 +45,11 @@ fn read(criterion: &mut Criterion) {
             _ => full.clone(),
         };
         let path = folder.path().join(format!("liquid.{format}"));
-        particles.write(&path).expect("the format holds the particles");
+        limpid_io::particles::write(&particles, &path).expect("the format holds the particles");
         group.bench_function(format, |bencher| {
-            bencher.iter(|| black_box(Particles::read(&path).expect("it was written before")));
+            bencher.iter(|| {
+                black_box(limpid_io::particles::read(&path).expect("it was written before"))
+            });
         });
     }
     group.finish();

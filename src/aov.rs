@@ -1,30 +1,16 @@
-//! Intermediate images as `OpenEXR` channels, to find the stage that is to blame.
+//! Intermediate images as channels of numbers, to find the stage that is to blame.
 
 use std::fmt;
-use std::io;
-use std::path::Path;
 use std::str::FromStr;
 
-use exr::meta::header::Header;
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, WritableImage};
-use exr::prelude::{
-    AttributeValue, ImageAttributes, IntegerBounds, LayerAttributes, MetaData, ReadChannels as _,
-    ReadLayers as _,
-};
 use glam::UVec2;
 use serde::Deserialize;
 
-use crate::error::{Error, Place, Result};
-use crate::files;
-use crate::fingerprint::Fingerprint;
+use crate::error::{Error, Result};
 use crate::gpu::{self, Gpu};
-use crate::output::{Kind, write_atomically};
 use crate::passes::Layers;
 use crate::passes::caustics::CausticMap;
 use crate::renderer::Images;
-
-/// The attribute that holds a [`Fingerprint`].
-const FINGERPRINT: &str = "limpid:fingerprint";
 
 /// A kind of intermediate image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
@@ -100,7 +86,7 @@ impl FromStr for Aov {
     fn from_str(text: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|aov| aov.name() == text).ok_or_else(|| {
             let known: Vec<_> = Self::ALL.iter().map(Self::to_string).collect();
-            Error::Usage(format!("no AOV `{text}`; there are all, {}", known.join(", ")))
+            Error::invalid("aov", format!("no `{text}`; there are all, {}", known.join(", ")))
         })
     }
 }
@@ -108,7 +94,7 @@ impl FromStr for Aov {
 /// Parses a list such as `depth,normal`, or `all`.
 ///
 /// # Errors
-/// [`Error::Usage`] naming the unknown entry.
+/// [`Error::Invalid`] naming the unknown entry.
 pub fn parse_list(text: &str) -> Result<Vec<Aov>> {
     if text == "all" {
         return Ok(Aov::ALL.to_vec());
@@ -256,132 +242,4 @@ fn push(
     value: impl Fn(&[f32; 4]) -> f32,
 ) {
     channels.push(Channel { name, values: texels.iter().map(value).collect() });
-}
-
-/// Writes the parts into one `OpenEXR` file, under a temporary name that is then renamed.
-///
-/// # Errors
-/// [`Error::Io`] naming the file.
-pub fn write(path: &Path, parts: Vec<Part>) -> Result<()> {
-    let lossless = Encoding::FAST_LOSSLESS;
-    write_atomically(path, Kind::Picture, |file| encode(parts, lossless, None, file))
-}
-
-/// As [`write()`], with what the images were made from: [`is_whole`].
-///
-/// # Errors
-/// As [`write()`].
-pub fn write_frame(path: &Path, parts: Vec<Part>, fingerprint: Fingerprint) -> Result<()> {
-    let lossless = Encoding::FAST_LOSSLESS;
-    write_atomically(path, Kind::Picture, |file| encode(parts, lossless, Some(fingerprint), file))
-}
-
-/// Whether the file is there, can be read to its end, and was made from this.
-pub fn is_whole(path: &Path, fingerprint: Fingerprint) -> bool {
-    let expected = fingerprint.to_string();
-    let matches = |header: &Header| {
-        // A file does not tell which of its attributes are all layers'.
-        let attributes = [&header.shared_attributes.other, &header.own_attributes.other];
-        attributes.iter().any(|attributes| match attributes.get(FINGERPRINT.as_bytes()) {
-            Some(AttributeValue::Text(text)) => text.to_string() == expected,
-            _ => false,
-        })
-    };
-    // The head first, which is quick.
-    let Ok((file, _)) = files::open(path) else { return false };
-    let head = MetaData::read_from_unbuffered(file, false);
-    head.is_ok_and(|head| head.headers.iter().all(matches)) && load(path).is_ok()
-}
-
-/// Writes the parts as the bytes of one `OpenEXR` file; there must be one.
-pub(crate) fn encode(
-    parts: Vec<Part>,
-    encoding: Encoding,
-    fingerprint: Option<Fingerprint>,
-    to: impl io::Write + io::Seek,
-) -> io::Result<()> {
-    let size = parts.first().map_or(UVec2::ONE, |part| part.size);
-    let layers: Vec<_> = parts
-        .into_iter()
-        .map(|part| {
-            let channels = part.channels.into_iter();
-            let list = channels
-                .map(|c| AnyChannel::new(c.name.as_str(), FlatSamples::F32(c.values)))
-                .collect();
-            Layer::new(
-                (part.size.x as usize, part.size.y as usize),
-                match part.name.as_str() {
-                    "" => LayerAttributes::default(),
-                    name => LayerAttributes::named(name),
-                },
-                encoding,
-                AnyChannels::sort(list),
-            )
-        })
-        .collect();
-    let shown = IntegerBounds::from_dimensions((size.x as usize, size.y as usize));
-    let mut attributes = ImageAttributes::new(shown);
-    if let Some(fingerprint) = fingerprint {
-        let text = AttributeValue::Text(fingerprint.to_string().as_str().into());
-        attributes.other.insert(FINGERPRINT.into(), text);
-    }
-    let image = Image::from_layers(attributes, layers);
-    image.write().to_buffered(to).map_err(io::Error::other)
-}
-
-/// Reads the parts of an `OpenEXR` file such as [`write()`] writes: channels in the order of their
-/// names, numbers of any width as 32-bit floats.
-///
-/// # Errors
-/// [`Error::Io`], [`Error::Malformed`] for a damaged file, and [`Error::Format`] for one that is no
-/// `OpenEXR`, holds deep data, or claims more pixels than it can hold.
-pub fn load(path: &Path) -> Result<Vec<Part>> {
-    let mut bytes = Vec::new();
-    files::read_picture(path, &mut bytes)?;
-    parse(path, &bytes)
-}
-
-/// As [`load`], with the contents at hand; `path` stands in messages.
-///
-/// # Errors
-/// As [`load`], without [`Error::Io`].
-pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<Part>> {
-    files::survive(path, || decode(path, bytes))
-}
-
-fn decode(path: &Path, bytes: &[u8]) -> Result<Vec<Part>> {
-    if !bytes.starts_with(&exr::meta::magic_number::BYTES) {
-        return Err(Error::format(path, "not an OpenEXR file"));
-    }
-    let mut cursor = io::Cursor::new(bytes);
-    let meta = MetaData::read_from_buffered(&mut cursor, false);
-    let damaged = |cursor: &io::Cursor<&[u8]>, error: exr::error::Error| match error {
-        exr::error::Error::NotSupported(problem) => Error::format(path, problem),
-        error => Error::malformed(path, Place::Byte(cursor.position()), error.to_string()),
-    };
-    let meta = meta.map_err(|e| damaged(&cursor, e))?;
-    let limits = files::picture_limits(bytes).map_err(|problem| Error::format(path, problem))?;
-    let floats = meta.headers.iter().map(|header| {
-        let channels = header.channels.list.len() as u128;
-        header.layer_size.0 as u128 * header.layer_size.1 as u128 * channels
-    });
-    let most = limits.max_alloc.map_or(u128::MAX, u128::from);
-    if floats.sum::<u128>() > most / size_of::<f32>() as u128 {
-        return Err(Error::format(path, "claims more pixels than the file can hold"));
-    }
-    cursor.set_position(0);
-    let read = exr::prelude::read().no_deep_data().largest_resolution_level();
-    let read = read.all_channels().all_layers().all_attributes().from_buffered(&mut cursor);
-    let image = read.map_err(|e| damaged(&cursor, e))?;
-    let part = |layer: Layer<AnyChannels<FlatSamples>>| Part {
-        name: layer.attributes.layer_name.map_or(String::new(), |name| name.to_string()),
-        size: UVec2::new(layer.size.0 as u32, layer.size.1 as u32),
-        channels: (layer.channel_data.list.into_iter())
-            .map(|channel| Channel {
-                name: channel.name.to_string(),
-                values: channel.sample_data.values_as_f32().collect(),
-            })
-            .collect(),
-    };
-    Ok(image.layer_data.into_iter().map(part).collect())
 }

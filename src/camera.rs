@@ -30,7 +30,8 @@ pub struct Camera {
 }
 
 /// Up unless something else is said.
-pub(crate) fn up() -> Vec3 {
+#[doc(hidden)]
+pub fn up() -> Vec3 {
     Vec3::Y
 }
 
@@ -52,9 +53,9 @@ impl FromStr for Camera {
     type Err = Error;
 
     /// # Errors
-    /// [`Error::Usage`] naming what is missing or no number, and as [`Camera::check`].
+    /// [`Error::Invalid`] naming what is missing or no number, and as [`Camera::check`].
     fn from_str(text: &str) -> Result<Self> {
-        let usage = |problem: &str| Error::Usage(format!("camera `{text}`: {problem}"));
+        let usage = |problem: &str| Error::invalid(format!("camera `{text}`"), problem);
         let (mut eye, mut target, mut fov_y) = (None, None, None);
         let (mut up, mut near) = (Vec3::Y, None);
         for part in text.split_whitespace() {
@@ -156,11 +157,9 @@ impl Camera {
     /// Checks that the camera defines a view.
     ///
     /// # Errors
-    /// [`Error::Scene`] naming the key that does not.
+    /// [`Error::Invalid`] naming the key that does not.
     pub fn check(&self) -> Result<()> {
-        let fail = |problem: &str| {
-            Err(Error::Scene { origin: "camera".into(), problem: problem.to_owned() })
-        };
+        let fail = |problem: &str| Err(Error::invalid("camera", problem));
         let view = (self.target - self.eye).normalize_or_zero();
         let up = self.up.as_dvec3();
         if !(is_place(self.eye) && is_place(self.target) && up.is_finite()) {
@@ -201,6 +200,7 @@ impl Camera {
 }
 
 /// Whether a position is a number whose square, seen from any other, a 32-bit float can hold.
-pub(crate) fn is_place(x: DVec3) -> bool {
+#[doc(hidden)]
+pub fn is_place(x: DVec3) -> bool {
     x.abs().cmplt(DVec3::splat(1e18)).all()
 }

@@ -5,7 +5,7 @@
 //! another exposure leaves the radiance alone.
 
 use crate::camera::Camera;
-use crate::passes::classify::{Splat, Splats};
+use crate::liquid::classify::{Splat, Splats};
 use crate::passes::surfaces::Wanted;
 use crate::scene::Scene;
 use crate::settings::Refract;

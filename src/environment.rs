@@ -1,14 +1,8 @@
 //! What is seen where there is nothing else.
 
-use std::io::Cursor;
-use std::path::Path;
 use std::sync::Arc;
 
 use glam::{UVec2, Vec3};
-use image::{ImageError, ImageReader};
-
-use crate::error::{Error, Result};
-use crate::files;
 
 /// Radiance by direction, linear RGB.
 #[derive(Debug, Clone)]
@@ -88,21 +82,6 @@ fn reflectance(cos_i: f64, n2: f64) -> f64 {
     0.5 * (perpendicular * perpendicular + parallel * parallel)
 }
 
-fn reader<'a>(path: &Path, bytes: &'a [u8]) -> Result<ImageReader<Cursor<&'a [u8]>>> {
-    let reader = ImageReader::new(Cursor::new(bytes));
-    reader.with_guessed_format().map_err(|e| Error::io(path, "read", e))
-}
-
-fn foreign(path: &Path, error: ImageError) -> Error {
-    match error {
-        ImageError::IoError(error) => Error::io(path, "read", error),
-        error => {
-            let problem = format!("not a picture for an environment (HDR, EXR, PNG): {error}");
-            Error::format(path, problem)
-        }
-    }
-}
-
 impl PartialEq for Environment {
     /// A map is mostly known by its memory, without a look at its pixels.
     fn eq(&self, other: &Self) -> bool {
@@ -132,76 +111,12 @@ impl Default for Environment {
 pub const MAX_RADIANCE: f32 = 1e12;
 
 /// Whether each channel of a radiance is 0 to [`MAX_RADIANCE`].
-pub(crate) fn is_radiance(c: Vec3) -> bool {
+#[doc(hidden)]
+pub fn is_radiance(c: Vec3) -> bool {
     c.to_array().iter().all(|c| (0.0..=MAX_RADIANCE).contains(c))
 }
 
 impl Environment {
-    /// Reads an equirectangular picture: Radiance HDR, OpenEXR, or PNG (sRGB).
-    ///
-    /// # Errors
-    /// [`Error::Io`] or [`Error::Format`] naming the file.
-    pub fn load(path: &Path) -> Result<Self> {
-        let mut bytes = Vec::new();
-        files::read_picture(path, &mut bytes)?;
-        Self::parse(path, &bytes)
-    }
-
-    /// As [`Environment::load`], of the header alone: a map without pixels.
-    ///
-    /// # Errors
-    /// As [`Environment::load`].
-    pub(crate) fn outline(path: &Path) -> Result<Self> {
-        let mut bytes = Vec::new();
-        files::read_picture(path, &mut bytes)?;
-        files::survive(path, || {
-            let mut reader = reader(path, &bytes)?;
-            let limits = files::picture_limits(&bytes);
-            reader.limits(limits.map_err(|problem| Error::format(path, problem))?);
-            let (width, height) = reader.into_dimensions().map_err(|e| foreign(path, e))?;
-            Ok(Self::Map { size: UVec2::new(width, height), pixels: Arc::new([]) })
-        })
-    }
-
-    /// As [`Environment::load`], with the contents at hand; `path` stands in messages.
-    ///
-    /// # Errors
-    /// [`Error::Format`] naming the file, [`Error::Memory`].
-    pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
-        /// Rows that are converted at a time: few enough not to count.
-        const ROWS: u32 = 64;
-        let reader = reader(path, bytes)?;
-        let srgb = reader.format() == Some(image::ImageFormat::Png);
-        let each = size_of::<[f32; 4]>() as u64;
-        let picture = files::survive(path, || {
-            files::decode_picture(path, bytes, reader, each)?.map_err(|e| foreign(path, e))
-        })?;
-        let size = UVec2::new(picture.width(), picture.height());
-        let linear = |c: f32| match srgb {
-            true if c <= 0.04045 => c / 12.92,
-            true => ((c + 0.055) / 1.055).powf(2.4),
-            false => c,
-        };
-        let count = size.x as usize * size.y as usize;
-        if count == 0 {
-            return Err(Error::format(path, "the environment has no pixels"));
-        }
-        let mut pixels: Arc<[_]> = std::iter::repeat_n([0.0; 4], count).collect();
-        let filled: &mut [[f32; 4]] = Arc::get_mut(&mut pixels).expect("nobody else has it");
-        let bands = (0..size.y).step_by(ROWS as usize);
-        for (top, rows) in bands.zip(filled.chunks_mut(ROWS as usize * size.x as usize)) {
-            let part = picture.crop_imm(0, top, size.x, ROWS.min(size.y - top)).into_rgb32f();
-            for (p, pixel) in part.pixels().zip(rows) {
-                *pixel = [linear(p[0]), linear(p[1]), linear(p[2]), 1.0];
-            }
-        }
-        if let Some(c) = pixels.iter().flatten().find(|&&c| !is_radiance(Vec3::splat(c))) {
-            let problem = format!("the environment has a radiance of {c}: 0 to 1e12 expected");
-            return Err(Error::format(path, problem));
-        }
-        Ok(Self::Map { size, pixels })
-    }
-
     /// The same environment, `scale` times as bright.
     #[must_use]
     pub fn scaled(self, scale: f32) -> Self {

@@ -1,139 +1,62 @@
-//! Everything that can go wrong, as one type.
+//! Everything that can go wrong in drawing, as one type.
 //!
-//! A message names the file, the place in it, the cause and, where there is one, the remedy.
-//! Whoever handles an [`Error`] prints it once; nothing in the library logs it as well.
+//! An error names what is wrong and its values. It does not know where a value came from or how a
+//! program lets its user change it: that is the program's to add.
 
 use std::fmt;
-use std::io;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Shorthand for results of this library.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
-
-/// Where in a file a problem was found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
-    /// Offset from the start of the (decompressed) contents, in bytes.
-    Byte(u64),
-    /// Line number, counted from 1.
-    Line(u64),
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Byte(offset) => write!(f, "byte {offset}"),
-            Self::Line(line) => write!(f, "line {line}"),
-        }
-    }
-}
 
 /// What the library reports instead of panicking.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file or folder could not be opened, read or written.
-    #[error("{}: cannot {action}: {source}", path.display())]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What was tried: `read`, `write`, `list`.
-        action: &'static str,
-        /// The operating system's reason.
-        source: io::Error,
-    },
-    /// The contents of a file contradict its format: truncated, a wrong count, a NaN position.
-    #[error("{}: {place}: {problem}", path.display())]
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// Where in it.
-        place: Place,
-        /// What was found and what was expected.
+    /// A value of a scene, of its settings, of a camera or of a simulation that cannot be used.
+    #[error("{part}: {problem}")]
+    Invalid {
+        /// The part that has it: `settings`, `[light]`, `camera`.
+        part: String,
+        /// The value, and what was expected.
         problem: String,
     },
-    /// A file of another kind than expected, or of a kind that limpid does not know.
-    #[error("{}: {problem}", path.display())]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// What it seems to be, what can be read, and the remedy.
-        problem: String,
+    /// A picture without pixels.
+    #[error("a picture of {width}x{height} has no pixels")]
+    Empty {
+        /// Its width, pixels.
+        width: u32,
+        /// Its height, pixels.
+        height: u32,
     },
-    /// A scene file, a setting or a camera that cannot be used.
-    #[error("{origin}: {problem}")]
-    Scene {
-        /// The scene file, or the option that set the value.
-        origin: String,
-        /// What is wrong with which key.
-        problem: String,
-    },
-    /// A value that is to be replaced by name: [`crate::project::Project::set`].
-    #[error("--set {text}: {problem}")]
-    Override {
-        /// The override.
-        text: String,
-        /// What is wrong with it.
-        problem: String,
-    },
-    /// No file matches a pattern, or frames of a range are missing.
-    #[error("{pattern}: {problem}")]
-    Sequence {
-        /// The pattern or folder as given.
-        pattern: String,
-        /// What was not found.
-        problem: String,
-    },
-    /// Two pictures that cannot be compared.
-    #[error("{0}")]
-    Mismatch(String),
-    /// A request outside what can be done (a size of 0, a range that is empty).
-    #[error("{0}")]
-    Usage(String),
     /// No Vulkan, Metal, DirectX or OpenGL adapter.
-    #[error(
-        "no graphics adapter found: install a Vulkan driver, or Mesa's software one (Debian: apt-get install mesa-vulkan-drivers)"
-    )]
+    #[error("no graphics adapter found")]
     NoAdapter,
     /// There are adapters, but none that the environment selects.
-    #[error("no graphics adapter fits {selected}; there are: {there}")]
-    NoSuchAdapter {
+    #[error("no graphics adapter fits {selected}; there are: {found}")]
+    NoMatchingAdapter {
         /// The variables and their values.
         selected: String,
         /// The adapters with their backends.
-        there: String,
+        found: String,
     },
-    /// The adapter cannot do what is asked: too large a picture, a missing format.
+    /// An adapter that gives no device.
     #[error("adapter {adapter}: {problem}")]
-    Adapter {
+    Refused {
         /// The adapter's name.
         adapter: String,
-        /// The limit and the remedy.
+        /// The driver's reason.
         problem: String,
     },
-    /// A frame that could not be drawn or written.
-    #[error("frame {frame}: {source}")]
-    Frame {
-        /// Its number, as its picture is numbered.
-        frame: i64,
-        /// Why.
-        source: Box<Self>,
+    /// The adapter cannot hold or do what is asked.
+    #[error("adapter {adapter}: {problem}; {of}")]
+    Limit {
+        /// The adapter's name.
+        adapter: String,
+        /// The limit, and what was asked for.
+        problem: String,
+        /// What is too large.
+        of: Limited,
     },
-    /// An error that several see: of a frame that a [`crate::ring::Ring`] could not load.
-    #[error(transparent)]
-    Shared(#[from] Arc<Self>),
-    /// limpid itself is wrong; standard error says where.
-    #[error("{0}: a defect of limpid, which its authors would like to know of")]
-    Defect(String),
-    /// No window can be shown.
-    #[error("no window: {0}; `limpid render` draws without one")]
-    Window(String),
-    /// The system starts no more threads, or no thread with the stack it needs.
-    #[error(
-        "the system gives no more threads ({0}); raise its limits (`ulimit -u`, `ulimit -v`) or end other programs, and try again"
-    )]
-    Threads(io::Error),
     /// The device was lost or ran out of memory; the same frame may succeed later.
     #[error("the graphics device failed ({0}); the frame may succeed if tried again")]
     DeviceLost(String),
@@ -145,50 +68,50 @@ pub enum Error {
         /// How much was asked for, MiB.
         mib: u64,
     },
+    /// limpid itself is wrong; standard error says where.
+    #[error("{0}: a defect of limpid, which its authors would like to know of")]
+    Defect(String),
+}
+
+/// What an adapter cannot hold or do; as text, the remedy.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Limited {
+    /// The picture.
+    Picture,
+    /// An environment map.
+    Environment,
+    /// The map of a light: [`crate::settings::Caustics::resolution`].
+    CausticMap,
+    /// The grid of a light's view: [`crate::settings::Caustics::grid`].
+    CausticGrid,
+    /// Classification on the device.
+    Classify,
+}
+
+impl fmt::Display for Limited {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Picture => "choose a smaller picture",
+            Self::Environment => "choose a smaller environment map",
+            Self::CausticMap => "choose a smaller caustics.resolution",
+            Self::CausticGrid => "choose a smaller caustics.grid",
+            Self::Classify => "classify on the CPU",
+        })
+    }
 }
 
 impl Error {
-    /// The process exit code for this error, as the command line documents it.
-    pub fn exit_code(&self) -> u8 {
-        match self {
-            Self::Usage(_) | Self::Scene { .. } | Self::Override { .. } => 2,
-            Self::Defect(_) => 1,
-            Self::Mismatch(_) | Self::Format { .. } => 3,
-            // The system's own word for no memory.
-            Self::Io { source, .. } if source.kind() == io::ErrorKind::OutOfMemory => 6,
-            Self::Io { .. } | Self::Malformed { .. } | Self::Sequence { .. } => 4,
-            Self::NoAdapter
-            | Self::NoSuchAdapter { .. }
-            | Self::Adapter { .. }
-            | Self::Window(_) => 5,
-            Self::DeviceLost(_) | Self::Threads(_) | Self::Memory { .. } => 6,
-            Self::Frame { source, .. } => source.exit_code(),
-            Self::Shared(error) => error.exit_code(),
-        }
-    }
-
-    /// The same error, of a frame.
-    #[must_use]
-    pub fn of_frame(self, frame: i64) -> Self {
-        Self::Frame { frame, source: self.into() }
-    }
-
-    pub(crate) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
-        Self::Io { path: path.to_owned(), action, source }
-    }
-
-    pub(crate) fn malformed(path: &Path, place: Place, problem: impl Into<String>) -> Self {
-        Self::Malformed { path: path.to_owned(), place, problem: printable(problem.into()) }
-    }
-
-    pub(crate) fn format(path: &Path, problem: impl Into<String>) -> Self {
-        Self::Format { path: path.to_owned(), problem: printable(problem.into()) }
+    /// A value that cannot be used.
+    pub fn invalid(part: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Invalid { part: part.into(), problem: problem.into() }
     }
 }
 
 /// A problem on one line that ends: what it quotes from a file may be of any length and anything,
 /// even commands to the terminal.
-pub(crate) fn printable(problem: String) -> String {
+#[doc(hidden)]
+pub fn printable(problem: String) -> String {
     const MOST: usize = 500;
     if problem.len() <= MOST && !problem.contains(char::is_control) {
         return problem;
@@ -196,38 +119,4 @@ pub(crate) fn printable(problem: String) -> String {
     let cut = problem.chars().count() > MOST;
     let shown = problem.chars().take(MOST).map(|c| if c.is_control() { '?' } else { c });
     shown.chain(if cut { "..." } else { "" }.chars()).collect()
-}
-
-/// One message for a TOML error: the line, the problem and, for an unknown key, the nearest.
-pub(crate) fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> Error {
-    let mut problem = error.message().trim().to_owned();
-    if let Some(nearest) = nearest_key(&problem) {
-        problem = format!("{problem}; did you mean `{nearest}`?");
-    }
-    let line = error.span().map(|span| {
-        let before = text.as_bytes().get(..span.start).unwrap_or(text.as_bytes());
-        1 + before.iter().filter(|&&byte| byte == b'\n').count()
-    });
-    let origin = match line {
-        Some(line) => format!("{origin}: line {line}"),
-        None => origin.to_owned(),
-    };
-    Error::Scene { origin, problem: printable(problem) }
-}
-
-/// The key most like the unknown one, from serde's message (the first name in backquotes is the
-/// unknown key, the rest are those that exist) or from toml's own about tables in arrays.
-fn nearest_key(message: &str) -> Option<&str> {
-    let names: Vec<&str> = match message.strip_prefix("unexpected keys in table: ") {
-        Some(rest) => {
-            let (unknown, known) = rest.split_once(", available keys: ")?;
-            unknown.split(", ").take(1).chain(known.split(", ")).collect()
-        }
-        None if message.starts_with("unknown") => message.split('`').skip(1).step_by(2).collect(),
-        None => return None,
-    };
-    let (unknown, known) = names.split_first()?;
-    known.iter().copied().max_by(|a, b| {
-        strsim::jaro_winkler(a, unknown).total_cmp(&strsim::jaro_winkler(b, unknown))
-    })
 }

@@ -8,21 +8,22 @@ mod timer;
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::Builder;
 
 use glam::UVec2;
 
-use crate::error::{Error, Result, printable};
+use crate::error::{Error, Limited, Result, printable};
 use crate::memory;
 
-pub(crate) use binding::{
-    sampled, storage, storage_of, storage_read_write, storage_texture, uniform,
-};
-pub(crate) use commands::Commands;
+#[doc(hidden)]
+pub use binding::{sampled, storage, storage_of, storage_read_write, storage_texture, uniform};
+#[doc(hidden)]
+pub use commands::Commands;
 pub use commands::{MOST_WORK, Piece, pieces};
-pub(crate) use readback::{Reading, begin_reading, read_buffer, read_mapped, read_texture};
+#[doc(hidden)]
+pub use readback::{Reading, begin_reading, read_buffer, read_mapped, read_texture};
 pub use timer::PassTime;
-pub(crate) use timer::{Span, Timer};
+#[doc(hidden)]
+pub use timer::{Span, Timer};
 
 /// A device with its queue: limpid's own, or the caller's.
 #[derive(Clone, Debug)]
@@ -60,11 +61,10 @@ impl Gpu {
     /// `WGPU_BACKEND` and `WGPU_ADAPTER_NAME` select one, as in other wgpu programs.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`] if there is none, [`Error::NoSuchAdapter`] if these variables select none,
-    /// [`Error::Adapter`] if it refuses a device, [`Error::Threads`] if the system starts fewer
-    /// threads than a driver may need, [`Error::Memory`] if that may be for want of memory.
+    /// [`Error::NoAdapter`] if there is none, [`Error::NoMatchingAdapter`] if these variables select
+    /// none, [`Error::Refused`] if it gives no device, [`Error::Memory`] if that may be for want of
+    /// memory.
     pub fn headless() -> Result<Self> {
-        check_threads()?;
         let wanted = std::env::var("WGPU_ADAPTER_NAME").unwrap_or_default();
         let backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all());
         let adapters = pollster::block_on(adapters(backends, &wanted));
@@ -78,7 +78,7 @@ impl Gpu {
                 Ok((device, queue)) => return Ok(Self::own(device, queue)),
                 Err(problem) => {
                     let name = adapter.get_info().name;
-                    refusal = Error::Adapter { adapter: name, problem };
+                    refusal = Error::Refused { adapter: name, problem };
                 }
             }
         }
@@ -138,17 +138,20 @@ impl Gpu {
     }
 
     /// The most work of one submission.
-    pub(crate) fn most_work(&self) -> u64 {
+    #[doc(hidden)]
+    pub fn most_work(&self) -> u64 {
         self.most_work
     }
 
     /// What pipelines are compiled with.
-    pub(crate) fn cache(&self) -> Option<&wgpu::PipelineCache> {
+    #[doc(hidden)]
+    pub fn cache(&self) -> Option<&wgpu::PipelineCache> {
         self.cache.as_ref()
     }
 
     /// The module of a text, which is parsed once.
-    pub(crate) fn module(&self, label: &str, text: String) -> wgpu::ShaderModule {
+    #[doc(hidden)]
+    pub fn module(&self, label: &str, text: String) -> wgpu::ShaderModule {
         let mut modules = self.modules.lock().unwrap_or_else(PoisonError::into_inner);
         let create = |text: &String| {
             self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -166,14 +169,16 @@ impl Gpu {
     /// constants, compiles the shader anew for every submission that binds one, and keeps all of
     /// them: 25 to 50 ms and 2 to 9 MiB for each frame, forever. Storage buffers it leaves alone, but
     /// reads them lane by lane. On a graphics card uniform buffers are the faster ones.
-    pub(crate) fn uniforms_are_stored(&self) -> bool {
+    #[doc(hidden)]
+    pub fn uniforms_are_stored(&self) -> bool {
         let info = self.device.adapter_info();
         info.device_type == wgpu::DeviceType::Cpu && info.backend == wgpu::Backend::Vulkan
     }
 
     /// Whether a shader may promise to which side of a depth it writes. OpenGL's promise needs an
     /// extension more.
-    pub(crate) fn has_early_depth(&self) -> bool {
+    #[doc(hidden)]
+    pub fn has_early_depth(&self) -> bool {
         self.device.features().contains(wgpu::Features::SHADER_EARLY_DEPTH_TEST)
             && self.device.adapter_info().backend != wgpu::Backend::Gl
     }
@@ -228,17 +233,17 @@ impl Gpu {
     /// What the driver's memory holds is not asked: adapters do not say it, or not truly.
     ///
     /// # Errors
-    /// [`Error::Usage`] for an empty picture, [`Error::Adapter`] naming the limit.
+    /// [`Error::Empty`] for an empty picture, [`Error::Limit`] naming the limit.
     pub fn check_size(&self, size: UVec2) -> Result<()> {
         if size.min_element() == 0 {
-            return Err(Error::Usage(format!("a picture of {}x{} has no pixels", size.x, size.y)));
+            return Err(Error::Empty { width: size.x, height: size.y });
         }
-        self.check_image(size, "choose a smaller --size")
+        self.check_image(size, Limited::Picture)
     }
 
-    /// As [`Gpu::check_size`], for any image that passes work on; `remedy` says how to get a
-    /// smaller one.
-    pub(crate) fn check_image(&self, size: UVec2, remedy: &str) -> Result<()> {
+    /// As [`Gpu::check_size`], for any image that passes work on.
+    #[doc(hidden)]
+    pub fn check_image(&self, size: UVec2, of: Limited) -> Result<()> {
         let limits = self.device.limits();
         // One layer of four floats per texel is also the largest buffer that is read back.
         let bytes = readback::padded(16 * u64::from(size.x)).saturating_mul(size.y.into());
@@ -263,8 +268,8 @@ impl Gpu {
         } else {
             return Ok(());
         };
-        let problem = format!("{problem}, asked for {}x{}; {remedy}", size.x, size.y);
-        Err(Error::Adapter { adapter: self.adapter(), problem })
+        let problem = format!("{problem}, asked for {}x{}", size.x, size.y);
+        Err(Error::Limit { adapter: self.adapter(), problem, of })
     }
 }
 
@@ -272,7 +277,8 @@ impl Gpu {
 pub const ROW: u32 = 32768;
 
 /// Dispatches so many workgroups; shaders number them by `group_index`.
-pub(crate) fn dispatch(pass: &mut wgpu::ComputePass<'_>, groups: u32) {
+#[doc(hidden)]
+pub fn dispatch(pass: &mut wgpu::ComputePass<'_>, groups: u32) {
     pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
 }
 
@@ -285,29 +291,6 @@ fn reasons(error: &dyn std::error::Error) -> String {
         cause = error.source();
     }
     text.trim_end_matches('.').to_owned()
-}
-
-/// Fails where the system does not start as many threads as drivers do: Mesa's software one then waits
-/// for ever for those that it did not get.
-fn check_threads() -> Result<()> {
-    const MORE: usize = 8;
-    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let threads: Vec<_> = std::iter::repeat_with(|| Builder::new().spawn(std::thread::park))
-        .take(cores + MORE)
-        .collect();
-    // All at once, and none for longer.
-    let mut checked = Ok(());
-    for thread in threads {
-        match thread {
-            Ok(thread) => {
-                thread.thread().unpark();
-                // It has nothing to tell.
-                let _ = thread.join();
-            }
-            Err(error) => checked = Err(Error::Threads(error)),
-        }
-    }
-    checked
 }
 
 /// Why no adapter is selected: the environment, if there are any without it.
@@ -326,7 +309,7 @@ fn none_selected(otherwise: Error) -> Error {
     if there.is_empty() {
         return otherwise;
     }
-    Error::NoSuchAdapter { selected: printable(set.join(" ")), there: there.join(", ") }
+    Error::NoMatchingAdapter { selected: printable(set.join(" ")), found: there.join(", ") }
 }
 
 /// All adapters of some backends whose name contains `wanted`: GPUs before integrated ones before
@@ -390,7 +373,8 @@ async fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), St
 }
 
 /// Creates a buffer with `contents`, of as many bytes as a multiple of 4.
-pub(crate) fn buffer_with<T: bytemuck::NoUninit>(
+#[doc(hidden)]
+pub fn buffer_with<T: bytemuck::NoUninit>(
     gpu: &Gpu,
     label: &str,
     usage: wgpu::BufferUsages,
@@ -412,11 +396,13 @@ pub(crate) fn buffer_with<T: bytemuck::NoUninit>(
 }
 
 /// How buffers are used that a shader reads as `var<uniform>`; see [`Gpu::uniforms_are_stored`].
-pub(crate) const UNIFORM: wgpu::BufferUsages =
+#[doc(hidden)]
+pub const UNIFORM: wgpu::BufferUsages =
     wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::STORAGE);
 
 /// Creates a uniform buffer for one `T`, to be written with [`wgpu::Queue::write_buffer`].
-pub(crate) fn uniform_buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str) -> wgpu::Buffer {
+#[doc(hidden)]
+pub fn uniform_buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str) -> wgpu::Buffer {
     gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
         size: size_of::<T>() as u64,
@@ -426,13 +412,15 @@ pub(crate) fn uniform_buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str) -> w
 }
 
 /// The part of a buffer that is in use: to shaders, an array's length.
-pub(crate) fn first_bytes(buffer: &wgpu::Buffer, bytes: u64) -> wgpu::BindingResource<'_> {
+#[doc(hidden)]
+pub fn first_bytes(buffer: &wgpu::Buffer, bytes: u64) -> wgpu::BindingResource<'_> {
     let size = wgpu::BufferSize::new(bytes);
     wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })
 }
 
 /// Creates a texture of `layers` layers and the view of them all.
-pub(crate) fn texture(
+#[doc(hidden)]
+pub fn texture(
     gpu: &Gpu,
     label: &str,
     size: UVec2,
@@ -444,7 +432,8 @@ pub(crate) fn texture(
 }
 
 /// As [`texture`], with mip levels.
-pub(crate) fn mipped_texture(
+#[doc(hidden)]
+pub fn mipped_texture(
     gpu: &Gpu,
     label: &str,
     size: UVec2,
@@ -467,13 +456,15 @@ pub(crate) fn mipped_texture(
 
 /// How many layers a texture gets that shaders read as an array of `layers`: OpenGL takes a texture
 /// of one layer for no array, so there it has two.
-pub(crate) fn array_layers(gpu: &Gpu, layers: u32) -> u32 {
+#[doc(hidden)]
+pub fn array_layers(gpu: &Gpu, layers: u32) -> u32 {
     let least = if gpu.device.adapter_info().backend == wgpu::Backend::Gl { 2 } else { 1 };
     layers.max(least)
 }
 
 /// The view of all layers of an array texture.
-pub(crate) fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
+#[doc(hidden)]
+pub fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
         dimension: Some(wgpu::TextureViewDimension::D2Array),
         ..Default::default()
@@ -481,7 +472,8 @@ pub(crate) fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
 }
 
 /// The view of one mip level.
-pub(crate) fn level_view(
+#[doc(hidden)]
+pub fn level_view(
     texture: &wgpu::Texture,
     level: u32,
     dimension: wgpu::TextureViewDimension,
@@ -495,7 +487,8 @@ pub(crate) fn level_view(
 }
 
 /// The view of one layer of an array texture.
-pub(crate) fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureView {
+#[doc(hidden)]
+pub fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
         dimension: Some(wgpu::TextureViewDimension::D2),
         base_array_layer: layer,
@@ -506,7 +499,8 @@ pub(crate) fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureVi
 }
 
 /// Sets all of a view to 0.
-pub(crate) fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView, span: Span<'_>) {
+#[doc(hidden)]
+pub fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView, span: Span<'_>) {
     encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some("clear"),
         color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -524,7 +518,8 @@ pub(crate) fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView
 }
 
 /// Binds `resources` in order to bindings 0, 1, ….
-pub(crate) fn bind_group(
+#[doc(hidden)]
+pub fn bind_group(
     gpu: &Gpu,
     label: &str,
     layout: &wgpu::BindGroupLayout,
@@ -542,7 +537,8 @@ pub(crate) fn bind_group(
 }
 
 /// A compute pipeline of one shader file's entry point, specialised by `constants`.
-pub(crate) fn compute_pipeline(
+#[doc(hidden)]
+pub fn compute_pipeline(
     gpu: &Gpu,
     shader: &str,
     entry_point: &str,
@@ -554,7 +550,8 @@ pub(crate) fn compute_pipeline(
 }
 
 /// As [`compute_pipeline`], of a module that is there.
-pub(crate) fn module_pipeline(
+#[doc(hidden)]
+pub fn module_pipeline(
     gpu: &Gpu,
     shader: &str,
     module: &wgpu::ShaderModule,
@@ -589,6 +586,7 @@ pub const TILE: u32 = 8;
 pub const LAYER_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
 /// The workgroups that cover `size` pixels.
-pub(crate) fn workgroups(size: UVec2) -> (u32, u32) {
+#[doc(hidden)]
+pub fn workgroups(size: UVec2) -> (u32, u32) {
     (size.x.div_ceil(TILE), size.y.div_ceil(TILE))
 }

@@ -2,13 +2,13 @@
 
 use glam::{DVec3, UVec2, Vec3};
 
-use crate::bulk::{self, Bulk};
-use crate::error::Result;
+use crate::error::{Limited, Result};
 use crate::gpu::{self, Commands, Gpu, Timer};
 use crate::light_view::{CUBE, LightView};
+use crate::liquid::bulk::{self, Bulk};
+use crate::liquid::classify::{Splat, Splats};
 use crate::passes::Layers;
 use crate::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
-use crate::passes::classify::{Splat, Splats};
 use crate::passes::gbuffer::LightMaps;
 use crate::passes::mixture;
 use crate::passes::smooth;
@@ -19,7 +19,7 @@ use crate::settings::{self, Method};
 
 /// The views from one light.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct LightViews {
+pub struct LightViews {
     /// The view by which the caustic map is made; none where the light would see the liquid under
     /// too wide an angle.
     pub map: Option<LightView>,
@@ -32,7 +32,7 @@ pub(crate) struct LightViews {
 
 /// A view from a light, and the part of the maps that is made by it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct PlacedView {
+pub struct PlacedView {
     /// The view.
     pub view: LightView,
     /// The light's number.
@@ -51,7 +51,7 @@ pub(crate) struct PlacedView {
 
 /// The lights' own views and maps; nothing if nothing is lit.
 #[derive(Debug, Default)]
-pub(crate) struct Lights {
+pub struct Lights {
     /// How many lights the scene has that light anything.
     count: usize,
     views: Vec<PlacedView>,
@@ -69,7 +69,7 @@ struct LightPasses {
 
 impl Lights {
     /// Chooses the views, makes room for the maps and compiles what is new.
-    pub(crate) fn prepare(
+    pub fn prepare(
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
@@ -87,7 +87,7 @@ impl Lights {
         self.views = place(&light_views(scene, splats), settings.resolution);
         let Some(last) = self.views.last() else { return Ok(()) };
         let size = UVec2::splat(settings.resolution);
-        gpu.check_image(size, "choose a smaller caustics.resolution")?;
+        gpu.check_image(size, Limited::CausticMap)?;
         let layers = gpu::array_layers(gpu, (last.layer + 1).max(self.count as u32));
         let fits_maps = |maps: &LightMaps| {
             maps.maps.width() == size.x && maps.maps.depth_or_array_layers() == layers
@@ -132,7 +132,7 @@ impl Lights {
 
     /// Draws what each light sees, and its maps.
     #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
-    pub(crate) fn record(
+    pub fn record(
         &self,
         gpu: &Gpu,
         commands: &mut Commands<'_>,
@@ -179,17 +179,17 @@ impl Lights {
     }
 
     /// The lights' views, as the maps hold them.
-    pub(crate) fn views(&self) -> &[PlacedView] {
+    pub fn views(&self) -> &[PlacedView] {
         &self.views
     }
 
     /// The maps, if any light has one.
-    pub(crate) fn maps(&self) -> Option<&LightMaps> {
+    pub fn maps(&self) -> Option<&LightMaps> {
         self.maps.as_ref().filter(|_| !self.views.is_empty())
     }
 
     /// The caustic maps with the views that they were made by.
-    pub(crate) fn caustic_maps(&self) -> Vec<Option<CausticMap>> {
+    pub fn caustic_maps(&self) -> Vec<Option<CausticMap>> {
         let mut found = vec![None; self.count];
         let Some(maps) = &self.maps else { return found };
         for placed in self.views.iter().filter(|placed| placed.slot == 0) {
@@ -202,14 +202,14 @@ impl Lights {
 
     /// Numbers, from 0, of the lights that shine through liquid straight, without caustics: those in
     /// the liquid and those that see it under more than 150 degrees.
-    pub(crate) fn without_caustics(&self) -> Vec<usize> {
+    pub fn without_caustics(&self) -> Vec<usize> {
         let has_map = |light| self.views.iter().any(|view| view.light == light && view.slot == 0);
         (0..self.count).filter(|&light| !self.views.is_empty() && !has_map(light)).collect()
     }
 }
 
 /// The views that the caustic maps of a scene's lights are made by.
-pub(crate) fn views(scene: &Scene, splats: &Splats) -> Vec<Option<LightView>> {
+pub fn views(scene: &Scene, splats: &Splats) -> Vec<Option<LightView>> {
     light_views(scene, splats).into_iter().map(|views| views.map).collect()
 }
 
@@ -217,7 +217,7 @@ pub(crate) fn views(scene: &Scene, splats: &Splats) -> Vec<Option<LightView>> {
 ///
 /// They show the bulk of the liquid: a splash far off would leave a few texels for the rest. Where a
 /// point light has splashes around it, and so no view of the bulk, the caustic map shows the core.
-pub(crate) fn light_views(scene: &Scene, splats: &Splats) -> Vec<LightViews> {
+pub fn light_views(scene: &Scene, splats: &Splats) -> Vec<LightViews> {
     let settings = &scene.settings.caustics;
     let bulk = bulk(splats);
     let within = |part| around(splats, part);
@@ -298,8 +298,7 @@ fn is_wet(light: &Light, splats: &Splats) -> bool {
 }
 
 /// The box around the bulk of a frame's splats, m; none without any.
-#[cfg(feature = "report")]
-pub(crate) fn bounds(splats: &Splats) -> Option<(DVec3, DVec3)> {
+pub fn bounds(splats: &Splats) -> Option<(DVec3, DVec3)> {
     around(splats, bulk(splats)?.bounds)
 }
 

@@ -16,7 +16,7 @@ const REST: usize = 8 << 20;
 ///
 /// # Errors
 /// [`Error::Memory`].
-pub(crate) fn probe(bytes: usize, what: impl Display) -> Result<()> {
+pub fn probe(bytes: usize, what: impl Display) -> Result<()> {
     reserve::<u8>(bytes.saturating_add(REST), what).map(drop)
 }
 
@@ -24,7 +24,7 @@ pub(crate) fn probe(bytes: usize, what: impl Display) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Memory`].
-pub(crate) fn reserve<T>(count: usize, what: impl Display) -> Result<Vec<T>> {
+pub fn reserve<T>(count: usize, what: impl Display) -> Result<Vec<T>> {
     let mut values = Vec::new();
     match values.try_reserve_exact(count) {
         Ok(()) => Ok(values),
@@ -36,7 +36,7 @@ pub(crate) fn reserve<T>(count: usize, what: impl Display) -> Result<Vec<T>> {
 ///
 /// # Errors
 /// [`Error::Memory`].
-pub(crate) fn grow<T>(values: &mut Vec<T>, more: usize, what: impl Display) -> Result<()> {
+pub fn grow<T>(values: &mut Vec<T>, more: usize, what: impl Display) -> Result<()> {
     let length = values.len();
     values.try_reserve(more).map_err(|_| missing::<T>(length.saturating_add(more), what))
 }
@@ -45,7 +45,7 @@ pub(crate) fn grow<T>(values: &mut Vec<T>, more: usize, what: impl Display) -> R
 ///
 /// # Errors
 /// [`Error::Memory`].
-pub(crate) fn zeroed<T: Zeroable>(count: usize, what: impl Display) -> Result<Vec<T>> {
+pub fn zeroed<T: Zeroable>(count: usize, what: impl Display) -> Result<Vec<T>> {
     bytemuck::allocation::try_zeroed_vec(count).map_err(|()| missing::<T>(count, what))
 }
 
@@ -53,10 +53,7 @@ pub(crate) fn zeroed<T: Zeroable>(count: usize, what: impl Display) -> Result<Ve
 ///
 /// # Errors
 /// [`Error::Memory`].
-pub(crate) fn collect<T>(
-    values: impl ExactSizeIterator<Item = T>,
-    what: impl Display,
-) -> Result<Vec<T>> {
+pub fn collect<T>(values: impl ExactSizeIterator<Item = T>, what: impl Display) -> Result<Vec<T>> {
     let mut all = reserve(values.len(), what)?;
     all.extend(values);
     Ok(all)

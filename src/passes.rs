@@ -9,7 +9,7 @@ use crate::camera::CameraUniform;
 use crate::gpu::{self, Gpu};
 
 pub mod caustics;
-pub mod classify;
+
 pub mod cull;
 pub mod gbuffer;
 pub mod mips;
@@ -17,7 +17,7 @@ pub mod mixture;
 pub mod refract;
 pub mod smooth;
 pub mod splat;
-pub(crate) mod surfaces;
+pub mod surfaces;
 pub mod tiles;
 pub mod tonemap;
 
@@ -67,15 +67,15 @@ pub struct Radiance {
 
 /// The camera as all passes bind it: group 0.
 #[derive(Debug)]
-pub(crate) struct CameraBinding {
+pub struct CameraBinding {
     buffer: wgpu::Buffer,
-    pub(crate) layout: wgpu::BindGroupLayout,
-    pub(crate) group: wgpu::BindGroup,
+    pub layout: wgpu::BindGroupLayout,
+    pub group: wgpu::BindGroup,
     orthographic: bool,
 }
 
 impl CameraBinding {
-    pub(crate) fn new(gpu: &Gpu, orthographic: bool) -> Self {
+    pub fn new(gpu: &Gpu, orthographic: bool) -> Self {
         let buffer = gpu::uniform_buffer::<CameraUniform>(gpu, "camera");
         let stages = wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE;
         let layout = gpu.layout("camera", stages, &[gpu::uniform::<CameraUniform>()]);
@@ -83,12 +83,12 @@ impl CameraBinding {
         Self { buffer, layout, group, orthographic }
     }
 
-    pub(crate) fn write(&self, gpu: &Gpu, camera: &CameraUniform) {
+    pub fn write(&self, gpu: &Gpu, camera: &CameraUniform) {
         gpu.queue.write_buffer(&self.buffer, 0, bytemuck::bytes_of(camera));
     }
 
     /// What every pipeline that sees through it is specialised for.
-    pub(crate) fn constants(&self) -> [(&'static str, f64); 1] {
+    pub fn constants(&self) -> [(&'static str, f64); 1] {
         [("ORTHOGRAPHIC", f64::from(u8::from(self.orthographic)))]
     }
 }

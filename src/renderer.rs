@@ -6,11 +6,11 @@ use rayon::prelude::*;
 use crate::camera::Camera;
 use crate::changes::{Changes, Drawn};
 use crate::environment::Environment;
-use crate::error::{Error, Result};
-use crate::gpu::{self, Commands, Gpu, PassTime, Timer};
+use crate::error::{Error, Limited, Result};
+use crate::gpu::{Commands, Gpu, PassTime, Timer};
 use crate::lights::Lights;
+use crate::liquid::classify::{self, Splat, Splats};
 use crate::passes::caustics::CausticMap;
-use crate::passes::classify::{self, Splat, Splats};
 use crate::passes::cull;
 use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, Variant};
@@ -89,15 +89,14 @@ impl Renderer {
 
     /// Draws one frame into `target`, a view of `size` pixels in `format`.
     ///
-    /// The scene's own `camera` and `particles` are not used: a view and classified particles
-    /// are the caller's to choose. sRGB formats are encoded by the device, others by limpid.
+    /// sRGB formats are encoded by the device, others by limpid.
     ///
     /// Returns the time of each pass that ran if [`Renderer::timing`] is set, else nothing. It waits for
     /// the device to time it, and where a frame is so long that it is divided. What the last frame has
     /// drawn from the same input is not drawn again: [`Renderer::forget`].
     ///
     /// # Errors
-    /// [`crate::Error::Scene`] for a value out of range, [`crate::Error::Adapter`] for a picture
+    /// [`crate::Error::Invalid`] for a value out of range, [`crate::Error::Limit`] for a picture
     /// that is too large, [`crate::Error::DeviceLost`].
     pub fn render(
         &mut self,
@@ -115,10 +114,10 @@ impl Renderer {
         check_scale(splats, camera)?;
         let camera = &clear_of_liquid(camera, splats, size, scene.settings.classify.support);
         if let Environment::Map { size, pixels } = &scene.environment {
-            self.gpu.check_image(*size, "choose a smaller environment map")?;
+            self.gpu.check_image(*size, Limited::Environment)?;
             if pixels.is_empty() || pixels.len() != size.x as usize * size.y as usize {
                 let problem = format!("{} pixels do not make a map of {size}", pixels.len());
-                return Err(Error::Scene { origin: "environment".into(), problem });
+                return Err(Error::invalid("environment", problem));
             }
         }
         let settings = &scene.settings;
@@ -257,7 +256,7 @@ fn check_scale(splats: &Splats, camera: &Camera) -> Result<()> {
         "a particle radius of {radius:e} m seen from {distance:e} m cannot be drawn: their product must be \
          1e-18 to 1e18 m²; choose another unit of length"
     );
-    Err(Error::Scene { origin: "particles".into(), problem })
+    Err(Error::invalid("particles", problem))
 }
 
 /// The camera; if it has the default near plane and the eye is outside of the liquid, but nearer to
@@ -321,63 +320,4 @@ fn depth_below_surface(splats: &Splats, origin: Vec3) -> f32 {
         if near { centre.y + splat.radius } else { 0.0 }
     };
     splats.aggregates.par_iter().map(height).reduce(|| 0.0, f32::max)
-}
-
-/// A picture of its own for [`Renderer::render`], and its way to memory.
-#[derive(Debug)]
-pub struct Picture {
-    texture: wgpu::Texture,
-}
-
-impl Picture {
-    /// 8 bits per channel, sRGB values as they are stored in a PNG.
-    pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-
-    /// A picture of `size` pixels.
-    ///
-    /// # Errors
-    /// As [`Gpu::check_size`].
-    pub fn new(gpu: &Gpu, size: UVec2) -> Result<Self> {
-        gpu.check_size(size)?;
-        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
-        Ok(Self { texture: gpu::texture(gpu, "frame", size, 1, Self::FORMAT, usage) })
-    }
-
-    /// The view to render into.
-    pub fn view(&self) -> wgpu::TextureView {
-        self.texture.create_view(&Default::default())
-    }
-
-    /// Waits for the device and returns the picture.
-    ///
-    /// # Errors
-    /// [`crate::Error::DeviceLost`].
-    pub fn read(&self, gpu: &Gpu) -> Result<image::RgbaImage> {
-        self.begin_reading(gpu).wait(gpu)
-    }
-
-    /// Tells the device to copy the picture as it is now; the next may be rendered at once.
-    pub fn begin_reading(&self, gpu: &Gpu) -> Reading {
-        let size = UVec2::new(self.texture.width(), self.texture.height());
-        Reading { size, texels: gpu::begin_reading(gpu, &self.texture, 0) }
-    }
-}
-
-/// A picture on its way to memory.
-#[derive(Debug)]
-pub struct Reading {
-    size: UVec2,
-    texels: gpu::Reading,
-}
-
-impl Reading {
-    /// Waits for the picture, not for what the device was told after it.
-    ///
-    /// # Errors
-    /// [`crate::Error::DeviceLost`].
-    pub fn wait(self, gpu: &Gpu) -> Result<image::RgbaImage> {
-        let bytes = self.texels.wait(gpu)?;
-        let picture = image::RgbaImage::from_raw(self.size.x, self.size.y, bytes);
-        Ok(picture.expect("the texture has four bytes per pixel"))
-    }
 }

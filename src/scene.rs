@@ -219,11 +219,9 @@ impl Scene {
     /// Checks all values against their ranges.
     ///
     /// # Errors
-    /// [`Error::Scene`] naming the first value that is out of its range.
+    /// [`Error::Invalid`] naming the first value that is out of its range.
     pub fn check(&self) -> Result<()> {
-        let fail = |origin: &str, problem: &str| {
-            Err(Error::Scene { origin: origin.into(), problem: problem.into() })
-        };
+        let fail = |origin: &str, problem: &str| Err(Error::invalid(origin, problem));
         if !(0.3..=3.0).contains(&self.liquid.ior) {
             return fail("liquid", "ior must be between 0.3 and 3");
         }

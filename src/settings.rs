@@ -41,7 +41,7 @@ pub enum Kernel {
     Volume,
 }
 
-/// Settings of [`crate::passes::classify`].
+/// Settings of [`crate::liquid::classify`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Classify {
@@ -492,7 +492,7 @@ impl Settings {
     /// Checks every number against its range.
     ///
     /// # Errors
-    /// [`Error::Scene`] naming the first that is outside.
+    /// [`Error::Invalid`] naming the first that is outside.
     pub fn check(&self) -> Result<()> {
         let (c, s, r) = (&self.classify, &self.smooth, &self.refract);
         let caustics = &self.caustics;
@@ -530,17 +530,17 @@ impl Settings {
         ];
         for (key, value, low, high) in checks {
             if !(low..=high).contains(&value) {
-                return Err(Error::Scene {
-                    origin: "settings".into(),
-                    problem: format!("{key} is {value}, expected {low} to {high}"),
-                });
+                return Err(Error::invalid(
+                    "settings",
+                    format!("{key} is {value}, expected {low} to {high}"),
+                ));
             }
         }
         if s.taps % 2 == 0 {
-            return Err(Error::Scene {
-                origin: "settings".into(),
-                problem: format!("smooth.taps is {}, expected an odd number", s.taps),
-            });
+            return Err(Error::invalid(
+                "settings",
+                format!("smooth.taps is {}, expected an odd number", s.taps),
+            ));
         }
         Ok(())
     }

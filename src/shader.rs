@@ -135,12 +135,12 @@ pub fn resolve<'a>(file: &str, find: &mut dyn FnMut(&str) -> Option<&'a str>) ->
     out
 }
 
-pub(crate) fn module(gpu: &Gpu, file: &str) -> wgpu::ShaderModule {
+pub fn module(gpu: &Gpu, file: &str) -> wgpu::ShaderModule {
     text_module(gpu, file, source(file))
 }
 
 /// A module of text that is not in [`FILES`] as it is.
-pub(crate) fn text_module(gpu: &Gpu, label: &str, text: String) -> wgpu::ShaderModule {
+pub fn text_module(gpu: &Gpu, label: &str, text: String) -> wgpu::ShaderModule {
     let text = if gpu.uniforms_are_stored() { with_stored_uniforms(&text) } else { text };
     gpu.module(label, text)
 }
@@ -167,7 +167,7 @@ pub fn with_stored_uniforms(text: &str) -> String {
 
 /// The value of a constant that a shader has, by its text: for tests of what Rust has too.
 #[cfg(test)]
-pub(crate) fn constant(root: &str, name: &str) -> f64 {
+pub fn constant(root: &str, name: &str) -> f64 {
     let source = source(root);
     let declared = source.lines().find_map(|line| line.strip_prefix("const ")?.strip_prefix(name));
     let declared = declared.unwrap_or_else(|| panic!("{root} has no constant {name}"));

@@ -6,9 +6,9 @@ use image::RgbImage;
 use crate::aov::{self, Aov};
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::gpu::{Gpu, PassTime};
-use crate::passes::classify::Splats;
-use crate::renderer::{Picture, Reading, Renderer};
+use crate::gpu::{self, Gpu, PassTime};
+use crate::liquid::classify::Splats;
+use crate::renderer::Renderer;
 use crate::scene::Scene;
 
 /// Draws pictures into memory.
@@ -86,7 +86,7 @@ impl Studio {
     }
 
     /// The last frame as a linear picture: radiance before exposure and tone mapping, W/(m² sr), for
-    /// [`aov::write`].
+    /// `limpid-io`'s `exr::write`.
     ///
     /// # Errors
     /// As [`aov::read`].
@@ -111,5 +111,64 @@ impl Drawing {
     pub fn wait(self) -> Result<Shot> {
         let picture = image::DynamicImage::ImageRgba8(self.picture.wait(&self.gpu)?).into_rgb8();
         Ok(Shot { picture, passes: self.passes })
+    }
+}
+
+/// A picture of its own for [`Renderer::render`], and its way to memory.
+#[derive(Debug)]
+pub struct Picture {
+    texture: wgpu::Texture,
+}
+
+impl Picture {
+    /// 8 bits per channel, sRGB values as they are stored in a PNG.
+    pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+
+    /// A picture of `size` pixels.
+    ///
+    /// # Errors
+    /// As [`Gpu::check_size`].
+    pub fn new(gpu: &Gpu, size: UVec2) -> Result<Self> {
+        gpu.check_size(size)?;
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
+        Ok(Self { texture: gpu::texture(gpu, "frame", size, 1, Self::FORMAT, usage) })
+    }
+
+    /// The view to render into.
+    pub fn view(&self) -> wgpu::TextureView {
+        self.texture.create_view(&Default::default())
+    }
+
+    /// Waits for the device and returns the picture.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub fn read(&self, gpu: &Gpu) -> Result<image::RgbaImage> {
+        self.begin_reading(gpu).wait(gpu)
+    }
+
+    /// Tells the device to copy the picture as it is now; the next may be rendered at once.
+    pub fn begin_reading(&self, gpu: &Gpu) -> Reading {
+        let size = UVec2::new(self.texture.width(), self.texture.height());
+        Reading { size, texels: gpu::begin_reading(gpu, &self.texture, 0) }
+    }
+}
+
+/// A picture on its way to memory.
+#[derive(Debug)]
+pub struct Reading {
+    size: UVec2,
+    texels: gpu::Reading,
+}
+
+impl Reading {
+    /// Waits for the picture, not for what the device was told after it.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub fn wait(self, gpu: &Gpu) -> Result<image::RgbaImage> {
+        let bytes = self.texels.wait(gpu)?;
+        let picture = image::RgbaImage::from_raw(self.size.x, self.size.y, bytes);
+        Ok(picture.expect("the texture has four bytes per pixel"))
     }
 }

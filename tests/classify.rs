@@ -1,8 +1,8 @@
 //! Splash or aggregate, and the shapes of splats: known answers and invariances.
 
 use glam::{DVec3, Mat3, Vec3};
-use limpid::particles::Particles;
-use limpid::passes::classify::{Cloud, Splat, Splats, classify, wet};
+use limpid::liquid::Particles;
+use limpid::liquid::classify::{Cloud, Splat, Splats, classify, wet};
 use limpid::scene::{Shape, Solid, Surface};
 use limpid::settings::{Classify, Kernel};
 

@@ -11,11 +11,12 @@ use image::RgbaImage;
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::Gpu;
-use limpid::particles::Particles;
-use limpid::passes::classify::{Splat, Splats, classify};
+use limpid::liquid::Particles;
+use limpid::liquid::classify::{Splat, Splats, classify};
 use limpid::passes::cull;
-use limpid::renderer::{Picture, Renderer};
+use limpid::renderer::Renderer;
 use limpid::scene::{Light, Scene, Shape, Solid, Surface};
+use limpid::studio::Picture;
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 /// Particles along the sides of the body.

@@ -11,11 +11,12 @@ use frames::{
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::gpu::Gpu;
-use limpid::particles::Particles;
-use limpid::passes::classify::{Splats, classify};
-use limpid::renderer::{Picture, Renderer};
+use limpid::liquid::Particles;
+use limpid::liquid::classify::{Splats, classify};
+use limpid::renderer::Renderer;
 use limpid::scene::{Scene, Shape};
 use limpid::settings::{Classify, Solids};
+use limpid::studio::Picture;
 use limpid::studio::{Drawing, Studio};
 use limpid::wgpu;
 
@@ -376,9 +377,9 @@ fn scale_does_not_matter() {
     let (_, camera, drawn) = tank();
     let metres = stage.shoot(&scene, &camera, &drawn, SIZE);
     for scale in [1e-4f32, 1e-2, 1e3] {
-        let splat = |splat: &limpid::passes::classify::Splat| {
+        let splat = |splat: &limpid::liquid::classify::Splat| {
             let scaled = |v: [f32; 3]| v.map(|x| x * scale);
-            limpid::passes::classify::Splat {
+            limpid::liquid::classify::Splat {
                 centre: scaled(splat.centre),
                 radius: splat.radius * scale,
                 diagonal: scaled(splat.diagonal),

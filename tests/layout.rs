@@ -6,8 +6,8 @@ use std::mem::offset_of;
 
 use bytemuck::Zeroable;
 use limpid::camera::CameraUniform;
-use limpid::passes::classify::device;
-use limpid::passes::{Layers, caustics, classify, cull, gbuffer, refract, smooth, tiles, tonemap};
+use limpid::liquid::classify::{self, device};
+use limpid::passes::{Layers, caustics, cull, gbuffer, refract, smooth, tiles, tonemap};
 use limpid::{gpu, scene, shader};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
 

@@ -8,10 +8,11 @@ use limpid::aov::{self, Aov};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::Gpu;
-use limpid::passes::classify::{Splat, Splats};
-use limpid::renderer::{Picture, Renderer};
+use limpid::liquid::classify::{Splat, Splats};
+use limpid::renderer::Renderer;
 use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 use limpid::settings::{Curve, Filter, Fresnel, Method, Reflections, Solids, Solver, Unit};
+use limpid::studio::Picture;
 use limpid::wgpu;
 
 /// A no-op device that remembers what its validation says.

@@ -13,8 +13,8 @@ use frames::{
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
-use limpid::particles::Particles;
-use limpid::passes::classify::{Splats, classify};
+use limpid::liquid::Particles;
+use limpid::liquid::classify::{Splats, classify};
 use limpid::scene::{Scene, Shape, Solid, Surface};
 use limpid::settings::{Reflections, Solids, Solver};
 

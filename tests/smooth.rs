@@ -7,10 +7,9 @@ mod frames;
 use frames::{Shot, Stage, View, ellipsoid, on_axis, scene, sphere, splats, stage};
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
-use limpid::passes::classify::{Splat, Splats};
-use limpid::project::overrides::replaced;
+use limpid::liquid::classify::{Splat, Splats};
 use limpid::scene::Scene;
-use limpid::settings::{Filter, Settings, Unit};
+use limpid::settings::{Filter, Unit};
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 
@@ -483,30 +482,5 @@ fn marks_that_the_ray_starts_inside_are_kept() {
         let far = |p| shot.at("depth.aggregate_front", p) > 2.0;
         let (change, at) = largest_change(&shot, "front", far);
         assert!(change < 1e-5, "{filter:?}: {change} at {at}");
-    }
-}
-
-/// The filters and their numbers by the names of a scene's settings.
-#[test]
-fn filters_are_settings() {
-    let with = |set: &str| replaced(&Settings::default(), &[set.to_owned()]);
-    assert_eq!(Settings::default().smooth.filter, Filter::PlaneFit);
-    for (name, filter) in ["plane-fit", "bilateral", "narrow-range"].into_iter().zip(FILTERS) {
-        let set = with(&format!("smooth.filter={name}")).unwrap();
-        assert_eq!(set.smooth.filter, filter);
-    }
-    let unknown = with("smooth.filter=bilatreal").unwrap_err().to_string();
-    assert!(unknown.contains("did you mean `bilateral`"), "{unknown}");
-    for (key, ends, outside) in
-        [("delta", ["0.001", "1e6"], ["0", "nan"]), ("mu", ["0", "1000"], ["-1", "1001"])]
-    {
-        for value in ends {
-            with(&format!("smooth.{key}={value}")).unwrap().check().unwrap();
-        }
-        for value in outside {
-            let settings = with(&format!("smooth.{key}={value}")).unwrap();
-            let message = settings.check().unwrap_err().to_string();
-            assert!(message.contains(&format!("smooth.{key} is")), "{message}");
-        }
     }
 }

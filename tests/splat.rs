@@ -9,8 +9,8 @@ use frames::{
 };
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
-use limpid::passes::classify::Splat;
-use limpid::renderer::Picture;
+use limpid::liquid::classify::Splat;
+use limpid::studio::Picture;
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 

@@ -3,10 +3,10 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use limpid::Result;
-use limpid::particles::Particles;
-use limpid::project::Project;
-use limpid::sim;
+use limpid::liquid::Particles;
+use limpid_io::Result;
+use limpid_io::bake;
+use limpid_io::project::Project;
 
 /// The numbers of particles that stages are measured with. Layers being whole, they come out as
 /// 4,752, 39,128, 116,424 and 1,056,000.
@@ -30,7 +30,7 @@ impl Swell {
     /// With about `count` particles.
     ///
     /// # Errors
-    /// As [`sim::bake`]: a frame goes by way of a temporary folder.
+    /// As [`bake::bake`]: a frame goes by way of a temporary folder.
     pub(crate) fn new(count: usize) -> Result<Self> {
         let radius = RADIUS * (MILLION as f64 / count as f64).cbrt();
         let text = include_str!("../../sims/million.toml")
@@ -41,8 +41,8 @@ impl Swell {
         let solids = &project.scene.solids;
         let folder = tempfile::tempdir().expect("a temporary folder");
         let go_on = |_| ControlFlow::Continue(());
-        sim::bake(&simulation, solids, "swell", folder.path(), go_on)?;
-        let particles = Particles::read(&sim::frame_path(folder.path(), "swell", 1))?;
+        bake::bake(&simulation, solids, "swell", folder.path(), go_on)?;
+        let particles = limpid_io::particles::read(&bake::frame_path(folder.path(), "swell", 1))?;
         Ok(Self { project, particles, radius: radius as f32 })
     }
 }

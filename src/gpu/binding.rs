@@ -4,7 +4,7 @@ use super::Gpu;
 
 impl Gpu {
     /// A layout of `bindings` 0, 1, … visible to `stages`.
-    pub(crate) fn layout(
+    pub fn layout(
         &self,
         label: &str,
         stages: wgpu::ShaderStages,
@@ -26,28 +26,28 @@ impl Gpu {
     }
 
     /// As [`uniform`], of what decides branches; see [`Gpu::uniforms_are_stored`].
-    pub(crate) fn branching<T>(&self) -> wgpu::BindingType {
+    pub fn branching<T>(&self) -> wgpu::BindingType {
         if self.uniforms_are_stored() { storage_of(size_of::<T>() as u64) } else { uniform::<T>() }
     }
 }
 
 /// `var<uniform> x: T`; the size is checked when the pipeline is made.
-pub(crate) fn uniform<T>() -> wgpu::BindingType {
+pub fn uniform<T>() -> wgpu::BindingType {
     buffer::<T>(wgpu::BufferBindingType::Uniform)
 }
 
 /// `var<storage, read> x: array<T>`.
-pub(crate) fn storage<T>() -> wgpu::BindingType {
+pub fn storage<T>() -> wgpu::BindingType {
     buffer::<T>(wgpu::BufferBindingType::Storage { read_only: true })
 }
 
 /// `var<storage, read> x: S` of at least `bytes`, for structs that end in an array.
-pub(crate) fn storage_of(bytes: u64) -> wgpu::BindingType {
+pub fn storage_of(bytes: u64) -> wgpu::BindingType {
     buffer_of(wgpu::BufferBindingType::Storage { read_only: true }, bytes)
 }
 
 /// `var<storage, read_write> x: S` of at least `bytes`.
-pub(crate) fn storage_read_write(bytes: u64) -> wgpu::BindingType {
+pub fn storage_read_write(bytes: u64) -> wgpu::BindingType {
     buffer_of(wgpu::BufferBindingType::Storage { read_only: false }, bytes)
 }
 
@@ -64,7 +64,7 @@ fn buffer_of(ty: wgpu::BufferBindingType, bytes: u64) -> wgpu::BindingType {
 }
 
 /// `texture_2d<f32>` or, with `D2Array`, `texture_2d_array<f32>`, read with `textureLoad`.
-pub(crate) fn sampled(view_dimension: wgpu::TextureViewDimension) -> wgpu::BindingType {
+pub fn sampled(view_dimension: wgpu::TextureViewDimension) -> wgpu::BindingType {
     wgpu::BindingType::Texture {
         sample_type: wgpu::TextureSampleType::Float { filterable: false },
         view_dimension,
@@ -73,7 +73,7 @@ pub(crate) fn sampled(view_dimension: wgpu::TextureViewDimension) -> wgpu::Bindi
 }
 
 /// `texture_storage_2d[_array]<format, write>`.
-pub(crate) fn storage_texture(
+pub fn storage_texture(
     format: wgpu::TextureFormat,
     view_dimension: wgpu::TextureViewDimension,
 ) -> wgpu::BindingType {

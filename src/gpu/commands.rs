@@ -17,26 +17,27 @@ pub const MOST_WORK: u64 = 1 << 30;
 const WAITING: usize = 3;
 
 /// Commands on their way to the device.
-pub(crate) struct Commands<'a> {
+pub struct Commands<'a> {
     gpu: &'a Gpu,
     /// Takes what is recorded next.
-    pub(crate) encoder: wgpu::CommandEncoder,
+    pub encoder: wgpu::CommandEncoder,
     /// That the encoder holds.
     work: u64,
     waiting: VecDeque<wgpu::SubmissionIndex>,
     /// How often commands have gone to the device.
-    pub(crate) submissions: u32,
+    pub submissions: u32,
 }
 
 impl<'a> Commands<'a> {
-    pub(crate) fn new(gpu: &'a Gpu) -> Self {
+    /// Nothing recorded yet.
+    pub fn new(gpu: &'a Gpu) -> Self {
         let encoder = gpu.device.create_command_encoder(&Default::default());
         Self { gpu, encoder, work: 0, waiting: VecDeque::new(), submissions: 0 }
     }
 
     /// Announces work. What was recorded before goes to the device if it is too much for one submission
     /// together.
-    pub(crate) fn reserve(&mut self, work: u64) {
+    pub fn reserve(&mut self, work: u64) {
         if self.work > 0 && self.work.saturating_add(work) > self.gpu.most_work {
             self.submit();
         }
@@ -44,7 +45,7 @@ impl<'a> Commands<'a> {
     }
 
     /// Gives the device what was recorded.
-    pub(crate) fn submit(&mut self) {
+    pub fn submit(&mut self) {
         let next = self.gpu.device.create_command_encoder(&Default::default());
         let commands = std::mem::replace(&mut self.encoder, next).finish();
         self.waiting.push_back(self.gpu.queue.submit([commands]));
@@ -58,7 +59,7 @@ impl<'a> Commands<'a> {
     }
 
     /// Records `parts` with their work in one compute pass, or in several of as many submissions as it takes.
-    pub(crate) fn compute<T>(
+    pub fn compute<T>(
         &mut self,
         label: &str,
         span: Span<'_>,

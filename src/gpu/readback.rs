@@ -4,7 +4,7 @@ use super::Gpu;
 use crate::error::{Error, Result};
 
 /// Reads a buffer that has `COPY_SRC`, waiting for the device.
-pub(crate) fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
+pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
     let staging = staging(gpu, buffer.size());
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
@@ -16,7 +16,7 @@ pub(crate) fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
 /// Rows of a texture, or a buffer as one row, on their way to memory: what is told to the device
 /// meanwhile comes after them.
 #[derive(Debug)]
-pub(crate) struct Reading {
+pub struct Reading {
     staging: wgpu::Buffer,
     padded_row: u64,
     row: u64,
@@ -24,12 +24,12 @@ pub(crate) struct Reading {
 }
 
 /// Reads one layer of a texture that has `COPY_SRC`, rows packed without padding.
-pub(crate) fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<u8>> {
+pub fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<u8>> {
     begin_reading(gpu, texture, layer).wait(gpu)
 }
 
 /// As [`read_texture`], without waiting for it.
-pub(crate) fn begin_reading(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Reading {
+pub fn begin_reading(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Reading {
     let texel = texture.format().block_copy_size(None).expect("colour formats have a texel size");
     let row = u64::from(texture.width()) * u64::from(texel);
     let padded_row = padded(row);
@@ -76,7 +76,7 @@ fn staging(gpu: &Gpu, size: u64) -> wgpu::Buffer {
 
 /// What `act` makes of the first `size` bytes of a buffer that has `MAP_READ` and that `submission`
 /// fills, which alone is waited for.
-pub(crate) fn read_mapped<T>(
+pub fn read_mapped<T>(
     gpu: &Gpu,
     staging: &wgpu::Buffer,
     size: u64,
@@ -100,7 +100,7 @@ pub(crate) fn read_mapped<T>(
 
 impl Reading {
     /// Waits for these rows, not for what the device was told after them.
-    pub(crate) fn wait(self, gpu: &Gpu) -> Result<Vec<u8>> {
+    pub fn wait(self, gpu: &Gpu) -> Result<Vec<u8>> {
         let Self { staging, padded_row, row, submission } = self;
         let bytes = read_mapped(gpu, &staging, staging.size(), submission, |mapped| {
             let rows = mapped.chunks_exact(padded_row as usize);

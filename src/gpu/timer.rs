@@ -17,14 +17,14 @@ pub struct PassTime {
 /// Two timestamps per span; a pass of several device passes is one span from the first's
 /// beginning to the last's end.
 #[derive(Debug)]
-pub(crate) struct Timer {
+pub struct Timer {
     queries: Option<wgpu::QuerySet>,
     names: Vec<&'static str>,
 }
 
 /// Timestamps to hand to a device pass: at its beginning, at its end, or both.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Span<'a> {
+pub struct Span<'a> {
     queries: Option<&'a wgpu::QuerySet>,
     begin: Option<u32>,
     end: Option<u32>,
@@ -34,7 +34,8 @@ pub(crate) struct Span<'a> {
 const MAX_SPANS: u32 = 16 + 7 * 7 * 16;
 
 impl Timer {
-    pub(crate) fn new(gpu: &Gpu, enabled: bool) -> Self {
+    /// Measures if it is wanted and the device can.
+    pub fn new(gpu: &Gpu, enabled: bool) -> Self {
         let enabled = enabled && gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
         let queries = enabled.then(|| {
             gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -47,18 +48,14 @@ impl Timer {
     }
 
     /// Starts a span of one device pass or, with [`Span::first`] and [`Span::last`], of several.
-    pub(crate) fn span(&mut self, name: &'static str) -> Span<'_> {
+    pub fn span(&mut self, name: &'static str) -> Span<'_> {
         let index = 2 * self.names.len() as u32;
         self.names.push(name);
         Span { queries: self.queries.as_ref(), begin: Some(index), end: Some(index + 1) }
     }
 
     /// Adds the copy of all timestamps to `encoder`; read them with [`Timer::read`].
-    pub(crate) fn resolve(
-        &self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-    ) -> Option<wgpu::Buffer> {
+    pub fn resolve(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Option<wgpu::Buffer> {
         let queries = self.queries.as_ref()?;
         let count = 2 * self.names.len() as u32;
         let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -72,7 +69,7 @@ impl Timer {
     }
 
     /// Waits for the device and returns the spans in order; empty without timestamps.
-    pub(crate) fn read(&self, gpu: &Gpu, resolved: Option<&wgpu::Buffer>) -> Result<Vec<PassTime>> {
+    pub fn read(&self, gpu: &Gpu, resolved: Option<&wgpu::Buffer>) -> Result<Vec<PassTime>> {
         let Some(buffer) = resolved else { return Ok(Vec::new()) };
         let bytes = read_buffer(gpu, buffer)?;
         let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
@@ -88,21 +85,22 @@ impl Timer {
 
 impl<'a> Span<'a> {
     /// The span's beginning, for the first of several device passes.
-    pub(crate) fn first(self) -> Self {
+    pub fn first(self) -> Self {
         Self { end: None, ..self }
     }
 
     /// The span's end, for the last of several device passes.
-    pub(crate) fn last(self) -> Self {
+    pub fn last(self) -> Self {
         Self { begin: None, ..self }
     }
 
     /// Of several device passes, for the first, the last, or one between.
-    pub(crate) fn part(self, first: bool, last: bool) -> Self {
+    pub fn part(self, first: bool, last: bool) -> Self {
         Self { begin: self.begin.filter(|_| first), end: self.end.filter(|_| last), ..self }
     }
 
-    pub(crate) fn render(self) -> Option<wgpu::RenderPassTimestampWrites<'a>> {
+    /// For a render pass.
+    pub fn render(self) -> Option<wgpu::RenderPassTimestampWrites<'a>> {
         (self.begin.is_some() || self.end.is_some()).then_some(wgpu::RenderPassTimestampWrites {
             query_set: self.queries?,
             beginning_of_pass_write_index: self.begin,
@@ -110,7 +108,8 @@ impl<'a> Span<'a> {
         })
     }
 
-    pub(crate) fn compute(self) -> Option<wgpu::ComputePassTimestampWrites<'a>> {
+    /// For a compute pass.
+    pub fn compute(self) -> Option<wgpu::ComputePassTimestampWrites<'a>> {
         (self.begin.is_some() || self.end.is_some()).then_some(wgpu::ComputePassTimestampWrites {
             query_set: self.queries?,
             beginning_of_pass_write_index: self.begin,

@@ -24,7 +24,7 @@ use wgpu::TextureViewDimension::{D2, D2Array};
 use super::gbuffer::{SceneBinding, SceneVariant};
 use super::refract::{self, Variant};
 use super::{CameraBinding, GBuffer, Layers};
-use crate::error::{Error, Result};
+use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Commands, Gpu, Piece, Span};
 use crate::light_view::LightView;
 use crate::scene::{Light, Scene};
@@ -64,7 +64,7 @@ pub struct Params {
 
 impl Params {
     /// The parameters for a light and its view.
-    pub(crate) fn new(light: &Light, view: &LightView, settings: &settings::Caustics) -> Self {
+    pub fn new(light: &Light, view: &LightView, settings: &settings::Caustics) -> Self {
         // Of a point light's view a texel has no size in metres.
         let texel = 2.0 * view.half_extent.x / f64::from(view.size.x);
         let blur = if view.orthographic { f64::from(settings.blur) / texel } else { 0.0 };
@@ -104,7 +104,7 @@ impl Params {
 }
 
 /// Cells of a grid that has so many along the longer side of a view.
-pub(crate) fn cells(size: UVec2, grid: u32) -> UVec2 {
+pub fn cells(size: UVec2, grid: u32) -> UVec2 {
     let pitch = f64::from(size.max_element()) / f64::from(grid);
     (size.as_dvec2() / pitch).round().as_uvec2().max(UVec2::ONE)
 }
@@ -145,7 +145,7 @@ enum Follow {
 
 /// Makes the maps of lights that share a kind of view.
 #[derive(Debug)]
-pub(crate) struct Caustics {
+pub struct Caustics {
     pipelines: HashMap<Key, Pipelines>,
     /// Across, then down.
     blur: [wgpu::ComputePipeline; 2],
@@ -179,7 +179,7 @@ struct Buffers {
 
 /// A light's view as its map is made from it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Inputs<'a> {
+pub struct Inputs<'a> {
     pub camera: &'a CameraBinding,
     pub scene: &'a SceneBinding,
     pub aggregate: &'a Layers,
@@ -193,7 +193,7 @@ pub(crate) struct Inputs<'a> {
 
 /// Where a light's map goes: one layer of both textures.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Output<'a> {
+pub struct Output<'a> {
     pub map: &'a wgpu::Texture,
     pub receivers: &'a wgpu::Texture,
     pub layer: u32,
@@ -201,7 +201,7 @@ pub(crate) struct Output<'a> {
 
 impl Caustics {
     /// Makes the layouts; pipelines are compiled when a frame first needs them.
-    pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
+    pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let compute = wgpu::ShaderStages::COMPUTE;
         let params = || gpu.branching::<Params>();
         let (planes, write) = (gpu::sampled(D2), gpu::storage_texture(Layers::FORMAT, D2));
@@ -261,9 +261,9 @@ impl Caustics {
     /// view's settings need not be the scene's.
     ///
     /// # Errors
-    /// [`Error::Adapter`] for a map or a grid that the adapter cannot hold.
+    /// [`Error::Limit`] for a map or a grid that the adapter cannot hold.
     #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
-    pub(crate) fn prepare(
+    pub fn prepare(
         &mut self,
         gpu: &Gpu,
         camera: &CameraBinding,
@@ -277,21 +277,21 @@ impl Caustics {
             Method::Straight => UVec2::ONE,
             _ => cells(size, settings.grid),
         };
-        gpu.check_image(size, "choose a smaller caustics.resolution")?;
+        gpu.check_image(size, Limited::CausticMap)?;
         let limits = gpu.device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let needs = [
-            ("resolution", settings.resolution, size, LIGHT_SUMS),
-            ("grid", settings.grid, cells + 1, LANDING),
+            ("resolution", settings.resolution, size, LIGHT_SUMS, Limited::CausticMap),
+            ("grid", settings.grid, cells + 1, LANDING, Limited::CausticGrid),
         ];
-        for (name, value, extent, bytes) in needs {
+        for (name, value, extent, bytes, of) in needs {
             if u64::from(extent.x) * u64::from(extent.y) * bytes > most {
                 let most = most >> 20;
                 let problem = format!(
                     "holds at most {most} MiB in one buffer, too little for caustics.{name} = \
-                     {value}; choose a smaller one"
+                     {value}"
                 );
-                return Err(Error::Adapter { adapter: gpu.adapter(), problem });
+                return Err(Error::Limit { adapter: gpu.adapter(), problem, of });
             }
         }
         let blur = settings.blur > 0.0;
@@ -348,7 +348,7 @@ impl Caustics {
 
     /// Makes the map of a light whose view was given to [`Caustics::prepare`].
     #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
-    pub(crate) fn record(
+    pub fn record(
         &self,
         gpu: &Gpu,
         commands: &mut Commands<'_>,
@@ -500,8 +500,7 @@ impl Caustics {
     }
 
     /// What `gather` found for the last light: irradiance and state.
-    #[cfg(feature = "report")]
-    pub(crate) fn gathered(&self) -> Option<&wgpu::Texture> {
+    pub fn gathered(&self) -> Option<&wgpu::Texture> {
         self.sized.as_ref().map(|buffers| &buffers.gathered)
     }
 }

@@ -12,7 +12,7 @@ use wgpu::TextureViewDimension::D2Array;
 use super::splat::{self, SplatBuffers};
 use super::{CameraBinding, Layers};
 use crate::gpu::{self, Gpu, Span, TILE};
-use crate::passes::classify::Splats;
+use crate::liquid::classify::Splats;
 
 /// Splats that a workgroup takes.
 pub const BLOCK: u32 = 256;
@@ -28,7 +28,7 @@ const LEAST_IN_SOFTWARE: usize = 1 << 14;
 
 /// Whether splats of a frame are to be told apart by whether they show: so many are surrounded, and the
 /// device has what it takes.
-pub(crate) fn pays(gpu: &Gpu, splats: &Splats) -> bool {
+pub fn pays(gpu: &Gpu, splats: &Splats) -> bool {
     let limits = gpu.device.limits();
     if limits.max_storage_buffers_per_shader_stage < 8
         || limits.max_compute_invocations_per_workgroup < BLOCK
@@ -44,7 +44,7 @@ pub(crate) fn pays(gpu: &Gpu, splats: &Splats) -> bool {
 
 /// Which splats are looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Phase {
+pub enum Phase {
     /// All but those that liquid surrounds.
     Surface,
     /// Those that liquid surrounds.
@@ -53,7 +53,7 @@ pub(crate) enum Phase {
 
 /// Lists the splats that show in one view.
 #[derive(Debug)]
-pub(crate) struct Cull {
+pub struct Cull {
     mark: [wgpu::ComputePipeline; 2],
     arrange: wgpu::ComputePipeline,
     list: wgpu::ComputePipeline,
@@ -86,7 +86,7 @@ pub(super) fn visible_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
 
 impl Cull {
     /// Compiles the pipelines; [`Cull::prepare`] makes room for a frame's lists.
-    pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
+    pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let compute = wgpu::ShaderStages::COMPUTE;
         let bindings = [
             gpu::storage::<[f32; 2]>(),
@@ -123,7 +123,7 @@ impl Cull {
     }
 
     /// Makes room for what is told of these splats in a view of `size` pixels.
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, splats: &SplatBuffers, size: UVec2) {
+    pub fn prepare(&mut self, gpu: &Gpu, splats: &SplatBuffers, size: UVec2) {
         if self.size != size {
             self.tiles = tiles(gpu, size);
             self.size = size;
@@ -163,7 +163,7 @@ impl Cull {
     }
 
     /// Lists those of `phase` that may show.
-    pub(crate) fn select(
+    pub fn select(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         camera: &CameraBinding,
@@ -190,7 +190,7 @@ impl Cull {
     }
 
     /// Reduces what is drawn to a pair of depths for each tile, with `backs` or by fronts alone.
-    pub(crate) fn reduce(
+    pub fn reduce(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
@@ -211,7 +211,7 @@ impl Cull {
     }
 
     /// Draws what was listed last, with the pipeline that is set.
-    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, splats: &SplatBuffers) {
+    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, splats: &SplatBuffers) {
         for (chunk, list) in splats.chunks().zip(&self.lists) {
             pass.set_bind_group(1, &chunk.group, &[]);
             pass.set_bind_group(2, &list.drawn, &[]);

@@ -113,7 +113,7 @@ pub const LIGHT_VIEWS: usize = 1 + CUBE;
 
 /// What pipelines that see the scene are specialised for: the constants of `common/scene.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub(crate) struct SceneVariant {
+pub struct SceneVariant {
     /// Number of solids.
     pub solids: u32,
     /// Which shapes they have: 1 plane, 2 box, 4 sphere.
@@ -130,7 +130,7 @@ pub(crate) struct SceneVariant {
 
 impl SceneVariant {
     /// The variant for a scene.
-    pub(crate) fn new(scene: &Scene) -> Self {
+    pub fn new(scene: &Scene) -> Self {
         let environment = match scene.environment {
             Environment::Constant(_) => 0,
             Environment::Gradient { .. } => 1,
@@ -144,7 +144,7 @@ impl SceneVariant {
         Self { solids, shapes, lit, lights, straight_views: false, environment }
     }
 
-    pub(crate) fn constants(self) -> [(&'static str, f64); 6] {
+    pub fn constants(self) -> [(&'static str, f64); 6] {
         [
             ("SOLIDS", self.solids),
             ("SHAPES", self.shapes),
@@ -159,11 +159,11 @@ impl SceneVariant {
 
 /// The scene as passes bind it: group 2.
 #[derive(Debug)]
-pub(crate) struct SceneBinding {
-    pub(crate) layout: wgpu::BindGroupLayout,
-    pub(crate) group: wgpu::BindGroup,
+pub struct SceneBinding {
+    pub layout: wgpu::BindGroupLayout,
+    pub group: wgpu::BindGroup,
     /// What pipelines are specialised for.
-    pub(crate) variant: SceneVariant,
+    pub variant: SceneVariant,
     solids: wgpu::Buffer,
     lights: wgpu::Buffer,
     light_views: wgpu::Buffer,
@@ -173,7 +173,7 @@ pub(crate) struct SceneBinding {
 
 /// The maps of a scene's lights: `common/lights.wgsl`.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct LightMaps {
+pub struct LightMaps {
     /// Irradiance and share of direct light.
     pub maps: wgpu::Texture,
     /// Planes of the receivers.
@@ -182,7 +182,7 @@ pub(crate) struct LightMaps {
 
 impl SceneBinding {
     /// Binds an empty scene; [`SceneBinding::upload`] replaces it.
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    pub fn new(gpu: &Gpu) -> Self {
         let bindings = [
             gpu::uniform::<SceneUniform>(),
             gpu::uniform::<[SolidData; MAX_SOLIDS]>(),
@@ -206,7 +206,7 @@ impl SceneBinding {
 
     /// Uploads a scene's solids and lights as `eye` sees them, its environment if it is new, and
     /// the lights' views.
-    pub(crate) fn upload(
+    pub fn upload(
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
@@ -365,7 +365,7 @@ fn light_view_data(placed: &PlacedView, eye: DVec3) -> LightViewData {
 
 /// Draws the G-buffer.
 #[derive(Debug)]
-pub(crate) struct Gbuffer {
+pub struct Gbuffer {
     /// Output.
     pub images: GBuffer,
     pipelines: HashMap<SceneVariant, wgpu::ComputePipeline>,
@@ -374,7 +374,7 @@ pub(crate) struct Gbuffer {
 
 impl Gbuffer {
     /// Makes the layout; a pipeline is compiled when a scene first needs it.
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    pub fn new(gpu: &Gpu) -> Self {
         let bindings =
             [gpu::storage_texture(Layers::FORMAT, D2), gpu::storage_texture(Layers::FORMAT, D2)];
         let layout = gpu.layout("gbuffer", wgpu::ShaderStages::COMPUTE, &bindings);
@@ -382,7 +382,7 @@ impl Gbuffer {
     }
 
     /// Compiles the pipeline for the bound scene if it is new.
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, scene: &SceneBinding) {
+    pub fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, scene: &SceneBinding) {
         let layouts = [&camera.layout, &self.layout, &scene.layout];
         self.pipelines.entry(scene.variant).or_insert_with(|| {
             let constants = [&scene.variant.constants()[..], &camera.constants()].concat();
@@ -391,12 +391,12 @@ impl Gbuffer {
     }
 
     /// Replaces the images, the planes by ones of so many mip levels.
-    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2, levels: u32) {
+    pub fn resize(&mut self, gpu: &Gpu, size: UVec2, levels: u32) {
         self.images = sized(gpu, size, levels);
     }
 
     /// Draws the solids as the camera sees them.
-    pub(crate) fn record(
+    pub fn record(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,

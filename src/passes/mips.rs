@@ -9,13 +9,13 @@ use crate::gpu::{self, Gpu, Span};
 const MIP_LEVELS: u32 = 8;
 
 /// Mip levels that a picture of `size` pixels has.
-pub(crate) fn levels(size: glam::UVec2) -> u32 {
+pub fn levels(size: glam::UVec2) -> u32 {
     MIP_LEVELS.min(size.max_element().ilog2() + 1)
 }
 
 /// Fills mip levels from level 0.
 #[derive(Debug)]
-pub(crate) struct Mips {
+pub struct Mips {
     layers: Kind,
     planes: Kind,
 }
@@ -30,7 +30,7 @@ struct Kind {
 
 impl Mips {
     /// Compiles the pipelines.
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    pub fn new(gpu: &Gpu) -> Self {
         let kind = |file, dimension| {
             let bindings =
                 [gpu::sampled(dimension), gpu::storage_texture(Layers::FORMAT, dimension)];
@@ -42,7 +42,7 @@ impl Mips {
     }
 
     /// Fills the mip levels of `textures`, with layers or without.
-    pub(crate) fn record(
+    pub fn record(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,

@@ -18,7 +18,7 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
 /// Draws the mixture of a view.
 #[derive(Debug)]
-pub(crate) struct Mixture {
+pub struct Mixture {
     /// Output: absorption times length, as a share of [`strongest`], and length; one pixel if there is
     /// nothing to tell apart.
     pub view: wgpu::TextureView,
@@ -30,18 +30,18 @@ pub(crate) struct Mixture {
 }
 
 /// Whether a scene has fluids of different absorption.
-pub(crate) fn is_mixed(scene: &Scene) -> bool {
+pub fn is_mixed(scene: &Scene) -> bool {
     scene.absorptions().windows(2).any(|pair| pair[0] != pair[1])
 }
 
 /// The largest component of any fluid's absorption, 1/m.
-pub(crate) fn strongest(scene: &Scene) -> f32 {
+pub fn strongest(scene: &Scene) -> f32 {
     scene.absorptions().iter().fold(0.0, |most, absorption| most.max(absorption.max_element()))
 }
 
 impl Mixture {
     /// Makes the layout; the pipeline is compiled when a frame first needs it.
-    pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
+    pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let binding = gpu::uniform::<[Vec4; MAX_FLUIDS]>();
         let layout = gpu.layout("fluids", wgpu::ShaderStages::FRAGMENT, &[binding]);
         let absorptions = gpu::uniform_buffer::<[Vec4; MAX_FLUIDS]>(gpu, "fluids");
@@ -58,18 +58,12 @@ impl Mixture {
     }
 
     /// Replaces the picture.
-    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2) {
+    pub fn resize(&mut self, gpu: &Gpu, size: UVec2) {
         self.view = sized(gpu, size);
     }
 
     /// Uploads what the fluids absorb, for particles of `radius` (m), and compiles the pipeline if it is not there.
-    pub(crate) fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        camera: &CameraBinding,
-        scene: &Scene,
-        radius: f32,
-    ) {
+    pub fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, scene: &Scene, radius: f32) {
         let strongest = strongest(scene).max(f32::MIN_POSITIVE);
         let mut shares = [Vec4::ZERO; MAX_FLUIDS];
         for (share, absorption) in shares.iter_mut().zip(scene.absorptions()) {
@@ -129,7 +123,7 @@ impl Mixture {
     }
 
     /// Adds all splats up; [`Mixture::prepare`] comes first.
-    pub(crate) fn record(
+    pub fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         camera: &CameraBinding,

@@ -47,7 +47,7 @@ pub struct Params {
 
 /// What one specialisation of the shader is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) struct Variant {
+pub struct Variant {
     /// The intersector.
     pub solver: Solver,
     /// `newton` reads mip levels.
@@ -82,7 +82,7 @@ pub(crate) struct Variant {
 
 impl Variant {
     /// The smallest variant that draws a frame.
-    pub(crate) fn new(scene: &Scene, splash: bool, count: bool) -> Self {
+    pub fn new(scene: &Scene, splash: bool, count: bool) -> Self {
         let settings = &scene.settings.refract;
         let iterates = matches!(settings.solver, Solver::Newton | Solver::Secant);
         Self {
@@ -105,7 +105,7 @@ impl Variant {
         }
     }
 
-    pub(crate) fn shader(self) -> &'static str {
+    pub fn shader(self) -> &'static str {
         match self.solver {
             Solver::Guarded => "refract/guarded.wgsl",
             Solver::March => "refract/march.wgsl",
@@ -118,11 +118,11 @@ impl Variant {
     }
 
     /// Whether its intersector reads mip levels of the layers.
-    pub(crate) fn mips(self) -> bool {
+    pub fn mips(self) -> bool {
         self.filter || self.solver == Solver::Plane3
     }
 
-    pub(crate) fn constants(self) -> Vec<(&'static str, f64)> {
+    pub fn constants(self) -> Vec<(&'static str, f64)> {
         let mut constants = self.switches().to_vec();
         constants.push(("SAMPLES", self.samples.into()));
         constants.push(("EDGE_SAMPLES", self.edge_samples.into()));
@@ -174,7 +174,7 @@ struct Edges {
 
 /// Draws the liquid and what is seen through and beside it.
 #[derive(Debug)]
-pub(crate) struct Refract {
+pub struct Refract {
     /// Output.
     pub radiance: Radiance,
     /// Output when counting: interfaces, length inside (m), solver iterations, solver failures.
@@ -188,7 +188,7 @@ pub(crate) struct Refract {
 
 impl Refract {
     /// Makes the layout; pipelines are compiled when a frame first needs them.
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    pub fn new(gpu: &Gpu) -> Self {
         let bindings = [
             gpu::uniform::<Params>(),
             gpu::sampled(D2Array),
@@ -217,7 +217,7 @@ impl Refract {
     }
 
     /// Replaces the pictures; without `count` the diagnostics take no memory.
-    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2, count: bool) {
+    pub fn resize(&mut self, gpu: &Gpu, size: UVec2, count: bool) {
         self.radiance = Radiance { texture: picture(gpu, "radiance", size) };
         self.edges = Edges::new(gpu, &self.edge_layouts, size);
         let size = if count { size } else { UVec2::ONE };
@@ -225,12 +225,12 @@ impl Refract {
     }
 
     /// Whether `variant` was compiled for the bound scene: it takes longer than all else together.
-    pub(crate) fn is_compiled(&self, variant: Variant, scene: &SceneBinding) -> bool {
+    pub fn is_compiled(&self, variant: Variant, scene: &SceneBinding) -> bool {
         self.pipelines.contains_key(&(variant, scene.variant))
     }
 
     /// Writes the parameters and compiles `variant` if it is new.
-    pub(crate) fn prepare(
+    pub fn prepare(
         &mut self,
         gpu: &Gpu,
         camera: &CameraBinding,
@@ -260,7 +260,7 @@ impl Refract {
 
     /// Draws the picture with a variant that [`Refract::prepare`] was given, whose pixels take so much
     /// [`work`].
-    pub(crate) fn record(
+    pub fn record(
         &self,
         gpu: &Gpu,
         commands: &mut Commands<'_>,
@@ -359,7 +359,7 @@ impl Edges {
 
 impl Params {
     /// The parameters of a frame whose particles have `radius`, m.
-    pub(crate) fn new(scene: &Scene, settings: &settings::Refract, radius: f32) -> Self {
+    pub fn new(scene: &Scene, settings: &settings::Refract, radius: f32) -> Self {
         let absorption = match mixture::is_mixed(scene) {
             true => [mixture::strongest(scene); 3],
             false => scene.absorptions()[0].to_array(),

@@ -29,7 +29,7 @@ pub struct Params {
 
 impl Params {
     /// The parameters of each iteration.
-    pub(crate) fn iterations(settings: &settings::Smooth, radius: f32) -> Vec<Self> {
+    pub fn iterations(settings: &settings::Smooth, radius: f32) -> Vec<Self> {
         let in_radii = settings.unit == settings::Unit::Radius;
         let window = if in_radii { settings.window } else { settings.window - 1.0 };
         let stride = window / (settings.taps - 1) as f32;
@@ -75,7 +75,7 @@ impl Variant {
 
 /// Smooths a pair of layers.
 #[derive(Debug)]
-pub(crate) struct Smooth {
+pub struct Smooth {
     /// Output: smoothed planes.
     pub layers: Layers,
     prepare: wgpu::ComputePipeline,
@@ -90,7 +90,7 @@ pub(crate) struct Smooth {
 impl Smooth {
     /// Compiles what all filters share, and a filter when a frame first needs it; `splatted` is
     /// what it will smooth.
-    pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding, splatted: &Layers) -> Self {
+    pub fn new(gpu: &Gpu, camera: &CameraBinding, splatted: &Layers) -> Self {
         let bindings = [
             gpu::uniform::<Params>(),
             gpu::sampled(D2Array),
@@ -118,18 +118,13 @@ impl Smooth {
     }
 
     /// Replaces the layers by ones of the size and mip levels of `splatted`.
-    pub(crate) fn resize(&mut self, gpu: &Gpu, splatted: &Layers) {
+    pub fn resize(&mut self, gpu: &Gpu, splatted: &Layers) {
         (self.layers, self.states) = sized(gpu, splatted);
         self.splatted = splatted.clone();
     }
 
     /// Compiles the filter with these settings if it is new.
-    pub(crate) fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        camera: &CameraBinding,
-        settings: &settings::Smooth,
-    ) {
+    pub fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, settings: &settings::Smooth) {
         let layouts = [&camera.layout, &self.layout];
         let variant = Variant::new(settings);
         self.iterate.entry(variant).or_insert_with(|| {
@@ -141,7 +136,7 @@ impl Smooth {
     /// Smooths the splatted layers, or the front alone, into [`Smooth::layers`] by settings that
     /// [`Smooth::prepare`] was given.
     #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
-    pub(crate) fn record(
+    pub fn record(
         &self,
         gpu: &Gpu,
         commands: &mut Commands<'_>,

@@ -8,7 +8,7 @@ use glam::UVec2;
 use super::cull::{self, Cull, Phase};
 use super::{CameraBinding, Layers};
 use crate::gpu::{self, Gpu, Span};
-use crate::passes::classify::Splat as SplatData;
+use crate::liquid::classify::Splat as SplatData;
 use crate::shader;
 
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
@@ -24,7 +24,7 @@ pub(super) struct Chunk {
 
 /// One class of a frame's splats, uploaded: every view draws the same.
 #[derive(Debug)]
-pub(crate) struct SplatBuffers {
+pub struct SplatBuffers {
     layout: wgpu::BindGroupLayout,
     // As many as one binding holds, then the next: the depth test does not mind.
     chunks: Vec<Chunk>,
@@ -32,7 +32,7 @@ pub(crate) struct SplatBuffers {
 
 /// Draws one class of splats into its pair of layers.
 #[derive(Debug)]
-pub(crate) struct Splat {
+pub struct Splat {
     /// Output: unsmoothed planes.
     pub layers: Layers,
     /// Of fronts and backs; one for both, unless both are drawn twice.
@@ -51,12 +51,12 @@ struct Culled {
 
 impl SplatBuffers {
     /// Nothing to draw yet.
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    pub fn new(gpu: &Gpu) -> Self {
         Self { layout: layout(gpu), chunks: Vec::new() }
     }
 
     /// Draws all of them with the pipeline that is set; they are its group 1.
-    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
+    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
         for chunk in &self.chunks {
             pass.set_bind_group(1, &chunk.group, &[]);
             pass.draw(0..4, 0..chunk.count);
@@ -69,7 +69,7 @@ impl SplatBuffers {
     }
 
     /// Uploads the frame's splats.
-    pub(crate) fn upload(&mut self, gpu: &Gpu, splats: &[SplatData]) {
+    pub fn upload(&mut self, gpu: &Gpu, splats: &[SplatData]) {
         let limits = gpu.device.limits();
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let most = (bytes as usize / size_of::<SplatData>()).max(1);
@@ -103,7 +103,7 @@ impl SplatBuffers {
 
 impl Splat {
     /// Compiles both pipelines; [`Splat::resize`] gives the pass its layers.
-    pub(crate) fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
+    pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let layouts = [Some(&camera.layout), Some(&layout(gpu))];
         let pipelines = pipelines(gpu, camera, "splat.wgsl", "vertex", &layouts);
         let (layers, depths) = sized(gpu, UVec2::ONE, 1, 1);
@@ -111,26 +111,21 @@ impl Splat {
     }
 
     /// As this one, with layers of its own: nothing is compiled again.
-    pub(crate) fn another(&self, gpu: &Gpu) -> Self {
+    pub fn another(&self, gpu: &Gpu) -> Self {
         let (layers, depths) = sized(gpu, UVec2::ONE, 1, 1);
         Self { layers, depths, pipelines: self.pipelines.clone(), culled: None }
     }
 
     /// Replaces the layers by ones of so many mip levels, into which all splats are drawn, or those
     /// alone that are not `culled`.
-    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2, levels: u32, culled: bool) {
+    pub fn resize(&mut self, gpu: &Gpu, size: UVec2, levels: u32, culled: bool) {
         let depths = if culled { 2 } else { 1 };
         (self.layers, self.depths) = sized(gpu, size, levels, depths);
     }
 
     /// Compiles what it takes to leave out hidden splats, if it is not there, and makes room for the
     /// frame's.
-    pub(crate) fn prepare_culled(
-        &mut self,
-        gpu: &Gpu,
-        camera: &CameraBinding,
-        splats: &SplatBuffers,
-    ) {
+    pub fn prepare_culled(&mut self, gpu: &Gpu, camera: &CameraBinding, splats: &SplatBuffers) {
         let culled = self.culled.get_or_insert_with(|| {
             let visible = cull::visible_layout(gpu);
             let layouts = [Some(&camera.layout), Some(&layout(gpu)), Some(&visible)];
@@ -142,7 +137,7 @@ impl Splat {
     }
 
     /// Clears both layers and draws the splats into them, or into the front alone.
-    pub(crate) fn record(
+    pub fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         camera: &CameraBinding,
@@ -158,7 +153,7 @@ impl Splat {
     }
 
     /// As [`Splat::record`], without those that are hidden; [`Splat::prepare_culled`] comes first.
-    pub(crate) fn record_culled(
+    pub fn record_culled(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,

@@ -13,12 +13,12 @@ use super::{CameraBinding, Layers};
 use crate::camera::CameraUniform;
 use crate::gpu::{Commands, Gpu, Timer};
 use crate::lights::PlacedView;
-use crate::passes::classify::{Eye, Splats, seen_past_walls};
+use crate::liquid::classify::{Eye, Splats, seen_past_walls};
 use crate::scene::Scene;
 
 /// A frame's splats on the device.
 #[derive(Debug)]
-pub(crate) struct Liquid {
+pub struct Liquid {
     /// Bodies and sheets.
     pub aggregates: SplatBuffers,
     /// Droplets.
@@ -27,12 +27,12 @@ pub(crate) struct Liquid {
 
 impl Liquid {
     /// Nothing to draw yet.
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    pub fn new(gpu: &Gpu) -> Self {
         Self { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) }
     }
 
     /// Uploads a frame's splats.
-    pub(crate) fn upload(&mut self, gpu: &Gpu, splats: &Splats) {
+    pub fn upload(&mut self, gpu: &Gpu, splats: &Splats) {
         self.aggregates.upload(gpu, &splats.aggregates);
         self.splashes.upload(gpu, &splats.splashes);
     }
@@ -40,7 +40,7 @@ impl Liquid {
 
 /// A view's passes up to the point where light is followed, and their outputs.
 #[derive(Debug)]
-pub(crate) struct Surfaces {
+pub struct Surfaces {
     pub camera: CameraBinding,
     pub scene: SceneBinding,
     pub aggregate: Splat,
@@ -57,7 +57,7 @@ pub(crate) struct Surfaces {
 
 /// What a view's textures are made for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Wanted {
+pub struct Wanted {
     /// Pixels.
     pub size: UVec2,
     /// The frame has splashes.
@@ -77,11 +77,11 @@ pub(crate) struct Wanted {
 }
 
 /// Names of the passes in the timings: splat, splashes, mixture, tiles, smooth, gbuffer.
-pub(crate) type Names = [&'static str; 6];
+pub type Names = [&'static str; 6];
 
 impl Surfaces {
     /// Compiles the passes for a perspective or an orthographic view.
-    pub(crate) fn new(gpu: &Gpu, orthographic: bool) -> Self {
+    pub fn new(gpu: &Gpu, orthographic: bool) -> Self {
         let camera = CameraBinding::new(gpu, orthographic);
         let scene = SceneBinding::new(gpu);
         let aggregate = Splat::new(gpu, &camera);
@@ -116,7 +116,7 @@ impl Surfaces {
     }
 
     /// Gives each pass what it needs at this size, and one pixel to those that do not run.
-    pub(crate) fn resize(&mut self, gpu: &Gpu, wanted: Wanted) {
+    pub fn resize(&mut self, gpu: &Gpu, wanted: Wanted) {
         let textures = |wanted: Wanted| Wanted { backs: true, ..wanted };
         let same = textures(wanted) == textures(self.wanted);
         self.wanted = wanted;
@@ -136,7 +136,7 @@ impl Surfaces {
 
     /// Uploads the splats as the view is to see them, where they are not to be seen through walls; of
     /// what has not moved since they are there.
-    pub(crate) fn look_past_walls(
+    pub fn look_past_walls(
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
@@ -157,7 +157,7 @@ impl Surfaces {
     /// Uploads the view and the scene as it sees it, with the lights' own views and maps, and
     /// compiles what is new.
     #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
-    pub(crate) fn prepare(
+    pub fn prepare(
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
@@ -189,7 +189,7 @@ impl Surfaces {
 
     /// Draws all of it.
     #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
-    pub(crate) fn record(
+    pub fn record(
         &self,
         gpu: &Gpu,
         commands: &mut Commands<'_>,
@@ -237,17 +237,17 @@ impl Surfaces {
     }
 
     /// What the liquid is drawn from: smoothed, if anything was.
-    pub(crate) fn aggregate_layers(&self) -> &Layers {
+    pub fn aggregate_layers(&self) -> &Layers {
         if self.smoothed { &self.smooth.layers } else { &self.aggregate.layers }
     }
 
     /// The layers of the splashes, if the frame has any.
-    pub(crate) fn splash_layers(&self) -> Option<&Layers> {
+    pub fn splash_layers(&self) -> Option<&Layers> {
         self.wanted.splash.then_some(&self.splash.layers)
     }
 
     /// Whether the opaque scene is drawn.
-    pub(crate) fn has_gbuffer(&self) -> bool {
+    pub fn has_gbuffer(&self) -> bool {
         self.wanted.gbuffer
     }
 }

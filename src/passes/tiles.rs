@@ -12,9 +12,9 @@ use crate::gpu::{self, Gpu, Span, TILE};
 
 /// Sorts tiles into those that liquid covers and the rest.
 #[derive(Debug)]
-pub(crate) struct Tiles {
+pub struct Tiles {
     /// Output.
-    pub(crate) lists: TileLists,
+    pub lists: TileLists,
     sort: [wgpu::ComputePipeline; 2],
     arrange: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
@@ -22,13 +22,13 @@ pub(crate) struct Tiles {
 
 /// The tiles, as buffers.
 #[derive(Debug, Clone)]
-pub(crate) struct TileLists {
+pub struct TileLists {
     /// Count, then the tiles that liquid covers: x + 65536 y.
-    pub(crate) liquid: wgpu::Buffer,
+    pub liquid: wgpu::Buffer,
     /// Count, then all others.
-    pub(crate) background: wgpu::Buffer,
+    pub background: wgpu::Buffer,
     /// Arguments of indirect dispatches, at [`TileLists::LIQUID`] and its like.
-    pub(crate) dispatches: wgpu::Buffer,
+    pub dispatches: wgpu::Buffer,
     size: UVec2,
     sections: Sections,
     sections_buffer: wgpu::Buffer,
@@ -49,7 +49,7 @@ pub struct Sections {
 impl Sections {
     /// The sections of a view of `size` pixels on this device, in whose slowest pass a pixel takes `each`
     /// work.
-    pub(crate) fn for_work(gpu: &Gpu, size: UVec2, each: u64) -> Self {
+    pub fn for_work(gpu: &Gpu, size: UVec2, each: u64) -> Self {
         let limits = gpu.device.limits();
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         Self::new(size, each, gpu.most_work(), limits.min_storage_buffer_offset_alignment, bytes)
@@ -79,44 +79,40 @@ impl Sections {
 
 impl TileLists {
     /// Dispatch over the liquid's tiles.
-    pub(crate) const LIQUID: u64 = 0;
+    pub const LIQUID: u64 = 0;
     /// Dispatch over the liquid's tiles, z being front and back.
-    pub(crate) const LIQUID_LAYERS: u64 = 16;
+    pub const LIQUID_LAYERS: u64 = 16;
     /// Dispatch over the other tiles.
-    pub(crate) const BACKGROUND: u64 = 32;
+    pub const BACKGROUND: u64 = 32;
     /// From one section's dispatches to the next one's.
     const DISPATCHES: u64 = 48;
 
     /// The sections of the lists.
-    pub(crate) fn sections(&self) -> std::ops::Range<u32> {
+    pub fn sections(&self) -> std::ops::Range<u32> {
         0..self.sections.count
     }
 
     /// Pixels of a section.
-    pub(crate) fn pixels(&self) -> u64 {
+    pub fn pixels(&self) -> u64 {
         u64::from(self.sections.tiles) * u64::from(TILE * TILE)
     }
 
     /// A section of `list`.
-    pub(crate) fn section<'a>(
-        &self,
-        list: &'a wgpu::Buffer,
-        section: u32,
-    ) -> wgpu::BindingResource<'a> {
+    pub fn section<'a>(&self, list: &'a wgpu::Buffer, section: u32) -> wgpu::BindingResource<'a> {
         let bytes = 4 * u64::from(self.sections.words);
         let (offset, size) = (u64::from(section) * bytes, wgpu::BufferSize::new(bytes));
         wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: list, offset, size })
     }
 
     /// Where the arguments of a section's dispatch are.
-    pub(crate) fn dispatch(&self, which: u64, section: u32) -> u64 {
+    pub fn dispatch(&self, which: u64, section: u32) -> u64 {
         Self::DISPATCHES * u64::from(section) + which
     }
 }
 
 impl Tiles {
     /// Compiles the pipelines; [`Tiles::resize`] gives the pass its lists.
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    pub fn new(gpu: &Gpu) -> Self {
         let bindings = [
             gpu::sampled(D2Array),
             gpu::sampled(D2Array),
@@ -138,12 +134,12 @@ impl Tiles {
     }
 
     /// Replaces the lists.
-    pub(crate) fn resize(&mut self, gpu: &Gpu, size: UVec2, sections: Sections) {
+    pub fn resize(&mut self, gpu: &Gpu, size: UVec2, sections: Sections) {
         self.lists = sized(gpu, size, sections);
     }
 
     /// Sorts the tiles by the splatted layers.
-    pub(crate) fn record(
+    pub fn record(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,

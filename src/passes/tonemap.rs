@@ -30,7 +30,7 @@ pub fn srgb_byte(c: f64) -> u8 {
 
 /// Draws a radiance picture into a caller's view.
 #[derive(Debug)]
-pub(crate) struct Tonemap {
+pub struct Tonemap {
     pipelines: HashMap<wgpu::TextureFormat, wgpu::RenderPipeline>,
     params: wgpu::Buffer,
     layout: wgpu::BindGroupLayout,
@@ -38,7 +38,7 @@ pub(crate) struct Tonemap {
 
 impl Tonemap {
     /// Makes the layout; a pipeline is compiled for each target format that is drawn to.
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    pub fn new(gpu: &Gpu) -> Self {
         let bindings = [gpu::sampled(D2), gpu.branching::<Params>()];
         Self {
             pipelines: HashMap::new(),
@@ -48,7 +48,7 @@ impl Tonemap {
     }
 
     /// Writes the parameters and compiles the pipeline for `format` if it is new.
-    pub(crate) fn prepare(
+    pub fn prepare(
         &mut self,
         gpu: &Gpu,
         settings: &settings::Tonemap,
@@ -67,7 +67,7 @@ impl Tonemap {
     }
 
     /// Draws `radiance` into `target`, a view of the same size in a prepared format.
-    pub(crate) fn record(
+    pub fn record(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,

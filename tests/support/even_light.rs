@@ -1,7 +1,7 @@
 //! The closed form of even light below level liquid.
 
 use glam::DVec3;
-use limpid::reference::optics::{fresnel, transmittance};
+use limpid_lab::reference::optics::{fresnel, transmittance};
 
 /// The share of the light of an even sky that falls on a level patch `depth` metres below the surface
 /// of liquid of index `ior`: the mean over the sky, by the square of the sine, of what gets in and is

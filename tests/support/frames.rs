@@ -12,10 +12,11 @@ use limpid::aov::{self, Aov};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::Gpu;
-use limpid::passes::classify::{Splat, Splats};
-use limpid::renderer::{Picture, Renderer};
+use limpid::liquid::classify::{Splat, Splats};
+use limpid::renderer::Renderer;
 use limpid::scene::{Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::Settings;
+use limpid::studio::Picture;
 
 /// A device and a renderer that counts.
 pub(crate) struct Stage {

@@ -5,20 +5,22 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use cap::Cap;
-use limpid::project::Project;
+use limpid::aov;
 use limpid::camera::Camera;
-use limpid::camera_path::CameraPath;
-use limpid::check::Suite;
-use limpid::environment::Environment;
-use limpid::frames::{FrameSpec, Shard};
 use limpid::glam::{DVec3, Vec3};
-use limpid::input::Missing;
-use limpid::output::OutputNames;
-use limpid::particles::{Particles, Up};
-use limpid::passes::classify as pass;
+use limpid::liquid::classify as pass;
+use limpid::liquid::{Particles, Up};
 use limpid::scene::Scene;
 use limpid::settings::{Classify, Settings};
-use limpid::{Error, aov, compare};
+use limpid_io::camera_path::CameraPath;
+use limpid_io::frames::{FrameSpec, Shard};
+use limpid_io::input::Missing;
+use limpid_io::output::OutputNames;
+use limpid_io::project::Project;
+use limpid_io::project::overrides::replaced;
+use limpid_io::{Error, environment as maps, exr, particles as files};
+use limpid_lab::check::Suite;
+use limpid_lab::compare;
 
 #[global_allocator]
 static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
@@ -38,7 +40,11 @@ fn within_memory<T>(bytes: usize, read: impl FnOnce() -> T) -> T {
 
 fn check_error(error: &Error, name: &str, codes: &[u8]) {
     let message = error.to_string();
-    assert!(codes.contains(&error.exit_code()), "exit code {}: {message}", error.exit_code());
+    assert!(
+        codes.contains(&(error.category() as u8)),
+        "exit code {}: {message}",
+        error.category() as u8
+    );
     assert!(message.contains(name) && message.len() < 2500 && !message.contains('\n'), "{message}");
 }
 
@@ -58,7 +64,7 @@ fn check_particles(particles: &Particles) {
 /// A file of particles.
 pub fn particles(extension: &str, bytes: &[u8]) {
     let path = PathBuf::from(format!("fuzzed{extension}"));
-    match within_memory(bytes.len(), || Particles::parse(&path, bytes)) {
+    match within_memory(bytes.len(), || files::parse(&path, bytes)) {
         Ok(particles) => check_particles(&particles),
         Err(error) => check_error(&error, "fuzzed", &[3, 4]),
     }
@@ -75,7 +81,7 @@ pub fn ellipsoids(bytes: &[u8]) {
         folder
     });
     std::fs::write(folder.join("fuzzed.ani"), bytes).expect("a file in memory");
-    let read = || Particles::read(&folder.join("fuzzed.pos"));
+    let read = || files::read(&folder.join("fuzzed.pos"));
     match within_memory(bytes.len(), read) {
         Ok(particles) => check_particles(&particles),
         Err(error) => check_error(&error, "fuzzed.ani", &[3, 4]),
@@ -131,25 +137,26 @@ pub fn arguments(bytes: &[u8]) {
         "f" if !long => text.parse::<FrameSpec>().err(),
         "s" => text.parse::<Shard>().err(),
         "c" => {
-            text.parse::<Camera>().inspect(|c| c.check().expect("a camera that can be used")).err()
+            let camera = text.parse::<Camera>();
+            camera.inspect(|c| c.check().expect("a camera that can be used")).err().map(Error::from)
         }
         "S" => replaced(&Settings::default(), &[text.into()])
             .inspect(|settings| settings.check().expect("settings that can be used"))
             .err(),
         "l" => Project::from(Scene::around(-DVec3::ONE, DVec3::ONE, 0.1)).set(&[text.into()]).err(),
-        "a" => aov::parse_list(text).err(),
+        "a" => aov::parse_list(text).err().map(Error::from),
         "o" => OutputNames::parse(text, 2).map(|names| names.path(i64::MIN)).err(),
         "m" => text.parse::<Missing>().err(),
         _ => None,
     };
     if let Some(error) = error {
-        assert_eq!(error.exit_code(), 2, "{error}");
+        assert_eq!(error.category() as u8, 2, "{error}");
     }
 }
 
 /// A picture around a scene.
 pub fn environment(bytes: &[u8]) {
-    match within_memory(bytes.len(), || Environment::parse(Path::new("fuzzed.exr"), bytes)) {
+    match within_memory(bytes.len(), || maps::parse(Path::new("fuzzed.exr"), bytes)) {
         Ok(environment) => assert!(environment.mean().is_finite()),
         Err(error) => check_error(&error, "fuzzed", &[3, 4]),
     }

@@ -1,0 +1,127 @@
+//! `limpid convert`.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use limpid::liquid::{Particles, Up};
+use limpid_io::frames::FrameSpec;
+use limpid_io::input;
+use limpid_io::notice::Notice;
+use limpid_io::output::{self, Files, Kind, OutputNames};
+use limpid_io::particles::{self, Contents};
+use limpid_io::sequence::{Frame, Sequence};
+use rayon::prelude::*;
+
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// A particle file, a pattern such as frame_{}.vtk, or a folder.
+    input: String,
+    /// The file, whose extension names the format; of several frames a name with a place for the
+    /// number (####, {}, %04d, $F4), or a folder, for `frame_####.bgeo` in it.
+    output: String,
+    /// Frames: 1-3,5, 7-20:2, all [default: all].
+    #[arg(long, allow_hyphen_values = true)]
+    frames: Option<FrameSpec>,
+    /// The axis that points up in the input, y or z; what is written has y up.
+    #[arg(long, default_value = "y", value_parser = parse_up)]
+    up: Up,
+    #[command(flatten)]
+    reading: crate::cli::Reading,
+    /// Leave frames alone whose file exists.
+    #[arg(long)]
+    skip_existing: bool,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let sequence = Sequence::open(&args.input)?;
+    let frames = args.frames.clone().unwrap_or_default().select(&sequence)?;
+    let folder = args.output.ends_with('/') || Path::new(&args.output).is_dir();
+    let output = match folder {
+        true => format!("{}/frame_####.bgeo", args.output.trim_end_matches('/')),
+        false => args.output.clone(),
+    };
+    let names = OutputNames::parse(&output, frames.len())?;
+    // Before anything is read.
+    particles::lost(&Particles::default(), Path::new(&output))?;
+    if folder {
+        output::check_folder(Path::new(&args.output))?;
+        let error =
+            |e| limpid_io::Error::Io { path: (&args.output).into(), action: "create", source: e };
+        std::fs::create_dir_all(&args.output).map_err(error)?;
+    }
+    let skip = |frame: &&Frame| args.skip_existing && names.path(frame.number).exists();
+    let todo: Vec<&Frame> = frames.into_iter().filter(|frame| !skip(frame)).collect();
+    let mut files = Files::default();
+    input::files_of(&args.input).iter().for_each(|path| files.reads(path));
+    for frame in &todo {
+        let path = names.path(frame.number);
+        files.writes(&path, Kind::Particles)?;
+        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("pos")) {
+            files.writes(&path.with_extension("ani"), Kind::Ellipsoids)?;
+        }
+    }
+
+    let gaps = sequence.gaps();
+    if args.frames.is_none() && !gaps.is_empty() {
+        crate::cli::complain(Notice::Gaps(gaps, None));
+    }
+    let bar = crate::render::progress(todo.len());
+    let (mut lost, mut ignored) = (Vec::new(), Vec::new());
+    // No more frames in memory than threads, whichever of their work is stolen.
+    for frames in todo.chunks(rayon::current_num_threads()) {
+        let convert = |frame: &&Frame| {
+            let converted = convert(frame, &names.path(frame.number), args);
+            bar.inc(1);
+            converted
+        };
+        let converted: Vec<_> = frames.par_iter().map(convert).collect();
+        for names in converted {
+            // A line of the bar must not be left beside the error.
+            let (names, arrays) = names.inspect_err(|_| bar.finish_and_clear())?;
+            add(&mut lost, names);
+            add(&mut ignored, arrays);
+        }
+    }
+    bar.finish_and_clear();
+    if !lost.is_empty() {
+        crate::cli::complain(format!("{output}: this format has no room for {}", lost.join(", ")));
+    }
+    if !ignored.is_empty() {
+        let (arrays, those) = (ignored.join(", "), if ignored.len() > 1 { "are" } else { "is" });
+        let remedy = "--map reads attributes from arrays of other names";
+        crate::cli::complain(format!("{}: {arrays} {those} left out; {remedy}", args.input));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Converts a frame, and says what was lost: attributes that the format cannot hold, and arrays
+/// that are none.
+fn convert(
+    frame: &Frame,
+    path: &Path,
+    args: &Args,
+) -> limpid_io::Result<(Vec<&'static str>, Vec<String>)> {
+    let Contents { mut particles, arrays, .. } =
+        Contents::read(&frame.path, &args.reading.options())?;
+    particles.to_y_up(args.up);
+    particles::write(&particles, path)?;
+    let ignored = arrays.into_iter().filter(|array| array.used_as.is_none());
+    Ok((particles::lost(&particles, path)?, ignored.map(|array| array.name).collect()))
+}
+
+/// Adds the names that are not there yet.
+fn add<T: PartialEq>(names: &mut Vec<T>, more: Vec<T>) {
+    for name in more {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+}
+
+fn parse_up(text: &str) -> Result<Up, &'static str> {
+    match text {
+        "y" | "Y" => Ok(Up::Y),
+        "z" | "Z" => Ok(Up::Z),
+        _ => Err("expected y or z"),
+    }
+}

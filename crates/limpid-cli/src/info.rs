@@ -1,0 +1,172 @@
+//! `limpid info`.
+
+use std::process::ExitCode;
+
+use limpid_io::Error;
+use limpid_io::frames::FrameSpec;
+use limpid_io::input::Input;
+use limpid_io::particles::{Array, Attribute, Contents, attribute_names};
+use serde::Serialize;
+
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// A scene or recipe, a particle file, a pattern or a folder.
+    input: String,
+    /// Frames to describe [default: the first].
+    #[arg(long, allow_hyphen_values = true)]
+    frames: Option<FrameSpec>,
+    /// Particle radius in metres, where the files have none.
+    #[arg(long)]
+    radius: Option<f32>,
+    #[command(flatten)]
+    reading: crate::cli::Reading,
+    /// Print machine-readable results.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Info {
+    pattern: String,
+    frames: usize,
+    first: i64,
+    last: i64,
+    described: Vec<FrameInfo>,
+}
+
+#[derive(Serialize)]
+struct FrameInfo {
+    frame: i64,
+    path: String,
+    particles: usize,
+    min: [f64; 3],
+    max: [f64; 3],
+    /// The box around the bulk of the particles, for which cameras and floors are made.
+    bulk_min: [f64; 3],
+    bulk_max: [f64; 3],
+    /// How many particles lie outside of that.
+    outside: usize,
+    attributes: Vec<&'static str>,
+    /// What the file holds besides the places.
+    arrays: Vec<ArrayInfo>,
+    /// m; estimated from the spacing unless given, none for a lone particle.
+    radius: Option<f32>,
+}
+
+#[derive(Serialize)]
+struct ArrayInfo {
+    name: String,
+    shape: Vec<usize>,
+    /// The attribute that it is read as; none of one that is ignored.
+    used_as: Option<&'static str>,
+    /// Name and shape.
+    #[serde(skip)]
+    told: String,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let mut input = Input::outline(&args.input)?.with_options(&args.reading.options());
+    if let Some(radius) = args.radius {
+        input = input.with_radius(radius)?;
+    }
+    // With the radius that `render` takes; what has none is described without.
+    let input = match input.clone().settle() {
+        Ok((settled, _)) => settled,
+        Err(error @ Error::Render(limpid::Error::Memory { .. })) => return Err(error.into()),
+        Err(_) => input,
+    };
+    let frames = &input.sequence.frames;
+    let chosen = match &args.frames {
+        Some(spec) => spec.select(&input.sequence)?,
+        None => frames.iter().take(1).collect(),
+    };
+    let mut info = Info {
+        pattern: input.sequence.pattern.clone(),
+        frames: frames.len(),
+        first: frames.first().map_or(0, |frame| frame.number),
+        last: frames.last().map_or(0, |frame| frame.number),
+        described: Vec::new(),
+    };
+    for frame in chosen {
+        let Contents { particles, arrays, .. } = input.contents(frame)?;
+        // The rest can be told of a file without a radius.
+        let radius = match input.radius(frame, &particles) {
+            Err(Error::Scene { .. }) => None,
+            radius => Some(radius?),
+        };
+        let (min, max) = particles.bounds().unwrap_or_default();
+        let bulk = particles.bulk().unwrap_or_default();
+        info.described.push(FrameInfo {
+            frame: frame.number,
+            path: frame.path.display().to_string(),
+            particles: particles.len(),
+            min: min.to_array().map(shortest),
+            max: max.to_array().map(shortest),
+            bulk_min: bulk.bounds.0.to_array().map(shortest),
+            bulk_max: bulk.bounds.1.to_array().map(shortest),
+            outside: bulk.outside,
+            attributes: attribute_names(&particles).collect(),
+            arrays: arrays.into_iter().map(array_info).collect(),
+            radius,
+        });
+    }
+    let text = if args.json { serde_json::to_string_pretty(&info)? } else { describe(&info) };
+    crate::cli::print(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+impl ArrayInfo {
+    /// `velocity (4732, 3)`, `U (4732, 3) as velocity`.
+    fn tell(&self) -> String {
+        match self.used_as {
+            Some(attribute) if attribute != self.name => format!("{} as {attribute}", self.told),
+            _ => self.told.clone(),
+        }
+    }
+}
+
+fn array_info(array: Array) -> ArrayInfo {
+    let told = array.to_string();
+    let Array { name, shape, used_as } = array;
+    ArrayInfo { name, shape, used_as: used_as.map(Attribute::name), told }
+}
+
+/// A 32-bit float's own digits, not those that it has as a 64-bit one.
+fn shortest(x: f64) -> f64 {
+    let single = x as f32;
+    if f64::from(single) == x { single.to_string().parse().unwrap_or(x) } else { x }
+}
+
+fn describe(info: &Info) -> String {
+    let mut lines =
+        vec![format!("{}: {} frames, {} to {}", info.pattern, info.frames, info.first, info.last)];
+    for frame in &info.described {
+        let attributes = match frame.attributes.as_slice() {
+            [] => "positions only".to_owned(),
+            names => names.join(", "),
+        };
+        let extent = |min: [f64; 3], max: [f64; 3]| {
+            let [x, y, z] = [0, 1, 2].map(|i| format!("{} to {}", min[i], max[i]));
+            format!("x {x}, y {y}, z {z} m")
+        };
+        lines.push(format!("frame {}: {}", frame.frame, frame.path));
+        lines.push(format!("  {} particles, {attributes}", frame.particles));
+        for (used, title) in [(true, "used"), (false, "ignored")] {
+            let arrays = frame.arrays.iter().filter(|array| array.used_as.is_some() == used);
+            let told: Vec<String> = arrays.map(ArrayInfo::tell).collect();
+            if !told.is_empty() {
+                lines.push(format!("  {title}: {}", told.join(", ")));
+            }
+        }
+        lines.push(format!("  {}", extent(frame.min, frame.max)));
+        if frame.outside > 0 {
+            let bulk = extent(frame.bulk_min, frame.bulk_max);
+            lines.push(format!("  {} lie outside of {bulk}", frame.outside));
+        }
+        lines.push(match frame.radius {
+            Some(radius) => format!("  radius {radius} m"),
+            None => "  no radii, and no spacing to estimate one from".to_owned(),
+        });
+    }
+    lines.join("\n")
+}

@@ -1,0 +1,489 @@
+//! `limpid render`.
+
+mod loader;
+mod manifest;
+mod output;
+mod pick;
+mod plan;
+mod queue;
+mod words;
+
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crate::fingerprint::{self, Fingerprints};
+use glam::UVec2;
+use indicatif::{ProgressBar, ProgressStyle};
+use limpid::Error::{Defect, DeviceLost};
+use limpid::aov::{self, Aov, Part};
+use limpid::camera::Camera;
+use limpid::gpu::{Gpu, PassTime};
+use limpid::scene::Scene;
+use limpid::settings::Preset;
+use limpid::studio::{Drawing, Studio};
+use limpid_io::Error;
+use limpid_io::claim::Claims;
+use limpid_io::film;
+use limpid_io::frames::{FrameSpec, Shard};
+use limpid_io::input::{Loaded, Missing};
+use limpid_io::notice::Notice;
+use limpid_io::output::Kind;
+use limpid_io::place::Place;
+use limpid_io::project::overrides;
+use limpid_lab::quality::Picked;
+use serde::Serialize;
+
+use crate::pipeline_cache;
+use crate::signals;
+use loader::Loader;
+use manifest::{Log, Manifest, Outcome, Status};
+use output::Output;
+use plan::Plan;
+use queue::{Job, Queue};
+use words::Words;
+
+/// Exit codes: some frames failed and others did not, there is no adapter that can draw them, and
+/// the device failed.
+const FAILED_CODE: u8 = 1;
+const NO_ADAPTER: u8 = 5;
+const RETRYABLE: u8 = 6;
+
+/// A device is given up that has failed for so many frames in a row.
+const DEVICE_FAILURES: u32 = 3;
+
+/// One argument, not one per value as clap would read a `Vec`.
+type AovList = Vec<Aov>;
+
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// A scene or recipe (.toml), a particle file, a pattern such as frame_{}.bgeo, or a folder; without
+    /// one, the built-in demo.
+    input: Option<String>,
+    /// Draw the input's particles in this scene.
+    #[arg(long)]
+    scene: Option<PathBuf>,
+    /// The picture: .png, .jpg, .webp, or .exr for linear radiance; of several frames a name with a
+    /// place for the number (####, {}, %04d, $F4), or a folder [default: limpid.png,
+    /// limpid_####.png]. A film of them ends in .mp4 or .webm, which need ffmpeg, or in .gif or .apng.
+    #[arg(short, long)]
+    output: Option<String>,
+    /// Width and height in pixels.
+    #[arg(long, default_value = "1024x768", value_parser = parse_size)]
+    size: UVec2,
+    /// Frames: 1-3,5, 1-10x2 (also 1-10:2), 10-1, -5..-1, 1-10@b, all [default: the scene's frame,
+    /// or all].
+    #[arg(long, allow_hyphen_values = true)]
+    frames: Option<FrameSpec>,
+    /// One moment at this time, in frames: 12.25 is a quarter of the way from 12 to 13.
+    #[arg(long, allow_hyphen_values = true, value_name = "TIME", value_parser = parse_time)]
+    at: Option<f64>,
+    /// Where it is seen from, m and degrees: `eye=1,2,3 target=0,0,0 fov_y=40`, and where wanted
+    /// up=0,1,0 and near=0.01 [default: the scene's camera].
+    #[arg(long, allow_hyphen_values = true, conflicts_with = "camera_path")]
+    camera: Option<Camera>,
+    /// What stands for a frame that is not there: error, empty or hold (the last one before).
+    #[arg(long, default_value = "error")]
+    missing: Missing,
+    /// Memory for frames that are loaded ahead, MiB.
+    #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
+    memory: u64,
+    #[command(flatten)]
+    reading: crate::cli::Reading,
+    /// One share of the frames, I/N with I from 1.
+    #[arg(long)]
+    shard: Option<Shard>,
+    /// Leave frames alone whose picture is whole and was made from the same particles with the same
+    /// settings, in this size, by this version.
+    #[arg(long)]
+    skip_existing: bool,
+    /// Share the frames with all others that are started like this, on any machine that has the
+    /// pictures' folder: each draws what nobody has claimed. Skips what exists.
+    #[arg(long)]
+    claim: bool,
+    /// Take over a claim that was not renewed for so long: its process is dead, or cut off.
+    #[arg(long, value_name = "SECONDS", default_value = "120", requires = "claim", value_parser = clap::value_parser!(u64).range(1..=1 << 32))]
+    claim_timeout: u64,
+    /// Draw the other frames where one fails; the exit code is 1 then.
+    #[arg(long)]
+    keep_going: bool,
+    /// Add a line of JSON for each frame to a file, which several processes may share.
+    #[arg(long, value_name = "FILE.jsonl")]
+    manifest: Option<PathBuf>,
+    /// Pictures per second, of a film and of the camera's movement [default: the sequence's frames
+    /// per second if the scene says them, or 30].
+    #[arg(long, value_name = "F")]
+    fps: Option<f64>,
+    /// Slow motion below 1, fast above. Between frames particles are interpolated by their ids and
+    /// velocities.
+    #[arg(long, value_name = "X")]
+    speed: Option<f64>,
+    /// Move the camera along the keys of a file; of one frame of particles, for as long as they
+    /// last.
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "turntable")]
+    camera_path: Option<PathBuf>,
+    /// Move the camera around its target, a full turn in so many seconds.
+    #[arg(long, value_name = "SECONDS")]
+    turntable: Option<f64>,
+    /// Rays per pixel: 1 to look, 4 for final frames.
+    #[arg(long)]
+    samples: Option<u32>,
+    /// Particle radius in metres, where the files have none.
+    #[arg(long)]
+    radius: Option<f32>,
+    /// Draw by a published method: limpid, imai2014, imai2016 or mayer2026. Replaces the scene's
+    /// settings, all but the tone mapping; --set comes after.
+    #[arg(long, value_name = "NAME", value_parser = overrides::preset)]
+    preset: Option<Preset>,
+    /// Replace a setting: refract.solver=march; or the liquid: liquid.ior=1.4,
+    /// "liquid.absorption=[1, 0.3, 0.1]", "fluid.2.absorption=[0, 0, 5]".
+    #[arg(long, value_name = "PASS.NAME=VALUE")]
+    set: Vec<String>,
+    /// The fastest intersector whose hits are at most so many pixels off, RMS, a miss counting as 10;
+    /// of those that are as fast, the most exact. All other settings stay. Draws the first frame some
+    /// times with each, and says what it picked. Not for what several machines share, which would
+    /// pick otherwise.
+    #[arg(long, value_name = "PX", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
+    max_error: Option<f64>,
+    /// The best picture in so much time on the device, ms a frame: picks the intersector, its rays, bounces
+    /// and smoothing by drawing the first frame some times with each, and says what it picked. Not for
+    /// what several machines share.
+    #[arg(long, value_name = "MS", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
+    budget: Option<f64>,
+    /// Write intermediate images beside each picture, as NAME.aov.exr: a list, or all.
+    #[arg(long, value_name = "LIST", value_parser = aov::parse_list)]
+    aov: Option<AovList>,
+    /// Say nothing on standard error but errors and whom it waits for, and show no progress.
+    #[arg(short, long)]
+    quiet: bool,
+    /// Write adapter, counts and milliseconds per pass.
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Stats {
+    adapter: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    picked: Option<Picked>,
+    frames: Vec<FrameStats>,
+}
+
+#[derive(Serialize)]
+struct FrameStats {
+    frame: i64,
+    particles: usize,
+    splashes: usize,
+    passes: Vec<PassTime>,
+    total_ms: f64,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let mut plan = Plan::new(args)?;
+    output::check(args, &plan.takes)?;
+    let picked = pick::pick(args, &mut plan)?;
+    let Plan { input, scene, moments, takes, fps, notices } = plan;
+    // A film must not stay behind half-written.
+    signals::finish_first();
+    let output = Output::open(args, takes.len(), fps)?;
+    let pictures = output.pictures().cloned();
+    // Before anything is loaded: what a file becomes afterwards is not what was drawn.
+    let fingerprints = Fingerprints::new(&input, &moments, &scene, args.size);
+    let host = gethostname::gethostname().to_string_lossy().into_owned();
+    let claims = pictures.clone().filter(|_| args.claim).map(|pictures| {
+        let version = env!("CARGO_PKG_VERSION");
+        let owner = format!("limpid {version} on {host}, process {}\n", std::process::id());
+        (Claims::new(owner, Duration::from_secs(args.claim_timeout)), pictures)
+    });
+    let manifest = args.manifest.as_deref().map(|path| Manifest::open(path, host)).transpose()?;
+    let keep_going = args.keep_going;
+    let bar = if args.quiet { ProgressBar::hidden() } else { progress(takes.len()) };
+    let mut words = Words::new(bar.clone(), args.quiet);
+    notices.iter().for_each(|notice| words.notice(notice));
+    let mut log = Log { manifest, pictures, bar, keep_going, failed: Vec::new() };
+    let takes: Vec<_> = args.shard.unwrap_or_default().of(takes).collect();
+    let wanted = takes.len();
+    let mut queue = Queue::new(takes, fingerprints, claims);
+    if args.skip_existing || args.claim {
+        queue.skip(&mut log)?;
+    }
+    if queue.is_empty() && wanted == 0 {
+        words.line("there are no pictures in this share of the frames");
+        return Ok(ExitCode::SUCCESS);
+    }
+    if queue.is_empty() {
+        let there = wanted - log.failed.len();
+        words.line(&format!("{there} of {wanted} pictures are there already"));
+        return Ok(ending(log.failed, wanted));
+    }
+    log.bar.set_length(queue.len() as u64);
+
+    // What is loaded ahead is what others draw, where frames are claimed one by one.
+    let memory = if args.claim { 0 } else { args.memory << 20 };
+    let place = Place::awaited();
+    let loader = Loader::new(input, place, &scene, &moments, queue.pending(), memory);
+    // Particles are read meanwhile.
+    let opened = pipeline_cache::open_adapter();
+    loader.place().set(opened.as_ref().ok().map(|(gpu, _)| gpu));
+    let (gpu, cache) = opened?;
+    let mut easel = Easel {
+        args,
+        scene,
+        studio: studio(args, &gpu, moments.len() == 1),
+        at_rest: moments.len() == 1,
+        place: loader.place().clone(),
+        output,
+        stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
+        words,
+        failures: 0,
+        since: Instant::now(),
+    };
+    let drawn = draw_all(&mut easel, &mut queue, &loader, &mut log);
+    log.bar.finish_and_clear();
+    if let Some(cache) = cache {
+        cache.save();
+    }
+    if let Some(path) = &args.stats {
+        let text = serde_json::to_string_pretty(&easel.stats)?;
+        let write = |file: &mut BufWriter<&File>| file.write_all(text.as_bytes());
+        limpid_io::output::write_atomically(path, Kind::Measurements, write)?;
+    }
+    drawn?;
+    if let Some(code) = signals::received().filter(|_| !queue.is_empty()) {
+        return Ok(ExitCode::from(code));
+    }
+    let Easel { output, stats, words, .. } = easel;
+    let failed = log.failed;
+    let numbers: Vec<i64> = stats.frames.iter().map(|frame| frame.frame).collect();
+    let others = wanted.saturating_sub(numbers.len() + failed.len());
+    let told = output.told(&numbers, others);
+    output.finish()?;
+    words.end();
+    words.line(&told);
+    let all = failed.len() + stats.frames.len();
+    Ok(ending(failed, all))
+}
+
+/// The exit code of a run, with a line on the frames that failed.
+fn ending(failed: Vec<i64>, all: usize) -> ExitCode {
+    if failed.is_empty() {
+        return ExitCode::SUCCESS;
+    }
+    crate::cli::complain(format!(
+        "{} of {all} frames failed: {}",
+        failed.len(),
+        FrameSpec::List(failed)
+    ));
+    ExitCode::from(FAILED_CODE)
+}
+
+/// Draws what the queue gives out, until it is empty or a signal has come. While the device draws a
+/// picture, the one before is written, and particles for the next are loaded and uploaded.
+fn draw_all(
+    easel: &mut Easel<'_>,
+    queue: &mut Queue,
+    loader: &Loader,
+    log: &mut Log,
+) -> limpid_io::Result<()> {
+    let mut before = None;
+    let mut next = queue.next(log)?;
+    while let Some(job) = next {
+        // While its particles still come, the one before need not wait for them.
+        if !loader.has(&job.take)
+            && let Some((job, sitting)) = before.take()
+        {
+            easel.conclude(&job, sitting, log)?;
+        }
+        let sitting = loader.wait(&job.take).map(|loaded| easel.begin(&job, loaded));
+        if let Some((job, sitting)) = before.take() {
+            easel.conclude(&job, sitting, log)?;
+        }
+        // Only now, with the claim on the one before given up: a process holds two at most.
+        next = queue.next_free(log)?;
+        if let Some(next) = &next {
+            loader.aim(&next.take, &job.take);
+        }
+        before = Some((job, sitting));
+        let interrupted = signals::received().is_some();
+        if (interrupted || next.is_none())
+            && let Some((job, sitting)) = before.take()
+        {
+            easel.conclude(&job, sitting, log)?;
+        }
+        if interrupted {
+            queue.give_back(next);
+            return Ok(());
+        }
+        if next.is_none() {
+            next = queue.next(log)?;
+            easel.since = Instant::now();
+        }
+    }
+    Ok(())
+}
+
+/// A picture that is being drawn.
+struct Sitting {
+    loaded: Arc<Loaded>,
+    drawing: limpid_io::Result<Begun>,
+}
+
+/// What is told to the device, and what has come back of it already.
+struct Begun {
+    drawing: Drawing,
+    /// Intermediate images.
+    images: Vec<Part>,
+    /// The linear picture, if that is written.
+    radiance: Option<Part>,
+}
+
+/// What pictures are drawn with and go to.
+struct Easel<'a> {
+    args: &'a Args,
+    scene: Scene,
+    studio: Studio,
+    /// All pictures are of the same particles.
+    at_rest: bool,
+    /// Where particles are classified.
+    place: Place,
+    output: Output,
+    stats: Stats,
+    words: Words,
+    /// Of the device, in a row.
+    failures: u32,
+    /// When the last picture was done, or the wait for others.
+    since: Instant,
+}
+
+impl Easel<'_> {
+    /// Tells the device to draw a picture.
+    fn begin(&mut self, job: &Job, loaded: Arc<Loaded>) -> Sitting {
+        let view = (&job.take.camera, self.args.size);
+        self.words.frame(&loaded, &self.scene, view, &self.stats.adapter);
+        let drawing = self.begin_drawing(job, &loaded);
+        Sitting { loaded, drawing }
+    }
+
+    fn begin_drawing(&mut self, job: &Job, loaded: &Loaded) -> limpid_io::Result<Begun> {
+        let Self { args, scene, studio, output, words, .. } = self;
+        let drawing = studio.begin(scene, &job.take.camera, &loaded.splats, args.size)?;
+        let straight = studio.renderer.lights_without_caustics();
+        if !straight.is_empty() {
+            words.notice(&Notice::Straight(straight));
+        }
+        // The next picture's images take their place.
+        let chosen = args.aov.as_deref().unwrap_or_default();
+        let images = if chosen.is_empty() { Vec::new() } else { studio.images(chosen)? };
+        let radiance = output.is_linear().then(|| studio.radiance()).transpose()?;
+        Ok(Begun { drawing, images, radiance })
+    }
+
+    /// Writes a picture, and what has become of it.
+    fn conclude(
+        &mut self,
+        job: &Job,
+        sitting: limpid_io::Result<Sitting>,
+        log: &mut Log,
+    ) -> limpid_io::Result<()> {
+        match sitting.and_then(|sitting| self.finish(job, sitting)) {
+            Ok(outcome) => {
+                self.failures = 0;
+                let ms = Some(self.since.elapsed().as_micros() as f64 / 1e3);
+                log.add(&job.take, job.fingerprint, Status::Done, Outcome { ms, ..outcome })?;
+                log.bar.inc(1);
+            }
+            Err(error) => {
+                let code = error.category() as u8;
+                self.failures = if code == RETRYABLE { self.failures + 1 } else { 0 };
+                log.keep_going &= code != NO_ADAPTER && self.failures != DEVICE_FAILURES;
+                log.fail(&job.take, job.fingerprint, error)?;
+            }
+        }
+        self.since = Instant::now();
+        Ok(())
+    }
+
+    /// To keep going after the device has failed, or refused what it was told, is to open it anew, once
+    /// for a picture: it would do so for ever.
+    fn finish(&mut self, job: &Job, sitting: Sitting) -> limpid_io::Result<Outcome> {
+        let Sitting { loaded, drawing } = sitting;
+        match drawing.and_then(|drawing| self.write(job, &loaded, drawing)) {
+            Err(Error::Render(DeviceLost(_) | Defect(_))) if self.args.keep_going => {
+                let gpu = limpid_io::device::open()?;
+                self.place.set(Some(&gpu));
+                self.studio = studio(self.args, &gpu, self.at_rest);
+                self.stats.adapter = gpu.adapter();
+                let drawing = self.begin_drawing(job, &loaded)?;
+                self.write(job, &loaded, drawing)
+            }
+            outcome => outcome,
+        }
+    }
+
+    /// Waits for the device.
+    fn write(
+        &mut self,
+        job: &Job,
+        loaded: &Loaded,
+        Begun { drawing, images, radiance }: Begun,
+    ) -> limpid_io::Result<Outcome> {
+        let Self { args, output, stats, .. } = self;
+        let shot = drawing.wait()?;
+        if let (Some(_), Some(pictures)) = (&args.aov, output.pictures()) {
+            pictures.write_aovs(&job.take, images, job.fingerprint)?;
+        }
+        // The picture last: where it exists, all that belongs to it does.
+        output.write(&job.take, &shot.picture, radiance, job.fingerprint)?;
+        stats.frames.push(FrameStats {
+            frame: job.take.number,
+            particles: loaded.particles,
+            splashes: loaded.splats.splashes.len(),
+            total_ms: shot.passes.iter().map(|pass| pass.ms).sum(),
+            passes: shot.passes,
+        });
+        Ok(Outcome {
+            pixels: Some(format!("{:08x}", fingerprint::checksum(&shot.picture))),
+            particles: Some(loaded.particles),
+            adapter: Some(stats.adapter.clone()),
+            ..Outcome::default()
+        })
+    }
+}
+
+fn studio(args: &Args, gpu: &Gpu, at_rest: bool) -> Studio {
+    let mut studio = Studio::new(gpu);
+    studio.renderer.timing = args.stats.is_some();
+    studio.renderer.diagnose = args.aov.is_some();
+    // A camera that moves around particles at rest leaves the lights' maps as they are.
+    studio.renderer.reuse = at_rest && (args.turntable.is_some() || args.camera_path.is_some());
+    studio
+}
+
+/// The file that `-o` names, if it is a film's.
+fn film_path(args: &Args) -> Option<&Path> {
+    let path = Path::new(args.output.as_ref()?);
+    film::Kind::of(path).filter(|_| !path.is_dir()).map(|_| path)
+}
+
+/// Hidden unless standard error is a terminal.
+pub(super) fn progress(frames: usize) -> ProgressBar {
+    let bar = if frames > 1 { ProgressBar::new(frames as u64) } else { ProgressBar::hidden() };
+    let template = "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left";
+    bar.with_style(ProgressStyle::with_template(template).expect("the template is valid"))
+}
+
+fn parse_time(text: &str) -> Result<f64, &'static str> {
+    let time = text.parse().ok().filter(|time: &f64| time.is_finite());
+    time.ok_or("expected a time in frames, as 12 or 12.25")
+}
+
+pub(crate) fn parse_size(text: &str) -> Result<UVec2, String> {
+    let parse = || {
+        let (width, height) = text.split_once(['x', 'X'])?;
+        Some(UVec2::new(width.parse().ok()?, height.parse().ok()?))
+    };
+    parse().filter(|size| size.min_element() > 0).ok_or("expected WIDTHxHEIGHT, as 1024x768".into())
+}

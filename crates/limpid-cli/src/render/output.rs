@@ -1,0 +1,219 @@
+//! Where the pictures go.
+
+use std::path::{Path, PathBuf};
+
+use crate::fingerprint::Fingerprint;
+use glam::UVec2;
+use image::RgbImage;
+use limpid::aov::{Aov, Part};
+use limpid_io::Error;
+use limpid_io::exr;
+use limpid_io::film::{Film, Take};
+use limpid_io::input;
+use limpid_io::output::{self, Files, Kind, OutputNames, PictureFormat};
+
+use super::{Args, film_path};
+
+pub(super) enum Output {
+    Pictures(Pictures),
+    Film(Box<Film>),
+}
+
+/// Files of their own.
+#[derive(Clone)]
+pub(super) struct Pictures {
+    names: OutputNames,
+    format: PictureFormat,
+    size: UVec2,
+    aovs: Option<Vec<Aov>>,
+}
+
+/// Fails if an output is an input, another output or a file of another kind, or cannot be written:
+/// before anything is drawn.
+pub(super) fn check(args: &Args, takes: &[Take]) -> limpid_io::Result<()> {
+    let mut files = Files::default();
+    let scene = args.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
+    for input in args.input.iter().chain(&scene) {
+        input::files_of(input).iter().for_each(|path| files.reads(path));
+    }
+    args.camera_path.iter().for_each(|path| files.reads(path));
+    match film_path(args) {
+        Some(path) => files.writes(path, Kind::Film)?,
+        None => {
+            let pictures = Pictures::new(args, takes.len())?;
+            pictures.names.create_folder()?;
+            for take in args.shard.unwrap_or_default().of(takes) {
+                let path = pictures.path(take);
+                files.writes(&path, Kind::Picture)?;
+                if pictures.aovs.is_some() {
+                    files.writes(&aov_path(&path), Kind::Picture)?;
+                }
+            }
+        }
+    }
+    args.stats.iter().try_for_each(|path| files.writes(path, Kind::Measurements))?;
+    args.manifest.iter().try_for_each(|path| files.writes(path, Kind::Manifest))
+}
+
+impl Output {
+    /// For `count` pictures of all machines.
+    pub(super) fn open(args: &Args, count: usize, fps: f64) -> limpid_io::Result<Self> {
+        let Some(path) = film_path(args) else {
+            let pictures = Pictures::new(args, count)?;
+            output::sweep(folder_of(&pictures.names.path(0)));
+            return Ok(Self::Pictures(pictures));
+        };
+        let name = path.display();
+        let refuse = |problem: &str| Err(Error::Usage(format!("{name}: {problem}")));
+        // Only a name with a place for the number is good for two.
+        if OutputNames::parse(&name.to_string(), 2).is_ok() {
+            return refuse("a film is one file; leave the place for the number out");
+        }
+        if args.shard.is_some() {
+            return refuse("--shard shares pictures out, and a film needs them all; write .png");
+        }
+        if args.claim {
+            return refuse("--claim shares pictures out, and a film needs them all; write .png");
+        }
+        if args.skip_existing {
+            return refuse("--skip-existing completes pictures; a film is written whole");
+        }
+        if args.keep_going {
+            return refuse("--keep-going leaves frames out; a film is written whole");
+        }
+        if args.aov.is_some() {
+            return refuse("--aov goes beside pictures; write .png");
+        }
+        if args.manifest.is_some() {
+            return refuse("--manifest lists pictures, and a film is one file; write .png");
+        }
+        output::sweep(folder_of(path));
+        Film::create(path, args.size, fps).map(|film| Self::Film(Box::new(film)))
+    }
+
+    pub(super) fn pictures(&self) -> Option<&Pictures> {
+        match self {
+            Self::Pictures(pictures) => Some(pictures),
+            Self::Film(_) => None,
+        }
+    }
+
+    pub(super) fn write(
+        &mut self,
+        take: &Take,
+        picture: &RgbImage,
+        radiance: Option<Part>,
+        fingerprint: Fingerprint,
+    ) -> limpid_io::Result<()> {
+        match (self, radiance) {
+            (Self::Pictures(pictures), Some(radiance)) => {
+                exr::write_noted(&pictures.path(take), vec![radiance], fingerprint.exr_note())
+            }
+            (Self::Pictures(pictures), None) => {
+                output::write_picture(&pictures.path(take), picture, &fingerprint.notes(picture))
+            }
+            (Self::Film(film), _) => film.push(picture),
+        }
+    }
+
+    /// Whether it is radiance that is written.
+    pub(super) fn is_linear(&self) -> bool {
+        self.pictures().is_some_and(|pictures| pictures.format == PictureFormat::Exr)
+    }
+
+    /// `wrote a.png`, of the pictures with these numbers and so many others that others have drawn.
+    pub(super) fn told(&self, numbers: &[i64], others: usize) -> String {
+        let count = numbers.len();
+        let there = match others {
+            0 => String::new(),
+            1 => "; 1 was there already".into(),
+            _ => format!("; {others} were there already"),
+        };
+        let path = |number: Option<&i64>| match (self, number) {
+            (Self::Pictures(pictures), Some(&number)) => {
+                pictures.names.path(number).display().to_string()
+            }
+            (Self::Pictures(_), None) => String::new(),
+            (Self::Film(film), _) => film.path().display().to_string(),
+        };
+        let (first, last) = (path(numbers.iter().min()), path(numbers.iter().max()));
+        match self {
+            Self::Film(_) if count == 1 => format!("wrote {first}, one picture"),
+            Self::Film(_) => format!("wrote {first}, {count} pictures"),
+            Self::Pictures(_) if count == 0 => format!("wrote nothing{there}"),
+            Self::Pictures(_) if count == 1 => format!("wrote {first}{there}"),
+            Self::Pictures(_) => format!("wrote {count} pictures, {first} to {last}{there}"),
+        }
+    }
+
+    pub(super) fn finish(self) -> limpid_io::Result<()> {
+        match self {
+            Self::Pictures(_) => Ok(()),
+            Self::Film(film) => film.finish(),
+        }
+    }
+}
+
+impl Pictures {
+    /// For `count` pictures.
+    fn new(args: &Args, count: usize) -> limpid_io::Result<Self> {
+        let default = if count == 1 { "limpid.png" } else { "limpid_####.png" };
+        let names = OutputNames::parse(args.output.as_deref().unwrap_or(default), count)?;
+        let path = names.path(0);
+        let format = PictureFormat::of(&path).map_err(|error| {
+            Error::Usage(format!("{error}, a film in .mp4, .webm, .gif or .apng"))
+        })?;
+        if (args.skip_existing || args.claim) && !format.holds_notes() {
+            let problem = "--skip-existing and --claim need .png or .exr, which hold what a picture \
+                           was drawn from";
+            return Err(Error::Usage(format!("{}: {problem}", path.display())));
+        }
+        Ok(Self { names, format, size: args.size, aovs: args.aov.clone() })
+    }
+
+    pub(super) fn path(&self, take: &Take) -> PathBuf {
+        self.names.path(take.number)
+    }
+
+    /// Whether nothing is left to draw of it.
+    pub(super) fn are_whole(&self, take: &Take, fingerprint: Fingerprint) -> bool {
+        let path = self.path(take);
+        let images = self
+            .aovs
+            .as_ref()
+            .is_none_or(|aovs| fingerprint.with(&listed(aovs)).is_of_exr(&aov_path(&path)));
+        images
+            && match self.format {
+                PictureFormat::Exr => fingerprint.is_of_exr(&path),
+                _ => fingerprint.is_of_png(&path, self.size),
+            }
+    }
+
+    pub(super) fn write_aovs(
+        &self,
+        take: &Take,
+        parts: Vec<Part>,
+        fingerprint: Fingerprint,
+    ) -> limpid_io::Result<()> {
+        let fingerprint = fingerprint.with(&listed(self.aovs.as_deref().unwrap_or_default()));
+        exr::write_noted(&aov_path(&self.path(take)), parts, fingerprint.exr_note())
+    }
+}
+
+/// The folder that a file is in, or would be.
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
+}
+
+fn listed(aovs: &[Aov]) -> String {
+    let names: Vec<String> = aovs.iter().map(Aov::to_string).collect();
+    names.join(",")
+}
+
+/// `frame_0020.aov.exr` for `frame_0020.png`.
+fn aov_path(picture: &Path) -> PathBuf {
+    picture.with_extension("aov.exr")
+}

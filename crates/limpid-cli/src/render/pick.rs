@@ -1,0 +1,38 @@
+//! `--max-error` and `--budget`: settings that satisfy them.
+
+use limpid::scene::Scene;
+use limpid_io::device;
+use limpid_io::project::Processor;
+use limpid_lab::quality::{Choice, Curve, Limits, Picked};
+
+use super::Args;
+use super::plan::Plan;
+
+/// Gives the scene the settings that satisfy the limits, says which, and returns them.
+pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid_io::Result<Option<Picked>> {
+    let limits = Limits { max_error: args.max_error, budget: args.budget };
+    let Plan { input, scene, moments, takes, .. } = plan;
+    let first = |scene: &Scene| {
+        // No device is open yet, and what is picked does not depend on it.
+        let input = input.clone().processed_by(Processor::Cpu);
+        let loaded = input.load(moments[takes[0].frame], scene)?;
+        Ok((takes[0].camera, loaded.splats))
+    };
+    let curve = Curve::shipped();
+    let picked = curve.pick(limits, device::open, scene, first, args.size)?;
+    if let Some(Picked { choice: Choice { set, error_px, flip, .. }, ms }) = &picked {
+        let set = set.join(" ");
+        if !args.quiet {
+            crate::cli::complain(format!(
+                "picked {set}: {error_px} px, FLIP {flip}, {ms:.3} ms a frame"
+            ));
+        }
+    }
+    Ok(picked)
+}
+
+/// A number above 0.
+pub(super) fn parse_limit(text: &str) -> Result<f64, &'static str> {
+    let limit = text.parse().ok().filter(|limit: &f64| limit.is_finite() && *limit > 0.0);
+    limit.ok_or("expected a number above 0")
+}

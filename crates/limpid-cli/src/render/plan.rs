@@ -1,0 +1,122 @@
+//! What is to be drawn, as the arguments say it.
+
+use limpid::camera::Camera;
+use limpid::scene::Scene;
+use limpid_io::Error;
+use limpid_io::camera_path::CameraPath;
+use limpid_io::film::{self, Motion, Take};
+use limpid_io::frames::FrameSpec;
+use limpid_io::input::{Input, Moment};
+use limpid_io::notice::{self, Notice};
+use limpid_io::project::open::Request;
+
+use super::{Args, film_path};
+
+/// Frames per second, where nobody says it.
+const DEFAULT_FPS: f64 = 30.0;
+
+/// A scene, and the pictures of it.
+pub(super) struct Plan {
+    pub(super) input: Input,
+    pub(super) scene: Scene,
+    /// What is drawn of the particles.
+    pub(super) moments: Vec<Moment>,
+    /// The pictures of all machines.
+    pub(super) takes: Vec<Take>,
+    /// Pictures per second.
+    pub(super) fps: f64,
+    pub(super) notices: Vec<Notice>,
+}
+
+impl Plan {
+    pub(super) fn new(args: &Args) -> limpid_io::Result<Self> {
+        // In this order: what comes later holds.
+        let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
+        overrides.extend(args.set.iter().cloned());
+        overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
+        let request = Request {
+            input: args.input.clone(),
+            scene: args.scene.clone(),
+            radius: args.radius,
+            overrides,
+            camera: args.camera,
+            missing: args.missing,
+            options: args.reading.options(),
+        };
+        let opened = request.open()?;
+        let camera = opened.project.camera_for(Default::default());
+        let (input, scene) = (opened.input, opened.project.scene);
+        let (moments, numbers, fps) = moments(args, &input)?;
+        let takes = takes(args, camera, &numbers, fps)?;
+        let notices = notices(args, &input, numbers.len());
+        Ok(Self { input, scene, moments, takes, fps, notices })
+    }
+}
+
+/// What is drawn of the particles, how its pictures are numbered, and how many there are a second.
+///
+/// Frames as they are, unless the film's time is another than the sequence's: then moments at equal
+/// steps, which are counted from 1.
+fn moments(args: &Args, input: &Input) -> limpid_io::Result<(Vec<Moment>, Vec<i64>, f64)> {
+    let spec = match (&args.frames, input.frame) {
+        (Some(spec), _) => spec.clone(),
+        (None, Some(frame)) => FrameSpec::List(vec![frame]),
+        (None, None) => FrameSpec::All,
+    };
+    let mut frames = spec.numbers(&input.sequence, input.missing)?;
+    input.check_frames(&frames)?;
+    let fps = args.fps.or(input.fps()).unwrap_or(DEFAULT_FPS);
+    film::check_fps(fps)?;
+    if let Some(time) = args.at {
+        frames.sort_unstable();
+        let moment = input.moment(&frames, time)?;
+        return Ok((vec![moment], vec![moment.frame], fps));
+    }
+    let speed = args.speed.unwrap_or(1.0);
+    if !(1e-3..=1e3).contains(&speed) {
+        return Err(Error::Usage(format!("--speed {speed}: 0.001 to 1000 expected")));
+    }
+    let step = speed * input.fps().unwrap_or(fps) / fps;
+    if step == 1.0 || frames.len() == 1 {
+        return Ok((frames.iter().copied().map(Moment::at).collect(), frames, fps));
+    }
+    if !frames.is_sorted() {
+        let problem = "--frames: slow and fast motion takes the frames in order, as 1-9 or 1,5,9";
+        return Err(Error::Usage(problem.into()));
+    }
+    let frame = input.sequence.stride() as f64;
+    let count = frames[frames.len() - 1].abs_diff(frames[0]) as f64 / (frame * step);
+    if count > film::MAX_TAKES {
+        return Err(Error::Usage(format!("{count:.0} pictures; a higher --speed expected")));
+    }
+    let moments = input.moments(&frames, step);
+    let numbers = (1..=moments.len() as i64).collect();
+    Ok((moments, numbers, fps))
+}
+
+/// What is to be said of the sequence.
+fn notices(args: &Args, input: &Input, pictures: usize) -> Vec<Notice> {
+    let chosen = args.at.is_some() || input.frame.is_some();
+    let all = matches!(args.frames, None | Some(FrameSpec::All)) && !chosen;
+    let gaps = notice::of_sequence(input).filter(|_| all);
+    let timed = film_path(args).is_some()
+        || args.speed.is_some()
+        || args.camera_path.is_some()
+        || args.turntable.is_some();
+    let assumed = timed && pictures > 1 && args.fps.or(input.fps()).is_none();
+    gaps.into_iter().chain(assumed.then_some(Notice::Rate(DEFAULT_FPS))).collect()
+}
+
+/// The pictures, from where the camera is.
+fn takes(args: &Args, camera: Camera, numbers: &[i64], fps: f64) -> limpid_io::Result<Vec<Take>> {
+    let motion = match (&args.camera_path, args.turntable) {
+        (Some(path), _) => Motion::Path(CameraPath::load(path)?),
+        (None, Some(seconds)) => Motion::Turntable(seconds),
+        (None, None) => Motion::Still,
+    };
+    if (motion != Motion::Still || film_path(args).is_some()) && !numbers.is_sorted() {
+        let problem = "a film and a moving camera take the frames in order, as 1-9 or 1,5,9";
+        return Err(Error::Usage(format!("--frames: {problem}")));
+    }
+    film::takes(numbers, camera, &motion, fps)
+}

@@ -1,0 +1,121 @@
+//! `limpid report`.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use limpid_io::device;
+use limpid_io::input;
+use limpid_io::output::{self, Files, Kind as FileKind};
+use limpid_lab::report::against::Measured;
+use limpid_lab::report::{self, Kind, Options};
+
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Folder for report.json, report.html and report.md.
+    #[arg(long, default_value = "report")]
+    out: PathBuf,
+    /// Small pictures and few methods: a few minutes on two cores without a GPU.
+    #[arg(long)]
+    quick: bool,
+    /// Write the JSON to this file instead.
+    #[arg(long, value_name = "FILE.json")]
+    json: Option<PathBuf>,
+    /// Scenes to report on, by their names in sims/ [default: all]; with --passes also scene files.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    scenes: Vec<String>,
+    /// Width of the traced pictures, pixels [default: 1024, or 320 with --quick].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(16..=8192))]
+    width: Option<u32>,
+    /// Measurements: intersect, smooth, caustics, picture (with its passes), passes, elisions
+    /// [default: all].
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_kind)]
+    kinds: Vec<Kind>,
+    /// Only what each pass takes beside what it must: --kinds passes.
+    #[arg(long)]
+    passes: bool,
+    /// Only what leaving out saves: --kinds elisions.
+    #[arg(long)]
+    elisions: bool,
+    /// Compare the errors with those of an earlier report.json: tells which are worse; the exit code is 1
+    /// if any has risen by more than a hundredth of itself.
+    #[arg(long, value_name = "FILE.json")]
+    against: Option<PathBuf>,
+    /// Measure only what `limpid render --max-error` and `--budget` choose by, and write it to this
+    /// file.
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["kinds", "passes", "elisions", "scenes", "json", "against"])]
+    curve: Option<PathBuf>,
+}
+
+fn parse_kind(text: &str) -> Result<Kind, String> {
+    match text {
+        "intersect" => Ok(Kind::Intersect),
+        "smooth" => Ok(Kind::Smooth),
+        "caustics" => Ok(Kind::Caustics),
+        "picture" => Ok(Kind::Picture),
+        "passes" => Ok(Kind::Pass),
+        "elisions" => Ok(Kind::Elision),
+        _ => Err("there are intersect, smooth, caustics, picture, passes and elisions".into()),
+    }
+}
+
+/// What a curve's file begins with.
+const CURVE: &str = "\
+# Written by `limpid report --curve crates/limpid-lab/src/quality.toml`: settings, the error of their intersector (pixels),
+# mean FLIP against traced pictures, and the time of a frame over that with the defaults.
+";
+
+/// Before anything is measured, which takes minutes.
+fn check_outputs(args: &Args, json: &Path) -> anyhow::Result<()> {
+    let mut files = Files::default();
+    let scenes = args.scenes.iter().flat_map(|scene| input::files_of(scene));
+    scenes.chain(args.against.clone()).for_each(|path| files.reads(&path));
+    if let Some(path) = &args.curve {
+        return Ok(files.writes(path, FileKind::Curve)?);
+    }
+    std::fs::create_dir_all(&args.out)
+        .map_err(|e| anyhow::anyhow!("{}: cannot create the folder: {e}", args.out.display()))?;
+    files.writes(json, FileKind::Measurements)?;
+    files.writes(&args.out.join("report.html"), FileKind::Page)?;
+    Ok(files.writes(&args.out.join("report.md"), FileKind::Tables)?)
+}
+
+/// The exit code if an error has risen.
+const WORSE: u8 = 1;
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let json = args.json.clone().unwrap_or_else(|| args.out.join("report.json"));
+    let earlier = args.against.as_deref().map(Measured::read).transpose()?;
+    check_outputs(args, &json)?;
+    let gpu = device::open()?;
+    let mut progress = |step: &str| crate::cli::tell(&format!("report: {step}"));
+    let write = |path: &Path, kind: FileKind, text: &str| {
+        output::write_atomically(path, kind, |file| file.write_all(text.as_bytes()))
+    };
+    if let Some(path) = &args.curve {
+        let curve = report::curve::measure(&gpu, &mut progress)?;
+        write(path, FileKind::Curve, &format!("{CURVE}{}", toml::to_string(&curve)?))?;
+        println!("{}", path.display());
+        return Ok(ExitCode::SUCCESS);
+    }
+    let (scenes, mut kinds) = (args.scenes.clone(), args.kinds.clone());
+    kinds.extend(args.passes.then_some(Kind::Pass));
+    kinds.extend(args.elisions.then_some(Kind::Elision));
+    let options = Options { quick: args.quick, width: args.width, scenes, kinds };
+    let report = report::measure(&gpu, &options, &mut progress)?;
+    write(&json, FileKind::Measurements, &serde_json::to_string_pretty(&report)?)?;
+    write(&args.out.join("report.html"), FileKind::Page, &report::html(&report))?;
+    write(&args.out.join("report.md"), FileKind::Tables, &report::markdown(&report))?;
+    for figure in &report.figures {
+        for (number, (_, picture)) in figure.panels.iter().enumerate() {
+            let name = format!("{}-{number}.png", figure.scene.replace(':', "-"));
+            output::write_png(&args.out.join(name), picture)?;
+        }
+    }
+    println!("{}", args.out.join("report.html").display());
+    let Some(earlier) = earlier else { return Ok(ExitCode::SUCCESS) };
+    let against = Measured::of(&report).against(&earlier);
+    println!("{against}");
+    let risen = against.risen().next().is_some();
+    Ok(if risen { ExitCode::from(WORSE) } else { ExitCode::SUCCESS })
+}

@@ -1,0 +1,82 @@
+//! `limpid view`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use glam::UVec2;
+use limpid::settings::Preset;
+use limpid_io::frames::FrameSpec;
+use limpid_io::input::Missing;
+use limpid_io::project::overrides;
+
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// A scene or recipe (.toml), a particle file, a pattern such as frame_{}.bgeo, or a folder; without
+    /// one, a dam that breaks.
+    input: Option<String>,
+    /// Draw the input's particles in this scene.
+    #[arg(long)]
+    scene: Option<PathBuf>,
+    /// Particle radius in metres, where the files have none.
+    #[arg(long)]
+    radius: Option<f32>,
+    /// Begin with the settings of a published method: limpid, imai2014, imai2016 or mayer2026.
+    #[arg(long, value_name = "NAME", value_parser = overrides::preset)]
+    preset: Option<Preset>,
+    /// Begin with a setting replaced: refract.solver=march, liquid.ior=1.4.
+    #[arg(long, value_name = "PASS.NAME=VALUE")]
+    set: Vec<String>,
+    /// Frames: 1-3,5, 7-20:2, all [default: all].
+    #[arg(long, allow_hyphen_values = true)]
+    frames: Option<FrameSpec>,
+    /// What stands for a frame that is not there: error, empty or hold (the last one before).
+    #[arg(long, default_value = "error")]
+    missing: Missing,
+    /// Width and height of the window.
+    #[arg(long, default_value = "1280x800", value_parser = crate::render::parse_size)]
+    size: UVec2,
+    /// Memory for frames that are loaded ahead, MiB.
+    #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
+    memory: u64,
+    #[command(flatten)]
+    reading: crate::cli::Reading,
+    /// Write what happens, one JSON object a line with seconds since the start: for tests and
+    /// reports of defects. `ui_ms` is the longest that the interface worked without a pause.
+    #[arg(long, value_name = "FILE.jsonl")]
+    log: Option<PathBuf>,
+}
+
+#[cfg(feature = "viewer")]
+pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
+    use limpid_viewer::document::Source;
+    use limpid_viewer::{Options, run};
+
+    let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
+    overrides.extend(args.set);
+    let input = match args.input {
+        Some(input) => Source::new(input),
+        None => Source::built_in()?,
+    };
+    let source = Source {
+        input: input.input,
+        scene: args.scene,
+        radius: args.radius,
+        overrides,
+        frames: args.frames,
+        missing: args.missing,
+        options: args.reading.options(),
+    };
+    let memory = args.memory << 20;
+    let shown = run(Options { source: Some(source), window: args.size, memory, log: args.log });
+    // What its threads have in hand ends with the process.
+    limpid_io::output::abandon();
+    shown?;
+    Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(not(feature = "viewer"))]
+pub(crate) fn run(_args: Args) -> anyhow::Result<ExitCode> {
+    let problem = "this limpid was built without its window; build it with: \
+                   cargo build --release --features viewer";
+    Err(limpid_io::Error::Usage(problem.into()).into())
+}

@@ -1,0 +1,298 @@
+//! `render`: which pictures are drawn under which names, and what settings and limits do to them.
+
+use std::collections::BTreeSet;
+use std::fs;
+
+use image::{Rgb, RgbImage};
+use limpid::gpu::Gpu;
+use serde_json::Value;
+
+use super::{
+    LIT, Outcome, SIZE, adapter, assert_names, assert_picture, assert_tells, bytes, dam, fail,
+    folder, open, project, render, run, succeed,
+};
+
+/// The first thing a newcomer types.
+#[test]
+fn render_without_input_draws_the_demo() {
+    if !adapter() {
+        return;
+    }
+    let folder = folder();
+    render(folder.path(), &["--samples", "1"]);
+    assert_names(folder.path(), &["limpid.png"]);
+    assert_picture(&folder.path().join("limpid.png"));
+}
+
+/// A bare particle file gets a scene, and a picture under the name that was asked for.
+#[test]
+fn render_one_file() {
+    if !adapter() {
+        return;
+    }
+    let folder = folder();
+    render(folder.path(), &[&dam("20"), "-o", "frame.png"]);
+    assert_names(folder.path(), &["frame.png"]);
+    assert_picture(&folder.path().join("frame.png"));
+}
+
+/// Frames of a pattern, into a folder and under numbered names: the same pictures, bit by bit,
+/// in one run and in another. The progress bar is silent when nobody watches.
+#[test]
+fn render_a_sequence_under_both_kinds_of_names() {
+    if !adapter() {
+        return;
+    }
+    let folder = folder();
+    render(folder.path(), &[&dam("{}"), "--frames", "20-22", "-o", "frames/"]);
+    render(folder.path(), &[&dam("{}"), "--frames", "20-22", "-o", "name_####.png"]);
+    assert_names(
+        &folder.path().join("frames"),
+        &[20, 21, 22].map(frame_name).each_ref().map(String::as_str),
+    );
+    assert_names(folder.path(), &["frames", "name_0020.png", "name_0021.png", "name_0022.png"]);
+    let mut different = BTreeSet::new();
+    for frame in [20, 21, 22] {
+        let one = folder.path().join("frames").join(frame_name(frame));
+        let other = folder.path().join(format!("name_{frame:04}.png"));
+        assert_picture(&one);
+        assert!(bytes(&one) == bytes(&other), "two runs drew frame {frame} differently");
+        different.insert(bytes(&one));
+    }
+    assert_eq!(different.len(), 3, "the frames differ from each other");
+}
+
+fn frame_name(frame: i64) -> String {
+    format!("frame_{frame:04}.png")
+}
+
+/// Without -o, one frame is `limpid.png` and several are numbered.
+#[test]
+fn default_names() {
+    if !adapter() {
+        return;
+    }
+    let project = project();
+    render(project.path(), &["water", "--frames", "1,3"]);
+    assert_names(project.path(), &["limpid_0001.png", "limpid_0003.png", "scenes", "water"]);
+}
+
+/// A scene's paths are relative to the scene, wherever the program runs, and its frame is drawn
+/// unless others are asked for.
+#[test]
+fn render_a_scene() {
+    if !adapter() {
+        return;
+    }
+    let project = project();
+    render(project.path(), &["scenes/block.toml", "-o", "a.png"]);
+    render(project.path(), &["scenes/block.toml", "-o", "b.png", "--frames", "2"]);
+    render(project.path(), &["scenes/block.toml", "-o", "c.png", "--frames", "3"]);
+    // The same particles by name, in the same scene.
+    let radius = "--radius=0.025";
+    let file = "water/block_2.xyz";
+    render(project.path(), &[file, "--scene", "scenes/block.toml", radius, "-o", "d.png"]);
+    let picture = |name: &str| bytes(&project.path().join(name));
+    assert_picture(&project.path().join("a.png"));
+    assert!(picture("a.png") == picture("b.png"), "frame 2 is the scene's");
+    assert!(picture("a.png") != picture("c.png"), "frame 3 is another");
+    assert!(picture("a.png") == picture("d.png"), "--scene draws other particles the same way");
+}
+
+/// --samples and --set reach the passes.
+#[test]
+fn settings_from_the_command_line() {
+    if !adapter() {
+        return;
+    }
+    let project = project();
+    let picture = |args: &[&str]| {
+        let args: Vec<_> =
+            ["scenes/block.toml", "-o", "x.png"].into_iter().chain(args.iter().copied()).collect();
+        render(project.path(), &args);
+        open(&project.path().join("x.png"))
+    };
+    let plain = picture(&[]);
+    let fine = picture(&["--samples", "4"]);
+    assert!(plain != fine, "four samples differ from one");
+    assert!(picture(&["--set", "refract.samples=4"]) == fine, "--samples is a setting");
+
+    // Another way to the same interfaces: nearly the same picture.
+    let marched = picture(&["--set", "refract.solver=march"]);
+    let (comparison, _) = limpid_lab::compare::compare(&plain, &marched).unwrap();
+    assert!(comparison.mean_flip < 0.03, "march differs by {}", comparison.mean_flip);
+
+    // Where particles are classified is not seen.
+    let [on_device, on_cpu] =
+        ["gpu", "cpu"].map(|on| picture(&["--set", &format!("classify.on={on}")]));
+    let (comparison, _) = limpid_lab::compare::compare(&on_device, &on_cpu).unwrap();
+    assert!(comparison.mean_flip < 5e-3, "the device differs by {}", comparison.mean_flip);
+
+    let dark = picture(&["--set", "tonemap.exposure=-64", "--set", "refract.samples=2"]);
+    assert!(dark.iter().all(|&value| value == 0), "64 stops under is black");
+}
+
+/// The shares of two machines are disjoint, complete, and the same pixels as one machine's; a
+/// scene that is made for bare particles must not depend on the share.
+#[test]
+fn shards_share_out_the_frames() {
+    if !adapter() {
+        return;
+    }
+    let project = project();
+    for (output, shard) in [("all", "1/1"), ("one", "1/2"), ("two", "2/2")] {
+        fs::create_dir(project.path().join(output)).unwrap();
+        render(project.path(), &["water/block_{}.xyz", "-o", output, "--shard", shard]);
+    }
+    assert_names(&project.path().join("one"), &["frame_0001.png", "frame_0003.png"]);
+    assert_names(&project.path().join("two"), &["frame_0002.png"]);
+    for (share, frame) in [("one", 1), ("two", 2), ("one", 3)] {
+        let picture = |folder: &str| bytes(&project.path().join(folder).join(frame_name(frame)));
+        assert!(picture(share) == picture("all"), "frame {frame} depends on the share");
+    }
+}
+
+/// A frame drawn alone is the frame as the sequence has it.
+#[test]
+fn frames_do_not_depend_on_each_other() {
+    if !adapter() {
+        return;
+    }
+    let project = project();
+    render(project.path(), &["water/block_{}.xyz", "-o", "all_#.png"]);
+    render(project.path(), &["water/block_{}.xyz", "-o", "alone.png", "--frames", "3"]);
+    let picture = |name: &str| bytes(&project.path().join(name));
+    assert!(picture("all_3.png") == picture("alone.png"));
+}
+
+/// The first frames of an emitter hold no particle or one, and are pictures too, of any size.
+#[test]
+fn render_next_to_nothing() {
+    if !adapter() {
+        return;
+    }
+    let folder = folder();
+    fs::write(folder.path().join("none.xyz"), "").unwrap();
+    fs::write(folder.path().join("one.xyz"), "1 2 3\n").unwrap();
+    render(folder.path(), &["none.xyz", "-o", "none.png"]);
+    render(folder.path(), &["one.xyz", "--radius=0.1", "-o", "one.png"]);
+    assert_picture(&folder.path().join("one.png"));
+    succeed(folder.path(), &["render", "--quiet", "--size=1x1", "--samples=1", "-o", "small.png"]);
+    assert_eq!(open(&folder.path().join("small.png")).dimensions(), (1, 1));
+}
+
+/// --skip-existing resumes a sequence: it leaves alone what an equal run has drawn, and draws the
+/// missing, the damaged, those of another size and those of other programs.
+#[test]
+fn skip_existing_resumes() {
+    if !adapter() {
+        return;
+    }
+    let project = project();
+    let args = ["scenes/block.toml", "--frames", "1-3", "-o", "f_#.png"];
+    let path = |frame: u32| project.path().join(format!("f_{frame}.png"));
+    render(project.path(), &args);
+    let good: Vec<_> = (1..=3).map(|frame| bytes(&path(frame))).collect();
+    let resume: Vec<_> = args.into_iter().chain(["--skip-existing"]).collect();
+    let written = |frame: u32| fs::metadata(path(frame)).unwrap().modified().unwrap();
+
+    let kept = written(1);
+    // Cut off in its pixels: the header still tells the right size.
+    fs::write(path(2), &good[1][..good[1].len() / 2]).unwrap();
+    RgbImage::new(32, 48).save(path(3)).unwrap();
+    render(project.path(), &resume);
+    assert!(written(1) == kept, "a whole picture was drawn again");
+    assert!(bytes(&path(2)) == good[1], "a damaged picture was kept");
+    assert!(bytes(&path(3)) == good[2], "a picture of another size was kept");
+
+    RgbImage::from_pixel(64, 48, Rgb([1, 2, 3])).save(path(1)).unwrap();
+    render(project.path(), &resume);
+    assert!(bytes(&path(1)) == good[0], "a picture of another program was kept");
+    // Nothing left to do is success too.
+    render(project.path(), &resume);
+}
+
+/// --stats tells machine-readably what was drawn, with what, and how long each pass took.
+#[test]
+fn stats_name_the_adapter_and_every_pass() {
+    if !adapter() {
+        return;
+    }
+    let project = project();
+    render(
+        project.path(),
+        &["scenes/block.toml", "--frames=1-2", "-o", "f_#.png", "--stats", "stats.json"],
+    );
+    let stats: Value = serde_json::from_slice(&bytes(&project.path().join("stats.json"))).unwrap();
+    let gpu = Gpu::headless().unwrap();
+    assert_eq!(stats["adapter"], gpu.adapter());
+    let frames = stats["frames"].as_array().expect("frames is a list");
+    assert_eq!(frames.len(), 2);
+    for (number, frame) in (1..).zip(frames) {
+        assert_eq!(frame["frame"], number);
+        assert_eq!(frame["particles"], 481);
+        assert_eq!(frame["splashes"], 1, "the drop");
+        let passes = frame["passes"].as_array().expect("passes is a list");
+        let names: Vec<_> = passes.iter().map(|pass| pass["name"].as_str().unwrap()).collect();
+        if gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
+            for name in ["splat", "smooth", "refract", "tonemap"] {
+                assert!(names.contains(&name), "{name} is missing in {names:?}");
+            }
+        }
+        let times: Vec<_> = passes.iter().map(|pass| pass["ms"].as_f64().unwrap()).collect();
+        assert!(times.iter().all(|&ms| ms >= 0.0), "{times:?}");
+        let total = frame["total_ms"].as_f64().expect("total_ms is a number");
+        assert!((total - times.iter().sum::<f64>()).abs() <= 1e-6 * total, "{total}: {times:?}");
+    }
+}
+
+/// --max-error and --budget: what was picked is told on stderr, in one line, and in the stats.
+#[test]
+fn limits_pick_settings() {
+    if !adapter() {
+        return;
+    }
+    let project = project();
+    let draw = |limits: &[&str]| {
+        let stats = ["--stats", "stats.json", "-o", "picked.png"];
+        let render = ["render", SIZE, "scenes/block.toml", "--frames=1"];
+        let args = [&render[..], limits, &stats[..]].concat();
+        let Outcome { code, stdout, stderr } = run(project.path(), &args);
+        assert_eq!((code, stdout.as_str()), (0, ""), "{stderr}");
+        assert_tells(&stderr, &["limpid: picked refract.solver=", " px"]);
+        assert_eq!(stderr.matches("limpid: picked").count(), 1, "{stderr}");
+        assert_picture(&project.path().join("picked.png"));
+        serde_json::from_slice::<Value>(&bytes(&project.path().join("stats.json"))).unwrap()
+    };
+    let stats = draw(&["--max-error=1"]);
+    assert!(stats["picked"]["error_px"].as_f64().is_some_and(|px| px <= 1.0), "{stats}");
+    assert!(stats["picked"]["ms"].as_f64().is_some_and(|ms| ms > 0.0), "{stats}");
+    let stats = draw(&["--budget=100000", "--max-error=0.1"]);
+    assert!(stats["picked"]["ms"].as_f64().is_some_and(|ms| ms <= 1e5), "{stats}");
+    assert!(
+        stats["picked"]["set"][0].as_str().is_some_and(|set| set.contains("solver")),
+        "{stats}"
+    );
+}
+
+/// Settings of caustics from the command line reach the map; one that the adapter cannot hold is
+/// code 5 and names the setting, and nothing is written.
+#[test]
+fn settings_of_caustics_from_the_command_line() {
+    if !adapter() {
+        return;
+    }
+    let folder = folder();
+    fs::write(folder.path().join("lit.toml"), LIT).unwrap();
+    render(folder.path(), &["lit.toml", "-o", "a.png", "--set", "caustics.method=gather"]);
+    assert_picture(&folder.path().join("a.png"));
+    let gpu = Gpu::headless().expect("an adapter");
+    let limits = gpu.device.limits();
+    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    if most < 8193 * 8193 * 48 {
+        let large = ["render", SIZE, "lit.toml", "-o", "b.png", "--set", "caustics.grid=8192"];
+        let line = fail(folder.path(), 5, &large);
+        assert_tells(&line, &["caustics.grid = 8192", "MiB"]);
+        assert_names(folder.path(), &["a.png", "lit.toml"]);
+    }
+}

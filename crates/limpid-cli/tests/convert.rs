@@ -1,0 +1,187 @@
+//! Protects `limpid convert` as scripts use it: which files are written under which names, that
+//! they hold what the input holds, what is said of attributes that they cannot hold, and that
+//! damaged frames leave nothing half-written behind.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+use glam::Vec3;
+use limpid::liquid::{Ellipsoid, Particles};
+use tempfile::TempDir;
+
+/// Exit code, and standard error.
+fn convert(folder: &Path, args: &[&str]) -> (i32, String) {
+    let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_limpid"));
+    let output = command.current_dir(folder).arg("convert").args(args).output().unwrap();
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), "", "{args:?}: nothing is printed");
+    (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[track_caller]
+fn succeed(folder: &Path, args: &[&str]) {
+    assert_eq!(convert(folder, args), (0, String::new()), "{args:?}");
+}
+
+/// Runs what must fail with `code` and one line, and returns that line.
+#[track_caller]
+fn fail(folder: &Path, code: i32, args: &[&str]) -> String {
+    let (found, stderr) = convert(folder, args);
+    assert_eq!(found, code, "{args:?}: {stderr}");
+    assert!(stderr.starts_with("limpid: ") && stderr.matches('\n').count() == 1, "{stderr}");
+    stderr
+}
+
+/// Names of everything in a folder, hidden files included.
+fn names(folder: &Path) -> BTreeSet<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+}
+
+#[track_caller]
+fn assert_names(folder: &Path, expected: &[&str]) {
+    assert_eq!(names(folder), expected.iter().map(|&name| name.to_owned()).collect());
+}
+
+fn particles(n: usize) -> Particles {
+    let positions = (0..n).map(|i| Vec3::new(i as f32, 0.5, -0.25 * i as f32)).collect();
+    Particles {
+        velocities: Some(vec![Vec3::Z; n]),
+        ids: Some((0..n as i64).collect()),
+        ..Particles::from_positions(positions)
+    }
+}
+
+/// Frames 8 to 11, of 8 to 11 particles.
+fn sequence() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for n in 8..12 {
+        limpid_io::particles::write(&particles(n), &folder.path().join(format!("water_{n}.vtk")))
+            .unwrap();
+    }
+    folder
+}
+
+fn read(folder: &Path, name: &str) -> Particles {
+    limpid_io::particles::read(&folder.join(name)).unwrap()
+}
+
+#[test]
+fn one_file() {
+    let folder = sequence();
+    let folder = folder.path();
+    for name in ["out.bgeo", "out.vtu", "out.ply", "out.npz", "out.csv"] {
+        succeed(folder, &["water_9.vtk", name]);
+        assert_eq!(read(folder, name), particles(9), "{name}");
+    }
+}
+
+#[test]
+fn sequences() {
+    let folder = sequence();
+    let folder = folder.path();
+    succeed(folder, &["water_{}.vtk", "out_%04d.ply"]);
+    fs::create_dir(folder.join("water")).unwrap();
+    for n in 8..12 {
+        assert_eq!(read(folder, &format!("out_00{n:02}.ply")), particles(n));
+        let name = format!("water_{n}.vtk");
+        fs::rename(folder.join(&name), folder.join("water").join(&name)).unwrap();
+    }
+    succeed(folder, &["water", "frames/", "--frames", "9-11:2"]);
+    assert_names(&folder.join("frames"), &["frame_0009.bgeo", "frame_0011.bgeo"]);
+    assert_eq!(read(folder, "frames/frame_0011.bgeo"), particles(11));
+    // A folder that is there needs no slash, and a file that is there may stay.
+    fs::write(folder.join("frames/frame_0009.bgeo"), "mine").unwrap();
+    succeed(folder, &["water/water_$F.vtk", "frames", "--skip-existing"]);
+    assert_eq!(names(&folder.join("frames")).len(), 4);
+    assert_eq!(fs::read(folder.join("frames/frame_0009.bgeo")).unwrap(), b"mine");
+    // It is no particle file, so it is somebody's own.
+    let line = fail(folder, 2, &["water", "frames"]);
+    assert!(line.contains("frame_0009.bgeo") && line.contains("choose another name"), "{line}");
+    assert_eq!(fs::read(folder.join("frames/frame_0009.bgeo")).unwrap(), b"mine");
+    fs::remove_file(folder.join("frames/frame_0009.bgeo")).unwrap();
+    succeed(folder, &["water", "frames"]);
+    assert_eq!(read(folder, "frames/frame_0009.bgeo"), particles(9));
+
+    let line = fail(folder, 2, &["water", "one.ply"]);
+    assert!(line.contains("4 frames cannot all be one.ply"), "{line}");
+}
+
+#[test]
+fn up_is_turned() {
+    let folder = sequence();
+    let folder = folder.path();
+    succeed(folder, &["water_8.vtk", "out.vtk", "--up", "z"]);
+    let turned = read(folder, "out.vtk");
+    assert_eq!(turned.positions[4], Vec3::new(4.0, -1.0, -0.5));
+    assert_eq!(turned.velocities.unwrap()[4], Vec3::Y);
+    let line = fail(folder, 2, &["water_8.vtk", "out.vtk", "--up", "x"]);
+    assert!(line.contains("expected y or z"), "{line}");
+}
+
+#[test]
+fn what_is_lost_is_told_once() {
+    let folder = sequence();
+    let folder = folder.path();
+    let (code, stderr) = convert(folder, &["water_##.vtk", "out_##.xyz"]);
+    assert_eq!(code, 0);
+    assert_eq!(stderr, "limpid: out_##.xyz: this format has no room for id, velocity\n");
+    assert_eq!(read(folder, "out_11.xyz").positions, particles(11).positions);
+
+    let shaped = Particles {
+        radii: Some(vec![0.1; 5]),
+        ellipsoids: Some(vec![Ellipsoid::SPHERE; 5]),
+        ..Particles::from_positions(particles(5).positions)
+    };
+    limpid_io::particles::write(&shaped, &folder.join("shaped.pos")).unwrap();
+    succeed(folder, &["shaped.pos", "shaped.vtu"]);
+    assert_eq!(read(folder, "shaped.vtu"), shaped);
+    let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_limpid"));
+    let info = command.current_dir(folder).args(["info", "shaped.pos"]).output().unwrap();
+    let info = String::from_utf8(info.stdout).unwrap();
+    assert!(info.contains("5 particles, radius, ellipsoid"), "{info}");
+}
+
+/// Arrays that are no attributes are told too, unless they are mapped.
+#[test]
+fn arrays_that_are_left_out_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("a.csv"), "x,y,z,Diameter,h\n0,0,0,5,0.5\n1,0,0,5,0.5\n").unwrap();
+    let (code, stderr) = convert(folder, &["a.csv", "a.npz"]);
+    assert_eq!(code, 0);
+    assert!(stderr.starts_with("limpid: a.csv: Diameter, h are left out; --map "), "{stderr}");
+    let (_, stderr) = convert(folder, &["a.csv", "b.npz", "--map", "radius=h"]);
+    assert!(stderr.starts_with("limpid: a.csv: Diameter is left out"), "{stderr}");
+    assert_eq!(read(folder, "b.npz").radii, Some(vec![0.5; 2]));
+}
+
+#[test]
+fn damage_is_told_and_leaves_nothing() {
+    let folder = sequence();
+    let folder = folder.path();
+    let bytes = fs::read(folder.join("water_10.vtk")).unwrap();
+    fs::write(folder.join("water_10.vtk"), &bytes[..bytes.len() / 2]).unwrap();
+    fs::create_dir(folder.join("out")).unwrap();
+    let line = fail(folder, 4, &["water_{}.vtk", "out"]);
+    assert!(line.contains("water_10.vtk: byte "), "{line}");
+    assert!(!folder.join("out/frame_0010.bgeo").exists());
+    for name in names(&folder.join("out")) {
+        let n = name["frame_00".len()..][..2].parse().unwrap();
+        assert_eq!(read(folder, &format!("out/{name}")), particles(n));
+    }
+}
+
+#[test]
+fn unknown_formats_are_refused_before_anything_is_read() {
+    let folder = sequence();
+    let folder = folder.path();
+    let before = names(folder);
+    for output in ["out.obj", "out.vtp", "out_##.abc"] {
+        let line = fail(folder, 3, &["water_8.vtk", output]);
+        assert!(line.contains("can be written: .bgeo, "), "{line}");
+    }
+    let line = fail(folder, 4, &["nothing.vtk", "out.bgeo"]);
+    assert!(line.contains("nothing.vtk"), "{line}");
+    assert_eq!(names(folder), before);
+}

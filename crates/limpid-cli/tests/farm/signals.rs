@@ -1,0 +1,146 @@
+//! SIGINT, SIGTERM, SIGHUP and SIGQUIT.
+
+use super::*;
+
+/// The first signal finishes the frame in hand, gives the others up and says by the exit code that
+/// not all is done; what is there is whole, and the next run completes it.
+#[test]
+#[cfg(unix)]
+fn signals_finish_the_frame_in_hand() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(10);
+    let big = ["--size=200x150", "--samples=16"];
+    let render = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
+        command.args(["render", "water", "--quiet"]).args(big).args(more);
+        command.current_dir(project.0.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    };
+    assert_success(render(&["-o", "single/"]).output().unwrap());
+    let single = project.files("single");
+    for (name, code, folder) in [("INT", 130, "int"), ("TERM", 143, "term"), ("HUP", 129, "hup")] {
+        let output = format!("{folder}/");
+        let child = render(&["--claim", "-o", &output]).spawn().unwrap();
+        until("a frame", || project.path(folder).join("frame_0002.png").exists());
+        signal(&child, name);
+        let ended = child.wait_with_output().unwrap();
+        let left = project.files(folder);
+        // A machine may be so fast that nothing is left to give up.
+        let code = if left.len() == single.len() { 0 } else { code };
+        assert_eq!(ended.status.code(), Some(code));
+        assert!(ended.stderr.is_empty(), "{}", String::from_utf8_lossy(&ended.stderr));
+        for (name, bytes) in &left {
+            assert!(single.get(name) == Some(bytes), "{name}");
+        }
+        assert_success(render(&["--claim", "-o", &output]).output().unwrap());
+        assert_same(&project.files(folder), &single);
+    }
+}
+
+/// The second signal ends it at once: no temporary file and no claim is left.
+#[test]
+#[cfg(unix)]
+fn the_second_signal_leaves_nothing_behind() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(2);
+    // Frames that take far longer than this test, where the machine is not too fast.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
+    command.args(["render", "water", "--size=1600x1200", "--samples=64", "--claim", "-o", "f/"]);
+    command.current_dir(project.0.path()).stderr(Stdio::piped());
+    let child = command.spawn().unwrap();
+    // Until it draws: the second frame is claimed then.
+    until("another claim", || {
+        let names = ["f/frame_0002.png.claim1", "f/frame_0002.png"];
+        names.iter().any(|name| project.path(name).exists())
+    });
+    signal(&child, "TERM");
+    std::thread::sleep(Duration::from_millis(300));
+    signal(&child, "TERM");
+    let ended = child.wait_with_output().unwrap();
+    let left: Vec<String> = project.files("f").into_keys().collect();
+    let code = if left.len() == 2 { 0 } else { 143 };
+    assert_eq!(ended.status.code(), Some(code), "{}", String::from_utf8_lossy(&ended.stderr));
+    assert!(
+        left.iter().all(|name| name.starts_with("frame_") && name.ends_with(".png")),
+        "{left:?}"
+    );
+}
+
+/// SIGQUIT ends it at once as the system would, but without temporary files and claims.
+#[test]
+#[cfg(unix)]
+fn quitting_leaves_nothing_behind() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(2);
+    let mut command = Command::new("sh");
+    // Without a memory dump.
+    command.args(["-c", "ulimit -c 0; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_limpid"), "render"]);
+    command.args(["water", "--size=1600x1200", "--samples=64", "--claim", "-o", "f/"]);
+    let mut child = command.current_dir(project.0.path()).spawn().unwrap();
+    until("a claim", || project.path("f/frame_0001.png.claim1").exists());
+    signal(&child, "QUIT");
+    let ended = child.wait().unwrap();
+    assert_eq!(std::os::unix::process::ExitStatusExt::signal(&ended), Some(3), "{ended}");
+    assert!(project.files("f").is_empty(), "{:?}", project.files("f").keys());
+}
+
+/// What `nohup` has started goes on when its terminal is closed.
+#[test]
+#[cfg(target_os = "linux")]
+fn what_ignores_hangups_still_does() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(4);
+    let mut command = Command::new("nohup");
+    command.args([env!("CARGO_BIN_EXE_limpid"), "render", "water", "--size=48x36", "-o", "f/"]);
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = command.current_dir(project.0.path()).spawn().unwrap();
+    until("a frame", || project.path("f/frame_0001.png").exists());
+    signal(&child, "HUP");
+    assert!(child.wait().unwrap().success());
+    assert_eq!(project.files("f").len(), 4);
+}
+
+/// A check that simulates leaves no frames in the system's temporary folder, however it is ended.
+#[test]
+#[cfg(unix)]
+fn an_interrupted_check_leaves_no_simulation() {
+    if !adapter() {
+        return;
+    }
+    let project = Project::new(0);
+    let scene =
+        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("sims/dam_break.toml");
+    let suite = format!(
+        "[[frame]]\nname = \"dam\"\ninput = {:?}\nexpected = \"dam.png\"\nbake = {{ seconds = 20.0 }}\n",
+        scene.display().to_string()
+    );
+    fs::write(project.path("suite.toml"), suite).unwrap();
+    for (name, temporary) in [("TERM", "a"), ("HUP", "b"), ("QUIT", "c")] {
+        let temporary = project.path(temporary);
+        fs::create_dir(&temporary).unwrap();
+        let mut command = Command::new("sh");
+        command.args(["-c", "ulimit -c 0; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_limpid")]);
+        command.args(["check", "suite.toml"]).env("TMPDIR", &temporary);
+        let mut child = command.current_dir(project.0.path()).spawn().unwrap();
+        let baked = || {
+            fs::read_dir(&temporary)
+                .unwrap()
+                .flatten()
+                .any(|folder| folder.path().join("baked/baked").is_dir())
+        };
+        until("a simulation", baked);
+        std::thread::sleep(Duration::from_millis(100));
+        signal(&child, name);
+        assert!(!child.wait().unwrap().success());
+        let left: Vec<_> = fs::read_dir(&temporary).unwrap().flatten().collect();
+        assert!(left.is_empty(), "SIG{name} leaves {left:?}");
+    }
+}

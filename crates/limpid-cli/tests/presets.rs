@@ -1,0 +1,226 @@
+//! Presets: each is in range, keeps its name and its settings through a file, and gives way to what
+//! a scene or the command line says.
+
+#[path = "../../../tests/support/frames.rs"]
+mod frames;
+
+use std::path::Path;
+
+use frames::{ellipsoid, on_axis, sphere, splats, stage};
+use glam::{DVec3, UVec2, Vec3};
+use limpid::liquid::Particles;
+use limpid::liquid::classify::classify;
+use limpid::scene::Scene;
+use limpid::settings::{
+    Curve, Filter, Fresnel, Kernel, Preset, Reflections, Settings, Solids, Solver, Unit,
+};
+use limpid_io::error::Error;
+use limpid_io::project::{Project, overrides};
+
+fn parse(text: &str, overrides: &[&str]) -> Result<Scene, Error> {
+    let overrides: Vec<_> = overrides.iter().map(|&text| text.to_owned()).collect();
+    let mut project = Project::parse(text, "test.toml", Path::new("."))?;
+    project.set(&overrides)?;
+    project.check()?;
+    Ok(project.scene)
+}
+
+fn settings(text: &str, overrides: &[&str]) -> Settings {
+    parse(text, overrides).unwrap_or_else(|e| panic!("{e}\n{text}")).settings
+}
+
+/// Protects the names: each preset is found by its own, is in range, and can be written down.
+#[test]
+fn every_preset_survives_a_round_trip() {
+    for preset in Preset::ALL {
+        let name = preset.to_string();
+        assert_eq!(overrides::preset(&name).unwrap(), preset);
+        assert_eq!(toml::Value::from(name.clone()).try_into::<Preset>().unwrap(), preset);
+        let expected = preset.settings();
+        expected.check().unwrap_or_else(|e| panic!("{name}: {e}"));
+
+        // By its name, by its tables, and by both.
+        let named = format!("[settings]\npreset = \"{name}\"\n");
+        let table = toml::Table::try_from(&expected).unwrap();
+        let tables =
+            |table| toml::Table::from_iter([("settings".to_owned(), toml::Value::Table(table))]);
+        let mut both = table.clone();
+        both.insert("preset".into(), "limpid".into());
+        for text in [named, tables(table).to_string(), tables(both).to_string()] {
+            assert_eq!(settings(&text, &[]), expected, "{text}");
+        }
+    }
+    assert_eq!(Preset::Limpid.settings(), Settings::default());
+}
+
+/// Protects what each paper says from being changed with the defaults.
+#[test]
+fn presets_are_what_the_papers_say() {
+    let later = Preset::Imai2016.settings();
+    let (c, s, r) = (&later.classify, &later.smooth, &later.refract);
+    assert_eq!((c.kernel, c.max_ratio, c.smoothing), (Kernel::Volume, 4.0, 0.9));
+    assert_eq!(c.splash_radius, 1.0);
+    assert_eq!((s.filter, s.iterations, s.sigma), (Filter::PlaneFit, 5, 5.3));
+    assert_eq!((s.unit, s.window, s.taps), (Unit::Pixel, 9.0, 9));
+    assert_eq!((r.solver, r.interfaces, r.internal_bounces), (Solver::Secant, 4, 0));
+    assert_eq!((r.fresnel, r.reflections), (Fresnel::Schlick, Reflections::Environment));
+    assert_eq!(r.samples, 1);
+
+    let earlier = Preset::Imai2014.settings();
+    assert_eq!(earlier.smooth, limpid::settings::Smooth { filter: Filter::Bilateral, ..s.clone() });
+    assert_eq!(earlier.refract, limpid::settings::Refract { interfaces: 2, ..r.clone() });
+
+    let newton = Preset::Mayer2026.settings();
+    let r = &newton.refract;
+    assert_eq!((r.solver, r.iterations, r.interfaces), (Solver::Newton, 5, 2));
+    assert_eq!((r.fresnel, r.solids, r.internal_bounces), (Fresnel::Schlick, Solids::Screen, 0));
+    assert_eq!(newton.classify, Settings::default().classify);
+}
+
+/// Imai et al. (2014) know neither splashes nor ellipsoids: every particle, also one on its own, is
+/// a sphere of radius r where it is, in the one pair of layers.
+#[test]
+fn imai2014_draws_spheres() {
+    let r = 0.1;
+    let mut positions = vec![Vec3::new(5.0, 0.0, 0.0)];
+    for i in 0..125 {
+        positions.push(2.0 * r * Vec3::new((i % 5) as f32, (i / 5 % 5) as f32, (i / 25) as f32));
+    }
+    let particles = Particles { positions: positions.clone(), ..Particles::default() };
+    let drawn = classify(&particles, r, &Preset::Imai2014.settings().classify);
+    assert_eq!((drawn.aggregates.len(), drawn.splashes.len()), (126, 0));
+    for splat in &drawn.aggregates {
+        let at = positions[splat.particle as usize];
+        assert!((Vec3::from_array(splat.centre) - at).length() < 1e-6, "{splat:?} is not at {at}");
+        assert!(splat.diagonal.iter().all(|a| (a - r).abs() < 1e-5), "{splat:?}");
+        assert!(splat.off_diagonal.iter().all(|a| a.abs() < 1e-5), "{splat:?}");
+    }
+    // The later paper tells the one on its own apart.
+    let drawn = classify(&particles, r, &Preset::Imai2016.settings().classify);
+    assert_eq!((drawn.aggregates.len(), drawn.splashes.len()), (125, 1));
+}
+
+/// A scene's keys hold before its preset, each alone: those beside them are the preset's.
+#[test]
+fn a_scene_overrides_its_preset() {
+    let text = r#"
+        [settings]
+        preset = "imai2016"
+        [settings.classify]
+        support = 3
+        [settings.refract]
+        solver = "march"
+        interfaces = 4
+        internal_bounces = 4
+        [settings.tonemap]
+        curve = "aces"
+    "#;
+    let mut expected = Preset::Imai2016.settings();
+    expected.classify.support = 3.0;
+    expected.refract.solver = Solver::March;
+    // A default that is given is given.
+    expected.refract.internal_bounces = Settings::default().refract.internal_bounces;
+    expected.tonemap.curve = Curve::Aces;
+    assert_eq!(settings(text, &[]), expected);
+    // Wherever the keys are written.
+    let inline = "settings = { refract = { samples = 4 }, preset = \"imai2014\" }";
+    let mut expected = Preset::Imai2014.settings();
+    expected.refract.samples = 4;
+    assert_eq!(settings(inline, &[]), expected);
+}
+
+/// A preset on the command line is the method as published, whatever the scene says of it; caustics
+/// and tone mapping are the picture's and stay. Single overrides come after.
+#[test]
+fn the_command_line_overrides_the_scene() {
+    let text = r#"
+        [settings]
+        preset = "imai2016"
+        [settings.refract]
+        solver = "march"
+        [settings.caustics]
+        resolution = 64
+        [settings.tonemap]
+        exposure = -1.5
+    "#;
+    let mut expected = Preset::Mayer2026.settings();
+    expected.tonemap.exposure = -1.5;
+    expected.caustics.resolution = 64;
+    assert_eq!(settings(text, &["preset=mayer2026"]), expected);
+    assert_eq!(settings(text, &[" preset = \"mayer2026\" "]), expected);
+    expected.refract.iterations = 3;
+    assert_eq!(settings(text, &["preset=mayer2026", "refract.iterations=3"]), expected);
+    // In order: what comes later holds.
+    expected.refract.iterations = 5;
+    assert_eq!(settings(text, &["refract.iterations=3", "preset=mayer2026"]), expected);
+
+    // The program puts --preset before --set, in whichever order they are typed.
+    let folder = tempfile::tempdir().unwrap();
+    let run = |args: &[&str]| {
+        let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_limpid"));
+        let output = command.current_dir(folder.path()).arg("render").args(args).output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let wrong = ["--set", "refract.samples=0", "--preset", "imai2016"];
+    let (code, message) = run(&wrong);
+    assert_eq!(code, Some(2), "{message}");
+    assert!(message.contains("refract.samples is 0"), "{message}");
+    let (code, message) = run(&["--preset", "imai2015"]);
+    assert_eq!(code, Some(2), "{message}");
+    assert!(message.contains("--preset") && message.contains("did you mean `imai201"), "{message}");
+}
+
+/// Protects the one who mistypes: the file's line, what was written, and what may have been meant.
+#[test]
+fn an_unknown_preset_names_the_nearest() {
+    for (wrong, right) in
+        [("mayer2025", "mayer2026"), ("Limpid", "limpid"), ("imai-2016", "imai2016")]
+    {
+        let scene = format!("[liquid]\nior = 1.3\n[settings]\npreset = \"{wrong}\"");
+        let errors = [
+            (overrides::preset(wrong).unwrap_err(), ""),
+            (parse(&scene, &[]).unwrap_err(), "test.toml: line 4: "),
+            (parse("", &[&format!("preset={wrong}")]).unwrap_err(), "--set preset="),
+        ];
+        for (error, start) in errors {
+            let message = error.to_string();
+            assert_eq!(error.category() as u8, 2, "{message}");
+            assert!(message.starts_with(start) && !message.contains('\n'), "{message}");
+            assert!(message.contains(&format!("`{wrong}`")), "{message}");
+            assert!(message.contains(&format!("did you mean `{right}`")), "{message}");
+        }
+    }
+    // A preset belongs to all passes, not to one; and errors beside it keep their line.
+    let inside = parse("[settings.smooth]\npreset = \"limpid\"", &[]).unwrap_err().to_string();
+    assert!(inside.contains("line 2") && inside.contains("`preset`"), "{inside}");
+    let beside = "[settings]\npreset = \"imai2016\"\n[settings.smooth]\ntips = 3";
+    let beside = parse(beside, &[]).unwrap_err().to_string();
+    assert!(beside.contains("line 4") && beside.contains("did you mean `taps`"), "{beside}");
+}
+
+/// Every preset draws: finite, and not as another does.
+#[test]
+fn every_preset_draws() {
+    let Some(mut stage) = stage() else { return };
+    let mut seed = 5;
+    let body: Vec<_> = (0..60)
+        .map(|_| {
+            let centre = frames::noise_vector(&mut seed) * Vec3::new(0.6, 0.4, 0.4);
+            let axes = 0.14 + 0.05 * frames::noise_vector(&mut seed);
+            ellipsoid(centre, axes, frames::noise_turn(&mut seed))
+        })
+        .collect();
+    let drawn = splats(&body, &[sphere(Vec3::new(0.3, 0.3, 0.8), 0.1)], 0.08);
+    let mut scene = Scene::around(-DVec3::ONE, DVec3::ONE, 0.08);
+    let shots = Preset::ALL.map(|preset| {
+        scene.settings = preset.settings();
+        let shot = stage.shoot(&scene, &on_axis(3.0, 40.0), &drawn, UVec2::new(96, 72));
+        shot.assert_finite();
+        shot
+    });
+    for (i, a) in shots.iter().enumerate() {
+        for b in &shots[..i] {
+            assert!(frames::mean_difference(a, b) > 1e-4);
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! The panels: each has what it must have, and changes what it says and nothing else.
+
+use eframe::egui::accesskit::Role;
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use limpid::settings::Preset;
+use limpid_viewer::controls::{CONTROLS, Control, Kind, Value, differences};
+use limpid_viewer::document::Source;
+use limpid_viewer::shortcuts::{POINTER, SHORTCUTS};
+use limpid_viewer::{Options, Viewer};
+
+use super::{harness, sequence, shown, until, wait};
+
+/// Protects values from being shown: panels that are looked at, scrolled over and tabbed through
+/// change nothing, neither of any preset nor of values that no slider would stop at.
+#[test]
+fn panels_change_nothing_by_being_shown() {
+    let odd = [
+        "smooth.sigma=0.123456789",
+        "smooth.window=7.654321",
+        "classify.short_axis=1.2345678",
+        "classify.support=3.3333333",
+        "tonemap.exposure=-0.3333333",
+        "caustics.blur=0.0000123456",
+        "caustics.margin=0.1234567",
+        "refract.reach=0.000123456",
+        "refract.contact=2.7182817",
+        "liquid.ior=1.3333333",
+        "liquid.absorption=[0.000001, 0.3333333, 99999.99]",
+    ];
+    let presets = Preset::ALL.map(|preset| vec![format!("preset={preset}")]);
+    for overrides in presets.into_iter().chain([odd.map(str::to_owned).to_vec()]) {
+        let scene = concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/sims/slab.toml");
+        let source = Source { overrides, ..Source::new(scene) };
+        let options = Options { source: Some(source), ..Options::default() };
+        let mut harness = shown(Viewer::new(options).expect("a viewer"), [1000.0, 2400.0]);
+        let opened = harness.state().scenes().clone();
+        // The picture's size may change with the panel's.
+        let drawn = |harness: &Harness<'static, Viewer>| {
+            let command = harness.state().command_line("x").expect("open");
+            command.split_once("--camera").expect("a camera").1.to_owned()
+        };
+        let before = drawn(&harness);
+        for title in ["Particles to splats", "Light from the lights", "Radiance to picture"] {
+            harness.get_by_label(title).click_accesskit();
+            harness.step();
+            harness.step();
+        }
+        for tab in ["Settings", "Camera"] {
+            harness.get_by_label(tab).click_accesskit();
+            harness.step();
+            // Through every field and slider of the panel, and around.
+            for _ in 0..150 {
+                harness.key_press(eframe::egui::Key::Tab);
+                harness.step();
+            }
+        }
+        assert_eq!(*harness.state().scenes(), opened);
+        assert_eq!(drawn(&harness), before);
+    }
+}
+
+/// Protects measured points from being those of another liquid: the truth is that of the view, the
+/// moment and the liquid that it was traced of.
+#[test]
+fn truth_is_that_of_the_liquid_it_was_traced_of() {
+    let scene =
+        Source::new(concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/sims/slab.toml"));
+    let mut harness = harness(scene, [800.0, 700.0]);
+    until(&mut harness, "a picture at rest", Viewer::is_at_rest);
+    harness.get_by_label("Times").click_accesskit();
+    harness.step();
+    harness.step();
+    harness.get_by_label("Trace the truth of this view").click_accesskit();
+    wait(&mut harness, "a point", |harness| {
+        harness.query_by_label_contains("these settings:").is_some()
+    });
+    assert!(harness.query_by_label_contains("trace the truth again").is_none());
+    harness.get_by_label("Settings").click_accesskit();
+    harness.step();
+    harness.step();
+    harness.get_by_role_and_label(Role::Slider, "Index").set_value_accesskit(1.5);
+    harness.step();
+    harness.get_by_label("Times").click_accesskit();
+    wait(&mut harness, "the notice", |harness| {
+        harness.query_by_label_contains("trace the truth again").is_some()
+    });
+    until(&mut harness, "a picture at rest", Viewer::is_at_rest);
+    assert!(harness.query_by_label_contains("trace the truth again").is_some());
+}
+
+/// A viewer high enough for all settings, with all their sections open.
+fn all_settings() -> Harness<'static, Viewer> {
+    let scene =
+        Source::new(concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/sims/slab.toml"));
+    let mut harness = harness(scene, [1000.0, 2400.0]);
+    for title in ["Particles to splats", "Light from the lights", "Radiance to picture"] {
+        harness.get_by_label(title).click();
+        harness.run_ok();
+    }
+    for _ in 0..30 {
+        harness.step();
+    }
+    harness
+}
+
+/// The control's widget among those of the same name: passes have settings of one name.
+fn index_among_equals(control: &Control) -> usize {
+    let before = CONTROLS.iter().take_while(|c| c.path() != control.path());
+    before.filter(|c| c.label == control.label).count()
+}
+
+fn role(control: &Control) -> Role {
+    match control.kind {
+        Kind::Number(..) | Kind::Whole(..) | Kind::Odd(..) => Role::Slider,
+        Kind::Toggle => Role::CheckBox,
+        Kind::Choice(_) => Role::ComboBox,
+    }
+}
+
+/// Protects that every setting is in its panel, that the widget changes that setting and no other,
+/// that this is what is drawn, and that a pass can be reset.
+#[test]
+fn every_setting_has_a_control_that_changes_it_alone() {
+    let mut harness = all_settings();
+    let opened = harness.state().scenes()[0].settings.clone();
+    for control in &CONTROLS {
+        let path = control.path();
+        let node = || {
+            let all = harness.query_all_by_role_and_label(role(control), control.label);
+            all.into_iter().nth(index_among_equals(control))
+        };
+        let node = node().unwrap_or_else(|| panic!("no control for {path}"));
+        match control.kind {
+            Kind::Number(low, high, _) => {
+                node.set_value_accesskit(0.25 * low + 0.05 * high.min(99.0) + 0.01);
+            }
+            Kind::Whole(low, high, _) => {
+                node.set_value_accesskit(f64::from(if low + 1 == high { low } else { low + 2 }));
+            }
+            Kind::Odd(..) => node.set_value_accesskit(9.0),
+            Kind::Toggle => node.click_accesskit(),
+            Kind::Choice(_) => node.click_accesskit(),
+        }
+        harness.step();
+        if let Kind::Choice(names) = control.kind {
+            let Value::Choice(present) = control.get(&opened) else { unreachable!() };
+            let other = names.iter().find(|name| **name != present).expect("there are several");
+            harness.step();
+            harness.get_by_role_and_label(Role::Button, other).click_accesskit();
+            harness.step();
+        }
+        harness.step();
+        let settings = harness.state().scenes()[0].settings.clone();
+        let changed: Vec<String> =
+            differences(&opened, &settings).iter().map(|(control, _)| control.path()).collect();
+        assert_eq!(changed, std::slice::from_ref(&path), "{path}");
+        let command = harness.state().command_line("x.png").expect("open");
+        assert!(command.contains(&path), "{path} is drawn: {command}");
+        harness.get_by_label(&format!("Reset {}", control.pass)).click_accesskit();
+        harness.step();
+        harness.step();
+        assert_eq!(harness.state().scenes()[0].settings, opened, "{path} is reset");
+    }
+}
+
+/// Protects the liquid's controls, presets and *reset all*.
+#[test]
+fn liquid_and_presets_change_and_reset() {
+    let mut harness = all_settings();
+    let opened = harness.state().scenes()[0].clone();
+    harness.get_by_role_and_label(Role::Slider, "Index").set_value_accesskit(1.5);
+    harness.get_by_role_and_label(Role::Slider, "Absorption, green").set_value_accesskit(7.0);
+    harness.step();
+    let scene = &harness.state().scenes()[0];
+    assert_eq!((scene.liquid.ior, scene.liquid.absorption.y), (1.5, 7.0));
+    let command = harness.state().command_line("x.png").expect("open");
+    assert!(command.contains("liquid.ior=1.5") && command.contains("liquid.absorption="));
+    harness.get_by_role_and_label(Role::ComboBox, "Preset").click_accesskit();
+    harness.step();
+    harness.step();
+    harness.get_by_role_and_label(Role::Button, "imai2016").click_accesskit();
+    harness.step();
+    harness.step();
+    let expected =
+        limpid_io::project::overrides::replaced(&opened.settings, &["preset=imai2016".into()])
+            .expect("a preset");
+    assert_eq!(harness.state().scenes()[0].settings, expected);
+    // The other settings are others.
+    assert_eq!(harness.state().scenes()[1], opened);
+    harness.get_by_label("Copy A to B").click_accesskit();
+    harness.step();
+    assert_eq!(harness.state().scenes()[1].settings, expected);
+    harness.get_by_label("Reset all").click_accesskit();
+    harness.step();
+    harness.step();
+    assert_eq!(harness.state().scenes()[0], opened);
+}
+
+/// Protects the list of keys: `?` shows each shortcut and what the pointer does.
+#[test]
+fn question_mark_lists_every_key() {
+    let mut harness = harness(sequence(), [1280.0, 800.0]);
+    assert!(harness.query_by_label(SHORTCUTS[0].help).is_none());
+    harness.key_press_modifiers(eframe::egui::Modifiers::SHIFT, eframe::egui::Key::Slash);
+    harness.step();
+    harness.step();
+    let texts = SHORTCUTS.iter().flat_map(|s| [s.shown, s.help]);
+    for text in texts.chain(POINTER.iter().flat_map(|&(how, what)| [how, what])) {
+        assert!(harness.query_all_by_label(text).next().is_some(), "{text} is listed");
+    }
+}

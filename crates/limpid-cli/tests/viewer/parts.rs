@@ -1,0 +1,169 @@
+//! Parts of the viewer by themselves: the clock, the size of drafts, views and their legends, keys,
+//! what a document says of itself.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use glam::UVec2;
+use limpid_io::input::Moment;
+use limpid_viewer::document::Document;
+use limpid_viewer::pace::Pace;
+use limpid_viewer::playback::{Playback, Speed};
+use limpid_viewer::shortcuts::{SHORTCUTS, action};
+use limpid_viewer::views::{Legend, View, viridis};
+
+use super::sequence;
+
+/// Protects that every moment is shown once, in order, and that one which is not there is waited for.
+#[test]
+fn playback_waits_and_leaves_nothing_out() {
+    let mut playback = Playback::new(4, 30.0);
+    playback.playing = true;
+    let frame = 1.0 / 30.0;
+    assert!(!playback.advance(0.4 * frame, |_| true));
+    assert!(playback.advance(0.7 * frame, |_| true));
+    assert_eq!(playback.index(), 1);
+    // Frame 2 is late by a second: then it is shown, and 3 no sooner than a frame's time after.
+    for _ in 0..30 {
+        assert!(!playback.advance(frame, |i| i != 2));
+    }
+    assert!(playback.advance(0.01 * frame, |_| true));
+    assert_eq!(playback.index(), 2);
+    assert!(!playback.advance(0.5 * frame, |_| true));
+    assert!(playback.advance(0.6 * frame, |_| true));
+    assert_eq!(playback.index(), 3);
+    assert!(playback.advance(frame, |_| true));
+    assert_eq!(playback.index(), 0, "it is looped");
+    playback.looped = false;
+    playback.backwards = true;
+    playback.advance(frame, |_| true);
+    assert!(!playback.playing, "it ends at the end");
+}
+
+/// Protects speeds: slow motion has more moments of the same frames, fast motion leaves some out.
+#[test]
+fn speeds_keep_the_time() {
+    let count = |frames: usize, speed: Speed| ((frames - 1) as f64 / speed.step()) as usize + 1;
+    let mut playback = Playback::new(count(9, Speed::Real), 25.0);
+    playback.seek(5);
+    playback.set_speed(Speed::Quarter, count(9, Speed::Quarter), 20);
+    assert_eq!((playback.index(), playback.count()), (20, 33));
+    playback.set_speed(Speed::Double, count(9, Speed::Double), 5);
+    assert_eq!((playback.index(), playback.following()), (5, Some(7)));
+    assert_eq!(playback.step(), 2);
+    playback.seek(8);
+    assert_eq!(playback.following(), Some(0));
+    playback.backwards = true;
+    playback.seek(1);
+    assert_eq!((playback.following(), playback.step()), (Some(8), -2));
+    playback.seek(100);
+    assert_eq!(playback.index(), 8);
+    playback.step_by(true);
+    assert_eq!(playback.index(), 0);
+    playback.step_by(false);
+    assert_eq!(playback.index(), 8);
+    for (i, speed) in Speed::ALL.into_iter().enumerate() {
+        assert_eq!(speed.next(true), Speed::ALL[(i + 1).min(5)]);
+        assert_eq!(speed.next(false), Speed::ALL[i.saturating_sub(1)]);
+    }
+    let mut nothing = Playback::new(0, 25.0);
+    nothing.playing = true;
+    nothing.advance(1.0, |_| true);
+    nothing.step_by(true);
+    assert_eq!(nothing.index(), 0);
+}
+
+/// Protects responsiveness: a slow machine gets drafts that it can draw in time, however the time
+/// depends on the size; a fast one gets full pictures; and neither wavers.
+#[test]
+fn drafts_are_as_large_as_time_allows() {
+    let full = UVec2::new(1280, 800);
+    /// Milliseconds by the share of the full picture.
+    type Cost = fn(f64) -> f64;
+    let machines: [(&str, Cost, f64); 4] = [
+        ("fast", |area| 2.0 + 8.0 * area, 1.0),
+        ("slow", |area| 5.0 + 400.0 * area, 0.25),
+        ("slow whatever the size", |area| 130.0 + area, 1.0),
+        ("very slow", |area| 20_000.0 * area, 0.125),
+    ];
+    for (name, ms, expected) in machines {
+        let mut pace = Pace::default();
+        assert!(pace.draft(full).x < full.x, "nothing is known yet");
+        let mut scales = Vec::new();
+        for _ in 0..40 {
+            let size = pace.draft(full);
+            let area = f64::from(size.element_product()) / f64::from(full.element_product());
+            pace.measured(size, full, ms(area));
+            scales.push(pace.scale());
+        }
+        assert_eq!(scales.last(), Some(&expected), "{name}: {scales:?}");
+        assert!(scales[20..].iter().all(|scale| *scale == expected), "{name} wavers: {scales:?}");
+    }
+    let mut pace = Pace::default();
+    pace.measured(UVec2::ZERO, full, 10.0);
+    pace.measured(full, UVec2::ZERO, 10.0);
+    assert_eq!(pace.draft(UVec2::ONE), UVec2::ONE);
+}
+
+/// Protects view modes: the legend's ends are the colours' ends, normals are colours, and an image
+/// that a frame does not have is told.
+#[test]
+fn views_have_legends_that_fit() {
+    use limpid::aov::{Aov, Channel, Part};
+    let channel = |name: &str, values: Vec<f32>| Channel { name: name.into(), values };
+    let size = UVec2::new(4, 1);
+    let part = Part {
+        name: "limpid".into(),
+        size,
+        channels: vec![
+            channel("iterations", vec![0.0, 2.0, 4.0, 8.0]),
+            channel("depth.aggregate_front", vec![0.0, 1.0, 2.0, 3.0]),
+            channel("normal.aggregate_front.X", vec![0.0, 1.0, 0.0, -1.0]),
+            channel("normal.aggregate_front.Y", vec![0.0, 0.0, 1.0, 0.0]),
+            channel("normal.aggregate_front.Z", vec![0.0; 4]),
+        ],
+    };
+    let parts = [part];
+    let (image, legend, values) = View::Image(Aov::Iterations, 0).shown(&parts, size);
+    let Legend::Scale { low: 0.0, high: 8.0, .. } = legend else { panic!("{legend:?}") };
+    assert_eq!((image.pixels[0], image.pixels[3]), (viridis(0.0), viridis(1.0)));
+    assert_eq!(values.expect("numbers").at(0.6, 0.5), Some(vec![4.0]));
+
+    let (image, legend, _) = View::Image(Aov::Depth, 0).shown(&parts, size);
+    assert!(matches!(legend, Legend::Scale { low: 1.0, high: 3.0, unit: "m", .. }), "{legend:?}");
+    assert_ne!(image.pixels[0], viridis(0.0), "empty is no depth");
+
+    let (image, legend, _) = View::Image(Aov::Normal, 0).shown(&parts, size);
+    assert_eq!(legend, Legend::Normal);
+    assert_eq!((image.pixels[1].r(), image.pixels[3].r(), image.pixels[2].g()), (255, 0, 255));
+
+    let (image, legend, values) = View::Image(Aov::Depth, 2).shown(&parts, size);
+    assert!(matches!(legend, Legend::Nothing(_)) && values.is_none());
+    assert_eq!(image.size, [4, 1]);
+    let names: BTreeSet<_> = View::all().map(View::label).collect();
+    assert_eq!(names.len(), 1 + Aov::ALL.len());
+}
+
+/// Protects the keys: no two are one, each is found by its press, and with Ctrl it is another.
+#[test]
+fn each_key_does_one_thing() {
+    use eframe::egui::{Key, Modifiers};
+    let keys: BTreeSet<_> = SHORTCUTS.iter().map(|s| (s.key, s.command)).collect();
+    assert_eq!(keys.len(), SHORTCUTS.len());
+    for shortcut in &SHORTCUTS {
+        let with = if shortcut.command { Modifiers::COMMAND } else { Modifiers::NONE };
+        assert_eq!(action(shortcut.key, with), Some(shortcut.action));
+    }
+    assert_eq!(action(Key::F, Modifiers::COMMAND), None);
+    assert_ne!(action(Key::L, Modifiers::COMMAND), action(Key::L, Modifiers::NONE));
+    assert_eq!(action(Key::Slash, Modifiers::SHIFT), action(Key::Questionmark, Modifiers::NONE));
+}
+
+/// Protects names and times of what is open: a title without folders, and seconds by frame numbers.
+#[test]
+fn documents_have_short_names_and_times() {
+    let document = Document::open(&sequence()).expect("it opens");
+    assert_eq!(document.name(), "ParticleData_Fluid_{}.bgeo");
+    assert_eq!(document.seconds(Moment { frame: 20, next: 40, fraction: 0.5 }), 25.0 / 30.0);
+    assert!(PathBuf::from(&document.source.input).is_absolute());
+}

@@ -1,0 +1,107 @@
+//! The viewer and `render` are one code path: the same bits, by a studio, by the command line that is
+//! copied, by the scene that is saved.
+
+use std::sync::{Arc, mpsc};
+
+use glam::UVec2;
+use limpid::gpu::Gpu;
+use limpid::scene::Scene;
+use limpid::studio::Studio;
+use limpid_io::input::{Input, Moment};
+use limpid_io::project::overrides::replaced;
+use limpid_viewer::Viewer;
+use limpid_viewer::draw_thread::{Answer, DrawThread, Pane, Request};
+use limpid_viewer::pace::Level;
+use limpid_viewer::views::View;
+
+use super::{
+    PATIENCE, assert_command_line_writes_what_is_saved, harness, same_picture, sequence, shell,
+    until, until_saved,
+};
+
+/// Protects "the viewer and `render` are one code path": what the draw thread shows is, bit by bit,
+/// what a studio draws; at a frame, between two, and with another setting.
+#[test]
+fn draw_thread_and_studio_draw_the_same_bits() {
+    let input = Input::open(&sequence().input).expect("the frames are there");
+    let input = input.with_radius(0.025).expect("a radius");
+    let (input, project) = input.settle().expect("it settles");
+    let scene = &project.scene;
+    let gpu = Gpu::headless().expect("an adapter");
+    let mut studio = Studio::new(&gpu);
+    let (sender, answers) = mpsc::channel();
+    let thread = DrawThread::new(limpid_io::device::open, move |answer| {
+        sender.send(answer).expect("the test waits");
+    });
+    let between = Moment { frame: 20, next: 21, fraction: 0.5 };
+    let set = |text: &str| vec![text.to_owned()];
+    let cases = [
+        (Moment::at(20), vec![]),
+        (between, vec![]),
+        (Moment::at(40), set("refract.solver=march")),
+        (Moment::at(40), set("classify.short_axis=1.1")),
+    ];
+    let mut pictures = Vec::new();
+    for (number, (at, overrides)) in (1..).zip(cases) {
+        let settings = replaced(&scene.settings, &overrides).expect("settings");
+        let scene = Scene { settings, ..scene.clone() };
+        let loaded = Arc::new(input.load(at, &scene).expect("it loads"));
+        let camera = project.camera_for(loaded.bulk.bounds);
+        let size = UVec2::new(160, 120);
+        let shot = studio.draw(&scene, &camera, &loaded.splats, size).expect("it draws");
+        let pane = Pane { scene: scene.into(), camera, loaded, size };
+        let request =
+            Request { number, panes: vec![pane], level: Level::Full, view: View::Picture };
+        thread.request(request);
+        let drawn = loop {
+            match answers.recv_timeout(PATIENCE).expect("an answer") {
+                Answer::Drawn(drawn) => break drawn,
+                Answer::Adapter(_) => {}
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(drawn.number, number);
+        let shown = drawn.panes[0].image.pixels.iter().flat_map(|c| [c.r(), c.g(), c.b()]);
+        assert!(shown.eq(shot.picture.as_raw().iter().copied()), "moment {at:?} {overrides:?}");
+        pictures.push(shot.picture);
+    }
+    // The cases are not one and the same picture.
+    assert!((1..pictures.len()).all(|i| pictures[i] != pictures[i - 1]));
+}
+
+/// Protects *copy the command line*: run by a shell, it writes the very bytes that the viewer saves;
+/// with a setting, a liquid and a view of the user's own, between two frames.
+#[test]
+fn copied_command_line_writes_what_the_viewer_saves() {
+    let mut source = sequence();
+    source.overrides = vec!["smooth.iterations=2".into(), "liquid.ior=1.41".into()];
+    source.frames = Some("20-21".parse().expect("frames"));
+    let mut harness = harness(source, [420.0, 300.0]);
+    // Half speed has moments between frames.
+    harness.key_press(eframe::egui::Key::OpenBracket);
+    harness.key_press(eframe::egui::Key::ArrowRight);
+    harness.key_press(eframe::egui::Key::F);
+    harness.step();
+    harness.step();
+    until(&mut harness, "a picture at rest", Viewer::is_at_rest);
+    let command = harness.state().command_line("rendered.png").expect("something is open");
+    assert!(command.contains("--at=20.5") && command.contains("smooth.iterations=2"), "{command}");
+    assert_command_line_writes_what_is_saved(&mut harness);
+}
+
+/// Protects *settings saved to a scene file that `render` draws alike*.
+#[test]
+fn saved_scene_renders_as_the_command_line_does() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut source = sequence();
+    source.frames = Some("40".parse().expect("a frame"));
+    source.overrides = vec!["classify.wetting=0".into()];
+    let mut harness = harness(source, [420.0, 300.0]);
+    until(&mut harness, "a picture at rest", Viewer::is_at_rest);
+    harness.state_mut().save_scene(folder.path().join("s.toml"));
+    until_saved(&mut harness);
+    shell(&harness.state().command_line("a.png").expect("open"), folder.path());
+    let UVec2 { x, y } = harness.state().picture_size();
+    shell(&format!("limpid render s.toml --frames 40 --size {x}x{y} -o b.png"), folder.path());
+    assert!(same_picture(folder.path(), "a.png", "b.png"));
+}

@@ -1,0 +1,232 @@
+//! What is open and how it plays: keys, frames that are missing, damaged or not there yet, windows
+//! of any size.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use glam::Vec3;
+use limpid::liquid::Particles;
+use limpid_viewer::document::Source;
+use limpid_viewer::views::View;
+use limpid_viewer::{Options, Viewer};
+
+use super::{harness, sequence, shown, until};
+
+/// Protects playback by key, and view modes by key: each is shown with what its colours mean.
+#[test]
+fn keys_play_step_and_switch_views() {
+    use eframe::egui::Key;
+    let mut harness = harness(sequence(), [700.0, 400.0]);
+    let count = harness.state().playback().count();
+    assert_eq!(count, 5);
+    harness.key_press(Key::ArrowRight);
+    harness.step();
+    assert_eq!(harness.state().playback().index(), 1);
+    harness.key_press(Key::End);
+    harness.step();
+    assert_eq!(harness.state().playback().index(), count - 1);
+    harness.key_press(Key::Home);
+    harness.key_press(Key::Space);
+    harness.step();
+    assert!(harness.state().playback().playing);
+    until(&mut harness, "two frames have played", |viewer| viewer.playback().index() >= 2);
+    harness.key_press(Key::Space);
+    harness.step();
+    assert!(!harness.state().playback().playing);
+    let views: Vec<View> = View::all().collect();
+    for view in views.iter().skip(1).chain(&views[..1]) {
+        harness.key_press(Key::V);
+        harness.step();
+        assert_eq!(harness.state().view(), *view);
+    }
+    harness.key_press(Key::V);
+    until(&mut harness, "depth at rest", Viewer::is_at_rest);
+    harness.get_by_label("Depth, m");
+}
+
+/// Protects *a damaged frame is a visible notice, and playback goes on*.
+#[test]
+fn damaged_frame_is_told_and_playback_goes_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for number in 1..=4 {
+        let path = folder.path().join(format!("w_{number}.bgeo"));
+        let positions = (0..40).map(|i| Vec3::new(0.05 * i as f32, 0.0, 0.1)).collect();
+        limpid_io::particles::write(&Particles { positions, ..Default::default() }, &path)
+            .expect("it is written");
+    }
+    std::fs::write(folder.path().join("w_2.bgeo"), b"not particles").expect("it is damaged");
+    let source = Source { radius: Some(0.03), ..Source::new(folder.path().display().to_string()) };
+    let mut harness = harness(source, [700.0, 400.0]);
+    harness.key_press(eframe::egui::Key::Space);
+    until(&mut harness, "frame 4", |viewer| viewer.playback().index() == 3);
+    let notices = harness.state().notices();
+    assert!(notices.iter().any(|n| n.error && n.text.contains("w_2.bgeo")), "{notices:?}");
+    let shown = notices.last().expect("there is one").text.clone();
+    harness.get_by_label(&shown);
+    harness.get_by_label("Dismiss").click_accesskit();
+    harness.step();
+    harness.step();
+    assert!(harness.state().notices().is_empty());
+}
+
+/// Protects what may be why a picture is not what was meant: the viewer says it as `render` does.
+#[test]
+fn what_is_odd_about_an_input_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("dark.toml");
+    let text = "[recipe]\nkind = \"ball\"\ncenter = [0, 0, 0]\nradius = 0.5\ncount = 200\n\
+                [[light]]\nsun = { direction = [0, -1, 0], irradiance = [1, 1, 1] }\n";
+    std::fs::write(&path, text).expect("it is written");
+    let mut harness = harness(Source::new(path.display().to_string()), [700.0, 400.0]);
+    let told = |viewer: &Viewer| viewer.notices().iter().any(|n| n.text.contains("lights nothing"));
+    until(&mut harness, "it is told", told);
+    assert!(harness.state().notices().iter().all(|n| !n.error));
+}
+
+/// A simulation of seven frames.
+fn drip(folder: &Path) -> PathBuf {
+    let path = folder.join("drip.toml");
+    let text = "[simulation]\nframes = 7\nradius = 0.05\n\
+                bounds = { min = [-1.0, 0.0, -1.0], max = [1.0, inf, 1.0] }\n\
+                [[simulation.block]]\nmin = [-0.3, 0.1, -0.3]\nmax = [0.3, 0.6, 0.3]\n";
+    std::fs::write(&path, text).expect("it is written");
+    path
+}
+
+/// Protects simulated scenes: what is not there yet is made while the rest plays, and what is there
+/// is not made again.
+#[test]
+fn simulation_is_made_while_it_plays() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = drip(folder.path());
+    let source = Source::new(path.display().to_string());
+    let mut harness = harness(source.clone(), [700.0, 400.0]);
+    until(&mut harness, "all frames", |viewer| viewer.playback().count() == 7);
+    until(&mut harness, "it plays", |viewer| viewer.playback().index() > 0);
+    assert!(harness.state().playback().playing && harness.state().notices().is_empty());
+    let made = |number: u32| {
+        let frame = limpid_io::bake::frame_path(&limpid_io::bake::folder(&path), "drip", number);
+        std::fs::metadata(frame).expect("a frame").modified().expect("a time")
+    };
+    let before = made(7);
+    drop(harness);
+    let harness = self::harness(source, [700.0, 400.0]);
+    assert_eq!((harness.state().playback().count(), made(7)), (7, before));
+}
+
+/// Protects simulated scenes of which some frames are asked for: they are opened as soon as they are
+/// there, also where they are the last ones, without a word of those that are not; and then not
+/// opened again and again.
+#[test]
+fn simulation_of_some_frames_is_opened_once() {
+    for (frames, count) in [("1-3", 3), ("5-7", 3)] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = drip(folder.path());
+        let source = Source {
+            frames: Some(frames.parse().expect("frames")),
+            ..Source::new(path.display().to_string())
+        };
+        let log = folder.path().join("log.jsonl");
+        let options =
+            Options { source: Some(source), log: Some(log.clone()), ..Options::default() };
+        let mut harness = shown(Viewer::new(options).expect("a viewer"), [700.0, 400.0]);
+        let last = limpid_io::bake::frame_path(&limpid_io::bake::folder(&path), "drip", 7);
+        until(&mut harness, "the last frame", |_| last.exists());
+        let grown = || {
+            let text = std::fs::read_to_string(&log).expect("a log");
+            text.lines().filter(|line| line.contains("\"grown\"")).count()
+        };
+        let mut seen = Vec::new();
+        for _ in 0..40 {
+            std::thread::sleep(Duration::from_millis(5));
+            harness.step();
+            seen.push(grown());
+        }
+        assert_eq!(harness.state().playback().count(), count);
+        assert!(seen[39] <= 5 && seen[39] == seen[30], "it goes on growing: {seen:?}");
+        assert!(harness.state().notices().is_empty(), "{:?}", harness.state().notices());
+    }
+}
+
+/// Protects a change of speed where frames are missing: the time that is shown stays.
+#[test]
+fn change_of_speed_keeps_the_time_where_frames_are_missing() {
+    use eframe::egui::Key;
+    let mut harness = harness(sequence(), [700.0, 400.0]);
+    for _ in 0..2 {
+        harness.key_press(Key::ArrowRight);
+        harness.step();
+    }
+    let shown = |harness: &Harness<'static, Viewer>| {
+        let command = harness.state().command_line("x").expect("open");
+        command.split_whitespace().find(|w| w.starts_with("--frames")).map(str::to_owned)
+    };
+    let before = shown(&harness);
+    let index = harness.state().playback().index();
+    for key in [Key::OpenBracket, Key::OpenBracket, Key::CloseBracket, Key::CloseBracket] {
+        harness.key_press(key);
+        harness.step();
+        assert_eq!(shown(&harness), before, "{key:?}");
+    }
+    assert_eq!(harness.state().playback().index(), index);
+}
+
+/// Protects a simulation that is being made: opening what cannot be opened does not end it.
+#[test]
+fn what_cannot_be_opened_does_not_end_a_simulation() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = drip(folder.path());
+    let mut harness = harness(Source::new(path.display().to_string()), [700.0, 400.0]);
+    harness.state_mut().open(Source::new("nowhere.bgeo"));
+    until(&mut harness, "it is told", |viewer| viewer.notices().iter().any(|n| n.error));
+    until(&mut harness, "all frames", |viewer| viewer.playback().count() == 7);
+}
+
+/// Protects opening by what cannot be opened: a notice, and what was open stays.
+#[test]
+fn what_cannot_be_opened_is_told() {
+    let mut harness = harness(sequence(), [700.0, 400.0]);
+    harness.state_mut().open(Source::new("/nowhere/at_all.bgeo"));
+    let told =
+        |viewer: &Viewer| viewer.notices().iter().any(|n| n.text.contains("/nowhere/at_all.bgeo"));
+    until(&mut harness, "a notice", told);
+    assert!(harness.state().command_line("x").is_some());
+}
+
+/// Protects a window without a size, as a minimised one has: nothing is drawn, nothing fails, and
+/// the picture comes back.
+#[test]
+fn window_without_size_draws_nothing() {
+    let mut harness = harness(sequence(), [700.0, 400.0]);
+    until(&mut harness, "a picture at rest", Viewer::is_at_rest);
+    for size in [[0.0, 0.0], [1.0, 1.0], [700.0, 5.0], [700.0, 400.0]] {
+        harness.set_size(size.into());
+        for _ in 0..3 {
+            harness.step();
+        }
+    }
+    until(&mut harness, "a picture at rest", Viewer::is_at_rest);
+}
+
+/// Protects key frames: they are added at the present time, in order, once for each time.
+#[test]
+fn camera_keys_are_added_in_order_of_time() {
+    use eframe::egui::Key;
+    let mut harness = harness(sequence(), [1000.0, 700.0]);
+    for key in [Key::End, Key::K, Key::Home, Key::K, Key::K] {
+        harness.key_press(key);
+        harness.step();
+    }
+    let times: Vec<f64> = harness.state().path().keys.iter().map(|key| key.time).collect();
+    // Frames 5 to 40 at 30 a second.
+    assert_eq!(times, [0.0, 35.0 / 30.0]);
+    harness.get_by_label("Camera").click_accesskit();
+    harness.step();
+    harness.step();
+    harness.get_by_label("Delete key 1").click_accesskit();
+    harness.step();
+    harness.step();
+    assert_eq!(harness.state().path().keys.len(), 1);
+}

@@ -1,0 +1,138 @@
+//! Drawing limpid's liquid into a texture of your own wgpu program.
+//!
+//! ```sh
+//! cargo run --release --example embed                      # the built-in demo
+//! cargo run --release --example embed -- water_0020.bgeo   # a particle file
+//! ```
+//!
+//! A program that draws with wgpu already has a device, a queue and something to draw into.
+//! limpid takes all three as they are:
+//!
+//! 1. the program opens its device and makes its texture;
+//! 2. [`Gpu::from_device`] wraps the device for limpid, [`Renderer::new`] compiles the passes;
+//! 3. [`Renderer::render`] draws a frame into the program's view, on the program's queue;
+//! 4. the program goes on with its texture: here it reads it back and saves `embed.png`.
+//!
+//! A window works the same way: hand `render` the view of the surface's current texture, and
+//! present afterwards. limpid never looks for a window system itself.
+
+use limpid::glam::UVec2;
+use limpid::gpu::Gpu;
+use limpid::renderer::Renderer;
+
+// limpid re-exports the wgpu it was built with. Use it, and the types are certain to match.
+use limpid::wgpu;
+
+use limpid_io::input::Input;
+
+const SIZE: UVec2 = UVec2::new(640, 480);
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    // ---- 1. The program's own: a device, a queue, a texture.
+
+    let (device, queue) = pollster::block_on(open_device())?;
+
+    // Any 8-bit colour format will do. With an sRGB one the hardware encodes what limpid writes;
+    // with others limpid does.
+    let texture = device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("the program's picture"),
+        size: extent(),
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Rgba8UnormSrgb,
+        // limpid draws into it; this program copies from it.
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    });
+    let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+
+    // ---- 2. limpid on the program's device. Handles of wgpu are counted references: cheap.
+
+    let gpu = Gpu::from_device(device.clone(), queue.clone());
+    // Once per program: this compiles the passes.
+    let mut renderer = Renderer::new(&gpu);
+
+    // ---- 3. One frame. In a loop, repeat this part; the renderer keeps its memory.
+
+    let input = match std::env::args().nth(1) {
+        Some(path) => Input::open(&path)?,
+        None => Input::demo()?,
+    };
+    // The scene of the input, or for bare particles one that is made around them. To build one in
+    // code instead, fill in a `limpid::scene::Scene`: all its fields are public.
+    let (input, project) = input.settle()?;
+    let frame = &input.sequence.frames[0];
+    // Particles become ellipsoids on the CPU, or with `Input::classified` on the device; this may as
+    // well run on a thread of its own.
+    let loaded = input.load(frame, &project.scene)?;
+    let camera = project.camera_for(loaded.bulk.bounds);
+    renderer.render(&project.scene, &camera, &loaded.splats, &view, texture.format(), SIZE)?;
+
+    // ---- 4. The program's own again. The queue keeps the order: this copy comes after the frame.
+
+    let pixels = read_back(&device, &queue, &texture)?;
+    let picture = image::RgbaImage::from_raw(SIZE.x, SIZE.y, pixels).expect("four bytes per pixel");
+    picture.save("embed.png")?;
+    println!("embed.png: frame {} with {} particles", loaded.number, loaded.particles);
+    Ok(())
+}
+
+/// Opens a device as any wgpu program does, here without a window.
+async fn open_device() -> Result<(wgpu::Device, wgpu::Queue), Box<dyn std::error::Error>> {
+    let instance =
+        wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+    let adapter = instance.request_adapter(&wgpu::RequestAdapterOptions::default()).await?;
+    let (device, queue) = adapter
+        .request_device(&wgpu::DeviceDescriptor {
+            label: Some("the program's device"),
+            // With wgpu's default limits limpid works too, up to their picture size. To have
+            // passes timed, ask for `TIMESTAMP_QUERY` here.
+            required_features: wgpu::Features::empty(),
+            ..Default::default()
+        })
+        .await?;
+    println!("{}", adapter.get_info().name);
+    Ok((device, queue))
+}
+
+/// Copies the texture to memory, rows packed.
+fn read_back(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    texture: &wgpu::Texture,
+) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+    // wgpu wants every row of a copy to begin at a multiple of 256 bytes.
+    let row = 4 * SIZE.x;
+    let padded_row = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("read back"),
+        size: u64::from(padded_row * SIZE.y),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo {
+            buffer: &buffer,
+            layout: wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(padded_row),
+                rows_per_image: None,
+            },
+        },
+        extent(),
+    );
+    queue.submit([encoder.finish()]);
+
+    // Mapping ends once the device has done all that was submitted.
+    buffer.map_async(wgpu::MapMode::Read, .., |result| result.expect("the buffer can be mapped"));
+    device.poll(wgpu::PollType::wait_indefinitely())?;
+    let padded = buffer.get_mapped_range(..)?;
+    Ok(padded.chunks_exact(padded_row as usize).flat_map(|r| &r[..row as usize]).copied().collect())
+}
+
+fn extent() -> wgpu::Extent3d {
+    wgpu::Extent3d { width: SIZE.x, height: SIZE.y, depth_or_array_layers: 1 }
+}

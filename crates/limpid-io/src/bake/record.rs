@@ -1,0 +1,104 @@
+//! What made the frames in a folder, so that no bake goes on with another's.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use limpid::scene::Solid;
+use limpid_sim::sim::Simulation;
+
+use super::frames_in;
+use crate::error::{Error, Result};
+use crate::output::Kind;
+use crate::{files, output};
+
+/// To be counted up when the same parameters no longer make the same frames.
+const SOLVER: u32 = 2;
+
+/// The record's file.
+pub(super) fn path(folder: &Path, name: &str) -> PathBuf {
+    folder.join(format!("{name}.bake.json"))
+}
+
+/// Writes the record of a simulation beside the frames to come, or finds it there.
+///
+/// # Errors
+/// [`Error::Usage`] if frames are there that other parameters made, [`Error::Io`] if the record
+/// cannot be read or written.
+pub(super) fn keep(
+    simulation: &Simulation,
+    solids: &[Solid],
+    name: &str,
+    folder: &Path,
+) -> Result<()> {
+    let path = path(folder, name);
+    let record = of(simulation, solids);
+    let frames = !frames_in(folder, name)?.is_empty();
+    if path.exists() || frames {
+        let known = match files::read_text(&path) {
+            Ok(text) => serde_json::from_str(&text).map_err(|e| {
+                let problem = format!(
+                    "not the record of a bake: {e}; remove it and the frames {name}_*.bgeo beside it, or \
+                     bake into another folder with -o"
+                );
+                Error::format(&path, problem)
+            })?,
+            Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+                Value::Null
+            }
+            Err(e) => return Err(e),
+        };
+        if known == record {
+            return Ok(());
+        }
+        if frames && known == Value::Null {
+            return Err(unknown(name, folder));
+        }
+        if frames {
+            let key = difference(&known, &record).unwrap_or_default();
+            return Err(Error::Usage(format!(
+                "{}: the frames {name}_*.bgeo here were made from other parameters{key}; bake with --restart to replace them, or into another folder with -o",
+                folder.display()
+            )));
+        }
+    }
+    let text = serde_json::to_string_pretty(&record).expect("numbers and names are JSON");
+    output::write_atomically(&path, Kind::BakeRecord, |file| writeln!(file, "{text}"))
+}
+
+/// The error of frames that no bake is known to have made.
+pub(super) fn unknown(name: &str, folder: &Path) -> Error {
+    Error::Usage(format!(
+        "{}: the frames {name}_*.bgeo here have no {name}.bake.json, so they may be another program's; \
+         remove them yourself, or bake into another folder with -o",
+        folder.display()
+    ))
+}
+
+/// All that frames depend on; their number is not among it.
+fn of(simulation: &Simulation, solids: &[Solid]) -> Value {
+    let mut record = json!({
+        "solver": SOLVER,
+        "simulation": simulation,
+        "solids": solids.iter().map(|solid| solid.shape).collect::<Vec<_>>(),
+    });
+    if let Some(simulation) = record["simulation"].as_object_mut() {
+        simulation.remove("frames");
+    }
+    // As it will be read: what JSON cannot hold is lost on both sides.
+    serde_json::from_str(&record.to_string()).unwrap_or(record)
+}
+
+/// The first key whose values differ, as a part of a sentence.
+fn difference(known: &Value, record: &Value) -> Option<String> {
+    let (known, record) = (known.get("simulation")?, record.get("simulation")?);
+    let (key, value) =
+        record.as_object()?.iter().find(|(key, value)| known.get(key) != Some(value))?;
+    let before = known.get(key).unwrap_or(&Value::Null);
+    let short = |value: &Value| {
+        let text = value.to_string();
+        if text.len() > 40 { "other".to_owned() } else { text }
+    };
+    Some(format!(" ({key} was {}, is {})", short(before), short(value)))
+}

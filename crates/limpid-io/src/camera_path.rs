@@ -1,0 +1,256 @@
+//! Camera paths: key frames in time, and the smooth way between them.
+
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result, toml_error};
+use crate::files;
+use crate::output::{self, Kind};
+use limpid::camera::{Camera, is_place, up};
+
+/// A camera that moves from key to key.
+///
+/// As a file, in TOML:
+///
+/// ```toml
+/// [[key]]
+/// time = 0.0               # s
+/// eye = [3.0, 2.0, 4.0]    # m
+/// target = [0.0, 1.0, 0.0] # m
+/// up = [0.0, 1.0, 0.0]     # by default this
+/// fov_y = 40.0             # degrees, by default this
+///
+/// [[key]]
+/// time = 2.5
+/// eye = [-3.0, 2.0, 4.0]
+/// target = [0.0, 1.0, 0.0]
+/// ```
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CameraPath {
+    /// The keys, by ascending time.
+    pub keys: Vec<Key>,
+}
+
+/// Where the camera is at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Key {
+    /// The time, s.
+    pub time: f64,
+    /// The camera. A near plane of its own holds until the next key.
+    pub camera: Camera,
+}
+
+// The file as it is written.
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PathFile {
+    #[serde(default)]
+    key: Vec<KeyFile>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct KeyFile {
+    time: f64,
+    eye: DVec3,
+    target: DVec3,
+    #[serde(default = "up")]
+    up: Vec3,
+    #[serde(default = "fov_y")]
+    fov_y: f32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    near: Option<f32>,
+}
+
+fn fov_y() -> f32 {
+    40.0
+}
+
+impl CameraPath {
+    /// Reads a path.
+    ///
+    /// # Errors
+    /// [`Error::Io`], or [`Error::Scene`] naming the file, the line or key, and the cause.
+    pub fn load(path: &Path) -> Result<Self> {
+        Self::parse(&files::read_text(path)?, &path.display().to_string())
+    }
+
+    /// Parses a path file's text; `origin` names it in errors.
+    ///
+    /// # Errors
+    /// As [`CameraPath::load`].
+    pub fn parse(text: &str, origin: &str) -> Result<Self> {
+        let file: PathFile = toml::from_str(text).map_err(|e| toml_error(text, origin, &e))?;
+        let keys = file.key.into_iter().map(|key| {
+            let KeyFile { time, eye, target, up, fov_y, near } = key;
+            Key { time, camera: Camera { eye, target, up, fov_y, near } }
+        });
+        let path = Self { keys: keys.collect() };
+        path.check().map_err(|e| match e {
+            Error::Scene { origin: part, problem } => {
+                Error::Scene { origin: origin.into(), problem: format!("{part}: {problem}") }
+            }
+            other => other,
+        })?;
+        Ok(path)
+    }
+
+    /// Writes a file that [`CameraPath::load`] reads as the same path, to the last bit.
+    ///
+    /// # Errors
+    /// As [`CameraPath::check`] and [`output::write_atomically`].
+    pub fn save(&self, path: &Path) -> Result<()> {
+        self.check()?;
+        let key = self.keys.iter().map(|&Key { time, camera }| {
+            let Camera { eye, target, up, fov_y, near } = camera;
+            KeyFile { time, eye, target, up, fov_y, near }
+        });
+        let file = PathFile { key: key.collect() };
+        output::write_atomically(path, Kind::CameraPath, |out| {
+            let text = toml::to_string(&file).map_err(std::io::Error::other)?;
+            std::io::Write::write_all(out, text.as_bytes())
+        })
+    }
+
+    /// Checks that there is a key, that times are finite and ascend, and every key's camera.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] naming the first key, counted from 1, that is not as it must be.
+    pub fn check(&self) -> Result<()> {
+        let fail = |origin: String, problem: String| Err(Error::Scene { origin, problem });
+        if self.keys.is_empty() {
+            return fail("[[key]]".into(), "none; a camera path needs at least one".into());
+        }
+        let mut before = f64::NEG_INFINITY;
+        for (number, Key { time, camera }) in (1..).zip(&self.keys) {
+            let origin = format!("[[key]] {number}");
+            if !time.is_finite() {
+                return fail(origin, format!("a time of {time} s; a finite one expected"));
+            }
+            if *time <= before {
+                let problem = format!("{time} s does not come after the key before, {before} s");
+                return fail(origin, problem);
+            }
+            if let Err(limpid::Error::Invalid { problem, .. }) = camera.check() {
+                return fail(origin, problem);
+            }
+            before = *time;
+        }
+        Ok(())
+    }
+
+    /// The time of the last key, s; 0 if it is not above that.
+    pub fn duration(&self) -> f64 {
+        self.keys.last().map_or(0.0, |key| key.time.max(0.0))
+    }
+
+    /// The camera at `time`, s: a key's at its time, the first key's before, the last one's after,
+    /// and between two keys a cubic in eye, target, up and field of view.
+    ///
+    /// The cubics are the Catmull-Rom spline whose knots are the times of the keys (E. Catmull, R.
+    /// Rom: A class of local interpolating splines, 1974; P. Barry, R. Goldman: A recursive
+    /// evaluation algorithm for a class of Catmull-Rom splines, 1988), here in Hermite form: the
+    /// velocity at a key is that of the parabola through it and its two neighbours, and the path
+    /// begins and ends on the parabola of its first and last three keys. So position and velocity
+    /// are continuous however unevenly the keys are spaced, two keys are joined by a straight
+    /// line, and motion at constant velocity or constant acceleration is met exactly. (With
+    /// tangents from the neighbours alone, as for evenly spaced keys, the camera would speed up
+    /// before a long interval and overshoot in a short one.)
+    ///
+    /// Where that defines no view, because the eye passes through the target or up turns through
+    /// the view direction, the direction in question is that of the nearest key.
+    ///
+    /// # Panics
+    /// Without keys; [`CameraPath::check`] tells.
+    pub fn at(&self, time: f64) -> Camera {
+        let next = self.keys.partition_point(|key| key.time <= time);
+        let Some(i) = next.checked_sub(1) else { return self.keys[0].camera };
+        let Some(b) = self.keys.get(next) else { return self.keys[i].camera };
+        let a = &self.keys[i];
+        if a.time == time {
+            return a.camera;
+        }
+        let duration = b.time - a.time;
+        let u = (time - a.time) / duration;
+        let (from, to) = (a.values(), b.values());
+        let (start, end) = (self.velocity(i), self.velocity(next));
+        let [ex, ey, ez, tx, ty, tz, ux, uy, uz, fov_y] = std::array::from_fn(|c| {
+            let difference = to[c] - from[c];
+            // Hermite's cubic as what it adds to the straight line, so that far from the origin
+            // only small numbers are multiplied.
+            let bend = (1.0 - u) * (start[c] * duration - difference)
+                - u * (end[c] * duration - difference);
+            from[c] + u * (difference + (1.0 - u) * bend)
+        });
+        // A cubic may overshoot its keys, but not out of what a field of view can be.
+        let (low, high) = self.keys.iter().fold((180f64, 0f64), |(low, high), key| {
+            let fov_y = f64::from(key.camera.fov_y);
+            (low.min(fov_y), high.max(fov_y))
+        });
+        let camera = Camera {
+            eye: DVec3::new(ex, ey, ez),
+            target: DVec3::new(tx, ty, tz),
+            up: DVec3::new(ux, uy, uz).as_vec3(),
+            fov_y: fov_y.clamp(0.5 * low, 0.5 * (high + 180.0)) as f32,
+            near: a.camera.near,
+        };
+        let nearest = if u < 0.5 { a } else { b };
+        mended(camera, &nearest.camera)
+    }
+
+    /// The change of each of the [`Key::values`] at a key, per second.
+    fn velocity(&self, key: usize) -> [f64; 10] {
+        let last = self.keys.len() - 1;
+        // Mean velocities on both sides; beyond an end, what continues the parabola.
+        let mean = |i: usize| {
+            let (a, b) = (&self.keys[i], &self.keys[i + 1]);
+            let (from, to) = (a.values(), b.values());
+            let duration = b.time - a.time;
+            (duration, std::array::from_fn::<f64, 10, _>(|c| (to[c] - from[c]) / duration))
+        };
+        if last == 1 {
+            return mean(0).1;
+        }
+        let middle = key.clamp(1, last - 1);
+        let (before, v) = mean(middle - 1);
+        let (after, w) = mean(middle);
+        std::array::from_fn(|c| {
+            let change = (w[c] - v[c]) / (before + after);
+            match key {
+                0 => v[c] - before * change,
+                _ if key == last => w[c] + after * change,
+                _ => v[c] + before * change,
+            }
+        })
+    }
+}
+
+impl Key {
+    /// What is interpolated: eye, target, up, field of view.
+    fn values(&self) -> [f64; 10] {
+        let Camera { eye, target, up, fov_y, .. } = self.camera;
+        let up = up.as_dvec3();
+        [eye.x, eye.y, eye.z, target.x, target.y, target.z, up.x, up.y, up.z, f64::from(fov_y)]
+    }
+}
+
+/// The camera, or where it defines no view, the most of it that does, with the rest from `key`.
+fn mended(camera: Camera, key: &Camera) -> Camera {
+    if camera.check().is_ok() {
+        return camera;
+    }
+    let mut camera = camera;
+    let reach = key.target - key.eye;
+    // Nearer than this the two differ by nothing but rounding.
+    let least = 1e-9 * reach.length();
+    if is_place(camera.eye) && camera.eye.distance(camera.target) <= least {
+        camera.target = camera.eye + reach;
+    }
+    let view = (camera.target - camera.eye).normalize_or(DVec3::NEG_Z);
+    let ups = [camera.up, key.up, view.any_orthonormal_vector().as_vec3()];
+    let mut cameras = ups.into_iter().map(|up| Camera { up, ..camera });
+    cameras.find(|camera| camera.check().is_ok()).unwrap_or(*key)
+}

@@ -1,0 +1,315 @@
+//! Films: which pictures one is made of, and the file that they go to.
+
+mod ffmpeg;
+
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use glam::UVec2;
+use image::RgbImage;
+
+use crate::camera_path::CameraPath;
+use crate::error::{Error, Result};
+use crate::output::{Kind as FileKind, Temporary};
+use ffmpeg::Ffmpeg;
+use limpid::camera::Camera;
+
+/// More pictures of a film than this are a slip of the keyboard.
+pub const MAX_TAKES: f64 = 1e7;
+
+/// The fastest GIF that is played at its speed: viewers slow shorter delays than 2/100 s down.
+const MAX_GIF_FPS: f64 = 50.0;
+
+/// How the camera moves from picture to picture.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Motion {
+    /// Not at all.
+    Still,
+    /// Along a path.
+    Path(CameraPath),
+    /// Around its target, a full turn in so many seconds.
+    Turntable(f64),
+}
+
+/// A picture to draw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Take {
+    /// What its file is numbered by: its particles' frame, or where there are more pictures than
+    /// frames of particles, the picture, counted from 1.
+    pub number: i64,
+    /// Which of the frames of particles it shows, counted from 0.
+    pub frame: usize,
+    /// Where it is seen from.
+    pub camera: Camera,
+}
+
+/// The pictures of a film of particle frames with these numbers, played at `fps` frames per second
+/// and seen from a camera that moves.
+///
+/// A sequence is played once, and a path's time is that of the film: its first picture is at 0 s.
+/// With one frame of particles the film is as long as the path, its last picture at the path's end.
+/// A turntable turns once, so that the film can be repeated without a seam: meanwhile a sequence
+/// begins anew as often as needed, and where that is longer than a turn, the camera turns on.
+///
+/// # Errors
+/// [`Error::Usage`] for a rate or a turn that is not above 0 and finite, or for too many pictures.
+pub fn takes(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Result<Vec<Take>> {
+    check_fps(fps)?;
+    let count = match motion {
+        Motion::Path(path) if numbers.len() == 1 => (path.duration() * fps + 1e-6).floor() + 1.0,
+        Motion::Turntable(seconds) if !(*seconds > 0.0 && seconds.is_finite()) => {
+            let problem = "above 0 and finite expected";
+            return Err(Error::Usage(format!("a turn of {seconds} seconds: {problem}")));
+        }
+        Motion::Turntable(seconds) if !numbers.is_empty() => (seconds * fps).round().max(1.0),
+        Motion::Still | Motion::Path(_) | Motion::Turntable(_) => 0.0,
+    };
+    if count > MAX_TAKES {
+        return Err(Error::Usage(format!("{count:.0} pictures; fewer seconds or --fps expected")));
+    }
+    let count = count as usize;
+    let takes = (0..count.max(numbers.len())).map(|i| {
+        let frame = i % numbers.len();
+        let camera = match motion {
+            Motion::Still => camera,
+            Motion::Path(path) => path.at(i as f64 / fps),
+            Motion::Turntable(_) => {
+                camera.turned((i % count) as f64 / count as f64 * std::f64::consts::TAU)
+            }
+        };
+        let number = if count > numbers.len() { i as i64 + 1 } else { numbers[frame] };
+        Take { number, frame, camera }
+    });
+    Ok(takes.collect())
+}
+
+/// Checks a rate, frames per second.
+///
+/// # Errors
+/// [`Error::Usage`] unless it is between 0.01 and 1000.
+pub fn check_fps(fps: f64) -> Result<()> {
+    if (0.01..=1000.0).contains(&fps) {
+        return Ok(());
+    }
+    Err(Error::Usage(format!("{fps} frames per second: between 0.01 and 1000 expected")))
+}
+
+/// Kinds of films.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// H.264 in MPEG-4 (`.mp4`), which plays nearly anywhere; written by `ffmpeg`.
+    Mp4,
+    /// VP9 in WebM (`.webm`), for the web; written by `ffmpeg`.
+    Webm,
+    /// GIF (`.gif`): 256 colours a frame, repeated for ever.
+    Gif,
+    /// Animated PNG (`.apng`): lossless, repeated for ever.
+    Apng,
+}
+
+impl Kind {
+    /// The kind that a file's extension names, if it is a film's.
+    pub fn of(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "mp4" => Some(Self::Mp4),
+            "webm" => Some(Self::Webm),
+            "gif" => Some(Self::Gif),
+            "apng" => Some(Self::Apng),
+            _ => None,
+        }
+    }
+}
+
+/// A film in the making.
+///
+/// It is written under a temporary name beside its own, which it gets in [`Film::finish`]; if it
+/// is dropped before, nothing is left of it.
+pub struct Film {
+    path: PathBuf,
+    size: UVec2,
+    fps: f64,
+    frames: u32,
+    // Before the file, so that nobody writes to it any more when it is removed.
+    encoder: Encoder,
+    file: Temporary,
+}
+
+enum Encoder {
+    Ffmpeg(Ffmpeg),
+    Gif(Box<gif::Encoder<BufWriter<File>>>),
+    Apng(Box<png::Writer<BufWriter<File>>>),
+}
+
+impl Film {
+    /// Begins a film of pictures of `size` pixels, `fps` of them per second. Its kind is that of
+    /// the path's extension.
+    ///
+    /// MP4 and WebM are 8-bit 4:2:0 video by ITU-R BT.709, of a quality that is hard to tell from
+    /// the pictures. Their width and height must be even, since two by two pixels share a colour.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for an extension, a size or a rate that is not a film's; [`Error::Io`] if
+    /// the file cannot be written, or without an `ffmpeg` on `PATH` where that is needed.
+    pub fn create(path: &Path, size: UVec2, fps: f64) -> Result<Self> {
+        let name = path.display();
+        let usage = |problem: String| Err(Error::Usage(format!("{name}: {problem}")));
+        let Some(kind) = Kind::of(path) else {
+            return usage("a film ends in .mp4, .webm, .gif or .apng".into());
+        };
+        check_fps(fps)?;
+        let UVec2 { x, y } = size;
+        match kind {
+            Kind::Mp4 | Kind::Webm if x % 2 + y % 2 > 0 => {
+                let (x2, y2) = (x.next_multiple_of(2), y.next_multiple_of(2));
+                return usage(format!(
+                    "video of {x}x{y} pixels needs an even width and height; {x2}x{y2} is nearest"
+                ));
+            }
+            Kind::Gif if size.max_element() > u32::from(u16::MAX) => {
+                return usage(format!("{x}x{y} pixels; a GIF has at most 65535 a side"));
+            }
+            Kind::Gif if fps > MAX_GIF_FPS => {
+                return usage(format!(
+                    "GIFs of more than {MAX_GIF_FPS} frames per second are slowed down by most \
+                     viewers; write an .apng, or fewer than {fps}"
+                ));
+            }
+            _ if size.min_element() == 0 => return usage(format!("{x}x{y} pixels are none")),
+            _ => {}
+        }
+        FileKind::Film.check(path)?;
+        // A pipe or a device cannot take a film that is patched at its end.
+        if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {
+            return Err(Error::io(path, "write", io::Error::other("not a regular file")));
+        }
+        let fail = |e: io::Error| Error::io(path, "write", e);
+        let file = Temporary::beside(path)?;
+        let buffer = || file.as_file().try_clone().map(BufWriter::new).map_err(fail);
+        let encoder = match kind {
+            Kind::Mp4 | Kind::Webm => Encoder::Ffmpeg(
+                Ffmpeg::start(kind, file.path(), size, fraction(fps)).map_err(fail)?,
+            ),
+            Kind::Gif => {
+                let (x, y) = (x as u16, y as u16);
+                let mut encoder = gif::Encoder::new(buffer()?, x, y, &[])
+                    .map_err(|e| fail(io::Error::other(e)))?;
+                encoder.set_repeat(gif::Repeat::Infinite).map_err(|e| fail(io::Error::other(e)))?;
+                Encoder::Gif(Box::new(encoder))
+            }
+            Kind::Apng => {
+                let encoder = apng(buffer()?, size, fps).map_err(|e| fail(io::Error::other(e)))?;
+                Encoder::Apng(Box::new(encoder))
+            }
+        };
+        Ok(Self { path: path.to_owned(), size, fps, frames: 0, encoder, file })
+    }
+
+    /// The file that it is going to be.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Adds a picture, 8-bit sRGB.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] if it is not of the film's size; [`Error::Io`] if it cannot be written.
+    pub fn push(&mut self, picture: &RgbImage) -> Result<()> {
+        let UVec2 { x, y } = self.size;
+        if picture.dimensions() != (x, y) {
+            let (width, height) = picture.dimensions();
+            let name = self.path.display();
+            let problem = format!("{name}: a picture of {width}x{height} in a film of {x}x{y}");
+            return Err(Error::Mismatch(problem));
+        }
+        let written = match &mut self.encoder {
+            Encoder::Ffmpeg(ffmpeg) => ffmpeg.push(picture),
+            Encoder::Gif(encoder) => {
+                // Rounded times, not delays, so that the roundings do not add up.
+                let time = |frame: u32| (f64::from(frame) * 100.0 / self.fps).round();
+                let delay = (time(self.frames + 1) - time(self.frames)) as u16;
+                let frame = gif::Frame::from_rgb_speed(x as u16, y as u16, picture, 10);
+                encoder.write_frame(&gif::Frame { delay, ..frame }).map_err(io::Error::other)
+            }
+            Encoder::Apng(encoder) => encoder.write_image_data(picture).map_err(io::Error::other),
+        };
+        written.map_err(|e| Error::io(&self.path, "write", e))?;
+        self.frames += 1;
+        Ok(())
+    }
+
+    /// Writes what is left to write and gives the film its name.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a film without pictures, [`Error::Io`] if it cannot be written.
+    pub fn finish(self) -> Result<()> {
+        let Self { path, frames, encoder, file, .. } = self;
+        if frames == 0 {
+            return Err(Error::Usage(format!("{}: a film without pictures", path.display())));
+        }
+        let written = match encoder {
+            Encoder::Ffmpeg(ffmpeg) => ffmpeg.finish(),
+            Encoder::Gif(encoder) => {
+                encoder.into_inner().map_err(io::Error::other).and_then(|mut file| file.flush())
+            }
+            Encoder::Apng(encoder) => encoder
+                .finish()
+                .map_err(io::Error::other)
+                .and_then(|()| count_apng_frames(file.as_file(), frames)),
+        };
+        let whole = written.and_then(|()| match file.as_file().metadata()?.len() {
+            0 => Err(io::Error::other("nothing was written")),
+            _ => Ok(()),
+        });
+        whole.map_err(|e| Error::io(&path, "write", e))?;
+        file.keep(&path)
+    }
+}
+
+/// Begins an animated PNG. Its header counts its frames; [`count_apng_frames`] puts that right.
+fn apng(
+    out: BufWriter<File>,
+    size: UVec2,
+    fps: f64,
+) -> Result<png::Writer<BufWriter<File>>, png::EncodingError> {
+    let mut encoder = png::Encoder::new(out, size.x, size.y);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_animated(i32::MAX as u32, 0)?;
+    let (frames, seconds) = fraction(fps);
+    encoder.set_frame_delay(seconds, frames)?;
+    encoder.write_header()
+}
+
+/// Replaces the animation control chunk, which follows the signature and the header.
+fn count_apng_frames(mut file: &File, frames: u32) -> io::Result<()> {
+    const SIGNATURE: u64 = 8;
+    const HEADER: u64 = 4 + 4 + 13 + 4;
+    let mut chunk = *b"acTL\0\0\0\0\0\0\0\0";
+    chunk[4..8].copy_from_slice(&frames.to_be_bytes());
+    let mut crc = flate2::Crc::new();
+    crc.update(&chunk);
+    file.seek(SeekFrom::Start(SIGNATURE + HEADER + 4))?;
+    file.write_all(&chunk)?;
+    file.write_all(&crc.sum().to_be_bytes())
+}
+
+/// The fraction of 16-bit numbers nearest to a rate (the last convergent of its continued
+/// fraction that fits), and so the exact one for all usual rates.
+fn fraction(fps: f64) -> (u16, u16) {
+    let (mut before, mut best) = ((0_u64, 1_u64), (1, 0));
+    let mut rest = fps;
+    loop {
+        let whole = rest.floor();
+        let next = (whole as u64 * best.0 + before.0, whole as u64 * best.1 + before.1);
+        let (Ok(frames), Ok(seconds)) = (u16::try_from(next.0), u16::try_from(next.1)) else {
+            return (best.0 as u16, best.1 as u16);
+        };
+        let error = (f64::from(frames) / f64::from(seconds) - fps).abs();
+        if error <= 1e-9 * fps {
+            return (frames, seconds);
+        }
+        (before, best) = (best, next);
+        rest = 1.0 / (rest - whole);
+    }
+}

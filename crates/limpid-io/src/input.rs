@@ -1,0 +1,760 @@
+//! From what a user names to frames that can be drawn.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use glam::DVec3;
+
+use crate::bake;
+use crate::error::{Error, Result};
+use crate::files;
+use crate::particles::{Array, AttributeMap, Contents, ReadOptions};
+use crate::place::Place;
+use crate::project::{LiquidSource, ParticleSource, Processor, Project};
+use crate::sequence::{Frame, Sequence};
+use limpid::camera::Camera;
+use limpid::liquid::bulk::Bulk;
+use limpid::liquid::classify::{self, Splat, Splats};
+use limpid::liquid::particles::drawable;
+use limpid::liquid::{Particles, Up};
+use limpid::memory;
+use limpid::scene::Scene;
+use limpid_sim::recipe::Recipe;
+
+/// A project with its particle frames.
+#[derive(Debug, Clone)]
+pub struct Input {
+    /// The project; `None` for bare particle files, which get one from [`Input::settle`].
+    pub project: Option<Project>,
+    /// The frames; of several fluids, those that any of them has.
+    pub sequence: Sequence,
+    /// The frame that the scene names.
+    pub frame: Option<i64>,
+    /// What stands for a frame that is not there.
+    pub missing: Missing,
+    /// What classifies the particles; opening takes it from the project.
+    processor: Processor,
+    place: Place,
+    fps: Option<f64>,
+    // At least one.
+    fluids: Vec<Fluid>,
+}
+
+/// Where the radius of particles is from, the surest first.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum RadiusFrom {
+    /// Their file has radii.
+    #[default]
+    File,
+    /// The user: [`Input::with_radius`].
+    Option,
+    /// The scene, its recipe or its simulation.
+    Scene,
+    /// Their spacing: [`classify::estimate_radius`].
+    Guess,
+}
+
+/// Where the particles of one fluid come from.
+#[derive(Debug, Clone)]
+struct Fluid {
+    sequence: Sequence,
+    radius: Option<f32>,
+    /// Where that is from; without one, a guess.
+    radius_from: RadiusFrom,
+    up: Up,
+    options: ReadOptions,
+    source: Source,
+}
+
+/// Where the particles of a fluid's frames are.
+#[derive(Debug, Clone)]
+enum Source {
+    /// In the files that the frames name.
+    Files,
+    /// In the program: the demo's.
+    Embedded(&'static [u8]),
+    /// Nowhere yet.
+    Recipe(Recipe),
+}
+
+/// What stands for a frame that is not there.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Missing {
+    /// Nothing: it is an error.
+    #[default]
+    Error,
+    /// A frame without particles.
+    Empty,
+    /// The last frame before it; before the first, one without particles.
+    Hold,
+}
+
+impl FromStr for Missing {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "error" => Ok(Self::Error),
+            "empty" => Ok(Self::Empty),
+            "hold" => Ok(Self::Hold),
+            _ => Err(Error::Usage(format!(
+                "missing frames: `{text}`; error, empty or hold expected"
+            ))),
+        }
+    }
+}
+
+/// Where the particles of one fluid come from at one frame.
+#[derive(Debug)]
+pub struct Origin<'a> {
+    /// The file; none for a frame without particles, and for those that are made.
+    pub file: Option<&'a Path>,
+    /// What they are made from.
+    pub made: Option<&'a Recipe>,
+    /// Particle radius, m, where the file has none.
+    pub radius: Option<f32>,
+    /// Which axis points up.
+    pub up: Up,
+    /// Which arrays attributes are read from.
+    pub map: &'a AttributeMap,
+}
+
+/// The contents of a regular file of at most `limit` bytes; pipes, devices and folders are refused
+/// without waiting for them.
+///
+/// # Errors
+/// [`Error::Io`], or [`Error::Format`] for a longer file.
+pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    files::read(path, |_| limit, &mut bytes)?;
+    Ok(bytes)
+}
+
+/// The files that an input names, as far as they can be found: a scene with its environment map, and
+/// all particle files. What is wrong with them, opening tells.
+pub fn files_of(input: &str) -> Vec<PathBuf> {
+    let path = Path::new(input);
+    if !is_scene_file(path) {
+        return sequence_files(input);
+    }
+    let mut all = vec![path.to_owned()];
+    let text = files::read_text(path).unwrap_or_default();
+    let table: toml::Table = text.parse().unwrap_or_default();
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let named = |table: Option<&toml::Value>, key: &str| -> Option<String> {
+        Some(folder.join(table?.get(key)?.as_str()?).to_string_lossy().into_owned())
+    };
+    all.extend(named(table.get("environment"), "map").map(PathBuf::from));
+    let fluids = table.get("fluid").and_then(toml::Value::as_array);
+    let mixed = fluids.into_iter().flatten();
+    let sources = mixed.chain(table.get("particles")).filter_map(|of| named(Some(of), "source"));
+    all.extend(sources.flat_map(|source| sequence_files(&source)));
+    if table.contains_key("simulation") {
+        all.extend(sequence_files(&bake::folder(path).to_string_lossy()));
+    }
+    all
+}
+
+fn is_scene_file(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+/// The particle files of a sequence, and the ellipsoids beside them.
+fn sequence_files(input: &str) -> Vec<PathBuf> {
+    let frames = Sequence::open(input).map(|sequence| sequence.frames).unwrap_or_default();
+    let files = frames.into_iter().flat_map(|frame| {
+        let pos = frame.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("pos"));
+        let ellipsoids = pos.then(|| frame.path.with_extension("ani"));
+        [Some(frame.path), ellipsoids].into_iter().flatten()
+    });
+    files.collect()
+}
+
+/// A moment of a sequence: a frame, or a point between two.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// The frame, or the one before.
+    pub frame: i64,
+    /// The one after it; the same at a frame.
+    pub next: i64,
+    /// How far from the one to the other: 0 at a frame, always below 1.
+    pub fraction: f64,
+}
+
+impl Moment {
+    /// The moment of a frame.
+    pub fn at(frame: i64) -> Self {
+        Self { frame, next: frame, fraction: 0.0 }
+    }
+
+    /// Its time, counted as the frames are: 12.25 is a quarter of the way from frame 12 to 13.
+    pub fn time(self) -> f64 {
+        self.frame as f64 + self.fraction * self.next.abs_diff(self.frame) as f64
+    }
+}
+
+impl From<&Frame> for Moment {
+    fn from(frame: &Frame) -> Self {
+        Self::at(frame.number)
+    }
+}
+
+/// A frame of particles, ready to draw.
+#[derive(Debug, Clone, Default)]
+pub struct Loaded {
+    /// Its number; of a moment between two frames, that of the first.
+    pub number: i64,
+    /// Number of particles in the file.
+    pub particles: usize,
+    /// What they are drawn as.
+    pub splats: Splats,
+    /// Where their radius is from; of several fluids, the least sure.
+    pub radius_from: RadiusFrom,
+    /// Corners of the box around all centres; both 0 without particles.
+    pub bounds: (DVec3, DVec3),
+    /// What their files hold besides the places, and what is used of it; see [`Contents::arrays`].
+    pub arrays: Vec<Array>,
+    /// Cells of meshes in their files; see [`Contents::cells`].
+    pub cells: usize,
+    /// The box around the bulk of them, for cameras, and how many lie outside; all 0 without
+    /// particles.
+    pub bulk: Bulk,
+}
+
+impl Loaded {
+    /// Memory that it takes, bytes.
+    pub fn bytes(&self) -> u64 {
+        let splats = self.splats.aggregates.capacity() + self.splats.splashes.capacity();
+        (size_of::<Self>() + splats * size_of::<Splat>()) as u64
+    }
+}
+
+impl Input {
+    /// Opens a scene or a recipe (`.toml`), a particle file, a pattern or a folder.
+    ///
+    /// # Errors
+    /// As [`Project::load`] and [`Sequence::open`]; a scene without particles is an
+    /// [`Error::Scene`].
+    pub fn open(input: &str) -> Result<Self> {
+        let path = Path::new(input);
+        if is_scene_file(path) {
+            return Self::from_project(Project::load(path)?, input);
+        }
+        let sequence = Sequence::open(input)?;
+        Ok(Self::of(None, Fluid::of_files(sequence, None, Up::Y, AttributeMap::default()), None))
+    }
+
+    /// As [`Input::open`], for who wants to know what is there and not to draw it: an environment map is
+    /// checked by its header, and its pixels are left out.
+    ///
+    /// # Errors
+    /// As [`Input::open`].
+    pub fn outline(input: &str) -> Result<Self> {
+        let path = Path::new(input);
+        if is_scene_file(path) {
+            return Self::from_project(Project::outline(path)?, input);
+        }
+        Self::open(input)
+    }
+
+    /// The built-in demo: a frame of a double dam break, simulated with SPlisHSPlasH.
+    ///
+    /// # Errors
+    /// None that a test does not find.
+    pub fn demo() -> Result<Self> {
+        let text = include_str!("../../../sims/demo.toml");
+        let project = Project::parse(text, "demo", Path::new(""))?;
+        let particles = project.source.files().first().cloned();
+        let particles = particles.expect("the demo names its particles");
+        let frame = Frame { number: 0, path: particles.source.into() };
+        let fluid = Fluid {
+            sequence: Sequence { frames: vec![frame], pattern: "demo".into() },
+            radius: particles.radius,
+            radius_from: RadiusFrom::Scene,
+            up: particles.up,
+            options: ReadOptions::default(),
+            source: Source::Embedded(include_bytes!("../../../sims/demo.bgeo")),
+        };
+        Ok(Self::of(Some(project), fluid, Some(0)))
+    }
+
+    /// One fluid.
+    fn of(project: Option<Project>, fluid: Fluid, frame: Option<i64>) -> Self {
+        let sequence = fluid.sequence.clone();
+        Self {
+            processor: project.as_ref().map_or(Processor::default(), |project| project.processor),
+            project,
+            sequence,
+            frame,
+            missing: Missing::Error,
+            place: Place::default(),
+            fps: None,
+            fluids: vec![fluid],
+        }
+    }
+
+    /// The same frames in another scene. Where its file names particles of its own, their radius, axis
+    /// and map of attributes hold for these.
+    #[must_use]
+    pub fn with_project(mut self, project: Project) -> Self {
+        if let Some(simulation) = project.source.simulation() {
+            self.fps = Some(simulation.fps);
+            for fluid in &mut self.fluids {
+                fluid.radius = Some(simulation.particle_radius() as f32);
+                fluid.radius_from = RadiusFrom::Scene;
+            }
+        }
+        if let Some(particles) = project.source.files().first() {
+            self.fps = particles.fps.or(self.fps);
+            for fluid in &mut self.fluids {
+                if let Some(radius) = particles.radius {
+                    fluid.radius = Some(radius);
+                    fluid.radius_from = RadiusFrom::Scene;
+                }
+                fluid.up = particles.up;
+                fluid.options.map.clone_from(&particles.map);
+            }
+        }
+        Self { processor: project.processor, project: Some(project), ..self }
+    }
+
+    /// The same frames with a particle radius in metres where the files have none.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] unless a 32-bit float holds the radius' cube.
+    pub fn with_radius(mut self, radius: f32) -> Result<Self> {
+        if !drawable(radius) {
+            let problem = format!("a particle radius of {radius}: 1e-12 to 1e12 m expected");
+            return Err(Error::Usage(problem));
+        }
+        for fluid in &mut self.fluids {
+            fluid.radius = Some(radius);
+            fluid.radius_from = RadiusFrom::Option;
+        }
+        Ok(self)
+    }
+
+    /// The same frames, classified there; otherwise on the CPU.
+    #[must_use]
+    pub fn classified(self, place: Place) -> Self {
+        Self { place, ..self }
+    }
+
+    /// The same frames, classified by this one.
+    #[must_use]
+    pub fn processed_by(self, processor: Processor) -> Self {
+        Self { processor, ..self }
+    }
+
+    /// The same frames, whose files are read like this. A map of attributes replaces the scene's,
+    /// unless it is empty.
+    #[must_use]
+    pub fn with_options(mut self, options: &ReadOptions) -> Self {
+        for fluid in &mut self.fluids {
+            let map = if options.map.is_empty() { &fluid.options.map } else { &options.map };
+            fluid.options = ReadOptions { map: map.clone(), ..*options };
+        }
+        self
+    }
+
+    /// As [`Input::open`], of a project that is at hand.
+    ///
+    /// # Errors
+    /// As [`Input::open`].
+    pub fn from_project(project: Project, origin: &str) -> Result<Self> {
+        if let LiquidSource::Recipe(recipe) = project.source {
+            let frame = Frame { number: 0, path: origin.into() };
+            let fluid = Fluid {
+                sequence: Sequence { frames: vec![frame], pattern: origin.into() },
+                radius: Some(recipe.particle_radius() as f32),
+                radius_from: RadiusFrom::Scene,
+                up: Up::Y,
+                options: ReadOptions::default(),
+                source: Source::Recipe(recipe),
+            };
+            return Ok(Self::of(Some(project), fluid, Some(0)));
+        }
+        if let Some(simulation) = project.source.simulation() {
+            let folder = bake::folder(Path::new(origin));
+            let sequence = Sequence::open(&folder.to_string_lossy()).map_err(|_| {
+                let problem = format!("not simulated yet; run: limpid bake {origin}");
+                Error::Sequence { pattern: origin.into(), problem }
+            })?;
+            let (radius, fps) = (simulation.particle_radius() as f32, simulation.fps);
+            let fluid = Fluid::of_files(sequence, Some(radius), Up::Y, AttributeMap::default());
+            return Ok(Self { fps: Some(fps), ..Self::of(Some(project), fluid, None) });
+        }
+        let sources = project.source.files();
+        let fluids: Vec<Fluid> = sources
+            .iter()
+            .map(|particles| {
+                let sequence = Sequence::open(&particles.source)?;
+                let ParticleSource { radius, up, map, .. } = particles;
+                Ok(Fluid::of_files(sequence, *radius, *up, map.clone()))
+            })
+            .collect::<Result<_>>()?;
+        let Some(first) = fluids.first() else {
+            let problem = "has no [particles], [[fluid]], [recipe] or [simulation]; give a particle file and this scene \
+                           with --scene";
+            return Err(Error::Scene { origin: origin.into(), problem: problem.into() });
+        };
+        let sequence = fluids[1..]
+            .iter()
+            .fold(first.sequence.clone(), |all, fluid| all.joined(&fluid.sequence));
+        // One file is the frame, whatever digits its name holds.
+        let lone = sources.iter().all(|particles| Path::new(&particles.source).is_file());
+        let frame = sources.iter().find_map(|particles| particles.frame).filter(|_| !lone);
+        let fps = sources.iter().find_map(|particles| particles.fps);
+        Ok(Self {
+            processor: project.processor,
+            project: Some(project),
+            sequence,
+            frame,
+            missing: Missing::Error,
+            place: Place::default(),
+            fps,
+            fluids,
+        })
+    }
+
+    /// Frames per second of the simulation, where the scene says it.
+    pub fn fps(&self) -> Option<f64> {
+        self.fps
+    }
+
+    /// Fails unless every fluid has these frames, or may lack them.
+    ///
+    /// # Errors
+    /// [`Error::Sequence`] naming the fluid's files and the first frame that they lack.
+    pub fn check_frames(&self, numbers: &[i64]) -> Result<()> {
+        let lacks = |fluid: &Fluid, number: i64| {
+            self.missing == Missing::Error && fluid.frame(number, self.missing).is_none()
+        };
+        let mut fluids = self.fluids.iter();
+        let found = fluids.find_map(|fluid| {
+            numbers.iter().find(|&&number| lacks(fluid, number)).map(|&number| (fluid, number))
+        });
+        found.map_or(Ok(()), |(fluid, number)| Err(fluid.lacks(number)))
+    }
+
+    /// Every `step` frames from the first of `numbers`, which ascend, to the last. A frame is as long as
+    /// the sequence's [stride](Sequence::stride).
+    pub fn moments(&self, numbers: &[i64], step: f64) -> Vec<Moment> {
+        let (Some(&first), Some(&last)) = (numbers.first(), numbers.last()) else {
+            return Vec::new();
+        };
+        if step == 1.0 || step <= 0.0 || step.is_nan() {
+            return numbers.iter().map(|&number| Moment::at(number)).collect();
+        }
+        let step = step * self.sequence.stride() as f64;
+        let count = (last.abs_diff(first) as f64 / step * (1.0 + 1e-12)).floor() as usize;
+        (0..=count).map(|k| after(numbers, k as f64 * step)).collect()
+    }
+
+    /// The moment at `time`, counted as the frames are, whose `numbers` ascend: 12.25 is a quarter
+    /// of the way from frame 12 to 13.
+    ///
+    /// # Errors
+    /// [`Error::Sequence`] for a time before the first frame or after the last.
+    pub fn moment(&self, numbers: &[i64], time: f64) -> Result<Moment> {
+        let fail = |problem| Error::Sequence { pattern: self.sequence.pattern.clone(), problem };
+        match numbers {
+            [first, .., last] | [first @ last]
+                if (*first as f64..=*last as f64).contains(&time) =>
+            {
+                Ok(after(numbers, time - *first as f64))
+            }
+            [first, .., last] => {
+                Err(fail(format!("time {time} is not in its frames, from {first} to {last}")))
+            }
+            [frame] => Err(fail(format!("time {time} is not in its only frame, {frame}"))),
+            [] => Err(fail("has no frames".into())),
+        }
+    }
+
+    /// Reads or makes the particles of a moment, y up. Between frames those of each fluid are
+    /// interpolated, see [`Particles::between`].
+    ///
+    /// # Errors
+    /// As [`Contents::read`] and [`Recipe::particles`]; [`Error::Sequence`] for a frame that is
+    /// not there, as [`Input::missing`] says.
+    pub fn particles(&self, at: impl Into<Moment>) -> Result<Particles> {
+        self.contents(at).map(|contents| contents.particles)
+    }
+
+    /// As [`Input::particles`], with what the files hold besides; between frames, the one before.
+    ///
+    /// # Errors
+    /// As [`Input::particles`].
+    pub fn contents(&self, at: impl Into<Moment>) -> Result<Contents> {
+        let at = at.into();
+        if let [fluid] = self.fluids.as_slice() {
+            return fluid.moment(at, self.missing);
+        }
+        let (mut fluids, mut arrays, mut cells) = (Vec::new(), Vec::new(), 0_usize);
+        for fluid in &self.fluids {
+            let contents = fluid.moment(at, self.missing)?;
+            let mut particles = contents.particles;
+            // Each fluid's own radius, whatever the others'.
+            if particles.radii.is_none() {
+                let radius = fluid.radius_of(at.frame, &particles)?;
+                let radii = std::iter::repeat_n(radius, particles.len());
+                particles.radii = Some(memory::collect(radii, &fluid.sequence.pattern)?);
+            }
+            fluids.push(particles);
+            arrays.extend(contents.arrays);
+            cells = cells.saturating_add(contents.cells);
+        }
+        let count: usize = fluids.iter().map(Particles::len).sum();
+        memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
+        Ok(Contents { particles: Particles::mixed(&fluids), arrays, cells })
+    }
+
+    /// Where the particles of a moment come from: of each fluid the frame and, between two, the next.
+    pub fn origins(&self, at: Moment) -> Vec<Origin<'_>> {
+        let numbers = if at.fraction == 0.0 { vec![at.frame] } else { vec![at.frame, at.next] };
+        let fluids = self.fluids.iter();
+        fluids
+            .flat_map(|fluid| numbers.iter().map(|&number| fluid.origin(number, self.missing)))
+            .collect()
+    }
+
+    /// Reads and classifies a moment as `scene` says.
+    ///
+    /// # Errors
+    /// As [`Input::particles`] and [`Input::prepare`].
+    pub fn load(&self, at: impl Into<Moment>, scene: &Scene) -> Result<Loaded> {
+        let at = at.into();
+        let Contents { particles, arrays, cells } = self.contents(at)?;
+        Ok(Loaded { arrays, cells, ..self.prepare(at, &particles, scene)? })
+    }
+
+    /// Classifies a frame's particles as `scene` says.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] if there is no way to know a radius; as [`Place::classify`].
+    pub fn prepare(
+        &self,
+        at: impl Into<Moment>,
+        particles: &Particles,
+        scene: &Scene,
+    ) -> Result<Loaded> {
+        let number = at.into().frame;
+        let settings = &scene.settings.classify;
+        let radius = self.fluids[0].radius_of(number, particles)?;
+        let mut splats = self.place.classify(particles, radius, settings, self.processor)?;
+        classify::wet(&mut splats, &scene.solids, settings.wetting);
+        Ok(Loaded {
+            number,
+            particles: particles.len(),
+            splats,
+            radius_from: self.radius_from(particles),
+            bounds: particles.bounds().unwrap_or_default(),
+            arrays: Vec::new(),
+            cells: 0,
+            bulk: particles.bulk().unwrap_or_default(),
+        })
+    }
+
+    /// Where the radius of a frame's particles is from; of several fluids, the least sure. A
+    /// guess holds for a sequence once [`Input::settle`] has settled it.
+    pub fn radius_from(&self, particles: &Particles) -> RadiusFrom {
+        match self.fluids.as_slice() {
+            [_] if particles.radii.is_some() => RadiusFrom::File,
+            fluids => fluids.iter().map(|fluid| fluid.radius_from).max().unwrap_or_default(),
+        }
+    }
+
+    /// Median radius of a frame's particles, m: their own, or as given, or estimated from the spacing.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] if there is no way to know one; [`limpid::Error::Memory`].
+    pub fn radius(&self, at: impl Into<Moment>, particles: &Particles) -> Result<f32> {
+        let default = self.fluids[0].radius_of(at.into().frame, particles)?;
+        Ok(classify::median_radius(particles, default)?)
+    }
+
+    /// Settles what neither files nor scene say, by the first frame that has particles: the radius
+    /// of each fluid, and for a scene without a camera the view, of the
+    /// [bulk](Bulk) of the particles. Bare files get a scene of their own. So a sequence has one
+    /// radius and one view, however it is shared among machines.
+    ///
+    /// A file named alone that is one of a sequence has that one's radius: a guess from its first
+    /// frame with particles, unless the two guesses differ by more than a tenth, for then
+    /// the files are not of one simulation, though their names look so.
+    ///
+    /// # Errors
+    /// As [`crate::particles::read`].
+    pub fn settle(mut self) -> Result<(Self, Project)> {
+        let complete = self.project.as_ref().filter(|project| project.camera.is_some());
+        if let Some(project) = complete
+            && self.fluids.iter().all(|fluid| fluid.radius.is_some())
+        {
+            let project = project.clone();
+            return Ok((self, project));
+        }
+        let mut around: Option<(DVec3, DVec3)> = None;
+        let mut radius = 0.0_f32;
+        for fluid in &mut self.fluids {
+            for number in fluid.sequence.frames.iter().map(|frame| frame.number) {
+                let particles = fluid.contents(number, Missing::Error)?.particles;
+                let Some(Bulk { bounds: (min, max), .. }) = particles.bulk() else { continue };
+                // One particle has no spacing; a frame after it may.
+                let last = fluid.sequence.frames.last().is_none_or(|frame| frame.number == number);
+                let settled = match fluid.settled_radius(number, &particles) {
+                    Err(Error::Scene { .. }) if !last => continue,
+                    settled => settled?,
+                };
+                around = Some(around.map_or((min, max), |(a, b)| (a.min(min), b.max(max))));
+                radius = radius.max(settled);
+                if settled > 0.0 && fluid.radius.is_none() {
+                    let own = particles.radii.is_some();
+                    fluid.radius_from = if own { RadiusFrom::File } else { RadiusFrom::Guess };
+                    fluid.radius = Some(settled);
+                }
+                break;
+            }
+        }
+        let (min, max) = around.unwrap_or((-DVec3::ONE, DVec3::ONE));
+        let around = || Project::from(Scene::around(min, max, radius));
+        let mut project = self.project.clone().unwrap_or_else(around);
+        let margin = f64::from(radius);
+        project.camera.get_or_insert_with(|| Camera::fit(min - margin, max + margin));
+        Ok((self, project))
+    }
+}
+
+/// The moment so much after the first of `numbers`, of which there is one; the last one holds.
+fn after(numbers: &[i64], time: f64) -> Moment {
+    let Some(&first) = numbers.first() else { return Moment::at(0) };
+    // From the first frame, so that large numbers lose no digits.
+    let since = |number: i64| number.abs_diff(first) as f64;
+    // A frame's own time is not to be missed by a rounding error.
+    let near = time.round();
+    let time = if (time - near).abs() < 1e-9 * near.abs().max(1.0) { near } else { time };
+    let after = numbers.partition_point(|&number| since(number) <= time);
+    let frame = numbers.get(after.saturating_sub(1)).copied().unwrap_or(first);
+    match numbers.get(after) {
+        Some(&next) if time > since(frame) => {
+            let fraction = (time - since(frame)) / (since(next) - since(frame));
+            Moment { frame, next, fraction }
+        }
+        _ => Moment::at(frame),
+    }
+}
+
+impl Fluid {
+    fn of_files(sequence: Sequence, radius: Option<f32>, up: Up, map: AttributeMap) -> Self {
+        let options = ReadOptions { map, ..ReadOptions::default() };
+        let radius_from = radius.map_or(RadiusFrom::Guess, |_| RadiusFrom::Scene);
+        Self { sequence, radius, radius_from, up, options, source: Source::Files }
+    }
+
+    /// The particles of a moment, y up.
+    fn moment(&self, at: Moment, missing: Missing) -> Result<Contents> {
+        let contents = self.contents(at.frame, missing)?;
+        if at.fraction == 0.0 {
+            return Ok(contents);
+        }
+        let next = self.contents(at.next, missing)?.particles;
+        let count = contents.particles.len() + next.len();
+        memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
+        let particles = Particles::between(&contents.particles, &next, at.fraction);
+        Ok(Contents { particles, ..contents })
+    }
+
+    fn lacks(&self, number: i64) -> Error {
+        let problem = format!("frame {number} is missing; --missing empty or hold goes on");
+        Error::Sequence { pattern: self.sequence.pattern.clone(), problem }
+    }
+
+    /// The particles of a frame, y up.
+    fn contents(&self, number: i64, missing: Missing) -> Result<Contents> {
+        let Some(frame) = self.frame(number, missing) else {
+            if missing != Missing::Error {
+                return Ok(Contents::default());
+            }
+            return Err(self.lacks(number));
+        };
+        let mut contents = match self.source {
+            Source::Files => Contents::read(&frame.path, &self.options)?,
+            Source::Embedded(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
+            Source::Recipe(recipe) => return Ok(recipe.particles()?.into()),
+        };
+        contents.particles.to_y_up(self.up);
+        Ok(contents)
+    }
+
+    /// The frame that is shown as this number, if there is one.
+    fn frame(&self, number: i64, missing: Missing) -> Option<&Frame> {
+        let frames = &self.sequence.frames;
+        let after = frames.partition_point(|frame| frame.number <= number);
+        let before = after.checked_sub(1).and_then(|at| frames.get(at));
+        before.filter(|frame| frame.number == number || missing == Missing::Hold)
+    }
+
+    /// Where the particles of a frame come from.
+    fn origin(&self, number: i64, missing: Missing) -> Origin<'_> {
+        let frame = self.frame(number, missing);
+        let (file, made) = match &self.source {
+            Source::Files => (frame.map(|frame| frame.path.as_path()), None),
+            Source::Embedded(_) => (None, None),
+            Source::Recipe(recipe) => (None, frame.map(|_| recipe)),
+        };
+        Origin { file, made, radius: self.radius, up: self.up, map: &self.options.map }
+    }
+
+    /// The radius for all frames: as [`Fluid::radius_of`], or of a lone file that of the sequence
+    /// that it is of.
+    fn settled_radius(&self, number: i64, particles: &Particles) -> Result<f32> {
+        /// Guesses of one sequence differ by less than this share.
+        const SAME: f32 = 0.1;
+        let own = self.radius_of(number, particles)?;
+        let guessed = self.radius.is_none() && particles.radii.is_none();
+        let (Source::Files, [frame], true) = (&self.source, &*self.sequence.frames, guessed) else {
+            return Ok(own);
+        };
+        let siblings = Sequence::around(&frame.path).map_or(Vec::new(), |all| all.frames);
+        for sibling in siblings.iter().take_while(|sibling| sibling.number < frame.number) {
+            let first = match Contents::read(&sibling.path, &self.options) {
+                Ok(contents) => contents.particles,
+                // Not of one simulation.
+                Err(Error::Malformed { .. } | Error::Format { .. }) => break,
+                Err(error) => return Err(error),
+            };
+            if first.is_empty() {
+                continue;
+            }
+            if first.radii.is_none() {
+                let theirs = match self.radius_of(sibling.number, &first) {
+                    // One particle has no spacing.
+                    Err(Error::Scene { .. }) => continue,
+                    theirs => theirs?,
+                };
+                return Ok(if (theirs - own).abs() <= SAME * own { theirs } else { own });
+            }
+            break;
+        }
+        Ok(own)
+    }
+
+    /// The radius for particles without one of their own: as given, or from their spacing.
+    fn radius_of(&self, number: i64, particles: &Particles) -> Result<f32> {
+        let radius = match self.radius {
+            Some(radius) => radius,
+            None => {
+                classify::probe_memory(particles.len(), &self.sequence.pattern)?;
+                classify::estimate_radius(particles)
+            }
+        };
+        if radius > 0.0 || particles.is_empty() || particles.radii.is_some() {
+            return Ok(radius);
+        }
+        let origin = match self.sequence.frame(number) {
+            Some(frame) => frame.path.display().to_string(),
+            None => self.sequence.pattern.clone(),
+        };
+        let problem = "no radii, and no spacing to estimate one from; give --radius".into();
+        Err(Error::Scene { origin, problem })
+    }
+}

@@ -1,0 +1,46 @@
+//! Files for [`limpid`]: particle formats, sequences, scenes, pictures and films.
+//!
+//! [`project::open::Request`] opens what a user names, [`input::Input`] loads its frames,
+//! [`ring::Ring`] loads them ahead of playback, [`output`] and [`film::Film`] write what was drawn.
+//!
+//! ```no_run
+//! use limpid::studio::Studio;
+//! use limpid_io::{device, output, project::open::Request};
+//!
+//! # fn main() -> limpid_io::Result<()> {
+//! let request = Request { input: Some("frames/water_{}.bgeo".into()), ..Request::default() };
+//! let opened = request.open()?;
+//! let (input, project) = (opened.input, opened.project);
+//! let loaded = input.load(&input.sequence.frames[0], &project.scene)?;
+//! let camera = project.camera_for(loaded.bulk.bounds);
+//! let mut studio = Studio::new(&device::open()?);
+//! let size = limpid::glam::UVec2::new(1024, 768);
+//! let shot = studio.draw(&project.scene, &camera, &loaded.splats, size)?;
+//! output::write_png("water.png".as_ref(), &shot.picture)?;
+//! # Ok(())
+//! # }
+//! ```
+
+#![forbid(unsafe_code)]
+
+pub mod bake;
+pub mod camera_path;
+pub mod claim;
+pub mod device;
+pub mod environment;
+pub mod error;
+pub mod exr;
+#[doc(hidden)]
+pub mod files;
+pub mod film;
+pub mod frames;
+pub mod input;
+pub mod notice;
+pub mod output;
+pub mod particles;
+pub mod place;
+pub mod project;
+pub mod ring;
+pub mod sequence;
+
+pub use error::{Error, Result};

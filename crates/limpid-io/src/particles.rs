@@ -1,0 +1,575 @@
+//! Particle files: the formats that hold one frame of particles, read and written.
+//!
+//! Each format has a file of its own. They share a `Cursor` that never leaves the file, and a
+//! `Table` that turns records of any layout into attributes. A count in a header is a claim, not a
+//! length: it is held against the bytes that are left before anything is allocated.
+
+mod arrays;
+mod bgeo;
+mod csv;
+mod cursor;
+mod npy;
+mod npz;
+mod ply;
+mod pos;
+mod table;
+mod vtk;
+mod vtu;
+mod xyz;
+
+use std::cell::Cell;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use limpid::liquid::{Ellipsoid, Particles};
+use serde::{Deserialize, Serialize};
+
+use self::arrays::MOST_LISTED;
+use self::cursor::{Cursor, Source};
+use self::table::{Column, Scalar, Table};
+use crate::error::{Error, Result};
+use crate::output::Kind;
+use crate::{files, output};
+
+pub use arrays::{Array, AttributeMap, Contents};
+
+/// What particles may have besides their places.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Attribute {
+    /// [`Particles::velocities`].
+    Velocity,
+    /// [`Particles::densities`].
+    Density,
+    /// [`Particles::radii`].
+    Radius,
+    /// [`Particles::ids`].
+    Id,
+    /// [`Particles::ellipsoids`].
+    Ellipsoid,
+}
+
+impl Attribute {
+    const ALL: [Self; 5] = [Self::Velocity, Self::Density, Self::Radius, Self::Id, Self::Ellipsoid];
+
+    /// Its name, as limpid writes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Velocity => "velocity",
+            Self::Density => "density",
+            Self::Radius => "radius",
+            Self::Id => "id",
+            Self::Ellipsoid => "ellipsoid",
+        }
+    }
+
+    /// The attribute that simulators call `name`.
+    fn called(name: &str) -> Option<Self> {
+        Some(match name.to_ascii_lowercase().as_str() {
+            "velocity" | "velocities" | "vel" | "v" => Self::Velocity,
+            "density" | "rho" | "rhop" => Self::Density,
+            "radius" | "radii" | "pscale" => Self::Radius,
+            "id" | "ids" | "idp" => Self::Id,
+            "ellipsoid" => Self::Ellipsoid,
+            _ => return None,
+        })
+    }
+
+    /// Bytes that it takes for each particle once it is read.
+    fn bytes(self) -> u64 {
+        let bytes = match self {
+            Self::Velocity => size_of::<Vec3>(),
+            Self::Density | Self::Radius => size_of::<f32>(),
+            Self::Id => size_of::<i64>(),
+            Self::Ellipsoid => size_of::<Ellipsoid>(),
+        };
+        bytes as u64
+    }
+
+    /// All names, for messages.
+    fn list() -> String {
+        Self::ALL.map(Self::name).join(", ")
+    }
+}
+
+impl fmt::Display for Attribute {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// How particle files are read.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Bytes that a file may unpack to: a few bytes of a compressed file can claim any amount of
+    /// memory. Without a limit that is a hundred times the file's length, but at least 1 GiB and at
+    /// most 16.
+    pub max_unpacked: Option<u64>,
+    /// Arrays that attributes are read from, where they go by other names than simulators' usual ones.
+    pub map: AttributeMap,
+}
+
+/// [`ReadOptions`], settled for a file.
+#[derive(Clone, Copy)]
+struct Reading<'a> {
+    /// Bytes that the file may unpack to.
+    limit: u64,
+    map: &'a AttributeMap,
+}
+
+/// Reads one frame. The extension names the format, and the contents must confirm it:
+///
+/// | extension | format | [written](write()) with |
+/// |---|---|---|
+/// | `.bgeo`, `.bgeo.gz`, `.bhclassic` | Houdini's classic geometry, version 5, plain or gzip | all, 32-bit places and ids |
+/// | `.vtk` | legacy VTK up to 5.1, binary or ASCII: unstructured grids and polygonal data | all |
+/// | `.vtu` | VTK's XML, unstructured grids: ASCII, base64 or raw, zlib or not, in pieces | all |
+/// | `.vtp` | the same, polygonal data | not written |
+/// | `.ply` | the `vertex` element, ASCII or binary of either byte order | all, 32-bit ids |
+/// | `.npy` | one array of numpy, shape (n, 3), 32- or 64-bit floats: positions | positions |
+/// | `.npz` | an archive of such arrays, stored or deflated | all |
+/// | `.xyz` | positions: raw little-endian 32-bit floats, or text with one particle a line | positions, 32-bit |
+/// | `.pos` | Truong and Yuksel's frames: positions and one radius; ellipsoids from the `.ani` beside it | positions, 32-bit; one radius; ellipsoids |
+/// | `.csv` | text with a line a particle, columns named or x, y, z | all |
+///
+/// Attributes go by the names that simulators write, in any case: `velocity`, `velocities`,
+/// `vel`, `v`; `density`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`; and
+/// `ellipsoid`, of the six numbers of [`Ellipsoid`]. The first of several wins; all others are
+/// ignored, as [`Contents::read`] tells. Positions are what the format says they are; in `.npz` they are called
+/// `positions`, `position`, `pos`, `x`, `points` or `arr_0`, or are the only array of shape
+/// (n, 3); in `.csv` the columns are `x`, `px`, `Points:0`, `Points_0`, `Pos.x` and so on.
+///
+/// # Errors
+///
+/// [`Error::Io`] if the file cannot be read, [`Error::Format`] if it is of another kind, and
+/// [`Error::Malformed`] if it contradicts itself or holds a value that is not finite.
+pub fn read(path: &Path) -> Result<Particles> {
+    Contents::read(path, &ReadOptions::default()).map(|contents| contents.particles)
+}
+
+/// Like [`read()`], with the contents at hand; `path` gives the format and stands in
+/// messages. Nothing beside it is looked for.
+///
+/// # Errors
+///
+/// As [`read()`].
+pub fn parse(path: &Path, bytes: &[u8]) -> Result<Particles> {
+    Contents::parse(path, bytes, &ReadOptions::default()).map(|contents| contents.particles)
+}
+
+/// Writes one frame, whole or not at all, in the format that the extension names; see
+/// [`read()`]. What it holds is read back to the bit; what it does not hold is left
+/// out, as [`lost`] tells. `.bgeo` and `.bgeo.gz` are gzip, as simulators write
+/// them, `.bhclassic` is not. Places with an [origin](Particles::origin) are written as 64-bit
+/// floats if the format has them.
+///
+/// Ellipsoids of a `.pos` go to the `.ani` beside it; one that is there is removed if there
+/// are none.
+///
+/// # Errors
+/// [`Error::Format`] for a format that limpid does not write, [`Error::Io`] if the file cannot
+/// be written, or has no room for so many particles or such large ids.
+pub fn write(particles: &Particles, path: &Path) -> Result<()> {
+    let (format, write) = writable(path)?;
+    Kind::Particles.check(path)?;
+    if format.extension == ".pos" {
+        pos::write_ellipsoids(particles, path)?;
+    }
+    output::write_atomically(path, Kind::Particles, |file| write(particles, file))
+}
+
+/// What a file of this name could not hold of these particles: names of attributes, and
+/// `64-bit places`.
+///
+/// # Errors
+/// [`Error::Format`] for a format that limpid does not write.
+pub fn lost(particles: &Particles, path: &Path) -> Result<Vec<&'static str>> {
+    let (format, _) = writable(path)?;
+    let names = attributes(particles).into_iter().map(|(name, _)| name);
+    let mut lost: Vec<_> = names.filter(|name| !format.holds.contains(name)).collect();
+    if format.extension == ".pos" && pos::common_radius(particles).is_none() {
+        lost.push("radii that differ");
+    }
+    if !format.wide && particles.origin != DVec3::ZERO {
+        lost.push("64-bit places");
+    }
+    Ok(lost)
+}
+
+/// The names of the attributes that are present, in the order of files.
+pub fn attribute_names(particles: &Particles) -> impl Iterator<Item = &'static str> {
+    attributes(particles).into_iter().map(|(name, _)| name)
+}
+
+impl Contents {
+    /// As [`read()`], with what the file holds besides.
+    ///
+    /// # Errors
+    ///
+    /// As [`read()`]; [`Error::Malformed`] for a file that unpacks to more than it may, and
+    /// [`Error::Format`] if an array that the options name is not there.
+    pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let format = format_for(path)?;
+        if format.extension == ".xyz"
+            && options.map.is_empty()
+            && let Some(particles) = xyz::read_raw(path, options.max_unpacked)
+        {
+            return Ok(particles.into());
+        }
+        let (file, metadata) = files::open(path)?;
+        let limit = options.max_unpacked.unwrap_or_else(|| files::unpacked_limit(metadata.len()));
+        let reading = Reading { limit, map: &options.map };
+        format.probe(path, &file, metadata.len())?;
+        let mut bytes = BUFFER.take();
+        let read = files::contents(path, &file, &metadata, limit, &mut bytes);
+        let contents = read.and_then(|()| format.parse(path, &bytes, &reading));
+        if bytes.capacity() <= BUFFERED {
+            BUFFER.set(bytes);
+        }
+        let mut contents = contents?;
+        if format.extension == ".pos" {
+            pos::read_ellipsoids(path, &mut contents, limit)?;
+        }
+        Ok(contents)
+    }
+
+    /// As [`Contents::read`], with the contents at hand; see [`parse`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Contents::read`].
+    pub fn parse(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Self> {
+        let limit = options.max_unpacked;
+        let limit = limit.unwrap_or_else(|| files::unpacked_limit(bytes.len() as u64));
+        format_for(path)?.parse(path, bytes, &Reading { limit, map: &options.map })
+    }
+}
+
+/// What is written besides the positions, under the names that `SPlisHSPlasH` gives it where
+/// it has one.
+fn attributes(particles: &Particles) -> Vec<(&'static str, Values<'_>)> {
+    let Particles { velocities, densities, radii, ids, ellipsoids, .. } = particles;
+    let attributes = [
+        ("id", ids.as_deref().map(Values::Integers)),
+        ("velocity", velocities.as_deref().map(Values::Vectors)),
+        ("density", densities.as_deref().map(Values::Floats)),
+        ("radius", radii.as_deref().map(Values::Floats)),
+        ("ellipsoid", ellipsoids.as_deref().map(Values::Ellipsoids)),
+    ];
+    attributes.into_iter().filter_map(|(name, values)| Some((name, values?))).collect()
+}
+
+thread_local! {
+    /// The bytes of the file that a thread has read last. Memory that is used again costs nothing;
+    /// new memory costs longer than the rest of reading, for the system hands it out page by page.
+    static BUFFER: Cell<Vec<u8>> = const { Cell::new(Vec::new()) };
+}
+
+/// Buffers of more bytes than this are not kept: those of about a million particles are.
+const BUFFERED: usize = 64 << 20;
+
+/// Bytes that a particle's position takes once it is read.
+const POSITION_BYTES: u64 = size_of::<Vec3>() as u64;
+
+/// The problem of a `what` that unpacks to more than it may, and the remedy.
+fn unpacks_to_more(what: &str, limit: u64) -> String {
+    format!("the {what} unpacks to more than {limit} bytes; --max-unpacked MIB allows more")
+}
+
+type Reader = fn(&Path, &[u8], &Reading<'_>) -> Result<Contents>;
+type Writer = fn(&Particles, &mut BufWriter<&File>) -> io::Result<()>;
+
+struct Format {
+    extension: &'static str,
+    read: Reader,
+    write: Option<Writer>,
+    /// The attributes that it has room for.
+    holds: &'static [&'static str],
+    /// Whether it has room for 64-bit places.
+    wide: bool,
+}
+
+const ALL: &[&str] = &["id", "velocity", "density", "radius", "ellipsoid"];
+
+const FORMATS: [Format; 12] = {
+    const fn format(
+        extension: &'static str,
+        read: Reader,
+        write: Writer,
+        holds: &'static [&'static str],
+        wide: bool,
+    ) -> Format {
+        Format { extension, read, write: Some(write), holds, wide }
+    }
+    [
+        format(".bgeo", bgeo::read, bgeo::write_gzip, ALL, false),
+        format(".bgeo.gz", bgeo::read, bgeo::write_gzip, ALL, false),
+        format(".bhclassic", bgeo::read, bgeo::write, ALL, false),
+        format(".vtk", vtk::read, vtk::write, ALL, true),
+        format(".vtu", vtu::read, vtu::write, ALL, true),
+        Format { extension: ".vtp", read: vtu::read, write: None, holds: ALL, wide: true },
+        format(".ply", ply::read, ply::write, ALL, true),
+        format(".npy", npy::read, npy::write, &[], true),
+        format(".npz", npz::read, npz::write, ALL, true),
+        format(".xyz", xyz::read, xyz::write, &[], false),
+        format(".pos", pos::read, pos::write, &["radius", "ellipsoid"], false),
+        format(".csv", csv::read, csv::write, ALL, true),
+    ]
+};
+
+impl Format {
+    /// Fails too if an array is not there that the options name.
+    fn parse(&self, path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
+        let contents = (self.read)(path, bytes, reading)?;
+        match contents.unread(reading.map) {
+            Some(problem) => Err(Error::format(path, problem)),
+            None => Ok(contents),
+        }
+    }
+
+    /// Fails if the beginning of a large file or its length tells that it is of another kind:
+    /// gigabytes of nothing need not be read to say so.
+    fn probe(&self, path: &Path, file: &File, length: u64) -> Result<()> {
+        const LARGE: u64 = 64 << 20;
+        const START: u64 = 64 << 10;
+        if !cfg!(unix) || length < LARGE {
+            return Ok(());
+        }
+        let mut start = vec![0; START as usize];
+        files::read_at(file, &mut start, 0).map_err(|source| Error::io(path, "read", source))?;
+        let reading = Reading { limit: LARGE, map: &AttributeMap::default() };
+        match ((self.read)(path, &start, &reading), self.extension) {
+            // All others may come from the cut.
+            (Err(error @ Error::Format { .. }), _) => Err(error),
+            (_, ".xyz") => xyz::check_length(path, &start, length),
+            (_, ".pos") => pos::check_length(path, &start, length),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Whether a file that begins like this, of this length, is of the format that its name says.
+pub(crate) fn is_of_its_format(path: &Path, head: &[u8], length: u64) -> bool {
+    let Ok(format) = format_for(path) else { return false };
+    let whole = head.len() as u64 == length;
+    let reading = Reading { limit: files::unpacked_limit(length), map: &AttributeMap::default() };
+    match format.extension {
+        // Without a mark of its own: what is read of it must be sound.
+        ".xyz" => xyz::is_sound(path, head, length, &reading),
+        ".pos" => pos::check_length(path, head, length).is_ok(),
+        _ => match (format.read)(path, head, &reading) {
+            Err(Error::Format { .. }) => false,
+            // One that is cut off is of its format still.
+            Err(_) => !whole || known_magic(head).is_some(),
+            Ok(_) => true,
+        },
+    }
+}
+
+/// Whether a file that begins like this, of this length, holds the ellipsoids of a `.pos`.
+pub(crate) fn are_ellipsoids(path: &Path, head: &[u8], length: u64) -> bool {
+    pos::check_ellipsoids_length(path, head, length).is_ok()
+}
+
+/// The extensions that can be read, as a list for messages.
+pub(crate) fn extensions() -> String {
+    FORMATS.map(|format| format.extension).join(", ")
+}
+
+/// A file name without its extension, if that is one of a format that can be read.
+pub(crate) fn readable_stem(name: &str) -> Option<&str> {
+    format_of(name).map(|(stem, _)| stem)
+}
+
+fn format_of(name: &str) -> Option<(&str, Format)> {
+    FORMATS.into_iter().find_map(|format| {
+        let extension = format.extension;
+        let (stem, end) = name.split_at_checked(name.len().checked_sub(extension.len())?)?;
+        end.eq_ignore_ascii_case(extension).then_some((stem, format))
+    })
+}
+
+fn format_for(path: &Path) -> Result<Format> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    format_of(&name).map(|(_, format)| format).ok_or_else(|| unknown_kind(path, &name))
+}
+
+fn writable(path: &Path) -> Result<(Format, Writer)> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let format = format_of(&name).map(|(_, format)| format);
+    format.and_then(|format| format.write.map(|write| (format, write))).ok_or_else(|| {
+        let written = FORMATS.into_iter().filter(|format| format.write.is_some());
+        let written: Vec<_> = written.map(|format| format.extension).collect();
+        Error::format(path, format!("can be written: {}", written.join(", ")))
+    })
+}
+
+fn unknown_kind(path: &Path, name: &str) -> Error {
+    let remedies = [
+        (".sc", "a Blosc-compressed file of Houdini: unpack it with `hsc -d`, save as .bhclassic"),
+        (".pvd", "ParaView's list of files: name the .vtu files, as frame_{}.vtu"),
+        (".pvtu", "a list of .vtu files: name one of these, or save it as one .vtu"),
+        (".ani", "the ellipsoids of a .pos file: name that, they are read with it"),
+        (".abc", "Alembic: export the points as .bgeo or .ply"),
+        (".vdb", "OpenVDB: export the points as .bgeo or .ply"),
+    ];
+    let name = name.to_ascii_lowercase();
+    let remedy = remedies.iter().find(|(extension, _)| name.ends_with(extension));
+    let kind = remedy.map_or("a kind of file that limpid does not know", |(_, remedy)| remedy);
+    Error::format(path, format!("{kind}; can be read: {}", extensions()))
+}
+
+/// Says what a file that lacks the magic of its format looks like instead.
+fn foreign(path: &Path, bytes: &[u8], expected: &str) -> Error {
+    let found = match known_magic(bytes) {
+        Some(kind) => kind,
+        None if bytes.is_empty() => "an empty file",
+        None => "an unknown kind of file",
+    };
+    Error::format(path, format!("this is {found}, not {expected}"))
+}
+
+fn known_magic(bytes: &[u8]) -> Option<&'static str> {
+    // At least four bytes each: two could well begin a float of an .xyz file.
+    const MAGIC: [(&[u8], &str); 16] = [
+        (b"\x7fNSJ", "Houdini's new geometry format (save as .bhclassic)"),
+        (b"BgeoV", "a BGEO file"),
+        (b"\x1f\x8b\x08\x00", "gzip data (unpack it first)"),
+        (b"\x1f\x8b\x08\x08", "gzip data (unpack it first)"),
+        (b"# vtk DataFile", "a legacy VTK file"),
+        (b"<?xml", "XML, perhaps VTK's (call it .vtu or .vtp)"),
+        (b"<VTKFile", "VTK's XML format (call it .vtu or .vtp)"),
+        (b"ply\n", "a PLY file"),
+        (b"ply\r\n", "a PLY file"),
+        (b"\x93NUMPY", "a NumPy array"),
+        (b"PK\x03\x04", "a zip or npz archive (call it .npz if NumPy wrote it)"),
+        (b"solid ", "an STL mesh, which holds triangles"),
+        (b"\x89HDF", "an HDF5 file"),
+        (b"Ogawa", "an Alembic file"),
+        (b"\x89PNG", "a PNG picture"),
+        (b"\x76\x2f\x31\x01", "an OpenEXR picture"),
+    ];
+    if stl_length(bytes) == Some(bytes.len() as u64) {
+        return Some("a binary STL mesh, which holds triangles");
+    }
+    MAGIC.iter().find(|(magic, _)| bytes.starts_with(magic)).map(|&(_, kind)| kind)
+}
+
+/// The values of an attribute, as writers take them.
+#[derive(Clone, Copy)]
+enum Values<'a> {
+    Integers(&'a [i64]),
+    Floats(&'a [f32]),
+    Vectors(&'a [Vec3]),
+    Ellipsoids(&'a [Ellipsoid]),
+}
+
+impl<'a> Values<'a> {
+    /// How many numbers a particle has.
+    fn size(self) -> usize {
+        match self {
+            Self::Integers(_) | Self::Floats(_) => 1,
+            Self::Vectors(_) => 3,
+            Self::Ellipsoids(_) => 6,
+        }
+    }
+
+    /// What the columns of an attribute of this name are called where each number has its own.
+    fn column_names(self, name: &str) -> Vec<String> {
+        match self {
+            Self::Integers(_) | Self::Floats(_) => vec![name.into()],
+            Self::Vectors(_) => ["x", "y", "z"].map(|axis| format!("{name}_{axis}")).into(),
+            Self::Ellipsoids(_) => ELLIPSOID_COLUMNS.map(String::from).into(),
+        }
+    }
+
+    /// All floats, particle by particle; none of integers.
+    fn floats(self) -> &'a [f32] {
+        match self {
+            Self::Integers(_) => &[],
+            Self::Floats(floats) => floats,
+            Self::Vectors(vectors) => bytemuck::cast_slice(vectors),
+            Self::Ellipsoids(ellipsoids) => bytemuck::cast_slice(ellipsoids),
+        }
+    }
+
+    /// The floats of particle `i`.
+    fn floats_of(self, i: usize) -> &'a [f32] {
+        &self.floats()[i * self.size()..][..self.size()]
+    }
+}
+
+/// What the numbers of an [`Ellipsoid`] are called where each has a column of its own.
+const ELLIPSOID_COLUMNS: [&str; 6] = [
+    "ellipsoid_xx",
+    "ellipsoid_yy",
+    "ellipsoid_zz",
+    "ellipsoid_xy",
+    "ellipsoid_yz",
+    "ellipsoid_xz",
+];
+
+/// The columns of a vector whose names begin with one of `bases`, among names in lower case: `vx`,
+/// `Points:0`, `Points_0`, `Pos.x` and so on.
+fn vector_among(names: &[String], bases: &[&str]) -> Option<Vec<usize>> {
+    let find = |wanted: &str| names.iter().position(|name| name == wanted);
+    let mut spellings = bases.iter().flat_map(|base| {
+        ["", ":", "_", "."].into_iter().flat_map(move |between| {
+            [["x", "y", "z"], ["0", "1", "2"]]
+                .map(|axes| axes.map(|axis| format!("{base}{between}{axis}")))
+        })
+    });
+    spellings.find_map(|names| names.iter().map(|name| find(name)).collect())
+}
+
+/// The columns of the velocities.
+fn velocity_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
+    match map.array_of(Attribute::Velocity) {
+        Some(name) => vector_among(names, &[&name]),
+        None => vector_among(names, &["velocity", "velocities", "vel", "v"]),
+    }
+}
+
+/// The columns of the ellipsoids.
+fn ellipsoid_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
+    let base = map.array_of(Attribute::Ellipsoid).unwrap_or_else(|| "ellipsoid".into());
+    let find = |wanted: &String| names.iter().position(|name| name == wanted);
+    let spelt = |between: &str| [0, 1, 2, 3, 4, 5].map(|k| format!("{base}{between}{k}"));
+    let letters = ELLIPSOID_COLUMNS.map(|name| name.replacen("ellipsoid", &base, 1));
+    let spellings = [letters, spelt(":"), spelt("_")];
+    spellings.iter().find_map(|names| names.iter().map(find).collect())
+}
+
+/// The length of a file that begins like this if it is binary STL. That has no magic, but its
+/// length follows from its count of triangles.
+fn stl_length(start: &[u8]) -> Option<u64> {
+    let triangles = start.get(80..)?.first_chunk().map(|&count| u32::from_le_bytes(count))?;
+    Some(84 + 50 * u64::from(triangles))
+}
+
+/// Writes numbers in blocks: a call for each would take longer than the writing.
+fn write_numbers<T: Copy, const N: usize>(
+    numbers: &[T],
+    bytes: impl Fn(T) -> [u8; N],
+    out: &mut impl Write,
+) -> io::Result<()> {
+    let mut block = Vec::new();
+    for numbers in numbers.chunks(4096) {
+        block.clear();
+        block.extend(numbers.iter().flat_map(|&number| bytes(number)));
+        out.write_all(&block)?;
+    }
+    Ok(())
+}
+
+/// Ids as the 32-bit integers that some formats are limited to.
+fn narrow_id(id: i64, format: &str) -> io::Result<i32> {
+    i32::try_from(id).map_err(|_| too_large(&format!("{format} holds 32-bit ids, not {id}")))
+}
+
+fn too_large(problem: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidInput, problem)
+}

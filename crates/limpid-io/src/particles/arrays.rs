@@ -1,0 +1,223 @@
+//! Which arrays of a file are read as which attributes.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use super::table::{Column, Table};
+use super::{Attribute, Particles};
+use crate::error::{Error, Result, printable};
+
+/// More arrays than this are not listed.
+pub(super) const MOST_LISTED: usize = 1024;
+
+/// An array of a particle file, other than the positions.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Array {
+    /// Its name in the file; of columns that make one attribute, all their names.
+    pub name: String,
+    /// Its size along each axis, particles first, as `NumPy` has it.
+    pub shape: Vec<usize>,
+    /// The attribute that it is read as; `None` if it is ignored.
+    pub used_as: Option<Attribute>,
+}
+
+impl fmt::Display for Array {
+    /// `U (4732, 3)`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let shape: Vec<String> = self.shape.iter().map(usize::to_string).collect();
+        write!(f, "{} ({})", self.name, shape.join(", "))
+    }
+}
+
+/// A particle file as it was read.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Contents {
+    /// The particles.
+    pub particles: Particles,
+    /// All arrays but the positions, in the order of the file; the first 1024 of them.
+    pub arrays: Vec<Array>,
+    /// Triangles, polygons and other cells of more than a point: the file holds a mesh, of which
+    /// the corners are read as particles.
+    pub cells: usize,
+}
+
+impl From<Particles> for Contents {
+    fn from(particles: Particles) -> Self {
+        Self { particles, ..Self::default() }
+    }
+}
+
+impl Contents {
+    /// Reads an array as the attribute that it is, if it is one that the particles do not have yet.
+    pub(super) fn take(
+        &mut self,
+        map: &AttributeMap,
+        name: &str,
+        table: &Table<'_>,
+        columns: &[Column],
+    ) -> Result<()> {
+        let shape = match columns.len() {
+            1 => vec![table.rows],
+            size => vec![table.rows, size],
+        };
+        self.take_as(map.attribute_of(name), name, &shape, table, columns)
+    }
+
+    /// As [`Contents::take`], of an array that is known to be an attribute, or none.
+    pub(super) fn take_as(
+        &mut self,
+        attribute: Option<Attribute>,
+        name: &str,
+        shape: &[usize],
+        table: &Table<'_>,
+        columns: &[Column],
+    ) -> Result<()> {
+        let used_as = match attribute {
+            Some(attribute) if self.attach(attribute, name, table, columns)? => Some(attribute),
+            _ => None,
+        };
+        self.list(name, shape, used_as);
+        Ok(())
+    }
+
+    /// Keeps an attribute that it does not have yet, if it is of so many numbers, and of radii any is
+    /// above 0; whether it did.
+    fn attach(
+        &mut self,
+        attribute: Attribute,
+        name: &str,
+        table: &Table<'_>,
+        columns: &[Column],
+    ) -> Result<bool> {
+        match (attribute, columns) {
+            (Attribute::Velocity, &[x, y, z]) if self.particles.velocities.is_none() => {
+                self.check_rows(name, table)?;
+                self.particles.velocities = Some(table.vectors([x, y, z], "velocity")?);
+            }
+            (Attribute::Density, &[column]) if self.particles.densities.is_none() => {
+                self.check_rows(name, table)?;
+                self.particles.densities =
+                    Some(table.floats([column], "density")?.into_flattened());
+            }
+            (Attribute::Radius, &[column]) if self.particles.radii.is_none() => {
+                self.check_rows(name, table)?;
+                let radii = table.floats([column], "radius")?.into_flattened();
+                if let Some(i) = radii.iter().position(|&r| r < 0.0) {
+                    let problem = format!("particle {i}: radius {}, 0 or more expected", radii[i]);
+                    return Err(table.error(i, column, problem));
+                }
+                // Never filled in: not known, as 0 is elsewhere.
+                if radii.iter().all(|&r| r == 0.0) {
+                    return Ok(false);
+                }
+                self.particles.radii = Some(radii);
+            }
+            (Attribute::Id, &[column]) if self.particles.ids.is_none() => {
+                self.check_rows(name, table)?;
+                self.particles.ids = Some(table.integers(column, "id")?);
+            }
+            (Attribute::Ellipsoid, &[xx, yy, zz, xy, yz, xz])
+                if self.particles.ellipsoids.is_none() =>
+            {
+                self.check_rows(name, table)?;
+                let entries = table.floats([xx, yy, zz, xy, yz, xz], "ellipsoid")?;
+                self.particles.ellipsoids = Some(bytemuck::allocation::cast_vec(entries));
+            }
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    fn check_rows(&self, name: &str, table: &Table<'_>) -> Result<()> {
+        let (rows, particles) = (table.rows, self.particles.len());
+        if rows == particles {
+            return Ok(());
+        }
+        let problem = format!("attribute {name} has {rows} entries for {particles} particles");
+        Err(table.source.error(table.start, problem))
+    }
+
+    /// Lists an array.
+    pub(super) fn list(&mut self, name: &str, shape: &[usize], used_as: Option<Attribute>) {
+        if self.arrays.len() < MOST_LISTED {
+            let (name, shape) = (printable(name.into()), shape.to_vec());
+            self.arrays.push(Array { name, shape, used_as });
+        }
+    }
+
+    /// What is wrong if an array that the map names has not been read.
+    pub(super) fn unread(&self, map: &AttributeMap) -> Option<String> {
+        if self.particles.is_empty() {
+            return None;
+        }
+        let used = |attribute: Attribute| self.arrays.iter().any(|a| a.used_as == Some(attribute));
+        let (attribute, name) = map.0.iter().find(|(attribute, _)| !used(**attribute))?;
+        let numbers = match attribute {
+            Attribute::Velocity => "3 numbers",
+            Attribute::Ellipsoid => "6 numbers",
+            Attribute::Density | Attribute::Radius | Attribute::Id => "one number",
+        };
+        let there: Vec<String> = self.arrays.iter().take(12).map(Array::to_string).collect();
+        let there = if there.is_empty() { "none".into() } else { there.join(", ") };
+        let problem = format!("no array `{name}` of {numbers} a particle; there are: {there}");
+        Some(format!("--map {attribute}={name}: {problem}"))
+    }
+}
+
+/// Which arrays some attributes are read from, whatever else a file has: written
+/// `velocity=U,radius=h`. Case does not matter.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct AttributeMap(BTreeMap<Attribute, String>);
+
+impl AttributeMap {
+    /// Whether it says nothing.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The attribute that an array of this name is read as.
+    pub(super) fn attribute_of(&self, array: &str) -> Option<Attribute> {
+        let mapped = self.0.iter().find(|(_, name)| name.eq_ignore_ascii_case(array));
+        let usual = || Attribute::called(array).filter(|usual| !self.0.contains_key(usual));
+        mapped.map(|(attribute, _)| *attribute).or_else(usual)
+    }
+
+    /// The array that an attribute is to be read from, in lower case.
+    pub(super) fn array_of(&self, attribute: Attribute) -> Option<String> {
+        self.0.get(&attribute).map(|name| name.to_ascii_lowercase())
+    }
+}
+
+impl fmt::Display for AttributeMap {
+    /// As it is parsed.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let pairs: Vec<String> = self.0.iter().map(|(a, name)| format!("{a}={name}")).collect();
+        f.write_str(&pairs.join(","))
+    }
+}
+
+impl FromStr for AttributeMap {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let fail = |problem: &str| Error::Usage(format!("map `{text}`: {problem}"));
+        let mut map = BTreeMap::new();
+        for pair in text.split(',') {
+            let pair = pair.split_once('=').map(|(a, name)| (a.trim(), name.trim()));
+            let (attribute, name) = pair
+                .filter(|(_, name)| !name.is_empty())
+                .ok_or_else(|| fail("ATTRIBUTE=ARRAY expected, as velocity=U,radius=h"))?;
+            let unknown =
+                || fail(&format!("no attribute `{attribute}`; there are: {}", Attribute::list()));
+            let attribute = Attribute::called(attribute).ok_or_else(unknown)?;
+            if map.insert(attribute, name.to_owned()).is_some() {
+                return Err(fail(&format!("{attribute} is given twice")));
+            }
+        }
+        Ok(Self(map))
+    }
+}

@@ -1,0 +1,211 @@
+//! BGEO version 5, Houdini's classic binary geometry, as Partio writes it, and through it the
+//! simulator `SPlisHSPlasH` (Walt Disney Animation Studios, Partio, `BGEO.cpp`).
+//!
+//! Everything is big-endian, and the whole file may be gzip:
+//!
+//! ```text
+//! "Bgeo" 'V'  i32 version = 5
+//! i32 points, primitives, point groups, primitive groups,
+//!     point attributes, vertex attributes, primitive attributes, detail attributes
+//! each point attribute: u16 length, name, u16 size, i32 type, defaults
+//! each point: f32 x, y, z, w, then size × 4 bytes an attribute
+//! ```
+//!
+//! Primitives, groups and detail attributes come after the points and are not read; a file that
+//! limpid writes has none.
+
+use std::fs::File;
+use std::io::{self, BufWriter, ErrorKind, Read, Write};
+use std::path::Path;
+
+use flate2::read::MultiGzDecoder;
+use flate2::{Compression, write::GzEncoder};
+
+use super::{
+    Attribute, AttributeMap, Column, Contents, Cursor, POSITION_BYTES, Particles, Reading, Scalar,
+    Values, foreign, narrow_id, too_large, unpacks_to_more,
+};
+use crate::error::{Error, Place, Result};
+use crate::files::DEFLATE_RATIO;
+use limpid::memory;
+
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        parse(path, &unpack(path, bytes, reading.limit)?, reading.map, reading.limit)
+    } else {
+        parse(path, bytes, reading.map, u64::MAX)
+    }
+}
+
+fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
+    // What the file says of its length, as far as deflate can keep it, spares growing step by step.
+    let length = bytes.last_chunk().map_or(0, |&length| u64::from(u32::from_le_bytes(length)));
+    let length = length.min(DEFLATE_RATIO.saturating_mul(bytes.len() as u64)).min(limit);
+    let mut unpacked = memory::reserve(usize::try_from(length).unwrap_or(0), path.display())?;
+    let result =
+        MultiGzDecoder::new(bytes).take(limit.saturating_add(1)).read_to_end(&mut unpacked);
+    let length = unpacked.len() as u64;
+    if let Err(error) = result {
+        if error.kind() == ErrorKind::OutOfMemory {
+            return Err(Error::io(path, "unpack", error));
+        }
+        let problem = format!("the gzip stream is damaged or cut off: {error}");
+        return Err(Error::malformed(path, Place::Byte(length), problem));
+    }
+    if length > limit {
+        let problem = unpacks_to_more("file", limit);
+        return Err(Error::malformed(path, Place::Byte(limit), problem));
+    }
+    Ok(unpacked)
+}
+
+pub(crate) fn write_gzip(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    let mut gzip = GzEncoder::new(out, Compression::fast());
+    encode(particles, &mut gzip)?;
+    gzip.finish().map(drop)
+}
+
+pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    encode(particles, out)
+}
+
+/// Writes the points with the attributes that they have; the radius under Houdini's name `pscale`.
+fn encode(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
+    const FLOAT: i32 = 0;
+    const INTEGER: i32 = 1;
+    const VECTOR: i32 = 5;
+    let points = i32::try_from(particles.len())
+        .map_err(|_| too_large("BGEO holds at most 2147483647 particles"))?;
+    let attributes = super::attributes(particles);
+
+    out.write_all(b"BgeoV")?;
+    for number in [5, points, 0, 0, 0, attributes.len() as i32, 0, 0, 0] {
+        out.write_all(&number.to_be_bytes())?;
+    }
+    for &(name, values) in &attributes {
+        let name = if name == "radius" { "pscale" } else { name };
+        let kind = match values {
+            Values::Integers(_) => INTEGER,
+            Values::Vectors(_) => VECTOR,
+            Values::Floats(_) | Values::Ellipsoids(_) => FLOAT,
+        };
+        out.write_all(&(name.len() as u16).to_be_bytes())?;
+        out.write_all(name.as_bytes())?;
+        out.write_all(&(values.size() as u16).to_be_bytes())?;
+        out.write_all(&kind.to_be_bytes())?;
+        out.write_all(&[0; 24][..4 * values.size()])?;
+    }
+    let mut record = Vec::new();
+    for i in 0..particles.len() {
+        record.clear();
+        let place = particles.single_place(i);
+        record.extend([place.x, place.y, place.z, 1.0].map(f32::to_be_bytes).as_flattened());
+        for &(_, values) in &attributes {
+            match values {
+                Values::Integers(ids) => record.extend(narrow_id(ids[i], "BGEO")?.to_be_bytes()),
+                _ => record.extend(values.floats_of(i).iter().flat_map(|x| x.to_be_bytes())),
+            }
+        }
+        out.write_all(&record)?;
+    }
+    // The end of the primitives.
+    out.write_all(&[0x00, 0xff])
+}
+
+/// Reads what, with the particles that it holds, takes at most `limit` bytes.
+fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -> Result<Contents> {
+    if !bytes.starts_with(b"BgeoV") {
+        return Err(foreign(path, bytes, "a BGEO file of version 5"));
+    }
+    let mut file = Cursor::new(path, bytes, false);
+    file.take(5, "the magic")?;
+    let version = int(&mut file, "the version")?;
+    if version != 5 {
+        let problem = format!("BGEO version {version}; only version 5 (.bhclassic) can be read");
+        return Err(Error::format(path, problem));
+    }
+    let points = count(&mut file, "the number of points")?;
+    file.take(3 * 4, "the header")?;
+    let attributes = count(&mut file, "the number of point attributes")?;
+    file.take(3 * 4, "the header")?;
+
+    let mut stride = 4 * Scalar::F32.size(); // x, y, z, and w, which is 1
+    let mut named_columns = Vec::new();
+    let mut read = POSITION_BYTES;
+    for _ in 0..attributes {
+        let length = file.array("an attribute's name").map(u16::from_be_bytes)?;
+        let name = String::from_utf8_lossy(file.take(length.into(), "an attribute's name")?);
+        let size = usize::from(file.array("an attribute's size").map(u16::from_be_bytes)?);
+        let columns = match int(&mut file, "an attribute's type")? {
+            0 | 5 => Column::adjacent(stride, skip_defaults(&mut file, size)?, Scalar::F32),
+            1 => Column::adjacent(stride, skip_defaults(&mut file, size)?, Scalar::I32),
+            4 => {
+                skip_strings(&mut file)?;
+                Vec::new()
+            }
+            other => {
+                let problem = format!(
+                    "attribute {name} has type {other}; 0 (float), 1 (integer), 4 (string) or 5 (vector) expected"
+                );
+                return Err(file.error(problem));
+            }
+        };
+        read = read.saturating_add(map.attribute_of(&name).map_or(0, Attribute::bytes));
+        named_columns.push((name, size, columns));
+        stride = stride.saturating_add(4 * size);
+    }
+
+    let table = file.table(points, stride, true, "points")?;
+    if (bytes.len() as u64).saturating_add(read.saturating_mul(points as u64)) > limit {
+        return Err(file.error(unpacks_to_more("file", limit)));
+    }
+    let mut contents = Contents::from(table.particles(Column::triple(Scalar::F32))?);
+    for (name, size, columns) in &named_columns {
+        match columns.as_slice() {
+            // Strings.
+            [] => contents.list(name, &[points, *size], None),
+            columns => contents.take(map, name, &table, columns)?,
+        }
+    }
+    Ok(contents)
+}
+
+fn skip_defaults(file: &mut Cursor<'_>, size: usize) -> Result<usize> {
+    file.take_records(size, 4, "an attribute's defaults")?;
+    Ok(size)
+}
+
+/// The strings that an attribute's entries are indices into.
+fn skip_strings(file: &mut Cursor<'_>) -> Result<()> {
+    for _ in 0..count(file, "an attribute's number of strings")? {
+        let length = file.array("an attribute's strings").map(u16::from_be_bytes)?;
+        file.take(length.into(), "an attribute's strings")?;
+    }
+    Ok(())
+}
+
+fn int(file: &mut Cursor<'_>, what: &str) -> Result<i32> {
+    file.array(what).map(i32::from_be_bytes)
+}
+
+fn count(file: &mut Cursor<'_>, what: &str) -> Result<usize> {
+    let count = int(file, what)?;
+    count.try_into().map_err(|_| file.error(format!("{what}: 0 or more expected, found {count}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Protects memory from a small file that unpacks to a huge one.
+    #[test]
+    fn unpacking_stops_at_the_limit() {
+        let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
+        gzip.write_all(&[0; 1000]).unwrap();
+        let gzip = gzip.finish().unwrap();
+        let path = Path::new("bomb.bgeo");
+        assert_eq!(unpack(path, &gzip, 1000).unwrap().len(), 1000);
+        let error = unpack(path, &gzip, 999).unwrap_err().to_string();
+        assert!(error.contains("bomb.bgeo: byte 999") && error.contains("more than"), "{error}");
+    }
+}

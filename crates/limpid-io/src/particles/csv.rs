@@ -1,0 +1,268 @@
+//! Text with a line a particle, as `ParaView`, `DualSPHysics` and spreadsheets write it. The
+//! delimiter is the one of comma, semicolon and tab that the first line has most of.
+//!
+//! The first line may name the columns. A vector's are told by its name, perhaps a `:`, `_` or `.`,
+//! and `x`, `y`, `z` or `0`, `1`, `2`: `x`, `px`, `Points:0`, `Points_0`, `Pos.x [m]`. Without such
+//! a line the first three columns are x, y and z. Lines that begin with `#` are left out, but for
+//! one before the numbers that names as many columns as they have.
+
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use csv::{ByteRecord, ReaderBuilder, Trim};
+use glam::DVec3;
+
+use super::{
+    Attribute, AttributeMap, Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values,
+    ellipsoid_among, foreign, known_magic, vector_among, velocity_among,
+};
+use crate::error::{Error, Result};
+use limpid::memory;
+
+/// What positions are called before the axis.
+const POSITION: [&str; 9] =
+    ["", "p", "points", "point", "pos", "position", "positions", "coord", "coordinates"];
+
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
+    const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+    if known_magic(bytes).is_some() {
+        return Err(foreign(path, bytes, "a table of text"));
+    }
+    let skipped = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+    let text = &bytes[skipped..];
+    let (comments, delimiter) = beginning(text);
+    let file = Cursor::new(path, bytes, true);
+    let mut records = ReaderBuilder::new()
+        .delimiter(delimiter)
+        .has_headers(false)
+        .flexible(true)
+        .comment(Some(b'#'))
+        .trim(Trim::All)
+        .from_reader(text);
+    let mut record = ByteRecord::new();
+    let mut next = |record: &mut ByteRecord| -> Result<Option<usize>> {
+        let there = records.read_byte_record(record).map_err(|error| {
+            let offset = error.position().map_or(0, |position| position.byte() as usize);
+            file.source.error(skipped + offset, format!("not a table: {error}"))
+        })?;
+        let start = skipped + record.position().map_or(0, |position| position.byte() as usize);
+        let blank = |byte: &&u8| byte.is_ascii_whitespace();
+        Ok(there.then(|| start + bytes[start.min(bytes.len())..].iter().take_while(blank).count()))
+    };
+
+    let mut start = next(&mut record)?;
+    let named = record.iter().take(3).any(|field| float(field).is_none());
+    let labels: Vec<String> = match named {
+        true => record.iter().map(label).collect(),
+        false => commented(&comments, delimiter, record.len()).unwrap_or_else(|| {
+            let unnamed = (3..record.len()).map(|column| format!("column {}", column + 1));
+            ["x", "y", "z"].map(String::from).into_iter().chain(unnamed).collect()
+        }),
+    };
+    if start.is_none() {
+        return Ok(Contents::default());
+    }
+    let wanted = Wanted::among(path, labels, reading.map)?;
+    if named {
+        start = next(&mut record)?;
+    }
+
+    let stride = wanted.fields().count() * Scalar::F64.size();
+    let (mut numbers, mut starts) = (Vec::new(), Vec::new());
+    while let Some(offset) = start {
+        let row = starts.len();
+        memory::grow(&mut numbers, stride, path.display())?;
+        memory::grow(&mut starts, 1, path.display())?;
+        for (name, field, integer) in wanted.fields() {
+            let problem = |found: &str| {
+                let problem =
+                    format!("particle {row}: a number for {name} expected, found {found}");
+                file.source.error(offset, problem)
+            };
+            let field = record.get(field).ok_or_else(|| problem("no such column"))?;
+            let number =
+                if integer { integer_bytes(field) } else { float(field).map(f64::to_le_bytes) };
+            let found = || problem(&format!("`{}`", String::from_utf8_lossy(field)));
+            numbers.extend(number.ok_or_else(found)?);
+        }
+        starts.push(offset);
+        start = next(&mut record)?;
+    }
+    let table = Table {
+        source: file.source,
+        start: skipped,
+        rows: starts.len(),
+        bytes: Cow::Owned(numbers),
+        stride,
+        big_endian: false,
+        starts: Some(starts),
+    };
+    wanted.contents(&table)
+}
+
+/// The lines before the first one that is no comment, and the delimiter of that.
+fn beginning(text: &[u8]) -> (Vec<&[u8]>, u8) {
+    let mut comments = Vec::new();
+    let mut first: &[u8] = &[];
+    for line in text.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii) {
+        match line.strip_prefix(b"#") {
+            Some(comment) => comments.push(comment),
+            None if line.is_empty() => {}
+            None => {
+                first = line;
+                break;
+            }
+        }
+    }
+    let count = |delimiter: &u8| first.iter().filter(|&byte| byte == delimiter).count();
+    // The last of those that are equal: comma, if there is none.
+    (comments, [b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b','))
+}
+
+/// The names of so many columns that a comment gives, as `NumPy` writes them.
+fn commented(comments: &[&[u8]], delimiter: u8, columns: usize) -> Option<Vec<String>> {
+    comments.iter().rev().find_map(|comment| {
+        let mut line = ReaderBuilder::new()
+            .delimiter(delimiter)
+            .has_headers(false)
+            .trim(Trim::All)
+            .from_reader(*comment);
+        let mut record = ByteRecord::new();
+        line.read_byte_record(&mut record).ok()?;
+        let labels: Vec<String> = record.iter().map(label).collect();
+        let names: Vec<String> = labels.iter().map(|label| canonical(label)).collect();
+        let names_all = names.len() == columns && vector_among(&names, &POSITION).is_some();
+        names_all.then_some(labels)
+    })
+}
+
+fn label(field: &[u8]) -> String {
+    String::from_utf8_lossy(field).trim().to_owned()
+}
+
+/// A column's name without case and unit, as `Rhop [kg/m^3]` has one.
+fn canonical(label: &str) -> String {
+    let name = label.to_ascii_lowercase();
+    name.split(" [").next().unwrap_or_default().trim().to_owned()
+}
+
+fn float(field: &[u8]) -> Option<f64> {
+    std::str::from_utf8(field).ok()?.parse().ok()
+}
+
+/// An integer that may be written as a float.
+fn integer_bytes(field: &[u8]) -> Option<[u8; 8]> {
+    let exact = || {
+        let number = float(field)?;
+        const EXACT: f64 = 9_007_199_254_740_992.0; // 2⁵³
+        (number.fract() == 0.0 && number.abs() <= EXACT).then_some(number as i64)
+    };
+    let integer = std::str::from_utf8(field).ok()?.parse().ok().or_else(exact)?;
+    Some(integer.to_le_bytes())
+}
+
+/// The columns of positions and attributes, and what they are.
+struct Wanted {
+    /// Of all columns, as the file has them.
+    labels: Vec<String>,
+    /// Fields of the record.
+    positions: Vec<usize>,
+    /// Those of each attribute, in the order of [`Wanted::among`].
+    attributes: Vec<(Attribute, Vec<usize>)>,
+}
+
+impl Wanted {
+    fn among(path: &Path, labels: Vec<String>, map: &AttributeMap) -> Result<Self> {
+        let names: Vec<String> = labels.iter().map(|label| canonical(label)).collect();
+        let Some(positions) = vector_among(&names, &POSITION) else {
+            let there: Vec<&str> = names.iter().take(8).map(String::as_str).collect();
+            let problem = format!(
+                "no columns x, y and z or Points:0 to Points:2; there are: {}",
+                there.join(", ")
+            );
+            return Err(Error::format(path, problem));
+        };
+        let velocity = velocity_among(&names, map).map(|fields| (Attribute::Velocity, fields));
+        let ellipsoid = ellipsoid_among(&names, map).map(|fields| (Attribute::Ellipsoid, fields));
+        let single = names.iter().enumerate().filter_map(|(field, name)| {
+            let attribute = map.attribute_of(name).or_else(|| map.attribute_of(&labels[field]))?;
+            let single = !matches!(attribute, Attribute::Velocity | Attribute::Ellipsoid);
+            single.then(|| (attribute, vec![field]))
+        });
+        let attributes = velocity.into_iter().chain(ellipsoid).chain(single).collect();
+        Ok(Self { labels, positions, attributes })
+    }
+
+    /// Name, field and whether it is an integer, of every number that is read.
+    fn fields(&self) -> impl Iterator<Item = (&'static str, usize, bool)> {
+        let positions = self.positions.iter().map(|&field| ("position", field, false));
+        let attributes = self.attributes.iter().flat_map(|(attribute, fields)| {
+            let integer = *attribute == Attribute::Id;
+            fields.iter().map(move |&field| (attribute.name(), field, integer))
+        });
+        positions.chain(attributes)
+    }
+
+    fn contents(&self, table: &Table<'_>) -> Result<Contents> {
+        let columns: Vec<Column> = self
+            .fields()
+            .enumerate()
+            .map(|(k, (_, _, integer))| {
+                let scalar = if integer { Scalar::I64 } else { Scalar::F64 };
+                Column { offset: k * scalar.size(), scalar }
+            })
+            .collect();
+        let (positions, mut rest) = columns.split_at(3);
+        let positions = [positions[0], positions[1], positions[2]];
+        let mut contents = Contents::from(table.particles(positions)?);
+        let mut used = vec![false; self.labels.len()];
+        self.positions.iter().for_each(|&at| used[at] = true);
+        for (attribute, fields) in &self.attributes {
+            let names: Vec<&str> = fields.iter().map(|&at| self.labels[at].as_str()).collect();
+            let shape = [table.rows, fields.len()];
+            let shape = if fields.len() == 1 { &shape[..1] } else { &shape[..] };
+            let columns;
+            (columns, rest) = rest.split_at(fields.len());
+            contents.take_as(Some(*attribute), &names.join(" "), shape, table, columns)?;
+            fields.iter().for_each(|&at| used[at] = true);
+        }
+        for (label, _) in self.labels.iter().zip(used).filter(|(_, used)| !used) {
+            contents.list(label, &[table.rows], None);
+        }
+        Ok(contents)
+    }
+}
+
+/// Writes a line of names and one a particle, with as many digits as tell the numbers apart.
+pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    let attributes = super::attributes(particles);
+    // A cloud far from 0 is read as 64-bit numbers; with all their digits these are the same.
+    let places = (0..particles.len()).map(|i| particles.place(i));
+    let single = particles.narrow() && limpid::liquid::particles::origin_for(places) == DVec3::ZERO;
+    write!(out, "x,y,z")?;
+    for &(name, values) in &attributes {
+        for column in values.column_names(name) {
+            write!(out, ",{column}")?;
+        }
+    }
+    writeln!(out)?;
+    for i in 0..particles.len() {
+        if single {
+            let [x, y, z] = particles.positions[i].to_array();
+            write!(out, "{x},{y},{z}")?;
+        } else {
+            let [x, y, z] = particles.place(i).to_array();
+            write!(out, "{x},{y},{z}")?;
+        }
+        for &(_, values) in &attributes {
+            match values {
+                Values::Integers(ids) => write!(out, ",{}", ids[i])?,
+                _ => values.floats_of(i).iter().try_for_each(|x| write!(out, ",{x}"))?,
+            }
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}

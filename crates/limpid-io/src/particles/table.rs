@@ -1,0 +1,282 @@
+//! Records of any layout, decoded to attributes.
+
+use std::borrow::Cow;
+
+use bytemuck::Zeroable;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::Particles;
+use super::cursor::Source;
+use crate::error::{Error, Result};
+use limpid::camera::is_place;
+use limpid::memory;
+
+/// The types of number that files hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    I64,
+    U64,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::I64 | Self::U64 | Self::F64 => 8,
+        }
+    }
+}
+
+/// One number of each record: where it is, counted from the record's start, and its type.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Column {
+    pub(super) offset: usize,
+    pub(super) scalar: Scalar,
+}
+
+impl Column {
+    /// `count` numbers one after another.
+    pub(super) fn adjacent(offset: usize, count: usize, scalar: Scalar) -> Vec<Self> {
+        (0..count).map(|k| Self { offset: offset + k * scalar.size(), scalar }).collect()
+    }
+
+    /// Three of them at the start of the record.
+    pub(super) fn triple(scalar: Scalar) -> [Self; 3] {
+        [0, 1, 2].map(|k| Self { offset: k * scalar.size(), scalar })
+    }
+
+    /// The number's bytes. Readers derive a table's stride from its columns, so they are there;
+    /// if not, the number is 0.
+    pub(super) fn bytes<const N: usize>(self, record: &[u8]) -> [u8; N] {
+        record.get(self.offset..).and_then(|rest| rest.first_chunk()).map_or([0; N], |b| *b)
+    }
+
+    /// The number as the nearest f64.
+    pub(super) fn number(self, record: &[u8], big_endian: bool) -> f64 {
+        macro_rules! number {
+            ($type:ty) => {
+                if big_endian {
+                    <$type>::from_be_bytes(self.bytes(record)) as f64
+                } else {
+                    <$type>::from_le_bytes(self.bytes(record)) as f64
+                }
+            };
+        }
+        match self.scalar {
+            Scalar::I8 => number!(i8),
+            Scalar::U8 => number!(u8),
+            Scalar::I16 => number!(i16),
+            Scalar::U16 => number!(u16),
+            Scalar::I32 => number!(i32),
+            Scalar::U32 => number!(u32),
+            Scalar::I64 => number!(i64),
+            Scalar::U64 => number!(u64),
+            Scalar::F32 => number!(f32),
+            Scalar::F64 => number!(f64),
+        }
+    }
+
+    /// The number if it is an integer, and exact.
+    pub(super) fn integer(self, record: &[u8], big_endian: bool) -> Option<i64> {
+        const EXACT: f64 = 9_007_199_254_740_992.0; // 2⁵³
+        match (self.scalar, big_endian) {
+            (Scalar::I64, true) => Some(i64::from_be_bytes(self.bytes(record))),
+            (Scalar::I64, false) => Some(i64::from_le_bytes(self.bytes(record))),
+            (Scalar::U64, true) => u64::from_be_bytes(self.bytes(record)).try_into().ok(),
+            (Scalar::U64, false) => u64::from_le_bytes(self.bytes(record)).try_into().ok(),
+            _ => {
+                let number = self.number(record, big_endian);
+                (number.fract() == 0.0 && number.abs() <= EXACT).then_some(number as i64)
+            }
+        }
+    }
+}
+
+/// Rows that are decoded at a time: few enough to be still in the cache when they are checked.
+const BLOCK: usize = 4096;
+
+/// Records of one size, one a particle. Text is first rewritten as binary numbers, so that one
+/// decoder serves all formats.
+pub(super) struct Table<'a> {
+    pub(super) source: Source<'a>,
+    /// Where the table begins in the file.
+    pub(super) start: usize,
+    /// Holds every column of every row: readers take as many bytes as they claim rows.
+    pub(super) bytes: Cow<'a, [u8]>,
+    pub(super) rows: usize,
+    /// From one record to the next, in bytes.
+    pub(super) stride: usize,
+    pub(super) big_endian: bool,
+    /// Where each record begins in the file, if not every `stride` bytes; the table's start for
+    /// those that it leaves out.
+    pub(super) starts: Option<Vec<usize>>,
+}
+
+impl Table<'_> {
+    pub(super) fn error(&self, row: usize, column: Column, problem: String) -> Error {
+        let offset = match &self.starts {
+            Some(starts) => starts.get(row).copied().unwrap_or(self.start),
+            None => self.start + row * self.stride + column.offset,
+        };
+        self.source.error(offset, problem)
+    }
+
+    /// Particles at the positions that `columns` hold.
+    pub(super) fn particles(&self, columns: [Column; 3]) -> Result<Particles> {
+        if columns.iter().all(|column| column.scalar == Scalar::F32) {
+            let positions = self.vectors(columns, "position")?;
+            self.check_places(columns, positions.iter().map(|x| x.as_dvec3()))?;
+            return Ok(Particles::from_positions(positions));
+        }
+        let places = self.decode(
+            |bytes, rows: &mut [DVec3]| {
+                for (i, place) in rows.iter_mut().enumerate() {
+                    let record = bytes.get(i * self.stride..).unwrap_or_default();
+                    *place = columns.map(|column| column.number(record, self.big_endian)).into();
+                }
+                rows.iter().all(|place| place.as_vec3().is_finite())
+            },
+            |record| self.not_finite(columns, "position", record),
+        )?;
+        self.check_places(columns, places.iter().copied())?;
+        // Where 32-bit floats have been stored as 64-bit ones, there are no digits to keep.
+        memory::probe(places.len() * size_of::<Vec3>(), self.source.path.display())?;
+        if places.iter().all(|&place| place.as_vec3().as_dvec3() == place) {
+            return Ok(Particles::from_positions(places.iter().map(|p| p.as_vec3()).collect()));
+        }
+        Ok(Particles::from_places(&places))
+    }
+
+    /// Fails at the first place that no picture can show: 32-bit floats do not hold its square.
+    fn check_places(
+        &self,
+        columns: [Column; 3],
+        mut places: impl Iterator<Item = DVec3> + Clone,
+    ) -> Result<()> {
+        let Some(row) = places.clone().position(|place| !is_place(place)) else { return Ok(()) };
+        let place = places.nth(row).unwrap_or_default().as_vec3().to_array();
+        let problem = format!("particle {row}: position {place:?}, below 1e18 m expected");
+        Err(self.error(row, columns[0], problem))
+    }
+
+    /// The numbers of `columns` as vectors, all of them finite.
+    pub(super) fn vectors(&self, columns: [Column; 3], name: &str) -> Result<Vec<Vec3>> {
+        Ok(bytemuck::allocation::cast_vec(self.floats(columns, name)?))
+    }
+
+    /// The numbers of `columns` as 32-bit floats, all of them finite, record by record.
+    pub(super) fn floats<const N: usize>(
+        &self,
+        columns: [Column; N],
+        name: &str,
+    ) -> Result<Vec<[f32; N]>> {
+        let width = N * Scalar::F32.size();
+        let first = columns.first().map_or(0, |column| column.offset);
+        let adjacent = columns.iter().enumerate().all(|(k, column)| {
+            column.scalar == Scalar::F32 && column.offset == first + k * Scalar::F32.size()
+        });
+        let (stride, big) = (self.stride, self.big_endian);
+        // Floats side by side are what nearly all files hold, and what must be fast.
+        let side_by_side = adjacent && first + width <= stride;
+        let native = big == cfg!(target_endian = "big");
+        let fill = |bytes: &[u8], rows: &mut [[f32; N]]| {
+            let filled = rows.as_flattened_mut();
+            if side_by_side && stride == width && filled.len() * 4 <= bytes.len() {
+                let words: &mut [u8] = bytemuck::cast_slice_mut(filled);
+                words.copy_from_slice(&bytes[..words.len()]);
+                if !native {
+                    filled.iter_mut().for_each(|x| *x = f32::from_bits(x.to_bits().swap_bytes()));
+                }
+            } else if side_by_side {
+                for (record, row) in bytes.chunks_exact(stride).zip(rows.iter_mut()) {
+                    let words = record[first..first + width].as_chunks().0;
+                    for (x, word) in row.iter_mut().zip(words) {
+                        *x =
+                            if big { f32::from_be_bytes(*word) } else { f32::from_le_bytes(*word) };
+                    }
+                }
+            } else {
+                for (i, row) in rows.iter_mut().enumerate() {
+                    let record = bytes.get(i * stride..).unwrap_or_default();
+                    *row = columns.map(|column| column.number(record, big) as f32);
+                }
+            }
+            all_finite(rows.as_flattened())
+        };
+        self.decode(fill, |record| self.not_finite(columns, name, record))
+    }
+
+    pub(super) fn integers(&self, column: Column, name: &str) -> Result<Vec<i64>> {
+        self.decode(
+            |bytes, rows: &mut [i64]| {
+                rows.iter_mut().enumerate().fold(true, |sound, (i, row)| {
+                    let record = bytes.get(i * self.stride..).unwrap_or_default();
+                    let integer = column.integer(record, self.big_endian);
+                    *row = integer.unwrap_or_default();
+                    sound & integer.is_some()
+                })
+            },
+            |record| {
+                if column.integer(record, self.big_endian).is_some() {
+                    return None;
+                }
+                let number = column.number(record, self.big_endian);
+                Some((column, format!("{name} {number}, a 64-bit integer expected")))
+            },
+        )
+    }
+
+    /// The first of a record's numbers that is not finite as a 32-bit float, and what is wrong.
+    fn not_finite<const N: usize>(
+        &self,
+        columns: [Column; N],
+        name: &str,
+        record: &[u8],
+    ) -> Option<(Column, String)> {
+        let numbers = columns.map(|column| column.number(record, self.big_endian) as f32);
+        let worst = numbers.iter().position(|number| !number.is_finite())?;
+        Some((columns[worst], format!("{name} {numbers:?}, finite numbers expected")))
+    }
+
+    /// All rows, block by block on all cores. `fill` decodes the rows that some bytes begin with
+    /// and says whether they are sound; if not, `problem` tells which column of which is to blame.
+    fn decode<T: Zeroable + Clone + Send>(
+        &self,
+        fill: impl Fn(&[u8], &mut [T]) -> bool + Sync,
+        problem: impl Fn(&[u8]) -> Option<(Column, String)>,
+    ) -> Result<Vec<T>> {
+        let from = |row: usize| self.bytes.get(row * self.stride..).unwrap_or_default();
+        let mut values: Vec<T> = memory::zeroed(self.rows, self.source.path.display())?;
+        // Waking other threads for a few rows would take longer than decoding them.
+        let sound = if self.rows <= BLOCK {
+            fill(from(0), &mut values)
+        } else {
+            let blocks = values.par_chunks_mut(BLOCK).enumerate();
+            blocks.map(|(i, rows)| fill(from(i * BLOCK), rows)).reduce(|| true, |a, b| a & b)
+        };
+        if !sound {
+            for row in 0..self.rows {
+                if let Some((column, problem)) = problem(from(row)) {
+                    return Err(self.error(row, column, format!("particle {row}: {problem}")));
+                }
+            }
+        }
+        Ok(values)
+    }
+}
+
+/// Not `all`, which stops early and so cannot check several at once.
+pub(super) fn all_finite(numbers: &[f32]) -> bool {
+    numbers.iter().fold(true, |finite, x| finite & x.is_finite())
+}

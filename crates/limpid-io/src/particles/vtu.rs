@@ -1,0 +1,667 @@
+//! VTK's XML formats (Kitware, "VTK File Formats", section "XML File Formats"): the points and
+//! point data of unstructured grids (`.vtu`) and polygonal data (`.vtp`), in one piece or several.
+//! Arrays are ASCII, base64 in place, or appended as base64 or raw; perhaps in blocks that zlib
+//! has compressed.
+//!
+//! ```text
+//! uncompressed   length, bytes
+//! compressed     blocks, bytes of a block, of the last or 0, compressed bytes of each; blocks
+//! ```
+//!
+//! These headers are of `header_type` and in `byte_order`. In base64 a length is encoded in one
+//! with its bytes by VTK, apart from them by others; the header of compressed blocks always apart.
+//!
+//! Raw appended data is not XML, so the document is read as a stream up to it.
+
+mod write;
+
+use std::borrow::Cow;
+use std::ops::Range;
+use std::path::Path;
+
+use base64::prelude::{BASE64_STANDARD, Engine as _};
+use flate2::{Decompress, FlushDecompress, Status};
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+use rayon::prelude::*;
+
+use super::vtk::is_point;
+use super::{
+    Attribute, AttributeMap, Column, Contents, MOST_LISTED, POSITION_BYTES, Reading, Scalar,
+    Source, Table, foreign, unpacks_to_more,
+};
+use crate::error::{Error, Result};
+use crate::files::DEFLATE_RATIO;
+use limpid::memory;
+
+pub(crate) use write::write;
+
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
+    let source = Source { path, bytes, text: false };
+    let (limit, map) = (reading.limit, reading.map);
+    let document = Document::read(source, map)?;
+    let mut merged: Vec<Merged<'_>> = Vec::new();
+    // Arrays may share their bytes, so their sum is bounded by nothing in the file. What is read from
+    // them counts as well.
+    let mut unpacked = 0_u64;
+    for array in &document.arrays {
+        let (scalar, data) = document.decode(array, limit)?;
+        unpacked = unpacked.saturating_add(data.len() as u64 + array.read_bytes(map));
+        if unpacked > limit {
+            return Err(source.error(array.start, unpacks_to_more("file", limit)));
+        }
+        // A piece has one array of points, whatever it is called.
+        let same =
+            |m: &&mut Merged<'_>| m.points == array.points && (m.points || m.name == array.name);
+        match merged.iter_mut().find(same) {
+            None => merged.push(Merged {
+                name: &array.name,
+                points: array.points,
+                scalar,
+                size: array.size,
+                rows: array.rows,
+                start: array.start,
+                data,
+            }),
+            Some(first) if first.scalar == scalar && first.size == array.size => {
+                first.rows += array.rows;
+                memory::probe(first.data.len() + data.len(), path.display())?;
+                first.data.to_mut().extend_from_slice(&data);
+            }
+            Some(_) => {
+                let problem = format!("array {} has another type in another piece", array.name);
+                return Err(source.error(array.start, problem));
+            }
+        }
+    }
+
+    let mut contents: Option<Contents> = None;
+    let order = |m: &Merged<'_>| !m.points;
+    merged.sort_by_key(order); // Points may come after their attributes.
+    for array in merged {
+        let (rows, size, scalar) = (array.rows, array.size, array.scalar);
+        let table = Table {
+            source,
+            start: array.start,
+            bytes: array.data,
+            rows,
+            stride: size * scalar.size(),
+            big_endian: document.big_endian,
+            // Most encodings keep no row at a place of its own.
+            starts: Some(Vec::new()),
+        };
+        let columns = Column::adjacent(0, size, scalar);
+        match (&mut contents, columns.as_slice()) {
+            (None, &[x, y, z]) if array.points => {
+                contents = Some(table.particles([x, y, z])?.into());
+            }
+            (Some(contents), _) => contents.take(map, array.name, &table, &columns)?,
+            _ => {}
+        }
+    }
+    match contents {
+        Some(mut contents) if contents.particles.len() == document.rows => {
+            for (name, [rows, size]) in &document.ignored {
+                let shape = [*rows, *size];
+                contents.list(name, if *size == 1 { &shape[..1] } else { &shape }, None);
+            }
+            contents.cells = document.cells.saturating_add(document.cells_by_type(limit));
+            Ok(contents)
+        }
+        None if document.rows == 0 => Ok(Contents::default()),
+        _ => {
+            let problem = format!("{} points, but not all have a place", document.rows);
+            Err(source.error(document.end, problem))
+        }
+    }
+}
+
+/// An array of all pieces.
+struct Merged<'a> {
+    name: &'a str,
+    points: bool,
+    scalar: Scalar,
+    size: usize,
+    rows: usize,
+    start: usize,
+    data: Cow<'a, [u8]>,
+}
+
+/// What the XML says.
+struct Document<'a> {
+    source: Source<'a>,
+    big_endian: bool,
+    /// Of a number in the headers of arrays: 4 or 8 bytes.
+    word: usize,
+    compressed: bool,
+    /// Points of all pieces.
+    rows: usize,
+    arrays: Vec<Array>,
+    /// Names and shapes of the points' other arrays.
+    ignored: Vec<(String, [usize; 2])>,
+    /// Lines, strips and polygons.
+    cells: usize,
+    /// The types of cells, a piece each.
+    types: Vec<Array>,
+    /// The appended data, and whether it is base64.
+    appended: Option<(usize, bool)>,
+    /// Where the XML, as far as it was read, ends.
+    end: usize,
+}
+
+/// An array of a piece.
+struct Array {
+    name: String,
+    /// Positions, not an attribute.
+    points: bool,
+    scalar: Scalar,
+    size: usize,
+    rows: usize,
+    /// Where its element begins.
+    start: usize,
+    data: Data,
+}
+
+enum Data {
+    Ascii(Range<usize>),
+    Base64(Range<usize>),
+    /// So far from the start of the appended data.
+    Appended(usize),
+}
+
+/// Which of a piece's arrays those to come are.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Section {
+    Points,
+    PointData,
+    Cells,
+    Other,
+}
+
+impl<'a> Document<'a> {
+    fn read(source: Source<'a>, map: &AttributeMap) -> Result<Self> {
+        // The XML reader counts from behind a byte order mark.
+        let bytes = source.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source.bytes);
+        let source = Source { bytes, ..source };
+        let mut document = Self {
+            source,
+            big_endian: false,
+            word: 4,
+            compressed: false,
+            rows: 0,
+            arrays: Vec::new(),
+            ignored: Vec::new(),
+            cells: 0,
+            types: Vec::new(),
+            appended: None,
+            end: 0,
+        };
+        let mut xml = Reader::from_reader(source.bytes);
+        let (mut opened, mut closed) = (false, false);
+        let (mut section, mut rows, mut cells) = (Section::Other, 0, 0);
+        loop {
+            let start = xml.buffer_position() as usize;
+            let event = xml.read_event().map_err(|error| {
+                let place = xml.error_position() as usize;
+                source.error(place, format!("not XML: {error}"))
+            })?;
+            document.end = start;
+            let element = match &event {
+                Event::Start(element) | Event::Empty(element) => element,
+                Event::End(element) => {
+                    match element.name().as_ref() {
+                        b"Points" | b"PointData" | b"Cells" => section = Section::Other,
+                        b"VTKFile" => closed = true,
+                        _ => {}
+                    }
+                    continue;
+                }
+                Event::Eof => break,
+                _ => continue,
+            };
+            let empty = matches!(event, Event::Empty(_));
+            let at = Place { source, start, element };
+            match element.name().as_ref() {
+                b"VTKFile" => {
+                    document.open(at)?;
+                    opened = true;
+                }
+                _ if !opened => break,
+                b"Piece" => {
+                    rows = at.count("NumberOfPoints")?.unwrap_or(0);
+                    document.rows = document.rows.saturating_add(rows);
+                    cells = at.count("NumberOfCells")?.unwrap_or(0);
+                    for kind in ["NumberOfLines", "NumberOfStrips", "NumberOfPolys"] {
+                        let count = at.count(kind)?.unwrap_or(0);
+                        document.cells = document.cells.saturating_add(count);
+                    }
+                }
+                b"Points" if !empty => section = Section::Points,
+                b"PointData" if !empty => section = Section::PointData,
+                b"Cells" if !empty => section = Section::Cells,
+                b"DataArray" if section != Section::Other => {
+                    let name = at.attribute("Name")?.unwrap_or_default();
+                    let wanted = match section {
+                        Section::Points => true,
+                        Section::PointData => map.attribute_of(&name).is_some(),
+                        Section::Cells | Section::Other => name == "types",
+                    };
+                    let rows = if section == Section::Cells { cells } else { rows };
+                    let size = at.count("NumberOfComponents")?.unwrap_or(1);
+                    let read = wanted.then(|| at.array(name.clone(), section, size, rows));
+                    let array = read.transpose()?.flatten();
+                    let text = if empty { start..start } else { text_of(&mut xml, source)? };
+                    match (array, section) {
+                        (Some(array), Section::Cells) => document.types.push(array.with_text(text)),
+                        (Some(array), _) => document.arrays.push(array.with_text(text)),
+                        (None, Section::PointData) => document.ignore(name, [rows, size]),
+                        _ => {}
+                    }
+                }
+                b"AppendedData" => {
+                    let base64 = match at.attribute("encoding")?.as_deref() {
+                        Some("raw") => false,
+                        None | Some("base64") => true,
+                        Some(other) => {
+                            return Err(
+                                at.error(&format!("encoding `{other}`: raw or base64 expected"))
+                            );
+                        }
+                    };
+                    let from = xml.buffer_position() as usize;
+                    let rest = source.bytes.get(from..).unwrap_or_default();
+                    let mark = rest.iter().position(|byte| !byte.is_ascii_whitespace());
+                    match mark.filter(|&at| rest[at] == b'_') {
+                        Some(mark) => document.appended = Some((from + mark + 1, base64)),
+                        None => return Err(source.error(from, "`_` expected before appended data")),
+                    }
+                    break;
+                }
+                _ => {}
+            }
+        }
+        if opened && (closed || document.appended.is_some()) {
+            return Ok(document);
+        }
+        if opened {
+            return Err(source.error(document.end, "the file ends before </VTKFile>"));
+        }
+        if source.bytes.starts_with(b"<?xml") {
+            let problem = "this is XML, but not VTK's: it has no <VTKFile>";
+            return Err(Error::format(source.path, problem));
+        }
+        Err(foreign(source.path, source.bytes, "VTK's XML format"))
+    }
+
+    fn open(&mut self, at: Place<'_, '_>) -> Result<()> {
+        let format = |problem: String| Error::format(self.source.path, problem);
+        let kind = at.attribute("type")?.unwrap_or_default();
+        if !matches!(&*kind, "UnstructuredGrid" | "PolyData") {
+            return Err(format(format!("dataset `{kind}`: UnstructuredGrid or PolyData expected")));
+        }
+        self.big_endian = match at.attribute("byte_order")?.as_deref() {
+            None | Some("LittleEndian") => false,
+            Some("BigEndian") => true,
+            Some(other) => return Err(at.error(&format!("byte order `{other}`"))),
+        };
+        self.word = match at.attribute("header_type")?.as_deref() {
+            None | Some("UInt32") => 4,
+            Some("UInt64") => 8,
+            Some(other) => return Err(at.error(&format!("header type `{other}`"))),
+        };
+        self.compressed = match at.attribute("compressor")?.as_deref() {
+            None | Some("") => false,
+            Some("vtkZLibDataCompressor") => true,
+            Some(other) => {
+                let problem =
+                    format!("compressor {other}: zlib or none expected, as ParaView's default");
+                return Err(format(problem));
+            }
+        };
+        Ok(())
+    }
+
+    /// Notes an array that is not read; those of other pieces with this name belong to it.
+    fn ignore(&mut self, name: String, [rows, size]: [usize; 2]) {
+        if let Some((_, shape)) = self.ignored.iter_mut().find(|(known, _)| *known == name) {
+            shape[0] = shape[0].saturating_add(rows);
+        } else if self.ignored.len() < MOST_LISTED {
+            self.ignored.push((name, [rows, size]));
+        }
+    }
+
+    /// Cells of more than a point, by their types. What cannot be decoded is no concern of particles.
+    fn cells_by_type(&self, limit: u64) -> usize {
+        // Pieces may share their bytes.
+        let mut left = limit;
+        let others = self.types.iter().map(|array| {
+            if left == 0 {
+                return 0;
+            }
+            let Ok((scalar, bytes)) = self.decode(array, left) else { return 0 };
+            left = left.saturating_sub(bytes.len() as u64);
+            let column = Column { offset: 0, scalar };
+            let records = bytes.chunks_exact(scalar.size());
+            let points = records.filter(|x| is_point(column.integer(x, self.big_endian)));
+            array.rows.saturating_sub(points.count())
+        });
+        others.fold(0, usize::saturating_add)
+    }
+
+    /// An array's numbers as the file's byte order has them, and their type.
+    fn decode(&self, array: &Array, limit: u64) -> Result<(Scalar, Cow<'a, [u8]>)> {
+        let error = |problem: String| {
+            self.source.error(array.start, format!("array {}: {problem}", array.name))
+        };
+        let row = array.size * array.scalar.size();
+        let length = array.rows.checked_mul(row).ok_or_else(|| error("too long".into()))?;
+        let slice = |range: &Range<usize>| self.source.bytes.get(range.clone()).unwrap_or_default();
+        let encoded = match &array.data {
+            Data::Ascii(range) => {
+                return self.ascii(array, slice(range)).map(|(scalar, data)| (scalar, data.into()));
+            }
+            Data::Base64(range) => Encoded { base64: true, bytes: slice(range).trim_ascii() },
+            &Data::Appended(offset) => {
+                let missing = || error("no appended data".into());
+                let (start, base64) = self.appended.ok_or_else(missing)?;
+                let from = start.saturating_add(offset);
+                let bytes = self.source.bytes.get(from..);
+                let beyond = || error(format!("its data begins at byte {from}, beyond the file"));
+                Encoded { base64, bytes: bytes.ok_or_else(beyond)? }
+            }
+        };
+        if length == 0 {
+            return Ok((array.scalar, Cow::Borrowed(&[])));
+        }
+        // What base64 decodes to.
+        memory::probe(length.min(encoded.bytes.len()), self.source.path.display())?;
+        let data = if self.compressed {
+            let packed = self.packed(encoded, length, limit).map_err(error)?;
+            let mut unpacked = memory::zeroed(length, self.source.path.display())?;
+            packed.inflate(&mut unpacked).map_err(error)?;
+            Cow::Owned(unpacked)
+        } else {
+            self.copied(encoded, length).map_err(error)?
+        };
+        Ok((array.scalar, data))
+    }
+
+    fn ascii(&self, array: &Array, text: &[u8]) -> Result<(Scalar, Vec<u8>)> {
+        let error = |problem: String| {
+            self.source.error(array.start, format!("array {}: {problem}", array.name))
+        };
+        let float = matches!(array.scalar, Scalar::F32 | Scalar::F64);
+        let scalar = if float { Scalar::F64 } else { Scalar::I64 };
+        let mut data = Vec::new();
+        let mut count = 0;
+        for word in text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {
+            let word = String::from_utf8_lossy(word);
+            let bytes = if float {
+                word.parse().ok().map(f64::to_bits)
+            } else {
+                word.parse().ok().map(i64::cast_unsigned)
+            };
+            let problem = || error(format!("a number expected, found `{word:.40}`"));
+            let bytes = bytes.ok_or_else(problem)?;
+            memory::grow(&mut data, size_of::<u64>(), self.source.path.display())?;
+            data.extend(if self.big_endian { bytes.to_be_bytes() } else { bytes.to_le_bytes() });
+            count += 1;
+        }
+        match array.rows.checked_mul(array.size) {
+            Some(expected) if expected == count => Ok((scalar, data)),
+            _ => {
+                let (rows, size) = (array.rows, array.size);
+                Err(error(format!("{rows} × {size} numbers expected, {count} found")))
+            }
+        }
+    }
+
+    /// The words that a header begins with.
+    fn words(&self, bytes: &[u8]) -> Vec<u64> {
+        let word = |bytes: &[u8]| {
+            let digits = bytes.iter().map(|&byte| u64::from(byte));
+            let number = |number: u64, digit: u64| number << 8 | digit;
+            if self.big_endian { digits.fold(0, number) } else { digits.rev().fold(0, number) }
+        };
+        bytes.chunks_exact(self.word).map(word).collect()
+    }
+
+    fn copied(&self, encoded: Encoded<'a>, length: usize) -> Result<Cow<'a, [u8]>, String> {
+        let (head, apart) = encoded.take(self.word)?;
+        let found = self.words(&head).first().copied().unwrap_or_default();
+        if found != length as u64 {
+            return Err(format!("{length} bytes expected, {found} announced"));
+        }
+        if apart {
+            return encoded.after(self.word).take(length).map(|(data, _)| data);
+        }
+        let (mut data, _) = encoded.take(self.word.checked_add(length).ok_or("too long")?)?;
+        match &mut data {
+            Cow::Borrowed(data) => *data = &data[self.word..],
+            Cow::Owned(data) => drop(data.drain(..self.word)),
+        }
+        Ok(data)
+    }
+
+    /// The blocks that `length` bytes are packed in.
+    fn packed(
+        &self,
+        encoded: Encoded<'a>,
+        length: usize,
+        limit: u64,
+    ) -> Result<Packed<'a>, String> {
+        let (head, _) = encoded.take(3 * self.word)?;
+        let &[blocks, size, last] = self.words(&head).as_slice() else {
+            return Err("the header of its blocks is cut off".into());
+        };
+        let full = if last == 0 { blocks } else { blocks.saturating_sub(1) };
+        let unpacked = full.checked_mul(size).and_then(|bytes| bytes.checked_add(last));
+        if unpacked != Some(length as u64) || size == 0 || last > size {
+            return Err(format!(
+                "{length} bytes expected, {blocks} blocks of {size} and a last of {last} announced"
+            ));
+        }
+        let blocks = usize::try_from(blocks).map_err(|_| "too many blocks".to_owned())?;
+        let header = blocks.saturating_add(3).saturating_mul(self.word);
+        let (head, _) = encoded.take(header)?;
+        let sizes = self.words(&head).split_off(3);
+        let total = sizes.iter().fold(0_u64, |total, &size| total.saturating_add(size));
+        if length as u64 > total.saturating_mul(DEFLATE_RATIO) {
+            return Err(format!("{length} bytes cannot be in {total} compressed ones"));
+        }
+        if length as u64 > limit {
+            return Err(unpacks_to_more("array", limit));
+        }
+        let data = encoded.after(header);
+        let (data, _) = data.take(usize::try_from(total).unwrap_or(usize::MAX))?;
+        Ok(Packed { data, sizes, block: size as usize })
+    }
+}
+
+/// Blocks that zlib has compressed.
+struct Packed<'a> {
+    data: Cow<'a, [u8]>,
+    /// Compressed bytes of each.
+    sizes: Vec<u64>,
+    /// Bytes of each, but for the last.
+    block: usize,
+}
+
+impl Packed<'_> {
+    fn inflate(&self, unpacked: &mut [u8]) -> Result<(), String> {
+        let mut rest = &*self.data;
+        let split = |&size: &u64| rest.split_off(..size as usize).unwrap_or_default();
+        let packed: Vec<&[u8]> = self.sizes.iter().map(split).collect();
+        let blocks = unpacked.par_chunks_mut(self.block).zip(packed);
+        blocks.enumerate().try_for_each(|(i, (block, packed))| {
+            let mut zlib = Decompress::new(true);
+            match zlib.decompress(packed, block, FlushDecompress::Finish) {
+                Ok(Status::StreamEnd) if zlib.total_out() == block.len() as u64 => Ok(()),
+                Ok(_) => Err(format!("block {i} does not unpack to {} bytes", block.len())),
+                Err(error) => Err(format!("block {i} is damaged: {error}")),
+            }
+        })
+    }
+}
+
+/// Bytes as they stand in the file.
+#[derive(Clone, Copy)]
+struct Encoded<'a> {
+    base64: bool,
+    bytes: &'a [u8],
+}
+
+impl<'a> Encoded<'a> {
+    /// The first `length` bytes, and whether their encoding ends with them.
+    fn take(self, length: usize) -> Result<(Cow<'a, [u8]>, bool), String> {
+        let there = self.bytes.len();
+        let short = || format!("{length} bytes expected, the file ends before them");
+        if !self.base64 {
+            let bytes = self.bytes.get(..length).ok_or_else(short)?;
+            return Ok((Cow::Borrowed(bytes), false));
+        }
+        let letters =
+            Self::letters(length).filter(|&letters| letters <= there).ok_or_else(short)?;
+        let letters = &self.bytes[..letters];
+        let mut bytes = BASE64_STANDARD.decode(letters).map_err(|error| error.to_string())?;
+        let apart = letters.ends_with(b"=");
+        if bytes.len() < length {
+            return Err(format!("{length} bytes expected, the base64 ends after {}", bytes.len()));
+        }
+        bytes.truncate(length);
+        Ok((Cow::Owned(bytes), apart))
+    }
+
+    /// What comes after `length` bytes that were encoded apart.
+    fn after(self, length: usize) -> Self {
+        let taken = if self.base64 { Self::letters(length).unwrap_or(usize::MAX) } else { length };
+        Self { bytes: self.bytes.get(taken..).unwrap_or_default(), ..self }
+    }
+
+    fn letters(length: usize) -> Option<usize> {
+        length.div_ceil(3).checked_mul(4)
+    }
+}
+
+/// An element, and where it is.
+#[derive(Clone, Copy)]
+struct Place<'a, 'b> {
+    source: Source<'a>,
+    start: usize,
+    element: &'b BytesStart<'a>,
+}
+
+impl Place<'_, '_> {
+    fn error(&self, problem: &str) -> Error {
+        let name = self.element.name();
+        let name = String::from_utf8_lossy(name.as_ref());
+        self.source.error(self.start, format!("<{name}>: {problem}"))
+    }
+
+    fn attribute(&self, name: &str) -> Result<Option<String>> {
+        match self.element.try_get_attribute(name) {
+            Ok(found) => {
+                Ok(found
+                    .map(|attribute| String::from_utf8_lossy(&attribute.value).trim().to_owned()))
+            }
+            Err(error) => Err(self.error(&error.to_string())),
+        }
+    }
+
+    fn count(&self, name: &str) -> Result<Option<usize>> {
+        let problem =
+            |text: &str| self.error(&format!("{name}: a count expected, found `{text:.40}`"));
+        self.attribute(name)?.map(|text| text.parse().map_err(|_| problem(&text))).transpose()
+    }
+
+    /// The array that this element is, if it is one of ours.
+    fn array(
+        &self,
+        name: String,
+        section: Section,
+        size: usize,
+        rows: usize,
+    ) -> Result<Option<Array>> {
+        /// No attribute has more numbers.
+        const MOST: usize = 6;
+        let points = section == Section::Points;
+        if points && size != 3 {
+            return Err(self.error(&format!("points of {size} numbers, 3 expected")));
+        }
+        if !points && !(1..=MOST).contains(&size) {
+            return Ok(None);
+        }
+        let scalar = match self.attribute("type")?.unwrap_or_default().as_str() {
+            "Int8" => Scalar::I8,
+            "UInt8" => Scalar::U8,
+            "Int16" => Scalar::I16,
+            "UInt16" => Scalar::U16,
+            "Int32" => Scalar::I32,
+            "UInt32" => Scalar::U32,
+            "Int64" => Scalar::I64,
+            "UInt64" => Scalar::U64,
+            "Float32" => Scalar::F32,
+            "Float64" => Scalar::F64,
+            other => {
+                let problem =
+                    format!("a number type (Float32, Int64, ...) expected, found `{other:.40}`");
+                return Err(self.error(&problem));
+            }
+        };
+        let data = match self.attribute("format")?.as_deref() {
+            None | Some("ascii") => Data::Ascii(0..0),
+            Some("binary") => Data::Base64(0..0),
+            Some("appended") => {
+                let missing = || self.error("`offset` expected");
+                Data::Appended(self.count("offset")?.ok_or_else(missing)?)
+            }
+            Some(other) => {
+                let problem = format!("format `{other:.40}`: ascii, binary or appended expected");
+                return Err(self.error(&problem));
+            }
+        };
+        Ok(Some(Array { name, points, scalar, size, rows, start: self.start, data }))
+    }
+}
+
+impl Array {
+    /// Bytes that it takes once it is read as positions or an attribute.
+    fn read_bytes(&self, map: &AttributeMap) -> u64 {
+        let attribute = map.attribute_of(&self.name).map_or(0, Attribute::bytes);
+        let bytes = if self.points { POSITION_BYTES } else { attribute };
+        bytes.saturating_mul(self.rows as u64)
+    }
+
+    fn with_text(mut self, text: Range<usize>) -> Self {
+        match &mut self.data {
+            Data::Ascii(range) | Data::Base64(range) => *range = text,
+            Data::Appended(_) => {}
+        }
+        self
+    }
+}
+
+/// Reads to the end of an array's element, past what `ParaView` tells of it in elements of its own.
+/// The first text that is not blank is the array's.
+fn text_of(xml: &mut Reader<&[u8]>, source: Source<'_>) -> Result<Range<usize>> {
+    let (mut depth, mut text) = (0_usize, 0..0);
+    loop {
+        let start = xml.buffer_position() as usize;
+        let event = xml.read_event().map_err(|error| {
+            let place = xml.error_position() as usize;
+            source.error(place, format!("not XML: {error}"))
+        })?;
+        match event {
+            Event::Start(_) => depth += 1,
+            Event::End(_) if depth == 0 => return Ok(text),
+            Event::End(_) => depth -= 1,
+            Event::Text(found)
+                if depth == 0 && text.is_empty() && !found.trim_ascii().is_empty() =>
+            {
+                text = start..xml.buffer_position() as usize;
+            }
+            Event::Eof => return Err(source.error(start, "the file ends in an array")),
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! `.xyz`: positions and nothing else, without a header. Two kinds go by this name:
+//! raw little-endian f32 triples, as splashsurf reads and writes them, and text with the three
+//! coordinates of one particle a line, as point-cloud tools write it.
+//!
+//! A file whose first kilobyte is printable ASCII is text: floats almost never are.
+
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Write};
+use std::path::Path;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{
+    Column, Contents, Cursor, Particles, Reading, Scalar, Table, foreign, known_magic, stl_length,
+};
+use crate::error::{Error, Place, Result};
+use crate::files;
+use limpid::camera::is_place;
+use limpid::memory;
+
+/// Reads raw floats from the file to where they stay, half the work of reading its bytes first:
+/// `None` if that does not go well. [`read`] tells why.
+pub(crate) fn read_raw(path: &Path, limit: Option<u64>) -> Option<Particles> {
+    /// Few enough to be still in the cache when they are checked.
+    const BLOCK: usize = 1 << 14;
+    let (file, metadata) = files::open(path).ok()?;
+    let length = metadata.len();
+    if length > limit.unwrap_or_else(|| files::unpacked_limit(length)) {
+        return None;
+    }
+    let mut start = Vec::new();
+    (&file).take(TEXT as u64).read_to_end(&mut start).ok()?;
+    let foreign = known_magic(&start).is_some() || stl_length(&start) == Some(length);
+    if length % 12 != 0 || foreign || is_text(&start) || cfg!(target_endian = "big") {
+        return None;
+    }
+    let rows = usize::try_from(length / 12).ok()?;
+    let mut positions: Vec<Vec3> = bytemuck::allocation::try_zeroed_vec(rows).ok()?;
+    let blocks = positions.par_chunks_mut(BLOCK).enumerate();
+    let sound = blocks.map(|(i, block)| {
+        let offset = (i * BLOCK * size_of::<Vec3>()) as u64;
+        files::read_at(&file, bytemuck::cast_slice_mut(block), offset).is_ok()
+            && block.iter().all(|x| is_place(x.as_dvec3()))
+    });
+    let sound = sound.reduce(|| true, |a, b| a & b);
+    let sound = sound && files::unchanged(path, &file, &metadata).is_ok();
+    sound.then(|| Particles::from_positions(positions))
+}
+
+/// Fails if raw floats that begin like this cannot be of this length.
+pub(crate) fn check_length(path: &Path, start: &[u8], length: u64) -> Result<()> {
+    let left = length % 12;
+    if is_text(start) || left == 0 {
+        return Ok(());
+    }
+    let problem = format!("particle {}: 12 bytes expected, {left} are left", length / 12);
+    Err(Error::malformed(path, Place::Byte(length - left), problem))
+}
+
+/// Whether a file that begins like this, of this length, holds positions as far as that tells.
+pub(super) fn is_sound(path: &Path, head: &[u8], length: u64, reading: &Reading<'_>) -> bool {
+    let last = |is_end: fn(&u8) -> bool| head.iter().rposition(is_end).map_or(0, |at| at + 1);
+    let end = match (head.len() as u64 == length, is_text(head)) {
+        (true, _) => head.len(),
+        (false, true) => last(|&byte| byte == b'\n'),
+        (false, false) => head.len() / 12 * 12,
+    };
+    check_length(path, head, length).is_ok() && read(path, &head[..end], reading).is_ok()
+}
+
+/// So many bytes tell text from floats.
+const TEXT: usize = 1024;
+
+fn is_text(bytes: &[u8]) -> bool {
+    let printable = |byte: &u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace();
+    !bytes.is_empty() && bytes.iter().take(TEXT).all(printable)
+}
+
+pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Contents> {
+    if known_magic(bytes).is_some() {
+        return Err(foreign(path, bytes, "raw or text positions"));
+    }
+    let text = is_text(bytes);
+    let mut file = Cursor::new(path, bytes, text);
+    let (table, scalar) = if text {
+        (text_table(&mut file)?, Scalar::F64)
+    } else {
+        let rows = bytes.len() / 12;
+        let table = file.table(rows, 12, false, "positions")?;
+        let left = file.rest().len();
+        if left != 0 {
+            file.start = file.offset;
+            let problem = format!("particle {rows}: 12 bytes expected, {left} are left");
+            return Err(file.error(problem));
+        }
+        (table, Scalar::F32)
+    };
+    table.particles(Column::triple(scalar)).map(Contents::from)
+}
+
+/// Writes raw floats.
+pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
+    (0..particles.len()).try_for_each(|i| {
+        let place = particles.single_place(i).to_array();
+        out.write_all(place.map(f32::to_le_bytes).as_flattened())
+    })
+}
+
+fn text_table<'a>(file: &mut Cursor<'a>) -> Result<Table<'a>> {
+    let mut bytes = Vec::new();
+    let mut starts = Vec::new();
+    while let Some(line) = file.filled_line() {
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        let &[x, y, z] = words.as_slice() else {
+            let problem = format!(
+                "particle {}: x, y and z expected, found {} words",
+                starts.len(),
+                words.len()
+            );
+            return Err(file.error(problem));
+        };
+        memory::grow(&mut bytes, size_of::<[f64; 3]>(), file.source.path.display())?;
+        memory::grow(&mut starts, 1, file.source.path.display())?;
+        for word in [x, y, z] {
+            bytes.extend(file.number(word)?.to_le_bytes());
+        }
+        starts.push(file.start);
+    }
+    Ok(Table {
+        source: file.source,
+        start: 0,
+        bytes: Cow::Owned(bytes),
+        rows: starts.len(),
+        stride: 3 * Scalar::F64.size(),
+        big_endian: false,
+        starts: Some(starts),
+    })
+}

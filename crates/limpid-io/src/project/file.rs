@@ -1,0 +1,599 @@
+//! Scene files: their TOML, its meaning, and how a project is written so that it reads as the same
+//! again.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
+use toml::de::{DeTable, DeValue, ValueDeserializer};
+
+use super::{LiquidSource, NamedView, ParticleSource, Processor, Project};
+use crate::environment;
+use crate::error::{Error, Result, toml_error};
+use crate::files;
+use crate::output::{Kind, write_atomically};
+use crate::particles::AttributeMap;
+use limpid::camera::Camera;
+use limpid::environment::{Environment, MAX_RADIANCE};
+use limpid::liquid::Up;
+use limpid::liquid::particles::drawable;
+use limpid::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
+use limpid::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
+use limpid_sim::recipe::Recipe;
+use limpid_sim::sim::Simulation;
+
+// The file as it is written; `Project` is its meaning.
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneFile {
+    particles: Option<ParticleSource>,
+    #[serde(default)]
+    fluid: Vec<FluidFile>,
+    recipe: Option<Recipe>,
+    simulation: Option<Simulation>,
+    #[serde(default)]
+    liquid: LiquidFile,
+    camera: Option<Camera>,
+    #[serde(default)]
+    view: Vec<NamedView>,
+    #[serde(default)]
+    environment: EnvironmentFile,
+    #[serde(default)]
+    solid: Vec<SolidFile>,
+    #[serde(default)]
+    light: Vec<Light>,
+    #[serde(default)]
+    settings: SettingsFile,
+}
+
+#[derive(Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct LiquidFile {
+    ior: Option<f32>,
+    absorption: Option<Vec3>,
+    color: Option<Vec3>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FluidFile {
+    source: String,
+    frame: Option<i64>,
+    radius: Option<f32>,
+    #[serde(default)]
+    up: Up,
+    fps: Option<f64>,
+    #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
+    map: AttributeMap,
+    absorption: Option<Vec3>,
+    color: Option<Vec3>,
+}
+
+#[derive(Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct SettingsFile {
+    preset: Option<Preset>,
+    classify: Classify,
+    smooth: Smooth,
+    refract: Refract,
+    caustics: Caustics,
+    tonemap: Tonemap,
+}
+
+#[derive(Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EnvironmentFile {
+    radiance: Option<Vec3>,
+    gradient: Option<GradientFile>,
+    map: Option<PathBuf>,
+    scale: Option<f32>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GradientFile {
+    zenith: Vec3,
+    horizon: Vec3,
+    nadir: Option<Vec3>,
+}
+
+#[derive(Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ShapeFile {
+    #[default]
+    Plane,
+    Box,
+    Sphere,
+}
+
+#[derive(Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SolidFile {
+    shape: ShapeFile,
+    origin: Option<DVec3>,
+    normal: Option<Vec3>,
+    half_extent: Option<f32>,
+    min: Option<DVec3>,
+    max: Option<DVec3>,
+    center: Option<DVec3>,
+    radius: Option<f32>,
+    color: Option<Vec3>,
+    #[serde(default)]
+    lit: bool,
+    checker: Option<CheckerFile>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CheckerFile {
+    tile: f32,
+    even: Vec3,
+    odd: Vec3,
+}
+
+/// How an environment map is read.
+type LoadMap = fn(&Path) -> Result<Environment>;
+
+impl Project {
+    /// Reads a scene file. Paths in it are relative to it.
+    ///
+    /// # Errors
+    /// [`Error::Io`], or [`Error::Scene`] naming the line, the key and, for an unknown one, the
+    /// nearest that exists.
+    pub fn load(path: &Path) -> Result<Self> {
+        Self::read(path, environment::load)
+    }
+
+    /// As [`Project::load`], with an environment map's size alone.
+    ///
+    /// # Errors
+    /// As [`Project::load`].
+    pub(crate) fn outline(path: &Path) -> Result<Self> {
+        Self::read(path, environment::outline)
+    }
+
+    fn read(path: &Path, load_map: LoadMap) -> Result<Self> {
+        let text = files::read_text(path)?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        Self::parse_with(&text, &path.display().to_string(), folder, load_map)
+    }
+
+    /// Parses a scene file's text. `origin` names it in errors; paths are relative to `folder`.
+    ///
+    /// # Errors
+    /// As [`Project::load`].
+    pub fn parse(text: &str, origin: &str, folder: &Path) -> Result<Self> {
+        Self::parse_with(text, origin, folder, environment::load)
+    }
+
+    fn parse_with(text: &str, origin: &str, folder: &Path, load_map: LoadMap) -> Result<Self> {
+        let at_line = |e: toml::de::Error| toml_error(text, origin, &e);
+        let fail = |problem: String| Error::Scene { origin: origin.to_owned(), problem };
+        let mut table = DeTable::parse(text).map_err(at_line)?;
+        let processor = take_processor(table.get_mut()).map_err(at_line)?;
+        let file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(at_line)?;
+        let table: toml::Table = text.parse().map_err(at_line)?;
+        check_vectors("", &toml::Value::Table(table)).map_err(fail)?;
+        let mut solids = Vec::new();
+        for (i, solid) in file.solid.into_iter().enumerate() {
+            let number = i + 1;
+            solids.push(solid.meaning().map_err(|e| fail(format!("[[solid]] {number}: {e}")))?);
+        }
+        let sources = [
+            file.particles.is_some(),
+            file.recipe.is_some(),
+            file.simulation.is_some(),
+            !file.fluid.is_empty(),
+        ];
+        if sources.into_iter().filter(|&given| given).count() > 1 {
+            let problem = "takes one of [particles], [[fluid]], [recipe] and [simulation]";
+            return Err(fail(problem.into()));
+        }
+        if let Some(recipe) = &file.recipe {
+            recipe.check().map_err(|e| in_file(e.into(), &fail))?;
+            solids.extend(recipe.solids());
+        }
+        let liquid = file.liquid.meaning().map_err(|e| fail(format!("[liquid] {e}")))?;
+        let mut fluids = Vec::new();
+        let mut sources = Vec::new();
+        for (number, fluid) in (1..).zip(file.fluid) {
+            let fluid = fluid.meaning(liquid.absorption);
+            let (source, absorption) =
+                fluid.map_err(|e| fail(format!("[[fluid]] {number}: {e}")))?;
+            sources.push(source);
+            fluids.push(absorption);
+        }
+        let mut source = match (file.particles, file.recipe, file.simulation) {
+            (Some(particles), ..) => LiquidSource::File(particles),
+            (_, Some(recipe), _) => LiquidSource::Recipe(recipe),
+            (.., Some(simulation)) => LiquidSource::Simulation(simulation),
+            _ if !sources.is_empty() => LiquidSource::Fluids(sources),
+            _ => LiquidSource::Unspecified,
+        };
+        let lone = matches!(source, LiquidSource::File(_));
+        for (number, p) in (1..).zip(source.files_mut()) {
+            let table =
+                if lone { "[particles]".to_owned() } else { format!("[[fluid]] {number}:") };
+            if let Some(radius) = p.radius.filter(|&radius| !drawable(radius)) {
+                let problem = format!("{table} radius is {radius:?}, expected 1e-12 to 1e12 m");
+                return Err(fail(problem));
+            }
+            if p.fps.is_some_and(|fps| !(fps > 0.0 && fps.is_finite())) {
+                return Err(fail(format!("{table} fps must be above 0")));
+            }
+            p.source = folder.join(&p.source).to_string_lossy().into_owned();
+        }
+        let environment = file.environment.meaning(folder, load_map, &fail)?;
+        let settings = file.settings.meaning(text).map_err(at_line)?;
+        let lights = file.light;
+        let project = Self {
+            scene: Scene { liquid, fluids, environment, solids, lights, settings },
+            source,
+            camera: file.camera,
+            views: file.view,
+            processor,
+        };
+        project.check().map_err(|e| in_file(e, &fail))?;
+        Ok(project)
+    }
+
+    /// The text of a scene file, which [`Project::parse`] reads as the same project, to the last bit.
+    /// Paths are as the project has them. An environment map is in a file of its own, which
+    /// is given.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for an environment map without a file.
+    pub fn to_toml(&self, map: Option<&str>) -> Result<String> {
+        let environment = EnvironmentFile::of(&self.scene.environment, map)?;
+        let Self { scene, source, camera, views, processor } = self;
+        let recipe = source.recipe().copied();
+        // Reading adds the recipe's solids again.
+        let own = recipe.map_or(0, |recipe| recipe.solids().len());
+        let own = scene.solids.len().saturating_sub(own);
+        let (mut particles, mut fluid) = (None, Vec::new());
+        match source {
+            LiquidSource::File(file) => particles = Some(file.clone()),
+            LiquidSource::Fluids(files) => {
+                let fluids = files.iter().zip(&scene.fluids);
+                fluid.extend(fluids.map(|(source, &absorption)| FluidFile::of(source, absorption)));
+            }
+            _ => {}
+        }
+        let file = SceneFile {
+            particles,
+            fluid,
+            recipe,
+            simulation: source.simulation().cloned(),
+            liquid: LiquidFile::of(&scene.liquid),
+            camera: *camera,
+            view: views.clone(),
+            environment,
+            solid: scene.solids[..own].iter().map(SolidFile::of).collect(),
+            light: scene.lights.clone(),
+            settings: SettingsFile::of(&scene.settings),
+        };
+        let fail = |e: &dyn std::fmt::Display| Error::Usage(format!("the scene: {e}"));
+        let mut file = toml::Table::try_from(&file).map_err(|e| fail(&e))?;
+        if *processor != Processor::default() {
+            put_processor(&mut file, *processor);
+        }
+        toml::to_string(&file).map_err(|e| fail(&e))
+    }
+
+    /// Writes a scene file that draws alike wherever it lies: particle files in its folder by their
+    /// name, others by their whole path, an environment map beside it as `NAME.environment.exr`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the file; nothing is left half-written.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        // Before its map is written.
+        Kind::Scene.check(path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut project = self.clone();
+        for particles in project.source.files_mut() {
+            particles.source = seen_from(folder, &particles.source);
+        }
+        let map = path.with_extension("environment.exr");
+        if let Environment::Map { size, pixels } = &project.scene.environment {
+            let rgb: Vec<f32> = pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+            let picture = image::Rgb32FImage::from_raw(size.x, size.y, rgb);
+            let picture = picture.ok_or_else(|| Error::Usage("the map is incomplete".into()))?;
+            let mut bytes = std::io::Cursor::new(Vec::new());
+            picture
+                .write_to(&mut bytes, image::ImageFormat::OpenExr)
+                .map_err(|e| Error::io(&map, "write", std::io::Error::other(e)))?;
+            write_atomically(&map, Kind::Picture, |file| file.write_all(bytes.get_ref()))?;
+        }
+        let name = map.file_name().unwrap_or_default().to_string_lossy();
+        let text = project.to_toml(Some(&name))?;
+        write_atomically(path, Kind::Scene, |file| file.write_all(text.as_bytes()))
+    }
+}
+
+/// Whether a text is that of a scene file, whatever the files that it names hold.
+pub(crate) fn is_scene(text: &str) -> bool {
+    let Ok(mut table) = DeTable::parse(text) else { return false };
+    take_processor(table.get_mut()).is_ok()
+        && SceneFile::deserialize(toml::Deserializer::from(table)).is_ok()
+}
+
+/// Removes `classify.on` from the file's `[settings]`: it says how the work is done, not how a picture
+/// looks.
+fn take_processor(file: &mut DeTable<'_>) -> Result<Processor, toml::de::Error> {
+    fn table<'a, 'i>(of: &'a mut DeTable<'i>, name: &str) -> Option<&'a mut DeTable<'i>> {
+        if let DeValue::Table(table) = of.get_mut(name)?.get_mut() { Some(table) } else { None }
+    }
+    let classify = table(file, "settings").and_then(|settings| table(settings, "classify"));
+    match classify.and_then(|classify| classify.remove("on")) {
+        Some(value) => Processor::deserialize(ValueDeserializer::from(value)),
+        None => Ok(Processor::default()),
+    }
+}
+
+/// Adds what [`take_processor`] removes.
+fn put_processor(file: &mut toml::Table, processor: Processor) {
+    let classify = ["settings", "classify"].into_iter().fold(file, |table, name| {
+        let inner = table.entry(name).or_insert_with(|| toml::Table::new().into());
+        inner.as_table_mut().expect("the file has these tables")
+    });
+    let on = toml::Value::try_from(processor).expect("a processor is a word");
+    classify.insert("on".into(), on);
+}
+
+/// An error of a part of the file, with the file's name.
+fn in_file(error: Error, fail: &dyn Fn(String) -> Error) -> Error {
+    match error {
+        Error::Render(limpid::Error::Invalid { part, problem }) => {
+            fail(format!("[{part}] {problem}"))
+        }
+        other => other,
+    }
+}
+
+/// A path that was relative to the working directory, for a file in `folder`.
+fn seen_from(folder: &Path, source: &str) -> String {
+    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let here = if folder == Path::new("") { PathBuf::from(".") } else { folder.to_owned() };
+    let source = absolute(Path::new(source));
+    let seen = source.strip_prefix(absolute(&here)).unwrap_or(&source);
+    seen.to_string_lossy().into_owned()
+}
+
+/// The absorption that a file gives, as such or as the colour that a metre leaves of white light.
+fn absorption(absorption: Option<Vec3>, color: Option<Vec3>) -> Result<Option<Vec3>, String> {
+    match (absorption, color) {
+        (Some(_), Some(_)) => Err("takes one of absorption and color".into()),
+        (None, Some(color)) if color.cmpgt(Vec3::ZERO).all() && color.cmple(Vec3::ONE).all() => {
+            Ok(Some(color.map(|c| (-c.ln()).max(0.0))))
+        }
+        (None, Some(_)) => Err("color must be above 0 and at most 1: what a metre leaves".into()),
+        (absorption, None) => Ok(absorption),
+    }
+}
+
+impl LiquidFile {
+    fn of(liquid: &Liquid) -> Self {
+        Self { ior: Some(liquid.ior), absorption: Some(liquid.absorption), color: None }
+    }
+
+    fn meaning(self) -> Result<Liquid, String> {
+        let default = Liquid::default();
+        let absorption = absorption(self.absorption, self.color)?;
+        Ok(Liquid {
+            ior: self.ior.unwrap_or(default.ior),
+            absorption: absorption.unwrap_or(default.absorption),
+        })
+    }
+}
+
+impl FluidFile {
+    fn of(source: &ParticleSource, absorption: Vec3) -> Self {
+        let ParticleSource { source, frame, radius, up, fps, map } = source.clone();
+        let absorption = Some(absorption);
+        Self { source, frame, radius, up, fps, map, absorption, color: None }
+    }
+
+    fn meaning(self, default: Vec3) -> Result<(ParticleSource, Vec3), String> {
+        let Self { source, frame, radius, up, fps, map, absorption: given, color } = self;
+        let absorption = absorption(given, color)?.unwrap_or(default);
+        Ok((ParticleSource { source, frame, radius, up, fps, map }, absorption))
+    }
+}
+
+impl EnvironmentFile {
+    fn of(environment: &Environment, map: Option<&str>) -> Result<Self> {
+        match *environment {
+            Environment::Constant(radiance) => {
+                Ok(Self { radiance: Some(radiance), ..Self::default() })
+            }
+            Environment::Gradient { zenith, horizon, nadir } => {
+                let gradient = GradientFile { zenith, horizon, nadir: Some(nadir) };
+                Ok(Self { gradient: Some(gradient), ..Self::default() })
+            }
+            Environment::Map { .. } => {
+                let problem = || Error::Usage("an environment map needs a file of its own".into());
+                Ok(Self { map: Some(map.ok_or_else(problem)?.into()), ..Self::default() })
+            }
+        }
+    }
+
+    fn meaning(
+        self,
+        folder: &Path,
+        load_map: LoadMap,
+        fail: &dyn Fn(String) -> Error,
+    ) -> Result<Environment> {
+        let scale = self.scale.unwrap_or(1.0);
+        if !(scale >= 0.0 && scale.is_finite()) {
+            return Err(fail("[environment] scale must not be negative".into()));
+        }
+        let environment = match (self.radiance, self.gradient, self.map) {
+            (None, None, None) => Environment::default(),
+            (Some(radiance), None, None) => Environment::Constant(radiance),
+            (None, Some(g), None) => Environment::Gradient {
+                zenith: g.zenith,
+                horizon: g.horizon,
+                nadir: g.nadir.unwrap_or(g.horizon),
+            },
+            (None, None, Some(map)) => load_map(&folder.join(map))?,
+            _ => {
+                return Err(fail("[environment] takes one of radiance, gradient and map".into()));
+            }
+        };
+        let environment = environment.scaled(scale);
+        match &environment {
+            Environment::Map { pixels, .. }
+                if pixels.iter().flatten().any(|&c| c > MAX_RADIANCE) =>
+            {
+                Err(fail("[environment] scale makes the map brighter than 1e12".into()))
+            }
+            _ => Ok(environment),
+        }
+    }
+}
+
+impl SettingsFile {
+    fn of(settings: &Settings) -> Self {
+        let Settings { classify, smooth, refract, caustics, tonemap } = settings.clone();
+        Self { preset: None, classify, smooth, refract, caustics, tonemap }
+    }
+
+    /// What the file gives, and the preset where it gives nothing.
+    fn meaning(self, text: &str) -> Result<Settings, toml::de::Error> {
+        let Self { preset, classify, smooth, refract, caustics, tonemap } = self;
+        let Some(preset) = preset else {
+            return Ok(Settings { classify, smooth, refract, caustics, tonemap });
+        };
+        // The structs do not tell what was given from what is a default; the text does.
+        let file: toml::Table = text.parse()?;
+        let given = file.get("settings").and_then(toml::Value::as_table);
+        overlaid(&preset.settings(), given.unwrap_or(&toml::Table::new()))
+    }
+}
+
+/// Settings with those replaced that a file's `[settings]` gives.
+fn overlaid(settings: &Settings, file: &toml::Table) -> Result<Settings, toml::de::Error> {
+    let mut all = toml::Table::try_from(settings).expect("settings are a table of tables");
+    for (pass, settings) in &mut all {
+        let given = file.get(pass).and_then(toml::Value::as_table);
+        if let (Some(settings), Some(given)) = (settings.as_table_mut(), given) {
+            settings.extend(given.clone());
+        }
+    }
+    if let Some(classify) = all.get_mut("classify").and_then(toml::Value::as_table_mut) {
+        classify.remove("on");
+    }
+    all.try_into()
+}
+
+impl SolidFile {
+    fn of(solid: &Solid) -> Self {
+        let mut file = Self { lit: solid.lit, ..Self::default() };
+        match solid.shape {
+            Shape::Plane { origin, normal, half_extent } => {
+                file.shape = ShapeFile::Plane;
+                (file.origin, file.normal) = (Some(origin), Some(normal));
+                file.half_extent = half_extent.is_finite().then_some(half_extent);
+            }
+            Shape::Box { min, max } => {
+                file.shape = ShapeFile::Box;
+                (file.min, file.max) = (Some(min), Some(max));
+            }
+            Shape::Sphere { center, radius } => {
+                file.shape = ShapeFile::Sphere;
+                (file.center, file.radius) = (Some(center), Some(radius));
+            }
+        }
+        match solid.surface {
+            Surface::Color(color) => file.color = Some(color),
+            Surface::Checker { tile, even, odd } => {
+                file.checker = Some(CheckerFile { tile, even, odd });
+            }
+        }
+        file
+    }
+
+    fn meaning(self) -> Result<Solid, String> {
+        fn need<T>(value: Option<T>, shape: &str, key: &str) -> Result<T, String> {
+            value.ok_or_else(|| format!("a {shape} needs {key}"))
+        }
+        let (name, takes): (_, &[&str]) = match self.shape {
+            ShapeFile::Plane => ("plane", &["origin", "normal", "half_extent"]),
+            ShapeFile::Box => ("box", &["min", "max"]),
+            ShapeFile::Sphere => ("sphere", &["center", "radius"]),
+        };
+        let given = [
+            ("origin", self.origin.is_some()),
+            ("normal", self.normal.is_some()),
+            ("half_extent", self.half_extent.is_some()),
+            ("min", self.min.is_some()),
+            ("max", self.max.is_some()),
+            ("center", self.center.is_some()),
+            ("radius", self.radius.is_some()),
+        ];
+        if let Some((key, _)) = given.iter().find(|(key, given)| *given && !takes.contains(key)) {
+            return Err(format!("a {name} has no {key}; it takes {}", takes.join(", ")));
+        }
+        let shape = match self.shape {
+            ShapeFile::Plane => {
+                let normal = self.normal.unwrap_or(Vec3::Y);
+                Shape::Plane {
+                    origin: need(self.origin, "plane", "origin")?,
+                    normal: unit(normal).ok_or("normal must not be zero")?,
+                    half_extent: self.half_extent.unwrap_or(f32::INFINITY),
+                }
+            }
+            ShapeFile::Box => {
+                let (min, max) = (need(self.min, "box", "min")?, need(self.max, "box", "max")?);
+                Shape::Box { min, max }
+            }
+            ShapeFile::Sphere => Shape::Sphere {
+                center: need(self.center, "sphere", "center")?,
+                radius: need(self.radius, "sphere", "radius")?,
+            },
+        };
+        let surface = match (self.color, self.checker) {
+            (Some(color), None) => Surface::Color(color),
+            (None, Some(CheckerFile { tile, even, odd })) => Surface::Checker { tile, even, odd },
+            (None, None) => Surface::Color(Vec3::splat(0.5)),
+            (Some(_), Some(_)) => return Err("takes one of color and checker".into()),
+        };
+        Ok(Solid { shape, surface, lit: self.lit })
+    }
+}
+
+/// The unit vector of a direction, and itself of one: what was written reads as the same again.
+fn unit(direction: Vec3) -> Option<Vec3> {
+    /// Of a length, where three 32-bit floats have been rounded.
+    const ROUNDING: f64 = 2e-7;
+    let direction64 = direction.as_dvec3();
+    if (direction64.length() - 1.0).abs() < ROUNDING {
+        return Some(direction);
+    }
+    direction64.try_normalize().map(|unit| unit.as_vec3())
+}
+
+/// Fails for a vector of too many numbers, of which the first would be taken: commas for points.
+fn check_vectors(key: &str, value: &toml::Value) -> Result<(), String> {
+    let inner = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
+    match value {
+        toml::Value::Table(table) => {
+            table.iter().try_for_each(|(name, value)| check_vectors(&inner(name), value))
+        }
+        toml::Value::Array(values) => {
+            let pair = ["wavelengths", "half_extent"].iter().any(|name| key.ends_with(name));
+            let most = if pair { 2 } else { 3 };
+            let numbers = values.iter().all(|v| v.is_integer() || v.is_float());
+            if numbers && values.len() > most {
+                let count = values.len();
+                return Err(format!(
+                    "{key} has {count} numbers, {most} expected; decimals have points, not commas"
+                ));
+            }
+            values.iter().try_for_each(|value| check_vectors(key, value))
+        }
+        _ => Ok(()),
+    }
+}

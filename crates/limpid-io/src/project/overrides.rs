@@ -1,0 +1,142 @@
+//! Values of a project that are replaced by name: `refract.samples=4`, `liquid.ior=1.4`.
+
+use glam::Vec3;
+use serde::Deserialize as _;
+
+use super::{Processor, Project};
+use crate::error::{Error, Result, toml_error};
+use limpid::settings::{Preset, Settings};
+
+impl Project {
+    /// Replaces values, in order. Each override is one of
+    ///
+    /// - `pass.name=value`, one of the [`Settings`];
+    /// - `preset=NAME`, all settings but those of caustics and tone mapping;
+    /// - `liquid.ior=1.4`, `liquid.absorption=[1, 0.3, 0.1]`;
+    /// - `fluid.2.absorption=[0, 0, 5]`, one of several fluids, counted from 1;
+    /// - `classify.on=auto`, `cpu` or `gpu`: [`Processor`].
+    ///
+    /// # Errors
+    /// [`Error::Override`] naming the override, and the nearest key for an unknown one.
+    pub fn set(&mut self, overrides: &[String]) -> Result<()> {
+        for text in overrides {
+            let problem = self.set_one(text).err();
+            if let Some(problem) = problem {
+                return Err(Error::Override { text: text.clone(), problem });
+            }
+        }
+        Ok(())
+    }
+
+    fn set_one(&mut self, text: &str) -> Result<(), String> {
+        let (key, given) = split(text)?;
+        let scene = &mut self.scene;
+        match key.split('.').collect::<Vec<_>>()[..] {
+            ["classify", "on"] => self.processor = processor(value(given))?,
+            ["liquid", "ior"] => {
+                scene.liquid.ior = number(given)?.try_into().map_err(|e| message(&e))?;
+            }
+            ["liquid", "absorption"] => {
+                scene.liquid.absorption = vector(number(given)?).map_err(|e| message(&e))?;
+            }
+            ["fluid", number_from_1, "absorption"] => {
+                let index = number_from_1.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
+                let count = scene.fluids.len();
+                let fluid = index.and_then(|i| scene.fluids.get_mut(i));
+                let problem = || format!("no fluid {number_from_1}; the scene has {count}");
+                *fluid.ok_or_else(problem)? = vector(number(given)?).map_err(|e| message(&e))?;
+            }
+            ["liquid" | "fluid", ..] => {
+                return Err("liquid.ior, liquid.absorption or fluid.N.absorption expected".into());
+            }
+            _ => scene.settings = with_one(&scene.settings, text)?,
+        }
+        Ok(())
+    }
+}
+
+/// Settings with some replaced, as by [`Project::set`].
+///
+/// # Errors
+/// [`Error::Override`] naming the override, and the nearest key for an unknown one.
+pub fn replaced(settings: &Settings, overrides: &[String]) -> Result<Settings> {
+    let mut settings = settings.clone();
+    for text in overrides {
+        settings = with_one(&settings, text)
+            .map_err(|problem| Error::Override { text: text.clone(), problem })?;
+    }
+    Ok(settings)
+}
+
+/// The preset of a name.
+///
+/// # Errors
+/// [`Error::Usage`] naming the nearest preset for an unknown one.
+pub fn preset(name: &str) -> Result<Preset> {
+    toml::Value::from(name).try_into().map_err(|e| Error::Usage(problem_of(&e)))
+}
+
+fn with_one(settings: &Settings, text: &str) -> Result<Settings, String> {
+    let (path, given) = split(text)?;
+    if path == "preset" {
+        let new = preset(given.trim().trim_matches('"')).map_err(|e| e.to_string())?.settings();
+        let (caustics, tonemap) = (settings.caustics.clone(), settings.tonemap.clone());
+        return Ok(Settings { caustics, tonemap, ..new });
+    }
+    let (pass, name) = path.split_once('.').ok_or("expected pass.name=value")?;
+    let mut table = toml::Table::try_from(settings).map_err(|e| e.to_string())?;
+    let pass = table
+        .entry(pass)
+        .or_insert_with(|| toml::Value::Table(toml::Table::new()))
+        .as_table_mut()
+        .ok_or("expected pass.name=value")?;
+    // An integer is a number too.
+    let value = match (pass.get(name), value(given)) {
+        (Some(toml::Value::Float(_)), toml::Value::Integer(i)) => toml::Value::Float(i as f64),
+        (_, value) => value,
+    };
+    pass.insert(name.to_owned(), value);
+    let written = toml::to_string(&table).map_err(|e| e.to_string())?;
+    toml::from_str(&written).map_err(|e| problem_of(&e))
+}
+
+fn split(text: &str) -> Result<(&str, &str), String> {
+    let (path, value) = text.split_once('=').ok_or("expected pass.name=value")?;
+    Ok((path.trim(), value))
+}
+
+fn toml_value(text: &str) -> Option<toml::Value> {
+    format!("v = {text}").parse::<toml::Table>().ok().and_then(|mut table| table.remove("v"))
+}
+
+/// A bare word is a string: `refract.solver=march` needs no quotes.
+fn value(text: &str) -> toml::Value {
+    toml_value(text).unwrap_or_else(|| toml::Value::String(text.trim().to_owned()))
+}
+
+fn number(text: &str) -> Result<toml::Value, String> {
+    toml_value(text).ok_or_else(|| "a number or three in brackets expected".into())
+}
+
+fn vector(value: toml::Value) -> Result<Vec3, toml::de::Error> {
+    // The first three of more would be taken.
+    if let Some(count) = value.as_array().map(Vec::len).filter(|&count| count != 3) {
+        return Err(serde::de::Error::custom(format!("3 numbers expected, found {count}")));
+    }
+    Ok(Vec3::from_array(value.try_into()?))
+}
+
+fn processor(value: toml::Value) -> Result<Processor, String> {
+    Processor::deserialize(value).map_err(|e| problem_of(&e))
+}
+
+fn message(error: &toml::de::Error) -> String {
+    error.message().to_owned()
+}
+
+fn problem_of(error: &toml::de::Error) -> String {
+    match toml_error("", "", error) {
+        Error::Scene { problem, .. } => problem,
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,415 @@
+//! Protects baked frames: the same wherever and however they are made, and liquid that behaves.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use glam::Vec3;
+use limpid::liquid::Particles;
+use limpid_io::Error;
+use limpid_io::Result;
+use limpid_io::bake::{self, Progress};
+use limpid_io::project::Project;
+use tempfile::TempDir;
+
+const TANK: &str = "[simulation]
+frames = 60
+radius = 0.03
+bounds = { min = [0.0, 0.0, 0.0], max = [0.6, inf, 0.6] }
+[[simulation.block]]
+min = [0.0, 0.0, 0.0]
+max = [0.6, 0.36, 0.6]
+";
+
+/// A column that falls on a thin plate and a pillar, an emitter, a drain.
+const BUSY: &str = "[simulation]
+frames = 12
+radius = 0.03
+bounds = { min = [0.0, -1.0, 0.0], max = [1.2, inf, 0.36] }
+drain = { min = [-inf, 0.02, -inf], max = [1.0, inf, inf] }
+[[simulation.block]]
+min = [0.0, 0.1, 0.0]
+max = [0.36, 0.9, 0.36]
+[[simulation.emitter]]
+center = [0.6, 0.8, 0.18]
+direction = [0.3, -1.0, 0.0]
+radius = 0.08
+speed = 2.0
+from = 0.1
+[[solid]]
+shape = 'box'
+min = [0.5, 0.0, 0.1]
+max = [0.7, 0.2, 0.2]
+";
+
+fn project(text: &str) -> Project {
+    Project::parse(text, "test", Path::new(".")).unwrap()
+}
+
+/// Bakes a project's simulation.
+fn run(
+    project: &Project,
+    name: &str,
+    folder: &Path,
+    progress: impl FnMut(Progress) -> ControlFlow<()>,
+) -> Result<()> {
+    let simulation = project.source.simulation().expect("a simulation");
+    bake::bake(simulation, &project.scene.solids, name, folder, progress)
+}
+
+fn bake(text: &str, folder: &Path, most: u32) -> Result<()> {
+    run(&project(text), "x", folder, |Progress { done, .. }| {
+        if done < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    })
+}
+
+fn frame(folder: &Path, number: u32) -> Particles {
+    limpid_io::particles::read(&bake::frame_path(folder, "x", number)).unwrap()
+}
+
+/// All frames of a scene.
+fn baked(text: &str) -> Vec<Particles> {
+    let folder = TempDir::new().unwrap();
+    bake(text, folder.path(), u32::MAX).unwrap();
+    let frames = project(text).source.simulation().unwrap().frames;
+    (1..=frames).map(|number| frame(folder.path(), number)).collect()
+}
+
+fn kinetic(particles: &Particles) -> f32 {
+    let velocities = particles.velocities.as_deref().unwrap();
+    velocities.iter().map(|v| 0.5 * v.length_squared()).sum::<f32>() / velocities.len() as f32
+}
+
+fn assert_finite(frames: &[Particles]) {
+    for particles in frames {
+        let velocities = particles.velocities.iter().flatten();
+        assert!(particles.positions.iter().chain(velocities).all(|x| x.is_finite()));
+        assert!(particles.densities.iter().flatten().all(|rho| rho.is_finite()));
+    }
+}
+
+/// Pictures of two machines can be compared only if the particles are the same: to the bit, on any
+/// number of threads, and when a bake was interrupted, or its last frame damaged.
+#[test]
+fn frames_are_the_same_on_any_threads_and_after_a_break() {
+    let whole = baked(BUSY);
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        assert!(pool.install(|| baked(BUSY)) == whole, "{threads} threads");
+    }
+    let folder = TempDir::new().unwrap();
+    bake(BUSY, folder.path(), 5).unwrap();
+    // The next frame may have been under way when the bake was told to end.
+    let last = (5..).take_while(|&n| bake::frame_path(folder.path(), "x", n).exists()).last();
+    std::fs::write(bake::frame_path(folder.path(), "x", last.unwrap()), b"cut off").unwrap();
+    bake(BUSY, folder.path(), 9).unwrap();
+    let mut told = Vec::new();
+    run(&project(BUSY), "x", folder.path(), |progress| {
+        told.push(progress.done);
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    assert_eq!(told, Vec::from_iter(1..=12));
+    let resumed: Vec<_> = (1..=12).map(|number| frame(folder.path(), number)).collect();
+    assert!(resumed == whole);
+    // Particles come and go, and keep their names.
+    let counts: Vec<_> = whole.iter().map(Particles::len).collect();
+    assert!(counts.windows(2).any(|pair| pair[1] > pair[0]), "{counts:?}");
+    assert!(whole.iter().all(|p| p.ids.as_ref().unwrap().is_sorted_by(|a, b| a < b)));
+    assert_finite(&whole);
+}
+
+/// Protects frames that cannot be read for a while: they are left alone, and so are those before them.
+#[test]
+fn frames_that_cannot_be_read_are_not_removed() {
+    let folder = TempDir::new().unwrap();
+    bake(BUSY, folder.path(), 3).unwrap();
+    let there = |n: &u32| bake::frame_path(folder.path(), "x", *n).exists();
+    let last = (1..).take_while(there).last().unwrap();
+    let path = bake::frame_path(folder.path(), "x", last);
+    std::fs::remove_file(&path).unwrap();
+    std::fs::create_dir(&path).unwrap();
+    let error = bake(BUSY, folder.path(), 9).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+    assert!((1..last).all(|n| there(&n)), "frames are gone");
+}
+
+/// Protects from advice that does not help: a record that is no record is called so.
+#[test]
+fn a_damaged_record_is_told() {
+    let folder = TempDir::new().unwrap();
+    bake(BUSY, folder.path(), 2).unwrap();
+    std::fs::write(folder.path().join("x.bake.json"), "{").unwrap();
+    let error = bake(BUSY, folder.path(), 3).unwrap_err().to_string();
+    assert!(error.contains("x.bake.json: not the record of a bake"), "{error}");
+}
+
+/// Protects a sequence from being continued by another simulation.
+#[test]
+fn frames_of_other_parameters_are_not_continued() {
+    let folder = TempDir::new().unwrap();
+    bake(BUSY, folder.path(), 2).unwrap();
+    let error = bake(&BUSY.replace("speed = 2.0", "speed = 2.5"), folder.path(), 3).unwrap_err();
+    assert!(matches!(error, Error::Usage(_)), "{error}");
+    assert!(error.to_string().contains("--restart"), "{error}");
+    // More frames of the same are welcome.
+    bake(&BUSY.replace("frames = 12", "frames = 13"), folder.path(), 3).unwrap();
+    bake::clear("x", folder.path()).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// A settled tank keeps its volume, is level, and rests.
+#[test]
+fn a_settled_tank_keeps_its_volume_and_rests() {
+    let frames = baked(TANK);
+    let last = frames.last().unwrap();
+    assert_eq!(last.len(), 600);
+    let densities = last.densities.as_deref().unwrap();
+    let inner = last.positions.iter().zip(densities).filter(|(x, _)| x.y < 0.27);
+    let (sum, count) = inner.fold((0.0, 0), |(sum, count), (_, rho)| (sum + rho, count + 1));
+    let density = sum / count as f32;
+    let level = 2.0 * last.positions.iter().map(|x| x.y).sum::<f32>() / last.len() as f32;
+    println!("density {density}, level {level}, kinetic {}", kinetic(last));
+    assert!((density / 1000.0 - 1.0).abs() < 0.03, "{density}");
+    assert!((level / 0.36 - 1.0).abs() < 0.03, "{level}");
+    // The surface, in nine fields.
+    for field in 0..9 {
+        let inside = |x: &&Vec3| (x.x / 0.2) as i32 == field % 3 && (x.z / 0.2) as i32 == field / 3;
+        let top = last.positions.iter().filter(inside).map(|x| x.y).fold(0.0, f32::max);
+        assert!((top - 0.33).abs() < 0.03, "field {field}: {top}");
+    }
+    let settling = frames.iter().map(kinetic).fold(0.0, f32::max);
+    assert!(kinetic(last) < 1e-3 && kinetic(last) < settling, "{} {settling}", kinetic(last));
+}
+
+/// Depth costs no volume: what lies under 36 layers is no denser than the rest, and nothing boils.
+/// With the three iterations of the shallow, the level falls by a tenth.
+#[test]
+fn a_deep_tank_keeps_its_volume_and_rests() {
+    let frames = baked(
+        "[simulation]
+frames = 60
+radius = 0.0125
+bounds = { min = [0.0, 0.0, 0.0], max = [0.2, inf, 0.2] }
+[[simulation.block]]
+min = [0.0, 0.0, 0.0]
+max = [0.2, 0.9, 0.2]
+",
+    );
+    let last = frames.last().unwrap();
+    assert_eq!(last.len(), 8 * 36 * 8);
+    let density = |to: f32| {
+        let densities = last.densities.as_deref().unwrap();
+        let below = last.positions.iter().zip(densities).filter(|(x, _)| x.y < to);
+        let (sum, count) = below.fold((0.0, 0), |(sum, count), (_, rho)| (sum + rho, count + 1));
+        sum / count as f32
+    };
+    let (inner, bottom) = (density(0.8), density(0.1));
+    let level = 2.0 * last.positions.iter().map(|x| x.y).sum::<f32>() / last.len() as f32;
+    let speed = (2.0 * kinetic(last)).sqrt();
+    println!("density {inner}, at the bottom {bottom}, level {level}, speed {speed}");
+    assert!((inner / 1000.0 - 1.0).abs() < 0.03, "{inner}");
+    assert!((bottom / 1000.0 - 1.0).abs() < 0.03, "{bottom}");
+    assert!((level / 0.9 - 1.0).abs() < 0.03, "{level}");
+    assert!(speed < 0.05, "{speed}");
+}
+
+/// Two balls without gravity, at (−x, 0, 0) and (x, y, 0), that fly at each other.
+fn collide(keys: &str, radius: f32, [x, y]: [f32; 2], speed: f32) -> Vec<Particles> {
+    baked(&format!(
+        "[simulation]
+frames = 15
+gravity = [0.0, 0.0, 0.0]
+{keys}
+[[simulation.block]]
+center = [-{x:?}, 0.0, 0.0]
+radius = {radius:?}
+velocity = [{speed:?}, 0.0, 0.0]
+[[simulation.block]]
+center = [{x:?}, {y:?}, 0.0]
+radius = {radius:?}
+velocity = [-{speed:?}, 0.0, 0.0]
+"
+    ))
+}
+
+/// Cohesion draws a drop's particles together, evenly: the drop stays where it is. Without it,
+/// what flies apart flies on.
+#[test]
+fn cohesion_holds_a_jet_together() {
+    let spread = |cohesion: f32| {
+        let keys = format!("radius = 0.01\nviscosity = 0.0\ncohesion = {cohesion:?}");
+        let frames = collide(&keys, 0.07, [0.07, 0.0], 0.6);
+        let last = &frames[14];
+        let center = last.positions.iter().sum::<Vec3>() / last.len() as f32;
+        assert!(center.length() < 2e-3, "{center}");
+        let squares = last.positions.iter().map(|x| x.distance_squared(center)).sum::<f32>();
+        (squares / last.len() as f32).sqrt()
+    };
+    let (free, held) = (spread(0.0), spread(60.0));
+    println!("spread {free} without cohesion, {held} with it");
+    assert!(held < 0.9 * free, "{held} {free}");
+}
+
+/// Protects time and gravity: a lone particle falls as the closed form says, to first order in the
+/// step, and flies on straight without gravity.
+#[test]
+fn a_lone_particle_falls_freely() {
+    let lone = "[simulation]
+frames = 31
+radius = 0.05
+[[simulation.block]]
+min = [0.0, 0.0, 0.0]
+max = [0.1, 0.1, 0.1]
+velocity = [1.0, 4.0, 0.0]
+";
+    let frames = baked(lone);
+    let (first, last) = (frames[0].positions[0], frames[30].positions[0]);
+    let expected = first + Vec3::new(1.0, 4.0 - 0.5 * 9.81, 0.0);
+    // Gravity acts at the beginning of a step: half a step's fall per step too much.
+    assert!((last - expected).length() < 0.51 * 9.81 / 60.0, "{last} {expected}");
+    let velocity = frames[30].velocities.as_ref().unwrap()[0];
+    assert!((velocity - Vec3::new(1.0, 4.0 - 9.81, 0.0)).length() < 1e-2, "{velocity}");
+    let straight =
+        baked(&lone.replace("radius = 0.05", "radius = 0.05\ngravity = [0.0, 0.0, 0.0]"));
+    let expected = straight[0].positions[0] + Vec3::new(1.0, 4.0, 0.0);
+    assert!((straight[30].positions[0] - expected).length() < 1e-3);
+}
+
+/// Without gravity two balls that collide keep their momentum, and gain no energy.
+#[test]
+fn a_collision_keeps_momentum() {
+    let frames = collide("radius = 0.03", 0.2, [0.3, 0.05], 1.0);
+    let momentum = |p: &Particles| p.velocities.iter().flatten().sum::<Vec3>() / p.len() as f32;
+    let drift = (momentum(&frames[14]) - momentum(&frames[0])).length();
+    assert!(drift < 0.02, "{drift}");
+    assert!(kinetic(&frames[14]) < 1.02 * kinetic(&frames[0]));
+}
+
+/// Whatever a file asks for, no frame holds a NaN: coincident blocks, a block in a solid, an emitter
+/// at a wall, nothing at all. And nothing passes a thin plate, however fast.
+#[test]
+fn extremes_stay_finite_and_outside_solids() {
+    let frames = baked(
+        "[simulation]
+frames = 6
+radius = 0.03
+[[simulation.block]]
+min = [0.0, 0.2, 0.0]
+max = [0.3, 0.5, 0.3]
+velocity = [0.0, -60.0, 0.0]
+[[simulation.block]]
+min = [0.0, 0.2, 0.0]
+max = [0.3, 0.5, 0.3]
+[[simulation.block]]
+min = [2.0, 0.0, 0.0]
+max = [2.3, 0.3, 0.3]
+[[simulation.emitter]]
+center = [2.5, 0.1, 0.1]
+direction = [-1.0, 0.0, 0.0]
+radius = 0.1
+speed = 5.0
+[[solid]]
+shape = 'box'
+min = [-50.0, -0.002, -50.0]
+max = [50.0, 0.0, 50.0]
+[[solid]]
+shape = 'box'
+min = [1.9, -0.1, -0.1]
+max = [2.4, 0.5, 0.5]
+",
+    );
+    assert_finite(&frames);
+    assert_eq!(frames[0].len() - 250, frames[0].positions.iter().filter(|x| x.x > 1.0).count());
+    for x in frames.iter().flat_map(|frame| &frame.positions) {
+        assert!(x.y > 0.0, "{x} is below the plate");
+    }
+    let none = baked(
+        "[simulation]
+frames = 3
+radius = 0.03
+[[simulation.emitter]]
+center = [0.0, 1.0, 0.0]
+direction = [0.0, 1.0, 0.0]
+radius = 0.1
+speed = 1.0
+from = 10.0
+",
+    );
+    assert!(none.iter().all(Particles::is_empty));
+}
+
+/// The recipe of a million particles has as many as it says, and velocities that are the exact
+/// derivative of positions.
+#[test]
+fn a_swell_moves_as_its_velocities_say() {
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("sims/million.toml");
+    let mut full = Project::load(&path).unwrap();
+    let block = full.source.simulation_mut().unwrap();
+    let size = (block.blocks[0].max.unwrap() - block.blocks[0].min.unwrap()) / 0.025;
+    assert_eq!(size.round().element_product(), 1_056_000.0);
+    let frames = baked(
+        "[simulation]
+kind = 'swell'
+frames = 3
+fps = 1000.0
+radius = 0.05
+waves = { count = 10, wavelengths = [0.5, 2.0], rms_slope = 0.1, seed = 1 }
+[[simulation.block]]
+min = [0.0, 0.0, 0.0]
+max = [2.0, 0.5, 1.0]
+",
+    );
+    let moved = frames[2].positions.iter().zip(&frames[0].positions).map(|(b, a)| (b - a) / 0.002);
+    for (velocity, moved) in frames[1].velocities.as_ref().unwrap().iter().zip(moved) {
+        assert!((velocity - moved).length() < 1e-2, "{velocity} {moved}");
+    }
+}
+
+/// Protects every recipe: each file is a scene, starts, and goes on.
+#[test]
+fn every_recipe_starts() {
+    for (name, count) in [("dam_break", 9_000..=20_000), ("fountain", 0..=100)] {
+        let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+            .join(format!("sims/{name}.toml"));
+        let mut project = Project::load(&path).unwrap();
+        project.source.simulation_mut().unwrap().frames = 2;
+        let folder = TempDir::new().unwrap();
+        run(&project, "x", folder.path(), |_| ControlFlow::Continue(())).unwrap();
+        assert!(count.contains(&frame(folder.path(), 1).len()), "{name}");
+        assert_finite(&[frame(folder.path(), 2)]);
+    }
+    for name in ["wave", "steps", "crown", "million"] {
+        let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+            .join(format!("sims/{name}.toml"));
+        assert!(Project::load(&path).unwrap().source.simulation().is_some(), "{name}");
+    }
+}
+
+/// From a scene file to its frames: drawn from beside it once they are there, with the simulation's
+/// radius and rate; before, the message says what to do.
+#[test]
+fn a_baked_scene_is_an_input() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("drop.toml");
+    let text = "[simulation]\nframes = 3\nfps = 24.0\nradius = 0.03\n\
+                [[simulation.block]]\ncenter = [0.0, 1.0, 0.0]\nradius = 0.2\n";
+    std::fs::write(&path, text).unwrap();
+    let name = path.to_str().unwrap();
+    let error = limpid_io::input::Input::open(name).unwrap_err();
+    assert!(error.to_string().contains(&format!("run: limpid bake {name}")), "{error}");
+    assert_eq!(error.category() as u8, 4);
+
+    run(
+        &Project::load(&path).unwrap(),
+        "drop",
+        &bake::folder(&path),
+        |_| ControlFlow::Continue(()),
+    )
+    .unwrap();
+    let input = limpid_io::input::Input::open(name).unwrap();
+    assert_eq!(input.fps(), Some(24.0));
+    let (input, project) = input.settle().unwrap();
+    let numbers: Vec<_> = input.sequence.frames.iter().map(|frame| frame.number).collect();
+    assert_eq!(numbers, [1, 2, 3]);
+    assert_eq!(input.load(&input.sequence.frames[2], &project.scene).unwrap().splats.radius, 0.03);
+}

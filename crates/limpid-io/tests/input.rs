@@ -1,0 +1,170 @@
+//! Protects what a sequence is drawn with: one radius, one view, whatever its first frames hold and
+//! however its frames are shared out.
+
+#[allow(dead_code, reason = "the generator alone is used")]
+#[path = "../../../tests/support/mod.rs"]
+mod support;
+
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use limpid::liquid::Particles;
+use limpid_io::Error;
+use limpid_io::input::Input;
+use limpid_io::project::Project;
+use support::Random;
+use tempfile::TempDir;
+
+/// A folder of `.xyz` frames, numbered from 0.
+fn frames(contents: &[&str]) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (number, text) in contents.iter().enumerate() {
+        std::fs::write(folder.path().join(format!("w_{number}.xyz")), text).unwrap();
+    }
+    folder
+}
+
+fn open(folder: &TempDir) -> Input {
+    Input::open(folder.path().join("w_{}.xyz").to_str().unwrap()).unwrap()
+}
+
+const PAIR: &str = "50.0 1.0 0.0\n50.2 1.0 0.0\n";
+const CLOSER: &str = "50.0 1.0 0.0\n50.1 1.0 0.0\n";
+
+/// Emitters begin with nothing: radius and view come from the first frame that has particles, and
+/// stay, though later frames are spaced otherwise.
+#[test]
+fn the_first_filled_frame_settles_radius_and_view() {
+    let folder = frames(&["", PAIR, CLOSER]);
+    let (input, project) = open(&folder).settle().unwrap();
+    for (frame, particles) in input.sequence.frames.iter().zip([0, 2, 2]) {
+        let loaded = input.load(frame, &project.scene).unwrap();
+        assert_eq!(loaded.particles, particles);
+        assert!((loaded.splats.radius - 0.1).abs() < 1e-6, "{}", loaded.splats.radius);
+    }
+    let target = project.camera.expect("a fitted camera").target;
+    assert!(target.abs_diff_eq(DVec3::new(50.1, 1.0, 0.0), 1e-4), "{target}");
+}
+
+/// A scene without a camera gets one for all frames, not one a frame.
+#[test]
+fn a_scene_without_a_camera_gets_one() {
+    let folder = frames(&[PAIR, "0.0 0.0 0.0\n1.0 0.0 0.0\n"]);
+    let scene = Project::parse("", "empty", Path::new(".")).unwrap();
+    let (_, project) = open(&folder).with_project(scene).settle().unwrap();
+    assert!(project.camera.expect("a fitted camera").target.x > 49.0);
+}
+
+/// Nothing to see is a picture too; a lone particle without a radius is a question.
+#[test]
+fn empty_and_lone_frames() {
+    let folder = frames(&["", ""]);
+    let (input, project) = open(&folder).settle().unwrap();
+    assert_eq!(input.load(&input.sequence.frames[0], &project.scene).unwrap().particles, 0);
+
+    let folder = frames(&["1.0 2.0 3.0\n"]);
+    let error = open(&folder).settle().unwrap_err();
+    assert!(error.to_string().contains("--radius"), "{error}");
+    let (input, project) = open(&folder).with_radius(0.5).unwrap().settle().unwrap();
+    assert_eq!(input.load(&input.sequence.frames[0], &project.scene).unwrap().splats.radius, 0.5);
+}
+
+/// A scene's frame is that frame, also where the pattern matches only another one.
+#[test]
+fn a_missing_frame_is_not_replaced_by_another() {
+    let folder = frames(&[PAIR]);
+    let text = "[particles]\nsource = \"w_{}.xyz\"\nframe = 7\n";
+    std::fs::write(folder.path().join("scene.toml"), text).unwrap();
+    let input = Input::open(folder.path().join("scene.toml").to_str().unwrap()).unwrap();
+    assert_eq!(input.frame, Some(7));
+    assert!(input.sequence.frame(7).is_none());
+}
+
+/// Particles drawn in a scene that names some of its own take their radius and axis.
+#[test]
+fn a_scene_gives_radius_and_axis() {
+    let folder = frames(&["0.0 1.0 2.0\n5.0 1.0 2.0\n"]);
+    let text = "[particles]\nsource = \"other.xyz\"\nradius = 0.25\nup = \"z\"\n";
+    let scene = Project::parse(text, "scene", Path::new(".")).unwrap();
+    let (input, project) = open(&folder).with_project(scene).settle().unwrap();
+    let frame = &input.sequence.frames[0];
+    assert_eq!(input.load(frame, &project.scene).unwrap().splats.radius, 0.25);
+    assert_eq!(input.particles(frame).unwrap().positions[0], Vec3::new(0.0, 2.0, -1.0));
+    assert!(matches!(open(&folder).with_radius(-1.0), Err(Error::Usage(_))));
+}
+
+/// A block of 20³ particles, spaced 0.05 and shaken, so 1 m wide.
+fn block(random: &mut Random) -> Vec<Vec3> {
+    let along = || (0..20).map(|i| 0.05 * f64::from(i));
+    let lattice = along().flat_map(|x| along().flat_map(move |y| along().map(move |z| (x, y, z))));
+    lattice.map(|at| (DVec3::from(at) + 0.01 * random.direction()).as_vec3()).collect()
+}
+
+/// Particles that a simulation has lost do not set the view: the bulk is that of all others to the
+/// last bit, and the lost ones are counted.
+#[test]
+fn escaped_particles_are_outside_of_the_bulk() {
+    let mut random = Random(1);
+    let cloud = block(&mut random);
+    let whole = Particles::from_positions(cloud.clone()).bulk().unwrap();
+    for (escaped, distance) in [1, 8, 10].into_iter().flat_map(|n| [10.0, 1e3, 1e6].map(|d| (n, d)))
+    {
+        let mut places = cloud.clone();
+        // In front, for the order in the file must not matter.
+        let lost = (0..escaped).map(|_| (distance * random.direction()).as_vec3() + 0.5);
+        places.splice(0..0, lost);
+        let bulk = Particles::from_positions(places).bulk().unwrap();
+        assert_eq!(bulk.outside, escaped, "at {distance}");
+        assert_eq!(bulk.bounds, whole.bounds, "{escaped} at {distance}");
+    }
+}
+
+/// The box of the bulk is that of all particles where nothing is lost: around a compact cloud with
+/// its outermost particles, two bodies far from each other, a body with a thin jet, a few particles.
+#[test]
+fn what_is_not_lost_is_in_the_bulk() {
+    let mut random = Random(2);
+    let cloud = block(&mut random);
+    let far = Vec3::new(0.0, 60.0, 0.0);
+    let bodies = [cloud.clone(), cloud[..800].iter().map(|&x| x + far).collect()].concat();
+    // 75 particles one behind the other, under 1 % of all.
+    let jet = (1..=75).map(|i| Vec3::new(0.5, 1.0 + 0.05 * i as f32, 0.5));
+    let jet = cloud.iter().copied().chain(jet).collect();
+    // Normally distributed: the sum of uniform numbers.
+    let mut normal = || (0..12).map(|_| random.unit()).sum::<f64>() as f32;
+    let gaussian = (0..5000).map(|_| Vec3::new(normal(), normal(), normal())).collect();
+    let few = vec![Vec3::ZERO, Vec3::splat(0.1), Vec3::new(40.0, 0.0, 0.0)];
+    let cases: [(&str, Vec<Vec3>); 5] = [
+        ("cloud", gaussian),
+        ("two bodies", bodies),
+        ("jet", jet),
+        ("few", few),
+        ("one place", vec![Vec3::ONE; 100]),
+    ];
+    for (name, places) in cases {
+        let particles = Particles::from_positions(places);
+        let bulk = particles.bulk().unwrap();
+        assert_eq!((Some(bulk.bounds), bulk.outside), (particles.bounds(), 0), "{name}");
+    }
+    assert_eq!(Particles::default().bulk(), None);
+}
+
+/// Bare files get a view and a floor by the bulk of the first frame.
+#[test]
+fn a_bare_file_is_seen_whole_though_a_particle_escaped() {
+    let places = block(&mut Random(3));
+    let escaped = [places.clone(), vec![Vec3::new(3.0, -1e6, 0.0)]].concat();
+    let [whole, escaped] = [places, escaped].map(|places| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bgeo");
+        limpid_io::particles::write(&Particles::from_positions(places), &path).unwrap();
+        let input = Input::open(path.to_str().unwrap()).unwrap().with_radius(0.025).unwrap();
+        let (input, project) = input.settle().unwrap();
+        (input.load(&input.sequence.frames[0], &project.scene).unwrap(), project)
+    });
+    assert_eq!(escaped.1.camera, whole.1.camera);
+    assert_eq!(escaped.1.scene.solids, whole.1.scene.solids);
+    assert_eq!((escaped.0.bulk.outside, whole.0.bulk.outside), (1, 0));
+    assert_eq!(escaped.0.bulk.bounds, whole.0.bounds);
+    assert_eq!(escaped.0.bounds.0.y, -1e6);
+}

@@ -1,0 +1,148 @@
+//! What no format may do: read damaged files as sound ones, panic, or leave foreign ones unnamed.
+
+use std::path::Path;
+
+use limpid::liquid::Particles;
+use limpid_io::Error;
+
+use super::bgeo::{bgeo, gzip};
+use super::csv::CSV;
+use super::npy::{npy, npy_data, npy_fortran};
+use super::npz::{npz, npz_members};
+use super::ply::{ply_ascii, ply_binary, ply_elaborate};
+use super::pos::pos;
+use super::vtk::{VTK_ASCII, vtk_4_1, vtk_5_1};
+use super::vtu::{Headers, PLAIN, Stored, vtu};
+use super::{all_attributes, check_message, read};
+
+/// One good file of each kind.
+fn samples() -> Vec<(&'static str, Vec<u8>)> {
+    vec![
+        ("a.bgeo", bgeo()),
+        ("b.bgeo", gzip(&bgeo())),
+        ("a.vtk", vtk_4_1()),
+        ("b.vtk", vtk_5_1()),
+        ("c.vtk", VTK_ASCII.into()),
+        ("a.ply", ply_binary("little")),
+        ("b.ply", ply_binary("big")),
+        ("c.ply", ply_elaborate()),
+        ("d.ply", ply_ascii().into()),
+        ("a.npy", npy("<f4", "False", "(3, 3)", &npy_data())),
+        ("b.npy", npy_fortran()),
+        ("a.xyz", npy_data()),
+        ("b.xyz", b"0.5 1 2\n3 4 5\n6 7 8".into()),
+        ("a.vtu", vtu("UnstructuredGrid", &[3], Stored::Ascii, PLAIN)),
+        ("b.vtu", vtu("UnstructuredGrid", &[1, 2], Stored::Inline, PLAIN)),
+        ("c.vtu", {
+            let headers = Headers { big: true, long: true, ..PLAIN };
+            vtu("UnstructuredGrid", &[3], Stored::AppendedBase64, headers)
+        }),
+        ("d.vtu", {
+            let headers = Headers { zlib: Some(16), ..PLAIN };
+            vtu("UnstructuredGrid", &[3], Stored::AppendedRaw, headers)
+        }),
+        ("a.npz", npz(&npz_members()[..4], false)),
+        ("b.npz", npz(&npz_members()[3..], true)),
+        ("a.pos", pos(0.25)),
+        ("a.csv", CSV.into()),
+    ]
+}
+
+/// Cut off anywhere, a file is an error, or whole in what it says of its particles. (Only .xyz
+/// and .csv have no count to hold against.)
+#[test]
+fn truncation_is_noticed_everywhere() {
+    for (name, bytes) in samples() {
+        for length in 0..bytes.len() {
+            match read(name, &bytes[..length]) {
+                Ok(particles) if name.ends_with("xyz") || name.ends_with("csv") => {
+                    assert!(particles.len() <= 3);
+                }
+                Ok(particles) => assert_eq!(particles.len(), 3, "{name} cut to {length}"),
+                Err(error) => assert!(error.to_string().contains(name), "{error}"),
+            }
+        }
+    }
+}
+
+/// Damage of any one bit yields particles or an error, and the particles are sound.
+#[test]
+fn bit_flips_never_panic() {
+    for (name, mut bytes) in samples() {
+        for at in 0..bytes.len() {
+            for bit in 0..8 {
+                bytes[at] ^= 1 << bit;
+                if let Ok(particles) = read(name, &bytes) {
+                    assert_sound(&particles);
+                }
+                bytes[at] ^= 1 << bit;
+            }
+        }
+    }
+}
+
+fn assert_sound(particles: &Particles) {
+    let n = particles.len();
+    let lengths = [
+        particles.velocities.as_ref().map(Vec::len),
+        particles.densities.as_ref().map(Vec::len),
+        particles.radii.as_ref().map(Vec::len),
+        particles.ids.as_ref().map(Vec::len),
+        particles.ellipsoids.as_ref().map(Vec::len),
+    ];
+    assert!(lengths.iter().flatten().all(|&length| length == n));
+    assert!(particles.positions.iter().all(|p| p.is_finite()));
+    assert!(particles.velocities.iter().flatten().all(|v| v.is_finite()));
+    assert!(particles.densities.iter().flatten().all(|rho| rho.is_finite()));
+    assert!(particles.radii.iter().flatten().all(|r| r.is_finite() && *r >= 0.0));
+}
+
+#[test]
+fn foreign_files_are_named() {
+    let mut stl = vec![0; 84 + 50];
+    stl[80] = 1;
+    let houdini = b"\x7fNSJb\x00\x00\x00";
+    for name in ["a.bgeo", "a.vtk", "a.ply", "a.npy", "a.xyz"] {
+        assert!(matches!(read(name, &stl), Err(Error::Format { .. })), "{name}");
+        check_message(name, &stl, &["binary STL"]);
+        check_message(name, houdini, &["Houdini's new", ".bhclassic"]);
+        check_message(name, b"<?xml version=\"1.0\"?>\n", &["XML", ".vtu"]);
+    }
+    for name in ["a.vtu", "a.vtp", "a.npz", "a.pos", "a.csv"] {
+        check_message(name, &stl, &["binary STL"]);
+        check_message(name, houdini, &["Houdini's new", ".bhclassic"]);
+    }
+    check_message("a.vtu", b"<?xml version=\"1.0\"?>\n<html/>", &["XML, but not VTK's"]);
+    for name in ["a.bgeo", "a.vtk", "a.ply", "a.npy", "a.vtu", "a.npz"] {
+        check_message(name, b"", &["an empty file"]);
+        check_message(name, b"nonsense", &["an unknown kind"]);
+    }
+    check_message("a.ply", &vtk_4_1(), &["a legacy VTK file, not a PLY file"]);
+    check_message("a.vtk", &gzip(&vtk_4_1()), &["gzip", "unpack"]);
+    check_message("a.bgeo", &gzip(b"ply\n"), &["a PLY file"]);
+}
+
+#[test]
+fn unknown_extensions_come_with_a_remedy() {
+    check_message("a.pvd", b"", &["list of files", "frame_{}.vtu"]);
+    check_message("a.ani", b"", &["ellipsoids", ".pos"]);
+    check_message("a.bgeo.sc", b"", &["hsc -d", ".bhclassic"]);
+    check_message("a.stl", b"", &["does not know", ".bgeo", ".npy"]);
+    check_message("ply", b"", &["does not know"]);
+    assert!(matches!(read("a.obj", b""), Err(Error::Format { .. })));
+}
+
+#[test]
+fn files_are_read_as_their_contents() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    std::fs::write(&path, ply_ascii()).unwrap();
+    assert_eq!(limpid_io::particles::read(&path).unwrap(), all_attributes());
+}
+
+#[test]
+fn a_missing_file_is_an_io_error() {
+    let error = limpid_io::particles::read(Path::new("no-such-file.ply")).unwrap_err();
+    assert!(matches!(error, Error::Io { .. }));
+    assert!(error.to_string().contains("no-such-file.ply: cannot read"), "{error}");
+}

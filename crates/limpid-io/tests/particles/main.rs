@@ -1,0 +1,89 @@
+//! Protects the readers of particle files: each format and variant yields the particles that were
+//! written, byte by byte, into it; damaged and foreign files yield an error that names the file,
+//! the place and the remedy; and no file whatever makes a reader panic or allocate by a claim.
+
+mod all_formats;
+mod arrays;
+mod bgeo;
+mod csv;
+mod npy;
+mod npz;
+mod places;
+mod ply;
+mod pos;
+mod vtk;
+mod vtu;
+mod writing;
+mod xyz;
+
+use std::path::Path;
+
+use glam::Vec3;
+use limpid::liquid::Particles;
+use limpid_io::Result;
+
+const POSITIONS: [[f32; 3]; 3] = [[0.5, -1.25, 2.0], [3.5, 4.0, -5.75], [0.0, 1e-3, 1e6]];
+const VELOCITIES: [[f32; 3]; 3] = [[1.0, 0.0, -9.5], [0.25, 0.5, 0.75], [-0.0, 2.0, 3.0]];
+const DENSITIES: [f32; 3] = [1000.0, 998.5, 1001.25];
+const RADII: [f32; 3] = [0.025, 0.0, 0.5];
+const IDS: [i32; 3] = [7, -1, 123_456_789];
+
+fn positions_only() -> Particles {
+    Particles::from_positions(POSITIONS.map(Vec3::from).to_vec())
+}
+
+fn all_attributes() -> Particles {
+    Particles {
+        velocities: Some(VELOCITIES.map(Vec3::from).to_vec()),
+        densities: Some(DENSITIES.to_vec()),
+        radii: Some(RADII.to_vec()),
+        ids: Some(IDS.map(i64::from).to_vec()),
+        ..positions_only()
+    }
+}
+
+fn read(name: &str, bytes: &[u8]) -> Result<Particles> {
+    limpid_io::particles::parse(Path::new(name), bytes)
+}
+
+/// The message of the error that reading must end in; it must name the file.
+fn message(name: &str, bytes: &[u8]) -> String {
+    let text = match read(name, bytes) {
+        Ok(particles) => panic!("{name}: an error expected, got {particles:?}"),
+        Err(error) => error.to_string(),
+    };
+    assert!(text.contains(name), "{text}");
+    text
+}
+
+fn check_message(name: &str, bytes: &[u8], fragments: &[&str]) {
+    let text = message(name, bytes);
+    for fragment in fragments {
+        assert!(text.contains(fragment), "{fragment:?} not in: {text}");
+    }
+}
+
+/// Bytes with the first occurrence of `from` replaced; `from` must be there.
+fn patched(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
+    let at = bytes.windows(from.len()).position(|window| window == from).expect("nothing to patch");
+    [&bytes[..at], to, &bytes[at + from.len()..]].concat()
+}
+
+fn be<const N: usize>(numbers: [f32; N]) -> Vec<u8> {
+    numbers.iter().flat_map(|number| number.to_be_bytes()).collect()
+}
+
+fn le<const N: usize>(numbers: [f32; N]) -> Vec<u8> {
+    numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
+}
+
+trait Reversed {
+    fn map_reverse(self) -> Self;
+}
+
+impl Reversed for [u8; 4] {
+    fn map_reverse(mut self) -> Self {
+        self.reverse();
+        self
+    }
+}

@@ -1,0 +1,282 @@
+//! Scene files as they are read: what each key means, its default, its range, and every slip.
+
+use std::path::Path;
+
+use glam::{DVec3, UVec2, Vec3};
+use image::{Rgb, RgbImage};
+use limpid::camera::Camera;
+use limpid::environment::Environment;
+use limpid::liquid::Up;
+use limpid::scene::{Light, Shape, Surface};
+use limpid::settings::{Settings, Solver};
+use limpid_io::Error;
+use limpid_io::project::{LiquidSource, Project};
+
+use super::{FULL, assert_tells, parse, project, scene};
+
+/// The message of a scene that must be refused: one line, naming the file.
+#[track_caller]
+fn refused(text: &str) -> String {
+    let error = parse(text).expect_err(text);
+    assert!(matches!(error, Error::Scene { .. }), "{error:?}");
+    assert_eq!(error.category() as u8, 2);
+    let message = error.to_string();
+    assert!(message.starts_with("test.toml: "), "{message}");
+    assert!(!message.contains('\n'), "{message}");
+    message
+}
+
+/// Checks that `FULL` with `from` replaced by `to` is refused at that line, with all of `parts`.
+#[track_caller]
+fn slip(from: &str, to: &str, parts: &[&str]) {
+    assert_eq!(FULL.matches(from).count(), 1, "`{from}` is there once");
+    let message = refused(&FULL.replace(from, to));
+    let line = FULL[..FULL.find(from).unwrap()].matches('\n').count() + 1;
+    let place = format!("test.toml: line {line}: ");
+    assert!(message.starts_with(&place), "`{place}` expected: {message}");
+    assert_tells(&message, parts);
+}
+
+/// Every key arrives where it belongs.
+#[test]
+fn a_full_scene_means_what_it_says() {
+    let Project { scene, source, camera, .. } = project(FULL);
+    let LiquidSource::File(particles) = source else { panic!("the scene names its particles") };
+    // Paths are relative to the scene file.
+    assert_eq!(Path::new(&particles.source), Path::new("scenes/../water/fluid_{}.bgeo"));
+    assert_eq!((particles.frame, particles.radius), (Some(20), Some(0.025)));
+    assert_eq!(particles.up, Up::Z);
+    assert_eq!((scene.liquid.ior, scene.liquid.absorption), (1.4, Vec3::new(1.0, 0.5, 0.25)));
+    let expected = Camera {
+        eye: DVec3::new(0.0, 1.5, 4.0),
+        target: DVec3::new(0.0, 0.25, 0.0),
+        up: Vec3::Y,
+        fov_y: 40.0,
+        near: Some(0.01),
+    };
+    assert_eq!(camera, Some(expected));
+    let gradient = Environment::Gradient {
+        zenith: Vec3::new(0.2, 0.4, 0.8),
+        horizon: Vec3::new(0.8, 0.9, 1.0),
+        nadir: Vec3::splat(0.3),
+    };
+    assert_eq!(scene.environment, gradient);
+
+    let [floor, wall, ball] = scene.solids[..] else { panic!("three solids: {:?}", scene.solids) };
+    let plane =
+        Shape::Plane { origin: DVec3::new(0.0, -0.05, 0.0), normal: Vec3::Y, half_extent: 6.0 };
+    let checker = Surface::Checker {
+        tile: 0.25,
+        even: Vec3::new(0.8, 0.8, 0.7),
+        odd: Vec3::new(0.1, 0.2, 0.3),
+    };
+    assert_eq!((floor.shape, floor.surface, floor.lit), (plane, checker, false));
+    let corners = Shape::Box { min: DVec3::new(-1.0, 0.0, -1.0), max: DVec3::new(1.0, 0.5, -0.9) };
+    let color = Surface::Color(Vec3::new(0.5, 0.25, 0.125));
+    assert_eq!((wall.shape, wall.surface, wall.lit), (corners, color, true));
+    assert_eq!(ball.shape, Shape::Sphere { center: DVec3::new(0.0, 0.25, 0.5), radius: 0.25 });
+
+    let [sun, lamp] = scene.lights[..] else { panic!("two lights: {:?}", scene.lights) };
+    assert_eq!(sun, Light::Sun { direction: -Vec3::Y, irradiance: Vec3::splat(3.0) });
+    let position = DVec3::new(1.0, 2.0, 3.0);
+    assert_eq!(lamp, Light::Point { position, intensity: Vec3::new(4.0, 5.0, 6.0) });
+    assert_eq!((scene.settings.refract.samples, scene.settings.refract.solver), (4, Solver::March));
+    assert_eq!(scene.settings.smooth, Settings::default().smooth);
+}
+
+/// What is left out has the documented defaults; an empty file is a scene without particles.
+#[test]
+fn everything_has_a_default() {
+    let empty = project("");
+    assert_eq!((empty.source, empty.camera), (LiquidSource::Unspecified, None));
+    let empty = empty.scene;
+    assert_eq!((empty.liquid.ior, empty.solids.len(), empty.lights.len()), (1.33, 0, 0));
+    assert_eq!(empty.environment, Environment::default());
+    assert_eq!(empty.settings, Settings::default());
+
+    let few = project(
+        r#"
+        [particles]
+        source = "a.ply"
+        [camera]
+        eye = [0, 0, 1]     # whole numbers are numbers
+        target = [0, 0, 0]
+        fov_y = 40
+        [environment]
+        gradient = { zenith = [1, 1, 1], horizon = [2, 2, 2] }
+        [[solid]]
+        shape = "plane"
+        origin = [0, 0, 0]
+        normal = [0, 0, 2]
+        "#,
+    );
+    let particles = &few.source.files()[0];
+    assert_eq!((particles.frame, particles.radius, particles.up), (None, None, Up::Y));
+    let (camera, few) = (few.camera.unwrap(), few.scene);
+    assert_eq!((camera.up, camera.near), (Vec3::Y, None));
+    assert_eq!(camera.near(), 1e-3);
+    let Environment::Gradient { horizon, nadir, .. } = few.environment else { panic!() };
+    assert_eq!(horizon, nadir, "without a nadir, the horizon goes on below");
+    let Shape::Plane { normal, half_extent, .. } = few.solids[0].shape else { panic!() };
+    assert_eq!((normal, half_extent), (Vec3::Z, f32::INFINITY));
+    assert!(!few.solids[0].lit);
+}
+
+/// The three kinds of environment, and its scale.
+#[test]
+fn environments() {
+    let constant = scene("[environment]\nradiance = [0.5, 1.0, 2.0]\nscale = 2.0").environment;
+    assert_eq!(constant, Environment::Constant(Vec3::new(1.0, 2.0, 4.0)));
+    assert_eq!(constant.mean(), Vec3::new(1.0, 2.0, 4.0));
+
+    let folder = tempfile::tempdir().unwrap();
+    RgbImage::from_pixel(4, 2, Rgb([255, 0, 255])).save(folder.path().join("sky.png")).unwrap();
+    let text = "[environment]\nmap = \"sky.png\"\nscale = 0.5";
+    let map = Project::parse(text, "test.toml", folder.path()).unwrap().scene.environment;
+    let pixels = vec![[0.5, 0.0, 0.5, 1.0]; 8].into();
+    assert_eq!(map, Environment::Map { size: UVec2::new(4, 2), pixels });
+
+    let both = refused("[environment]\nradiance = [1, 1, 1]\nmap = \"sky.png\"");
+    assert_tells(&both, &["one of", "radiance", "gradient", "map"]);
+    // A map that is not there is a missing file, not a slip in the scene.
+    let error = parse("[environment]\nmap = \"none.png\"").unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error:?}");
+    assert_tells(&error.to_string(), &["scenes", "none.png"]);
+}
+
+/// An unknown key is an error in every table, with its line and the key that was meant.
+#[test]
+fn unknown_keys_name_the_nearest() {
+    let keys = [
+        ("[liquid]", "[liquids]", "liquids", "liquid"),
+        ("frame = 20", "frmae = 20", "frmae", "frame"),
+        ("absorption = ", "absorbtion = ", "absorbtion", "absorption"),
+        ("fov_y = ", "fovy = ", "fovy", "fov_y"),
+        ("gradient = ", "gradiant = ", "gradiant", "gradient"),
+        ("nadir = ", "nadiir = ", "nadiir", "nadir"),
+        ("half_extent = ", "half_extend = ", "half_extend", "half_extent"),
+        ("tile = ", "tyle = ", "tyle", "tile"),
+        ("lit = ", "lid = ", "lid", "lit"),
+        ("sun = ", "sunn = ", "sunn", "sun"),
+        ("irradiance = ", "iradiance = ", "iradiance", "irradiance"),
+        ("intensity = ", "intensty = ", "intensty", "intensity"),
+        ("[settings.refract]", "[settings.refrcat]", "refrcat", "refract"),
+        ("samples = 4", "sample = 4", "sample", "samples"),
+        ("margin = 0.2", "margins = 0.2", "margins", "margin"),
+        ("\"straight\"", "\"strait\"", "strait", "straight"),
+        // Names that are values.
+        ("\"z\"", "\"zz\"", "zz", "z"),
+        ("\"sphere\"", "\"spheer\"", "spheer", "sphere"),
+        ("\"march\"", "\"marsh\"", "marsh", "march"),
+    ];
+    for (from, to, unknown, nearest) in keys {
+        slip(from, to, &[unknown, &format!("did you mean `{nearest}`?")]);
+    }
+}
+
+/// A value of the wrong type, or a file that is no TOML, is told with its line.
+#[test]
+fn wrong_types_name_the_line() {
+    slip("ior = 1.4", "ior = \"water\"", &["string"]);
+    slip("frame = 20", "frame = 2.5", &["floating point"]);
+    slip("lit = true", "lit = 1", &["boolean"]);
+    slip("eye = [0.0, 1.5, 4.0]", "eye = [0.0, 1.5]", &["2"]);
+    slip("max = [1.0, 0.5, -0.9]", "max = 1.0", &["floating point"]);
+    slip("samples = 4", "samples = -4", &["-4"]);
+    slip("fov_y = 40.0", "fov_y = 40 degrees", &[]);
+    slip("near = 0.01", "fov_y = 41.0", &["duplicate"]);
+    slip("sun = { direction = [0.0, -1.0, 0.0], ", "sun = { ", &["direction"]);
+}
+
+/// Keys that cannot be left out.
+#[test]
+fn missing_keys_are_named() {
+    let missing = |key: &str| {
+        let mut lines: Vec<_> = FULL.lines().collect();
+        let at = lines.iter().position(|line| line.starts_with(&format!("{key} = "))).expect(key);
+        lines.remove(at);
+        refused(&lines.join("\n"))
+    };
+    assert_tells(&missing("source"), &["source"]);
+    assert_tells(&missing("eye"), &["eye"]);
+    assert_tells(&missing("target"), &["target"]);
+    assert_tells(&missing("shape"), &["shape"]);
+    assert_tells(&missing("origin"), &["[[solid]] 1", "plane", "origin"]);
+    assert_tells(&missing("min"), &["[[solid]] 2", "box", "min"]);
+    assert_tells(&missing("max"), &["[[solid]] 2", "box", "max"]);
+    assert_tells(&missing("center"), &["[[solid]] 3", "sphere", "center"]);
+    let no_radius = FULL.replace("radius = 0.25\n", "");
+    assert_tells(&refused(&no_radius), &["[[solid]] 3", "sphere", "radius"]);
+    assert_tells(&refused("[[light]]"), &["line 1"]);
+    let two = "[[light]]\nsun = { direction = [0, -1, 0], irradiance = [1, 1, 1] }\npoint = 1";
+    refused(two);
+}
+
+/// Numbers outside what can be drawn, each with its key. NaN and ∞ are never values.
+#[test]
+fn ranges() {
+    let out = |from: &str, to: &str, parts: &[&str]| {
+        assert_eq!(FULL.matches(from).count(), 1, "`{from}` is there once");
+        assert_tells(&refused(&FULL.replace(from, to)), parts);
+    };
+    for ior in ["0.29", "3.5", "nan", "inf", "-1.33"] {
+        out("ior = 1.4", &format!("ior = {ior}"), &["liquid", "ior"]);
+    }
+    // A comma for a point makes one number of two.
+    out(
+        "absorption = [1.0, 0.5, 0.25]",
+        "absorption = [1,0, 0.5, 0.25]",
+        &["liquid.absorption has 4"],
+    );
+    for absorption in ["-0.5", "nan", "inf"] {
+        let to = format!("absorption = [1.0, {absorption}, 0.25]");
+        out("absorption = [1.0, 0.5, 0.25]", &to, &["liquid", "absorption"]);
+    }
+    for radius in ["0.0", "-0.025", "nan", "inf"] {
+        out("radius = 0.025", &format!("radius = {radius}"), &["particles", "radius"]);
+        out("radius = 0.25\n", &format!("radius = {radius}\n"), &["[[solid]] 3", "radius"]);
+    }
+    // As --radius: the cube of it is what a 32-bit float cannot hold.
+    let tiny = "[[fluid]]\nsource = \"a.xyz\"\n[[fluid]]\nsource = \"b.xyz\"\nradius = 1e-30\n";
+    assert_tells(&refused(tiny), &["[[fluid]] 2", "radius is 1e-30", "1e-12"]);
+    out("radius = 0.025", "radius = 1e-30", &["[particles] radius"]);
+    for fov_y in ["0.0", "180.0", "-40.0", "nan"] {
+        out("fov_y = 40.0", &format!("fov_y = {fov_y}"), &["camera", "fov_y"]);
+    }
+    for near in ["0.0", "-0.1", "nan", "inf"] {
+        out("near = 0.01", &format!("near = {near}"), &["camera", "near"]);
+    }
+    for half_extent in ["-6.0", "0.0", "nan"] {
+        let to = format!("half_extent = {half_extent}");
+        out("half_extent = 6.0", &to, &["[[solid]] 1", "half_extent"]);
+    }
+    for tile in ["0.0", "-0.25", "nan"] {
+        out("tile = 0.25", &format!("tile = {tile}"), &["[[solid]] 1", "tile"]);
+    }
+    out("target = [0.0, 0.25, 0.0]", "target = [0.0, 1.5, 4.0]", &["camera", "same point"]);
+    out("up = [0.0, 1.0, 0.0]", "up = [0.0, 1.25, 4.0]", &["camera", "up"]);
+    out("up = [0.0, 1.0, 0.0]", "up = [0.0, 0.0, 0.0]", &["camera", "up"]);
+    out("max = [1.0, 0.5, -0.9]", "max = [1.0, -0.5, -0.9]", &["[[solid]] 2", "min", "max"]);
+    out("half_extent = 6.0", "normal = [0, 0, 0]", &["[[solid]] 1", "normal"]);
+    out("direction = [0.0, -1.0, 0.0]", "direction = [0, 0, 0]", &["light", "direction"]);
+    out("lit = true", "checker = { tile = 1, even = [1, 1, 1], odd = [0, 0, 0] }", &["color"]);
+    out("samples = 4", "samples = 65", &["settings", "refract.samples", "1 to 64"]);
+
+    for vector in ["origin = [0.0, -0.05, 0.0]", "irradiance = [3.0, 3.0, 3.0]"] {
+        for value in ["nan", "inf"] {
+            let to =
+                vector.replace("0.0]", &format!("{value}]")).replace("3.0]", &format!("{value}]"));
+            out(vector, &to, &[]);
+        }
+    }
+    refused("[environment]\nradiance = [nan, 0.0, 0.0]");
+    refused("[environment]\nscale = nan");
+    refused("[environment]\nscale = -1.0");
+
+    let lights = "[[light]]\nsun = { direction = [0, -1, 0], irradiance = [1, 1, 1] }\n";
+    scene(&lights.repeat(16));
+    assert_tells(&refused(&lights.repeat(17)), &["16 lights"]);
+    let solids = "[[solid]]\nshape = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\n";
+    scene(&solids.repeat(512));
+    assert_tells(&refused(&solids.repeat(513)), &["512 solids"]);
+}

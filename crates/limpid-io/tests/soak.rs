@@ -1,0 +1,284 @@
+//! Many frames, one after the other, each of another kind than the one before: particle counts, sizes
+//! and settings change all the time, as in a viewer that somebody plays with for an evening.
+//!
+//! Short here; in full: `LIMPID_SOAK_FRAMES=2000 cargo test --release --test soak -- --nocapture`.
+
+#[expect(dead_code, reason = "what this file does not use of it")]
+#[path = "../../../tests/support/mod.rs"]
+mod support;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use glam::{DVec3, UVec2};
+use limpid::camera::Camera;
+use limpid::gpu::Gpu;
+use limpid::liquid::Particles;
+use limpid::liquid::classify;
+use limpid::scene::Scene;
+use limpid::studio::Studio;
+use limpid::wgpu;
+use limpid_io::project::Project;
+use support::{Random, gpu};
+
+/// Every kind of frame: sizes, counts, looks and settings have no common period, so that each meets
+/// each.
+const KINDS: usize = 60;
+
+/// A short run draws so many of the kinds so often: a software adapter takes a second or two for each
+/// pipeline that a kind is the first to need.
+const SHORT: (usize, usize) = (16, 6);
+
+const SIZES: [[u32; 2]; 5] = [[96, 72], [64, 48], [33, 57], [128, 96], [80, 80]];
+
+const COUNTS: [usize; 4] = [400, 0, 1500, 1];
+
+/// What is around the liquid.
+const LOOKS: [&str; 3] = [
+    "[environment]\nradiance = [0.5, 0.6, 0.8]\n",
+    "[environment]\ngradient = { zenith = [0.2, 0.4, 0.9], horizon = [0.9, 0.9, 0.9], nadir = [0.3, 0.3, 0.3] }\n\
+     [[solid]]\nshape = \"plane\"\norigin = [0.0, -0.6, 0.0]\nhalf_extent = 8.0\ncolor = [0.5, 0.5, 0.4]\n",
+    "[environment]\nradiance = [0.3, 0.3, 0.3]\n\
+     [[solid]]\nshape = \"plane\"\norigin = [0.0, -0.6, 0.0]\nhalf_extent = 8.0\ncolor = [0.5, 0.5, 0.4]\nlit = true\n\
+     [[solid]]\nshape = \"sphere\"\ncenter = [0.5, -0.3, 0.2]\nradius = 0.2\ncolor = [0.8, 0.2, 0.1]\n\
+     [[light]]\nsun = { direction = [0.2, -1.0, 0.1], irradiance = [2.0, 2.0, 2.0] }\n",
+];
+
+const SETTINGS: [&[&str]; 7] = [
+    &["caustics.resolution=128", "caustics.grid=128"],
+    &["smooth.iterations=0", "refract.interfaces=1", "caustics.resolution=64", "caustics.grid=64"],
+    &["smooth.filter=narrow-range", "caustics.resolution=64", "caustics.grid=64"],
+    &[
+        "refract.solver=march",
+        "caustics.method=gather",
+        "caustics.resolution=96",
+        "caustics.grid=32",
+    ],
+    &["refract.samples=4", "caustics.method=straight", "caustics.resolution=128"],
+    &[
+        "smooth.filter=bilateral",
+        "refract.solver=plane3",
+        "refract.solids=screen",
+        "caustics.resolution=128",
+        "caustics.grid=64",
+    ],
+    &[
+        "caustics.blur=0.02",
+        "caustics.resolution=128",
+        "caustics.grid=48",
+        "classify.kernel=volume",
+    ],
+];
+
+struct Kind {
+    scene: Scene,
+    camera: Camera,
+    particles: Particles,
+    size: UVec2,
+    diagnose: bool,
+}
+
+fn kind(i: usize) -> Kind {
+    let overrides: Vec<_> =
+        SETTINGS[i % SETTINGS.len()].iter().map(|text| (*text).to_owned()).collect();
+    let text = format!("[liquid]\nabsorption = [0.8, 0.3, 0.1]\n{}", LOOKS[i % LOOKS.len()]);
+    let mut project = Project::parse(&text, "soak", Path::new("")).expect("a scene");
+    project.set(&overrides).expect("settings");
+    let scene = project.scene;
+    let mut random = Random(i as u64);
+    let places: Vec<_> = (0..COUNTS[i % COUNTS.len()])
+        .map(|_| DVec3::new(random.range(-0.5, 0.5), random.range(-0.6, 0.0), random.unit()))
+        .collect();
+    let camera = Camera {
+        eye: DVec3::new(0.3, 0.8, 3.0),
+        target: DVec3::new(0.0, -0.3, 0.4),
+        up: glam::Vec3::Y,
+        fov_y: 40.0,
+        near: None,
+    };
+    let size = SIZES[i % SIZES.len()].into();
+    let particles = Particles::from_places(&places);
+    Kind { scene, camera, particles, size, diagnose: i.is_multiple_of(11) }
+}
+
+impl Kind {
+    fn draw(&self, studio: &mut Studio) -> image::RgbImage {
+        let splats = classify::classify(&self.particles, 0.04, &self.scene.settings.classify);
+        studio.renderer.diagnose = self.diagnose;
+        studio.draw(&self.scene, &self.camera, &splats, self.size).expect("a frame").picture
+    }
+}
+
+/// What is in use at one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Use {
+    /// Resident memory of the process, bytes; on a software adapter that of the adapter is in it.
+    process: f64,
+    /// What wgpu has allocated from the adapter, bytes.
+    adapter: f64,
+    /// Buffers, views, bind groups, pipelines and what else the device counts; but for textures, whose
+    /// ends wgpu 30 counts twice.
+    objects: f64,
+}
+
+impl Use {
+    fn now(gpu: &Gpu) -> Self {
+        gpu.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device is there");
+        let hal = gpu.device.get_internal_counters().hal;
+        let objects = [
+            &hal.buffers,
+            &hal.texture_views,
+            &hal.bind_groups,
+            &hal.bind_group_layouts,
+            &hal.render_pipelines,
+            &hal.compute_pipelines,
+            &hal.shader_modules,
+            &hal.query_sets,
+            &hal.memory_allocations,
+        ];
+        let objects = objects.iter().map(|counter| counter.read() as f64).sum();
+        let report = gpu.device.generate_allocator_report();
+        let adapter = report.map_or(0.0, |report| report.total_allocated_bytes as f64);
+        Self { process: resident().unwrap_or_default(), adapter, objects }
+    }
+}
+
+/// Resident memory, bytes, where the system says it.
+fn resident() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    Some(1024.0 * line.trim().strip_suffix(" kB")?.parse::<f64>().ok()?)
+}
+
+/// Held by what draws: memory is that of the whole process.
+fn alone() -> MutexGuard<'static, ()> {
+    static TURN: Mutex<()> = Mutex::new(());
+    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// By how much the later half of the `samples` is above the earlier one, medians of each: what comes
+/// and goes is no growth, what stays is.
+fn growth(samples: &[f64]) -> f64 {
+    let median = |half: &[f64]| {
+        let mut sorted = half.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        sorted[sorted.len() / 2]
+    };
+    let (early, late) = samples.split_at(samples.len() / 2);
+    median(late) - median(early)
+}
+
+/// A number that tells pictures apart (FNV-1a, Fowler, Noll and Vo).
+fn fingerprint(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf29ce484222325, |hash: u64, &byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x100000001b3)
+    })
+}
+
+/// Protects long runs: memory of the process and of the adapter and the number of objects stay as they
+/// were after every kind of frame was drawn once; and frames from what was drawn before them: each
+/// kind's picture is the same, bit by bit, at any time. A validation error would panic.
+#[test]
+fn nothing_grows_and_nothing_drifts() {
+    let Some(gpu) = gpu() else { return };
+    let _turn = alone();
+    let wanted: Option<usize> =
+        std::env::var("LIMPID_SOAK_FRAMES").ok().map(|n| n.parse().expect("a number of frames"));
+    let (kinds, cycles) = wanted.map_or(SHORT, |frames| (KINDS, usize::max(frames / KINDS, 6)));
+    // Neighbours have little in common.
+    let kinds: Vec<Kind> = (0..kinds).map(|i| kind(23 * i % KINDS)).collect();
+    let mut studio = Studio::new(gpu);
+    let mut seen = BTreeMap::new();
+    let mut used = Vec::new();
+    for cycle in 0..cycles {
+        for step in 0..kinds.len() {
+            // Another order in each cycle: strides that share no factor with the number of kinds.
+            let i = step * [1, 7, 11, 13, 17, 19][cycle % 6] % kinds.len();
+            let found = fingerprint(&kinds[i].draw(&mut studio));
+            let first = *seen.entry(i).or_insert(found);
+            assert_eq!(found, first, "cycle {cycle}: kind {i} is another picture than before");
+        }
+        // The same frame last, so that what is kept for its size is the same.
+        kinds[0].draw(&mut studio);
+        used.push(Use::now(gpu));
+    }
+    let pictures: std::collections::BTreeSet<_> = seen.values().collect();
+    assert!(pictures.len() > kinds.len() / 2, "{} of {} kinds differ", pictures.len(), kinds.len());
+
+    // The first cycle compiles and makes room.
+    let of = |part: fn(&Use) -> f64| -> Vec<f64> { used[1..].iter().map(part).collect() };
+    let (process, adapter, objects) = (of(|u| u.process), of(|u| u.adapter), of(|u| u.objects));
+    const MIB: f64 = 1048576.0;
+    println!("{cycles} cycles of {} frames: {:?} to {:?}", kinds.len(), used[0], used.last());
+    println!("growth: {:.1} and {:.1} MiB", growth(&process) / MIB, growth(&adapter) / MIB);
+    // Room for what a driver keeps of its own accord: a fiftieth of what it takes in all.
+    let noise = 0.02 * process[0];
+    assert!(growth(&process) <= noise, "process memory grows: {process:?}");
+    assert!(growth(&adapter) <= 0.0, "the adapter's memory grows: {adapter:?}");
+    assert!(growth(&objects) <= 0.0, "objects on the device grow: {objects:?}");
+}
+
+/// Protects adapters of which there is none here: what limpid asks of a device is WebGPU's core. On one
+/// without any optional feature, with the limits that every implementation has, each setting is drawn
+/// as on the one that gives all that the adapter has.
+#[test]
+fn webgpus_core_is_enough() {
+    let Some(gpu) = gpu() else { return };
+    let _turn = alone();
+    let wanted = gpu.device.adapter_info();
+    let descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    let adapters = wgpu::Instance::new(descriptor).enumerate_adapters(wanted.backend.into());
+    let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info() == wanted);
+    let adapter = adapter.expect("the adapter that the other device is of");
+    let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+        required_features: wgpu::Features::empty(),
+        required_limits: wgpu::Limits::default(),
+        ..Default::default()
+    }))
+    .expect("a device with WebGPU's limits");
+    // What it refuses panics, as wgpu does where nobody listens.
+    let core = Gpu::from_device(device, queue);
+    let (mut all, mut core) = (Studio::new(gpu), Studio::new(&core));
+    // Each of the settings in light.
+    for i in (0..).map(|i| 3 * i + 2).take(SETTINGS.len()) {
+        let kind = kind(i);
+        assert!(kind.scene.is_lit());
+        assert!(kind.draw(&mut all) == kind.draw(&mut core), "{:?}", SETTINGS[i % SETTINGS.len()]);
+    }
+}
+
+/// Protects the first test from passing whatever happens.
+#[test]
+fn growth_is_told_from_noise() {
+    assert_eq!(growth(&[5.0, 5.0, 5.0, 5.0]), 0.0);
+    assert_eq!(growth(&[5.0, 9.0, 5.0, 5.0, 5.0, 9.0]), 0.0, "comes and goes");
+    assert_eq!(growth(&[5.0, 6.0, 7.0, 8.0, 9.0, 10.0]), 3.0);
+    assert_ne!(fingerprint(&[0, 1]), fingerprint(&[1, 0]));
+
+    let Some(gpu) = gpu() else { return };
+    let _turn = alone();
+    let before = Use::now(gpu);
+    let kept = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("a leak"),
+        size: 1 << 20,
+        usage: wgpu::BufferUsages::STORAGE,
+        mapped_at_creation: false,
+    });
+    assert!(Use::now(gpu).objects > before.objects, "a buffer is counted");
+    drop(kept);
+}
+
+/// Protects the kinds: frames of all of them draw what they are meant to draw.
+#[test]
+fn kinds_are_what_they_say() {
+    let lit = (0..KINDS).filter(|&i| kind(i).scene.is_lit()).count();
+    let empty = (0..KINDS).filter(|&i| kind(i).particles.is_empty()).count();
+    assert_eq!((lit, empty), (KINDS / LOOKS.len(), KINDS / COUNTS.len()));
+    let splashes = |i: usize| {
+        let kind = kind(i);
+        classify::classify(&kind.particles, 0.04, &kind.scene.settings.classify).splashes.len()
+    };
+    assert!((0..KINDS).any(|i| splashes(i) > 0), "some liquid splashes");
+}

@@ -1,0 +1,444 @@
+//! Frames against the pictures that they must be: what `limpid check` runs, for tests in Rust too.
+//!
+//! A [`Suite`] is a TOML file that names what to draw, what it must look like and how nearly. A
+//! missing expectation is a failure, never a pass; an expectation that cannot be read is an error,
+//! and so is an input; whatever happens to one entry, the others are drawn.
+//!
+//! ```no_run
+//! use limpid_io::device;
+//! use limpid_lab::check::Suite;
+//!
+//! # fn main() -> limpid_io::Result<()> {
+//! let suite = Suite::load("tests/golden.toml".as_ref())?;
+//! let report = suite.run(&device::open()?, &[], |outcome| println!("{outcome}"))?;
+//! report.write("target/golden".as_ref())?;
+//! assert_eq!(report.exit_code(), 0, "see target/golden/index.html");
+//! # Ok(())
+//! # }
+//! ```
+
+mod draw;
+mod exhibit;
+mod images;
+mod judge;
+mod junit;
+mod page;
+mod record;
+mod suite;
+
+use std::collections::HashSet;
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use limpid::gpu::Gpu;
+use limpid::studio::Studio;
+use limpid_io::device;
+use limpid_io::error::{Error, Result};
+use limpid_io::output::{self, Files, Kind, folder_of};
+
+pub use exhibit::{Exhibit, Panel};
+pub use suite::{AovTolerance, Bake, Content, Entry, Suite, Tolerance};
+
+/// The endings of what [`Report::write`] writes besides its page.
+const ENDINGS: [&str; 5] =
+    [".expected.png", ".actual.png", ".difference.png", ".side-by-side.png", ".actual.exr"];
+
+/// What a run found.
+#[derive(Debug)]
+pub struct Report {
+    /// The suite's file.
+    pub suite: PathBuf,
+    /// What drew.
+    pub adapter: Adapter,
+    /// The entries that were drawn, in the suite's order.
+    pub outcomes: Vec<Outcome>,
+    /// What the run took, s.
+    pub seconds: f64,
+    /// What the suite reads and expects, of all entries: no result takes its place.
+    files: Files,
+}
+
+/// What drew.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Adapter {
+    /// Its name.
+    pub name: String,
+    /// Its driver and that one's version.
+    pub driver: String,
+    /// `vulkan`, `metal`, `dx12` or `gl`.
+    pub backend: String,
+}
+
+impl Adapter {
+    fn of(gpu: &Gpu) -> Self {
+        let info = gpu.device.adapter_info();
+        let driver = format!("{} {}", info.driver, info.driver_info).trim().to_owned();
+        Self { name: info.name, driver, backend: info.backend.to_string() }
+    }
+}
+
+impl fmt::Display for Adapter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, {}, {}", self.name, self.driver, self.backend)
+    }
+}
+
+/// What came of one entry.
+#[derive(Debug)]
+pub struct Outcome {
+    /// The entry.
+    pub name: String,
+    /// How far the frames are from what is expected.
+    pub measures: Vec<Measure>,
+    /// Why it failed; empty if it did not.
+    pub problems: Vec<String>,
+    /// What kept it from being compared, the first of it.
+    pub error: Option<Error>,
+    /// What shows why it failed.
+    pub exhibits: Vec<Exhibit>,
+    /// What [`Report::bless`] would write: of what failed, what was drawn.
+    pub blessing: Vec<(PathBuf, Arc<[u8]>)>,
+    /// Whether it was written.
+    pub blessed: bool,
+    /// What it took, s.
+    pub seconds: f64,
+    /// Further files for the results, by name.
+    files: Vec<(String, Arc<[u8]>)>,
+    /// What it was drawn with, for the record.
+    drawn: toml::Table,
+}
+
+/// What was measured, and between which limits it must be.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Measure {
+    /// `mean FLIP`, `depth.aggregate_front differing`, ….
+    pub name: String,
+    /// What was found. Of a sequence's pictures, the largest.
+    pub value: f64,
+    /// The largest value that passes.
+    pub at_most: f64,
+    /// The smallest value that passes.
+    pub at_least: f64,
+    /// `m`, `degrees`, …; empty for shares and ratios.
+    pub unit: &'static str,
+}
+
+impl Measure {
+    fn new(name: impl Into<String>, value: f64, at_most: f64, unit: &'static str) -> Self {
+        Self { name: name.into(), value, at_most, at_least: 0.0, unit }
+    }
+
+    /// Whether it is between its limits; NaN is not.
+    pub fn passes(&self) -> bool {
+        (self.at_least..=self.at_most).contains(&self.value)
+    }
+}
+
+impl fmt::Display for Measure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, value, at_most, at_least, unit } = self;
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        write!(f, "{name} {}{unit}", digits(*value))?;
+        match self.passes() {
+            true => Ok(()),
+            false if value < at_least => write!(f, " (at least {}{unit})", digits(*at_least)),
+            false => write!(f, " (at most {}{unit})", digits(*at_most)),
+        }
+    }
+}
+
+/// A number with three significant digits.
+fn digits(value: f64) -> String {
+    let magnitude = value.abs().log10().floor();
+    if value == 0.0 || !magnitude.is_finite() {
+        return value.to_string();
+    }
+    let decimals = (2.0 - magnitude).clamp(0.0, 9.0) as usize;
+    let text = format!("{value:.decimals$}");
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
+/// What came of an entry, in a word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// It is as expected.
+    Passed,
+    /// It differs, or there is no expectation.
+    Failed,
+    /// It could not be drawn or compared.
+    Error,
+    /// It failed, and what was drawn is the expectation from now on.
+    Blessed,
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Passed => "passed",
+            Self::Failed => "FAILED",
+            Self::Error => "ERROR",
+            Self::Blessed => "blessed",
+        })
+    }
+}
+
+impl Outcome {
+    fn new(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            measures: Vec::new(),
+            problems: Vec::new(),
+            error: None,
+            exhibits: Vec::new(),
+            blessing: Vec::new(),
+            blessed: false,
+            seconds: 0.0,
+            files: Vec::new(),
+            drawn: toml::Table::new(),
+        }
+    }
+
+    /// What came of it.
+    pub fn verdict(&self) -> Verdict {
+        match (self.blessed, &self.error, self.problems.as_slice()) {
+            (true, ..) => Verdict::Blessed,
+            (_, Some(_), _) => Verdict::Error,
+            (_, _, [_, ..]) => Verdict::Failed,
+            _ => Verdict::Passed,
+        }
+    }
+
+    /// Why it did not pass: the error first.
+    pub fn reasons(&self) -> Vec<String> {
+        let error = self.error.iter().map(Error::to_string);
+        error.chain(self.problems.iter().cloned()).collect()
+    }
+
+    /// Notes a measurement; one beyond its limits is a problem.
+    fn measured(&mut self, measure: Measure) {
+        if !measure.passes() {
+            self.problems.push(measure.to_string());
+        }
+        self.measures.push(measure);
+    }
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:7} {} ({:.1} s)", self.verdict(), self.name, self.seconds)?;
+        let lines = match self.verdict() {
+            Verdict::Passed => vec![],
+            _ => self.reasons(),
+        };
+        lines.iter().try_for_each(|line| write!(f, "\n        {line}"))
+    }
+}
+
+impl Suite {
+    /// Draws and compares the entries whose names hold one of `filter`, or all without one, and
+    /// tells `each` outcome as it comes.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if no entry has such a name. What goes wrong with one entry is in its
+    /// outcome; after a failure of the device the next entries are drawn with another.
+    pub fn run(
+        &self,
+        gpu: &Gpu,
+        filter: &[String],
+        mut each: impl FnMut(&Outcome),
+    ) -> Result<Report> {
+        let chosen = self.chosen(filter)?;
+        let begun = Instant::now();
+        let adapter = Adapter::of(gpu);
+        let mut studio = Studio::new(gpu);
+        let mut outcomes = Vec::new();
+        for entry in chosen {
+            let begun = Instant::now();
+            // Whatever happens to one entry, the others are drawn.
+            let judge = || judge::judge(self, entry, &adapter, &mut studio);
+            let judged = catch_unwind(AssertUnwindSafe(judge));
+            let mut outcome = judged.unwrap_or_else(|_| {
+                let error = Defect("the entry could not be judged".into());
+                Outcome { error: Some(error.into()), ..Outcome::new(&entry.name) }
+            });
+            use limpid::Error::{Defect, DeviceLost};
+            if matches!(outcome.error, Some(Error::Render(DeviceLost(_) | Defect(_)))) {
+                // A device that has failed once fails for ever. Where there is no other, the errors
+                // of the entries say so.
+                if let Ok(gpu) = device::open() {
+                    studio = Studio::new(&gpu);
+                }
+            }
+            outcome.seconds = begun.elapsed().as_secs_f64();
+            each(&outcome);
+            outcomes.push(outcome);
+        }
+        let seconds = begun.elapsed().as_secs_f64();
+        let files = self.files();
+        Ok(Report { suite: self.path.clone(), adapter, outcomes, seconds, files })
+    }
+}
+
+impl Report {
+    /// How many entries came out so.
+    pub fn count(&self, verdict: Verdict) -> usize {
+        self.outcomes.iter().filter(|outcome| outcome.verdict() == verdict).count()
+    }
+
+    /// The exit code of `limpid check`: that of the first error, else 1 if anything failed, else 0.
+    pub fn exit_code(&self) -> u8 {
+        let left = || self.outcomes.iter().filter(|outcome| !outcome.blessed);
+        match left().find_map(|outcome| outcome.error.as_ref()) {
+            Some(error) => error.category() as u8,
+            None => u8::from(self.count(Verdict::Failed) > 0),
+        }
+    }
+
+    /// Makes what was drawn the expectation of every entry that failed, and records with what it
+    /// was drawn. Expectations that hold stay as they are.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the file that could not be written; [`Error::Scene`] for a record that
+    /// is no TOML; [`Error::Usage`] for an expectation that lies outside the suite's folder or in
+    /// whose place something else than a picture is: then nothing is written.
+    pub fn bless(&mut self) -> Result<()> {
+        let mut record = record::Record::open(&self.suite)?;
+        for (path, _) in self.outcomes.iter().flat_map(|outcome| &outcome.blessing) {
+            suite::check_blessing(&self.suite, path)?;
+        }
+        for outcome in &mut self.outcomes {
+            if outcome.blessing.is_empty() {
+                continue;
+            }
+            for (path, bytes) in &outcome.blessing {
+                write_file(path, Kind::Picture, bytes)?;
+            }
+            record.note(&outcome.name, &self.adapter, &outcome.drawn);
+            // After each: what is written is recorded, whatever happens to the next.
+            record.write()?;
+            outcome.blessed = true;
+        }
+        Ok(())
+    }
+
+    /// Writes `index.html`, which holds all that is needed to see what failed, and the pictures
+    /// as files beside it. What an earlier run left there of the same entries is removed.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the file or folder; [`Error::Usage`] where a result would take the place
+    /// of an expectation, an input or a file that is no result.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
+        let blessings = self.outcomes.iter().flat_map(|outcome| &outcome.blessing);
+        let blessed: HashSet<PathBuf> = blessings.map(|(path, _)| place(path)).collect();
+        // What the suite reads or expects; what it has just blessed is another file than it read.
+        let is_kept = |path: &Path| self.files.has_input(path) || blessed.contains(&place(path));
+        self.clear(folder, is_kept)?;
+        for outcome in &self.outcomes {
+            for (name, bytes) in outcome.files() {
+                let path = folder.join(name);
+                if is_kept(&path) {
+                    let path = path.display();
+                    let problem = "the suite reads or expects this file; name another folder";
+                    return Err(Error::Usage(format!("{path}: {problem}")));
+                }
+                write_file(&path, Kind::Picture, bytes)?;
+            }
+        }
+        write_file(&folder.join("index.html"), Kind::Page, self.page().as_bytes())
+    }
+
+    /// Removes what an earlier run wrote of these entries: pictures, never an expectation.
+    fn clear(&self, folder: &Path, is_kept: impl Fn(&Path) -> bool) -> Result<()> {
+        let fail = |e| Error::io(folder, "list", e);
+        for file in std::fs::read_dir(folder).map_err(fail)? {
+            let file = file.map_err(fail)?;
+            let name = file.file_name().to_string_lossy().into_owned();
+            let stem = ENDINGS.iter().find_map(|ending| name.strip_suffix(ending));
+            let ours = |outcome: &Outcome| {
+                let rest = stem.and_then(|stem| stem.strip_prefix(&outcome.name));
+                rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+            };
+            let path = file.path();
+            let picture = || Kind::Picture.check(&path).is_ok();
+            if self.outcomes.iter().any(ours) && !is_kept(&path) && picture() {
+                std::fs::remove_file(&path).map_err(|e| Error::io(&path, "remove", e))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The report as one page that needs nothing but itself.
+    pub fn page(&self) -> String {
+        page::page(self)
+    }
+
+    /// The report as `JUnit` XML, which CI systems show.
+    pub fn junit(&self) -> String {
+        junit::junit(self)
+    }
+
+    /// The report for programs.
+    pub fn json(&self) -> serde_json::Value {
+        let entry = |outcome: &Outcome| {
+            serde_json::json!({
+                "name": outcome.name,
+                "verdict": outcome.verdict(),
+                "problems": outcome.problems,
+                "error": outcome.error.as_ref().map(Error::to_string),
+                "measures": outcome.measures,
+                "seconds": outcome.seconds,
+            })
+        };
+        serde_json::json!({
+            "suite": self.suite.display().to_string(),
+            "adapter": self.adapter,
+            "limpid": env!("CARGO_PKG_VERSION"),
+            "exit_code": self.exit_code(),
+            "seconds": self.seconds,
+            "entries": self.outcomes.iter().map(entry).collect::<Vec<_>>(),
+        })
+    }
+
+    /// The command that accepts what was drawn.
+    pub fn bless_command(&self) -> String {
+        let suite = self.suite.display().to_string();
+        let plain = |c: char| c.is_alphanumeric() || "/._-+:=@,".contains(c);
+        match suite.chars().all(plain) {
+            true => format!("limpid check {suite} --bless"),
+            false => format!("limpid check '{}' --bless", suite.replace('\'', "'\\''")),
+        }
+    }
+}
+
+impl Outcome {
+    /// What [`Report::write`] writes of it, by name.
+    fn files(&self) -> impl Iterator<Item = (&str, &[u8])> {
+        let panels = self.exhibits.iter().flat_map(Exhibit::files);
+        panels.chain(self.files.iter().map(|(name, bytes)| (name.as_str(), &**bytes)))
+    }
+}
+
+/// The same for all paths to a file, whether it is there or not.
+fn place(path: &Path) -> PathBuf {
+    let folder = folder_of(path);
+    let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+    path.file_name().map_or(folder.clone(), |name| folder.join(name))
+}
+
+/// Writes a file, and the folder around it if need be.
+fn write_file(path: &Path, kind: Kind, bytes: &[u8]) -> Result<()> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
+    }
+    output::write_atomically(path, kind, |file| std::io::Write::write_all(file, bytes))
+}

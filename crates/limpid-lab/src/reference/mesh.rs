@@ -1,0 +1,322 @@
+//! Liquid in a triangle mesh, and the mesh of a liquid given by particles.
+
+use std::time::Duration;
+
+use glam::{DVec3, Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::{Bvh2, builder::build_bvh2};
+use rayon::prelude::*;
+use splashsurf_lib::nalgebra::Vector3;
+use splashsurf_lib::neighborhood_search::neighborhood_search_spatial_hashing_parallel;
+use splashsurf_lib::postprocessing::{marching_cubes_cleanup, par_laplacian_smoothing_inplace};
+use splashsurf_lib::sph_interpolation::SphInterpolator;
+use splashsurf_lib::{Aabb3d, Parameters, reconstruct_surface};
+
+use super::wetting::Walls;
+use super::{Crossing, Liquid, Ray};
+use limpid::scene::{Shape, Solid};
+use limpid_io::error::{Error, Result};
+
+/// How a surface is laid around particles. Lengths are in particle radii.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reconstruction {
+    /// Half the reach of a particle's density.
+    pub smoothing_length: f32,
+    /// Side of the cubes of the density's grid.
+    pub cube_size: f32,
+    /// Share of the rest density at which the surface lies.
+    pub threshold: f32,
+    /// Rounds of smoothing that move each vertex between its neighbours, less where particles are
+    /// few: spray keeps its size.
+    pub smoothing_iterations: usize,
+    /// Solids that the liquid wets where it touches them: particles rest at a distance from them,
+    /// which the surface around particles would leave dry.
+    pub wetted: Vec<Shape>,
+}
+
+impl Default for Reconstruction {
+    fn default() -> Self {
+        Self {
+            smoothing_length: 2.0,
+            cube_size: 0.5,
+            threshold: 0.6,
+            smoothing_iterations: 25,
+            wetted: Vec::new(),
+        }
+    }
+}
+
+impl Reconstruction {
+    /// The default, of liquid among solids: it wets all of them that it touches.
+    pub fn among(solids: &[Solid]) -> Self {
+        Self { wetted: solids.iter().map(|solid| solid.shape).collect(), ..Self::default() }
+    }
+}
+
+/// Weighted number of neighbours from which on a vertex is smoothed fully (`splashsurf`'s default).
+const FULL_NEIGHBOURS: f32 = 13.0;
+/// A closed surface of triangles, counterclockwise seen from outside.
+pub struct Mesh {
+    vertices: Vec<DVec3>,
+    /// Unit normals of the vertices, or 0 where triangles cancel.
+    normals: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    bvh: Bvh2,
+    /// The triangles' corners in the order of the hierarchy's leaves.
+    corners: Vec<[DVec3; 3]>,
+    /// How far behind its origin a ray may find a crossing, m: the rounding of a point on the mesh.
+    slack: f64,
+}
+
+impl Mesh {
+    /// A mesh of corner positions, m, and triangles of three vertices each. Vertices get the mean
+    /// normal of their triangles, weighted by area.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a position is not finite or a triangle names a vertex that is not there.
+    pub fn new(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Result<Self> {
+        let named = |triangle: &[u32; 3]| triangle.iter().all(|&i| (i as usize) < vertices.len());
+        if !vertices.iter().all(|v| v.as_vec3().is_finite()) || !triangles.iter().all(named) {
+            let problem = "a mesh needs finite positions, and triangles of its own vertices";
+            return Err(Error::Usage(problem.into()));
+        }
+        let mut normals = vec![DVec3::ZERO; vertices.len()];
+        let place = |triangle: &[u32; 3]| triangle.map(|i| vertices[i as usize]);
+        for triangle in &triangles {
+            let [a, b, c] = place(triangle);
+            for &i in triangle {
+                normals[i as usize] += (b - a).cross(c - a);
+            }
+        }
+        for normal in &mut normals {
+            *normal = normal.normalize_or_zero();
+        }
+
+        let extent = vertices.iter().fold(0.0_f64, |most, v| most.max(v.abs().max_element()));
+        // Boxes in f32 reach beyond what they hold by more than they are rounded.
+        let margin = 1e-6 * extent as f32 + f32::MIN_POSITIVE;
+        let boxes: Vec<Aabb> = triangles
+            .iter()
+            .map(|triangle| {
+                let corners = place(triangle).map(|v| Vec3A::from(v.as_vec3()));
+                let tight = Aabb::from_points(&corners);
+                Aabb::new(tight.min - margin, tight.max + margin)
+            })
+            .collect();
+        let bvh = if boxes.is_empty() {
+            Bvh2::default()
+        } else {
+            build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default())
+        };
+        let corners =
+            bvh.primitive_indices.iter().map(|&i| place(&triangles[i as usize])).collect();
+        Ok(Self { vertices, normals, triangles, bvh, corners, slack: 1e-12 * extent })
+    }
+
+    /// The surface of a liquid given by particles of one radius, m: `splashsurf`'s marching cubes
+    /// over SPH density, its slivers removed, smoothed (Löschner, Böttcher, Jeske and Bender,
+    /// Weighted Laplacian smoothing for surface reconstruction of particle-based fluids, 2023).
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a position or the radius cannot be used, or the particles reach so far
+    /// that the grid is too large.
+    pub fn reconstruct(particles: &[Vec3], radius: f32, how: &Reconstruction) -> Result<Self> {
+        let radius_usable = radius.is_finite() && radius > 0.0;
+        if !radius_usable || !particles.iter().all(|x| x.is_finite()) {
+            let problem =
+                "to reconstruct a surface, positions must be finite and the radius above 0";
+            return Err(Error::Usage(problem.into()));
+        }
+        if particles.is_empty() {
+            return Self::new(Vec::new(), Vec::new());
+        }
+        let positions: Vec<_> = particles.iter().map(|x| Vector3::from(x.to_array())).collect();
+        let reach = 2.0 * how.smoothing_length * radius;
+        let mut parameters = Parameters::new(radius, reach, how.cube_size * radius);
+        parameters.iso_surface_threshold = how.threshold;
+        let surface = reconstruct_surface::<i64, f32>(&positions, &parameters)
+            .map_err(|e| Error::Usage(format!("no surface can be reconstructed: {e}")))?;
+
+        let mut mesh = surface.mesh;
+        let neighbours_of_vertices =
+            marching_cubes_cleanup(&mut mesh, &surface.grid, None, 5, false);
+        let densities = surface.particle_densities.unwrap_or_default();
+        let weights = smoothing_weights(&positions, &densities, &mesh.vertices, &parameters);
+        par_laplacian_smoothing_inplace(
+            &mut mesh,
+            &neighbours_of_vertices,
+            how.smoothing_iterations,
+            1.0,
+            &weights,
+        );
+
+        let walls = Walls::new(&how.wetted, particles, radius.into());
+        let vertices = (mesh.vertices.par_iter())
+            .map(|v| walls.wetted(Vec3::from(<[f32; 3]>::from(*v)).as_dvec3()));
+        let triangles = mesh.triangles.iter().map(|t| t.map(|i| i as u32));
+        Self::new(vertices.collect(), triangles.collect())
+    }
+
+    /// Corner positions, m.
+    pub fn vertices(&self) -> &[DVec3] {
+        &self.vertices
+    }
+
+    /// Unit normals of the vertices; 0 where triangles cancel.
+    pub fn normals(&self) -> &[DVec3] {
+        &self.normals
+    }
+
+    /// Vertices of each triangle, counterclockwise seen from outside.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The nearest triangle ahead that faces the way asked for: its place in the order of leaves,
+    /// distance, and weights of its corners.
+    fn nearest(&self, ray: &Ray, inside: bool) -> Option<(usize, f64, DVec3)> {
+        let nodes = &self.bvh.nodes;
+        let inverse = ray.direction.recip();
+        // Rounded through the opposite side of an edge, a ray leaves at once.
+        let least = if inside { -self.slack } else { 0.0 };
+        let span = |node: usize, until: f64| {
+            let aabb = nodes[node].aabb();
+            let a = (Vec3::from(aabb.min).as_dvec3() - ray.origin) * inverse;
+            let b = (Vec3::from(aabb.max).as_dvec3() - ray.origin) * inverse;
+            let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+            (enter <= leave && leave >= least && enter < until).then_some(enter)
+        };
+        let shear = Shear::new(ray.direction);
+        let mut best = None;
+        let mut until = f64::INFINITY;
+        let mut stack = Vec::with_capacity(64);
+        if !nodes.is_empty() {
+            stack.extend(span(0, until).map(|enter| (0, enter)));
+        }
+        while let Some((node, enter)) = stack.pop() {
+            if enter >= until {
+                continue;
+            }
+            let node = &nodes[node];
+            let first = node.first_index as usize;
+            if node.is_leaf() {
+                for i in first..first + node.prim_count as usize {
+                    let Some((t, weights)) = shear.hit(ray.origin, &self.corners[i], inside) else {
+                        continue;
+                    };
+                    if t >= least && t < until {
+                        until = t;
+                        best = Some((i, t.max(0.0), weights));
+                    }
+                }
+                continue;
+            }
+            match (span(first, until), span(first + 1, until)) {
+                (Some(a), Some(b)) if a <= b => stack.extend([(first + 1, b), (first, a)]),
+                (Some(a), Some(b)) => stack.extend([(first, a), (first + 1, b)]),
+                (Some(a), None) => stack.push((first, a)),
+                (None, Some(b)) => stack.push((first + 1, b)),
+                (None, None) => {}
+            }
+        }
+        best
+    }
+}
+
+impl Liquid for Mesh {
+    fn crossing(&self, ray: &Ray, inside: bool) -> Option<Crossing> {
+        let (place, t, weights) = self.nearest(ray, inside)?;
+        let [a, b, c] = self.corners[place];
+        let normal = (b - a).cross(c - a).normalize_or(-ray.direction);
+        let triangle = self.triangles[self.bvh.primitive_indices[place] as usize];
+        let [na, nb, nc] = triangle.map(|i| self.normals[i as usize]);
+        let shading = (weights.x * na + weights.y * nb + weights.z * nc).normalize_or(normal);
+        Some(Crossing { t, normal, shading })
+    }
+
+    fn contains(&self, point: DVec3) -> bool {
+        // Along no axis, edge or diagonal that a model is likely to have.
+        let ray = Ray { origin: point, direction: DVec3::new(0.3714, 0.8307, 0.4146).normalize() };
+        let leaves = self.nearest(&ray, true).map(|hit| hit.1);
+        let enters = self.nearest(&ray, false).map(|hit| hit.1);
+        leaves.is_some_and(|leaves| enters.is_none_or(|enters| leaves < enters))
+    }
+}
+
+/// A ray's direction as a permutation and a shear that make it the z axis (Woop, Benthin and Wald,
+/// Watertight ray/triangle intersection, 2013): two triangles that share an edge see a ray on
+/// opposite sides of it by the same rounded number, so none slips through between them.
+struct Shear {
+    axes: [usize; 3],
+    factors: DVec3,
+}
+
+impl Shear {
+    fn new(d: DVec3) -> Self {
+        let z = d.abs().max_position();
+        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
+        // Mirrored, triangles would turn round.
+        let (x, y) = if d[z] < 0.0 { (y, x) } else { (x, y) };
+        Self { axes: [x, y, z], factors: DVec3::new(d[x], d[y], 1.0) / d[z] }
+    }
+
+    /// Distance to a triangle seen from its back (`inside`) or its front, and the weights of its
+    /// corners there.
+    fn hit(&self, origin: DVec3, corners: &[DVec3; 3], inside: bool) -> Option<(f64, DVec3)> {
+        let [x, y, z] = self.axes;
+        let [a, b, c] = corners.map(|corner| {
+            let v = (corner - origin).to_array();
+            let height = self.factors.z * v[z];
+            DVec3::new(v[x] - self.factors.x * v[z], v[y] - self.factors.y * v[z], height)
+        });
+        let weights =
+            DVec3::new(c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x);
+        let facing = if inside { -weights } else { weights };
+        let sum = weights.element_sum();
+        if facing.min_element() < 0.0 || sum == 0.0 {
+            return None;
+        }
+        let weights = weights / sum;
+        Some((weights.dot(DVec3::new(a.z, b.z, c.z)), weights))
+    }
+}
+
+/// How much each vertex is smoothed, 0 to 1, by the number of neighbours of the particles about it.
+fn smoothing_weights(
+    positions: &[Vector3<f32>],
+    densities: &[f32],
+    vertices: &[Vector3<f32>],
+    parameters: &Parameters<f32>,
+) -> Vec<f32> {
+    let reach = parameters.compact_support_radius;
+    let mut domain = Aabb3d::from_points(positions);
+    domain.grow_uniformly(reach);
+    let mut neighbours = Vec::new();
+    neighborhood_search_spatial_hashing_parallel::<i64, f32>(
+        &domain,
+        positions,
+        reach,
+        &mut neighbours,
+    );
+    // The near count more than those at the edge of reach.
+    let counts: Vec<f32> = (positions.iter().zip(&neighbours))
+        .map(|(x, neighbours)| {
+            let weight = |&j: &usize| {
+                1.0 - ((x - positions[j]).norm_squared() / (reach * reach)).clamp(0.0, 1.0)
+            };
+            neighbours.iter().map(weight).sum()
+        })
+        .collect();
+
+    let volume = 4.0 / 3.0 * std::f32::consts::PI * parameters.particle_radius.powi(3);
+    let mass = volume * parameters.rest_density;
+    let interpolator = SphInterpolator::new(positions, densities, mass, reach);
+    let mut weights = interpolator.interpolate_scalar_quantity(&counts, vertices, true);
+    for weight in &mut weights {
+        // Perlin's smooth step; 0/0 at a vertex far from all particles counts as none.
+        let x = if weight.is_nan() { 0.0 } else { (*weight / FULL_NEIGHBOURS).clamp(0.0, 1.0) };
+        *weight = x * x * x * (x * (6.0 * x - 15.0) + 10.0);
+    }
+    weights
+}

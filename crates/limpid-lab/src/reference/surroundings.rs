@@ -1,0 +1,389 @@
+//! What surrounds the liquid, in f64: the scene's solids, lights and environment.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec2, DVec3, Vec3Swizzles as _};
+
+use super::{Ray, wide};
+use limpid::environment::Environment;
+use limpid::scene::{Light, Scene, Shape, Surface};
+
+/// Everything opaque, and what is seen where there is nothing.
+#[derive(Debug, Clone)]
+pub struct Surroundings {
+    solids: Vec<Solid>,
+    lights: Vec<Lamp>,
+    environment: Environment,
+    /// Mean radiance of the environment: it lights lit solids evenly.
+    ambient: DVec3,
+}
+
+/// Where a ray meets a solid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolidHit {
+    /// Distance along the ray, m.
+    pub t: f64,
+    /// The point.
+    pub point: DVec3,
+    /// The unit normal there: out of a box or sphere, a plane's own.
+    pub normal: DVec3,
+    /// Number of the solid in the scene, from 0.
+    pub solid: usize,
+}
+
+/// A light as it arrives at a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Direct {
+    /// Unit direction to the light.
+    pub towards: DVec3,
+    /// Its distance, m; infinite for a sun.
+    pub distance: f64,
+    /// Irradiance on the surface, W/m²: the cosine is in it.
+    pub irradiance: DVec3,
+}
+
+/// A part of a solid's surface that is seen whole from one direction: a side of a plane or of a box, or
+/// the sixth of a sphere around an axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Side {
+    pub(super) solid: usize,
+    /// Unit vector out of it.
+    pub(super) axis: DVec3,
+    /// Centre and radius, m, of a sphere.
+    pub(super) round: Option<(DVec3, f64)>,
+}
+
+impl Side {
+    /// Whether the point of a solid with this unit normal is of this face.
+    pub(super) fn takes(&self, solid: usize, normal: DVec3) -> bool {
+        let towards = match self.round {
+            Some(_) => dominant(normal) == self.axis,
+            None => normal.dot(self.axis) > 0.9,
+        };
+        self.solid == solid && towards
+    }
+}
+
+/// The axis, with its sign, that is nearest to a direction.
+fn dominant(direction: DVec3) -> DVec3 {
+    let axis = direction.abs().max_position();
+    DVec3::AXES[axis] * direction[axis].signum()
+}
+
+/// How far off a surface shadow rays start, m and relative.
+const SHADOW: f64 = 1e-9;
+
+#[derive(Debug, Clone, Copy)]
+struct Solid {
+    form: Form,
+    surface: Surface,
+    lit: bool,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Form {
+    Plane { origin: DVec3, normal: DVec3, half_extent: f64 },
+    Box { min: DVec3, max: DVec3 },
+    Sphere { center: DVec3, radius: f64 },
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Lamp {
+    /// Unit direction towards it, and irradiance on what faces it.
+    Sun {
+        towards: DVec3,
+        irradiance: DVec3,
+    },
+    Point {
+        position: DVec3,
+        intensity: DVec3,
+    },
+}
+
+impl Surroundings {
+    /// The solids, lights and environment of a scene.
+    pub fn new(scene: &Scene) -> Self {
+        let solids = scene.solids.iter().map(|solid| Solid {
+            form: Form::new(&solid.shape),
+            surface: solid.surface,
+            lit: solid.lit,
+        });
+        let lights = scene.lights.iter().map(|light| match *light {
+            Light::Sun { direction, irradiance } => {
+                Lamp::Sun { towards: -wide(direction).normalize(), irradiance: wide(irradiance) }
+            }
+            Light::Point { position, intensity } => {
+                Lamp::Point { position: wide(position), intensity: wide(intensity) }
+            }
+        });
+        Self {
+            solids: solids.collect(),
+            lights: lights.collect(),
+            environment: scene.environment.clone(),
+            ambient: wide(scene.environment.mean()),
+        }
+    }
+
+    /// The nearest solid ahead.
+    pub fn hit(&self, ray: &Ray) -> Option<SolidHit> {
+        let hits = self.solids.iter().enumerate().filter_map(|(solid, s)| {
+            let t = s.form.distance(ray)?;
+            Some((t, solid))
+        });
+        let (t, solid) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let point = ray.at(t);
+        Some(SolidHit { t, point, normal: self.solids[solid].form.normal(point), solid })
+    }
+
+    /// Where a ray meets one of the solids, whatever else is in its way.
+    pub(super) fn hit_alone(&self, solid: usize, ray: &Ray) -> Option<SolidHit> {
+        let form = &self.solids[solid].form;
+        let t = form.distance(ray)?;
+        let point = ray.at(t);
+        Some(SolidHit { t, point, normal: form.normal(point), solid })
+    }
+
+    /// Whether what is just above a point of a surface lies within a solid.
+    pub(super) fn covers(&self, point: DVec3, normal: DVec3) -> bool {
+        let above = point + SHADOW * (1.0 + point.abs().max_element()) * normal;
+        self.solids.iter().any(|solid| solid.form.contains(above))
+    }
+
+    /// The side of a solid that has this normal.
+    pub(super) fn side(&self, solid: usize, normal: DVec3) -> Side {
+        match self.solids[solid].form {
+            Form::Sphere { center, radius } => {
+                Side { solid, axis: dominant(normal), round: Some((center, radius)) }
+            }
+            _ => Side { solid, axis: normal, round: None },
+        }
+    }
+
+    /// Radiance seen along a ray in the absence of liquid.
+    pub fn radiance(&self, ray: &Ray) -> DVec3 {
+        match self.hit(ray) {
+            Some(hit) => self.solid_radiance(&hit, ray.direction, DVec3::ONE, |_, direct| {
+                direct.map_or(DVec3::ZERO, |direct| direct.irradiance)
+            }),
+            None => self.environment(ray.direction),
+        }
+    }
+
+    /// Whether a solid reflects light, or shows its colour whatever falls on it.
+    pub(super) fn is_lit(&self, solid: usize) -> bool {
+        self.solids[solid].lit
+    }
+
+    /// Radiance that a solid sends against `direction`: its colour, or Lambert's reflection of the
+    /// lights that it is not in the shadow of and of the environment's mean.
+    ///
+    /// `ambient` is the share of that mean which reaches it: 1 in the absence of liquid.
+    /// `arriving` turns what a light, by its number, would send in the absence of liquid, `None` in
+    /// its shadow, into the irradiance on the surface, W/m².
+    pub fn solid_radiance(
+        &self,
+        hit: &SolidHit,
+        direction: DVec3,
+        ambient: DVec3,
+        arriving: impl Fn(usize, Option<&Direct>) -> DVec3,
+    ) -> DVec3 {
+        let solid = &self.solids[hit.solid];
+        let color = solid.color(hit.point, hit.normal);
+        if !solid.lit {
+            return color;
+        }
+        let normal = hit.facing(direction);
+        let irradiance: DVec3 = (0..self.lights.len())
+            .map(|light| arriving(light, self.direct(light, hit.point, normal).as_ref()))
+            .sum();
+        color * (ambient * self.ambient + irradiance / PI)
+    }
+
+    /// What a light sends straight to a point of a solid whose normal, towards the lit side, is
+    /// given; `None` where that faces away from it or another solid is in the way.
+    pub fn direct(&self, light: usize, point: DVec3, normal: DVec3) -> Option<Direct> {
+        let direct = self.lights[light].direct(point, normal)?;
+        // Off the surface by more than rounding, so that a solid is not its own shadow.
+        let origin = point + SHADOW * (1.0 + point.abs().max_element()) * normal;
+        let blocker = self.hit(&Ray { origin, direction: direct.towards });
+        blocker.is_none_or(|hit| hit.t >= direct.distance).then_some(direct)
+    }
+
+    /// Radiance from infinitely far, seen along `direction`.
+    pub fn environment(&self, direction: DVec3) -> DVec3 {
+        match &self.environment {
+            Environment::Constant(radiance) => wide(*radiance),
+            Environment::Gradient { zenith, horizon, nadir } => {
+                let end = if direction.y > 0.0 { zenith } else { nadir };
+                wide(*horizon).lerp(wide(*end), direction.y.abs())
+            }
+            Environment::Map { size, pixels } => {
+                let longitude = direction.x.atan2(-direction.z) / TAU + 0.5;
+                let latitude = direction.y.clamp(-1.0, 1.0).acos() / PI;
+                // Texel centres are at half numbers; columns go round, rows end at the poles.
+                let (width, height) = (i64::from(size.x), i64::from(size.y));
+                let at = DVec2::new(longitude, latitude) * size.as_dvec2() - 0.5;
+                let (corner, f) = (at.floor(), at - at.floor());
+                let texel = |dx: i64, dy: i64| {
+                    let x = (corner.x as i64 + dx).rem_euclid(width);
+                    let y = (corner.y as i64 + dy).clamp(0, height - 1);
+                    let [r, g, b, _] = pixels[(y * width + x) as usize];
+                    wide([r, g, b].map(f64::from))
+                };
+                let top = texel(0, 0).lerp(texel(1, 0), f.x);
+                let low = texel(0, 1).lerp(texel(1, 1), f.x);
+                top.lerp(low, f.y)
+            }
+        }
+    }
+}
+
+impl Form {
+    fn new(shape: &Shape) -> Self {
+        let real = |x: f32| f64::from(x);
+        match *shape {
+            Shape::Plane { origin, normal, half_extent } => Self::Plane {
+                origin: wide(origin),
+                normal: wide(normal).normalize(),
+                half_extent: real(half_extent),
+            },
+            Shape::Box { min, max } => Self::Box { min: wide(min), max: wide(max) },
+            Shape::Sphere { center, radius } => {
+                Self::Sphere { center: wide(center), radius: real(radius) }
+            }
+        }
+    }
+
+    /// Distance along the ray to the nearest point ahead.
+    fn distance(&self, ray: &Ray) -> Option<f64> {
+        match *self {
+            Self::Plane { origin, normal, half_extent } => {
+                let t = (origin - ray.origin).dot(normal) / ray.direction.dot(normal);
+                // A ray along the plane gives an infinite or undefined distance.
+                let ahead = t > 0.0 && t.is_finite();
+                let beside = || in_plane(normal, ray.at(t) - origin).abs().max_element();
+                (ahead && beside() <= half_extent).then_some(t)
+            }
+            Self::Box { min, max } => {
+                let ((near, _), (far, _)) = box_span(ray, min, max)?;
+                let t = if near > 0.0 { near } else { far };
+                (t > 0.0).then_some(t)
+            }
+            Self::Sphere { center, radius } => {
+                let (near, far) = sphere_span(ray.origin - center, ray.direction, radius)?;
+                let t = if near > 0.0 { near } else { far };
+                (t > 0.0).then_some(t)
+            }
+        }
+    }
+
+    fn contains(&self, point: DVec3) -> bool {
+        match *self {
+            Self::Plane { .. } => false,
+            Self::Box { min, max } => point.cmpgt(min).all() && point.cmplt(max).all(),
+            Self::Sphere { center, radius } => point.distance(center) < radius,
+        }
+    }
+
+    fn normal(&self, point: DVec3) -> DVec3 {
+        match *self {
+            Self::Plane { normal, .. } => normal,
+            Self::Box { min, max } => {
+                let offset = point - 0.5 * (min + max);
+                let face = offset.abs() - 0.5 * (max - min);
+                let axis = face.max_position();
+                DVec3::AXES[axis] * offset[axis].signum()
+            }
+            Self::Sphere { center, .. } => (point - center).normalize_or(DVec3::Y),
+        }
+    }
+}
+
+impl Solid {
+    fn color(&self, point: DVec3, normal: DVec3) -> DVec3 {
+        match self.surface {
+            Surface::Color(color) => wide(color),
+            Surface::Checker { tile, even, odd } => {
+                // Tiles are cubes on a sphere, squares on the rest, counted from the origin.
+                let tile = f64::from(tile);
+                let parity = match self.form {
+                    Form::Sphere { .. } => (point / tile).floor().element_sum(),
+                    _ => (in_plane(normal, point) / tile).floor().element_sum(),
+                };
+                wide(if parity.rem_euclid(2.0) < 0.5 { even } else { odd })
+            }
+        }
+    }
+}
+
+impl SolidHit {
+    /// The normal against a ray's direction: both sides of a plane are seen and lit.
+    pub fn facing(&self, direction: DVec3) -> DVec3 {
+        if direction.dot(self.normal) > 0.0 { -self.normal } else { self.normal }
+    }
+}
+
+impl Lamp {
+    fn direct(&self, point: DVec3, normal: DVec3) -> Option<Direct> {
+        let (towards, distance, power) = match *self {
+            Self::Sun { towards, irradiance } => (towards, f64::INFINITY, irradiance),
+            Self::Point { position, intensity } => {
+                let distance2 = position.distance_squared(point).max(1e-12);
+                let towards = (position - point).normalize_or_zero();
+                (towards, distance2.sqrt(), intensity / distance2)
+            }
+        };
+        let cos = normal.dot(towards);
+        (cos > 0.0).then_some(Direct { towards, distance, irradiance: cos * power })
+    }
+}
+
+/// Coordinates along the two axes most in a plane: x and z if it is horizontal.
+pub(super) fn in_plane(normal: DVec3, x: DVec3) -> DVec2 {
+    let a = normal.abs();
+    if a.y >= a.x.max(a.z) {
+        x.xz()
+    } else if a.x >= a.z {
+        x.zy()
+    } else {
+        x.xy()
+    }
+}
+
+/// A place along a ray and the unit normal of the face that is crossed there.
+pub(super) type Face = (f64, DVec3);
+
+/// Where the line of a ray enters an axis-aligned box and where it leaves it.
+pub(super) fn box_span(ray: &Ray, min: DVec3, max: DVec3) -> Option<(Face, Face)> {
+    let mut near = (f64::NEG_INFINITY, DVec3::ZERO);
+    let mut far = (f64::INFINITY, DVec3::ZERO);
+    for (axis, normal) in DVec3::AXES.into_iter().enumerate() {
+        let (o, d) = (ray.origin[axis], ray.direction[axis]);
+        if d == 0.0 {
+            if o < min[axis] || o > max[axis] {
+                return None;
+            }
+            continue;
+        }
+        let (first, last) = if d > 0.0 { (min[axis], max[axis]) } else { (max[axis], min[axis]) };
+        let (enter, leave) = ((first - o) / d, (last - o) / d);
+        if enter > near.0 {
+            near = (enter, -d.signum() * normal);
+        }
+        if leave < far.0 {
+            far = (leave, d.signum() * normal);
+        }
+    }
+    (near.0 <= far.0).then_some((near, far))
+}
+
+/// Where the line o + t d enters a sphere around the origin and where it leaves it; `d` may have
+/// any length.
+pub(super) fn sphere_span(o: DVec3, d: DVec3, radius: f64) -> Option<(f64, f64)> {
+    // From the point nearest to the centre: squares of great distances would lose the sphere.
+    let d2 = d.length_squared();
+    let middle = -o.dot(d) / d2;
+    let miss = (o + middle * d).length();
+    let half2 = (radius - miss) * (radius + miss) / d2;
+    (half2 >= 0.0).then(|| (middle - half2.sqrt(), middle + half2.sqrt()))
+}

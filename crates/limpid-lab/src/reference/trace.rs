@@ -1,0 +1,437 @@
+//! Light followed through a liquid and its surroundings, both ways at every interface.
+
+use std::f64::consts::TAU;
+
+use glam::{DMat3, DVec2, DVec3, UVec2};
+use image::{Rgb, RgbImage};
+use rayon::prelude::*;
+
+use super::caustics::{CausticMap, Spot};
+use super::optics::{Interface, fresnel, transmittance};
+use super::surroundings::{Direct, SolidHit, Surroundings};
+use super::{Crossing, Liquid, Ray, wide};
+use limpid::camera::Camera;
+use limpid::passes::tonemap::srgb_byte;
+use limpid::scene::Scene;
+
+/// Interfaces on one path that are enough for pictures.
+pub const MAX_DEPTH: u32 = 24;
+
+/// A path splits in two only while it carries more than this share of a sample's light; then it
+/// takes the brighter branch with all of the light.
+const SPLIT: f64 = 1e-3;
+
+/// A solid this little behind a surface, m and relative, is wet: coordinates of scenes and meshes
+/// that should be equal may be rounded to 32 bits.
+pub(super) const TOUCH: f64 = 1e-6;
+
+/// How far from one crossing the next is looked for in [`first_last`], m and relative.
+const ONWARD: f64 = 1e-9;
+
+/// A picture in linear radiance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    /// Width and height, pixels.
+    pub size: UVec2,
+    /// Linear RGB, row by row from the top left.
+    pub pixels: Vec<DVec3>,
+}
+
+impl Image {
+    /// The picture in 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
+    pub fn to_srgb(&self) -> RgbImage {
+        RgbImage::from_fn(self.size.x, self.size.y, |x, y| {
+            let pixel = self.pixels[y as usize * self.size.x as usize + x as usize];
+            Rgb(pixel.to_array().map(srgb_byte))
+        })
+    }
+}
+
+/// A camera's rays in f64.
+#[derive(Debug, Clone, Copy)]
+struct View {
+    eye: DVec3,
+    /// Columns are the axes of view space: right, up, back.
+    world_from_view: DMat3,
+    /// Tangents of half the field of view, horizontal and vertical.
+    tangent: DVec2,
+    size: DVec2,
+}
+
+impl View {
+    fn new(camera: &Camera, size: UVec2) -> Self {
+        let (eye, target) = (wide(camera.eye), wide(camera.target));
+        let back = (eye - target).normalize();
+        let right = wide(camera.up).cross(back).normalize();
+        let size = size.as_dvec2();
+        let tangent_y = (0.5 * f64::from(camera.fov_y).to_radians()).tan();
+        Self {
+            eye,
+            world_from_view: DMat3::from_cols(right, back.cross(right), back),
+            tangent: DVec2::new(tangent_y * size.x / size.y, tangent_y),
+            size,
+        }
+    }
+
+    /// The ray through a point of the picture, in pixels from the top left corner.
+    fn ray(&self, u: DVec2) -> Ray {
+        let ndc = DVec2::new(2.0, -2.0) * u / self.size + DVec2::new(-1.0, 1.0);
+        let direction = self.world_from_view * (ndc * self.tangent).extend(-1.0);
+        Ray { origin: self.eye, direction: direction.normalize() }
+    }
+}
+
+/// Interfaces between a solid and a light that are counted.
+const MAX_STRAIGHT: u32 = 64;
+
+/// Rays to the sky, for even light in the liquid, by all samples of a pixel.
+const SKY_RAYS: u32 = 384;
+
+/// The picture of a liquid in a scene, with `samples` rays through each pixel of `size` and at most
+/// `max_depth` interfaces on a path (see [`MAX_DEPTH`]).
+///
+/// Absorption, Fresnel's reflectance and, where the scene's settings ask for it, the scaling of
+/// radiance by the squared index are exact; a solid ends a path. Nothing is random.
+///
+/// Lights come straight through the liquid, less what its interfaces reflect and what it absorbs;
+/// [`trace_lit`] has them refracted. The even light of the environment comes refracted in both.
+pub fn trace(
+    liquid: &(impl Liquid + ?Sized),
+    scene: &Scene,
+    camera: &Camera,
+    size: UVec2,
+    samples: u32,
+    max_depth: u32,
+) -> Image {
+    trace_lit(liquid, scene, camera, size, samples, max_depth, &[])
+}
+
+/// [`trace`] with the light that passes through liquid from caustic maps, one or more of each light
+/// of the scene in their order, as [`super::caustics::on_solids`] makes them; a light without any comes
+/// straight through. Shadows of solids are exact.
+pub fn trace_lit(
+    liquid: &(impl Liquid + ?Sized),
+    scene: &Scene,
+    camera: &Camera,
+    size: UVec2,
+    samples: u32,
+    max_depth: u32,
+    maps: &[Option<Vec<CausticMap>>],
+) -> Image {
+    let view = View::new(camera, size);
+    let tracer = Tracer {
+        liquid,
+        surroundings: Surroundings::new(scene),
+        ior: f64::from(scene.liquid.ior),
+        absorption: wide(scene.liquid.absorption),
+        radiance_scaling: scene.settings.refract.radiance_scaling,
+        max_depth,
+        maps,
+        sky_rays: (SKY_RAYS / samples.max(1)).clamp(6, 48),
+    };
+    let inside = liquid.contains(view.eye);
+    let offsets = sample_offsets(samples.max(1));
+    let mut pixels = vec![DVec3::ZERO; size.x as usize * size.y as usize];
+    pixels.par_chunks_mut(size.x.max(1) as usize).enumerate().for_each(|(y, row)| {
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let corner = DVec2::new(x as f64, y as f64);
+            let sum: DVec3 = (offsets.iter())
+                .map(|&offset| tracer.radiance(view.ray(corner + offset), inside, DVec3::ONE, 0))
+                .sum();
+            *pixel = sum / offsets.len() as f64;
+        }
+    });
+    Image { size, pixels }
+}
+
+/// Points of a pixel, stratified: Hammersley's, each in a row and a column of its own.
+fn sample_offsets(count: u32) -> Vec<DVec2> {
+    let n = f64::from(count);
+    // Reversed binary digits (van der Corput 1935), moved so that their mean is the centre.
+    let reversed = |i: u32| f64::from(i.reverse_bits()) / 2f64.powi(32);
+    let mean = (0..count).map(reversed).sum::<f64>() / n;
+    let point = |i| DVec2::new((f64::from(i) + 0.5) / n, reversed(i) + 0.5 - mean);
+    (0..count).map(point).collect()
+}
+
+/// A number from 0 to 1 that is another one for each point (`SplitMix64`, S. Vigna 2015).
+fn scattered(point: DVec3) -> f64 {
+    let mix = |seed: u64, x: f64| {
+        let z = (seed ^ x.to_bits()).wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    };
+    let bits = point.to_array().into_iter().fold(0, mix);
+    (bits >> 11) as f64 / (1u64 << 53) as f64
+}
+
+struct Tracer<'a, L: ?Sized> {
+    liquid: &'a L,
+    surroundings: Surroundings,
+    ior: f64,
+    /// 1/m.
+    absorption: DVec3,
+    radiance_scaling: bool,
+    max_depth: u32,
+    maps: &'a [Option<Vec<CausticMap>>],
+    /// Rays to the sky from a wet solid that a whole sample sees.
+    sky_rays: u32,
+}
+
+impl<L: Liquid + ?Sized> Tracer<'_, L> {
+    /// Radiance seen along a ray that starts in the liquid or outside; `weight` is the share that
+    /// the sample gets of it, `depth` the interfaces so far.
+    fn radiance(&self, ray: Ray, inside: bool, weight: DVec3, depth: u32) -> DVec3 {
+        let within = |length: f64| {
+            if inside { transmittance(self.absorption, length) } else { DVec3::ONE }
+        };
+        let crossing = self.liquid.crossing(&ray, inside);
+        if let Some(hit) = self.surroundings.hit(&ray) {
+            let first = |c: &Crossing| hit.t <= c.t + TOUCH * (1.0 + c.t);
+            if crossing.as_ref().is_none_or(first) {
+                let arriving = |light: usize, direct: Option<&Direct>| {
+                    self.arriving(light, direct, &hit, ray.direction, inside)
+                };
+                let ambient = self.ambient(&hit, ray.direction, inside, weight);
+                let radiance =
+                    self.surroundings.solid_radiance(&hit, ray.direction, ambient, arriving);
+                return within(hit.t) * radiance;
+            }
+        }
+        // Liquid without end, or a path as long as is allowed: as if it left here, straight on, so
+        // that no light is lost.
+        let Some(crossing) = crossing.filter(|_| depth < self.max_depth) else {
+            let scale = if inside { self.scale(1.0 / self.ior) } else { 1.0 };
+            return scale * self.surroundings.radiance(&ray);
+        };
+
+        let eta = if inside { 1.0 / self.ior } else { self.ior };
+        let interface = interface(&ray, &crossing, inside, eta);
+        let origin = ray.at(crossing.t);
+        let passed = within(crossing.t);
+        let weight = weight * passed;
+        let reflected = |weight: DVec3| {
+            let ray = Ray { origin, direction: interface.reflected };
+            self.radiance(ray, inside, weight, depth + 1)
+        };
+        let Some(direction) = interface.refracted else { return passed * reflected(weight) };
+        let refracted = |weight: DVec3| {
+            let ray = Ray { origin, direction };
+            self.scale(eta) * self.radiance(ray, !inside, weight, depth + 1)
+        };
+
+        let reflectance = interface.reflectance;
+        let lesser = reflectance.min(1.0 - reflectance);
+        passed
+            * if weight.max_element() * lesser >= SPLIT {
+                reflectance * reflected(reflectance * weight)
+                    + (1.0 - reflectance) * refracted((1.0 - reflectance) * weight)
+            } else if reflectance > 0.5 {
+                reflected(weight)
+            } else {
+                refracted(weight)
+            }
+    }
+
+    /// The share of the even light of the environment that reaches a solid which is seen along
+    /// `direction`. In the air all of it does, whichever way the solid faces and whatever stands
+    /// around it. So in the liquid: the share is that of light which falls on a level patch there, by
+    /// rays through the liquid's true surface, for which solids are mirrors, so that they neither take
+    /// light away nor add any. What a surface throws back into the liquid is lost.
+    fn ambient(&self, hit: &SolidHit, direction: DVec3, inside: bool, weight: DVec3) -> DVec3 {
+        if !inside || !self.surroundings.is_lit(hit.solid) {
+            return DVec3::ONE;
+        }
+        // Squares of the sine to the vertical in the liquid, and their shares of a cosine's weight.
+        let edge = (1.0 / (self.ior * self.ior)).min(1.0);
+        // In the cone to which a level surface refracts the whole sky; a third as many beyond it, which
+        // come through waves alone.
+        let many = (f64::from(self.sky_rays) * weight.max_element()).ceil().max(3.0);
+        let cone = (0..many as u32).map(|i| {
+            // Even steps of the cosine in the air: grazing light is reflected most.
+            let cos = (f64::from(i) + 0.5) / many;
+            (edge * (1.0 - cos * cos), edge * 2.0 * cos / many)
+        });
+        let few = (many / 3.0).ceil();
+        let beyond = (0..few as u32).map(|i| {
+            let width = (1.0 - edge) / few;
+            (edge + (f64::from(i) + 0.5) * width, width)
+        });
+        // From another azimuth at each point, so that waves show no pattern of the rays.
+        let turn = scattered(hit.point);
+        let rays = cone.chain(beyond).enumerate().map(|(i, (sin2, share))| {
+            // By the golden angle: no two have the same azimuth.
+            let (sin, cos) = (TAU * (turn + 0.618_033_988_749_895 * i as f64)).sin_cos();
+            let up = DVec3::new(sin2.sqrt() * cos, (1.0 - sin2).sqrt(), sin2.sqrt() * sin);
+            share * self.sky_share(Ray { origin: hit.point, direction: up }, hit.facing(direction))
+        });
+        self.ior * self.ior * rays.sum::<DVec3>()
+    }
+
+    /// The share of even light that comes down a ray from the sky to a solid of this normal, in the
+    /// liquid; not scaled by the index.
+    fn sky_share(&self, mut ray: Ray, normal: DVec3) -> DVec3 {
+        /// Mirrors and interfaces on the way.
+        const MOST: u32 = 16;
+        let mirrored = |ray: Ray, point: DVec3, normal: DVec3| {
+            let along = ray.direction.dot(normal);
+            let direction = ray.direction - 2.0 * along.min(0.0) * normal;
+            // Off the surface by more than rounding.
+            Ray { origin: point + TOUCH * (1.0 + point.abs().max_element()) * normal, direction }
+        };
+        ray = mirrored(ray, ray.origin, normal);
+        let mut left = DVec3::ONE;
+        let mut inside = true;
+        for _ in 0..MOST {
+            let crossing = self.liquid.crossing(&ray, inside);
+            let solid = self.surroundings.hit(&ray).filter(|_| inside);
+            let first = |hit: &SolidHit| {
+                crossing.as_ref().is_none_or(|c| hit.t <= c.t + TOUCH * (1.0 + c.t))
+            };
+            if let Some(hit) = solid.filter(first) {
+                left *= transmittance(self.absorption, hit.t);
+                ray = mirrored(ray, hit.point, hit.facing(ray.direction));
+                continue;
+            }
+            // Liquid without end is taken for none, as in `radiance`.
+            let Some(crossing) = crossing else { return left };
+            let eta = if inside { 1.0 / self.ior } else { self.ior };
+            let interface = interface(&ray, &crossing, inside, eta);
+            let Some(direction) = interface.refracted else { return DVec3::ZERO };
+            let absorption = if inside { self.absorption } else { DVec3::ZERO };
+            left *= (1.0 - interface.reflectance) * transmittance(absorption, crossing.t);
+            ray = Ray { origin: ray.at(crossing.t), direction };
+            inside = !inside;
+        }
+        DVec3::ZERO
+    }
+
+    /// Irradiance by a light on a solid that is seen along `direction`, in the liquid or outside.
+    fn arriving(
+        &self,
+        light: usize,
+        direct: Option<&Direct>,
+        hit: &SolidHit,
+        direction: DVec3,
+        inside: bool,
+    ) -> DVec3 {
+        let along = |direct: &Direct| Ray { origin: hit.point, direction: direct.towards };
+        let Some(maps) = self.maps.get(light).and_then(Option::as_ref) else {
+            return direct.map_or(DVec3::ZERO, |direct| {
+                direct.irradiance * self.straight(&along(direct), direct.distance, inside)
+            });
+        };
+        let normal = hit.facing(direction);
+        let spot = Spot { solid: hit.solid, point: hit.point, normal };
+        let map = maps.iter().find(|map| map.takes(&spot));
+        let caustic = map.map_or(DVec3::ZERO, |map| map.at(&spot));
+        let Some(direct) = direct.filter(|_| !inside) else { return caustic };
+        let in_the_way = |c: Crossing| c.t < direct.distance;
+        if self.liquid.crossing(&along(direct), false).is_some_and(in_the_way) {
+            return caustic;
+        }
+        direct.irradiance + caustic
+    }
+
+    /// The share of light that comes along a ray against its direction, from a distance, unbent.
+    /// Each interface reflects as it would from outside.
+    fn straight(&self, ray: &Ray, distance: f64, mut inside: bool) -> DVec3 {
+        let mut left = DVec3::ONE;
+        let mut ray = *ray;
+        let mut distance = distance;
+        for _ in 0..MAX_STRAIGHT {
+            let crossing = self.liquid.crossing(&ray, inside).filter(|c| c.t < distance);
+            let length = crossing.map_or(distance, |c| c.t);
+            // Liquid without end is taken for none, as in `radiance`.
+            if inside && length.is_finite() {
+                left *= transmittance(self.absorption, length);
+            }
+            let Some(crossing) = crossing else { break };
+            left *= 1.0 - fresnel(ray.direction.dot(crossing.shading).abs(), self.ior);
+            ray.origin = ray.at(crossing.t);
+            distance -= crossing.t;
+            inside = !inside;
+        }
+        left
+    }
+
+    /// What radiance from behind an interface is multiplied by: L/n² is what stays the same.
+    fn scale(&self, eta: f64) -> f64 {
+        if self.radiance_scaling { 1.0 / (eta * eta) } else { 1.0 }
+    }
+}
+
+/// What a surface makes of a ray. Interpolated normals serve unless they would send light through
+/// the wrong side of the triangle; then the triangle's own do.
+pub(super) fn interface(ray: &Ray, crossing: &Crossing, inside: bool, eta: f64) -> Interface {
+    let facing = |n: DVec3| if inside { -n } else { n };
+    let normal = facing(crossing.normal);
+    let shading = facing(crossing.shading);
+    let smooth = Interface::new(ray.direction, shading, eta);
+    let consistent = ray.direction.dot(shading) < 0.0
+        && smooth.reflected.dot(normal) > 0.0
+        && smooth.refracted.is_none_or(|direction| direction.dot(normal) < 0.0);
+    if consistent { smooth } else { Interface::new(ray.direction, normal, eta) }
+}
+
+/// A surface as a camera sees it, through the centres of pixels, row by row from the top left.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layer {
+    /// Depth, m: the negative z of view space; 0 where there is none.
+    pub depths: Vec<f64>,
+    /// Unit normals out of the liquid, in view space; 0 where there are none.
+    pub normals: Vec<DVec3>,
+}
+
+/// The first surface at which straight rays from a camera enter a liquid, and the last at which
+/// they leave it; solids do not hide them.
+pub fn first_last(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: UVec2) -> [Layer; 2] {
+    let view = View::new(camera, size);
+    let view_from_world = view.world_from_view.transpose();
+    let eye_inside = liquid.contains(view.eye);
+    let width = size.x.max(1) as usize;
+    let texels: Vec<_> = (0..size.x as usize * size.y as usize)
+        .into_par_iter()
+        .map(|i| {
+            let center = DVec2::new((i % width) as f64, (i / width) as f64) + 0.5;
+            let ray = view.ray(center);
+            first_last_along(liquid, &ray, eye_inside).map(|crossing| match crossing {
+                Some(crossing) => {
+                    let depth = -(view_from_world * (crossing.t * ray.direction)).z;
+                    (depth, view_from_world * crossing.shading)
+                }
+                None => (0.0, DVec3::ZERO),
+            })
+        })
+        .collect();
+    [0, 1].map(|side| Layer {
+        depths: texels.iter().map(|texel| texel[side].0).collect(),
+        normals: texels.iter().map(|texel| texel[side].1).collect(),
+    })
+}
+
+/// The first crossing into the liquid and the last out of it.
+pub(crate) fn first_last_along(
+    liquid: &(impl Liquid + ?Sized),
+    ray: &Ray,
+    mut inside: bool,
+) -> [Option<Crossing>; 2] {
+    let mut found = [None; 2];
+    let mut from = *ray;
+    let mut start = 0.0;
+    while let Some(crossing) = liquid.crossing(&from, inside) {
+        let t = start + crossing.t;
+        let crossing = Crossing { t, ..crossing };
+        if inside {
+            found[1] = Some(crossing);
+        } else {
+            found[0].get_or_insert(crossing);
+        }
+        // A little further, so that a ray along an edge gets on.
+        start = t + ONWARD * (1.0 + t);
+        from.origin = ray.at(start);
+        inside = !inside;
+    }
+    found
+}

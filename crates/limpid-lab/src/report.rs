@@ -1,0 +1,180 @@
+//! Speed against error, both measured in one run: `limpid report`.
+//!
+//! - [`intersect`]: one intersection per pixel by each intersector, against the same layers
+//!   intersected exactly or the opaque scene itself.
+//! - [`smooth`]: what each filter leaves of a surface, against the surface.
+//! - [`caustics`]: light through liquid by each method, against light traced in 64 bits.
+//! - [`picture`]: whole frames by the presets, against traced pictures.
+//! - [`stress`]: extreme scales, places, lenses and indices, against a closed form.
+//! - [`passes`]: what each pass takes, against what it must move and compute at the adapter's best.
+//! - [`elisions`]: what is left out of a frame that does not need it, and what that saves.
+//! - [`against`]: which errors have risen since an earlier report.
+//! - [`curve`]: what `limpid render --max-error` and `--budget` choose by.
+//!
+//! Times are the device's own timestamps. Methods run by turns, after a warm-up; a row has the
+//! median and half the distance between the quartiles.
+
+pub mod against;
+pub mod caustics;
+pub mod curve;
+pub mod elisions;
+mod html;
+pub mod intersect;
+mod markdown;
+pub mod passes;
+pub mod picture;
+mod plot;
+pub mod rates;
+mod rows;
+#[cfg(test)]
+mod sample;
+pub mod smooth;
+pub mod stress;
+pub mod subjects;
+
+pub use html::html;
+pub use markdown::markdown;
+pub use plot::pareto;
+pub use rows::{ErrorKind, Figure, Kind, Orders, Report, Row, Stress};
+
+use elisions::Frame;
+use limpid::gpu::Gpu;
+use limpid::renderer::Renderer;
+use limpid_io::error::Result;
+use picture::Effort;
+use subjects::Subject;
+
+/// What to measure.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Options {
+    /// Small pictures and few methods: a few minutes on two cores without a GPU.
+    pub quick: bool,
+    /// Width of traced pictures, pixels; 320 or 1024 if absent.
+    pub width: Option<u32>,
+    /// Names of scenes; all if empty.
+    pub scenes: Vec<String>,
+    /// Kinds of rows; all if empty.
+    pub kinds: Vec<Kind>,
+}
+
+/// What a scene is measured for: intersections, smoothing, caustics, pictures.
+const SCENES: [(&str, [bool; 4]); 12] = [
+    ("pool", [true, true, true, true]),
+    ("reef", [true, false, false, false]),
+    ("drop", [true, true, false, true]),
+    ("slab", [true, false, false, true]),
+    ("idol", [true, false, false, true]),
+    ("breaker", [true, true, false, true]),
+    ("cascade", [true, false, true, true]),
+    ("demo", [true, false, false, true]),
+    ("lagoon", [false, false, true, true]),
+    ("glass_ball", [false, false, true, true]),
+    ("vase", [false, false, true, true]),
+    ("dam", [false, false, true, true]),
+];
+
+/// Scenes whose passes are budgeted unless others are named: splashes, light and shadow; 250,000
+/// particles; no light.
+const BUDGETED: [&str; 4] = ["cascade", "pool", "vase", "demo"];
+
+/// Measures everything, telling `progress` what comes next.
+///
+/// # Errors
+/// [`limpid_io::Error::Usage`] for a scene that there is not; as [`Renderer::render`].
+pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> {
+    let mut report = Report {
+        adapter: gpu.adapter(),
+        quick: options.quick,
+        rows: Vec::new(),
+        rates: None,
+        budgets: Vec::new(),
+        elisions: Vec::new(),
+        orders: Vec::new(),
+        stress: Vec::new(),
+        figures: Vec::new(),
+    };
+    let effort = if options.quick {
+        Effort { width: 320, truth_samples: 4, repeats: 3, variants: false }
+    } else {
+        Effort { width: 1024, truth_samples: 16, repeats: 7, variants: true }
+    };
+    let effort = Effort { width: options.width.unwrap_or(effort.width), ..effort };
+    let mut renderer = Renderer::new(gpu);
+    for name in &options.scenes {
+        // An unknown name is told before an hour has passed.
+        if options.kinds != [Kind::Pass] || !subjects::is_file(name) {
+            subjects::check(name)?;
+        }
+    }
+    let asked = |kind: Kind| options.kinds.contains(&kind);
+    let all = options.scenes.is_empty() && options.kinds.is_empty();
+    for (name, [intersect, smooth, caustics, picture]) in SCENES {
+        if !options.scenes.is_empty() && !options.scenes.iter().any(|wanted| wanted == name) {
+            continue;
+        }
+        // What takes long is left out of the short form unless it is asked for by name.
+        let short = options.quick && options.scenes.is_empty();
+        let picture = picture && !(short && caustics && name != "cascade");
+        let caustics = caustics && !(short && name != "pool");
+        let wanted = |kind: Kind| options.kinds.is_empty() || options.kinds.contains(&kind);
+        let [intersect, smooth, caustics, picture] = [
+            intersect && wanted(Kind::Intersect),
+            smooth && wanted(Kind::Smooth),
+            caustics && wanted(Kind::Caustics),
+            picture && wanted(Kind::Picture),
+        ];
+        if !(intersect || smooth || caustics || picture) {
+            continue;
+        }
+        progress(&format!("{name}: scene and truth"));
+        let subject = Subject::new(name)?;
+        if intersect {
+            progress(&format!("{name}: intersectors"));
+            intersect::report(gpu, &mut renderer, &subject, options.quick, &mut report)?;
+        }
+        if smooth {
+            progress(&format!("{name}: smoothing"));
+            report.rows.extend(smooth::measure(gpu, &mut renderer, &subject, &effort)?);
+        }
+        if caustics {
+            progress(&format!("{name}: caustics"));
+            report.rows.extend(caustics::measure(gpu, &subject, options.quick)?);
+        }
+        if picture {
+            progress(&format!("{name}: pictures"));
+            let (rows, figure) = picture::measure(gpu, &mut renderer, &subject, &effort)?;
+            report.rows.extend(rows);
+            report.figures.push(figure);
+        }
+    }
+    if all || asked(Kind::Pass) {
+        progress("rates");
+        report.rates = rates::measure(gpu)?;
+        let scenes: Vec<&str> = match (&options.scenes[..], options.quick) {
+            ([], true) => vec![BUDGETED[0]],
+            ([], false) => BUDGETED.to_vec(),
+            (scenes, _) => scenes.iter().map(String::as_str).collect(),
+        };
+        for name in scenes {
+            progress(&format!("{name}: passes"));
+            let (rates, repeats) = (report.rates, effort.repeats.max(5));
+            let budgets =
+                passes::measure(gpu, &mut renderer, rates.as_ref(), name, effort.width, repeats)?;
+            report.budgets.extend(budgets);
+        }
+    }
+    if all && !options.quick || asked(Kind::Elision) {
+        progress("what is left out");
+        let (_, project, loaded) = subjects::load("demo")?;
+        let scene = project.scene.clone();
+        let (camera, splats) = (project.camera_for(loaded.bulk.bounds), loaded.splats);
+        let (frame, size) = (Frame { scene, camera, splats }, subjects::size("demo", effort.width));
+        report.elisions = elisions::measure(gpu, &mut renderer, &frame, size, effort.repeats)?;
+    }
+    if all {
+        progress("extreme scenes");
+        let pictures = if options.quick { 3 } else { 100 };
+        report.stress = stress::measure(gpu, &mut renderer, pictures)?;
+    }
+    Ok(report)
+}

@@ -1,0 +1,239 @@
+//! What is left out of a frame that does not need it, and what that saves: the same picture drawn
+//! twice, once with something in the scene, to no effect, that makes all of it be drawn.
+
+use glam::{DVec3, UVec2, Vec3};
+use image::RgbaImage;
+use serde::Serialize;
+
+use super::rows::median;
+use limpid::camera::Camera;
+use limpid::gpu::{Gpu, PassTime};
+use limpid::liquid::classify::{Splat, Splats};
+use limpid::renderer::Renderer;
+use limpid::scene::{Light, Scene, Shape, Solid, Surface};
+use limpid::settings::Solids;
+use limpid::studio::Picture;
+use limpid_io::error::Result;
+
+/// What a frame is drawn from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// The scene.
+    pub scene: Scene,
+    /// The view.
+    pub camera: Camera,
+    /// The particles.
+    pub splats: Splats,
+}
+
+/// Something that is left out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Case {
+    /// Why it is not needed.
+    pub name: &'static str,
+    /// What makes it be drawn nevertheless.
+    pub forced_by: &'static str,
+    /// Drawn just before; nothing is kept of any other frame.
+    pub before: Option<Frame>,
+    /// The frame, something left out.
+    pub elided: Frame,
+    /// The frame with nothing left out: the same picture.
+    pub forced: Frame,
+    /// Passes that only the second has; none where passes do less instead.
+    pub left_out: &'static [&'static str],
+}
+
+/// What leaving out saves.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Elision {
+    /// Why it is not needed.
+    pub name: String,
+    /// What makes it be drawn nevertheless.
+    pub forced_by: String,
+    /// Whether the pictures are the same, to the bit.
+    pub same: bool,
+    /// Time of all passes with it left out, median, ms.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ms: Option<f64>,
+    /// And drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub forced_ms: Option<f64>,
+}
+
+/// Passes of a light's view.
+const OF_LIGHTS: &[&str] = &["light splat", "light tiles", "light gbuffer", "caustics"];
+
+/// All elisions, of a frame with aggregates over solids.
+pub fn cases(frame: &Frame) -> Vec<Case> {
+    let mut base = frame.clone();
+    base.splats.splashes.clear();
+    base.scene.lights.clear();
+    let camera = frame.camera;
+    let back = (camera.eye - camera.target).normalize();
+    // Of the size of a particle, so far behind the eye.
+    let behind = |distance: f64| {
+        let centre = camera.eye + distance * back - frame.splats.origin;
+        let radius = frame.splats.radius.min(0.1 * camera.near());
+        Splat {
+            centre: centre.as_vec3().to_array(),
+            radius,
+            diagonal: [radius; 3],
+            particle: 0,
+            off_diagonal: [0.0; 3],
+            tags: 0,
+        }
+    };
+    // So small and so far that no ray meets it.
+    let speck = |lit: bool| Solid {
+        shape: Shape::Sphere { center: camera.eye + 1e4 * DVec3::new(3.0, 4.0, 5.0), radius: 1e-2 },
+        surface: Surface::Color(Vec3::ONE),
+        lit,
+    };
+    let sun = Light::Sun { direction: Vec3::new(0.3, -1.0, 0.2), irradiance: Vec3::ONE };
+    let case = |name: &'static str,
+                forced_by: &'static str,
+                left_out: &'static [&'static str],
+                elided: &Frame,
+                force: &dyn Fn(&mut Frame)| {
+        let mut forced = elided.clone();
+        force(&mut forced);
+        Case { name, forced_by, before: None, elided: elided.clone(), forced, left_out }
+    };
+    let mut cases = vec![case(
+        "no splashes: no splash layers",
+        "a splash behind the eye",
+        &["splat splashes"],
+        &base,
+        &|frame| frame.splats.splashes.push(behind(1.0)),
+    )];
+
+    let mut shallow = base.clone();
+    shallow.scene.settings.refract.interfaces = 1;
+    cases.push(case(
+        "one interface: no backs",
+        "a particle just behind the eye",
+        &[],
+        &shallow,
+        &|frame| frame.splats.aggregates.push(behind(f64::from(camera.near()))),
+    ));
+
+    let mut clear = base.clone();
+    clear.scene.liquid.absorption = Vec3::ZERO;
+    clear.scene.fluids.clear();
+    cases.push(case(
+        "no absorption: no lengths of paths",
+        "an absorption of 1e-30/m",
+        &[],
+        &clear,
+        &|frame| frame.scene.liquid.absorption = Vec3::splat(1e-30),
+    ));
+
+    let mut unlit = base.clone();
+    unlit.scene.lights = vec![sun];
+    unlit.scene.solids.iter_mut().for_each(|solid| solid.lit = false);
+    cases.push(case(
+        "nothing to light: no caustics",
+        "a lit speck that no ray meets",
+        OF_LIGHTS,
+        &unlit,
+        &|frame| frame.scene.solids.push(speck(true)),
+    ));
+
+    let mut bare = base.clone();
+    bare.scene.solids.clear();
+    bare.scene.settings.refract.solids = Solids::Screen;
+    cases.push(case(
+        "no solids: no G-buffer",
+        "a speck that no ray meets",
+        &["gbuffer"],
+        &bare,
+        &|frame| frame.scene.solids.push(speck(false)),
+    ));
+
+    // What is kept of the frame before.
+    let mut lit = frame.clone();
+    lit.scene.lights = vec![sun];
+    lit.scene.solids.iter_mut().for_each(|solid| solid.lit = true);
+    let mut kept =
+        |name: &'static str, left_out: &'static [&'static str], change: &dyn Fn(&mut Frame)| {
+            let mut changed = lit.clone();
+            change(&mut changed);
+            let forced_by = "nothing kept of the frame before";
+            let (before, forced) = (Some(lit.clone()), changed.clone());
+            cases.push(Case { name, forced_by, before, elided: changed, forced, left_out });
+        };
+    kept("the camera alone moves: no caustics", OF_LIGHTS, &|frame| {
+        frame.camera = frame.camera.turned(0.05);
+    });
+    kept("more rays alone: no layers", &["light splat", "caustics", "splat", "tiles"], &|frame| {
+        let samples = &mut frame.scene.settings.refract.samples;
+        *samples = if *samples == 4 { 2 } else { 4 };
+    });
+    kept("another exposure alone: no light", &["caustics", "splat", "refract"], &|frame| {
+        frame.scene.settings.tonemap.exposure += 0.5;
+    });
+    kept("nothing changes: nothing drawn", &["caustics", "splat", "refract"], &|_| ());
+    cases
+}
+
+/// Draws both frames of a case, first what is elided: their pictures, and the times of their
+/// passes if the renderer measures them.
+///
+/// # Errors
+/// As [`Renderer::render`].
+pub fn draw(
+    gpu: &Gpu,
+    renderer: &mut Renderer,
+    case: &Case,
+    size: UVec2,
+) -> Result<[(RgbaImage, Vec<PassTime>); 2]> {
+    let target = Picture::new(gpu, size)?;
+    renderer.reuse = true;
+    let mut shoot = |before: Option<&Frame>, frame: &Frame| -> Result<_> {
+        renderer.forget();
+        let mut passes = Vec::new();
+        for Frame { scene, camera, splats } in before.into_iter().chain([frame]) {
+            let view = target.view();
+            passes = renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
+        }
+        Ok((target.read(gpu)?, passes))
+    };
+    let pair = [shoot(case.before.as_ref(), &case.elided)?, shoot(None, &case.forced)?];
+    renderer.reuse = false;
+    Ok(pair)
+}
+
+/// Measures every elision of a frame, both pictures by turns.
+///
+/// # Errors
+/// As [`Renderer::render`].
+pub fn measure(
+    gpu: &Gpu,
+    renderer: &mut Renderer,
+    frame: &Frame,
+    size: UVec2,
+    repeats: usize,
+) -> Result<Vec<Elision>> {
+    renderer.timing = true;
+    let mut rows = Vec::new();
+    for case in cases(frame) {
+        // The first may compile pipelines; it is not counted.
+        let [(elided, _), (forced, _)] = draw(gpu, renderer, &case, size)?;
+        let mut times = [Vec::new(), Vec::new()];
+        for _ in 0..repeats {
+            for (times, (_, passes)) in times.iter_mut().zip(draw(gpu, renderer, &case, size)?) {
+                if !passes.is_empty() {
+                    times.push(passes.iter().map(|pass| pass.ms).sum::<f64>());
+                }
+            }
+        }
+        rows.push(Elision {
+            name: case.name.into(),
+            forced_by: case.forced_by.into(),
+            same: elided == forced,
+            ms: median(&times[0]),
+            forced_ms: median(&times[1]),
+        });
+    }
+    Ok(rows)
+}

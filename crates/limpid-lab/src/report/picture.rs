@@ -1,0 +1,153 @@
+//! Whole pictures: presets and single changes to the default, against traced pictures.
+
+use glam::UVec2;
+use image::RgbImage;
+
+use super::caustics;
+use super::rows::{ErrorKind, Figure, Kind, Row};
+use super::subjects::{Subject, size};
+use crate::compare::{PIXELS_PER_DEGREE, flip};
+use crate::reference::trace::{MAX_DEPTH, trace_lit};
+use limpid::camera::Camera;
+use limpid::gpu::{Gpu, PassTime};
+use limpid::liquid::classify::Splats;
+use limpid::renderer::Renderer;
+use limpid::scene::Scene;
+use limpid::settings::{Filter, Method, Preset, Refract, Settings, Solver};
+use limpid::studio::Picture;
+use limpid_io::error::Result;
+
+/// How pictures are measured.
+#[derive(Debug, Clone, Copy)]
+pub struct Effort {
+    /// Width, pixels.
+    pub width: u32,
+    /// Samples per pixel of the truth.
+    pub truth_samples: u32,
+    /// Timed runs.
+    pub repeats: usize,
+    /// Single changes to the default besides the presets.
+    pub variants: bool,
+}
+
+/// The pictures compared: method, settings in words, settings.
+fn methods(variants: bool, lit: bool) -> Vec<(String, String, Settings)> {
+    let mut methods: Vec<_> =
+        [Preset::Imai2014, Preset::Imai2016, Preset::Mayer2026, Preset::Limpid]
+            .into_iter()
+            .map(|preset| (preset.to_string(), String::new(), preset.settings()))
+            .collect();
+    let limpid = |refract: Refract| Settings { refract, ..Settings::default() };
+    let four = Refract { samples: 4, ..Refract::default() };
+    methods.push(("limpid".into(), "4 samples".into(), limpid(four)));
+    if lit {
+        for (name, method) in [("straight", Method::Straight), ("gather", Method::Gather)] {
+            let mut settings = limpid(Refract { samples: 4, ..Refract::default() });
+            settings.caustics.method = method;
+            methods.push(("limpid".into(), format!("4 samples, caustics {name}"), settings));
+        }
+    }
+    if variants {
+        for solver in Solver::ALL.into_iter().filter(|&s| s != Solver::Guarded) {
+            let name = serde_json::to_value(solver).expect("a solver has a name");
+            let name = name.as_str().unwrap_or_default().to_owned();
+            let refract = Refract { solver, ..Refract::default() };
+            methods.push(("limpid".into(), format!("solver {name}"), limpid(refract)));
+        }
+        for (name, filter) in
+            [("bilateral", Filter::Bilateral), ("narrow-range", Filter::NarrowRange)]
+        {
+            let mut settings = Settings::default();
+            settings.smooth.filter = filter;
+            methods.push(("limpid".into(), format!("filter {name}"), settings));
+        }
+        let bounces = Refract { internal_bounces: 0, ..Refract::default() };
+        methods.push(("limpid".into(), "no internal bounces".into(), limpid(bounces)));
+    }
+    methods
+}
+
+/// Draws one frame, several times, and returns the picture with the times of its passes.
+///
+/// # Errors
+/// As [`Renderer::render`].
+pub fn draw(
+    gpu: &Gpu,
+    renderer: &mut Renderer,
+    scene: &Scene,
+    camera: &Camera,
+    splats: &Splats,
+    size: UVec2,
+    repeats: usize,
+) -> Result<(RgbImage, Vec<Vec<PassTime>>)> {
+    let picture = Picture::new(gpu, size)?;
+    let view = picture.view();
+    renderer.timing = true;
+    // The first compiles; it is not counted.
+    renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
+    let times = (0..repeats)
+        .map(|_| {
+            renderer.forget();
+            renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)
+        })
+        .collect::<limpid::Result<_>>()?;
+    let rgb = image::DynamicImage::ImageRgba8(picture.read(gpu)?).into_rgb8();
+    Ok((rgb, times))
+}
+
+/// Measures the pictures of one scene.
+///
+/// # Errors
+/// As [`Renderer::render`].
+pub fn measure(
+    gpu: &Gpu,
+    renderer: &mut Renderer,
+    subject: &Subject,
+    effort: &Effort,
+) -> Result<(Vec<Row>, Figure)> {
+    let size = size(subject.name, effort.width);
+    let camera = subject.views[0].1;
+    let samples = effort.truth_samples;
+    let maps = caustics::truths(subject, effort.width);
+    let liquid = &*subject.liquid;
+    let truth = trace_lit(liquid, &subject.scene, &camera, size, samples, MAX_DEPTH, &maps);
+    let truth = truth.to_srgb();
+    let mut rows = Vec::new();
+    let mut panels = vec![("truth".to_owned(), truth.clone())];
+    for (method, settings_text, settings) in methods(effort.variants, subject.scene.is_lit()) {
+        let (scene, loaded) = subject.with(&settings)?;
+        let (picture, times) =
+            draw(gpu, renderer, &scene, &camera, &loaded.splats, size, effort.repeats)?;
+        let map = flip(&truth, &picture, PIXELS_PER_DEGREE)?;
+        let totals: Vec<f64> =
+            times.iter().map(|passes| passes.iter().map(|pass| pass.ms).sum()).collect();
+        let row = Row::new(Kind::Picture, subject.name, &method, &settings_text)
+            .timed(&totals)
+            .with_error(map.mean(), ErrorKind::MeanFlip, subject.truth);
+        if settings_text.is_empty() || settings_text.starts_with("4 samples") {
+            let caption = format!("{method} {settings_text}").trim_end().to_owned();
+            panels.push((format!("{caption}: FLIP {:.3}", map.mean()), picture));
+            if settings_text == "4 samples" {
+                panels.push((format!("{caption}, difference"), map.picture()));
+            }
+        }
+        if method == "limpid" && settings_text.is_empty() {
+            rows.extend(passes(subject.name, &times));
+        }
+        rows.push(row);
+    }
+    let title =
+        format!("{}: the truth ({}) and what each method draws", subject.name, subject.truth);
+    Ok((rows, Figure { title, scene: subject.name.into(), panels }))
+}
+
+/// A row for each pass.
+fn passes(scene: &str, times: &[Vec<PassTime>]) -> Vec<Row> {
+    let Some(first) = times.first() else { return Vec::new() };
+    (0..first.len())
+        .map(|i| {
+            let of_pass: Vec<f64> = times.iter().map(|passes| passes[i].ms).collect();
+            Row::new(Kind::Pass, scene, first[i].name, "").timed(&of_pass)
+        })
+        .collect()
+}

@@ -1,0 +1,130 @@
+//! What the adapter moves and computes at best: `shaders/report/stream.wgsl`, `arithmetic.wgsl`.
+
+use serde::Serialize;
+
+use limpid::gpu::{self, Gpu, Timer};
+use limpid_io::error::Result;
+
+/// Measured rates of an adapter.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Rates {
+    /// Bytes read and written per second, a buffer copied to another.
+    pub bytes_per_s: f64,
+    /// Operations on 32-bit floats per second; a multiplication with an addition is two.
+    pub operations_per_s: f64,
+}
+
+/// Most bytes of a buffer that is copied: both are larger together than the caches of what has the
+/// largest, and no more than WebGPU's default limit for one.
+const BUFFER: u64 = 128 << 20;
+
+/// Threads of a workgroup and bytes of a thread, as `stream.wgsl` has them.
+const STREAM: u64 = 256 * 4 * 16;
+
+/// Threads of a workgroup, and operations of a thread, as `arithmetic.wgsl` has them: rounds, steps,
+/// chains, a multiplication and an addition.
+const THREADS: u32 = 64;
+const OPERATIONS: f64 = 32.0 * 8.0 * 16.0 * 2.0;
+
+/// A run that takes so long, ms, is long enough to be timed.
+const LONG: f64 = 2.0;
+
+/// Runs of which the median is taken.
+const RUNS: usize = 5;
+
+/// Measures both rates, after a warm-up; none if the adapter has no timestamps. Takes less than a
+/// second on two cores without a GPU.
+///
+/// # Errors
+/// [`limpid::Error::DeviceLost`].
+pub fn measure(gpu: &Gpu) -> Result<Option<Rates>> {
+    let limits = gpu.device.limits();
+    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(BUFFER);
+    let groups = most / STREAM;
+    let buffer = |label: &str, size: u64| {
+        gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage: wgpu::BufferUsages::STORAGE,
+            mapped_at_creation: false,
+        })
+    };
+    let [source, copied] = ["streamed", "copied"].map(|label| buffer(label, groups * STREAM));
+    let stream = Kernel::new(
+        gpu,
+        "report/stream.wgsl",
+        "stream",
+        &[gpu::storage_of(16), gpu::storage_read_write(16)],
+        &[source.as_entire_binding(), copied.as_entire_binding()],
+    );
+    let result = buffer("result", 16);
+    let arithmetic = Kernel::new(
+        gpu,
+        "report/arithmetic.wgsl",
+        "arithmetic",
+        &[gpu::storage_read_write(16)],
+        &[result.as_entire_binding()],
+    );
+    let Some(moved) = stream.median(gpu, groups as u32)? else { return Ok(None) };
+    // As many threads as it takes to be busy for long enough.
+    let mut groups = 1024;
+    while groups < 1 << 15 && arithmetic.run(gpu, groups)?.is_some_and(|ms| ms < LONG) {
+        groups *= 2;
+    }
+    let Some(computed) = arithmetic.median(gpu, groups)? else { return Ok(None) };
+    let operations = f64::from(groups) * f64::from(THREADS) * OPERATIONS;
+    Ok(Some(Rates {
+        bytes_per_s: 2e3 * source.size() as f64 / moved,
+        operations_per_s: 1e3 * operations / computed,
+    }))
+}
+
+struct Kernel {
+    pipeline: wgpu::ComputePipeline,
+    group: wgpu::BindGroup,
+}
+
+impl Kernel {
+    fn new(
+        gpu: &Gpu,
+        file: &str,
+        entry: &str,
+        bindings: &[wgpu::BindingType],
+        resources: &[wgpu::BindingResource<'_>],
+    ) -> Self {
+        let layout = gpu.layout(file, wgpu::ShaderStages::COMPUTE, bindings);
+        let pipeline = gpu::compute_pipeline(gpu, file, entry, &[&layout], &[]);
+        Self { pipeline, group: gpu::bind_group(gpu, file, &layout, resources) }
+    }
+
+    /// Milliseconds on the device; none without timestamps, or below their resolution.
+    fn run(&self, gpu: &Gpu, groups: u32) -> Result<Option<f64>> {
+        let mut timer = Timer::new(gpu, true);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some("rate"),
+                timestamp_writes: timer.span("rate").compute(),
+            });
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, &self.group, &[]);
+            pass.dispatch_workgroups(groups, 1, 1);
+        }
+        let resolved = timer.resolve(gpu, &mut encoder);
+        gpu.queue.submit([encoder.finish()]);
+        gpu.check()?;
+        let times = timer.read(gpu, resolved.as_ref())?;
+        Ok(times.first().map(|time| time.ms).filter(|&ms| ms > 0.0))
+    }
+
+    fn median(&self, gpu: &Gpu, groups: u32) -> Result<Option<f64>> {
+        self.run(gpu, groups)?;
+        let mut times = Vec::new();
+        for _ in 0..RUNS {
+            let Some(ms) = self.run(gpu, groups)? else { return Ok(None) };
+            times.push(ms);
+        }
+        times.sort_by(f64::total_cmp);
+        Ok(Some(times[RUNS / 2]))
+    }
+}

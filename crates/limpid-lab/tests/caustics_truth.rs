@@ -1,0 +1,768 @@
+//! Ground truth of caustics against closed forms, against itself by another way, and in pictures.
+
+use std::f64::consts::{PI, TAU};
+use std::path::Path;
+
+use limpid::camera::Camera;
+use limpid::glam::{DMat3, DVec2, DVec3, UVec2, Vec3};
+use limpid::light_view::LightView;
+use limpid::scene::{Light, Scene};
+use limpid_io::project::Project;
+use limpid_lab::reference::analytic::{Ball, Block, Pool};
+use limpid_lab::reference::caustics::{
+    CausticMap, Spot, beams, beams_over_layers, beams_with_error, on_solids, photons,
+};
+use limpid_lab::reference::layers::{Layer, Pair};
+use limpid_lab::reference::optics::{fresnel, refract, transmittance};
+use limpid_lab::reference::surroundings::Surroundings;
+use limpid_lab::reference::trace::{MAX_DEPTH, trace, trace_lit};
+use limpid_lab::reference::{Crossing, Liquid, Ray};
+use limpid_sim::recipe::Recipe;
+use limpid_sim::waves::{WaveSpectrum, Waves};
+
+const WATER: f64 = 1.33;
+
+fn project(text: &str) -> Project {
+    Project::parse(text, "test", Path::new("")).unwrap()
+}
+
+fn scene(text: &str) -> Scene {
+    project(text).scene
+}
+
+fn clear(solids: &str) -> Scene {
+    scene(&format!("[liquid]\nior = 1.33\nabsorption = [0.0, 0.0, 0.0]\n{solids}"))
+}
+
+const FLOOR: &str = "[[solid]]\nshape = \"plane\"\norigin = [0.0, -1.0, 0.0]\n";
+
+fn sun(direction: DVec3) -> Light {
+    Light::Sun { direction: direction.as_vec3(), irradiance: Vec3::new(3.0, 2.0, 1.0) }
+}
+
+const POWER: DVec3 = DVec3::new(3.0, 2.0, 1.0);
+
+/// Light 35.264 degrees from the vertical.
+const OBLIQUE: DVec3 = DVec3::new(1.0, -std::f64::consts::SQRT_2, 0.0);
+
+/// The view of a sun overhead, of a square around the y axis, from 50 m up to 50 m down.
+fn overhead(half: f64, size: u32) -> LightView {
+    LightView {
+        origin: 50.0 * DVec3::Y,
+        view_from_world: DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y).transpose(),
+        half_extent: DVec2::splat(half),
+        near: 0.0,
+        far: 100.0,
+        orthographic: true,
+        size: UVec2::splat(size),
+        level: None,
+    }
+}
+
+/// The view of a light on what is between two corners; a sun's from high up, for water that is wider
+/// than that.
+fn light_view(light: &Light, min: DVec3, max: DVec3, scene: &Scene, resolution: u32) -> LightView {
+    let view = LightView::new(light, (min, max), &scene.solids, 0.0, resolution, None).unwrap();
+    let back = if view.orthographic { 10.0 } else { 0.0 };
+    let origin = view.origin + back * view.view_from_world.transpose().z_axis;
+    LightView { origin, far: view.far + back, ..view }
+}
+
+/// Flat or wavy water that is wider than any view here.
+fn water(waves: Waves) -> Pool {
+    Pool { waves, min: DVec2::splat(-100.0), max: DVec2::splat(100.0), bottom: f64::NEG_INFINITY }
+}
+
+fn waves(rms_slope: f64) -> Waves {
+    Waves::new(&WaveSpectrum { count: 12, wavelengths: [0.4, 1.5], rms_slope, seed: 3 })
+}
+
+fn texel(map: &CausticMap, x: u32, y: u32) -> usize {
+    assert!(x < map.view.size.x && y < map.view.size.y);
+    (y * map.view.size.x + x) as usize
+}
+
+fn close(found: DVec3, expected: DVec3, relative: f64) -> bool {
+    (found - expected).length() <= relative * expected.length()
+}
+
+/// What the texels hold, W.
+fn held(map: &CausticMap) -> DVec3 {
+    let each = map.irradiance.iter().zip(&map.receivers);
+    each.filter_map(|(&e, receiver)| Some(e * receiver.as_ref()?.area)).sum()
+}
+
+/// All of the light is accounted for, and the texels hold what was received.
+fn check_accounts(map: &CausticMap) {
+    let f = map.flux;
+    let ends = f.received + f.hidden + f.outside + f.missed + f.reflected + f.liquid;
+    assert!(close(ends, f.transmitted, 1e-9), "{f:?}");
+    assert!(close(held(map), f.received, 1e-9), "{} {:?}", held(map), f.received);
+    assert!(f.transmitted.cmple(f.sent * (1.0 + 1e-12)).all());
+}
+
+/// Protects the identity of caustics: under flat water irradiance is that of the sun times the
+/// interface's transmittance, the cosine and the absorption, everywhere; and the light that comes
+/// 35.264 degrees from the vertical goes on at 25.728.
+#[test]
+fn flat_water_shines_evenly() {
+    let absorption = DVec3::new(0.8, 0.3, 0.0);
+    let text = "[liquid]\nior = 1.33\nabsorption = [0.8, 0.3, 0.0]\n";
+    let scene = scene(&format!("{text}{FLOOR}"));
+    let liquid = water(Waves::default());
+    // The settings are in 32 bits.
+    let ior = f64::from(scene.liquid.ior);
+    let absorption_read = scene.liquid.absorption.as_dvec3();
+    assert!((absorption_read - absorption).length() < 1e-6);
+
+    let map = beams(&liquid, &scene, &sun(DVec3::NEG_Y), &overhead(0.5, 16), 1, 3);
+    check_accounts(&map);
+    let t = 1.0 - fresnel(1.0, ior);
+    let expected = t * POWER * transmittance(absorption_read, 1.0);
+    for &found in &map.irradiance {
+        assert!(close(found, expected, 1e-9), "{found} {expected}");
+    }
+
+    let light = sun(OBLIQUE);
+    let view = light_view(&light, DVec3::splat(-1.0), DVec3::new(1.0, 0.0, 1.0), &scene, 40);
+    let map = beams(&liquid, &scene, &light, &view, 1, 2);
+    check_accounts(&map);
+    let Light::Sun { direction, .. } = light else { unreachable!() };
+    let cos = -direction.as_dvec3().normalize().y;
+    let inner = (1.0 - (1.0 - cos * cos) / (ior * ior)).sqrt();
+    assert!((inner.acos().to_degrees() - 25.728).abs() < 2e-3);
+    let t = 1.0 - fresnel(cos, ior);
+    let expected = t * cos * POWER * transmittance(absorption_read, 1.0 / inner);
+    // Light comes short of where it would without refraction, along the picture's rows.
+    let short = (cos.acos().tan() - inner.acos().tan()) * cos;
+    let short = short * f64::from(view.size.y) / (2.0 * view.half_extent.y);
+    for x in 2..view.size.x - 2 {
+        let column = (0..view.size.y).map(|y| map.irradiance[texel(&map, x, y)]);
+        let lit = column.clone().filter(|&e| close(e, expected, 1e-6)).count() as f64;
+        assert!((lit - (f64::from(view.size.y) - short).floor()).abs() <= 1.0, "{lit} {short}");
+        let sum: f64 = column.map(|e| e.y / expected.y).sum();
+        assert!((sum - (f64::from(view.size.y) - short)).abs() < 1e-5, "{sum} {short}");
+    }
+}
+
+/// Protects energy under waves with folds: what interfaces and water let through, computed another
+/// way, all arrives.
+#[test]
+fn waves_keep_the_light() {
+    let text = "[liquid]\nior = 1.33\nabsorption = [0.8, 0.3, 0.0]\n";
+    let scene = scene(&format!("{text}{}", FLOOR.replace("-1.0", "-4.0")));
+    let liquid = water(waves(0.15));
+    let (half, size) = (2.0, 40);
+    let view = overhead(half, size);
+    let map = beams(&liquid, &scene, &sun(DVec3::NEG_Y), &view, 1, 1);
+    check_accounts(&map);
+    let flux = map.flux;
+    assert_eq!((flux.hidden, flux.missed, flux.reflected), (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO));
+    assert!((flux.sent - POWER * 16.0).length() < 1e-9);
+    assert!(flux.received.x > 0.8 * flux.transmitted.x, "most stays in the frame: {flux:?}");
+    assert!(map.irradiance.iter().any(|e| e.z > 2.0), "it focuses");
+
+    let mut expected = DVec3::ZERO;
+    let ior = f64::from(scene.liquid.ior);
+    let cell = 2.0 * half / f64::from(size);
+    for j in 0..=size {
+        for i in 0..=size {
+            let at = DVec2::new(f64::from(i), f64::from(j)) * cell - half;
+            let slope = liquid.waves.slope(at);
+            let normal = DVec3::new(-slope.x, 1.0, -slope.y).normalize();
+            let down = refract(DVec3::NEG_Y, normal, ior).unwrap();
+            let length = (liquid.waves.height(at) + 4.0) / -down.y;
+            // Each vertex has a third of its triangles.
+            let (left, right) = (i > 0, i < size);
+            let (above, below) = (j > 0, j < size);
+            let triangles = u8::from(right && below)
+                + u8::from(left && above)
+                + 2 * u8::from(left && below)
+                + 2 * u8::from(right && above);
+            let t = 1.0 - fresnel(normal.y, ior);
+            let share = f64::from(triangles) / 6.0 * cell * cell * t;
+            expected += share * transmittance(scene.liquid.absorption.as_dvec3(), length) * POWER;
+        }
+    }
+    assert!(close(flux.transmitted, expected, 1e-7), "{} {expected}", flux.transmitted);
+}
+
+/// Protects receivers that are not level: a wall in the water gets the light that its cosine gives
+/// it, once.
+#[test]
+fn walls_get_their_share() {
+    let scene = clear(&format!(
+        "{FLOOR}[[solid]]\nshape = \"box\"\nmin = [0.4, -1.0, -9.0]\nmax = [0.9, 0.2, 9.0]"
+    ));
+    let ior = f64::from(scene.liquid.ior);
+    let light = sun(OBLIQUE);
+    let view = light_view(&light, DVec3::splat(-1.0), DVec3::new(1.0, 0.2, 1.0), &scene, 96);
+    let map = beams(&water(Waves::default()), &scene, &light, &view, 1, 2);
+    check_accounts(&map);
+    let inner = ((1.0 / 3f64.sqrt()) / ior).asin();
+    let cos = (2f64 / 3.0).sqrt();
+    let below = (1.0 - fresnel(cos, ior)) * cos * POWER;
+    let (mut walls, mut floors) = (0, 0);
+    for (i, receiver) in map.receivers.iter().enumerate() {
+        let Some(spot) = receiver.as_ref().map(|receiver| receiver.spot) else { continue };
+        // Where the ray to it entered: in the frame, and no border near.
+        let from = spot.point.x + spot.point.y * inner.tan();
+        let inside = spot.point.z.abs() < 0.9 && from > -0.9;
+        if inside && spot.solid == 1 && spot.normal == DVec3::NEG_X && spot.point.y < -0.05 {
+            // The lowest part is lit through water that the frame holds, the rest too.
+            if spot.point.y > -0.9 {
+                let expected = below * inner.tan();
+                assert!(close(map.irradiance[i], expected, 1e-6), "{spot:?}");
+                walls += 1;
+            }
+        }
+        if inside && spot.solid == 0 && spot.point.x < -0.15 {
+            assert!(close(map.irradiance[i], below, 1e-6), "{spot:?} {}", map.irradiance[i]);
+            floors += 1;
+        }
+        if spot.solid == 1 && spot.normal == DVec3::Y {
+            assert_eq!(map.irradiance[i], DVec3::ZERO, "the top is dry");
+        }
+    }
+    assert!(walls > 500 && floors > 200, "{walls} {floors}");
+}
+
+/// A flat surface that bends vertical light to a point `focus` below the origin.
+struct Lens {
+    focus: f64,
+    ior: f64,
+}
+
+impl Liquid for Lens {
+    fn crossing(&self, ray: &Ray, inside: bool) -> Option<Crossing> {
+        let t = -ray.origin.y / ray.direction.y;
+        if inside || t <= 0.0 {
+            return None;
+        }
+        let x = ray.at(t);
+        let towards = (DVec3::new(0.0, -self.focus, 0.0) - x).normalize();
+        // Snell's law for the normal: what refraction adds to the ray's vector is along it.
+        let shading = (DVec3::NEG_Y - self.ior * towards).normalize();
+        Some(Crossing { t, normal: DVec3::Y, shading })
+    }
+
+    fn contains(&self, point: DVec3) -> bool {
+        point.y < 0.0
+    }
+}
+
+/// Protects focusing: a surface that refracts linearly, x' = x (1 − d/F), gives 1/(1 − d/F)² before
+/// and beyond its focus, where all triangles are turned over; and all of the light at the focus.
+#[test]
+fn a_linear_lens_has_the_square_on_both_sides() {
+    let focus = 8.0;
+    let view = overhead(0.5, 24);
+    for depth in [2.0, 4.0, 12.0, 16.0, 22.0] {
+        let scene = clear(&FLOOR.replace("-1.0", &format!("-{depth:.1}")));
+        let lens = Lens { focus, ior: scene.liquid.ior.into() };
+        let map = beams(&lens, &scene, &sun(DVec3::NEG_Y), &view, 1, 3);
+        check_accounts(&map);
+        let scale = 1.0 - depth / focus;
+        for (i, &found) in map.irradiance.iter().enumerate() {
+            let u = DVec2::new((i % 24) as f64 + 0.5, (i / 24) as f64 + 0.5);
+            let landed = u / 24.0 - 0.5;
+            let source = landed / scale;
+            // Whole texels only.
+            if (landed.abs() + 0.5 / 24.0).max_element() > 0.5 * scale.abs() {
+                continue;
+            }
+            let ray = Ray { origin: DVec3::new(source.x, 1.0, source.y), direction: DVec3::NEG_Y };
+            let cos = lens.crossing(&ray, false).unwrap().shading.y;
+            let expected = POWER * (1.0 - fresnel(cos, lens.ior)) / (scale * scale);
+            assert!(close(found, expected, 3e-5), "{depth} {u}: {found} {expected}");
+        }
+    }
+    let scene = clear(&FLOOR.replace("-1.0", "-8.0"));
+    let lens = Lens { focus, ior: scene.liquid.ior.into() };
+    let map = beams(&lens, &scene, &sun(DVec3::NEG_Y), &view, 1, 2);
+    check_accounts(&map);
+    let lit = map.irradiance.iter().filter(|e| e.x > 1e-9 * map.flux.received.x).count();
+    assert!(lit <= 4 && close(map.flux.received, map.flux.transmitted, 1e-12), "{lit}");
+}
+
+/// Protects paths that leave the liquid: a ball's light is what both interfaces and the chords let
+/// through; near the axis it meets where paraxial optics says, n R / (2 (n − 1)) from the centre.
+#[test]
+fn a_ball_is_a_lens() {
+    let text = "[liquid]\nior = 1.33\nabsorption = [1.0, 0.5, 0.0]\n";
+    let at = |distance: f64| {
+        scene(&format!("{text}{}", FLOOR.replace("-1.0", &format!("-{distance:.15}"))))
+    };
+    let ball = Ball { center: DVec3::ZERO, radius: 1.0 };
+    let scene = at(1.5);
+    let (ior, absorption) = (f64::from(scene.liquid.ior), scene.liquid.absorption.as_dvec3());
+    let whole = beams(&ball, &scene, &sun(DVec3::NEG_Y), &overhead(2.0, 128), 2, 2);
+    check_accounts(&whole);
+    assert!(close(whole.flux.sent, PI * POWER, 2e-3), "{}", whole.flux.sent);
+    let steps = 20_000;
+    let expected: DVec3 = (0..steps)
+        .map(|i| {
+            let b = (f64::from(i) + 0.5) / f64::from(steps);
+            let t = 1.0 - fresnel((1.0 - b * b).sqrt(), ior);
+            let chord = 2.0 * (1.0 - (b / ior).powi(2)).sqrt();
+            TAU * b / f64::from(steps) * t * t * transmittance(absorption, chord) * POWER
+        })
+        .sum();
+    assert!(close(whole.flux.transmitted, expected, 2e-3), "{:?} {expected}", whole.flux);
+    assert!(close(whole.flux.received, expected, 5e-3), "{:?}", whole.flux);
+
+    let focal = ior / (2.0 * (ior - 1.0));
+    let axis = overhead(0.02, 33);
+    let t = (1.0 - fresnel(1.0, ior)).powi(2) * transmittance(absorption, 2.0);
+    let map = beams(&ball, &at(focal), &sun(DVec3::NEG_Y), &axis, 2, 2);
+    check_accounts(&map);
+    let middle = texel(&map, 16, 16);
+    let share = map.irradiance[middle] * map.receivers[middle].unwrap().area / map.flux.sent;
+    assert!(close(share, t, 1e-3), "all of it: {share} {t}");
+    for distance in [1.4 * focal, 2.5 * focal] {
+        let map = beams(&ball, &at(distance), &sun(DVec3::NEG_Y), &axis, 2, 2);
+        let expected = t * POWER / (1.0 - distance / focal).powi(2);
+        assert!(close(map.irradiance[middle], expected, 2e-3), "{distance}");
+    }
+    // Receivers inside the liquid alone: none.
+    let inside = beams(&ball, &scene, &sun(DVec3::NEG_Y), &overhead(2.0, 32), 1, 1);
+    assert_eq!(inside.flux.received, DVec3::ZERO);
+    check_accounts(&inside);
+}
+
+fn busy() -> Scene {
+    clear(&format!(
+        "{}[[solid]]\nshape = \"box\"\nmin = [-0.3, -2.0, -0.2]\nmax = [0.2, -0.6, 0.4]\n\
+         [[solid]]\nshape = \"sphere\"\ncenter = [0.6, -1.0, 0.5]\nradius = 0.3\n\
+         [[solid]]\nshape = \"box\"\nmin = [-0.9, -2.0, 0.3]\nmax = [-0.6, 0.4, 0.6]",
+        FLOOR.replace("-1.0", "-2.0")
+    ))
+}
+
+/// Protects the beams by photons, which know nothing of areas, folds and edges; and shows that more
+/// beams come nearer to the truth.
+#[test]
+fn beams_are_what_photons_show() {
+    let scene = busy();
+    let liquid = water(waves(0.12));
+    let light = sun(DVec3::new(0.4, -1.0, 0.2));
+    let view =
+        light_view(&light, DVec3::new(-1.2, -2.0, -1.2), DVec3::new(1.2, 0.2, 1.2), &scene, 40);
+    let maps = [1, 2, 4].map(|density| beams(&liquid, &scene, &light, &view, 1, density));
+    let (fine, own) = beams_with_error(&liquid, &scene, &light, &view, 1, 12);
+    for map in maps.iter().chain([&fine]) {
+        check_accounts(map);
+    }
+    let errors = maps.map(|map| map.relative_l1(&fine));
+    let counts = [20_000, 600_000];
+    let noise = counts.map(|count| {
+        let map = photons(&liquid, &scene, &light, &view, 1, count, 1);
+        check_accounts(&map);
+        assert!(close(map.flux.sent, fine.flux.sent, 2e-3), "{:?} {:?}", map.flux, fine.flux);
+        assert!(close(map.flux.received, fine.flux.received, 3e-3));
+        assert!((map.flux.hidden - fine.flux.hidden).length() < 3e-3 * fine.flux.sent.length());
+        map.relative_l1(&fine)
+    });
+    println!("beams 1, 2, 4 per texel off 12: {errors:?}; 6 off 12: {own}; photons {noise:?}");
+    assert!(errors[1] < 0.6 * errors[0] && errors[2] < 0.6 * errors[1], "{errors:?}");
+    assert!(own < errors[2] && own < 0.01, "{own} {errors:?}");
+    assert!(noise[1] < 0.3 * noise[0] && noise[1] < 0.05, "{noise:?}");
+    assert_eq!(fine.relative_l1(&fine), 0.0);
+}
+
+/// Protects point lights: the known answers straight below and at an angle (methods after Walter
+/// 2009), and from far away the sun's map.
+#[test]
+fn a_point_light_spreads() {
+    let scene = clear(&FLOOR.replace("-1.0", "-2.0"));
+    let ior = f64::from(scene.liquid.ior);
+    let liquid = water(Waves::default());
+    let intensity = Vec3::new(30.0, 20.0, 10.0);
+    let corners = (DVec3::new(-0.6, -2.0, -0.6), DVec3::new(0.6, 0.0, 0.6));
+    let at_origin =
+        |map: &CausticMap| map.at(&Spot { solid: 0, point: -2.0 * DVec3::Y, normal: DVec3::Y });
+
+    let light = Light::Point { position: 3.0 * DVec3::Y, intensity };
+    let view = light_view(&light, corners.0, corners.1, &scene, 64);
+    let map = beams(&liquid, &scene, &light, &view, 1, 2);
+    check_accounts(&map);
+    let t = 1.0 - fresnel(1.0, ior);
+    let expected = intensity.as_dvec3() * (t * WATER * WATER / 35.8801);
+    assert!(close(at_origin(&map), expected, 1e-3), "{} {expected}", at_origin(&map));
+
+    // θ = 43.0614° in air, 30.8886° in water, η²/D = 0.0270312.
+    let light = Light::Point { position: DVec3::new(4.0, 3.0, 0.0), intensity };
+    let view = light_view(&light, corners.0 * 2.0, corners.1 * 2.0, &scene, 96);
+    let map = beams(&liquid, &scene, &light, &view, 1, 2);
+    check_accounts(&map);
+    let t = 1.0 - fresnel(43.0614f64.to_radians().cos(), ior);
+    let cos = 30.8886f64.to_radians().cos();
+    let expected = intensity.as_dvec3() * (0.0270312 * t * cos);
+    assert!(close(at_origin(&map), expected, 1e-3), "{} {expected}", at_origin(&map));
+
+    // 10 km away, as the sun.
+    let liquid = water(waves(0.1));
+    let (far, direction) = (1e4, DVec3::new(0.3, -1.0, 0.1).normalize());
+    let point =
+        Light::Point { position: -far * direction, intensity: (far * far * POWER).as_vec3() };
+    let maps = [sun(direction), point].map(|light| {
+        let view = light_view(&light, corners.0, corners.1, &scene, 24);
+        beams(&liquid, &scene, &light, &view, 1, 4)
+    });
+    let mut compared = 0;
+    for x in -6..=6 {
+        for z in -6..=6 {
+            let at = DVec3::new(0.04 * f64::from(x), -2.0, 0.04 * f64::from(z));
+            let spot = Spot { solid: 0, point: at, normal: DVec3::Y };
+            let [a, b] = maps.each_ref().map(|map| map.at(&spot));
+            // Their texels are not at the same places.
+            compared += i32::from((a - b).length() < 0.15 * a.length());
+        }
+    }
+    assert!(compared > 150, "{compared} of 169");
+    let mean = |map: &CausticMap| map.flux.transmitted / map.flux.sent;
+    assert!(close(mean(&maps[0]), mean(&maps[1]), 1e-3));
+}
+
+/// A layer as the device stores it, from what a ray of the light's view meets: point and normal.
+fn layer(view: &LightView, hit: impl Fn(&Ray) -> Option<(DVec3, DVec3)>) -> Layer {
+    let texels: Vec<[f32; 4]> = (0..view.size.element_product())
+        .map(|i| {
+            let u = DVec2::new((i % view.size.x).into(), (i / view.size.x).into()) + 0.5;
+            let (origin, direction) = view.ray(u);
+            let Some((point, normal)) = hit(&Ray { origin, direction }) else { return [0.0; 4] };
+            let x = view.view_from_world * (point - view.origin);
+            let n = view.view_from_world * normal;
+            let plane = if view.orthographic {
+                let slope = n.truncate() / -n.z;
+                slope.extend(slope.dot(x.truncate()) - (view.far + x.z))
+            } else {
+                n / n.dot(x)
+            };
+            [plane.x as f32, plane.y as f32, plane.z as f32, -x.z as f32]
+        })
+        .collect();
+    Layer::new(view.size, &texels)
+}
+
+/// The light's layers of a liquid over solids: front, back and solids.
+fn layers(liquid: &impl Liquid, scene: &Scene, view: &LightView) -> (Pair, Layer) {
+    let surroundings = Surroundings::new(scene);
+    let enter = |ray: &Ray| liquid.crossing(ray, false);
+    let front = layer(view, |ray| enter(ray).map(|c| (ray.at(c.t), c.normal)));
+    let back = layer(view, |ray| {
+        let inner = Ray { origin: ray.at(enter(ray)?.t), ..*ray };
+        liquid.crossing(&inner, true).map(|c| (inner.at(c.t), c.normal))
+    });
+    let solids = layer(view, |ray| surroundings.hit(ray).map(|h| (h.point, h.normal)));
+    ([front, back], solids)
+}
+
+/// Protects the truth over layers: where these are planes, as the device stores them, it is the
+/// truth of the liquid itself, from a sun and from a point, through one interface and two.
+#[test]
+fn layers_of_planes_give_the_same_map() {
+    let scene = scene(&format!("[liquid]\nior = 1.33\nabsorption = [0.8, 0.3, 0.1]\n{FLOOR}"));
+    let plate = Block { min: DVec3::new(-90.0, -0.5, -90.0), max: DVec3::new(90.0, 0.0, 90.0) };
+    let full = Block { min: DVec3::new(-90.0, -1.0, -90.0), ..plate };
+    let point = Light::Point { position: DVec3::new(1.0, 4.0, 0.5), intensity: Vec3::splat(9.0) };
+    for light in [sun(OBLIQUE), sun(DVec3::NEG_Y), point] {
+        let view = light_view(&light, -DVec3::ONE, DVec3::new(1.0, 0.0, 1.0), &scene, 32);
+        for (liquid, interfaces, contact) in [(plate, 2, 0.0), (full, 1, 0.01), (plate, 1, 0.6)] {
+            let (pair, solids) = layers(&liquid, &scene, &view);
+            let classes = [&pair];
+            let over = |interfaces| {
+                let known = (&classes[..], &solids);
+                beams_over_layers(&view, known, &light, &scene.liquid, contact, interfaces, 2)
+            };
+            let found = over(interfaces);
+            check_accounts(&found);
+            // A plate that touches the floor by decree is water down to the floor.
+            let same = if contact > 0.5 { full } else { liquid };
+            let exact = beams(&same, &scene, &light, &view, interfaces, 2);
+            assert!(exact.flux.received.y > 0.5 * exact.flux.transmitted.y, "{:?}", exact.flux);
+            let received = (found.flux.received, exact.flux.received);
+            assert!(close(received.0, received.1, 5e-2), "{received:?}");
+            // What lands beyond the frame is lost by layers, and with it a border.
+            let size = view.size;
+            let border = 2;
+            for y in border..size.y - border {
+                for x in border..size.x - border {
+                    let i = texel(&exact, x, y);
+                    let (a, b) = (found.irradiance[i], exact.irradiance[i]);
+                    let whole = b.y > 0.99 * exact.irradiance[texel(&exact, x, y - 1)].y
+                        && b.y > 0.99 * exact.irradiance[texel(&exact, x, y + 1)].y;
+                    if whole {
+                        assert!(close(a, b, 1e-3), "{light:?} {interfaces} {x} {y}: {a} {b}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Protects the truth over layers on what curves: finer layers of waves and of a ball come nearer to
+/// the maps of the liquids themselves.
+#[test]
+fn finer_layers_come_nearer() {
+    let errors = |liquid: Box<dyn Liquid>, floor: &str, interfaces: u32| {
+        let scene = clear(&FLOOR.replace("-1.0", floor));
+        struct Borrowed<'a>(&'a dyn Liquid);
+        impl Liquid for Borrowed<'_> {
+            fn crossing(&self, ray: &Ray, inside: bool) -> Option<Crossing> {
+                self.0.crossing(ray, inside)
+            }
+            fn contains(&self, point: DVec3) -> bool {
+                self.0.contains(point)
+            }
+        }
+        [24, 96].map(|size| {
+            let view = overhead(1.2, size);
+            let (pair, solids) = layers(&Borrowed(&*liquid), &scene, &view);
+            let light = sun(DVec3::NEG_Y);
+            let known = (&[&pair][..], &solids);
+            let over =
+                beams_over_layers(&view, known, &light, &scene.liquid, 0.0, interfaces, 96 / size);
+            let exact = beams(&*liquid, &scene, &light, &view, interfaces, 96 / size);
+            over.relative_l1(&exact)
+        })
+    };
+    let wavy = errors(Box::new(water(waves(0.08))), "-2.0", 1);
+    let ball = errors(Box::new(Ball { center: DVec3::ZERO, radius: 1.0 }), "-1.3", 2);
+    println!("waves {wavy:?}, ball {ball:?}");
+    assert!(wavy[1] < 0.7 * wavy[0], "{wavy:?}");
+    assert!(ball[1] < 0.7 * ball[0], "{ball:?}");
+}
+
+/// Protects the light on all solids: behind a wall under water, where refracted light comes and no
+/// straight view from the light shows anything; on the wall, on a ball, and nowhere else.
+#[test]
+fn light_comes_where_no_straight_view_shows() {
+    let scene = clear(&format!(
+        "{FLOOR}lit = true\n\
+         [[solid]]\nshape = \"box\"\nmin = [-0.3, -1.0, -9.0]\nmax = [-0.2, 0.5, 9.0]\nlit = true\n\
+         [[solid]]\nshape = \"sphere\"\ncenter = [1.1, -0.7, 0.3]\nradius = 0.25\nlit = true"
+    ));
+    let ior = f64::from(scene.liquid.ior);
+    let (light, liquid) = (sun(OBLIQUE), water(Waves::default()));
+    let bounds = (DVec3::new(-1.5, -1.0, -1.0), DVec3::new(1.5, 0.0, 1.0));
+    let maps = on_solids(&liquid, bounds, &scene, &light, 1, 96, 3);
+    let at = |solid: usize, point: DVec3, normal: DVec3| {
+        let spot = Spot { solid, point, normal };
+        maps.iter().find(|map| map.takes(&spot)).map_or(DVec3::ZERO, |map| map.at(&spot))
+    };
+    let cos = (2f64 / 3.0).sqrt();
+    let inner = ((1.0 - cos * cos).sqrt() / ior).asin();
+    let level = (1.0 - fresnel(cos, ior)) * cos * POWER;
+    // Light that passes the wall's top enters at once 0.354 from it and goes on by 0.482.
+    let edge = -0.2 + 0.5 * (1.0 / cos / cos - 1.0).sqrt() + inner.tan();
+    let straight = -0.2 + 1.5 * (1.0 / cos / cos - 1.0).sqrt();
+    assert!((edge - 0.6355).abs() < 1e-3 && (straight - 0.8607).abs() < 1e-3, "{edge} {straight}");
+    for i in 0..40 {
+        let x = -0.17 + 0.04 * f64::from(i);
+        let found = at(0, DVec3::new(x, -1.0, -0.4), DVec3::Y);
+        if x < edge - 0.07 {
+            assert_eq!(found, DVec3::ZERO, "{x}");
+        } else if x > edge + 0.07 && x < 1.3 {
+            assert!(close(found, level, 1e-6), "{x}: {found} {level}");
+        }
+    }
+    // A map along the light shows none of the floor before the end of its straight shadow.
+    let view = light_view(&light, bounds.0, bounds.1, &scene, 96);
+    let map = beams(&liquid, &scene, &light, &view, 1, 3);
+    let hidden = Spot { solid: 0, point: DVec3::new(0.75, -1.0, -0.4), normal: DVec3::Y };
+    assert_eq!(map.at(&hidden), DVec3::ZERO);
+    assert!(close(at(0, hidden.point, hidden.normal), level, 1e-6));
+
+    let wall = at(1, DVec3::new(-0.3, -0.5, 0.2), DVec3::NEG_X);
+    assert!(close(wall, level * inner.tan(), 1e-6), "{wall}");
+    assert_eq!(at(1, DVec3::new(-0.2, -0.5, 0.2), DVec3::X), DVec3::ZERO);
+    let towards = DVec3::new(-inner.sin(), inner.cos(), 0.0);
+    for normal in [DVec3::Y, towards, DVec3::new(-0.8, 0.5, 0.3).normalize(), DVec3::X, DVec3::Z] {
+        let found = at(2, DVec3::new(1.1, -0.7, 0.3) + 0.25 * normal, normal);
+        let expected = level / inner.cos() * normal.dot(towards).max(0.0);
+        assert!(
+            (found - expected).length() < 0.04 * level.length(),
+            "{normal}: {found} {expected}"
+        );
+    }
+}
+
+/// Protects point lights that no single view shows: in the liquid, and above it so low that it is
+/// seen under nearly all directions, each with its closed form below.
+#[test]
+fn a_light_in_the_liquid_or_close_above_shines_all_round() {
+    let scene = clear(&format!("{FLOOR}lit = true"));
+    let ior = f64::from(scene.liquid.ior);
+    let liquid = water(Waves::default());
+    let bounds = (DVec3::new(-1.0, -1.0, -1.0), DVec3::new(1.0, 0.0, 1.0));
+    let intensity = Vec3::new(3.0, 2.0, 1.0);
+    for height in [-0.5, 0.1] {
+        let light = Light::Point { position: height * DVec3::Y, intensity };
+        let maps = on_solids(&liquid, bounds, &scene, &light, 1, 256, 3);
+        assert_eq!(maps.len(), 1);
+        let at = |x: f64| {
+            maps[0].at(&Spot { solid: 0, point: DVec3::new(x, -1.0, 0.0), normal: DVec3::Y })
+        };
+        let (below, aside) = (at(0.0), at(0.3));
+        if height < 0.0 {
+            assert!(close(below, POWER / 0.25, 0.03), "{below}");
+            let expected = POWER * 0.5 / (0.25 + 0.09f64).powf(1.5);
+            assert!(close(aside, expected, 0.03), "{aside} {expected}");
+        } else {
+            // From above water looks 1/n as deep (Walter 2009, straight down).
+            let expected = POWER * (1.0 - fresnel(1.0, ior)) / (height + 1.0 / ior).powi(2);
+            assert!(close(below, expected, 0.03), "{below} {expected}");
+        }
+    }
+}
+
+fn looking(eye: DVec3, target: DVec3, up: Vec3) -> Camera {
+    Camera { eye, target, up, fov_y: 40.0, near: None }
+}
+
+const SUN: &str = "[environment]\nradiance = [0.1, 0.2, 0.3]\n[[light]]\n\
+    sun = { direction = [1.0, -2.0, 0.0], irradiance = [3.0, 2.0, 1.0] }\n";
+
+/// Protects exact shadows: in a picture from above the shadow of a box ends at its closed form.
+#[test]
+fn a_shadow_ends_where_it_should() {
+    let scene = clear(&format!(
+        "{SUN}{FLOOR}color = [0.5, 0.5, 1.0]\nlit = true\n\
+         [[solid]]\nshape = \"box\"\nmin = [-0.5, -0.4, -0.3]\nmax = [0.1, 0.2, 0.5]\n\
+         color = [0.0, 0.0, 0.0]"
+    ));
+    let size = UVec2::new(120, 90);
+    let camera = looking(9.0 * DVec3::Y, DVec3::ZERO, Vec3::NEG_Z);
+    let none = Ball { center: 500.0 * DVec3::Y, radius: 1.0 };
+    let picture = trace(&none, &scene, &camera, size, 1, MAX_DEPTH);
+    let color = DVec3::new(0.5, 0.5, 1.0);
+    let ambient = color * DVec3::new(0.1, 0.2, 0.3);
+    let lit = ambient + color * POWER * (2.0 / 5f64.sqrt()) / PI;
+    let mut shadowed = 0;
+    for (i, &found) in picture.pixels.iter().enumerate() {
+        let u = DVec2::new((i % 120) as f64, (i / 120) as f64) + 0.5;
+        let ndc = (2.0 * u / size.as_dvec2() - 1.0) * DVec2::new(4.0 / 3.0, 1.0);
+        let slope = ndc * 20f64.to_radians().tan();
+        let (on_floor, on_top) = (10.0 * slope, 8.8 * slope);
+        let covered =
+            |at: DVec2, low: f64, high: f64| at.x > low && at.x < high && at.y > -0.3 && at.y < 0.5;
+        // The box's own sides are seen too, around its top.
+        if found == DVec3::ZERO {
+            assert!(covered(on_top, -0.5, 0.1) || covered(9.4 * slope, -0.5, 0.1));
+            continue;
+        }
+        // Light that passes the box's lower left edge, and its upper right one.
+        let expected = if covered(on_floor, -0.5 + 0.3, 0.1 + 0.6) { ambient } else { lit };
+        shadowed += u32::from(expected == ambient);
+        assert!(close(found, expected, 1e-6), "{u}: {found} {expected}");
+    }
+    assert!(shadowed > 50, "{shadowed}");
+}
+
+/// Protects light where caustics are off: straight through a plate T² exp(−σ l), into water
+/// T exp(−σ l); and where they are on, on a wet floor what the map has.
+#[test]
+fn liquid_lets_light_through_to_what_is_lit() {
+    let scene = scene(&format!(
+        "[liquid]\nior = 1.33\nabsorption = [1.0, 0.5, 0.1]\n{}{FLOOR}color = [0.5, 0.5, 0.5]\n\
+         lit = true\n",
+        SUN.replace("[0.1, 0.2, 0.3]", "[0.0, 0.0, 0.0]")
+    ));
+    let (ior, absorption) = (f64::from(scene.liquid.ior), scene.liquid.absorption.as_dvec3());
+    let cos = 2.0 / 5f64.sqrt();
+    let t = 1.0 - fresnel(cos, ior);
+    let low = looking(DVec3::new(0.0, -0.8, 0.0), DVec3::new(0.0, -1.0, 0.0), Vec3::X);
+    let seen = |liquid: &Block, maps: &[Option<Vec<CausticMap>>]| {
+        trace_lit(liquid, &scene, &low, UVec2::ONE, 1, MAX_DEPTH, maps).pixels[0]
+    };
+    let full = POWER * (0.5 * cos / PI);
+    let wide = |bottom: f64| Block {
+        min: DVec3::new(-50.0, bottom, -50.0),
+        max: DVec3::new(50.0, 0.0, 50.0),
+    };
+    let above = seen(&wide(-0.5), &[]);
+    let expected = full * t * t * transmittance(absorption, 0.5 / cos);
+    assert!(close(above, expected, 1e-7), "{above} {expected}");
+    let within = seen(&wide(-1.0), &[]);
+    let eye = transmittance(absorption, 0.2);
+    let expected = full * t * eye * transmittance(absorption, 1.0 / cos);
+    assert!(close(within, expected, 1e-6), "{within} {expected}");
+
+    let light = scene.lights[0];
+    let view = light_view(&light, -DVec3::ONE, DVec3::new(1.0, 0.0, 1.0), &scene, 32);
+    let inner = (1.0 - (1.0 - cos * cos) / (ior * ior)).sqrt();
+    let map = beams(&wide(-1.0), &scene, &light, &view, 1, 1);
+    let within = seen(&wide(-1.0), &[Some(vec![map])]);
+    let expected = full * t * eye * transmittance(absorption, 1.0 / inner);
+    assert!(close(within, expected, 1e-6), "{within} {expected}");
+    let map = beams(&wide(-0.5), &scene, &light, &view, 2, 1);
+    let above = seen(&wide(-0.5), &[Some(vec![map])]);
+    let expected = full * t * t * transmittance(absorption, 0.5 / inner);
+    assert!(close(above, expected, 1e-6), "{above} {expected}");
+    // Beside the liquid the sun is as it is, map or none.
+    let beside = Block { min: DVec3::new(0.6, -1.0, -1.0), max: DVec3::new(1.0, 0.0, 1.0) };
+    let map = beams(&beside, &scene, &light, &view, 1, 1);
+    for maps in [&[][..], &[Some(vec![map])]] {
+        assert!(close(seen(&beside, maps), full, 1e-6));
+    }
+}
+
+/// Protects the short cut of steep rays through waves: down into the water and up out of it they
+/// cross where the height says, with that place's normal, and never twice.
+#[test]
+fn steep_rays_cross_waves_once() {
+    let pool = Pool {
+        waves: waves(0.1),
+        min: DVec2::splat(-5.0),
+        max: DVec2::splat(5.0),
+        bottom: f64::NEG_INFINITY,
+    };
+    let bound = pool.waves.bound();
+    for i in 0..2000 {
+        let unit = |step: f64| (0.5 + f64::from(i) * step).fract() - 0.5;
+        let at = DVec2::new(8.0 * unit(0.618_034), 8.0 * unit(0.414_214));
+        let side = DVec2::new(unit(0.732_051), unit(0.236_068));
+        let up = i % 2 == 0;
+        let direction = DVec3::new(side.x, if up { 1.0 } else { -1.0 }, side.y).normalize();
+        // From far off and from among the waves.
+        let off = if i % 3 == 0 { 0.3 * bound } else { 40.0 };
+        let surface = pool.waves.height(at);
+        let origin = DVec3::new(at.x, surface, at.y) - off * direction;
+        if pool.contains(origin) != up && off < 1.0 {
+            continue;
+        }
+        let ray = Ray { origin, direction };
+        let crossing = pool.crossing(&ray, up).unwrap();
+        let x = ray.at(crossing.t);
+        if crossing.normal.y == 0.0 {
+            let side = x.abs();
+            assert!((side.x.max(side.z) - 5.0).abs() < 1e-12);
+            continue;
+        }
+        assert!((crossing.t - off).abs() < 1e-10, "{i}: {} {off}", crossing.t);
+        let slope = pool.waves.slope(at);
+        let normal = DVec3::new(-slope.x, 1.0, -slope.y).normalize();
+        assert!((crossing.normal - normal).length() < 1e-8);
+        let beyond = Ray { origin: x, direction };
+        assert!(pool.crossing(&beyond, !up).is_none_or(|c| c.normal.y == 0.0), "{i}");
+    }
+}
+
+/// Protects pools in time: a recipe's `time` moves its waves, and only a sensible one is taken.
+#[test]
+fn a_pool_is_drawn_at_its_time() {
+    let text = "[recipe]\nkind = \"pool\"\nhalf_extent = [2.0, 2.0]\ndepth = 1.0\nhull = 0.2\n\
+        count = 1000\nwaves = { count = 9, wavelengths = [0.3, 1.0], rms_slope = 0.1, seed = 1 }\n";
+    let surface = |text: &str| match project(text).source.recipe() {
+        Some(Recipe::Pool(pool)) => pool.surface(),
+        _ => unreachable!(),
+    };
+    let still = surface(text);
+    assert_eq!(surface(&format!("{text}time = 0.0\n")), still);
+    let later = surface(&format!("{text}time = 1.5\n"));
+    assert_eq!(later, still.at(1.5));
+    assert!((later.height(DVec2::ONE) - still.height(DVec2::ONE)).abs() > 1e-4);
+    let error = Project::parse(&format!("{text}time = -1.0\n"), "t", Path::new(""));
+    assert!(error.unwrap_err().to_string().contains("time"));
+}

@@ -1,0 +1,201 @@
+//! What a frame does not need is left out of it, and the picture is the same to the bit.
+
+#[path = "../../../tests/support/frames.rs"]
+mod frames;
+
+use frames::{gpu, noise_vector, on_axis, sphere};
+use glam::{DVec3, UVec2, Vec3};
+use limpid::camera::Camera;
+use limpid::gpu::PassTime;
+use limpid::liquid::Particles;
+use limpid::liquid::classify::{Splats, classify};
+use limpid::renderer::Renderer;
+use limpid::scene::{Light, Scene};
+use limpid::studio::Picture;
+use limpid_lab::report::elisions::{Case, Frame, cases, draw};
+
+const SIZE: UVec2 = UVec2::new(160, 120);
+
+/// A drop of 200 particles with some spray over a lit floor in the sun.
+fn tank() -> Frame {
+    let mut seed = 9;
+    let reach = |i| if i < 170 { Vec3::new(0.3, 0.2, 0.3) } else { Vec3::splat(0.8) };
+    let positions = (0..200).map(|i| reach(i) * noise_vector(&mut seed)).collect();
+    let particles = Particles { positions, ..Default::default() };
+    let mut scene = Scene::around(DVec3::splat(-0.8), DVec3::splat(0.8), 0.06);
+    let direction = Vec3::new(0.3, -1.0, 0.2);
+    scene.lights = vec![Light::Sun { direction, irradiance: Vec3::ONE }];
+    scene.solids.iter_mut().for_each(|solid| solid.lit = true);
+    scene.settings.caustics.resolution = 64;
+    scene.settings.caustics.grid = 64;
+    let camera = Camera { eye: DVec3::new(0.7, 1.2, 2.4), ..on_axis(0.0, 40.0) };
+    let splats = classify(&particles, 0.06, &scene.settings.classify);
+    assert!(splats.splashes.len() > 10 && splats.aggregates.len() > 100);
+    Frame { scene, camera, splats }
+}
+
+fn has(times: &[PassTime], name: &str) -> bool {
+    times.iter().any(|time| time.name == name)
+}
+
+/// Protects DESIGN's elisions, each by its own case: the passes that are left out do not run, they do
+/// run where something makes them needed, and the picture is the same to the bit.
+#[test]
+fn what_is_left_out_does_not_show() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = Renderer::new(&gpu);
+    renderer.reuse = true;
+    renderer.timing = true;
+    let cases = cases(&tank());
+    assert_eq!(cases.len(), 9);
+    let mut differing = Vec::new();
+    for case in &cases {
+        let Case { name, left_out, .. } = case;
+        let [(elided, short), (forced, long)] = draw(&gpu, &mut renderer, case, SIZE).expect(name);
+        let off = elided.pixels().zip(forced.pixels()).filter(|(a, b)| a != b).count();
+        println!("{name}: {off} pixels differ, {} and {} passes", short.len(), long.len());
+        if off > 0 {
+            differing.push((name, off));
+        }
+        // Something is to be seen: not every pixel is that of the corner.
+        assert!(elided.pixels().filter(|&pixel| pixel != elided.get_pixel(0, 0)).count() > 1000);
+        // Without timestamps there are no names.
+        for pass in left_out.iter().filter(|_| !long.is_empty()) {
+            assert!(has(&long, pass) && !has(&short, pass), "{name}: {pass}");
+        }
+    }
+    assert!(differing.is_empty(), "{differing:?}");
+}
+
+/// Protects the cases from passing for the wrong reason: pictures that do differ are told apart.
+#[test]
+fn a_difference_is_seen() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = Renderer::new(&gpu);
+    renderer.reuse = true;
+    let mut case = cases(&tank()).remove(2);
+    case.forced.scene.liquid.absorption = Vec3::ONE;
+    let [(elided, _), (forced, _)] = draw(&gpu, &mut renderer, &case, SIZE).expect("drawn");
+    assert_ne!(elided, forced);
+}
+
+/// Protects rays that start in liquid: they leave it by a back, which must be there also where one
+/// interface is followed. A frame that is diagnosed always has its backs.
+#[test]
+fn an_eye_in_liquid_has_backs() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = Renderer::new(&gpu);
+    renderer.reuse = true;
+    let Frame { mut scene, camera, .. } = tank();
+    scene.lights.clear();
+    scene.settings.refract.interfaces = 1;
+    let target = Picture::new(&gpu, SIZE).expect("a picture");
+    for distance in [0.0, 0.15, 0.19, 0.21, 0.25, 0.4] {
+        let ahead = distance * (camera.target - camera.eye).normalize();
+        let eye = sphere((camera.eye + ahead).as_vec3(), 0.2);
+        let splats = Splats { aggregates: vec![eye], radius: 0.1, ..Default::default() };
+        let mut picture = |diagnose: bool| {
+            renderer.diagnose = diagnose;
+            renderer
+                .render(&scene, &camera, &splats, &target.view(), Picture::FORMAT, SIZE)
+                .expect("drawn");
+            target.read(&gpu).expect("read")
+        };
+        assert!(picture(true) == picture(false), "the eye {distance} m from the middle of a drop");
+    }
+}
+
+/// Protects what is kept from frame to frame: after any change of anything a frame is what a
+/// renderer without a past draws, bit by bit, and what did not depend on the change did not run.
+#[test]
+fn whatever_changes_is_drawn() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = Renderer::new(&gpu);
+    renderer.reuse = true;
+    renderer.timing = true;
+    type Change = (&'static str, fn(&mut Frame), &'static [&'static str]);
+    const ALL: &[&str] = &["light splat", "caustics", "splat", "smooth", "refract", "tonemap"];
+    const EYE: &[&str] = &["splat", "smooth", "refract", "tonemap"];
+    const LIGHT: &[&str] = &["light splat", "caustics", "refract", "tonemap"];
+    const RAYS: &[&str] = &["refract", "tonemap"];
+    let changes: [Change; 19] = [
+        ("nothing", |_| (), &["tonemap"]),
+        ("exposure", |f| f.scene.settings.tonemap.exposure = -0.5, &["tonemap"]),
+        ("samples", |f| f.scene.settings.refract.samples = 2, RAYS),
+        ("environment", |f| f.scene.environment = Default::default(), RAYS),
+        ("eye", |f| f.camera.eye.x += 0.1, EYE),
+        ("field of view", |f| f.camera.fov_y = 42.0, EYE),
+        ("a light", |f| f.scene.lights[0] = sun(Vec3::new(0.1, -1.0, 0.3)), LIGHT),
+        ("a solid's colour", |f| f.scene.solids[0].surface = red(), LIGHT),
+        ("index", |f| f.scene.liquid.ior = 1.2, LIGHT),
+        ("absorption", |f| f.scene.liquid.absorption = Vec3::new(0.0, 3.0, 1.0), LIGHT),
+        ("reach", |f| f.scene.settings.refract.reach = 0.3, LIGHT),
+        ("caustics", |f| f.scene.settings.caustics.margin = 0.3, LIGHT),
+        ("smoothing", |f| f.scene.settings.smooth.iterations = 2, ALL),
+        ("one particle", |f| f.splats.aggregates[7].centre[1] += 0.05, ALL),
+        ("one splash", |f| f.splats.splashes[3].centre[0] += 0.05, ALL),
+        ("one fewer", |f| f.splats.aggregates.truncate(100), ALL),
+        ("no splashes", |f| f.splats.splashes.clear(), ALL),
+        ("no smoothing", |f| f.scene.settings.smooth.iterations = 0, &ALL[..3]),
+        ("no light", |f| f.scene.lights.clear(), RAYS),
+    ];
+    let target = Picture::new(&gpu, SIZE).expect("a picture");
+    let shoot = |renderer: &mut Renderer, Frame { scene, camera, splats }: &Frame| {
+        let view = target.view();
+        let times = renderer.render(scene, camera, splats, &view, Picture::FORMAT, SIZE);
+        (times.expect("drawn"), target.read(&gpu).expect("read"))
+    };
+    let mut frame = tank();
+    shoot(&mut renderer, &frame);
+    let mut last = None;
+    for (what, change, drawn) in changes {
+        change(&mut frame);
+        let (times, picture) = shoot(&mut renderer, &frame);
+        renderer.forget();
+        assert!(shoot(&mut renderer, &frame).1 == picture, "{what}");
+        assert!(what == "nothing" || last.as_ref() != Some(&picture), "{what} does not show");
+        last = Some(picture);
+        for name in ALL.iter().filter(|_| !times.is_empty()) {
+            let expected = drawn.contains(name);
+            // Without smoothing there is no such pass, and all others run.
+            let expected = expected || what == "no smoothing" && *name != "smooth";
+            assert_eq!(has(&times, name), expected, "{what}: {name}");
+        }
+    }
+}
+
+/// Protects what is kept against errors: a frame that could not be drawn leaves nothing behind that
+/// the next would take for its own.
+#[test]
+fn nothing_is_kept_of_a_frame_that_failed() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = Renderer::new(&gpu);
+    renderer.reuse = true;
+    let frame = tank();
+    let mut broken = frame.clone();
+    broken.splats.aggregates.truncate(50);
+    broken.scene.settings.caustics.resolution = 8192;
+    broken.scene.settings.caustics.grid = 8192;
+    let target = Picture::new(&gpu, SIZE).expect("a picture");
+    let mut shoot = |Frame { scene, camera, splats }: &Frame| {
+        renderer.render(scene, camera, splats, &target.view(), Picture::FORMAT, SIZE)?;
+        target.read(&gpu)
+    };
+    let expected = shoot(&frame).expect("drawn");
+    let mut fewer = frame.clone();
+    fewer.splats.aggregates.truncate(60);
+    // It fails where the adapter's buffers are too small for its grid; elsewhere it is drawn.
+    let failed = shoot(&broken).is_err();
+    println!("failed: {failed}");
+    let after = shoot(&frame).expect("drawn");
+    assert!(after == expected);
+    assert!(shoot(&fewer).expect("drawn") != expected);
+}
+
+fn sun(direction: Vec3) -> Light {
+    Light::Sun { direction, irradiance: Vec3::splat(2.0) }
+}
+
+fn red() -> limpid::scene::Surface {
+    limpid::scene::Surface::Color(Vec3::X)
+}

@@ -1,0 +1,107 @@
+//! Pictures against references.
+//!
+//! Protects the one number that limpid is measured by: the mean FLIP to pictures of the same
+//! particles whose surface was reconstructed and path-traced, in the folder that `LIMPID_REFERENCE`
+//! names.
+
+#[path = "../../../tests/support/references.rs"]
+mod references;
+
+use std::path::Path;
+
+use glam::UVec2;
+use limpid::gpu::Gpu;
+use limpid::renderer::Renderer;
+use limpid::studio::Picture;
+use limpid_io::input::Input;
+use limpid_lab::compare::{compare, load_picture};
+use references::references;
+
+const SCENES: [&str; 5] = [
+    "double_dam_break_front",
+    "double_dam_break_low",
+    "double_dam_break_top",
+    "double_dam_break_columns",
+    "knot",
+];
+
+/// Mean FLIP that the five must reach together, and that none of them may exceed.
+const MAX_MEAN: f64 = 0.065;
+const MAX_ONE: f64 = 0.12;
+
+fn input(references: &Path, name: &str) -> Input {
+    let path = references.join("scenes").join(name).with_extension("toml");
+    Input::open(path.to_str().expect("the path is UTF-8")).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The scenes load as they are, and name a frame that is there.
+#[test]
+fn scenes_load_unchanged() {
+    let Some(references) = references() else { return };
+    for name in SCENES {
+        let input = input(&references, name);
+        let project = input.project.as_ref().expect("a scene");
+        assert!(project.camera.is_some(), "{name} has a camera");
+        assert_eq!(project.scene.solids.len(), 1, "{name} has a floor");
+        let frame = match input.frame {
+            Some(number) => input.sequence.frame(number),
+            None => input.sequence.frames.first(),
+        };
+        let particles = input.particles(frame.expect("the scene's frame")).unwrap();
+        assert!(particles.len() > 1000, "{name}: {} particles", particles.len());
+    }
+}
+
+/// Four samples per pixel in the size of the references.
+#[test]
+fn mean_flip_to_the_references() {
+    let Some(references) = references() else { return };
+    let gpu = match Gpu::headless() {
+        Ok(gpu) => gpu,
+        Err(error) => {
+            let set = |name: &str| std::env::var(name).is_ok_and(|v| v == "1" || v == "true");
+            let required = set("CI") || set("LIMPID_REQUIRE_GPU");
+            assert!(!required, "this test must not be skipped here: {error}");
+            eprintln!("skipped: {error}");
+            return;
+        }
+    };
+    let mut renderer = Renderer::new(&gpu);
+    let mut flips = Vec::new();
+    println!(
+        "{:<26} {:>9} {:>9} {:>8} {:>9}",
+        "scene", "mean FLIP", "99th pct", "RMSE", "PSNR, dB"
+    );
+    for name in SCENES {
+        let (input, mut project) = input(&references, name).settle().unwrap();
+        project.scene.settings.refract.samples = 4;
+        let frame = match input.frame {
+            Some(number) => input.sequence.frame(number).expect("the scene's frame"),
+            None => &input.sequence.frames[0],
+        };
+        let loaded = input.load(frame, &project.scene).unwrap();
+
+        let path = references.join("pictures").join(name).with_extension("png");
+        let reference = load_picture(&path).unwrap_or_else(|error| panic!("{error}"));
+        let size = UVec2::from(reference.dimensions());
+        let picture = Picture::new(&gpu, size).unwrap();
+        let camera = project.camera_for(loaded.bulk.bounds);
+        renderer
+            .render(&project.scene, &camera, &loaded.splats, &picture.view(), Picture::FORMAT, size)
+            .unwrap();
+        let picture = image::DynamicImage::ImageRgba8(picture.read(&gpu).unwrap()).into_rgb8();
+        let (result, _) = compare(&reference, &picture).unwrap();
+        let psnr = result.psnr_db.expect("not the reference itself");
+        println!(
+            "{name:<26} {:>9.4} {:>9.4} {:>8.4} {psnr:>9.2}",
+            result.mean_flip, result.p99_flip, result.rmse
+        );
+        flips.push((name, result.mean_flip));
+    }
+    let mean = flips.iter().map(|(_, flip)| flip).sum::<f64>() / flips.len() as f64;
+    println!("{:<26} {mean:>9.4}", "mean");
+    for (name, flip) in flips {
+        assert!(flip <= MAX_ONE, "{name}: mean FLIP {flip:.4}, at most {MAX_ONE} expected");
+    }
+    assert!(mean <= MAX_MEAN, "mean FLIP {mean:.4}, at most {MAX_MEAN} expected");
+}

@@ -1,0 +1,8 @@
+//! Particles for [`limpid`] that are made, not read: closed-form [`recipe`]s, and [`sim`]ulations by
+//! position-based dynamics or linear waves.
+
+#![forbid(unsafe_code)]
+
+pub mod recipe;
+pub mod sim;
+pub mod waves;

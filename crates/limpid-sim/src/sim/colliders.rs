@@ -1,0 +1,206 @@
+//! What liquid cannot enter.
+
+use glam::{Vec3, Vec4, Vec4Swizzles as _};
+
+use super::Extent;
+use limpid::scene::{Shape, Solid};
+
+/// A convex obstacle. 32-bit twin of [`Shape::distance`], with half-spaces for walls, and finite
+/// planes as the plates that they are drawn as.
+#[derive(Debug, Clone, Copy)]
+enum Collider {
+    /// All x with normal·x below `offset`.
+    HalfSpace {
+        normal: Vec3,
+        offset: f32,
+    },
+    /// A square without thickness.
+    Plate {
+        origin: Vec3,
+        normal: Vec3,
+        half_extent: f32,
+    },
+    Box {
+        center: Vec3,
+        half: Vec3,
+    },
+    Sphere {
+        center: Vec3,
+        radius: f32,
+    },
+}
+
+impl Collider {
+    /// Distance from `x` to the surface, negative inside, and the unit normal towards `x`.
+    fn distance(&self, x: Vec3) -> (f32, Vec3) {
+        match *self {
+            Self::HalfSpace { normal, offset } => (normal.dot(x) - offset, normal),
+            Self::Plate { origin, normal, half_extent } => {
+                let offset = x - origin;
+                let above = normal.dot(offset);
+                let a = normal.abs();
+                // The two axes most in the plane, as it is drawn.
+                let axes = if a.y >= a.x.max(a.z) {
+                    Vec3::new(1.0, 0.0, 1.0)
+                } else if a.x >= a.z {
+                    Vec3::new(0.0, 1.0, 1.0)
+                } else {
+                    Vec3::new(1.0, 1.0, 0.0)
+                };
+                let within = axes * offset;
+                let beside =
+                    within - within.clamp(-Vec3::splat(half_extent), Vec3::splat(half_extent));
+                let nearest = above * normal + beside;
+                let towards = if above < 0.0 { -normal } else { normal };
+                (nearest.length(), nearest.normalize_or(towards))
+            }
+            Self::Box { center, half } => {
+                let offset = x - center;
+                let face = offset.abs() - half;
+                let outside = face.max(Vec3::ZERO);
+                let sign = Vec3::ONE.copysign(offset);
+                if outside == Vec3::ZERO {
+                    let normal = if face.x >= face.y.max(face.z) {
+                        Vec3::X
+                    } else if face.y >= face.z {
+                        Vec3::Y
+                    } else {
+                        Vec3::Z
+                    };
+                    (face.max_element(), sign * normal)
+                } else {
+                    (outside.length(), sign * outside.normalize_or(Vec3::Y))
+                }
+            }
+            Self::Sphere { center, radius } => {
+                let offset = x - center;
+                (offset.length() - radius, offset.normalize_or(Vec3::Y))
+            }
+        }
+    }
+}
+
+/// All obstacles of a scene.
+#[derive(Debug, Clone)]
+pub(super) struct Colliders {
+    all: Vec<Collider>,
+    /// Particles keep this distance, m.
+    radius: f32,
+}
+
+/// A tangent plane of an obstacle near a particle: unit normal, and its distance from the world's
+/// origin along it.
+pub(super) type Contact = Vec4;
+
+/// Distance of `x` from a contact's plane.
+#[inline]
+pub(super) fn above(contact: Contact, x: Vec3) -> f32 {
+    contact.xyz().dot(x) - contact.w
+}
+
+impl Colliders {
+    pub(super) fn new(solids: &[Solid], bounds: Option<Extent>, radius: f32) -> Self {
+        let solid = |solid: &Solid| match solid.shape {
+            Shape::Plane { origin, normal, half_extent } if half_extent.is_infinite() => {
+                let offset = normal.as_dvec3().dot(origin) as f32;
+                Collider::HalfSpace { normal, offset }
+            }
+            Shape::Plane { origin, normal, half_extent } => {
+                Collider::Plate { origin: origin.as_vec3(), normal, half_extent }
+            }
+            Shape::Box { min, max } => Collider::Box {
+                center: (0.5 * (min + max)).as_vec3(),
+                half: (0.5 * (max - min)).as_vec3(),
+            },
+            Shape::Sphere { center, radius } => {
+                Collider::Sphere { center: center.as_vec3(), radius }
+            }
+        };
+        let walls = bounds.into_iter().flat_map(|bounds| {
+            let (min, max) = (bounds.min.as_vec3(), bounds.max.as_vec3());
+            (0..3).flat_map(move |i| [(Vec3::AXES[i], min[i]), (-Vec3::AXES[i], -max[i])])
+        });
+        let walls = walls.filter(|(_, offset)| offset.is_finite());
+        let walls = walls.map(|(normal, offset)| Collider::HalfSpace { normal, offset });
+        Self { all: solids.iter().map(solid).chain(walls).collect(), radius }
+    }
+
+    /// Where a particle that shall be at `x` may be, if it is in no solid.
+    pub(super) fn place(&self, x: Vec3) -> Option<Vec3> {
+        let mut contacts = Vec::new();
+        self.contacts(x, self.radius, &mut contacts);
+        let outside = contacts.iter().all(|&contact| above(contact, x) > 0.0);
+        outside.then(|| self.project(&contacts, x))
+    }
+
+    /// Moves a particle, along obstacles where they are in its way. However fast it is, it ends on
+    /// the side of every obstacle where it began: obstacles are convex, so each lies behind the
+    /// plane through its nearest point, and the way up to all these planes is free.
+    pub(super) fn sweep(&self, from: Vec3, to: Vec3) -> Vec3 {
+        /// Of the radius: nearer than this is touching.
+        const TOUCHING: f32 = 1e-3;
+        const STEPS: u32 = 32;
+        let mut at = from;
+        let mut rest = to - from;
+        for _ in 0..STEPS {
+            let mut free = 1.0;
+            let mut touched = None;
+            for collider in &self.all {
+                let (distance, normal) = collider.distance(at);
+                let approach = -rest.dot(normal);
+                let gap = distance - self.radius;
+                if approach <= gap.max(1e-6 * self.radius) {
+                    continue;
+                }
+                if gap > TOUCHING * self.radius {
+                    free = gap.min(free * approach) / approach;
+                } else {
+                    touched = Some(normal);
+                }
+            }
+            if let Some(normal) = touched {
+                rest -= rest.dot(normal) * normal;
+                continue;
+            }
+            at += free * rest;
+            if free == 1.0 {
+                break;
+            }
+            rest *= 1.0 - free;
+        }
+        at
+    }
+
+    /// Appends the tangent planes of all obstacles within `reach` of `x`, of several that face the
+    /// same way the nearest.
+    pub(super) fn contacts(&self, x: Vec3, reach: f32, contacts: &mut Vec<Contact>) {
+        /// Cosine of the angle within which two planes are one wall.
+        const SAME: f32 = 0.9;
+        let first = contacts.len();
+        for collider in &self.all {
+            let (distance, normal) = collider.distance(x);
+            if distance >= reach {
+                continue;
+            }
+            let contact = normal.extend(normal.dot(x) - distance);
+            let known = contacts.iter_mut().skip(first);
+            match known.into_iter().find(|known| known.xyz().dot(normal) > SAME) {
+                Some(known) if above(*known, x) > distance => *known = contact,
+                Some(_) => {}
+                None => contacts.push(contact),
+            }
+        }
+    }
+
+    /// Moves `x` out of its contacts.
+    #[inline]
+    pub(super) fn project(&self, contacts: &[Contact], mut x: Vec3) -> Vec3 {
+        for &contact in contacts {
+            let depth = self.radius - above(contact, x);
+            if depth > 0.0 {
+                x += depth * contact.xyz();
+            }
+        }
+        x
+    }
+}

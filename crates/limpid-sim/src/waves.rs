@@ -1,0 +1,164 @@
+//! A calm water surface with waves: a sum of sines, exact at any point.
+
+use std::f64::consts::TAU;
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+/// Acceleration of gravity, m/s².
+const GRAVITY: f64 = 9.81;
+
+/// How waves are drawn at random: isotropic, with wavelengths from a band and slopes of one size.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WaveSpectrum {
+    /// Number of sines, 1 to 10,000.
+    pub count: u32,
+    /// Shortest and longest wavelength, m; each is as likely as any other on a logarithmic scale.
+    pub wavelengths: [f64; 2],
+    /// Root mean square of the surface's slope along x, and along z.
+    pub rms_slope: f64,
+    /// Chooses directions, lengths and phases.
+    pub seed: u64,
+}
+
+/// One sine: height amplitude·sin(k·x + phase).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wave {
+    /// Wave vector (x, z), rad/m.
+    pub k: DVec2,
+    /// Amplitude, m.
+    pub amplitude: f64,
+    /// Phase, rad.
+    pub phase: f64,
+}
+
+/// A height above y = 0 for every (x, z).
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Waves {
+    /// The sines; none for flat water.
+    pub waves: Vec<Wave>,
+}
+
+impl Waves {
+    /// Waves of equal mean slope each, that of all together as `spectrum` says.
+    pub fn new(spectrum: &WaveSpectrum) -> Self {
+        let mut state = spectrum.seed;
+        let mut unit = move || splitmix64(&mut state);
+        let [shortest, longest] = spectrum.wavelengths;
+        let waves = (0..spectrum.count)
+            .map(|_| {
+                let length = shortest * (longest / shortest).powf(unit());
+                let k = DVec2::from_angle(TAU * unit()) * (TAU / length);
+                // Slope of one sine along either axis, averaged over directions: (a k)² / 4.
+                let amplitude =
+                    2.0 * spectrum.rms_slope / (k.length() * f64::from(spectrum.count).sqrt());
+                Wave { k, amplitude, phase: TAU * unit() }
+            })
+            .collect();
+        Self { waves }
+    }
+
+    /// Height at (x, z), m.
+    pub fn height(&self, at: DVec2) -> f64 {
+        self.waves.iter().map(|w| w.amplitude * (w.k.dot(at) + w.phase).sin()).sum()
+    }
+
+    /// Slope at (x, z): the height's derivatives along x and z.
+    pub fn slope(&self, at: DVec2) -> DVec2 {
+        self.waves.iter().map(|w| w.k * (w.amplitude * (w.k.dot(at) + w.phase).cos())).sum()
+    }
+
+    /// Height and slope at (x, z), for little more than the price of one.
+    pub fn height_and_slope(&self, at: DVec2) -> (f64, DVec2) {
+        let (mut height, mut slope) = (0.0, DVec2::ZERO);
+        for w in &self.waves {
+            let (sin, cos) = (w.k.dot(at) + w.phase).sin_cos();
+            height += w.amplitude * sin;
+            slope += w.k * (w.amplitude * cos);
+        }
+        (height, slope)
+    }
+
+    /// The waves after a time, s: each sine has run along its wave vector, as in deep water with
+    /// angular frequency √(g |k|) (Airy, Tides and waves, 1845).
+    pub fn at(&self, time: f64) -> Self {
+        let moved = |w: &Wave| {
+            let advance = (GRAVITY * w.k.length()).sqrt() * time;
+            Wave { phase: (w.phase - advance).rem_euclid(TAU), ..*w }
+        };
+        // At time 0 to the bit what they were.
+        if time == 0.0 {
+            self.clone()
+        } else {
+            Self { waves: self.waves.iter().map(moved).collect() }
+        }
+    }
+
+    /// A height that the surface nowhere exceeds, above or below, m.
+    pub fn bound(&self) -> f64 {
+        self.waves.iter().map(|w| w.amplitude.abs()).sum()
+    }
+}
+
+/// The next number in 0..1 of a sequence that depends on its seed alone (Steele, Lea and Flood,
+/// Fast splittable pseudorandom number generators, 2014).
+pub fn splitmix64(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Protects what scenes are specified by: the slope is the height's derivative, its size is the
+    /// one asked for, and no height exceeds the bound.
+    #[test]
+    fn slopes_are_derivatives_of_the_size_asked_for() {
+        let spectrum =
+            WaveSpectrum { count: 60, wavelengths: [0.7, 2.5], rms_slope: 0.056, seed: 1 };
+        let waves = Waves::new(&spectrum);
+        let mut state = 7;
+        let mut squares = DVec2::ZERO;
+        let count = 20_000;
+        for _ in 0..count {
+            let at = 40.0 * DVec2::new(splitmix64(&mut state), splitmix64(&mut state));
+            let slope = waves.slope(at);
+            let step = 1e-5;
+            let difference = DVec2::new(
+                waves.height(at + step * DVec2::X) - waves.height(at - step * DVec2::X),
+                waves.height(at + step * DVec2::Y) - waves.height(at - step * DVec2::Y),
+            ) / (2.0 * step);
+            assert!((slope - difference).length() < 1e-7, "{slope} {difference}");
+            let (height, both) = waves.height_and_slope(at);
+            assert!((height - waves.height(at)).abs() < 1e-14 && (both - slope).length() < 1e-14);
+            assert!(waves.height(at).abs() <= waves.bound());
+            squares += slope * slope;
+        }
+        // One draw of 60 directions is not quite isotropic: the mean over both axes is.
+        let rms = (squares.element_sum() / (2 * count) as f64).sqrt();
+        assert!((rms - 0.056).abs() < 0.002, "{rms}");
+    }
+
+    /// Protects waves in time: a sine of 1.6 m runs one wavelength along its vector per period
+    /// (1.012 s by the dispersion relation), and time 0 changes nothing.
+    #[test]
+    fn waves_run_as_in_deep_water() {
+        let length = 1.6;
+        let k = DVec2::from_angle(0.7) * (TAU / length);
+        let waves = Waves { waves: vec![Wave { k, amplitude: 0.01, phase: 0.3 }] };
+        let period = (TAU * length / 9.81).sqrt();
+        assert!((period - 1.0123).abs() < 1e-4);
+        let at = DVec2::new(0.2, -0.5);
+        let along = k.normalize() * length;
+        for share in [0.0, 0.1, 0.35, 1.0, 7.6] {
+            let later = waves.at(share * period);
+            assert!((later.height(at + share * along) - waves.height(at)).abs() < 1e-12);
+        }
+        assert_eq!(waves.at(0.0), waves);
+    }
+}

@@ -1,0 +1,157 @@
+//! What keys, buttons and menus do.
+
+use eframe::egui;
+use serde_json::json;
+
+use crate::dialogs::Dialog;
+use crate::document::Source;
+use crate::playback::Speed;
+use crate::shortcuts::{self, Action};
+use crate::views::View;
+use crate::{Compare, Viewer, rig};
+use limpid::camera::Camera;
+
+impl Viewer {
+    /// Files that were dropped on the window.
+    pub(crate) fn take_files(&mut self, ctx: &egui::Context) {
+        let dropped = ctx.input(|input| input.raw.dropped_files.clone());
+        if let Some(file) = dropped.first() {
+            self.open(Source::new(file.path().to_string_lossy()));
+        }
+    }
+
+    pub(crate) fn take_keys(&mut self, ctx: &egui::Context) {
+        // Somebody may be typing a number or a path.
+        if self.dialog.is_some() || ctx.text_edit_focused() {
+            return;
+        }
+        let pressed = ctx.input(|input| {
+            let flying = input.pointer.secondary_down();
+            let keys = input.events.iter().filter_map(|event| match event {
+                egui::Event::Key { key, pressed: true, modifiers, .. } => {
+                    shortcuts::action(*key, *modifiers)
+                }
+                _ => None,
+            });
+            // W, A, S, D, Q and E fly then.
+            if flying { Vec::new() } else { keys.collect::<Vec<_>>() }
+        });
+        for action in pressed {
+            self.act(ctx, action);
+        }
+    }
+
+    /// Does what a key, a button or a menu asks for.
+    pub(crate) fn act(&mut self, ctx: &egui::Context, action: Action) {
+        match action {
+            Action::Open => self.dialog = Some(Dialog::open()),
+            Action::Help => self.help = !self.help,
+            Action::Close => {
+                self.help = false;
+                self.notices.clear();
+            }
+            Action::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
+            Action::Theme => {
+                self.dark = !self.dark;
+                ctx.set_theme(if self.dark { egui::Theme::Dark } else { egui::Theme::Light });
+            }
+            Action::Panels => self.panels = !self.panels,
+            _ if self.document.is_none() => {}
+            Action::Play => self.toggle_play(),
+            Action::Reverse => self.playback.backwards = !self.playback.backwards,
+            Action::Next => self.playback.step_by(true),
+            Action::Previous => self.playback.step_by(false),
+            Action::First => self.seek(0),
+            Action::Last => self.seek(self.playback.count().saturating_sub(1)),
+            Action::Loop => self.playback.looped = !self.playback.looped,
+            Action::Faster => self.set_speed(self.playback.speed().next(true)),
+            Action::Slower => self.set_speed(self.playback.speed().next(false)),
+            Action::Fit => self.fit(),
+            Action::Home => self.home(),
+            Action::AddKey => self.add_key(),
+            Action::NextView => {
+                let all: Vec<View> = View::all().collect();
+                let at = all.iter().position(|view| view.aov() == self.view.aov());
+                self.set_view(all[(at.unwrap_or(0) + 1) % all.len()]);
+            }
+            Action::Picture => self.set_view(match self.view {
+                View::Picture => self.view_before,
+                View::Image(..) => View::Picture,
+            }),
+            Action::Compare => {
+                let at = Compare::ALL.iter().position(|&c| c == self.compare).unwrap_or(0);
+                self.compare = Compare::ALL[(at + 1) % Compare::ALL.len()];
+            }
+            Action::Swap => self.edited = 1 - self.edited,
+            Action::SavePicture => self.dialog = self.save_picture_dialog(),
+            Action::SaveScene => self.dialog = self.save_scene_dialog(),
+            Action::Copy => {
+                if let Some(command) = self.command_line("limpid.png") {
+                    ctx.copy_text(command.clone());
+                    self.say(format!("copied: {command}"));
+                }
+            }
+        }
+    }
+
+    pub(crate) fn toggle_play(&mut self) {
+        self.playback.playing = !self.playback.playing;
+        self.log.event(if self.playback.playing { "play" } else { "pause" }, json!({}));
+    }
+
+    pub(crate) fn seek(&mut self, index: usize) {
+        if index != self.playback.index() {
+            self.playback.seek(index);
+            self.log.event("seek", json!({ "index": index }));
+        }
+    }
+
+    pub(crate) fn set_speed(&mut self, speed: Speed) {
+        let Some(document) = &self.document else { return };
+        // Where frames are missing, moments of one time have different places in the two.
+        let seconds = self.moment().map_or(0.0, |at| document.seconds(at));
+        self.moments = document.moments(speed).into();
+        let index = document.nearest(&self.moments, seconds);
+        for side in &mut self.sides {
+            side.at = None;
+        }
+        self.playback.set_speed(speed, self.moments.len(), index);
+        self.failed.clear();
+    }
+
+    pub(crate) fn set_view(&mut self, view: View) {
+        if self.view != View::Picture {
+            self.view_before = self.view;
+        }
+        if self.view != view {
+            self.log.event("view", json!({ "view": view.label() }));
+        }
+        self.view = view;
+    }
+
+    pub(crate) fn set_camera(&mut self, camera: Camera) {
+        // A camera that sees nothing is not gone to.
+        if camera != self.camera && camera.check().is_ok() {
+            self.camera = camera;
+            self.follow = false;
+        }
+    }
+
+    pub(crate) fn fit(&mut self) {
+        if let Some(loaded) = &self.sides[self.edited].loaded {
+            let aspect = self.stage_size.as_dvec2();
+            let aspect = if aspect.min_element() > 0.0 { aspect.x / aspect.y } else { 1.0 };
+            let radius = f64::from(loaded.splats.radius);
+            let (min, max) = loaded.bulk.bounds;
+            let camera = rig::fit(&self.camera, (min - radius, max + radius), aspect);
+            self.set_camera(camera);
+        }
+    }
+
+    pub(crate) fn home(&mut self) {
+        if let Some(document) = &self.document {
+            let camera = document.project.camera_for(Default::default());
+            self.set_camera(camera);
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! Simulated scenes: frames that are not there yet are made on a thread while those that are there
+//! play.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::Viewer;
+use crate::document::{Document, Source};
+use crate::news::News;
+use limpid::scene::Solid;
+use limpid_io::bake::{self, Progress};
+use limpid_io::error::{Error, Result};
+use limpid_io::files;
+use limpid_io::output::{self, Kind};
+use limpid_io::project::Project;
+use limpid_sim::sim::Simulation;
+
+/// The scene that is shown without any other.
+const BUILT_IN: &str = include_str!("../../../sims/dam_break.toml");
+
+/// What is open or being opened; on dropping this, its bake ends with the frame in hand.
+#[derive(Debug)]
+pub(crate) struct Opening {
+    pub(crate) number: u64,
+    pub(crate) source: Source,
+    /// Whether it has not been read yet.
+    pub(crate) pending: bool,
+    /// Whether it has been read and is what is open.
+    opened: bool,
+    /// How far its bake has come, if one is needed and has not ended.
+    pub(crate) progress: Option<Progress>,
+    /// Whether frames that have been added are being looked for,
+    pub(crate) growing: bool,
+    /// and whether there have been more since.
+    again: bool,
+    stop: Arc<AtomicBool>,
+}
+
+impl Drop for Opening {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Source {
+    /// A dam that breaks, as a scene file in the user's cache folder, beside which its frames go.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming what cannot be written.
+    pub fn built_in() -> Result<Self> {
+        let path = cache().join("limpid").join("dam_break.toml");
+        let folder = path.parent().unwrap_or(Path::new(""));
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
+        if files::read_text(&path).ok().as_deref() != Some(BUILT_IN) {
+            // Frames of an older version are another liquid's.
+            bake::clear("dam_break", &bake::folder(&path))?;
+            output::write_atomically(&path, Kind::Scene, |file| {
+                std::io::Write::write_all(file, BUILT_IN.as_bytes())
+            })?;
+        }
+        Ok(Self::new(path.to_string_lossy()))
+    }
+}
+
+/// Where programs keep what they can make again.
+fn cache() -> PathBuf {
+    let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+    folder("XDG_CACHE_HOME")
+        .or_else(|| folder("LOCALAPPDATA"))
+        .or_else(|| folder("HOME").map(|home| home.join(".cache")))
+        .unwrap_or_else(std::env::temp_dir)
+}
+
+impl Viewer {
+    /// Opens a source in place of what is open, once it has been read: until then, and if it cannot
+    /// be, a bake of what is open goes on.
+    pub fn open(&mut self, source: Source) {
+        self.openings += 1;
+        let number = self.openings;
+        // Two bakes of one scene would write the same files.
+        let kept = |old: &Opening| old.opened && old.source.input != source.input;
+        if let Some(old) = self.opening.take().filter(kept) {
+            self.before = Some(old);
+        }
+        self.before = self.before.take().filter(kept);
+        let stop = Arc::new(AtomicBool::new(false));
+        let (post, given, stopped) = (self.post.clone(), source.clone(), stop.clone());
+        self.opening = Some(Opening {
+            number,
+            source,
+            pending: true,
+            opened: false,
+            progress: None,
+            growing: false,
+            again: false,
+            stop,
+        });
+        std::thread::spawn(move || {
+            let told = |document| post.send(News::Opened(number, Box::new(document)));
+            let Some(project) = simulated(&given) else { return told(Document::open(&given)) };
+            let Some(simulation) = project.source.simulation() else { return };
+            let mut open = Document::open(&given).map(|document| told(Ok(document))).is_ok();
+            let baked = bake(simulation, &project.scene.solids, &given, |progress| {
+                if !open {
+                    // The frames that were asked for may be those that come last.
+                    let document = Document::open(&given);
+                    if document.is_ok() || progress.done == progress.frames {
+                        open = true;
+                        told(document);
+                    }
+                }
+                post.send(News::Baked(number, progress));
+                match stopped.load(Ordering::Relaxed) {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            });
+            match baked {
+                Err(error) if open => post.send(News::NotBaked(number, error)),
+                Err(error) => told(Err(error)),
+                Ok(()) => {}
+            }
+        });
+    }
+
+    pub(crate) fn take_opened(&mut self, number: u64, document: Result<Document>) {
+        let Some(opening) = self.opening.as_mut().filter(|opening| opening.number == number) else {
+            return;
+        };
+        opening.pending = false;
+        match document {
+            Ok(document) => {
+                opening.opened = true;
+                self.before = None;
+                self.opened(document);
+            }
+            Err(error) => {
+                self.opening = self.before.take().or(self.opening.take());
+                self.fail(&error);
+            }
+        }
+    }
+
+    /// What was opened or is being opened with a number, unless it has been let go.
+    pub(crate) fn numbered(&mut self, number: u64) -> Option<&mut Opening> {
+        let all = [&mut self.opening, &mut self.before];
+        all.into_iter().flatten().find(|opening| opening.number == number)
+    }
+
+    /// A frame has been added to what is open.
+    pub(crate) fn take_progress(&mut self, number: u64, progress: Progress) {
+        let known = self.document.as_ref().map_or(0, |open| open.input.sequence.frames.len());
+        let Some(opening) = self.numbered(number) else {
+            return;
+        };
+        let ended = progress.done == progress.frames;
+        opening.progress = (!ended).then_some(progress);
+        let known = if opening.opened { known } else { 0 };
+        // Rings begin anew with each number of frames, so they grow by half at a time.
+        let least = if ended { known } else { known + known / 2 };
+        if opening.pending || progress.done as usize <= least {
+            return;
+        }
+        if opening.growing {
+            opening.again = true;
+        } else {
+            self.grow(number);
+        }
+    }
+
+    /// Looks for frames that have been added.
+    fn grow(&mut self, number: u64) {
+        let Some(opening) = self.numbered(number) else { return };
+        (opening.growing, opening.again) = (true, false);
+        let (source, post) = (opening.source.clone(), self.post.clone());
+        std::thread::spawn(move || {
+            post.send(News::Grown(number, Box::new(Document::open(&source))));
+        });
+    }
+
+    /// What is open has more frames; all else stays.
+    pub(crate) fn take_grown(&mut self, number: u64, document: Result<Document>) {
+        let Some(opening) = self.numbered(number) else {
+            return;
+        };
+        opening.growing = false;
+        let again = opening.again;
+        match document {
+            Ok(document) if opening.opened => {
+                self.moments = document.moments(self.playback.speed()).into();
+                self.playback.set_count(self.moments.len());
+                let frames = document.numbers.len();
+                self.document = Some(Arc::new(document));
+                self.log.event("grown", serde_json::json!({ "frames": frames }));
+            }
+            Ok(document) => {
+                opening.opened = true;
+                self.opened(document);
+            }
+            Err(error) => self.fail(&error),
+        }
+        if again {
+            self.grow(number);
+        }
+    }
+}
+
+/// The scene of a source that is simulated; `None` for all others, and for what cannot be read,
+/// which opening tells.
+fn simulated(source: &Source) -> Option<Project> {
+    let path = Path::new(&source.input);
+    let scene = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+    let project = scene.then(|| Project::load(path).ok()).flatten()?;
+    project.source.simulation().is_some().then_some(project)
+}
+
+fn bake(
+    simulation: &Simulation,
+    solids: &[Solid],
+    source: &Source,
+    progress: impl FnMut(Progress) -> ControlFlow<()>,
+) -> Result<()> {
+    let path = Path::new(&source.input);
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    bake::bake(simulation, solids, &name, &bake::folder(path), progress)
+}

@@ -1,0 +1,147 @@
+//! The camera by its numbers, and its key frames.
+
+use eframe::egui;
+
+use crate::Viewer;
+use crate::dialogs::Dialog;
+use crate::shortcuts::Action;
+use crate::signs::{self, Sign};
+use limpid_io::camera_path::Key;
+
+impl Viewer {
+    pub(crate) fn camera_panel(&mut self, ui: &mut egui::Ui) {
+        let ctx = ui.ctx().clone();
+        let mut camera = self.camera;
+        let speed = 0.005 * camera.eye.distance(camera.target);
+        egui::Grid::new("camera").num_columns(4).spacing([6.0, 5.0]).show(ui, |ui| {
+            for (name, place) in [("Eye", &mut camera.eye), ("Target", &mut camera.target)] {
+                ui.label(name);
+                for axis in 0..3 {
+                    let shown = rounded(place[axis], 4);
+                    let drag = egui::DragValue::new(&mut place[axis]).speed(speed).suffix(" m");
+                    ui.add(drag.custom_formatter(|x, _| rounded(x, 4)).custom_parser(other(shown)));
+                }
+                ui.end_row();
+            }
+            ui.label("Up");
+            for axis in 0..3 {
+                let shown = rounded(camera.up[axis].into(), 3);
+                let drag = egui::DragValue::new(&mut camera.up[axis]).speed(0.01);
+                ui.add(drag.custom_formatter(|x, _| rounded(x, 3)).custom_parser(other(shown)));
+            }
+            ui.end_row();
+        });
+        ui.horizontal(|ui| {
+            let label = ui.label("Field of view");
+            let shown = rounded(camera.fov_y.into(), 2);
+            let slider = egui::Slider::new(&mut camera.fov_y, 1.0..=150.0).suffix("°");
+            let slider = slider.clamping(egui::SliderClamping::Edits);
+            let slider = slider.custom_formatter(|x, _| rounded(x, 2)).custom_parser(other(shown));
+            ui.add(slider).labelled_by(label.id);
+        });
+        self.set_camera(camera);
+        ui.horizontal(|ui| {
+            if ui.button("Fit to liquid").clicked() {
+                self.act(&ctx, Action::Fit);
+            }
+            if ui.button("The scene's own").clicked() {
+                self.act(&ctx, Action::Home);
+            }
+        });
+        ui.separator();
+        ui.strong("Key frames");
+        self.keys(ui);
+    }
+
+    fn keys(&mut self, ui: &mut egui::Ui) {
+        let ctx = ui.ctx().clone();
+        ui.horizontal(|ui| {
+            if ui.button("Add key").on_hover_text("the camera at the present time (K)").clicked() {
+                self.act(&ctx, Action::AddKey);
+            }
+            let some = !self.path.keys.is_empty();
+            ui.add_enabled(some, egui::Checkbox::new(&mut self.follow, "Follow"))
+                .on_hover_text("playback takes the camera along the keys");
+            if ui.button("Load…").clicked() {
+                self.dialog = Some(Dialog::load_path());
+            }
+            if ui.add_enabled(some, egui::Button::new("Save…")).clicked() {
+                self.dialog = Some(Dialog::save_path());
+            }
+        });
+        if self.path.keys.is_empty() {
+            ui.weak("No keys. A camera path of keys can be followed here, and rendered with `limpid render --camera-path`.");
+            return;
+        }
+        let (mut going, mut removed) = (None, None);
+        egui::Grid::new("keys").num_columns(4).striped(true).show(ui, |ui| {
+            for (i, key) in self.path.keys.iter_mut().enumerate() {
+                ui.label(format!("{}", i + 1));
+                let shown = format!("{:.2}", key.time);
+                let drag = egui::DragValue::new(&mut key.time).speed(0.05).suffix(" s");
+                let drag = drag.range(0.0..=1e6).clamp_existing_to_range(false);
+                ui.add(drag.fixed_decimals(2).custom_parser(other(shown)));
+                if ui.button("Go to").clicked() {
+                    going = Some(*key);
+                }
+                let name = format!("Delete key {}", i + 1);
+                if signs::button(ui, Sign::Cross, &name, &name, false).clicked() {
+                    removed = Some(i);
+                }
+                ui.end_row();
+            }
+        });
+        if let Some(key) = going {
+            self.go_to(key);
+        }
+        if let Some(i) = removed {
+            self.path.keys.remove(i);
+            self.follow &= !self.path.keys.is_empty();
+        }
+        self.order_keys(ui.input(|input| input.pointer.any_down()));
+    }
+
+    /// Keys ascend; two at one time are one. While one is dragged past another they wait.
+    fn order_keys(&mut self, dragging: bool) {
+        if !dragging {
+            self.path.keys.sort_by(|a, b| a.time.total_cmp(&b.time));
+            self.path.keys.dedup_by(|a, b| a.time == b.time);
+        }
+    }
+
+    /// Adds the camera at the present time; of a still, a second after the last key.
+    pub(crate) fn add_key(&mut self) {
+        let still = self.playback.count() < 2;
+        let after = self.path.keys.last().map_or(0.0, |key| key.time + 1.0);
+        let time = if still { after } else { self.seconds() };
+        self.path.keys.retain(|key| key.time != time);
+        self.path.keys.push(Key { time, camera: self.camera });
+        self.order_keys(false);
+        self.say(format!("key {} at {time:.2} s", self.path.keys.len()));
+    }
+
+    fn go_to(&mut self, key: Key) {
+        self.set_camera(key.camera);
+        let Some(document) = self.document.clone() else { return };
+        self.seek(document.nearest(&self.moments, key.time));
+    }
+
+    /// The key frames.
+    pub fn path(&self) -> &limpid_io::camera_path::CameraPath {
+        &self.path
+    }
+}
+
+/// A number as it is shown: with so many decimals, without those that are 0.
+fn rounded(x: f64, decimals: usize) -> String {
+    let text = format!("{x:.decimals$}");
+    let text =
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    text.to_owned()
+}
+
+/// Reads a number that is typed. What is `shown` is none: a field that is entered and left keeps the
+/// decimals that it does not show.
+fn other(shown: String) -> impl Fn(&str) -> Option<f64> {
+    move |text| text.trim().parse().ok().filter(|_| text.trim() != shown)
+}

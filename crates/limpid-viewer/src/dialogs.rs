@@ -1,0 +1,239 @@
+//! What is asked before something is opened or saved: a path, typed or chosen in the system's
+//! dialog, which has a thread of its own.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use eframe::egui;
+use glam::UVec2;
+
+use crate::Viewer;
+use crate::document::Source;
+use crate::news::News;
+use crate::shortcuts::{POINTER, SHORTCUTS};
+use limpid_io::camera_path::CameraPath;
+
+/// A dialog that answers sooner than this has not been seen.
+const UNSEEN: Duration = Duration::from_millis(400);
+
+/// An open dialog.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Dialog {
+    purpose: Purpose,
+    path: String,
+    size: UVec2,
+    samples: u32,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    Open,
+    Picture,
+    Scene,
+    LoadPath,
+    SavePath,
+}
+
+impl Purpose {
+    fn title(self) -> &'static str {
+        match self {
+            Self::Open => "Open",
+            Self::Picture => "Save picture",
+            Self::Scene => "Save scene",
+            Self::LoadPath => "Load camera path",
+            Self::SavePath => "Save camera path",
+        }
+    }
+
+    fn saves(self) -> bool {
+        matches!(self, Self::Picture | Self::Scene | Self::SavePath)
+    }
+
+    fn filter(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Open => ("Scenes and particles", &[]),
+            Self::Picture => ("Pictures", &["png", "jpg", "webp", "exr"]),
+            Self::Scene | Self::LoadPath | Self::SavePath => ("TOML", &["toml"]),
+        }
+    }
+
+    fn hint(self) -> &'static str {
+        match self {
+            Self::Open => {
+                "A scene (.toml), a particle file, a pattern as frame_{}.bgeo, or a folder"
+            }
+            Self::Picture => "Drawn as `limpid render` does",
+            Self::Scene => "What `limpid render` draws alike: particles, camera, every setting",
+            Self::LoadPath | Self::SavePath => "Key frames, for `limpid render --camera-path`",
+        }
+    }
+}
+
+impl Dialog {
+    fn new(purpose: Purpose, path: impl Into<String>) -> Self {
+        Self { purpose, path: path.into(), size: UVec2::ZERO, samples: 1 }
+    }
+
+    /// Asks what to open.
+    pub(crate) fn open() -> Self {
+        Self::new(Purpose::Open, "")
+    }
+
+    pub(crate) fn load_path() -> Self {
+        Self::new(Purpose::LoadPath, "camera.toml")
+    }
+
+    pub(crate) fn save_path() -> Self {
+        Self::new(Purpose::SavePath, "camera.toml")
+    }
+}
+
+impl Viewer {
+    pub(crate) fn save_picture_dialog(&self) -> Option<Dialog> {
+        let samples = self.fine_scene().settings.refract.samples;
+        let size = self.stage_size.max(UVec2::ONE);
+        self.document.as_ref()?;
+        Some(Dialog { size, samples, ..Dialog::new(Purpose::Picture, "limpid.png") })
+    }
+
+    pub(crate) fn save_scene_dialog(&self) -> Option<Dialog> {
+        let stem = Path::new(self.document.as_ref()?.name()).file_stem()?.to_string_lossy();
+        Some(Dialog::new(Purpose::Scene, format!("{stem}_view.toml")))
+    }
+
+    pub(crate) fn show_dialog(&mut self, ctx: &egui::Context) {
+        let Some(mut dialog) = self.dialog.take() else { return };
+        let purpose = dialog.purpose;
+        let (mut done, mut cancelled, mut browse) = (false, false, false);
+        let modal = egui::Modal::new(egui::Id::unique("dialog")).show(ctx, |ui| {
+            ui.set_width(440.0);
+            ui.heading(purpose.title());
+            ui.weak(purpose.hint());
+            ui.add_space(4.0);
+            ui.horizontal(|ui| {
+                let label = ui.label("Path");
+                let width = ui.available_width() - 90.0;
+                let edit = egui::TextEdit::singleline(&mut dialog.path).desired_width(width);
+                let response = ui.add(edit).labelled_by(label.id);
+                if response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter)) {
+                    done = true;
+                } else if !response.has_focus() && ui.memory(|memory| memory.focused().is_none()) {
+                    response.request_focus();
+                }
+                browse = ui.add_enabled(!self.browsing, egui::Button::new("Browse…")).clicked();
+            });
+            if purpose == Purpose::Picture {
+                ui.horizontal(|ui| {
+                    ui.label("Size");
+                    ui.add(egui::DragValue::new(&mut dialog.size.x).range(1..=16384).suffix(" px"));
+                    ui.label("×");
+                    ui.add(egui::DragValue::new(&mut dialog.size.y).range(1..=16384).suffix(" px"));
+                    ui.add_space(8.0);
+                    let label = ui.label("Rays per pixel");
+                    let samples = egui::DragValue::new(&mut dialog.samples).range(1..=64);
+                    ui.add(samples).labelled_by(label.id);
+                });
+            }
+            ui.add_space(8.0);
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let word = if purpose.saves() { "Save" } else { "Open it" };
+                done |= ui.add_enabled(!dialog.path.is_empty(), egui::Button::new(word)).clicked();
+                cancelled = ui.button("Cancel").clicked();
+            });
+        });
+        if browse {
+            self.browse(&dialog);
+        }
+        if done && !dialog.path.is_empty() {
+            self.finish(&dialog);
+        } else if !cancelled && !modal.should_close() {
+            self.dialog = Some(dialog);
+        }
+    }
+
+    /// Does what the dialog is for.
+    fn finish(&mut self, dialog: &Dialog) {
+        let path = PathBuf::from(&dialog.path);
+        match dialog.purpose {
+            Purpose::Open => self.open(Source::new(dialog.path.clone())),
+            Purpose::Picture => self.save_picture(path, dialog.size, dialog.samples),
+            Purpose::Scene => self.save_scene(path),
+            Purpose::SavePath => {
+                let keys = self.path.clone();
+                self.write(path, move |path| keys.save(path));
+            }
+            Purpose::LoadPath => {
+                let post = self.post.clone();
+                std::thread::spawn(move || {
+                    let keys = CameraPath::load(&path);
+                    post.send(News::Path(path, keys));
+                });
+            }
+        }
+    }
+
+    /// Shows the system's dialog on a thread of its own.
+    fn browse(&mut self, dialog: &Dialog) {
+        self.browsing = true;
+        let (purpose, path, post) = (dialog.purpose, dialog.path.clone(), self.post.clone());
+        std::thread::spawn(move || {
+            let begun = Instant::now();
+            let (name, extensions) = purpose.filter();
+            let mut system = rfd::FileDialog::new().set_title(purpose.title());
+            if !extensions.is_empty() {
+                system = system.add_filter(name, extensions);
+            }
+            let chosen = match purpose.saves() {
+                true => system.set_file_name(path).save_file(),
+                false => system.pick_file(),
+            };
+            post.send(News::Chosen(chosen, begun.elapsed()));
+        });
+    }
+
+    pub(crate) fn chosen(&mut self, path: Option<PathBuf>, waited: Duration) {
+        self.browsing = false;
+        match (path, &mut self.dialog) {
+            (Some(path), Some(dialog)) => dialog.path = path.to_string_lossy().into_owned(),
+            (None, _) if waited < UNSEEN => self.say(
+                "this system shows no file dialogs (no desktop portal): type the path, or drop \
+                 the file on the window"
+                    .into(),
+            ),
+            _ => {}
+        }
+    }
+
+    pub(crate) fn help_window(&mut self, ctx: &egui::Context) {
+        let mut open = self.help;
+        egui::Window::new("Keys")
+            .open(&mut open)
+            .anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0])
+            .resizable(false)
+            .collapsible(false)
+            .show(ctx, |ui| {
+                let grid = |name| egui::Grid::new(name).num_columns(2).spacing([24.0, 4.0]);
+                ui.horizontal_top(|ui| {
+                    grid("keys").striped(true).show(ui, |ui| {
+                        for shortcut in &SHORTCUTS {
+                            ui.strong(shortcut.shown);
+                            ui.label(shortcut.help);
+                            ui.end_row();
+                        }
+                    });
+                    ui.add_space(16.0);
+                    ui.vertical(|ui| {
+                        ui.strong("On the picture");
+                        grid("pointer").show(ui, |ui| {
+                            for (how, what) in POINTER {
+                                ui.strong(how);
+                                ui.label(what);
+                                ui.end_row();
+                            }
+                        });
+                    });
+                });
+            });
+        self.help = open;
+    }
+}

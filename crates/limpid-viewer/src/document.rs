@@ -1,0 +1,169 @@
+//! What is open: an input that is ready to be loaded, and the scene that it came with.
+
+use std::path::{Path, PathBuf};
+
+use crate::playback::Speed;
+use limpid::camera::Camera;
+use limpid::liquid::Up;
+use limpid::scene::Scene;
+use limpid_io::bake;
+use limpid_io::error::Result;
+use limpid_io::frames::FrameSpec;
+use limpid_io::input::{Input, Missing, Moment, files_of};
+use limpid_io::output::{Files, Kind};
+use limpid_io::particles::{AttributeMap, ReadOptions};
+use limpid_io::project::open::{Opened, Request};
+use limpid_io::project::{LiquidSource, ParticleSource, Project};
+
+/// What to open, as the command line names it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Source {
+    /// A scene, a recipe, a particle file, a pattern or a folder.
+    pub input: String,
+    /// Draw its particles in this scene.
+    pub scene: Option<PathBuf>,
+    /// Particle radius where the files have none, m.
+    pub radius: Option<f32>,
+    /// Settings to replace, as `--set` takes them.
+    pub overrides: Vec<String>,
+    /// The frames; all if absent.
+    pub frames: Option<FrameSpec>,
+    /// What stands for a frame that is not there.
+    pub missing: Missing,
+    /// How particle files are read.
+    pub options: ReadOptions,
+}
+
+/// What is open.
+#[derive(Debug, Clone)]
+pub struct Document {
+    /// What it was opened as.
+    pub source: Source,
+    /// Where the particles come from.
+    pub input: Input,
+    /// The scene as `limpid render` would draw it without further arguments.
+    pub plain: Scene,
+    /// The project with what the command line replaced.
+    pub project: Project,
+    /// Numbers of its frames, ascending; at least one.
+    pub numbers: Vec<i64>,
+}
+
+impl Source {
+    /// A file by itself.
+    pub fn new(input: impl Into<String>) -> Self {
+        Self { input: input.into(), ..Self::default() }
+    }
+}
+
+impl Document {
+    /// Opens a source. This may read the first frame.
+    ///
+    /// # Errors
+    /// As [`Input::open`] and [`Input::settle`].
+    pub fn open(source: &Source) -> Result<Self> {
+        let request = Request {
+            input: Some(source.input.clone()),
+            scene: source.scene.clone(),
+            radius: source.radius,
+            overrides: source.overrides.clone(),
+            camera: None,
+            missing: source.missing,
+            options: source.options.clone(),
+        };
+        let Opened { input, plain, project } = request.open()?;
+        let spec = source.frames.clone().unwrap_or_default();
+        let mut numbers = spec.numbers(&input.sequence, input.missing)?;
+        numbers.sort_unstable();
+        Ok(Self { source: source.clone(), input, plain: plain.scene, project, numbers })
+    }
+
+    /// The moments of playback at a speed.
+    pub fn moments(&self, speed: Speed) -> Vec<Moment> {
+        self.input.moments(&self.numbers, speed.step())
+    }
+
+    /// Seconds from the first frame to a moment.
+    pub fn seconds(&self, at: Moment) -> f64 {
+        let first = self.numbers.first().copied().unwrap_or(at.frame);
+        let part = at.fraction * at.next.abs_diff(at.frame) as f64;
+        let since = at.frame.abs_diff(first) as f64 + part;
+        since / (self.input.sequence.stride() as f64 * self.fps())
+    }
+
+    /// The place in `moments` of the one nearest to a time, s; 0 in none.
+    pub fn nearest(&self, moments: &[Moment], seconds: f64) -> usize {
+        let away = |at: usize| (self.seconds(moments[at]) - seconds).abs();
+        (0..moments.len()).min_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or_default()
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> f64 {
+        self.input.fps().unwrap_or(30.0)
+    }
+
+    /// A short name for titles.
+    pub fn name(&self) -> &str {
+        let input = self.source.input.trim_end_matches('/');
+        input.rsplit('/').next().unwrap_or(input)
+    }
+
+    /// Fails if what is saved to `path` would take the place of what is open: of its file, its
+    /// environment map or its particles, or of a file of another kind.
+    ///
+    /// # Errors
+    /// As [`Files::writes`].
+    pub fn check_output(&self, path: &Path, kind: Kind) -> Result<()> {
+        let mut files = Files::default();
+        let scene = self.source.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
+        for input in [Some(self.source.input.clone()), scene].into_iter().flatten() {
+            files_of(&input).iter().for_each(|path| files.reads(path));
+        }
+        if kind == Kind::Scene {
+            files.writes(&path.with_extension("environment.exr"), Kind::Picture)?;
+        }
+        files.writes(path, kind)
+    }
+
+    /// A scene as it is to be saved: with the particles that are drawn, wherever they came from.
+    pub fn saved(&self, scene: Scene, camera: Camera, at: Moment) -> Project {
+        let camera = Some(camera);
+        let mut project = Project { scene, camera, ..self.project.clone() };
+        if let LiquidSource::Simulation(simulation) = &project.source {
+            // Its frames lie beside the file that was opened, not beside the one that is saved.
+            let opened = Path::new(&self.source.input);
+            let name = opened.file_stem().unwrap_or_default().to_string_lossy();
+            project.source = LiquidSource::File(ParticleSource {
+                source: bake::frame_pattern(&bake::folder(opened), &name),
+                frame: None,
+                radius: Some(simulation.particle_radius() as f32),
+                up: Up::Y,
+                fps: Some(simulation.fps),
+                map: AttributeMap::default(),
+            });
+        }
+        let unnamed = match &project.source {
+            LiquidSource::Unspecified => Some(ParticleSource::default()),
+            LiquidSource::File(file) if self.source.scene.is_some() => Some(file.clone()),
+            _ => None,
+        };
+        if let Some(ParticleSource { radius, up, fps, map, .. }) = unnamed {
+            project.source = LiquidSource::File(ParticleSource {
+                source: self.source.input.clone(),
+                frame: None,
+                radius: self.source.radius.or(radius),
+                up,
+                fps,
+                map,
+            });
+        }
+        for particles in project.source.files_mut() {
+            particles.frame = (self.numbers.len() > 1).then_some(at.frame);
+            particles.radius = self.source.radius.or(particles.radius);
+            if !self.source.options.map.is_empty() {
+                particles.map.clone_from(&self.source.options.map);
+            }
+        }
+        project
+    }
+}

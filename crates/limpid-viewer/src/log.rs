@@ -1,0 +1,85 @@
+//! `--log FILE`: what happens in the window, one JSON object a line, for tests and bug reports.
+//!
+//! Each has `t`, seconds since the start, and `event`. Events that tell of pictures have the time
+//! that the interface's own work took at most since the last one, `ui_ms`.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use limpid_io::error::Result;
+use limpid_io::output::{Kind, Stream};
+
+/// The log; or none, which takes everything and keeps nothing.
+#[derive(Debug)]
+pub(crate) struct Log {
+    file: Option<Stream>,
+    start: Instant,
+    /// When the interface last finished its work, if it then asked to be called again at once.
+    pending: Option<Instant>,
+    /// Longest work of the interface, and longest wait until it was called again as it had asked.
+    longest: [Duration; 2],
+    /// The same since the last event.
+    recent: [Duration; 2],
+}
+
+impl Log {
+    /// Writes into a new file at `path`.
+    ///
+    /// # Errors
+    /// As [`Stream::create`].
+    pub(crate) fn new(path: Option<&Path>) -> Result<Self> {
+        let create = |path| Stream::create(path, Kind::Log);
+        Ok(Self {
+            file: path.map(create).transpose()?,
+            start: Instant::now(),
+            pending: None,
+            longest: [Duration::ZERO; 2],
+            recent: [Duration::ZERO; 2],
+        })
+    }
+
+    /// Whether anybody listens.
+    pub(crate) fn is_on(&self) -> bool {
+        self.file.is_some()
+    }
+
+    /// Something happened: `event`, and `fields`, an object, of it.
+    pub(crate) fn event(&mut self, event: &str, fields: Value) {
+        let Some(file) = &mut self.file else { return };
+        let mut line = json!({ "t": self.start.elapsed().as_secs_f64(), "event": event });
+        if let (Some(line), Value::Object(fields)) = (line.as_object_mut(), fields) {
+            line.extend(fields);
+        }
+        // A full disk is no reason to stop looking at a liquid.
+        let _ = file.write(format!("{line}\n").into_bytes());
+    }
+
+    /// The interface has worked since `begun`; `again` if it wants to be called at once.
+    pub(crate) fn worked(&mut self, begun: Instant, again: bool) {
+        let gap = self.pending.map_or(Duration::ZERO, |ended| begun.duration_since(ended));
+        for (i, time) in [begun.elapsed(), gap].into_iter().enumerate() {
+            self.longest[i] = self.longest[i].max(time);
+            self.recent[i] = self.recent[i].max(time);
+        }
+        self.pending = again.then(Instant::now);
+    }
+
+    /// Longest work and wait since this was last asked, as fields of an event, ms.
+    pub(crate) fn recent(&mut self) -> Value {
+        let recent = std::mem::take(&mut self.recent);
+        times("", recent)
+    }
+
+    /// The last event.
+    pub(crate) fn close(&mut self) {
+        let longest = times("longest_", self.longest);
+        self.event("close", longest);
+    }
+}
+
+fn times(prefix: &str, [work, gap]: [Duration; 2]) -> Value {
+    let ms = |time: Duration| 1e3 * time.as_secs_f64();
+    json!({ format!("{prefix}ui_ms"): ms(work), format!("{prefix}gap_ms"): ms(gap) })
+}

@@ -1,0 +1,278 @@
+//! Which picture should be seen: a draft while things move, better ones at rest.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use eframe::egui;
+use glam::UVec2;
+
+use crate::command_line::command_line;
+use crate::draw_thread::{Job, Pane, Request};
+use crate::frames::let_go;
+use crate::news::News;
+use crate::pace::Level;
+use crate::stage::Picture;
+use crate::views::View;
+use crate::{Compare, FINE_SAMPLES, Viewer};
+use limpid::camera::Camera;
+use limpid::scene::Scene;
+use limpid_io::error::{Error, Result};
+use limpid_io::input::Loaded;
+use limpid_io::notice;
+use limpid_io::output::Kind;
+use limpid_io::project::{Processor, Project};
+
+/// Most rays per pixel with an edge while things move.
+const DRAFT_EDGE_SAMPLES: u32 = 4;
+
+/// So long after the last change a picture is at rest.
+const REST: Duration = Duration::from_millis(150);
+
+/// What one of the two settings draws.
+#[derive(Debug, Default)]
+pub(crate) struct Side {
+    pub(crate) loaded: Option<Arc<Loaded>>,
+    /// The moment that was last taken from a ring, loaded or failed; none while it is not there.
+    pub(crate) at: Option<usize>,
+    /// Whether `loaded` is that moment, as the settings classify it.
+    pub(crate) fits: bool,
+    pub(crate) picture: Picture,
+}
+
+/// What the picture that was last asked for depends on, its level apart.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Subject {
+    scenes: Vec<Scene>,
+    /// Which particles: their addresses, for each load has its own.
+    loaded: Vec<usize>,
+    camera: Camera,
+    sizes: Vec<UVec2>,
+    view: View,
+    refine: bool,
+}
+
+impl Viewer {
+    /// The settings that are on the screen.
+    pub(crate) fn visible(&self) -> Vec<usize> {
+        if self.compare == Compare::Off { vec![self.edited] } else { vec![0, 1] }
+    }
+
+    /// Whether what is shown is the moment that playback is at.
+    pub(crate) fn is_caught_up(&self) -> bool {
+        let index = Some(self.playback.index());
+        let taken = self.visible().into_iter().all(|i| self.sides[i].at == index);
+        taken && self.answered == self.asked
+    }
+
+    /// Takes the present moment from the rings, and says what is wanted next.
+    pub(crate) fn load(&mut self) {
+        let Some(document) = &self.document else { return };
+        let visible = self.visible();
+        let scenes: Vec<&Scene> = visible.iter().map(|&i| &self.scenes[i]).collect();
+        let index = self.playback.index();
+        let dragging =
+            self.post.context().is_some_and(|ctx| ctx.input(|input| input.pointer.any_down()));
+        // The first picture, for which a device is opened, needs its particles first.
+        let on_device = self.frames.processor == Processor::Gpu;
+        if on_device && !self.device_asked {
+            self.device_asked = true;
+            if self.place.wait_for_device() {
+                self.drawing.job(Job::Open);
+            }
+        }
+        let post = self.post.clone();
+        let step = self.playback.speed().step();
+        self.frames.prepare(document, &self.moments, step, &scenes, (index, dragging), move || {
+            post.send(News::Loaded);
+        });
+        self.frames.aim(index, self.playback.step(), self.playback.looped);
+        let mut first = None;
+        for side in visible {
+            match self.frames.get(&self.scenes[side], index) {
+                Some((Ok(loaded), fits)) => {
+                    if self.sides.iter().all(|side| side.loaded.is_none()) {
+                        first = Some((loaded.clone(), side));
+                    }
+                    let side = &mut self.sides[side];
+                    (side.at, side.fits) = (Some(index), fits);
+                    let old = side.loaded.replace(loaded);
+                    if let Some(last) = old.filter(|old| Arc::strong_count(old) == 1) {
+                        let_go(last);
+                    }
+                }
+                Some((Err(error), _)) => {
+                    let side = &mut self.sides[side];
+                    (side.at, side.fits) = (Some(index), false);
+                    // Told once; playback goes on.
+                    if self.failed.insert(index) {
+                        self.fail(&error);
+                    }
+                }
+                None => self.sides[side].at = None,
+            }
+        }
+        if let Some((loaded, side)) = first {
+            self.say_notices(&loaded, side);
+        }
+    }
+
+    /// Says what is worth knowing of the first frame of what was opened.
+    fn say_notices(&mut self, loaded: &Loaded, side: usize) {
+        let Some(document) = &self.document else { return };
+        let scene = &self.scenes[side];
+        let mut notices = notice::of_frame(loaded, scene);
+        notices.extend(notice::of_scene(scene));
+        notices.extend(notice::of_sequence(&document.input));
+        for notice in notices {
+            self.say(notice.to_string());
+        }
+    }
+
+    /// Asks for the picture that should be seen, if it has not been asked for.
+    pub(crate) fn ask(&mut self, ctx: &egui::Context) {
+        let visible = self.visible();
+        let loaded: Option<Vec<Arc<Loaded>>> =
+            visible.iter().map(|&i| self.sides[i].loaded.clone()).collect();
+        let full = self.full_size();
+        // Nothing to draw, or nowhere: a minimised window.
+        let Some(loaded) = loaded.filter(|_| full.min_element() > 0) else { return };
+        let subject = Subject {
+            scenes: visible.iter().map(|&i| self.scenes[i].clone()).collect(),
+            loaded: loaded.iter().map(|loaded| Arc::as_ptr(loaded) as usize).collect(),
+            camera: self.camera,
+            sizes: vec![full; visible.len()],
+            view: self.view,
+            refine: self.refine,
+        };
+        let now = Instant::now();
+        let changed = self.subject.as_ref() != Some(&subject);
+        let level = if changed {
+            self.changed = now;
+            Level::Draft
+        } else if self.answered < self.asked {
+            // One thing after the other.
+            return;
+        } else if self.playback.playing || self.dragging || now.duration_since(self.changed) < REST
+        {
+            // Playback and the pointer wake the interface themselves.
+            let rest = REST.saturating_sub(now.duration_since(self.changed));
+            if self.asked_level < Level::Fine && !rest.is_zero() {
+                ctx.request_repaint_after(rest);
+            }
+            return;
+        } else {
+            match self.asked_level {
+                Level::Draft => Level::Full,
+                Level::Full => Level::Fine,
+                Level::Fine => return,
+            }
+        };
+        let samples = |scene: &Scene| match level {
+            Level::Draft | Level::Full => 1,
+            Level::Fine => self.fine_samples(scene),
+        };
+        let alike = visible.iter().all(|&i| self.fine_samples(&self.scenes[i]) == 1);
+        if level == Level::Fine && alike && self.asked_level == Level::Full {
+            self.asked_level = Level::Fine;
+            return;
+        }
+        let size = if level == Level::Draft { self.pace.draft(full) } else { full };
+        let panes = visible.iter().zip(loaded).map(|(&i, loaded)| {
+            let mut scene = self.scenes[i].clone();
+            scene.settings.refract.samples = samples(&scene);
+            if level == Level::Draft {
+                let edges = &mut scene.settings.refract.edge_samples;
+                *edges = (*edges).min(DRAFT_EDGE_SAMPLES);
+            }
+            Pane { scene: Arc::new(scene), camera: self.camera, loaded, size }
+        });
+        let panes = panes.collect();
+        self.asked += 1;
+        self.asked_level = level;
+        self.undrawn = false;
+        self.subject = Some(subject);
+        self.drawing.request(Request { number: self.asked, panes, level, view: self.view });
+    }
+
+    /// Size of a picture on the screen, pixels.
+    pub(crate) fn full_size(&self) -> UVec2 {
+        match self.compare {
+            Compare::SideBySide => UVec2::new(self.stage_size.x / 2, self.stage_size.y),
+            _ => self.stage_size,
+        }
+    }
+
+    /// Rays per pixel of a scene's picture at rest.
+    pub(crate) fn fine_samples(&self, scene: &Scene) -> u32 {
+        let own = scene.settings.refract.samples;
+        if self.refine { own.max(FINE_SAMPLES) } else { own }
+    }
+
+    /// The scene that is edited, as its picture at rest is drawn.
+    pub(crate) fn fine_scene(&self) -> Scene {
+        let mut scene = self.scenes[self.edited].clone();
+        scene.settings.refract.samples = self.fine_samples(&scene);
+        scene
+    }
+
+    /// The command that draws the picture at rest without a window; none if nothing is open.
+    pub fn command_line(&self, output: &str) -> Option<String> {
+        let document = self.document.as_ref()?;
+        let (scene, at) = (self.fine_scene(), self.moment()?);
+        let size = self.stage_size.max(UVec2::ONE);
+        let processor = self.frames.processor;
+        Some(command_line(document, (&scene, processor), &self.camera, at, size, output))
+    }
+
+    /// Draws the picture at rest in `size` pixels and writes it in the format that the name says, as
+    /// soon as it can. What is shown in place of a frame that is not loaded is not saved under its
+    /// name.
+    pub fn save_picture(&mut self, path: PathBuf, size: UVec2, samples: u32) {
+        let side = &self.sides[self.edited];
+        let present = side.fits && side.at == Some(self.playback.index());
+        let Some(loaded) = side.loaded.clone().filter(|_| present) else {
+            self.fail(&Error::Usage("not saved: this frame is not loaded".into()));
+            return;
+        };
+        let mut scene = self.fine_scene();
+        scene.settings.refract.samples = samples;
+        let pane = Pane { scene: Arc::new(scene), camera: self.camera, loaded, size };
+        self.drawing.job(Job::Save(pane, path, self.document.clone()));
+    }
+
+    /// Writes the scene that is edited, seen as it is seen now, as soon as it can.
+    pub fn save_scene(&mut self, path: PathBuf) {
+        let (Some(document), Some(at)) = (self.document.clone(), self.moment()) else { return };
+        let (scene, camera, processor) = (self.fine_scene(), self.camera, self.frames.processor);
+        // An environment is a picture, which takes its time.
+        self.write(path, move |path| {
+            document.check_output(path, Kind::Scene)?;
+            Project { processor, ..document.saved(scene, camera, at) }.save(path)
+        });
+    }
+
+    /// Writes a file on a thread of its own, which the viewer waits for at its end.
+    pub(crate) fn write(
+        &mut self,
+        path: PathBuf,
+        write: impl FnOnce(&Path) -> Result<()> + Send + 'static,
+    ) {
+        let post = self.post.clone();
+        let writer = move || post.send(News::Saved(write(&path).map(|()| path)));
+        self.writers.retain(|writer| !writer.is_finished());
+        self.writers.push(std::thread::spawn(writer));
+    }
+
+    /// Whether the picture at rest is on the screen: of the present moment, as it is set.
+    pub fn is_at_rest(&self) -> bool {
+        self.document.is_some()
+            && self.opening.as_ref().is_none_or(|opening| !opening.pending)
+            && self.is_caught_up()
+            && self.visible().into_iter().all(|i| self.sides[i].fits)
+            && self.asked_level == Level::Fine
+            && self.asked > 0
+            && !self.undrawn
+            && !self.playback.playing
+    }
+}

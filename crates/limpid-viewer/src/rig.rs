@@ -1,0 +1,114 @@
+//! How the pointer and the keys move a camera: all in proportion to what is looked at, so that a
+//! drop of a millimetre and a bay of ten kilometres feel the same.
+
+use glam::{DQuat, DVec2, DVec3};
+
+use limpid::camera::Camera;
+
+/// An orbit stops this near to looking straight along `up`, radians.
+const POLE: f64 = 0.01;
+
+/// Distances of eye and target, m: what 32-bit depths and 64-bit places can hold.
+const DISTANCE: std::ops::RangeInclusive<f64> = 1e-5..=1e7;
+
+/// The axes of a camera's picture: right, up, and back towards the eye.
+pub fn axes(camera: &Camera) -> [DVec3; 3] {
+    let back = (camera.eye - camera.target).normalize_or(DVec3::Z);
+    let right = upright(camera).cross(back).normalize_or(back.any_orthonormal_vector());
+    [right, back.cross(right), back]
+}
+
+/// Turns the eye about the target: `angles` to the right and up, radians. The distance stays, and
+/// the horizon; over the poles it does not go.
+#[must_use]
+pub fn orbit(camera: &Camera, angles: DVec2) -> Camera {
+    let offset = turned(camera, camera.eye - camera.target, angles);
+    Camera { eye: camera.target + offset, ..*camera }
+}
+
+/// Turns the view about the eye: `angles` to the right and up, radians.
+#[must_use]
+pub fn look(camera: &Camera, angles: DVec2) -> Camera {
+    let offset = turned(camera, camera.eye - camera.target, -angles);
+    Camera { target: camera.eye - offset, ..*camera }
+}
+
+/// Moves eye and target along the picture, by `shift` of the picture's height to the right and up
+/// at the target's distance.
+#[must_use]
+pub fn pan(camera: &Camera, shift: DVec2) -> Camera {
+    let [right, up, _] = axes(camera);
+    moved(camera, 2.0 * half_height(camera) * (shift.x * right + shift.y * up))
+}
+
+/// Moves nearer by `amount` e-foldings, negative away, to what is at `cursor` at the target's
+/// distance: offset from the picture's middle in its half heights, right and up.
+#[must_use]
+pub fn zoom(camera: &Camera, amount: f64, cursor: DVec2) -> Camera {
+    let [right, up, _] = axes(camera);
+    let fixed = camera.target + half_height(camera) * (cursor.x * right + cursor.y * up);
+    let distance = camera.eye.distance(camera.target);
+    let factor = (distance * (-amount).exp()).clamp(*DISTANCE.start(), *DISTANCE.end()) / distance;
+    Camera {
+        eye: fixed + factor * (camera.eye - fixed),
+        target: fixed + factor * (camera.target - fixed),
+        ..*camera
+    }
+}
+
+/// Moves eye and target by `distance` right, up and ahead, m.
+#[must_use]
+pub fn fly(camera: &Camera, distance: DVec3) -> Camera {
+    let [right, up, back] = axes(camera);
+    moved(camera, distance.x * right + distance.y * up - distance.z * back)
+}
+
+/// Moves eye and target so that a box fills the picture, seen from where it is seen now. `aspect`
+/// is width over height.
+#[must_use]
+pub fn fit(camera: &Camera, (min, max): (DVec3, DVec3), aspect: f64) -> Camera {
+    let [right, up, back] = axes(camera);
+    let (target, half) = (0.5 * (min + max), 0.5 * (max - min));
+    let tangent = tangent(camera);
+    let corners = (0..8).map(|i| {
+        let sign = |bit: u32| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
+        half * DVec3::new(sign(0), sign(1), sign(2))
+    });
+    let needed = corners.map(|corner| {
+        let off_axis = corner.dot(up).abs().max(corner.dot(right).abs() / aspect);
+        corner.dot(back) + off_axis / tangent
+    });
+    let least = (1e-12 * target.abs().max_element()).max(*DISTANCE.start());
+    let distance = 1.05 * needed.fold(least, f64::max);
+    Camera { eye: target + distance * back, target, ..*camera }
+}
+
+fn turned(camera: &Camera, offset: DVec3, angles: DVec2) -> DVec3 {
+    let up = upright(camera);
+    let length = offset.length();
+    let height = (offset.dot(up) / length).clamp(-1.0, 1.0).asin();
+    let level = offset - offset.dot(up) * up;
+    // Straight above: any direction is as good.
+    let level = level.try_normalize().unwrap_or(up.any_orthonormal_vector());
+    let level = DQuat::from_axis_angle(up, angles.x) * level;
+    let limit = std::f64::consts::FRAC_PI_2 - POLE;
+    let (sin, cos) = (height + angles.y).clamp(-limit, limit).sin_cos();
+    length * (cos * level + sin * up)
+}
+
+fn moved(camera: &Camera, by: DVec3) -> Camera {
+    Camera { eye: camera.eye + by, target: camera.target + by, ..*camera }
+}
+
+fn upright(camera: &Camera) -> DVec3 {
+    camera.up.as_dvec3().normalize_or(DVec3::Y)
+}
+
+fn tangent(camera: &Camera) -> f64 {
+    (0.5 * f64::from(camera.fov_y)).to_radians().tan()
+}
+
+/// Half the height of what the picture shows at the target's distance, m.
+fn half_height(camera: &Camera) -> f64 {
+    camera.eye.distance(camera.target) * tangent(camera)
+}

@@ -1,0 +1,204 @@
+//! The bars at the bottom: playback, what is loaded, what is shown.
+
+use eframe::egui::{self, Color32, Rect, Sense, Stroke, StrokeKind, pos2, vec2};
+
+use crate::Viewer;
+use crate::document::Document;
+use crate::playback::Speed;
+use crate::shortcuts::{self, Action};
+use crate::signs::{self, Sign};
+use crate::style::{accent, thousands};
+use crate::toolbar::named;
+use limpid_io::ring::RingState;
+
+impl Viewer {
+    pub(crate) fn timeline(&mut self, ui: &mut egui::Ui) {
+        let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
+        egui::Panel::bottom("timeline").frame(bar).show(ui, |ui| {
+            if let Some(document) = self.document.clone() {
+                let ahead = self.frames.state();
+                if self.moments.len() > 1 {
+                    self.transport(ui, &document, &ahead);
+                    ui.add_space(2.0);
+                }
+                self.status(ui, &ahead);
+            } else {
+                ui.weak(match self.opening.as_ref().filter(|opening| opening.pending) {
+                    Some(opening) => format!("opening {}", opening.source.input),
+                    None => "nothing is open".to_owned(),
+                });
+            }
+        });
+    }
+
+    fn transport(&mut self, ui: &mut egui::Ui, document: &Document, ahead: &RingState) {
+        let ctx = ui.ctx().clone();
+        let mut wanted = None;
+        ui.horizontal(|ui| {
+            ui.spacing_mut().item_spacing.x = 3.0;
+            let playing = self.playback.playing;
+            let all = [
+                (Sign::First, "First", Action::First, false),
+                (Sign::Previous, "Previous", Action::Previous, false),
+                match playing {
+                    true => (Sign::Pause, "Pause", Action::Play, true),
+                    false => (Sign::Play, "Play", Action::Play, false),
+                },
+                (Sign::Next, "Next", Action::Next, false),
+                (Sign::Last, "Last", Action::Last, false),
+                (Sign::Backwards, "Backwards", Action::Reverse, self.playback.backwards),
+                (Sign::Loop, "Loop", Action::Loop, self.playback.looped),
+            ];
+            for (sign, name, action, on) in all {
+                let key = shortcuts::of(action);
+                let hint = format!("{} ({})", key.help, key.shown);
+                if signs::button(ui, sign, name, &hint, on).clicked() {
+                    wanted = Some(action);
+                }
+            }
+            ui.add_space(4.0);
+            let mut speed = self.playback.speed();
+            let choice =
+                egui::ComboBox::from_id_salt("speed").selected_text(speed.label()).width(64.0);
+            let response = choice.show_ui(ui, |ui| {
+                for choice in Speed::ALL {
+                    ui.selectable_value(&mut speed, choice, choice.label());
+                }
+            });
+            named(&response.response, "Speed");
+            if speed != self.playback.speed() {
+                self.set_speed(speed);
+            }
+            ui.add_space(4.0);
+            let width = (ui.available_width() - 190.0).max(60.0);
+            self.track(ui, width, document, ahead);
+            if let Some(at) = self.moment() {
+                ui.add_space(6.0);
+                let last = document.numbers.last().copied().unwrap_or_default();
+                let time = at.time();
+                let frame = if at.fraction > 0.0 { format!("{time:.3}") } else { time.to_string() };
+                let seconds = document.seconds(at);
+                ui.monospace(format!("{frame:>6} / {last}  {seconds:6.2} s"));
+            }
+        });
+        if let Some(action) = wanted {
+            self.act(&ctx, action);
+        }
+    }
+
+    /// The bar to scrub on: what is loaded, loading and failed, the camera's keys, and where
+    /// playback is.
+    fn track(&mut self, ui: &mut egui::Ui, width: f32, document: &Document, ahead: &RingState) {
+        let (outer, mut response) =
+            ui.allocate_exact_size(vec2(width, 24.0), Sense::click_and_drag());
+        let count = self.moments.len();
+        let last = (count - 1) as f32;
+        let rect = outer.shrink2(vec2(6.0, 8.0));
+        let x = |i: f32| rect.left() + rect.width() * i / last;
+        if let Some(pointer) = response.interact_pointer_pos() {
+            let share = ((pointer.x - rect.left()) / rect.width()).clamp(0.0, 1.0);
+            self.seek((share * last).round() as usize);
+            response.mark_changed();
+        }
+        let index = self.playback.index();
+        response.widget_info(|| egui::WidgetInfo::slider(true, index as f64, "Timeline"));
+        let painter = ui.painter();
+        let visuals = ui.visuals();
+        painter.rect_filled(rect, 3, visuals.extreme_bg_color);
+        let dim = accent(ui).gamma_multiply(0.55);
+        let paint = |indices: &[usize], color: Color32| {
+            for run in indices.chunk_by(|a, b| a + 1 == *b) {
+                let (from, to) = (run[0] as f32 - 0.5, run[run.len() - 1] as f32 + 0.5);
+                let (from, to) = (x(from.max(0.0)), x(to.min(last)));
+                let part = Rect::from_x_y_ranges(from..=to.max(from + 1.0), rect.y_range());
+                painter.rect_filled(part, 2, color);
+            }
+        };
+        paint(&ahead.loaded, dim);
+        paint(&ahead.loading, visuals.weak_text_color().gamma_multiply(0.5));
+        paint(&ahead.failed, visuals.error_fg_color);
+        let known: Vec<usize> = self.failed.iter().copied().collect();
+        paint(&known, visuals.error_fg_color);
+        painter.rect_stroke(rect, 3, visuals.widgets.noninteractive.bg_stroke, StrokeKind::Outside);
+        let length = self.moments.last().map_or(0.0, |&at| document.seconds(at));
+        for key in &self.path.keys {
+            if length > 0.0 && (0.0..=length).contains(&key.time) {
+                let at = pos2(x(last * (key.time / length) as f32), rect.top() - 4.0);
+                painter.circle_filled(at, 2.5, visuals.warn_fg_color);
+            }
+        }
+        let at = x(index as f32);
+        let head = Stroke::new(2.0, visuals.strong_text_color());
+        painter.line_segment([pos2(at, outer.top() + 3.0), pos2(at, outer.bottom() - 3.0)], head);
+        painter.circle_filled(pos2(at, rect.center().y), 4.5, visuals.strong_text_color());
+    }
+
+    fn status(&self, ui: &mut egui::Ui, ahead: &RingState) {
+        ui.horizontal(|ui| {
+            let side = &self.sides[self.edited];
+            let mut facts = Vec::new();
+            if let Some(loaded) = &side.loaded {
+                facts.push(format!("{} particles", thousands(loaded.particles)));
+                let splashes = loaded.splats.splashes.len();
+                facts.push(format!("{} splashes", thousands(splashes)));
+            } else if self.document.is_some() {
+                facts.push("loading".to_owned());
+            }
+            if let Some(shown) = &side.picture.shown {
+                let (size, samples) = (shown.size, shown.samples);
+                facts.push(format!("{} × {}, {samples} per pixel", size.x, size.y));
+                facts.push(format!("drawn in {:.0} ms", shown.ms));
+            }
+            if let Some(progress) = self.opening.as_ref().and_then(|opening| opening.progress) {
+                facts.push(format!("simulating, {} of {}", progress.done, progress.frames));
+            }
+            if self.moments.len() > 1 {
+                let mebi = |bytes: u64| bytes >> 20;
+                facts.push(format!("ahead {} of {} MiB", mebi(ahead.bytes), mebi(ahead.budget)));
+            }
+            ui.small(facts.join("   ·   "));
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                if let Some(adapter) = &self.adapter {
+                    ui.add(
+                        egui::Label::new(egui::RichText::new(adapter).small().weak()).truncate(),
+                    );
+                }
+            });
+        });
+    }
+
+    /// What went wrong, or was done; nothing if nothing is to be told.
+    pub(crate) fn notice_line(&mut self, ui: &mut egui::Ui) {
+        // What went well is told for a while.
+        const WHILE: std::time::Duration = std::time::Duration::from_secs(6);
+        self.notices.retain(|notice| notice.error || notice.since.elapsed() < WHILE);
+        let Some(notice) = self.notices.last().cloned() else { return };
+        if !notice.error {
+            ui.ctx().request_repaint_after(WHILE.saturating_sub(notice.since.elapsed()));
+        }
+        let color = match notice.error {
+            true => ui.visuals().error_fg_color,
+            false => accent(ui),
+        };
+        let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
+        egui::Panel::bottom("notice").frame(bar).show(ui, |ui| {
+            ui.horizontal(|ui| {
+                let (dot, _) = ui.allocate_exact_size(vec2(8.0, 16.0), Sense::hover());
+                ui.painter().circle_filled(dot.center(), 4.0, color);
+                let more = self.notices.len() - 1;
+                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                    if signs::button(ui, Sign::Cross, "Dismiss", "dismiss", false).clicked() {
+                        self.notices.pop();
+                    }
+                    if more > 0 {
+                        ui.weak(format!("and {more} more"));
+                    }
+                    ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                        let label = egui::Label::new(notice.text.as_str()).truncate();
+                        ui.add(label).on_hover_text(notice.text.as_str());
+                    });
+                });
+            });
+        });
+    }
+}

@@ -1,0 +1,106 @@
+//! The bar at the top: files, what is shown, how it is compared.
+
+use eframe::egui;
+
+use crate::shortcuts::{self, Action};
+use crate::signs::{self, Sign};
+use crate::views::View;
+use crate::{Compare, Viewer};
+
+impl Viewer {
+    pub(crate) fn toolbar(&mut self, ui: &mut egui::Ui) {
+        let ctx = ui.ctx().clone();
+        let open = self.document.is_some();
+        let mut wanted = None;
+        let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
+        egui::Panel::top("toolbar").frame(bar).show(ui, |ui| {
+            ui.horizontal(|ui| {
+                let mut button = |ui: &mut egui::Ui, text: &str, action: Action| {
+                    let key = shortcuts::of(action);
+                    let hint = format!("{} ({})", key.help, key.shown);
+                    if ui.button(text).on_hover_text(hint).clicked() {
+                        wanted = Some(action);
+                    }
+                };
+                button(ui, "Open…", Action::Open);
+                ui.add_enabled_ui(open, |ui| {
+                    button(ui, "Save picture…", Action::SavePicture);
+                    button(ui, "Save scene…", Action::SaveScene);
+                    button(ui, "Copy command", Action::Copy);
+                    ui.separator();
+                    self.view_choice(ui);
+                    ui.separator();
+                    self.compare_choice(ui);
+                });
+                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                    let mut button = |ui: &mut egui::Ui, sign, name, action, on| {
+                        let key = shortcuts::of(action);
+                        let hint = format!("{} ({})", key.help, key.shown);
+                        if signs::button(ui, sign, name, &hint, on).clicked() {
+                            wanted = Some(action);
+                        }
+                    };
+                    button(ui, Sign::Help, "Keys", Action::Help, self.help);
+                    let theme = if self.dark { Sign::Sun } else { Sign::Moon };
+                    button(ui, theme, "Theme", Action::Theme, false);
+                    if open {
+                        button(ui, Sign::Panels, "Panels", Action::Panels, self.panels);
+                    }
+                });
+            });
+        });
+        if let Some(action) = wanted {
+            self.act(&ctx, action);
+        }
+    }
+
+    fn view_choice(&mut self, ui: &mut egui::Ui) {
+        let mut view = self.view;
+        let choice = egui::ComboBox::from_id_salt("view").selected_text(view.label()).width(130.0);
+        let response = choice.height(400.0).show_ui(ui, |ui| {
+            for mode in View::all() {
+                let chosen = mode.aov() == view.aov();
+                if ui.selectable_label(chosen, mode.label()).clicked() {
+                    view = mode;
+                }
+            }
+        });
+        named(&response.response, "View");
+        if let View::Image(aov, layer) = &mut view {
+            let aov = *aov;
+            let layers = View::Image(aov, 0).layers(self.scenes[self.edited].lights.len());
+            if !layers.is_empty() {
+                *layer = (*layer).min(layers.len() - 1);
+                let choice = egui::ComboBox::from_id_salt("layer")
+                    .selected_text(layers[*layer].as_str())
+                    .width(130.0);
+                let response = choice.show_ui(ui, |ui| {
+                    for (i, name) in layers.iter().enumerate() {
+                        ui.selectable_value(layer, i, name.as_str());
+                    }
+                });
+                named(&response.response, "Layer");
+            }
+        }
+        if view != self.view {
+            self.set_view(view);
+        }
+    }
+
+    fn compare_choice(&mut self, ui: &mut egui::Ui) {
+        ui.spacing_mut().item_spacing.x = 2.0;
+        for compare in Compare::ALL {
+            let hint = match compare {
+                Compare::Off => "the settings that are edited",
+                Compare::Wipe => "A on the left of a line that can be moved, B on its right",
+                Compare::SideBySide => "A and B beside each other",
+            };
+            ui.selectable_value(&mut self.compare, compare, compare.label()).on_hover_text(hint);
+        }
+    }
+}
+
+/// What a choice is called, for those who do not see it and for tests.
+pub(crate) fn named(response: &egui::Response, name: &str) {
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name));
+}

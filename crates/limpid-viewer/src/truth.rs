@@ -1,0 +1,128 @@
+//! Ground truth for small pictures, and how far what was drawn is from it.
+
+use glam::{UVec2, Vec3};
+use image::RgbImage;
+
+use crate::controls;
+use crate::document::Document;
+use limpid::camera::Camera;
+use limpid::scene::{Liquid, Scene};
+use limpid::settings::Settings;
+use limpid_io::error::Result;
+use limpid_io::input::Moment;
+use limpid_io::project::Processor;
+use limpid_lab::reference;
+use limpid_lab::reference::analytic::{Ball, Block, Pool};
+use limpid_lab::reference::mesh::{Mesh, Reconstruction};
+use limpid_lab::reference::trace::{MAX_DEPTH, trace};
+use limpid_sim::recipe::Recipe;
+
+/// Size of the pictures that are compared.
+pub(crate) const SIZE: UVec2 = UVec2::new(160, 120);
+
+/// Rays per pixel of the truth.
+const SAMPLES: u32 = 4;
+
+/// More particles are too many to make a mesh from while somebody waits.
+const MOST: usize = 60_000;
+
+/// A traced picture, and of what.
+#[derive(Debug, Clone)]
+pub(crate) struct Truth {
+    /// The view.
+    pub(crate) camera: Camera,
+    /// The moment.
+    pub(crate) at: Moment,
+    /// What the liquid does to light.
+    liquid: Liquid,
+    /// What each of several liquids does.
+    fluids: Vec<Vec3>,
+    /// The picture.
+    pub(crate) picture: RgbImage,
+}
+
+/// What was drawn with some settings.
+#[derive(Debug, Clone)]
+pub(crate) struct Point {
+    /// The settings.
+    pub(crate) settings: Settings,
+    /// How they differ from the defaults, in a few words.
+    pub(crate) description: String,
+    /// Time of all passes, ms.
+    pub(crate) ms: f64,
+    /// Mean FLIP to the truth, 0 to 1.
+    pub(crate) flip: f64,
+}
+
+impl Truth {
+    /// Whether it is that of a scene seen from a camera at a moment.
+    pub(crate) fn fits(&self, scene: &Scene, camera: &Camera, at: Option<Moment>) -> bool {
+        let of = (&self.camera, Some(self.at), &self.liquid, &self.fluids);
+        of == (camera, at, &scene.liquid, &scene.fluids)
+    }
+}
+
+impl Point {
+    /// What was measured of `settings`.
+    pub(crate) fn new(settings: &Settings, ms: f64, flip: f64) -> Self {
+        let changed = controls::differences(&Settings::default(), settings);
+        let words: Vec<String> = changed
+            .iter()
+            .take(6)
+            .map(|(control, value)| format!("{}={value}", control.path()))
+            .collect();
+        let description = if words.is_empty() { "defaults".into() } else { words.join(" ") };
+        Self { settings: settings.clone(), description, ms, flip }
+    }
+}
+
+/// Why a scene has no cheap truth, if it has none.
+pub(crate) fn missing(
+    document: &Document,
+    scene: &Scene,
+    particles: usize,
+) -> Option<&'static str> {
+    if scene.is_lit() {
+        Some("Scenes in which light falls through the liquid have no cheap truth.")
+    } else if scene.fluids.len() > 1 {
+        Some("Scenes with several liquids have no cheap truth.")
+    } else if analytic(document).is_none() && particles > MOST {
+        Some("So many particles have no cheap truth.")
+    } else {
+        None
+    }
+}
+
+/// The body that the recipe says, where it has a closed form.
+fn analytic(document: &Document) -> Option<Box<dyn reference::Liquid>> {
+    match *document.project.source.recipe()? {
+        Recipe::Ball { center, radius, .. } => Some(Box::new(Ball { center, radius })),
+        Recipe::Slab { min, max, .. } => Some(Box::new(Block { min, max })),
+        Recipe::Pool(pool) => {
+            let (min, max, bottom) = (-pool.half_extent, pool.half_extent, -pool.depth);
+            Some(Box::new(Pool { waves: pool.surface(), min, max, bottom }))
+        }
+        _ => None,
+    }
+}
+
+/// Traces a view of a moment: the exact body, or a mesh of the particles where there is none.
+///
+/// # Errors
+/// As [`limpid_io::input::Input::particles`] and [`Mesh::reconstruct`].
+pub(crate) fn of(document: &Document, scene: &Scene, camera: &Camera, at: Moment) -> Result<Truth> {
+    let liquid = match analytic(document) {
+        Some(liquid) => liquid,
+        None => {
+            let particles = document.input.particles(at)?;
+            // The radius alone is wanted, which needs no device.
+            let on_cpu = document.input.clone().processed_by(Processor::Cpu);
+            let radius = on_cpu.prepare(at, &particles, scene)?.splats.radius;
+            let how = Reconstruction::among(&scene.solids);
+            Box::new(Mesh::reconstruct(&particles.positions, radius, &how)?)
+        }
+    };
+    let picture = trace(&*liquid, scene, camera, SIZE, SAMPLES, MAX_DEPTH).to_srgb();
+    let (liquid, fluids) = (scene.liquid, scene.fluids.clone());
+    Ok(Truth { camera: *camera, at, liquid, fluids, picture })
+}

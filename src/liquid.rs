@@ -1,0 +1,13 @@
+//! Particles, and the ellipsoids that they are drawn as.
+
+mod between;
+pub mod bulk;
+pub mod classify;
+#[doc(hidden)]
+pub mod counting_sort;
+mod ellipsoid;
+pub mod particles;
+
+pub use bulk::Bulk;
+pub use ellipsoid::Ellipsoid;
+pub use particles::{Particles, Up};

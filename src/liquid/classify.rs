@@ -1,0 +1,417 @@
+//! Splash or aggregate, and the ellipsoid each particle is drawn as.
+//!
+//! Aggregates get the anisotropic kernels of J. Yu and G. Turk, "Reconstructing Surfaces of
+//! Particle-Based Fluids Using Anisotropic Kernels", ACM Transactions on Graphics 32(1), 2013;
+//! the separation by local density follows T. Imai, Y. Kanamori and J. Mitani, "Real-time
+//! screen-space liquid rendering with complex refractions", Computer Animation and Virtual Worlds
+//! 27, 2016. Three things differ. The density is a share of that inside a body at rest, so that
+//! the threshold does not depend on the support. Neighbours count by their volume, for files whose
+//! particles differ in size. And by default the *short* axis is held
+//! ([`Kernel::Fitted`](crate::settings::Kernel::Fitted)): the papers' volume-preserving ellipsoids
+//! sink the surface by a particle.
+
+pub mod device;
+mod grid;
+mod moments;
+mod shape;
+mod tree;
+mod walls;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DMat3, DVec3, Vec3};
+use rayon::iter::Either;
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::liquid::ellipsoid::Ellipsoid;
+use crate::liquid::particles::{self, Particles, drawable};
+use crate::memory;
+use crate::settings::Classify;
+use grid::Grid;
+use moments::Moments;
+use tree::Tree;
+
+pub use device::Classifier;
+pub use tree::estimate_radius;
+pub use walls::wet;
+pub(crate) use walls::{Eye, seen_past_walls};
+
+/// One splat as the GPU reads it: the ellipsoid { centre + A·s : |s| ≤ 1 }.
+///
+/// A is symmetric positive definite. A rotation of the unit sphere changes nothing, so R·diag(axes)
+/// may be followed by Rᵀ, and six numbers say what nine would.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Splat {
+    /// Centre, in metres, from [`Splats::origin`].
+    pub centre: [f32; 3],
+    /// Radius r of the particle, in metres.
+    pub radius: f32,
+    /// `A_xx, A_yy, A_zz`, in metres.
+    pub diagonal: [f32; 3],
+    /// Index of the particle in its file.
+    pub particle: u32,
+    /// `A_xy, A_xz, A_yz`, in metres.
+    pub off_diagonal: [f32; 3],
+    /// Which of a scene's fluids it is of, from 0; [`Splat::BURIED`]; of a copy on a plane, which.
+    pub tags: u32,
+}
+
+impl Splat {
+    /// Set in [`Splat::tags`] if liquid is all round the particle. It is a hint: such splats are
+    /// drawn where others do not hide them, and the rest is drawn first to find out.
+    pub const BURIED: u32 = 1 << 16;
+
+    /// Where in [`Splat::tags`] a copy that [`wet`] laid on a plane holds that solid's number, from 1,
+    /// in ten bits.
+    const WALL: u32 = 17;
+    /// Set if that copy is of liquid on the side that the plane's normal points away from.
+    const WALL_FROM_BEHIND: u32 = 1 << 27;
+
+    /// Whether [`wet`] laid it on a plane.
+    #[doc(hidden)]
+    pub fn is_copy(&self) -> bool {
+        self.tags >> Self::WALL & 0x3ff != 0
+    }
+
+    /// What turns the unit sphere into it: a symmetric matrix, m.
+    pub(crate) fn axes(&self) -> DMat3 {
+        let ([a, b, c], [d, e, f]) = (self.diagonal, self.off_diagonal);
+        DMat3::from_cols_array(&[a, d, e, d, b, f, e, f, c].map(f64::from))
+    }
+
+    /// No semi-axis is longer, m: the Frobenius norm of their matrix.
+    #[doc(hidden)]
+    pub fn longest(&self) -> f64 {
+        self.axes().to_cols_array().map(|x| x * x).iter().sum::<f64>().sqrt()
+    }
+
+    /// Which of a scene's fluids it is of, from 0.
+    pub fn fluid(&self) -> u32 {
+        self.tags & (Self::BURIED - 1)
+    }
+
+    /// The same, marked if liquid is all round it.
+    fn buried(self, surrounded: bool) -> Self {
+        let mark = if surrounded { Self::BURIED } else { 0 };
+        Self { tags: self.tags | mark, ..self }
+    }
+
+    /// Whether liquid is all round the particle.
+    pub fn is_buried(&self) -> bool {
+        self.tags & Self::BURIED != 0
+    }
+}
+
+/// What a frame is drawn from. Both lists are in the order of the file; the copies that [`wet`]
+/// makes follow.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Splats {
+    /// Ellipsoids of the liquid's bodies and sheets.
+    pub aggregates: Vec<Splat>,
+    /// Spheres of droplets.
+    pub splashes: Vec<Splat>,
+    /// Median particle radius, in metres.
+    pub radius: f32,
+    /// The point that centres are counted from, in world space, in metres: that of the particles,
+    /// or where these are far from it their middle, so that 32-bit floats keep their digits.
+    pub origin: DVec3,
+}
+
+/// Separates a frame's particles into splashes and aggregates, and shapes them.
+///
+/// Aggregates with [a shape of their own](Particles::ellipsoids) are drawn as it says, where the
+/// file has them; splashes are spheres all the same.
+///
+/// `default_radius` serves files without radii. Particles that cannot be drawn are left out: a
+/// radius that is not positive, or whose cube a 32-bit float cannot hold (10⁻¹³ to 10¹² m are
+/// fine), or a position that is not finite. The result depends on the particles and the settings
+/// alone, not on the number of threads. [`Classifier`] does it on a device.
+pub fn classify(particles: &Particles, default_radius: f32, settings: &Classify) -> Splats {
+    Cloud::new(particles, default_radius).classify(settings)
+}
+
+/// Whether a place, counted from the splats' origin, has so many aggregates around it as places in a
+/// body have, also between its particles. From the height of the topmost centres upwards it has not.
+pub(crate) fn is_inside(splats: &Splats, place: DVec3, support: f32) -> bool {
+    const AROUND: f64 = 0.75;
+    let h = f64::from(support) * f64::from(splats.radius);
+    let mut near = Moments::default();
+    for splat in &splats.aggregates {
+        let offset = (Vec3::from_array(splat.centre).as_dvec3() - place) / h;
+        if offset.length_squared() <= 1.0 {
+            near.add(offset, f64::from(splat.radius / splats.radius).powi(3));
+        }
+    }
+    near.weight >= AROUND * moments::density_at_rest(support.into())
+}
+
+/// A particle that can be drawn.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Member {
+    position: [f32; 3],
+    radius: f32,
+    particle: u32,
+    fluid: u32,
+}
+
+impl Member {
+    fn position(&self) -> Vec3 {
+        self.position.into()
+    }
+}
+
+/// The particles of a frame that can be drawn, before they are told apart and shaped.
+#[derive(Clone, Debug)]
+pub struct Cloud {
+    members: Vec<Member>,
+    /// Shapes that the file gives, by particle.
+    ellipsoids: Option<Vec<Ellipsoid>>,
+    /// Median radius, m.
+    radius: f32,
+    /// What members are counted from, in world space.
+    origin: DVec3,
+    /// What splats are counted from, from there.
+    shift: DVec3,
+}
+
+impl Cloud {
+    /// Leaves out what cannot be drawn; see [`classify`].
+    pub fn new(particles: &Particles, default_radius: f32) -> Self {
+        let radius = |i: usize| particles.radii.as_ref().map_or(default_radius, |radii| radii[i]);
+        let fluid = |i: usize| particles.fluids.as_ref().map_or(0, |fluids| fluids[i].into());
+        let member = |(i, position): (usize, &Vec3)| Member {
+            position: position.to_array(),
+            radius: radius(i),
+            particle: i as u32,
+            fluid: fluid(i),
+        };
+        let members: Vec<_> = particles
+            .positions
+            .par_iter()
+            .enumerate()
+            .map(member)
+            .filter(|m| m.position().is_finite() && drawable(m.radius))
+            .collect();
+        let shift = particles::origin_for(members.iter().map(|m| m.position().as_dvec3()));
+        Self {
+            radius: common_radius(&members).unwrap_or_else(|| {
+                median(members.iter().map(|m| m.radius).collect(), default_radius)
+            }),
+            members,
+            ellipsoids: particles.ellipsoids.clone(),
+            origin: particles.origin,
+            shift,
+        }
+    }
+
+    /// Splashes, aggregates and their shapes; see [`classify`].
+    pub fn classify(&self, settings: &Classify) -> Splats {
+        let Some(grid) = self.grid(settings) else { return self.classify_by_tree(settings) };
+        let shaped = grid.map(self.shaper(settings));
+        // As they are in the file, not as they are in the grid.
+        let slots = grid.slots();
+        self.splats(slots.par_iter().map(|&slot| shaped[slot as usize]))
+    }
+
+    /// As [`Cloud::classify`], with a k-d tree whatever the particles.
+    ///
+    /// It is the check of the grid, which sums the same neighbours in another order and in 32 bits:
+    /// centres and axes agree to 10⁻⁵ r, densities to 10⁻⁶ of their value.
+    pub fn classify_by_tree(&self, settings: &Classify) -> Splats {
+        let support = settings.support.into();
+        let tree = Tree::new(&self.members).thinned(support);
+        let shape = self.shaper(settings);
+        if !tree.is_thinned() {
+            return self
+                .splats(self.members.par_iter().map(|m| shape(m, &tree.moments(m, support))));
+        }
+        // In a crowd many may be in one place, and find the same there.
+        let (distinct, which) = distinct(&self.members);
+        let found: Vec<_> = distinct.par_iter().map(|m| tree.moments(m, support)).collect();
+        let members = self.members.par_iter().zip(&which);
+        self.splats(members.map(|(m, &i)| shape(m, &found[i as usize])))
+    }
+
+    /// Whether neighbours are found by a uniform grid. Radii that differ much, particles here and
+    /// there in a wide space, and crowds are left to the tree.
+    pub fn has_grid(&self, settings: &Classify) -> bool {
+        self.grid(settings).is_some()
+    }
+
+    fn grid(&self, settings: &Classify) -> Option<Grid<'_>> {
+        let layout = grid::Layout::of(&self.members, self.radius, settings.support)?;
+        Grid::new(layout, &self.members, self.radius, settings.support)
+    }
+
+    /// Makes a splash (left) or an aggregate of a member and what is near it.
+    fn shaper(&self, settings: &Classify) -> impl Fn(&Member, &Moments) -> Either<Splat, Splat> {
+        let at_rest = moments::density_at_rest(settings.support.into());
+        let least = f64::from(settings.splash_density) * at_rest;
+        move |member, near| {
+            if near.weight < least {
+                Either::Left(member.splash(settings, self.shift))
+            } else {
+                let shaped = match self.given(member) {
+                    Some(ellipsoid) => member.given(ellipsoid, self.shift),
+                    None => member.aggregate(near, settings, self.shift),
+                };
+                Either::Right(shaped.buried(near.surrounds(at_rest)))
+            }
+        }
+    }
+
+    /// The shape that the file gives a member.
+    fn given(&self, member: &Member) -> Option<&Ellipsoid> {
+        let ellipsoids = self.ellipsoids.as_ref()?;
+        ellipsoids.get(member.particle as usize).filter(|ellipsoid| ellipsoid.drawable())
+    }
+
+    fn splats(&self, shaped: impl ParallelIterator<Item = Either<Splat, Splat>>) -> Splats {
+        let (splashes, aggregates) = shaped.partition_map(|splat| splat);
+        Splats { aggregates, splashes, radius: self.radius, origin: self.origin + self.shift }
+    }
+}
+
+/// The members without those that equal another in place and radius, and for each member the one that
+/// stands for it.
+fn distinct(members: &[Member]) -> (Vec<&Member>, Vec<u32>) {
+    let bits = |m: &Member| (m.position.map(f32::to_bits), m.radius.to_bits());
+    let mut order: Vec<u32> = (0..members.len() as u32).collect();
+    order.par_sort_unstable_by_key(|&i| (bits(&members[i as usize]), i));
+    let (mut distinct, mut which) = (Vec::<&Member>::new(), vec![0; members.len()]);
+    for i in order {
+        let member = &members[i as usize];
+        if distinct.last().is_none_or(|last| bits(last) != bits(member)) {
+            distinct.push(member);
+        }
+        which[i as usize] = distinct.len() as u32 - 1;
+    }
+    (distinct, which)
+}
+
+fn common_radius(members: &[Member]) -> Option<f32> {
+    let first = members.first()?.radius;
+    members.iter().all(|m| m.radius == first).then_some(first)
+}
+
+fn median(mut radii: Vec<f32>, default: f32) -> f32 {
+    let middle = radii.len() / 2;
+    if radii.is_empty() { default } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 }
+}
+
+/// Median radius of the particles that can be drawn, m; `default` where they have none.
+#[doc(hidden)]
+pub fn median_radius(particles: &Particles, default: f32) -> Result<f32> {
+    let Some(radii) = &particles.radii else { return Ok(default) };
+    let mut drawable_radii = memory::reserve(radii.len(), "radii of particles")?;
+    drawable_radii.extend(radii.iter().copied().filter(|&radius| drawable(radius)));
+    Ok(median(drawable_radii, default))
+}
+
+/// Fails if there is no memory to classify so many particles, or to estimate their radius; `what`
+/// tells whose they are.
+#[doc(hidden)]
+pub fn probe_memory(particles: usize, what: &str) -> Result<()> {
+    /// Bytes for each, by estimate: 310 at most, of which 100 are what it is drawn as.
+    const EACH: usize = 320;
+    memory::probe(particles.saturating_mul(EACH), what)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+
+    /// Uniform in −1 to 1, from a linear congruential generator (Knuth's MMIX).
+    pub(super) fn noise(seed: &mut u64) -> f64 {
+        *seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (*seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    fn difference(a: DMat3, b: DMat3) -> f64 {
+        (a - b).to_cols_array().into_iter().fold(0.0, |most, x| x.abs().max(most))
+    }
+
+    /// What both searches find of each member, named.
+    fn searches(cloud: &Cloud, support: f32) -> [(&'static str, Vec<Moments>); 2] {
+        let settings = Classify { support, ..Default::default() };
+        let tree = Tree::new(&cloud.members);
+        let by_tree = cloud.members.iter().map(|m| tree.moments(m, support.into())).collect();
+        let grid = cloud.grid(&settings).expect("particles as in any liquid");
+        let found = grid.map(|_, near| *near);
+        let by_grid = grid.slots().into_iter().map(|slot| found[slot as usize]).collect();
+        [("tree", by_tree), ("grid", by_grid)]
+    }
+
+    /// Every neighbour is found, once, and the one-pass sums lose nothing: they equal the
+    /// textbook's two passes over all pairs, with radii that differ.
+    #[test]
+    fn moments_equal_a_brute_force_reference() {
+        let mut seed = 2;
+        let positions: Vec<_> = (0..500)
+            .map(|_| Vec3::from_array([(); 3].map(|()| noise(&mut seed) as f32 + 10.0)))
+            .collect();
+        let radii: Vec<_> = (0..500).map(|_| 0.1 + 0.05 * noise(&mut seed) as f32).collect();
+        let support = 4.0;
+        let cloud = Cloud::new(
+            &Particles {
+                positions: positions.clone(),
+                radii: Some(radii.clone()),
+                ..Default::default()
+            },
+            f32::NAN,
+        );
+        for (search, found) in searches(&cloud, support) {
+            for (i, moments) in found.into_iter().enumerate() {
+                let r = f64::from(radii[i]);
+                let h = f64::from(support) * r;
+                let offset = |j: usize| positions[j].as_dvec3() - positions[i].as_dvec3();
+                let near: Vec<_> = (0..500).filter(|&j| offset(j).length() <= h).collect();
+                let weights: Vec<_> = near
+                    .iter()
+                    .map(|&j| {
+                        let volume = (f64::from(radii[j]) / r).powi(3);
+                        volume * (1.0 - (offset(j).length() / h).powi(3))
+                    })
+                    .collect();
+                let total: f64 = weights.iter().sum();
+                let mean =
+                    near.iter().zip(&weights).map(|(&j, &w)| w * offset(j)).sum::<DVec3>() / total;
+                let covariance = near.iter().zip(&weights).fold(DMat3::ZERO, |sum, (&j, &w)| {
+                    let d = offset(j) - mean;
+                    sum + DMat3::from_cols(d.x * d, d.y * d, d.z * d) * (w / total)
+                });
+
+                assert_eq!(moments.count as usize, near.len(), "{search}, {i}");
+                // The ratio of radii is taken in 32 bits.
+                assert!((moments.weight - total).abs() < 1e-6 * total, "{search}");
+                assert!((moments.mean() * h - mean).length() < 1e-6 * h, "{search}");
+                let found = moments.covariance() * (h * h);
+                assert!(difference(found, covariance) < 1e-6 * h * h, "{search}");
+            }
+        }
+    }
+
+    /// The threshold is a share of the density at rest, for any support; and neighbours at h itself,
+    /// of which a lattice has many, are counted, whatever the rounding.
+    #[test]
+    fn density_inside_a_lattice_is_one() {
+        for (support, count) in [(2.0, 7), (3.0, 19), (4.0, 33), (5.5, 81)] {
+            let r = 0.025f32;
+            let cells = || (-3..=3).map(|i| 2.0 * r * i as f32);
+            let positions: Vec<_> = cells()
+                .flat_map(|x| cells().flat_map(move |y| cells().map(move |z| Vec3::new(x, y, z))))
+                .collect();
+            let cloud = Cloud::new(&Particles { positions, ..Default::default() }, r);
+            for (search, found) in searches(&cloud, support) {
+                let middle = found[found.len() / 2];
+                let share = middle.weight / moments::density_at_rest(support.into());
+                assert!((share - 1.0).abs() < 1e-5, "{share} at support {support}, {search}");
+                assert_eq!(middle.count, count, "at support {support}, {search}");
+            }
+        }
+    }
+}

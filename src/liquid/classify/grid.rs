@@ -1,0 +1,238 @@
+//! Neighbours by a uniform grid: particles sorted by cell, so that those of a cell and of the cells
+//! beside it are one run of memory, and summed four at a time.
+//!
+//! Cells are as wide as the neighbourhood h of the particle of median radius. Where particles of one
+//! cell look for neighbours they are handed the same candidates, gathered once.
+
+use glam::{DVec3, Mat4, UVec3, Vec3, Vec4};
+use rayon::prelude::*;
+
+use super::Member;
+use super::moments::{EDGE, Moments};
+use crate::liquid::counting_sort;
+
+/// Radii may be so many times the median or a part of it, or too many cells would be looked at, or
+/// too many particles in each.
+const SPREAD: f32 = 4.0;
+
+/// Cells are wider than h by so much: rounding takes no neighbour further than the next cell, with as
+/// many cells along an axis as [`MOST_ALONG`].
+const MARGIN: f64 = 1.002;
+const MOST_ALONG: f64 = 4096.0;
+
+/// Where the cells are. What lies outside is in those at the border, so that a stray particle costs
+/// nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Layout {
+    /// The least corner, m.
+    pub(super) min: Vec3,
+    /// The greatest corner, m.
+    pub(super) max: Vec3,
+    /// 1/m.
+    pub(super) per_cell: f32,
+    pub(super) counts: UVec3,
+}
+
+impl Layout {
+    /// Cells for members of this median radius, m, each of which has a neighbourhood of `support`
+    /// radii. None if there is nothing to lay a grid over, if radii differ too much, or if nearly all
+    /// cells would be empty.
+    pub(super) fn of(members: &[Member], radius: f32, support: f32) -> Option<Self> {
+        let similar = |m: &Member| m.radius <= SPREAD * radius && radius <= SPREAD * m.radius;
+        if members.is_empty() || !members.par_iter().all(similar) {
+            return None;
+        }
+        let width = f64::from(support) * f64::from(radius) * MARGIN;
+        let all = bounds(members);
+        let fits = |counts: &DVec3| {
+            let most = 8.0 * members.len() as f64 + 4096.0;
+            counts.max_element() <= MOST_ALONG && counts.element_product() <= most
+        };
+        let around = |(min, max): (Vec3, Vec3)| {
+            let counts = ((max.as_dvec3() - min.as_dvec3()) / width).floor() + 1.0;
+            let per_cell = (1.0 / width) as f32;
+            fits(&counts).then(|| Self { min, max, per_cell, counts: counts.as_uvec3() })
+        };
+        around(all).or_else(|| around(bulk(members, all)))
+    }
+
+    pub(super) fn cells(&self) -> usize {
+        self.counts.element_product() as usize
+    }
+
+    fn cell(&self, x: Vec3) -> UVec3 {
+        let at = (x.clamp(self.min, self.max) - self.min) * self.per_cell;
+        at.as_uvec3().min(self.counts - 1)
+    }
+
+    fn index(&self, cell: UVec3) -> u32 {
+        (cell.z * self.counts.y + cell.y) * self.counts.x + cell.x
+    }
+
+    /// How many cells away a neighbour within h may be.
+    pub(super) fn reach(&self, h: f32) -> u32 {
+        (h * self.per_cell).ceil() as u32
+    }
+}
+
+fn bounds(members: &[Member]) -> (Vec3, Vec3) {
+    let join = |a: (Vec3, Vec3), b: (Vec3, Vec3)| (a.0.min(b.0), a.1.max(b.1));
+    let nothing = || (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    members.par_iter().map(|m| (m.position(), m.position())).reduce(nothing, join)
+}
+
+/// The part of a box in which nearly all are: along each axis where the middle 31 of 32 are, and as far
+/// again to either side.
+fn bulk(members: &[Member], (min, max): (Vec3, Vec3)) -> (Vec3, Vec3) {
+    const SAMPLES: usize = 4096;
+    let step = members.len().div_ceil(SAMPLES);
+    let along = |axis: usize| {
+        let sample = members.iter().step_by(step).map(|m| f64::from(m.position[axis]));
+        let mut sorted: Vec<_> = sample.collect();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let few = sorted.len() / 64;
+        let (low, high) = (sorted[few], sorted[sorted.len() - 1 - few]);
+        let (least, most) = (2.0 * low - high, 2.0 * high - low);
+        (least.max(min[axis].into()) as f32, most.min(max[axis].into()) as f32)
+    };
+    let [x, y, z] = [0, 1, 2].map(along);
+    (Vec3::new(x.0, y.0, z.0), Vec3::new(x.1, y.1, z.1))
+}
+
+/// How many share a particle's cell at most, in the mean: more are a crowd. At rest it is
+/// (support / 2)³.
+pub(super) fn most_shared(support: f32) -> f64 {
+    64.0 + 8.0 * (f64::from(support) / 2.0).powi(3)
+}
+
+/// The members of a cloud, sorted by cell.
+pub(super) struct Grid<'a> {
+    members: &'a [Member],
+    layout: Layout,
+    support: f32,
+    /// Where each cell's members begin in the sorted order; one more than there are cells.
+    starts: Vec<u32>,
+    /// The members in the sorted order.
+    order: Vec<u32>,
+    /// Their places, and their volumes in that of the median radius.
+    sorted: Vec<Vec4>,
+}
+
+impl<'a> Grid<'a> {
+    /// Sorts the members. None if so many are in the same places that the tree, which may leave some
+    /// out, is faster.
+    pub(super) fn new(
+        layout: Layout,
+        members: &'a [Member],
+        radius: f32,
+        support: f32,
+    ) -> Option<Self> {
+        let cells: Vec<u32> =
+            members.par_iter().map(|m| layout.index(layout.cell(m.position()))).collect();
+        let (mut starts, mut order) = (Vec::new(), Vec::new());
+        counting_sort::by_cell(&cells, layout.cells(), &mut starts, &mut order);
+        let squares: f64 = starts.windows(2).map(|w| f64::from(w[1] - w[0]).powi(2)).sum();
+        let crowd = squares / members.len() as f64;
+        if crowd > most_shared(support) {
+            return None;
+        }
+        let place = |&i: &u32| {
+            let member = &members[i as usize];
+            member.position().extend((member.radius / radius).powi(3))
+        };
+        let sorted = order.par_iter().map(place).collect();
+        Some(Self { members, layout, support, starts, order, sorted })
+    }
+
+    /// What `act` makes of each member and its neighbourhood, in the sorted order.
+    pub(super) fn map<T: Send>(&self, act: impl Fn(&Member, &Moments) -> T + Sync) -> Vec<T> {
+        (0..self.order.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map_init(Block::default, |block, slot| {
+                let member = &self.members[self.order[slot] as usize];
+                let h = self.support * member.radius;
+                block.gather(self, member.position(), self.layout.reach(h));
+                act(member, &block.moments(self.sorted[slot], 1.0 / h))
+            })
+            .collect()
+    }
+
+    /// Where each member is in the sorted order.
+    pub(super) fn slots(&self) -> Vec<u32> {
+        let mut slots = vec![0; self.order.len()];
+        for (slot, &i) in (0..).zip(&self.order) {
+            slots[i as usize] = slot;
+        }
+        slots
+    }
+}
+
+/// The members of a cell and the cells around it.
+#[derive(Default)]
+struct Block {
+    /// Which cell, and how many around it.
+    of: Option<(UVec3, u32)>,
+    near: Vec<Vec4>,
+    /// The same, four at a time: x, y, z and volume of each.
+    fours: Vec<Mat4>,
+}
+
+impl Block {
+    fn gather(&mut self, grid: &Grid<'_>, at: Vec3, reach: u32) {
+        let layout = &grid.layout;
+        let cell = layout.cell(at);
+        if self.of == Some((cell, reach)) {
+            return;
+        }
+        self.of = Some((cell, reach));
+        self.near.clear();
+        let first = cell.saturating_sub(UVec3::splat(reach));
+        let last = (cell + reach).min(layout.counts - 1);
+        for z in first.z..=last.z {
+            for y in first.y..=last.y {
+                let begin = grid.starts[layout.index(UVec3::new(first.x, y, z)) as usize];
+                let end = grid.starts[layout.index(UVec3::new(last.x, y, z)) as usize + 1];
+                self.near.extend_from_slice(&grid.sorted[begin as usize..end as usize]);
+            }
+        }
+        // Infinitely far, and of no volume.
+        let nobody = Vec3::INFINITY.extend(0.0);
+        self.near.resize(self.near.len().next_multiple_of(4), nobody);
+        self.fours.clear();
+        let fours = self.near.chunks_exact(4);
+        self.fours.extend(fours.map(|v| Mat4::from_cols(v[0], v[1], v[2], v[3]).transpose()));
+    }
+
+    /// Sums over the neighbours of one that is at the first three of `own`, with the volume that is the
+    /// fourth.
+    fn moments(&self, own: Vec4, per_h: f32) -> Moments {
+        const WITHIN: Vec4 = Vec4::splat((EDGE * EDGE) as f32);
+        let from = [own.x, own.y, own.z].map(Vec4::splat);
+        let mut sums = [Vec4::ZERO; 11];
+        for four in &self.fours {
+            let x = (four.x_axis - from[0]) * per_h;
+            let y = (four.y_axis - from[1]) * per_h;
+            let z = (four.z_axis - from[2]) * per_h;
+            let square = x * x + y * y + z * z;
+            // What is further off may be infinitely far, and that times no weight is no number.
+            let within = square.cmple(WITHIN);
+            let [one, x, y, z] = [Vec4::ONE, x, y, z].map(|v| Vec4::select(within, v, Vec4::ZERO));
+            let w = four.w_axis * (Vec4::ONE - square * square.sqrt()).max(Vec4::ZERO);
+            let (wx, wy, wz) = (w * x, w * y, w * z);
+            let terms = [one, w, wx, wy, wz, wx * x, wy * y, wz * z, wx * y, wx * z, wy * z];
+            for (sum, term) in sums.iter_mut().zip(terms) {
+                *sum += term;
+            }
+        }
+        let [count, sums @ ..] = sums.map(|sum| sum.as_dvec4().element_sum());
+        let [weight, x, y, z, xx, yy, zz, xy, xz, yz] = sums.map(|sum| sum / f64::from(own.w));
+        Moments {
+            count: count as u32,
+            weight,
+            first: DVec3::new(x, y, z),
+            diagonal: DVec3::new(xx, yy, zz),
+            off_diagonal: DVec3::new(xy, xz, yz),
+        }
+    }
+}
