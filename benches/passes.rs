@@ -24,9 +24,9 @@ use glam::UVec2;
 use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::{self, Splat, Splats};
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
-use limpid::studio::Picture;
 use limpid_io::input::Input;
 
 use support::{COUNTS, Swell};
@@ -125,7 +125,7 @@ impl Subject {
     }
 
     fn of(name: &str, input: Input, settings: &[String]) -> limpid_io::Result<Self> {
-        let (input, mut project) = input.settle()?;
+        let (input, mut project) = input.resolve()?;
         project.set(settings)?;
         let number = input.frame.unwrap_or(input.sequence.frames[0].number);
         let frame = input.sequence.frame(number).unwrap_or(&input.sequence.frames[0]);

@@ -1,4 +1,4 @@
-//! `cargo bench --bench playback`: frames per second that a ring reads and classifies ahead of
+//! `cargo bench --bench playback`: frames per second that a cache reads and classifies ahead of
 //! playback, and the memory that it takes, with 1, 2, 4, … threads up to this machine's.
 //!
 //! The sequences are the scenes `cascade` (40,000 particles) and `breaker` (125,000), each written
@@ -10,8 +10,8 @@ use std::process::Command;
 use std::time::Instant;
 
 use limpid::liquid::Particles;
+use limpid_io::frame_cache::FrameCache;
 use limpid_io::input::Input;
-use limpid_io::ring::Ring;
 
 const FRAMES: usize = 24;
 const BUDGET: u64 = 64 << 20;
@@ -59,23 +59,24 @@ fn write(name: &str, folder: &Path) -> limpid_io::Result<()> {
 }
 
 fn measure(folder: &Path) -> limpid_io::Result<()> {
-    let (input, project) = Input::open(&folder.to_string_lossy())?.settle()?;
+    let (input, project) = Input::open(&folder.to_string_lossy())?.resolve()?;
     let numbers: Vec<i64> = input.sequence.frames.iter().map(|frame| frame.number).collect();
-    let moments = input.moments(&numbers, 1.0);
+    let frame_times = input.frame_times(&numbers, 1.0);
     let threads = rayon::current_num_threads();
     let mut rates = Vec::new();
     let (mut particles, mut most) = (0, 0);
     for _ in 0..RUNS {
-        let (input, scene, moments) = (input.clone(), project.scene.clone(), moments.clone());
-        let load = move |i: usize| input.load(moments[i], &scene);
+        let (input, scene, frame_times) =
+            (input.clone(), project.scene.clone(), frame_times.clone());
+        let load = move |i: usize| input.load(frame_times[i], &scene);
         let start = Instant::now();
-        let ring = Ring::new(numbers.len(), BUDGET, threads, load, |_| ());
+        let cache = FrameCache::new(numbers.len(), BUDGET, threads, load, |_| ());
         for i in 0..numbers.len() {
-            ring.aim(i, 1, false);
-            particles = ring.wait(i)?.particles;
+            cache.aim(i, 1, false);
+            particles = cache.wait(i)?.particles;
         }
         rates.push(numbers.len() as f64 / start.elapsed().as_secs_f64());
-        most = ring.state().most;
+        most = cache.state().most;
     }
     rates.sort_by(f64::total_cmp);
     let (least, median, greatest) = (rates[0], rates[RUNS / 2], rates[RUNS - 1]);

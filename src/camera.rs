@@ -162,7 +162,7 @@ impl Camera {
         let fail = |problem: &str| Err(Error::invalid("camera", problem));
         let view = (self.target - self.eye).normalize_or_zero();
         let up = self.up.as_dvec3();
-        if !(is_place(self.eye) && is_place(self.target) && up.is_finite()) {
+        if !(is_position(self.eye) && is_position(self.target) && up.is_finite()) {
             fail("eye, target and up must be finite")
         } else if view == DVec3::ZERO {
             fail("eye and target are the same point")
@@ -201,6 +201,6 @@ impl Camera {
 
 /// Whether a position is a number whose square, seen from any other, a 32-bit float can hold.
 #[doc(hidden)]
-pub fn is_place(x: DVec3) -> bool {
+pub fn is_position(x: DVec3) -> bool {
     x.abs().cmplt(DVec3::splat(1e18)).all()
 }

@@ -8,7 +8,7 @@
 //!
 //! ```text
 //! Particles ─ classify ─ Splats ─ splat ─ Layers ─ smooth ───────┐
-//! Scene ─ solids, environment ─ gbuffer ─ GBuffer ───────────────┤
+//! Scene ─ solids, environment ─ gbuffer ─ GBufferImages ─────────┤
 //! lights ─ the same from the light ─ caustics ─ CausticMap ──────┤
 //!                                      refract ─ Radiance ─ tonemap ─ picture
 //! ```
@@ -39,7 +39,7 @@
 //! use limpid::camera::Camera;
 //! use limpid::glam::{DVec3, UVec2, Vec3};
 //! use limpid::liquid::{Particles, classify::classify};
-//! use limpid::{gpu::Gpu, scene::Scene, studio::Studio};
+//! use limpid::{gpu::Gpu, offscreen::Offscreen, scene::Scene};
 //!
 //! # fn main() -> limpid::Result<()> {
 //! let lattice = (0..8000).map(|i| 0.05 * Vec3::new((i % 20) as f32, (i / 400) as f32, (i / 20 % 20) as f32));
@@ -47,8 +47,8 @@
 //! let (min, max) = particles.bounds().unwrap_or_default();
 //! let scene = Scene::around(min, max, radius);
 //! let splats = classify(&particles, radius, &scene.settings.classify);
-//! let mut studio = Studio::new(&Gpu::headless()?);
-//! let shot = studio.draw(&scene, &Camera::fit(min, max), &splats, UVec2::new(1024, 768))?;
+//! let mut offscreen = Offscreen::new(&Gpu::headless()?);
+//! let shot = offscreen.draw(&scene, &Camera::fit(min, max), &splats, UVec2::new(1024, 768))?;
 //! let picture: image::RgbImage = shot.picture;
 //! # Ok(())
 //! # }
@@ -61,7 +61,7 @@
 
 pub mod aov;
 pub mod camera;
-mod changes;
+mod dirty;
 pub mod environment;
 pub mod error;
 pub mod gpu;
@@ -71,6 +71,8 @@ pub mod lights;
 pub mod liquid;
 #[doc(hidden)]
 pub mod memory;
+#[cfg(feature = "image")]
+pub mod offscreen;
 #[doc(hidden)]
 pub mod passes;
 pub mod renderer;
@@ -78,8 +80,6 @@ pub mod scene;
 pub mod settings;
 #[doc(hidden)]
 pub mod shader;
-#[cfg(feature = "image")]
-pub mod studio;
 
 pub use error::{Error, Result};
 pub use {glam, wgpu};

@@ -12,8 +12,8 @@ use crate::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
 use crate::passes::gbuffer::LightMaps;
 use crate::passes::mixture;
 use crate::passes::smooth;
-use crate::passes::surfaces::{Liquid, Surfaces, Wanted};
 use crate::passes::tiles::Sections;
+use crate::passes::view_passes::{SplatSet, ViewConfig, ViewPasses};
 use crate::scene::{Light, Scene};
 use crate::settings::{self, Method};
 
@@ -63,7 +63,7 @@ pub struct Lights {
 #[derive(Debug)]
 struct LightPasses {
     orthographic: bool,
-    surfaces: Surfaces,
+    surfaces: ViewPasses,
     caustics: Caustics,
 }
 
@@ -73,7 +73,7 @@ impl Lights {
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
-        liquid: &Liquid,
+        liquid: &SplatSet,
         splats: &Splats,
         culled: bool,
         fits: &[smooth::Params],
@@ -105,7 +105,7 @@ impl Lights {
         for (i, placed) in self.views.iter().enumerate() {
             let view = &placed.view;
             if self.passes.get(i).is_none_or(|passes| passes.orthographic != view.orthographic) {
-                let surfaces = Surfaces::new(gpu, view.orthographic);
+                let surfaces = ViewPasses::new(gpu, view.orthographic);
                 let caustics = Caustics::new(gpu, &surfaces.camera);
                 let passes = LightPasses { orthographic: view.orthographic, surfaces, caustics };
                 self.passes.truncate(i);
@@ -118,7 +118,7 @@ impl Lights {
             let sections = Sections::for_work(gpu, size, smooth::work(&scene.settings.smooth));
             let gbuffer = true;
             let wanted =
-                Wanted { size, splash, mixture, gbuffer, levels: 1, backs, culled, sections };
+                ViewConfig { size, splash, mixture, gbuffer, levels: 1, backs, culled, sections };
             surfaces.resize(gpu, wanted);
             let uniform = view.uniform(splats.origin);
             surfaces.look_past_walls(gpu, scene, &uniform, view.origin, splats);
@@ -137,7 +137,7 @@ impl Lights {
         gpu: &Gpu,
         commands: &mut Commands<'_>,
         scene: &Scene,
-        liquid: &Liquid,
+        liquid: &SplatSet,
         splats: &Splats,
         fits: &[smooth::Params],
         timer: &mut Timer,

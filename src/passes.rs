@@ -17,9 +17,9 @@ pub mod mixture;
 pub mod refract;
 pub mod smooth;
 pub mod splat;
-pub mod surfaces;
 pub mod tiles;
 pub mod tonemap;
+pub mod view_passes;
 
 /// A front and a back layer of tangent planes: two layers of one texture.
 ///
@@ -50,7 +50,7 @@ impl Layers {
 
 /// The opaque scene as the camera sees it.
 #[derive(Debug, Clone)]
-pub struct GBuffer {
+pub struct GBufferImages {
     /// Planes as in [`Layers`], one layer.
     pub planes: wgpu::Texture,
     /// Unit normal in world space, and the solid's number, 32-bit floats.

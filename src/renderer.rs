@@ -4,7 +4,7 @@ use glam::{UVec2, Vec3, Vec3Swizzles as _};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::changes::{Changes, Drawn};
+use crate::dirty::{Dirty, LastFrame};
 use crate::environment::Environment;
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{Commands, Gpu, PassTime, Timer};
@@ -15,10 +15,10 @@ use crate::passes::cull;
 use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, Variant};
 use crate::passes::smooth;
-use crate::passes::surfaces::{Liquid, Surfaces, Wanted};
 use crate::passes::tiles::Sections;
 use crate::passes::tonemap::Tonemap;
-use crate::passes::{GBuffer, Layers, Radiance};
+use crate::passes::view_passes::{SplatSet, ViewConfig, ViewPasses};
+use crate::passes::{GBufferImages, Layers, Radiance};
 use crate::scene::Scene;
 use crate::settings::Solids;
 
@@ -29,15 +29,15 @@ use crate::settings::Solids;
 #[derive(Debug)]
 pub struct Renderer {
     gpu: Gpu,
-    liquid: Liquid,
+    liquid: SplatSet,
     lights: Lights,
-    eye: Surfaces,
+    eye: ViewPasses,
     mips: Option<Mips>,
     refract: Refract,
     tonemap: Tonemap,
     sized_for: (UVec2, bool),
     /// None after an error, or if nothing is to be kept.
-    last: Option<Drawn>,
+    last: Option<LastFrame>,
     submissions: u32,
     /// Measure each pass with the device's timestamps, where it has them.
     pub timing: bool,
@@ -57,7 +57,7 @@ pub struct Images {
     /// Splash layers, if the frame had splashes.
     pub splash: Option<Layers>,
     /// The opaque scene, if it was drawn.
-    pub gbuffer: Option<GBuffer>,
+    pub gbuffer: Option<GBufferImages>,
     /// The caustic map of each light, if it has one.
     pub caustics: Vec<Option<CausticMap>>,
     /// The linear picture.
@@ -72,9 +72,9 @@ impl Renderer {
     pub fn new(gpu: &Gpu) -> Self {
         Self {
             gpu: gpu.clone(),
-            liquid: Liquid::new(gpu),
+            liquid: SplatSet::new(gpu),
             lights: Lights::default(),
-            eye: Surfaces::new(gpu, false),
+            eye: ViewPasses::new(gpu, false),
             mips: None,
             refract: Refract::new(gpu),
             tonemap: Tonemap::new(gpu),
@@ -130,7 +130,7 @@ impl Renderer {
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
         let work = refract::work(&settings.refract, size, scene.solids.len(), lit);
         let work = work.max(smooth::work(&settings.smooth));
-        let wanted = Wanted {
+        let wanted = ViewConfig {
             size,
             splash: has_splash,
             mixture: variant.mixture,
@@ -141,7 +141,7 @@ impl Renderer {
             sections: Sections::for_work(gpu, size, work),
         };
         let last = self.last.take().filter(|_| self.reuse);
-        let changes = Changes::since(last.as_ref(), scene, camera, splats, wanted, self.diagnose);
+        let dirty = Dirty::since(last.as_ref(), scene, camera, splats, wanted, self.diagnose);
         self.eye.resize(gpu, wanted);
         if self.sized_for != (size, self.diagnose) {
             self.refract.resize(gpu, size, self.diagnose);
@@ -149,10 +149,10 @@ impl Renderer {
         }
 
         let fits = smooth::Params::iterations(&settings.smooth, splats.radius);
-        if changes.splats {
+        if dirty.splats {
             self.liquid.upload(gpu, splats);
         }
-        if changes.lights {
+        if dirty.lights {
             let (liquid, culled) = (&self.liquid, wanted.culled);
             self.lights.prepare(gpu, scene, liquid, splats, culled, &fits)?;
         }
@@ -160,18 +160,18 @@ impl Renderer {
         let (views, maps) = (self.lights.views(), self.lights.maps());
         let liquid = &self.liquid;
         let eye = camera.eye;
-        if changes.surfaces {
+        if dirty.surfaces {
             self.eye.look_past_walls(gpu, scene, &uniform, eye, splats);
         }
         self.eye.prepare(gpu, scene, liquid, &uniform, eye, views, maps, splats, &fits);
 
         let mut timer = Timer::new(gpu, self.timing);
         let mut commands = Commands::new(gpu);
-        if changes.lights {
+        if dirty.lights {
             let lights = &self.lights;
             lights.record(gpu, &mut commands, scene, &self.liquid, splats, &fits, &mut timer);
         }
-        if changes.surfaces {
+        if dirty.surfaces {
             let names = ["splat", "splat splashes", "mixture", "tiles", "smooth", "gbuffer"];
             self.eye.record(gpu, &mut commands, scene, &self.liquid, &fits, &mut timer, names);
         }
@@ -185,14 +185,14 @@ impl Renderer {
         }
         self.refract.prepare(gpu, &self.eye.camera, &self.eye.scene, variant, &params);
         self.tonemap.prepare(gpu, &settings.tonemap, format);
-        if changes.surfaces && variant.mips() {
+        if dirty.surfaces && variant.mips() {
             let mut layers = vec![&self.eye.aggregate_layers().texture];
             layers.extend(self.eye.splash_layers().map(|splash| &splash.texture));
             layers.extend(screen_solids.then_some(&self.eye.gbuffer.images.planes));
             let mips = self.mips.get_or_insert_with(|| Mips::new(gpu));
             mips.record(gpu, &mut commands.encoder, &layers, timer.span("mips"));
         }
-        if changes.radiance {
+        if dirty.radiance {
             let span = timer.span("refract");
             self.refract.record(gpu, &mut commands, &self.eye, variant, work, span);
         }
@@ -205,8 +205,9 @@ impl Renderer {
         gpu.check()?;
         let diagnosed = self.diagnose;
         // A copy of all splats, for callers who want it.
-        self.last =
-            self.reuse.then(|| Drawn::new(last, changes, scene, camera, splats, wanted, diagnosed));
+        self.last = self
+            .reuse
+            .then(|| LastFrame::new(last, dirty, scene, camera, splats, wanted, diagnosed));
         timer.read(gpu, resolved.as_ref())
     }
 

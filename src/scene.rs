@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use serde::{Deserialize, Serialize};
 
-use crate::camera::is_place;
+use crate::camera::is_position;
 use crate::environment::{Environment, is_radiance};
 use crate::error::{Error, Result};
 use crate::settings::Settings;
@@ -263,17 +263,17 @@ impl Solid {
     fn problem(&self) -> Option<&'static str> {
         let shape = match self.shape {
             Shape::Plane { origin, normal, half_extent } => [
-                (is_place(origin), "origin must be finite"),
+                (is_position(origin), "origin must be finite"),
                 (normal.is_normalized(), "normal must be of length 1"),
                 (half_extent > 0.0, "half_extent must be above 0"),
             ],
             Shape::Box { min, max } => [
-                (is_place(min), "min must be finite"),
-                (is_place(max), "max must be finite"),
+                (is_position(min), "min must be finite"),
+                (is_position(max), "max must be finite"),
                 (min.cmplt(max).all(), "min must be below max"),
             ],
             Shape::Sphere { center, radius } => [
-                (is_place(center), "center must be finite"),
+                (is_position(center), "center must be finite"),
                 (radius.is_finite(), "radius must be finite"),
                 (radius > 0.0, "radius must be above 0"),
             ],
@@ -300,7 +300,7 @@ impl Light {
                 "a sun's direction must be finite and not zero",
             ),
             Self::Point { position, intensity } => {
-                (is_place(position), intensity, "a point's position must be finite")
+                (is_position(position), intensity, "a point's position must be finite")
             }
         };
         match (place, is_radiance(power)) {

@@ -13,10 +13,10 @@ use limpid::environment::Environment;
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{Splat, Splats, classify};
+use limpid::offscreen::Picture;
 use limpid::passes::cull;
 use limpid::renderer::Renderer;
 use limpid::scene::{Light, Scene, Shape, Solid, Surface};
-use limpid::studio::Picture;
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 /// Particles along the sides of the body.

@@ -13,11 +13,11 @@ use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{Splats, classify};
+use limpid::offscreen::Picture;
+use limpid::offscreen::{Offscreen, PendingFrame};
 use limpid::renderer::Renderer;
 use limpid::scene::{Scene, Shape};
 use limpid::settings::{Classify, Solids};
-use limpid::studio::Picture;
-use limpid::studio::{Drawing, Studio};
 use limpid::wgpu;
 
 const SIZE: UVec2 = UVec2::new(120, 90);
@@ -69,18 +69,18 @@ fn pictures_begun_ahead_are_the_same() {
         .map(|(count, size)| (tank_of(count), size))
         .collect();
     let alone = frames.iter().map(|((scene, camera, drawn), size)| {
-        let shot = Studio::new(&gpu).draw(scene, camera, drawn, *size).expect("a picture");
+        let shot = Offscreen::new(&gpu).draw(scene, camera, drawn, *size).expect("a picture");
         shot.picture
     });
     let alone: Vec<_> = alone.collect();
-    let mut studio = Studio::new(&gpu);
+    let mut studio = Offscreen::new(&gpu);
     let begun: Vec<_> = frames
         .iter()
         .map(|((scene, camera, drawn), size)| studio.begin(scene, camera, drawn, *size))
         .collect();
     // The last first: none waits for another.
     for (begun, alone) in begun.into_iter().zip(alone).rev() {
-        let picture = begun.and_then(Drawing::wait).expect("a picture").picture;
+        let picture = begun.and_then(PendingFrame::wait).expect("a picture").picture;
         assert!(picture == alone, "{:?} differs", picture.dimensions());
     }
 }

@@ -9,10 +9,10 @@ use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::{Splat, Splats};
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 use limpid::settings::{Curve, Filter, Fresnel, Method, Reflections, Solids, Solver, Unit};
-use limpid::studio::Picture;
 use limpid::wgpu;
 
 /// A no-op device that remembers what its validation says.

@@ -10,7 +10,7 @@ use frames::{
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::liquid::classify::Splat;
-use limpid::studio::Picture;
+use limpid::offscreen::Picture;
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 

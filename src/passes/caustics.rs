@@ -23,7 +23,7 @@ use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::gbuffer::{SceneBinding, SceneVariant};
 use super::refract::{self, Variant};
-use super::{CameraBinding, GBuffer, Layers};
+use super::{CameraBinding, GBufferImages, Layers};
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Commands, Gpu, Piece, Span};
 use crate::light_view::LightView;
@@ -184,7 +184,7 @@ pub struct Inputs<'a> {
     pub scene: &'a SceneBinding,
     pub aggregate: &'a Layers,
     pub splash: Option<&'a Layers>,
-    pub gbuffer: &'a GBuffer,
+    pub gbuffer: &'a GBufferImages,
     /// Of fluids of different absorption.
     pub mixture: Option<&'a wgpu::TextureView>,
     /// How light is followed.

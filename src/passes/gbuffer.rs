@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec2, Vec3};
 use wgpu::TextureViewDimension::{D2, D2Array};
 
-use super::{CameraBinding, GBuffer, Layers};
+use super::{CameraBinding, GBufferImages, Layers};
 use crate::environment::Environment;
 use crate::gpu::{self, Gpu, Span};
 use crate::light_view::CUBE;
@@ -365,14 +365,14 @@ fn light_view_data(placed: &PlacedView, eye: DVec3) -> LightViewData {
 
 /// Draws the G-buffer.
 #[derive(Debug)]
-pub struct Gbuffer {
+pub struct GBuffer {
     /// Output.
-    pub images: GBuffer,
+    pub images: GBufferImages,
     pipelines: HashMap<SceneVariant, wgpu::ComputePipeline>,
     layout: wgpu::BindGroupLayout,
 }
 
-impl Gbuffer {
+impl GBuffer {
     /// Makes the layout; a pipeline is compiled when a scene first needs it.
     pub fn new(gpu: &Gpu) -> Self {
         let bindings =
@@ -422,12 +422,12 @@ impl Gbuffer {
     }
 }
 
-fn sized(gpu: &Gpu, size: UVec2, levels: u32) -> GBuffer {
+fn sized(gpu: &Gpu, size: UVec2, levels: u32) -> GBufferImages {
     let usage = wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
     let new = |label: &str, levels: u32| {
         gpu::mipped_texture(gpu, label, size, 1, levels, Layers::FORMAT, usage)
     };
-    GBuffer { planes: new("gbuffer planes", levels), surfaces: new("gbuffer surfaces", 1) }
+    GBufferImages { planes: new("gbuffer planes", levels), surfaces: new("gbuffer surfaces", 1) }
 }

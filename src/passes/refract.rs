@@ -11,8 +11,8 @@ use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::gbuffer::{SceneBinding, SceneVariant};
 use super::mixture;
-use super::surfaces::Surfaces;
 use super::tiles::TileLists;
+use super::view_passes::ViewPasses;
 use super::{CameraBinding, Layers, Radiance};
 use crate::environment::EvenLight;
 use crate::gpu::{self, Commands, Gpu, Span};
@@ -264,7 +264,7 @@ impl Refract {
         &self,
         gpu: &Gpu,
         commands: &mut Commands<'_>,
-        eye: &Surfaces,
+        eye: &ViewPasses,
         variant: Variant,
         work: u64,
         span: Span<'_>,

@@ -13,10 +13,10 @@ use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::{Splat, Splats};
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::{Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::Settings;
-use limpid::studio::Picture;
 
 /// A device and a renderer that counts.
 pub(crate) struct Stage {

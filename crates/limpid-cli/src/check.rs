@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use limpid_io::device;
-use limpid_io::output::{self, Kind};
+use limpid_io::output::{self, FileKind};
 use limpid_lab::check::{Report, Suite, Verdict};
 
 /// Where results go if nothing else is said; only what failed makes it.
@@ -50,7 +50,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     if let Some(path) = &args.junit {
         let xml = report.junit();
-        output::write_atomically(path, Kind::Junit, |file| {
+        output::write_atomically(path, FileKind::Junit, |file| {
             std::io::Write::write_all(file, xml.as_bytes())
         })?;
     }
@@ -73,10 +73,10 @@ fn check_outputs(args: &Args, suite: &Suite, folder: &Path) -> limpid_io::Result
     }
     let mut files = suite.files();
     if let Some(path) = &args.junit {
-        files.writes(path, Kind::Junit)?;
+        files.writes(path, FileKind::Junit)?;
     }
     match folder.exists() {
-        true => files.writes(&folder.join("index.html"), Kind::Page),
+        true => files.writes(&folder.join("index.html"), FileKind::Page),
         false => output::check_folder(folder),
     }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use limpid_io::output;
-use limpid_io::output::{Files, Kind, PictureFormat};
+use limpid_io::output::{FileKind, Files, PictureFormat};
 use limpid_lab::compare;
 
 #[derive(clap::Args)]
@@ -28,7 +28,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.diff {
         let mut files = Files::default();
         [&args.reference, &args.test].into_iter().for_each(|path| files.reads(path));
-        files.writes(path, Kind::Picture)?;
+        files.writes(path, FileKind::Picture)?;
         if PictureFormat::of(path)? == PictureFormat::Exr {
             let problem = "differences are an 8-bit picture: .png, .jpg or .webp expected";
             return Err(limpid_io::Error::Usage(format!("{}: {problem}", path.display())).into());

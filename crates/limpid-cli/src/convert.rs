@@ -7,7 +7,7 @@ use limpid::liquid::{Particles, Up};
 use limpid_io::frames::FrameSpec;
 use limpid_io::input;
 use limpid_io::notice::Notice;
-use limpid_io::output::{self, Files, Kind, OutputNames};
+use limpid_io::output::{self, FileKind, Files, OutputNames};
 use limpid_io::particles::{self, Contents};
 use limpid_io::sequence::{Frame, Sequence};
 use rayon::prelude::*;
@@ -55,9 +55,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     input::files_of(&args.input).iter().for_each(|path| files.reads(path));
     for frame in &todo {
         let path = names.path(frame.number);
-        files.writes(&path, Kind::Particles)?;
+        files.writes(&path, FileKind::Particles)?;
         if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("pos")) {
-            files.writes(&path.with_extension("ani"), Kind::Ellipsoids)?;
+            files.writes(&path.with_extension("ani"), FileKind::Ellipsoids)?;
         }
     }
 

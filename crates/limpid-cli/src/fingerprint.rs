@@ -22,7 +22,7 @@ use siphasher::sip128::{Hasher128 as _, SipHasher24};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::scene::Scene;
-use limpid_io::input::{Input, Moment, Origin};
+use limpid_io::input::{FrameTime, Input, Origin};
 use limpid_io::{exr, files};
 
 /// Keywords of the texts in a PNG.
@@ -118,15 +118,20 @@ pub(crate) struct Fingerprints {
     /// What all of them have in common.
     run: Fingerprint,
     /// That of each moment's particles.
-    moments: Vec<Fingerprint>,
+    frame_times: Vec<Fingerprint>,
 }
 
 impl Fingerprints {
-    /// For pictures of `size` pixels: looks at the particle files of all moments, as they are now.
+    /// For pictures of `size` pixels: looks at the particle files of all frame times, as they are now.
     ///
-    /// `input` and `scene` are settled ([`Input::settle`]).
-    pub(crate) fn new(input: &Input, moments: &[Moment], scene: &Scene, size: UVec2) -> Self {
-        let moments = moments.par_iter().map(|&at| {
+    /// `input` and `scene` are settled ([`Input::resolve`]).
+    pub(crate) fn new(
+        input: &Input,
+        frame_times: &[FrameTime],
+        scene: &Scene,
+        size: UVec2,
+    ) -> Self {
+        let frame_times = frame_times.par_iter().map(|&at| {
             let origins = input.origins(at);
             let told = origins.iter().map(tell);
             let told: Vec<String> = told.chain([format!("{:x}", at.fraction.to_bits())]).collect();
@@ -136,15 +141,15 @@ impl Fingerprints {
         let size = format!("{}x{}", size.x, size.y);
         let version = env!("CARGO_PKG_VERSION").as_bytes();
         let run = Fingerprint::over([version, look.as_bytes(), map, size.as_bytes()]);
-        Self { run, moments: moments.collect() }
+        Self { run, frame_times: frame_times.collect() }
     }
 
     /// That of the picture of a moment, counted from 0, seen from `camera`.
     ///
     /// # Panics
-    /// If there are not so many moments.
+    /// If there are not so many frame times.
     pub(crate) fn of(&self, moment: usize, camera: &Camera) -> Fingerprint {
-        let moment = self.moments[moment].0.to_le_bytes();
+        let moment = self.frame_times[moment].0.to_le_bytes();
         let camera = format!("{camera:?}");
         Fingerprint::over([&self.run.0.to_le_bytes()[..], &moment, camera.as_bytes()])
     }

@@ -70,7 +70,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         input = input.with_radius(radius)?;
     }
     // With the radius that `render` takes; what has none is described without.
-    let input = match input.clone().settle() {
+    let input = match input.clone().resolve() {
         Ok((settled, _)) => settled,
         Err(error @ Error::Render(limpid::Error::Memory { .. })) => return Err(error.into()),
         Err(_) => input,

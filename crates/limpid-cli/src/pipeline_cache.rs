@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use limpid::gpu::Gpu;
 use limpid::wgpu;
-use limpid_io::output::{self, Kind};
+use limpid_io::output::{self, FileKind};
 use siphasher::sip128::{Hasher128 as _, SipHasher24};
 
 /// Bytes of the checksum that a file begins with.
@@ -78,7 +78,7 @@ impl PipelineCache {
         // The next run compiles what this one could not keep.
         let Some(Ok(())) = self.path.parent().map(create_folder) else { return };
         let sum = checksum(&self.maker, &data).to_le_bytes();
-        let _ = output::write_atomically(&self.path, Kind::Cache, |file| {
+        let _ = output::write_atomically(&self.path, FileKind::Cache, |file| {
             file.write_all(&sum)?;
             file.write_all(&data)
         });

@@ -1,12 +1,12 @@
 //! `limpid render`.
 
+mod console;
 mod loader;
 mod manifest;
 mod output;
 mod pick;
 mod plan;
 mod queue;
-mod words;
 
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
@@ -22,29 +22,29 @@ use limpid::Error::{Defect, DeviceLost};
 use limpid::aov::{self, Aov, Part};
 use limpid::camera::Camera;
 use limpid::gpu::{Gpu, PassTime};
+use limpid::offscreen::{Offscreen, PendingFrame};
 use limpid::scene::Scene;
 use limpid::settings::Preset;
-use limpid::studio::{Drawing, Studio};
 use limpid_io::Error;
 use limpid_io::claim::Claims;
 use limpid_io::film;
 use limpid_io::frames::{FrameSpec, Shard};
 use limpid_io::input::{Loaded, Missing};
 use limpid_io::notice::Notice;
-use limpid_io::output::Kind;
-use limpid_io::place::Place;
+use limpid_io::output::FileKind;
 use limpid_io::project::overrides;
+use limpid_io::shared_classifier::SharedClassifier;
 use limpid_lab::quality::Picked;
 use serde::Serialize;
 
 use crate::pipeline_cache;
 use crate::signals;
+use console::Console;
 use loader::Loader;
 use manifest::{Log, Manifest, Outcome, Status};
 use output::Output;
 use plan::Plan;
 use queue::{Job, Queue};
-use words::Words;
 
 /// Exit codes: some frames failed and others did not, there is no adapter that can draw them, and
 /// the device failed.
@@ -183,15 +183,15 @@ struct FrameStats {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut plan = Plan::new(args)?;
-    output::check(args, &plan.takes)?;
+    output::check(args, &plan.shots)?;
     let picked = pick::pick(args, &mut plan)?;
-    let Plan { input, scene, moments, takes, fps, notices } = plan;
+    let Plan { input, scene, frame_times, shots, fps, notices } = plan;
     // A film must not stay behind half-written.
     signals::finish_first();
-    let output = Output::open(args, takes.len(), fps)?;
+    let output = Output::open(args, shots.len(), fps)?;
     let pictures = output.pictures().cloned();
     // Before anything is loaded: what a file becomes afterwards is not what was drawn.
-    let fingerprints = Fingerprints::new(&input, &moments, &scene, args.size);
+    let fingerprints = Fingerprints::new(&input, &frame_times, &scene, args.size);
     let host = gethostname::gethostname().to_string_lossy().into_owned();
     let claims = pictures.clone().filter(|_| args.claim).map(|pictures| {
         let version = env!("CARGO_PKG_VERSION");
@@ -200,69 +200,69 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     });
     let manifest = args.manifest.as_deref().map(|path| Manifest::open(path, host)).transpose()?;
     let keep_going = args.keep_going;
-    let bar = if args.quiet { ProgressBar::hidden() } else { progress(takes.len()) };
-    let mut words = Words::new(bar.clone(), args.quiet);
-    notices.iter().for_each(|notice| words.notice(notice));
+    let bar = if args.quiet { ProgressBar::hidden() } else { progress(shots.len()) };
+    let mut console = Console::new(bar.clone(), args.quiet);
+    notices.iter().for_each(|notice| console.notice(notice));
     let mut log = Log { manifest, pictures, bar, keep_going, failed: Vec::new() };
-    let takes: Vec<_> = args.shard.unwrap_or_default().of(takes).collect();
-    let wanted = takes.len();
-    let mut queue = Queue::new(takes, fingerprints, claims);
+    let shots: Vec<_> = args.shard.unwrap_or_default().of(shots).collect();
+    let wanted = shots.len();
+    let mut queue = Queue::new(shots, fingerprints, claims);
     if args.skip_existing || args.claim {
         queue.skip(&mut log)?;
     }
     if queue.is_empty() && wanted == 0 {
-        words.line("there are no pictures in this share of the frames");
+        console.line("there are no pictures in this share of the frames");
         return Ok(ExitCode::SUCCESS);
     }
     if queue.is_empty() {
         let there = wanted - log.failed.len();
-        words.line(&format!("{there} of {wanted} pictures are there already"));
+        console.line(&format!("{there} of {wanted} pictures are there already"));
         return Ok(ending(log.failed, wanted));
     }
     log.bar.set_length(queue.len() as u64);
 
     // What is loaded ahead is what others draw, where frames are claimed one by one.
     let memory = if args.claim { 0 } else { args.memory << 20 };
-    let place = Place::awaited();
-    let loader = Loader::new(input, place, &scene, &moments, queue.pending(), memory);
+    let classifier = SharedClassifier::awaited();
+    let loader = Loader::new(input, classifier, &scene, &frame_times, queue.pending(), memory);
     // Particles are read meanwhile.
     let opened = pipeline_cache::open_adapter();
-    loader.place().set(opened.as_ref().ok().map(|(gpu, _)| gpu));
+    loader.classifier().set(opened.as_ref().ok().map(|(gpu, _)| gpu));
     let (gpu, cache) = opened?;
-    let mut easel = Easel {
+    let mut frame_loop = FrameLoop {
         args,
         scene,
-        studio: studio(args, &gpu, moments.len() == 1),
-        at_rest: moments.len() == 1,
-        place: loader.place().clone(),
+        offscreen: offscreen(args, &gpu, frame_times.len() == 1),
+        at_rest: frame_times.len() == 1,
+        classifier: loader.classifier().clone(),
         output,
         stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
-        words,
+        console,
         failures: 0,
         since: Instant::now(),
     };
-    let drawn = draw_all(&mut easel, &mut queue, &loader, &mut log);
+    let drawn = draw_all(&mut frame_loop, &mut queue, &loader, &mut log);
     log.bar.finish_and_clear();
     if let Some(cache) = cache {
         cache.save();
     }
     if let Some(path) = &args.stats {
-        let text = serde_json::to_string_pretty(&easel.stats)?;
+        let text = serde_json::to_string_pretty(&frame_loop.stats)?;
         let write = |file: &mut BufWriter<&File>| file.write_all(text.as_bytes());
-        limpid_io::output::write_atomically(path, Kind::Measurements, write)?;
+        limpid_io::output::write_atomically(path, FileKind::Measurements, write)?;
     }
     drawn?;
     if let Some(code) = signals::received().filter(|_| !queue.is_empty()) {
         return Ok(ExitCode::from(code));
     }
-    let Easel { output, stats, words, .. } = easel;
+    let FrameLoop { output, stats, console, .. } = frame_loop;
     let failed = log.failed;
     let numbers: Vec<i64> = stats.frames.iter().map(|frame| frame.frame).collect();
     let others = wanted.saturating_sub(numbers.len() + failed.len());
     let told = output.told(&numbers, others);
     output.finish()?;
-    words.end();
-    words.line(&told);
+    console.end();
+    console.line(&told);
     let all = failed.len() + stats.frames.len();
     Ok(ending(failed, all))
 }
@@ -283,7 +283,7 @@ fn ending(failed: Vec<i64>, all: usize) -> ExitCode {
 /// Draws what the queue gives out, until it is empty or a signal has come. While the device draws a
 /// picture, the one before is written, and particles for the next are loaded and uploaded.
 fn draw_all(
-    easel: &mut Easel<'_>,
+    frame_loop: &mut FrameLoop<'_>,
     queue: &mut Queue,
     loader: &Loader,
     log: &mut Log,
@@ -292,26 +292,26 @@ fn draw_all(
     let mut next = queue.next(log)?;
     while let Some(job) = next {
         // While its particles still come, the one before need not wait for them.
-        if !loader.has(&job.take)
-            && let Some((job, sitting)) = before.take()
+        if !loader.has(&job.shot)
+            && let Some((job, in_flight)) = before.take()
         {
-            easel.conclude(&job, sitting, log)?;
+            frame_loop.conclude(&job, in_flight, log)?;
         }
-        let sitting = loader.wait(&job.take).map(|loaded| easel.begin(&job, loaded));
-        if let Some((job, sitting)) = before.take() {
-            easel.conclude(&job, sitting, log)?;
+        let in_flight = loader.wait(&job.shot).map(|loaded| frame_loop.begin(&job, loaded));
+        if let Some((job, in_flight)) = before.take() {
+            frame_loop.conclude(&job, in_flight, log)?;
         }
         // Only now, with the claim on the one before given up: a process holds two at most.
         next = queue.next_free(log)?;
         if let Some(next) = &next {
-            loader.aim(&next.take, &job.take);
+            loader.aim(&next.shot, &job.shot);
         }
-        before = Some((job, sitting));
+        before = Some((job, in_flight));
         let interrupted = signals::received().is_some();
         if (interrupted || next.is_none())
-            && let Some((job, sitting)) = before.take()
+            && let Some((job, in_flight)) = before.take()
         {
-            easel.conclude(&job, sitting, log)?;
+            frame_loop.conclude(&job, in_flight, log)?;
         }
         if interrupted {
             queue.give_back(next);
@@ -319,21 +319,21 @@ fn draw_all(
         }
         if next.is_none() {
             next = queue.next(log)?;
-            easel.since = Instant::now();
+            frame_loop.since = Instant::now();
         }
     }
     Ok(())
 }
 
 /// A picture that is being drawn.
-struct Sitting {
+struct FrameInFlight {
     loaded: Arc<Loaded>,
     drawing: limpid_io::Result<Begun>,
 }
 
 /// What is told to the device, and what has come back of it already.
 struct Begun {
-    drawing: Drawing,
+    drawing: PendingFrame,
     /// Intermediate images.
     images: Vec<Part>,
     /// The linear picture, if that is written.
@@ -341,43 +341,43 @@ struct Begun {
 }
 
 /// What pictures are drawn with and go to.
-struct Easel<'a> {
+struct FrameLoop<'a> {
     args: &'a Args,
     scene: Scene,
-    studio: Studio,
+    offscreen: Offscreen,
     /// All pictures are of the same particles.
     at_rest: bool,
     /// Where particles are classified.
-    place: Place,
+    classifier: SharedClassifier,
     output: Output,
     stats: Stats,
-    words: Words,
+    console: Console,
     /// Of the device, in a row.
     failures: u32,
     /// When the last picture was done, or the wait for others.
     since: Instant,
 }
 
-impl Easel<'_> {
+impl FrameLoop<'_> {
     /// Tells the device to draw a picture.
-    fn begin(&mut self, job: &Job, loaded: Arc<Loaded>) -> Sitting {
-        let view = (&job.take.camera, self.args.size);
-        self.words.frame(&loaded, &self.scene, view, &self.stats.adapter);
+    fn begin(&mut self, job: &Job, loaded: Arc<Loaded>) -> FrameInFlight {
+        let view = (&job.shot.camera, self.args.size);
+        self.console.frame(&loaded, &self.scene, view, &self.stats.adapter);
         let drawing = self.begin_drawing(job, &loaded);
-        Sitting { loaded, drawing }
+        FrameInFlight { loaded, drawing }
     }
 
     fn begin_drawing(&mut self, job: &Job, loaded: &Loaded) -> limpid_io::Result<Begun> {
-        let Self { args, scene, studio, output, words, .. } = self;
-        let drawing = studio.begin(scene, &job.take.camera, &loaded.splats, args.size)?;
-        let straight = studio.renderer.lights_without_caustics();
+        let Self { args, scene, offscreen, output, console, .. } = self;
+        let drawing = offscreen.begin(scene, &job.shot.camera, &loaded.splats, args.size)?;
+        let straight = offscreen.renderer.lights_without_caustics();
         if !straight.is_empty() {
-            words.notice(&Notice::Straight(straight));
+            console.notice(&Notice::Straight(straight));
         }
         // The next picture's images take their place.
         let chosen = args.aov.as_deref().unwrap_or_default();
-        let images = if chosen.is_empty() { Vec::new() } else { studio.images(chosen)? };
-        let radiance = output.is_linear().then(|| studio.radiance()).transpose()?;
+        let images = if chosen.is_empty() { Vec::new() } else { offscreen.images(chosen)? };
+        let radiance = output.is_linear().then(|| offscreen.radiance()).transpose()?;
         Ok(Begun { drawing, images, radiance })
     }
 
@@ -385,21 +385,21 @@ impl Easel<'_> {
     fn conclude(
         &mut self,
         job: &Job,
-        sitting: limpid_io::Result<Sitting>,
+        in_flight: limpid_io::Result<FrameInFlight>,
         log: &mut Log,
     ) -> limpid_io::Result<()> {
-        match sitting.and_then(|sitting| self.finish(job, sitting)) {
+        match in_flight.and_then(|in_flight| self.finish(job, in_flight)) {
             Ok(outcome) => {
                 self.failures = 0;
                 let ms = Some(self.since.elapsed().as_micros() as f64 / 1e3);
-                log.add(&job.take, job.fingerprint, Status::Done, Outcome { ms, ..outcome })?;
+                log.add(&job.shot, job.fingerprint, Status::Done, Outcome { ms, ..outcome })?;
                 log.bar.inc(1);
             }
             Err(error) => {
                 let code = error.category() as u8;
                 self.failures = if code == RETRYABLE { self.failures + 1 } else { 0 };
                 log.keep_going &= code != NO_ADAPTER && self.failures != DEVICE_FAILURES;
-                log.fail(&job.take, job.fingerprint, error)?;
+                log.fail(&job.shot, job.fingerprint, error)?;
             }
         }
         self.since = Instant::now();
@@ -408,13 +408,13 @@ impl Easel<'_> {
 
     /// To keep going after the device has failed, or refused what it was told, is to open it anew, once
     /// for a picture: it would do so for ever.
-    fn finish(&mut self, job: &Job, sitting: Sitting) -> limpid_io::Result<Outcome> {
-        let Sitting { loaded, drawing } = sitting;
+    fn finish(&mut self, job: &Job, in_flight: FrameInFlight) -> limpid_io::Result<Outcome> {
+        let FrameInFlight { loaded, drawing } = in_flight;
         match drawing.and_then(|drawing| self.write(job, &loaded, drawing)) {
             Err(Error::Render(DeviceLost(_) | Defect(_))) if self.args.keep_going => {
                 let gpu = limpid_io::device::open()?;
-                self.place.set(Some(&gpu));
-                self.studio = studio(self.args, &gpu, self.at_rest);
+                self.classifier.set(Some(&gpu));
+                self.offscreen = offscreen(self.args, &gpu, self.at_rest);
                 self.stats.adapter = gpu.adapter();
                 let drawing = self.begin_drawing(job, &loaded)?;
                 self.write(job, &loaded, drawing)
@@ -433,12 +433,12 @@ impl Easel<'_> {
         let Self { args, output, stats, .. } = self;
         let shot = drawing.wait()?;
         if let (Some(_), Some(pictures)) = (&args.aov, output.pictures()) {
-            pictures.write_aovs(&job.take, images, job.fingerprint)?;
+            pictures.write_aovs(&job.shot, images, job.fingerprint)?;
         }
         // The picture last: where it exists, all that belongs to it does.
-        output.write(&job.take, &shot.picture, radiance, job.fingerprint)?;
+        output.write(&job.shot, &shot.picture, radiance, job.fingerprint)?;
         stats.frames.push(FrameStats {
-            frame: job.take.number,
+            frame: job.shot.number,
             particles: loaded.particles,
             splashes: loaded.splats.splashes.len(),
             total_ms: shot.passes.iter().map(|pass| pass.ms).sum(),
@@ -453,13 +453,13 @@ impl Easel<'_> {
     }
 }
 
-fn studio(args: &Args, gpu: &Gpu, at_rest: bool) -> Studio {
-    let mut studio = Studio::new(gpu);
-    studio.renderer.timing = args.stats.is_some();
-    studio.renderer.diagnose = args.aov.is_some();
+fn offscreen(args: &Args, gpu: &Gpu, at_rest: bool) -> Offscreen {
+    let mut offscreen = Offscreen::new(gpu);
+    offscreen.renderer.timing = args.stats.is_some();
+    offscreen.renderer.diagnose = args.aov.is_some();
     // A camera that moves around particles at rest leaves the lights' maps as they are.
-    studio.renderer.reuse = at_rest && (args.turntable.is_some() || args.camera_path.is_some());
-    studio
+    offscreen.renderer.reuse = at_rest && (args.turntable.is_some() || args.camera_path.is_some());
+    offscreen
 }
 
 /// The file that `-o` names, if it is a film's.

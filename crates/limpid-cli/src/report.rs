@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use limpid_io::device;
 use limpid_io::input;
-use limpid_io::output::{self, Files, Kind as FileKind};
+use limpid_io::output::{self, FileKind, Files};
 use limpid_lab::report::against::Measured;
 use limpid_lab::report::{self, Kind, Options};
 

@@ -14,17 +14,17 @@ use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::{Gpu, MOST_WORK, pieces};
 use limpid::liquid::classify::Splats;
+use limpid::offscreen::Offscreen;
+use limpid::offscreen::Picture;
 use limpid::passes::caustics::Work;
 use limpid::passes::tiles::Sections;
 use limpid::passes::{refract, smooth};
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
 use limpid::settings::{Caustics, Refract, Smooth, Solver};
-use limpid::studio::Picture;
-use limpid::studio::Studio;
 use limpid::wgpu;
 use limpid_io::error::Category;
-use limpid_io::input::{Input, Loaded, Moment};
+use limpid_io::input::{FrameTime, Input, Loaded};
 use limpid_io::project::Project;
 use limpid_io::project::overrides::replaced;
 
@@ -66,12 +66,12 @@ grid = 32
 fn frame() -> (Scene, Camera, Loaded) {
     let project = Project::parse(SCENE, "slab", Path::new("")).expect("a scene");
     let input = Input::from_project(project, "slab").expect("particles");
-    let (input, project) = input.settle().expect("it settles");
-    let loaded = input.load(Moment::at(0), &project.scene).expect("it loads");
+    let (input, project) = input.resolve().expect("it settles");
+    let loaded = input.load(FrameTime::at(0), &project.scene).expect("it loads");
     (project.scene, project.camera.expect("it is settled"), loaded)
 }
 
-fn draw(studio: &mut Studio, size: UVec2) -> limpid::Result<RgbImage> {
+fn draw(studio: &mut Offscreen, size: UVec2) -> limpid::Result<RgbImage> {
     let (scene, camera, loaded) = frame();
     studio.draw(&scene, &camera, &loaded.splats, size).map(|shot| shot.picture)
 }
@@ -79,7 +79,7 @@ fn draw(studio: &mut Studio, size: UVec2) -> limpid::Result<RgbImage> {
 /// What a new device draws.
 fn right() -> RgbImage {
     let gpu = Gpu::headless().expect("an adapter");
-    draw(&mut Studio::new(&gpu), SIZE).expect("a picture")
+    draw(&mut Offscreen::new(&gpu), SIZE).expect("a picture")
 }
 
 #[track_caller]
@@ -98,7 +98,7 @@ fn is_lost<T: std::fmt::Debug>(outcome: limpid::Result<T>, reason: &str) {
 fn device_lost_before_the_first_frame() {
     let gpu = Gpu::headless().expect("an adapter");
     gpu.device.destroy();
-    let mut studio = Studio::new(&gpu);
+    let mut studio = Offscreen::new(&gpu);
     for diagnose in [false, true] {
         studio.renderer.diagnose = diagnose;
         studio.renderer.timing = diagnose;
@@ -107,7 +107,7 @@ fn device_lost_before_the_first_frame() {
     }
     is_lost(gpu.check(), "destroyed");
     assert_eq!(
-        draw(&mut Studio::new(&Gpu::headless().expect("an adapter")), SIZE).unwrap(),
+        draw(&mut Offscreen::new(&Gpu::headless().expect("an adapter")), SIZE).unwrap(),
         right()
     );
 }
@@ -117,7 +117,7 @@ fn device_lost_before_the_first_frame() {
 #[test]
 fn device_lost_between_frames() {
     let gpu = Gpu::headless().expect("an adapter");
-    let mut studio = Studio::new(&gpu);
+    let mut studio = Offscreen::new(&gpu);
     let before = draw(&mut studio, SIZE).expect("a picture");
     gpu.device.destroy();
     is_lost(draw(&mut studio, SIZE), "destroyed");
@@ -146,7 +146,7 @@ fn device_lost_in_the_middle_of_a_frame() {
     let mut lost = 0;
     for pause in 0..4 {
         let gpu = Gpu::headless().expect("an adapter");
-        let mut studio = Studio::new(&gpu);
+        let mut studio = Offscreen::new(&gpu);
         assert_eq!(draw(&mut studio, SIZE).expect("a picture"), right);
         let (started, device) = (Arc::new(AtomicBool::new(false)), gpu.device.clone());
         let begun = started.clone();
@@ -176,7 +176,7 @@ fn device_lost_in_the_middle_of_a_frame() {
 #[test]
 fn memory_that_runs_out_is_an_error() {
     let gpu = Gpu::headless().expect("an adapter");
-    let mut studio = Studio::new(&gpu);
+    let mut studio = Offscreen::new(&gpu);
     draw(&mut studio, SIZE).expect("a picture");
     let limits = gpu.device.limits();
     let edge = limits.max_texture_dimension_2d.min(16384);
@@ -197,7 +197,7 @@ fn memory_that_runs_out_is_an_error() {
     is_lost(gpu.check(), "emory");
     is_lost(draw(&mut studio, SIZE), "absurd");
     assert_eq!(
-        draw(&mut Studio::new(&Gpu::headless().expect("an adapter")), SIZE).unwrap(),
+        draw(&mut Offscreen::new(&Gpu::headless().expect("an adapter")), SIZE).unwrap(),
         right()
     );
 }
@@ -213,7 +213,7 @@ fn refused_commands_are_a_defect() {
         usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::STORAGE,
         mapped_at_creation: false,
     });
-    for outcome in [gpu.check(), draw(&mut Studio::new(&gpu), SIZE).map(|_| ())] {
+    for outcome in [gpu.check(), draw(&mut Offscreen::new(&gpu), SIZE).map(|_| ())] {
         let error = outcome.expect_err("it is refused");
         assert!(matches!(&error, Error::Defect(text) if text.contains("planted")), "{error:?}");
         assert_eq!(Category::from(&error) as u8, 1);
@@ -256,7 +256,7 @@ fn what_does_not_fit_is_refused_by_its_limit() {
     scene.settings.caustics.grid = 8;
     for (limit, lower) in adapters {
         let (gpu, errors) = limited(lower);
-        let mut studio = Studio::new(&gpu);
+        let mut studio = Offscreen::new(&gpu);
         studio.renderer.diagnose = true;
         let mut refused = 0;
         for (width, height) in sizes {
@@ -284,7 +284,7 @@ fn maps_that_do_not_fit_are_refused() {
         limits.max_texture_dimension_2d = 512;
         limits.max_storage_buffer_binding_size = 1 << 20;
     });
-    let mut studio = Studio::new(&gpu);
+    let mut studio = Offscreen::new(&gpu);
     type Change = (&'static str, fn(&mut Scene));
     let changes: [Change; 5] = [
         ("caustics.resolution", |s| s.settings.caustics.resolution = 8192),
@@ -316,7 +316,7 @@ fn maps_that_do_not_fit_are_refused() {
 #[test]
 fn particles_are_drawn_in_parts_that_fit() {
     let (gpu, errors) = limited(|limits| limits.max_storage_buffer_binding_size = 65536);
-    let mut studio = Studio::new(&gpu);
+    let mut studio = Offscreen::new(&gpu);
     let (mut scene, camera, loaded) = frame();
     scene.lights.clear();
     scene.liquid.absorption = Vec3::ZERO;
@@ -348,7 +348,7 @@ fn picture_takes_the_memory_that_is_documented() {
         }
         let allocated = |size: UVec2| {
             let gpu = Gpu::headless().expect("an adapter");
-            let mut studio = Studio::new(&gpu);
+            let mut studio = Offscreen::new(&gpu);
             studio.renderer.diagnose = diagnose;
             studio.draw(&scene, &camera, &splats, size).expect("it is drawn");
             gpu.check().expect("the device is there");

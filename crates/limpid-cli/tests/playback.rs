@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 use limpid::liquid::Particles;
 use limpid_io::Error;
 use limpid_io::frames::FrameSpec;
-use limpid_io::input::{Input, Missing, Moment};
+use limpid_io::input::{FrameTime, Input, Missing};
 
 const G: Vec3 = Vec3::new(0.0, -9.81, 0.0);
 
@@ -73,7 +73,7 @@ fn flight_between_frames_is_exact() {
 /// Without velocities, or where they say nothing about the way, straight lines; without ids, the
 /// order; with neither ids nor as many, the nearer frame.
 #[test]
-fn less_is_known() {
+fn interpolation_without_velocities() {
     let bare = |particles: &Particles| Particles::from_positions(particles.positions.clone());
     let (a, b) = (bare(&thrown(0.0)), bare(&thrown(0.1)));
     let middle = Particles::between(&a, &b, 0.5);
@@ -242,20 +242,20 @@ fn moments_meet_the_frames() {
     let folder = tempfile::tempdir().unwrap();
     let input = open(folder.path(), &[3, 4, 6]);
     let numbers = [3, 4, 6];
-    assert_eq!(input.moments(&numbers, 1.0), numbers.map(Moment::at));
-    let quarter = input.moments(&numbers, 0.25);
+    assert_eq!(input.frame_times(&numbers, 1.0), numbers.map(FrameTime::at));
+    let quarter = input.frame_times(&numbers, 0.25);
     assert_eq!(quarter.len(), 13);
-    assert_eq!(quarter[1], Moment { frame: 3, next: 4, fraction: 0.25 });
-    assert_eq!(quarter[4], Moment::at(4));
-    assert_eq!(quarter[8], Moment { frame: 4, next: 6, fraction: 0.5 });
-    assert_eq!(quarter[12], Moment::at(6));
+    assert_eq!(quarter[1], FrameTime { frame: 3, next: 4, fraction: 0.25 });
+    assert_eq!(quarter[4], FrameTime::at(4));
+    assert_eq!(quarter[8], FrameTime { frame: 4, next: 6, fraction: 0.5 });
+    assert_eq!(quarter[12], FrameTime::at(6));
     // Steps that are no binary fractions meet them as well, and the last.
-    let tenth = input.moments(&numbers, 0.1);
-    assert_eq!((tenth.len(), tenth[10], tenth[30]), (31, Moment::at(4), Moment::at(6)));
-    let double = input.moments(&(0..=10).collect::<Vec<_>>(), 2.0);
-    assert_eq!(double, [0, 2, 4, 6, 8, 10].map(Moment::at));
-    assert!(input.moments(&[], 0.5).is_empty());
-    assert_eq!(input.moments(&[4], 0.5), [Moment::at(4)]);
+    let tenth = input.frame_times(&numbers, 0.1);
+    assert_eq!((tenth.len(), tenth[10], tenth[30]), (31, FrameTime::at(4), FrameTime::at(6)));
+    let double = input.frame_times(&(0..=10).collect::<Vec<_>>(), 2.0);
+    assert_eq!(double, [0, 2, 4, 6, 8, 10].map(FrameTime::at));
+    assert!(input.frame_times(&[], 0.5).is_empty());
+    assert_eq!(input.frame_times(&[4], 0.5), [FrameTime::at(4)]);
 
     let at = |moment| input.particles(moment).unwrap().positions[0].x;
     assert_eq!(at(quarter[8]), 5.0);
@@ -270,10 +270,10 @@ fn an_even_stride_is_one_frame() {
     let numbers = [0, 100, 200, 300];
     let mut input = open(folder.path(), &numbers);
     assert_eq!(input.sequence.stride(), 100);
-    assert_eq!(input.moments(&numbers, 0.99).len(), 4);
-    let halves = input.moments(&numbers, 0.5);
-    let half = Moment { frame: 100, next: 200, fraction: 0.5 };
-    assert_eq!((halves.len(), halves[3], halves[6]), (7, half, Moment::at(300)));
+    assert_eq!(input.frame_times(&numbers, 0.99).len(), 4);
+    let halves = input.frame_times(&numbers, 0.5);
+    let half = FrameTime { frame: 100, next: 200, fraction: 0.5 };
+    assert_eq!((halves.len(), halves[3], halves[6]), (7, half, FrameTime::at(300)));
     input.missing = Missing::Hold;
     assert_eq!(FrameSpec::All.numbers(&input.sequence, input.missing).unwrap(), numbers);
     assert!(input.sequence.gaps().is_empty());
@@ -291,8 +291,8 @@ fn times_beyond_the_frames_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let input = open(folder.path(), &[3, 4, 6]);
     let at = |time| input.moment(&[3, 4, 6], time);
-    assert_eq!(at(6.0).unwrap(), Moment::at(6));
-    assert_eq!(at(5.0).unwrap(), Moment { frame: 4, next: 6, fraction: 0.5 });
+    assert_eq!(at(6.0).unwrap(), FrameTime::at(6));
+    assert_eq!(at(5.0).unwrap(), FrameTime { frame: 4, next: 6, fraction: 0.5 });
     for time in [2.9, 6.1, f64::NAN, f64::INFINITY, -1e300] {
         let error = at(time).unwrap_err();
         assert!(matches!(error, Error::Sequence { .. }));
@@ -300,15 +300,15 @@ fn times_beyond_the_frames_are_refused() {
     }
 }
 
-/// Numbers of any size neither overflow nor lose the moments between them.
+/// Numbers of any size neither overflow nor lose the frame times between them.
 #[test]
 fn frame_numbers_may_be_extreme() {
     let folder = tempfile::tempdir().unwrap();
     let (least, most) = (i64::MIN, i64::MAX);
     let close = [most - 4, most - 2, most];
     let input = open(folder.path(), &close);
-    let halves = input.moments(&close, 0.5);
-    assert_eq!(halves[1], Moment { frame: most - 4, next: most - 2, fraction: 0.5 });
+    let halves = input.frame_times(&close, 0.5);
+    assert_eq!(halves[1], FrameTime { frame: most - 4, next: most - 2, fraction: 0.5 });
     assert!(halves[1].time().is_finite());
     assert_eq!(FrameSpec::All.numbers(&input.sequence, Missing::Hold).unwrap(), close);
 
@@ -327,7 +327,7 @@ fn missing_frames() {
     let folder = tempfile::tempdir().unwrap();
     let mut input = open(folder.path(), &[3, 4, 7]);
     let all = |input: &Input| FrameSpec::All.numbers(&input.sequence, input.missing).unwrap();
-    let count = |input: &Input, number| input.particles(Moment::at(number)).map(|p| p.len());
+    let count = |input: &Input, number| input.particles(FrameTime::at(number)).map(|p| p.len());
 
     assert_eq!(all(&input), [3, 4, 7]);
     assert!(matches!(count(&input, 5), Err(Error::Sequence { .. })));
@@ -341,7 +341,7 @@ fn missing_frames() {
     assert_eq!(count(&input, 7).unwrap(), 2);
 
     input.missing = Missing::Hold;
-    let x = |number| input.particles(Moment::at(number)).unwrap().positions[0].x;
+    let x = |number| input.particles(FrameTime::at(number)).unwrap().positions[0].x;
     assert_eq!([4, 5, 6, 7, 9].map(x), [4.0, 4.0, 4.0, 7.0, 7.0]);
     assert_eq!(count(&input, 2).unwrap(), 0, "nothing has begun");
     assert!("nothing".parse::<Missing>().is_err());

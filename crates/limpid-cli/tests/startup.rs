@@ -16,9 +16,9 @@ use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{self, Splats};
+use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
 use limpid::settings::Solver;
-use limpid::studio::Studio;
 use limpid::wgpu;
 use limpid_io::project::Project;
 use siphasher::sip128::{Hasher128 as _, SipHasher24};
@@ -48,7 +48,7 @@ fn splats(scene: &Scene, droplet: bool) -> Splats {
     classify::classify(&Particles::from_positions(positions), 0.05, &scene.settings.classify)
 }
 
-fn draw(studio: &mut Studio, scene: &Scene, droplet: bool) {
+fn draw(studio: &mut Offscreen, scene: &Scene, droplet: bool) {
     let (eye, target) = (DVec3::new(0.0, 1.0, 4.0), DVec3::ZERO);
     let camera = Camera { eye, target, up: Vec3::Y, fov_y: 40.0, near: None };
     studio
@@ -66,7 +66,7 @@ fn what_is_not_needed_is_not_compiled() {
     // Its own: other tests compile on theirs.
     let gpu = Gpu::headless().expect("there was one before");
     let plain = scene(Solver::Guarded);
-    let mut studio = Studio::new(&gpu);
+    let mut studio = Offscreen::new(&gpu);
     draw(&mut studio, &plain, false);
     let first = compiled(&gpu);
     assert!(first.iter().all(|&n| n > 0), "{first:?}: the device counts what is compiled");
@@ -85,7 +85,7 @@ fn what_is_not_needed_is_not_compiled() {
     let mips = compiled(&gpu);
     assert!(mips[2] > splashes[2] + variant, "mip levels: {splashes:?}, then {mips:?}");
 
-    draw(&mut Studio::new(&gpu), &plain, false);
+    draw(&mut Offscreen::new(&gpu), &plain, false);
     assert_eq!(compiled(&gpu)[0], mips[0], "another renderer parses nothing again");
 }
 

@@ -61,7 +61,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     // The scene of the input, or for bare particles one that is made around them. To build one in
     // code instead, fill in a `limpid::scene::Scene`: all its fields are public.
-    let (input, project) = input.settle()?;
+    let (input, project) = input.resolve()?;
     let frame = &input.sequence.frames[0];
     // Particles become ellipsoids on the CPU, or with `Input::classified` on the device; this may as
     // well run on a thread of its own.

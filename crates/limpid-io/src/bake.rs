@@ -126,7 +126,7 @@ pub fn clear(name: &str, folder: &Path) -> Result<()> {
         return Err(record::unknown(name, folder));
     }
     if record.exists() {
-        output::Kind::BakeRecord.check(&record)?;
+        output::FileKind::BakeRecord.check(&record)?;
     }
     // The record last: without it the frames that are left would be nobody's.
     for path in frames {

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result, toml_error};
 use crate::files;
-use crate::output::{self, Kind};
-use limpid::camera::{Camera, is_place, up};
+use crate::output::{self, FileKind};
+use limpid::camera::{Camera, is_position, up};
 
 /// A camera that moves from key to key.
 ///
@@ -109,7 +109,7 @@ impl CameraPath {
             KeyFile { time, eye, target, up, fov_y, near }
         });
         let file = PathFile { key: key.collect() };
-        output::write_atomically(path, Kind::CameraPath, |out| {
+        output::write_atomically(path, FileKind::CameraPath, |out| {
             let text = toml::to_string(&file).map_err(std::io::Error::other)?;
             std::io::Write::write_all(out, text.as_bytes())
         })
@@ -246,7 +246,7 @@ fn mended(camera: Camera, key: &Camera) -> Camera {
     let reach = key.target - key.eye;
     // Nearer than this the two differ by nothing but rounding.
     let least = 1e-9 * reach.length();
-    if is_place(camera.eye) && camera.eye.distance(camera.target) <= least {
+    if is_position(camera.eye) && camera.eye.distance(camera.target) <= least {
         camera.target = camera.eye + reach;
     }
     let view = (camera.target - camera.eye).normalize_or(DVec3::NEG_Z);

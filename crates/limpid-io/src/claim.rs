@@ -22,7 +22,7 @@ use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant, SystemTime};
 
 use crate::error::{Error, Result, printable};
-use crate::output::{self, Litter};
+use crate::output::{self, CleanupGuard};
 
 /// How often a claim is written to before it would be stale.
 const BEATS: u32 = 6;
@@ -44,7 +44,7 @@ pub struct Claim {
     number: u32,
     // In this order: nobody writes to it, then it is removed, then forgotten.
     heart: Option<Heart>,
-    _litter: Litter,
+    _litter: CleanupGuard,
 }
 
 impl Claims {
@@ -70,8 +70,8 @@ impl Claims {
         for number in 1.. {
             let path = file(picture, number);
             let fail = |e: io::Error| Error::io(&path, "claim", e);
-            match Litter::create(|| Ok((File::create_new(&path)?, path.clone()))) {
-                Ok((file, litter)) => {
+            match CleanupGuard::create(|| Ok((File::create_new(&path)?, path.clone()))) {
+                Ok((file, cleanup)) => {
                     // Had the stale claim been given up meanwhile, another may hold the first one.
                     let given_up = |(path, time): &(PathBuf, SystemTime)| {
                         written(path).ok().as_ref() != Some(time)
@@ -81,7 +81,7 @@ impl Claims {
                         return Ok(None);
                     }
                     let picture = picture.to_owned();
-                    let mut claim = Claim { picture, number, heart: None, _litter: litter };
+                    let mut claim = Claim { picture, number, heart: None, _litter: cleanup };
                     beat(&file, &self.owner).map_err(fail)?;
                     let heart = Heart::start(file, self.owner.clone(), self.timeout / BEATS);
                     claim.heart = Some(heart.map_err(Error::Threads)?);

@@ -28,7 +28,7 @@ pub fn load(path: &Path) -> Result<Environment> {
 pub(crate) fn outline(path: &Path) -> Result<Environment> {
     let mut bytes = Vec::new();
     files::read_picture(path, &mut bytes)?;
-    files::survive(path, || {
+    files::catch_panics(path, || {
         let mut reader = reader(path, &bytes)?;
         let limits = files::picture_limits(&bytes);
         reader.limits(limits.map_err(|problem| Error::format(path, problem))?);
@@ -47,7 +47,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Environment> {
     let reader = reader(path, bytes)?;
     let srgb = reader.format() == Some(image::ImageFormat::Png);
     let each = size_of::<[f32; 4]>() as u64;
-    let picture = files::survive(path, || {
+    let picture = files::catch_panics(path, || {
         files::decode_picture(path, bytes, reader, each)?.map_err(|e| foreign(path, e))
     })?;
     let size = UVec2::new(picture.width(), picture.height());

@@ -1,6 +1,6 @@
 //! Everything that can go wrong with files and frames, as one type.
 //!
-//! A message names the file, the place in it, the cause and, where there is one, the remedy.
+//! A message names the file, the location in it, the cause and, where there is one, the remedy.
 //! Whoever handles an [`Error`] prints it once; nothing in the library logs it as well.
 
 use std::fmt;
@@ -15,14 +15,14 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Where in a file a problem was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum Location {
     /// Offset from the start of the (decompressed) contents, in bytes.
     Byte(u64),
     /// Line number, counted from 1.
     Line(u64),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Byte(offset) => write!(f, "byte {offset}"),
@@ -46,12 +46,12 @@ pub enum Error {
         source: io::Error,
     },
     /// The contents of a file contradict its format: truncated, a wrong count, a NaN position.
-    #[error("{}: {place}: {problem}", path.display())]
+    #[error("{}: {location}: {problem}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
         /// Where in it.
-        place: Place,
+        location: Location,
         /// What was found and what was expected.
         problem: String,
     },
@@ -101,7 +101,7 @@ pub enum Error {
         /// Why.
         source: Box<Self>,
     },
-    /// An error that several see: of a frame that a [`crate::ring::Ring`] could not load.
+    /// An error that several see: of a frame that a [`crate::frame_cache::FrameCache`] could not load.
     #[error(transparent)]
     Shared(#[from] Arc<Self>),
     /// No window can be shown.
@@ -179,8 +179,8 @@ impl Error {
     }
 
     /// A file that contradicts its format at `place`.
-    pub fn malformed(path: &Path, place: Place, problem: impl Into<String>) -> Self {
-        Self::Malformed { path: path.to_owned(), place, problem: printable(problem.into()) }
+    pub fn malformed(path: &Path, location: Location, problem: impl Into<String>) -> Self {
+        Self::Malformed { path: path.to_owned(), location, problem: printable(problem.into()) }
     }
 
     /// A file of another kind than expected.

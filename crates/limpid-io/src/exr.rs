@@ -12,9 +12,9 @@ use exr::prelude::{
 use glam::UVec2;
 use limpid::aov::{Channel, Part};
 
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Location, Result};
 use crate::files;
-use crate::output::{Kind, write_atomically};
+use crate::output::{FileKind, write_atomically};
 
 /// Writes the parts into one `OpenEXR` file, under a temporary name that is then renamed.
 ///
@@ -22,7 +22,7 @@ use crate::output::{Kind, write_atomically};
 /// [`Error::Io`] naming the file.
 pub fn write(path: &Path, parts: Vec<Part>) -> Result<()> {
     let lossless = Encoding::FAST_LOSSLESS;
-    write_atomically(path, Kind::Picture, |file| encode(parts, lossless, None, file))
+    write_atomically(path, FileKind::Picture, |file| encode(parts, lossless, None, file))
 }
 
 /// As [`write()`], with a text in the file's head: [`is_whole`].
@@ -31,7 +31,9 @@ pub fn write(path: &Path, parts: Vec<Part>) -> Result<()> {
 /// As [`write()`].
 pub fn write_noted(path: &Path, parts: Vec<Part>, (name, text): (&str, String)) -> Result<()> {
     let lossless = Encoding::FAST_LOSSLESS;
-    write_atomically(path, Kind::Picture, |file| encode(parts, lossless, Some((name, &text)), file))
+    write_atomically(path, FileKind::Picture, |file| {
+        encode(parts, lossless, Some((name, &text)), file)
+    })
 }
 
 /// Whether the file is there, can be read to its end, and has this text in all heads.
@@ -112,7 +114,7 @@ pub fn load(path: &Path) -> Result<Vec<Part>> {
 /// # Errors
 /// As [`load`], without [`Error::Io`].
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<Part>> {
-    files::survive(path, || decode(path, bytes))
+    files::catch_panics(path, || decode(path, bytes))
 }
 
 fn decode(path: &Path, bytes: &[u8]) -> Result<Vec<Part>> {
@@ -123,7 +125,7 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<Vec<Part>> {
     let meta = MetaData::read_from_buffered(&mut cursor, false);
     let damaged = |cursor: &io::Cursor<&[u8]>, error: exr::error::Error| match error {
         exr::error::Error::NotSupported(problem) => Error::format(path, problem),
-        error => Error::malformed(path, Place::Byte(cursor.position()), error.to_string()),
+        error => Error::malformed(path, Location::Byte(cursor.position()), error.to_string()),
     };
     let meta = meta.map_err(|e| damaged(&cursor, e))?;
     let limits = files::picture_limits(bytes).map_err(|problem| Error::format(path, problem))?;

@@ -10,7 +10,7 @@ use exr::meta::{BlockDescription, MetaData};
 use image::{DynamicImage, ImageDecoder as _, ImageFormat, ImageReader, ImageResult};
 use rayon::prelude::*;
 
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Location, Result};
 use limpid::memory;
 
 /// Scenes, paths and suites are written by hand; what is longer is none.
@@ -96,7 +96,7 @@ pub fn decode_picture<R: BufRead + Seek>(
 ///
 /// # Errors
 /// Those of `decode`, and [`Error::Format`].
-pub fn survive<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {
+pub fn catch_panics<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(decode))
         .unwrap_or_else(|_| Err(Error::format(path, "damaged: its decoder cannot go on")))
 }
@@ -219,7 +219,7 @@ pub fn read_text(path: &Path) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
         let lines = error.as_bytes()[..valid].iter().filter(|&&byte| byte == b'\n').count();
-        Error::malformed(path, Place::Line(1 + lines as u64), "not text in UTF-8")
+        Error::malformed(path, Location::Line(1 + lines as u64), "not text in UTF-8")
     })
 }
 

@@ -11,12 +11,12 @@ use image::RgbImage;
 
 use crate::camera_path::CameraPath;
 use crate::error::{Error, Result};
-use crate::output::{Kind as FileKind, Temporary};
+use crate::output::{FileKind, Temporary};
 use ffmpeg::Ffmpeg;
 use limpid::camera::Camera;
 
 /// More pictures of a film than this are a slip of the keyboard.
-pub const MAX_TAKES: f64 = 1e7;
+pub const MAX_SHOTS: f64 = 1e7;
 
 /// The fastest GIF that is played at its speed: viewers slow shorter delays than 2/100 s down.
 const MAX_GIF_FPS: f64 = 50.0;
@@ -34,7 +34,7 @@ pub enum Motion {
 
 /// A picture to draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Take {
+pub struct Shot {
     /// What its file is numbered by: its particles' frame, or where there are more pictures than
     /// frames of particles, the picture, counted from 1.
     pub number: i64,
@@ -54,7 +54,7 @@ pub struct Take {
 ///
 /// # Errors
 /// [`Error::Usage`] for a rate or a turn that is not above 0 and finite, or for too many pictures.
-pub fn takes(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Result<Vec<Take>> {
+pub fn shots(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Result<Vec<Shot>> {
     check_fps(fps)?;
     let count = match motion {
         Motion::Path(path) if numbers.len() == 1 => (path.duration() * fps + 1e-6).floor() + 1.0,
@@ -65,11 +65,11 @@ pub fn takes(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Resu
         Motion::Turntable(seconds) if !numbers.is_empty() => (seconds * fps).round().max(1.0),
         Motion::Still | Motion::Path(_) | Motion::Turntable(_) => 0.0,
     };
-    if count > MAX_TAKES {
+    if count > MAX_SHOTS {
         return Err(Error::Usage(format!("{count:.0} pictures; fewer seconds or --fps expected")));
     }
     let count = count as usize;
-    let takes = (0..count.max(numbers.len())).map(|i| {
+    let shots = (0..count.max(numbers.len())).map(|i| {
         let frame = i % numbers.len();
         let camera = match motion {
             Motion::Still => camera,
@@ -79,9 +79,9 @@ pub fn takes(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Resu
             }
         };
         let number = if count > numbers.len() { i as i64 + 1 } else { numbers[frame] };
-        Take { number, frame, camera }
+        Shot { number, frame, camera }
     });
-    Ok(takes.collect())
+    Ok(shots.collect())
 }
 
 /// Checks a rate, frames per second.

@@ -9,9 +9,9 @@ use crate::bake;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::particles::{Array, AttributeMap, Contents, ReadOptions};
-use crate::place::Place;
 use crate::project::{LiquidSource, ParticleSource, Processor, Project};
 use crate::sequence::{Frame, Sequence};
+use crate::shared_classifier::SharedClassifier;
 use limpid::camera::Camera;
 use limpid::liquid::bulk::Bulk;
 use limpid::liquid::classify::{self, Splat, Splats};
@@ -24,7 +24,7 @@ use limpid_sim::recipe::Recipe;
 /// A project with its particle frames.
 #[derive(Debug, Clone)]
 pub struct Input {
-    /// The project; `None` for bare particle files, which get one from [`Input::settle`].
+    /// The project; `None` for bare particle files, which get one from [`Input::resolve`].
     pub project: Option<Project>,
     /// The frames; of several fluids, those that any of them has.
     pub sequence: Sequence,
@@ -34,7 +34,7 @@ pub struct Input {
     pub missing: Missing,
     /// What classifies the particles; opening takes it from the project.
     processor: Processor,
-    place: Place,
+    classifier: SharedClassifier,
     fps: Option<f64>,
     // At least one.
     fluids: Vec<Fluid>,
@@ -172,7 +172,7 @@ fn sequence_files(input: &str) -> Vec<PathBuf> {
 
 /// A moment of a sequence: a frame, or a point between two.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moment {
+pub struct FrameTime {
     /// The frame, or the one before.
     pub frame: i64,
     /// The one after it; the same at a frame.
@@ -181,7 +181,7 @@ pub struct Moment {
     pub fraction: f64,
 }
 
-impl Moment {
+impl FrameTime {
     /// The moment of a frame.
     pub fn at(frame: i64) -> Self {
         Self { frame, next: frame, fraction: 0.0 }
@@ -193,7 +193,7 @@ impl Moment {
     }
 }
 
-impl From<&Frame> for Moment {
+impl From<&Frame> for FrameTime {
     fn from(frame: &Frame) -> Self {
         Self::at(frame.number)
     }
@@ -287,7 +287,7 @@ impl Input {
             sequence,
             frame,
             missing: Missing::Error,
-            place: Place::default(),
+            classifier: SharedClassifier::default(),
             fps: None,
             fluids: vec![fluid],
         }
@@ -336,8 +336,8 @@ impl Input {
 
     /// The same frames, classified there; otherwise on the CPU.
     #[must_use]
-    pub fn classified(self, place: Place) -> Self {
-        Self { place, ..self }
+    pub fn classified(self, classifier: SharedClassifier) -> Self {
+        Self { classifier, ..self }
     }
 
     /// The same frames, classified by this one.
@@ -411,7 +411,7 @@ impl Input {
             sequence,
             frame,
             missing: Missing::Error,
-            place: Place::default(),
+            classifier: SharedClassifier::default(),
             fps,
             fluids,
         })
@@ -439,12 +439,12 @@ impl Input {
 
     /// Every `step` frames from the first of `numbers`, which ascend, to the last. A frame is as long as
     /// the sequence's [stride](Sequence::stride).
-    pub fn moments(&self, numbers: &[i64], step: f64) -> Vec<Moment> {
+    pub fn frame_times(&self, numbers: &[i64], step: f64) -> Vec<FrameTime> {
         let (Some(&first), Some(&last)) = (numbers.first(), numbers.last()) else {
             return Vec::new();
         };
         if step == 1.0 || step <= 0.0 || step.is_nan() {
-            return numbers.iter().map(|&number| Moment::at(number)).collect();
+            return numbers.iter().map(|&number| FrameTime::at(number)).collect();
         }
         let step = step * self.sequence.stride() as f64;
         let count = (last.abs_diff(first) as f64 / step * (1.0 + 1e-12)).floor() as usize;
@@ -456,7 +456,7 @@ impl Input {
     ///
     /// # Errors
     /// [`Error::Sequence`] for a time before the first frame or after the last.
-    pub fn moment(&self, numbers: &[i64], time: f64) -> Result<Moment> {
+    pub fn moment(&self, numbers: &[i64], time: f64) -> Result<FrameTime> {
         let fail = |problem| Error::Sequence { pattern: self.sequence.pattern.clone(), problem };
         match numbers {
             [first, .., last] | [first @ last]
@@ -478,7 +478,7 @@ impl Input {
     /// # Errors
     /// As [`Contents::read`] and [`Recipe::particles`]; [`Error::Sequence`] for a frame that is
     /// not there, as [`Input::missing`] says.
-    pub fn particles(&self, at: impl Into<Moment>) -> Result<Particles> {
+    pub fn particles(&self, at: impl Into<FrameTime>) -> Result<Particles> {
         self.contents(at).map(|contents| contents.particles)
     }
 
@@ -486,7 +486,7 @@ impl Input {
     ///
     /// # Errors
     /// As [`Input::particles`].
-    pub fn contents(&self, at: impl Into<Moment>) -> Result<Contents> {
+    pub fn contents(&self, at: impl Into<FrameTime>) -> Result<Contents> {
         let at = at.into();
         if let [fluid] = self.fluids.as_slice() {
             return fluid.moment(at, self.missing);
@@ -511,7 +511,7 @@ impl Input {
     }
 
     /// Where the particles of a moment come from: of each fluid the frame and, between two, the next.
-    pub fn origins(&self, at: Moment) -> Vec<Origin<'_>> {
+    pub fn origins(&self, at: FrameTime) -> Vec<Origin<'_>> {
         let numbers = if at.fraction == 0.0 { vec![at.frame] } else { vec![at.frame, at.next] };
         let fluids = self.fluids.iter();
         fluids
@@ -523,7 +523,7 @@ impl Input {
     ///
     /// # Errors
     /// As [`Input::particles`] and [`Input::prepare`].
-    pub fn load(&self, at: impl Into<Moment>, scene: &Scene) -> Result<Loaded> {
+    pub fn load(&self, at: impl Into<FrameTime>, scene: &Scene) -> Result<Loaded> {
         let at = at.into();
         let Contents { particles, arrays, cells } = self.contents(at)?;
         Ok(Loaded { arrays, cells, ..self.prepare(at, &particles, scene)? })
@@ -532,17 +532,17 @@ impl Input {
     /// Classifies a frame's particles as `scene` says.
     ///
     /// # Errors
-    /// [`Error::Scene`] if there is no way to know a radius; as [`Place::classify`].
+    /// [`Error::Scene`] if there is no way to know a radius; as [`SharedClassifier::classify`].
     pub fn prepare(
         &self,
-        at: impl Into<Moment>,
+        at: impl Into<FrameTime>,
         particles: &Particles,
         scene: &Scene,
     ) -> Result<Loaded> {
         let number = at.into().frame;
         let settings = &scene.settings.classify;
         let radius = self.fluids[0].radius_of(number, particles)?;
-        let mut splats = self.place.classify(particles, radius, settings, self.processor)?;
+        let mut splats = self.classifier.classify(particles, radius, settings, self.processor)?;
         classify::wet(&mut splats, &scene.solids, settings.wetting);
         Ok(Loaded {
             number,
@@ -557,7 +557,7 @@ impl Input {
     }
 
     /// Where the radius of a frame's particles is from; of several fluids, the least sure. A
-    /// guess holds for a sequence once [`Input::settle`] has settled it.
+    /// guess holds for a sequence once [`Input::resolve`] has settled it.
     pub fn radius_from(&self, particles: &Particles) -> RadiusFrom {
         match self.fluids.as_slice() {
             [_] if particles.radii.is_some() => RadiusFrom::File,
@@ -569,7 +569,7 @@ impl Input {
     ///
     /// # Errors
     /// [`Error::Scene`] if there is no way to know one; [`limpid::Error::Memory`].
-    pub fn radius(&self, at: impl Into<Moment>, particles: &Particles) -> Result<f32> {
+    pub fn radius(&self, at: impl Into<FrameTime>, particles: &Particles) -> Result<f32> {
         let default = self.fluids[0].radius_of(at.into().frame, particles)?;
         Ok(classify::median_radius(particles, default)?)
     }
@@ -585,7 +585,7 @@ impl Input {
     ///
     /// # Errors
     /// As [`crate::particles::read`].
-    pub fn settle(mut self) -> Result<(Self, Project)> {
+    pub fn resolve(mut self) -> Result<(Self, Project)> {
         let complete = self.project.as_ref().filter(|project| project.camera.is_some());
         if let Some(project) = complete
             && self.fluids.iter().all(|fluid| fluid.radius.is_some())
@@ -601,7 +601,7 @@ impl Input {
                 let Some(Bulk { bounds: (min, max), .. }) = particles.bulk() else { continue };
                 // One particle has no spacing; a frame after it may.
                 let last = fluid.sequence.frames.last().is_none_or(|frame| frame.number == number);
-                let settled = match fluid.settled_radius(number, &particles) {
+                let settled = match fluid.resolved_radius(number, &particles) {
                     Err(Error::Scene { .. }) if !last => continue,
                     settled => settled?,
                 };
@@ -625,8 +625,8 @@ impl Input {
 }
 
 /// The moment so much after the first of `numbers`, of which there is one; the last one holds.
-fn after(numbers: &[i64], time: f64) -> Moment {
-    let Some(&first) = numbers.first() else { return Moment::at(0) };
+fn after(numbers: &[i64], time: f64) -> FrameTime {
+    let Some(&first) = numbers.first() else { return FrameTime::at(0) };
     // From the first frame, so that large numbers lose no digits.
     let since = |number: i64| number.abs_diff(first) as f64;
     // A frame's own time is not to be missed by a rounding error.
@@ -637,9 +637,9 @@ fn after(numbers: &[i64], time: f64) -> Moment {
     match numbers.get(after) {
         Some(&next) if time > since(frame) => {
             let fraction = (time - since(frame)) / (since(next) - since(frame));
-            Moment { frame, next, fraction }
+            FrameTime { frame, next, fraction }
         }
-        _ => Moment::at(frame),
+        _ => FrameTime::at(frame),
     }
 }
 
@@ -651,7 +651,7 @@ impl Fluid {
     }
 
     /// The particles of a moment, y up.
-    fn moment(&self, at: Moment, missing: Missing) -> Result<Contents> {
+    fn moment(&self, at: FrameTime, missing: Missing) -> Result<Contents> {
         let contents = self.contents(at.frame, missing)?;
         if at.fraction == 0.0 {
             return Ok(contents);
@@ -706,7 +706,7 @@ impl Fluid {
 
     /// The radius for all frames: as [`Fluid::radius_of`], or of a lone file that of the sequence
     /// that it is of.
-    fn settled_radius(&self, number: i64, particles: &Particles) -> Result<f32> {
+    fn resolved_radius(&self, number: i64, particles: &Particles) -> Result<f32> {
         /// Guesses of one sequence differ by less than this share.
         const SAME: f32 = 0.1;
         let own = self.radius_of(number, particles)?;

@@ -1,10 +1,10 @@
 //! Files for [`limpid`]: particle formats, sequences, scenes, pictures and films.
 //!
 //! [`project::open::Request`] opens what a user names, [`input::Input`] loads its frames,
-//! [`ring::Ring`] loads them ahead of playback, [`output`] and [`film::Film`] write what was drawn.
+//! [`frame_cache::FrameCache`] loads them ahead of playback, [`output`] and [`film::Film`] write what was drawn.
 //!
 //! ```no_run
-//! use limpid::studio::Studio;
+//! use limpid::offscreen::Offscreen;
 //! use limpid_io::{device, output, project::open::Request};
 //!
 //! # fn main() -> limpid_io::Result<()> {
@@ -13,9 +13,9 @@
 //! let (input, project) = (opened.input, opened.project);
 //! let loaded = input.load(&input.sequence.frames[0], &project.scene)?;
 //! let camera = project.camera_for(loaded.bulk.bounds);
-//! let mut studio = Studio::new(&device::open()?);
+//! let mut offscreen = Offscreen::new(&device::open()?);
 //! let size = limpid::glam::UVec2::new(1024, 768);
-//! let shot = studio.draw(&project.scene, &camera, &loaded.splats, size)?;
+//! let shot = offscreen.draw(&project.scene, &camera, &loaded.splats, size)?;
 //! output::write_png("water.png".as_ref(), &shot.picture)?;
 //! # Ok(())
 //! # }
@@ -33,14 +33,14 @@ pub mod exr;
 #[doc(hidden)]
 pub mod files;
 pub mod film;
+pub mod frame_cache;
 pub mod frames;
 pub mod input;
 pub mod notice;
 pub mod output;
 pub mod particles;
-pub mod place;
 pub mod project;
-pub mod ring;
 pub mod sequence;
+pub mod shared_classifier;
 
 pub use error::{Error, Result};

@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::sequence::placeholder;
 
 pub use stream::{Pipe, Stream, interrupt};
-pub use target::{Files, Kind, check_folder};
+pub use target::{FileKind, Files, check_folder};
 
 /// What the names of temporary files begin with.
 const TEMPORARY: &str = ".limpid-";
@@ -32,17 +32,17 @@ const JPEG_QUALITY: u8 = 92;
 const ABANDONED: Duration = Duration::from_hours(24);
 
 /// Files, and folders with all that is in them, that must not outlive the process.
-static LITTER: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+static CLEANUP: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 /// Writes a file under a temporary name beside `path`, then renames it. To a pipe or a device it is
 /// written as it is.
 ///
 /// # Errors
-/// As [`Kind::check`], and [`Error::Io`] naming `path`; then nothing is left under that name that was
+/// As [`FileKind::check`], and [`Error::Io`] naming `path`; then nothing is left under that name that was
 /// not there before.
 pub fn write_atomically(
     path: &Path,
-    kind: Kind,
+    kind: FileKind,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<()> {
     let fail = |e: io::Error| Error::io(path, "write", e);
@@ -89,7 +89,7 @@ fn write_to_device(
 pub struct Temporary {
     // In this order: removed, then forgotten.
     file: NamedTempFile,
-    litter: Litter,
+    cleanup: CleanupGuard,
 }
 
 impl Temporary {
@@ -100,13 +100,13 @@ impl Temporary {
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         builder.prefix(TEMPORARY);
-        let created = Litter::create(|| {
+        let created = CleanupGuard::create(|| {
             let file = builder.tempfile_in(folder_of(&behind_link(path)))?;
             let name = file.path().to_owned();
             Ok((file, name))
         });
-        let (file, litter) = created.map_err(|e| Error::io(path, "write", without_name(&e)))?;
-        Ok(Self { file, litter })
+        let (file, cleanup) = created.map_err(|e| Error::io(path, "write", without_name(&e)))?;
+        Ok(Self { file, cleanup })
     }
 
     /// To write to.
@@ -124,7 +124,7 @@ impl Temporary {
         let fail = |e: io::Error| Error::io(path, "write", e);
         self.file.as_file().sync_all().map_err(fail)?;
         self.file.persist(behind_link(path)).map_err(|e| fail(e.error))?;
-        drop(self.litter);
+        drop(self.cleanup);
         Ok(())
     }
 }
@@ -160,27 +160,27 @@ pub fn folder_of(path: &Path) -> &Path {
 
 /// The name of a file or a folder that [`abandon`] removes, until this is dropped.
 #[derive(Debug)]
-pub struct Litter(PathBuf);
+pub struct CleanupGuard(PathBuf);
 
-impl Litter {
+impl CleanupGuard {
     /// Creates such a file or folder, of which `create` says the name.
     pub fn create<T>(create: impl FnOnce() -> io::Result<(T, PathBuf)>) -> io::Result<(T, Self)> {
         // Nobody ends the process between the file and its entry.
-        let mut litter = litter();
+        let mut cleanup = cleanup();
         let (file, path) = create()?;
-        litter.insert(path.clone());
+        cleanup.insert(path.clone());
         Ok((file, Self(path)))
     }
 }
 
-impl Drop for Litter {
+impl Drop for CleanupGuard {
     fn drop(&mut self) {
-        litter().remove(&self.0);
+        cleanup().remove(&self.0);
     }
 }
 
-fn litter() -> MutexGuard<'static, BTreeSet<PathBuf>> {
-    locked(&LITTER)
+fn cleanup() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    locked(&CLEANUP)
 }
 
 /// Programs that write files for this one, which [`abandon`] ends first.
@@ -213,15 +213,15 @@ pub fn abandon() {
     }
     // Nor are others started.
     std::mem::forget(children);
-    let litter = litter();
-    for path in litter.iter() {
+    let cleanup = cleanup();
+    for path in cleanup.iter() {
         // What cannot be removed now is swept up later.
         let _ = match path.is_dir() {
             true => std::fs::remove_dir_all(path),
             false => std::fs::remove_file(path),
         };
     }
-    std::mem::forget(litter);
+    std::mem::forget(cleanup);
 }
 
 /// The time by the clock of the file system that `path` is on: clocks of machines differ, and ages of
@@ -300,7 +300,7 @@ impl PictureFormat {
 /// # Errors
 /// As [`write_atomically`].
 pub fn write_png(path: &Path, picture: &RgbImage) -> Result<()> {
-    write_atomically(path, Kind::Picture, |file| encode_png(file, picture, &[]))
+    write_atomically(path, FileKind::Picture, |file| encode_png(file, picture, &[]))
 }
 
 /// Writes an 8-bit sRGB picture in the format that the name says; a PNG with these notes, each a
@@ -314,13 +314,13 @@ pub fn write_picture(path: &Path, picture: &RgbImage, notes: &[(&str, String)]) 
     let rgb = image::ExtendedColorType::Rgb8;
     match PictureFormat::of(path)? {
         PictureFormat::Png => {
-            write_atomically(path, Kind::Picture, |file| encode_png(file, picture, notes))
+            write_atomically(path, FileKind::Picture, |file| encode_png(file, picture, notes))
         }
-        PictureFormat::Jpeg => write_atomically(path, Kind::Picture, |file| {
+        PictureFormat::Jpeg => write_atomically(path, FileKind::Picture, |file| {
             let encoder = JpegEncoder::new_with_quality(file, JPEG_QUALITY);
             encoder.write_image(picture, width, height, rgb).map_err(io::Error::other)
         }),
-        PictureFormat::Webp => write_atomically(path, Kind::Picture, |file| {
+        PictureFormat::Webp => write_atomically(path, FileKind::Picture, |file| {
             let encoder = WebPEncoder::new_lossless(file);
             encoder.write_image(picture, width, height, rgb).map_err(io::Error::other)
         }),

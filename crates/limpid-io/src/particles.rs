@@ -31,7 +31,7 @@ use self::arrays::MOST_LISTED;
 use self::cursor::{Cursor, Source};
 use self::table::{Column, Scalar, Table};
 use crate::error::{Error, Result};
-use crate::output::Kind;
+use crate::output::FileKind;
 use crate::{files, output};
 
 pub use arrays::{Array, AttributeMap, Contents};
@@ -174,11 +174,11 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Particles> {
 /// be written, or has no room for so many particles or such large ids.
 pub fn write(particles: &Particles, path: &Path) -> Result<()> {
     let (format, write) = writable(path)?;
-    Kind::Particles.check(path)?;
+    FileKind::Particles.check(path)?;
     if format.extension == ".pos" {
         pos::write_ellipsoids(particles, path)?;
     }
-    output::write_atomically(path, Kind::Particles, |file| write(particles, file))
+    output::write_atomically(path, FileKind::Particles, |file| write(particles, file))
 }
 
 /// What a file of this name could not hold of these particles: names of attributes, and

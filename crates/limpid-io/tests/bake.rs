@@ -408,7 +408,7 @@ fn a_baked_scene_is_an_input() {
     .unwrap();
     let input = limpid_io::input::Input::open(name).unwrap();
     assert_eq!(input.fps(), Some(24.0));
-    let (input, project) = input.settle().unwrap();
+    let (input, project) = input.resolve().unwrap();
     let numbers: Vec<_> = input.sequence.frames.iter().map(|frame| frame.number).collect();
     assert_eq!(numbers, [1, 2, 3]);
     assert_eq!(input.load(&input.sequence.frames[2], &project.scene).unwrap().splats.radius, 0.03);

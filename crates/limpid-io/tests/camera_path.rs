@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use limpid::camera::Camera;
 use limpid_io::Error;
 use limpid_io::camera_path::{CameraPath, Key};
-use limpid_io::film::{Motion, Take, takes};
+use limpid_io::film::{Motion, Shot, shots};
 
 /// Times of keys that are anything but evenly spaced.
 const TIMES: [f64; 6] = [0.0, 0.25, 2.0, 2.1, 3.5, 7.0];
@@ -288,16 +288,16 @@ fn still() -> Camera {
     camera(DVec3::new(0.0, 1.0, 4.0), DVec3::ZERO)
 }
 
-fn summary(takes: &[Take]) -> Vec<(i64, usize)> {
-    takes.iter().map(|take| (take.number, take.frame)).collect()
+fn summary(shots: &[Shot]) -> Vec<(i64, usize)> {
+    shots.iter().map(|shot| (shot.number, shot.frame)).collect()
 }
 
 /// Protects: without a moving camera, pictures are the frames under their own numbers.
 #[test]
 fn still_pictures_are_the_frames() {
-    let takes = takes(&[20, 5, 7], still(), &Motion::Still, 30.0).unwrap();
-    assert_eq!(summary(&takes), [(20, 0), (5, 1), (7, 2)]);
-    assert!(takes.iter().all(|take| take.camera == still()));
+    let shots = shots(&[20, 5, 7], still(), &Motion::Still, 30.0).unwrap();
+    assert_eq!(summary(&shots), [(20, 0), (5, 1), (7, 2)]);
+    assert!(shots.iter().all(|shot| shot.camera == still()));
 }
 
 /// Protects: the k-th picture is taken k/fps seconds into the path.
@@ -305,23 +305,23 @@ fn still_pictures_are_the_frames() {
 fn a_path_counts_the_pictures() {
     let motion = Motion::Path(wild());
     let frames: Vec<i64> = (10..20).collect();
-    let sequence = takes(&frames, still(), &motion, 2.0).unwrap();
+    let sequence = shots(&frames, still(), &motion, 2.0).unwrap();
     assert_eq!(sequence.iter().map(|s| s.number).collect::<Vec<_>>(), frames);
-    for (k, take) in sequence.iter().enumerate() {
-        assert_eq!((take.frame, take.camera), (k, wild().at(k as f64 / 2.0)));
+    for (k, shot) in sequence.iter().enumerate() {
+        assert_eq!((shot.frame, shot.camera), (k, wild().at(k as f64 / 2.0)));
     }
     // One frame: as long as the path, with its first and last key, numbered by the picture.
-    let one = takes(&[42], still(), &motion, 10.0).unwrap();
+    let one = shots(&[42], still(), &motion, 10.0).unwrap();
     assert_eq!(one.len(), 71);
-    assert!((1..).zip(&one).all(|(number, take)| (take.number, take.frame) == (number, 0)));
+    assert!((1..).zip(&one).all(|(number, shot)| (shot.number, shot.frame) == (number, 0)));
     assert_eq!(one[0].camera, wild().keys[0].camera);
     assert_eq!(one[70].camera, wild().keys[5].camera);
     // 0.1 s at 30 frames per second are 3, though not as 64-bit numbers.
     let short = path([(0.0, still()), (0.1, still())]);
-    assert_eq!(takes(&[42], still(), &Motion::Path(short), 30.0).unwrap().len(), 4);
+    assert_eq!(shots(&[42], still(), &Motion::Path(short), 30.0).unwrap().len(), 4);
     // A path of one key is one picture, of that frame.
     let one = path([(0.0, still())]);
-    assert_eq!(summary(&takes(&[42], still(), &Motion::Path(one), 30.0).unwrap()), [(42, 0)]);
+    assert_eq!(summary(&shots(&[42], still(), &Motion::Path(one), 30.0).unwrap()), [(42, 0)]);
 }
 
 /// Protects: a turn closes without a seam, and particles are repeated to fill it.
@@ -329,20 +329,20 @@ fn a_path_counts_the_pictures() {
 fn a_turntable_turns_once() {
     let turn = std::f64::consts::TAU;
     let motion = Motion::Turntable(2.0);
-    let one = takes(&[7], still(), &motion, 4.0).unwrap();
+    let one = shots(&[7], still(), &motion, 4.0).unwrap();
     assert_eq!(summary(&one), (1..=8).map(|number| (number, 0)).collect::<Vec<_>>());
-    for (k, take) in one.iter().enumerate() {
-        assert_near(take.camera.eye, still().turned(k as f64 / 8.0 * turn).eye, 1e-14);
+    for (k, shot) in one.iter().enumerate() {
+        assert_near(shot.camera.eye, still().turned(k as f64 / 8.0 * turn).eye, 1e-14);
     }
     // The last is one step before the first, which follows it when the film is repeated.
     assert_near(one[7].camera.turned(turn / 8.0).eye, one[0].camera.eye, 1e-14);
 
-    let three = takes(&[7, 8, 9], still(), &motion, 4.0).unwrap();
+    let three = shots(&[7, 8, 9], still(), &motion, 4.0).unwrap();
     let frames = [0, 1, 2, 0, 1, 2, 0, 1];
     assert_eq!(summary(&three), (1..).zip(frames).collect::<Vec<_>>());
 
     let ten: Vec<i64> = (11..=20).collect();
-    let ten = takes(&ten, still(), &motion, 4.0).unwrap();
+    let ten = shots(&ten, still(), &motion, 4.0).unwrap();
     assert_eq!(summary(&ten), (11..).zip(0..10).collect::<Vec<_>>());
     assert_eq!((ten[8].camera, ten[9].camera), (ten[0].camera, ten[1].camera));
 }
@@ -351,13 +351,13 @@ fn a_turntable_turns_once() {
 #[test]
 fn impossible_films_are_refused() {
     for fps in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e4, 1e-3] {
-        let error = takes(&[1], still(), &Motion::Still, fps).unwrap_err();
+        let error = shots(&[1], still(), &Motion::Still, fps).unwrap_err();
         assert!(matches!(error, Error::Usage(_)), "{fps}: {error:?}");
     }
     for seconds in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
-        let error = takes(&[1], still(), &Motion::Turntable(seconds), 30.0).unwrap_err();
+        let error = shots(&[1], still(), &Motion::Turntable(seconds), 30.0).unwrap_err();
         assert!(matches!(error, Error::Usage(_)), "{seconds}: {error:?}");
     }
     let endless = path([(0.0, still()), (1e12, still())]);
-    takes(&[1], still(), &Motion::Path(endless), 30.0).expect_err("endless");
+    shots(&[1], still(), &Motion::Path(endless), 30.0).expect_err("endless");
 }

@@ -9,7 +9,7 @@ use glam::{DVec3, UVec2, Vec3};
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{Splat, Splats};
 use limpid::scene::{Scene, Shape};
-use limpid_io::input::{Input, Missing, Moment};
+use limpid_io::input::{FrameTime, Input, Missing};
 use limpid_io::project::Project;
 
 const SIZE: UVec2 = UVec2::new(64, 48);
@@ -118,8 +118,8 @@ fn fluids_of_one_colour_cost_nothing() {
     assert_ne!(draw(&mut stage, &fluids(&[CLARET, INK]), &two).picture, picture);
     for (absorptions, expected) in [([CLARET, CLARET], false), ([CLARET, INK], true)] {
         let Stage { gpu, renderer } = &mut *stage;
-        let target = limpid::studio::Picture::new(gpu, SIZE).unwrap();
-        let format = limpid::studio::Picture::FORMAT;
+        let target = limpid::offscreen::Picture::new(gpu, SIZE).unwrap();
+        let format = limpid::offscreen::Picture::FORMAT;
         let passes = renderer
             .render(&fluids(&absorptions), &camera, &two, &target.view(), format, SIZE)
             .unwrap();
@@ -183,7 +183,7 @@ fn a_scene_of_two_fluids() {
          [[fluid]]\nsource = \"b_{}.xyz\"\nup = \"z\"\ncolor = [0.5, 1.0, 0.25]\n",
     );
     let path = folder.path().join("scene.toml");
-    let (mut input, project) = Input::open(path.to_str().unwrap()).unwrap().settle().unwrap();
+    let (mut input, project) = Input::open(path.to_str().unwrap()).unwrap().resolve().unwrap();
     let scene = project.scene;
     let ln2 = std::f32::consts::LN_2;
     assert_eq!(scene.absorptions(), [Vec3::new(1.0, 2.0, 3.0), Vec3::new(ln2, 0.0, 2.0 * ln2)]);
@@ -235,7 +235,7 @@ fn fluids_are_interpolated_each_by_itself() {
     let path = folder.path().join("scene.toml");
     std::fs::write(&path, fluid("a") + &fluid("b")).unwrap();
     let input = Input::open(path.to_str().unwrap()).unwrap();
-    let middle = Moment { frame: 1, next: 2, fraction: 0.25 };
+    let middle = FrameTime { frame: 1, next: 2, fraction: 0.25 };
     let particles = input.particles(middle).unwrap();
     let places: Vec<f32> = particles.positions.iter().map(|x| x.x).collect();
     assert_eq!(places, [0.5, 10.5, 101.0]);

@@ -36,7 +36,7 @@ const CLOSER: &str = "50.0 1.0 0.0\n50.1 1.0 0.0\n";
 #[test]
 fn the_first_filled_frame_settles_radius_and_view() {
     let folder = frames(&["", PAIR, CLOSER]);
-    let (input, project) = open(&folder).settle().unwrap();
+    let (input, project) = open(&folder).resolve().unwrap();
     for (frame, particles) in input.sequence.frames.iter().zip([0, 2, 2]) {
         let loaded = input.load(frame, &project.scene).unwrap();
         assert_eq!(loaded.particles, particles);
@@ -51,7 +51,7 @@ fn the_first_filled_frame_settles_radius_and_view() {
 fn a_scene_without_a_camera_gets_one() {
     let folder = frames(&[PAIR, "0.0 0.0 0.0\n1.0 0.0 0.0\n"]);
     let scene = Project::parse("", "empty", Path::new(".")).unwrap();
-    let (_, project) = open(&folder).with_project(scene).settle().unwrap();
+    let (_, project) = open(&folder).with_project(scene).resolve().unwrap();
     assert!(project.camera.expect("a fitted camera").target.x > 49.0);
 }
 
@@ -59,13 +59,13 @@ fn a_scene_without_a_camera_gets_one() {
 #[test]
 fn empty_and_lone_frames() {
     let folder = frames(&["", ""]);
-    let (input, project) = open(&folder).settle().unwrap();
+    let (input, project) = open(&folder).resolve().unwrap();
     assert_eq!(input.load(&input.sequence.frames[0], &project.scene).unwrap().particles, 0);
 
     let folder = frames(&["1.0 2.0 3.0\n"]);
-    let error = open(&folder).settle().unwrap_err();
+    let error = open(&folder).resolve().unwrap_err();
     assert!(error.to_string().contains("--radius"), "{error}");
-    let (input, project) = open(&folder).with_radius(0.5).unwrap().settle().unwrap();
+    let (input, project) = open(&folder).with_radius(0.5).unwrap().resolve().unwrap();
     assert_eq!(input.load(&input.sequence.frames[0], &project.scene).unwrap().splats.radius, 0.5);
 }
 
@@ -86,7 +86,7 @@ fn a_scene_gives_radius_and_axis() {
     let folder = frames(&["0.0 1.0 2.0\n5.0 1.0 2.0\n"]);
     let text = "[particles]\nsource = \"other.xyz\"\nradius = 0.25\nup = \"z\"\n";
     let scene = Project::parse(text, "scene", Path::new(".")).unwrap();
-    let (input, project) = open(&folder).with_project(scene).settle().unwrap();
+    let (input, project) = open(&folder).with_project(scene).resolve().unwrap();
     let frame = &input.sequence.frames[0];
     assert_eq!(input.load(frame, &project.scene).unwrap().splats.radius, 0.25);
     assert_eq!(input.particles(frame).unwrap().positions[0], Vec3::new(0.0, 2.0, -1.0));
@@ -159,7 +159,7 @@ fn a_bare_file_is_seen_whole_though_a_particle_escaped() {
         let path = folder.path().join("a.bgeo");
         limpid_io::particles::write(&Particles::from_positions(places), &path).unwrap();
         let input = Input::open(path.to_str().unwrap()).unwrap().with_radius(0.025).unwrap();
-        let (input, project) = input.settle().unwrap();
+        let (input, project) = input.resolve().unwrap();
         (input.load(&input.sequence.frames[0], &project.scene).unwrap(), project)
     });
     assert_eq!(escaped.1.camera, whole.1.camera);

@@ -171,7 +171,7 @@ fn a_frame_alone_has_the_radius_of_its_sequence() {
     write(2, 0.05, 0.2);
     write(20, 0.08, 0.0);
     let settled = |input: &Path, number: i64| {
-        let (input, project) = Input::open(input.to_str().unwrap()).unwrap().settle().unwrap();
+        let (input, project) = Input::open(input.to_str().unwrap()).unwrap().resolve().unwrap();
         let loaded = input.load(input.sequence.frame(number + 1).unwrap(), &project.scene).unwrap();
         assert_eq!(loaded.radius_from, RadiusFrom::Guess);
         loaded.splats.radius
@@ -197,7 +197,7 @@ fn a_radius_says_where_it_is_from() {
     });
     let open = |path: &Path| Input::open(path.to_str().unwrap()).unwrap();
     let from = |input: Input| {
-        let (input, project) = input.settle().unwrap();
+        let (input, project) = input.resolve().unwrap();
         let loaded = input.load(&input.sequence.frames[0], &project.scene).unwrap();
         (loaded.radius_from, loaded.splats.radius)
     };

@@ -39,7 +39,7 @@ fn parse(table: &str) -> limpid_io::Result<Project> {
 #[test]
 fn every_recipe_is_an_input() {
     for name in NAMES {
-        let (input, project) = Input::open(&path(name)).unwrap().settle().unwrap();
+        let (input, project) = Input::open(&path(name)).unwrap().resolve().unwrap();
         let recipe = project.source.recipe().expect("a recipe");
         let [frame] = input.sequence.frames.as_slice() else { panic!("{name}: one frame") };
         let loaded = input.load(frame, &project.scene).unwrap();
@@ -231,7 +231,7 @@ fn every_scene_loads() {
         let mut project = Project::load(&path).unwrap();
         if project.source.simulation().is_none() {
             let input;
-            (input, project) = Input::open(name).unwrap().settle().unwrap();
+            (input, project) = Input::open(name).unwrap().resolve().unwrap();
             assert_eq!(input.sequence.frames.len(), 1, "{name}");
             assert!(project.source != LiquidSource::Unspecified, "{name}");
         }

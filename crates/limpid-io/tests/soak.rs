@@ -17,8 +17,8 @@ use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
 use limpid::liquid::classify;
+use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
-use limpid::studio::Studio;
 use limpid::wgpu;
 use limpid_io::project::Project;
 use support::{Random, gpu};
@@ -104,7 +104,7 @@ fn kind(i: usize) -> Kind {
 }
 
 impl Kind {
-    fn draw(&self, studio: &mut Studio) -> image::RgbImage {
+    fn draw(&self, studio: &mut Offscreen) -> image::RgbImage {
         let splats = classify::classify(&self.particles, 0.04, &self.scene.settings.classify);
         studio.renderer.diagnose = self.diagnose;
         studio.draw(&self.scene, &self.camera, &splats, self.size).expect("a frame").picture
@@ -189,7 +189,7 @@ fn nothing_grows_and_nothing_drifts() {
     let (kinds, cycles) = wanted.map_or(SHORT, |frames| (KINDS, usize::max(frames / KINDS, 6)));
     // Neighbours have little in common.
     let kinds: Vec<Kind> = (0..kinds).map(|i| kind(23 * i % KINDS)).collect();
-    let mut studio = Studio::new(gpu);
+    let mut studio = Offscreen::new(gpu);
     let mut seen = BTreeMap::new();
     let mut used = Vec::new();
     for cycle in 0..cycles {
@@ -240,7 +240,7 @@ fn webgpus_core_is_enough() {
     .expect("a device with WebGPU's limits");
     // What it refuses panics, as wgpu does where nobody listens.
     let core = Gpu::from_device(device, queue);
-    let (mut all, mut core) = (Studio::new(gpu), Studio::new(&core));
+    let (mut all, mut core) = (Offscreen::new(gpu), Offscreen::new(&core));
     // Each of the settings in light.
     for i in (0..).map(|i| 3 * i + 2).take(SETTINGS.len()) {
         let kind = kind(i);

@@ -32,7 +32,7 @@ fn block(wall: Shape) -> (Scene, Splats) {
     let surface = Surface::Checker { tile: 0.11, even, odd };
     project.scene.solids = vec![Solid { shape: wall, surface, lit: false }];
     let input = Input::from_project(project, "block").unwrap();
-    let (input, project) = input.settle().unwrap();
+    let (input, project) = input.resolve().unwrap();
     let splats = input.load(&input.sequence.frames[0], &project.scene).unwrap().splats;
     (project.scene, splats)
 }

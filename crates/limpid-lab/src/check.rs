@@ -36,10 +36,10 @@ use std::time::Instant;
 use serde::Serialize;
 
 use limpid::gpu::Gpu;
-use limpid::studio::Studio;
+use limpid::offscreen::Offscreen;
 use limpid_io::device;
 use limpid_io::error::{Error, Result};
-use limpid_io::output::{self, Files, Kind, folder_of};
+use limpid_io::output::{self, FileKind, Files, folder_of};
 
 pub use exhibit::{Exhibit, Panel};
 pub use suite::{AovTolerance, Bake, Content, Entry, Suite, Tolerance};
@@ -259,12 +259,12 @@ impl Suite {
         let chosen = self.chosen(filter)?;
         let begun = Instant::now();
         let adapter = Adapter::of(gpu);
-        let mut studio = Studio::new(gpu);
+        let mut offscreen = Offscreen::new(gpu);
         let mut outcomes = Vec::new();
         for entry in chosen {
             let begun = Instant::now();
             // Whatever happens to one entry, the others are drawn.
-            let judge = || judge::judge(self, entry, &adapter, &mut studio);
+            let judge = || judge::judge(self, entry, &adapter, &mut offscreen);
             let judged = catch_unwind(AssertUnwindSafe(judge));
             let mut outcome = judged.unwrap_or_else(|_| {
                 let error = Defect("the entry could not be judged".into());
@@ -275,7 +275,7 @@ impl Suite {
                 // A device that has failed once fails for ever. Where there is no other, the errors
                 // of the entries say so.
                 if let Ok(gpu) = device::open() {
-                    studio = Studio::new(&gpu);
+                    offscreen = Offscreen::new(&gpu);
                 }
             }
             outcome.seconds = begun.elapsed().as_secs_f64();
@@ -320,7 +320,7 @@ impl Report {
                 continue;
             }
             for (path, bytes) in &outcome.blessing {
-                write_file(path, Kind::Picture, bytes)?;
+                write_file(path, FileKind::Picture, bytes)?;
             }
             record.note(&outcome.name, &self.adapter, &outcome.drawn);
             // After each: what is written is recorded, whatever happens to the next.
@@ -351,10 +351,10 @@ impl Report {
                     let problem = "the suite reads or expects this file; name another folder";
                     return Err(Error::Usage(format!("{path}: {problem}")));
                 }
-                write_file(&path, Kind::Picture, bytes)?;
+                write_file(&path, FileKind::Picture, bytes)?;
             }
         }
-        write_file(&folder.join("index.html"), Kind::Page, self.page().as_bytes())
+        write_file(&folder.join("index.html"), FileKind::Page, self.page().as_bytes())
     }
 
     /// Removes what an earlier run wrote of these entries: pictures, never an expectation.
@@ -369,7 +369,7 @@ impl Report {
                 rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
             };
             let path = file.path();
-            let picture = || Kind::Picture.check(&path).is_ok();
+            let picture = || FileKind::Picture.check(&path).is_ok();
             if self.outcomes.iter().any(ours) && !is_kept(&path) && picture() {
                 std::fs::remove_file(&path).map_err(|e| Error::io(&path, "remove", e))?;
             }
@@ -436,7 +436,7 @@ fn place(path: &Path) -> PathBuf {
 }
 
 /// Writes a file, and the folder around it if need be.
-fn write_file(path: &Path, kind: Kind, bytes: &[u8]) -> Result<()> {
+fn write_file(path: &Path, kind: FileKind, bytes: &[u8]) -> Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
     }

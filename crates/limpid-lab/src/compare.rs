@@ -13,7 +13,7 @@ use std::path::Path;
 use image::{DynamicImage, ImageError, ImageFormat, ImageReader, Rgb, RgbImage};
 use serde::Serialize;
 
-use limpid_io::error::{Error, Place, Result};
+use limpid_io::error::{Error, Location, Result};
 use limpid_io::files;
 
 pub use flip::{PIXELS_PER_DEGREE, flip};
@@ -159,7 +159,7 @@ pub fn compare_files(reference: &Path, test: &Path) -> Result<(Comparison, FlipM
 
 /// Width and height, by the header.
 fn size(bytes: &[u8]) -> Option<(u32, u32)> {
-    let header = files::survive(Path::new(""), || {
+    let header = files::catch_panics(Path::new(""), || {
         let reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
         Ok(reader.into_dimensions().ok())
     });
@@ -181,7 +181,7 @@ pub fn load_picture(path: &Path) -> Result<RgbImage> {
 /// # Errors
 /// As [`load_picture`], but for reading the file.
 pub fn parse_picture(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
-    files::survive(path, || decode(path, bytes))
+    files::catch_panics(path, || decode(path, bytes))
 }
 
 /// Whether a PNG has an animation control chunk, which precedes its pixels.
@@ -216,7 +216,7 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
     let picture = files::decode_picture(path, bytes, reader, EACH)?;
     let picture = picture.map_err(|error| match error {
         ImageError::Decoding(_) | ImageError::IoError(_) => {
-            Error::malformed(path, Place::Byte(cursor.position()), error.to_string())
+            Error::malformed(path, Location::Byte(cursor.position()), error.to_string())
         }
         // A valid file, but too large or of a kind the decoder does not know.
         other => Error::format(path, other.to_string()),

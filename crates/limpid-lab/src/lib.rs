@@ -5,7 +5,7 @@
 
 pub mod check;
 pub mod compare;
-mod page;
+mod html_shell;
 pub mod quality;
 pub mod reference;
 pub mod report;

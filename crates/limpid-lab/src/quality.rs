@@ -13,9 +13,9 @@ use serde::{Deserialize, Serialize};
 use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::Splats;
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
-use limpid::studio::Picture;
 use limpid_io::error::{Error, Result};
 use limpid_io::project::overrides::replaced;
 

@@ -17,8 +17,8 @@ use limpid::scene::Scene;
 use limpid::settings::{Classify, Kernel};
 use limpid::wgpu;
 use limpid_io::error::Error;
-use limpid_io::place::Place;
 use limpid_io::project::Processor;
+use limpid_io::shared_classifier::SharedClassifier;
 use limpid_lab::compare::{PIXELS_PER_DEGREE, flip};
 
 use frames::{gpu, noise, noise_vector, on_axis, stage};
@@ -343,7 +343,7 @@ fn settings_choose_the_place() {
     let particles = cloud(random(9000, 13, 1.0));
     let settings = Classify::default();
     let expected = classify(&particles, R, &Classify::default());
-    let nowhere = Place::default();
+    let nowhere = SharedClassifier::default();
     for processor in [Processor::Auto, Processor::Cpu] {
         let splats =
             nowhere.classify(&particles, R, &settings, processor).expect("the CPU is there");
@@ -353,7 +353,7 @@ fn settings_choose_the_place() {
     assert!(matches!(&refused, Err(Error::Usage(problem)) if problem.contains("classify.on")));
 
     let Some(gpu) = gpu() else { return };
-    let place = Place::on(&gpu);
+    let place = SharedClassifier::on(&gpu);
     let on_device =
         place.classify(&particles, R, &settings, Processor::Gpu).expect("the device works");
     assert!(on_device != expected, "sums in another order differ in some bit");
@@ -368,7 +368,7 @@ fn settings_choose_the_place() {
 
     // Who needs a device waits for it, and for the news that there is none.
     for (gpu, works) in [(Some(&gpu), true), (None, false)] {
-        let place = Place::awaited();
+        let place = SharedClassifier::awaited();
         std::thread::scope(|scope| {
             let waiting = scope.spawn(|| place.classify(&particles, R, &settings, Processor::Gpu));
             // Who does not need it does not wait.

@@ -9,9 +9,9 @@ use limpid::camera::Camera;
 use limpid::gpu::PassTime;
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{Splats, classify};
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::{Light, Scene};
-use limpid::studio::Picture;
 use limpid_lab::report::elisions::{Case, Frame, cases, draw};
 
 const SIZE: UVec2 = UVec2::new(160, 120);

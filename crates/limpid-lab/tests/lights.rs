@@ -17,10 +17,10 @@ use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::light_view::LightView;
 use limpid::liquid::classify::Splats;
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 use limpid::settings::Method;
-use limpid::studio::Picture;
 use limpid_io::input::Input;
 use limpid_io::project::Project;
 use limpid_lab::compare::{PIXELS_PER_DEGREE, flip};
@@ -87,7 +87,7 @@ fn wet(recipe: &str, solids: &[Solid], lights: &[Light]) -> (Scene, Splats) {
     scene.settings.caustics.resolution = 128;
     scene.settings.caustics.grid = 128;
     let input = Input::from_project(project, "lights").expect("a recipe");
-    let (input, project) = input.settle().expect("a camera");
+    let (input, project) = input.resolve().expect("a camera");
     let loaded = input.load(&input.sequence.frames[0], &project.scene).expect("particles");
     (project.scene, loaded.splats)
 }

@@ -11,8 +11,8 @@ use std::path::Path;
 
 use glam::UVec2;
 use limpid::gpu::Gpu;
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
-use limpid::studio::Picture;
 use limpid_io::input::Input;
 use limpid_lab::compare::{compare, load_picture};
 use references::references;
@@ -73,7 +73,7 @@ fn mean_flip_to_the_references() {
         "scene", "mean FLIP", "99th pct", "RMSE", "PSNR, dB"
     );
     for name in SCENES {
-        let (input, mut project) = input(&references, name).settle().unwrap();
+        let (input, mut project) = input(&references, name).resolve().unwrap();
         project.scene.settings.refract.samples = 4;
         let frame = match input.frame {
             Some(number) => input.sequence.frame(number).expect("the scene's frame"),

@@ -4,5 +4,6 @@
 #![forbid(unsafe_code)]
 
 pub mod recipe;
+pub mod rng;
 pub mod sim;
 pub mod waves;

@@ -38,7 +38,7 @@ const MOST_PARTICLES: f64 = 1e7;
 pub struct Simulation {
     /// How particles move.
     #[serde(default)]
-    pub kind: Kind,
+    pub kind: Method,
     /// Number of frames, the first being the start: 1 to 100,000.
     pub frames: u32,
     /// Frames per second: 1 to 1000.
@@ -80,7 +80,7 @@ pub struct Simulation {
 /// How particles move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum Method {
     /// Position-based fluids (Macklin and Müller 2013).
     #[default]
     Pbf,
@@ -244,13 +244,13 @@ impl Simulation {
             }
         }
         match self.kind {
-            Kind::Pbf if self.waves.is_some() => {
+            Method::Pbf if self.waves.is_some() => {
                 return Some("waves are for kind = \"swell\"".into());
             }
-            Kind::Pbf if self.blocks.is_empty() && self.emitters.is_empty() => {
+            Method::Pbf if self.blocks.is_empty() && self.emitters.is_empty() => {
                 return Some("needs a [[simulation.block]] or a [[simulation.emitter]]".into());
             }
-            Kind::Swell => {
+            Method::Swell => {
                 let one_box = self.blocks.len() == 1 && self.blocks[0].ball().is_none();
                 let rest = self.emitters.is_empty() && self.bounds.or(self.drain).is_none();
                 let Some(waves) = self.waves.filter(|_| one_box && rest) else {
@@ -278,7 +278,7 @@ impl Simulation {
                     ));
                 }
             }
-            Kind::Pbf => {}
+            Method::Pbf => {}
         }
         let most = self.most_particles();
         (most > MOST_PARTICLES).then(|| {
@@ -304,7 +304,7 @@ impl Simulation {
 }
 
 /// Beyond this 32-bit particles are further apart than their radius.
-fn is_place(x: DVec3) -> bool {
+fn is_within_bounds(x: DVec3) -> bool {
     x.is_finite() && x.abs().max_element() <= 1e4
 }
 
@@ -322,7 +322,7 @@ impl Block {
             _ => return Some("takes min and max, or center and radius"),
         }
         let checks = [
-            (is_place(min) && is_place(max), "coordinates must be within 10000 m"),
+            (is_within_bounds(min) && is_within_bounds(max), "coordinates must be within 10000 m"),
             (min.cmplt(max).all(), "min must be below max, a radius above 0"),
             (self.velocity.length() <= 1e3, "velocity must be at most 1000 m/s"),
         ];
@@ -333,7 +333,7 @@ impl Block {
 impl Emitter {
     fn problem(&self) -> Option<&'static str> {
         let checks = [
-            (is_place(self.center), "center must be within 10000 m"),
+            (is_within_bounds(self.center), "center must be within 10000 m"),
             (self.direction.try_normalize().is_some(), "direction must be finite and not zero"),
             ((0.0..=1e3).contains(&self.radius), "radius must be 0 to 1000"),
             ((0.01..=100.0).contains(&self.speed), "speed must be 0.01 to 100"),
@@ -345,9 +345,9 @@ impl Emitter {
 }
 
 /// Makes a simulation's frames, one after the other.
-pub struct Solver<'a>(Kinds<'a>);
+pub struct Solver<'a>(Running<'a>);
 
-enum Kinds<'a> {
+enum Running<'a> {
     Pbf(Box<pbf::Fluid<'a>>, Option<State>),
     Swell(swell::Swell, f64),
 }
@@ -356,15 +356,15 @@ impl<'a> Solver<'a> {
     /// Goes on after a frame of the simulation, or begins with the first.
     pub fn new(simulation: &'a Simulation, solids: &[Solid], last: Option<State>) -> Self {
         Self(match simulation.kind {
-            Kind::Pbf => Kinds::Pbf(Box::new(pbf::Fluid::new(simulation, solids)), last),
-            Kind::Swell => Kinds::Swell(swell::Swell::new(simulation), simulation.fps),
+            Method::Pbf => Running::Pbf(Box::new(pbf::Fluid::new(simulation, solids)), last),
+            Method::Swell => Running::Swell(swell::Swell::new(simulation), simulation.fps),
         })
     }
 
     /// The particles of the next frame, which has this number; the first has 1.
     pub fn make(&mut self, number: u32) -> Particles {
         match &mut self.0 {
-            Kinds::Pbf(fluid, last) => {
+            Running::Pbf(fluid, last) => {
                 let state = match last.take() {
                     Some(mut state) => {
                         fluid.advance(number - 1, &mut state);
@@ -374,7 +374,7 @@ impl<'a> Solver<'a> {
                 };
                 last.insert(state).to_particles()
             }
-            Kinds::Swell(swell, fps) => swell.at(f64::from(number - 1) / *fps).to_particles(),
+            Running::Swell(swell, fps) => swell.at(f64::from(number - 1) / *fps).to_particles(),
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::document::Source;
 use crate::playback::Speed;
 use crate::shortcuts::{self, Action};
 use crate::views::View;
-use crate::{Compare, Viewer, rig};
+use crate::{Compare, Viewer, camera_controls};
 use limpid::camera::Camera;
 
 impl Viewer {
@@ -108,14 +108,14 @@ impl Viewer {
 
     pub(crate) fn set_speed(&mut self, speed: Speed) {
         let Some(document) = &self.document else { return };
-        // Where frames are missing, moments of one time have different places in the two.
+        // Where frames are missing, frame times of one time have different places in the two.
         let seconds = self.moment().map_or(0.0, |at| document.seconds(at));
-        self.moments = document.moments(speed).into();
-        let index = document.nearest(&self.moments, seconds);
+        self.frame_times = document.frame_times(speed).into();
+        let index = document.nearest(&self.frame_times, seconds);
         for side in &mut self.sides {
             side.at = None;
         }
-        self.playback.set_speed(speed, self.moments.len(), index);
+        self.playback.set_speed(speed, self.frame_times.len(), index);
         self.failed.clear();
     }
 
@@ -139,11 +139,11 @@ impl Viewer {
 
     pub(crate) fn fit(&mut self) {
         if let Some(loaded) = &self.sides[self.edited].loaded {
-            let aspect = self.stage_size.as_dvec2();
+            let aspect = self.viewport_size.as_dvec2();
             let aspect = if aspect.min_element() > 0.0 { aspect.x / aspect.y } else { 1.0 };
             let radius = f64::from(loaded.splats.radius);
             let (min, max) = loaded.bulk.bounds;
-            let camera = rig::fit(&self.camera, (min - radius, max + radius), aspect);
+            let camera = camera_controls::fit(&self.camera, (min - radius, max + radius), aspect);
             self.set_camera(camera);
         }
     }

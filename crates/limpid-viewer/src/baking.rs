@@ -8,12 +8,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::Viewer;
 use crate::document::{Document, Source};
-use crate::news::News;
+use crate::messages::Message;
 use limpid::scene::Solid;
 use limpid_io::bake::{self, Progress};
 use limpid_io::error::{Error, Result};
 use limpid_io::files;
-use limpid_io::output::{self, Kind};
+use limpid_io::output::{self, FileKind};
 use limpid_io::project::Project;
 use limpid_sim::sim::Simulation;
 
@@ -56,7 +56,7 @@ impl Source {
         if files::read_text(&path).ok().as_deref() != Some(BUILT_IN) {
             // Frames of an older version are another liquid's.
             bake::clear("dam_break", &bake::folder(&path))?;
-            output::write_atomically(&path, Kind::Scene, |file| {
+            output::write_atomically(&path, FileKind::Scene, |file| {
                 std::io::Write::write_all(file, BUILT_IN.as_bytes())
             })?;
         }
@@ -98,7 +98,7 @@ impl Viewer {
             stop,
         });
         std::thread::spawn(move || {
-            let told = |document| post.send(News::Opened(number, Box::new(document)));
+            let told = |document| post.send(Message::Opened(number, Box::new(document)));
             let Some(project) = simulated(&given) else { return told(Document::open(&given)) };
             let Some(simulation) = project.source.simulation() else { return };
             let mut open = Document::open(&given).map(|document| told(Ok(document))).is_ok();
@@ -111,14 +111,14 @@ impl Viewer {
                         told(document);
                     }
                 }
-                post.send(News::Baked(number, progress));
+                post.send(Message::Baked(number, progress));
                 match stopped.load(Ordering::Relaxed) {
                     true => ControlFlow::Break(()),
                     false => ControlFlow::Continue(()),
                 }
             });
             match baked {
-                Err(error) if open => post.send(News::NotBaked(number, error)),
+                Err(error) if open => post.send(Message::NotBaked(number, error)),
                 Err(error) => told(Err(error)),
                 Ok(()) => {}
             }
@@ -176,7 +176,7 @@ impl Viewer {
         (opening.growing, opening.again) = (true, false);
         let (source, post) = (opening.source.clone(), self.post.clone());
         std::thread::spawn(move || {
-            post.send(News::Grown(number, Box::new(Document::open(&source))));
+            post.send(Message::Grown(number, Box::new(Document::open(&source))));
         });
     }
 
@@ -189,8 +189,8 @@ impl Viewer {
         let again = opening.again;
         match document {
             Ok(document) if opening.opened => {
-                self.moments = document.moments(self.playback.speed()).into();
-                self.playback.set_count(self.moments.len());
+                self.frame_times = document.frame_times(self.playback.speed()).into();
+                self.playback.set_count(self.frame_times.len());
                 let frames = document.numbers.len();
                 self.document = Some(Arc::new(document));
                 self.log.event("grown", serde_json::json!({ "frames": frames }));

@@ -4,8 +4,8 @@ use eframe::egui;
 
 use crate::Viewer;
 use crate::dialogs::Dialog;
+use crate::icons::{self, Sign};
 use crate::shortcuts::Action;
-use crate::signs::{self, Sign};
 use limpid_io::camera_path::Key;
 
 impl Viewer {
@@ -85,7 +85,7 @@ impl Viewer {
                     going = Some(*key);
                 }
                 let name = format!("Delete key {}", i + 1);
-                if signs::button(ui, Sign::Cross, &name, &name, false).clicked() {
+                if icons::button(ui, Sign::Cross, &name, &name, false).clicked() {
                     removed = Some(i);
                 }
                 ui.end_row();
@@ -123,7 +123,7 @@ impl Viewer {
     fn go_to(&mut self, key: Key) {
         self.set_camera(key.camera);
         let Some(document) = self.document.clone() else { return };
-        self.seek(document.nearest(&self.moments, key.time));
+        self.seek(document.nearest(&self.frame_times, key.time));
     }
 
     /// The key frames.

@@ -6,7 +6,7 @@ use crate::controls;
 use crate::document::Document;
 use limpid::camera::Camera;
 use limpid::scene::Scene;
-use limpid_io::input::{Missing, Moment};
+use limpid_io::input::{FrameTime, Missing};
 use limpid_io::project::Processor;
 
 /// `limpid render` with all that it takes to draw `scene` at a moment, seen from `camera`, into
@@ -15,7 +15,7 @@ pub fn command_line(
     document: &Document,
     (scene, processor): (&Scene, Processor),
     camera: &Camera,
-    at: Moment,
+    at: FrameTime,
     size: UVec2,
     output: &str,
 ) -> String {

@@ -9,7 +9,7 @@ use glam::UVec2;
 
 use crate::Viewer;
 use crate::document::Source;
-use crate::news::News;
+use crate::messages::Message;
 use crate::shortcuts::{POINTER, SHORTCUTS};
 use limpid_io::camera_path::CameraPath;
 
@@ -91,7 +91,7 @@ impl Dialog {
 impl Viewer {
     pub(crate) fn save_picture_dialog(&self) -> Option<Dialog> {
         let samples = self.fine_scene().settings.refract.samples;
-        let size = self.stage_size.max(UVec2::ONE);
+        let size = self.viewport_size.max(UVec2::ONE);
         self.document.as_ref()?;
         Some(Dialog { size, samples, ..Dialog::new(Purpose::Picture, "limpid.png") })
     }
@@ -166,7 +166,7 @@ impl Viewer {
                 let post = self.post.clone();
                 std::thread::spawn(move || {
                     let keys = CameraPath::load(&path);
-                    post.send(News::Path(path, keys));
+                    post.send(Message::Path(path, keys));
                 });
             }
         }
@@ -187,7 +187,7 @@ impl Viewer {
                 true => system.set_file_name(path).save_file(),
                 false => system.pick_file(),
             };
-            post.send(News::Chosen(chosen, begun.elapsed()));
+            post.send(Message::Chosen(chosen, begun.elapsed()));
         });
     }
 

@@ -9,8 +9,8 @@ use limpid::scene::Scene;
 use limpid_io::bake;
 use limpid_io::error::Result;
 use limpid_io::frames::FrameSpec;
-use limpid_io::input::{Input, Missing, Moment, files_of};
-use limpid_io::output::{Files, Kind};
+use limpid_io::input::{FrameTime, Input, Missing, files_of};
+use limpid_io::output::{FileKind, Files};
 use limpid_io::particles::{AttributeMap, ReadOptions};
 use limpid_io::project::open::{Opened, Request};
 use limpid_io::project::{LiquidSource, ParticleSource, Project};
@@ -60,7 +60,7 @@ impl Document {
     /// Opens a source. This may read the first frame.
     ///
     /// # Errors
-    /// As [`Input::open`] and [`Input::settle`].
+    /// As [`Input::open`] and [`Input::resolve`].
     pub fn open(source: &Source) -> Result<Self> {
         let request = Request {
             input: Some(source.input.clone()),
@@ -78,23 +78,23 @@ impl Document {
         Ok(Self { source: source.clone(), input, plain: plain.scene, project, numbers })
     }
 
-    /// The moments of playback at a speed.
-    pub fn moments(&self, speed: Speed) -> Vec<Moment> {
-        self.input.moments(&self.numbers, speed.step())
+    /// The frame times of playback at a speed.
+    pub fn frame_times(&self, speed: Speed) -> Vec<FrameTime> {
+        self.input.frame_times(&self.numbers, speed.step())
     }
 
     /// Seconds from the first frame to a moment.
-    pub fn seconds(&self, at: Moment) -> f64 {
+    pub fn seconds(&self, at: FrameTime) -> f64 {
         let first = self.numbers.first().copied().unwrap_or(at.frame);
         let part = at.fraction * at.next.abs_diff(at.frame) as f64;
         let since = at.frame.abs_diff(first) as f64 + part;
         since / (self.input.sequence.stride() as f64 * self.fps())
     }
 
-    /// The place in `moments` of the one nearest to a time, s; 0 in none.
-    pub fn nearest(&self, moments: &[Moment], seconds: f64) -> usize {
-        let away = |at: usize| (self.seconds(moments[at]) - seconds).abs();
-        (0..moments.len()).min_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or_default()
+    /// The place in `frame_times` of the one nearest to a time, s; 0 in none.
+    pub fn nearest(&self, frame_times: &[FrameTime], seconds: f64) -> usize {
+        let away = |at: usize| (self.seconds(frame_times[at]) - seconds).abs();
+        (0..frame_times.len()).min_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or_default()
     }
 
     /// Frames per second.
@@ -113,20 +113,20 @@ impl Document {
     ///
     /// # Errors
     /// As [`Files::writes`].
-    pub fn check_output(&self, path: &Path, kind: Kind) -> Result<()> {
+    pub fn check_output(&self, path: &Path, kind: FileKind) -> Result<()> {
         let mut files = Files::default();
         let scene = self.source.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
         for input in [Some(self.source.input.clone()), scene].into_iter().flatten() {
             files_of(&input).iter().for_each(|path| files.reads(path));
         }
-        if kind == Kind::Scene {
-            files.writes(&path.with_extension("environment.exr"), Kind::Picture)?;
+        if kind == FileKind::Scene {
+            files.writes(&path.with_extension("environment.exr"), FileKind::Picture)?;
         }
         files.writes(path, kind)
     }
 
     /// A scene as it is to be saved: with the particles that are drawn, wherever they came from.
-    pub fn saved(&self, scene: Scene, camera: Camera, at: Moment) -> Project {
+    pub fn saved(&self, scene: Scene, camera: Camera, at: FrameTime) -> Project {
         let camera = Some(camera);
         let mut project = Project { scene, camera, ..self.project.clone() };
         if let LiquidSource::Simulation(simulation) = &project.source {

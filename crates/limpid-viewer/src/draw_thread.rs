@@ -1,4 +1,4 @@
-//! The thread that draws: a [`Studio`] of its own, the code that `limpid render` runs too.
+//! The thread that draws: a [`Offscreen`] of its own, the code that `limpid render` runs too.
 //!
 //! The interface asks and never waits. Of pictures to look at only the newest request counts, older
 //! ones are dropped; pictures to save and to measure are all drawn, one after the other.
@@ -13,18 +13,18 @@ use std::time::{Duration, Instant};
 use eframe::egui::ColorImage;
 use glam::UVec2;
 
+use crate::adaptive_resolution::Level;
 use crate::document::Document;
-use crate::pace::Level;
 use crate::truth::{Point, Truth};
 use crate::views::{Legend, Values, View};
 use limpid::Error::{Defect, DeviceLost};
 use limpid::camera::Camera;
 use limpid::gpu::{Gpu, PassTime};
+use limpid::offscreen::{Offscreen, RenderedFrame};
 use limpid::scene::Scene;
-use limpid::studio::{Shot, Studio};
 use limpid_io::error::{Error, Result};
 use limpid_io::input::Loaded;
-use limpid_io::output::{self, Kind, PictureFormat};
+use limpid_io::output::{self, FileKind, PictureFormat};
 use limpid_lab::compare::{PIXELS_PER_DEGREE, flip};
 
 /// A picture: everything that it depends on.
@@ -159,7 +159,7 @@ impl DrawThread {
         let shared = Arc::new(Shared::default());
         let queue = shared.clone();
         let thread = std::thread::spawn(move || {
-            let mut worker = Worker { open, answer, studio: None };
+            let mut worker = Worker { open, answer, offscreen: None };
             while let Some(next) = queue.next() {
                 worker.act(next);
             }
@@ -220,50 +220,51 @@ impl Shared {
 struct Worker<O, A> {
     open: O,
     answer: A,
-    studio: Option<Studio>,
+    offscreen: Option<Offscreen>,
 }
 
 impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
     fn act(&mut self, next: Next) {
         let answer = match next {
-            Next::Request(request) => match self.attempt(|studio| draw(studio, &request)) {
+            Next::Request(request) => match self.attempt(|offscreen| draw(offscreen, &request)) {
                 Ok(drawn) => Answer::Drawn(drawn),
                 Err(error) => Answer::NotDrawn(request.number, error),
             },
             Next::Job(Job::Open) => {
                 // Why there is none is told when a picture is wanted.
-                let _ = catch_unwind(AssertUnwindSafe(|| self.studio().map(|_| ())));
+                let _ = catch_unwind(AssertUnwindSafe(|| self.offscreen().map(|_| ())));
                 return;
             }
             Next::Job(Job::Save(pane, path, open)) => {
-                let allowed = open.map_or(Ok(()), |open| open.check_output(&path, Kind::Picture));
+                let allowed =
+                    open.map_or(Ok(()), |open| open.check_output(&path, FileKind::Picture));
                 let saved =
-                    allowed.and_then(|()| self.attempt(|studio| save(studio, &pane, &path)));
+                    allowed.and_then(|()| self.attempt(|offscreen| save(offscreen, &pane, &path)));
                 Answer::Saved(saved.map(|()| path))
             }
             Next::Job(Job::Measure(pane, truth)) => {
-                let point = self.attempt(|studio| measure(studio, &pane, &truth));
+                let point = self.attempt(|offscreen| measure(offscreen, &pane, &truth));
                 Answer::Measured(point.map(|point| Measured { truth, point }))
             }
         };
         (self.answer)(answer);
     }
 
-    /// Does something in the studio; if its device is lost, again in another one.
-    fn attempt<T>(&mut self, act: impl Fn(&mut Studio) -> Result<T>) -> Result<T> {
+    /// Does something in the offscreen; if its device is lost, again in another one.
+    fn attempt<T>(&mut self, act: impl Fn(&mut Offscreen) -> Result<T>) -> Result<T> {
         for left in (0..ATTEMPTS).rev() {
             // Whoever waits for an answer must get one, even of a defect.
-            let done = catch_unwind(AssertUnwindSafe(|| act(self.studio()?)));
+            let done = catch_unwind(AssertUnwindSafe(|| act(self.offscreen()?)));
             let defect = |_| Err(Error::from(Defect("a picture could not be drawn".into())));
             match done.unwrap_or_else(defect) {
                 Err(Error::Render(DeviceLost(reason))) if left > 0 => {
-                    self.studio = None;
+                    self.offscreen = None;
                     (self.answer)(Answer::Lost(reason));
                     std::thread::sleep(PAUSE);
                 }
                 Err(error) => {
                     if matches!(error, Error::Render(DeviceLost(_) | Defect(_))) {
-                        self.studio = None;
+                        self.offscreen = None;
                     }
                     return Err(error);
                 }
@@ -273,43 +274,43 @@ impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
         unreachable!("the last attempt returns")
     }
 
-    /// The studio, on a device that is opened for it if there is none.
-    fn studio(&mut self) -> Result<&mut Studio> {
-        let studio = match self.studio.take() {
-            Some(studio) => studio,
+    /// The offscreen, on a device that is opened for it if there is none.
+    fn offscreen(&mut self) -> Result<&mut Offscreen> {
+        let offscreen = match self.offscreen.take() {
+            Some(offscreen) => offscreen,
             None => {
                 let gpu = (self.open)()?;
                 (self.answer)(Answer::Adapter(gpu.adapter()));
-                Studio::new(&gpu)
+                Offscreen::new(&gpu)
             }
         };
-        let studio = self.studio.insert(studio);
-        studio.renderer.timing = true;
-        studio.renderer.reuse = true;
-        Ok(studio)
+        let offscreen = self.offscreen.insert(offscreen);
+        offscreen.renderer.timing = true;
+        offscreen.renderer.reuse = true;
+        Ok(offscreen)
     }
 }
 
 /// Draws a picture as `limpid render` does.
 ///
 /// # Errors
-/// As [`Studio::draw`].
-pub fn picture(studio: &mut Studio, pane: &Pane) -> Result<Shot> {
-    Ok(studio.draw(&pane.scene, &pane.camera, &pane.loaded.splats, pane.size)?)
+/// As [`Offscreen::draw`].
+pub fn picture(offscreen: &mut Offscreen, pane: &Pane) -> Result<RenderedFrame> {
+    Ok(offscreen.draw(&pane.scene, &pane.camera, &pane.loaded.splats, pane.size)?)
 }
 
-fn draw(studio: &mut Studio, request: &Request) -> Result<Drawn> {
+fn draw(offscreen: &mut Offscreen, request: &Request) -> Result<Drawn> {
     let &Request { number, ref panes, level, view } = request;
-    studio.renderer.diagnose = view != View::Picture;
+    offscreen.renderer.diagnose = view != View::Picture;
     let panes = panes.iter().map(|pane| {
         let begun = Instant::now();
-        let Shot { picture: shot, passes } = picture(studio, pane)?;
+        let RenderedFrame { picture: shot, passes } = picture(offscreen, pane)?;
         let (image, legend, values) = match view.aov() {
             None => {
                 let size = [shot.width() as usize, shot.height() as usize];
                 (ColorImage::from_rgb(size, shot.as_raw()), Legend::Picture, None)
             }
-            Some(aov) => view.shown(&studio.images(&[aov])?, pane.size),
+            Some(aov) => view.shown(&offscreen.images(&[aov])?, pane.size),
         };
         let ms = 1e3 * begun.elapsed().as_secs_f64();
         let (size, samples) = (pane.size, pane.scene.settings.refract.samples);
@@ -318,21 +319,21 @@ fn draw(studio: &mut Studio, request: &Request) -> Result<Drawn> {
     Ok(Drawn { number, level, panes: panes.collect::<Result<_>>()? })
 }
 
-fn save(studio: &mut Studio, pane: &Pane, path: &Path) -> Result<()> {
-    studio.renderer.diagnose = false;
-    let shot = picture(studio, pane)?;
+fn save(offscreen: &mut Offscreen, pane: &Pane, path: &Path) -> Result<()> {
+    offscreen.renderer.diagnose = false;
+    let shot = picture(offscreen, pane)?;
     match PictureFormat::of(path)? {
-        PictureFormat::Exr => limpid_io::exr::write(path, vec![studio.radiance()?]),
+        PictureFormat::Exr => limpid_io::exr::write(path, vec![offscreen.radiance()?]),
         _ => output::write_picture(path, &shot.picture, &[]),
     }
 }
 
-fn measure(studio: &mut Studio, pane: &Pane, truth: &Truth) -> Result<Point> {
-    studio.renderer.diagnose = false;
+fn measure(offscreen: &mut Offscreen, pane: &Pane, truth: &Truth) -> Result<Point> {
+    offscreen.renderer.diagnose = false;
     // The first may compile pipelines; it is not counted.
-    picture(studio, pane)?;
-    studio.renderer.forget();
-    let shot = picture(studio, pane)?;
+    picture(offscreen, pane)?;
+    offscreen.renderer.forget();
+    let shot = picture(offscreen, pane)?;
     let ms = shot.passes.iter().map(|pass| pass.ms).sum();
     let flip = flip(&truth.picture, &shot.picture, PIXELS_PER_DEGREE)?.mean();
     Ok(Point::new(&pane.scene.settings, ms, flip))

@@ -1,16 +1,16 @@
-//! The frames of both settings that can be compared, loaded ahead in rings.
+//! The frames of both settings that can be compared, loaded ahead in caches.
 
 use std::sync::Arc;
 
 use crate::document::Document;
 use limpid::scene::Scene;
 use limpid::settings::Classify;
-use limpid_io::input::Moment;
-use limpid_io::place::Place;
+use limpid_io::frame_cache::{CacheState, FrameCache, Outcome};
+use limpid_io::input::FrameTime;
 use limpid_io::project::Processor;
-use limpid_io::ring::{Outcome, Ring, RingState};
+use limpid_io::shared_classifier::SharedClassifier;
 
-/// What a ring's frames depend on besides the document.
+/// What a cache's frames depend on besides the document.
 #[derive(Debug, Clone, PartialEq)]
 struct Key {
     classify: Classify,
@@ -27,36 +27,36 @@ pub(crate) fn let_go(what: impl Send + 'static) {
     std::thread::spawn(move || drop(what));
 }
 
-/// One ring for each different way of classifying that is looked at.
+/// One cache for each different way of classifying that is looked at.
 #[derive(Debug)]
 pub(crate) struct Frames {
-    rings: Vec<(Key, Ring)>,
-    /// Memory for all rings, bytes.
+    caches: Vec<(Key, FrameCache)>,
+    /// Memory for all caches, bytes.
     budget: u64,
-    place: Place,
+    classifier: SharedClassifier,
     /// What classifies the frames.
     pub(crate) processor: Processor,
 }
 
 impl Frames {
     /// None yet; they will be classified there.
-    pub(crate) fn new(budget: u64, place: Place) -> Self {
-        Self { rings: Vec::new(), budget, place, processor: Processor::default() }
+    pub(crate) fn new(budget: u64, classifier: SharedClassifier) -> Self {
+        Self { caches: Vec::new(), budget, classifier, processor: Processor::default() }
     }
 
     /// Lets go of all.
     pub(crate) fn clear(&mut self) {
-        let_go(std::mem::take(&mut self.rings));
+        let_go(std::mem::take(&mut self.caches));
     }
 
-    /// Sees to it that there is a ring for each of `scenes`, and no other.
+    /// Sees to it that there is a cache for each of `scenes`, and no other.
     ///
-    /// `hold` keeps the rings as they are until one of them has frame `at`: a slider that is dragged
+    /// `hold` keeps the caches as they are until one of them has frame `at`: a slider that is dragged
     /// changes faster than frames are classified.
     pub(crate) fn prepare(
         &mut self,
         document: &Arc<Document>,
-        moments: &Arc<[Moment]>,
+        frame_times: &Arc<[FrameTime]>,
         step: f64,
         scenes: &[&Scene],
         (at, hold): (usize, bool),
@@ -73,40 +73,40 @@ impl Frames {
             classify: scene.settings.classify.clone(),
             processor: self.processor,
             step,
-            count: moments.len(),
+            count: frame_times.len(),
             budget,
         };
         let keys: Vec<Key> = different.iter().map(|scene| key(scene)).collect();
-        if self.rings.iter().map(|(key, _)| key).eq(&keys) {
+        if self.caches.iter().map(|(key, _)| key).eq(&keys) {
             return;
         }
-        let busy = self.rings.iter().any(|(_, ring)| ring.get(at).is_none());
-        if hold && busy && self.rings.len() == keys.len() {
+        let busy = self.caches.iter().any(|(_, cache)| cache.get(at).is_none());
+        if hold && busy && self.caches.len() == keys.len() {
             return;
         }
-        let mut old = std::mem::take(&mut self.rings);
+        let mut old = std::mem::take(&mut self.caches);
         for (key, scene) in keys.into_iter().zip(different) {
             if let Some(same) = old.iter().position(|(k, _)| *k == key) {
-                self.rings.push(old.swap_remove(same));
+                self.caches.push(old.swap_remove(same));
                 continue;
             }
-            let input = document.input.clone().classified(self.place.clone());
+            let input = document.input.clone().classified(self.classifier.clone());
             let input = input.processed_by(self.processor);
-            let (moments, scene) = (moments.clone(), scene.clone());
+            let (frame_times, scene) = (frame_times.clone(), scene.clone());
             let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
-            let workers = workers.min(moments.len());
-            let load = move |i: usize| input.load(moments[i], &scene);
+            let workers = workers.min(frame_times.len());
+            let load = move |i: usize| input.load(frame_times[i], &scene);
             let ready = ready.clone();
-            let ring = Ring::new(key.count, budget, workers, load, move |_| ready());
-            self.rings.push((key, ring));
+            let cache = FrameCache::new(key.count, budget, workers, load, move |_| ready());
+            self.caches.push((key, cache));
         }
         let_go(old);
     }
 
     /// Says where playback is and where it goes.
     pub(crate) fn aim(&self, at: usize, step: isize, looped: bool) {
-        for (_, ring) in &self.rings {
-            ring.aim(at, step, looped);
+        for (_, cache) in &self.caches {
+            cache.aim(at, step, looped);
         }
     }
 
@@ -116,18 +116,18 @@ impl Frames {
         let fits = |key: &Key| {
             (&key.classify, key.processor) == (&scene.settings.classify, self.processor)
         };
-        let (key, ring) = self.rings.iter().find(|(key, _)| fits(key)).or(self.rings.first())?;
-        Some((ring.get(i)?, fits(key)))
+        let (key, cache) = self.caches.iter().find(|(key, _)| fits(key)).or(self.caches.first())?;
+        Some((cache.get(i)?, fits(key)))
     }
 
-    /// Whether all rings have a moment, loaded or failed.
+    /// Whether all caches have a moment, loaded or failed.
     pub(crate) fn have(&self, i: usize) -> bool {
-        !self.rings.is_empty() && self.rings.iter().all(|(_, ring)| ring.get(i).is_some())
+        !self.caches.is_empty() && self.caches.iter().all(|(_, cache)| cache.get(i).is_some())
     }
 
-    /// What the first ring holds, and the bytes of all.
-    pub(crate) fn state(&self) -> RingState {
-        let mut states = self.rings.iter().map(|(_, ring)| ring.state());
+    /// What the first cache holds, and the bytes of all.
+    pub(crate) fn state(&self) -> CacheState {
+        let mut states = self.caches.iter().map(|(_, cache)| cache.state());
         let first = states.next().unwrap_or_default();
         states.fold(first, |mut all, state| {
             all.bytes += state.bytes;

@@ -2,14 +2,16 @@
 //!
 //! Four kinds of threads. The interface's own never waits: it says what it wants and shows what has
 //! come. One thread draws ([`draw_thread`]), with the code that `limpid render` runs. The workers of
-//! a [`limpid_io::ring::Ring`] read and classify frames ahead. What else takes time (opening, simulating,
+//! a [`limpid_io::frame_cache::FrameCache`] read and classify frames ahead. What else takes time (opening, simulating,
 //! dialogs, ground truth) has a thread while it lasts. All of them report to the interface, and a
 //! report wakes it; nothing else does but input and playback.
 //!
 //! [`Viewer::ui`] is a frame of the interface on one page.
 
 mod actions;
+pub mod adaptive_resolution;
 mod baking;
+pub mod camera_controls;
 pub mod camera_panel;
 pub mod command_line;
 pub mod controls;
@@ -17,21 +19,19 @@ mod dialogs;
 pub mod document;
 pub mod draw_thread;
 mod frames;
+mod icons;
 mod log;
-mod news;
-pub mod pace;
+mod messages;
 pub mod playback;
 mod refine;
-pub mod rig;
 mod settings_panel;
 pub mod shortcuts;
-mod signs;
-mod stage;
 mod style;
 mod timeline;
 mod times;
 mod toolbar;
 mod truth;
+mod viewport;
 pub mod views;
 mod window;
 
@@ -51,17 +51,17 @@ use limpid::gpu::Gpu;
 use limpid::scene::Scene;
 use limpid_io::camera_path::CameraPath;
 use limpid_io::error::Result;
-use limpid_io::input::Moment;
-use limpid_io::place::Place;
+use limpid_io::input::FrameTime;
+use limpid_io::shared_classifier::SharedClassifier;
 
+use adaptive_resolution::{AdaptiveResolution, Level};
 use baking::Opening;
 use dialogs::Dialog;
 use document::{Document, Source};
 use draw_thread::DrawThread;
 use frames::{Frames, let_go};
 use log::Log;
-use news::{News, Post};
-use pace::{Level, Pace};
+use messages::{Message, Post};
 use playback::{Playback, Speed};
 use refine::{Side, Subject};
 use truth::Truth;
@@ -138,12 +138,12 @@ pub struct Notice {
 pub struct Viewer {
     options: Options,
     post: Post,
-    news: mpsc::Receiver<News>,
+    news: mpsc::Receiver<Message>,
     log: Log,
     notices: Vec<Notice>,
     drawing: DrawThread,
     /// Where particles are classified.
-    place: Place,
+    classifier: SharedClassifier,
     /// The thread that draws has been told to open a device for them.
     device_asked: bool,
     /// What writes files.
@@ -156,7 +156,7 @@ pub struct Viewer {
     before: Option<Opening>,
     /// How many have been opened.
     openings: u64,
-    moments: Arc<[Moment]>,
+    frame_times: Arc<[FrameTime]>,
     frames: Frames,
     failed: BTreeSet<usize>,
     playback: Playback,
@@ -176,7 +176,7 @@ pub struct Viewer {
     view: View,
     view_before: View,
     refine: bool,
-    pace: Pace,
+    resolution: AdaptiveResolution,
     subject: Option<Subject>,
     changed: Instant,
     asked: u64,
@@ -186,7 +186,7 @@ pub struct Viewer {
     undrawn: bool,
     /// No picture has come from the device yet: the first takes longer.
     fresh_device: bool,
-    stage_size: UVec2,
+    viewport_size: UVec2,
 
     truth: Option<Arc<Truth>>,
     /// How many have been asked for; what is another's is not taken.
@@ -209,7 +209,7 @@ impl Drop for Viewer {
     /// Waits for the files that are being written and for particles on the device; the thread that
     /// draws waits for its own.
     fn drop(&mut self) {
-        self.place.close();
+        self.classifier.close();
         for writer in self.writers.drain(..) {
             // It has panicked: there is nobody left to tell.
             let _ = writer.join();
@@ -237,31 +237,31 @@ impl Viewer {
     ) -> Result<Self> {
         let (sender, news) = mpsc::channel();
         let post = Post::new(sender);
-        let place = Place::default();
+        let classifier = SharedClassifier::default();
         let open = {
-            let (mut open, place) = (open, place.clone());
+            let (mut open, classifier) = (open, classifier.clone());
             move || {
                 // Whoever waits for a device must hear that there is none, even of a defect.
                 let opened = catch_unwind(AssertUnwindSafe(&mut open));
-                place.set(opened.as_ref().ok().and_then(|opened| opened.as_ref().ok()));
+                classifier.set(opened.as_ref().ok().and_then(|opened| opened.as_ref().ok()));
                 opened.unwrap_or_else(|defect| resume_unwind(defect))
             }
         };
         let drawing = {
             let post = post.clone();
-            DrawThread::new(open, move |answer| post.send(News::Drawing(answer)))
+            DrawThread::new(open, move |answer| post.send(Message::Drawing(answer)))
         };
         let nothing = Scene::around(-glam::DVec3::ONE, glam::DVec3::ONE, 0.0);
         let camera = Camera::fit(-glam::DVec3::ONE, glam::DVec3::ONE);
         let now = Instant::now();
         let mut viewer = Self {
             log: Log::new(options.log.as_deref())?,
-            frames: Frames::new(options.memory, place.clone()),
+            frames: Frames::new(options.memory, classifier.clone()),
             post,
             news,
             notices: Vec::new(),
             drawing,
-            place,
+            classifier,
             device_asked: false,
             writers: Vec::new(),
             adapter: None,
@@ -269,7 +269,7 @@ impl Viewer {
             opening: None,
             before: None,
             openings: 0,
-            moments: Arc::default(),
+            frame_times: Arc::default(),
             failed: BTreeSet::new(),
             playback: Playback::new(0, 30.0),
             scenes: [nothing.clone(), nothing],
@@ -285,7 +285,7 @@ impl Viewer {
             view: View::Picture,
             view_before: View::Image(limpid::aov::Aov::Depth, 0),
             refine: true,
-            pace: Pace::default(),
+            resolution: AdaptiveResolution::default(),
             subject: None,
             changed: now,
             asked: 0,
@@ -293,7 +293,7 @@ impl Viewer {
             answered: 0,
             undrawn: false,
             fresh_device: true,
-            stage_size: UVec2::ZERO,
+            viewport_size: UVec2::ZERO,
             truth: None,
             traces: 0,
             tracing: false,
@@ -365,12 +365,12 @@ impl Viewer {
         let document = Arc::new(document);
         self.frames.clear();
         self.failed.clear();
-        self.moments = document.moments(Speed::Real).into();
+        self.frame_times = document.frame_times(Speed::Real).into();
         let looped = self.playback.looped;
-        self.playback = Playback::new(self.moments.len(), document.fps());
+        self.playback = Playback::new(self.frame_times.len(), document.fps());
         self.playback.looped = looped;
         if let Some(named) = document.input.frame
-            && let Some(at) = self.moments.iter().position(|moment| moment.frame == named)
+            && let Some(at) = self.frame_times.iter().position(|moment| moment.frame == named)
         {
             self.playback.seek(at);
         }
@@ -422,8 +422,8 @@ impl Viewer {
     }
 
     /// The present moment.
-    fn moment(&self) -> Option<Moment> {
-        self.moments.get(self.playback.index()).copied()
+    fn moment(&self) -> Option<FrameTime> {
+        self.frame_times.get(self.playback.index()).copied()
     }
 
     /// Its time, s.
@@ -436,7 +436,7 @@ impl Viewer {
 
     /// Size of the picture on the screen, pixels.
     pub fn picture_size(&self) -> UVec2 {
-        self.stage_size
+        self.viewport_size
     }
 
     /// What the notice line says, the newest last.

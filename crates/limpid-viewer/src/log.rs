@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use limpid_io::error::Result;
-use limpid_io::output::{Kind, Stream};
+use limpid_io::output::{FileKind, Stream};
 
 /// The log; or none, which takes everything and keeps nothing.
 #[derive(Debug)]
@@ -30,7 +30,7 @@ impl Log {
     /// # Errors
     /// As [`Stream::create`].
     pub(crate) fn new(path: Option<&Path>) -> Result<Self> {
-        let create = |path| Stream::create(path, Kind::Log);
+        let create = |path| Stream::create(path, FileKind::Log);
         Ok(Self {
             file: path.map(create).transpose()?,
             start: Instant::now(),

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-/// Playback over `count` moments.
+/// Playback over `count` frame times.
 ///
 /// It shows every moment in turn and waits for one that is not loaded yet, so a slow machine plays
 /// slowly and leaves nothing out. At speeds above 1 it takes several frames at a time.
@@ -25,7 +25,7 @@ pub struct Playback {
 
 /// How fast a sequence is played.
 ///
-/// Below 1 are slow motions, for which moments between the frames are interpolated.
+/// Below 1 are slow motions, for which frame times between the frames are interpolated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Speed {
     /// One eighth.
@@ -48,7 +48,7 @@ impl Speed {
     pub const ALL: [Self; 6] =
         [Self::Eighth, Self::Quarter, Self::Half, Self::Real, Self::Double, Self::Quadruple];
 
-    /// Frames of the sequence from one moment to the next: 1, or less where moments between are
+    /// Frames of the sequence from one moment to the next: 1, or less where frame times between are
     /// interpolated.
     pub fn step(self) -> f64 {
         match self {
@@ -90,7 +90,7 @@ impl Speed {
 }
 
 impl Playback {
-    /// Paused at the first of `count` moments of a sequence with `fps` frames per second.
+    /// Paused at the first of `count` frame times of a sequence with `fps` frames per second.
     pub fn new(count: usize, fps: f64) -> Self {
         Self {
             playing: false,
@@ -109,7 +109,7 @@ impl Playback {
         self.index
     }
 
-    /// The number of moments.
+    /// The number of frame times.
     pub fn count(&self) -> usize {
         self.count
     }
@@ -119,7 +119,7 @@ impl Playback {
         self.speed
     }
 
-    /// What playback goes on by, as a ring wants to know it.
+    /// What playback goes on by, as a cache wants to know it.
     pub fn step(&self) -> isize {
         let stride = self.speed.stride() as isize;
         if self.backwards { -stride } else { stride }
@@ -141,14 +141,14 @@ impl Playback {
         self.seek(to.unwrap_or(0));
     }
 
-    /// Replaces the moments by those of another speed, of which `index` is then shown.
+    /// Replaces the frame times by those of another speed, of which `index` is then shown.
     pub fn set_speed(&mut self, speed: Speed, count: usize, index: usize) {
         self.speed = speed;
         self.count = count;
         self.seek(index);
     }
 
-    /// The number of moments is another one: a sequence that grows.
+    /// The number of frame times is another one: a sequence that grows.
     pub fn set_count(&mut self, count: usize) {
         self.count = count;
         self.index = self.index.min(count.saturating_sub(1));
@@ -168,7 +168,7 @@ impl Playback {
     }
 
     /// Seconds that each moment is shown: a frame's time at every speed. Slow motion has more
-    /// moments, fast motion leaves frames out.
+    /// frame times, fast motion leaves frames out.
     pub fn duration(&self) -> f64 {
         self.fps.recip()
     }

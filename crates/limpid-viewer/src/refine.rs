@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use eframe::egui;
 use glam::UVec2;
 
+use crate::adaptive_resolution::Level;
 use crate::command_line::command_line;
 use crate::draw_thread::{Job, Pane, Request};
 use crate::frames::let_go;
-use crate::news::News;
-use crate::pace::Level;
-use crate::stage::Picture;
+use crate::messages::Message;
+use crate::viewport::Picture;
 use crate::views::View;
 use crate::{Compare, FINE_SAMPLES, Viewer};
 use limpid::camera::Camera;
@@ -20,7 +20,7 @@ use limpid::scene::Scene;
 use limpid_io::error::{Error, Result};
 use limpid_io::input::Loaded;
 use limpid_io::notice;
-use limpid_io::output::Kind;
+use limpid_io::output::FileKind;
 use limpid_io::project::{Processor, Project};
 
 /// Most rays per pixel with an edge while things move.
@@ -33,7 +33,7 @@ const REST: Duration = Duration::from_millis(150);
 #[derive(Debug, Default)]
 pub(crate) struct Side {
     pub(crate) loaded: Option<Arc<Loaded>>,
-    /// The moment that was last taken from a ring, loaded or failed; none while it is not there.
+    /// The moment that was last taken from a cache, loaded or failed; none while it is not there.
     pub(crate) at: Option<usize>,
     /// Whether `loaded` is that moment, as the settings classify it.
     pub(crate) fits: bool,
@@ -65,7 +65,7 @@ impl Viewer {
         taken && self.answered == self.asked
     }
 
-    /// Takes the present moment from the rings, and says what is wanted next.
+    /// Takes the present moment from the caches, and says what is wanted next.
     pub(crate) fn load(&mut self) {
         let Some(document) = &self.document else { return };
         let visible = self.visible();
@@ -77,15 +77,22 @@ impl Viewer {
         let on_device = self.frames.processor == Processor::Gpu;
         if on_device && !self.device_asked {
             self.device_asked = true;
-            if self.place.wait_for_device() {
+            if self.classifier.wait_for_device() {
                 self.drawing.job(Job::Open);
             }
         }
         let post = self.post.clone();
         let step = self.playback.speed().step();
-        self.frames.prepare(document, &self.moments, step, &scenes, (index, dragging), move || {
-            post.send(News::Loaded);
-        });
+        self.frames.prepare(
+            document,
+            &self.frame_times,
+            step,
+            &scenes,
+            (index, dragging),
+            move || {
+                post.send(Message::Loaded);
+            },
+        );
         self.frames.aim(index, self.playback.step(), self.playback.looped);
         let mut first = None;
         for side in visible {
@@ -177,7 +184,7 @@ impl Viewer {
             self.asked_level = Level::Fine;
             return;
         }
-        let size = if level == Level::Draft { self.pace.draft(full) } else { full };
+        let size = if level == Level::Draft { self.resolution.draft(full) } else { full };
         let panes = visible.iter().zip(loaded).map(|(&i, loaded)| {
             let mut scene = self.scenes[i].clone();
             scene.settings.refract.samples = samples(&scene);
@@ -198,8 +205,8 @@ impl Viewer {
     /// Size of a picture on the screen, pixels.
     pub(crate) fn full_size(&self) -> UVec2 {
         match self.compare {
-            Compare::SideBySide => UVec2::new(self.stage_size.x / 2, self.stage_size.y),
-            _ => self.stage_size,
+            Compare::SideBySide => UVec2::new(self.viewport_size.x / 2, self.viewport_size.y),
+            _ => self.viewport_size,
         }
     }
 
@@ -220,7 +227,7 @@ impl Viewer {
     pub fn command_line(&self, output: &str) -> Option<String> {
         let document = self.document.as_ref()?;
         let (scene, at) = (self.fine_scene(), self.moment()?);
-        let size = self.stage_size.max(UVec2::ONE);
+        let size = self.viewport_size.max(UVec2::ONE);
         let processor = self.frames.processor;
         Some(command_line(document, (&scene, processor), &self.camera, at, size, output))
     }
@@ -247,7 +254,7 @@ impl Viewer {
         let (scene, camera, processor) = (self.fine_scene(), self.camera, self.frames.processor);
         // An environment is a picture, which takes its time.
         self.write(path, move |path| {
-            document.check_output(path, Kind::Scene)?;
+            document.check_output(path, FileKind::Scene)?;
             Project { processor, ..document.saved(scene, camera, at) }.save(path)
         });
     }
@@ -259,7 +266,7 @@ impl Viewer {
         write: impl FnOnce(&Path) -> Result<()> + Send + 'static,
     ) {
         let post = self.post.clone();
-        let writer = move || post.send(News::Saved(write(&path).map(|()| path)));
+        let writer = move || post.send(Message::Saved(write(&path).map(|()| path)));
         self.writers.retain(|writer| !writer.is_finished());
         self.writers.push(std::thread::spawn(writer));
     }

@@ -4,12 +4,12 @@ use eframe::egui::{self, Color32, Rect, Sense, Stroke, StrokeKind, pos2, vec2};
 
 use crate::Viewer;
 use crate::document::Document;
+use crate::icons::{self, Sign};
 use crate::playback::Speed;
 use crate::shortcuts::{self, Action};
-use crate::signs::{self, Sign};
 use crate::style::{accent, thousands};
 use crate::toolbar::named;
-use limpid_io::ring::RingState;
+use limpid_io::frame_cache::CacheState;
 
 impl Viewer {
     pub(crate) fn timeline(&mut self, ui: &mut egui::Ui) {
@@ -17,7 +17,7 @@ impl Viewer {
         egui::Panel::bottom("timeline").frame(bar).show(ui, |ui| {
             if let Some(document) = self.document.clone() {
                 let ahead = self.frames.state();
-                if self.moments.len() > 1 {
+                if self.frame_times.len() > 1 {
                     self.transport(ui, &document, &ahead);
                     ui.add_space(2.0);
                 }
@@ -31,7 +31,7 @@ impl Viewer {
         });
     }
 
-    fn transport(&mut self, ui: &mut egui::Ui, document: &Document, ahead: &RingState) {
+    fn transport(&mut self, ui: &mut egui::Ui, document: &Document, ahead: &CacheState) {
         let ctx = ui.ctx().clone();
         let mut wanted = None;
         ui.horizontal(|ui| {
@@ -52,7 +52,7 @@ impl Viewer {
             for (sign, name, action, on) in all {
                 let key = shortcuts::of(action);
                 let hint = format!("{} ({})", key.help, key.shown);
-                if signs::button(ui, sign, name, &hint, on).clicked() {
+                if icons::button(ui, sign, name, &hint, on).clicked() {
                     wanted = Some(action);
                 }
             }
@@ -88,10 +88,10 @@ impl Viewer {
 
     /// The bar to scrub on: what is loaded, loading and failed, the camera's keys, and where
     /// playback is.
-    fn track(&mut self, ui: &mut egui::Ui, width: f32, document: &Document, ahead: &RingState) {
+    fn track(&mut self, ui: &mut egui::Ui, width: f32, document: &Document, ahead: &CacheState) {
         let (outer, mut response) =
             ui.allocate_exact_size(vec2(width, 24.0), Sense::click_and_drag());
-        let count = self.moments.len();
+        let count = self.frame_times.len();
         let last = (count - 1) as f32;
         let rect = outer.shrink2(vec2(6.0, 8.0));
         let x = |i: f32| rect.left() + rect.width() * i / last;
@@ -120,7 +120,7 @@ impl Viewer {
         let known: Vec<usize> = self.failed.iter().copied().collect();
         paint(&known, visuals.error_fg_color);
         painter.rect_stroke(rect, 3, visuals.widgets.noninteractive.bg_stroke, StrokeKind::Outside);
-        let length = self.moments.last().map_or(0.0, |&at| document.seconds(at));
+        let length = self.frame_times.last().map_or(0.0, |&at| document.seconds(at));
         for key in &self.path.keys {
             if length > 0.0 && (0.0..=length).contains(&key.time) {
                 let at = pos2(x(last * (key.time / length) as f32), rect.top() - 4.0);
@@ -133,7 +133,7 @@ impl Viewer {
         painter.circle_filled(pos2(at, rect.center().y), 4.5, visuals.strong_text_color());
     }
 
-    fn status(&self, ui: &mut egui::Ui, ahead: &RingState) {
+    fn status(&self, ui: &mut egui::Ui, ahead: &CacheState) {
         ui.horizontal(|ui| {
             let side = &self.sides[self.edited];
             let mut facts = Vec::new();
@@ -152,7 +152,7 @@ impl Viewer {
             if let Some(progress) = self.opening.as_ref().and_then(|opening| opening.progress) {
                 facts.push(format!("simulating, {} of {}", progress.done, progress.frames));
             }
-            if self.moments.len() > 1 {
+            if self.frame_times.len() > 1 {
                 let mebi = |bytes: u64| bytes >> 20;
                 facts.push(format!("ahead {} of {} MiB", mebi(ahead.bytes), mebi(ahead.budget)));
             }
@@ -187,7 +187,7 @@ impl Viewer {
                 ui.painter().circle_filled(dot.center(), 4.0, color);
                 let more = self.notices.len() - 1;
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    if signs::button(ui, Sign::Cross, "Dismiss", "dismiss", false).clicked() {
+                    if icons::button(ui, Sign::Cross, "Dismiss", "dismiss", false).clicked() {
                         self.notices.pop();
                     }
                     if more > 0 {

@@ -7,7 +7,7 @@ use eframe::egui;
 use egui_plot::{Legend, Line, Plot, PlotPoints, Points};
 
 use crate::draw_thread::{Job, Measured, Pane};
-use crate::news::News;
+use crate::messages::Message;
 use crate::truth::{self, Point, Truth};
 use crate::{Tab, Viewer};
 use limpid::gpu::PassTime;
@@ -180,7 +180,7 @@ impl Viewer {
         let number = self.traces;
         std::thread::spawn(move || {
             let truth = truth::of(&document, &scene, &camera, at);
-            post.send(News::Traced(number, Box::new(truth)));
+            post.send(Message::Traced(number, Box::new(truth)));
         });
     }
 

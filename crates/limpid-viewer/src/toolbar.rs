@@ -2,8 +2,8 @@
 
 use eframe::egui;
 
+use crate::icons::{self, Sign};
 use crate::shortcuts::{self, Action};
-use crate::signs::{self, Sign};
 use crate::views::View;
 use crate::{Compare, Viewer};
 
@@ -36,7 +36,7 @@ impl Viewer {
                     let mut button = |ui: &mut egui::Ui, sign, name, action, on| {
                         let key = shortcuts::of(action);
                         let hint = format!("{} ({})", key.help, key.shown);
-                        if signs::button(ui, sign, name, &hint, on).clicked() {
+                        if icons::button(ui, sign, name, &hint, on).clicked() {
                             wanted = Some(action);
                         }
                     };

@@ -9,7 +9,7 @@ use limpid::camera::Camera;
 use limpid::scene::{Liquid, Scene};
 use limpid::settings::Settings;
 use limpid_io::error::Result;
-use limpid_io::input::Moment;
+use limpid_io::input::FrameTime;
 use limpid_io::project::Processor;
 use limpid_lab::reference;
 use limpid_lab::reference::analytic::{Ball, Block, Pool};
@@ -32,7 +32,7 @@ pub(crate) struct Truth {
     /// The view.
     pub(crate) camera: Camera,
     /// The moment.
-    pub(crate) at: Moment,
+    pub(crate) at: FrameTime,
     /// What the liquid does to light.
     liquid: Liquid,
     /// What each of several liquids does.
@@ -56,7 +56,7 @@ pub(crate) struct Point {
 
 impl Truth {
     /// Whether it is that of a scene seen from a camera at a moment.
-    pub(crate) fn fits(&self, scene: &Scene, camera: &Camera, at: Option<Moment>) -> bool {
+    pub(crate) fn fits(&self, scene: &Scene, camera: &Camera, at: Option<FrameTime>) -> bool {
         let of = (&self.camera, Some(self.at), &self.liquid, &self.fluids);
         of == (camera, at, &scene.liquid, &scene.fluids)
     }
@@ -110,7 +110,12 @@ fn analytic(document: &Document) -> Option<Box<dyn reference::Liquid>> {
 ///
 /// # Errors
 /// As [`limpid_io::input::Input::particles`] and [`Mesh::reconstruct`].
-pub(crate) fn of(document: &Document, scene: &Scene, camera: &Camera, at: Moment) -> Result<Truth> {
+pub(crate) fn of(
+    document: &Document,
+    scene: &Scene,
+    camera: &Camera,
+    at: FrameTime,
+) -> Result<Truth> {
     let liquid = match analytic(document) {
         Some(liquid) => liquid,
         None => {

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use crate::fingerprint::Fingerprint;
 use indicatif::ProgressBar;
 use limpid_io::Error;
-use limpid_io::film::Take;
-use limpid_io::output::{Kind, Stream};
+use limpid_io::film::Shot;
+use limpid_io::output::{FileKind, Stream};
 use serde::Serialize;
 
 use super::output::Pictures;
@@ -78,7 +78,7 @@ pub(super) struct Log {
 impl Manifest {
     /// Opens it for lines to be added.
     pub(super) fn open(path: &Path, host: String) -> limpid_io::Result<Self> {
-        let file = Stream::append(path, Kind::Manifest)?;
+        let file = Stream::append(path, FileKind::Manifest)?;
         Ok(Self { file, path: path.to_owned(), host })
     }
 }
@@ -87,11 +87,11 @@ impl Log {
     /// A frame that is not this process's to draw.
     pub(super) fn tell(
         &mut self,
-        take: &Take,
+        shot: &Shot,
         fingerprint: Fingerprint,
         status: Status,
     ) -> limpid_io::Result<()> {
-        self.add(take, fingerprint, status, Outcome::default())
+        self.add(shot, fingerprint, status, Outcome::default())
     }
 
     /// A frame that has failed.
@@ -100,22 +100,22 @@ impl Log {
     /// That error, where it ends the run.
     pub(super) fn fail(
         &mut self,
-        take: &Take,
+        shot: &Shot,
         fingerprint: Fingerprint,
         error: Error,
     ) -> limpid_io::Result<()> {
-        let error = error.of_frame(take.number);
+        let error = error.of_frame(shot.number);
         let outcome = Outcome {
             error: Some(error.to_string()),
             code: Some(error.category() as u8),
             ..Outcome::default()
         };
-        self.add(take, fingerprint, Status::Failed, outcome)?;
+        self.add(shot, fingerprint, Status::Failed, outcome)?;
         if !self.keep_going {
             return Err(error);
         }
         self.complain(&error);
-        self.failed.push(take.number);
+        self.failed.push(shot.number);
         self.bar.inc(1);
         Ok(())
     }
@@ -127,7 +127,7 @@ impl Log {
 
     pub(super) fn add(
         &mut self,
-        take: &Take,
+        shot: &Shot,
         fingerprint: Fingerprint,
         status: Status,
         outcome: Outcome,
@@ -136,8 +136,8 @@ impl Log {
             return Ok(());
         };
         let line = Line {
-            frame: take.number,
-            file: pictures.path(take),
+            frame: shot.number,
+            file: pictures.path(shot),
             status,
             fingerprint: fingerprint.to_string(),
             outcome,

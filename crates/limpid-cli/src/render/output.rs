@@ -8,9 +8,9 @@ use image::RgbImage;
 use limpid::aov::{Aov, Part};
 use limpid_io::Error;
 use limpid_io::exr;
-use limpid_io::film::{Film, Take};
+use limpid_io::film::{Film, Shot};
 use limpid_io::input;
-use limpid_io::output::{self, Files, Kind, OutputNames, PictureFormat};
+use limpid_io::output::{self, FileKind, Files, OutputNames, PictureFormat};
 
 use super::{Args, film_path};
 
@@ -30,7 +30,7 @@ pub(super) struct Pictures {
 
 /// Fails if an output is an input, another output or a file of another kind, or cannot be written:
 /// before anything is drawn.
-pub(super) fn check(args: &Args, takes: &[Take]) -> limpid_io::Result<()> {
+pub(super) fn check(args: &Args, shots: &[Shot]) -> limpid_io::Result<()> {
     let mut files = Files::default();
     let scene = args.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
     for input in args.input.iter().chain(&scene) {
@@ -38,21 +38,21 @@ pub(super) fn check(args: &Args, takes: &[Take]) -> limpid_io::Result<()> {
     }
     args.camera_path.iter().for_each(|path| files.reads(path));
     match film_path(args) {
-        Some(path) => files.writes(path, Kind::Film)?,
+        Some(path) => files.writes(path, FileKind::Film)?,
         None => {
-            let pictures = Pictures::new(args, takes.len())?;
+            let pictures = Pictures::new(args, shots.len())?;
             pictures.names.create_folder()?;
-            for take in args.shard.unwrap_or_default().of(takes) {
-                let path = pictures.path(take);
-                files.writes(&path, Kind::Picture)?;
+            for shot in args.shard.unwrap_or_default().of(shots) {
+                let path = pictures.path(shot);
+                files.writes(&path, FileKind::Picture)?;
                 if pictures.aovs.is_some() {
-                    files.writes(&aov_path(&path), Kind::Picture)?;
+                    files.writes(&aov_path(&path), FileKind::Picture)?;
                 }
             }
         }
     }
-    args.stats.iter().try_for_each(|path| files.writes(path, Kind::Measurements))?;
-    args.manifest.iter().try_for_each(|path| files.writes(path, Kind::Manifest))
+    args.stats.iter().try_for_each(|path| files.writes(path, FileKind::Measurements))?;
+    args.manifest.iter().try_for_each(|path| files.writes(path, FileKind::Manifest))
 }
 
 impl Output {
@@ -100,17 +100,17 @@ impl Output {
 
     pub(super) fn write(
         &mut self,
-        take: &Take,
+        shot: &Shot,
         picture: &RgbImage,
         radiance: Option<Part>,
         fingerprint: Fingerprint,
     ) -> limpid_io::Result<()> {
         match (self, radiance) {
             (Self::Pictures(pictures), Some(radiance)) => {
-                exr::write_noted(&pictures.path(take), vec![radiance], fingerprint.exr_note())
+                exr::write_noted(&pictures.path(shot), vec![radiance], fingerprint.exr_note())
             }
             (Self::Pictures(pictures), None) => {
-                output::write_picture(&pictures.path(take), picture, &fingerprint.notes(picture))
+                output::write_picture(&pictures.path(shot), picture, &fingerprint.notes(picture))
             }
             (Self::Film(film), _) => film.push(picture),
         }
@@ -171,13 +171,13 @@ impl Pictures {
         Ok(Self { names, format, size: args.size, aovs: args.aov.clone() })
     }
 
-    pub(super) fn path(&self, take: &Take) -> PathBuf {
-        self.names.path(take.number)
+    pub(super) fn path(&self, shot: &Shot) -> PathBuf {
+        self.names.path(shot.number)
     }
 
     /// Whether nothing is left to draw of it.
-    pub(super) fn are_whole(&self, take: &Take, fingerprint: Fingerprint) -> bool {
-        let path = self.path(take);
+    pub(super) fn are_whole(&self, shot: &Shot, fingerprint: Fingerprint) -> bool {
+        let path = self.path(shot);
         let images = self
             .aovs
             .as_ref()
@@ -191,12 +191,12 @@ impl Pictures {
 
     pub(super) fn write_aovs(
         &self,
-        take: &Take,
+        shot: &Shot,
         parts: Vec<Part>,
         fingerprint: Fingerprint,
     ) -> limpid_io::Result<()> {
         let fingerprint = fingerprint.with(&listed(self.aovs.as_deref().unwrap_or_default()));
-        exr::write_noted(&aov_path(&self.path(take)), parts, fingerprint.exr_note())
+        exr::write_noted(&aov_path(&self.path(shot)), parts, fingerprint.exr_note())
     }
 }
 

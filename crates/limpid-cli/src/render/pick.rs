@@ -11,12 +11,12 @@ use super::plan::Plan;
 /// Gives the scene the settings that satisfy the limits, says which, and returns them.
 pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid_io::Result<Option<Picked>> {
     let limits = Limits { max_error: args.max_error, budget: args.budget };
-    let Plan { input, scene, moments, takes, .. } = plan;
+    let Plan { input, scene, frame_times, shots, .. } = plan;
     let first = |scene: &Scene| {
         // No device is open yet, and what is picked does not depend on it.
         let input = input.clone().processed_by(Processor::Cpu);
-        let loaded = input.load(moments[takes[0].frame], scene)?;
-        Ok((takes[0].camera, loaded.splats))
+        let loaded = input.load(frame_times[shots[0].frame], scene)?;
+        Ok((shots[0].camera, loaded.splats))
     };
     let curve = Curve::shipped();
     let picked = curve.pick(limits, device::open, scene, first, args.size)?;

@@ -4,9 +4,9 @@ use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::Error;
 use limpid_io::camera_path::CameraPath;
-use limpid_io::film::{self, Motion, Take};
+use limpid_io::film::{self, Motion, Shot};
 use limpid_io::frames::FrameSpec;
-use limpid_io::input::{Input, Moment};
+use limpid_io::input::{FrameTime, Input};
 use limpid_io::notice::{self, Notice};
 use limpid_io::project::open::Request;
 
@@ -20,9 +20,9 @@ pub(super) struct Plan {
     pub(super) input: Input,
     pub(super) scene: Scene,
     /// What is drawn of the particles.
-    pub(super) moments: Vec<Moment>,
+    pub(super) frame_times: Vec<FrameTime>,
     /// The pictures of all machines.
-    pub(super) takes: Vec<Take>,
+    pub(super) shots: Vec<Shot>,
     /// Pictures per second.
     pub(super) fps: f64,
     pub(super) notices: Vec<Notice>,
@@ -46,18 +46,18 @@ impl Plan {
         let opened = request.open()?;
         let camera = opened.project.camera_for(Default::default());
         let (input, scene) = (opened.input, opened.project.scene);
-        let (moments, numbers, fps) = moments(args, &input)?;
-        let takes = takes(args, camera, &numbers, fps)?;
+        let (frame_times, numbers, fps) = frame_times(args, &input)?;
+        let shots = shots(args, camera, &numbers, fps)?;
         let notices = notices(args, &input, numbers.len());
-        Ok(Self { input, scene, moments, takes, fps, notices })
+        Ok(Self { input, scene, frame_times, shots, fps, notices })
     }
 }
 
 /// What is drawn of the particles, how its pictures are numbered, and how many there are a second.
 ///
-/// Frames as they are, unless the film's time is another than the sequence's: then moments at equal
+/// Frames as they are, unless the film's time is another than the sequence's: then frame times at equal
 /// steps, which are counted from 1.
-fn moments(args: &Args, input: &Input) -> limpid_io::Result<(Vec<Moment>, Vec<i64>, f64)> {
+fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>, Vec<i64>, f64)> {
     let spec = match (&args.frames, input.frame) {
         (Some(spec), _) => spec.clone(),
         (None, Some(frame)) => FrameSpec::List(vec![frame]),
@@ -78,7 +78,7 @@ fn moments(args: &Args, input: &Input) -> limpid_io::Result<(Vec<Moment>, Vec<i6
     }
     let step = speed * input.fps().unwrap_or(fps) / fps;
     if step == 1.0 || frames.len() == 1 {
-        return Ok((frames.iter().copied().map(Moment::at).collect(), frames, fps));
+        return Ok((frames.iter().copied().map(FrameTime::at).collect(), frames, fps));
     }
     if !frames.is_sorted() {
         let problem = "--frames: slow and fast motion takes the frames in order, as 1-9 or 1,5,9";
@@ -86,12 +86,12 @@ fn moments(args: &Args, input: &Input) -> limpid_io::Result<(Vec<Moment>, Vec<i6
     }
     let frame = input.sequence.stride() as f64;
     let count = frames[frames.len() - 1].abs_diff(frames[0]) as f64 / (frame * step);
-    if count > film::MAX_TAKES {
+    if count > film::MAX_SHOTS {
         return Err(Error::Usage(format!("{count:.0} pictures; a higher --speed expected")));
     }
-    let moments = input.moments(&frames, step);
-    let numbers = (1..=moments.len() as i64).collect();
-    Ok((moments, numbers, fps))
+    let frame_times = input.frame_times(&frames, step);
+    let numbers = (1..=frame_times.len() as i64).collect();
+    Ok((frame_times, numbers, fps))
 }
 
 /// What is to be said of the sequence.
@@ -108,7 +108,7 @@ fn notices(args: &Args, input: &Input, pictures: usize) -> Vec<Notice> {
 }
 
 /// The pictures, from where the camera is.
-fn takes(args: &Args, camera: Camera, numbers: &[i64], fps: f64) -> limpid_io::Result<Vec<Take>> {
+fn shots(args: &Args, camera: Camera, numbers: &[i64], fps: f64) -> limpid_io::Result<Vec<Shot>> {
     let motion = match (&args.camera_path, args.turntable) {
         (Some(path), _) => Motion::Path(CameraPath::load(path)?),
         (None, Some(seconds)) => Motion::Turntable(seconds),
@@ -118,5 +118,5 @@ fn takes(args: &Args, camera: Camera, numbers: &[i64], fps: f64) -> limpid_io::R
         let problem = "a film and a moving camera take the frames in order, as 1-9 or 1,5,9";
         return Err(Error::Usage(format!("--frames: {problem}")));
     }
-    film::takes(numbers, camera, &motion, fps)
+    film::shots(numbers, camera, &motion, fps)
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::fingerprint::{Fingerprint, Fingerprints};
 use limpid_io::claim::{Claim, Claims};
-use limpid_io::film::Take;
+use limpid_io::film::Shot;
 use rayon::prelude::*;
 
 use super::manifest::{Log, Status};
@@ -20,7 +20,7 @@ const SILENCE: Duration = Duration::from_secs(30);
 
 /// A picture that is this process's to draw.
 pub(super) struct Job {
-    pub(super) take: Take,
+    pub(super) shot: Shot,
     pub(super) fingerprint: Fingerprint,
     /// Given up when the job is done.
     _claim: Option<Claim>,
@@ -30,56 +30,56 @@ pub(super) struct Job {
 pub(super) struct Queue {
     fingerprints: Fingerprints,
     claims: Option<(Claims, Pictures)>,
-    pending: VecDeque<Take>,
+    pending: VecDeque<Shot>,
     /// Claimed by others when they were last looked at.
-    others: VecDeque<Take>,
+    others: VecDeque<Shot>,
 }
 
 /// What has become of a picture that was looked at.
-enum Look {
-    Mine(Box<Job>),
-    Others,
+enum Availability {
+    Free(Box<Job>),
+    Claimed,
     Done,
 }
 
 impl Queue {
     pub(super) fn new(
-        takes: Vec<Take>,
+        shots: Vec<Shot>,
         fingerprints: Fingerprints,
         claims: Option<(Claims, Pictures)>,
     ) -> Self {
-        Self { fingerprints, claims, pending: takes.into(), others: VecDeque::new() }
+        Self { fingerprints, claims, pending: shots.into(), others: VecDeque::new() }
     }
 
     /// Takes those out that need not be drawn again.
     pub(super) fn skip(&mut self, log: &mut Log) -> limpid_io::Result<()> {
         let Some(pictures) = log.pictures.clone() else { return Ok(()) };
-        let takes = Vec::from(std::mem::take(&mut self.pending));
+        let shots = Vec::from(std::mem::take(&mut self.pending));
         // There may be so many that whoever interrupts would wait.
-        let whole = |take: &Take| {
-            signals::received().is_none() && pictures.are_whole(take, self.fingerprint(take))
+        let whole = |shot: &Shot| {
+            signals::received().is_none() && pictures.are_whole(shot, self.fingerprint(shot))
         };
-        let whole: Vec<bool> = takes.par_iter().map(whole).collect();
-        for (take, whole) in takes.into_iter().zip(whole) {
+        let whole: Vec<bool> = shots.par_iter().map(whole).collect();
+        for (shot, whole) in shots.into_iter().zip(whole) {
             if !whole {
-                self.pending.push_back(take);
+                self.pending.push_back(shot);
                 continue;
             }
             // One that was killed between its picture and its claim has left that behind.
             if let Some((claims, pictures)) = &self.claims
-                && Claims::exist(&pictures.path(&take))
-                && let Err(error) = claims.take(&pictures.path(&take))
+                && Claims::exist(&pictures.path(&shot))
+                && let Err(error) = claims.take(&pictures.path(&shot))
             {
                 // The picture is whole all the same.
                 log.complain(format!("the claim on it is left: {error}"));
             }
-            log.tell(&take, self.fingerprint(&take), Status::Skipped)?;
+            log.tell(&shot, self.fingerprint(&shot), Status::Skipped)?;
         }
         Ok(())
     }
 
     /// What has not been given out, in order, but for what others had when it was looked at.
-    pub(super) fn pending(&mut self) -> &[Take] {
+    pub(super) fn pending(&mut self) -> &[Shot] {
         self.pending.make_contiguous()
     }
 
@@ -94,19 +94,21 @@ impl Queue {
 
     /// Gives up what is not going to be drawn.
     pub(super) fn give_back(&mut self, job: Option<Job>) {
-        self.pending.extend(job.map(|job| job.take));
+        self.pending.extend(job.map(|job| job.shot));
     }
 
     /// The next one that is free; `None` if there is none, or a signal has come.
     pub(super) fn next_free(&mut self, log: &mut Log) -> limpid_io::Result<Option<Job>> {
         while signals::received().is_none()
-            && let Some(take) = self.pending.pop_front()
+            && let Some(shot) = self.pending.pop_front()
         {
-            match self.look(take) {
-                Ok(Look::Mine(job)) => return Ok(Some(*job)),
-                Ok(Look::Others) => self.others.push_back(take),
-                Ok(Look::Done) => log.tell(&take, self.fingerprint(&take), Status::Claimed)?,
-                Err(error) => log.fail(&take, self.fingerprint(&take), error)?,
+            match self.availability(shot) {
+                Ok(Availability::Free(job)) => return Ok(Some(*job)),
+                Ok(Availability::Claimed) => self.others.push_back(shot),
+                Ok(Availability::Done) => {
+                    log.tell(&shot, self.fingerprint(&shot), Status::Claimed)?;
+                }
+                Err(error) => log.fail(&shot, self.fingerprint(&shot), error)?,
             }
         }
         Ok(None)
@@ -123,10 +125,10 @@ impl Queue {
                 return Ok(job);
             }
             if since.elapsed() >= silence
-                && let (Some((_, pictures)), Some(take)) = (&self.claims, self.others.front())
+                && let (Some((_, pictures)), Some(shot)) = (&self.claims, self.others.front())
             {
-                let holder = Claims::holder(&pictures.path(take));
-                let (count, frame) = (self.others.len(), take.number);
+                let holder = Claims::holder(&pictures.path(shot));
+                let (count, frame) = (self.others.len(), shot.number);
                 let frames = if count == 1 { "a frame" } else { &*format!("{count} frames") };
                 log.complain(format!("waiting for {frames} of others: {frame} of {holder}"));
                 silence *= 2;
@@ -137,23 +139,25 @@ impl Queue {
         }
     }
 
-    fn look(&self, take: Take) -> limpid_io::Result<Look> {
-        let fingerprint = self.fingerprint(&take);
+    fn availability(&self, shot: Shot) -> limpid_io::Result<Availability> {
+        let fingerprint = self.fingerprint(&shot);
         let Some((claims, pictures)) = &self.claims else {
-            return Ok(Look::Mine(Job { take, fingerprint, _claim: None }.into()));
+            return Ok(Availability::Free(Job { shot, fingerprint, _claim: None }.into()));
         };
-        if pictures.are_whole(&take, fingerprint) {
-            return Ok(Look::Done);
+        if pictures.are_whole(&shot, fingerprint) {
+            return Ok(Availability::Done);
         }
-        let Some(claim) = claims.take(&pictures.path(&take))? else { return Ok(Look::Others) };
+        let Some(claim) = claims.take(&pictures.path(&shot))? else {
+            return Ok(Availability::Claimed);
+        };
         // The owner before may have finished since.
-        if pictures.are_whole(&take, fingerprint) {
-            return Ok(Look::Done);
+        if pictures.are_whole(&shot, fingerprint) {
+            return Ok(Availability::Done);
         }
-        Ok(Look::Mine(Job { take, fingerprint, _claim: Some(claim) }.into()))
+        Ok(Availability::Free(Job { shot, fingerprint, _claim: Some(claim) }.into()))
     }
 
-    fn fingerprint(&self, take: &Take) -> Fingerprint {
-        self.fingerprints.of(take.frame, &take.camera)
+    fn fingerprint(&self, shot: &Shot) -> Fingerprint {
+        self.fingerprints.of(shot.frame, &shot.camera)
     }
 }

@@ -18,7 +18,7 @@ fn killed_at_any_moment_and_restarted() {
     let whole_run = begun.elapsed();
     let single = project.files("single");
     assert_eq!(single.len(), 16);
-    // Any moments will do; `LIMPID_SEED` chooses others.
+    // Any frame times will do; `LIMPID_SEED` chooses others.
     let seed = std::env::var("LIMPID_SEED").map_or(1, |text| text.parse().expect("a number"));
     let mut noise: u64 = seed;
     let mut unfinished = 0;

@@ -1,12 +1,12 @@
 //! The viewer without a window: that it draws what `limpid render` draws, that its panels have every
 //! setting, and that what moves the camera and the clock does so by its closed forms.
 
+mod camera_controls;
 mod devices;
 mod panels;
 mod parts;
 mod pictures;
 mod playing;
-mod rig;
 mod settings;
 
 use std::path::Path;

@@ -5,9 +5,9 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use glam::UVec2;
-use limpid_io::input::Moment;
+use limpid_io::input::FrameTime;
+use limpid_viewer::adaptive_resolution::AdaptiveResolution;
 use limpid_viewer::document::Document;
-use limpid_viewer::pace::Pace;
 use limpid_viewer::playback::{Playback, Speed};
 use limpid_viewer::shortcuts::{SHORTCUTS, action};
 use limpid_viewer::views::{Legend, View, viridis};
@@ -40,7 +40,7 @@ fn playback_waits_and_leaves_nothing_out() {
     assert!(!playback.playing, "it ends at the end");
 }
 
-/// Protects speeds: slow motion has more moments of the same frames, fast motion leaves some out.
+/// Protects speeds: slow motion has more frame times of the same frames, fast motion leaves some out.
 #[test]
 fn speeds_keep_the_time() {
     let count = |frames: usize, speed: Speed| ((frames - 1) as f64 / speed.step()) as usize + 1;
@@ -87,7 +87,7 @@ fn drafts_are_as_large_as_time_allows() {
         ("very slow", |area| 20_000.0 * area, 0.125),
     ];
     for (name, ms, expected) in machines {
-        let mut pace = Pace::default();
+        let mut pace = AdaptiveResolution::default();
         assert!(pace.draft(full).x < full.x, "nothing is known yet");
         let mut scales = Vec::new();
         for _ in 0..40 {
@@ -99,7 +99,7 @@ fn drafts_are_as_large_as_time_allows() {
         assert_eq!(scales.last(), Some(&expected), "{name}: {scales:?}");
         assert!(scales[20..].iter().all(|scale| *scale == expected), "{name} wavers: {scales:?}");
     }
-    let mut pace = Pace::default();
+    let mut pace = AdaptiveResolution::default();
     pace.measured(UVec2::ZERO, full, 10.0);
     pace.measured(full, UVec2::ZERO, 10.0);
     assert_eq!(pace.draft(UVec2::ONE), UVec2::ONE);
@@ -164,6 +164,6 @@ fn each_key_does_one_thing() {
 fn documents_have_short_names_and_times() {
     let document = Document::open(&sequence()).expect("it opens");
     assert_eq!(document.name(), "ParticleData_Fluid_{}.bgeo");
-    assert_eq!(document.seconds(Moment { frame: 20, next: 40, fraction: 0.5 }), 25.0 / 30.0);
+    assert_eq!(document.seconds(FrameTime { frame: 20, next: 40, fraction: 0.5 }), 25.0 / 30.0);
     assert!(PathBuf::from(&document.source.input).is_absolute());
 }

@@ -5,13 +5,13 @@ use std::sync::{Arc, mpsc};
 
 use glam::UVec2;
 use limpid::gpu::Gpu;
+use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
-use limpid::studio::Studio;
-use limpid_io::input::{Input, Moment};
+use limpid_io::input::{FrameTime, Input};
 use limpid_io::project::overrides::replaced;
 use limpid_viewer::Viewer;
+use limpid_viewer::adaptive_resolution::Level;
 use limpid_viewer::draw_thread::{Answer, DrawThread, Pane, Request};
-use limpid_viewer::pace::Level;
 use limpid_viewer::views::View;
 
 use super::{
@@ -25,21 +25,21 @@ use super::{
 fn draw_thread_and_studio_draw_the_same_bits() {
     let input = Input::open(&sequence().input).expect("the frames are there");
     let input = input.with_radius(0.025).expect("a radius");
-    let (input, project) = input.settle().expect("it settles");
+    let (input, project) = input.resolve().expect("it settles");
     let scene = &project.scene;
     let gpu = Gpu::headless().expect("an adapter");
-    let mut studio = Studio::new(&gpu);
+    let mut studio = Offscreen::new(&gpu);
     let (sender, answers) = mpsc::channel();
     let thread = DrawThread::new(limpid_io::device::open, move |answer| {
         sender.send(answer).expect("the test waits");
     });
-    let between = Moment { frame: 20, next: 21, fraction: 0.5 };
+    let between = FrameTime { frame: 20, next: 21, fraction: 0.5 };
     let set = |text: &str| vec![text.to_owned()];
     let cases = [
-        (Moment::at(20), vec![]),
+        (FrameTime::at(20), vec![]),
         (between, vec![]),
-        (Moment::at(40), set("refract.solver=march")),
-        (Moment::at(40), set("classify.short_axis=1.1")),
+        (FrameTime::at(40), set("refract.solver=march")),
+        (FrameTime::at(40), set("classify.short_axis=1.1")),
     ];
     let mut pictures = Vec::new();
     for (number, (at, overrides)) in (1..).zip(cases) {
@@ -77,7 +77,7 @@ fn copied_command_line_writes_what_the_viewer_saves() {
     source.overrides = vec!["smooth.iterations=2".into(), "liquid.ior=1.41".into()];
     source.frames = Some("20-21".parse().expect("frames"));
     let mut harness = harness(source, [420.0, 300.0]);
-    // Half speed has moments between frames.
+    // Half speed has frame times between frames.
     harness.key_press(eframe::egui::Key::OpenBracket);
     harness.key_press(eframe::egui::Key::ArrowRight);
     harness.key_press(eframe::egui::Key::F);

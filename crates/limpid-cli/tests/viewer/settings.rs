@@ -7,7 +7,7 @@ use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::settings::Settings;
-use limpid_io::input::Moment;
+use limpid_io::input::FrameTime;
 use limpid_io::project::Processor;
 use limpid_io::project::overrides::replaced;
 use limpid_viewer::command_line::{command_line, quoted};
@@ -151,7 +151,7 @@ fn command_line_tells_what_differs() {
         &document,
         (&document.project.scene, Processor::Auto),
         &camera,
-        Moment::at(20),
+        FrameTime::at(20),
         size,
         "a b.png",
     );

@@ -10,7 +10,7 @@ use limpid_sim::sim::Simulation;
 
 use super::frames_in;
 use crate::error::{Error, Result};
-use crate::output::Kind;
+use crate::output::FileKind;
 use crate::{files, output};
 
 /// To be counted up when the same parameters no longer make the same frames.
@@ -64,7 +64,7 @@ pub(super) fn keep(
         }
     }
     let text = serde_json::to_string_pretty(&record).expect("numbers and names are JSON");
-    output::write_atomically(&path, Kind::BakeRecord, |file| writeln!(file, "{text}"))
+    output::write_atomically(&path, FileKind::BakeRecord, |file| writeln!(file, "{text}"))
 }
 
 /// The error of frames that no bake is known to have made.

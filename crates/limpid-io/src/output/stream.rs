@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-use super::Kind;
+use super::FileKind;
 use crate::error::{Error, Result};
 
 /// How often it is looked whether a wait is to end.
@@ -88,8 +88,8 @@ impl Stream {
     /// Opens it for lines to be added to those that are there.
     ///
     /// # Errors
-    /// As [`Kind::check`]; [`Error::Io`] if it cannot be opened.
-    pub fn append(path: &Path, kind: Kind) -> Result<Self> {
+    /// As [`FileKind::check`]; [`Error::Io`] if it cannot be opened.
+    pub fn append(path: &Path, kind: FileKind) -> Result<Self> {
         Self::open(path, kind, File::options().append(true).create(true).read(true))
     }
 
@@ -97,11 +97,11 @@ impl Stream {
     ///
     /// # Errors
     /// As [`Stream::append`].
-    pub fn create(path: &Path, kind: Kind) -> Result<Self> {
+    pub fn create(path: &Path, kind: FileKind) -> Result<Self> {
         Self::open(path, kind, File::options().write(true).create(true).truncate(true))
     }
 
-    fn open(path: &Path, kind: Kind, options: &std::fs::OpenOptions) -> Result<Self> {
+    fn open(path: &Path, kind: FileKind, options: &std::fs::OpenOptions) -> Result<Self> {
         kind.check(path)?;
         let opened = match super::is_device(path) {
             true => Pipe::open(path).map(Self::Pipe),

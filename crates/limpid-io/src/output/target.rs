@@ -13,7 +13,7 @@ use crate::{files, project};
 /// What a file is written as. A file that is there already is replaced only if it is of the same
 /// kind, by its contents, or empty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Kind {
+pub enum FileKind {
     /// A PNG, JPEG, WebP or OpenEXR picture.
     Picture,
     /// A video, an animated GIF or PNG.
@@ -58,7 +58,7 @@ const FILMS: [(usize, &[u8]); 4] =
 const MARK: u64 = 16;
 const HEAD: u64 = 64 << 10;
 
-impl Kind {
+impl FileKind {
     /// As messages call it.
     fn name(self) -> &'static str {
         match self {
@@ -126,7 +126,7 @@ impl Kind {
         })
     }
 
-    /// As [`Kind::check`], also where the folder is created when the file is written.
+    /// As [`FileKind::check`], also where the folder is created when the file is written.
     pub fn check_if_there(self, path: &Path) -> Result<()> {
         if path.exists() { self.check(path) } else { check_folder(folder_of(path)) }
     }
@@ -231,9 +231,9 @@ impl Files {
     /// Notes an output, of which nothing is written yet.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a file that is an input or another output, as [`Kind::check`], and
+    /// [`Error::Usage`] for a file that is an input or another output, as [`FileKind::check`], and
     /// [`Error::Io`] if the folder cannot be written to.
-    pub fn writes(&mut self, path: &Path, kind: Kind) -> Result<()> {
+    pub fn writes(&mut self, path: &Path, kind: FileKind) -> Result<()> {
         let refuse = |problem: &str| Err(Error::Usage(format!("{}: {problem}", path.display())));
         let identity = Identity::of(path);
         if identity.as_ref().is_some_and(|identity| self.read.contains(identity)) {

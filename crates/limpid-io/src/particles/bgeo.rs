@@ -25,7 +25,7 @@ use super::{
     Attribute, AttributeMap, Column, Contents, Cursor, POSITION_BYTES, Particles, Reading, Scalar,
     Values, foreign, narrow_id, too_large, unpacks_to_more,
 };
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Location, Result};
 use crate::files::DEFLATE_RATIO;
 use limpid::memory;
 
@@ -50,11 +50,11 @@ fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
             return Err(Error::io(path, "unpack", error));
         }
         let problem = format!("the gzip stream is damaged or cut off: {error}");
-        return Err(Error::malformed(path, Place::Byte(length), problem));
+        return Err(Error::malformed(path, Location::Byte(length), problem));
     }
     if length > limit {
         let problem = unpacks_to_more("file", limit);
-        return Err(Error::malformed(path, Place::Byte(limit), problem));
+        return Err(Error::malformed(path, Location::Byte(limit), problem));
     }
     Ok(unpacked)
 }

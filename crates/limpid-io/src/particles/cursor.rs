@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::table::Table;
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Location, Result};
 
 /// The bytes of a file, and how its places are told in messages.
 #[derive(Clone, Copy)]
@@ -19,9 +19,9 @@ impl Source<'_> {
     pub(super) fn error(&self, offset: usize, problem: impl Into<String>) -> Error {
         let place = if self.text {
             let before = self.bytes.get(..offset).unwrap_or(self.bytes);
-            Place::Line(1 + before.iter().filter(|&&byte| byte == b'\n').count() as u64)
+            Location::Line(1 + before.iter().filter(|&&byte| byte == b'\n').count() as u64)
         } else {
-            Place::Byte(offset as u64)
+            Location::Byte(offset as u64)
         };
         Error::malformed(self.path, place, problem)
     }

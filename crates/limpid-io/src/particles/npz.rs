@@ -13,7 +13,7 @@ use super::{
     Attribute, AttributeMap, Column, Contents, Cursor, Particles, Reading, Table, Values, foreign,
     unpacks_to_more, write_numbers,
 };
-use crate::error::{Error, Place, Result, printable};
+use crate::error::{Error, Location, Result, printable};
 use crate::files::DEFLATE_RATIO;
 use limpid::memory;
 
@@ -159,14 +159,14 @@ impl Members<'_> {
             return Ok(());
         }
         let problem = unpacks_to_more("file", self.limit);
-        Err(Error::malformed(&self.named(name), Place::Byte(0), problem))
+        Err(Error::malformed(&self.named(name), Location::Byte(0), problem))
     }
 
     /// The contents of a member, at most `length` of its bytes.
     fn unpack(&mut self, index: usize, name: &str, length: usize) -> Result<Vec<u8>> {
         let path = self.named(name);
         let fail = |unpacked: usize, problem: String| {
-            Error::malformed(&path, Place::Byte(unpacked as u64), problem)
+            Error::malformed(&path, Location::Byte(unpacked as u64), problem)
         };
         let member = self.archive.by_index(index);
         let member = member.map_err(|error| fail(0, format!("cannot be unpacked: {error}")))?;
@@ -196,7 +196,7 @@ impl Members<'_> {
 }
 
 fn damaged(path: &Path, problem: &str) -> Error {
-    Error::malformed(path, Place::Byte(0), problem)
+    Error::malformed(path, Location::Byte(0), problem)
 }
 
 /// Writes the positions and all attributes, stored: deflate gains little from floats.

@@ -27,7 +27,7 @@ use super::{
     known_magic, too_large,
 };
 use crate::error::{Error, Result};
-use crate::output::Kind;
+use crate::output::FileKind;
 use crate::{files, output};
 use limpid::memory;
 
@@ -136,7 +136,7 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
 pub(crate) fn write_ellipsoids(particles: &Particles, path: &Path) -> Result<()> {
     let path = path.with_extension("ani");
     // Whether it is replaced or removed.
-    Kind::Ellipsoids.check(&path)?;
+    FileKind::Ellipsoids.check(&path)?;
     let Some(ellipsoids) = &particles.ellipsoids else {
         return match std::fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
@@ -147,7 +147,7 @@ pub(crate) fn write_ellipsoids(particles: &Particles, path: &Path) -> Result<()>
     };
     let radius = written_radius(particles);
     let differ = common_radius(particles).is_none();
-    output::write_atomically(&path, Kind::Ellipsoids, |out| {
+    output::write_atomically(&path, FileKind::Ellipsoids, |out| {
         out.write_all(&rows(particles)?.to_le_bytes())?;
         ellipsoids.iter().enumerate().try_for_each(|(i, &ellipsoid)| {
             let own = particles.radii.as_ref().filter(|_| differ).map(|radii| radii[i] / radius);

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::Particles;
 use super::cursor::Source;
 use crate::error::{Error, Result};
-use limpid::camera::is_place;
+use limpid::camera::is_position;
 use limpid::memory;
 
 /// The types of number that files hold.
@@ -164,7 +164,7 @@ impl Table<'_> {
         columns: [Column; 3],
         mut places: impl Iterator<Item = DVec3> + Clone,
     ) -> Result<()> {
-        let Some(row) = places.clone().position(|place| !is_place(place)) else { return Ok(()) };
+        let Some(row) = places.clone().position(|place| !is_position(place)) else { return Ok(()) };
         let place = places.nth(row).unwrap_or_default().as_vec3().to_array();
         let problem = format!("particle {row}: position {place:?}, below 1e18 m expected");
         Err(self.error(row, columns[0], problem))

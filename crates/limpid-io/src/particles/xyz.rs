@@ -15,9 +15,9 @@ use rayon::prelude::*;
 use super::{
     Column, Contents, Cursor, Particles, Reading, Scalar, Table, foreign, known_magic, stl_length,
 };
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, Location, Result};
 use crate::files;
-use limpid::camera::is_place;
+use limpid::camera::is_position;
 use limpid::memory;
 
 /// Reads raw floats from the file to where they stay, half the work of reading its bytes first:
@@ -42,7 +42,7 @@ pub(crate) fn read_raw(path: &Path, limit: Option<u64>) -> Option<Particles> {
     let sound = blocks.map(|(i, block)| {
         let offset = (i * BLOCK * size_of::<Vec3>()) as u64;
         files::read_at(&file, bytemuck::cast_slice_mut(block), offset).is_ok()
-            && block.iter().all(|x| is_place(x.as_dvec3()))
+            && block.iter().all(|x| is_position(x.as_dvec3()))
     });
     let sound = sound.reduce(|| true, |a, b| a & b);
     let sound = sound && files::unchanged(path, &file, &metadata).is_ok();
@@ -56,7 +56,7 @@ pub(crate) fn check_length(path: &Path, start: &[u8], length: u64) -> Result<()>
         return Ok(());
     }
     let problem = format!("particle {}: 12 bytes expected, {left} are left", length / 12);
-    Err(Error::malformed(path, Place::Byte(length - left), problem))
+    Err(Error::malformed(path, Location::Byte(length - left), problem))
 }
 
 /// Whether a file that begins like this, of this length, holds positions as far as that tells.

@@ -12,7 +12,7 @@ use super::{LiquidSource, NamedView, ParticleSource, Processor, Project};
 use crate::environment;
 use crate::error::{Error, Result, toml_error};
 use crate::files;
-use crate::output::{Kind, write_atomically};
+use crate::output::{FileKind, write_atomically};
 use crate::particles::AttributeMap;
 use limpid::camera::Camera;
 use limpid::environment::{Environment, MAX_RADIANCE};
@@ -179,7 +179,7 @@ impl Project {
         let mut solids = Vec::new();
         for (i, solid) in file.solid.into_iter().enumerate() {
             let number = i + 1;
-            solids.push(solid.meaning().map_err(|e| fail(format!("[[solid]] {number}: {e}")))?);
+            solids.push(solid.validated().map_err(|e| fail(format!("[[solid]] {number}: {e}")))?);
         }
         let sources = [
             file.particles.is_some(),
@@ -195,11 +195,11 @@ impl Project {
             recipe.check().map_err(|e| in_file(e.into(), &fail))?;
             solids.extend(recipe.solids());
         }
-        let liquid = file.liquid.meaning().map_err(|e| fail(format!("[liquid] {e}")))?;
+        let liquid = file.liquid.validated().map_err(|e| fail(format!("[liquid] {e}")))?;
         let mut fluids = Vec::new();
         let mut sources = Vec::new();
         for (number, fluid) in (1..).zip(file.fluid) {
-            let fluid = fluid.meaning(liquid.absorption);
+            let fluid = fluid.validated(liquid.absorption);
             let (source, absorption) =
                 fluid.map_err(|e| fail(format!("[[fluid]] {number}: {e}")))?;
             sources.push(source);
@@ -225,8 +225,8 @@ impl Project {
             }
             p.source = folder.join(&p.source).to_string_lossy().into_owned();
         }
-        let environment = file.environment.meaning(folder, load_map, &fail)?;
-        let settings = file.settings.meaning(text).map_err(at_line)?;
+        let environment = file.environment.validated(folder, load_map, &fail)?;
+        let settings = file.settings.validated(text).map_err(at_line)?;
         let lights = file.light;
         let project = Self {
             scene: Scene { liquid, fluids, environment, solids, lights, settings },
@@ -289,7 +289,7 @@ impl Project {
     /// [`Error::Io`] naming the file; nothing is left half-written.
     pub fn save(&self, path: &Path) -> Result<()> {
         // Before its map is written.
-        Kind::Scene.check(path)?;
+        FileKind::Scene.check(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut project = self.clone();
         for particles in project.source.files_mut() {
@@ -304,11 +304,11 @@ impl Project {
             picture
                 .write_to(&mut bytes, image::ImageFormat::OpenExr)
                 .map_err(|e| Error::io(&map, "write", std::io::Error::other(e)))?;
-            write_atomically(&map, Kind::Picture, |file| file.write_all(bytes.get_ref()))?;
+            write_atomically(&map, FileKind::Picture, |file| file.write_all(bytes.get_ref()))?;
         }
         let name = map.file_name().unwrap_or_default().to_string_lossy();
         let text = project.to_toml(Some(&name))?;
-        write_atomically(path, Kind::Scene, |file| file.write_all(text.as_bytes()))
+        write_atomically(path, FileKind::Scene, |file| file.write_all(text.as_bytes()))
     }
 }
 
@@ -378,7 +378,7 @@ impl LiquidFile {
         Self { ior: Some(liquid.ior), absorption: Some(liquid.absorption), color: None }
     }
 
-    fn meaning(self) -> Result<Liquid, String> {
+    fn validated(self) -> Result<Liquid, String> {
         let default = Liquid::default();
         let absorption = absorption(self.absorption, self.color)?;
         Ok(Liquid {
@@ -395,7 +395,7 @@ impl FluidFile {
         Self { source, frame, radius, up, fps, map, absorption, color: None }
     }
 
-    fn meaning(self, default: Vec3) -> Result<(ParticleSource, Vec3), String> {
+    fn validated(self, default: Vec3) -> Result<(ParticleSource, Vec3), String> {
         let Self { source, frame, radius, up, fps, map, absorption: given, color } = self;
         let absorption = absorption(given, color)?.unwrap_or(default);
         Ok((ParticleSource { source, frame, radius, up, fps, map }, absorption))
@@ -419,7 +419,7 @@ impl EnvironmentFile {
         }
     }
 
-    fn meaning(
+    fn validated(
         self,
         folder: &Path,
         load_map: LoadMap,
@@ -461,7 +461,7 @@ impl SettingsFile {
     }
 
     /// What the file gives, and the preset where it gives nothing.
-    fn meaning(self, text: &str) -> Result<Settings, toml::de::Error> {
+    fn validated(self, text: &str) -> Result<Settings, toml::de::Error> {
         let Self { preset, classify, smooth, refract, caustics, tonemap } = self;
         let Some(preset) = preset else {
             return Ok(Settings { classify, smooth, refract, caustics, tonemap });
@@ -515,7 +515,7 @@ impl SolidFile {
         file
     }
 
-    fn meaning(self) -> Result<Solid, String> {
+    fn validated(self) -> Result<Solid, String> {
         fn need<T>(value: Option<T>, shape: &str, key: &str) -> Result<T, String> {
             value.ok_or_else(|| format!("a {shape} needs {key}"))
         }

@@ -43,7 +43,7 @@ impl Request {
     /// Opens it. This may read the first frame that has particles.
     ///
     /// # Errors
-    /// As [`Input::open`], [`Project::load`], [`Input::settle`] and [`Project::set`].
+    /// As [`Input::open`], [`Project::load`], [`Input::resolve`] and [`Project::set`].
     pub fn open(&self) -> Result<Opened> {
         // Before anything is read that may take long.
         let settings: Vec<String> = (self.overrides.iter())
@@ -72,7 +72,7 @@ impl Request {
             input = input.with_radius(radius)?;
         }
         input.missing = self.missing;
-        let (input, plain) = input.with_options(&self.options).settle()?;
+        let (input, plain) = input.with_options(&self.options).resolve()?;
         let mut project = plain.clone();
         project.set(&self.overrides)?;
         project.camera = self.camera.or(project.camera);

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use image::{DynamicImage, Rgb, RgbImage};
 use limpid_io::Error;
-use limpid_io::output::{Kind, OutputNames, write_atomically, write_png};
+use limpid_io::output::{FileKind, OutputNames, write_atomically, write_png};
 use tempfile::TempDir;
 
 use super::assert_tells;
@@ -72,15 +72,15 @@ fn files_are_written_whole_or_not_at_all() {
         file.write_all(&[b'x'; 100_000])?;
         Err(io::Error::new(io::ErrorKind::StorageFull, "the disk is full"))
     };
-    let error = write_atomically(&path, Kind::Cache, full).unwrap_err();
+    let error = write_atomically(&path, FileKind::Cache, full).unwrap_err();
     assert!(matches!(error, Error::Io { action: "write", .. }), "{error:?}");
     assert_tells(&error.to_string(), &["a.txt", "the disk is full"]);
     assert_eq!(names(&folder), [""; 0]);
 
-    write_atomically(&path, Kind::Cache, |file| file.write_all(b"first")).unwrap();
-    write_atomically(&path, Kind::Cache, full).unwrap_err();
+    write_atomically(&path, FileKind::Cache, |file| file.write_all(b"first")).unwrap();
+    write_atomically(&path, FileKind::Cache, full).unwrap_err();
     assert_eq!(fs::read(&path).unwrap(), b"first");
-    write_atomically(&path, Kind::Cache, |file| file.write_all(b"second")).unwrap();
+    write_atomically(&path, FileKind::Cache, |file| file.write_all(b"second")).unwrap();
     assert_eq!(fs::read(&path).unwrap(), b"second");
     assert_eq!(names(&folder), ["a.txt"]);
 
@@ -89,7 +89,7 @@ fn files_are_written_whole_or_not_at_all() {
     {
         let link = folder.path().join("latest");
         std::os::unix::fs::symlink("a.txt", &link).unwrap();
-        write_atomically(&link, Kind::Cache, |file| file.write_all(b"third")).unwrap();
+        write_atomically(&link, FileKind::Cache, |file| file.write_all(b"third")).unwrap();
         assert!(link.is_symlink());
         assert_eq!(fs::read(&path).unwrap(), b"third");
         fs::remove_file(&link).unwrap();
@@ -98,7 +98,7 @@ fn files_are_written_whole_or_not_at_all() {
     // A name that is taken by a folder, and a folder that is a file or not there.
     fs::create_dir(folder.path().join("taken")).unwrap();
     for name in ["taken", "a.txt/b.txt", "none/b.txt"] {
-        let error = write_atomically(&folder.path().join(name), Kind::Cache, |file| {
+        let error = write_atomically(&folder.path().join(name), FileKind::Cache, |file| {
             file.write_all(b"lost")
         });
         let message = error.unwrap_err().to_string();
@@ -115,7 +115,7 @@ fn files_have_ordinary_permissions() {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
     let [ours, plain] = ["ours", "plain"].map(|name| folder.path().join(name));
-    write_atomically(&ours, Kind::Cache, |file| file.write_all(b"x")).unwrap();
+    write_atomically(&ours, FileKind::Cache, |file| file.write_all(b"x")).unwrap();
     fs::write(&plain, "x").unwrap();
     let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
     assert_eq!(mode(&ours), mode(&plain));
@@ -129,7 +129,7 @@ fn what_is_no_file_is_not_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("socket");
     let _socket = std::os::unix::net::UnixListener::bind(&path).unwrap();
-    write_atomically(&path, Kind::Cache, |file| file.write_all(b"x")).unwrap_err();
+    write_atomically(&path, FileKind::Cache, |file| file.write_all(b"x")).unwrap_err();
     assert!(fs::metadata(&path).unwrap().file_type().is_socket());
     assert_eq!(names(&folder), ["socket"]);
 }

@@ -9,22 +9,22 @@ use tempfile::TempDir;
 use super::suite::{Bake, Content, Entry};
 use limpid::camera::Camera;
 use limpid::gpu::Gpu;
+use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
-use limpid::studio::Studio;
 use limpid_io::bake;
 use limpid_io::error::{Error, Result};
 use limpid_io::frames::FrameSpec;
-use limpid_io::input::{Input, Loaded, Moment};
-use limpid_io::output::Litter;
-use limpid_io::place::Place;
+use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::output::CleanupGuard;
 use limpid_io::project::Project;
 use limpid_io::project::open::Request;
+use limpid_io::shared_classifier::SharedClassifier;
 
 /// A folder that is gone when this is dropped or the process is ended by [`limpid_io::output::abandon`].
 struct Baked {
     // In this order: removed, then forgotten.
     folder: TempDir,
-    _litter: Litter,
+    _litter: CleanupGuard,
 }
 
 /// An entry's particles and scene, opened.
@@ -64,17 +64,17 @@ impl<'a> Source<'a> {
 
     /// The same, with its particles classified on this device.
     pub(super) fn classified_on(self, gpu: &Gpu) -> Self {
-        Self { input: self.input.classified(Place::on(gpu)), ..self }
+        Self { input: self.input.classified(SharedClassifier::on(gpu)), ..self }
     }
 
-    /// The moments to draw, with the numbers of their pictures.
-    pub(super) fn moments(&self) -> Result<Vec<(i64, Moment)>> {
+    /// The frame times to draw, with the numbers of their pictures.
+    pub(super) fn frame_times(&self) -> Result<Vec<(i64, FrameTime)>> {
         let sequence = &self.input.sequence;
         let at = match &self.entry.content {
             Content::Sequence { frames, .. } => {
                 let numbers = frames.numbers(sequence, self.input.missing)?;
-                let moments = numbers.iter().map(|&number| (number, Moment::at(number)));
-                return Ok(moments.collect());
+                let frame_times = numbers.iter().map(|&number| (number, FrameTime::at(number)));
+                return Ok(frame_times.collect());
             }
             Content::Frame { at, .. } => *at,
         };
@@ -87,7 +87,7 @@ impl<'a> Source<'a> {
                 if numbers.binary_search(&frame).is_err() {
                     return Err(fail(format!("frame {frame} is not there; {}", has(&numbers))));
                 }
-                Moment::at(frame)
+                FrameTime::at(frame)
             }
             (Some(at), ..) => {
                 let moment = self.input.moment(&numbers, at)?;
@@ -99,9 +99,9 @@ impl<'a> Source<'a> {
                 }
                 moment
             }
-            (None, Some(frame), _) => Moment::at(frame),
-            (None, None, &[frame]) => Moment::at(frame),
-            (None, None, &[.., last]) if self.entry.bake.is_some() => Moment::at(last),
+            (None, Some(frame), _) => FrameTime::at(frame),
+            (None, None, &[frame]) => FrameTime::at(frame),
+            (None, None, &[.., last]) if self.entry.bake.is_some() => FrameTime::at(last),
             (None, None, _) => {
                 return Err(fail(format!("has {} frames; give frame or at", numbers.len())));
             }
@@ -122,13 +122,13 @@ impl<'a> Source<'a> {
     }
 
     /// Reads and classifies what there is at a moment.
-    pub(super) fn load(&self, moment: Moment) -> Result<Loaded> {
+    pub(super) fn load(&self, moment: FrameTime) -> Result<Loaded> {
         self.input.load(moment, &self.scene)
     }
 
     /// Draws it.
-    pub(super) fn draw(&self, studio: &mut Studio, loaded: &Loaded) -> Result<RgbImage> {
-        let shot = studio.draw(&self.scene, &self.camera, &loaded.splats, self.entry.size)?;
+    pub(super) fn draw(&self, offscreen: &mut Offscreen, loaded: &Loaded) -> Result<RgbImage> {
+        let shot = offscreen.draw(&self.scene, &self.camera, &loaded.splats, self.entry.size)?;
         Ok(shot.picture)
     }
 }
@@ -150,7 +150,7 @@ fn baked(scene_file: &str, bake: Bake) -> Result<(Input, Baked)> {
     // The first frame is the start.
     simulation.frames = 1 + (bake.seconds * simulation.fps).round() as u32;
     let simulation = simulation.clone();
-    let created = Litter::create(|| {
+    let created = CleanupGuard::create(|| {
         let folder = tempfile::tempdir()?;
         let path = folder.path().to_owned();
         Ok((folder, path))

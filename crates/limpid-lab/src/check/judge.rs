@@ -13,9 +13,9 @@ use super::suite::{AovTolerance, Content, Entry, Suite, Tolerance};
 use super::{Adapter, Measure, Outcome, images};
 use crate::compare::{self, FlipMap, load_picture};
 use limpid::aov::Aov;
-use limpid::studio::Studio;
+use limpid::offscreen::Offscreen;
 use limpid_io::error::{Error, Result};
-use limpid_io::input::Moment;
+use limpid_io::input::FrameTime;
 use limpid_io::output::OutputNames;
 
 pub(super) const MEAN_FLIP: &str = "mean FLIP";
@@ -35,22 +35,22 @@ pub(super) fn judge(
     suite: &Suite,
     entry: &Entry,
     adapter: &Adapter,
-    studio: &mut Studio,
+    offscreen: &mut Offscreen,
 ) -> Outcome {
     let tolerance = suite.tolerance(entry, adapter);
     let mut outcome = Outcome::new(&entry.name);
     let judged = Source::open(entry).and_then(|source| {
-        let source = source.classified_on(studio.gpu());
-        let moments = source.moments()?;
-        outcome.drawn = drawn(entry, &source, &moments)?;
+        let source = source.classified_on(offscreen.gpu());
+        let frame_times = source.frame_times()?;
+        outcome.drawn = drawn(entry, &source, &frame_times)?;
         match &entry.content {
             Content::Frame { expected, aovs, expected_aov, .. } => {
                 let aovs = (aovs, expected_aov.as_path());
-                let moment = moments[0].1;
-                frame(&mut outcome, &source, moment, studio, &tolerance, expected, aovs)
+                let moment = frame_times[0].1;
+                frame(&mut outcome, &source, moment, offscreen, &tolerance, expected, aovs)
             }
             Content::Sequence { expected, .. } => {
-                sequence(&mut outcome, &source, &moments, studio, &tolerance, expected)
+                sequence(&mut outcome, &source, &frame_times, offscreen, &tolerance, expected)
             }
         }
     });
@@ -63,12 +63,12 @@ pub(super) fn judge(
 }
 
 /// What an entry was drawn with, for the record.
-fn drawn(entry: &Entry, source: &Source<'_>, moments: &[(i64, Moment)]) -> Result<Table> {
+fn drawn(entry: &Entry, source: &Source<'_>, frame_times: &[(i64, FrameTime)]) -> Result<Table> {
     let defect = |e: toml::ser::Error| limpid::Error::Defect(format!("recording settings: {e}"));
     let mut table = Table::new();
     table.insert("size".into(), Value::try_from(entry.size).map_err(defect)?);
-    let frames: Vec<i64> = moments.iter().map(|(number, _)| *number).collect();
-    match (&entry.content, moments) {
+    let frames: Vec<i64> = frame_times.iter().map(|(number, _)| *number).collect();
+    match (&entry.content, frame_times) {
         (Content::Frame { .. }, &[(_, moment)]) => {
             let step = (moment.next - moment.frame) as f64;
             let at = moment.frame as f64 + moment.fraction * step;
@@ -144,15 +144,15 @@ pub(super) fn is_missing(error: &Error) -> bool {
 fn frame(
     outcome: &mut Outcome,
     source: &Source<'_>,
-    moment: Moment,
-    studio: &mut Studio,
+    moment: FrameTime,
+    offscreen: &mut Offscreen,
     tolerance: &Tolerance,
     expected: &Path,
     aovs: (&BTreeMap<Aov, AovTolerance>, &Path),
 ) -> Result<()> {
     let loaded = source.load(moment)?;
-    studio.renderer.diagnose = !aovs.0.is_empty();
-    let actual = source.draw(studio, &loaded)?;
+    offscreen.renderer.diagnose = !aovs.0.is_empty();
+    let actual = source.draw(offscreen, &loaded)?;
     let compared = Compared::new(expected, &actual, tolerance);
     if !compared.passes() {
         let exhibit = compared.exhibit(&outcome.name, "the picture", &actual);
@@ -168,30 +168,30 @@ fn frame(
         return Ok(());
     }
     let chosen: Vec<Aov> = aovs.0.keys().copied().collect();
-    images::judge(outcome, studio.images(&chosen)?, aovs, loaded.splats.radius)
+    images::judge(outcome, offscreen.images(&chosen)?, aovs, loaded.splats.radius)
 }
 
 /// Judges the pictures of a sequence, each by itself and how they change.
 fn sequence(
     outcome: &mut Outcome,
     source: &Source<'_>,
-    moments: &[(i64, Moment)],
-    studio: &mut Studio,
+    frame_times: &[(i64, FrameTime)],
+    offscreen: &mut Offscreen,
     tolerance: &Tolerance,
     names: &OutputNames,
 ) -> Result<()> {
-    if moments.len() < 2 {
-        let problem = format!("{} frame; a [[sequence]] has 2 or more", moments.len());
+    if frame_times.len() < 2 {
+        let problem = format!("{} frame; a [[sequence]] has 2 or more", frame_times.len());
         return Err(Error::Usage(problem));
     }
-    studio.renderer.diagnose = false;
+    offscreen.renderer.diagnose = false;
     let mut worst: Vec<Measure> = Vec::new();
     let (mut differ, mut missing) = (Vec::new(), Vec::new());
     let mut shown: Vec<(f64, Exhibit)> = Vec::new();
     let mut all = Vec::new();
     let mut changes = Changes::default();
-    for &(number, moment) in moments {
-        let actual = source.draw(studio, &source.load(moment)?)?;
+    for &(number, moment) in frame_times {
+        let actual = source.draw(offscreen, &source.load(moment)?)?;
         let path = names.path(number);
         let compared = Compared::new(&path, &actual, tolerance);
         all.push((path.clone(), png(&actual)));
@@ -216,7 +216,7 @@ fn sequence(
         outcome.error = outcome.error.take().or(compared.error);
         changes.add(actual, compared.expected);
     }
-    let count = moments.len();
+    let count = frame_times.len();
     if let Some(first) = missing.first() {
         let (number, first) = (missing.len(), first.display());
         outcome.problems.push(format!("{number} of {count} expected pictures missing: {first}"));

@@ -5,7 +5,7 @@ use base64::engine::general_purpose::STANDARD;
 use quick_xml::escape::escape;
 
 use super::{Exhibit, Measure, Outcome, Report, Verdict, digits};
-use crate::page;
+use crate::html_shell;
 
 const STYLE: &str = "
 :root { --bad: #b3261e; --good: #2e7d32 }
@@ -85,7 +85,7 @@ pub(super) fn page(report: &Report) -> String {
     let shown = |outcome: &&Outcome| outcome.verdict() != Verdict::Passed;
     report.outcomes.iter().filter(shown).for_each(|outcome| html += &section(outcome));
     let pictures = report.outcomes.iter().any(|outcome| !outcome.exhibits.is_empty());
-    page::page(&title, STYLE, &html, pictures.then_some(SCRIPT))
+    html_shell::page(&title, STYLE, &html, pictures.then_some(SCRIPT))
 }
 
 fn class(verdict: Verdict) -> &'static str {
@@ -178,7 +178,7 @@ fn panels(exhibit: &Exhibit) -> String {
 pub(super) mod tests {
     use super::super::Adapter;
     use super::*;
-    use crate::page::tests::assert_self_contained;
+    use crate::html_shell::tests::assert_self_contained;
     use image::RgbImage;
     use limpid_io::error::Error;
     use limpid_io::output::Files;

@@ -7,7 +7,7 @@ use toml::{Table, Value};
 use super::{Adapter, write_file};
 use limpid_io::error::{Result, toml_error};
 use limpid_io::files;
-use limpid_io::output::Kind;
+use limpid_io::output::FileKind;
 
 const HEADER: &str = "# What `limpid check --bless` drew the expected pictures with.\n";
 
@@ -50,6 +50,6 @@ impl Record {
                 text += &format!("{key} = {value}\n");
             }
         }
-        write_file(&self.path, Kind::BlessRecord, text.as_bytes())
+        write_file(&self.path, FileKind::BlessRecord, text.as_bytes())
     }
 }

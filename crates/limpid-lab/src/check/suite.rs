@@ -13,7 +13,7 @@ use limpid::aov::Aov;
 use limpid::camera::Camera;
 use limpid_io::error::{Error, Result, toml_error};
 use limpid_io::frames::FrameSpec;
-use limpid_io::output::{Files, Kind, OutputNames, folder_of};
+use limpid_io::output::{FileKind, Files, OutputNames, folder_of};
 use limpid_io::{files, input};
 
 /// What to draw, what it must look like, and how nearly.
@@ -221,7 +221,7 @@ impl Suite {
         for (entry, sequence) in frames.chain(sequences) {
             let table = if sequence { "[[sequence]]" } else { "[[frame]]" };
             let name = entry.name.clone();
-            let entry = entry.meaning(&defaults, sequence);
+            let entry = entry.validated(&defaults, sequence);
             entries.push(entry.map_err(|e| fail(format!("{table} `{name}`: {e}")))?);
         }
         let suite =
@@ -294,7 +294,7 @@ impl Suite {
             }
             check_blessing(&self.path, &path)?;
         }
-        Kind::BlessRecord.check_if_there(&self.path.with_extension("").join("blessed.toml"))
+        FileKind::BlessRecord.check_if_there(&self.path.with_extension("").join("blessed.toml"))
     }
 
     /// The entries whose names hold one of `filter`; all without one.
@@ -326,7 +326,7 @@ pub(super) fn check_blessing(suite: &Path, path: &Path) -> Result<()> {
         let problem = "a link leads out of the suite's folder; expectations stay below it";
         return Err(Error::Usage(format!("{}: {problem}", path.display())));
     }
-    Kind::Picture.check_if_there(path)
+    FileKind::Picture.check_if_there(path)
 }
 
 /// A file below the suite's folder with one of these endings.
@@ -352,7 +352,7 @@ struct Defaults<'a> {
 }
 
 impl EntryFile {
-    fn meaning(self, defaults: &Defaults<'_>, sequence: bool) -> Result<Entry, String> {
+    fn validated(self, defaults: &Defaults<'_>, sequence: bool) -> Result<Entry, String> {
         let Self { name, frame, at, frames, expected, expected_aov, aov, .. } = self;
         let good = |c: char| c.is_alphanumeric() || "-_.".contains(c);
         if name.is_empty() || name.starts_with('.') || !name.chars().all(good) {

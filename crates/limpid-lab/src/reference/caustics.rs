@@ -351,7 +351,7 @@ pub fn photons<'a>(
     let plastic = 1.324_717_957_244_746_f64;
     let steps = DVec2::new(plastic.recip(), plastic.powi(-2));
     let mut state = seed;
-    let turn = DVec2::from_array([0; 2].map(|_| limpid_sim::waves::splitmix64(&mut state)));
+    let turn = DVec2::from_array([0; 2].map(|_| limpid_sim::rng::splitmix64(&mut state)));
 
     let mut sum = Sum::new(&receivers);
     for batch in (0..count).step_by(BATCH as usize) {

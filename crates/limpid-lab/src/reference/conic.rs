@@ -127,10 +127,11 @@ impl Crossing {
 impl Conic {
     /// The conic of a triangle for a receiver at the origin and a light towards `light`.
     pub fn new(light: DVec3, positions: [DVec3; 3], normals: [DVec3; 3]) -> Self {
-        let moments = positions.map(|x| light.cross(x));
-        let vertices = [0, 1, 2].map(|i| normals[i].dot(moments[i]));
-        let mixed =
-            |a: usize, b: usize| 0.5 * (normals[a].dot(moments[b]) + normals[b].dot(moments[a]));
+        let frame_times = positions.map(|x| light.cross(x));
+        let vertices = [0, 1, 2].map(|i| normals[i].dot(frame_times[i]));
+        let mixed = |a: usize, b: usize| {
+            0.5 * (normals[a].dot(frame_times[b]) + normals[b].dot(frame_times[a]))
+        };
         Self { vertices, edges: EDGES.map(|[a, b, _]| mixed(a, b)) }
     }
 

@@ -21,9 +21,9 @@ use limpid::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
 use limpid::passes::gbuffer::SceneBinding;
 use limpid::passes::smooth;
 use limpid::passes::splat::SplatBuffers;
-use limpid::passes::surfaces::{self, Surfaces, Wanted};
 use limpid::passes::tiles::Sections;
-use limpid::passes::{CameraBinding, GBuffer, Layers};
+use limpid::passes::view_passes::{self, ViewConfig, ViewPasses};
+use limpid::passes::{CameraBinding, GBufferImages, Layers};
 use limpid::scene::{Light, Scene};
 use limpid::settings::{self, Method, Solver};
 use limpid_io::error::Result;
@@ -59,7 +59,7 @@ pub struct Bench {
     scene: SceneBinding,
     aggregate: Layers,
     splash: Option<Layers>,
-    gbuffer: GBuffer,
+    gbuffer: GBufferImages,
     outputs: [wgpu::Texture; 2],
     caustics: Caustics,
 }
@@ -106,7 +106,7 @@ impl Bench {
             view: *view,
             aggregate: pair(&layers.aggregate),
             splash: layers.splash.as_ref().map(pair),
-            gbuffer: GBuffer { surfaces: planes.clone(), planes },
+            gbuffer: GBufferImages { surfaces: planes.clone(), planes },
             outputs: [output("map"), output("receivers")],
             caustics: Caustics::new(gpu, &camera),
             camera,
@@ -358,14 +358,16 @@ fn one_path(counts: &[u32], size: UVec2, i: usize) -> bool {
 fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Result<ViewLayers> {
     let splats = &subject.loaded.splats;
     let fits = smooth::Params::iterations(&scene.settings.smooth, splats.radius);
-    let mut liquid =
-        surfaces::Liquid { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) };
+    let mut liquid = view_passes::SplatSet {
+        aggregates: SplatBuffers::new(gpu),
+        splashes: SplatBuffers::new(gpu),
+    };
     liquid.aggregates.upload(gpu, &splats.aggregates);
     liquid.splashes.upload(gpu, &splats.splashes);
-    let mut surfaces = Surfaces::new(gpu, view.orthographic);
+    let mut surfaces = ViewPasses::new(gpu, view.orthographic);
     let splash = !splats.splashes.is_empty();
     let backs = scene.settings.caustics.interfaces > 1;
-    let wanted = Wanted {
+    let wanted = ViewConfig {
         size: view.size,
         splash,
         mixture: false,

@@ -13,10 +13,10 @@ use crate::reference::layers::View;
 use crate::reference::trace::{MAX_DEPTH, trace_lit};
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::Splats;
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
 use limpid::settings::Settings;
-use limpid::studio::Picture;
 use limpid_io::error::Result;
 use limpid_io::project::overrides::replaced;
 

@@ -9,10 +9,10 @@ use super::rows::median;
 use limpid::camera::Camera;
 use limpid::gpu::{Gpu, PassTime};
 use limpid::liquid::classify::{Splat, Splats};
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 use limpid::settings::Solids;
-use limpid::studio::Picture;
 use limpid_io::error::Result;
 
 /// What a frame is drawn from.

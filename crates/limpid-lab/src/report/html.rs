@@ -12,7 +12,7 @@ use super::markdown::{
 };
 use super::plot::{Axis, Plot, Point, escape, svg};
 use super::{ErrorKind, Figure, Kind, Report, Row};
-use crate::page::page;
+use crate::html_shell::page;
 
 const STYLE: &str = "
 :root { --front: #e0862b }
@@ -409,7 +409,7 @@ pub fn html(report: &Report) -> String {
 mod tests {
     use super::super::sample::{empty, sample};
     use super::*;
-    use crate::page::tests::assert_self_contained;
+    use crate::html_shell::tests::assert_self_contained;
 
     /// Protects a page that can be kept and sent: it fetches nothing, and no text becomes markup.
     #[test]

@@ -15,6 +15,7 @@ use crate::reference::layers::View;
 use limpid::camera::{Camera, CameraUniform};
 use limpid::gpu::{self, Gpu, Timer};
 use limpid::liquid::classify::Splats;
+use limpid::offscreen::Picture;
 use limpid::passes::gbuffer::SceneBinding;
 use limpid::passes::mips::{self, Mips};
 use limpid::passes::refract::{Params, Variant};
@@ -22,7 +23,6 @@ use limpid::passes::{CameraBinding, Layers};
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
 use limpid::settings::{Refract, Solver};
-use limpid::studio::Picture;
 use limpid_io::error::Result;
 use truth::solves;
 

@@ -19,11 +19,11 @@ use limpid::gpu::TILE;
 use limpid::gpu::{self, Gpu};
 use limpid::lights;
 use limpid::liquid::classify::{Splat, Splats};
+use limpid::offscreen::Picture;
 use limpid::passes::caustics;
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
 use limpid::settings::Method;
-use limpid::studio::Picture;
 use limpid_io::error::Result;
 
 /// One pass's budget in one frame.

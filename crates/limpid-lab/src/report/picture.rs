@@ -11,10 +11,10 @@ use crate::reference::trace::{MAX_DEPTH, trace_lit};
 use limpid::camera::Camera;
 use limpid::gpu::{Gpu, PassTime};
 use limpid::liquid::classify::Splats;
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
 use limpid::settings::{Filter, Method, Preset, Refract, Settings, Solver};
-use limpid::studio::Picture;
 use limpid_io::error::Result;
 
 /// How pictures are measured.

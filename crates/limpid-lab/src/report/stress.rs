@@ -12,11 +12,11 @@ use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::gpu::{self, Gpu};
 use limpid::liquid::classify::{Splat, Splats};
+use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::{Liquid, Scene, Shape, Solid, Surface};
-use limpid::studio::Picture;
 use limpid_io::error::Result;
-use limpid_sim::waves::splitmix64;
+use limpid_sim::rng::splitmix64;
 
 /// What a case varies; all else is moderate.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -10,7 +10,7 @@ use crate::reference::mesh::{Mesh, Reconstruction};
 use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::error::{Error, Result};
-use limpid_io::input::{Input, Loaded, Moment};
+use limpid_io::input::{FrameTime, Input, Loaded};
 use limpid_io::project::{Processor, Project};
 use limpid_sim::recipe::Recipe;
 
@@ -124,7 +124,7 @@ impl Subject {
 /// As [`Subject::new`], and as [`Input::open`] for a file.
 pub fn load(name: &str) -> Result<(String, Project, Loaded)> {
     let (name, input, project) = if is_file(name) {
-        let (input, project) = Input::open(name)?.settle()?;
+        let (input, project) = Input::open(name)?.resolve()?;
         let stem = Path::new(name).file_stem().unwrap_or_default();
         (stem.to_string_lossy().into_owned(), input, project)
     } else {
@@ -134,7 +134,7 @@ pub fn load(name: &str) -> Result<(String, Project, Loaded)> {
     // What a report measures comes after it.
     let input = input.processed_by(Processor::Cpu);
     let frame = input.frame.unwrap_or(input.sequence.frames[0].number);
-    let loaded = input.load(Moment::at(frame), &project.scene)?;
+    let loaded = input.load(FrameTime::at(frame), &project.scene)?;
     Ok((name, project, loaded))
 }
 
@@ -153,7 +153,7 @@ fn open(name: &str) -> Result<(&'static str, Input, Project)> {
         }
         text => Input::from_project(Project::parse(text, name, Path::new(""))?, name)?,
     };
-    let (input, project) = input.settle()?;
+    let (input, project) = input.resolve()?;
     Ok((name, input, project))
 }
 

@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Droplet;
 use super::body::{Body, cuboid, cut, ellipse, join, ramp};
-use crate::waves::{WaveSpectrum, Waves, splitmix64};
+use crate::rng::splitmix64;
+use crate::waves::{WaveSpectrum, Waves};
 
 /// A wave that runs along +x and breaks along z: at the tank's front, z > 0, the lip still hangs
 /// over the hollow; at its back it has fallen into the trough and thrown up a sheet.

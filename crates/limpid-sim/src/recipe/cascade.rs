@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::Droplet;
 use super::body::{Body, cuboid, join, ramp};
 use super::breaker::noise;
-use crate::waves::{WaveSpectrum, Waves, splitmix64};
+use crate::rng::splitmix64;
+use crate::waves::{WaveSpectrum, Waves};
 
 /// Gravity, m/s².
 const GRAVITY: f64 = 9.81;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::Droplet;
 use super::body::Body;
-use crate::waves::splitmix64;
+use crate::rng::splitmix64;
 
 /// Relaxation sweeps: after these the nearest neighbours are evenly far.
 const SWEEPS: u32 = 10;

@@ -6,7 +6,8 @@ use glam::{DVec2, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::body::Body;
-use crate::waves::{WaveSpectrum, Waves, splitmix64};
+use crate::rng::splitmix64;
+use crate::waves::{WaveSpectrum, Waves};
 use limpid::scene::{Shape, Solid, Surface};
 
 /// Calm water with waves, after the pool of Mayer, Assarsson and Sintorn (2026). Its particles are

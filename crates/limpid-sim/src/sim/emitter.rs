@@ -6,7 +6,7 @@ use glam::{DVec3, IVec3, Vec3};
 
 use super::colliders::Colliders;
 use super::{Block, Emitter, Simulation, State};
-use crate::waves::splitmix64;
+use crate::rng::splitmix64;
 
 /// Largest displacement of a particle from its lattice, in spacings: a perfect lattice would fall
 /// as columns.

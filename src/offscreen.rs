@@ -13,7 +13,7 @@ use crate::scene::Scene;
 
 /// Draws pictures into memory.
 #[derive(Debug)]
-pub struct Studio {
+pub struct Offscreen {
     gpu: Gpu,
     /// What draws; its `timing` and `diagnose` are the caller's to set.
     pub renderer: Renderer,
@@ -22,14 +22,14 @@ pub struct Studio {
 
 /// One picture, and what it took.
 #[derive(Debug, Clone)]
-pub struct Shot {
+pub struct RenderedFrame {
     /// The picture, sRGB.
     pub picture: RgbImage,
     /// The time of each pass, if [`Renderer::timing`] is set.
     pub passes: Vec<PassTime>,
 }
 
-impl Studio {
+impl Offscreen {
     /// Compiles the passes.
     pub fn new(gpu: &Gpu) -> Self {
         Self { gpu: gpu.clone(), renderer: Renderer::new(gpu), picture: None }
@@ -50,7 +50,7 @@ impl Studio {
         camera: &Camera,
         splats: &Splats,
         size: UVec2,
-    ) -> Result<Shot> {
+    ) -> Result<RenderedFrame> {
         self.begin(scene, camera, splats, size)?.wait()
     }
 
@@ -65,7 +65,7 @@ impl Studio {
         camera: &Camera,
         splats: &Splats,
         size: UVec2,
-    ) -> Result<Drawing> {
+    ) -> Result<PendingFrame> {
         let same = self.picture.take().filter(|(old, _)| *old == size);
         let (_, picture) = match same {
             Some(same) => self.picture.insert(same),
@@ -74,7 +74,7 @@ impl Studio {
         let view = picture.view();
         let passes = self.renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
         let picture = picture.begin_reading(&self.gpu);
-        Ok(Drawing { gpu: self.gpu.clone(), picture, passes })
+        Ok(PendingFrame { gpu: self.gpu.clone(), picture, passes })
     }
 
     /// Intermediate images of the last frame; some need [`Renderer::diagnose`] to have been set.
@@ -97,20 +97,20 @@ impl Studio {
 
 /// One picture that the device has been told to draw.
 #[derive(Debug)]
-pub struct Drawing {
+pub struct PendingFrame {
     gpu: Gpu,
-    picture: Reading,
+    picture: PendingPicture,
     passes: Vec<PassTime>,
 }
 
-impl Drawing {
+impl PendingFrame {
     /// Waits for the picture, not for those that were begun after it.
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
-    pub fn wait(self) -> Result<Shot> {
+    pub fn wait(self) -> Result<RenderedFrame> {
         let picture = image::DynamicImage::ImageRgba8(self.picture.wait(&self.gpu)?).into_rgb8();
-        Ok(Shot { picture, passes: self.passes })
+        Ok(RenderedFrame { picture, passes: self.passes })
     }
 }
 
@@ -148,20 +148,20 @@ impl Picture {
     }
 
     /// Tells the device to copy the picture as it is now; the next may be rendered at once.
-    pub fn begin_reading(&self, gpu: &Gpu) -> Reading {
+    pub fn begin_reading(&self, gpu: &Gpu) -> PendingPicture {
         let size = UVec2::new(self.texture.width(), self.texture.height());
-        Reading { size, texels: gpu::begin_reading(gpu, &self.texture, 0) }
+        PendingPicture { size, texels: gpu::begin_reading(gpu, &self.texture, 0) }
     }
 }
 
 /// A picture on its way to memory.
 #[derive(Debug)]
-pub struct Reading {
+pub struct PendingPicture {
     size: UVec2,
     texels: gpu::Reading,
 }
 
-impl Reading {
+impl PendingPicture {
     /// Waits for the picture, not for what the device was told after it.
     ///
     /// # Errors

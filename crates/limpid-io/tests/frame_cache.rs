@@ -7,8 +7,8 @@ use std::sync::{Arc, Condvar, Mutex};
 use limpid::liquid::classify::{Splat, Splats};
 use limpid_io::Error;
 use limpid_io::Result;
+use limpid_io::frame_cache::{CacheState, FrameCache};
 use limpid_io::input::Loaded;
-use limpid_io::ring::{Ring, RingState};
 
 /// A frame of so many splats that tells its number.
 fn frame(number: usize, splats: usize) -> Loaded {
@@ -40,15 +40,15 @@ impl Came {
     }
 }
 
-fn ring(
+fn cache(
     count: usize,
     budget: u64,
     workers: usize,
     load: impl Fn(usize) -> Result<Loaded> + Send + Sync + 'static,
-) -> (Ring, Came) {
+) -> (FrameCache, Came) {
     let came = Came::default();
     let note = came.clone();
-    (Ring::new(count, budget, workers, load, move |i| note.note(i)), came)
+    (FrameCache::new(count, budget, workers, load, move |i| note.note(i)), came)
 }
 
 /// The wanted frame first, then those ahead, as many as there is room for; and then no more.
@@ -57,7 +57,7 @@ fn what_is_wanted_soonest_comes_first() {
     let bytes = frame(0, 100).bytes();
     let gate = Arc::new((Mutex::new(false), Condvar::new()));
     let opened = gate.clone();
-    let (ring, came) = ring(100, 5 * bytes, 1, move |i| {
+    let (cache, came) = cache(100, 5 * bytes, 1, move |i| {
         let mut open = opened.0.lock().unwrap();
         while !*open {
             open = opened.1.wait(open).unwrap();
@@ -65,37 +65,37 @@ fn what_is_wanted_soonest_comes_first() {
         Ok(frame(i, 100))
     });
     // The worker may have begun with frame 0 before it is told.
-    ring.aim(50, 1, false);
+    cache.aim(50, 1, false);
     *gate.0.lock().unwrap() = true;
     gate.1.notify_all();
     let mut first = came.wait_for(5);
     first.retain(|&i| i != 0);
     assert_eq!(first[..4], [50, 51, 52, 53]);
-    ring.wait(54).unwrap();
-    ring.aim(50, 1, false);
-    ring.wait(50).unwrap();
-    let state = ring.state();
+    cache.wait(54).unwrap();
+    cache.aim(50, 1, false);
+    cache.wait(50).unwrap();
+    let state = cache.state();
     assert!(state.loaded.contains(&50) && state.bytes <= state.budget, "{state:?}");
-    assert_eq!(ring.get(50).expect("it is there").unwrap().number, 50);
-    assert!(ring.get(99).is_none(), "there is no room for it");
+    assert_eq!(cache.get(50).expect("it is there").unwrap().number, 50);
+    assert!(cache.get(99).is_none(), "there is no room for it");
 }
 
 /// Backwards, around the end, and jumps.
 #[test]
 fn any_direction() {
     let bytes = frame(0, 10).bytes();
-    let (ring, _) = ring(20, 6 * bytes, 2, |i| Ok(frame(i, 10)));
+    let (cache, _) = cache(20, 6 * bytes, 2, |i| Ok(frame(i, 10)));
     for i in (0..20).rev().chain([0, 19, 7, 3, 12]).chain(0..20) {
-        ring.aim(i, -1, true);
-        assert_eq!(ring.wait(i).unwrap().number, i as i64);
-        assert!(ring.state().bytes <= 6 * bytes);
+        cache.aim(i, -1, true);
+        assert_eq!(cache.wait(i).unwrap().number, i as i64);
+        assert!(cache.state().bytes <= 6 * bytes);
     }
     // Looped, what comes after the end is the beginning.
-    ring.aim(18, 1, true);
+    cache.aim(18, 1, true);
     for i in [18, 19, 0, 1] {
-        ring.wait(i).unwrap();
+        cache.wait(i).unwrap();
     }
-    assert!(ring.wait(20).is_err(), "no such frame");
+    assert!(cache.wait(20).is_err(), "no such frame");
 }
 
 /// A thousand frames of different sizes never take more than they may, not even on their way.
@@ -103,11 +103,11 @@ fn any_direction() {
 fn memory_stays_within_the_budget() {
     let size = |i: usize| 200 + 37 * (i * 7919 % 101);
     let budget = 12 * frame(0, size(0)).bytes() + 60 * frame(0, 3900).bytes() / 10;
-    let (ring, _) = ring(1000, budget, 3, move |i| Ok(frame(i, size(i))));
+    let (cache, _) = cache(1000, budget, 3, move |i| Ok(frame(i, size(i))));
     for i in 0..1000 {
-        ring.aim(i, 1, false);
-        assert_eq!(ring.wait(i).unwrap().particles, size(i));
-        let RingState { bytes, most, loaded, .. } = ring.state();
+        cache.aim(i, 1, false);
+        assert_eq!(cache.wait(i).unwrap().particles, size(i));
+        let CacheState { bytes, most, loaded, .. } = cache.state();
         assert!(bytes <= budget && most <= budget, "{i}: {bytes}, {most} of {budget}");
         let held: u64 = loaded.iter().map(|&i| frame(i, size(i)).bytes()).sum();
         assert!(held <= bytes, "{i}: what is loaded is counted");
@@ -117,10 +117,10 @@ fn memory_stays_within_the_budget() {
 /// One frame is always there, however large.
 #[test]
 fn a_frame_larger_than_the_budget_is_shown() {
-    let (ring, _) = ring(10, 1, 2, |i| Ok(frame(i, 1000)));
+    let (cache, _) = cache(10, 1, 2, |i| Ok(frame(i, 1000)));
     for i in [0, 1, 2, 9, 0] {
-        assert_eq!(ring.wait(i).unwrap().number, i as i64);
-        let state = ring.state();
+        assert_eq!(cache.wait(i).unwrap().number, i as i64);
+        let state = cache.state();
         assert!(state.loaded.len() + state.loading.len() <= 1, "{state:?}");
     }
 }
@@ -130,7 +130,7 @@ fn a_frame_larger_than_the_budget_is_shown() {
 fn a_bad_frame_does_not_stop_the_others() {
     let tries = Arc::new(AtomicUsize::new(0));
     let tried = tries.clone();
-    let (ring, came) = ring(5, 1 << 20, 2, move |i| {
+    let (cache, came) = cache(5, 1 << 20, 2, move |i| {
         if i == 2 {
             tried.fetch_add(1, Ordering::Relaxed);
             return Err(Error::Usage("damaged".into()));
@@ -140,12 +140,12 @@ fn a_bad_frame_does_not_stop_the_others() {
     let mut all = came.wait_for(5);
     all.sort_unstable();
     assert_eq!(all, [0, 1, 2, 3, 4]);
-    let error = ring.wait(2).unwrap_err();
+    let error = cache.wait(2).unwrap_err();
     assert_eq!((error.to_string().as_str(), error.category() as u8), ("damaged", 2));
-    assert!(ring.get(2).expect("it has come").is_err());
-    assert_eq!(ring.state().failed, [2]);
-    assert_eq!(ring.state().loaded, [0, 1, 3, 4]);
-    assert!(ring.wait(2).is_err());
+    assert!(cache.get(2).expect("it has come").is_err());
+    assert_eq!(cache.state().failed, [2]);
+    assert_eq!(cache.state().loaded, [0, 1, 3, 4]);
+    assert!(cache.wait(2).is_err());
     let tries = tries.load(Ordering::Relaxed);
     assert_eq!(tries, 2, "ahead and when it is wanted; not over and over");
 }
@@ -155,18 +155,18 @@ fn a_bad_frame_does_not_stop_the_others() {
 fn a_frame_that_failed_is_tried_again() {
     let whole = Arc::new(AtomicUsize::new(0));
     let written = whole.clone();
-    let (ring, came) = ring(3, 1 << 20, 1, move |i| match written.load(Ordering::Relaxed) {
+    let (cache, came) = cache(3, 1 << 20, 1, move |i| match written.load(Ordering::Relaxed) {
         0 if i == 1 => Err(Error::Usage("it changed while it was read".into())),
         _ => Ok(frame(i, 1)),
     });
     came.wait_for(3);
-    assert!(ring.get(1).expect("it has come").is_err());
+    assert!(cache.get(1).expect("it has come").is_err());
     whole.store(1, Ordering::Relaxed);
-    assert_eq!(ring.wait(1).unwrap().number, 1);
-    assert!(ring.state().failed.is_empty());
+    assert_eq!(cache.wait(1).unwrap().number, 1);
+    assert!(cache.state().failed.is_empty());
 }
 
-/// Neither a question nor the end of a ring waits for a frame that takes long.
+/// Neither a question nor the end of a cache waits for a frame that takes long.
 #[test]
 fn nothing_but_wait_blocks() {
     let gate = Arc::new(Mutex::new(()));
@@ -174,16 +174,16 @@ fn nothing_but_wait_blocks() {
     let closed = gate.clone();
     let guard = gate.lock().unwrap();
     let entered = Mutex::new(entered);
-    let (ring, came) = ring(3, 1 << 20, 1, move |i| {
+    let (cache, came) = cache(3, 1 << 20, 1, move |i| {
         entered.lock().unwrap().send(i).unwrap();
         drop(closed.lock());
         Ok(frame(i, 1))
     });
     assert_eq!(has_entered.recv().unwrap(), 0);
-    assert!(ring.get(0).is_none());
-    assert_eq!(ring.state().loading, [0]);
-    ring.aim(1, 1, false);
-    drop(ring);
+    assert!(cache.get(0).is_none());
+    assert_eq!(cache.state().loading, [0]);
+    cache.aim(1, 1, false);
+    drop(cache);
     drop(guard);
     assert_eq!(came.wait_for(1), [0], "the frame in hand is finished, no other is begun");
 }
@@ -191,21 +191,21 @@ fn nothing_but_wait_blocks() {
 /// A defect in loading is an error of that frame: nobody waits for it for ever.
 #[test]
 fn a_panic_is_an_error() {
-    let (ring, _) = ring(3, 1 << 20, 1, |i| {
+    let (cache, _) = cache(3, 1 << 20, 1, |i| {
         assert!(i != 1, "planted");
         Ok(frame(i, 1))
     });
-    assert!(ring.wait(1).unwrap_err().to_string().contains("a defect of limpid"));
-    assert_eq!(ring.wait(2).unwrap().number, 2, "and its thread goes on");
+    assert!(cache.wait(1).unwrap_err().to_string().contains("a defect of limpid"));
+    assert_eq!(cache.wait(2).unwrap().number, 2, "and its thread goes on");
 }
 
 /// In fast motion what is stepped over does not come before what is shown.
 #[test]
 fn frames_that_are_stepped_over_wait() {
     let bytes = frame(0, 100).bytes();
-    let (ring, came) = ring(100, 5 * bytes, 1, |i| Ok(frame(i, 100)));
-    ring.wait(0).unwrap();
-    ring.aim(40, 4, false);
+    let (cache, came) = cache(100, 5 * bytes, 1, |i| Ok(frame(i, 100)));
+    cache.wait(0).unwrap();
+    cache.aim(40, 4, false);
     // Frames behind 40 may have been on their way; then come those that are shown.
     let mut order = came.wait_for(1);
     let shown = loop {

@@ -6,23 +6,23 @@
 
 use crate::camera::Camera;
 use crate::liquid::classify::{Splat, Splats};
-use crate::passes::surfaces::Wanted;
+use crate::passes::view_passes::ViewConfig;
 use crate::scene::Scene;
 use crate::settings::Refract;
 
 /// What a frame was drawn from.
 #[derive(Debug)]
-pub(crate) struct Drawn {
+pub(crate) struct LastFrame {
     scene: Scene,
     camera: Camera,
     splats: Splats,
-    wanted: Wanted,
+    wanted: ViewConfig,
     diagnosed: bool,
 }
 
 /// What the next frame has to draw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Changes {
+pub(crate) struct Dirty {
     /// The particles, which are uploaded.
     pub splats: bool,
     /// What the lights see, and their maps.
@@ -33,17 +33,17 @@ pub(crate) struct Changes {
     pub radiance: bool,
 }
 
-impl Changes {
+impl Dirty {
     /// All that a frame has.
     const ALL: Self = Self { splats: true, lights: true, surfaces: true, radiance: true };
 
     /// What differs from the last frame, if there was one.
     pub(crate) fn since(
-        last: Option<&Drawn>,
+        last: Option<&LastFrame>,
         scene: &Scene,
         camera: &Camera,
         splats: &Splats,
-        wanted: Wanted,
+        wanted: ViewConfig,
         diagnosed: bool,
     ) -> Self {
         let Some(last) = last else { return Self::ALL };
@@ -80,19 +80,19 @@ impl Changes {
     }
 }
 
-impl Drawn {
+impl LastFrame {
     /// What a frame was drawn from; memory of the frame before is used again.
     pub(crate) fn new(
         last: Option<Self>,
-        changes: Changes,
+        dirty: Dirty,
         scene: &Scene,
         camera: &Camera,
         splats: &Splats,
-        wanted: Wanted,
+        wanted: ViewConfig,
         diagnosed: bool,
     ) -> Self {
         let mut kept = last.map(|last| last.splats).unwrap_or_default();
-        if changes.splats {
+        if dirty.splats {
             kept.aggregates.clone_from(&splats.aggregates);
             kept.splashes.clone_from(&splats.splashes);
             (kept.radius, kept.origin) = (splats.radius, splats.origin);

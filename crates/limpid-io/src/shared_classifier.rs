@@ -12,9 +12,9 @@ use limpid::settings::Classify;
 /// Frames of fewer particles take the CPU about as long as the device takes to answer.
 const FEW: usize = 8192;
 
-/// Where frames are classified. Its clones are one place; any thread may ask.
+/// Where frames are classified. Its clones share one device; any thread may ask.
 #[derive(Debug, Clone, Default)]
-pub struct Place {
+pub struct SharedClassifier {
     shared: Arc<Shared>,
 }
 
@@ -45,7 +45,7 @@ enum Device {
 
 /// Someone who classifies on the device.
 struct User<'a> {
-    place: &'a Place,
+    shared: &'a SharedClassifier,
     // Always there until it is dropped.
     classifier: Option<Arc<Classifier>>,
 }
@@ -54,27 +54,27 @@ impl Drop for User<'_> {
     fn drop(&mut self) {
         // First this: whoever waits for the last user is the last to have the device.
         self.classifier = None;
-        self.place.lock().users -= 1;
-        self.place.shared.come.notify_all();
+        self.shared.lock().users -= 1;
+        self.shared.shared.come.notify_all();
     }
 }
 
-impl Place {
+impl SharedClassifier {
     /// On a device, where the settings allow it.
     pub fn on(gpu: &Gpu) -> Self {
-        let place = Self::default();
-        place.set(Some(gpu));
-        place
+        let shared = Self::default();
+        shared.set(Some(gpu));
+        shared
     }
 
-    /// On a device that is about to be opened: who needs it waits until [`Place::set`] tells of it.
+    /// On a device that is about to be opened: who needs it waits until [`SharedClassifier::set`] tells of it.
     pub fn awaited() -> Self {
-        let place = Self::default();
-        place.wait_for_device();
-        place
+        let shared = Self::default();
+        shared.wait_for_device();
+        shared
     }
 
-    /// From now on, who needs a device waits until [`Place::set`] tells of one. Returns whether: not if
+    /// From now on, who needs a device waits until [`SharedClassifier::set`] tells of one. Returns whether: not if
     /// there is a device, or one is awaited already.
     pub fn wait_for_device(&self) -> bool {
         let mut state = self.lock();
@@ -160,7 +160,7 @@ impl Place {
                 };
                 let classifier = Some(classifier.insert(there).clone());
                 state.users += 1;
-                Ok(Some(User { place: self, classifier }))
+                Ok(Some(User { shared: self, classifier }))
             }
             _ => Ok(None),
         }

@@ -29,13 +29,13 @@ pub enum Level {
 /// little of another: each is known by itself, and guessed from its neighbours until it has been
 /// tried.
 #[derive(Debug, Clone, Default)]
-pub struct Pace {
+pub struct AdaptiveResolution {
     /// Times by scale, ms.
     known: [Option<f64>; SCALES.len()],
     full: UVec2,
 }
 
-impl Pace {
+impl AdaptiveResolution {
     /// A picture of `size` took so long, where the window's has `full` pixels.
     pub fn measured(&mut self, size: UVec2, full: UVec2, ms: f64) {
         if size.min_element() == 0 || full.min_element() == 0 || !ms.is_finite() {

@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use eframe::egui;
 use serde_json::json;
 
+use crate::adaptive_resolution::Level;
 use crate::document::Document;
 use crate::draw_thread::Answer;
-use crate::pace::Level;
 use crate::truth::Truth;
 use crate::{Notice, Viewer};
 use limpid_io::bake::Progress;
@@ -20,7 +20,7 @@ use limpid_io::error::{Error, Result};
 const MOST_NOTICES: usize = 50;
 
 /// What threads report to the interface. Numbers tell what they were asked for with.
-pub(crate) enum News {
+pub(crate) enum Message {
     Opened(u64, Box<Result<Document>>),
     Baked(u64, Progress),
     NotBaked(u64, Error),
@@ -36,17 +36,17 @@ pub(crate) enum News {
 /// The way to the interface, for threads.
 #[derive(Clone)]
 pub(crate) struct Post {
-    news: mpsc::Sender<News>,
+    news: mpsc::Sender<Message>,
     // Known from the first frame of the interface on, which looks for news anyway.
     context: Arc<Mutex<Option<egui::Context>>>,
 }
 
 impl Post {
-    pub(crate) fn new(news: mpsc::Sender<News>) -> Self {
+    pub(crate) fn new(news: mpsc::Sender<Message>) -> Self {
         Self { news, context: Arc::default() }
     }
 
-    pub(crate) fn send(&self, news: News) {
+    pub(crate) fn send(&self, news: Message) {
         // Once the viewer is gone nobody wants to know.
         if self.news.send(news).is_ok()
             && let Some(context) = self.context()
@@ -78,22 +78,22 @@ impl Viewer {
     pub(crate) fn take_news(&mut self) {
         while let Ok(news) = self.news.try_recv() {
             match news {
-                News::Opened(number, document) => self.take_opened(number, *document),
-                News::Baked(number, progress) => self.take_progress(number, progress),
-                News::NotBaked(number, error) => {
+                Message::Opened(number, document) => self.take_opened(number, *document),
+                Message::Baked(number, progress) => self.take_progress(number, progress),
+                Message::NotBaked(number, error) => {
                     if let Some(opening) = self.numbered(number) {
                         opening.progress = None;
                         self.fail(&error);
                     }
                 }
-                News::Grown(number, document) => self.take_grown(number, *document),
-                News::Drawing(answer) => self.take_answer(answer),
-                // The ring is asked in each frame anyway.
-                News::Loaded => {}
-                News::Chosen(path, waited) => self.chosen(path, waited),
-                News::Traced(number, truth) => self.take_truth(number, *truth),
-                News::Saved(saved) => self.take_saved(saved),
-                News::Path(path, loaded) => match loaded {
+                Message::Grown(number, document) => self.take_grown(number, *document),
+                Message::Drawing(answer) => self.take_answer(answer),
+                // The cache is asked in each frame anyway.
+                Message::Loaded => {}
+                Message::Chosen(path, waited) => self.chosen(path, waited),
+                Message::Traced(number, truth) => self.take_truth(number, *truth),
+                Message::Saved(saved) => self.take_saved(saved),
+                Message::Path(path, loaded) => match loaded {
                     Ok(keys) => {
                         self.say(format!("{} keys from {}", keys.keys.len(), path.display()));
                         self.path = keys;
@@ -129,7 +129,7 @@ impl Viewer {
         }
     }
 
-    /// A device is lost, and another will take its place.
+    /// A device is lost, and another will take its classifier.
     pub(crate) fn lose(&mut self, reason: &str) {
         self.log.event("lost", json!({ "reason": reason }));
         let text = format!("the graphics device failed ({reason}); another one takes over");

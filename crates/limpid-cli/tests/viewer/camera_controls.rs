@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 use limpid::camera::Camera;
-use limpid_viewer::rig;
+use limpid_viewer::camera_controls;
 
 /// Cameras of all scales, near the poles too.
 fn cameras() -> Vec<Camera> {
@@ -29,19 +29,23 @@ fn close(a: DVec3, b: DVec3, scale: f64) -> bool {
 fn orbit_keeps_distance_and_horizon() {
     for camera in cameras() {
         let distance = camera.eye.distance(camera.target);
-        let turned = rig::orbit(&camera, DVec2::new(0.7, 0.0));
+        let turned = camera_controls::orbit(&camera, DVec2::new(0.7, 0.0));
         assert_eq!(turned.target, camera.target);
         assert!((turned.eye.distance(turned.target) / distance - 1.0).abs() < 1e-12);
-        let around = rig::orbit(&camera, DVec2::new(std::f64::consts::TAU, 0.0));
-        assert!(close(around.eye, rig::orbit(&camera, DVec2::ZERO).eye, distance));
-        let thrice = (0..3).fold(camera, |c, _| rig::orbit(&c, DVec2::new(0.1, 0.01)));
-        assert!(close(thrice.eye, rig::orbit(&camera, DVec2::new(0.3, 0.03)).eye, 1e3 * distance));
+        let around = camera_controls::orbit(&camera, DVec2::new(std::f64::consts::TAU, 0.0));
+        assert!(close(around.eye, camera_controls::orbit(&camera, DVec2::ZERO).eye, distance));
+        let thrice = (0..3).fold(camera, |c, _| camera_controls::orbit(&c, DVec2::new(0.1, 0.01)));
+        assert!(close(
+            thrice.eye,
+            camera_controls::orbit(&camera, DVec2::new(0.3, 0.03)).eye,
+            1e3 * distance
+        ));
         // Far over the pole: the eye stays on its side, and the picture upright.
         for up in [9.0, -9.0] {
-            let top = rig::orbit(&camera, DVec2::new(0.0, up));
+            let top = camera_controls::orbit(&camera, DVec2::new(0.0, up));
             top.check().expect("it is a view");
-            let [right, above, _] = rig::axes(&top);
-            let [before, ..] = rig::axes(&rig::orbit(&camera, DVec2::ZERO));
+            let [right, above, _] = camera_controls::axes(&top);
+            let [before, ..] = camera_controls::axes(&camera_controls::orbit(&camera, DVec2::ZERO));
             assert!(above.y > 0.0 && right.dot(before) > 0.999, "{camera:?}");
         }
     }
@@ -53,31 +57,31 @@ fn orbit_keeps_distance_and_horizon() {
 fn pan_zoom_and_fly_have_their_closed_forms() {
     for camera in cameras() {
         let distance = camera.eye.distance(camera.target);
-        let [right, up, back] = rig::axes(&camera);
+        let [right, up, back] = camera_controls::axes(&camera);
         let height = 2.0 * distance * 20f64.to_radians().tan();
-        let panned = rig::pan(&camera, DVec2::new(0.25, -0.5));
+        let panned = camera_controls::pan(&camera, DVec2::new(0.25, -0.5));
         let moved = height * (0.25 * right - 0.5 * up);
         assert!(close(panned.eye - camera.eye, moved, distance));
         assert!(close(panned.target - camera.target, moved, distance));
 
-        let near = rig::zoom(&camera, 0.5, DVec2::ZERO);
+        let near = camera_controls::zoom(&camera, 0.5, DVec2::ZERO);
         assert!(close(near.target, camera.target, distance));
         assert!((near.eye.distance(near.target) / distance - (-0.5f64).exp()).abs() < 1e-9);
-        let back_again = rig::zoom(&near, -0.5, DVec2::ZERO);
+        let back_again = camera_controls::zoom(&near, -0.5, DVec2::ZERO);
         assert!(close(back_again.eye, camera.eye, distance));
         let cursor = DVec2::new(0.6, -0.3);
         let at_cursor = |c: &Camera| {
-            let [right, up, _] = rig::axes(c);
+            let [right, up, _] = camera_controls::axes(c);
             let half = c.eye.distance(c.target) * 20f64.to_radians().tan();
             c.target + half * (cursor.x * right + cursor.y * up)
         };
-        let zoomed = rig::zoom(&camera, 0.8, cursor);
+        let zoomed = camera_controls::zoom(&camera, 0.8, cursor);
         assert!(close(at_cursor(&zoomed), at_cursor(&camera), 10.0 * distance));
 
-        let flown = rig::fly(&camera, distance * DVec3::new(0.0, 0.0, 0.5));
+        let flown = camera_controls::fly(&camera, distance * DVec3::new(0.0, 0.0, 0.5));
         assert!(close(flown.eye, camera.eye - 0.5 * distance * back, distance));
         assert!((flown.eye.distance(flown.target) / distance - 1.0).abs() < 1e-9);
-        let looked = rig::look(&camera, DVec2::new(0.2, 0.0));
+        let looked = camera_controls::look(&camera, DVec2::new(0.2, 0.0));
         assert_eq!(looked.eye, camera.eye);
         assert!((looked.target - camera.target).dot(right) > 0.0, "to the right");
     }
@@ -91,9 +95,9 @@ fn fit_shows_all_of_the_box() {
             let centre = scale * DVec3::new(5.0, -2.0, 1.0);
             let (min, max) = (centre - scale * half, centre + scale * half);
             for camera in cameras() {
-                let fitted = rig::fit(&camera, (min, max), aspect);
+                let fitted = camera_controls::fit(&camera, (min, max), aspect);
                 fitted.check().expect("it is a view");
-                let [right, up, back] = rig::axes(&fitted);
+                let [right, up, back] = camera_controls::axes(&fitted);
                 let tangent = 20f64.to_radians().tan();
                 let reach = (0..8).map(|i| {
                     let pick = |bit: u32, axis: usize| {

@@ -11,7 +11,7 @@ use limpid_io::notice::{self, Notice, thousands};
 use limpid_io::particles::Array;
 
 /// Says lines beside the progress bar, unless nobody wants them.
-pub(super) struct Words {
+pub(super) struct Console {
     pub(super) bar: ProgressBar,
     pub(super) quiet: bool,
     /// What has been said need not be said again for every frame.
@@ -20,7 +20,7 @@ pub(super) struct Words {
     begun: bool,
 }
 
-impl Words {
+impl Console {
     pub(super) fn new(bar: ProgressBar, quiet: bool) -> Self {
         Self { bar, quiet, said: Vec::new(), begun: false }
     }

@@ -1,6 +1,6 @@
 //! Frames that are loaded ahead of playback.
 //!
-//! A [`Ring`] holds the frames around the one that is wanted, as many as its memory budget takes,
+//! A [`FrameCache`] holds the frames around the one that is wanted, as many as its memory budget takes,
 //! and loads them on threads of its own: first the wanted frame, then those that playback comes to,
 //! then those that it comes from. Frames far from there make room for nearer ones.
 
@@ -11,17 +11,17 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock};
 use crate::error::{Error, Result};
 use crate::input::Loaded;
 
-/// What has become of a frame: shared, for it may be drawn while the ring lets go of it.
+/// What has become of a frame: shared, for it may be drawn while the cache lets go of it.
 pub type Outcome = Result<Arc<Loaded>, Arc<Error>>;
 
 /// Loads frames ahead; see the module.
-pub struct Ring {
+pub struct FrameCache {
     shared: Arc<Shared>,
 }
 
-/// What a ring holds.
+/// What a cache holds.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct RingState {
+pub struct CacheState {
     /// Memory of the loaded frames and, by estimate, of those that are being loaded, bytes.
     pub bytes: u64,
     /// What that may come to, bytes.
@@ -103,8 +103,8 @@ impl Aim {
     }
 }
 
-impl Ring {
-    /// A ring over frames 0 to `count` − 1 that holds at most `budget` bytes, but always one frame.
+impl FrameCache {
+    /// A cache over frames 0 to `count` − 1 that holds at most `budget` bytes, but always one frame.
     ///
     /// `load` reads and classifies a frame on one of `workers` threads (at least one); `ready` is
     /// told of each that has come, loaded or failed. If the system starts not even one thread, every
@@ -201,14 +201,14 @@ impl Ring {
         }
     }
 
-    /// What the ring holds. Never blocks.
-    pub fn state(&self) -> RingState {
+    /// What the cache holds. Never blocks.
+    pub fn state(&self) -> CacheState {
         let state = self.shared.lock();
-        let mut summary = RingState {
+        let mut summary = CacheState {
             bytes: state.bytes,
             budget: self.shared.budget,
             most: state.most,
-            ..RingState::default()
+            ..CacheState::default()
         };
         for (&i, slot) in &state.slots {
             match slot {
@@ -221,7 +221,7 @@ impl Ring {
     }
 }
 
-impl Drop for Ring {
+impl Drop for FrameCache {
     /// Stops the workers; a frame that one of them has in hand is not waited for.
     fn drop(&mut self) {
         self.shared.lock().closed = true;
@@ -234,7 +234,7 @@ impl Shared {
         self.state.lock().expect("no panic holds this lock")
     }
 
-    /// Waits for the next frame to load, with memory set aside for it; `None` when the ring closes.
+    /// Waits for the next frame to load, with memory set aside for it; `None` when the cache closes.
     fn next(&self) -> Option<usize> {
         let mut evicted = Vec::new();
         let mut state = self.lock();
@@ -324,8 +324,8 @@ impl State {
     }
 }
 
-impl std::fmt::Debug for Ring {
+impl std::fmt::Debug for FrameCache {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Ring").field("state", &self.state()).finish_non_exhaustive()
+        f.debug_struct("FrameCache").field("state", &self.state()).finish_non_exhaustive()
     }
 }

@@ -7,12 +7,12 @@ use eframe::egui::{
 use glam::{DVec2, DVec3, UVec2};
 use serde_json::json;
 
+use crate::adaptive_resolution::Level;
 use crate::draw_thread::{Drawn, Shown};
-use crate::pace::Level;
 use crate::shortcuts::Action;
 use crate::style::{accent, number};
 use crate::views::{Legend, Values, View, viridis};
-use crate::{Compare, Viewer, rig};
+use crate::{Compare, Viewer, camera_controls};
 
 /// A picture on the screen.
 #[derive(Default)]
@@ -78,7 +78,7 @@ impl Viewer {
             shown.passes.is_empty() || shown.passes.iter().any(|pass| pass.name == "splat")
         });
         if level != Level::Fine && !first && whole {
-            self.pace.measured(size, self.full_size(), ms);
+            self.resolution.measured(size, self.full_size(), ms);
         }
         if let Some(first) = panes.first() {
             self.history.push(&first.passes);
@@ -109,8 +109,8 @@ impl Viewer {
             let pixels = (rect.size() * ui.ctx().pixels_per_point()).round();
             // A minimised window has no size, or a negative one.
             let size = UVec2::new(pixels.x.max(0.0) as u32, pixels.y.max(0.0) as u32);
-            if size != self.stage_size {
-                self.stage_size = size;
+            if size != self.viewport_size {
+                self.viewport_size = size;
                 self.log.event("resize", json!({ "width": size.x, "height": size.y }));
             }
             if rect.width() < 1.0 || rect.height() < 1.0 {
@@ -163,11 +163,11 @@ impl Viewer {
             || (shift && stage.dragged_by(PointerButton::Primary));
         let mut camera = self.camera;
         if panning {
-            camera = rig::pan(&camera, DVec2::new(-moved.x, moved.y));
+            camera = camera_controls::pan(&camera, DVec2::new(-moved.x, moved.y));
         } else if stage.dragged_by(PointerButton::Primary) {
-            camera = rig::orbit(&camera, TURN * DVec2::new(-moved.x, moved.y));
+            camera = camera_controls::orbit(&camera, TURN * DVec2::new(-moved.x, moved.y));
         } else if stage.dragged_by(PointerButton::Secondary) {
-            camera = rig::look(&camera, 0.5 * TURN * DVec2::new(moved.x, -moved.y));
+            camera = camera_controls::look(&camera, 0.5 * TURN * DVec2::new(moved.x, -moved.y));
         }
         if let Some(at) = stage.hover_pos() {
             let (wheel, pinch) =
@@ -176,7 +176,7 @@ impl Viewer {
             if amount != 0.0 {
                 let offset = (at - rect.center()) * 2.0 / rect.height();
                 let cursor = DVec2::new(f64::from(offset.x), f64::from(-offset.y));
-                camera = rig::zoom(&camera, amount, cursor);
+                camera = camera_controls::zoom(&camera, amount, cursor);
             }
         }
         if stage.is_pointer_button_down_on() && ui.input(|input| input.pointer.secondary_down()) {
@@ -214,7 +214,7 @@ impl Viewer {
         });
         let seconds = f64::from(ui.input(|input| input.stable_dt).min(0.1));
         let speed = if fast { 4.0 * FLIGHT } else { FLIGHT };
-        rig::fly(&camera, speed * extent * seconds * way)
+        camera_controls::fly(&camera, speed * extent * seconds * way)
     }
 
     fn pictures(&mut self, ui: &mut egui::Ui, rect: Rect) {

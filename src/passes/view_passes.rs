@@ -4,7 +4,7 @@
 
 use glam::{DVec3, UVec2};
 
-use super::gbuffer::{Gbuffer, LightMaps, SceneBinding};
+use super::gbuffer::{GBuffer, LightMaps, SceneBinding};
 use super::mixture::Mixture;
 use super::smooth::{self, Smooth};
 use super::splat::{Splat, SplatBuffers};
@@ -18,14 +18,14 @@ use crate::scene::Scene;
 
 /// A frame's splats on the device.
 #[derive(Debug)]
-pub struct Liquid {
+pub struct SplatSet {
     /// Bodies and sheets.
     pub aggregates: SplatBuffers,
     /// Droplets.
     pub splashes: SplatBuffers,
 }
 
-impl Liquid {
+impl SplatSet {
     /// Nothing to draw yet.
     pub fn new(gpu: &Gpu) -> Self {
         Self { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) }
@@ -40,7 +40,7 @@ impl Liquid {
 
 /// A view's passes up to the point where light is followed, and their outputs.
 #[derive(Debug)]
-pub struct Surfaces {
+pub struct ViewPasses {
     pub camera: CameraBinding,
     pub scene: SceneBinding,
     pub aggregate: Splat,
@@ -48,16 +48,16 @@ pub struct Surfaces {
     pub mixture: Mixture,
     pub tiles: Tiles,
     pub smooth: Smooth,
-    pub gbuffer: Gbuffer,
-    wanted: Wanted,
+    pub gbuffer: GBuffer,
+    wanted: ViewConfig,
     smoothed: bool,
     /// The splats of this view alone, where it looks at walls from behind.
-    own: Option<Liquid>,
+    own: Option<SplatSet>,
 }
 
 /// What a view's textures are made for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wanted {
+pub struct ViewConfig {
     /// Pixels.
     pub size: UVec2,
     /// The frame has splashes.
@@ -79,7 +79,7 @@ pub struct Wanted {
 /// Names of the passes in the timings: splat, splashes, mixture, tiles, smooth, gbuffer.
 pub type Names = [&'static str; 6];
 
-impl Surfaces {
+impl ViewPasses {
     /// Compiles the passes for a perspective or an orthographic view.
     pub fn new(gpu: &Gpu, orthographic: bool) -> Self {
         let camera = CameraBinding::new(gpu, orthographic);
@@ -89,8 +89,8 @@ impl Surfaces {
         let mixture = Mixture::new(gpu, &camera);
         let tiles = Tiles::new(gpu);
         let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
-        let gbuffer = Gbuffer::new(gpu);
-        let wanted = Wanted {
+        let gbuffer = GBuffer::new(gpu);
+        let wanted = ViewConfig {
             size: UVec2::ONE,
             splash: false,
             mixture: false,
@@ -116,8 +116,8 @@ impl Surfaces {
     }
 
     /// Gives each pass what it needs at this size, and one pixel to those that do not run.
-    pub fn resize(&mut self, gpu: &Gpu, wanted: Wanted) {
-        let textures = |wanted: Wanted| Wanted { backs: true, ..wanted };
+    pub fn resize(&mut self, gpu: &Gpu, wanted: ViewConfig) {
+        let textures = |wanted: ViewConfig| ViewConfig { backs: true, ..wanted };
         let same = textures(wanted) == textures(self.wanted);
         self.wanted = wanted;
         if same {
@@ -148,7 +148,7 @@ impl Surfaces {
         let [x, y, z] = camera.view_from_world.map(|column| f64::from(column[2]));
         let from = if camera.far > 0.0 { Eye::Towards(DVec3::new(x, y, z)) } else { Eye::At(eye) };
         self.own = seen_past_walls(splats, &scene.solids, from).map(|seen| {
-            let mut own = self.own.take().unwrap_or_else(|| Liquid::new(gpu));
+            let mut own = self.own.take().unwrap_or_else(|| SplatSet::new(gpu));
             own.upload(gpu, &seen);
             own
         });
@@ -161,7 +161,7 @@ impl Surfaces {
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
-        liquid: &Liquid,
+        liquid: &SplatSet,
         camera: &CameraUniform,
         eye: DVec3,
         views: &[PlacedView],
@@ -194,7 +194,7 @@ impl Surfaces {
         gpu: &Gpu,
         commands: &mut Commands<'_>,
         scene: &Scene,
-        liquid: &Liquid,
+        liquid: &SplatSet,
         fits: &[smooth::Params],
         timer: &mut Timer,
         [splat, splashes, mixture, tiles, smooth, gbuffer]: Names,

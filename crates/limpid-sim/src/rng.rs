@@ -1,0 +1,11 @@
+//! Random numbers: the same on every machine.
+
+/// The next number in 0..1 of a sequence that depends on its seed alone (Steele, Lea and Flood,
+/// Fast splittable pseudorandom number generators, 2014).
+pub fn splitmix64(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}
