@@ -1,11 +1,10 @@
-//! `cargo bench --bench passes`: milliseconds of each pass on this machine's adapter, by the
-//! device's own timestamps, and of whole frames by the clock; then a frame's time against the number
-//! of particles.
+//! `cargo bench --bench passes`: time of each pass on this machine's adapter, ms, by device
+//! timestamps, and of whole frames by the clock; then frame time against the number of particles.
 //!
-//! Each figure is the median of several frames in one run, with the least and the greatest beside
-//! it. Scenes are `demo`, `cascade` (40,000 particles), `million` (1,056,000), `million-all` (the same,
-//! none left out because others hide it; only if it is named), and `front` where the
-//! reference scenes are (`LIMPID_REFERENCE`, default `../shared/reference` beside the checkout):
+//! Each figure is the median of several frames in one run, with the minimum and the maximum. Scenes
+//! are `demo`, `cascade` (40,000 particles), `million` (1,056,000), `million-all` (the same without
+//! culling of hidden particles; only if named), and `front` if the reference scenes are available
+//! (`LIMPID_REFERENCE`, default `../shared/reference` beside the checkout):
 //!
 //! ```text
 //! cargo bench --bench passes                                all of it
@@ -51,9 +50,9 @@ fn main() -> limpid_io::Result<()> {
     Ok(())
 }
 
-/// What is measured, and how.
+/// Command-line options.
 struct Options {
-    /// Of [`ALL`], or scene files.
+    /// Names of [`ALL`], or scene files.
     chosen: Vec<String>,
     settings: Vec<String>,
     frames: usize,
@@ -61,7 +60,7 @@ struct Options {
 }
 
 impl Options {
-    /// The command line; `cargo bench` adds `--bench` to it.
+    /// Parses the command line, to which `cargo bench` adds `--bench`.
     fn parse() -> Self {
         let mut options = Self {
             chosen: Vec::new(),
@@ -89,7 +88,7 @@ impl Options {
     }
 }
 
-/// A frame to draw.
+/// A frame to render.
 struct Subject {
     name: String,
     particles: usize,
@@ -99,9 +98,9 @@ struct Subject {
 }
 
 impl Subject {
-    /// A scene by its name or its file; none if its files are not here.
+    /// Loads a scene by its name or file; `None` if its files are missing.
     fn named(name: &str, settings: &[String]) -> limpid_io::Result<Option<Self>> {
-        let here = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        let repository = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
         let file = match name {
             "demo" => return Self::of(name, Input::demo()?, settings).map(Some),
             "million" => return Self::swell(COUNTS[3], settings).map(Some),
@@ -110,10 +109,10 @@ impl Subject {
                 subject.splats.aggregates.iter_mut().for_each(|s| s.tags &= !Splat::BURIED);
                 return Ok(Some(subject));
             }
-            "cascade" => here.join("sims/cascade.toml"),
+            "cascade" => repository.join("sims/cascade.toml"),
             "front" => {
                 let folder = env::var_os("LIMPID_REFERENCE").map(PathBuf::from);
-                let folder = folder.unwrap_or_else(|| here.join("../shared/reference"));
+                let folder = folder.unwrap_or_else(|| repository.join("../shared/reference"));
                 folder.join("scenes/double_dam_break_front.toml")
             }
             file => file.into(),
@@ -147,12 +146,12 @@ impl Subject {
     }
 }
 
-/// The times of one subject's frames: by name what each pass took, and the whole.
+/// Times of a subject's frames, ms: per pass, in total on the device, and of the whole frame.
 struct Times {
     passes: Vec<(&'static str, Vec<f64>)>,
     /// Sum of the passes.
     device: Vec<f64>,
-    /// From the call until the picture is in memory.
+    /// From the call until the picture is in host memory.
     frame: Vec<f64>,
 }
 
@@ -182,7 +181,7 @@ fn measure(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid_io::Result
             }
             times.passes[i].1.push(pass.ms);
         }
-        // Reading the timestamps waits for the device: whole frames are measured without.
+        // Reading timestamps waits for the device, so whole frames are measured without them.
         times.frame.push(draw(false)?.1);
     }
     Ok(times)
@@ -199,8 +198,8 @@ fn passes(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid_io::Result<
     Ok(())
 }
 
-/// One liquid of more and more particles. The exponent is that of the number, between two rows: with
-/// 1 a frame would take as much longer as it has more particles.
+/// Measures one liquid with increasing numbers of particles. The exponent is that of the particle
+/// number between two rows: 1 means linear scaling.
 fn curve(gpu: &Gpu, options: &Options) -> limpid_io::Result<()> {
     println!(
         "\nswell: {:>9} {:>9} {:>9} {:>9} {:>9}",
@@ -223,7 +222,7 @@ fn curve(gpu: &Gpu, options: &Options) -> limpid_io::Result<()> {
     Ok(())
 }
 
-/// Least, median and greatest.
+/// Minimum, median and maximum.
 fn median(ms: &[f64]) -> (f64, f64, f64) {
     let mut ms = ms.to_vec();
     ms.sort_by(f64::total_cmp);

@@ -1,9 +1,9 @@
-//! `cargo bench --bench playback`: frames per second that a cache reads and classifies ahead of
-//! playback, and the memory that it takes, with 1, 2, 4, … threads up to this machine's.
+//! `cargo bench --bench playback`: frames per second at which a frame cache reads and classifies
+//! ahead of playback, and its memory, with 1, 2, 4, … threads up to this machine's.
 //!
 //! The sequences are the scenes `cascade` (40,000 particles) and `breaker` (125,000), each written
-//! as gzip BGEO with ids, velocities and densities, as simulators write them. Reading is from a hot
-//! cache. Each figure is the median of three runs.
+//! as gzip BGEO with ids, velocities and densities, as simulators write them. Files are read from a
+//! hot cache. Each figure is the median of three runs.
 
 use std::path::Path;
 use std::process::Command;
@@ -16,7 +16,7 @@ use limpid_io::input::Input;
 const FRAMES: usize = 24;
 const BUDGET: u64 = 64 << 20;
 const RUNS: usize = 3;
-/// Set for a run with so many threads, which measures the sequence in this folder.
+/// The environment variable that makes a child process measure the sequence in this folder.
 const FOLDER: &str = "LIMPID_BENCH_FOLDER";
 
 fn main() -> limpid_io::Result<()> {
@@ -40,7 +40,7 @@ fn main() -> limpid_io::Result<()> {
     Ok(())
 }
 
-/// Writes so many frames of a recipe's particles.
+/// Writes [`FRAMES`] frames of a recipe's particles.
 fn write(name: &str, folder: &Path) -> limpid_io::Result<()> {
     let scene =
         Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(format!("sims/{name}.toml"));
@@ -64,7 +64,7 @@ fn measure(folder: &Path) -> limpid_io::Result<()> {
     let frame_times = input.frame_times(&numbers, 1.0);
     let threads = rayon::current_num_threads();
     let mut rates = Vec::new();
-    let (mut particles, mut most) = (0, 0);
+    let (mut particles, mut peak) = (0, 0);
     for _ in 0..RUNS {
         let (input, scene, frame_times) =
             (input.clone(), project.scene.clone(), frame_times.clone());
@@ -76,14 +76,14 @@ fn measure(folder: &Path) -> limpid_io::Result<()> {
             particles = cache.wait(i)?.particles;
         }
         rates.push(numbers.len() as f64 / start.elapsed().as_secs_f64());
-        most = cache.state().most;
+        peak = cache.state().most;
     }
     rates.sort_by(f64::total_cmp);
     let (least, median, greatest) = (rates[0], rates[RUNS / 2], rates[RUNS - 1]);
     println!(
         "{particles:>7} particles, {threads} threads: {median:.1} frames/s ({least:.1} to \
          {greatest:.1}), at most {:.1} MiB",
-        most as f64 / f64::from(1 << 20)
+        peak as f64 / f64::from(1 << 20)
     );
     Ok(())
 }

@@ -1,10 +1,10 @@
-//! `cargo bench --bench readers`: milliseconds that each format takes to read a million particles.
+//! `cargo bench --bench readers`: time to read a million particles from each format, ms.
 //!
-//! The files are made in a temporary folder and are in the cache of the operating system. Each
-//! figure is the best of five in one run. Beside it are the bytes of the file alone (`fs::read`), a
-//! plain loop over them that checks nothing, and, where there is one, the figure to stay within
-//! twice of: hand-written readers over memory maps that check nothing either, measured on another
-//! day on a machine of this kind.
+//! The files are written to a temporary folder and are in the operating system's cache. Each figure
+//! is the best of five in one run. The other columns are reading the file's bytes alone
+//! (`fs::read`), a plain loop over them without any checks, and, where available, a target that
+//! limpid must stay within a factor of two of: hand-written readers over memory maps, also without
+//! checks, measured on another day on a machine of this kind.
 
 use std::hint::black_box;
 use std::io::Read;
@@ -18,7 +18,7 @@ use limpid::liquid::{Ellipsoid, Particles};
 const PARTICLES: usize = 1_000_000;
 const RUNS: usize = 5;
 
-/// Where an attribute is: its first byte and the bytes from one particle to the next.
+/// Location of each attribute: its first byte and the stride between particles, bytes.
 type Layout = Vec<(usize, usize)>;
 
 fn main() -> limpid_io::Result<()> {
@@ -82,7 +82,7 @@ fn main() -> limpid_io::Result<()> {
     Ok(())
 }
 
-/// Milliseconds of the best of several runs.
+/// Time of the fastest of several runs, ms.
 fn best<T>(mut run: impl FnMut() -> T) -> f64 {
     let times = (0..RUNS).map(|_| {
         let start = Instant::now();
@@ -92,7 +92,7 @@ fn best<T>(mut run: impl FnMut() -> T) -> f64 {
     times.fold(f64::INFINITY, f64::min)
 }
 
-/// Numbers without a pattern that gzip could find.
+/// Random numbers that gzip cannot compress.
 fn vectors(scale: f32) -> Vec<Vec3> {
     let mut state = 1u32;
     let mut random = || {
@@ -116,8 +116,8 @@ fn unpacked(path: &Path) -> Vec<u8> {
     unpacked
 }
 
-/// Where the positions and the velocities are, and whether they are big-endian; for the formats
-/// that a loop can read.
+/// Locates positions and velocities, and returns whether they are big-endian; only for formats that
+/// a loop can read.
 fn layout(name: &str, bytes: &[u8]) -> Option<(Layout, bool)> {
     const ROW: usize = size_of::<Vec3>();
     let from_end = |length: usize| bytes.len() - length;

@@ -1,13 +1,14 @@
-//! `cargo bench --bench stages`: what the CPU does for a frame, by the statistics of criterion.
+//! `cargo bench --bench stages`: CPU stages of a frame, with criterion's statistics.
 //!
-//! - `read`: each format, 125,000 particles with velocities where it has them, from a hot cache;
-//! - `neighbours`: the search for neighbours and the sums over them;
-//! - `classify`: the same and the ellipsoids that are made of them;
+//! - `read`: each format, 125,000 particles, with velocities if the format has them, from a hot
+//!   cache;
+//! - `neighbours`: the neighbour search and the sums over neighbours;
+//! - `classify`: the same, and the ellipsoids computed from the sums;
 //! - `tree`: as `classify`, with kiddo's tree instead of the grid;
-//! - `device`: as `classify`, on the graphics device, and back in memory.
+//! - `device`: as `classify`, on the graphics device, including readback.
 //!
-//! `cargo bench --bench stages -- classify/40000` measures what has that in its name, and
-//! `-- --save-baseline NAME` and `-- --baseline NAME` compare two states of the code.
+//! `cargo bench --bench stages -- classify/40000` runs the benches whose names contain it, and `--
+//! --save-baseline NAME` and `-- --baseline NAME` compare two versions of the code.
 
 mod support;
 
@@ -23,7 +24,7 @@ use limpid::liquid::{Ellipsoid, Particles};
 
 use support::{COUNTS, Swell};
 
-/// One for each reader, and those of one format that take different ways.
+/// One format per reader, and further ones where a reader has several code paths.
 const FORMATS: [&str; 11] =
     ["xyz", "npy", "npz", "bhclassic", "bgeo.gz", "vtk", "vtu", "ply", "csv", "pos", "shaped.pos"];
 
@@ -72,7 +73,7 @@ fn classification(criterion: &mut Criterion) {
                 Swell::new(count).expect("a frame of the swell");
             let mut settings = project.scene.settings.classify;
             if name == "neighbours" {
-                // Sparser than everything is a splash, for which nothing but its neighbours is asked.
+                // Below this density everything is a splash, which needs only its neighbours.
                 settings.splash_density = f32::INFINITY;
             }
             group.throughput(Throughput::Elements(particles.len() as u64));

@@ -216,7 +216,7 @@ struct Fragment {
     @builtin(frag_depth) depth: f32,
 }
 
-@fragment
+$early_depth @fragment
 fn fragment(in: Varying) -> Fragment {
     let omega = camera_omega(in.clip.xy);
     let to_sphere = varying_to_sphere(in);

@@ -1,7 +1,7 @@
 // Radiance to display: exposure, an optional curve, the sRGB transfer function.
 
 @group(0) @binding(0) var radiance: texture_2d<f32>;
-@group(0) @binding(1) var<uniform> tonemap: Params;
+@group(0) @binding(1) var<$branching> tonemap: Params;
 
 struct Params {
     gain: f32,   // 2^exposure

@@ -3,6 +3,8 @@
 mod binding;
 mod commands;
 mod readback;
+#[doc(hidden)]
+pub mod shader;
 mod timer;
 
 use std::collections::HashMap;
@@ -545,7 +547,7 @@ pub fn compute_pipeline(
     layouts: &[&wgpu::BindGroupLayout],
     constants: &[(&str, f64)],
 ) -> wgpu::ComputePipeline {
-    let module = crate::shader::module(gpu, shader);
+    let module = shader::module(gpu, shader, shader::Variant::default());
     module_pipeline(gpu, shader, &module, entry_point, layouts, constants)
 }
 

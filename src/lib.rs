@@ -78,8 +78,6 @@ pub mod passes;
 pub mod renderer;
 pub mod scene;
 pub mod settings;
-#[doc(hidden)]
-pub mod shader;
 
 pub use error::{Error, Result};
 pub use {glam, wgpu};

@@ -45,6 +45,25 @@ const WIDEST: f64 = 75.0 * std::f64::consts::PI / 180.0;
 /// How far along a view surfaces are looked for, in extents of what is seen.
 const FARTHEST: f64 = 1e3;
 
+/// A view from a light, and the part of the maps that is made by it.
+#[derive(Debug, Clone, Copy)]
+pub struct PlacedView {
+    /// The view.
+    pub view: LightView,
+    /// The light's number.
+    pub light: usize,
+    /// The number of the view among the light's: 0 is the caustic map's.
+    pub slot: usize,
+    /// How many straight views the light has.
+    pub straight: u32,
+    /// Layer of the maps.
+    pub layer: u32,
+    /// Where its texels begin there.
+    pub corner: UVec2,
+    /// Whether the light is in the liquid, and this one of the faces around it.
+    pub wet: bool,
+}
+
 impl LightView {
     /// The view of a liquid between `min` and `max`, m, grown by `margin` as a share of its extent,
     /// with `resolution` pixels along the longer side. `level` is the height of its surface, m, and

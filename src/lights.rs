@@ -4,6 +4,7 @@ use glam::{DVec3, UVec2, Vec3};
 
 use crate::error::{Limited, Result};
 use crate::gpu::{self, Commands, Gpu, Timer};
+use crate::light_view::PlacedView;
 use crate::light_view::{CUBE, LightView};
 use crate::liquid::bulk::{self, Bulk};
 use crate::liquid::classify::{Splat, Splats};
@@ -27,25 +28,6 @@ pub struct LightViews {
     /// such a view, one, or the faces of a cube, of which those are none that see no liquid.
     pub straight: Vec<Option<LightView>>,
     /// Whether it is a point in the liquid.
-    pub wet: bool,
-}
-
-/// A view from a light, and the part of the maps that is made by it.
-#[derive(Debug, Clone, Copy)]
-pub struct PlacedView {
-    /// The view.
-    pub view: LightView,
-    /// The light's number.
-    pub light: usize,
-    /// The number of the view among the light's: 0 is the caustic map's.
-    pub slot: usize,
-    /// How many straight views the light has.
-    pub straight: u32,
-    /// Layer of the maps.
-    pub layer: u32,
-    /// Where its texels begin there.
-    pub corner: UVec2,
-    /// Whether the light is in the liquid, and this one of the faces around it.
     pub wet: bool,
 }
 

@@ -17,6 +17,7 @@ pub mod mixture;
 pub mod refract;
 pub mod smooth;
 pub mod splat;
+pub mod splat_buffers;
 pub mod tiles;
 pub mod tonemap;
 pub mod view_passes;

@@ -6,22 +6,25 @@ use std::fs;
 use std::panic::catch_unwind;
 use std::path::Path;
 
-use limpid::shader::{self, FILES, ROOTS};
+use limpid::gpu::shader::{self, EarlyDepth, FILES, ROOTS, Variant};
 use naga::back::pipeline_constants::process_overrides;
 use naga::back::{glsl, hlsl, msl, spv};
 use naga::proc::BoundsCheckPolicies;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
-/// What the report pastes behind each root of `refract/`, and behind none.
+/// A root of the report that imports an intersector.
 const MEASURED: &str = "report/intersect.wgsl";
 
-/// What the caustic maps paste behind `refract/guarded.wgsl`.
-const CAUSTICS: [&str; 4] = [
-    "caustics/grid.wgsl",
-    "caustics/forward.wgsl",
-    "caustics/gather.wgsl",
-    "caustics/resolve.wgsl",
-];
+/// The variant by which roots are tested; the intersector is that of the defaults.
+const GUARDED: Variant = Variant {
+    intersector: Some("refract/guarded.wgsl"),
+    early_depth: None,
+    stored_uniforms: false,
+};
+
+fn source(root: &str) -> String {
+    shader::source(root, GUARDED)
+}
 
 /// limpid requests no optional feature that WGSL can see.
 const REQUESTED: Capabilities = Capabilities::empty();
@@ -168,7 +171,7 @@ fn files_below(folder: &Path, prefix: &str, found: &mut BTreeSet<String>) {
 /// The files that a root pastes, itself among them.
 fn pasted(root: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
-    shader::resolve(root, &mut |path| {
+    shader::resolve(root, GUARDED, &mut |path| {
         found.insert(path.to_owned());
         FILES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text)
     });
@@ -193,8 +196,8 @@ fn every_root_is_valid() {
     let broken: Vec<_> = ROOTS
         .iter()
         .filter_map(|root| {
-            let text = shader::source(root);
-            let stored = shader::with_stored_uniforms(&text);
+            let text = source(root);
+            let stored = shader::source(root, Variant { stored_uniforms: true, ..GUARDED });
             // A new one is put here, or among those that decide branches.
             let plain = ["camera", "scene", "solids", "params", "absorptions"];
             for (_, uniform) in
@@ -221,8 +224,8 @@ fn every_root_is_valid() {
 #[test]
 fn promised_depths_are_valid() {
     for root in ["splat.wgsl", "cull/draw.wgsl"] {
-        for back in [false, true] {
-            let text = shader::with_early_depth(&shader::source(root), back);
+        for side in [EarlyDepth::LessEqual, EarlyDepth::GreaterEqual] {
+            let text = shader::source(root, Variant { early_depth: Some(side), ..GUARDED });
             assert_eq!(text.matches("@early_depth_test").count(), 1, "{root}");
             let module = naga::front::wgsl::parse_str(&text).expect(root);
             let is_valid = |capabilities| {
@@ -238,12 +241,8 @@ fn promised_depths_are_valid() {
 /// drivers are given.
 #[test]
 fn every_shader_can_be_translated_for_every_platform() {
-    let roots = ROOTS.iter().map(|root| (*root, shader::source(root)));
-    let caustics = CAUSTICS
-        .iter()
-        .map(|file| (*file, shader::source("refract/guarded.wgsl") + &shader::source(file)));
+    let roots = ROOTS.iter().map(|root| (*root, source(root)));
     let broken: Vec<_> = roots
-        .chain(caustics)
         .filter_map(|(name, text)| match translate_all(name, &text) {
             Ok(translated) => {
                 assert!(translated > 0, "{name} has no entry point");
@@ -258,32 +257,20 @@ fn every_shader_can_be_translated_for_every_platform() {
 /// Protects the measurements: whatever supplies an intersector can be measured.
 #[test]
 fn every_intersector_can_be_measured() {
-    let roots: Vec<_> =
-        ROOTS.iter().filter(|root| pasted(root).contains("refract/interfaces.wgsl")).collect();
+    let supplies = |root: &&&str| root.starts_with("refract/") || **root == "report/nothing.wgsl";
+    let roots: Vec<_> = ROOTS.iter().filter(supplies).collect();
     assert!(roots.len() >= 8, "{roots:?}");
     for root in roots {
-        let text = shader::source(root) + &shader::source(MEASURED);
+        let text = shader::source(MEASURED, Variant::of(root));
         let (module, info) = check(root, &text).unwrap_or_else(|problem| panic!("{problem}"));
         specialise(root, &module, &info).unwrap_or_else(|problem| panic!("{problem}"));
-    }
-}
-
-/// Protects the caustics: each kernel has the layers and the intersector that it follows light by.
-#[test]
-fn caustics_are_made_by_guarded() {
-    for file in CAUSTICS {
-        let text = shader::source("refract/guarded.wgsl") + &shader::source(file);
-        let (module, info) = check(file, &text).unwrap_or_else(|problem| panic!("{problem}"));
-        specialise(file, &module, &info).unwrap_or_else(|problem| panic!("{problem}"));
     }
 }
 
 /// Protects against dead files: what no root pastes is never compiled, and so never checked.
 #[test]
 fn every_file_is_a_root_or_pasted_by_one() {
-    let mut used: BTreeSet<_> = ROOTS.iter().flat_map(|root| pasted(root)).collect();
-    used.extend(pasted(MEASURED));
-    used.extend(CAUSTICS.iter().flat_map(|file| pasted(file)));
+    let used: BTreeSet<_> = ROOTS.iter().flat_map(|root| pasted(root)).collect();
     for (name, _) in FILES {
         assert!(used.contains(*name), "{name} is neither a root nor imported by one");
     }
@@ -303,7 +290,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
         ("lost", "#import nowhere.wgsl"),
     ];
     let resolve = |file: &str| {
-        shader::resolve(file, &mut |path| files.iter().find(|f| f.0 == path).map(|f| f.1))
+        shader::resolve(file, GUARDED, &mut |path| files.iter().find(|f| f.0 == path).map(|f| f.1))
     };
     assert_eq!(resolve("root"), "fn b() {}\nfn a() {}\nfn root() {}\n");
     let panic = catch_unwind(|| resolve("lost")).expect_err("a missing import panics");

@@ -1,4 +1,4 @@
-//! Liquid of any number of particles, for the benches.
+//! A liquid with any number of particles, for the benches.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -8,29 +8,29 @@ use limpid_io::Result;
 use limpid_io::bake;
 use limpid_io::project::Project;
 
-/// The numbers of particles that stages are measured with. Layers being whole, they come out as
-/// 4,752, 39,128, 116,424 and 1,056,000.
+/// Particle counts of the benches. Layers are whole, so the actual counts are 4,752, 39,128,
+/// 116,424 and 1,056,000.
 pub(crate) const COUNTS: [usize; 4] = [5_000, 40_000, 125_000, MILLION];
 
-/// Particles of `sims/million.toml`.
+/// Number of particles of `sims/million.toml`.
 const MILLION: usize = 1_056_000;
-/// Their radius, m.
+/// Radius of these, m.
 const RADIUS: f64 = 0.0125;
 
-/// The tank of `sims/million.toml`, filled with larger particles or the same: the same waves, seen
-/// from the same place.
+/// The tank of `sims/million.toml`, filled with particles of the same size or larger ones: the same
+/// waves from the same camera.
 pub(crate) struct Swell {
     pub(crate) project: Project,
     pub(crate) particles: Particles,
-    /// Of the particles, m.
+    /// Particle radius, m.
     pub(crate) radius: f32,
 }
 
 impl Swell {
-    /// With about `count` particles.
+    /// Simulates the tank with about `count` particles.
     ///
     /// # Errors
-    /// As [`bake::bake`]: a frame goes by way of a temporary folder.
+    /// As [`bake::bake`], which writes a frame to a temporary folder.
     pub(crate) fn new(count: usize) -> Result<Self> {
         let radius = RADIUS * (MILLION as f64 / count as f64).cbrt();
         let text = include_str!("../../sims/million.toml")

@@ -4,7 +4,7 @@
 #import common/layers.wgsl
 #import caustics/params.wgsl
 
-@group(1) @binding(0) var<uniform> caustics: CausticParams;
+@group(1) @binding(0) var<$branching> caustics: CausticParams;
 @group(1) @binding(1) var unblurred: texture_2d<f32>;
 @group(1) @binding(2) var receivers: texture_2d<f32>;
 @group(1) @binding(3) var blurred: texture_storage_2d<rgba32float, write>;

@@ -12,7 +12,7 @@
 #import caustics/light_sums.wgsl
 #import caustics/params.wgsl
 
-@group(1) @binding(0) var<uniform> caustics: CausticParams;
+@group(1) @binding(0) var<$branching> caustics: CausticParams;
 @group(1) @binding(1) var<storage, read> grid: array<GridVertex>;
 @group(1) @binding(2) var<storage, read> landings: array<Landing>;
 @group(1) @binding(3) var receivers: texture_2d<f32>; // planes

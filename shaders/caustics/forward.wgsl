@@ -5,12 +5,13 @@
 // caustics, 2020) and Mayer, Assarsson and Sintorn (2026), section 2.2. `deposit.wgsl` then lays the light between three vertices
 // onto the map.
 
+#import $intersector
 #import caustics/landing.wgsl
 #import caustics/light_sums.wgsl
 #import caustics/light.wgsl
 #import caustics/params.wgsl
 
-@group(3) @binding(0) var<uniform> caustics: CausticParams;
+@group(3) @binding(0) var<$branching> caustics: CausticParams;
 @group(3) @binding(1) var<storage, read> grid: array<GridVertex>;
 @group(3) @binding(2) var<storage, read_write> landings: array<Landing>;
 

@@ -7,12 +7,13 @@
 // receiver is found: where light comes to it by several, between the folds of a caustic, the map is
 // too dark.
 //
-// Pasted behind `refract/guarded.wgsl`, in a light's view.
+// The layers are those of the light's view.
 
+#import $intersector
 #import caustics/conic.wgsl
 #import caustics/params.wgsl
 
-@group(3) @binding(0) var<uniform> caustics: CausticParams;
+@group(3) @binding(0) var<$branching> caustics: CausticParams;
 // The vertex (i, j) is at pixel position (i, j) * camera.size / cells.
 @group(3) @binding(1) var<storage, read> grid: array<GridVertex>;
 @group(3) @binding(2) var caustic_map: texture_storage_2d<rgba32float, write>; // irradiance, state

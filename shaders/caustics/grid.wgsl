@@ -1,13 +1,13 @@
 // A regular grid over the light's view of the liquid: where each of its rays meets the liquid
 // first.
 //
-// Pasted behind a root of `refract/`, as all that follows light from its view: the layers and the
-// intersector are those.
+// The layers and the intersector are those of the light's view.
 
+#import $intersector
 #import caustics/light.wgsl
 #import caustics/params.wgsl
 
-@group(3) @binding(0) var<uniform> caustics: CausticParams;
+@group(3) @binding(0) var<$branching> caustics: CausticParams;
 @group(3) @binding(1) var<storage, read_write> grid_out: array<GridVertex>;
 
 // The pixel position of a vertex.

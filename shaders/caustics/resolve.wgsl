@@ -1,12 +1,13 @@
 // The map of one light: what each texel's receiver gets of it.
 //
-// Pasted behind a root of `refract/`, for its layers.
+// The layers are those of the light's view.
 
+#import $intersector
 #import caustics/light_sums.wgsl
 #import caustics/light.wgsl
 #import caustics/params.wgsl
 
-@group(3) @binding(0) var<uniform> caustics: CausticParams;
+@group(3) @binding(0) var<$branching> caustics: CausticParams;
 @group(3) @binding(1) var<storage, read> light_sums: array<u32>;
 @group(3) @binding(2) var gathered: texture_2d<f32>; // irradiance, state: gather.wgsl
 @group(3) @binding(3) var map_out: texture_storage_2d<rgba32float, write>;

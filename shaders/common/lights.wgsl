@@ -41,10 +41,10 @@ override LIGHTS: u32 = 0u;
 // Whether any has views along the light itself beside its map's.
 override STRAIGHT_VIEWS: bool = false;
 
-@group(2) @binding(2) var<uniform> lights: array<Light, MAX_LIGHTS>;
+@group(2) @binding(2) var<$branching> lights: array<Light, MAX_LIGHTS>;
 @group(2) @binding(4) var caustic_maps: texture_2d_array<f32>;
 @group(2) @binding(5) var caustic_receivers: texture_2d_array<f32>; // planes; disparity of the liquid's front
-@group(2) @binding(6) var<uniform> light_views: array<LightView, MAX_LIGHT_VIEWS>;
+@group(2) @binding(6) var<$branching> light_views: array<LightView, MAX_LIGHT_VIEWS>;
 
 struct ToLight {
     direction: vec3f, // unit

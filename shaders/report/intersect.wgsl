@@ -1,7 +1,7 @@
 // One intersection per pixel, for measuring an intersector: the eye ray enters the liquid at the
 // pixel's front layer, and the refracted ray is intersected once.
 //
-// Pasted behind a root of `refract/`, which supplies the intersector.
+#import $intersector
 
 @group(3) @binding(0) var hits: texture_storage_2d<rgba32float, write>;    // u (px), depth (m), state
 @group(3) @binding(1) var tallies: texture_storage_2d<rgba32float, write>; // fetches, evaluations, order, 0

@@ -9,8 +9,6 @@ use std::collections::{HashMap, VecDeque};
 
 use glam::DVec3;
 
-use super::particles;
-
 /// The box around the bulk of some particles, in world space, m.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Bulk {
@@ -53,7 +51,7 @@ const CELLS: f64 = 16.0;
 /// off by themselves: neither the outermost particles of a compact cloud nor a thin jet. Two bodies
 /// that are far from each other are both in the bulk if each has more than 1 % of the particles.
 pub fn bulk(count: usize, place: impl Fn(usize) -> DVec3) -> Option<Bulk> {
-    let bounds = particles::bounds((0..count).map(&place))?;
+    let bounds = bounds((0..count).map(&place))?;
     let all = Bulk { bounds, outside: 0, core: bounds };
     if count < FEW {
         return Some(all);
@@ -66,9 +64,16 @@ pub fn bulk(count: usize, place: impl Fn(usize) -> DVec3) -> Option<Bulk> {
     }
     let joined = joined(count, &place, core, side / CELLS);
     let kept = (0..count).map(&place).filter(|&x| holds(near, x) || joined(x));
-    let bounds = particles::bounds(kept)?;
+    let bounds = self::bounds(kept)?;
     let outside = (0..count).filter(|&i| !holds(bounds, place(i))).count();
     Some(Bulk { bounds, outside, core })
+}
+
+/// The corners of the box around all places, if there are any.
+#[doc(hidden)]
+pub fn bounds(mut places: impl Iterator<Item = DVec3>) -> Option<(DVec3, DVec3)> {
+    let first = places.next()?;
+    Some(places.fold((first, first), |(min, max), p| (min.min(p), max.max(p))))
 }
 
 impl Bulk {

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::bulk::{Bulk, bulk};
+use super::bulk::{Bulk, bounds, bulk};
 use super::ellipsoid::Ellipsoid;
 
 /// One frame of particles, structure of arrays: every attribute that is present has one entry
@@ -110,13 +110,6 @@ impl Particles {
 #[doc(hidden)]
 pub fn drawable(radius: f32) -> bool {
     radius > 0.0 && radius.powi(3).is_normal()
-}
-
-/// The corners of the box around all places, if there are any.
-#[doc(hidden)]
-pub fn bounds(mut places: impl Iterator<Item = DVec3>) -> Option<(DVec3, DVec3)> {
-    let first = places.next()?;
-    Some(places.fold((first, first), |(min, max), p| (min.min(p), max.max(p))))
 }
 
 /// The point from which 32-bit floats keep enough digits of all places: 0 if it does, so that

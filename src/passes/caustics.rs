@@ -303,9 +303,8 @@ impl Caustics {
         let layouts = &self.layouts;
         self.pipelines.entry(key).or_insert_with(|| {
             let pipeline = |file: &str, entry: &str, own, constants: &[(&'static str, f64)]| {
-                let root = key.variant.shader();
-                let text = crate::shader::source(root) + &crate::shader::source(file);
-                let module = crate::shader::text_module(gpu, file, text);
+                let intersector = gpu::shader::Variant::of(key.variant.shader());
+                let module = gpu::shader::module(gpu, file, intersector);
                 let all = [
                     &key.variant.constants()[..],
                     &key.scene.constants(),

@@ -9,7 +9,7 @@ use glam::UVec2;
 use rayon::prelude::*;
 use wgpu::TextureViewDimension::D2Array;
 
-use super::splat::{self, SplatBuffers};
+use super::splat_buffers::{self, SplatBuffers};
 use super::{CameraBinding, Layers};
 use crate::gpu::{self, Gpu, Span, TILE};
 use crate::liquid::classify::Splats;
@@ -98,7 +98,7 @@ impl Cull {
         let select_layout = gpu.layout("cull", compute, &bindings);
         let bindings = [gpu::sampled(D2Array), gpu::storage_read_write(8)];
         let depths_layout = gpu.layout("cull depths", compute, &bindings);
-        let splats = splat::layout(gpu);
+        let splats = splat_buffers::layout(gpu);
         let select = |entry: &str, surrounded: f64| {
             let constants = [&camera.constants()[..], &[("SURROUNDED", surrounded)]].concat();
             let layouts = [&camera.layout, &splats, &select_layout];

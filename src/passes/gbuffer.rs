@@ -11,7 +11,7 @@ use super::{CameraBinding, GBufferImages, Layers};
 use crate::environment::Environment;
 use crate::gpu::{self, Gpu, Span};
 use crate::light_view::CUBE;
-use crate::lights::PlacedView;
+use crate::light_view::PlacedView;
 use crate::scene::{Light, MAX_LIGHTS, MAX_SOLIDS, Scene, Shape, Solid, Surface};
 
 /// `Scene` of `common/scene.wgsl`.

@@ -78,7 +78,7 @@ mod tests {
     /// Protects intersectors that read mip levels from those that are not there.
     #[test]
     fn levels_are_those_of_the_shader() {
-        let levels = crate::shader::constant("common/layers.wgsl", "MIP_LEVELS");
+        let levels = gpu::shader::constant("common/layers.wgsl", "MIP_LEVELS");
         assert_eq!(levels, f64::from(MIP_LEVELS));
     }
 }

@@ -8,7 +8,7 @@
 use glam::{UVec2, Vec4};
 
 use super::CameraBinding;
-use super::splat::{self, SplatBuffers};
+use super::splat_buffers::{self, SplatBuffers};
 use crate::gpu::{self, Gpu, Span};
 use crate::scene::{MAX_FLUIDS, Scene};
 
@@ -76,8 +76,8 @@ impl Mixture {
     }
 
     fn pipeline(&self, gpu: &Gpu, camera: &CameraBinding) -> wgpu::RenderPipeline {
-        let module = crate::shader::module(gpu, "mixture.wgsl");
-        let splats = splat::layout(gpu);
+        let module = gpu::shader::module(gpu, "mixture.wgsl", gpu::shader::Variant::default());
+        let splats = splat_buffers::layout(gpu);
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("mixture"),
             bind_group_layouts: &[Some(&camera.layout), Some(&splats), Some(&self.layout)],

@@ -242,7 +242,8 @@ impl Refract {
         let [gather, draw] = &self.edge_layouts;
         self.pipelines.entry((variant, scene.variant)).or_insert_with(|| {
             let constants = [&variant.constants()[..], &scene.variant.constants()].concat();
-            let module = crate::shader::module(gpu, variant.shader());
+            let module =
+                gpu::shader::module(gpu, variant.shader(), gpu::shader::Variant::default());
             let pipeline = |entry: &str, edges: &wgpu::BindGroupLayout| {
                 let layouts = [&camera.layout, &self.layout, &scene.layout, edges];
                 gpu::module_pipeline(gpu, variant.shader(), &module, entry, &layouts, &constants)
@@ -394,7 +395,7 @@ mod tests {
     /// Protects edges from being forgotten: the list is as long as the shader takes it for.
     #[test]
     fn edge_groups_are_those_of_the_shader() {
-        let group = crate::shader::constant("refract/interfaces.wgsl", "EDGE_GROUP");
+        let group = gpu::shader::constant("refract/interfaces.wgsl", "EDGE_GROUP");
         assert_eq!(group, EDGE_GROUP as f64);
     }
 }

@@ -107,7 +107,7 @@ fn pipeline(
     layout: &wgpu::BindGroupLayout,
     format: wgpu::TextureFormat,
 ) -> wgpu::RenderPipeline {
-    let module = crate::shader::module(gpu, "tonemap.wgsl");
+    let module = gpu::shader::module(gpu, "tonemap.wgsl", gpu::shader::Variant::default());
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("tonemap"),
         bind_group_layouts: &[Some(layout)],

@@ -7,12 +7,13 @@ use glam::{DVec3, UVec2};
 use super::gbuffer::{GBuffer, LightMaps, SceneBinding};
 use super::mixture::Mixture;
 use super::smooth::{self, Smooth};
-use super::splat::{Splat, SplatBuffers};
+use super::splat::Splat;
+use super::splat_buffers::SplatBuffers;
 use super::tiles::{Sections, Tiles};
 use super::{CameraBinding, Layers};
 use crate::camera::CameraUniform;
 use crate::gpu::{Commands, Gpu, Timer};
-use crate::lights::PlacedView;
+use crate::light_view::PlacedView;
 use crate::liquid::classify::{Eye, Splats, seen_past_walls};
 use crate::scene::Scene;
 

@@ -5,7 +5,8 @@ use std::sync::OnceLock;
 
 use glam::{DVec2, DVec3, UVec2};
 use limpid::gpu::Gpu;
-use limpid::{shader, wgpu};
+use limpid::gpu::shader;
+use limpid::wgpu;
 
 /// The adapter's device, shared by a file's tests; `None`, after saying why, if there is none.
 ///
@@ -146,10 +147,15 @@ impl Kernel<'_> {
             }}
             {body}"
         );
-        let text = shader::resolve("test", &mut |path| match path {
-            "test" => Some(&root),
-            _ => shader::FILES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text),
-        });
+        let text =
+            shader::resolve("test", shader::Variant::of("refract/guarded.wgsl"), &mut |path| {
+                match path {
+                    "test" => Some(&root),
+                    _ => {
+                        shader::FILES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text)
+                    }
+                }
+            });
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("test"),
             source: wgpu::ShaderSource::Wgsl(text.into()),

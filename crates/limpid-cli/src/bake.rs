@@ -32,7 +32,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if args.restart {
         bake::clear(&name, &folder)?;
     }
-    let bar = crate::render::progress(simulation.frames as usize);
+    let bar = crate::terminal::progress(simulation.frames as usize);
     let baked = bake::bake(&simulation, &project.scene.solids, &name, &folder, |progress| {
         bar.set_position(progress.done.into());
         ControlFlow::Continue(())

@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut listing = Ok(());
     let mut report = suite.run(&gpu, &args.filter, |outcome| {
         if !args.json && listing.is_ok() {
-            listing = crate::cli::print(&outcome.to_string());
+            listing = crate::terminal::print(&outcome.to_string());
         }
     })?;
     listing?;
@@ -50,7 +50,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     if let Some(path) = &args.junit {
         let xml = report.junit();
-        output::write_atomically(path, FileKind::Junit, |file| {
+        output::write_atomically(path, FileKind::JUNIT, |file| {
             std::io::Write::write_all(file, xml.as_bytes())
         })?;
     }
@@ -60,8 +60,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         report.write(folder)?;
     }
     match args.json {
-        true => crate::cli::print(&serde_json::to_string_pretty(&report.json())?)?,
-        false => crate::cli::print(&summary(&report, (!passed).then_some(folder)))?,
+        true => crate::terminal::print(&serde_json::to_string_pretty(&report.json())?)?,
+        false => crate::terminal::print(&summary(&report, (!passed).then_some(folder)))?,
     }
     Ok(ExitCode::from(report.exit_code()))
 }
@@ -73,10 +73,10 @@ fn check_outputs(args: &Args, suite: &Suite, folder: &Path) -> limpid_io::Result
     }
     let mut files = suite.files();
     if let Some(path) = &args.junit {
-        files.writes(path, FileKind::Junit)?;
+        files.writes(path, FileKind::JUNIT)?;
     }
     match folder.exists() {
-        true => files.writes(&folder.join("index.html"), FileKind::Page),
+        true => files.writes(&folder.join("index.html"), FileKind::PAGE),
         false => output::check_folder(folder),
     }
 }

@@ -1,11 +1,10 @@
 //! Arguments, and what each command does with them.
 
-use std::io::{self, ErrorKind, Write as _};
+use std::io;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind as Usage;
 use clap::{Parser, Subcommand};
-use limpid_io::particles::{AttributeMap, ReadOptions};
 
 use crate::{bake, check, compare, convert, info, render, report, signals, view};
 
@@ -62,50 +61,6 @@ pub(crate) fn signal() -> Option<u8> {
     signals::received()
 }
 
-/// A line without commands to the terminal: names of files may hold anything.
-fn plain(line: &str) -> String {
-    line.replace(char::is_control, "?")
-}
-
-/// Says on standard error what is wrong, on one line.
-pub(crate) fn complain(problem: impl std::fmt::Display) {
-    let words: Vec<String> = problem.to_string().split(' ').map(brief).collect();
-    tell(&format!("limpid: {}", words.join(" ")));
-}
-
-/// A word without its middle, if that is so long that nobody would find the rest of the line: an
-/// argument that should not be one is said back in full. A path may have 4096 characters; its ends tell.
-fn brief(word: &str) -> String {
-    const MOST: usize = 512;
-    const END: usize = 128;
-    let count = word.chars().count();
-    if count <= MOST {
-        return word.to_owned();
-    }
-    let start = word.chars().take(MOST - END);
-    start.chain("...".chars()).chain(word.chars().skip(count - END)).collect()
-}
-
-/// Writes one line to standard error. Messages may be lost (a full disk, a reader that has left), work
-/// may not: so this neither fails nor panics, as `eprintln!` does.
-pub(crate) fn tell(line: &str) {
-    let line = plain(line) + "\n";
-    let _ = io::stderr().write_all(line.as_bytes());
-}
-
-/// Prints results; a reader that has seen enough (`| head -1`) is not an error.
-pub(crate) fn print(text: &str) -> limpid_io::Result<()> {
-    let lines: Vec<String> = text.split('\n').map(plain).collect();
-    let text = lines.join("\n") + "\n";
-    let mut stdout = io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
-        Err(source) if source.kind() != ErrorKind::BrokenPipe => {
-            Err(limpid_io::Error::Io { path: "standard output".into(), action: "write", source })
-        }
-        _ => Ok(()),
-    }
-}
-
 /// Starts the threads that share long loops: as many as there are cores, or one where the system
 /// gives no more (`ulimit -u`).
 fn start_workers() -> limpid_io::Result<()> {
@@ -115,32 +70,6 @@ fn start_workers() -> limpid_io::Result<()> {
     let threads = if possible { 0 } else { 1 };
     let started = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
     started.map_err(|error| limpid_io::Error::Threads(io::Error::other(error)))
-}
-
-// What all commands say that read particles; a documentation comment would become their help.
-#[derive(clap::Args)]
-pub(crate) struct Reading {
-    /// Memory that one particle file may unpack to, MiB [default: a hundred times its length, but
-    /// 1024 to 16384].
-    #[arg(long, value_name = "MIB", value_parser = parse_mib)]
-    max_unpacked: Option<u64>,
-    /// Read attributes (velocity, density, radius, id, ellipsoid) from arrays of other names than the
-    /// usual ones: velocity=U,radius=h. `limpid info` lists the arrays.
-    #[arg(long, value_name = "ATTRIBUTE=ARRAY,...")]
-    map: Option<AttributeMap>,
-}
-
-impl Reading {
-    pub(crate) fn options(&self) -> ReadOptions {
-        let map = self.map.clone().unwrap_or_default();
-        ReadOptions { max_unpacked: self.max_unpacked, map }
-    }
-}
-
-/// Bytes, from a number of MiB.
-fn parse_mib(text: &str) -> Result<u64, &'static str> {
-    let mib = text.parse().ok().filter(|mib| (1..1 << 40).contains(mib));
-    mib.map(|mib: u64| mib << 20).ok_or("expected a number of MiB, 1 or more")
 }
 
 /// As clap parses, but with every error on one line like all others.

@@ -28,7 +28,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.diff {
         let mut files = Files::default();
         [&args.reference, &args.test].into_iter().for_each(|path| files.reads(path));
-        files.writes(path, FileKind::Picture)?;
+        files.writes(path, FileKind::PICTURE)?;
         if PictureFormat::of(path)? == PictureFormat::Exr {
             let problem = "differences are an 8-bit picture: .png, .jpg or .webp expected";
             return Err(limpid_io::Error::Usage(format!("{}: {problem}", path.display())).into());
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let text =
         if args.json { serde_json::to_string_pretty(&comparison)? } else { describe(&comparison) };
-    crate::cli::print(&text)?;
+    crate::terminal::print(&text)?;
     let differs = args.max_flip.is_some_and(|max| comparison.mean_flip > max);
     Ok(ExitCode::from(u8::from(differs)))
 }

@@ -7,7 +7,9 @@ use limpid::liquid::{Particles, Up};
 use limpid_io::frames::FrameSpec;
 use limpid_io::input;
 use limpid_io::notice::Notice;
-use limpid_io::output::{self, FileKind, Files, OutputNames};
+
+use crate::remedy;
+use limpid_io::output::{self, Files, OutputNames};
 use limpid_io::particles::{self, Contents};
 use limpid_io::sequence::{Frame, Sequence};
 use rayon::prelude::*;
@@ -26,7 +28,7 @@ pub(crate) struct Args {
     #[arg(long, default_value = "y", value_parser = parse_up)]
     up: Up,
     #[command(flatten)]
-    reading: crate::cli::Reading,
+    reading: crate::shared_args::Reading,
     /// Leave frames alone whose file exists.
     #[arg(long)]
     skip_existing: bool,
@@ -55,17 +57,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     input::files_of(&args.input).iter().for_each(|path| files.reads(path));
     for frame in &todo {
         let path = names.path(frame.number);
-        files.writes(&path, FileKind::Particles)?;
+        files.writes(&path, particles::FILE_KIND)?;
         if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("pos")) {
-            files.writes(&path.with_extension("ani"), FileKind::Ellipsoids)?;
+            files.writes(&path.with_extension("ani"), particles::ELLIPSOIDS_KIND)?;
         }
     }
 
     let gaps = sequence.gaps();
     if args.frames.is_none() && !gaps.is_empty() {
-        crate::cli::complain(Notice::Gaps(gaps, None));
+        crate::terminal::complain(remedy::of_notice(&Notice::Gaps(gaps, None)));
     }
-    let bar = crate::render::progress(todo.len());
+    let bar = crate::terminal::progress(todo.len());
     let (mut lost, mut ignored) = (Vec::new(), Vec::new());
     // No more frames in memory than threads, whichever of their work is stolen.
     for frames in todo.chunks(rayon::current_num_threads()) {
@@ -84,12 +86,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     bar.finish_and_clear();
     if !lost.is_empty() {
-        crate::cli::complain(format!("{output}: this format has no room for {}", lost.join(", ")));
+        crate::terminal::complain(format!(
+            "{output}: this format has no room for {}",
+            lost.join(", ")
+        ));
     }
     if !ignored.is_empty() {
         let (arrays, those) = (ignored.join(", "), if ignored.len() > 1 { "are" } else { "is" });
         let remedy = "--map reads attributes from arrays of other names";
-        crate::cli::complain(format!("{}: {arrays} {those} left out; {remedy}", args.input));
+        crate::terminal::complain(format!("{}: {arrays} {those} left out; {remedy}", args.input));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -19,7 +19,7 @@ pub(crate) struct Args {
     #[arg(long)]
     radius: Option<f32>,
     #[command(flatten)]
-    reading: crate::cli::Reading,
+    reading: crate::shared_args::Reading,
     /// Print machine-readable results.
     #[arg(long)]
     json: bool,
@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         });
     }
     let text = if args.json { serde_json::to_string_pretty(&info)? } else { describe(&info) };
-    crate::cli::print(&text)?;
+    crate::terminal::print(&text)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -7,11 +7,13 @@ mod compare;
 mod convert;
 mod fingerprint;
 mod info;
-mod mesa;
 mod pipeline_cache;
+mod remedy;
 mod render;
 mod report;
+mod shared_args;
 mod signals;
+mod terminal;
 mod view;
 
 use std::process::ExitCode;
@@ -22,7 +24,7 @@ use limpid_io::error::Category;
 const STACK: usize = 8 << 20;
 
 fn main() -> ExitCode {
-    mesa::leave_window_systems_alone();
+    leave_window_systems_alone();
     // Windows belong to the first thread of a process.
     if std::env::args_os().nth(1).is_some_and(|command| command == "view") {
         return run();
@@ -40,12 +42,21 @@ fn run() -> ExitCode {
 }
 
 fn failed(error: &anyhow::Error) -> ExitCode {
-    cli::complain(error);
+    terminal::complain(reported(error));
     // What a signal has interrupted did not fail.
     if let Some(code) = cli::signal() {
         return ExitCode::from(code);
     }
     ExitCode::from(category(error) as u8)
+}
+
+/// The line that reports an error.
+fn reported(error: &anyhow::Error) -> String {
+    if let Some(error) = error.downcast_ref::<limpid_io::Error>() {
+        return remedy::with_remedy(error);
+    }
+    let drawing = error.downcast_ref::<limpid::Error>();
+    drawing.map_or_else(|| error.to_string(), remedy::of_drawing)
 }
 
 /// The kind of an error; what the arguments alone make wrong is no library's.
@@ -54,4 +65,12 @@ fn category(error: &anyhow::Error) -> Category {
         return error.category();
     }
     error.downcast_ref::<limpid::Error>().map_or(Category::Request, Category::from)
+}
+
+/// Mesa's device-select layer asks a Wayland or X server which GPU to prefer, and complains on
+/// standard error where there is none. limpid chooses its adapter itself.
+#[expect(unsafe_code, reason = "setting a variable is unsound only beside other threads")]
+fn leave_window_systems_alone() {
+    // SAFETY: the first thing that `main` does; no other thread exists yet.
+    unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
 }

@@ -78,7 +78,7 @@ impl PipelineCache {
         // The next run compiles what this one could not keep.
         let Some(Ok(())) = self.path.parent().map(create_folder) else { return };
         let sum = checksum(&self.maker, &data).to_le_bytes();
-        let _ = output::write_atomically(&self.path, FileKind::Cache, |file| {
+        let _ = output::write_atomically(&self.path, FileKind::CACHE, |file| {
             file.write_all(&sum)?;
             file.write_all(&data)
         });

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use crate::fingerprint::{self, Fingerprints};
 use glam::UVec2;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use limpid::Error::{Defect, DeviceLost};
 use limpid::aov::{self, Aov, Part};
 use limpid::camera::Camera;
@@ -72,7 +72,7 @@ pub(crate) struct Args {
     #[arg(short, long)]
     output: Option<String>,
     /// Width and height in pixels.
-    #[arg(long, default_value = "1024x768", value_parser = parse_size)]
+    #[arg(long, default_value = "1024x768", value_parser = crate::shared_args::parse_size)]
     size: UVec2,
     /// Frames: 1-3,5, 1-10x2 (also 1-10:2), 10-1, -5..-1, 1-10@b, all [default: the scene's frame,
     /// or all].
@@ -92,7 +92,7 @@ pub(crate) struct Args {
     #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
     memory: u64,
     #[command(flatten)]
-    reading: crate::cli::Reading,
+    reading: crate::shared_args::Reading,
     /// One share of the frames, I/N with I from 1.
     #[arg(long)]
     shard: Option<Shard>,
@@ -200,7 +200,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     });
     let manifest = args.manifest.as_deref().map(|path| Manifest::open(path, host)).transpose()?;
     let keep_going = args.keep_going;
-    let bar = if args.quiet { ProgressBar::hidden() } else { progress(shots.len()) };
+    let bar =
+        if args.quiet { ProgressBar::hidden() } else { crate::terminal::progress(shots.len()) };
     let mut console = Console::new(bar.clone(), args.quiet);
     notices.iter().for_each(|notice| console.notice(notice));
     let mut log = Log { manifest, pictures, bar, keep_going, failed: Vec::new() };
@@ -249,7 +250,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.stats {
         let text = serde_json::to_string_pretty(&frame_loop.stats)?;
         let write = |file: &mut BufWriter<&File>| file.write_all(text.as_bytes());
-        limpid_io::output::write_atomically(path, FileKind::Measurements, write)?;
+        limpid_io::output::write_atomically(path, FileKind::MEASUREMENTS, write)?;
     }
     drawn?;
     if let Some(code) = signals::received().filter(|_| !queue.is_empty()) {
@@ -272,7 +273,7 @@ fn ending(failed: Vec<i64>, all: usize) -> ExitCode {
     if failed.is_empty() {
         return ExitCode::SUCCESS;
     }
-    crate::cli::complain(format!(
+    crate::terminal::complain(format!(
         "{} of {all} frames failed: {}",
         failed.len(),
         FrameSpec::List(failed)
@@ -468,22 +469,7 @@ fn film_path(args: &Args) -> Option<&Path> {
     film::Kind::of(path).filter(|_| !path.is_dir()).map(|_| path)
 }
 
-/// Hidden unless standard error is a terminal.
-pub(super) fn progress(frames: usize) -> ProgressBar {
-    let bar = if frames > 1 { ProgressBar::new(frames as u64) } else { ProgressBar::hidden() };
-    let template = "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left";
-    bar.with_style(ProgressStyle::with_template(template).expect("the template is valid"))
-}
-
 fn parse_time(text: &str) -> Result<f64, &'static str> {
     let time = text.parse().ok().filter(|time: &f64| time.is_finite());
     time.ok_or("expected a time in frames, as 12 or 12.25")
-}
-
-pub(crate) fn parse_size(text: &str) -> Result<UVec2, String> {
-    let parse = || {
-        let (width, height) = text.split_once(['x', 'X'])?;
-        Some(UVec2::new(width.parse().ok()?, height.parse().ok()?))
-    };
-    parse().filter(|size| size.min_element() > 0).ok_or("expected WIDTHxHEIGHT, as 1024x768".into())
 }

@@ -71,13 +71,13 @@ fn check_outputs(args: &Args, json: &Path) -> anyhow::Result<()> {
     let scenes = args.scenes.iter().flat_map(|scene| input::files_of(scene));
     scenes.chain(args.against.clone()).for_each(|path| files.reads(&path));
     if let Some(path) = &args.curve {
-        return Ok(files.writes(path, FileKind::Curve)?);
+        return Ok(files.writes(path, FileKind::CURVE)?);
     }
     std::fs::create_dir_all(&args.out)
         .map_err(|e| anyhow::anyhow!("{}: cannot create the folder: {e}", args.out.display()))?;
-    files.writes(json, FileKind::Measurements)?;
-    files.writes(&args.out.join("report.html"), FileKind::Page)?;
-    Ok(files.writes(&args.out.join("report.md"), FileKind::Tables)?)
+    files.writes(json, FileKind::MEASUREMENTS)?;
+    files.writes(&args.out.join("report.html"), FileKind::PAGE)?;
+    Ok(files.writes(&args.out.join("report.md"), FileKind::TABLES)?)
 }
 
 /// The exit code if an error has risen.
@@ -88,13 +88,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let earlier = args.against.as_deref().map(Measured::read).transpose()?;
     check_outputs(args, &json)?;
     let gpu = device::open()?;
-    let mut progress = |step: &str| crate::cli::tell(&format!("report: {step}"));
+    let mut progress = |step: &str| crate::terminal::tell(&format!("report: {step}"));
     let write = |path: &Path, kind: FileKind, text: &str| {
         output::write_atomically(path, kind, |file| file.write_all(text.as_bytes()))
     };
     if let Some(path) = &args.curve {
         let curve = report::curve::measure(&gpu, &mut progress)?;
-        write(path, FileKind::Curve, &format!("{CURVE}{}", toml::to_string(&curve)?))?;
+        write(path, FileKind::CURVE, &format!("{CURVE}{}", toml::to_string(&curve)?))?;
         println!("{}", path.display());
         return Ok(ExitCode::SUCCESS);
     }
@@ -103,9 +103,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     kinds.extend(args.elisions.then_some(Kind::Elision));
     let options = Options { quick: args.quick, width: args.width, scenes, kinds };
     let report = report::measure(&gpu, &options, &mut progress)?;
-    write(&json, FileKind::Measurements, &serde_json::to_string_pretty(&report)?)?;
-    write(&args.out.join("report.html"), FileKind::Page, &report::html(&report))?;
-    write(&args.out.join("report.md"), FileKind::Tables, &report::markdown(&report))?;
+    write(&json, FileKind::MEASUREMENTS, &serde_json::to_string_pretty(&report)?)?;
+    write(&args.out.join("report.html"), FileKind::PAGE, &report::html(&report))?;
+    write(&args.out.join("report.md"), FileKind::TABLES, &report::markdown(&report))?;
     for figure in &report.figures {
         for (number, (_, picture)) in figure.panels.iter().enumerate() {
             let name = format!("{}-{number}.png", figure.scene.replace(':', "-"));

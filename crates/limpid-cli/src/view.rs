@@ -33,13 +33,13 @@ pub(crate) struct Args {
     #[arg(long, default_value = "error")]
     missing: Missing,
     /// Width and height of the window.
-    #[arg(long, default_value = "1280x800", value_parser = crate::render::parse_size)]
+    #[arg(long, default_value = "1280x800", value_parser = crate::shared_args::parse_size)]
     size: UVec2,
     /// Memory for frames that are loaded ahead, MiB.
     #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
     memory: u64,
     #[command(flatten)]
-    reading: crate::cli::Reading,
+    reading: crate::shared_args::Reading,
     /// Write what happens, one JSON object a line with seconds since the start: for tests and
     /// reports of defects. `ui_ms` is the longest that the interface worked without a pause.
     #[arg(long, value_name = "FILE.jsonl")]

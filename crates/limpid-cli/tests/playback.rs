@@ -330,7 +330,7 @@ fn missing_frames() {
     let count = |input: &Input, number| input.particles(FrameTime::at(number)).map(|p| p.len());
 
     assert_eq!(all(&input), [3, 4, 7]);
-    assert!(matches!(count(&input, 5), Err(Error::Sequence { .. })));
+    assert!(matches!(count(&input, 5), Err(Error::MissingFrame { frame: 5, .. })));
     let spec: FrameSpec = "4-6".parse().unwrap();
     assert!(spec.numbers(&input.sequence, input.missing).is_err());
 

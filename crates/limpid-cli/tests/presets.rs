@@ -180,7 +180,7 @@ fn an_unknown_preset_names_the_nearest() {
         let errors = [
             (overrides::preset(wrong).unwrap_err(), ""),
             (parse(&scene, &[]).unwrap_err(), "test.toml: line 4: "),
-            (parse("", &[&format!("preset={wrong}")]).unwrap_err(), "--set preset="),
+            (parse("", &[&format!("preset={wrong}")]).unwrap_err(), "preset="),
         ];
         for (error, start) in errors {
             let message = error.to_string();

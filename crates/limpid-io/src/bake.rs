@@ -49,7 +49,7 @@ pub fn frame_pattern(folder: &Path, name: &str) -> String {
 ///
 /// # Errors
 /// As [`Simulation::check`]; [`Error::Io`] if
-/// the folder cannot be written, [`Error::Usage`] if it holds frames of this name that other
+/// the folder cannot be written, [`Error::OtherBake`] if it holds frames of this name that other
 /// parameters made.
 pub fn bake(
     simulation: &Simulation,
@@ -117,16 +117,16 @@ pub fn bake(
 /// Removes a bake's frames and its record, so that the next one begins anew.
 ///
 /// # Errors
-/// [`Error::Io`] naming the file that could not be removed; [`Error::Usage`] for frames without a
+/// [`Error::Io`] naming the file that could not be removed; [`Error::UnknownBake`] for frames without a
 /// record, which may be another program's.
 pub fn clear(name: &str, folder: &Path) -> Result<()> {
     let remove = |path: &Path| std::fs::remove_file(path).map_err(|e| Error::io(path, "remove", e));
     let (frames, record) = (frames_in(folder, name)?, record::path(folder, name));
     if !frames.is_empty() && !record.exists() {
-        return Err(record::unknown(name, folder));
+        return Err(Error::UnknownBake { folder: folder.to_owned(), name: name.to_owned() });
     }
     if record.exists() {
-        output::FileKind::BakeRecord.check(&record)?;
+        output::FileKind::BAKE_RECORD.check(&record)?;
     }
     // The record last: without it the frames that are left would be nobody's.
     for path in frames {
@@ -164,7 +164,7 @@ fn found(simulation: &Simulation, name: &str, folder: &Path) -> Result<(u32, Opt
         let path = frame_path(folder, name, found);
         let last = match particles::read(&path) {
             Ok(last) => State::from_particles(last),
-            Err(Error::Malformed { .. } | Error::Format { .. }) => None,
+            Err(Error::Malformed { .. } | Error::TooLarge { .. } | Error::Format { .. }) => None,
             Err(error) => return Err(error),
         };
         if last.is_some() {

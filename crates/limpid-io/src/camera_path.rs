@@ -1,4 +1,4 @@
-//! Camera paths: key frames in time, and the smooth way between them.
+//! Camera paths: camera keys in time, and their smooth interpolation.
 
 use std::path::Path;
 
@@ -10,17 +10,17 @@ use crate::files;
 use crate::output::{self, FileKind};
 use limpid::camera::{Camera, is_position, up};
 
-/// A camera that moves from key to key.
+/// A camera path through keys.
 ///
-/// As a file, in TOML:
+/// The file format, in TOML:
 ///
 /// ```toml
 /// [[key]]
 /// time = 0.0               # s
 /// eye = [3.0, 2.0, 4.0]    # m
 /// target = [0.0, 1.0, 0.0] # m
-/// up = [0.0, 1.0, 0.0]     # by default this
-/// fov_y = 40.0             # degrees, by default this
+/// up = [0.0, 1.0, 0.0]     # optional, with this default
+/// fov_y = 40.0             # degrees, optional, with this default
 ///
 /// [[key]]
 /// time = 2.5
@@ -33,16 +33,16 @@ pub struct CameraPath {
     pub keys: Vec<Key>,
 }
 
-/// Where the camera is at one time.
+/// A camera at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Key {
     /// The time, s.
     pub time: f64,
-    /// The camera. A near plane of its own holds until the next key.
+    /// The camera. Its near plane, if given, applies until the next key.
     pub camera: Camera,
 }
 
-// The file as it is written.
+// The file format.
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -69,8 +69,12 @@ fn fov_y() -> f32 {
     40.0
 }
 
+/// The keys of a camera path.
+pub const FILE_KIND: FileKind =
+    FileKind::new("a camera path", |file| CameraPath::load(file.path).is_ok());
+
 impl CameraPath {
-    /// Reads a path.
+    /// Reads a path file.
     ///
     /// # Errors
     /// [`Error::Io`], or [`Error::Scene`] naming the file, the line or key, and the cause.
@@ -78,7 +82,7 @@ impl CameraPath {
         Self::parse(&files::read_text(path)?, &path.display().to_string())
     }
 
-    /// Parses a path file's text; `origin` names it in errors.
+    /// Parses the text of a path file, which errors call `origin`.
     ///
     /// # Errors
     /// As [`CameraPath::load`].
@@ -98,7 +102,7 @@ impl CameraPath {
         Ok(path)
     }
 
-    /// Writes a file that [`CameraPath::load`] reads as the same path, to the last bit.
+    /// Writes a file that [`CameraPath::load`] reads back bit-identically.
     ///
     /// # Errors
     /// As [`CameraPath::check`] and [`output::write_atomically`].
@@ -109,16 +113,16 @@ impl CameraPath {
             KeyFile { time, eye, target, up, fov_y, near }
         });
         let file = PathFile { key: key.collect() };
-        output::write_atomically(path, FileKind::CameraPath, |out| {
+        output::write_atomically(path, FILE_KIND, |out| {
             let text = toml::to_string(&file).map_err(std::io::Error::other)?;
             std::io::Write::write_all(out, text.as_bytes())
         })
     }
 
-    /// Checks that there is a key, that times are finite and ascend, and every key's camera.
+    /// Checks that there is a key, that the times are finite and ascending, and every key's camera.
     ///
     /// # Errors
-    /// [`Error::Scene`] naming the first key, counted from 1, that is not as it must be.
+    /// [`Error::Scene`] naming the first invalid key, counted from 1.
     pub fn check(&self) -> Result<()> {
         let fail = |origin: String, problem: String| Err(Error::Scene { origin, problem });
         if self.keys.is_empty() {
@@ -142,29 +146,28 @@ impl CameraPath {
         Ok(())
     }
 
-    /// The time of the last key, s; 0 if it is not above that.
+    /// Time of the last key, s, or 0 if that is negative or there is none.
     pub fn duration(&self) -> f64 {
         self.keys.last().map_or(0.0, |key| key.time.max(0.0))
     }
 
-    /// The camera at `time`, s: a key's at its time, the first key's before, the last one's after,
-    /// and between two keys a cubic in eye, target, up and field of view.
+    /// The camera at `time`, s: a key's camera at its time, the first key's before all, the last key's
+    /// after all, and between two keys a cubic in eye, target, up and field of view.
     ///
     /// The cubics are the Catmull-Rom spline whose knots are the times of the keys (E. Catmull, R.
     /// Rom: A class of local interpolating splines, 1974; P. Barry, R. Goldman: A recursive
     /// evaluation algorithm for a class of Catmull-Rom splines, 1988), here in Hermite form: the
-    /// velocity at a key is that of the parabola through it and its two neighbours, and the path
-    /// begins and ends on the parabola of its first and last three keys. So position and velocity
-    /// are continuous however unevenly the keys are spaced, two keys are joined by a straight
-    /// line, and motion at constant velocity or constant acceleration is met exactly. (With
-    /// tangents from the neighbours alone, as for evenly spaced keys, the camera would speed up
-    /// before a long interval and overshoot in a short one.)
+    /// velocity at a key is that of the parabola through it and its two neighbours, and at the ends that
+    /// of the parabola through the first or last three keys. Position and velocity are therefore
+    /// continuous at any spacing of the keys, two keys are joined by a straight line, and motion at
+    /// constant velocity or constant acceleration is reproduced exactly. (With tangents for evenly
+    /// spaced keys, the camera would accelerate before a long interval and overshoot in a short one.)
     ///
-    /// Where that defines no view, because the eye passes through the target or up turns through
-    /// the view direction, the direction in question is that of the nearest key.
+    /// Where the cubic defines no view, because the eye passes through the target or up becomes parallel
+    /// to the view direction, the affected direction is that of the nearest key.
     ///
     /// # Panics
-    /// Without keys; [`CameraPath::check`] tells.
+    /// If there are no keys, which [`CameraPath::check`] reports.
     pub fn at(&self, time: f64) -> Camera {
         let next = self.keys.partition_point(|key| key.time <= time);
         let Some(i) = next.checked_sub(1) else { return self.keys[0].camera };
@@ -179,13 +182,13 @@ impl CameraPath {
         let (start, end) = (self.velocity(i), self.velocity(next));
         let [ex, ey, ez, tx, ty, tz, ux, uy, uz, fov_y] = std::array::from_fn(|c| {
             let difference = to[c] - from[c];
-            // Hermite's cubic as what it adds to the straight line, so that far from the origin
-            // only small numbers are multiplied.
+            // The Hermite cubic as an offset from the straight line, so that only small numbers are
+            // multiplied far from the origin.
             let bend = (1.0 - u) * (start[c] * duration - difference)
                 - u * (end[c] * duration - difference);
             from[c] + u * (difference + (1.0 - u) * bend)
         });
-        // A cubic may overshoot its keys, but not out of what a field of view can be.
+        // The cubic may overshoot the keys, but the field of view must stay valid.
         let (low, high) = self.keys.iter().fold((180f64, 0f64), |(low, high), key| {
             let fov_y = f64::from(key.camera.fov_y);
             (low.min(fov_y), high.max(fov_y))
@@ -198,13 +201,13 @@ impl CameraPath {
             near: a.camera.near,
         };
         let nearest = if u < 0.5 { a } else { b };
-        mended(camera, &nearest.camera)
+        repaired(camera, &nearest.camera)
     }
 
-    /// The change of each of the [`Key::values`] at a key, per second.
+    /// Derivatives of the [`Key::values`] at a key, per second.
     fn velocity(&self, key: usize) -> [f64; 10] {
         let last = self.keys.len() - 1;
-        // Mean velocities on both sides; beyond an end, what continues the parabola.
+        // Mean velocities of the two adjacent intervals.
         let mean = |i: usize| {
             let (a, b) = (&self.keys[i], &self.keys[i + 1]);
             let (from, to) = (a.values(), b.values());
@@ -229,7 +232,7 @@ impl CameraPath {
 }
 
 impl Key {
-    /// What is interpolated: eye, target, up, field of view.
+    /// The interpolated values: eye, target, up, field of view.
     fn values(&self) -> [f64; 10] {
         let Camera { eye, target, up, fov_y, .. } = self.camera;
         let up = up.as_dvec3();
@@ -237,14 +240,14 @@ impl Key {
     }
 }
 
-/// The camera, or where it defines no view, the most of it that does, with the rest from `key`.
-fn mended(camera: Camera, key: &Camera) -> Camera {
+/// Returns the camera, with the parts that define no view replaced by those of `key`.
+fn repaired(camera: Camera, key: &Camera) -> Camera {
     if camera.check().is_ok() {
         return camera;
     }
     let mut camera = camera;
     let reach = key.target - key.eye;
-    // Nearer than this the two differ by nothing but rounding.
+    // Below this, the distance of the two is rounding error.
     let least = 1e-9 * reach.length();
     if is_position(camera.eye) && camera.eye.distance(camera.target) <= least {
         camera.target = camera.eye + reach;

@@ -1,4 +1,4 @@
-//! Environment maps: equirectangular pictures.
+//! Environment maps, as equirectangular pictures.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -21,7 +21,7 @@ pub fn load(path: &Path) -> Result<Environment> {
     parse(path, &bytes)
 }
 
-/// As [`load`], of the header alone: a map without pixels.
+/// As [`load`], from the header alone: the map has no pixels.
 ///
 /// # Errors
 /// As [`load`].
@@ -32,23 +32,24 @@ pub(crate) fn outline(path: &Path) -> Result<Environment> {
         let mut reader = reader(path, &bytes)?;
         let limits = files::picture_limits(&bytes);
         reader.limits(limits.map_err(|problem| Error::format(path, problem))?);
-        let (width, height) = reader.into_dimensions().map_err(|e| foreign(path, e))?;
+        let (width, height) = reader.into_dimensions().map_err(|e| format_error(path, e))?;
         Ok(Environment::Map { size: UVec2::new(width, height), pixels: Arc::new([]) })
     })
 }
 
-/// As [`load`], with the contents at hand; `path` stands in messages.
+/// As [`load`], from the file's contents; `path` is for messages.
 ///
 /// # Errors
 /// [`Error::Format`] naming the file, [`limpid::Error::Memory`].
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<Environment> {
-    /// Rows that are converted at a time: few enough not to count.
+    /// Rows converted at a time, few enough that their memory is negligible.
     const ROWS: u32 = 64;
     let reader = reader(path, bytes)?;
     let srgb = reader.format() == Some(image::ImageFormat::Png);
-    let each = size_of::<[f32; 4]>() as u64;
+    let bytes_per_pixel = size_of::<[f32; 4]>() as u64;
     let picture = files::catch_panics(path, || {
-        files::decode_picture(path, bytes, reader, each)?.map_err(|e| foreign(path, e))
+        files::decode_picture(path, bytes, reader, bytes_per_pixel)?
+            .map_err(|e| format_error(path, e))
     })?;
     let size = UVec2::new(picture.width(), picture.height());
     let linear = |c: f32| match srgb {
@@ -61,7 +62,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Environment> {
         return Err(Error::format(path, "the environment has no pixels"));
     }
     let mut pixels: Arc<[_]> = std::iter::repeat_n([0.0; 4], count).collect();
-    let filled: &mut [[f32; 4]] = Arc::get_mut(&mut pixels).expect("nobody else has it");
+    let filled: &mut [[f32; 4]] = Arc::get_mut(&mut pixels).expect("the only reference");
     let bands = (0..size.y).step_by(ROWS as usize);
     for (top, rows) in bands.zip(filled.chunks_mut(ROWS as usize * size.x as usize)) {
         let part = picture.crop_imm(0, top, size.x, ROWS.min(size.y - top)).into_rgb32f();
@@ -81,7 +82,7 @@ fn reader<'a>(path: &Path, bytes: &'a [u8]) -> Result<ImageReader<Cursor<&'a [u8
     reader.with_guessed_format().map_err(|e| Error::io(path, "read", e))
 }
 
-fn foreign(path: &Path, error: ImageError) -> Error {
+fn format_error(path: &Path, error: ImageError) -> Error {
     match error {
         ImageError::IoError(error) => Error::io(path, "read", error),
         error => {

@@ -1,7 +1,8 @@
 //! Everything that can go wrong with files and frames, as one type.
 //!
-//! A message names the file, the location in it, the cause and, where there is one, the remedy.
-//! Whoever handles an [`Error`] prints it once; nothing in the library logs it as well.
+//! An error names the file, the location in it and the cause, and carries them as data. How a program
+//! lets its user remedy it, by a flag or a button, is the program's to say. Errors are not logged: the
+//! caller reports each once.
 
 use std::fmt;
 use std::io;
@@ -55,6 +56,20 @@ pub enum Error {
         /// What was found and what was expected.
         problem: String,
     },
+    /// A compressed file that unpacks to more than [`ReadOptions::max_unpacked`] allows.
+    ///
+    /// [`ReadOptions::max_unpacked`]: crate::particles::ReadOptions::max_unpacked
+    #[error("{}: {location}: the {what} unpacks to more than {limit} bytes", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Where in it.
+        location: Location,
+        /// `file` or `array`.
+        what: &'static str,
+        /// What it may unpack to, bytes.
+        limit: u64,
+    },
     /// A file of another kind than expected, or of a kind that limpid does not know.
     #[error("{}: {problem}", path.display())]
     Format {
@@ -72,7 +87,7 @@ pub enum Error {
         problem: String,
     },
     /// A value that is to be replaced by name: [`crate::project::Project::set`].
-    #[error("--set {text}: {problem}")]
+    #[error("{text}: {problem}")]
     Override {
         /// The override.
         text: String,
@@ -86,6 +101,50 @@ pub enum Error {
         pattern: String,
         /// What was not found.
         problem: String,
+    },
+    /// A frame that a sequence lacks.
+    #[error("{pattern}: frame {frame} is missing")]
+    MissingFrame {
+        /// The pattern or folder as given.
+        pattern: String,
+        /// The frame's number.
+        frame: i64,
+    },
+    /// A scene with a simulation whose frames have not been made.
+    #[error("{scene}: not simulated yet")]
+    NotBaked {
+        /// The scene file.
+        scene: String,
+    },
+    /// Frames in a folder that another simulation made.
+    #[error(
+        "{}: the frames {name}_*.bgeo here were made from other parameters{difference}",
+        folder.display()
+    )]
+    OtherBake {
+        /// The folder.
+        folder: PathBuf,
+        /// What the frames' names begin with.
+        name: String,
+        /// The first parameter that differs, in parentheses.
+        difference: String,
+    },
+    /// Frames in a folder that nothing is known of.
+    #[error(
+        "{}: the frames {name}_*.bgeo here have no {name}.bake.json, so they may be another program's",
+        folder.display()
+    )]
+    UnknownBake {
+        /// The folder.
+        folder: PathBuf,
+        /// What the frames' names begin with.
+        name: String,
+    },
+    /// Particles without radii, and too few to estimate one from their spacing.
+    #[error("{origin}: no radii, and no spacing to estimate one from")]
+    UnknownRadius {
+        /// Their file.
+        origin: String,
     },
     /// Two pictures that cannot be compared.
     #[error("{0}")]
@@ -105,12 +164,10 @@ pub enum Error {
     #[error(transparent)]
     Shared(#[from] Arc<Self>),
     /// No window can be shown.
-    #[error("no window: {0}; `limpid render` draws without one")]
+    #[error("no window: {0}")]
     Window(String),
     /// The system starts no more threads, or no thread with the stack it needs.
-    #[error(
-        "the system gives no more threads ({0}); raise its limits (`ulimit -u`, `ulimit -v`) or end other programs, and try again"
-    )]
+    #[error("the system gives no more threads ({0})")]
     Threads(io::Error),
     /// What drawing reports.
     #[error(transparent)]
@@ -152,13 +209,23 @@ impl Error {
     /// What kind of error it is: whose fault, and whether to try again.
     pub fn category(&self) -> Category {
         match self {
-            Self::Usage(_) | Self::Scene { .. } | Self::Override { .. } => Category::Request,
+            Self::Usage(_)
+            | Self::Scene { .. }
+            | Self::Override { .. }
+            | Self::OtherBake { .. }
+            | Self::UnknownBake { .. }
+            | Self::UnknownRadius { .. } => Category::Request,
             Self::Mismatch(_) | Self::Format { .. } => Category::Format,
             // The system's own word for no memory.
             Self::Io { source, .. } if source.kind() == io::ErrorKind::OutOfMemory => {
                 Category::Temporary
             }
-            Self::Io { .. } | Self::Malformed { .. } | Self::Sequence { .. } => Category::Data,
+            Self::Io { .. }
+            | Self::Malformed { .. }
+            | Self::TooLarge { .. }
+            | Self::Sequence { .. }
+            | Self::MissingFrame { .. }
+            | Self::NotBaked { .. } => Category::Data,
             Self::Window(_) => Category::Device,
             Self::Threads(_) => Category::Temporary,
             Self::Frame { source, .. } => source.category(),

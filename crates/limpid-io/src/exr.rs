@@ -1,4 +1,4 @@
-//! `OpenEXR` files: intermediate images and linear pictures.
+//! `OpenEXR` files, for intermediate images and linear pictures.
 
 use std::io;
 use std::path::Path;
@@ -16,43 +16,43 @@ use crate::error::{Error, Location, Result};
 use crate::files;
 use crate::output::{FileKind, write_atomically};
 
-/// Writes the parts into one `OpenEXR` file, under a temporary name that is then renamed.
+/// Writes the parts to one `OpenEXR` file, atomically.
 ///
 /// # Errors
 /// [`Error::Io`] naming the file.
 pub fn write(path: &Path, parts: Vec<Part>) -> Result<()> {
     let lossless = Encoding::FAST_LOSSLESS;
-    write_atomically(path, FileKind::Picture, |file| encode(parts, lossless, None, file))
+    write_atomically(path, FileKind::PICTURE, |file| encode(parts, lossless, None, file))
 }
 
-/// As [`write()`], with a text in the file's head: [`is_whole`].
+/// As [`write()`], with a text attribute in the header, for [`is_whole`].
 ///
 /// # Errors
 /// As [`write()`].
 pub fn write_noted(path: &Path, parts: Vec<Part>, (name, text): (&str, String)) -> Result<()> {
     let lossless = Encoding::FAST_LOSSLESS;
-    write_atomically(path, FileKind::Picture, |file| {
+    write_atomically(path, FileKind::PICTURE, |file| {
         encode(parts, lossless, Some((name, &text)), file)
     })
 }
 
-/// Whether the file is there, can be read to its end, and has this text in all heads.
+/// Whether the file exists, is complete, and has this text attribute in all headers.
 pub fn is_whole(path: &Path, (name, text): (&str, &str)) -> bool {
     let matches = |header: &Header| {
-        // A file does not tell which of its attributes are all layers'.
+        // The format does not mark which attributes all layers share.
         let attributes = [&header.shared_attributes.other, &header.own_attributes.other];
         attributes.iter().any(|attributes| match attributes.get(name.as_bytes()) {
             Some(AttributeValue::Text(found)) => found == text,
             _ => false,
         })
     };
-    // The head first, which is quick.
+    // The headers first, which is fast.
     let Ok((file, _)) = files::open(path) else { return false };
     let head = MetaData::read_from_unbuffered(file, false);
     head.is_ok_and(|head| head.headers.iter().all(matches)) && load(path).is_ok()
 }
 
-/// Writes the parts as the bytes of one `OpenEXR` file; there must be one.
+/// Encodes the parts, at least one, as one `OpenEXR` file.
 fn encode(
     parts: Vec<Part>,
     encoding: Encoding,
@@ -78,8 +78,8 @@ fn encode(
             )
         })
         .collect();
-    let shown = IntegerBounds::from_dimensions((size.x as usize, size.y as usize));
-    let mut attributes = ImageAttributes::new(shown);
+    let display_window = IntegerBounds::from_dimensions((size.x as usize, size.y as usize));
+    let mut attributes = ImageAttributes::new(display_window);
     if let Some((name, text)) = note {
         attributes.other.insert(name.into(), AttributeValue::Text(text.into()));
     }
@@ -87,29 +87,29 @@ fn encode(
     image.write().to_buffered(to).map_err(io::Error::other)
 }
 
-/// The parts as the bytes of one `OpenEXR` file, as small as it can be; there must be one.
+/// Encodes the parts, at least one, as one `OpenEXR` file with the strongest lossless compression.
 ///
 /// # Errors
-/// Whatever the encoder may raise.
+/// Those of the encoder.
 pub fn to_bytes(parts: Vec<Part>) -> io::Result<Vec<u8>> {
     let mut bytes = io::Cursor::new(Vec::new());
     encode(parts, Encoding::SMALL_LOSSLESS, None, &mut bytes)?;
     Ok(bytes.into_inner())
 }
 
-/// Reads the parts of an `OpenEXR` file such as [`write()`] writes: channels in the order of their
-/// names, numbers of any width as 32-bit floats.
+/// Reads the parts of an `OpenEXR` file, as written by [`write()`]. Channels are in the order of their
+/// names; numbers of any width are converted to 32-bit floats.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::Malformed`] for a damaged file, and [`Error::Format`] for one that is no
-/// `OpenEXR`, holds deep data, or claims more pixels than it can hold.
+/// [`Error::Io`]; [`Error::Malformed`] for a damaged file; [`Error::Format`] for a file that is not
+/// `OpenEXR`, has deep data, or declares more pixels than it can contain.
 pub fn load(path: &Path) -> Result<Vec<Part>> {
     let mut bytes = Vec::new();
     files::read_picture(path, &mut bytes)?;
     parse(path, &bytes)
 }
 
-/// As [`load`], with the contents at hand; `path` stands in messages.
+/// As [`load`], from the file's contents; `path` is for messages.
 ///
 /// # Errors
 /// As [`load`], without [`Error::Io`].
@@ -129,12 +129,12 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<Vec<Part>> {
     };
     let meta = meta.map_err(|e| damaged(&cursor, e))?;
     let limits = files::picture_limits(bytes).map_err(|problem| Error::format(path, problem))?;
-    let floats = meta.headers.iter().map(|header| {
+    let values = meta.headers.iter().map(|header| {
         let channels = header.channels.list.len() as u128;
         header.layer_size.0 as u128 * header.layer_size.1 as u128 * channels
     });
     let most = limits.max_alloc.map_or(u128::MAX, u128::from);
-    if floats.sum::<u128>() > most / size_of::<f32>() as u128 {
+    if values.sum::<u128>() > most / size_of::<f32>() as u128 {
         return Err(Error::format(path, "claims more pixels than the file can hold"));
     }
     cursor.set_position(0);

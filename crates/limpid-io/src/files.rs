@@ -1,5 +1,5 @@
-//! Reading files that may be anything: what is refused before it is opened, how much memory a file
-//! may take, and what changes while it is read.
+//! Reading of untrusted files: checks before they are opened, memory limits, and detection of changes
+//! during reading.
 
 use std::fs::{File, Metadata};
 use std::io::{self, BufRead, Read, Seek};
@@ -13,24 +13,24 @@ use rayon::prelude::*;
 use crate::error::{Error, Location, Result};
 use limpid::memory;
 
-/// Scenes, paths and suites are written by hand; what is longer is none.
+/// Largest size of scenes, camera paths and suites, bytes. They are written by hand.
 const TEXT_LIMIT: u64 = 64 << 20;
 
-/// Deflate packs at most so many bytes into one.
+/// Largest compression ratio of deflate.
 pub const DEFLATE_RATIO: u64 = 1032;
 
-/// The memory that a file of `packed` bytes may take, in bytes, where nobody says another: a hundred
-/// times its length. Simulators' files hardly shrink to half when packed, so what is beyond is made
-/// to be. A GiB is always fine, 16 never.
+/// Default memory limit of a file of `packed` bytes, in bytes: a hundred times its length, at least 1
+/// GiB and at most 16 GiB. Simulators' files hardly compress to half their size, so larger ratios are
+/// crafted.
 pub fn unpacked_limit(packed: u64) -> u64 {
     packed.saturating_mul(100).clamp(1 << 30, 16 << 30)
 }
 
-/// What decoding a picture may allocate, whatever size it claims: what its formats can pack into so
-/// many bytes, of which deflate packs the most, as 32-bit floats.
+/// Limits of what decoding a picture may allocate, whatever size it declares: as many 32-bit floats as
+/// the formats can compress into its bytes, of which deflate compresses the most.
 ///
 /// # Errors
-/// What is wrong with a picture that its decoder would not survive.
+/// The problem of a picture that would crash its decoder.
 pub fn picture_limits(bytes: &[u8]) -> Result<image::Limits, String> {
     const PER_BYTE: u64 = 4 * DEFLATE_RATIO;
     const ALWAYS: u64 = 16 << 20;
@@ -46,16 +46,16 @@ pub fn picture_limits(bytes: &[u8]) -> Result<image::Limits, String> {
     Ok(limits)
 }
 
-/// Decodes a picture, of each of whose pixels `each` bytes more will be made: no more in all than the
-/// file may unpack to, and than there is.
+/// Decodes a picture within the file's memory limit and the available memory; the caller will need
+/// `extra_per_pixel` further bytes for each pixel.
 ///
 /// # Errors
-/// [`Error::Format`] and [`limpid::Error::Memory`]; what the decoder says is left to the caller.
+/// [`Error::Format`] and [`limpid::Error::Memory`]. Errors of the decoder are in the inner result.
 pub fn decode_picture<R: BufRead + Seek>(
     path: &Path,
     bytes: &[u8],
     mut reader: ImageReader<R>,
-    each: u64,
+    extra_per_pixel: u64,
 ) -> Result<ImageResult<DynamicImage>> {
     let limits = picture_limits(bytes).map_err(|problem| Error::format(path, problem))?;
     reader.limits(limits.clone());
@@ -66,17 +66,17 @@ pub fn decode_picture<R: BufRead + Seek>(
     let (width, height) = decoder.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     let decoded = decoder.total_bytes();
-    let (made, most) =
-        (decoded.saturating_add(each.saturating_mul(pixels)), unpacked_limit(bytes.len() as u64));
+    let extra = extra_per_pixel.saturating_mul(pixels);
+    let (needed, most) = (decoded.saturating_add(extra), unpacked_limit(bytes.len() as u64));
     let mut left = limits;
     if let Err(error) = left.reserve(decoded).and_then(|()| decoder.set_limits(left)) {
         return Ok(Err(error));
     }
-    if made > most {
+    if needed > most {
         let problem = format!(
             "{width}x{height} pixels take {} MiB of memory, a file of {} KiB at most {}; it seems made \
              to exhaust memory",
-            made >> 20,
+            needed >> 20,
             bytes.len().div_ceil(1 << 10),
             most >> 20
         );
@@ -86,13 +86,13 @@ pub fn decode_picture<R: BufRead + Seek>(
     memory::probe(usize::try_from(decoded).unwrap_or(usize::MAX), &name)?;
     let picture = DynamicImage::from_decoder(decoder);
     if picture.is_ok() {
-        memory::probe(usize::try_from(each * pixels).unwrap_or(usize::MAX), name)?;
+        memory::probe(usize::try_from(extra).unwrap_or(usize::MAX), name)?;
     }
     Ok(picture)
 }
 
-/// What a decoder that is not limpid's makes of a file. That it panics is an error too: where overflows
-/// are looked for, as in development, the `exr` crate (1.74) does so over damaged blocks.
+/// Runs a third-party decoder and converts a panic into an error: with overflow checks, as in debug
+/// builds, the `exr` crate (1.74) panics on damaged blocks.
 ///
 /// # Errors
 /// Those of `decode`, and [`Error::Format`].
@@ -101,7 +101,7 @@ pub fn catch_panics<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Resul
         .unwrap_or_else(|_| Err(Error::format(path, "damaged: its decoder cannot go on")))
 }
 
-/// As [`read`], of a picture; of a large file that is none only the beginning, which tells.
+/// As [`read`], for a picture. Of a large file in another format only the beginning is read.
 pub fn read_picture(path: &Path, bytes: &mut Vec<u8>) -> Result<()> {
     const LARGE: u64 = 64 << 20;
     let (file, metadata) = open(path)?;
@@ -115,7 +115,7 @@ pub fn read_picture(path: &Path, bytes: &mut Vec<u8>) -> Result<()> {
     contents(path, &file, &metadata, unpacked_limit(metadata.len()), bytes)
 }
 
-/// The `png` crate (0.18.1) slices a palette in threes, and panics where that does not come out even.
+/// Rejects palettes whose length is not a multiple of three, on which the `png` crate (0.18.1) panics.
 fn check_palette(bytes: &[u8]) -> Result<(), String> {
     let mut rest = bytes.get(8..).unwrap_or_default();
     while let Some((&[a, b, c, d, ref name @ ..], after)) = rest.split_first_chunk::<8>() {
@@ -123,13 +123,13 @@ fn check_palette(bytes: &[u8]) -> Result<(), String> {
         if name == b"PLTE" && !length.is_multiple_of(3) {
             return Err(format!("a palette of {length} bytes; three for each colour expected"));
         }
-        // The contents and their checksum.
+        // The chunk's contents and checksum.
         rest = after.get(length.saturating_add(4)..).unwrap_or_default();
     }
     Ok(())
 }
 
-/// The `exr` crate (1.74) allocates a block as large as the header says, whatever is left.
+/// Rejects blocks larger than `most` bytes: the `exr` crate (1.74) allocates any declared block size.
 fn check_blocks(bytes: &[u8], most: u64) -> Result<(), String> {
     let meta = MetaData::read_from_buffered(bytes, false).map_err(|error| error.to_string())?;
     for header in &meta.headers {
@@ -147,8 +147,8 @@ fn check_blocks(bytes: &[u8], most: u64) -> Result<(), String> {
     Ok(())
 }
 
-/// Opens a regular file. Opening a pipe would wait for whoever writes to it, and a device may never
-/// end; both are refused before.
+/// Opens a regular file. Pipes and devices are refused: opening a pipe blocks until it has a writer, and
+/// a device may be endless.
 pub fn open(path: &Path) -> Result<(File, Metadata)> {
     let fail = |source| Error::io(path, "read", source);
     let metadata = path.metadata().map_err(fail)?;
@@ -160,14 +160,14 @@ pub fn open(path: &Path) -> Result<(File, Metadata)> {
     Ok((file, metadata))
 }
 
-/// Replaces `bytes` by the contents of a file of at most `limit` bytes of its length; of a large one
-/// several parts are read at a time.
+/// Replaces `bytes` with the contents of a file, of at most the bytes that `limit` gives for its length.
+/// Large files are read in parallel parts.
 pub fn read(path: &Path, limit: impl Fn(u64) -> u64, bytes: &mut Vec<u8>) -> Result<()> {
     let (file, metadata) = open(path)?;
     contents(path, &file, &metadata, limit(metadata.len()), bytes)
 }
 
-/// As [`read`], of a file that is open.
+/// As [`read`], for an open file.
 pub fn contents(
     path: &Path,
     file: &File,
@@ -190,7 +190,7 @@ pub fn contents(
         return Err(limpid::Error::Memory { what, mib: metadata.len() >> 20 }.into());
     }
     bytes.resize(length, 0);
-    // Not to its end: a file that grows as fast as it is read has none.
+    // Exactly the initial length: a file that grows while it is read may have no end.
     let result = if !cfg!(unix) || length < PART {
         let mut file = file;
         file.read_exact(bytes)
@@ -198,13 +198,13 @@ pub fn contents(
         let parts = bytes.par_chunks_mut(PART).enumerate();
         parts.map(|(i, part)| read_at(file, part, (i * PART) as u64)).collect()
     };
-    // That it changed is told first: it is why a file ends too early, but for those of the system.
+    // Checked first: a change is the usual cause of a short read, except in system file systems.
     unchanged(path, file, metadata)?;
     result.map_err(fail)
 }
 
-/// Fails if a file is not as it was when it was opened: half of an old frame and half of a new one
-/// may well pass for a frame.
+/// Fails if a file has changed since it was opened: half of an old frame and half of a new one may well
+/// look valid.
 pub fn unchanged(path: &Path, file: &File, before: &Metadata) -> Result<()> {
     let fail = |source| Error::io(path, "read", source);
     let after = file.metadata().map_err(fail)?;
@@ -212,7 +212,7 @@ pub fn unchanged(path: &Path, file: &File, before: &Metadata) -> Result<()> {
     if same { Ok(()) } else { Err(fail(io::Error::other("it changed while it was read"))) }
 }
 
-/// The text of a scene, a path or a suite.
+/// Reads the text of a scene, a camera path or a suite.
 pub fn read_text(path: &Path) -> Result<String> {
     let mut bytes = Vec::new();
     read(path, |_| TEXT_LIMIT, &mut bytes)?;
@@ -238,11 +238,11 @@ mod tests {
     use super::*;
     use std::fs;
 
-    /// Protects frames from the rest of the one before, whose memory they are read into: a file that is
-    /// shorter than it says is an error. Those that the system makes up are.
+    /// A file shorter than its declared length is an error, as files of `/sys` are: the buffer may still
+    /// contain the previous frame.
     #[test]
     #[cfg(target_os = "linux")]
-    fn what_ends_too_early_is_refused() {
+    fn short_reads_are_errors() {
         let path = Path::new("/sys/kernel/mm/transparent_hugepage/enabled");
         let length = path.metadata().map_or(0, |metadata| metadata.len());
         if fs::read(path).is_ok_and(|contents| (contents.len() as u64) < length) {
@@ -251,11 +251,10 @@ mod tests {
         }
     }
 
-    /// Protects frames from being half of one and half of another: a file that grows, shrinks or is
-    /// written again between its opening and the end of reading is refused, long or short. One that
-    /// is replaced by renaming, as limpid itself writes, is read as it was.
+    /// A file that grows, shrinks or is rewritten between its opening and the end of reading is an
+    /// error, long or short. A file replaced by renaming, as limpid itself writes, is read as it was.
     #[test]
-    fn what_changes_while_it_is_read_is_refused() {
+    fn changes_during_reading_are_errors() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         type Change = fn(&Path);

@@ -1,4 +1,4 @@
-//! Films: which pictures one is made of, and the file that they go to.
+//! Films: the list of their pictures, and the encoders for their files.
 
 mod ffmpeg;
 
@@ -15,42 +15,42 @@ use crate::output::{FileKind, Temporary};
 use ffmpeg::Ffmpeg;
 use limpid::camera::Camera;
 
-/// More pictures of a film than this are a slip of the keyboard.
+/// Largest number of pictures of a film; more are taken for a typing error.
 pub const MAX_SHOTS: f64 = 1e7;
 
-/// The fastest GIF that is played at its speed: viewers slow shorter delays than 2/100 s down.
+/// Highest frame rate of a GIF: viewers slow down delays below 2/100 s.
 const MAX_GIF_FPS: f64 = 50.0;
 
-/// How the camera moves from picture to picture.
+/// The camera motion of a film.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Motion {
-    /// Not at all.
+    /// A fixed camera.
     Still,
-    /// Along a path.
+    /// A camera path.
     Path(CameraPath),
-    /// Around its target, a full turn in so many seconds.
+    /// A rotation about the target; the value is the duration of a full turn, s.
     Turntable(f64),
 }
 
-/// A picture to draw.
+/// One picture of a film.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shot {
-    /// What its file is numbered by: its particles' frame, or where there are more pictures than
-    /// frames of particles, the picture, counted from 1.
+    /// Number in the file name: that of the particle frame, or, if there are more pictures than particle
+    /// frames, that of the picture, from 1.
     pub number: i64,
-    /// Which of the frames of particles it shows, counted from 0.
+    /// Index of the particle frame, from 0.
     pub frame: usize,
-    /// Where it is seen from.
+    /// The camera.
     pub camera: Camera,
 }
 
-/// The pictures of a film of particle frames with these numbers, played at `fps` frames per second
-/// and seen from a camera that moves.
+/// Lists the pictures of a film of the particle frames `numbers`, played at `fps` frames per second with
+/// a moving camera.
 ///
-/// A sequence is played once, and a path's time is that of the film: its first picture is at 0 s.
-/// With one frame of particles the film is as long as the path, its last picture at the path's end.
-/// A turntable turns once, so that the film can be repeated without a seam: meanwhile a sequence
-/// begins anew as often as needed, and where that is longer than a turn, the camera turns on.
+/// A sequence is played once, and a path starts at 0 s with the first picture. With a single particle
+/// frame the film is as long as the path, with the last picture at the path's end. A turntable makes one
+/// full turn, so that the film loops without a seam: a shorter sequence repeats, and during a longer one
+/// the camera keeps turning.
 ///
 /// # Errors
 /// [`Error::Usage`] for a rate or a turn that is not above 0 and finite, or for too many pictures.
@@ -66,7 +66,9 @@ pub fn shots(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Resu
         Motion::Still | Motion::Path(_) | Motion::Turntable(_) => 0.0,
     };
     if count > MAX_SHOTS {
-        return Err(Error::Usage(format!("{count:.0} pictures; fewer seconds or --fps expected")));
+        return Err(Error::Usage(format!(
+            "{count:.0} pictures; fewer seconds or frames per second expected"
+        )));
     }
     let count = count as usize;
     let shots = (0..count.max(numbers.len())).map(|i| {
@@ -95,21 +97,21 @@ pub fn check_fps(fps: f64) -> Result<()> {
     Err(Error::Usage(format!("{fps} frames per second: between 0.01 and 1000 expected")))
 }
 
-/// Kinds of films.
+/// The film formats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// H.264 in MPEG-4 (`.mp4`), which plays nearly anywhere; written by `ffmpeg`.
     Mp4,
     /// VP9 in WebM (`.webm`), for the web; written by `ffmpeg`.
     Webm,
-    /// GIF (`.gif`): 256 colours a frame, repeated for ever.
+    /// GIF (`.gif`): 256 colours per frame, looping.
     Gif,
-    /// Animated PNG (`.apng`): lossless, repeated for ever.
+    /// Animated PNG (`.apng`): lossless, looping.
     Apng,
 }
 
 impl Kind {
-    /// The kind that a file's extension names, if it is a film's.
+    /// The format of a file's extension, if it is that of a film.
     pub fn of(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "mp4" => Some(Self::Mp4),
@@ -121,16 +123,16 @@ impl Kind {
     }
 }
 
-/// A film in the making.
+/// A film being written.
 ///
-/// It is written under a temporary name beside its own, which it gets in [`Film::finish`]; if it
-/// is dropped before, nothing is left of it.
+/// It is written to a temporary file beside its own, and renamed by [`Film::finish`]. If it is dropped
+/// before, the temporary file is removed.
 pub struct Film {
     path: PathBuf,
     size: UVec2,
     fps: f64,
     frames: u32,
-    // Before the file, so that nobody writes to it any more when it is removed.
+    // Declared before the file, so that the encoder has ended when the file is removed.
     encoder: Encoder,
     file: Temporary,
 }
@@ -142,15 +144,15 @@ enum Encoder {
 }
 
 impl Film {
-    /// Begins a film of pictures of `size` pixels, `fps` of them per second. Its kind is that of
-    /// the path's extension.
+    /// Begins a film of pictures of `size` pixels at `fps` frames per second. The extension of `path`
+    /// selects the format.
     ///
-    /// MP4 and WebM are 8-bit 4:2:0 video by ITU-R BT.709, of a quality that is hard to tell from
-    /// the pictures. Their width and height must be even, since two by two pixels share a colour.
+    /// MP4 and WebM are 8-bit 4:2:0 video in ITU-R BT.709, visually close to lossless. Their width and
+    /// height must be even, since chroma is subsampled by two.
     ///
     /// # Errors
-    /// [`Error::Usage`] for an extension, a size or a rate that is not a film's; [`Error::Io`] if
-    /// the file cannot be written, or without an `ffmpeg` on `PATH` where that is needed.
+    /// [`Error::Usage`] for an extension, a size or a rate that the format does not support;
+    /// [`Error::Io`] if the file cannot be written, or if `ffmpeg` is needed and not on `PATH`.
     pub fn create(path: &Path, size: UVec2, fps: f64) -> Result<Self> {
         let name = path.display();
         let usage = |problem: String| Err(Error::Usage(format!("{name}: {problem}")));
@@ -178,8 +180,8 @@ impl Film {
             _ if size.min_element() == 0 => return usage(format!("{x}x{y} pixels are none")),
             _ => {}
         }
-        FileKind::Film.check(path)?;
-        // A pipe or a device cannot take a film that is patched at its end.
+        FileKind::FILM.check(path)?;
+        // A film is patched at its end, which pipes and devices do not support.
         if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {
             return Err(Error::io(path, "write", io::Error::other("not a regular file")));
         }
@@ -205,15 +207,15 @@ impl Film {
         Ok(Self { path: path.to_owned(), size, fps, frames: 0, encoder, file })
     }
 
-    /// The file that it is going to be.
+    /// Path of the finished film.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Adds a picture, 8-bit sRGB.
+    /// Appends an 8-bit sRGB picture.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] if it is not of the film's size; [`Error::Io`] if it cannot be written.
+    /// [`Error::Mismatch`] if its size differs from the film's; [`Error::Io`] if it cannot be written.
     pub fn push(&mut self, picture: &RgbImage) -> Result<()> {
         let UVec2 { x, y } = self.size;
         if picture.dimensions() != (x, y) {
@@ -225,7 +227,7 @@ impl Film {
         let written = match &mut self.encoder {
             Encoder::Ffmpeg(ffmpeg) => ffmpeg.push(picture),
             Encoder::Gif(encoder) => {
-                // Rounded times, not delays, so that the roundings do not add up.
+                // Times are rounded, not delays, so that rounding errors do not accumulate.
                 let time = |frame: u32| (f64::from(frame) * 100.0 / self.fps).round();
                 let delay = (time(self.frames + 1) - time(self.frames)) as u16;
                 let frame = gif::Frame::from_rgb_speed(x as u16, y as u16, picture, 10);
@@ -238,7 +240,7 @@ impl Film {
         Ok(())
     }
 
-    /// Writes what is left to write and gives the film its name.
+    /// Completes the file and renames it to the film's path.
     ///
     /// # Errors
     /// [`Error::Usage`] for a film without pictures, [`Error::Io`] if it cannot be written.
@@ -266,7 +268,7 @@ impl Film {
     }
 }
 
-/// Begins an animated PNG. Its header counts its frames; [`count_apng_frames`] puts that right.
+/// Begins an animated PNG with a placeholder for the number of frames; see [`count_apng_frames`].
 fn apng(
     out: BufWriter<File>,
     size: UVec2,
@@ -281,7 +283,7 @@ fn apng(
     encoder.write_header()
 }
 
-/// Replaces the animation control chunk, which follows the signature and the header.
+/// Writes the number of frames to the animation control chunk, which follows signature and header.
 fn count_apng_frames(mut file: &File, frames: u32) -> io::Result<()> {
     const SIGNATURE: u64 = 8;
     const HEADER: u64 = 4 + 4 + 13 + 4;
@@ -294,8 +296,8 @@ fn count_apng_frames(mut file: &File, frames: u32) -> io::Result<()> {
     file.write_all(&crc.sum().to_be_bytes())
 }
 
-/// The fraction of 16-bit numbers nearest to a rate (the last convergent of its continued
-/// fraction that fits), and so the exact one for all usual rates.
+/// Approximates a rate by a fraction of 16-bit numbers: the last convergent of its continued fraction
+/// that fits, which is exact for all common rates.
 fn fraction(fps: f64) -> (u16, u16) {
     let (mut before, mut best) = ((0_u64, 1_u64), (1, 0));
     let mut rest = fps;

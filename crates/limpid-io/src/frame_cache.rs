@@ -1,8 +1,8 @@
-//! Frames that are loaded ahead of playback.
+//! A cache that loads frames ahead of playback.
 //!
-//! A [`FrameCache`] holds the frames around the one that is wanted, as many as its memory budget takes,
-//! and loads them on threads of its own: first the wanted frame, then those that playback comes to,
-//! then those that it comes from. Frames far from there make room for nearer ones.
+//! A [`FrameCache`] holds the frames around the current one, as many as fit its memory budget, and loads
+//! them on its own threads: first the current frame, then those ahead in the direction of playback, then
+//! those behind. Distant frames are evicted for nearer ones.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -11,28 +11,28 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock};
 use crate::error::{Error, Result};
 use crate::input::Loaded;
 
-/// What has become of a frame: shared, for it may be drawn while the cache lets go of it.
+/// The result of loading a frame, shared, since it may be drawn after the cache has evicted it.
 pub type Outcome = Result<Arc<Loaded>, Arc<Error>>;
 
-/// Loads frames ahead; see the module.
+/// A cache that loads frames ahead of playback; see [the module](self).
 pub struct FrameCache {
     shared: Arc<Shared>,
 }
 
-/// What a cache holds.
+/// The contents of a cache.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct CacheState {
-    /// Memory of the loaded frames and, by estimate, of those that are being loaded, bytes.
+    /// Memory of the loaded frames and, estimated, of those being loaded, bytes.
     pub bytes: u64,
-    /// What that may come to, bytes.
+    /// The memory budget, bytes.
     pub budget: u64,
-    /// Most that it has ever come to, bytes.
+    /// Peak of `bytes`.
     pub most: u64,
-    /// Frames that can be shown at once, in order.
+    /// Loaded frames, ascending.
     pub loaded: Vec<usize>,
-    /// Frames that are being loaded, in order.
+    /// Frames being loaded, ascending.
     pub loading: Vec<usize>,
-    /// Frames that cannot be loaded, in order.
+    /// Frames that failed to load, ascending.
     pub failed: Vec<usize>,
 }
 
@@ -40,11 +40,11 @@ struct Shared {
     count: usize,
     budget: u64,
     state: Mutex<State>,
-    // Something to do for a worker.
+    /// Signals the workers that a frame may be due, or that the cache is closed.
     work: Condvar,
-    // A frame has come.
-    came: Condvar,
-    /// Why there is no worker, if the system has started none.
+    /// Signals that a frame has loaded or failed.
+    finished: Condvar,
+    /// The error of the first thread, if the system has started none.
     no_worker: OnceLock<Arc<Error>>,
 }
 
@@ -52,16 +52,16 @@ struct Shared {
 struct State {
     aim: Aim,
     slots: BTreeMap<usize, Slot>,
-    /// Bytes of all slots.
+    /// Memory of all slots, bytes.
     bytes: u64,
     most: u64,
-    /// What a frame is taken to need before it is known: the most that one has needed.
+    /// Memory reserved for a frame before its size is known: the largest so far, bytes.
     estimate: u64,
     closed: bool,
 }
 
 enum Slot {
-    /// With so many bytes set aside for it.
+    /// Being loaded, with the memory reserved for it, bytes.
     Loading(u64),
     Done(Outcome, u64),
 }
@@ -74,7 +74,7 @@ impl Slot {
     }
 }
 
-/// What is wanted, and where playback goes from there.
+/// The frame to load first, and the direction of playback from there.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 struct Aim {
     at: usize,
@@ -83,8 +83,8 @@ struct Aim {
 }
 
 impl Aim {
-    /// How soon frame `i` of `count` is wanted: 0 the wanted one, then those that playback comes to,
-    /// and those behind or stepped over as if they were four times as far.
+    /// Rank of frame `i` of `count` in loading order: the number of steps until playback reaches it, 0
+    /// for the current frame. Frames behind or skipped by the step rank as if four times as far away.
     fn rank(self, i: usize, count: usize) -> usize {
         let step = self.step.unsigned_abs().max(1);
         let far = |distance: usize| 4 * distance + 1;
@@ -104,10 +104,11 @@ impl Aim {
 }
 
 impl FrameCache {
-    /// A cache over frames 0 to `count` − 1 that holds at most `budget` bytes, but always one frame.
+    /// Creates a cache of frames 0 to `count` − 1 of at most `budget` bytes, or of one frame if that is
+    /// larger.
     ///
-    /// `load` reads and classifies a frame on one of `workers` threads (at least one); `ready` is
-    /// told of each that has come, loaded or failed. If the system starts not even one thread, every
+    /// `load` reads and classifies a frame on one of `workers` threads (at least one). `ready` is
+    /// called for each frame that has loaded or failed. If the system starts no thread at all, every
     /// frame fails with [`Error::Threads`].
     pub fn new(
         count: usize,
@@ -121,7 +122,7 @@ impl FrameCache {
             budget,
             state: Mutex::new(State::default()),
             work: Condvar::new(),
-            came: Condvar::new(),
+            finished: Condvar::new(),
             no_worker: OnceLock::new(),
         });
         let (load, ready) = (Arc::new(load), Arc::new(ready));
@@ -130,7 +131,7 @@ impl FrameCache {
             let worker = shared.clone();
             let work = move || {
                 while let Some(i) = worker.next() {
-                    // Whoever waits for the frame must hear of it, even of a defect.
+                    // A panic is reported as the frame's error, so that no caller waits forever.
                     let loaded = catch_unwind(AssertUnwindSafe(|| load(i)));
                     let defect = |_| {
                         Err(Error::from(limpid::Error::Defect(
@@ -142,7 +143,7 @@ impl FrameCache {
                 }
             };
             if let Err(error) = std::thread::Builder::new().spawn(work) {
-                // Fewer do the same work.
+                // Fewer workers are enough.
                 if started == 0 {
                     shared.no_worker.get_or_init(|| Arc::new(Error::Threads(error)));
                 }
@@ -152,15 +153,15 @@ impl FrameCache {
         Self { shared }
     }
 
-    /// Says which frame is wanted now and where playback goes: `step` frames at a time, negative for
-    /// backwards; `looped` if it begins again at the other end. Never blocks. A frame that could not
-    /// be loaded is tried again when it comes to be wanted: it may have been about to be written.
+    /// Sets the current frame and the direction of playback: `step` frames at a time, negative for
+    /// backwards, and `looped` if playback wraps around. Never blocks. A failed frame is loaded again
+    /// when it becomes the current one, since it may have been incomplete.
     pub fn aim(&self, at: usize, step: isize, looped: bool) {
         let mut state = self.shared.lock();
         let aim = Aim { at: at.min(self.shared.count.saturating_sub(1)), step, looped };
         if state.aim != aim {
             state.aim = aim;
-            // What has failed takes no memory.
+            // A failed frame has no memory to subtract.
             if matches!(state.slots.get(&aim.at), Some(Slot::Done(Err(_), _))) {
                 state.slots.remove(&aim.at);
             }
@@ -168,7 +169,7 @@ impl FrameCache {
         }
     }
 
-    /// Frame `i`, if it has come. Never blocks.
+    /// Frame `i`, if it has loaded or failed. Never blocks.
     pub fn get(&self, i: usize) -> Option<Outcome> {
         if let Some(error) = self.shared.no_worker.get() {
             return Some(Err(error.clone()));
@@ -179,10 +180,10 @@ impl FrameCache {
         }
     }
 
-    /// Frame `i`: aims there and waits for it.
+    /// Makes `i` the current frame and waits for it.
     ///
     /// # Errors
-    /// Those of loading it; [`Error::Usage`] for a frame that there is not.
+    /// As loading the frame; [`Error::Usage`] for a frame out of range.
     pub fn wait(&self, i: usize) -> Result<Arc<Loaded>> {
         if i >= self.shared.count {
             return Err(Error::Usage(format!("frame {i} of {}", self.shared.count)));
@@ -197,11 +198,11 @@ impl FrameCache {
             if let Some(Slot::Done(outcome, _)) = state.slots.get(&i) {
                 return Ok(outcome.clone()?);
             }
-            state = self.shared.came.wait(state).expect("no panic holds this lock");
+            state = self.shared.finished.wait(state).expect("no panic holds this lock");
         }
     }
 
-    /// What the cache holds. Never blocks.
+    /// The contents of the cache. Never blocks.
     pub fn state(&self) -> CacheState {
         let state = self.shared.lock();
         let mut summary = CacheState {
@@ -222,7 +223,7 @@ impl FrameCache {
 }
 
 impl Drop for FrameCache {
-    /// Stops the workers; a frame that one of them has in hand is not waited for.
+    /// Stops the workers, without waiting for the frames being loaded.
     fn drop(&mut self) {
         self.shared.lock().closed = true;
         self.shared.work.notify_all();
@@ -234,7 +235,7 @@ impl Shared {
         self.state.lock().expect("no panic holds this lock")
     }
 
-    /// Waits for the next frame to load, with memory set aside for it; `None` when the cache closes.
+    /// Waits for the next frame to load and reserves memory for it; `None` if the cache is closed.
     fn next(&self) -> Option<usize> {
         let mut evicted = Vec::new();
         let mut state = self.lock();
@@ -243,7 +244,7 @@ impl Shared {
                 return None;
             }
             if let Some(i) = state.claim(self.count, self.budget, &mut evicted) {
-                // Giving memory back takes time, in which nobody is to wait for the lock.
+                // Freed without the lock, since freeing takes time.
                 drop(state);
                 drop(evicted);
                 return Some(i);
@@ -258,13 +259,13 @@ impl Shared {
         let mut state = self.lock();
         state.estimate = state.estimate.max(bytes);
         state.put(i, Slot::Done(outcome, bytes));
-        // What it needs is known only now: it may be more than was set aside.
+        // The size is known only now, and may exceed the reservation.
         let mut evicted = Vec::new();
         while state.bytes > self.budget && state.evict(self.count, usize::MAX, &mut evicted) {}
         state.most = state.most.max(state.bytes);
         drop(state);
         drop(evicted);
-        self.came.notify_all();
+        self.finished.notify_all();
         self.work.notify_all();
     }
 }
@@ -277,19 +278,19 @@ impl State {
         }
     }
 
-    /// The frame that is wanted soonest and not here, if there is or can be made room for it.
-    /// What makes room goes to `evicted`.
+    /// Reserves memory for the missing frame of the lowest rank, moving evicted frames to `evicted`. `None`
+    /// if no frame is missing, or not enough memory can be freed.
     fn claim(&mut self, count: usize, budget: u64, evicted: &mut Vec<Slot>) -> Option<usize> {
         let aim = self.aim;
         let missing = (0..count).filter(|i| !self.slots.contains_key(i));
         let i = missing.min_by_key(|&i| aim.rank(i, count))?;
         let rank = aim.rank(i, count);
-        // Without an idea of a frame's size, one is loaded first.
+        // Until a frame's size is known, only one is loaded.
         if self.estimate == 0 && self.slots.values().any(|slot| matches!(slot, Slot::Loading(_))) {
             return None;
         }
-        // Frames that are wanted later make room, if that is enough; the wanted one comes whatever it
-        // takes, once it is alone.
+        // Loaded frames of higher rank are evicted if that frees enough memory. If no other frame
+        // remains, the frame is loaded at any size.
         let later = |(j, slot): (&usize, &Slot)| {
             matches!(slot, Slot::Done(..)) && aim.rank(*j, count) > rank
         };
@@ -304,8 +305,8 @@ impl State {
         Some(i)
     }
 
-    /// Lets go of the loaded frame that is wanted last, if that is later than `rank`; with
-    /// `usize::MAX` of any but the wanted one.
+    /// Evicts the loaded frame of the highest rank, if that is above `rank`; with `usize::MAX`, if it is not
+    /// the current frame.
     fn evict(&mut self, count: usize, rank: usize, evicted: &mut Vec<Slot>) -> bool {
         let aim = self.aim;
         let done = self.slots.iter().filter(|(_, slot)| matches!(slot, Slot::Done(..)));

@@ -1,4 +1,4 @@
-//! Which frames of a sequence are wanted, and how machines share them.
+//! Selection of the frames of a sequence, and shards for several machines.
 
 use std::collections::{HashSet, VecDeque};
 use std::fmt;
@@ -8,41 +8,41 @@ use crate::error::{Error, Result};
 use crate::input::Missing;
 use crate::sequence::{Frame, Sequence};
 
-/// More frames than this are a slip of the keyboard.
+/// Largest number of selected frames; more are taken for a typing error.
 const MAX_FRAMES: u64 = 10_000_000;
 
-/// What stands before a step, in one program or another; longer ones first.
-const STEPS: [&str; 7] = ["every", "step", "by", "x", ":", "@", "s"];
+/// Prefixes of a step in various programs, longer ones first.
+const STEP_PREFIXES: [&str; 7] = ["every", "step", "by", "x", ":", "@", "s"];
 
 /// A selection of frames.
 ///
-/// It is written as frame numbers and ranges with commas or blanks between them, in the dialects
-/// of renderers and render farms; a frame that is named twice is drawn once.
+/// Its text is a list of frame numbers and ranges, separated by commas or blanks, in the notations of
+/// renderers and render farms. A frame that is listed twice is drawn once.
 ///
-/// | written | frames | as in |
+/// | notation | frames | used by |
 /// |---|---|---|
-/// | `7`, `1,3,5`, `1 3 5` | these | all of them |
-/// | `1-10`, `1..10` | from the one to the other | all of them; Blender |
+/// | `7`, `1,3,5`, `1 3 5` | these | all |
+/// | `1-10`, `1..10` | 1 to 10 | all; Blender |
 /// | `10-1` | the same, backwards | Deadline, `OpenCue` |
-/// | `-5--1`, `-5..-1` | below 0 | Nuke, `OpenCue`; Blender |
-/// | `1-10x2` | every second: 1, 3, 5, 7, 9 | Nuke, Deadline, `OpenCue` |
+/// | `-5--1`, `-5..-1` | negative numbers | Nuke, `OpenCue`; Blender |
+/// | `1-10x2` | every second frame: 1, 3, 5, 7, 9 | Nuke, Deadline, `OpenCue` |
 /// | `1-10:2` | the same | Slurm's job arrays |
 /// | `1-10s2`, `1-10@2`, `1-10step2`, `1-10by2`, `1-10every2` | the same | Deadline and others |
 /// | `10-1x2`, `10-1x-2` | 10, 8, 6, 4, 2 | Deadline; `OpenCue` |
-/// | `1-10y3` | what `1-10x3` leaves out: 2, 3, 5, 6, 8, 9 | `OpenCue` |
-/// | `1-10@b` | all, in binary order: the ends, then the middles, for a preview | |
-/// | `all` | all that exist | |
+/// | `1-10y3` | the frames that `1-10x3` skips: 2, 3, 5, 6, 8, 9 | `OpenCue` |
+/// | `1-10@b` | all, in binary order for a preview: the ends, then the middles | |
+/// | `all` | all existing frames | |
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum FrameSpec {
-    /// Every frame that exists.
+    /// Every existing frame.
     #[default]
     All,
-    /// These, in this order, each once.
+    /// These frames, in this order, without duplicates.
     List(Vec<i64>),
 }
 
 impl FrameSpec {
-    /// The numbers that are spelled out, in the order given, each once; none for `all`.
+    /// The listed numbers, in order; none for `all`.
     pub fn frames(&self) -> impl Iterator<Item = i64> {
         let numbers: &[i64] = match self {
             Self::All => &[],
@@ -55,7 +55,7 @@ impl FrameSpec {
     ///
     /// # Errors
     ///
-    /// [`Error::Sequence`] if a frame is asked for that does not exist.
+    /// [`Error::Sequence`] if a listed frame does not exist.
     pub fn select<'a>(&self, sequence: &'a Sequence) -> Result<Vec<&'a Frame>> {
         let numbers = match self {
             Self::All => return Ok(sequence.frames.iter().collect()),
@@ -82,13 +82,13 @@ impl FrameSpec {
 }
 
 impl FrameSpec {
-    /// The numbers of the selected frames; unless a missing frame is an error, those in the
-    /// [gaps](Sequence::gaps) too.
+    /// The numbers of the selected frames. They include those in the [gaps](Sequence::gaps), unless a
+    /// missing frame is an error.
     ///
     /// # Errors
     ///
-    /// [`Error::Sequence`] if a frame is asked for that does not exist, and may not be missing;
-    /// [`Error::Usage`] for a sequence with more gaps than can be meant.
+    /// [`Error::Sequence`] if a listed frame does not exist and must; [`Error::Usage`] for more missing
+    /// frames than can be intended.
     pub fn numbers(&self, sequence: &Sequence, missing: Missing) -> Result<Vec<i64>> {
         if missing == Missing::Error {
             return Ok(self.select(sequence)?.iter().map(|frame| frame.number).collect());
@@ -110,7 +110,7 @@ impl FrameSpec {
 }
 
 impl fmt::Display for FrameSpec {
-    /// As it is parsed, with consecutive frames as ranges: `1-3,5`.
+    /// Writes it as it is parsed, with consecutive frames as ranges: `1-3,5`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self::List(numbers) = self else { return f.write_str("all") };
         let runs = numbers.chunk_by(|a, b| a.checked_add(1) == Some(*b));
@@ -133,7 +133,7 @@ impl FromStr for FrameSpec {
             return Ok(Self::All);
         }
         let parts = || text.split([',', ' ', '\t']).filter(|part| !part.is_empty());
-        // Count before listing: a range is short to write and may be endless.
+        // Counted before listing, since a short text may denote a huge range.
         let mut total = 0_u64;
         let mut ranges = Vec::new();
         for part in parts() {
@@ -151,7 +151,7 @@ impl FromStr for FrameSpec {
         let mut seen = HashSet::new();
         let mut numbers = Vec::new();
         for range in ranges {
-            range.each(|number| {
+            range.for_each(|number| {
                 if seen.insert(number) {
                     numbers.push(number);
                 }
@@ -161,7 +161,7 @@ impl FromStr for FrameSpec {
     }
 }
 
-/// From `first` to `last`, up or down.
+/// The frames from `first` to `last`, ascending or descending.
 struct Range {
     first: i64,
     last: i64,
@@ -169,9 +169,9 @@ struct Range {
 }
 
 enum Order {
-    /// Every so many.
+    /// Every n-th frame.
     Step(u64),
-    /// Those that a step leaves out.
+    /// The frames that a step of n skips.
     Between(u64),
     Binary,
 }
@@ -190,9 +190,9 @@ impl Range {
             let order = if rest.is_empty() { Order::Step(1) } else { Order::Binary };
             return Ok(Self { first, last, order });
         }
-        let step = STEPS.iter().find_map(|word| rest.strip_prefix(word));
+        let step = STEP_PREFIXES.iter().find_map(|word| rest.strip_prefix(word));
         let step = step.or_else(|| rest.strip_prefix('y')).ok_or_else(syntax)?;
-        // Down by −2 is down by 2; up by −2 is a mistake.
+        // A descending range may have a negative step; an ascending one may not.
         let step = if last < first { step.strip_prefix('-').unwrap_or(step) } else { step };
         let order = match step.parse() {
             Ok(0) => return Err(usage("a step of 1 or more expected")),
@@ -204,13 +204,13 @@ impl Range {
         Ok(Self { first, last, order })
     }
 
-    /// How many numbers are passed on the way.
+    /// Number of frames visited, before [`Order::Between`] skips any.
     fn count(&self) -> u64 {
         let step = if let Order::Step(step) = self.order { step } else { 1 };
         (self.last.abs_diff(self.first) / step).saturating_add(1)
     }
 
-    fn each(&self, mut visit: impl FnMut(i64)) {
+    fn for_each(&self, mut visit: impl FnMut(i64)) {
         let (first, last) = (self.first, self.last);
         let at = |distance: u64| match last < first {
             true => first.saturating_sub_unsigned(distance),
@@ -237,7 +237,7 @@ impl Range {
     }
 }
 
-/// The whole number that `text` begins with, perhaps negative, and what follows it.
+/// Splits `text` after the integer that it begins with, which may be negative.
 fn number(text: &str) -> Option<(i64, &str)> {
     let unsigned = text.strip_prefix('-').unwrap_or(text);
     let digits = unsigned.bytes().take_while(u8::is_ascii_digit).count();
@@ -245,9 +245,9 @@ fn number(text: &str) -> Option<(i64, &str)> {
     Some((number.parse().ok()?, rest))
 }
 
-/// One machine's share of the work: every `count`-th frame, beginning with the `index`-th.
+/// One machine's share of the work: every `count`-th frame, starting with the `index`-th.
 ///
-/// Written `index/count`, with `index` counted from 1: `2/4` is the second of four shares.
+/// Its text is `index/count`, with `index` from 1: `2/4` is the second of four shards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
     index: usize,
@@ -255,7 +255,7 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// The share `index` (from 1) of `count`.
+    /// Shard `index` (from 1) of `count`.
     ///
     /// # Errors
     ///
@@ -267,14 +267,14 @@ impl Shard {
         Err(Error::Usage(format!("shard {index}/{count}: an index from 1 to the count expected")))
     }
 
-    /// The items of this share, in their order.
+    /// The items of this shard, in order.
     pub fn of<T>(self, items: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
         items.into_iter().skip(self.index - 1).step_by(self.count)
     }
 }
 
 impl Default for Shard {
-    /// All of it.
+    /// The single shard `1/1`.
     fn default() -> Self {
         Self { index: 1, count: 1 }
     }

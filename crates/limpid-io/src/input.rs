@@ -9,8 +9,9 @@ use crate::bake;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::particles::{Array, AttributeMap, Contents, ReadOptions};
-use crate::project::{LiquidSource, ParticleSource, Processor, Project};
+use crate::project::{LiquidSource, ParticleSource, Project};
 use crate::sequence::{Frame, Sequence};
+use crate::shared_classifier::Processor;
 use crate::shared_classifier::SharedClassifier;
 use limpid::camera::Camera;
 use limpid::liquid::bulk::Bulk;
@@ -376,10 +377,8 @@ impl Input {
         }
         if let Some(simulation) = project.source.simulation() {
             let folder = bake::folder(Path::new(origin));
-            let sequence = Sequence::open(&folder.to_string_lossy()).map_err(|_| {
-                let problem = format!("not simulated yet; run: limpid bake {origin}");
-                Error::Sequence { pattern: origin.into(), problem }
-            })?;
+            let sequence = Sequence::open(&folder.to_string_lossy())
+                .map_err(|_| Error::NotBaked { scene: origin.into() })?;
             let (radius, fps) = (simulation.particle_radius() as f32, simulation.fps);
             let fluid = Fluid::of_files(sequence, Some(radius), Up::Y, AttributeMap::default());
             return Ok(Self { fps: Some(fps), ..Self::of(Some(project), fluid, None) });
@@ -394,8 +393,7 @@ impl Input {
             })
             .collect::<Result<_>>()?;
         let Some(first) = fluids.first() else {
-            let problem = "has no [particles], [[fluid]], [recipe] or [simulation]; give a particle file and this scene \
-                           with --scene";
+            let problem = "has no [particles], [[fluid]], [recipe] or [simulation]; draw a particle file in this scene";
             return Err(Error::Scene { origin: origin.into(), problem: problem.into() });
         };
         let sequence = fluids[1..]
@@ -532,7 +530,7 @@ impl Input {
     /// Classifies a frame's particles as `scene` says.
     ///
     /// # Errors
-    /// [`Error::Scene`] if there is no way to know a radius; as [`SharedClassifier::classify`].
+    /// [`Error::UnknownRadius`] if there is no way to know a radius; as [`SharedClassifier::classify`].
     pub fn prepare(
         &self,
         at: impl Into<FrameTime>,
@@ -568,7 +566,7 @@ impl Input {
     /// Median radius of a frame's particles, m: their own, or as given, or estimated from the spacing.
     ///
     /// # Errors
-    /// [`Error::Scene`] if there is no way to know one; [`limpid::Error::Memory`].
+    /// [`Error::UnknownRadius`] if there is no way to know one; [`limpid::Error::Memory`].
     pub fn radius(&self, at: impl Into<FrameTime>, particles: &Particles) -> Result<f32> {
         let default = self.fluids[0].radius_of(at.into().frame, particles)?;
         Ok(classify::median_radius(particles, default)?)
@@ -602,7 +600,7 @@ impl Input {
                 // One particle has no spacing; a frame after it may.
                 let last = fluid.sequence.frames.last().is_none_or(|frame| frame.number == number);
                 let settled = match fluid.resolved_radius(number, &particles) {
-                    Err(Error::Scene { .. }) if !last => continue,
+                    Err(Error::UnknownRadius { .. }) if !last => continue,
                     settled => settled?,
                 };
                 around = Some(around.map_or((min, max), |(a, b)| (a.min(min), b.max(max))));
@@ -664,8 +662,7 @@ impl Fluid {
     }
 
     fn lacks(&self, number: i64) -> Error {
-        let problem = format!("frame {number} is missing; --missing empty or hold goes on");
-        Error::Sequence { pattern: self.sequence.pattern.clone(), problem }
+        Error::MissingFrame { pattern: self.sequence.pattern.clone(), frame: number }
     }
 
     /// The particles of a frame, y up.
@@ -719,7 +716,9 @@ impl Fluid {
             let first = match Contents::read(&sibling.path, &self.options) {
                 Ok(contents) => contents.particles,
                 // Not of one simulation.
-                Err(Error::Malformed { .. } | Error::Format { .. }) => break,
+                Err(Error::Malformed { .. } | Error::TooLarge { .. } | Error::Format { .. }) => {
+                    break;
+                }
                 Err(error) => return Err(error),
             };
             if first.is_empty() {
@@ -728,7 +727,7 @@ impl Fluid {
             if first.radii.is_none() {
                 let theirs = match self.radius_of(sibling.number, &first) {
                     // One particle has no spacing.
-                    Err(Error::Scene { .. }) => continue,
+                    Err(Error::UnknownRadius { .. }) => continue,
                     theirs => theirs?,
                 };
                 return Ok(if (theirs - own).abs() <= SAME * own { theirs } else { own });
@@ -754,7 +753,6 @@ impl Fluid {
             Some(frame) => frame.path.display().to_string(),
             None => self.sequence.pattern.clone(),
         };
-        let problem = "no radii, and no spacing to estimate one from; give --radius".into();
-        Err(Error::Scene { origin, problem })
+        Err(Error::UnknownRadius { origin })
     }
 }

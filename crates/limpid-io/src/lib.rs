@@ -1,11 +1,11 @@
 //! Files for [`limpid`]: particle formats, sequences, scenes, pictures and films.
 //!
-//! [`project::open::Request`] opens what a user names, [`input::Input`] loads its frames,
+//! [`open::Request`] opens what a user names, [`input::Input`] loads its frames,
 //! [`frame_cache::FrameCache`] loads them ahead of playback, [`output`] and [`film::Film`] write what was drawn.
 //!
 //! ```no_run
 //! use limpid::offscreen::Offscreen;
-//! use limpid_io::{device, output, project::open::Request};
+//! use limpid_io::{device, output, open::Request};
 //!
 //! # fn main() -> limpid_io::Result<()> {
 //! let request = Request { input: Some("frames/water_{}.bgeo".into()), ..Request::default() };
@@ -37,8 +37,10 @@ pub mod frame_cache;
 pub mod frames;
 pub mod input;
 pub mod notice;
+pub mod open;
 pub mod output;
 pub mod particles;
+mod pattern;
 pub mod project;
 pub mod sequence;
 pub mod shared_classifier;

@@ -12,7 +12,7 @@ use limpid::liquid::Particles;
 use limpid::liquid::classify::{self, Splat};
 use limpid::scene::Scene;
 
-/// One such thing. Its text is a line that ends in the remedy, where there is one.
+/// One such remark. Its text is one line, without a remedy in terms of any program's options.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Notice {
     /// Numbers between the frames of a sequence that no file has, as ranges, and what stands for them
@@ -57,9 +57,7 @@ impl fmt::Display for Notice {
                 let more = if gaps.len() > 5 { ", ..." } else { "" };
                 let done = match missing {
                     None => "",
-                    Some(Missing::Error) => {
-                        " and left out; --missing hold or empty fills the gaps"
-                    }
+                    Some(Missing::Error) => " and left out",
                     Some(Missing::Empty) => " and drawn without particles",
                     Some(Missing::Hold) => " and drawn as the frame before",
                 };
@@ -67,8 +65,7 @@ impl fmt::Display for Notice {
             }
             Self::Rate(fps) => write!(
                 f,
-                "the sequence's frames per second are not known, {fps} assumed; --fps, or fps in the \
-                 scene's [particles], says them"
+                "the sequence's frames per second are not known, {fps} assumed"
             ),
             Self::Unlit => f.write_str(
                 "[[light]] lights nothing: no [[solid]] has `lit = true`, and liquid shows no light \
@@ -88,35 +85,25 @@ impl fmt::Display for Notice {
                     thousands(*count)
                 )
             }
-            Self::MaybeRadius(array) if array.to_ascii_lowercase().contains("diam") => {
-                write!(f, "{array} is ignored, and the radius is guessed; --radius takes half of it")
+            Self::MaybeRadius(array) => {
+                write!(f, "{array} is ignored, and the radius is guessed")
             }
-            Self::MaybeRadius(array) => write!(
-                f,
-                "{array} is ignored, and the radius is guessed; if it is the radius: \
-                 --map radius={array}"
-            ),
             Self::Crowded(radius) => write!(
                 f,
                 "the particles are much closer together than their radius of {radius} m, which makes one \
                  blob of them and takes long: their places and their radius may be in different units"
             ),
-            Self::Opaque { extent, absorption } => {
-                let [r, g, b] = (*absorption / 1000.0).to_array();
-                write!(
-                    f,
-                    "the particles extend over {extent:.0} m, through which no light comes; if these \
-                     are millimetres: --set 'liquid.absorption=[{r}, {g}, {b}]'"
-                )
+            Self::Opaque { extent, .. } => {
+                write!(f, "the particles extend over {extent:.0} m, through which no light comes")
             }
             Self::Unseen(particles) => write!(
                 f,
-                "no liquid is visible: all {} particles are out of the picture; {VIEW}",
+                "no liquid is visible: all {} particles are out of the picture",
                 thousands(*particles)
             ),
             Self::Outside(outside, particles) => write!(
                 f,
-                "{:.0} % of the particles are out of the picture; {VIEW}",
+                "{:.0} % of the particles are out of the picture",
                 (100.0 * *outside as f64 / *particles as f64).floor()
             ),
             Self::Straight(lights) => {
@@ -132,9 +119,6 @@ impl fmt::Display for Notice {
         }
     }
 }
-
-/// What moves the view.
-const VIEW: &str = "--camera moves the view, and a scene without [camera] fits it";
 
 /// A number with commas between its thousands: `40,368`.
 pub fn thousands(number: usize) -> String {

@@ -1,4 +1,4 @@
-//! Files that are written whole or not at all, and their names.
+//! Atomic writing of output files, their formats and their names.
 
 mod stream;
 mod target;
@@ -17,29 +17,27 @@ use image::{ImageEncoder as _, RgbImage};
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
-use crate::sequence::placeholder;
+use crate::pattern::placeholder;
 
 pub use stream::{Pipe, Stream, interrupt};
 pub use target::{FileKind, Files, check_folder};
 
-/// What the names of temporary files begin with.
+/// Prefix of the names of temporary files.
 const TEMPORARY: &str = ".limpid-";
 
-/// Of 100: mean FLIP between a JPEG and its picture is 0.03 then, measured on the demo at 320×240.
+/// Quality of JPEG, of 100. The mean FLIP error is then 0.03, measured on the demo at 320×240.
 const JPEG_QUALITY: u8 = 92;
 
-/// A temporary file that has not been written to for so long is nobody's any more.
-const ABANDONED: Duration = Duration::from_hours(24);
+/// Age of its last write at which a temporary file counts as left by a killed process.
+const STALE_AFTER: Duration = Duration::from_hours(24);
 
-/// Files, and folders with all that is in them, that must not outlive the process.
+/// Files and folders to remove, with their contents, when the process ends.
 static CLEANUP: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Writes a file under a temporary name beside `path`, then renames it. To a pipe or a device it is
-/// written as it is.
+/// Writes a temporary file beside `path`, then renames it. Pipes and devices are written directly.
 ///
 /// # Errors
-/// As [`FileKind::check`], and [`Error::Io`] naming `path`; then nothing is left under that name that was
-/// not there before.
+/// As [`FileKind::check`], and [`Error::Io`] naming `path`; an existing file is then unchanged.
 pub fn write_atomically(
     path: &Path,
     kind: FileKind,
@@ -57,13 +55,12 @@ pub fn write_atomically(
     temporary.keep(path)
 }
 
-/// Whether a path leads to a pipe, a device or a socket: a file that took its name would be in
-/// nobody's interest.
+/// Whether a path leads to a pipe, a device or a socket, which must never be replaced by a file.
 fn is_device(path: &Path) -> bool {
     path.metadata().is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir())
 }
 
-/// By way of a file without a name: some formats are not written from their beginning to their end.
+/// Writes to a device by way of an unnamed file, since some formats are not written sequentially.
 fn write_to_device(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
@@ -84,57 +81,57 @@ fn write_to_device(
     }
 }
 
-/// A file that is gone when it is dropped or the process is ended by [`abandon`], unless it is
-/// given a name for good.
+/// A temporary file, removed when this is dropped or [`abandon`] ends the process, unless
+/// [`Temporary::keep`] renames it.
 pub struct Temporary {
-    // In this order: removed, then forgotten.
+    // Drop order: the file is removed, then the cleanup list forgets it.
     file: NamedTempFile,
     cleanup: CleanupGuard,
 }
 
 impl Temporary {
-    /// A file beside `path`.
+    /// Creates a file beside `path`.
     pub fn beside(path: &Path) -> Result<Self> {
         let mut builder = tempfile::Builder::new();
-        // Temporary files are private by default; a picture is as readable as any other file.
+        // The permissions of ordinary files; those of temporary files are private by default.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         builder.prefix(TEMPORARY);
         let created = CleanupGuard::create(|| {
-            let file = builder.tempfile_in(folder_of(&behind_link(path)))?;
+            let file = builder.tempfile_in(folder_of(&link_target(path)))?;
             let name = file.path().to_owned();
             Ok((file, name))
         });
-        let (file, cleanup) = created.map_err(|e| Error::io(path, "write", without_name(&e)))?;
+        let (file, cleanup) = created.map_err(|e| Error::io(path, "write", without_path(&e)))?;
         Ok(Self { file, cleanup })
     }
 
-    /// To write to.
+    /// The file, to write to.
     pub fn as_file(&self) -> &File {
         self.file.as_file()
     }
 
-    /// Its name until it is kept.
+    /// Its temporary path.
     pub fn path(&self) -> &Path {
         self.file.path()
     }
 
-    /// Renames it, now whole, to `path`.
+    /// Renames the completed file to `path`.
     pub fn keep(self, path: &Path) -> Result<()> {
         let fail = |e: io::Error| Error::io(path, "write", e);
         self.file.as_file().sync_all().map_err(fail)?;
-        self.file.persist(behind_link(path)).map_err(|e| fail(e.error))?;
+        self.file.persist(link_target(path)).map_err(|e| fail(e.error))?;
         drop(self.cleanup);
         Ok(())
     }
 }
 
-/// An error that does not name the temporary file, which is nobody's concern.
-fn without_name(error: &io::Error) -> io::Error {
+/// Strips the temporary file's path from an error.
+fn without_path(error: &io::Error) -> io::Error {
     let source = error.get_ref().and_then(std::error::Error::source);
     let code = source.and_then(|e| e.downcast_ref::<io::Error>()?.raw_os_error());
     match code {
-        // Some have no name but the system's: too many open files, for one.
+        // Some errors have only a system code: too many open files, for one.
         Some(code) if io::Error::from(error.kind()).to_string() == "uncategorized error" => {
             io::Error::from_raw_os_error(code)
         }
@@ -142,8 +139,8 @@ fn without_name(error: &io::Error) -> io::Error {
     }
 }
 
-/// The file that a path leads to: a link stays one, and what it leads to is replaced.
-fn behind_link(path: &Path) -> PathBuf {
+/// The file that a path leads to: the target of a link is replaced, not the link.
+fn link_target(path: &Path) -> PathBuf {
     match path.is_symlink() {
         true => path.canonicalize().unwrap_or_else(|_| path.to_owned()),
         false => path.to_owned(),
@@ -158,14 +155,14 @@ pub fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// The name of a file or a folder that [`abandon`] removes, until this is dropped.
+/// Keeps a file or a folder on the list that [`abandon`] removes, until this is dropped.
 #[derive(Debug)]
 pub struct CleanupGuard(PathBuf);
 
 impl CleanupGuard {
-    /// Creates such a file or folder, of which `create` says the name.
+    /// Creates a file or folder by `create`, which returns its path.
     pub fn create<T>(create: impl FnOnce() -> io::Result<(T, PathBuf)>) -> io::Result<(T, Self)> {
-        // Nobody ends the process between the file and its entry.
+        // The lock prevents `abandon` between the creation and the entry.
         let mut cleanup = cleanup();
         let (file, path) = create()?;
         cleanup.insert(path.clone());
@@ -183,12 +180,12 @@ fn cleanup() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     locked(&CLEANUP)
 }
 
-/// Programs that write files for this one, which [`abandon`] ends first.
+/// Child processes that write files, which [`abandon`] ends first.
 static CHILDREN: Mutex<Vec<Weak<Mutex<Child>>>> = Mutex::new(Vec::new());
 
-/// Starts a program that writes a file, which [`abandon`] ends until it is dropped.
+/// Starts a child process that writes a file. [`abandon`] ends it as long as the handle exists.
 pub fn start(spawn: impl FnOnce() -> io::Result<Child>) -> io::Result<Arc<Mutex<Child>>> {
-    // Nobody ends the process between the program and its entry.
+    // The lock prevents `abandon` between the start and the entry.
     let mut children = locked(&CHILDREN);
     let child = Arc::new(Mutex::new(spawn()?));
     children.retain(|child| child.strong_count() > 0);
@@ -196,26 +193,26 @@ pub fn start(spawn: impl FnOnce() -> io::Result<Child>) -> io::Result<Arc<Mutex<
     Ok(child)
 }
 
-/// What a lock holds, whoever has panicked with it.
+/// Locks a mutex, also a poisoned one.
 pub fn locked<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
     lock.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes the temporary files and folders and the claims of this process, for one that is about to end at
-/// once: other threads wait for ever when they are about to create or to keep a file.
+/// Removes the temporary files, folders and claims of this process, immediately before it exits. Other
+/// threads block forever as soon as they create or keep a file.
 pub fn abandon() {
-    // Else they would write again what is removed.
+    // Otherwise they would rewrite the removed files.
     let mut children = locked(&CHILDREN);
     for child in children.drain(..).filter_map(|child| child.upgrade()) {
         let mut child = locked(&child);
         let _ = child.kill();
         let _ = child.wait();
     }
-    // Nor are others started.
+    // The lock stays held, so that no others start.
     std::mem::forget(children);
     let cleanup = cleanup();
     for path in cleanup.iter() {
-        // What cannot be removed now is swept up later.
+        // `sweep` removes the rest later.
         let _ = match path.is_dir() {
             true => std::fs::remove_dir_all(path),
             false => std::fs::remove_file(path),
@@ -224,8 +221,8 @@ pub fn abandon() {
     std::mem::forget(cleanup);
 }
 
-/// The time by the clock of the file system that `path` is on: clocks of machines differ, and ages of
-/// files are told by the one that dates them.
+/// Current time by the clock of the file system of `path`. Machines' clocks differ, and the ages of
+/// files must be computed from the clock that dates them.
 pub fn file_time(path: &Path) -> Result<SystemTime> {
     let probe = Temporary::beside(path)?;
     let mut file = probe.as_file();
@@ -233,8 +230,8 @@ pub fn file_time(path: &Path) -> Result<SystemTime> {
     time.and_then(|()| file.metadata()?.modified()).map_err(|e| Error::io(path, "write", e))
 }
 
-/// Removes temporary files that killed processes have left in a folder: those to which nothing was
-/// written for a day, by the clock of the file system.
+/// Removes temporary files that killed processes have left in a folder: those not written for a day, by
+/// the clock of the file system.
 pub fn sweep(folder: &Path) {
     let ours = |entry: &std::fs::DirEntry| {
         entry.file_name().to_str().is_some_and(|name| name.starts_with(TEMPORARY))
@@ -244,24 +241,24 @@ pub fn sweep(folder: &Path) {
     if temporary.is_empty() {
         return;
     }
-    // A folder that cannot be written to is an error when there is a picture to write.
+    // An unwritable folder is reported when a picture is written.
     let Ok(now) = file_time(&folder.join("any")) else { return };
     for entry in temporary {
         let written = entry.metadata().and_then(|metadata| metadata.modified());
         let age = written.ok().and_then(|time| now.duration_since(time).ok());
-        if age.is_some_and(|age| age > ABANDONED) {
-            // Another may have been faster.
+        if age.is_some_and(|age| age > STALE_AFTER) {
+            // Another process may have removed it.
             let _ = std::fs::remove_file(entry.path());
         }
     }
 }
 
-/// The formats of pictures, by the ending of their names.
+/// The picture formats, by file extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PictureFormat {
     /// `.png`: 8-bit sRGB, lossless.
     Png,
-    /// `.jpg`, `.jpeg`: 8-bit sRGB, of quality 92.
+    /// `.jpg`, `.jpeg`: 8-bit sRGB, at quality 92.
     Jpeg,
     /// `.webp`: 8-bit sRGB, lossless.
     Webp,
@@ -270,10 +267,10 @@ pub enum PictureFormat {
 }
 
 impl PictureFormat {
-    /// The format that a name says. A pipe or a device of another name gets PNG.
+    /// The format of a file's extension. Pipes and devices with another name get PNG.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming those that can be written.
+    /// [`Error::Usage`] naming the supported formats.
     pub fn of(path: &Path) -> Result<Self> {
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
         match ending.as_str() {
@@ -289,7 +286,7 @@ impl PictureFormat {
         }
     }
 
-    /// Whether its files have room for notes: texts by name.
+    /// Whether its files can hold notes: named texts.
     pub fn holds_notes(self) -> bool {
         matches!(self, Self::Png | Self::Exr)
     }
@@ -300,10 +297,10 @@ impl PictureFormat {
 /// # Errors
 /// As [`write_atomically`].
 pub fn write_png(path: &Path, picture: &RgbImage) -> Result<()> {
-    write_atomically(path, FileKind::Picture, |file| encode_png(file, picture, &[]))
+    write_atomically(path, FileKind::PICTURE, |file| encode_png(file, picture, &[]))
 }
 
-/// Writes an 8-bit sRGB picture in the format that the name says; a PNG with these notes, each a
+/// Writes an 8-bit sRGB picture in the format of the file's extension. A PNG gets the notes, each a
 /// keyword and a text.
 ///
 /// # Errors
@@ -314,13 +311,13 @@ pub fn write_picture(path: &Path, picture: &RgbImage, notes: &[(&str, String)]) 
     let rgb = image::ExtendedColorType::Rgb8;
     match PictureFormat::of(path)? {
         PictureFormat::Png => {
-            write_atomically(path, FileKind::Picture, |file| encode_png(file, picture, notes))
+            write_atomically(path, FileKind::PICTURE, |file| encode_png(file, picture, notes))
         }
-        PictureFormat::Jpeg => write_atomically(path, FileKind::Picture, |file| {
+        PictureFormat::Jpeg => write_atomically(path, FileKind::PICTURE, |file| {
             let encoder = JpegEncoder::new_with_quality(file, JPEG_QUALITY);
             encoder.write_image(picture, width, height, rgb).map_err(io::Error::other)
         }),
-        PictureFormat::Webp => write_atomically(path, FileKind::Picture, |file| {
+        PictureFormat::Webp => write_atomically(path, FileKind::PICTURE, |file| {
             let encoder = WebPEncoder::new_lossless(file);
             encoder.write_image(picture, width, height, rgb).map_err(io::Error::other)
         }),
@@ -331,7 +328,8 @@ pub fn write_picture(path: &Path, picture: &RgbImage, notes: &[(&str, String)]) 
     }
 }
 
-/// Nothing but the picture and the notes goes into the file: no time, no machine.
+/// Encodes a picture with the notes, and without time or machine, so that equal pictures are equal
+/// files.
 fn encode_png(
     file: &mut BufWriter<&File>,
     picture: &RgbImage,
@@ -350,23 +348,23 @@ fn encode_png(
     Ok(writer.finish()?)
 }
 
-/// Where the pictures of a sequence go.
+/// The output paths of a sequence's pictures.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OutputNames {
     prefix: String,
     digits: usize,
     suffix: String,
     numbered: bool,
-    // `-o` named a folder, not a file.
+    /// Whether `-o` names a folder.
     folder: bool,
 }
 
 impl OutputNames {
-    /// Parses `-o`: a file, a file with a place for the number (`{}`, `%04d`, `$F4`, `####`), or
-    /// an existing folder or one written with a `/` at its end.
+    /// Parses `-o`: a file, a file name with a placeholder for the number (`{}`, `%04d`, `$F4`, `####`),
+    /// an existing folder, or a folder with a trailing `/`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if several frames would have one name.
+    /// [`Error::Usage`] if several frames would have the same name.
     pub fn parse(output: &str, frames: usize) -> Result<Self> {
         if output.ends_with('/') || Path::new(output).is_dir() {
             let prefix = Path::new(output).join("frame_").to_string_lossy().into_owned();
@@ -402,7 +400,7 @@ impl OutputNames {
         }
     }
 
-    /// Creates the folder that `-o FOLDER/` names, if it is not there.
+    /// Creates the folder of `-o FOLDER/` if it does not exist.
     ///
     /// # Errors
     /// [`Error::Io`] naming the folder.
@@ -415,13 +413,13 @@ impl OutputNames {
         }
     }
 
-    /// The frames whose files are there, in order.
+    /// The frames whose files exist, ascending.
     pub fn existing(&self) -> Vec<i64> {
         let of_name = |name: &str, folder: &Path| {
             let number = folder.join(name).to_str()?.to_owned();
             let number = number.strip_prefix(&self.prefix)?.strip_suffix(&self.suffix)?;
             let number: i64 = number.parse().ok()?;
-            // `1` is not the file of frame 1 where that is `0001`.
+            // The name must be the canonical one: `1` is not the file of frame 1 if that is `0001`.
             (self.path(number) == folder.join(name)).then_some(number)
         };
         let folder = Path::new(&self.prefix);
@@ -435,7 +433,7 @@ impl OutputNames {
         frames
     }
 
-    /// The file for a frame.
+    /// Path of a frame's file.
     pub fn path(&self, frame: i64) -> PathBuf {
         let Self { prefix, digits, suffix, numbered, .. } = self;
         let sign = if frame < 0 { "-" } else { "" };

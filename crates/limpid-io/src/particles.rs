@@ -174,11 +174,11 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Particles> {
 /// be written, or has no room for so many particles or such large ids.
 pub fn write(particles: &Particles, path: &Path) -> Result<()> {
     let (format, write) = writable(path)?;
-    FileKind::Particles.check(path)?;
+    FILE_KIND.check(path)?;
     if format.extension == ".pos" {
         pos::write_ellipsoids(particles, path)?;
     }
-    output::write_atomically(path, FileKind::Particles, |file| write(particles, file))
+    output::write_atomically(path, FILE_KIND, |file| write(particles, file))
 }
 
 /// What a file of this name could not hold of these particles: names of attributes, and
@@ -274,10 +274,16 @@ const BUFFERED: usize = 64 << 20;
 /// Bytes that a particle's position takes once it is read.
 const POSITION_BYTES: u64 = size_of::<Vec3>() as u64;
 
-/// The problem of a `what` that unpacks to more than it may, and the remedy.
-fn unpacks_to_more(what: &str, limit: u64) -> String {
-    format!("the {what} unpacks to more than {limit} bytes; --max-unpacked MIB allows more")
-}
+/// Particles, in the format that the file's name says.
+pub const FILE_KIND: FileKind =
+    FileKind::new("a particle file of the format that its name says", |file| {
+        is_of_its_format(file.path, &file.head, file.length)
+    });
+
+/// The ellipsoids beside a `.pos`.
+pub const ELLIPSOIDS_KIND: FileKind = FileKind::new("the ellipsoids of a .pos file", |file| {
+    pos::check_ellipsoids_length(file.path, &file.head, file.length).is_ok()
+});
 
 type Reader = fn(&Path, &[u8], &Reading<'_>) -> Result<Contents>;
 type Writer = fn(&Particles, &mut BufWriter<&File>) -> io::Result<()>;
@@ -352,7 +358,7 @@ impl Format {
 }
 
 /// Whether a file that begins like this, of this length, is of the format that its name says.
-pub(crate) fn is_of_its_format(path: &Path, head: &[u8], length: u64) -> bool {
+fn is_of_its_format(path: &Path, head: &[u8], length: u64) -> bool {
     let Ok(format) = format_for(path) else { return false };
     let whole = head.len() as u64 == length;
     let reading = Reading { limit: files::unpacked_limit(length), map: &AttributeMap::default() };
@@ -367,11 +373,6 @@ pub(crate) fn is_of_its_format(path: &Path, head: &[u8], length: u64) -> bool {
             Ok(_) => true,
         },
     }
-}
-
-/// Whether a file that begins like this, of this length, holds the ellipsoids of a `.pos`.
-pub(crate) fn are_ellipsoids(path: &Path, head: &[u8], length: u64) -> bool {
-    pos::check_ellipsoids_length(path, head, length).is_ok()
 }
 
 /// The extensions that can be read, as a list for messages.

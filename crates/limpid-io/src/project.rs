@@ -1,17 +1,17 @@
 //! A scene and what it is made from: particles, their view, and how the work is done.
 
 mod file;
-pub mod open;
 pub mod overrides;
 
-pub(crate) use file::is_scene;
+pub use file::FILE_KIND;
 
-use std::{fmt, slice};
+use std::slice;
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::particles::AttributeMap;
+use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
 use limpid::scene::Scene;
@@ -116,38 +116,6 @@ pub struct NamedView {
     pub name: String,
     /// Its camera.
     pub camera: Camera,
-}
-
-/// What classifies particles: `classify.on` in a scene file. The results differ by less than 10⁻⁴ r.
-///
-/// The device leaves to the CPU what no uniform grid serves (radii that differ much, crowds) and what
-/// it cannot hold.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Processor {
-    /// The graphics device where it is hardware and a frame has 8192 particles or more; otherwise
-    /// the CPU.
-    #[default]
-    Auto,
-    /// The CPU.
-    Cpu,
-    /// The graphics device, be it software; without one that can, frames fail.
-    Gpu,
-}
-
-impl Processor {
-    /// All of them, the default first.
-    pub const ALL: [Self; 3] = [Self::Auto, Self::Cpu, Self::Gpu];
-}
-
-impl fmt::Display for Processor {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Auto => "auto",
-            Self::Cpu => "cpu",
-            Self::Gpu => "gpu",
-        })
-    }
 }
 
 impl From<Scene> for Project {

@@ -1,4 +1,4 @@
-//! Which files are the frames of a sequence.
+//! Sequences: the files of an input, as numbered frames.
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -6,32 +6,33 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::particles::{extensions, readable_stem};
+use crate::pattern::placeholder;
 
-/// The frames that an input stands for, in the order of their numbers, each number once.
+/// The frames of an input, ordered by their numbers, which are unique.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sequence {
-    /// The frames, by ascending number; never empty.
+    /// The frames, by ascending number. Never empty.
     pub frames: Vec<Frame>,
-    /// The pattern that the files match, with `{}` for the number where limpid found it itself.
+    /// The pattern of the files, with `{}` for the number where limpid has derived it.
     pub pattern: String,
 }
 
 /// One file of a sequence.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Frame {
-    /// Its number, from its name.
+    /// The number in the file name.
     pub number: i64,
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
 }
 
 impl Sequence {
     /// Finds the frames of `input`:
     ///
-    /// - an existing file: that frame, numbered by the last digits in its name, or 0;
-    /// - an existing folder: the particle files in it, which must differ in the number alone;
-    /// - a pattern, whose file name holds one of `{}`, `%d`, `$F` (any number), `%04d`, `$F4`,
-    ///   `####` (a number of at least so many digits). Gaps between numbers are allowed.
+    /// - an existing file: one frame, numbered by the last digits in its name, or 0;
+    /// - an existing folder: the particle files in it, whose names must differ only in the number;
+    /// - a pattern, whose file name contains one of `{}`, `%d`, `$F` (a number of any width), `%04d`,
+    ///   `$F4`, `####` (a number of at least that many digits). Gaps between numbers are allowed.
     ///
     /// # Errors
     ///
@@ -50,18 +51,18 @@ impl Sequence {
             Some(pattern) => Self::from_pattern(input, &pattern),
             None => {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
-                let number = numbered(&name).map_or(0, |(_, number, _)| number);
+                let number = split_number(&name).map_or(0, |(_, number, _)| number);
                 let frames = vec![Frame { number, path: path.to_owned() }];
                 Ok(Self { frames, pattern: input.into() })
             }
         }
     }
 
-    /// The frames of the sequence that a file is of: those in its folder whose names differ from
-    /// its own in the last number alone. None where the name has no number.
+    /// Finds the sequence that a file belongs to: the files in its folder whose names differ only in the
+    /// last number. `None` if the name has no number.
     pub(crate) fn around(file: &Path) -> Option<Self> {
         let name = file.file_name()?.to_str()?;
-        let (prefix, _, suffix) = numbered(name)?;
+        let (prefix, _, suffix) = split_number(name)?;
         let parent = file.parent().filter(|parent| !parent.as_os_str().is_empty());
         let folder = parent.unwrap_or(Path::new("."));
         let pattern = Pattern { folder, prefix, suffix, width: 1 };
@@ -74,9 +75,8 @@ impl Sequence {
         self.frames.get(at)
     }
 
-    /// How far the numbers of two frames are apart that follow each other: the largest number that
-    /// all differences are multiples of, 1 for a single frame. Simulators number their files by steps,
-    /// of which they write every hundredth.
+    /// Stride of the frame numbers: the greatest common divisor of their differences, 1 for a single
+    /// frame. Some simulators number files by time step and write, say, every hundredth.
     pub fn stride(&self) -> u64 {
         let gcd = |mut a: u64, mut b: u64| {
             while b > 0 {
@@ -88,7 +88,7 @@ impl Sequence {
         pairs.map(|[a, b]| b.number.abs_diff(a.number)).fold(0, gcd).max(1)
     }
 
-    /// The ranges of numbers that are missing between frames: the first and the last of each.
+    /// The ranges of missing numbers between frames, as the first and the last of each.
     pub fn gaps(&self) -> Vec<(i64, i64)> {
         let stride = self.stride();
         let pairs = self.frames.array_windows();
@@ -99,7 +99,7 @@ impl Sequence {
         gaps.map(ends).collect()
     }
 
-    /// The frames of both, by number; where both have one, this one's.
+    /// Merges the frames of two sequences by number; where both have a frame, that of `self` is kept.
     pub(crate) fn joined(mut self, other: &Self) -> Self {
         let new = other.frames.iter().filter(|frame| self.frame(frame.number).is_none());
         let new: Vec<Frame> = new.cloned().collect();
@@ -111,7 +111,7 @@ impl Sequence {
 
     fn from_pattern(input: &str, pattern: &Pattern<'_>) -> Result<Self> {
         let folder = pattern.folder;
-        let names = list(folder)?;
+        let names = file_names(folder)?;
         let matches = names.iter().filter_map(|name| {
             Some(Frame { number: pattern.number(name)?, path: folder.join(name) })
         });
@@ -119,7 +119,7 @@ impl Sequence {
         if frames.is_empty() {
             let similar = names.iter().filter(|name| readable_stem(name).is_some());
             let hint = similar
-                .max_by_key(|name| common(pattern.prefix.bytes(), name.bytes()))
+                .max_by_key(|name| common_prefix(pattern.prefix.bytes(), name.bytes()))
                 .map_or(String::new(), |name| format!("; `{name}` is there"));
             let problem = format!("no file of this name in {}{hint}", folder.display());
             return Err(Error::Sequence { pattern: input.into(), problem });
@@ -130,8 +130,8 @@ impl Sequence {
     fn from_folder(folder: &Path) -> Result<Self> {
         let mut stems = BTreeSet::new();
         let mut frames = Vec::new();
-        for name in list(folder)?.iter().filter(|name| readable_stem(name).is_some()) {
-            let (stem, number) = match numbered(name) {
+        for name in file_names(folder)?.iter().filter(|name| readable_stem(name).is_some()) {
+            let (stem, number) = match split_number(name) {
                 Some((prefix, number, suffix)) => (format!("{prefix}{{}}{suffix}"), number),
                 None => (name.clone(), 0),
             };
@@ -172,17 +172,17 @@ impl Sequence {
     }
 }
 
-/// A file name with a number left open.
+/// A file name with a placeholder for the number.
 struct Pattern<'a> {
     folder: &'a Path,
     prefix: &'a str,
     suffix: &'a str,
-    /// The least number of digits.
+    /// Minimum number of digits.
     width: usize,
 }
 
 impl<'a> Pattern<'a> {
-    /// `None` if the file name leaves no number open.
+    /// Parses a path; `None` if its file name has no placeholder.
     fn parse(input: &'a str) -> Result<Option<Self>> {
         let path = Path::new(input);
         let Some(name) = path.file_name().and_then(OsStr::to_str) else { return Ok(None) };
@@ -206,35 +206,8 @@ impl<'a> Pattern<'a> {
     }
 }
 
-/// Where the first place for a number begins, its length, and the least number of digits.
-pub(crate) fn placeholder(name: &str) -> Option<(usize, usize, usize)> {
-    name.char_indices().find_map(|(at, _)| {
-        let rest = &name[at..];
-        let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
-        if rest.starts_with("{}") {
-            Some((at, 2, 1))
-        } else if rest.starts_with('#') {
-            let width = rest.bytes().take_while(|&byte| byte == b'#').count();
-            Some((at, width, width))
-        } else if let Some(rest) = rest.strip_prefix("$F") {
-            let (length, width) = width(rest, digits(rest))?;
-            Some((at, 2 + length, width))
-        } else {
-            let rest = rest.strip_prefix('%')?;
-            let (length, width) = width(rest, digits(rest))?;
-            rest[length..].starts_with('d').then_some((at, length + 2, width))
-        }
-    })
-}
-
-/// The length and the value of the `digits` that `text` begins with; without any, 1.
-fn width(text: &str, digits: usize) -> Option<(usize, usize)> {
-    let value = if digits == 0 { 1 } else { text[..digits].parse().ok()? };
-    Some((digits, value))
-}
-
-/// Splits a file name around the last digits before its extension.
-fn numbered(name: &str) -> Option<(&str, i64, &str)> {
+/// Splits a file name at the last number before its extension: prefix, number, suffix.
+fn split_number(name: &str) -> Option<(&str, i64, &str)> {
     let stem = readable_stem(name).or_else(|| Path::new(name).file_stem()?.to_str())?;
     let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
     let start = stem[..end].rfind(|c: char| !c.is_ascii_digit());
@@ -242,8 +215,8 @@ fn numbered(name: &str) -> Option<(&str, i64, &str)> {
     Some((&name[..start], name[start..end].parse().ok()?, &name[end..]))
 }
 
-/// The names in a folder, without hidden ones and those that are not Unicode.
-fn list(folder: &Path) -> Result<Vec<String>> {
+/// The names in a folder, sorted, except hidden ones and those that are not Unicode.
+fn file_names(folder: &Path) -> Result<Vec<String>> {
     let error = |source| Error::io(folder, "list", source);
     let mut names = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(error)? {
@@ -253,11 +226,11 @@ fn list(folder: &Path) -> Result<Vec<String>> {
             names.push(name);
         }
     }
-    names.sort(); // so that messages do not depend on the file system
+    names.sort(); // for messages that do not depend on the file system
     Ok(names)
 }
 
-/// How many bytes two names share at their start.
-fn common(a: impl Iterator<Item = u8>, b: impl Iterator<Item = u8>) -> usize {
+/// Length of the common prefix of two names, bytes.
+fn common_prefix(a: impl Iterator<Item = u8>, b: impl Iterator<Item = u8>) -> usize {
     a.zip(b).take_while(|(a, b)| a == b).count()
 }

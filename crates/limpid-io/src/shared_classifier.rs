@@ -1,18 +1,52 @@
-//! Where frames are classified: on the CPU, or on a device that may not be open yet.
+//! A classifier for frames, on the CPU or on a device that may be opened later.
 
+use std::fmt;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
-use crate::project::Processor;
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{Classifier, Splats, classify, probe_memory};
 use limpid::settings::Classify;
+use serde::{Deserialize, Serialize};
 
-/// Frames of fewer particles take the CPU about as long as the device takes to answer.
-const FEW: usize = 8192;
+/// The processor that classifies particles: `classify.on` in a scene file. The results differ by less
+/// than 10⁻⁴ r.
+///
+/// The device leaves to the CPU the frames for which a uniform grid is unsuitable (very different radii,
+/// crowded particles) and those that exceed its memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Processor {
+    /// The graphics device if it is hardware and the frame has at least 8192 particles; otherwise the
+    /// CPU.
+    #[default]
+    Auto,
+    /// The CPU.
+    Cpu,
+    /// The graphics device, also a software one; frames fail if it cannot classify them.
+    Gpu,
+}
 
-/// Where frames are classified. Its clones share one device; any thread may ask.
+impl Processor {
+    /// All processors, the default first.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Cpu, Self::Gpu];
+}
+
+impl fmt::Display for Processor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Auto => "auto",
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+        })
+    }
+}
+
+/// Number of particles below which the CPU takes about as long as a round trip to the device.
+const MIN_DEVICE_PARTICLES: usize = 8192;
+
+/// Classifies frames on the CPU or the device. Clones share one device; any thread may use them.
 #[derive(Debug, Clone, Default)]
 pub struct SharedClassifier {
     shared: Arc<Shared>,
@@ -21,15 +55,15 @@ pub struct SharedClassifier {
 #[derive(Debug, Default)]
 struct Shared {
     state: Mutex<State>,
-    /// A device has come, or someone has done.
-    come: Condvar,
+    /// Signals that the device has changed or a use of it has ended.
+    changed: Condvar,
 }
 
 #[derive(Debug, Default)]
 struct State {
     device: Device,
-    /// How many classify on it.
-    users: usize,
+    /// Number of threads that classify on the device.
+    uses: usize,
     closed: bool,
 }
 
@@ -37,66 +71,67 @@ struct State {
 enum Device {
     #[default]
     None,
-    /// Someone opens one.
-    Awaited,
-    /// With what classifies on it, once that was needed.
+    /// Being opened.
+    Pending,
+    /// Open, with its classifier once one has been needed.
     Open(Gpu, Option<Arc<Classifier>>),
 }
 
-/// Someone who classifies on the device.
-struct User<'a> {
+/// A thread's use of the device for classification.
+struct DeviceUse<'a> {
     shared: &'a SharedClassifier,
-    // Always there until it is dropped.
+    // `None` only during the drop.
     classifier: Option<Arc<Classifier>>,
 }
 
-impl Drop for User<'_> {
+impl Drop for DeviceUse<'_> {
     fn drop(&mut self) {
-        // First this: whoever waits for the last user is the last to have the device.
+        // Before the count: a thread that waits for the last use must then hold the last reference.
         self.classifier = None;
-        self.shared.lock().users -= 1;
-        self.shared.shared.come.notify_all();
+        self.shared.lock().uses -= 1;
+        self.shared.shared.changed.notify_all();
     }
 }
 
 impl SharedClassifier {
-    /// On a device, where the settings allow it.
+    /// Classifies on `gpu`, where the settings allow it.
     pub fn on(gpu: &Gpu) -> Self {
         let shared = Self::default();
         shared.set(Some(gpu));
         shared
     }
 
-    /// On a device that is about to be opened: who needs it waits until [`SharedClassifier::set`] tells of it.
+    /// Classifies on a device that is about to be opened: threads that need it wait for
+    /// [`SharedClassifier::set`].
     pub fn awaited() -> Self {
         let shared = Self::default();
         shared.wait_for_device();
         shared
     }
 
-    /// From now on, who needs a device waits until [`SharedClassifier::set`] tells of one. Returns whether: not if
-    /// there is a device, or one is awaited already.
+    /// Makes threads that need a device wait for [`SharedClassifier::set`]. Returns `false`, without
+    /// effect, if a device is open or already awaited, or after [`SharedClassifier::close`].
     pub fn wait_for_device(&self) -> bool {
         let mut state = self.lock();
         let waits = matches!(state.device, Device::None) && !state.closed;
         if waits {
-            state.device = Device::Awaited;
+            state.device = Device::Pending;
         }
         waits
     }
 
-    /// The device from now on; without one, whoever waits hears that there is none.
+    /// Sets the device; `None` ends all waits without one.
     pub fn set(&self, gpu: Option<&Gpu>) {
         self.change(gpu.map_or(Device::None, |gpu| Device::Open(gpu.clone(), None)));
     }
 
-    /// Lets go of the device, for ever, and waits for those who classify on it: drivers do not bear
-    /// threads that still have one when the program ends.
+    /// Releases the device for good and waits for the threads that use it: drivers do not tolerate
+    /// threads that still hold a device when the program ends.
     pub fn close(&self) {
         self.set(None);
         let mut state = self.lock();
         (state.device, state.closed) = (Device::None, true);
-        while state.users > 0 {
+        while state.uses > 0 {
             state = self.wait(state);
         }
     }
@@ -106,8 +141,8 @@ impl SharedClassifier {
         if !state.closed {
             let old = std::mem::replace(&mut state.device, device);
             drop(state);
-            self.shared.come.notify_all();
-            // A device may take its time to go.
+            self.shared.changed.notify_all();
+            // Dropped without the lock, since closing a device takes time.
             drop(old);
         }
     }
@@ -115,9 +150,9 @@ impl SharedClassifier {
     /// As [`classify`], on the device or the CPU.
     ///
     /// # Errors
-    /// [`limpid::Error::Memory`]. Of [`Processor::Gpu`]: [`Error::Usage`] without a device,
-    /// [`limpid::Error::Limit`] if it cannot classify, and as [`Gpu::check`]: of the others what the device
-    /// does not do, the CPU does.
+    /// [`limpid::Error::Memory`]. With [`Processor::Gpu`] also [`Error::Usage`] without a device,
+    /// [`limpid::Error::Limit`] if the device cannot classify, and as [`Gpu::check`]; otherwise the CPU
+    /// takes over.
     pub fn classify(
         &self,
         particles: &Particles,
@@ -125,42 +160,42 @@ impl SharedClassifier {
         settings: &Classify,
         processor: Processor,
     ) -> Result<Splats> {
-        // When the device is open: that takes memory too.
+        // Probed only now, since opening the device takes memory too.
         let on_cpu = || -> Result<Splats> {
             probe_memory(particles.len(), "the shapes of particles")?;
             Ok(classify(particles, default_radius, settings))
         };
-        let on_device = |user: User<'_>| {
-            let classifier = user.classifier.as_ref().ok_or_else(no_device)?;
+        let on_device = |device_use: DeviceUse<'_>| {
+            let classifier = device_use.classifier.as_ref().ok_or_else(no_device)?;
             Ok(classifier.classify(particles, default_radius, settings)?)
         };
         match processor {
             Processor::Cpu => on_cpu(),
-            Processor::Gpu => on_device(self.user(|_| true)?.ok_or_else(no_device)?),
-            Processor::Auto if particles.len() < FEW => on_cpu(),
+            Processor::Gpu => on_device(self.begin_use(|_| true)?.ok_or_else(no_device)?),
+            Processor::Auto if particles.len() < MIN_DEVICE_PARTICLES => on_cpu(),
             Processor::Auto => {
-                let user = self.user(is_hardware).ok().flatten();
-                let splats = user.and_then(|user| on_device(user).ok());
+                let device_use = self.begin_use(is_hardware).ok().flatten();
+                let splats = device_use.and_then(|device_use| on_device(device_use).ok());
                 splats.map_or_else(on_cpu, Ok)
             }
         }
     }
 
-    /// Someone who classifies on the device, if there is one and it is `wanted`.
-    fn user(&self, wanted: impl Fn(&Gpu) -> bool) -> Result<Option<User<'_>>> {
+    /// Begins a use of the device, if there is one and it is `wanted`, after waiting for a pending one.
+    fn begin_use(&self, wanted: impl Fn(&Gpu) -> bool) -> Result<Option<DeviceUse<'_>>> {
         let mut state = self.lock();
-        while matches!(state.device, Device::Awaited) {
+        while matches!(state.device, Device::Pending) {
             state = self.wait(state);
         }
         match &mut state.device {
             Device::Open(gpu, classifier) if wanted(gpu) => {
-                let there = match classifier.take() {
+                let created = match classifier.take() {
                     Some(classifier) => classifier,
                     None => Arc::new(Classifier::new(gpu)?),
                 };
-                let classifier = Some(classifier.insert(there).clone());
-                state.users += 1;
-                Ok(Some(User { shared: self, classifier }))
+                let classifier = Some(classifier.insert(created).clone());
+                state.uses += 1;
+                Ok(Some(DeviceUse { shared: self, classifier }))
             }
             _ => Ok(None),
         }
@@ -171,7 +206,7 @@ impl SharedClassifier {
     }
 
     fn wait<'a>(&self, state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
-        self.shared.come.wait(state).unwrap_or_else(PoisonError::into_inner)
+        self.shared.changed.wait(state).unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -181,7 +216,7 @@ fn no_device() -> Error {
     Error::Usage(problem.into())
 }
 
-/// Whether it is faster than the CPU: it is not the CPU itself.
+/// Whether the device is hardware, and so faster than the CPU.
 fn is_hardware(gpu: &Gpu) -> bool {
     use limpid::wgpu::DeviceType::{DiscreteGpu, IntegratedGpu, VirtualGpu};
     matches!(gpu.device.adapter_info().device_type, DiscreteGpu | IntegratedGpu | VirtualGpu)

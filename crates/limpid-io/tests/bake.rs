@@ -1,4 +1,4 @@
-//! Protects baked frames: the same wherever and however they are made, and liquid that behaves.
+//! Baked simulations: reproducible and resumable frames, and the physical behaviour of the liquid.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -20,7 +20,7 @@ min = [0.0, 0.0, 0.0]
 max = [0.6, 0.36, 0.6]
 ";
 
-/// A column that falls on a thin plate and a pillar, an emitter, a drain.
+/// A falling column, a pillar, an emitter and a drain.
 const BUSY: &str = "[simulation]
 frames = 12
 radius = 0.03
@@ -56,9 +56,9 @@ fn run(
     bake::bake(simulation, &project.scene.solids, name, folder, progress)
 }
 
-fn bake(text: &str, folder: &Path, most: u32) -> Result<()> {
+fn bake(text: &str, folder: &Path, max_frames: u32) -> Result<()> {
     run(&project(text), "x", folder, |Progress { done, .. }| {
-        if done < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        if done < max_frames { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     })
 }
 
@@ -87,10 +87,10 @@ fn assert_finite(frames: &[Particles]) {
     }
 }
 
-/// Pictures of two machines can be compared only if the particles are the same: to the bit, on any
-/// number of threads, and when a bake was interrupted, or its last frame damaged.
+/// Frames are bit-identical on any number of threads, and after an interruption or damage to the last
+/// frame, as the comparison of pictures from different machines requires.
 #[test]
-fn frames_are_the_same_on_any_threads_and_after_a_break() {
+fn frames_are_reproducible_on_any_threads_and_after_interruption() {
     let whole = baked(BUSY);
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -98,29 +98,29 @@ fn frames_are_the_same_on_any_threads_and_after_a_break() {
     }
     let folder = TempDir::new().unwrap();
     bake(BUSY, folder.path(), 5).unwrap();
-    // The next frame may have been under way when the bake was told to end.
+    // A further frame may have been written before the bake stopped.
     let last = (5..).take_while(|&n| bake::frame_path(folder.path(), "x", n).exists()).last();
     std::fs::write(bake::frame_path(folder.path(), "x", last.unwrap()), b"cut off").unwrap();
     bake(BUSY, folder.path(), 9).unwrap();
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     run(&project(BUSY), "x", folder.path(), |progress| {
-        told.push(progress.done);
+        reported.push(progress.done);
         ControlFlow::Continue(())
     })
     .unwrap();
-    assert_eq!(told, Vec::from_iter(1..=12));
+    assert_eq!(reported, Vec::from_iter(1..=12));
     let resumed: Vec<_> = (1..=12).map(|number| frame(folder.path(), number)).collect();
     assert!(resumed == whole);
-    // Particles come and go, and keep their names.
+    // Particles appear and disappear, and keep their ids.
     let counts: Vec<_> = whole.iter().map(Particles::len).collect();
     assert!(counts.windows(2).any(|pair| pair[1] > pair[0]), "{counts:?}");
     assert!(whole.iter().all(|p| p.ids.as_ref().unwrap().is_sorted_by(|a, b| a < b)));
     assert_finite(&whole);
 }
 
-/// Protects frames that cannot be read for a while: they are left alone, and so are those before them.
+/// A frame that temporarily cannot be read is not removed, and neither are those before it.
 #[test]
-fn frames_that_cannot_be_read_are_not_removed() {
+fn unreadable_frames_are_not_removed() {
     let folder = TempDir::new().unwrap();
     bake(BUSY, folder.path(), 3).unwrap();
     let there = |n: &u32| bake::frame_path(folder.path(), "x", *n).exists();
@@ -130,12 +130,12 @@ fn frames_that_cannot_be_read_are_not_removed() {
     std::fs::create_dir(&path).unwrap();
     let error = bake(BUSY, folder.path(), 9).unwrap_err();
     assert!(matches!(error, Error::Io { .. }), "{error}");
-    assert!((1..last).all(|n| there(&n)), "frames are gone");
+    assert!((1..last).all(|n| there(&n)), "frames were removed");
 }
 
-/// Protects from advice that does not help: a record that is no record is called so.
+/// A damaged bake record is reported as such.
 #[test]
-fn a_damaged_record_is_told() {
+fn a_damaged_record_is_reported() {
     let folder = TempDir::new().unwrap();
     bake(BUSY, folder.path(), 2).unwrap();
     std::fs::write(folder.path().join("x.bake.json"), "{").unwrap();
@@ -143,23 +143,22 @@ fn a_damaged_record_is_told() {
     assert!(error.contains("x.bake.json: not the record of a bake"), "{error}");
 }
 
-/// Protects a sequence from being continued by another simulation.
+/// A sequence is not continued with other parameters, but may be with more frames.
 #[test]
 fn frames_of_other_parameters_are_not_continued() {
     let folder = TempDir::new().unwrap();
     bake(BUSY, folder.path(), 2).unwrap();
     let error = bake(&BUSY.replace("speed = 2.0", "speed = 2.5"), folder.path(), 3).unwrap_err();
-    assert!(matches!(error, Error::Usage(_)), "{error}");
-    assert!(error.to_string().contains("--restart"), "{error}");
-    // More frames of the same are welcome.
+    assert!(matches!(error, Error::OtherBake { .. }), "{error}");
+    // More frames of the same simulation are allowed.
     bake(&BUSY.replace("frames = 12", "frames = 13"), folder.path(), 3).unwrap();
     bake::clear("x", folder.path()).unwrap();
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
-/// A settled tank keeps its volume, is level, and rests.
+/// A settled tank conserves its volume, is level, and comes to rest.
 #[test]
-fn a_settled_tank_keeps_its_volume_and_rests() {
+fn a_settled_tank_conserves_volume_and_rests() {
     let frames = baked(TANK);
     let last = frames.last().unwrap();
     assert_eq!(last.len(), 600);
@@ -171,7 +170,7 @@ fn a_settled_tank_keeps_its_volume_and_rests() {
     println!("density {density}, level {level}, kinetic {}", kinetic(last));
     assert!((density / 1000.0 - 1.0).abs() < 0.03, "{density}");
     assert!((level / 0.36 - 1.0).abs() < 0.03, "{level}");
-    // The surface, in nine fields.
+    // The surface, over a 3 × 3 grid of columns.
     for field in 0..9 {
         let inside = |x: &&Vec3| (x.x / 0.2) as i32 == field % 3 && (x.z / 0.2) as i32 == field / 3;
         let top = last.positions.iter().filter(inside).map(|x| x.y).fold(0.0, f32::max);
@@ -181,10 +180,10 @@ fn a_settled_tank_keeps_its_volume_and_rests() {
     assert!(kinetic(last) < 1e-3 && kinetic(last) < settling, "{} {settling}", kinetic(last));
 }
 
-/// Depth costs no volume: what lies under 36 layers is no denser than the rest, and nothing boils.
-/// With the three iterations of the shallow, the level falls by a tenth.
+/// A deep tank conserves its volume: liquid below 36 layers is not compressed, and nothing boils. With
+/// the three iterations of shallow liquid, the level would fall by a tenth.
 #[test]
-fn a_deep_tank_keeps_its_volume_and_rests() {
+fn a_deep_tank_conserves_volume_and_rests() {
     let frames = baked(
         "[simulation]
 frames = 60
@@ -213,7 +212,7 @@ max = [0.2, 0.9, 0.2]
     assert!(speed < 0.05, "{speed}");
 }
 
-/// Two balls without gravity, at (−x, 0, 0) and (x, y, 0), that fly at each other.
+/// Two balls at (−x, 0, 0) and (x, y, 0) that approach each other without gravity.
 fn collide(keys: &str, radius: f32, [x, y]: [f32; 2], speed: f32) -> Vec<Particles> {
     baked(&format!(
         "[simulation]
@@ -232,10 +231,10 @@ velocity = [-{speed:?}, 0.0, 0.0]
     ))
 }
 
-/// Cohesion draws a drop's particles together, evenly: the drop stays where it is. Without it,
-/// what flies apart flies on.
+/// Cohesion limits how far colliding drops spread, without net force: their centre of mass stays in
+/// place.
 #[test]
-fn cohesion_holds_a_jet_together() {
+fn cohesion_limits_spreading() {
     let spread = |cohesion: f32| {
         let keys = format!("radius = 0.01\nviscosity = 0.0\ncohesion = {cohesion:?}");
         let frames = collide(&keys, 0.07, [0.07, 0.0], 0.6);
@@ -250,11 +249,11 @@ fn cohesion_holds_a_jet_together() {
     assert!(held < 0.9 * free, "{held} {free}");
 }
 
-/// Protects time and gravity: a lone particle falls as the closed form says, to first order in the
-/// step, and flies on straight without gravity.
+/// A single particle falls according to the closed form, to first order in the step, and moves straight
+/// without gravity.
 #[test]
-fn a_lone_particle_falls_freely() {
-    let lone = "[simulation]
+fn a_single_particle_falls_freely() {
+    let text = "[simulation]
 frames = 31
 radius = 0.05
 [[simulation.block]]
@@ -262,22 +261,22 @@ min = [0.0, 0.0, 0.0]
 max = [0.1, 0.1, 0.1]
 velocity = [1.0, 4.0, 0.0]
 ";
-    let frames = baked(lone);
+    let frames = baked(text);
     let (first, last) = (frames[0].positions[0], frames[30].positions[0]);
     let expected = first + Vec3::new(1.0, 4.0 - 0.5 * 9.81, 0.0);
-    // Gravity acts at the beginning of a step: half a step's fall per step too much.
+    // Gravity is applied at the beginning of a step: half a step's fall too much per step.
     assert!((last - expected).length() < 0.51 * 9.81 / 60.0, "{last} {expected}");
     let velocity = frames[30].velocities.as_ref().unwrap()[0];
     assert!((velocity - Vec3::new(1.0, 4.0 - 9.81, 0.0)).length() < 1e-2, "{velocity}");
     let straight =
-        baked(&lone.replace("radius = 0.05", "radius = 0.05\ngravity = [0.0, 0.0, 0.0]"));
+        baked(&text.replace("radius = 0.05", "radius = 0.05\ngravity = [0.0, 0.0, 0.0]"));
     let expected = straight[0].positions[0] + Vec3::new(1.0, 4.0, 0.0);
     assert!((straight[30].positions[0] - expected).length() < 1e-3);
 }
 
-/// Without gravity two balls that collide keep their momentum, and gain no energy.
+/// A collision without gravity conserves momentum and gains no energy.
 #[test]
-fn a_collision_keeps_momentum() {
+fn a_collision_conserves_momentum() {
     let frames = collide("radius = 0.03", 0.2, [0.3, 0.05], 1.0);
     let momentum = |p: &Particles| p.velocities.iter().flatten().sum::<Vec3>() / p.len() as f32;
     let drift = (momentum(&frames[14]) - momentum(&frames[0])).length();
@@ -285,8 +284,8 @@ fn a_collision_keeps_momentum() {
     assert!(kinetic(&frames[14]) < 1.02 * kinetic(&frames[0]));
 }
 
-/// Whatever a file asks for, no frame holds a NaN: coincident blocks, a block in a solid, an emitter
-/// at a wall, nothing at all. And nothing passes a thin plate, however fast.
+/// Coincident blocks, a block inside a solid, an emitter at a wall, and no particles at all give no NaN,
+/// and no particle passes through a thin plate at any speed.
 #[test]
 fn extremes_stay_finite_and_outside_solids() {
     let frames = baked(
@@ -338,10 +337,10 @@ from = 10.0
     assert!(none.iter().all(Particles::is_empty));
 }
 
-/// The recipe of a million particles has as many as it says, and velocities that are the exact
-/// derivative of positions.
+/// The scene of a million particles has the documented number of them, and a swell's velocities are the
+/// derivatives of its positions.
 #[test]
-fn a_swell_moves_as_its_velocities_say() {
+fn velocities_of_a_swell_are_derivatives() {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("sims/million.toml");
     let mut full = Project::load(&path).unwrap();
     let block = full.source.simulation_mut().unwrap();
@@ -365,9 +364,9 @@ max = [2.0, 0.5, 1.0]
     }
 }
 
-/// Protects every recipe: each file is a scene, starts, and goes on.
+/// Every example simulation loads, and the small ones compute two frames.
 #[test]
-fn every_recipe_starts() {
+fn every_example_simulation_starts() {
     for (name, count) in [("dam_break", 9_000..=20_000), ("fountain", 0..=100)] {
         let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
             .join(format!("sims/{name}.toml"));
@@ -385,8 +384,8 @@ fn every_recipe_starts() {
     }
 }
 
-/// From a scene file to its frames: drawn from beside it once they are there, with the simulation's
-/// radius and rate; before, the message says what to do.
+/// The frames of a baked scene are found beside it, with the simulation's radius and rate; opening it
+/// before the bake is an error.
 #[test]
 fn a_baked_scene_is_an_input() {
     let folder = TempDir::new().unwrap();
@@ -396,7 +395,7 @@ fn a_baked_scene_is_an_input() {
     std::fs::write(&path, text).unwrap();
     let name = path.to_str().unwrap();
     let error = limpid_io::input::Input::open(name).unwrap_err();
-    assert!(error.to_string().contains(&format!("run: limpid bake {name}")), "{error}");
+    assert!(matches!(&error, Error::NotBaked { scene } if scene == name), "{error}");
     assert_eq!(error.category() as u8, 4);
 
     run(

@@ -1,4 +1,4 @@
-//! Camera paths and the turntable, against closed forms.
+//! Camera paths and turntables against closed forms, and the list of a film's pictures.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use limpid_io::Error;
 use limpid_io::camera_path::{CameraPath, Key};
 use limpid_io::film::{Motion, Shot, shots};
 
-/// Times of keys that are anything but evenly spaced.
+/// Unevenly spaced times of keys.
 const TIMES: [f64; 6] = [0.0, 0.25, 2.0, 2.1, 3.5, 7.0];
 
 fn camera(eye: DVec3, target: DVec3) -> Camera {
@@ -22,8 +22,8 @@ fn path(keys: impl IntoIterator<Item = (f64, Camera)>) -> CameraPath {
     path
 }
 
-/// A path with no regularity at all.
-fn wild() -> CameraPath {
+/// An irregular path.
+fn irregular() -> CameraPath {
     path((0..).zip(TIMES).map(|(i, time)| {
         let x = f64::from(i);
         let eye = DVec3::new((3.0 * x).sin() * 4.0, 2.0 + (5.0 * x).cos(), 6.0 + (7.0 * x).sin());
@@ -33,7 +33,7 @@ fn wild() -> CameraPath {
     }))
 }
 
-/// Times between and beyond those of the keys.
+/// Times before, between and after the keys.
 fn times() -> impl Iterator<Item = f64> {
     (-10..=80).map(|i| f64::from(i) * 0.1 + 0.013)
 }
@@ -43,10 +43,10 @@ fn assert_near(a: DVec3, b: DVec3, tolerance: f64) {
     assert!(a.distance(b) <= tolerance, "{a} is {} from {b}", a.distance(b));
 }
 
-/// Protects: a film passes exactly where its keys were set, and rests there before and after.
+/// A path passes exactly through its keys, and is constant before the first and after the last.
 #[test]
-fn a_path_passes_through_its_keys_and_is_held_at_its_ends() {
-    let path = wild();
+fn a_path_passes_through_its_keys_and_is_constant_outside() {
+    let path = irregular();
     for key in &path.keys {
         assert_eq!(path.at(key.time), key.camera);
     }
@@ -58,7 +58,7 @@ fn a_path_passes_through_its_keys_and_is_held_at_its_ends() {
     assert_eq!((path.duration(), one.duration()), (7.0, 2.0));
 }
 
-/// Protects: two keys are joined by a straight line at constant velocity.
+/// Two keys are joined by a straight line at constant velocity.
 #[test]
 fn two_keys_are_a_straight_line() {
     let (a, b) = (DVec3::new(1.0, 2.0, 9.0), DVec3::new(-5.0, 3.0, 4.0));
@@ -72,8 +72,8 @@ fn two_keys_are_a_straight_line() {
     }
 }
 
-/// Protects: uniform and uniformly accelerated motion stay what they are however unevenly the keys
-/// are spaced in time. Tangents that ignore the times fail this at the first short interval.
+/// Uniform and uniformly accelerated motion are reproduced exactly at any spacing of the keys in time.
+/// Tangents that ignore the times fail this at the first short interval.
 #[test]
 fn lines_and_parabolas_in_time_are_exact() {
     let eye = |t: f64| DVec3::new(1.0 + 2.0 * t, 3.0 - 0.5 * t, 8.0 + 0.4 * t * t - 0.1 * t);
@@ -93,34 +93,34 @@ fn lines_and_parabolas_in_time_are_exact() {
     }
 }
 
-/// Protects: no jerk at a key. Position and velocity are the same on both of its sides.
+/// Position and velocity are continuous at the keys.
 #[test]
 fn position_and_velocity_are_continuous() {
-    /// By how much the velocity changes at `time`, relative to what it is.
-    fn jerk(at: impl Fn(f64) -> DVec3, time: f64) -> f64 {
+    /// Relative change of the velocity at `time`.
+    fn velocity_jump(at: impl Fn(f64) -> DVec3, time: f64) -> f64 {
         let h = 1e-5;
         let [before, here, after] = [-h, 0.0, h].map(|dt| at(time + dt));
         let (left, right) = ((here - before) / h, (after - here) / h);
         left.distance(right) / (1.0 + left.length())
     }
-    let path = wild();
-    // The measure sees a kink: a polygon through the same keys.
+    let path = irregular();
+    // The measure detects the kinks of a polygon through the same keys.
     let polygon = |time: f64| {
         let i = path.keys.partition_point(|key| key.time <= time).clamp(1, TIMES.len() - 1);
         let (a, b) = (path.keys[i - 1], path.keys[i]);
         a.camera.eye.lerp(b.camera.eye, (time - a.time) / (b.time - a.time))
     };
     for time in &TIMES[1..5] {
-        assert!(jerk(|t| path.at(t).eye, *time) < 0.01);
-        assert!(jerk(|t| path.at(t).target, *time) < 0.01);
-        assert!(jerk(polygon, *time) > 0.1);
+        assert!(velocity_jump(|t| path.at(t).eye, *time) < 0.01);
+        assert!(velocity_jump(|t| path.at(t).target, *time) < 0.01);
+        assert!(velocity_jump(polygon, *time) > 0.1);
     }
 }
 
-/// Protects: a scene far from the world's origin has the same film.
+/// A path far from the world's origin keeps its precision.
 #[test]
-fn a_path_may_be_far_away() {
-    let near = wild();
+fn a_path_far_from_the_origin_is_precise() {
+    let near = irregular();
     let offset = DVec3::new(6.4e6, -1e6, 2e6);
     let keys = near.keys.iter().map(|key| {
         let Camera { eye, target, .. } = key.camera;
@@ -134,24 +134,24 @@ fn a_path_may_be_far_away() {
     }
 }
 
-/// Protects: whatever the keys, every picture has a view; the renderer would refuse it else.
+/// Every camera of a path defines a view, whatever the keys; the renderer refuses others.
 #[test]
 fn no_camera_on_a_path_is_degenerate() {
     let opposite = |up| Camera { up, ..camera(DVec3::Z, DVec3::ZERO) };
     let wide = |fov_y| Camera { fov_y, ..camera(DVec3::Z, DVec3::ZERO) };
     let paths = [
-        // Straight through the target, which is met half-way.
+        // Straight through the target, half-way.
         path([(0.0, camera(DVec3::Z, DVec3::ZERO)), (2.0, camera(DVec3::NEG_Z, DVec3::ZERO))]),
-        // Over the top, where the view is along up.
+        // Over the top, where the view direction is parallel to up.
         path([
             (0.0, camera(DVec3::new(-1.0, 1.0, 0.0), DVec3::ZERO)),
             (2.0, camera(DVec3::new(1.0, 1.0, 0.0), DVec3::ZERO)),
         ]),
-        // Up becomes down by way of zero.
+        // Up reverses through zero.
         path([(0.0, opposite(Vec3::Y)), (2.0, opposite(Vec3::NEG_Y))]),
         // Overshoots 180 and 0 degrees.
         path([(0.0, wide(1.0)), (0.1, wide(179.0)), (2.0, wide(179.0)), (2.1, wide(0.5))]),
-        // Velocities that no number holds.
+        // Velocities beyond the range of numbers.
         path([
             (0.0, camera(DVec3::Z, DVec3::ZERO)),
             (1e-320, camera(DVec3::Z * 1e17, DVec3::ZERO)),
@@ -165,7 +165,7 @@ fn no_camera_on_a_path_is_degenerate() {
             camera.check().unwrap_or_else(|e| panic!("path {number} at {time} s: {e}: {camera:?}"));
         }
     }
-    // What is still good is kept: the place of the eye, and the keys' own directions.
+    // The valid parts are kept: the position of the eye, and the keys' directions.
     let through = paths[0].at(1.0);
     assert_eq!((through.eye, through.up), (DVec3::ZERO, Vec3::Y));
     assert_near(through.target.normalize().abs(), DVec3::Z, 1e-12);
@@ -174,12 +174,12 @@ fn no_camera_on_a_path_is_degenerate() {
     assert_eq!(paths[2].at(1.0).up.abs(), Vec3::Y);
 }
 
-/// Protects: keys set in the viewer are the keys of the film, to the last bit.
+/// A saved path, as from the viewer, is loaded bit-identically.
 #[test]
-fn a_saved_path_is_read_as_it_was() {
+fn a_saved_path_is_loaded_bit_identically() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("path.toml");
-    let mut path = wild();
+    let mut path = irregular();
     path.keys[0].camera.near = Some(0.1);
     path.keys[1].camera.eye.x = -0.0;
     path.keys[2].camera.eye.y = 1e-300;
@@ -187,12 +187,12 @@ fn a_saved_path_is_read_as_it_was() {
     path.keys[4].camera.fov_y = 0.1 + 0.2;
     path.save(&file).unwrap();
     let read = CameraPath::load(&file).unwrap();
-    // As bits: -0 equals 0.
+    // Compared as text, since −0 equals 0.
     assert_eq!(format!("{read:?}"), format!("{path:?}"));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
-/// Protects: what a user leaves out of the file, and integers for numbers.
+/// The defaults of a key's optional fields, and integers in place of floats.
 #[test]
 fn a_key_needs_time_eye_and_target() {
     let path = load("[[key]]\ntime = 1\neye = [0, 1, 4]\ntarget = [0, 1.5, 0]").unwrap();
@@ -207,7 +207,7 @@ fn load(text: &str) -> Result<CameraPath, Error> {
     CameraPath::load(&file)
 }
 
-/// Protects: a bad path is an error that names the file, the line or key, and the cause.
+/// The error of a bad path names the file, the line or key, and the cause.
 #[test]
 fn errors_name_file_key_and_cause() {
     let key = |time: &str, rest: &str| {
@@ -242,16 +242,16 @@ fn errors_name_file_key_and_cause() {
     }
     let error = CameraPath::load(Path::new("nowhere/path.toml")).unwrap_err();
     assert!(matches!(error, Error::Io { .. }), "{error:?}");
-    let mut path = wild();
+    let mut path = irregular();
     path.keys.swap(1, 2);
     let folder = tempfile::tempdir().unwrap();
-    path.save(&folder.path().join("path.toml")).expect_err("a path that could not be read");
+    path.save(&folder.path().join("path.toml")).expect_err("an unreadable path");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
 // ------------------------------------------------------------------------------- turntable
 
-/// Protects: a turntable turns about its axis, keeps its distance, and comes back.
+/// A turned camera rotates about its up axis, keeps its distance, and returns after a full turn.
 #[test]
 fn turned_cameras_keep_their_distance_and_return() {
     let turn = std::f64::consts::TAU;
@@ -282,9 +282,9 @@ fn turned_cameras_keep_their_distance_and_return() {
     }
 }
 
-// ------------------------------------------------------------------------- what is drawn
+// -------------------------------------------------------------------------------- shots
 
-fn still() -> Camera {
+fn fixed_camera() -> Camera {
     camera(DVec3::new(0.0, 1.0, 4.0), DVec3::ZERO)
 }
 
@@ -292,72 +292,75 @@ fn summary(shots: &[Shot]) -> Vec<(i64, usize)> {
     shots.iter().map(|shot| (shot.number, shot.frame)).collect()
 }
 
-/// Protects: without a moving camera, pictures are the frames under their own numbers.
+/// With a fixed camera, the pictures are the frames, with their numbers.
 #[test]
-fn still_pictures_are_the_frames() {
-    let shots = shots(&[20, 5, 7], still(), &Motion::Still, 30.0).unwrap();
+fn shots_of_a_fixed_camera() {
+    let shots = shots(&[20, 5, 7], fixed_camera(), &Motion::Still, 30.0).unwrap();
     assert_eq!(summary(&shots), [(20, 0), (5, 1), (7, 2)]);
-    assert!(shots.iter().all(|shot| shot.camera == still()));
+    assert!(shots.iter().all(|shot| shot.camera == fixed_camera()));
 }
 
-/// Protects: the k-th picture is taken k/fps seconds into the path.
+/// The k-th picture is at k/fps seconds of the path.
 #[test]
-fn a_path_counts_the_pictures() {
-    let motion = Motion::Path(wild());
+fn shots_along_a_path() {
+    let motion = Motion::Path(irregular());
     let frames: Vec<i64> = (10..20).collect();
-    let sequence = shots(&frames, still(), &motion, 2.0).unwrap();
+    let sequence = shots(&frames, fixed_camera(), &motion, 2.0).unwrap();
     assert_eq!(sequence.iter().map(|s| s.number).collect::<Vec<_>>(), frames);
     for (k, shot) in sequence.iter().enumerate() {
-        assert_eq!((shot.frame, shot.camera), (k, wild().at(k as f64 / 2.0)));
+        assert_eq!((shot.frame, shot.camera), (k, irregular().at(k as f64 / 2.0)));
     }
-    // One frame: as long as the path, with its first and last key, numbered by the picture.
-    let one = shots(&[42], still(), &motion, 10.0).unwrap();
+    // A single frame: as long as the path, from the first to the last key, numbered by picture.
+    let one = shots(&[42], fixed_camera(), &motion, 10.0).unwrap();
     assert_eq!(one.len(), 71);
     assert!((1..).zip(&one).all(|(number, shot)| (shot.number, shot.frame) == (number, 0)));
-    assert_eq!(one[0].camera, wild().keys[0].camera);
-    assert_eq!(one[70].camera, wild().keys[5].camera);
-    // 0.1 s at 30 frames per second are 3, though not as 64-bit numbers.
-    let short = path([(0.0, still()), (0.1, still())]);
-    assert_eq!(shots(&[42], still(), &Motion::Path(short), 30.0).unwrap().len(), 4);
-    // A path of one key is one picture, of that frame.
-    let one = path([(0.0, still())]);
-    assert_eq!(summary(&shots(&[42], still(), &Motion::Path(one), 30.0).unwrap()), [(42, 0)]);
+    assert_eq!(one[0].camera, irregular().keys[0].camera);
+    assert_eq!(one[70].camera, irregular().keys[5].camera);
+    // 0.1 s at 30 frames per second are 3 frames, although not in 64-bit arithmetic.
+    let short = path([(0.0, fixed_camera()), (0.1, fixed_camera())]);
+    assert_eq!(shots(&[42], fixed_camera(), &Motion::Path(short), 30.0).unwrap().len(), 4);
+    // A path of one key is one picture, with the frame's number.
+    let one = path([(0.0, fixed_camera())]);
+    assert_eq!(
+        summary(&shots(&[42], fixed_camera(), &Motion::Path(one), 30.0).unwrap()),
+        [(42, 0)]
+    );
 }
 
-/// Protects: a turn closes without a seam, and particles are repeated to fill it.
+/// A turntable loops without a seam, and a shorter sequence repeats.
 #[test]
-fn a_turntable_turns_once() {
+fn shots_of_a_turntable() {
     let turn = std::f64::consts::TAU;
     let motion = Motion::Turntable(2.0);
-    let one = shots(&[7], still(), &motion, 4.0).unwrap();
+    let one = shots(&[7], fixed_camera(), &motion, 4.0).unwrap();
     assert_eq!(summary(&one), (1..=8).map(|number| (number, 0)).collect::<Vec<_>>());
     for (k, shot) in one.iter().enumerate() {
-        assert_near(shot.camera.eye, still().turned(k as f64 / 8.0 * turn).eye, 1e-14);
+        assert_near(shot.camera.eye, fixed_camera().turned(k as f64 / 8.0 * turn).eye, 1e-14);
     }
-    // The last is one step before the first, which follows it when the film is repeated.
+    // The last picture is one step before the first, which follows it in a loop.
     assert_near(one[7].camera.turned(turn / 8.0).eye, one[0].camera.eye, 1e-14);
 
-    let three = shots(&[7, 8, 9], still(), &motion, 4.0).unwrap();
+    let three = shots(&[7, 8, 9], fixed_camera(), &motion, 4.0).unwrap();
     let frames = [0, 1, 2, 0, 1, 2, 0, 1];
     assert_eq!(summary(&three), (1..).zip(frames).collect::<Vec<_>>());
 
     let ten: Vec<i64> = (11..=20).collect();
-    let ten = shots(&ten, still(), &motion, 4.0).unwrap();
+    let ten = shots(&ten, fixed_camera(), &motion, 4.0).unwrap();
     assert_eq!(summary(&ten), (11..).zip(0..10).collect::<Vec<_>>());
     assert_eq!((ten[8].camera, ten[9].camera), (ten[0].camera, ten[1].camera));
 }
 
-/// Protects: slips of the keyboard are errors, not hours of drawing.
+/// Rates, turns and lengths out of range are errors, not hours of drawing.
 #[test]
-fn impossible_films_are_refused() {
+fn shots_out_of_range_are_errors() {
     for fps in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e4, 1e-3] {
-        let error = shots(&[1], still(), &Motion::Still, fps).unwrap_err();
+        let error = shots(&[1], fixed_camera(), &Motion::Still, fps).unwrap_err();
         assert!(matches!(error, Error::Usage(_)), "{fps}: {error:?}");
     }
     for seconds in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
-        let error = shots(&[1], still(), &Motion::Turntable(seconds), 30.0).unwrap_err();
+        let error = shots(&[1], fixed_camera(), &Motion::Turntable(seconds), 30.0).unwrap_err();
         assert!(matches!(error, Error::Usage(_)), "{seconds}: {error:?}");
     }
-    let endless = path([(0.0, still()), (1e12, still())]);
-    shots(&[1], still(), &Motion::Path(endless), 30.0).expect_err("endless");
+    let endless = path([(0.0, fixed_camera()), (1e12, fixed_camera())]);
+    shots(&[1], fixed_camera(), &Motion::Path(endless), 30.0).expect_err("endless");
 }

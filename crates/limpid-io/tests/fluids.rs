@@ -1,5 +1,5 @@
-//! Protects the colours of several fluids: each absorbs as it should, alone, side by side, one behind
-//! the other, and in a light's way.
+//! Absorption of several fluids: side by side, one behind the other, and in caustics; and how files and
+//! interpolation treat each of them.
 
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
@@ -20,7 +20,7 @@ fn of_fluid(splat: Splat, fluid: u32) -> Splat {
     Splat { tags: fluid, ..splat }
 }
 
-/// Fluids of index 1: light goes straight through, and absorption is all there is.
+/// Fluids of index 1, which only absorb.
 fn fluids(absorptions: &[Vec3]) -> Scene {
     let mut scene = scene();
     scene.liquid.ior = 1.0;
@@ -28,7 +28,7 @@ fn fluids(absorptions: &[Vec3]) -> Scene {
     scene
 }
 
-fn left_of(absorption: Vec3, length: f64) -> DVec3 {
+fn transmittance(absorption: Vec3, length: f64) -> DVec3 {
     (-absorption.as_dvec3() * length).exp()
 }
 
@@ -43,7 +43,7 @@ fn draw(stage: &mut Stage, scene: &Scene, splats: &Splats) -> frames::Shot {
     shot
 }
 
-/// The chord of a pixel's ray in a sphere about `centre`, seen from six metres along z.
+/// Length of a pixel's ray inside a sphere about `centre`, seen from 6 m along z.
 fn chord(p: UVec2, centre: DVec3, radius: f64) -> f64 {
     let view = frames::View::new(&on_axis(6.0, 30.0), SIZE);
     let d = view.through(p).normalize();
@@ -52,9 +52,9 @@ fn chord(p: UVec2, centre: DVec3, radius: f64) -> f64 {
     2.0 * (radius * radius - beside.length_squared()).max(0.0).sqrt()
 }
 
-/// Side by side, each has its own colour: splashes as well as aggregates.
+/// Fluids side by side each have their own colour, as splashes and as aggregates.
 #[test]
-fn side_by_side() {
+fn fluids_side_by_side() {
     let Some(mut stage) = stage() else { return };
     let (left, right) = (Vec3::new(-0.8, 0.0, 0.0), Vec3::new(0.8, 0.0, 0.0));
     let claret = of_fluid(sphere(left, 0.5), 0);
@@ -66,10 +66,14 @@ fn side_by_side() {
             for (i, (centre, absorption)) in [(left, CLARET), (right, INK)].into_iter().enumerate()
             {
                 let length = chord(p, centre.as_dvec3(), 0.5);
-                // Rims aside, where a pixel is partly beside the sphere.
+                // Rims are excluded, where a pixel is partly outside the sphere.
                 if length > 0.4 {
                     seen[i] += 1;
-                    assert_close(shot.radiance(p), left_of(absorption, length), &format!("{p}"));
+                    assert_close(
+                        shot.radiance(p),
+                        transmittance(absorption, length),
+                        &format!("{p}"),
+                    );
                 }
             }
         }
@@ -77,20 +81,20 @@ fn side_by_side() {
     }
 }
 
-/// One behind the other, light is absorbed by both, for as far as it is in each, in either order.
+/// Fluids one behind the other both absorb, each over its own path length, in either order.
 #[test]
-fn one_behind_the_other() {
+fn fluids_one_behind_the_other() {
     let Some(mut stage) = stage() else { return };
     let (near, far) = (sphere(Vec3::Z, 0.75), sphere(Vec3::new(0.0, 0.0, -0.25), 0.5));
     let middle = SIZE / 2;
-    let expected = left_of(CLARET, 1.5) * left_of(INK, 1.0);
+    let expected = transmittance(CLARET, 1.5) * transmittance(INK, 1.0);
     let shot = draw(
         &mut stage,
         &fluids(&[CLARET, INK]),
         &splats(&[of_fluid(near, 0), of_fluid(far, 1)], &[], 0.1),
     );
     assert_close(shot.radiance(middle), expected, "claret in front");
-    let expected = left_of(INK, 1.5) * left_of(CLARET, 1.0);
+    let expected = transmittance(INK, 1.5) * transmittance(CLARET, 1.0);
     let shot = draw(
         &mut stage,
         &fluids(&[INK, CLARET]),
@@ -99,9 +103,9 @@ fn one_behind_the_other() {
     assert_close(shot.radiance(middle), expected, "ink in front");
 }
 
-/// Elision: fluids of one colour are one fluid. The same picture to the bit, and no pass for it.
+/// Elision: fluids of equal colour are one fluid, with a bit-identical picture and no mixture pass.
 #[test]
-fn fluids_of_one_colour_cost_nothing() {
+fn fluids_of_equal_colour_need_no_mixture_pass() {
     let Some(mut stage) = stage() else { return };
     stage.renderer.timing = true;
     let camera = on_axis(6.0, 30.0);
@@ -110,10 +114,10 @@ fn fluids_of_one_colour_cost_nothing() {
         &[],
         0.1,
     );
-    let mut alone = scene();
-    alone.liquid.ior = 1.0;
-    alone.liquid.absorption = CLARET;
-    let picture = draw(&mut stage, &alone, &two).picture;
+    let mut single = scene();
+    single.liquid.ior = 1.0;
+    single.liquid.absorption = CLARET;
+    let picture = draw(&mut stage, &single, &two).picture;
     assert_eq!(draw(&mut stage, &fluids(&[CLARET, CLARET]), &two).picture, picture);
     assert_ne!(draw(&mut stage, &fluids(&[CLARET, INK]), &two).picture, picture);
     for (absorptions, expected) in [([CLARET, CLARET], false), ([CLARET, INK], true)] {
@@ -129,7 +133,7 @@ fn fluids_of_one_colour_cost_nothing() {
     stage.renderer.timing = false;
 }
 
-/// Light through a fluid lights what is under it in that fluid's colour.
+/// Caustics of light through a fluid have the fluid's colour.
 #[test]
 fn caustics_have_the_colour_of_their_fluid() {
     let Some(mut stage) = stage() else { return };
@@ -156,20 +160,20 @@ fn caustics_have_the_colour_of_their_fluid() {
     stage.shoot(&scene, &camera, &both, SIZE).assert_finite();
     let map = stage.renderer.images().caustics[0].clone().expect("a map");
     let (texels, _) = map.read(&stage.gpu).unwrap();
-    // Where light has gone through the middle of a ball.
+    // The texels below the balls' centres.
     for (centre, absorption) in [(-1.0, CLARET), (1.0, INK)] {
         let size = map.view.size.as_dvec2();
         let at = map.view.view_from_world * (DVec3::new(centre, -1.0, 0.0) - map.view.origin);
         let u = (at.truncate() / map.view.half_extent * glam::DVec2::new(0.5, -0.5) + 0.5) * size;
         let texel = texels[u.y as usize * map.view.size.x as usize + u.x as usize];
         let found = DVec3::from_array([texel[0], texel[1], texel[2]].map(f64::from));
-        let expected = left_of(absorption, 1.0);
+        let expected = transmittance(absorption, 1.0);
         assert!(found.abs_diff_eq(expected, 0.02), "{found}, {expected} expected");
     }
 }
 
-/// From files to splats: each fluid by its own radius, numbered in the scene's order, placed as its
-/// own file says; and the scene file's colours mean what they say.
+/// From files to splats: each fluid has its own radius, frame and up axis, and an index in the scene's
+/// order; absorptions and colours of the scene file are converted correctly.
 #[test]
 fn a_scene_of_two_fluids() {
     let folder = tempfile::tempdir().unwrap();
@@ -197,7 +201,7 @@ fn a_scene_of_two_fluids() {
     let all = || loaded.splats.aggregates.iter().chain(&loaded.splats.splashes);
     assert_eq!((all().count(), all().filter(of_b).count()), (5, 3));
 
-    // A frame that one of them lacks.
+    // A frame that one fluid lacks.
     let first = input.sequence.frame(1).expect("one fluid has it").clone();
     assert!(input.particles(&first).unwrap_err().to_string().contains("frame 1 is missing"));
     input.missing = Missing::Empty;
@@ -216,10 +220,10 @@ fn a_scene_of_two_fluids() {
     }
 }
 
-/// Slow motion of several fluids: each is interpolated by its own ids, whatever comes and goes in the
-/// other, and in whatever order the files have them.
+/// Each fluid is interpolated by its own ids, whatever particles appear in the other, and in whatever
+/// order the files list them.
 #[test]
-fn fluids_are_interpolated_each_by_itself() {
+fn fluids_are_interpolated_separately() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, particles: &[(i64, f32)]| {
         let positions = particles.iter().map(|&(_, x)| Vec3::X * x).collect();
@@ -240,7 +244,7 @@ fn fluids_are_interpolated_each_by_itself() {
     let places: Vec<f32> = particles.positions.iter().map(|x| x.x).collect();
     assert_eq!(places, [0.5, 10.5, 101.0]);
     assert_eq!(particles.fluids, Some(vec![0, 0, 1]));
-    // What one of them lacks is told before anything is drawn.
+    // A frame that one fluid lacks is reported before anything is drawn.
     input.check_frames(&[1, 2]).unwrap();
     std::fs::remove_file(folder.path().join("b_2.bgeo")).unwrap();
     let mut input = Input::open(path.to_str().unwrap()).unwrap();

@@ -1,5 +1,5 @@
-//! Protects playback: frames come ahead of time, within the memory that they may take, in whatever
-//! direction it goes, and a bad frame does not stop the others.
+//! The frame cache: frames are loaded ahead of playback in any direction, within the memory budget, and
+//! a bad frame does not affect the others.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
@@ -10,7 +10,7 @@ use limpid_io::Result;
 use limpid_io::frame_cache::{CacheState, FrameCache};
 use limpid_io::input::Loaded;
 
-/// A frame of so many splats that tells its number.
+/// A frame with this number and this many splats.
 fn frame(number: usize, splats: usize) -> Loaded {
     let splat: Splat = bytemuck::Zeroable::zeroed();
     Loaded {
@@ -21,22 +21,22 @@ fn frame(number: usize, splats: usize) -> Loaded {
     }
 }
 
-/// Waits until nothing is left to do: until `count` frames have come.
+/// Records the frames that have loaded or failed, and waits for a number of them.
 #[derive(Clone, Default)]
-struct Came(Arc<(Mutex<Vec<usize>>, Condvar)>);
+struct Finished(Arc<(Mutex<Vec<usize>>, Condvar)>);
 
-impl Came {
+impl Finished {
     fn note(&self, i: usize) {
         self.0.0.lock().unwrap().push(i);
         self.0.1.notify_all();
     }
 
     fn wait_for(&self, count: usize) -> Vec<usize> {
-        let mut came = self.0.0.lock().unwrap();
-        while came.len() < count {
-            came = self.0.1.wait(came).unwrap();
+        let mut finished = self.0.0.lock().unwrap();
+        while finished.len() < count {
+            finished = self.0.1.wait(finished).unwrap();
         }
-        came.clone()
+        finished.clone()
     }
 }
 
@@ -45,30 +45,30 @@ fn cache(
     budget: u64,
     workers: usize,
     load: impl Fn(usize) -> Result<Loaded> + Send + Sync + 'static,
-) -> (FrameCache, Came) {
-    let came = Came::default();
-    let note = came.clone();
-    (FrameCache::new(count, budget, workers, load, move |i| note.note(i)), came)
+) -> (FrameCache, Finished) {
+    let finished = Finished::default();
+    let note = finished.clone();
+    (FrameCache::new(count, budget, workers, load, move |i| note.note(i)), finished)
 }
 
-/// The wanted frame first, then those ahead, as many as there is room for; and then no more.
+/// The current frame is loaded first, then as many of those ahead as fit the budget.
 #[test]
-fn what_is_wanted_soonest_comes_first() {
+fn frames_are_loaded_in_order_of_playback() {
     let bytes = frame(0, 100).bytes();
     let gate = Arc::new((Mutex::new(false), Condvar::new()));
     let opened = gate.clone();
-    let (cache, came) = cache(100, 5 * bytes, 1, move |i| {
+    let (cache, finished) = cache(100, 5 * bytes, 1, move |i| {
         let mut open = opened.0.lock().unwrap();
         while !*open {
             open = opened.1.wait(open).unwrap();
         }
         Ok(frame(i, 100))
     });
-    // The worker may have begun with frame 0 before it is told.
+    // The worker may have started with frame 0 before the aim is set.
     cache.aim(50, 1, false);
     *gate.0.lock().unwrap() = true;
     gate.1.notify_all();
-    let mut first = came.wait_for(5);
+    let mut first = finished.wait_for(5);
     first.retain(|&i| i != 0);
     assert_eq!(first[..4], [50, 51, 52, 53]);
     cache.wait(54).unwrap();
@@ -76,13 +76,13 @@ fn what_is_wanted_soonest_comes_first() {
     cache.wait(50).unwrap();
     let state = cache.state();
     assert!(state.loaded.contains(&50) && state.bytes <= state.budget, "{state:?}");
-    assert_eq!(cache.get(50).expect("it is there").unwrap().number, 50);
-    assert!(cache.get(99).is_none(), "there is no room for it");
+    assert_eq!(cache.get(50).expect("it is loaded").unwrap().number, 50);
+    assert!(cache.get(99).is_none(), "it does not fit the budget");
 }
 
-/// Backwards, around the end, and jumps.
+/// Playback backwards, around the ends, and with jumps.
 #[test]
-fn any_direction() {
+fn frames_load_in_any_direction() {
     let bytes = frame(0, 10).bytes();
     let (cache, _) = cache(20, 6 * bytes, 2, |i| Ok(frame(i, 10)));
     for i in (0..20).rev().chain([0, 19, 7, 3, 12]).chain(0..20) {
@@ -90,7 +90,7 @@ fn any_direction() {
         assert_eq!(cache.wait(i).unwrap().number, i as i64);
         assert!(cache.state().bytes <= 6 * bytes);
     }
-    // Looped, what comes after the end is the beginning.
+    // In a loop, the first frames follow the last.
     cache.aim(18, 1, true);
     for i in [18, 19, 0, 1] {
         cache.wait(i).unwrap();
@@ -98,7 +98,7 @@ fn any_direction() {
     assert!(cache.wait(20).is_err(), "no such frame");
 }
 
-/// A thousand frames of different sizes never take more than they may, not even on their way.
+/// A thousand frames of different sizes never exceed the budget, including those being loaded.
 #[test]
 fn memory_stays_within_the_budget() {
     let size = |i: usize| 200 + 37 * (i * 7919 % 101);
@@ -110,13 +110,13 @@ fn memory_stays_within_the_budget() {
         let CacheState { bytes, most, loaded, .. } = cache.state();
         assert!(bytes <= budget && most <= budget, "{i}: {bytes}, {most} of {budget}");
         let held: u64 = loaded.iter().map(|&i| frame(i, size(i)).bytes()).sum();
-        assert!(held <= bytes, "{i}: what is loaded is counted");
+        assert!(held <= bytes, "{i}: loaded frames are counted");
     }
 }
 
-/// One frame is always there, however large.
+/// One frame is always loaded, however large.
 #[test]
-fn a_frame_larger_than_the_budget_is_shown() {
+fn a_frame_larger_than_the_budget_is_loaded() {
     let (cache, _) = cache(10, 1, 2, |i| Ok(frame(i, 1000)));
     for i in [0, 1, 2, 9, 0] {
         assert_eq!(cache.wait(i).unwrap().number, i as i64);
@@ -125,56 +125,57 @@ fn a_frame_larger_than_the_budget_is_shown() {
     }
 }
 
-/// A damaged frame is an error of its own; the others come.
+/// A damaged frame has its own error, and the others load.
 #[test]
-fn a_bad_frame_does_not_stop_the_others() {
+fn a_bad_frame_does_not_affect_the_others() {
     let tries = Arc::new(AtomicUsize::new(0));
     let tried = tries.clone();
-    let (cache, came) = cache(5, 1 << 20, 2, move |i| {
+    let (cache, finished) = cache(5, 1 << 20, 2, move |i| {
         if i == 2 {
             tried.fetch_add(1, Ordering::Relaxed);
             return Err(Error::Usage("damaged".into()));
         }
         Ok(frame(i, 1))
     });
-    let mut all = came.wait_for(5);
+    let mut all = finished.wait_for(5);
     all.sort_unstable();
     assert_eq!(all, [0, 1, 2, 3, 4]);
     let error = cache.wait(2).unwrap_err();
     assert_eq!((error.to_string().as_str(), error.category() as u8), ("damaged", 2));
-    assert!(cache.get(2).expect("it has come").is_err());
+    assert!(cache.get(2).expect("it has finished").is_err());
     assert_eq!(cache.state().failed, [2]);
     assert_eq!(cache.state().loaded, [0, 1, 3, 4]);
     assert!(cache.wait(2).is_err());
     let tries = tries.load(Ordering::Relaxed);
-    assert_eq!(tries, 2, "ahead and when it is wanted; not over and over");
+    assert_eq!(tries, 2, "once ahead of playback and once as the current frame");
 }
 
-/// Protects frames that were read while they were written: they come when they are wanted again.
+/// A frame that failed, as one read while it is written, is loaded again when it becomes the current
+/// one.
 #[test]
-fn a_frame_that_failed_is_tried_again() {
+fn a_failed_frame_is_retried() {
     let whole = Arc::new(AtomicUsize::new(0));
     let written = whole.clone();
-    let (cache, came) = cache(3, 1 << 20, 1, move |i| match written.load(Ordering::Relaxed) {
+    let (cache, finished) = cache(3, 1 << 20, 1, move |i| match written.load(Ordering::Relaxed) {
         0 if i == 1 => Err(Error::Usage("it changed while it was read".into())),
         _ => Ok(frame(i, 1)),
     });
-    came.wait_for(3);
-    assert!(cache.get(1).expect("it has come").is_err());
+    finished.wait_for(3);
+    assert!(cache.get(1).expect("it has finished").is_err());
     whole.store(1, Ordering::Relaxed);
     assert_eq!(cache.wait(1).unwrap().number, 1);
     assert!(cache.state().failed.is_empty());
 }
 
-/// Neither a question nor the end of a cache waits for a frame that takes long.
+/// Neither queries nor the drop of a cache wait for a slow frame.
 #[test]
-fn nothing_but_wait_blocks() {
+fn only_wait_blocks() {
     let gate = Arc::new(Mutex::new(()));
     let (entered, has_entered) = std::sync::mpsc::channel();
     let closed = gate.clone();
     let guard = gate.lock().unwrap();
     let entered = Mutex::new(entered);
-    let (cache, came) = cache(3, 1 << 20, 1, move |i| {
+    let (cache, finished) = cache(3, 1 << 20, 1, move |i| {
         entered.lock().unwrap().send(i).unwrap();
         drop(closed.lock());
         Ok(frame(i, 1))
@@ -185,33 +186,33 @@ fn nothing_but_wait_blocks() {
     cache.aim(1, 1, false);
     drop(cache);
     drop(guard);
-    assert_eq!(came.wait_for(1), [0], "the frame in hand is finished, no other is begun");
+    assert_eq!(finished.wait_for(1), [0], "only the frame being loaded finishes");
 }
 
-/// A defect in loading is an error of that frame: nobody waits for it for ever.
+/// A panic while loading is an error of that frame, so that no caller waits forever.
 #[test]
-fn a_panic_is_an_error() {
+fn a_panic_while_loading_is_an_error() {
     let (cache, _) = cache(3, 1 << 20, 1, |i| {
         assert!(i != 1, "planted");
         Ok(frame(i, 1))
     });
     assert!(cache.wait(1).unwrap_err().to_string().contains("a defect of limpid"));
-    assert_eq!(cache.wait(2).unwrap().number, 2, "and its thread goes on");
+    assert_eq!(cache.wait(2).unwrap().number, 2, "the worker continues");
 }
 
-/// In fast motion what is stepped over does not come before what is shown.
+/// In fast motion, the frames to be shown are loaded before the skipped ones.
 #[test]
-fn frames_that_are_stepped_over_wait() {
+fn skipped_frames_are_loaded_last() {
     let bytes = frame(0, 100).bytes();
-    let (cache, came) = cache(100, 5 * bytes, 1, |i| Ok(frame(i, 100)));
+    let (cache, finished) = cache(100, 5 * bytes, 1, |i| Ok(frame(i, 100)));
     cache.wait(0).unwrap();
     cache.aim(40, 4, false);
-    // Frames behind 40 may have been on their way; then come those that are shown.
-    let mut order = came.wait_for(1);
+    // Frames behind 40 may have been loading already; those to be shown follow.
+    let mut order = finished.wait_for(1);
     let shown = loop {
         match order.iter().position(|&i| i == 40).map(|at| order[at..].to_vec()) {
             Some(shown) if shown.len() >= 4 => break shown,
-            _ => order = came.wait_for(order.len() + 1),
+            _ => order = finished.wait_for(order.len() + 1),
         }
     };
     assert_eq!(shown[..4], [40, 44, 48, 52]);

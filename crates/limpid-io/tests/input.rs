@@ -1,7 +1,7 @@
-//! Protects what a sequence is drawn with: one radius, one view, whatever its first frames hold and
-//! however its frames are shared out.
+//! The radius and the view of a sequence: one of each for all frames, whatever its first frames contain
+//! and however its frames are distributed.
 
-#[allow(dead_code, reason = "the generator alone is used")]
+#[allow(dead_code, reason = "only the generator is used")]
 #[path = "../../../tests/support/mod.rs"]
 mod support;
 
@@ -31,10 +31,10 @@ fn open(folder: &TempDir) -> Input {
 const PAIR: &str = "50.0 1.0 0.0\n50.2 1.0 0.0\n";
 const CLOSER: &str = "50.0 1.0 0.0\n50.1 1.0 0.0\n";
 
-/// Emitters begin with nothing: radius and view come from the first frame that has particles, and
-/// stay, though later frames are spaced otherwise.
+/// Radius and view come from the first frame with particles, as emitters begin with none, and stay,
+/// although later frames have another spacing.
 #[test]
-fn the_first_filled_frame_settles_radius_and_view() {
+fn the_first_nonempty_frame_sets_radius_and_view() {
     let folder = frames(&["", PAIR, CLOSER]);
     let (input, project) = open(&folder).resolve().unwrap();
     for (frame, particles) in input.sequence.frames.iter().zip([0, 2, 2]) {
@@ -46,30 +46,30 @@ fn the_first_filled_frame_settles_radius_and_view() {
     assert!(target.abs_diff_eq(DVec3::new(50.1, 1.0, 0.0), 1e-4), "{target}");
 }
 
-/// A scene without a camera gets one for all frames, not one a frame.
+/// A scene without a camera gets one camera for all frames.
 #[test]
-fn a_scene_without_a_camera_gets_one() {
+fn a_scene_without_a_camera_gets_one_for_all_frames() {
     let folder = frames(&[PAIR, "0.0 0.0 0.0\n1.0 0.0 0.0\n"]);
     let scene = Project::parse("", "empty", Path::new(".")).unwrap();
     let (_, project) = open(&folder).with_project(scene).resolve().unwrap();
     assert!(project.camera.expect("a fitted camera").target.x > 49.0);
 }
 
-/// Nothing to see is a picture too; a lone particle without a radius is a question.
+/// Empty frames are drawn; a single particle without a radius is an error.
 #[test]
-fn empty_and_lone_frames() {
+fn empty_frames_and_single_particles() {
     let folder = frames(&["", ""]);
     let (input, project) = open(&folder).resolve().unwrap();
     assert_eq!(input.load(&input.sequence.frames[0], &project.scene).unwrap().particles, 0);
 
     let folder = frames(&["1.0 2.0 3.0\n"]);
     let error = open(&folder).resolve().unwrap_err();
-    assert!(error.to_string().contains("--radius"), "{error}");
+    assert!(matches!(error, Error::UnknownRadius { .. }), "{error}");
     let (input, project) = open(&folder).with_radius(0.5).unwrap().resolve().unwrap();
     assert_eq!(input.load(&input.sequence.frames[0], &project.scene).unwrap().splats.radius, 0.5);
 }
 
-/// A scene's frame is that frame, also where the pattern matches only another one.
+/// A scene's frame number is kept if the pattern matches only another frame.
 #[test]
 fn a_missing_frame_is_not_replaced_by_another() {
     let folder = frames(&[PAIR]);
@@ -80,9 +80,9 @@ fn a_missing_frame_is_not_replaced_by_another() {
     assert!(input.sequence.frame(7).is_none());
 }
 
-/// Particles drawn in a scene that names some of its own take their radius and axis.
+/// Particles given with a scene that names others use the radius and the up axis of the scene.
 #[test]
-fn a_scene_gives_radius_and_axis() {
+fn a_scene_sets_radius_and_up_axis() {
     let folder = frames(&["0.0 1.0 2.0\n5.0 1.0 2.0\n"]);
     let text = "[particles]\nsource = \"other.xyz\"\nradius = 0.25\nup = \"z\"\n";
     let scene = Project::parse(text, "scene", Path::new(".")).unwrap();
@@ -93,24 +93,24 @@ fn a_scene_gives_radius_and_axis() {
     assert!(matches!(open(&folder).with_radius(-1.0), Err(Error::Usage(_))));
 }
 
-/// A block of 20³ particles, spaced 0.05 and shaken, so 1 m wide.
+/// A jittered block of 20³ particles with a spacing of 0.05 m, so 1 m wide.
 fn block(random: &mut Random) -> Vec<Vec3> {
     let along = || (0..20).map(|i| 0.05 * f64::from(i));
     let lattice = along().flat_map(|x| along().flat_map(move |y| along().map(move |z| (x, y, z))));
     lattice.map(|at| (DVec3::from(at) + 0.01 * random.direction()).as_vec3()).collect()
 }
 
-/// Particles that a simulation has lost do not set the view: the bulk is that of all others to the
-/// last bit, and the lost ones are counted.
+/// Escaped particles do not affect the view: the bounds of the bulk are bit-identical to those without
+/// them, and they are counted.
 #[test]
-fn escaped_particles_are_outside_of_the_bulk() {
+fn escaped_particles_are_outside_the_bulk() {
     let mut random = Random(1);
     let cloud = block(&mut random);
     let whole = Particles::from_positions(cloud.clone()).bulk().unwrap();
     for (escaped, distance) in [1, 8, 10].into_iter().flat_map(|n| [10.0, 1e3, 1e6].map(|d| (n, d)))
     {
         let mut places = cloud.clone();
-        // In front, for the order in the file must not matter.
+        // At the front, since the order in the file must not matter.
         let lost = (0..escaped).map(|_| (distance * random.direction()).as_vec3() + 0.5);
         places.splice(0..0, lost);
         let bulk = Particles::from_positions(places).bulk().unwrap();
@@ -119,15 +119,15 @@ fn escaped_particles_are_outside_of_the_bulk() {
     }
 }
 
-/// The box of the bulk is that of all particles where nothing is lost: around a compact cloud with
-/// its outermost particles, two bodies far from each other, a body with a thin jet, a few particles.
+/// Without escaped particles, the bounds of the bulk are those of all particles: of a compact cloud
+/// with outliers, two distant bodies, a body with a thin jet, and a few particles.
 #[test]
-fn what_is_not_lost_is_in_the_bulk() {
+fn compact_and_separate_bodies_are_in_the_bulk() {
     let mut random = Random(2);
     let cloud = block(&mut random);
     let far = Vec3::new(0.0, 60.0, 0.0);
     let bodies = [cloud.clone(), cloud[..800].iter().map(|&x| x + far).collect()].concat();
-    // 75 particles one behind the other, under 1 % of all.
+    // A row of 75 particles, less than 1 % of all.
     let jet = (1..=75).map(|i| Vec3::new(0.5, 1.0 + 0.05 * i as f32, 0.5));
     let jet = cloud.iter().copied().chain(jet).collect();
     // Normally distributed: the sum of uniform numbers.
@@ -149,9 +149,9 @@ fn what_is_not_lost_is_in_the_bulk() {
     assert_eq!(Particles::default().bulk(), None);
 }
 
-/// Bare files get a view and a floor by the bulk of the first frame.
+/// The view and the floor of a file without a scene come from the bulk of the first frame.
 #[test]
-fn a_bare_file_is_seen_whole_though_a_particle_escaped() {
+fn an_escaped_particle_does_not_change_view_and_floor() {
     let places = block(&mut Random(3));
     let escaped = [places.clone(), vec![Vec3::new(3.0, -1e6, 0.0)]].concat();
     let [whole, escaped] = [places, escaped].map(|places| {

@@ -1,8 +1,7 @@
-//! Protects the radius that files without radii are drawn with: how far the guess is from the radius
-//! that is known, over lattices, packings, generated bodies, simulations and sheets, in any unit, and
-//! from frame to frame of a sequence.
+//! The estimated radius of particles without radii: its error for lattices, packings, generated bodies,
+//! simulations and sheets, in any unit, and its consistency within a sequence.
 
-#[allow(dead_code, reason = "the generator alone is used")]
+#[allow(dead_code, reason = "only the generator is used")]
 #[path = "../../../tests/support/mod.rs"]
 mod support;
 
@@ -15,10 +14,10 @@ use limpid_io::input::{Input, RadiusFrom};
 use limpid_io::project::Project;
 use support::Random;
 
-/// The error that docs/radius.md promises.
-const MOST: f64 = 0.05;
+/// The relative error that docs/radius.md guarantees.
+const TOLERANCE: f64 = 0.05;
 
-/// Places of a lattice of `counts` cells, each `spacing` wide, with particles at `basis`.
+/// Positions of a lattice of `counts` cells of side `spacing`, with particles at `basis` in each.
 fn lattice(counts: [i32; 3], spacing: f64, basis: &[[f64; 3]]) -> Vec<DVec3> {
     let [nx, ny, nz] = counts;
     let cells = (0..nx).flat_map(|x| (0..ny).flat_map(move |y| (0..nz).map(move |z| [x, y, z])));
@@ -29,14 +28,14 @@ fn lattice(counts: [i32; 3], spacing: f64, basis: &[[f64; 3]]) -> Vec<DVec3> {
     places.collect()
 }
 
-fn shaken(mut places: Vec<DVec3>, by: f64, random: &mut Random) -> Vec<DVec3> {
+fn jittered(mut places: Vec<DVec3>, by: f64, random: &mut Random) -> Vec<DVec3> {
     for place in &mut places {
         *place += DVec3::from_array([(); 3].map(|()| random.range(-by, by)));
     }
     places
 }
 
-/// Blue noise by dart throwing, scaled so that each particle of its inside has (2 r)³.
+/// Blue noise by dart throwing, scaled so that interior particles have the volume (2 r)³.
 fn blue_noise(r: f64, random: &mut Random) -> Vec<DVec3> {
     const SIDE: f64 = 11.0;
     let mut places: Vec<DVec3> = Vec::new();
@@ -51,17 +50,17 @@ fn blue_noise(r: f64, random: &mut Random) -> Vec<DVec3> {
     places.iter().map(|&x| 2.0 * r * density.cbrt() * x).collect()
 }
 
-/// A lattice under its own weight: up to 3 % denser at the bottom.
+/// A lattice compressed by its weight: up to 3 % denser at the bottom.
 fn compressed(r: f64, random: &mut Random) -> Vec<DVec3> {
-    let places = shaken(lattice([14, 14, 14], 2.0 * r, &[[0.5; 3]]), 0.4 * r, random);
+    let places = jittered(lattice([14, 14, 14], 2.0 * r, &[[0.5; 3]]), 0.4 * r, random);
     let height = 28.0 * r;
     let squeeze = |y: f64| y - 0.03 * (y - 0.5 * y * y / height);
     places.into_iter().map(|x| x.with_y(squeeze(x.y))).collect()
 }
 
-/// A body under as much spray.
+/// A body and equally many particles of spray.
 fn splashed(r: f64, random: &mut Random) -> Vec<DVec3> {
-    let mut places = shaken(lattice([12, 12, 12], 2.0 * r, &[[0.5; 3]]), 0.4 * r, random);
+    let mut places = jittered(lattice([12, 12, 12], 2.0 * r, &[[0.5; 3]]), 0.4 * r, random);
     let spray = |random: &mut Random| [(); 3].map(|()| random.range(0.0, 200.0 * r));
     let drops: Vec<_> = (0..1728).map(|_| DVec3::from_array(spray(random))).collect();
     places.extend(drops);
@@ -76,25 +75,25 @@ fn recipe(text: &str) -> (Vec<DVec3>, f64) {
     (particles.positions.iter().map(|x| x.as_dvec3()).collect(), recipe.particle_radius())
 }
 
-/// Sets of known radius, m.
+/// Sets of particles with known radii, m.
 fn sets() -> Vec<(&'static str, Vec<DVec3>, f64)> {
     const HALF: f64 = 0.5;
     let random = &mut Random(1);
     let r = 0.025;
     let cubic = |counts| lattice(counts, 2.0 * r, &[[HALF; 3]]);
-    // Spheres that touch, each with twelve others.
+    // Touching spheres, each with twelve neighbours.
     let face_centred = [[0.0; 3], [0.0, HALF, HALF], [HALF, 0.0, HALF], [HALF, HALF, 0.0]];
     let mut sets = vec![
         ("cubic lattice", cubic([12; 3]), r),
-        ("cubic, shaken by a tenth", shaken(cubic([12; 3]), 0.2 * r, random), r),
-        ("cubic, shaken by a quarter", shaken(cubic([12; 3]), 0.5 * r, random), r),
+        ("cubic, jittered by a tenth", jittered(cubic([12; 3]), 0.2 * r, random), r),
+        ("cubic, jittered by a quarter", jittered(cubic([12; 3]), 0.5 * r, random), r),
         ("hexagonal packing", lattice([8; 3], 8f64.sqrt() * r, &face_centred), r),
         ("blue noise", blue_noise(r, random), r),
         ("compressed bottom", compressed(r, random), r),
         ("as much spray as body", splashed(r, random), r),
-        ("sheet of one layer", shaken(cubic([40, 1, 40]), 0.1 * r, random), r),
-        ("sheet of two layers", shaken(cubic([30, 2, 30]), 0.1 * r, random), r),
-        ("sheet of three layers", shaken(cubic([24, 3, 24]), 0.1 * r, random), r),
+        ("sheet of one layer", jittered(cubic([40, 1, 40]), 0.1 * r, random), r),
+        ("sheet of two layers", jittered(cubic([30, 2, 30]), 0.1 * r, random), r),
+        ("sheet of three layers", jittered(cubic([24, 3, 24]), 0.1 * r, random), r),
     ];
     for (name, text) in [
         ("ball", "kind = \"ball\"\ncenter = [0.0, 0.0, 0.0]\nradius = 0.5\ncount = 5000"),
@@ -103,7 +102,7 @@ fn sets() -> Vec<(&'static str, Vec<DVec3>, f64)> {
         let (places, radius) = recipe(text);
         sets.push((name, places, radius));
     }
-    // Simulated with SPlisHSPlasH, 0.025 m: its first frame is a lattice, the others are in motion.
+    // Simulated with SPlisHSPlasH at a radius of 0.025 m; the first frame is a lattice.
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
         .join("tests/data/double_dam_break");
     let mut files: Vec<_> =
@@ -117,9 +116,9 @@ fn sets() -> Vec<(&'static str, Vec<DVec3>, f64)> {
     sets
 }
 
-/// The guess of every set is within 5 %, and 10³ times as much in millimetres.
+/// The estimate is within 5 % for every set, in metres and in millimetres.
 #[test]
-fn the_guess_is_within_five_percent() {
+fn estimates_are_within_five_percent() {
     let sets = sets();
     assert!(sets.len() >= 14, "{} sets", sets.len());
     let mut missed = Vec::new();
@@ -129,7 +128,7 @@ fn the_guess_is_within_five_percent() {
             let guess = f64::from(estimate_radius(&Particles::from_positions(positions))) / unit;
             let error = guess / radius - 1.0;
             println!("{name}: {guess:.5} for {radius:.5}, {:+.1} %", 100.0 * error);
-            if error.abs() > MOST {
+            if error.abs() > TOLERANCE {
                 missed.push(format!("{name}: {guess} for {radius}"));
             }
         }
@@ -137,55 +136,55 @@ fn the_guess_is_within_five_percent() {
     assert!(missed.is_empty(), "{missed:?}");
 }
 
-/// Particles that are in the file more than once are as far from the others as if they were not.
+/// Duplicate particles do not change the estimate.
 #[test]
-fn particles_in_one_place_count_once() {
+fn coincident_particles_count_once() {
     let random = &mut Random(3);
-    let places = shaken(lattice([10; 3], 0.05, &[[0.5; 3]]), 0.01, random);
+    let places = jittered(lattice([10; 3], 0.05, &[[0.5; 3]]), 0.01, random);
     let once: Vec<Vec3> = places.iter().map(|x| x.as_vec3()).collect();
     let thrice = once.iter().flat_map(|&x| [x; 3]).collect();
     let [once, thrice] = [once, thrice].map(|x| estimate_radius(&Particles::from_positions(x)));
     assert_eq!(once, thrice);
-    // As many as no tree of all of them would be built for in less than minutes.
+    // So many coincident points that building a tree of all of them would take minutes.
     let crowd = vec![Vec3::ONE; 3_000_000];
     assert_eq!(estimate_radius(&Particles::from_positions(crowd)), 0.0);
 }
 
-/// A frame drawn alone looks as it does in its sequence: both have the radius of the first frame,
-/// unless the frames are of different simulations.
+/// A single frame has the same radius as in its sequence, that of the first frame, unless the frames are
+/// from different simulations.
 #[test]
-fn a_frame_alone_has_the_radius_of_its_sequence() {
+fn a_single_frame_has_the_radius_of_its_sequence() {
     let folder = tempfile::tempdir().unwrap();
     let random = &mut Random(2);
     let path = |number: i32| folder.path().join(format!("w_{:03}.xyz", number + 1));
     let mut write = |number: i32, spacing: f64, shake: f64| {
         let places = lattice([8; 3], spacing, &[[0.5; 3]]);
-        let places = shaken(places, shake * spacing, random);
+        let places = jittered(places, shake * spacing, random);
         let particles = Particles::from_positions(places.iter().map(|x| x.as_vec3()).collect());
         limpid_io::particles::write(&particles, &path(number)).unwrap();
     };
     limpid_io::particles::write(&Particles::default(), &path(-1)).unwrap();
-    // As an inlet begins: one particle has no spacing.
+    // As at the start of an inlet: a single particle has no spacing.
     limpid_io::particles::write(&Particles::from_positions(vec![Vec3::ZERO]), &path(0)).unwrap();
     write(1, 0.05, 0.0);
     write(2, 0.05, 0.2);
     write(20, 0.08, 0.0);
-    let settled = |input: &Path, number: i64| {
+    let resolved_radius = |input: &Path, number: i64| {
         let (input, project) = Input::open(input.to_str().unwrap()).unwrap().resolve().unwrap();
         let loaded = input.load(input.sequence.frame(number + 1).unwrap(), &project.scene).unwrap();
         assert_eq!(loaded.radius_from, RadiusFrom::Guess);
         loaded.splats.radius
     };
-    let sequence = settled(folder.path(), 2);
+    let sequence = resolved_radius(folder.path(), 2);
     assert!((sequence - 0.025).abs() < 1e-6, "{sequence}");
-    assert_eq!(settled(&path(2), 2), sequence);
-    let other = settled(&path(20), 20);
+    assert_eq!(resolved_radius(&path(2), 2), sequence);
+    let other = resolved_radius(&path(20), 20);
     assert!((other - 0.04).abs() < 1e-6, "{other}");
 }
 
-/// Whoever draws is told where the radius is from.
+/// The source of the radius is reported.
 #[test]
-fn a_radius_says_where_it_is_from() {
+fn the_source_of_a_radius_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let positions = vec![Vec3::ZERO, Vec3::X];
     let bare = Particles::from_positions(positions);

@@ -1,5 +1,5 @@
-//! Protects the scenes that are made from parameters: what they hold is what their files say, the
-//! same everywhere, and like what a simulator would have left.
+//! Recipes: their particles match the parameters, are reproducible everywhere, and are distributed as in
+//! a simulation; and all example scenes load.
 
 use std::path::Path;
 
@@ -34,8 +34,8 @@ fn parse(table: &str) -> limpid_io::Result<Project> {
     Project::parse(table, "test", Path::new("."))
 }
 
-/// Each file opens as any input does: one frame, with a radius, a camera, and as many particles as
-/// it says; both kinds of splats where there is spray.
+/// Each recipe opens as an input: one frame with a radius, a camera, and the requested number of
+/// particles, with both kinds of splats where there is spray.
 #[test]
 fn every_recipe_is_an_input() {
     for name in NAMES {
@@ -44,7 +44,7 @@ fn every_recipe_is_an_input() {
         let [frame] = input.sequence.frames.as_slice() else { panic!("{name}: one frame") };
         let loaded = input.load(frame, &project.scene).unwrap();
         let share = loaded.particles as f64 / recipe.count();
-        assert!((share - 1.0).abs() < 0.05, "{name}: {share} of the particles asked for");
+        assert!((share - 1.0).abs() < 0.05, "{name}: {share} of the requested particles");
         assert_eq!(loaded.splats.radius, recipe.particle_radius() as f32);
         let splashes = loaded.splats.splashes.len();
         println!("{name}: {} particles, {splashes} splashes", loaded.particles);
@@ -57,15 +57,15 @@ fn every_recipe_is_an_input() {
     }
 }
 
-/// A picture can be compared with one made elsewhere only if the particles are the same, to the
-/// bit, whatever the number of threads.
+/// Particles are bit-identical on any number of threads, as the comparison of pictures from different
+/// machines requires.
 #[test]
 fn particles_are_reproducible() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     for name in NAMES {
         let recipe = recipe(name);
-        let alone = pool.install(|| recipe.particles().unwrap());
-        assert_eq!(alone, recipe.particles().unwrap(), "{name}");
+        let serial = pool.install(|| recipe.particles().unwrap());
+        assert_eq!(serial, recipe.particles().unwrap(), "{name}");
     }
     let seeded = |seed: u32| {
         let Recipe::Ball { center, radius, count, .. } = recipe("drop") else { panic!("a ball") };
@@ -74,10 +74,10 @@ fn particles_are_reproducible() {
     assert_ne!(seeded(0), seeded(1));
 }
 
-/// Like a simulator's: no two particles in one place, none alone inside, and neither a lattice nor
-/// clumps: everywhere inside about as many neighbours as the spacing says.
+/// Particles are distributed as in a simulation: none are too close or isolated, they form neither a
+/// lattice nor clumps, and the density inside is uniform and matches the spacing.
 #[test]
-fn particles_are_spread_as_in_a_simulation() {
+fn particles_are_distributed_as_in_a_simulation() {
     for name in NAMES {
         let recipe = recipe(name);
         let (points, body) = (positions(&recipe), recipe.body());
@@ -95,19 +95,19 @@ fn particles_are_spread_as_in_a_simulation() {
                 .visit(|found| {
                     let q = found.distance.sqrt() / support;
                     density += 1.0 - q.powi(3);
-                    // A few positions may round to the same number; they are counted below.
+                    // Excludes the particle itself, and those that coincide with it after rounding.
                     if found.distance > 0.0 {
                         own = own.min(found.distance.sqrt());
                     }
                 });
             nearest = nearest.min(own);
-            // Deeper than the support and the surface layer.
+            // Below the surface layer by more than the support.
             if body.distance(*x) < -1.5 * support {
                 nearests.push(own);
                 shares.push(density);
             }
         }
-        // The summed weight of a cubic lattice of this spacing.
+        // The sum of the weights over a cubic lattice of this spacing.
         let steps = || (-2..=2).map(f64::from);
         let lattice =
             steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| (x, y, z))));
@@ -132,8 +132,8 @@ fn particles_are_spread_as_in_a_simulation() {
     }
 }
 
-/// Bodies are the truth that surfaces are measured against: particles keep about r inside them, the
-/// outermost layer at just that depth.
+/// Particles are at a depth of about r or more, the outermost layer at r: bodies are the ground truth
+/// for surfaces.
 #[test]
 fn particles_are_inside_their_body() {
     for name in ["drop", "slab", "idol", "vase"] {
@@ -149,7 +149,7 @@ fn particles_are_inside_their_body() {
         assert!(least > 0.9, "{name}: {least}");
         assert!(outermost > depths.len() / 20, "{name}: {outermost}");
     }
-    // The shapes that need no body.
+    // The closed forms of a ball and a slab.
     let Recipe::Ball { center, radius, .. } = recipe("drop") else { panic!("a ball") };
     let ball = recipe("drop").body();
     let x = center + DVec3::new(0.3, -0.2, 0.9);
@@ -161,10 +161,10 @@ fn particles_are_inside_their_body() {
     assert!((slab.volume() / (max - min).element_product() - 1.0).abs() < 0.01);
 }
 
-/// A vase is what its parameters say: its volume by integrals of the profile, the radii at its foot,
-/// belly and neck, and a surface that is level in the middle and has its rings a wavelength apart.
+/// A vase matches its parameters: the volume by integrals of the profile, the radii at foot, belly and
+/// neck, and a surface that is level at the centre, with ripples of the given wavelength.
 #[test]
-fn a_vase_has_the_profile_that_it_names() {
+fn a_vase_matches_its_parameters() {
     let Recipe::Vase(vase) = recipe("vase") else { panic!("a vase") };
     let body = recipe("vase").body();
     let [foot, belly, neck] = vase.radii;
@@ -176,7 +176,7 @@ fn a_vase_has_the_profile_that_it_names() {
     println!("volume {share:.4} of the closed form");
     assert!((share - 1.0).abs() < 0.01, "{share}");
 
-    // Where the distance changes sign along a line, from inside to outside.
+    // Bisects for the sign change of the distance along a line, from inside to outside.
     let end = |from: DVec3, way: DVec3| {
         let (mut inside, mut outside) = (0.0, 1.0);
         for _ in 0..50 {
@@ -207,9 +207,9 @@ fn a_vase_has_the_profile_that_it_names() {
     assert!(surface(vase.wavelength) > 0.3 * vase.ripple);
 }
 
-/// A reef's bumps and blades are lit only where the file says so: older scenes look as they did.
+/// A reef is lit only if its file says so, so that older scenes look the same.
 #[test]
-fn a_reef_is_lit_if_it_says_so() {
+fn a_reef_is_lit_on_request() {
     for name in ["reef", "lagoon"] {
         let lit = name == "lagoon";
         let reef = recipe(name).solids();
@@ -217,9 +217,9 @@ fn a_reef_is_lit_if_it_says_so() {
     }
 }
 
-/// Every scene that comes with the program opens, is within its ranges, and is lit if it says so.
+/// Every example scene loads with values in range, a camera, and lit solids exactly if it has lights.
 #[test]
-fn every_scene_loads() {
+fn every_example_scene_loads() {
     let folder = concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/sims");
     let mut count = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
@@ -244,7 +244,7 @@ fn every_scene_loads() {
     assert!(count >= 18, "{count} scenes");
 }
 
-/// A wave's droplets and sheets may leave its body, but nothing enters a solid.
+/// No particle is inside a solid, although droplets and sheets may leave the body.
 #[test]
 fn no_particle_is_in_a_solid() {
     for name in NAMES {
@@ -260,8 +260,8 @@ fn no_particle_is_in_a_solid() {
     }
 }
 
-/// The drawn surface is where the body ends to within half a particle: the outermost reach of the
-/// splats, seen along the normal of a ball. Centres smoothed inwards leave it a little too low.
+/// The drawn surface, as the extent of the splats along the normals of a ball, is within half a particle
+/// radius of the body's. It is slightly too low, since smoothing moves the centres inwards.
 #[test]
 fn splats_reach_the_surface() {
     let recipe = recipe("drop");
@@ -269,7 +269,7 @@ fn splats_reach_the_surface() {
     let r = recipe.particle_radius();
     let particles = recipe.particles().unwrap();
     let splats = classify::classify(&particles, r as f32, &Classify::default());
-    // Rays from the centre: the farthest point of any splat on each.
+    // Rays from the centre, to the farthest point of any splat.
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let count = 400;
     let mut total = 0.0;
@@ -303,10 +303,9 @@ fn splats_reach_the_surface() {
     assert!((-0.5..0.2).contains(&offset), "{offset} r");
 }
 
-/// A file is a claim: what cannot be is an error that names the key, at once, not a panic and not
-/// an allocation.
+/// Values out of range are errors that name the key, without a panic or a large allocation.
 #[test]
-fn bad_recipes_are_named() {
+fn errors_of_bad_recipes_name_the_key() {
     let ball = "center = [0.0, 0.0, 0.0]\n";
     let vase = "base = [0.0, 0.0, 0.0]\nheight = 0.3\nradii = [0.07, 0.12, 0.09]\n\
                 ripple = 0.003\nwavelength = 0.04\n";
@@ -353,9 +352,10 @@ fn bad_recipes_are_named() {
     assert!(parse(both).unwrap_err().to_string().contains("[recipe]"));
 }
 
-/// Odd but allowed values: few particles, extreme proportions. Particles or an error, soon.
+/// Extreme but allowed values, with few particles or odd proportions, quickly give finite particles
+/// or an error.
 #[test]
-fn extreme_recipes_are_finite() {
+fn extreme_recipes_give_finite_particles_or_errors() {
     let tables = [
         "kind = \"ball\"\ncenter = [9000, 0, 0]\nradius = 0.5\ncount = 10",
         "kind = \"slab\"\nmin = [0, 0, 0]\nmax = [100, 0.001, 0.1]\ncount = 1000",
@@ -377,8 +377,9 @@ fn extreme_recipes_are_finite() {
                 assert!(particles.len() < 10_000, "{table}: {}", particles.len());
             }
             Err(error) => {
-                let told = error.to_string();
-                assert!(told.contains("too thin") || told.contains("too far"), "{table}: {told}");
+                let message = error.to_string();
+                let expected = ["too thin", "too far"].iter().any(|part| message.contains(part));
+                assert!(expected, "{table}: {message}");
             }
         }
     }

@@ -1,5 +1,5 @@
-//! Protects the choice of files and frames: an input finds the frames its author meant, in the
-//! order of their numbers, or says what it looked for; and shards share out every frame once.
+//! Selection of files and frames: an input finds its frames in the order of their numbers, or reports
+//! what it looked for, and shards partition the frames.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -30,7 +30,7 @@ fn file_name(path: &Path) -> &str {
 }
 
 #[test]
-fn one_file_is_numbered_by_its_last_digits() {
+fn a_single_file_is_numbered_by_its_last_digits() {
     let names = ["a_12_x.0034.bgeo.gz", "still.ply", "7.vtk", "k_19539_particles.vtk"];
     let folder = folder(&names);
     for (name, number) in names.into_iter().zip([34, 0, 7, 19539]) {
@@ -41,7 +41,7 @@ fn one_file_is_numbered_by_its_last_digits() {
 }
 
 #[test]
-fn patterns_of_every_dialect() {
+fn patterns_in_every_notation() {
     let unpadded =
         folder(&["f_1.bgeo", "f_2.bgeo", "f_10.bgeo", "f_.bgeo", "f_1b.bgeo", "g_3.bgeo"]);
     for pattern in ["f_{}.bgeo", "f_%d.bgeo", "f_$F.bgeo", "f_#.bgeo"] {
@@ -58,7 +58,7 @@ fn patterns_of_every_dialect() {
 }
 
 #[test]
-fn a_file_that_exists_is_not_a_pattern() {
+fn an_existing_file_is_not_a_pattern() {
     let folder = folder(&["take#1.ply", "take21.ply"]);
     let sequence = open(&folder, "take#1.ply").unwrap();
     assert_eq!(file_name(&sequence.frames[0].path), "take#1.ply");
@@ -76,7 +76,7 @@ fn a_pattern_without_files_names_a_similar_one() {
 }
 
 #[test]
-fn a_number_must_not_come_twice() {
+fn duplicate_numbers_are_errors() {
     let folder = folder(&["f1.ply", "f01.ply", "f2.ply"]);
     for input in ["f{}.ply", ""] {
         let error = open(&folder, input).unwrap_err().to_string();
@@ -104,7 +104,7 @@ fn a_folder_is_one_sequence() {
 }
 
 #[test]
-fn what_does_not_exist_is_an_io_error() {
+fn missing_files_and_folders_are_io_errors() {
     for input in ["no-such-file.ply", "no-such-folder/f_{}.ply", "no-such-folder/", ""] {
         let error = Sequence::open(input).unwrap_err();
         assert!(matches!(error, Error::Io { .. }), "{input}: {error}");
@@ -116,7 +116,7 @@ fn frames(spec: &str) -> Vec<i64> {
 }
 
 #[test]
-fn frame_specs_of_every_dialect() {
+fn frame_specs_in_every_notation() {
     assert_eq!(frames("5"), [5]);
     assert_eq!(frames("1-3,5,7-12:2"), [1, 2, 3, 5, 7, 9, 11]);
     assert_eq!(frames("1-10x4"), [1, 5, 9]);
@@ -145,9 +145,9 @@ fn frame_specs_of_every_dialect() {
     assert_eq!("all".parse::<FrameSpec>().unwrap(), FrameSpec::All);
 }
 
-/// What a run reports as failed can be given to the next one as it is.
+/// Frame specs are written as they are parsed, so that failed frames can be passed to the next run.
 #[test]
-fn frame_specs_are_written_as_they_are_read() {
+fn frame_specs_are_written_as_parsed() {
     for (spec, written) in [
         ("all", "all"),
         ("1,2,3,5,7,8", "1-3,5,7-8"),
@@ -161,7 +161,7 @@ fn frame_specs_are_written_as_they_are_read() {
     }
 }
 
-/// Binary order shows the whole range coarsely first, and leaves nothing out.
+/// Binary order first covers the whole range coarsely, and skips nothing.
 #[test]
 fn binary_order_halves_the_gaps() {
     assert_eq!(frames("1-10@b"), [1, 10, 5, 3, 7, 2, 4, 6, 8, 9]);
@@ -230,7 +230,7 @@ fn frames_are_selected_from_a_sequence() {
     assert!(text.contains("2 of 5 frames are missing: 3, 9; there are 3 from 1 to 4"), "{text}");
 }
 
-/// Together the shards hold every frame once, whatever their number.
+/// Together, any number of shards contains every frame once.
 #[test]
 fn shards_partition_the_frames() {
     for count in 1..12 {
@@ -250,9 +250,9 @@ fn shards_partition_the_frames() {
     }
 }
 
-/// Simulations that start before time 0 number their frames below it.
+/// Frames before time 0 have negative numbers.
 #[test]
-fn numbers_may_be_negative() {
+fn frame_numbers_may_be_negative() {
     let folder = folder(&["w_-2.xyz", "w_-1.xyz", "w_0.xyz", "w_1.xyz", "w_-.xyz"]);
     let sequence = open(&folder, "w_{}.xyz").unwrap();
     assert_eq!(numbers(&sequence), [-2, -1, 0, 1]);

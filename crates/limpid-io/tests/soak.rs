@@ -1,9 +1,10 @@
-//! Many frames, one after the other, each of another kind than the one before: particle counts, sizes
-//! and settings change all the time, as in a viewer that somebody plays with for an evening.
+//! Soak test: many consecutive frames with changing particle counts, sizes and settings, as in a long
+//! interactive session.
 //!
-//! Short here; in full: `LIMPID_SOAK_FRAMES=2000 cargo test --release --test soak -- --nocapture`.
+//! The default run is short. The full run:
+//! `LIMPID_SOAK_FRAMES=2000 cargo test --release --test soak -- --nocapture`.
 
-#[expect(dead_code, reason = "what this file does not use of it")]
+#[expect(dead_code, reason = "only parts of it are used here")]
 #[path = "../../../tests/support/mod.rs"]
 mod support;
 
@@ -23,19 +24,19 @@ use limpid::wgpu;
 use limpid_io::project::Project;
 use support::{Random, gpu};
 
-/// Every kind of frame: sizes, counts, looks and settings have no common period, so that each meets
-/// each.
+/// Number of kinds of frames. Sizes, counts, surroundings and settings have no common period, so that
+/// each meets each.
 const KINDS: usize = 60;
 
-/// A short run draws so many of the kinds so often: a software adapter takes a second or two for each
-/// pipeline that a kind is the first to need.
+/// Numbers of kinds and cycles of a short run: a software adapter takes a second or two to compile each
+/// pipeline.
 const SHORT: (usize, usize) = (16, 6);
 
 const SIZES: [[u32; 2]; 5] = [[96, 72], [64, 48], [33, 57], [128, 96], [80, 80]];
 
 const COUNTS: [usize; 4] = [400, 0, 1500, 1];
 
-/// What is around the liquid.
+/// Surroundings of the liquid.
 const LOOKS: [&str; 3] = [
     "[environment]\nradiance = [0.5, 0.6, 0.8]\n",
     "[environment]\ngradient = { zenith = [0.2, 0.4, 0.9], horizon = [0.9, 0.9, 0.9], nadir = [0.3, 0.3, 0.3] }\n\
@@ -104,26 +105,26 @@ fn kind(i: usize) -> Kind {
 }
 
 impl Kind {
-    fn draw(&self, studio: &mut Offscreen) -> image::RgbImage {
+    fn draw(&self, offscreen: &mut Offscreen) -> image::RgbImage {
         let splats = classify::classify(&self.particles, 0.04, &self.scene.settings.classify);
-        studio.renderer.diagnose = self.diagnose;
-        studio.draw(&self.scene, &self.camera, &splats, self.size).expect("a frame").picture
+        offscreen.renderer.diagnose = self.diagnose;
+        offscreen.draw(&self.scene, &self.camera, &splats, self.size).expect("a frame").picture
     }
 }
 
-/// What is in use at one moment.
+/// Resources in use at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Use {
-    /// Resident memory of the process, bytes; on a software adapter that of the adapter is in it.
+struct Usage {
+    /// Resident memory of the process, bytes; it includes that of a software adapter.
     process: f64,
-    /// What wgpu has allocated from the adapter, bytes.
+    /// Memory allocated by wgpu from the adapter, bytes.
     adapter: f64,
-    /// Buffers, views, bind groups, pipelines and what else the device counts; but for textures, whose
-    /// ends wgpu 30 counts twice.
+    /// Number of buffers, views, bind groups, pipelines and other objects that the device counts, except
+    /// textures, whose destruction wgpu 30 counts twice.
     objects: f64,
 }
 
-impl Use {
+impl Usage {
     fn now(gpu: &Gpu) -> Self {
         gpu.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device is there");
         let hal = gpu.device.get_internal_counters().hal;
@@ -145,21 +146,21 @@ impl Use {
     }
 }
 
-/// Resident memory, bytes, where the system says it.
+/// Resident memory, bytes, where the system reports it.
 fn resident() -> Option<f64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
     Some(1024.0 * line.trim().strip_suffix(" kB")?.parse::<f64>().ok()?)
 }
 
-/// Held by what draws: memory is that of the whole process.
-fn alone() -> MutexGuard<'static, ()> {
-    static TURN: Mutex<()> = Mutex::new(());
-    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+/// A lock for tests that draw, since the measured memory is that of the whole process.
+fn exclusive() -> MutexGuard<'static, ()> {
+    static LOCK: Mutex<()> = Mutex::new(());
+    LOCK.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// By how much the later half of the `samples` is above the earlier one, medians of each: what comes
-/// and goes is no growth, what stays is.
+/// Growth of `samples`: the median of the later half minus that of the earlier half, which ignores
+/// temporary peaks.
 fn growth(samples: &[f64]) -> f64 {
     let median = |half: &[f64]| {
         let mut sorted = half.to_vec();
@@ -170,78 +171,77 @@ fn growth(samples: &[f64]) -> f64 {
     median(late) - median(early)
 }
 
-/// A number that tells pictures apart (FNV-1a, Fowler, Noll and Vo).
+/// A hash of a picture (FNV-1a, Fowler, Noll and Vo).
 fn fingerprint(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf29ce484222325, |hash: u64, &byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x100000001b3)
     })
 }
 
-/// Protects long runs: memory of the process and of the adapter and the number of objects stay as they
-/// were after every kind of frame was drawn once; and frames from what was drawn before them: each
-/// kind's picture is the same, bit by bit, at any time. A validation error would panic.
+/// After every kind of frame has been drawn once, the memory of the process and of the adapter and the
+/// number of objects stay constant, and each kind's picture stays bit-identical, whatever was drawn
+/// before it. A validation error would panic.
 #[test]
-fn nothing_grows_and_nothing_drifts() {
+fn resources_and_pictures_are_stable() {
     let Some(gpu) = gpu() else { return };
-    let _turn = alone();
+    let _lock = exclusive();
     let wanted: Option<usize> =
         std::env::var("LIMPID_SOAK_FRAMES").ok().map(|n| n.parse().expect("a number of frames"));
     let (kinds, cycles) = wanted.map_or(SHORT, |frames| (KINDS, usize::max(frames / KINDS, 6)));
-    // Neighbours have little in common.
+    // Consecutive kinds have little in common.
     let kinds: Vec<Kind> = (0..kinds).map(|i| kind(23 * i % KINDS)).collect();
-    let mut studio = Offscreen::new(gpu);
+    let mut offscreen = Offscreen::new(gpu);
     let mut seen = BTreeMap::new();
     let mut used = Vec::new();
     for cycle in 0..cycles {
         for step in 0..kinds.len() {
-            // Another order in each cycle: strides that share no factor with the number of kinds.
+            // Another order in each cycle: the strides are coprime to the number of kinds.
             let i = step * [1, 7, 11, 13, 17, 19][cycle % 6] % kinds.len();
-            let found = fingerprint(&kinds[i].draw(&mut studio));
+            let found = fingerprint(&kinds[i].draw(&mut offscreen));
             let first = *seen.entry(i).or_insert(found);
-            assert_eq!(found, first, "cycle {cycle}: kind {i} is another picture than before");
+            assert_eq!(found, first, "cycle {cycle}: the picture of kind {i} has changed");
         }
-        // The same frame last, so that what is kept for its size is the same.
-        kinds[0].draw(&mut studio);
-        used.push(Use::now(gpu));
+        // Always the same last frame, so that the buffers kept for its size are the same.
+        kinds[0].draw(&mut offscreen);
+        used.push(Usage::now(gpu));
     }
     let pictures: std::collections::BTreeSet<_> = seen.values().collect();
     assert!(pictures.len() > kinds.len() / 2, "{} of {} kinds differ", pictures.len(), kinds.len());
 
-    // The first cycle compiles and makes room.
-    let of = |part: fn(&Use) -> f64| -> Vec<f64> { used[1..].iter().map(part).collect() };
+    // The first cycle compiles pipelines and allocates buffers.
+    let of = |part: fn(&Usage) -> f64| -> Vec<f64> { used[1..].iter().map(part).collect() };
     let (process, adapter, objects) = (of(|u| u.process), of(|u| u.adapter), of(|u| u.objects));
     const MIB: f64 = 1048576.0;
     println!("{cycles} cycles of {} frames: {:?} to {:?}", kinds.len(), used[0], used.last());
     println!("growth: {:.1} and {:.1} MiB", growth(&process) / MIB, growth(&adapter) / MIB);
-    // Room for what a driver keeps of its own accord: a fiftieth of what it takes in all.
+    // A margin of 2 % for memory that drivers keep on their own.
     let noise = 0.02 * process[0];
     assert!(growth(&process) <= noise, "process memory grows: {process:?}");
     assert!(growth(&adapter) <= 0.0, "the adapter's memory grows: {adapter:?}");
     assert!(growth(&objects) <= 0.0, "objects on the device grow: {objects:?}");
 }
 
-/// Protects adapters of which there is none here: what limpid asks of a device is WebGPU's core. On one
-/// without any optional feature, with the limits that every implementation has, each setting is drawn
-/// as on the one that gives all that the adapter has.
+/// The renderer needs only the WebGPU core: on a device without optional features and with the default
+/// limits, each setting gives the same picture as on a device with all the adapter's capabilities.
 #[test]
-fn webgpus_core_is_enough() {
+fn the_webgpu_core_is_sufficient() {
     let Some(gpu) = gpu() else { return };
-    let _turn = alone();
+    let _lock = exclusive();
     let wanted = gpu.device.adapter_info();
     let descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     let adapters = wgpu::Instance::new(descriptor).enumerate_adapters(wanted.backend.into());
     let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info() == wanted);
-    let adapter = adapter.expect("the adapter that the other device is of");
+    let adapter = adapter.expect("the adapter of the other device");
     let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
         required_features: wgpu::Features::empty(),
         required_limits: wgpu::Limits::default(),
         ..Default::default()
     }))
     .expect("a device with WebGPU's limits");
-    // What it refuses panics, as wgpu does where nobody listens.
+    // Its errors panic, as wgpu does without an error callback.
     let core = Gpu::from_device(device, queue);
     let (mut all, mut core) = (Offscreen::new(gpu), Offscreen::new(&core));
-    // Each of the settings in light.
+    // Each of the settings, with lights.
     for i in (0..).map(|i| 3 * i + 2).take(SETTINGS.len()) {
         let kind = kind(i);
         assert!(kind.scene.is_lit());
@@ -249,30 +249,30 @@ fn webgpus_core_is_enough() {
     }
 }
 
-/// Protects the first test from passing whatever happens.
+/// The measures of [`resources_and_pictures_are_stable`] detect growth, changes and leaks.
 #[test]
-fn growth_is_told_from_noise() {
+fn measures_detect_growth_and_leaks() {
     assert_eq!(growth(&[5.0, 5.0, 5.0, 5.0]), 0.0);
-    assert_eq!(growth(&[5.0, 9.0, 5.0, 5.0, 5.0, 9.0]), 0.0, "comes and goes");
+    assert_eq!(growth(&[5.0, 9.0, 5.0, 5.0, 5.0, 9.0]), 0.0, "temporary peaks");
     assert_eq!(growth(&[5.0, 6.0, 7.0, 8.0, 9.0, 10.0]), 3.0);
     assert_ne!(fingerprint(&[0, 1]), fingerprint(&[1, 0]));
 
     let Some(gpu) = gpu() else { return };
-    let _turn = alone();
-    let before = Use::now(gpu);
+    let _lock = exclusive();
+    let before = Usage::now(gpu);
     let kept = gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("a leak"),
         size: 1 << 20,
         usage: wgpu::BufferUsages::STORAGE,
         mapped_at_creation: false,
     });
-    assert!(Use::now(gpu).objects > before.objects, "a buffer is counted");
+    assert!(Usage::now(gpu).objects > before.objects, "a buffer is counted");
     drop(kept);
 }
 
-/// Protects the kinds: frames of all of them draw what they are meant to draw.
+/// The kinds include lit and empty frames in the expected numbers, and splashes.
 #[test]
-fn kinds_are_what_they_say() {
+fn kinds_cover_lights_empty_frames_and_splashes() {
     let lit = (0..KINDS).filter(|&i| kind(i).scene.is_lit()).count();
     let empty = (0..KINDS).filter(|&i| kind(i).particles.is_empty()).count();
     assert_eq!((lit, empty), (KINDS / LOOKS.len(), KINDS / COUNTS.len()));
@@ -280,5 +280,5 @@ fn kinds_are_what_they_say() {
         let kind = kind(i);
         classify::classify(&kind.particles, 0.04, &kind.scene.settings.classify).splashes.len()
     };
-    assert!((0..KINDS).any(|i| splashes(i) > 0), "some liquid splashes");
+    assert!((0..KINDS).any(|i| splashes(i) > 0), "some kind has splashes");
 }

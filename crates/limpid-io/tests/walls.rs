@@ -1,4 +1,4 @@
-//! Liquid at walls, from either side.
+//! Liquid at walls, seen from both sides.
 
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
@@ -15,7 +15,7 @@ use limpid_io::project::Project;
 
 const SIZE: UVec2 = UVec2::new(120, 90);
 
-/// A block of liquid against the plane x = 0 at its left, and a view from the left or the right.
+/// A block of liquid whose left face touches the plane x = 0.
 const BLOCK: &str = "
 [recipe]
 kind = \"slab\"
@@ -46,7 +46,7 @@ fn from(eye: DVec3) -> Camera {
     Camera { eye, target, up: Vec3::Y, fov_y: 40.0, near: None }
 }
 
-/// Pixels that the liquid changes.
+/// Number of pixels that the liquid changes.
 fn changed(stage: &mut Stage, scene: &Scene, camera: &Camera, splats: &Splats) -> usize {
     let without = Splats { aggregates: Vec::new(), splashes: Vec::new(), ..splats.clone() };
     let [with, without] =
@@ -54,11 +54,11 @@ fn changed(stage: &mut Stage, scene: &Scene, camera: &Camera, splats: &Splats) -
     with.pixels().zip(without.pixels()).filter(|(a, b)| a != b).count()
 }
 
-/// Protects walls: from behind one, whichever way its normal points, nothing of the liquid is seen,
-/// straight on or slanting; the wall is drawn as well as without the liquid. Droplets reach through
-/// walls as bodies do.
+/// Behind a wall no liquid is visible, whichever way the normal points, from a frontal or an oblique
+/// view: the picture equals that without the liquid, although splats of bodies and droplets extend
+/// through the wall.
 #[test]
-fn walls_hide_what_is_behind_them() {
+fn walls_occlude_the_liquid_behind_them() {
     let Some(mut stage) = stage() else { return };
     let thin = Shape::Box { min: DVec3::new(-0.01, -0.5, -1.2), max: DVec3::new(0.0, 1.0, 1.2) };
     let walls = [
@@ -81,13 +81,13 @@ fn walls_hide_what_is_behind_them() {
             }
         }
         let seen = changed(&mut stage, &scene, &from(DVec3::new(1.5, 0.7, 0.6)), &splats);
-        assert!(seen > 1000, "{wall:?}: the liquid itself, {seen} pixels");
+        assert!(seen > 1000, "{wall:?}: the liquid covers {seen} pixels");
     }
 }
 
-/// Protects planes' orientation: a wall is wet, and looks the same, whichever way its normal points.
+/// A wall is wetted and looks the same whichever way its normal points.
 #[test]
-fn planes_are_wet_from_either_side() {
+fn planes_are_wetted_on_both_sides() {
     let Some(mut stage) = stage() else { return };
     let camera = from(DVec3::new(1.5, 0.7, 0.6));
     let [a, b] = [Vec3::X, Vec3::NEG_X].map(|normal| {
@@ -98,33 +98,36 @@ fn planes_are_wet_from_either_side() {
     assert_eq!(a.0.aggregates.len(), b.0.aggregates.len());
     let places = |splats: &Splats| splats.aggregates.iter().map(|s| s.centre).collect::<Vec<_>>();
     assert_eq!(places(&a.0), places(&b.0));
-    assert!(a.0.aggregates.len() > 3100, "some of 3000 have a copy: {}", a.0.aggregates.len());
+    assert!(
+        a.0.aggregates.len() > 3100,
+        "no copies of the 3000 particles: {}",
+        a.0.aggregates.len()
+    );
     assert_eq!(a.1, b.1);
 }
 
-/// Particles that leak a little through the floor they lie on belong to the others: the view from
-/// above stays as it is.
+/// A particle slightly beyond a wall stays connected to the others: the picture hardly changes.
 #[test]
-fn leaks_stay_where_they_are() {
+fn slight_leaks_do_not_change_the_picture() {
     let Some(mut stage) = stage() else { return };
     let (scene, mut splats) = block(plane(Vec3::X, f32::INFINITY));
-    let lowest = |splats: &mut Splats, x: f32| {
+    let move_outermost = |splats: &mut Splats, x: f32| {
         let nearest =
             splats.aggregates.iter_mut().min_by(|a, b| a.centre[0].total_cmp(&b.centre[0]));
         nearest.unwrap().centre[0] = x;
     };
-    // Copies on the wall are none of its particles.
+    // Without the copies on the wall.
     let originals = splats.aggregates.iter().filter(|s| s.centre[0] > 1e-6).copied().collect();
     splats.aggregates = originals;
     let radius = splats.radius;
     let camera = from(DVec3::new(1.5, 0.7, 0.6));
-    lowest(&mut splats, 0.0);
+    move_outermost(&mut splats, 0.0);
     let before = stage.shoot(&scene, &camera, &splats, SIZE).picture;
-    lowest(&mut splats, -1e-3 * radius);
+    move_outermost(&mut splats, -1e-3 * radius);
     let after = stage.shoot(&scene, &camera, &splats, SIZE).picture;
     let off = before
         .pixels()
         .zip(after.pixels())
         .filter(|(a, b)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 8));
-    assert!(off.count() < 20, "it moved by a thousandth of its radius");
+    assert!(off.count() < 20, "the particle has moved by a thousandth of its radius");
 }

@@ -1,8 +1,9 @@
-//! Frames against the pictures that they must be: what `limpid check` runs, for tests in Rust too.
+//! Picture tests, as `limpid check` runs them and as Rust tests can: frames are compared with
+//! expected pictures.
 //!
-//! A [`Suite`] is a TOML file that names what to draw, what it must look like and how nearly. A
-//! missing expectation is a failure, never a pass; an expectation that cannot be read is an error,
-//! and so is an input; whatever happens to one entry, the others are drawn.
+//! A [`Suite`] is a TOML file that lists inputs, expected pictures and tolerances. A missing
+//! expected picture is a failure, never a pass; an expected picture or an input that cannot be read
+//! is an error. A failure of one entry does not stop the others.
 //!
 //! ```no_run
 //! use limpid_io::device;
@@ -44,31 +45,31 @@ use limpid_io::output::{self, FileKind, Files, folder_of};
 pub use exhibit::{Exhibit, Panel};
 pub use suite::{AovTolerance, Bake, Content, Entry, Suite, Tolerance};
 
-/// The endings of what [`Report::write`] writes besides its page.
+/// File name suffixes of the pictures that [`Report::write`] writes next to its page.
 const ENDINGS: [&str; 5] =
     [".expected.png", ".actual.png", ".difference.png", ".side-by-side.png", ".actual.exr"];
 
-/// What a run found.
+/// The results of a run.
 #[derive(Debug)]
 pub struct Report {
     /// The suite's file.
     pub suite: PathBuf,
-    /// What drew.
+    /// The adapter that rendered the frames.
     pub adapter: Adapter,
-    /// The entries that were drawn, in the suite's order.
+    /// The outcomes of the rendered entries, in the suite's order.
     pub outcomes: Vec<Outcome>,
-    /// What the run took, s.
+    /// Duration of the run, s.
     pub seconds: f64,
-    /// What the suite reads and expects, of all entries: no result takes its place.
+    /// The inputs and expected files of all entries; no result may overwrite them.
     files: Files,
 }
 
-/// What drew.
+/// A graphics adapter.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Adapter {
     /// Its name.
     pub name: String,
-    /// Its driver and that one's version.
+    /// Its driver and the driver's version.
     pub driver: String,
     /// `vulkan`, `metal`, `dx12` or `gl`.
     pub backend: String,
@@ -88,37 +89,37 @@ impl fmt::Display for Adapter {
     }
 }
 
-/// What came of one entry.
+/// The outcome of one entry.
 #[derive(Debug)]
 pub struct Outcome {
-    /// The entry.
+    /// The entry's name.
     pub name: String,
-    /// How far the frames are from what is expected.
+    /// The measured differences between the frames and the expected ones.
     pub measures: Vec<Measure>,
-    /// Why it failed; empty if it did not.
+    /// The reasons for failure; empty if it did not fail.
     pub problems: Vec<String>,
-    /// What kept it from being compared, the first of it.
+    /// The first error that prevented a comparison.
     pub error: Option<Error>,
-    /// What shows why it failed.
+    /// Pictures that show why it failed.
     pub exhibits: Vec<Exhibit>,
-    /// What [`Report::bless`] would write: of what failed, what was drawn.
+    /// The files that [`Report::bless`] would write: the rendered pictures of a failed entry.
     pub blessing: Vec<(PathBuf, Arc<[u8]>)>,
-    /// Whether it was written.
+    /// Whether they were written.
     pub blessed: bool,
-    /// What it took, s.
+    /// Duration, s.
     pub seconds: f64,
-    /// Further files for the results, by name.
+    /// Further result files, by name.
     files: Vec<(String, Arc<[u8]>)>,
-    /// What it was drawn with, for the record.
+    /// The settings that it was rendered with, for the record.
     drawn: toml::Table,
 }
 
-/// What was measured, and between which limits it must be.
+/// A measured value and its limits.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Measure {
     /// `mean FLIP`, `depth.aggregate_front differing`, ….
     pub name: String,
-    /// What was found. Of a sequence's pictures, the largest.
+    /// The measured value; for the pictures of a sequence, the largest.
     pub value: f64,
     /// The largest value that passes.
     pub at_most: f64,
@@ -133,7 +134,7 @@ impl Measure {
         Self { name: name.into(), value, at_most, at_least: 0.0, unit }
     }
 
-    /// Whether it is between its limits; NaN is not.
+    /// Whether the value is within its limits; NaN is not.
     pub fn passes(&self) -> bool {
         (self.at_least..=self.at_most).contains(&self.value)
     }
@@ -152,7 +153,7 @@ impl fmt::Display for Measure {
     }
 }
 
-/// A number with three significant digits.
+/// Formats a number with three significant digits.
 fn digits(value: f64) -> String {
     let magnitude = value.abs().log10().floor();
     if value == 0.0 || !magnitude.is_finite() {
@@ -166,17 +167,17 @@ fn digits(value: f64) -> String {
     }
 }
 
-/// What came of an entry, in a word.
+/// The verdict on an entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// It is as expected.
+    /// The frames are as expected.
     Passed,
-    /// It differs, or there is no expectation.
+    /// The frames differ, or an expected picture is missing.
     Failed,
-    /// It could not be drawn or compared.
+    /// The entry could not be rendered or compared.
     Error,
-    /// It failed, and what was drawn is the expectation from now on.
+    /// The entry failed, and the rendered pictures became the expected ones.
     Blessed,
 }
 
@@ -207,7 +208,7 @@ impl Outcome {
         }
     }
 
-    /// What came of it.
+    /// The verdict.
     pub fn verdict(&self) -> Verdict {
         match (self.blessed, &self.error, self.problems.as_slice()) {
             (true, ..) => Verdict::Blessed,
@@ -217,13 +218,13 @@ impl Outcome {
         }
     }
 
-    /// Why it did not pass: the error first.
+    /// The reasons why it did not pass, the error first.
     pub fn reasons(&self) -> Vec<String> {
         let error = self.error.iter().map(Error::to_string);
         error.chain(self.problems.iter().cloned()).collect()
     }
 
-    /// Notes a measurement; one beyond its limits is a problem.
+    /// Records a measurement; one outside its limits is a problem.
     fn measured(&mut self, measure: Measure) {
         if !measure.passes() {
             self.problems.push(measure.to_string());
@@ -244,12 +245,12 @@ impl fmt::Display for Outcome {
 }
 
 impl Suite {
-    /// Draws and compares the entries whose names hold one of `filter`, or all without one, and
-    /// tells `each` outcome as it comes.
+    /// Renders and compares the entries whose names contain one of `filter`, or all if it is empty,
+    /// and passes each outcome to `each` as soon as it is known.
     ///
     /// # Errors
-    /// [`Error::Usage`] if no entry has such a name. What goes wrong with one entry is in its
-    /// outcome; after a failure of the device the next entries are drawn with another.
+    /// [`Error::Usage`] if no entry matches. Errors of a single entry are in its outcome; after a
+    /// device failure the remaining entries are rendered on a new device.
     pub fn run(
         &self,
         gpu: &Gpu,
@@ -263,7 +264,7 @@ impl Suite {
         let mut outcomes = Vec::new();
         for entry in chosen {
             let begun = Instant::now();
-            // Whatever happens to one entry, the others are drawn.
+            // A panic in one entry does not stop the others.
             let judge = || judge::judge(self, entry, &adapter, &mut offscreen);
             let judged = catch_unwind(AssertUnwindSafe(judge));
             let mut outcome = judged.unwrap_or_else(|_| {
@@ -272,8 +273,8 @@ impl Suite {
             });
             use limpid::Error::{Defect, DeviceLost};
             if matches!(outcome.error, Some(Error::Render(DeviceLost(_) | Defect(_)))) {
-                // A device that has failed once fails for ever. Where there is no other, the errors
-                // of the entries say so.
+                // A failed device stays unusable. If no other can be opened, the errors of the
+                // remaining entries report it.
                 if let Ok(gpu) = device::open() {
                     offscreen = Offscreen::new(&gpu);
                 }
@@ -289,27 +290,27 @@ impl Suite {
 }
 
 impl Report {
-    /// How many entries came out so.
+    /// The number of entries with this verdict.
     pub fn count(&self, verdict: Verdict) -> usize {
         self.outcomes.iter().filter(|outcome| outcome.verdict() == verdict).count()
     }
 
     /// The exit code of `limpid check`: that of the first error, else 1 if anything failed, else 0.
     pub fn exit_code(&self) -> u8 {
-        let left = || self.outcomes.iter().filter(|outcome| !outcome.blessed);
-        match left().find_map(|outcome| outcome.error.as_ref()) {
+        let not_blessed = || self.outcomes.iter().filter(|outcome| !outcome.blessed);
+        match not_blessed().find_map(|outcome| outcome.error.as_ref()) {
             Some(error) => error.category() as u8,
             None => u8::from(self.count(Verdict::Failed) > 0),
         }
     }
 
-    /// Makes what was drawn the expectation of every entry that failed, and records with what it
-    /// was drawn. Expectations that hold stay as they are.
+    /// Makes the rendered pictures of every failed entry the expected ones, and records how they
+    /// were rendered. Expected pictures of entries that passed are not touched.
     ///
     /// # Errors
     /// [`Error::Io`] naming the file that could not be written; [`Error::Scene`] for a record that
-    /// is no TOML; [`Error::Usage`] for an expectation that lies outside the suite's folder or in
-    /// whose place something else than a picture is: then nothing is written.
+    /// is not TOML; [`Error::Usage`] for an expected picture that lies outside the suite's folder
+    /// or would replace a file that is not a picture: then nothing is written.
     pub fn bless(&mut self) -> Result<()> {
         let mut record = record::Record::open(&self.suite)?;
         for (path, _) in self.outcomes.iter().flat_map(|outcome| &outcome.blessing) {
@@ -320,28 +321,30 @@ impl Report {
                 continue;
             }
             for (path, bytes) in &outcome.blessing {
-                write_file(path, FileKind::Picture, bytes)?;
+                write_file(path, FileKind::PICTURE, bytes)?;
             }
             record.note(&outcome.name, &self.adapter, &outcome.drawn);
-            // After each: what is written is recorded, whatever happens to the next.
+            // Written after each entry, so that the record is complete even if a later one fails.
             record.write()?;
             outcome.blessed = true;
         }
         Ok(())
     }
 
-    /// Writes `index.html`, which holds all that is needed to see what failed, and the pictures
-    /// as files beside it. What an earlier run left there of the same entries is removed.
+    /// Writes `index.html`, a self-contained page with all failures, and the pictures as files next
+    /// to it. Files of the same entries from an earlier run are removed.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the file or folder; [`Error::Usage`] where a result would take the place
-    /// of an expectation, an input or a file that is no result.
+    /// [`Error::Io`] naming the file or folder; [`Error::Usage`] if a result would overwrite an
+    /// expected file, an input or a file that is not a result.
     pub fn write(&self, folder: &Path) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
         let blessings = self.outcomes.iter().flat_map(|outcome| &outcome.blessing);
-        let blessed: HashSet<PathBuf> = blessings.map(|(path, _)| place(path)).collect();
-        // What the suite reads or expects; what it has just blessed is another file than it read.
-        let is_kept = |path: &Path| self.files.has_input(path) || blessed.contains(&place(path));
+        let blessed: HashSet<PathBuf> = blessings.map(|(path, _)| canonical_path(path)).collect();
+        // Includes freshly blessed files, which may not have existed when the inputs were
+        // collected.
+        let is_kept =
+            |path: &Path| self.files.has_input(path) || blessed.contains(&canonical_path(path));
         self.clear(folder, is_kept)?;
         for outcome in &self.outcomes {
             for (name, bytes) in outcome.files() {
@@ -351,43 +354,43 @@ impl Report {
                     let problem = "the suite reads or expects this file; name another folder";
                     return Err(Error::Usage(format!("{path}: {problem}")));
                 }
-                write_file(&path, FileKind::Picture, bytes)?;
+                write_file(&path, FileKind::PICTURE, bytes)?;
             }
         }
-        write_file(&folder.join("index.html"), FileKind::Page, self.page().as_bytes())
+        write_file(&folder.join("index.html"), FileKind::PAGE, self.page().as_bytes())
     }
 
-    /// Removes what an earlier run wrote of these entries: pictures, never an expectation.
+    /// Removes pictures that an earlier run wrote for these entries, never an expected one.
     fn clear(&self, folder: &Path, is_kept: impl Fn(&Path) -> bool) -> Result<()> {
         let fail = |e| Error::io(folder, "list", e);
         for file in std::fs::read_dir(folder).map_err(fail)? {
             let file = file.map_err(fail)?;
             let name = file.file_name().to_string_lossy().into_owned();
             let stem = ENDINGS.iter().find_map(|ending| name.strip_suffix(ending));
-            let ours = |outcome: &Outcome| {
+            let is_ours = |outcome: &Outcome| {
                 let rest = stem.and_then(|stem| stem.strip_prefix(&outcome.name));
                 rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
             };
             let path = file.path();
-            let picture = || FileKind::Picture.check(&path).is_ok();
-            if self.outcomes.iter().any(ours) && !is_kept(&path) && picture() {
+            let picture = || FileKind::PICTURE.check(&path).is_ok();
+            if self.outcomes.iter().any(is_ours) && !is_kept(&path) && picture() {
                 std::fs::remove_file(&path).map_err(|e| Error::io(&path, "remove", e))?;
             }
         }
         Ok(())
     }
 
-    /// The report as one page that needs nothing but itself.
+    /// The report as a self-contained HTML page.
     pub fn page(&self) -> String {
         page::page(self)
     }
 
-    /// The report as `JUnit` XML, which CI systems show.
+    /// The report as `JUnit` XML, for CI systems.
     pub fn junit(&self) -> String {
         junit::junit(self)
     }
 
-    /// The report for programs.
+    /// The report as JSON.
     pub fn json(&self) -> serde_json::Value {
         let entry = |outcome: &Outcome| {
             serde_json::json!({
@@ -409,11 +412,11 @@ impl Report {
         })
     }
 
-    /// The command that accepts what was drawn.
+    /// The command line that blesses the rendered pictures.
     pub fn bless_command(&self) -> String {
         let suite = self.suite.display().to_string();
-        let plain = |c: char| c.is_alphanumeric() || "/._-+:=@,".contains(c);
-        match suite.chars().all(plain) {
+        let needs_no_quotes = |c: char| c.is_alphanumeric() || "/._-+:=@,".contains(c);
+        match suite.chars().all(needs_no_quotes) {
             true => format!("limpid check {suite} --bless"),
             false => format!("limpid check '{}' --bless", suite.replace('\'', "'\\''")),
         }
@@ -421,21 +424,21 @@ impl Report {
 }
 
 impl Outcome {
-    /// What [`Report::write`] writes of it, by name.
+    /// The files that [`Report::write`] writes for it, by name.
     fn files(&self) -> impl Iterator<Item = (&str, &[u8])> {
         let panels = self.exhibits.iter().flat_map(Exhibit::files);
         panels.chain(self.files.iter().map(|(name, bytes)| (name.as_str(), &**bytes)))
     }
 }
 
-/// The same for all paths to a file, whether it is there or not.
-fn place(path: &Path) -> PathBuf {
+/// A canonical path of a file that need not exist.
+fn canonical_path(path: &Path) -> PathBuf {
     let folder = folder_of(path);
     let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
     path.file_name().map_or(folder.clone(), |name| folder.join(name))
 }
 
-/// Writes a file, and the folder around it if need be.
+/// Writes a file, creating its folder if needed.
 fn write_file(path: &Path, kind: FileKind, bytes: &[u8]) -> Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;

@@ -1,9 +1,9 @@
-//! How far one picture is from another: FLIP, RMSE, PSNR and the worst pixel.
+//! Difference of two pictures: FLIP, RMSE, PSNR and the worst pixel.
 //!
-//! FLIP answers "would one see it?", RMSE and PSNR "how many grey levels?"; a small change
-//! of a thin highlight scores high in the first and low in the others, so all are reported.
-//! Pictures are 8-bit sRGB, row by row from the top left. Every sum runs in the order of the
-//! pixels or over integers, so results do not depend on the number of threads.
+//! FLIP measures visibility, RMSE and PSNR grey levels; a small change of a thin highlight scores
+//! high in the first and low in the others, so all are reported. Pictures are 8-bit sRGB, row by
+//! row from the top left. Every sum runs in pixel order or over integers, so results do not depend
+//! on the number of threads.
 
 mod flip;
 
@@ -18,24 +18,24 @@ use limpid_io::files;
 
 pub use flip::{PIXELS_PER_DEGREE, flip};
 
-/// The differences between a reference and a test picture, as numbers.
+/// The difference between a reference and a test picture, in numbers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     /// Mean of the FLIP map, 0 (identical) to 1.
     pub mean_flip: f64,
-    /// 99th percentile of the FLIP map: what the worst hundredth of the pixels exceeds.
+    /// 99th percentile of the FLIP map.
     pub p99_flip: f64,
-    /// Root of the mean squared difference of the sRGB values over pixels and channels, of 1.
+    /// Root mean square difference of the sRGB values, 0 to 1, over pixels and channels.
     pub rmse: f64,
     /// Peak signal-to-noise ratio, −20 log₁₀ `rmse`, in decibels; `None` if identical.
     pub psnr_db: Option<f64>,
-    /// The pixel of the greatest FLIP.
+    /// The pixel with the greatest FLIP.
     pub worst: Worst,
-    /// The greatest difference of any channel of any pixel, of 255.
+    /// The greatest difference of any channel of any pixel, in levels of 255.
     pub max_channel_error: u8,
 }
 
-/// The pixel at which two pictures differ most visibly; of equals the first in reading order.
+/// The pixel with the greatest FLIP; of equals the first in reading order.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Worst {
     /// Column, from the left.
@@ -50,7 +50,7 @@ pub struct Worst {
     pub test: [u8; 3],
 }
 
-/// The visible difference of two pictures at each pixel, 0 (none) to 1.
+/// The FLIP map of two pictures: the visible difference at each pixel, 0 (none) to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlipMap {
     /// Columns, at least 1.
@@ -93,7 +93,7 @@ impl FlipMap {
         self.pixels().fold((0, 0, 0.0), greater)
     }
 
-    /// The map in the colours of magma: black for no difference, then violet, orange, cream.
+    /// The map in the magma colour map: black for no difference, then violet, orange, cream.
     pub fn picture(&self) -> RgbImage {
         RgbImage::from_fn(self.width, self.height, |x, y| {
             magma(self.values[y as usize * self.width as usize + x as usize])
@@ -106,7 +106,7 @@ impl FlipMap {
     }
 }
 
-/// Compares two pictures of one size as seen at [`PIXELS_PER_DEGREE`].
+/// Compares two pictures of the same size as seen at [`PIXELS_PER_DEGREE`].
 pub fn compare(reference: &RgbImage, test: &RgbImage) -> Result<(Comparison, FlipMap)> {
     let map = flip(reference, test, PIXELS_PER_DEGREE)?;
     let (x, y, flip) = map.worst();
@@ -132,8 +132,8 @@ pub fn compare(reference: &RgbImage, test: &RgbImage) -> Result<(Comparison, Fli
     Ok((comparison, map))
 }
 
-/// Loads and compares two PNG files; whatever is wrong, the message names the files. Their sizes are
-/// compared before any pixel is decoded.
+/// Loads and compares two PNG files; every error names the files. Their sizes are compared before
+/// any pixel is decoded.
 pub fn compare_files(reference: &Path, test: &Path) -> Result<(Comparison, FlipMap)> {
     let read = |path| -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
@@ -147,7 +147,7 @@ pub fn compare_files(reference: &Path, test: &Path) -> Result<(Comparison, FlipM
         }
         other => other,
     };
-    // Decoding tells what is wrong with a header.
+    // A broken header is reported by the decoder.
     let sizes = size(&reference_bytes).zip(size(&test_bytes));
     if let Some((of_reference, of_test)) = sizes {
         check_sizes(of_reference, of_test).map_err(named)?;
@@ -157,7 +157,7 @@ pub fn compare_files(reference: &Path, test: &Path) -> Result<(Comparison, FlipM
     compare(&reference, &test).map_err(named)
 }
 
-/// Width and height, by the header.
+/// Reads width and height from the header.
 fn size(bytes: &[u8]) -> Option<(u32, u32)> {
     let header = files::catch_panics(Path::new(""), || {
         let reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
@@ -168,23 +168,23 @@ fn size(bytes: &[u8]) -> Option<(u32, u32)> {
 
 /// Loads a PNG of 8 or 16 bits as 8-bit sRGB; 16 bits are rounded, grey becomes RGB.
 ///
-/// A picture that is transparent anywhere is refused: what it looks like depends on what is
-/// behind it, which the file does not tell.
+/// Pictures with transparent pixels are rejected: their appearance depends on a background that the
+/// file does not define.
 pub fn load_picture(path: &Path) -> Result<RgbImage> {
     let mut bytes = Vec::new();
     files::read_picture(path, &mut bytes)?;
     parse_picture(path, &bytes)
 }
 
-/// As [`load_picture`], with the contents at hand; `path` stands in messages.
+/// Like [`load_picture`], from bytes in memory; `path` is used in error messages.
 ///
 /// # Errors
-/// As [`load_picture`], but for reading the file.
+/// As [`load_picture`], except those of reading the file.
 pub fn parse_picture(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
     files::catch_panics(path, || decode(path, bytes))
 }
 
-/// Whether a PNG has an animation control chunk, which precedes its pixels.
+/// Whether a PNG has an animation control chunk, which precedes its pixel data.
 fn is_animated(bytes: &[u8]) -> bool {
     let mut rest = bytes.get(8..).unwrap_or_default();
     while let Some((length, chunk)) = rest.split_first_chunk::<4>() {
@@ -193,7 +193,7 @@ fn is_animated(bytes: &[u8]) -> bool {
             None | Some(b"IDAT") => return false,
             Some(_) => {}
         }
-        // Its type and checksum.
+        // Skips the chunk's type and checksum too.
         let length = u32::from_be_bytes(*length) as usize;
         rest = chunk.get(length.saturating_add(8)..).unwrap_or_default();
     }
@@ -205,8 +205,8 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
         return Err(Error::format(path, "not a PNG; pictures to compare are PNG files in sRGB"));
     }
 
-    /// Bytes that a pixel takes when it is compared: as RGB, and in half of the FLIP map and the
-    /// sorted copy of it.
+    /// Memory per pixel in a comparison, bytes: the RGB pixel, and half of the FLIP map and of its
+    /// sorted copy.
     const EACH: u64 = 3 + 4;
     if is_animated(bytes) {
         return Err(Error::format(path, "a film (animated PNG); compare pictures of it"));
@@ -218,7 +218,7 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<RgbImage> {
         ImageError::Decoding(_) | ImageError::IoError(_) => {
             Error::malformed(path, Location::Byte(cursor.position()), error.to_string())
         }
-        // A valid file, but too large or of a kind the decoder does not know.
+        // A valid file that is too large or of a kind that the decoder does not support.
         other => Error::format(path, other.to_string()),
     })?;
 
@@ -249,10 +249,10 @@ fn check_sizes((width, height): (u32, u32), test: (u32, u32)) -> Result<()> {
     Ok(())
 }
 
-/// The colour map magma (S. van der Walt and N. Smith, for matplotlib, 2015) at `value` in 0..1.
+/// The magma colour map (S. van der Walt and N. Smith, for matplotlib, 2015) at `value` in 0..1.
 ///
-/// A quintic per channel, fitted to within 5/255 of the original: near enough to read by
-/// eye, and no table.
+/// A quintic per channel, fitted to within 5/255 of the original: close enough to read by eye,
+/// without a table.
 fn magma(value: f32) -> Rgb<u8> {
     const COEFFICIENTS: [[f32; 6]; 3] = [
         [-0.031, 1.182, -0.145, 5.273, -9.447, 4.145],

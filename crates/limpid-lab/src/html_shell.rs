@@ -1,7 +1,7 @@
-//! What the pages of `limpid check` and `limpid report` have in common: each is one file that needs
-//! nothing but itself, so that it can be kept and sent.
+//! The HTML shell of the pages of `limpid check` and `limpid report`: each page is one
+//! self-contained file, so that it can be archived and sent.
 
-/// Colours, type and what is the same on all pages; a page's own rules come after.
+/// The style sheet that all pages share; a page's own rules follow it.
 const STYLE: &str = "
 :root { color-scheme: light dark; --back: #fcfcfa; --text: #1b1d20; --dim: #666b71;
   --line: #e3e3df; --accent: #0a62c4 }
@@ -24,7 +24,8 @@ dialog { border: 0; padding: 0; max-width: 100vw; max-height: 100vh; background:
 dialog::backdrop { background: #000d }
 ";
 
-/// A page of this title, rules and contents; `script` shows its pictures in a dialog, if it has any.
+/// Assembles a page from its title, style rules and contents; `script` shows its pictures in a
+/// dialog, if it has any.
 pub(crate) fn page(title: &str, style: &str, content: &str, script: Option<&str>) -> String {
     let dialog = script.map_or_else(String::new, |script| {
         format!(
@@ -41,7 +42,8 @@ pub(crate) fn page(title: &str, style: &str, content: &str, script: Option<&str>
 
 #[cfg(test)]
 pub(crate) mod tests {
-    /// Fails if a page fetches anything, has more or fewer pictures, or an element without an end.
+    /// Fails if a page loads an external resource, has more or fewer than `pictures` pictures, or
+    /// has an unclosed element.
     #[track_caller]
     pub(crate) fn assert_self_contained(page: &str, pictures: usize) {
         for absent in ["http:", "https:", "<script src", "<link", "@import", "url("] {

@@ -1,5 +1,6 @@
-//! How fast and how wrong [`limpid`] is: [`mod@reference`] is the ground truth, [`compare`] the difference
-//! of two pictures, [`report`] measures speed beside error, and [`check`] tests pictures.
+//! Measures the speed and the error of [`limpid`]: [`mod@reference`] computes the ground truth,
+//! [`compare`] the difference of two pictures, [`report`] measures time and error in one run, and
+//! [`check`] runs picture tests.
 
 #![forbid(unsafe_code)]
 

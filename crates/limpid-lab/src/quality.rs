@@ -1,9 +1,8 @@
-//! Settings by what a picture may cost, or how wrong it may be: `limpid render --max-error` and
-//! `--budget`.
+//! Selection of settings by error or frame time: `limpid render --max-error` and `--budget`.
 //!
-//! How wrong they are was measured beforehand, `crates/limpid-lab/src/quality.toml`, which `limpid report --curve` writes:
-//! errors are the same on every adapter. What they take depends on adapter, scene and size, so it
-//! is measured where it is asked for.
+//! The error of each choice was measured beforehand and is read from
+//! `crates/limpid-lab/src/quality.toml`, which `limpid report --curve` writes: errors are the same
+//! on every adapter. Frame times depend on adapter, scene and size, so they are measured on demand.
 
 use std::sync::LazyLock;
 
@@ -19,70 +18,70 @@ use limpid::scene::Scene;
 use limpid_io::error::{Error, Result};
 use limpid_io::project::overrides::replaced;
 
-/// What was measured.
+/// The measured error, FLIP and cost of each choice of settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Curve {
-    /// On which adapter.
+    /// The adapter that they were measured on.
     pub adapter: String,
-    /// Of which scenes of `sims/`.
+    /// The scenes of `sims/` that they were measured on.
     pub scenes: Vec<String>,
-    /// Width of the pictures whose rays' hits were judged, pixels.
+    /// Width of the pictures whose ray hits were scored, pixels.
     pub hits_width: u32,
     /// Width of the pictures that were timed and compared, pixels.
     pub width: u32,
     /// Intersectors; all other settings are the defaults. The defaults themselves come first.
     pub intersectors: Vec<Choice>,
-    /// Intersectors with less or more smoothing, rays and bounces: the defaults, and those that no
-    /// other is better than in everything.
+    /// Intersectors with less or more smoothing, rays and bounces: the defaults, and those on the
+    /// Pareto front of error, FLIP and cost.
     pub pictures: Vec<Choice>,
 }
 
-/// Settings, and how good they are.
+/// Settings with their error and cost.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Choice {
-    /// The settings, as `--set` takes them.
+    /// The settings, in the form that `--set` accepts.
     pub set: Vec<String>,
-    /// Error of the intersector's hits, pixels: the root mean square distance from the true hits of
-    /// all rays whose hit the layers show. One that is missing, on another surface or further off
-    /// counts as 10.
+    /// Error of the intersector's hits, pixels: the root mean square distance from the true hits
+    /// over all rays whose hit the layers show. A hit that is missing, on another surface or
+    /// further off counts as 10.
     pub error_px: f64,
-    /// Mean FLIP of the pictures against traced ones.
+    /// Mean FLIP of the pictures against path-traced ones.
     pub flip: f64,
-    /// Time of a frame over that with the defaults, on the curve's adapter and at its width: of no
-    /// other size or scene.
+    /// Frame time relative to that with the defaults, on the curve's adapter and at its width; it
+    /// does not carry over to other sizes or scenes.
     pub cost: f64,
 }
 
-/// What is asked for.
+/// The limits that the user requests.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Limits {
     /// The largest error of the intersector's hits, pixels.
     pub max_error: Option<f64>,
-    /// The longest time of a frame on the device, ms.
+    /// The longest frame time on the device, ms.
     pub budget: Option<f64>,
 }
 
-/// What was picked.
+/// The settings that were picked.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Picked {
-    /// The settings and what is known of them.
+    /// The settings with their measured error and cost.
     #[serde(flatten)]
     pub choice: Choice,
-    /// Time of a frame, ms, measured on this adapter, on this scene, at the size asked for.
+    /// Frame time, ms, measured on this adapter, with this scene, at the requested size.
     pub ms: f64,
 }
 
-/// Frames of which the median is taken.
+/// Number of timed frames; their median is used.
 const FRAMES: usize = 3;
 
-/// Times that differ by no more than this share of the shorter are alike: medians of a few frames
-/// vary so much.
+/// Relative difference below which two times are treated as equal: medians of a few frames vary by
+/// this much.
 pub const NOISE: f64 = 0.1;
 
 impl Curve {
-    /// The measurements that limpid has with it.
+    /// The measurements that ship with limpid.
     pub fn shipped() -> &'static Self {
         static SHIPPED: LazyLock<Curve> = LazyLock::new(|| {
             toml::from_str(include_str!("quality.toml")).expect("a test reads the curve")
@@ -90,40 +89,42 @@ impl Curve {
         &SHIPPED
     }
 
-    /// What is exact enough: intersectors, or with a budget pictures. The defaults are among them if
-    /// they are.
+    /// The choices within the error limit: intersectors, or with a budget whole pictures. The
+    /// defaults are among them if they satisfy the limit.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the least error, if that is larger.
+    /// [`Error::Usage`] naming the smallest error, if even that exceeds the limit.
     pub fn candidates(&self, limits: Limits) -> Result<Vec<&Choice>> {
         let all = if limits.budget.is_some() { &self.pictures } else { &self.intersectors };
         let Some(max_error) = limits.max_error else { return Ok(all.iter().collect()) };
-        let right: Vec<_> = all.iter().filter(|choice| choice.error_px <= max_error).collect();
-        if right.is_empty() {
+        let exact_enough: Vec<_> =
+            all.iter().filter(|choice| choice.error_px <= max_error).collect();
+        if exact_enough.is_empty() {
             let exact = |a: &&Choice, b: &&Choice| a.error_px.total_cmp(&b.error_px);
             let best = all.iter().min_by(exact).map_or(String::new(), |best| {
                 format!("; the least is {} ({})", best.error_px, best.set.join(" "))
             });
-            let problem = format!("--max-error {max_error}: no intersector is so exact{best}");
+            let problem = format!("max_error {max_error}: no intersector is so exact{best}");
             return Err(Error::Usage(problem));
         }
-        Ok(right)
+        Ok(exact_enough)
     }
 
-    /// What satisfies the limits best, of `candidates` that take so many ms a frame each.
+    /// Picks the best of `candidates`, whose frame times are `ms`.
     ///
-    /// Without a budget: of those that take as long as the fastest, or longer by no more than
-    /// [`NOISE`], the most exact. With one: of those that fit it, the best picture; but nothing
-    /// whose hits are worse than the defaults' where something else fits. So a larger limit never
-    /// picks what is slower, a larger budget never what is worse, and nothing worse than the
-    /// defaults is picked where these fit.
+    /// Without a budget: the most exact of those that are as fast as the fastest, or slower by no
+    /// more than [`NOISE`]. With a budget: of those that fit it, the one with the best picture, but
+    /// none whose hits are worse than the defaults' if another fits. A looser error limit therefore
+    /// never picks slower settings, a larger budget never picks worse ones, and nothing worse than
+    /// the defaults is picked where these fit.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the fastest, if none fits the budget.
+    /// [`Error::Usage`] naming the fastest choice, if none fits the budget.
     pub fn decide(&self, limits: Limits, candidates: &[&Choice], ms: &[f64]) -> Result<Picked> {
         let timed = || candidates.iter().copied().zip(ms.iter().copied());
         let fastest = timed().min_by(|a, b| a.1.total_cmp(&b.1));
-        let (quick, least) = fastest.ok_or_else(|| Error::Usage("nothing to pick".into()))?;
+        let (fastest_choice, least) =
+            fastest.ok_or_else(|| Error::Usage("nothing to pick".into()))?;
         let best = match limits.budget {
             None => timed()
                 .filter(|(_, ms)| *ms <= (1.0 + NOISE) * least)
@@ -140,16 +141,16 @@ impl Curve {
             }
         };
         let Some((choice, ms)) = best else {
-            let (budget, set) = (limits.budget.unwrap_or(0.0), quick.set.join(" "));
+            let (budget, set) = (limits.budget.unwrap_or(0.0), fastest_choice.set.join(" "));
             let problem = "the fastest settings take about";
-            let what = format!("--budget {budget}: {problem} {least:.2} ms a frame here ({set})");
-            return Err(Error::Usage(what));
+            let message = format!("budget {budget}: {problem} {least:.2} ms a frame here ({set})");
+            return Err(Error::Usage(message));
         };
         Ok(Picked { choice: choice.clone(), ms })
     }
 
-    /// What satisfies `limits`, and the scene's settings with it; none if there are none. All that
-    /// may be picked draws the frame at `size` some times on `gpu`.
+    /// Picks the settings that satisfy `limits` and applies them to the scene; `None` without
+    /// limits. Every candidate renders the frame a few times at `size` on `gpu`.
     ///
     /// # Errors
     /// As [`Curve::candidates`], [`Curve::decide`] and [`Renderer::render`].
@@ -177,8 +178,9 @@ impl Curve {
     }
 }
 
-/// Time of a frame of each scene on the device, ms, the median of some after one that may compile; by
-/// the clock where the adapter has no timestamps. By turns, so that what disturbs one disturbs all.
+/// Device time of a frame of each scene, ms: the median of several, after one that may compile
+/// pipelines. Uses wall-clock time where the adapter has no timestamps. The scenes are interleaved,
+/// so that a disturbance affects all of them.
 fn frame_times(
     gpu: &Gpu,
     scenes: &[Scene],

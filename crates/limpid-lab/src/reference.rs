@@ -1,13 +1,13 @@
-//! Ground truth on the CPU: light followed exactly, in f64, by code that shares nothing with the
+//! Ground truth on the CPU: light traced exactly, in f64, by code that shares nothing with the
 //! shaders.
 //!
-//! A [`Liquid`] is a closed body that tells where a ray crosses its surface: [`mesh::Mesh`] from
-//! particles, or the exact forms of [`analytic`]. [`trace::trace`] follows both branches at every
-//! interface and gives the picture; [`trace::first_last`] gives the two surfaces that a camera
-//! could see at best, its perfect layers. [`caustics`] follows light the other way, from the lights
-//! through the liquid to the solids.
+//! A [`Liquid`] is a closed body with a ray intersection: [`mesh::Mesh`] from particles, or the
+//! exact forms of [`analytic`]. [`trace::trace`] follows both branches at every interface and
+//! renders the picture; [`trace::first_last`] gives the first and the last surface along each
+//! camera ray, its perfect layers. [`caustics`] traces light from the lights through the liquid to
+//! the solids.
 //!
-//! All in world space, metres, f64, linear RGB radiance; directions are unit vectors.
+//! Everything is in world space, metres, f64, linear RGB radiance; directions are unit vectors.
 
 use glam::DVec3;
 
@@ -21,12 +21,12 @@ pub mod surroundings;
 pub mod trace;
 mod wetting;
 
-/// A half line.
+/// A ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
-    /// Where it starts, m.
+    /// The origin, m.
     pub origin: DVec3,
-    /// Where it goes, a unit vector.
+    /// The direction, a unit vector.
     pub direction: DVec3,
 }
 
@@ -37,30 +37,30 @@ impl Ray {
     }
 }
 
-/// A ray's passage through the surface of a liquid.
+/// An intersection of a ray with the surface of a liquid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
-    /// Distance along the ray, m, not negative.
+    /// Distance along the ray, m, at least 0.
     pub t: f64,
-    /// The surface's unit normal, out of the liquid.
+    /// The geometric unit normal, out of the liquid.
     pub normal: DVec3,
-    /// The unit normal that refracts: a mesh interpolates it, elsewhere it is `normal`.
+    /// The shading normal, a unit vector: interpolated on a mesh, otherwise equal to `normal`.
     pub shading: DVec3,
 }
 
 /// A body of liquid.
 ///
-/// Crossings are asked for with the side on which the ray starts, because a ray that starts on
-/// the surface, as all but the first do, cannot be told its side by rounded coordinates.
+/// The side on which a ray starts is passed in, because most rays start on the surface, where
+/// rounded coordinates cannot determine it.
 pub trait Liquid: Sync {
-    /// The first crossing ahead at which the ray leaves the liquid (`inside`) or enters it.
+    /// Finds the first crossing ahead at which the ray leaves the liquid (`inside`) or enters it.
     fn crossing(&self, ray: &Ray, inside: bool) -> Option<Crossing>;
 
-    /// Whether a point is in the liquid.
+    /// Whether a point is inside the liquid.
     fn contains(&self, point: DVec3) -> bool;
 }
 
-/// As f64, whatever a scene keeps it in.
+/// Converts a vector of a scene to f64.
 fn wide(v: impl Into<DVec3>) -> DVec3 {
     v.into()
 }

@@ -2,17 +2,18 @@
 //!
 //! - [`intersect`]: one intersection per pixel by each intersector, against the same layers
 //!   intersected exactly or the opaque scene itself.
-//! - [`smooth`]: what each filter leaves of a surface, against the surface.
-//! - [`caustics`]: light through liquid by each method, against light traced in 64 bits.
-//! - [`picture`]: whole frames by the presets, against traced pictures.
-//! - [`stress`]: extreme scales, places, lenses and indices, against a closed form.
-//! - [`passes`]: what each pass takes, against what it must move and compute at the adapter's best.
-//! - [`elisions`]: what is left out of a frame that does not need it, and what that saves.
-//! - [`against`]: which errors have risen since an earlier report.
-//! - [`curve`]: what `limpid render --max-error` and `--budget` choose by.
+//! - [`smooth`]: the surface after each smoothing filter, against the true surface.
+//! - [`caustics`]: light through liquid by each method, against light traced in f64.
+//! - [`picture`]: whole frames by the presets, against path-traced pictures.
+//! - [`stress`]: extreme scales, positions, fields of view and indices, against a closed form.
+//! - [`passes`]: time of each pass, against the time that its memory traffic and arithmetic need at
+//!   the adapter's peak rates.
+//! - [`elisions`]: work skipped when a frame does not need it, and the time that this saves.
+//! - [`against`]: errors that have increased since an earlier report.
+//! - [`curve`]: the measurements that `limpid render --max-error` and `--budget` choose from.
 //!
-//! Times are the device's own timestamps. Methods run by turns, after a warm-up; a row has the
-//! median and half the distance between the quartiles.
+//! Times are device timestamps. Methods are interleaved, after a warm-up; a row has the median and
+//! half the interquartile range.
 
 pub mod against;
 pub mod caustics;
@@ -35,16 +36,19 @@ pub mod subjects;
 pub use html::html;
 pub use markdown::markdown;
 pub use plot::pareto;
-pub use rows::{ErrorKind, Figure, Kind, Orders, Report, Row, Stress};
+pub use rows::{ErrorKind, Figure, Kind, Orders, Row, Stress};
 
-use elisions::Frame;
+use elisions::{Elision, Frame};
 use limpid::gpu::Gpu;
 use limpid::renderer::Renderer;
 use limpid_io::error::Result;
+use passes::Budget;
 use picture::Effort;
+use rates::Rates;
+use serde::Serialize;
 use subjects::Subject;
 
-/// What to measure.
+/// Options of a report.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Options {
     /// Small pictures and few methods: a few minutes on two cores without a GPU.
@@ -57,7 +61,7 @@ pub struct Options {
     pub kinds: Vec<Kind>,
 }
 
-/// What a scene is measured for: intersections, smoothing, caustics, pictures.
+/// The measurements made on each scene: intersections, smoothing, caustics, pictures.
 const SCENES: [(&str, [bool; 4]); 12] = [
     ("pool", [true, true, true, true]),
     ("reef", [true, false, false, false]),
@@ -73,14 +77,39 @@ const SCENES: [(&str, [bool; 4]); 12] = [
     ("dam", [false, false, true, true]),
 ];
 
-/// Scenes whose passes are budgeted unless others are named: splashes, light and shadow; 250,000
-/// particles; no light.
+/// Scenes whose passes are budgeted by default: one with splashes, light and shadow; one with
+/// 250,000 particles; one without light.
 const BUDGETED: [&str; 4] = ["cascade", "pool", "vase", "demo"];
 
-/// Measures everything, telling `progress` what comes next.
+/// The results of all measurements.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// The adapter and its driver.
+    pub adapter: String,
+    /// Whether it is the short form.
+    pub quick: bool,
+    /// The measurements.
+    pub rows: Vec<Row>,
+    /// Peak rates of the adapter, if passes were budgeted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rates: Option<Rates>,
+    /// Budgets of passes.
+    pub budgets: Vec<Budget>,
+    /// Time saved by skipping work.
+    pub elisions: Vec<Elision>,
+    /// Shares of the orders in which rays meet splashes and aggregates.
+    pub orders: Vec<Orders>,
+    /// Errors in extreme scenes.
+    pub stress: Vec<Stress>,
+    /// Pictures; not in the JSON.
+    #[serde(skip)]
+    pub figures: Vec<Figure>,
+}
+
+/// Runs all measurements, reporting each step to `progress`.
 ///
 /// # Errors
-/// [`limpid_io::Error::Usage`] for a scene that there is not; as [`Renderer::render`].
+/// [`limpid_io::Error::Usage`] for an unknown scene; as [`Renderer::render`].
 pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> {
     let mut report = Report {
         adapter: gpu.adapter(),
@@ -101,7 +130,7 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
     let effort = Effort { width: options.width.unwrap_or(effort.width), ..effort };
     let mut renderer = Renderer::new(gpu);
     for name in &options.scenes {
-        // An unknown name is told before an hour has passed.
+        // Unknown names are reported before an hour of measuring.
         if options.kinds != [Kind::Pass] || !subjects::is_file(name) {
             subjects::check(name)?;
         }
@@ -112,7 +141,7 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
         if !options.scenes.is_empty() && !options.scenes.iter().any(|wanted| wanted == name) {
             continue;
         }
-        // What takes long is left out of the short form unless it is asked for by name.
+        // The short form omits slow measurements unless the scene is named.
         let short = options.quick && options.scenes.is_empty();
         let picture = picture && !(short && caustics && name != "cascade");
         let caustics = caustics && !(short && name != "pool");

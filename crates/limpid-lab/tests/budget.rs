@@ -1,4 +1,4 @@
-//! Budgets of passes: what the model counts, and that no pass is without one.
+//! Budgets of passes: the counts of the model, and that every pass has a model.
 
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
@@ -40,15 +40,15 @@ fn sun() -> Light {
     Light::Sun { direction: Vec3::new(0.2, -1.0, 0.1), irradiance: Vec3::ONE }
 }
 
-/// Protects the model by a case that can be counted by hand: one ball in the middle of the view, as
-/// a splash and as an aggregate.
+/// The model against a case counted by hand: one ball in the middle of the view, as a splash and as
+/// an aggregate.
 #[test]
-fn one_ball() {
+fn counts_of_one_ball() {
     let (distance, radius) = (4.0f64, 0.5f64);
     let camera = on_axis(distance as f32, 40.0);
     let ball = sphere(Vec3::ZERO, radius as f32);
     let counts = eye_counts(&scene(), &camera, &splats(&[ball], &[], 0.1), SIZE);
-    // The tangent cone's slope, in pixels.
+    // The slope of the tangent cone.
     let slope = radius / (distance * distance - radius * radius).sqrt();
     let pixels_per_slope = f64::from(SIZE.y) / 2.0 / 20f64.to_radians().tan();
     let area = PI * (slope * pixels_per_slope).powi(2);
@@ -62,31 +62,30 @@ fn one_ball() {
     assert_eq!(counts.background_rays, f64::from(SIZE.element_product()) - n);
     assert_eq!(counts.tiles, 20.0 * 15.0);
     assert!(counts.liquid_tiles >= n / 64.0 && counts.liquid_tiles <= 4.0 * n / 64.0);
-    // Read the splat, clear the layer, write the depth: twice.
+    // Read the splat, clear the layer, write the depth; for two sides.
     let pixels = f64::from(SIZE.element_product());
     let (bytes, operations) = work("splat", &counts).expect("a model");
     assert_eq!(bytes, 2.0 * (48.0 + 16.0 * pixels + 4.0 * n));
     assert_eq!(operations, 2.0 * (220.0 + 90.0 * n));
     assert_eq!(work("light splat", &counts), Some((bytes, operations)));
 
-    // Twice the same ball: twice the fragments on the same pixels. And as splashes.
+    // The same ball twice: twice the fragments on the same pixels. And as splashes.
     let twice = eye_counts(&scene(), &camera, &splats(&[ball, ball], &[], 0.1), SIZE);
     assert_eq!([twice.aggregate_fragments, twice.aggregate_pixels], [2.0 * n, n]);
     let spray = eye_counts(&scene(), &camera, &splats(&[], &[ball, ball], 0.1), SIZE);
     assert_eq!([spray.splash_fragments, spray.splash_pixels, spray.liquid_pixels], [2.0 * n, n, n]);
     assert_eq!([spray.aggregate_pixels, spray.classes], [0.0, 2.0]);
 
-    // Beside the picture, and behind the eye.
+    // Outside the picture, and behind the eye.
     for place in [Vec3::X * 9.0, Vec3::Z * 9.0] {
         let one = splats(&[sphere(place, radius as f32)], &[], 0.1);
         assert_eq!(eye_counts(&scene(), &camera, &one, SIZE).liquid_pixels, 0.0);
     }
 }
 
-/// Protects the model's coverage: of ellipsoids in any position the pixels that it counts are those
-/// that the device draws.
+/// The model's coverage of ellipsoids in any position matches the pixels that the device renders.
 #[test]
-fn coverage_is_what_is_drawn() {
+fn coverage_matches_rendered_pixels() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = Renderer::new(&gpu);
     let mut seed = 5;
@@ -110,7 +109,7 @@ fn coverage_is_what_is_drawn() {
     assert_close(counts.aggregate_pixels, drawn("aggregate"), 1e-3);
     assert_close(counts.splash_pixels, drawn("splash"), 1e-3);
 
-    // Some beside the camera, which the near plane cuts.
+    // Ellipsoids next to the camera, clipped by the near plane.
     let beside = [(); 8].map(|()| {
         let axes = 0.05 + 0.1 * (0.5 + 0.5 * noise_vector(&mut seed));
         let place = noise_vector(&mut seed) * Vec3::new(0.5, 0.4, 0.1) + 3.5 * Vec3::Z;
@@ -127,10 +126,10 @@ fn coverage_is_what_is_drawn() {
     assert_close(counts.aggregate_pixels, drawn, 1e-3);
 }
 
-/// Protects the lights' counts: under a sun a ball covers a circle of its own size, whatever the
-/// distance, and there are as many vertices as the grid has.
+/// The lights' counts: under a sun a ball covers a circle of its own size at any distance, and the
+/// vertices are those of the grid.
 #[test]
-fn one_ball_in_the_sun() {
+fn light_counts_of_one_ball() {
     let mut scene = Scene { solids: vec![floor()], lights: vec![sun()], ..scene() };
     scene.settings.caustics.resolution = 256;
     scene.settings.caustics.grid = 64;
@@ -145,14 +144,14 @@ fn one_ball_in_the_sun() {
     assert_eq!(counts[0].pixels, f64::from(view.size.element_product()));
     assert!(counts[0].vertices <= 65.0 * 65.0 && counts[0].vertices > 32.0 * 32.0);
     assert_eq!((counts[0].forward, counts[0].gather), (1.0, 0.0));
-    // Nothing lit, nothing drawn.
+    // Nothing lit, nothing rendered.
     scene.solids[0].lit = false;
     assert!(light_counts(&scene, &ball).is_empty());
 }
 
-/// Protects frames without anything: numbers, none of them negative, and what is left is clearing.
+/// An empty frame has finite, non-negative costs, which are those of clearing.
 #[test]
-fn an_empty_frame() {
+fn costs_of_an_empty_frame() {
     let nothing = Splats { radius: 0.1, ..Default::default() };
     let counts = eye_counts(&scene(), &on_axis(4.0, 40.0), &nothing, SIZE);
     assert_eq!([counts.liquid_pixels, counts.liquid_tiles, counts.rays], [0.0; 3]);
@@ -166,8 +165,7 @@ fn an_empty_frame() {
     assert_eq!(work("splat", &Counts::default()), Some((0.0, 0.0)));
 }
 
-/// Protects the table from passes that it forgets: every pass that any frame times has a model. On
-/// the no-op device, which runs nothing.
+/// Every pass that any frame times has a model. Runs on the no-op device.
 #[test]
 fn every_pass_has_a_model() {
     let required_features = wgpu::Features::TIMESTAMP_QUERY;
@@ -209,10 +207,10 @@ fn every_pass_has_a_model() {
     assert_eq!(work("a pass that is new", &Counts::default()), None);
 }
 
-/// Protects the table as it is printed: a row for each pass that ran, in its order, each with numbers
-/// that are none of them negative, and sums of them.
+/// The printed table has a row for each pass that ran, in order, with non-negative figures, and
+/// correct sums.
 #[test]
-fn a_frame_has_its_rows() {
+fn frames_have_rows_and_sums() {
     let Some(gpu) = gpu() else { return };
     let rates = rates::measure(&gpu).expect("measured");
     println!("{rates:?}");

@@ -1,4 +1,4 @@
-//! Caustic maps on the device, against closed forms and against light traced in 64 bits.
+//! Caustic maps on the device, against closed forms and against light traced in f64.
 
 #[expect(dead_code, reason = "what this file does not use of it")]
 #[path = "../../../tests/support/mod.rs"]
@@ -21,10 +21,10 @@ use support::gpu;
 
 const IOR: f64 = 1.33;
 
-/// A particle radius for settings that are multiples of it; the layers here have none.
+/// The particle radius that settings are multiples of; the layers here have none.
 const RADIUS: f32 = 1e-3;
 
-/// A scene over whose solids a sun of irradiance 2 shines along `direction`.
+/// A scene with a sun of irradiance 2 along `direction`.
 fn scene(direction: DVec3, absorption: f64, solids: &str) -> Scene {
     let [x, y, z] = direction.to_array();
     let text = format!(
@@ -50,7 +50,7 @@ fn flat(half: f64) -> Pool {
     }
 }
 
-/// The light's view of what lies within `half` of the origin, from `depth` below y = 0 to 0.
+/// The light's view of everything within `half` of the origin, from `depth` below y = 0 up to 0.
 fn view(scene: &Scene, half: f64, depth: f64, resolution: u32, level: bool) -> LightView {
     let bounds = (DVec3::new(-half, -depth, -half), DVec3::new(half, 0.0, half));
     let level = level.then_some((0.0, IOR));
@@ -70,14 +70,14 @@ fn centers(size: UVec2) -> impl Iterator<Item = DVec2> {
     pixels.map(|p| p.as_dvec2() + 0.5)
 }
 
-/// Share of unpolarised light that enters water at an angle whose cosine is given.
+/// Transmittance of unpolarised light that enters water at an angle of the given cosine.
 fn transmitted(cos_theta_i: f64) -> f64 {
     let d = DVec3::new((1.0 - cos_theta_i * cos_theta_i).sqrt(), -cos_theta_i, 0.0);
     1.0 - optics::Interface::new(d, DVec3::Y, IOR).reflectance
 }
 
-/// Asserts that the map is `expected` (of an irradiance of 2) in its middle, `border` texels off
-/// its edges.
+/// Asserts that the map equals `expected` (for an irradiance of 2) in its middle, `border` texels
+/// from its edges.
 fn assert_even(run: &Run, view: &LightView, expected: DVec3, tolerance: f64, border: f64) {
     let size = view.size.as_dvec2();
     let mut seen = 0;
@@ -96,11 +96,12 @@ fn assert_even(run: &Run, view: &LightView, expected: DVec3, tolerance: f64, bor
     assert!(seen > 1000, "{seen} texels");
 }
 
-/// Protects the radiometry: under still water, with the sun overhead or slanting, on the floor and
-/// with absorption, every texel gets E T cos(theta) exp(-sigma l). The incident vector of unit
-/// length, the cosine once, and a cell's light neither lost nor doubled between texels.
+/// Radiometry under still water, with the sun overhead or slanting, on the floor and with
+/// absorption: every texel receives E T cos(theta) exp(-sigma l). Checks that the incident vector
+/// is normalized, that the cosine is applied once, and that a cell's light is neither lost nor
+/// doubled between texels.
 #[test]
-fn still_water_lights_evenly() {
+fn still_water_gives_uniform_irradiance() {
     for (direction, sigma) in
         [(DVec3::NEG_Y, 0.0), (DVec3::new(-0.5, -1.0, 0.5), 0.0), (DVec3::new(0.9, -1.0, 0.2), 0.3)]
     {
@@ -119,20 +120,20 @@ fn still_water_lights_evenly() {
     }
 }
 
-/// Protects Snell's law for light whose direction is not a unit vector: a sun 35.264° from the
-/// vertical is refracted to 25.728°, which is where the map's own view looks.
+/// Snell's law for a light direction that is not a unit vector: a sun 35.264° from the vertical is
+/// refracted to 25.728°, along which the map's view looks.
 #[test]
-fn a_slanting_sun_is_refracted_to_its_angle() {
+fn slanting_sun_obeys_snell() {
     let scene = scene(DVec3::new(-0.5, -1.0, 0.5), 0.0, &floor(2.0));
     let view = view(&scene, 4.0, 2.0, 64, true);
     let angle = (-view.ray(DVec2::ZERO).1.y).acos().to_degrees();
     assert!((angle - 25.728).abs() < 1e-3, "{angle}");
 }
 
-/// Protects receivers that stand upright: a wall under water gets the same light across itself as
-/// the floor does.
+/// Vertical receivers: a wall under water receives the same light per perpendicular area as the
+/// floor.
 #[test]
-fn a_wall_gets_the_light_that_crosses_it() {
+fn walls_receive_light_by_their_cosine() {
     let wall = "[[solid]]\nshape = \"box\"\nmin = [-30.0, -9.0, -30.0]\nmax = [-2.0, 1.0, 30.0]\nlit = true\n";
     let direction = DVec3::new(-1.0, -1.0, 0.0);
     let scene = scene(direction, 0.0, &(floor(6.0) + wall));
@@ -158,10 +159,10 @@ fn a_wall_gets_the_light_that_crosses_it() {
     assert!(seen.iter().all(|&n| n > 1000), "{seen:?}");
 }
 
-/// Protects the second interface: light through a plate arrives weakened by both faces and by what
-/// is between them, by every method that follows it that far.
+/// The second interface: light through a plate is attenuated by both faces and by the absorption in
+/// between, by every method that traces it that far.
 #[test]
-fn light_leaves_a_plate() {
+fn light_passes_through_a_plate() {
     let plate = Block { min: DVec3::new(-30.0, -0.5, -30.0), max: DVec3::new(30.0, 0.0, 30.0) };
     for direction in [DVec3::NEG_Y, DVec3::new(0.4, -1.0, 0.3)] {
         let mut scene = scene(direction, 0.7, &floor(2.0));
@@ -179,11 +180,11 @@ fn light_leaves_a_plate() {
     }
 }
 
-/// Protects areas through and beyond a focus: a flat surface whose normals refract light to x (1 -
-/// d/F) at depth d concentrates it by 1/(1 - d/F)², to 2 %, before the focus and behind it, where
-/// every cell is turned over.
+/// Areas through and beyond a focus: a flat surface whose normals refract light to x (1 - d/F) at
+/// depth d concentrates it by 1/(1 - d/F)², to 2 %, before the focus and behind it, where every
+/// cell is flipped.
 #[test]
-fn a_linear_lens_focuses() {
+fn a_linear_lens_focuses_by_its_square() {
     const F: f64 = 20.0;
     for share in [0.3, 0.6, 0.8, 1.25, 1.6, 2.0] {
         let depth = share * F;
@@ -224,10 +225,10 @@ fn a_linear_lens_focuses() {
     }
 }
 
-/// Protects energy: what the bottom of a walled pool receives is what waves let in, to 1 %, in folds
-/// of both signs too.
+/// Energy conservation: the bottom of a walled pool receives the light that the waves transmit, to
+/// 1 %, with folds of both orientations.
 #[test]
-fn light_is_kept_in_a_pool() {
+fn light_is_conserved_in_a_pool() {
     let walls = [[-40.0, -12.0, -40.0, 40.0], [12.0, 40.0, -40.0, 40.0], [-12.0, 12.0, -40.0, -12.0], [-12.0, 12.0, 12.0, 40.0]]
         .map(|[x0, x1, z0, z1]: [f64; 4]| {
             format!("[[solid]]\nshape = \"box\"\nmin = [{x0:?}, -9.0, {z0:?}]\nmax = [{x1:?}, 0.1, {z1:?}]\nlit = true\n")
@@ -243,14 +244,14 @@ fn light_is_kept_in_a_pool() {
         let view = view(&scene, 12.0, 2.0, 256, true);
         let Some(run) = run(&scene, &view, &pool) else { return };
         let got = received(&view, &run, &scene).y;
-        let sent = light_let_in(&scene, &waves, 12.0);
+        let sent = transmitted_power(&scene, &waves, 12.0);
         let error = got / sent - 1.0;
         assert!(error.abs() < 0.01, "received {got}, sent {sent}: {error}");
     }
 }
 
 /// Light that enters waves within `half` of the origin, W, by quadrature over their surface.
-fn light_let_in(scene: &Scene, waves: &Waves, half: f64) -> f64 {
+fn transmitted_power(scene: &Scene, waves: &Waves, half: f64) -> f64 {
     let Light::Sun { direction, .. } = scene.lights[0] else { panic!("a sun") };
     let towards = -direction.as_dvec3().normalize();
     let surroundings = Surroundings::new(scene);
@@ -270,7 +271,7 @@ fn light_let_in(scene: &Scene, waves: &Waves, half: f64) -> f64 {
     (0..n).flat_map(|i| (0..n).map(move |j| cell(i, j))).sum()
 }
 
-/// A walled pool of waves, its light, and the truth for its map: light traced in 64 bits.
+/// A wide pool with waves, its light, and the true map: light traced in f64.
 fn waves_in_a_pool(
     resolution: u32,
 ) -> (Scene, LightView, Pool, limpid_lab::reference::caustics::CausticMap, f64) {
@@ -285,7 +286,8 @@ fn waves_in_a_pool(
     (scene, map, pool, truth, own)
 }
 
-/// Whether a texel is a tenth of the map off its edges, where light comes from outside the view.
+/// Whether a texel is at least a tenth of the map from its edges, which receive light from outside
+/// the view.
 fn inside(view: &LightView) -> impl Fn(usize) -> bool + use<> {
     let size = view.size;
     move |i| {
@@ -294,9 +296,9 @@ fn inside(view: &LightView) -> impl Fn(usize) -> bool + use<> {
     }
 }
 
-/// Protects the whole of `forward`: over waves, against light traced through the analytic surface
-/// by other code in 64 bits, its error falls with the grid's resolution to below 2 %, with as many
-/// cells as texels below 3 %.
+/// The whole of `forward`: over waves, against an independent f64 trace through the analytic
+/// surface, its error decreases with the grid's resolution to below 2 %, with as many cells as
+/// texels below 3 %.
 #[test]
 fn forward_converges_to_the_truth() {
     let (mut scene, view, pool, truth, own) = waves_in_a_pool(128);
@@ -312,8 +314,8 @@ fn forward_converges_to_the_truth() {
     assert!(errors[2] < 0.03 && errors[3] < 0.02, "{errors:?}");
 }
 
-/// Protects `gather` as the renderer has it, in a view along refracted light: every texel's walk ends
-/// at a path, and the map differs from the truth by less than 5 %, 3 % if the grid is fine.
+/// `gather` as the renderer uses it, in a view along refracted light: nearly every texel's walk
+/// ends at a path, and the map differs from the truth by less than 5 %.
 #[test]
 fn gather_agrees_with_the_truth() {
     let (mut scene, view, pool, truth, _) = waves_in_a_pool(128);

@@ -1,4 +1,4 @@
-//! Ground truth of caustics against closed forms, against itself by another way, and in pictures.
+//! The ground truth of caustics against closed forms, against independent methods, and in pictures.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -42,10 +42,10 @@ fn sun(direction: DVec3) -> Light {
 
 const POWER: DVec3 = DVec3::new(3.0, 2.0, 1.0);
 
-/// Light 35.264 degrees from the vertical.
+/// Light at 35.264 degrees from the vertical.
 const OBLIQUE: DVec3 = DVec3::new(1.0, -std::f64::consts::SQRT_2, 0.0);
 
-/// The view of a sun overhead, of a square around the y axis, from 50 m up to 50 m down.
+/// The view of a sun overhead, of a square around the y axis, from 50 m above to 50 m below.
 fn overhead(half: f64, size: u32) -> LightView {
     LightView {
         origin: 50.0 * DVec3::Y,
@@ -59,7 +59,7 @@ fn overhead(half: f64, size: u32) -> LightView {
     }
 }
 
-/// The view of a light on what is between two corners; a sun's from high up, for water that is wider
+/// The view of a light of everything between two corners; a sun's from high up, for water wider
 /// than that.
 fn light_view(light: &Light, min: DVec3, max: DVec3, scene: &Scene, resolution: u32) -> LightView {
     let view = LightView::new(light, (min, max), &scene.solids, 0.0, resolution, None).unwrap();
@@ -68,7 +68,7 @@ fn light_view(light: &Light, min: DVec3, max: DVec3, scene: &Scene, resolution: 
     LightView { origin, far: view.far + back, ..view }
 }
 
-/// Flat or wavy water that is wider than any view here.
+/// Flat or wavy water wider than any view here.
 fn water(waves: Waves) -> Pool {
     Pool { waves, min: DVec2::splat(-100.0), max: DVec2::splat(100.0), bottom: f64::NEG_INFINITY }
 }
@@ -86,13 +86,13 @@ fn close(found: DVec3, expected: DVec3, relative: f64) -> bool {
     (found - expected).length() <= relative * expected.length()
 }
 
-/// What the texels hold, W.
+/// Total power on the texels, W.
 fn held(map: &CausticMap) -> DVec3 {
     let each = map.irradiance.iter().zip(&map.receivers);
     each.filter_map(|(&e, receiver)| Some(e * receiver.as_ref()?.area)).sum()
 }
 
-/// All of the light is accounted for, and the texels hold what was received.
+/// Checks that all light is accounted for, and that the texels hold the received light.
 fn check_accounts(map: &CausticMap) {
     let f = map.flux;
     let ends = f.received + f.hidden + f.outside + f.missed + f.reflected + f.liquid;
@@ -101,16 +101,16 @@ fn check_accounts(map: &CausticMap) {
     assert!(f.transmitted.cmple(f.sent * (1.0 + 1e-12)).all());
 }
 
-/// Protects the identity of caustics: under flat water irradiance is that of the sun times the
-/// interface's transmittance, the cosine and the absorption, everywhere; and the light that comes
-/// 35.264 degrees from the vertical goes on at 25.728.
+/// Under flat water the irradiance is that of the sun times the interface's transmittance, the
+/// cosine and the absorption, everywhere; and light at 35.264 degrees from the vertical continues
+/// at 25.728.
 #[test]
-fn flat_water_shines_evenly() {
+fn flat_water_gives_uniform_irradiance() {
     let absorption = DVec3::new(0.8, 0.3, 0.0);
     let text = "[liquid]\nior = 1.33\nabsorption = [0.8, 0.3, 0.0]\n";
     let scene = scene(&format!("{text}{FLOOR}"));
     let liquid = water(Waves::default());
-    // The settings are in 32 bits.
+    // Settings are in 32 bits.
     let ior = f64::from(scene.liquid.ior);
     let absorption_read = scene.liquid.absorption.as_dvec3();
     assert!((absorption_read - absorption).length() < 1e-6);
@@ -133,7 +133,7 @@ fn flat_water_shines_evenly() {
     assert!((inner.acos().to_degrees() - 25.728).abs() < 2e-3);
     let t = 1.0 - fresnel(cos, ior);
     let expected = t * cos * POWER * transmittance(absorption_read, 1.0 / inner);
-    // Light comes short of where it would without refraction, along the picture's rows.
+    // Light lands short of where it would without refraction, along the picture's rows.
     let short = (cos.acos().tan() - inner.acos().tan()) * cos;
     let short = short * f64::from(view.size.y) / (2.0 * view.half_extent.y);
     for x in 2..view.size.x - 2 {
@@ -145,10 +145,10 @@ fn flat_water_shines_evenly() {
     }
 }
 
-/// Protects energy under waves with folds: what interfaces and water let through, computed another
-/// way, all arrives.
+/// Energy conservation under waves with folds: the light that interfaces and water transmit,
+/// computed independently, all arrives.
 #[test]
-fn waves_keep_the_light() {
+fn waves_conserve_light() {
     let text = "[liquid]\nior = 1.33\nabsorption = [0.8, 0.3, 0.0]\n";
     let scene = scene(&format!("{text}{}", FLOOR.replace("-1.0", "-4.0")));
     let liquid = water(waves(0.15));
@@ -187,10 +187,9 @@ fn waves_keep_the_light() {
     assert!(close(flux.transmitted, expected, 1e-7), "{} {expected}", flux.transmitted);
 }
 
-/// Protects receivers that are not level: a wall in the water gets the light that its cosine gives
-/// it, once.
+/// Receivers that are not level: a wall in the water receives light by its cosine, once.
 #[test]
-fn walls_get_their_share() {
+fn walls_receive_light_by_their_cosine() {
     let scene = clear(&format!(
         "{FLOOR}[[solid]]\nshape = \"box\"\nmin = [0.4, -1.0, -9.0]\nmax = [0.9, 0.2, 9.0]"
     ));
@@ -205,11 +204,11 @@ fn walls_get_their_share() {
     let (mut walls, mut floors) = (0, 0);
     for (i, receiver) in map.receivers.iter().enumerate() {
         let Some(spot) = receiver.as_ref().map(|receiver| receiver.spot) else { continue };
-        // Where the ray to it entered: in the frame, and no border near.
+        // Where the ray to it entered: inside the frame, and away from its border.
         let from = spot.point.x + spot.point.y * inner.tan();
         let inside = spot.point.z.abs() < 0.9 && from > -0.9;
         if inside && spot.solid == 1 && spot.normal == DVec3::NEG_X && spot.point.y < -0.05 {
-            // The lowest part is lit through water that the frame holds, the rest too.
+            // The lowest part, next to the floor, is skipped.
             if spot.point.y > -0.9 {
                 let expected = below * inner.tan();
                 assert!(close(map.irradiance[i], expected, 1e-6), "{spot:?}");
@@ -227,7 +226,7 @@ fn walls_get_their_share() {
     assert!(walls > 500 && floors > 200, "{walls} {floors}");
 }
 
-/// A flat surface that bends vertical light to a point `focus` below the origin.
+/// A flat surface that refracts vertical light to a point `focus` below the origin.
 struct Lens {
     focus: f64,
     ior: f64,
@@ -241,7 +240,7 @@ impl Liquid for Lens {
         }
         let x = ray.at(t);
         let towards = (DVec3::new(0.0, -self.focus, 0.0) - x).normalize();
-        // Snell's law for the normal: what refraction adds to the ray's vector is along it.
+        // Snell's law for the normal: the change of the ray's vector by refraction is along it.
         let shading = (DVec3::NEG_Y - self.ior * towards).normalize();
         Some(Crossing { t, normal: DVec3::Y, shading })
     }
@@ -251,10 +250,10 @@ impl Liquid for Lens {
     }
 }
 
-/// Protects focusing: a surface that refracts linearly, x' = x (1 − d/F), gives 1/(1 − d/F)² before
-/// and beyond its focus, where all triangles are turned over; and all of the light at the focus.
+/// Focusing: a surface that refracts linearly, x' = x (1 − d/F), gives 1/(1 − d/F)² before and
+/// beyond its focus, where all triangles are flipped; and at the focus all of the light.
 #[test]
-fn a_linear_lens_has_the_square_on_both_sides() {
+fn a_linear_lens_focuses_by_its_square() {
     let focus = 8.0;
     let view = overhead(0.5, 24);
     for depth in [2.0, 4.0, 12.0, 16.0, 22.0] {
@@ -285,10 +284,10 @@ fn a_linear_lens_has_the_square_on_both_sides() {
     assert!(lit <= 4 && close(map.flux.received, map.flux.transmitted, 1e-12), "{lit}");
 }
 
-/// Protects paths that leave the liquid: a ball's light is what both interfaces and the chords let
-/// through; near the axis it meets where paraxial optics says, n R / (2 (n − 1)) from the centre.
+/// Paths that leave the liquid: a ball's light is what both interfaces and the chords transmit;
+/// near the axis it converges at the paraxial focus, n R / (2 (n − 1)) from the centre.
 #[test]
-fn a_ball_is_a_lens() {
+fn a_ball_focuses_paraxially() {
     let text = "[liquid]\nior = 1.33\nabsorption = [1.0, 0.5, 0.0]\n";
     let at = |distance: f64| {
         scene(&format!("{text}{}", FLOOR.replace("-1.0", &format!("-{distance:.15}"))))
@@ -324,7 +323,7 @@ fn a_ball_is_a_lens() {
         let expected = t * POWER / (1.0 - distance / focal).powi(2);
         assert!(close(map.irradiance[middle], expected, 2e-3), "{distance}");
     }
-    // Receivers inside the liquid alone: none.
+    // With receivers inside the liquid only: none.
     let inside = beams(&ball, &scene, &sun(DVec3::NEG_Y), &overhead(2.0, 32), 1, 1);
     assert_eq!(inside.flux.received, DVec3::ZERO);
     check_accounts(&inside);
@@ -339,10 +338,10 @@ fn busy() -> Scene {
     ))
 }
 
-/// Protects the beams by photons, which know nothing of areas, folds and edges; and shows that more
-/// beams come nearer to the truth.
+/// Beams agree with photons, which do not depend on areas, folds and edges; and more beams converge
+/// to the truth.
 #[test]
-fn beams_are_what_photons_show() {
+fn beams_agree_with_photons() {
     let scene = busy();
     let liquid = water(waves(0.12));
     let light = sun(DVec3::new(0.4, -1.0, 0.2));
@@ -370,10 +369,10 @@ fn beams_are_what_photons_show() {
     assert_eq!(fine.relative_l1(&fine), 0.0);
 }
 
-/// Protects point lights: the known answers straight below and at an angle (methods after Walter
-/// 2009), and from far away the sun's map.
+/// Point lights: known answers straight below and at an angle (methods after Walter 2009), and from
+/// far away the sun's map.
 #[test]
-fn a_point_light_spreads() {
+fn point_lights_match_closed_forms() {
     let scene = clear(&FLOOR.replace("-1.0", "-2.0"));
     let ior = f64::from(scene.liquid.ior);
     let liquid = water(Waves::default());
@@ -400,7 +399,7 @@ fn a_point_light_spreads() {
     let expected = intensity.as_dvec3() * (0.0270312 * t * cos);
     assert!(close(at_origin(&map), expected, 1e-3), "{} {expected}", at_origin(&map));
 
-    // 10 km away, as the sun.
+    // 10 km away, like the sun.
     let liquid = water(waves(0.1));
     let (far, direction) = (1e4, DVec3::new(0.3, -1.0, 0.1).normalize());
     let point =
@@ -415,7 +414,7 @@ fn a_point_light_spreads() {
             let at = DVec3::new(0.04 * f64::from(x), -2.0, 0.04 * f64::from(z));
             let spot = Spot { solid: 0, point: at, normal: DVec3::Y };
             let [a, b] = maps.each_ref().map(|map| map.at(&spot));
-            // Their texels are not at the same places.
+            // The texels of the two maps are at different positions.
             compared += i32::from((a - b).length() < 0.15 * a.length());
         }
     }
@@ -424,7 +423,8 @@ fn a_point_light_spreads() {
     assert!(close(mean(&maps[0]), mean(&maps[1]), 1e-3));
 }
 
-/// A layer as the device stores it, from what a ray of the light's view meets: point and normal.
+/// A layer in the device's format, from the point and the normal hit by each ray of the light's
+/// view.
 fn layer(view: &LightView, hit: impl Fn(&Ray) -> Option<(DVec3, DVec3)>) -> Layer {
     let texels: Vec<[f32; 4]> = (0..view.size.element_product())
         .map(|i| {
@@ -458,10 +458,10 @@ fn layers(liquid: &impl Liquid, scene: &Scene, view: &LightView) -> (Pair, Layer
     ([front, back], solids)
 }
 
-/// Protects the truth over layers: where these are planes, as the device stores them, it is the
-/// truth of the liquid itself, from a sun and from a point, through one interface and two.
+/// The truth over layers equals that of the liquid itself if the layers, in the device's format,
+/// are planes: from a sun and from a point light, through one interface and two.
 #[test]
-fn layers_of_planes_give_the_same_map() {
+fn planar_layers_give_the_same_map() {
     let scene = scene(&format!("[liquid]\nior = 1.33\nabsorption = [0.8, 0.3, 0.1]\n{FLOOR}"));
     let plate = Block { min: DVec3::new(-90.0, -0.5, -90.0), max: DVec3::new(90.0, 0.0, 90.0) };
     let full = Block { min: DVec3::new(-90.0, -1.0, -90.0), ..plate };
@@ -477,13 +477,14 @@ fn layers_of_planes_give_the_same_map() {
             };
             let found = over(interfaces);
             check_accounts(&found);
-            // A plate that touches the floor by decree is water down to the floor.
+            // A plate that touches the floor by the `contact` tolerance counts as water down to the
+            // floor.
             let same = if contact > 0.5 { full } else { liquid };
             let exact = beams(&same, &scene, &light, &view, interfaces, 2);
             assert!(exact.flux.received.y > 0.5 * exact.flux.transmitted.y, "{:?}", exact.flux);
             let received = (found.flux.received, exact.flux.received);
             assert!(close(received.0, received.1, 5e-2), "{received:?}");
-            // What lands beyond the frame is lost by layers, and with it a border.
+            // Layers lose light that lands outside the frame, and with it a border.
             let size = view.size;
             let border = 2;
             for y in border..size.y - border {
@@ -501,10 +502,10 @@ fn layers_of_planes_give_the_same_map() {
     }
 }
 
-/// Protects the truth over layers on what curves: finer layers of waves and of a ball come nearer to
-/// the maps of the liquids themselves.
+/// The truth over layers of curved surfaces: finer layers of waves and of a ball converge to the
+/// maps of the liquids themselves.
 #[test]
-fn finer_layers_come_nearer() {
+fn finer_layers_converge() {
     let errors = |liquid: Box<dyn Liquid>, floor: &str, interfaces: u32| {
         let scene = clear(&FLOOR.replace("-1.0", floor));
         struct Borrowed<'a>(&'a dyn Liquid);
@@ -534,10 +535,10 @@ fn finer_layers_come_nearer() {
     assert!(ball[1] < 0.7 * ball[0], "{ball:?}");
 }
 
-/// Protects the light on all solids: behind a wall under water, where refracted light comes and no
-/// straight view from the light shows anything; on the wall, on a ball, and nowhere else.
+/// Light on all solids: behind a wall under water, where refracted light lands but no straight view
+/// from the light reaches; on the wall, on a ball, and nowhere else.
 #[test]
-fn light_comes_where_no_straight_view_shows() {
+fn light_reaches_hidden_solids() {
     let scene = clear(&format!(
         "{FLOOR}lit = true\n\
          [[solid]]\nshape = \"box\"\nmin = [-0.3, -1.0, -9.0]\nmax = [-0.2, 0.5, 9.0]\nlit = true\n\
@@ -554,7 +555,7 @@ fn light_comes_where_no_straight_view_shows() {
     let cos = (2f64 / 3.0).sqrt();
     let inner = ((1.0 - cos * cos).sqrt() / ior).asin();
     let level = (1.0 - fresnel(cos, ior)) * cos * POWER;
-    // Light that passes the wall's top enters at once 0.354 from it and goes on by 0.482.
+    // Light that just passes the wall's top enters 0.354 from it and continues by 0.482.
     let edge = -0.2 + 0.5 * (1.0 / cos / cos - 1.0).sqrt() + inner.tan();
     let straight = -0.2 + 1.5 * (1.0 / cos / cos - 1.0).sqrt();
     assert!((edge - 0.6355).abs() < 1e-3 && (straight - 0.8607).abs() < 1e-3, "{edge} {straight}");
@@ -567,7 +568,7 @@ fn light_comes_where_no_straight_view_shows() {
             assert!(close(found, level, 1e-6), "{x}: {found} {level}");
         }
     }
-    // A map along the light shows none of the floor before the end of its straight shadow.
+    // A map along the light does not show the floor within the straight shadow.
     let view = light_view(&light, bounds.0, bounds.1, &scene, 96);
     let map = beams(&liquid, &scene, &light, &view, 1, 3);
     let hidden = Spot { solid: 0, point: DVec3::new(0.75, -1.0, -0.4), normal: DVec3::Y };
@@ -588,10 +589,10 @@ fn light_comes_where_no_straight_view_shows() {
     }
 }
 
-/// Protects point lights that no single view shows: in the liquid, and above it so low that it is
-/// seen under nearly all directions, each with its closed form below.
+/// Point lights that no single view covers: in the liquid, and so close above it that the liquid
+/// spans nearly all directions, each with its closed form below.
 #[test]
-fn a_light_in_the_liquid_or_close_above_shines_all_round() {
+fn lights_in_or_close_to_liquid_shine_all_round() {
     let scene = clear(&format!("{FLOOR}lit = true"));
     let ior = f64::from(scene.liquid.ior);
     let liquid = water(Waves::default());
@@ -610,7 +611,7 @@ fn a_light_in_the_liquid_or_close_above_shines_all_round() {
             let expected = POWER * 0.5 / (0.25 + 0.09f64).powf(1.5);
             assert!(close(aside, expected, 0.03), "{aside} {expected}");
         } else {
-            // From above water looks 1/n as deep (Walter 2009, straight down).
+            // Seen from above water appears 1/n as deep (Walter 2009, straight down).
             let expected = POWER * (1.0 - fresnel(1.0, ior)) / (height + 1.0 / ior).powi(2);
             assert!(close(below, expected, 0.03), "{below} {expected}");
         }
@@ -624,9 +625,9 @@ fn looking(eye: DVec3, target: DVec3, up: Vec3) -> Camera {
 const SUN: &str = "[environment]\nradiance = [0.1, 0.2, 0.3]\n[[light]]\n\
     sun = { direction = [1.0, -2.0, 0.0], irradiance = [3.0, 2.0, 1.0] }\n";
 
-/// Protects exact shadows: in a picture from above the shadow of a box ends at its closed form.
+/// Exact shadows: in a picture from above the shadow of a box ends at its closed form.
 #[test]
-fn a_shadow_ends_where_it_should() {
+fn shadows_have_their_closed_form() {
     let scene = clear(&format!(
         "{SUN}{FLOOR}color = [0.5, 0.5, 1.0]\nlit = true\n\
          [[solid]]\nshape = \"box\"\nmin = [-0.5, -0.4, -0.3]\nmax = [0.1, 0.2, 0.5]\n\
@@ -647,7 +648,7 @@ fn a_shadow_ends_where_it_should() {
         let (on_floor, on_top) = (10.0 * slope, 8.8 * slope);
         let covered =
             |at: DVec2, low: f64, high: f64| at.x > low && at.x < high && at.y > -0.3 && at.y < 0.5;
-        // The box's own sides are seen too, around its top.
+        // The box's sides are visible too, around its top.
         if found == DVec3::ZERO {
             assert!(covered(on_top, -0.5, 0.1) || covered(9.4 * slope, -0.5, 0.1));
             continue;
@@ -660,10 +661,10 @@ fn a_shadow_ends_where_it_should() {
     assert!(shadowed > 50, "{shadowed}");
 }
 
-/// Protects light where caustics are off: straight through a plate T² exp(−σ l), into water
-/// T exp(−σ l); and where they are on, on a wet floor what the map has.
+/// Without caustics light passes straight through a plate by T² exp(−σ l) and into water by T
+/// exp(−σ l); with caustics a wet floor has the light of the map.
 #[test]
-fn liquid_lets_light_through_to_what_is_lit() {
+fn liquid_transmits_light_to_lit_solids() {
     let scene = scene(&format!(
         "[liquid]\nior = 1.33\nabsorption = [1.0, 0.5, 0.1]\n{}{FLOOR}color = [0.5, 0.5, 0.5]\n\
          lit = true\n",
@@ -700,7 +701,7 @@ fn liquid_lets_light_through_to_what_is_lit() {
     let above = seen(&wide(-0.5), &[Some(vec![map])]);
     let expected = full * t * t * transmittance(absorption, 0.5 / inner);
     assert!(close(above, expected, 1e-6), "{above} {expected}");
-    // Beside the liquid the sun is as it is, map or none.
+    // Next to the liquid the sun is unchanged, with or without a map.
     let beside = Block { min: DVec3::new(0.6, -1.0, -1.0), max: DVec3::new(1.0, 0.0, 1.0) };
     let map = beams(&beside, &scene, &light, &view, 1, 1);
     for maps in [&[][..], &[Some(vec![map])]] {
@@ -708,8 +709,8 @@ fn liquid_lets_light_through_to_what_is_lit() {
     }
 }
 
-/// Protects the short cut of steep rays through waves: down into the water and up out of it they
-/// cross where the height says, with that place's normal, and never twice.
+/// The shortcut for steep rays through waves: downwards into the water and upwards out of it they
+/// cross at the height of the waves, with the normal there, and never twice.
 #[test]
 fn steep_rays_cross_waves_once() {
     let pool = Pool {
@@ -725,7 +726,7 @@ fn steep_rays_cross_waves_once() {
         let side = DVec2::new(unit(0.732_051), unit(0.236_068));
         let up = i % 2 == 0;
         let direction = DVec3::new(side.x, if up { 1.0 } else { -1.0 }, side.y).normalize();
-        // From far off and from among the waves.
+        // From far away and from among the waves.
         let off = if i % 3 == 0 { 0.3 * bound } else { 40.0 };
         let surface = pool.waves.height(at);
         let origin = DVec3::new(at.x, surface, at.y) - off * direction;
@@ -749,9 +750,9 @@ fn steep_rays_cross_waves_once() {
     }
 }
 
-/// Protects pools in time: a recipe's `time` moves its waves, and only a sensible one is taken.
+/// A recipe's `time` moves its waves, and a negative one is rejected.
 #[test]
-fn a_pool_is_drawn_at_its_time() {
+fn pools_move_with_time() {
     let text = "[recipe]\nkind = \"pool\"\nhalf_extent = [2.0, 2.0]\ndepth = 1.0\nhull = 0.2\n\
         count = 1000\nwaves = { count = 9, wavelengths = [0.3, 1.0], rms_slope = 0.1, seed = 1 }\n";
     let surface = |text: &str| match project(text).source.recipe() {

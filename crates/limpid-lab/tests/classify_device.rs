@@ -1,4 +1,4 @@
-//! Classification on the device: the same splats as the CPU's tree finds, whatever the particles.
+//! Classification on the device: the same splats as the CPU's tree finds, for any particles.
 
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
@@ -17,7 +17,7 @@ use limpid::scene::Scene;
 use limpid::settings::{Classify, Kernel};
 use limpid::wgpu;
 use limpid_io::error::Error;
-use limpid_io::project::Processor;
+use limpid_io::shared_classifier::Processor;
 use limpid_io::shared_classifier::SharedClassifier;
 use limpid_lab::compare::{PIXELS_PER_DEGREE, flip};
 
@@ -25,12 +25,12 @@ use frames::{gpu, noise, noise_vector, on_axis, stage};
 
 const R: f32 = 0.025;
 
-/// Of centres and of the entries of A, in r, and of densities, in that at rest: what
-/// `src/passes/classify/device.rs` says.
+/// Tolerances of centres and of the entries of A, in r, and of densities, relative to that at rest:
+/// those documented in `src/liquid/classify/device.rs`.
 const TOLERANCE: f32 = 1e-4;
 const DENSITY_TOLERANCE: f32 = 1e-5;
 
-/// The one classifier of these tests; without an adapter none, as in the other tests.
+/// The classifier shared by these tests; `None` without an adapter.
 fn classifier() -> Option<&'static Classifier> {
     static CLASSIFIER: OnceLock<Option<Classifier>> = OnceLock::new();
     let open = || Some(Classifier::new(&gpu()?).expect("WebGPU's limits"));
@@ -41,7 +41,7 @@ fn cloud(positions: impl IntoIterator<Item = Vec3>) -> Particles {
     Particles::from_positions(positions.into_iter().collect())
 }
 
-/// Points i·step, centred on the origin, `count` along each axis; steps in r.
+/// A lattice centred on the origin, with `count` points along each axis; the step in r.
 fn lattice(count: [i32; 3], step: f32) -> Vec<Vec3> {
     let axis = |k: usize| (0..count[k]).map(move |i| (i as f32 - (count[k] / 2) as f32) * step * R);
     axis(0)
@@ -49,29 +49,29 @@ fn lattice(count: [i32; 3], step: f32) -> Vec<Vec3> {
         .collect()
 }
 
-/// Random particles in a cube, so many times as dense as a body at rest.
+/// Random particles in a cube, at a density relative to that at rest.
 fn random(count: usize, seed: u64, density: f32) -> Vec<Vec3> {
     let mut seed = seed;
     let side = R * (count as f32 / density).cbrt();
     (0..count).map(|_| side * noise_vector(&mut seed)).collect()
 }
 
-/// A body, spray around it, and a few that have gone far.
+/// A body, spray around it, and a few stray particles.
 fn liquid(count: usize, seed: u64) -> Vec<Vec3> {
     let spray = random(count / 4, seed + 1, 0.15);
     let far = [Vec3::MAX, Vec3::MIN, 1e20 * Vec3::X, -1e30 * Vec3::ONE];
     random(count - count / 4, seed, 1.0).into_iter().chain(spray).chain(far).collect()
 }
 
-/// The splats of both lists by their particles, and whether each is splash.
+/// The splats of both lists by particle, and whether each is a splash.
 fn by_particle(splats: &Splats) -> BTreeMap<u32, (bool, &Splat)> {
     let aggregates = splats.aggregates.iter().map(|splat| (splat.particle, (false, splat)));
     let splashes = splats.splashes.iter().map(|splat| (splat.particle, (true, splat)));
     aggregates.chain(splashes).collect()
 }
 
-/// How far splats are from those of the CPU's tree: centres and entries of A, in r. What must not
-/// differ at all is an error.
+/// Compares splats with those of the CPU's tree: returns the errors of centres and of entries of A,
+/// in r. Differences in exact properties are errors.
 fn compare(found: &Splats, cloud: &Cloud, settings: &Classify) -> Result<[f32; 2], String> {
     let tree = cloud.classify_by_tree(settings);
     if (found.radius, found.origin) != (tree.radius, tree.origin) {
@@ -82,7 +82,7 @@ fn compare(found: &Splats, cloud: &Cloud, settings: &Classify) -> Result<[f32; 2
             return Err("not in the order of the file".into());
         }
     }
-    // Who is what, whatever the rounding.
+    // The classes that hold whatever the rounding.
     let with = |by: f32| {
         let splash_density = settings.splash_density + by;
         cloud.classify_by_tree(&Classify { splash_density, ..settings.clone() })
@@ -96,7 +96,7 @@ fn compare(found: &Splats, cloud: &Cloud, settings: &Classify) -> Result<[f32; 2
         return Err(format!("{} splats, not {}", found_by.len(), tree.len()));
     }
     let mut worst = [0.0f32; 2];
-    // Marks are a guess by a threshold of its own, where rounding may decide.
+    // Marks are a heuristic with its own threshold, where rounding may decide.
     let mut marks = 0;
     for (particle, (splash, a)) in found_by {
         let (expected, b) = tree[&particle];
@@ -110,7 +110,7 @@ fn compare(found: &Splats, cloud: &Cloud, settings: &Classify) -> Result<[f32; 2
             continue;
         }
         marks += usize::from(a.is_buried() != b.is_buried());
-        // The largest number does not tell of one that is none.
+        // `max_element` would hide a NaN.
         let off = |a: [f32; 3], b: [f32; 3]| {
             let off = (Vec3::from(a) - Vec3::from(b)).abs();
             if off.is_finite() { off.max_element() } else { f32::INFINITY }
@@ -130,13 +130,13 @@ fn compare(found: &Splats, cloud: &Cloud, settings: &Classify) -> Result<[f32; 2
     Ok(worst)
 }
 
-/// The device serves these particles, and finds what the tree finds.
+/// Asserts that the device handles these particles and finds the same as the tree.
 #[track_caller]
 fn assert_equal(name: &str, particles: &Particles, settings: &Classify) {
     let Some(classifier) = classifier() else { return };
     let cloud = Cloud::new(particles, R);
     let served = classifier.shaped(&cloud, settings).expect("the device works");
-    assert!(served.is_some(), "{name}: it is left to the CPU");
+    assert!(served.is_some(), "{name}: falls back to the CPU");
     let splats = classifier.classify(particles, R, settings).expect("the device works");
     match compare(&splats, &cloud, settings) {
         Ok([centres, axes]) => {
@@ -146,8 +146,9 @@ fn assert_equal(name: &str, particles: &Particles, settings: &Classify) {
     }
 }
 
-/// The defaults, volume-preserving kernels with the papers' ratio, and everything an aggregate.
-fn ways() -> [Classify; 3] {
+/// The tested settings: the defaults, volume-preserving kernels with the papers' ratio, and
+/// everything an aggregate.
+fn tested_settings() -> [Classify; 3] {
     let volume =
         Classify { kernel: Kernel::Volume, max_ratio: 4.0, smoothing: 0.9, ..Default::default() };
     let all =
@@ -155,10 +156,10 @@ fn ways() -> [Classify; 3] {
     [Classify::default(), volume, all]
 }
 
-/// Protects shapes where eigenvalues coincide or vanish, and counts at the support's very end, of
-/// which a lattice has many.
+/// Shapes with equal or vanishing eigenvalues, and neighbours exactly at the edge of the support,
+/// which a lattice has many of.
 #[test]
-fn lattices_sheets_lines_pairs_and_one_are_as_on_the_cpu() {
+fn lattices_sheets_lines_pairs_and_one_match_the_cpu() {
     let triangle = vec![Vec3::ZERO, Vec3::X * 2.0 * R, Vec3::new(1.0, 3f32.sqrt(), 0.0) * R];
     let shapes = [
         ("block", lattice([9, 10, 11], 2.0)),
@@ -171,18 +172,18 @@ fn lattices_sheets_lines_pairs_and_one_are_as_on_the_cpu() {
         ("one", vec![Vec3::new(1.0, 2.0, 3.0)]),
     ];
     for (name, points) in shapes {
-        for settings in ways() {
+        for settings in tested_settings() {
             assert_equal(name, &cloud(points.clone()), &settings);
         }
     }
 }
 
-/// Protects the search: any neighbourhood from the smallest to the largest, in bodies, in spray, at
+/// The neighbour search: neighbourhoods from the smallest to the largest, in bodies, in spray, at
 /// the grid's border and beyond it.
 #[test]
-fn liquid_is_as_on_the_cpu() {
+fn liquid_matches_the_cpu() {
     let liquid = cloud(liquid(6000, 1));
-    for settings in ways() {
+    for settings in tested_settings() {
         assert_equal("liquid", &liquid, &settings);
     }
     for support in [1.0, 2.0, 5.5, 10.0] {
@@ -191,24 +192,25 @@ fn liquid_is_as_on_the_cpu() {
     }
 }
 
-/// Protects the rows of cells that a large particle looks at, and volumes as weights.
+/// Particles of different radii: the rows of cells that a large particle visits, and volumes as
+/// weights.
 #[test]
-fn radii_that_differ_are_as_on_the_cpu() {
+fn different_radii_match_the_cpu() {
     let mut seed = 3;
     let positions = liquid(5000, 4);
     for spread in [1.5, 3.9] {
         let radius = |_: &Vec3| R * f32::powf(spread, 2.0 * noise(&mut seed) - 1.0);
         let radii = Some(positions.iter().map(radius).collect());
         let particles = Particles { radii, ..cloud(positions.clone()) };
-        for settings in ways() {
+        for settings in tested_settings() {
             assert_equal(&format!("radii by {spread}"), &particles, &settings);
         }
     }
 }
 
-/// Protects digits: in the same place, in nearly the same place, far off, tiny and huge.
+/// Precision: coincident and nearly coincident particles, far away, tiny and huge ones.
 #[test]
-fn duplicates_and_far_particles_are_as_on_the_cpu() {
+fn duplicates_and_far_particles_match_the_cpu() {
     let settings = Classify::default();
     let body = random(1000, 5, 1.0);
     assert_equal("coincident", &cloud([Vec3::new(0.1, -7.3, 12.5); 50]), &settings);
@@ -226,23 +228,24 @@ fn duplicates_and_far_particles_are_as_on_the_cpu() {
     }
 }
 
-/// Protects the ends of the sort's blocks and of the workgroups; a frame without liquid is a frame.
+/// Any number of particles: partial blocks of the sort and partial workgroups; an empty frame is
+/// valid.
 #[test]
-fn any_number_of_particles_is_as_on_the_cpu() {
+fn any_particle_count_matches_the_cpu() {
     let settings = Classify::default();
     for count in [1, 2, 63, 64, 65, 255, 256, 257, 2047, 2048, 2049] {
         assert_equal(&format!("{count}"), &cloud(random(count, 6, 1.0)), &settings);
     }
-    // As many cells as particles may have, several blocks of them.
+    // As many cells as the particles can occupy, several blocks of them.
     assert_equal("spray", &cloud(random(9000, 7, 0.02)), &settings);
     let Some(classifier) = classifier() else { return };
     let none = classifier.classify(&Particles::default(), R, &settings).expect("the device works");
     assert_eq!(none, classify(&Particles::default(), R, &settings));
 }
 
-/// Protects what the host adds: fluids, particles that are left out, and shapes that the file gives.
+/// Data added by the host: fluids, omitted particles, and shapes from the file.
 #[test]
-fn fluids_gaps_and_given_shapes_are_as_on_the_cpu() {
+fn fluids_gaps_and_given_shapes_match_the_cpu() {
     let mut positions = liquid(2000, 8);
     positions[7] = Vec3::splat(f32::NAN);
     let count = positions.len();
@@ -259,10 +262,10 @@ fn fluids_gaps_and_given_shapes_are_as_on_the_cpu() {
     assert_equal("fluids", &particles, &Classify::default());
 }
 
-/// Protects reproducible pictures: the order in which threads run is not seen, nor what was
-/// classified before, nor how many ask at once.
+/// Reproducibility: results do not depend on the order of threads, on earlier classifications, or
+/// on concurrent calls.
 #[test]
-fn the_same_particles_give_the_same_bits() {
+fn classification_is_deterministic() {
     let Some(classifier) = classifier() else { return };
     let settings = Classify::default();
     let body = cloud(liquid(8000, 9));
@@ -271,7 +274,7 @@ fn the_same_particles_give_the_same_bits() {
     };
     let first = classified(&body);
     classified(&cloud(random(300, 10, 1.0)));
-    // Threads often happen to come in the same order.
+    // Repeated because threads often happen to run in the same order.
     for again in 0..20 {
         assert!(first == classified(&body), "{again}");
     }
@@ -283,9 +286,9 @@ fn the_same_particles_give_the_same_bits() {
     });
 }
 
-/// Protects particles that no grid serves: the CPU's answer, to the bit.
+/// Particles that no grid can handle are classified by the CPU, bit-identically.
 #[test]
-fn what_the_device_does_not_serve_is_left_to_the_cpu() {
+fn unsupported_particles_fall_back_to_the_cpu() {
     let Some(classifier) = classifier() else { return };
     let settings = Classify::default();
     let mut radii = vec![R; 500];
@@ -302,7 +305,7 @@ fn what_the_device_does_not_serve_is_left_to_the_cpu() {
     }
 }
 
-/// A device of the best adapter with limits as `limit` leaves them.
+/// Opens a device of the best adapter with limits changed by `limit`.
 fn limited(limit: impl Fn(&mut wgpu::Limits)) -> Option<Gpu> {
     gpu()?;
     let descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
@@ -316,10 +319,10 @@ fn limited(limit: impl Fn(&mut wgpu::Limits)) -> Option<Gpu> {
     Some(Gpu::from_device(device, queue))
 }
 
-/// Protects small devices: frames that one binding does not hold are the CPU's, and a device that
-/// cannot run the shaders is refused by name.
+/// Small devices: frames larger than one binding are classified by the CPU, and a device that
+/// cannot run the shaders is rejected with the limit that it lacks.
 #[test]
-fn frames_that_do_not_fit_are_left_to_the_cpu() {
+fn frames_that_do_not_fit_fall_back_to_the_cpu() {
     let small = limited(|limits| limits.max_storage_buffer_binding_size = 48 * 1024);
     let Some(small) = small else { return };
     let classifier = Classifier::new(&small).expect("WebGPU's limits but for the binding");
@@ -336,51 +339,51 @@ fn frames_that_do_not_fit_are_left_to_the_cpu() {
     assert!(matches!(&refused, Err(limpid::Error::Limit { of: Limited::Classify, .. })));
 }
 
-/// Protects the setting: who asks for the device gets it or hears why not; otherwise it is a matter
-/// of speed, and never an error.
+/// The `classify.on` setting: a request for the device is satisfied or refused with a reason;
+/// otherwise the choice affects only speed and never fails.
 #[test]
-fn settings_choose_the_place() {
+fn settings_choose_the_processor() {
     let particles = cloud(random(9000, 13, 1.0));
     let settings = Classify::default();
     let expected = classify(&particles, R, &Classify::default());
-    let nowhere = SharedClassifier::default();
+    let without_device = SharedClassifier::default();
     for processor in [Processor::Auto, Processor::Cpu] {
         let splats =
-            nowhere.classify(&particles, R, &settings, processor).expect("the CPU is there");
+            without_device.classify(&particles, R, &settings, processor).expect("the CPU is there");
         assert!(splats == expected);
     }
-    let refused = nowhere.classify(&particles, R, &settings, Processor::Gpu);
+    let refused = without_device.classify(&particles, R, &settings, Processor::Gpu);
     assert!(matches!(&refused, Err(Error::Usage(problem)) if problem.contains("classify.on")));
 
     let Some(gpu) = gpu() else { return };
-    let place = SharedClassifier::on(&gpu);
+    let shared = SharedClassifier::on(&gpu);
     let on_device =
-        place.classify(&particles, R, &settings, Processor::Gpu).expect("the device works");
+        shared.classify(&particles, R, &settings, Processor::Gpu).expect("the device works");
     assert!(on_device != expected, "sums in another order differ in some bit");
     compare(&on_device, &Cloud::new(&particles, R), &Classify::default()).expect("as on the CPU");
-    let auto = place.classify(&particles, R, &settings, Processor::Auto).expect("never an error");
+    let auto = shared.classify(&particles, R, &settings, Processor::Auto).expect("never an error");
     let software = gpu.device.adapter_info().device_type == wgpu::DeviceType::Cpu;
     assert!(auto == *if software { &expected } else { &on_device });
     assert!(
-        place.classify(&particles, R, &settings, Processor::Cpu).expect("the CPU is there")
+        shared.classify(&particles, R, &settings, Processor::Cpu).expect("the CPU is there")
             == expected
     );
 
-    // Who needs a device waits for it, and for the news that there is none.
+    // A caller that needs a device waits for it, or for the report that there is none.
     for (gpu, works) in [(Some(&gpu), true), (None, false)] {
-        let place = SharedClassifier::awaited();
+        let shared = SharedClassifier::awaited();
         std::thread::scope(|scope| {
-            let waiting = scope.spawn(|| place.classify(&particles, R, &settings, Processor::Gpu));
-            // Who does not need it does not wait.
-            assert!(place.classify(&particles, R, &settings, Processor::Cpu).is_ok());
-            place.set(gpu);
+            let waiting = scope.spawn(|| shared.classify(&particles, R, &settings, Processor::Gpu));
+            // A caller that does not need it does not wait.
+            assert!(shared.classify(&particles, R, &settings, Processor::Cpu).is_ok());
+            shared.set(gpu);
             let came = waiting.join().expect("no panic");
             assert_eq!(came.is_ok_and(|splats| splats == on_device), works);
         });
-        // What is over stays over.
-        place.close();
-        place.set(gpu);
-        assert!(place.classify(&particles, R, &settings, Processor::Gpu).is_err());
+        // A closed classifier stays closed.
+        shared.close();
+        shared.set(gpu);
+        assert!(shared.classify(&particles, R, &settings, Processor::Gpu).is_err());
     }
 }
 
@@ -393,9 +396,9 @@ fn picture(splats: &Splats) -> Option<RgbImage> {
     Some(DynamicImage::ImageRgba8(shot.picture).into_rgb8())
 }
 
-/// Protects pictures: nobody sees where their particles were classified.
+/// Pictures do not visibly depend on where their particles were classified.
 #[test]
-fn pictures_are_the_same() {
+fn pictures_match() {
     let Some(classifier) = classifier() else { return };
     let settings = Classify::default();
     let mut seed = 14;
@@ -408,9 +411,9 @@ fn pictures_are_the_same() {
     let (Some(a), Some(b)) = (picture(&on_device), picture(&on_cpu)) else { return };
     let mean = flip(&b, &a, PIXELS_PER_DEGREE).expect("of one size").mean();
     eprintln!("mean FLIP {mean:.1e}");
-    // The CPU's grid and its tree differ by half of that: rays multiply the last bits.
+    // The CPU's grid and its tree differ by half of this: rays amplify the last bits.
     assert!(mean < 2e-3, "{mean}");
-    // A tenth of a radius is seen.
+    // The comparison detects a shift of a tenth of a radius.
     let mut moved = on_device;
     moved.aggregates.iter_mut().for_each(|splat| splat.centre[0] += 0.1 * R);
     let seen = flip(&b, &picture(&moved).expect("as before"), PIXELS_PER_DEGREE);
@@ -418,9 +421,9 @@ fn pictures_are_the_same() {
     assert!(seen > 1e-2, "{seen}");
 }
 
-/// Protects the tests above from passing for the wrong reason: everything that may be wrong is found.
+/// The comparison above detects every kind of difference.
 #[test]
-fn the_comparison_finds_planted_differences() {
+fn comparison_detects_planted_differences() {
     let settings = Classify::default();
     let particles = cloud(liquid(1000, 16));
     let cloud = Cloud::new(&particles, R);

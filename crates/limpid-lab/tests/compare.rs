@@ -1,5 +1,5 @@
-//! The comparison of pictures: against NVIDIA's implementation of FLIP, against closed forms,
-//! and against differences that were planted to be found.
+//! The comparison of pictures: against NVIDIA's implementation of FLIP, against closed forms, and
+//! on planted differences.
 
 use std::fs;
 
@@ -10,14 +10,14 @@ use limpid_lab::compare::{FlipMap, PIXELS_PER_DEGREE, compare, compare_files, fl
 const BLACK: Rgb<u8> = Rgb([0; 3]);
 const WHITE: Rgb<u8> = Rgb([255; 3]);
 
-/// Colour error of green against blue, (203.3017 Hunt-adjusted `HyAB`)^0.7, worked out apart.
+/// Colour error of green against blue, (203.3017 Hunt-adjusted `HyAB`)^0.7, computed independently.
 const MAX_COLOUR_ERROR: f64 = 41.276_098;
 
 fn uniform(width: u32, height: u32, colour: Rgb<u8>) -> RgbImage {
     RgbImage::from_pixel(width, height, colour)
 }
 
-/// Uncorrelated bytes: an integer hash of place, channel and seed.
+/// Uncorrelated bytes: an integer hash of position, channel and seed.
 fn noise(width: u32, height: u32, seed: u32) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| {
         Rgb([0, 1, 2].map(|channel| {
@@ -62,8 +62,8 @@ fn assert_agrees(name: &str, reference: &RgbImage, test: &RgbImage, ppd: f32) {
     );
 }
 
-/// Protects the whole pipeline: colour spaces, kernels, borders, both differences, exponents.
-/// Odd sizes and pictures smaller than the kernels (10 and 9 pixels each way) exercise borders.
+/// The whole pipeline: colour spaces, kernels, borders, both differences, exponents. Odd sizes and
+/// pictures smaller than the kernels (10 and 9 pixels each way) test borders.
 #[test]
 fn agrees_with_nvidias_implementation() {
     let (w, h) = (61, 47);
@@ -99,10 +99,10 @@ fn agrees_with_nvidias_implementation() {
     }
 }
 
-/// Protects the test above: its bounds do notice maps of another viewing distance, of
-/// transposed axes, or of a single wrong pixel.
+/// The bounds of the test above detect maps of another viewing distance, of transposed axes, or
+/// with a single wrong pixel.
 #[test]
-fn the_agreement_would_notice_errors() {
+fn agreement_bounds_detect_errors() {
     let (reference, test) = (checker(40, 40, 5, 0), gradient(40, 40, 9));
     let ppd = PIXELS_PER_DEGREE;
     let map = flip(&reference, &test, ppd).unwrap();
@@ -122,9 +122,9 @@ fn the_agreement_would_notice_errors() {
     assert!(deviation(&reference, &test, &spotted, ppd).1 > 5e-3);
 }
 
-/// Protects gates of the kind "unchanged": no rounding may leak in.
+/// Identical pictures differ by exactly zero, without rounding.
 #[test]
-fn identical_pictures_differ_by_exactly_nothing() {
+fn identical_pictures_have_zero_difference() {
     for picture in [noise(37, 23, 5), checker(20, 20, 1, 0), uniform(1, 1, WHITE)] {
         let (comparison, map) = compare(&picture, &picture).unwrap();
         assert!(map.values.iter().all(|&value| value == 0.0));
@@ -134,10 +134,9 @@ fn identical_pictures_differ_by_exactly_nothing() {
     }
 }
 
-/// Protects against a differ that sees nothing: the smallest changes must score, and the
-/// more the plainer they are.
+/// The smallest changes score, and larger changes score more.
 #[test]
-fn small_changes_are_seen() {
+fn small_changes_score() {
     let reference = checker(64, 64, 8, 0);
     let shifted = compare(&reference, &checker(64, 64, 8, 1)).unwrap().0;
     assert!(shifted.mean_flip > 0.05, "{shifted:?}");
@@ -152,8 +151,8 @@ fn small_changes_are_seen() {
     assert!(plain.worst.flip > 0.1 && plain.worst.flip > 3.0 * faint.worst.flip, "{plain:?}");
 }
 
-/// Protects the purpose of FLIP over per-pixel numbers: detail too fine to see at a distance
-/// weighs far less than seen from near, and than a smaller difference in bulk.
+/// Detail too fine to see at a distance scores far lower than up close, and than a smaller
+/// difference over a large area: the purpose of FLIP over per-pixel figures.
 #[test]
 fn fine_detail_fades_with_distance() {
     let grey = uniform(64, 64, Rgb([188; 3]));
@@ -164,10 +163,10 @@ fn fine_detail_fades_with_distance() {
     assert!(usual < 0.1 * near && usual < 0.1 * bulk, "{near} {usual} {bulk}");
 }
 
-/// Protects colour difference and redistribution against closed forms: uniform greys have no
-/// features and no chroma, so FLIP depends on their difference of L* alone.
+/// Colour difference and redistribution against closed forms: uniform greys have no features and no
+/// chroma, so FLIP depends on their difference of L* only.
 #[test]
-fn uniform_greys_follow_the_closed_form() {
+fn uniform_greys_match_the_closed_form() {
     let lightness = |level: u8| {
         let value = f64::from(level) / 255.0;
         let y = if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
@@ -187,14 +186,14 @@ fn uniform_greys_follow_the_closed_form() {
             assert!(error < 1e-4, "{light} and {dark}: {value}, not {}", expected(light, dark));
         }
     }
-    // White on black: 25.12 beyond the knee at 16.51 of 41.28.
+    // White on black: 25.12, beyond the knee at 16.51 of 41.28.
     assert!((expected(255, 0) - 0.967_38).abs() < 1e-5);
 }
 
-/// Protects RMSE and PSNR: a difference of 1 everywhere is 1/255, and 20 log₁₀ 255 = 48.13 dB;
-/// a difference of 51 in one channel of three is √(1/3)/5.
+/// RMSE and PSNR: a difference of 1 everywhere is 1/255, and 20 log₁₀ 255 = 48.13 dB; a difference
+/// of 51 in one channel of three is √(1/3)/5.
 #[test]
-fn rmse_and_psnr_follow_the_closed_form() {
+fn rmse_and_psnr_match_the_closed_form() {
     let reference = noise(40, 30, 6);
     let moved = |by: [u8; 3]| {
         let mut test = reference.clone();
@@ -214,10 +213,9 @@ fn rmse_and_psnr_follow_the_closed_form() {
     assert_eq!(red.max_channel_error, 51);
 }
 
-/// Protects the report of where to look: column and row not exchanged, the colours of the
-/// right picture, the first of several equals.
+/// The worst pixel: column and row in order, the colours of the right picture, the first of equals.
 #[test]
-fn the_worst_pixel_is_where_it_was_planted() {
+fn worst_pixel_is_located() {
     let reference = uniform(50, 40, Rgb([60, 70, 80]));
     for place in [(37, 8), (0, 0), (49, 39), (0, 39)] {
         let mut test = reference.clone();
@@ -231,7 +229,7 @@ fn the_worst_pixel_is_where_it_was_planted() {
     assert_eq!(everywhere.worst(), (1, 0, 0.4));
 }
 
-/// Protects the statistics of a map, above all the ends and the empty mask.
+/// Statistics of a known map, including the extremes and an empty mask.
 #[test]
 fn statistics_of_a_known_map() {
     let values = (1..=200).rev().map(|i| i as f32 / 256.0).collect();
@@ -245,9 +243,9 @@ fn statistics_of_a_known_map() {
     assert_eq!(map.mean_where(|x, _| x > 19), None);
 }
 
-/// Protects repeatability: thread counts change neither a bit of the map nor of its mean.
+/// The number of threads changes no bit of the map or of its mean.
 #[test]
-fn the_number_of_threads_does_not_matter() {
+fn results_do_not_depend_on_threads() {
     let (reference, test) = (noise(97, 83, 7), noise(97, 83, 8));
     let results = [1, 2, 7].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -258,8 +256,8 @@ fn the_number_of_threads_does_not_matter() {
     assert!(results.iter().all(|result| *result == results[0]));
 }
 
-/// Protects range and finiteness: opposite extremes with strong features, the nearest and
-/// farthest observers.
+/// Values stay in range for opposite extremes with strong features, from the nearest and the
+/// farthest viewing distance.
 #[test]
 fn values_stay_between_0_and_1() {
     let pairs = [
@@ -275,7 +273,7 @@ fn values_stay_between_0_and_1() {
     }
 }
 
-/// Protects the difference picture: size, orientation, and magma near enough to the original.
+/// The difference picture has the right size and orientation, and approximates the original magma.
 #[test]
 fn the_difference_picture_is_magma() {
     let values: Vec<f32> = (0..=255).map(|i| i as f32 / 255.0).collect();
@@ -286,8 +284,8 @@ fn the_difference_picture_is_magma() {
     assert!(worst <= Some(6), "{worst:?} of 255");
 }
 
-/// Protects loading: 16 bits round to the nearest, grey spreads to RGB, an opaque alpha is
-/// dropped and a transparent pixel refused with its place and the remedy.
+/// Loading: 16 bits round to the nearest, grey expands to RGB, an opaque alpha is dropped and a
+/// transparent pixel is rejected with its position and the remedy.
 #[test]
 fn pictures_load_as_8_bit_rgb() {
     let folder = tempfile::tempdir().unwrap();
@@ -315,9 +313,9 @@ fn pictures_load_as_8_bit_rgb() {
     assert!(error.to_string().contains("flatten"), "{error}");
 }
 
-/// Protects the messages for files that cannot be used: each names the file and the cause.
+/// Errors of unusable files name the file and the cause.
 #[test]
-fn unusable_files_are_named() {
+fn errors_name_unusable_files() {
     let folder = tempfile::tempdir().unwrap();
     let good = folder.path().join("good.png");
     noise(64, 64, 10).save(&good).unwrap();
@@ -348,9 +346,9 @@ fn unusable_files_are_named() {
     }
 }
 
-/// Protects the requests that have no answer: other sizes, no pixels, an impossible distance.
+/// Comparisons without an answer are rejected: different sizes, no pixels, an impossible distance.
 #[test]
-fn impossible_comparisons_are_refused() {
+fn impossible_comparisons_are_rejected() {
     let error = compare(&uniform(8, 6, BLACK), &uniform(6, 8, BLACK)).unwrap_err();
     assert!(matches!(error, Error::Mismatch(_)));
     assert!(error.to_string().contains("8x6") && error.to_string().contains("6x8"), "{error}");
@@ -365,9 +363,9 @@ fn impossible_comparisons_are_refused() {
     }
 }
 
-/// Protects what scripts read: the names in the JSON report, and null for an infinite PSNR.
+/// The JSON report has the documented keys, and null for an infinite PSNR.
 #[test]
-fn the_report_keeps_its_names() {
+fn json_report_keys() {
     let picture = uniform(2, 2, Rgb([1, 2, 3]));
     let json = serde_json::to_value(compare(&picture, &picture).unwrap().0).unwrap();
     let expected = serde_json::json!({

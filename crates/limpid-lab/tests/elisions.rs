@@ -1,4 +1,4 @@
-//! What a frame does not need is left out of it, and the picture is the same to the bit.
+//! Elisions: work that a frame does not need is skipped without changing a bit of the picture.
 
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
@@ -16,7 +16,7 @@ use limpid_lab::report::elisions::{Case, Frame, cases, draw};
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 
-/// A drop of 200 particles with some spray over a lit floor in the sun.
+/// A drop of 200 particles with some spray over a lit floor under a sun.
 fn tank() -> Frame {
     let mut seed = 9;
     let reach = |i| if i < 170 { Vec3::new(0.3, 0.2, 0.3) } else { Vec3::splat(0.8) };
@@ -38,10 +38,10 @@ fn has(times: &[PassTime], name: &str) -> bool {
     times.iter().any(|time| time.name == name)
 }
 
-/// Protects DESIGN's elisions, each by its own case: the passes that are left out do not run, they do
-/// run where something makes them needed, and the picture is the same to the bit.
+/// Each elision in its own case: the skipped passes do not run, they do run if something needs
+/// them, and both pictures are bit-identical.
 #[test]
-fn what_is_left_out_does_not_show() {
+fn elisions_do_not_change_pictures() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = Renderer::new(&gpu);
     renderer.reuse = true;
@@ -57,9 +57,9 @@ fn what_is_left_out_does_not_show() {
         if off > 0 {
             differing.push((name, off));
         }
-        // Something is to be seen: not every pixel is that of the corner.
+        // The picture is not uniform.
         assert!(elided.pixels().filter(|&pixel| pixel != elided.get_pixel(0, 0)).count() > 1000);
-        // Without timestamps there are no names.
+        // Without timestamps there are no pass names.
         for pass in left_out.iter().filter(|_| !long.is_empty()) {
             assert!(has(&long, pass) && !has(&short, pass), "{name}: {pass}");
         }
@@ -67,9 +67,9 @@ fn what_is_left_out_does_not_show() {
     assert!(differing.is_empty(), "{differing:?}");
 }
 
-/// Protects the cases from passing for the wrong reason: pictures that do differ are told apart.
+/// The comparison of the cases detects pictures that do differ.
 #[test]
-fn a_difference_is_seen() {
+fn differing_pictures_are_detected() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = Renderer::new(&gpu);
     renderer.reuse = true;
@@ -79,10 +79,10 @@ fn a_difference_is_seen() {
     assert_ne!(elided, forced);
 }
 
-/// Protects rays that start in liquid: they leave it by a back, which must be there also where one
-/// interface is followed. A frame that is diagnosed always has its backs.
+/// Rays that start in liquid leave it by a back layer, which must exist even if only one interface
+/// is traced. A diagnosed frame always has its back layers.
 #[test]
-fn an_eye_in_liquid_has_backs() {
+fn backs_exist_for_an_eye_in_liquid() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = Renderer::new(&gpu);
     renderer.reuse = true;
@@ -101,14 +101,14 @@ fn an_eye_in_liquid_has_backs() {
                 .expect("drawn");
             target.read(&gpu).expect("read")
         };
-        assert!(picture(true) == picture(false), "the eye {distance} m from the middle of a drop");
+        assert!(picture(true) == picture(false), "eye {distance} m from the centre of a drop");
     }
 }
 
-/// Protects what is kept from frame to frame: after any change of anything a frame is what a
-/// renderer without a past draws, bit by bit, and what did not depend on the change did not run.
+/// Reuse between frames: after a change of any input a frame is bit-identical to that of a renderer
+/// without history, and passes that do not depend on the change do not run.
 #[test]
-fn whatever_changes_is_drawn() {
+fn changed_inputs_rerun_their_passes() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = Renderer::new(&gpu);
     renderer.reuse = true;
@@ -153,21 +153,20 @@ fn whatever_changes_is_drawn() {
         let (times, picture) = shoot(&mut renderer, &frame);
         renderer.forget();
         assert!(shoot(&mut renderer, &frame).1 == picture, "{what}");
-        assert!(what == "nothing" || last.as_ref() != Some(&picture), "{what} does not show");
+        assert!(what == "nothing" || last.as_ref() != Some(&picture), "{what}: no change");
         last = Some(picture);
         for name in ALL.iter().filter(|_| !times.is_empty()) {
             let expected = drawn.contains(name);
-            // Without smoothing there is no such pass, and all others run.
+            // Without smoothing there is no such pass; all others run.
             let expected = expected || what == "no smoothing" && *name != "smooth";
             assert_eq!(has(&times, name), expected, "{what}: {name}");
         }
     }
 }
 
-/// Protects what is kept against errors: a frame that could not be drawn leaves nothing behind that
-/// the next would take for its own.
+/// A frame that fails leaves nothing behind that the next frame would reuse.
 #[test]
-fn nothing_is_kept_of_a_frame_that_failed() {
+fn failed_frames_are_not_reused() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = Renderer::new(&gpu);
     renderer.reuse = true;
@@ -184,7 +183,7 @@ fn nothing_is_kept_of_a_frame_that_failed() {
     let expected = shoot(&frame).expect("drawn");
     let mut fewer = frame.clone();
     fewer.splats.aggregates.truncate(60);
-    // It fails where the adapter's buffers are too small for its grid; elsewhere it is drawn.
+    // Fails on adapters whose buffers are too small for its grid; elsewhere it is rendered.
     let failed = shoot(&broken).is_err();
     println!("failed: {failed}");
     let after = shoot(&frame).expect("drawn");

@@ -1,5 +1,5 @@
-//! Lit pictures as the renderer draws them: direct light, shadows, light through particles, against
-//! closed forms, against light traced in 64 bits, and from one frame to the next.
+//! Lit pictures by the renderer: direct light, shadows and light through particles, against closed
+//! forms, against light traced in f64, and from frame to frame.
 
 #[path = "../../../tests/support/even_light.rs"]
 mod even_light;
@@ -38,14 +38,14 @@ use limpid_sim::waves::{WaveSpectrum, Waves};
 const SIZE: UVec2 = UVec2::new(120, 90);
 const IOR: f64 = 1.33;
 
-/// Radiance of the sky, everywhere: also what lights lit solids evenly.
+/// Uniform radiance of the sky, which is also the ambient light.
 const SKY: f64 = 0.3;
 
 fn camera(eye: DVec3, target: DVec3, fov_y: f32) -> Camera {
     Camera { eye, target, up: Vec3::Y, fov_y, near: None }
 }
 
-/// A lit solid of albedo one half.
+/// A lit solid of albedo 0.5.
 fn lit(shape: Shape) -> Solid {
     Solid { shape, surface: Surface::Color(Vec3::splat(0.5)), lit: true }
 }
@@ -58,7 +58,7 @@ fn sun(direction: Vec3) -> Light {
     Light::Sun { direction, irradiance: Vec3::splat(2.0) }
 }
 
-/// Solids and lights under an even sky, without liquid.
+/// Solids and lights under a uniform sky, without liquid.
 fn dry(solids: &[Solid], lights: &[Light]) -> Scene {
     Scene {
         environment: Environment::Constant(Vec3::splat(SKY as f32)),
@@ -72,7 +72,7 @@ fn nothing() -> Splats {
     splats(&[], &[], 0.05)
 }
 
-/// What `recipe` makes among lit solids under an even sky, with the settings that users get; red
+/// The particles of `recipe` among lit solids under a uniform sky, with the default settings; red
 /// light is absorbed.
 fn wet(recipe: &str, solids: &[Solid], lights: &[Light]) -> (Scene, Splats) {
     let text = format!(
@@ -92,13 +92,13 @@ fn wet(recipe: &str, solids: &[Solid], lights: &[Light]) -> (Scene, Splats) {
     (project.scene, loaded.splats)
 }
 
-/// A block of liquid that lies on the floor, 2 m wide and 0.4 m high.
+/// A block of liquid on the floor, 2 m wide and 0.4 m high.
 fn slab(lights: &[Light]) -> (Scene, Splats) {
     let at = "kind = \"slab\"\nmin = [-1.0, 0.0, -1.0]\nmax = [1.0, 0.4, 1.0]\ncount = 20000";
     wet(at, &[floor()], lights)
 }
 
-/// A drop with a radius of 0.5 m whose centre is 1.6 m above the floor.
+/// A drop of radius 0.5 m with its centre 1.6 m above the floor.
 const DROP: Ball = Ball { center: DVec3::new(0.0, 1.6, 0.0), radius: 0.5 };
 
 fn drop(lights: &[Light]) -> (Scene, Splats) {
@@ -108,12 +108,12 @@ fn drop(lights: &[Light]) -> (Scene, Splats) {
     (scene, drop)
 }
 
-/// The world's ray through a pixel position.
+/// The world-space ray through a pixel position.
 fn ray(camera: &Camera, view: &View, u: DVec2) -> Ray {
     Ray { origin: camera.eye, direction: view.world_vector(view.omega(u)).normalize() }
 }
 
-/// Where the ray through the middle of a pixel meets the floor.
+/// The point where the ray through a pixel's centre hits the floor.
 fn on_floor(camera: &Camera, view: &View, p: UVec2) -> Option<DVec3> {
     let ray = ray(camera, view, p.as_dvec2() + 0.5);
     let t = -ray.origin.y / ray.direction.y;
@@ -128,10 +128,10 @@ fn assert_close(got: DVec3, expected: DVec3, tolerance: f64, what: &str) {
 
 // ------------------------------------------------------------------------- light without liquid
 
-/// Protects shadows: a box 1 m high under a sun at 45° darkens the floor beside it over 1 m; in
-/// there only the sky lights it, and around it the sun by its cosine, in every pixel.
+/// A box 1 m high under a sun at 45° shadows 1 m of the floor next to it; in the shadow only the
+/// sky lights the floor, around it also the sun by its cosine, at every pixel.
 #[test]
-fn a_box_throws_its_shadow() {
+fn box_shadows_have_their_closed_form() {
     let Some(mut stage) = stage() else { return };
     let stand =
         lit(Shape::Box { min: DVec3::new(-0.5, 0.0, -0.5), max: DVec3::new(0.5, 1.0, 0.5) });
@@ -144,7 +144,7 @@ fn a_box_throws_its_shadow() {
     for p in shot.pixels() {
         let hit = surroundings.hit(&ray(&camera, &view, p.as_dvec2() + 0.5));
         let Some(x) = hit.filter(|hit| hit.solid == 0).map(|hit| hit.point) else { continue };
-        // How far inside the shadow's rectangle.
+        // Signed distance to the border of the shadow's rectangle, positive inside.
         let inside = (0.5 - (x.x - 1.0).abs()).min(0.5 - x.z.abs());
         if inside.abs() < 1e-3 {
             continue;
@@ -157,9 +157,9 @@ fn a_box_throws_its_shadow() {
     assert!(seen[0] > 2000 && seen[1] > 300, "{seen:?}");
 }
 
-/// Protects against acne and against shadows that come off their solids: planes, boxes and spheres
-/// that stand by each other, as large as rooms and as small as grains, 1000 km from the origin and
-/// seen from afar, against shadows in 64 bits. Pixels that an edge passes through are left out.
+/// Neither shadow acne nor detached shadows: adjacent planes, boxes and spheres, as large as rooms
+/// and as small as grains, 1000 km from the origin and seen from afar, against shadows in f64.
+/// Pixels on an edge are skipped.
 #[test]
 fn solids_do_not_shadow_themselves() {
     let Some(mut stage) = stage() else { return };
@@ -209,17 +209,17 @@ fn solids_do_not_shadow_themselves() {
     }
 }
 
-/// Protects point lights: the inverse square and the cosine at every pixel, the shadow of what is
-/// between, and none of what is behind the light.
+/// Point lights: inverse square and cosine at every pixel, the shadow of a solid in between, and
+/// none of a solid behind the light.
 #[test]
-fn a_point_light_falls_off() {
+fn point_lights_follow_the_inverse_square() {
     let Some(mut stage) = stage() else { return };
     let position = DVec3::new(0.3, 1.2, -0.2);
     let lights = [Light::Point { position, intensity: Vec3::new(4.0, 2.0, 1.0) }];
     let ball = |y: f64, radius| lit(Shape::Sphere { center: position.with_y(y), radius });
     let camera = camera(DVec3::new(0.0, 1.5, 6.0), DVec3::ZERO, 40.0);
     let view = View::new(&camera, SIZE);
-    // Behind the light as large as a roof, and between it and the floor.
+    // A large ball behind the light, and a small one between it and the floor.
     for (solids, radius) in [
         (vec![floor()], 0.0),
         (vec![floor(), ball(2.5, 1.0)], 0.0),
@@ -249,11 +249,10 @@ fn a_point_light_falls_off() {
     }
 }
 
-/// Protects scenes that are not lit from paying for it: without lights, or with nothing that shows
-/// them, no pass of a light runs and there is no map; and a light that falls on nothing changes no
-/// bit of the picture.
+/// Unlit scenes cost nothing: without lights, or without lit solids, no pass of a light runs and
+/// there is no map; and a light without lit solids changes no bit of the picture.
 #[test]
-fn without_light_nothing_is_drawn_for_it() {
+fn unlit_scenes_skip_light_passes() {
     let Some(mut stage) = stage() else { return };
     let Stage { gpu, renderer } = &mut *stage;
     let (lit, drop) = drop(&[sun(Vec3::new(0.3, -1.0, 0.2))]);
@@ -290,23 +289,23 @@ fn without_light_nothing_is_drawn_for_it() {
         assert!(!of_light && maps.is_empty(), "{maps:?}");
         shot
     });
-    assert!(same(&shots[1], &shots[2]), "a light on nothing shows");
+    assert!(same(&shots[1], &shots[2]), "a light without lit solids changes the picture");
 }
 
 // ---------------------------------------------------------------------------- light through liquid
 
-/// Share of unpolarised light that enters water at an angle whose cosine is given, and the cosine
-/// of the angle that it has there.
+/// The transmittance of unpolarised light that enters water at an angle of the given cosine, and
+/// the cosine of the refracted angle.
 fn entering(cos_theta_i: f64) -> (f64, f64) {
     let cos_theta_t = (1.0 - (1.0 - cos_theta_i * cos_theta_i) / (IOR * IOR)).sqrt();
     (1.0 - fresnel(cos_theta_i, IOR), cos_theta_t)
 }
 
-/// Protects the light under still liquid from the particle to the picture: the floor under a block
-/// gets E T cos(theta) exp(-sigma l) by every method, to 3 % in its mean, and so the methods agree;
-/// the sky's light comes as `even_light` has it; and the floor beside the block does not change.
+/// Light under still liquid, from particles to the picture: the floor under a block receives E T
+/// cos(theta) exp(-sigma l) by every method, to 3 % in its mean, so the methods agree; ambient
+/// light is that of `even_light`; and the floor next to the block does not change.
 #[test]
-fn the_floor_under_a_slab() {
+fn the_floor_under_a_slab_has_its_closed_form() {
     let Some(mut stage) = stage() else { return };
     let direction = Vec3::new(0.3, -1.0, 0.2);
     let (mut scene, slab) = slab(&[sun(direction)]);
@@ -357,11 +356,11 @@ fn the_floor_under_a_slab() {
     }
 }
 
-/// Protects `straight`, caustics off: under a plate in the air, the floor has the light that both
-/// faces and absorption leave, where a straight line to the sun passes through the plate, and no
-/// more light anywhere than without.
+/// `straight`, without caustics: under a plate in the air, the floor has the light that both faces
+/// and absorption transmit, where a straight line to the sun passes through the plate, and nowhere
+/// more light than without the plate.
 #[test]
-fn without_caustics_liquid_throws_a_light_shadow() {
+fn straight_light_is_attenuated_by_a_plate() {
     let Some(mut stage) = stage() else { return };
     let at = "kind = \"slab\"\nmin = [-1.0, 1.0, -1.0]\nmax = [1.0, 1.3, 1.0]\ncount = 15000";
     let (mut scene, plate) = wet(at, &[floor()], &[sun(Vec3::NEG_Y)]);
@@ -373,7 +372,7 @@ fn without_caustics_liquid_throws_a_light_shadow() {
     let passed = transmitted * transmitted * (-0.3 * DVec3::X).exp();
     let (mut sum, mut count) = (DVec3::ZERO, 0);
     for p in shot.pixels() {
-        // Pixels that see the floor under the plate and not through it.
+        // Pixels that see the floor under the plate, but not through it.
         let Some(x) =
             on_floor(&camera, &view, p).filter(|_| shot.at("depth.aggregate_front", p) == 0.0)
         else {
@@ -390,15 +389,15 @@ fn without_caustics_liquid_throws_a_light_shadow() {
     assert_close(sum / f64::from(count), expected, 0.03, "under the plate");
 }
 
-/// Protects the light of a drop, from particles to picture: what is missing on the floor over what
-/// the drop was in the way of is what its two faces and its inside keep and what it throws out of
-/// the light's view, within 4 %; and behind the drop there is a spot that is
-/// brighter than the sun alone makes it, well beyond the focus though it is.
+/// Light of a drop, from particles to the picture: of the light that the drop intercepts, the share
+/// missing on the floor is what its two faces reflect, its inside absorbs and it refracts out of
+/// the light's view, within 4 %; and behind the drop there is a spot brighter than under the sun
+/// alone, although it is far beyond the focus.
 #[test]
-fn a_drop_passes_its_light_on() {
+fn a_drop_transmits_its_light() {
     let Some(mut stage) = stage() else { return };
     let (mut scene, drop) = drop(&[sun(Vec3::NEG_Y)]);
-    // No sample may miss the spot.
+    // Enough samples not to miss the spot.
     scene.settings.refract.samples = 16;
     let camera = camera(DVec3::new(0.0, 0.9, 4.0), DVec3::new(0.0, 0.1, 0.0), 46.0);
     let size = UVec2::new(200, 150);
@@ -423,7 +422,7 @@ fn a_drop_passes_its_light_on() {
         missing += area * radiosity;
         brightest = brightest.max(with.radiance(p).y / without.radiance(p).y);
     }
-    // By the distance from the axis at which light comes in.
+    // Integrates over the distance from the axis at which light enters.
     let half = map.view.half_extent.x.min(1.4);
     let n = 4000;
     let passed: DVec3 = (0..n)
@@ -431,7 +430,7 @@ fn a_drop_passes_its_light_on() {
             let b = (f64::from(i) + 0.5) / f64::from(n);
             let cos_i = (1.0 - b * b).sqrt();
             let (transmitted, cos_t) = entering(cos_i);
-            // By so much it is turned towards the axis by each face.
+            // Deviation towards the axis by each face.
             let turned = b.asin() - cos_t.acos();
             let x = DROP.radius * (b - 2.0 * cos_t * turned.sin());
             let y = DROP.center.y + DROP.radius * (cos_i - 2.0 * cos_t * turned.cos());
@@ -448,10 +447,10 @@ fn a_drop_passes_its_light_on() {
     assert!(brightest > 1.6, "{brightest}");
 }
 
-/// Protects several lights: their maps are layers of one texture, and the picture is the sum of
-/// what each light alone adds.
+/// With several lights the maps are layers of one texture, and the picture is the sum of the
+/// contributions of the single lights.
 #[test]
-fn lights_add() {
+fn contributions_of_lights_add() {
     let Some(mut stage) = stage() else { return };
     let lights = [
         sun(Vec3::new(0.5, -1.0, 0.1)),
@@ -461,7 +460,7 @@ fn lights_add() {
         },
     ];
     let (mut scene, drop) = drop(&lights);
-    // Which pixels get more rays is decided by a threshold: that is not what is under test.
+    // Adaptive sampling uses a threshold, which is not under test here.
     scene.settings.refract.edge_samples = 1;
     let camera = camera(DVec3::new(0.5, 2.5, 5.0), DVec3::new(0.0, 0.7, 0.0), 40.0);
     let mut draw = |lights: &[Light]| {
@@ -483,10 +482,10 @@ fn lights_add() {
     assert!(lit > 0.1, "{lit}");
 }
 
-/// Protects sequences and shards: frames with caustics are the same to the bit when they are drawn
-/// again, in another order, and by a renderer that has drawn nothing before.
+/// Frames with caustics are bit-identical when rendered again, in another order, and by a new
+/// renderer.
 #[test]
-fn lit_frames_do_not_depend_on_each_other() {
+fn lit_frames_are_independent() {
     let Some(gpu) = gpu() else { return };
     let point = Light::Point { position: DVec3::new(0.5, 4.0, 0.3), intensity: Vec3::splat(20.0) };
     let (one, drop) = drop(&[sun(Vec3::new(0.3, -1.0, 0.2))]);
@@ -529,10 +528,10 @@ fn lit_frames_do_not_depend_on_each_other() {
     }
 }
 
-/// Protects the maps' texels from lost particles: a splash a thousand times as far off as the slab is
-/// wide changes no view, and a drop above a lamp leaves it a map of the slab.
+/// Stray particles do not reduce the resolution of the maps: a splash at a thousand times the
+/// slab's width changes no view, and a drop above a lamp leaves the lamp a map of the slab.
 #[test]
-fn a_splash_far_off_leaves_the_maps_alone() {
+fn stray_splashes_do_not_change_the_maps() {
     let Some(mut stage) = stage() else { return };
     let lamp = Light::Point { position: DVec3::new(0.0, 1.6, 0.0), intensity: Vec3::ONE };
     let (scene, whole) = slab(&[sun(Vec3::new(0.3, -1.0, 0.2)), lamp]);
@@ -553,10 +552,10 @@ fn a_splash_far_off_leaves_the_maps_alone() {
     assert!((change - 1.0).abs().max_element() < 0.1, "{change}");
 }
 
-/// Protects `caustics.blur`: it is the width, in metres, that a spot gets in either direction, and
-/// the light that is in the map stays in it, to 2 %.
+/// `caustics.blur` is the standard deviation, in metres, of a blurred spot in either direction, and
+/// the map keeps its light, to 2 %.
 #[test]
-fn blur_spreads_light_by_its_width() {
+fn blur_has_its_width_and_keeps_light() {
     let Some(mut stage) = stage() else { return };
     let (mut scene, drop) = drop(&[sun(Vec3::NEG_Y)]);
     let camera = camera(DVec3::new(0.0, 2.5, 5.0), DVec3::Y, 40.0);
@@ -587,10 +586,10 @@ fn blur_spreads_light_by_its_width() {
     }
 }
 
-/// NaN and infinity are never values, wherever the light is: in the liquid, on its surface, on a
-/// solid, straight above, along the floor, below it, with a liquid of no particle, one and many.
+/// Radiance is finite wherever the light is: in the liquid, on its surface, on a solid, straight
+/// above, along the floor, below it; with a liquid of no particle, one and many.
 #[test]
-fn odd_lights_are_finite() {
+fn unusual_lights_give_finite_pictures() {
     let Some(mut stage) = stage() else { return };
     let point =
         |x, y, z| Light::Point { position: DVec3::new(x, y, z), intensity: Vec3::splat(5.0) };
@@ -624,7 +623,7 @@ fn odd_lights_are_finite() {
         for light in lights {
             scene.lights = vec![light];
             for drawn in [&slab, &one, &spray, &nothing()] {
-                // A kind of liquid is a variant of the pipelines: the rest once is enough.
+                // The kinds of liquid select pipeline variants, which one method covers.
                 if drawn.aggregates.len() < 2 && method != Method::Forward {
                     continue;
                 }
@@ -645,10 +644,10 @@ fn odd_lights_are_finite() {
     }
 }
 
-/// Protects divers: a camera in the liquid sees the floor by the light that came through the
-/// surface, weakened by what is between, and finite everywhere.
+/// A camera in the liquid sees the floor lit by light through the surface, attenuated on the way to
+/// the camera, and finite everywhere.
 #[test]
-fn the_floor_is_lit_for_a_camera_in_the_liquid() {
+fn the_floor_is_lit_for_a_submerged_camera() {
     let Some(mut stage) = stage() else { return };
     let (mut scene, slab) = slab(&[sun(Vec3::NEG_Y)]);
     let camera = camera(DVec3::new(0.0, 0.25, 0.3), DVec3::new(0.0, 0.0, 0.0), 40.0);
@@ -672,11 +671,11 @@ fn the_floor_is_lit_for_a_camera_in_the_liquid() {
     assert_close(sum / f64::from(count), expected, 0.05, "light on the floor");
 }
 
-/// Protects deep water: the floor of a pool has the even light of the sky that is left at its depth, by
-/// what a floor of the same radiance looks like that needs no light; seen from above, at a slant and
-/// from within the liquid. The particles' surface may be up to a radius below the block's.
+/// The floor of a pool receives the ambient light that is left at its depth, compared with an unlit
+/// floor of the same radiance; seen from above, at a slant and from inside the liquid. The
+/// particles' surface may be up to a radius below the block's.
 #[test]
-fn even_light_weakens_on_its_way_down() {
+fn ambient_light_is_attenuated_with_depth() {
     let Some(mut stage) = stage() else { return };
     let absorption = DVec3::new(1.0, 0.3, 0.0);
     for depth in [0.2, 1.0, 4.0] {
@@ -724,8 +723,8 @@ fn even_light_weakens_on_its_way_down() {
     }
 }
 
-/// Where the shadow on the floor beside a block that reaches to x = 0.6 m ends, for a sun at 45
-/// degrees from −x, by the share of dark pixels between 0.8 and 1.6 m.
+/// Finds the end of the shadow on the floor next to a block that extends to x = 0.6 m, under a sun
+/// at 45 degrees from −x, by the share of dark pixels between 0.8 and 1.6 m.
 fn shadow_end(stage: &mut Stage, scene: &Scene, drawn: &Splats) -> f64 {
     let camera = camera(DVec3::new(1.2, 5.0, 0.0), DVec3::new(1.2, 0.0, 0.01), 26.0);
     let view = View::new(&camera, SIZE);
@@ -743,11 +742,11 @@ fn shadow_end(stage: &mut Stage, scene: &Scene, drawn: &Splats) -> f64 {
     0.8 + 0.8 * dark / seen
 }
 
-/// Protects shadows beside liquid that stands without walls: the floor gets no direct light where the
-/// straight line to the sun meets the block, although the map looks along refracted light; and a bump
-/// that leaves the top not level, far from the edge that throws the shadow, does not move its end.
+/// Shadows of liquid without walls: the floor has no direct light where the straight line to the
+/// sun meets the block, although the map looks along refracted light; and a bump on the top, far
+/// from the edge that casts the shadow, does not move its end.
 #[test]
-fn a_block_of_liquid_shadows_along_the_true_light() {
+fn a_block_of_liquid_casts_a_straight_shadow() {
     let Some(mut stage) = stage() else { return };
     let at = "kind = \"slab\"\nmin = [-0.6, 0.0, -0.6]\nmax = [0.6, 0.6, 0.6]\ncount = 15000";
     let (scene, block) = wet(at, &[floor()], &[sun(Vec3::new(1.0, -1.0, 0.0))]);
@@ -769,8 +768,9 @@ fn a_block_of_liquid_shadows_along_the_true_light() {
     assert!((bump - level).abs() < 0.015, "{level} m, {bump} m with a bump");
 }
 
-/// Protects lights too near to the liquid for one view: under a lamp over a wide pool each point of
-/// the floor gets what Fresnel and Beer and Lambert leave on the straight line.
+/// Lights too close to the liquid for one view: under a lamp over a wide pool each point of the
+/// floor receives what Fresnel reflection and absorption (Beer and Lambert) leave on the straight
+/// line.
 #[test]
 fn a_lamp_close_to_a_pool_is_absorbed() {
     let Some(mut stage) = stage() else { return };
@@ -812,9 +812,9 @@ fn a_lamp_close_to_a_pool_is_absorbed() {
     }
 }
 
-/// Protects what is measured of many lights: each pass of each view of lamps in the liquid is timed.
+/// Each pass of each view of lamps in the liquid is timed.
 #[test]
-fn many_lamps_are_timed() {
+fn passes_of_many_lamps_are_timed() {
     let Some(mut stage) = stage() else { return };
     let lamp = |i: i32| Light::Point {
         position: DVec3::new(0.3 * f64::from(i % 3 - 1), 0.2, 0.3 * f64::from(i / 3 - 1)),
@@ -834,8 +834,8 @@ fn many_lamps_are_timed() {
     assert!(times.is_empty() || count == 36, "{count} of six faces of six lamps");
 }
 
-/// Protects lamps in the liquid: through a drop around it a lamp lights the floor by exp(−σ r) and
-/// what one face lets out; at the bottom of a block by exp(−σ d) alone.
+/// Lamps in the liquid: a lamp in a drop lights the floor by exp(−σ r) times the transmittance of
+/// one face; a lamp at the bottom of a block by exp(−σ d) alone.
 #[test]
 fn a_lamp_in_the_liquid_is_absorbed() {
     let Some(mut stage) = stage() else { return };
@@ -882,8 +882,8 @@ fn a_lamp_in_the_liquid_is_absorbed() {
 
 // -------------------------------------------------------------------------------- against the truth
 
-/// Mean FLIP of the picture against one traced in 64 bits through the true surface, lit by true
-/// maps; and of the picture without caustics against the same.
+/// Mean FLIP of the picture against one traced in f64 through the true surface, lit by true maps;
+/// and of the picture without caustics against the same.
 fn against_truth(
     stage: &mut Stage,
     scene: &Scene,
@@ -908,9 +908,9 @@ fn against_truth(
     [picture, straight].map(|p| flip(&truth, &p, PIXELS_PER_DEGREE).expect("of one size").mean())
 }
 
-/// Protects the whole lit picture of a drop over a checkered floor by a sun and a point light.
+/// The whole lit picture of a drop over a checkered floor under a sun and a point light.
 #[test]
-fn a_lit_drop_looks_like_the_truth() {
+fn a_lit_drop_matches_the_truth() {
     let Some(mut stage) = stage() else { return };
     let point = Light::Point { position: DVec3::new(-1.5, 5.0, 1.0), intensity: Vec3::splat(15.0) };
     let (mut scene, drawn) = drop(&[sun(Vec3::new(0.3, -1.0, -0.2)), point]);
@@ -924,9 +924,9 @@ fn a_lit_drop_looks_like_the_truth() {
     assert!(forward < 0.045 && forward < straight, "{forward}, {straight}");
 }
 
-/// Protects the whole lit picture of a walled pool with waves, seen from above.
+/// The whole lit picture of a walled pool with waves, seen from above.
 #[test]
-fn a_lit_pool_looks_like_the_truth() {
+fn a_lit_pool_matches_the_truth() {
     let Some(mut stage) = stage() else { return };
     let at = "kind = \"pool\"\nhalf_extent = [2.0, 2.0]\ndepth = 1.0\nhull = 0.25\ncount = 25000\n\
               waves = { count = 6, wavelengths = [0.8, 2.0], rms_slope = 0.07, seed = 4 }";
@@ -961,13 +961,14 @@ fn a_lit_pool_looks_like_the_truth() {
     assert!(forward < 0.065 && forward < 0.8 * straight, "{forward}, {straight}");
 }
 
-// ------------------------------------------------------------------------------------------ in time
+// --------------------------------------------------------------------------------- temporal
+// stability
 
-/// Protects films: over 24 frames of a moving pool, exact layers in one view of the light, the map
-/// changes from frame to frame by as much as the true one does, to 10 %: a map that flickers changes
-/// more, one that lags or is smeared less.
+/// Temporal stability: over 24 frames of a moving pool, with exact layers in one view of the light,
+/// the map changes from frame to frame by as much as the true one, to 10 %. A flickering map
+/// changes more, a lagging or smeared one less.
 #[test]
-fn caustics_move_as_the_truth_does() {
+fn caustics_change_as_the_truth_does() {
     let Some(gpu) = gpu() else { return };
     let spectrum = WaveSpectrum { count: 6, wavelengths: [1.0, 3.0], rms_slope: 0.05, seed: 7 };
     let waves = Waves::new(&spectrum);
@@ -983,7 +984,7 @@ fn caustics_move_as_the_truth_does() {
     let view = view.expect("a light that sees the pool");
     let source = LightView::new(light, bounds(5.0), &scene.solids, 0.0, resolution, None);
     let source = source.expect("a light that sees the pool");
-    // Light from beyond the view comes to its border.
+    // The border receives light from outside the view.
     let inner = |i: usize| {
         let p = UVec2::new(i as u32 % view.size.x, i as u32 / view.size.x);
         p.min(view.size - 1 - p).cmpgt(view.size / 8).all()
@@ -1015,7 +1016,7 @@ fn caustics_move_as_the_truth_does() {
     let (moved, truth) = (changes(&maps), changes(&truths));
     println!("moves by {} of the truth", moved / truth);
     assert!((moved / truth - 1.0).abs() < 0.1, "{moved}, not {truth}");
-    // The scene moves at all.
+    // The true maps do change.
     let light: f64 = truths.iter().flatten().sum();
     assert!(truth > 0.01 * light, "{truth} of {light}");
 }

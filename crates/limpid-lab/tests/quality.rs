@@ -1,4 +1,4 @@
-//! What `limpid render --max-error` and `--budget` pick: `src/quality.toml` and the choice from it.
+//! The choice by `limpid render --max-error` and `--budget`, and its data, `crates/limpid-lab/src/quality.toml`.
 
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
@@ -16,17 +16,17 @@ fn numbers(curve: &Curve) -> impl Iterator<Item = &Choice> {
     curve.intersectors.iter().chain(&curve.pictures)
 }
 
-/// Limits below, between and above all of some numbers.
+/// Limits just below, at and above each of some numbers.
 fn limits(numbers: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut limits: Vec<f64> = numbers.flat_map(|n| [0.999 * n, n, 1.001 * n]).collect();
     limits.sort_by(f64::total_cmp);
     limits
 }
 
-/// Protects the file that is shipped: it can be read, its settings are settings, its first are the
-/// defaults, which cost 1, and its numbers are numbers.
+/// The shipped curve can be read, its settings are valid, the defaults come first and have cost 1,
+/// and its figures are within their ranges.
 #[test]
-fn the_shipped_curve_is_whole() {
+fn shipped_curve_is_valid() {
     let curve = Curve::shipped();
     assert!(curve.intersectors.len() > 10 && curve.pictures.len() > 5);
     assert!(!curve.adapter.is_empty() && !curve.scenes.is_empty());
@@ -41,7 +41,7 @@ fn the_shipped_curve_is_whole() {
     let first = &curve.intersectors[0];
     assert_eq!(replaced(&Settings::default(), &first.set).expect("settings"), Settings::default());
     assert_eq!(first.cost, 1.0);
-    // They may be picked for a budget as well.
+    // The defaults are among the pictures too.
     let picture = &curve.pictures[0];
     assert_eq!(
         replaced(&Settings::default(), &picture.set).expect("settings"),
@@ -51,9 +51,8 @@ fn the_shipped_curve_is_whole() {
     assert_eq!(known(picture), known(first));
 }
 
-/// Times of a frame that hold wherever they are asked for, ms: a fixed share and one per pixel, larger
-/// where more texels are read. Marching is as fast as anything at a small size and slowest at a
-/// large one.
+/// Synthetic frame times, ms: a constant plus a cost per pixel, higher where more texels are read.
+/// Marching is as fast as any other at a small size and the slowest at a large one.
 fn known_ms(set: &[String], pixels: f64) -> f64 {
     let per_pixel = |text: &String| match text.as_str() {
         "refract.solver=march" => 4e-5,
@@ -69,7 +68,7 @@ fn known_ms(set: &[String], pixels: f64) -> f64 {
 
 const SIZES: [f64; 3] = [256.0 * 192.0, 1280.0 * 720.0, 3840.0 * 2160.0];
 
-/// What is picked where frames take `ms` of their settings and a number of pixels.
+/// Picks by synthetic frame times at a number of pixels.
 fn pick(limits: Limits, pixels: f64) -> limpid_io::Result<Picked> {
     let curve = Curve::shipped();
     let candidates = curve.candidates(limits)?;
@@ -77,10 +76,10 @@ fn pick(limits: Limits, pixels: f64) -> limpid_io::Result<Picked> {
     curve.decide(limits, &candidates, &ms)
 }
 
-/// Protects `--max-error`: what is picked satisfies it, nothing that does is faster by more than
-/// noise, nothing as fast is more exact, and a looser error never picks what is slower.
+/// `max_error`: the picked settings satisfy it, no other that does is faster by more than noise,
+/// none as fast is more exact, and a looser error never picks slower settings.
 #[test]
-fn the_fastest_within_an_error() {
+fn max_error_picks_the_fastest() {
     let curve = Curve::shipped();
     for pixels in SIZES {
         let mut last = f64::INFINITY;
@@ -106,23 +105,23 @@ fn the_fastest_within_an_error() {
     }
 }
 
-/// Protects sizes: where frames of a small picture take as long with each, the most exact is picked;
-/// where the size asked for makes that one slow, it is not picked for an error that others keep too.
+/// Choices depend on the size: at a small size, where all take equally long, the most exact is
+/// picked; at a size where that one is slow, another that satisfies the error is.
 #[test]
-fn what_holds_at_one_size_is_not_taken_for_another() {
+fn choices_depend_on_the_size() {
     let [small, _, large] = SIZES;
     let at = |pixels| pick(Limits { max_error: Some(1.0), budget: None }, pixels).unwrap().choice;
     assert!(at(small).set.contains(&"refract.stride=1".to_owned()), "{:?}", at(small));
     assert_eq!(at(large), Curve::shipped().intersectors[0], "the defaults keep it too");
-    // By the costs of the small size marching would be picked for both.
+    // By the times at the small size marching would be picked for both.
     let of = |choice: &Choice| known_ms(&choice.set, large);
     assert!(of(&at(small)) > 4.0 * of(&at(large)));
 }
 
-/// Protects ties: of intersectors that take as long but for noise, the most exact is picked, whichever
-/// of them was measured to be the fastest.
+/// Of intersectors whose times differ only by noise the most exact is picked, whichever was
+/// measured to be the fastest.
 #[test]
-fn ties_are_decided_by_the_error() {
+fn ties_are_resolved_by_error() {
     let curve = Curve::shipped();
     let limits = Limits { max_error: Some(100.0), budget: None };
     let candidates = curve.candidates(limits).unwrap();
@@ -132,17 +131,17 @@ fn ties_are_decided_by_the_error() {
         ms[fastest] = 20.0;
         let picked = curve.decide(limits, &candidates, &ms).unwrap();
         assert_eq!(picked.choice.error_px, exact, "{:?}", candidates[fastest].set);
-        // Beyond noise the faster counts.
+        // Beyond noise the faster one is picked.
         ms[fastest] = 20.0 / (1.0 + NOISE);
         let picked = curve.decide(limits, &candidates, &ms).unwrap();
         assert_eq!(&picked.choice, candidates[fastest]);
     }
 }
 
-/// Protects `--budget`, alone and with an error: what is picked satisfies both; a larger budget never
-/// picks a worse picture; and where the defaults fit, nothing is picked that is worse than they are.
+/// `budget`, alone and with an error: the picked settings satisfy both; a larger budget never
+/// picks a worse picture; and if the defaults fit, nothing worse than they are is picked.
 #[test]
-fn the_best_within_a_budget() {
+fn budget_picks_the_best() {
     let curve = Curve::shipped();
     let default = &curve.intersectors[0];
     for pixels in SIZES {
@@ -175,33 +174,33 @@ fn the_best_within_a_budget() {
     }
 }
 
-/// Protects whoever asks for too much: an error of usage that names the best that can be had.
+/// Limits that cannot be satisfied are usage errors that name the best possible choice.
 #[test]
 fn impossible_limits_name_the_best() {
     let curve = Curve::shipped();
     let best = numbers(curve).map(|choice| choice.error_px).fold(f64::INFINITY, f64::min);
-    let told = |max_error: Option<f64>, budget: Option<f64>| match pick(
+    let refusal = |max_error: Option<f64>, budget: Option<f64>| match pick(
         Limits { max_error, budget },
         SIZES[0],
     ) {
         Err(Error::Usage(text)) => text,
         other => panic!("{other:?}"),
     };
-    let text = told(Some(0.5 * best), None);
+    let text = refusal(Some(0.5 * best), None);
     let least = curve.intersectors.iter().map(|c| c.error_px).fold(f64::INFINITY, f64::min);
-    assert!(text.contains("--max-error") && text.contains(&format!("{least} (")), "{text}");
-    let text = told(None, Some(1e-9));
+    assert!(text.contains("max_error") && text.contains(&format!("{least} (")), "{text}");
+    let text = refusal(None, Some(1e-9));
     let times = curve.pictures.iter().map(|c| known_ms(&c.set, SIZES[0]));
     let least = times.fold(f64::INFINITY, f64::min);
-    assert!(text.contains("--budget") && text.contains(&format!("{least:.2} ms")), "{text}");
-    let text = told(Some(0.5 * best), Some(1e9));
-    assert!(text.contains("--max-error") && text.contains("refract.solver="), "{text}");
+    assert!(text.contains("budget") && text.contains(&format!("{least:.2} ms")), "{text}");
+    let text = refusal(Some(0.5 * best), Some(1e9));
+    assert!(text.contains("max_error") && text.contains("refract.solver="), "{text}");
 }
 
-/// Protects the pick on a device: a budget that is ample gives the best picture and says what it takes, one
-/// that is none is refused, and without limits nothing is touched.
+/// Picking on a device: an ample budget gives the best picture and its frame time, an impossible
+/// one is rejected, and without limits nothing changes.
 #[test]
-fn picks_are_measured() {
+fn picks_are_measured_on_the_device() {
     let Some(gpu) = gpu() else { return };
     let curve = Curve::shipped();
     let camera = on_axis(4.0, 40.0);
@@ -219,7 +218,7 @@ fn picks_are_measured() {
     let flips = curve.pictures.iter().map(|choice| choice.flip);
     assert_eq!(picked.choice.flip, flips.fold(f64::INFINITY, f64::min));
     assert_eq!(settings, replaced(&scene().settings, &picked.choice.set).expect("settings"));
-    // An error is kept by what is measured as well.
+    // An error limit is satisfied by measured settings as well.
     let (picked, settings) = pick(Limits { max_error: Some(1.0), budget: None });
     let picked = picked.expect("some are so exact").expect("a limit");
     assert!(picked.choice.error_px <= 1.0 && picked.ms > 0.0, "{picked:?}");
@@ -231,10 +230,10 @@ fn picks_are_measured() {
     assert!(picked.expect("no limit").is_none() && settings == scene().settings);
 }
 
-/// Protects the curve from rot: two of its errors, measured again, are what the file says, to 15 % and
-/// 0.02 pixels. The checker is shown a failing case: they are not each other's.
+/// The shipped curve is up to date: two of its errors, measured again, match the file to 15 % and
+/// 0.02 pixels. As a check of the comparison, they do not match each other.
 #[test]
-fn errors_are_what_is_measured() {
+fn shipped_errors_match_measurements() {
     let Some(gpu) = gpu() else { return };
     let curve = Curve::shipped();
     let of = |solver: &str| {

@@ -1,8 +1,7 @@
-//! Pictures against references.
+//! Rendered pictures against reference pictures.
 //!
-//! Protects the one number that limpid is measured by: the mean FLIP to pictures of the same
-//! particles whose surface was reconstructed and path-traced, in the folder that `LIMPID_REFERENCE`
-//! names.
+//! Measures the main quality figure of limpid: the mean FLIP to pictures of the same particles
+//! whose surface was reconstructed and path-traced, in the folder that `LIMPID_REFERENCE` names.
 
 #[path = "../../../tests/support/references.rs"]
 mod references;
@@ -25,7 +24,7 @@ const SCENES: [&str; 5] = [
     "knot",
 ];
 
-/// Mean FLIP that the five must reach together, and that none of them may exceed.
+/// Upper bounds on the mean FLIP of all five together and of each one.
 const MAX_MEAN: f64 = 0.065;
 const MAX_ONE: f64 = 0.12;
 
@@ -34,7 +33,7 @@ fn input(references: &Path, name: &str) -> Input {
     Input::open(path.to_str().expect("the path is UTF-8")).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The scenes load as they are, and name a frame that is there.
+/// The scenes load unmodified and name an existing frame.
 #[test]
 fn scenes_load_unchanged() {
     let Some(references) = references() else { return };
@@ -52,7 +51,7 @@ fn scenes_load_unchanged() {
     }
 }
 
-/// Four samples per pixel in the size of the references.
+/// Renders with four samples per pixel at the size of the references.
 #[test]
 fn mean_flip_to_the_references() {
     let Some(references) = references() else { return };

@@ -1,4 +1,4 @@
-//! The measurements of `limpid report`: what judges methods must itself be right.
+//! The measurements of `limpid report`: the code that scores methods must itself be correct.
 
 #[expect(dead_code, reason = "what this file does not use of it")]
 #[path = "../../../tests/support/mod.rs"]
@@ -39,8 +39,8 @@ fn plane(point: DVec3, normal: DVec3) -> DVec3 {
     normal / normal.dot(point)
 }
 
-/// Protects the truth for liquid: between two planes a ray ends where they say, to 64 bits, by
-/// either of them; and a ray that leaves the picture is not given an end.
+/// Exits from liquid between two planes are exact to f64, through either of them, and a ray that
+/// leaves the picture has none.
 #[test]
 fn exits_of_a_wedge_are_exact() {
     let size = UVec2::new(160, 120);
@@ -75,10 +75,10 @@ fn exits_of_a_wedge_are_exact() {
     assert!(found > 1000, "{found}");
 }
 
-/// Protects the truth at silhouettes and for overlapping classes: liquid ends where its texels do,
-/// and where two classes touch there is one body.
+/// Silhouettes and overlapping classes: liquid ends where its texels do, and touching classes are
+/// one body.
 #[test]
-fn unions_and_silhouettes_end_where_they_should() {
+fn unions_and_silhouettes_have_exact_ends() {
     let size = UVec2::new(160, 120);
     let view = View::new(&camera().uniform(size, DVec3::ZERO));
     let level = |z: f64| DVec3::new(0.0, 0.0, -1.0 / z);
@@ -93,7 +93,8 @@ fn unions_and_silhouettes_end_where_they_should() {
     let left = [half(level(4.0), false), half(level(5.0), false)];
     let hit = exit(&view, &[&left], o, d, IVec2::new(40, 60)).expect("a silhouette");
     assert!((hit.u.x - 100.0).abs() < 1e-9, "{}", hit.u);
-    // Another class from there on, as deep: one body, which ends by its back or not at all.
+    // Another class from there on, at the same depth: one body, which ends at its back or not at
+    // all.
     let right = [half(level(4.0), true), half(level(5.0), true)];
     let hit = exit(&view, &[&left, &right], o, d, IVec2::new(40, 60));
     let end = (5.0 + o.z) / -d.z;
@@ -101,10 +102,10 @@ fn unions_and_silhouettes_end_where_they_should() {
     assert_eq!(hit.map(|hit| hit.u.round()), expected.map(|u| u.round()));
 }
 
-/// Protects rims: where smoothing has left a front behind its back there is no liquid, and a ray ends
-/// where it begins. It has a true end: an answer elsewhere, or none, is wrong.
+/// Rims: where smoothing has left a front behind its back there is no liquid, and a ray ends where
+/// it starts. This is its true end: an answer elsewhere, or none, is wrong.
 #[test]
-fn crossed_layers_end_at_once() {
+fn crossed_layers_end_immediately() {
     let size = UVec2::new(160, 120);
     let view = View::new(&camera().uniform(size, DVec3::ZERO));
     let layer = |z: f64| Layer {
@@ -122,16 +123,16 @@ fn crossed_layers_end_at_once() {
         let right = score(&view, &[Truth::Hit(hit)], &[Answer::Hit(u, front)]);
         let far = score(&view, &[Truth::Hit(hit)], &[Answer::Hit(u, 2.0 * front)]);
         assert_eq!([right.solved, right.wrong, far.solved, far.wrong], [1, 0, 0, 1]);
-        // Another class that the ray is in goes on.
+        // A class around it that contains the ray continues.
         let around = [layer(3.5), layer(5.0)];
         let hit = exit(&view, &[&pair, &around], o, d, u.floor().as_ivec2()).expect("its back");
         assert!((hit.depth - 5.0).abs() < 1e-9, "{hit:?}");
     }
 }
 
-/// Protects entries: a plane is met from in front, and what passes behind an edge goes on.
+/// Entries are from the front, and a ray that passes behind an edge continues.
 #[test]
-fn entries_are_from_in_front() {
+fn entries_are_from_the_front() {
     let size = UVec2::new(160, 120);
     let view = View::new(&camera().uniform(size, DVec3::ZERO));
     let floor = DVec3::new(0.0, 0.0, -1.0 / 6.0);
@@ -143,20 +144,20 @@ fn entries_are_from_in_front() {
             .collect(),
     };
     let start = 5.4 * view.omega(DVec2::new(80.5, 60.5));
-    // Passes behind the card, and ends on the floor beyond it.
+    // Passes behind the card and ends on the floor beyond it.
     let beyond = 6.0 * view.omega(DVec2::new(130.5, 60.5));
     let d = (beyond - start).normalize();
     let hit = entry(&view, &layer, start, d, IVec2::new(80, 60)).expect("the floor");
     assert!(hit.u.distance(DVec2::new(130.5, 60.5)) < 1e-6, "{}", hit.u);
-    // Ends behind the card: nowhere that is seen.
+    // Ends behind the card, where nothing is visible.
     let hidden = 6.0 * view.omega(DVec2::new(100.5, 60.5));
     let d = (hidden - start).normalize();
     let hit = entry(&view, &layer, start, d, IVec2::new(80, 60));
     assert!(hit.is_none_or(|hit| hit.u.x > 110.0), "{hit:?}");
 }
 
-/// Protects the scores: answers that are right, off by a known distance, wrong in depth alone, or
-/// given where nothing can be solved.
+/// Scores of answers that are right, off by a known distance, wrong in depth only, or given for an
+/// unsolvable ray.
 #[test]
 fn scores_of_known_answers() {
     let size = UVec2::new(160, 120);
@@ -186,7 +187,7 @@ fn scores_of_known_answers() {
     assert_eq!(both.solved_of_all(), 1.0);
 }
 
-/// A scene of a level surface over a plane solid, seen from above, and its layers.
+/// A scene of a tilted flat surface over a plane solid, seen from above, and its layers.
 fn planar() -> (Scene, ViewLayers) {
     let toml = "
         [camera]
@@ -210,10 +211,10 @@ fn planar() -> (Scene, ViewLayers) {
     (scene, layers)
 }
 
-/// Protects every intersector, and the bench that runs them: a plane is solved by all but the one
-/// that does not intersect at all; and each counts what it reads.
+/// Every intersector solves a plane, except the one that does not intersect, and counts its texel
+/// reads.
 #[test]
-fn every_solver_solves_a_plane() {
+fn every_intersector_solves_a_plane() {
     let Some(gpu) = gpu() else { return };
     let (scene, layers) = planar();
     let uniform = camera().uniform(layers.size, DVec3::ZERO);
@@ -240,34 +241,34 @@ fn every_solver_solves_a_plane() {
         assert!(score.solvable > 15_000, "{}", score.solvable);
         assert!(measurement.fetches >= 1.0, "{solver:?}");
         if solver == Solver::Single {
-            // The checker is shown a failing case: a lookup is no intersection.
+            // A check of the score itself: a lookup without intersection fails.
             assert!(score.solved_of_solvable() < 0.5, "{score:?}");
             continue;
         }
-        // At the border of the picture mip levels hold less than they cover.
+        // At the border of the picture mip levels cover less than their texels.
         let enough = if solver == Solver::Plane3 { 0.98 } else { 0.999 };
         assert!(score.solved_of_solvable() > enough, "{solver:?} {score:?}");
         assert!(score.wrong_accepts() < 0.002, "{solver:?} {score:?}");
-        // The seed, the test, and a look back on the longest.
+        // The seed, the test, and a look back by the longest rays.
         if solver == Solver::Guarded {
             assert!(measurement.fetches < 3.5, "{}", measurement.fetches);
         }
     }
 }
 
-/// Protects what the truth's rays are: Snell's, at the first surface.
+/// The rays of the truth obey Snell's law at the first surface.
 #[test]
-fn rays_are_refracted_as_snell_says() {
+fn refraction_obeys_snell() {
     let n = DVec3::Z;
     let d = DVec3::new(30f64.to_radians().sin(), 0.0, -(30f64.to_radians().cos()));
     let inside = optics::refract(d, n, 1.33).expect("into water, all angles pass");
     assert!((inside.x.asin().to_degrees() - 22.0824).abs() < 1e-4);
 }
 
-/// Protects extreme scenes: spray, a pool, droplets beside the eye and an eye in the liquid are among
-/// them, all pixels are finite, and what a splat draws exactly is near the truth.
+/// Extreme scenes include spray, a pool, droplets next to the eye and an eye in the liquid; all
+/// pixels are finite, and exactly rendered splats are close to the truth.
 #[test]
-fn extreme_scenes_are_of_all_kinds() {
+fn extreme_scenes_are_finite_and_accurate() {
     let Some(gpu) = gpu() else { return };
     let rows = stress::measure(gpu, &mut Renderer::new(gpu), 2).expect("measured");
     for Stress { case, not_finite, median_error, worst_error, worst, .. } in &rows {

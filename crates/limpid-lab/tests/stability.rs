@@ -1,4 +1,4 @@
-//! The range of numbers: scenes from millimetres to ten kilometres, up to 100 km from the world's
+//! Numerical range: scenes from millimetres to ten kilometres, up to 100 km from the world's
 //! origin, fields of view from 5 to 150 degrees, any index of refraction, grazing views.
 
 #[path = "../../../tests/support/frames.rs"]
@@ -23,12 +23,12 @@ const TILE: f64 = 0.25;
 
 // ------------------------------------------------------------------------------ equivariance
 
-/// Where a tank stands and how large it is: a point x of it is at offset + scale·x.
+/// The position and scale of a tank: a point x of it is at offset + scale·x.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     offset: DVec3,
     scale: f64,
-    /// Whether the particles' positions hold the offset themselves, in 32 bits.
+    /// Whether the particles' 32-bit positions include the offset.
     baked: bool,
 }
 
@@ -44,13 +44,13 @@ impl Place {
     }
 }
 
-/// A simulated dam break in a scene with everything that has a position or a length.
+/// A simulated dam break in a scene with every kind of position and length.
 fn tank(place: Place) -> (Scene, Camera, Splats) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../tests/data/double_dam_break/ParticleData_Fluid_20.bgeo");
     let mut particles = limpid_io::particles::read(&path).expect("the test's data");
     for position in &mut particles.positions {
-        // With 10 binary digits behind the point, so that 32-bit floats hold it far away too.
+        // Rounded to 10 fractional bits, so that 32-bit floats represent it exactly far away too.
         let rounded = (*position * 1024.0).round().as_dvec3() / 1024.0;
         let offset = if place.baked { place.offset } else { DVec3::ZERO };
         *position = (offset + place.scale * rounded).as_vec3();
@@ -72,7 +72,7 @@ fn tank(place: Place) -> (Scene, Camera, Splats) {
     let wall = Shape::Box { min: place.point(-2.0, -1.0, -2.5), max: place.point(2.0, 0.8, -1.5) };
     let ball = Shape::Sphere { center: place.point(1.2, 0.2, 1.0), radius: place.length(0.2) };
     let intensity = Vec3::splat((place.scale * place.scale) as f32);
-    // Which pixels get more rays is decided by thresholds: those are not what is under test.
+    // Adaptive sampling uses thresholds, which are not under test here.
     let mut settings = Settings::default();
     settings.refract.edge_samples = 1;
     let scene = Scene {
@@ -117,7 +117,8 @@ fn draw(stage: &mut Stage, place: Place) -> Shot {
     shot
 }
 
-/// Mean FLIP, and the largest difference of any channel in 8 bits, share of pixels with any.
+/// Mean FLIP, the largest difference of any 8-bit channel, and the share of pixels that differ by
+/// more than one level.
 fn difference(a: &Shot, b: &Shot) -> (f64, u8, f64) {
     let (comparison, _) = compare(&a.picture.convert(), &b.picture.convert()).expect("one size");
     let off = |(a, b): (&image::Rgba<u8>, &image::Rgba<u8>)| {
@@ -128,33 +129,33 @@ fn difference(a: &Shot, b: &Shot) -> (f64, u8, f64) {
     (comparison.mean_flip, offs.into_iter().max().unwrap_or(0), changed)
 }
 
-/// Protects positions: a scene far from the world's origin looks as it does near it. Offsets are
-/// whole pairs of tiles sideways, for the floor's pattern is counted from the world's origin.
+/// A scene far from the world's origin looks the same as near it. Offsets are whole pairs of tiles
+/// sideways, because the floor's pattern is counted from the world's origin.
 #[test]
-fn translation_changes_nothing() {
+fn pictures_are_invariant_under_translation() {
     let Some(mut stage) = stage() else { return };
     let here = draw(&mut stage, HERE);
     for (offset, baked) in [
         // Exact in 32 bits, together with the particles' digits.
         (DVec3::new(1024.0, -512.0, 2048.0), true),
         (DVec3::new(-8000.0, 4096.0, 8191.0), true),
-        // Of 64 bits.
+        // Needing 64 bits.
         (DVec3::new(98765.5, 4321.987654321, -54321.0), false),
         (DVec3::new(-1e5, -1e5 / 3.0, 1e5), false),
     ] {
         let there = draw(&mut stage, Place { offset, baked, ..HERE });
         let (flip, most, changed) = difference(&here, &there);
         println!("{offset}: mean FLIP {flip:.2e}, at most {most}, {changed:.2e} of the pixels");
-        // A ray or two may fall on the other side of a threshold, such as that of a strong reflection:
-        // FLIP spreads such a pixel over its neighbours, and it is 1e-4 of the whole.
+        // A ray or two may cross a threshold, such as that of a strong reflection: FLIP spreads
+        // such a pixel over its neighbours, and it is 1e-4 of the whole.
         assert!(flip < 4e-4 && changed < 1e-3, "{offset}: {flip:e}, {changed:e}");
     }
 }
 
-/// Protects lengths: a scene of any size looks as it does at 1. By a power of two all floats keep
-/// their digits, and the pictures are equal to the last bit if no constant is in metres.
+/// A scene of any size looks the same as at scale 1. Scaling by a power of two keeps all digits, so
+/// the pictures are bit-identical if no constant is in metres.
 #[test]
-fn scale_changes_nothing() {
+fn pictures_are_invariant_under_scaling() {
     let Some(mut stage) = stage() else { return };
     let here = draw(&mut stage, HERE);
     for scale in [1.0 / 1024.0, 8192.0, 1e-3, 1e4] {
@@ -172,13 +173,14 @@ fn scale_changes_nothing() {
 
 // ------------------------------------------------------------------------------------ stress
 
-/// One ellipsoid over a floor, before a box, and the rules of `refract/interfaces.wgsl` for it in
-/// 64 bits. Everything is in view space, apart from the world's axes for what is around.
+/// An f64 tracer for one ellipsoid over a floor, in front of a box, with the rules of
+/// `refract/interfaces.wgsl`. Everything is in view space, except the surroundings, which are along
+/// the world's axes.
 struct Truth {
     view: View,
     body: Ellipsoid,
     ior: f64,
-    /// Seen from the origin that the view is counted from.
+    /// Height of the floor relative to the view's origin.
     floor: f64,
     half_extent: f64,
     middle: DVec3,
@@ -194,7 +196,7 @@ const EVEN: DVec3 = DVec3::new(0.7, 0.6, 0.5);
 const ODD: DVec3 = DVec3::new(0.5, 0.6, 0.7);
 const PILLAR: DVec3 = DVec3::new(0.3, 0.1, 0.6);
 
-/// Unpolarised reflectance, and the transmitted cosine.
+/// Unpolarised reflectance, and the cosine of the refracted angle.
 fn fresnel(cos_i: f64, eta: f64) -> (f64, f64) {
     let cos2_t = ((eta - 1.0) * (eta + 1.0) + cos_i * cos_i) / (eta * eta);
     if cos2_t < 0.0 {
@@ -215,7 +217,7 @@ impl Truth {
         environment(self.view.world_vector(d))
     }
 
-    /// The nearest solid along a view-space ray: its distance and radiance.
+    /// Finds the nearest solid along a view-space ray: its distance and radiance.
     fn solid(&self, o: DVec3, d: DVec3) -> Option<(f64, DVec3)> {
         let (o, d) = (self.view.world_point(o), self.view.world_vector(d));
         let t = (self.floor - o.y) / d.y;
@@ -236,14 +238,14 @@ impl Truth {
         self.solid(o, d).map_or_else(|| self.environment(d), |(_, color)| color)
     }
 
-    /// The least and the greatest radiance that the pixel may have; none where a texel's plane
-    /// says nothing: at the rim, and where the ray leaves beyond the picture.
+    /// The minimum and the maximum radiance that the pixel may have; `None` where a texel's plane
+    /// is not representative: at the rim, and where the ray leaves outside the picture.
     fn pixel(&self, p: UVec2) -> Option<[DVec3; 2]> {
         let u = p.as_dvec2() + 0.5;
         let around = |reach: f64| {
             (0..9).map(move |i| reach * DVec2::new(f64::from(i % 3) - 1.0, f64::from(i / 3) - 1.0))
         };
-        // Behind the eye is no hit.
+        // Hits behind the eye do not count.
         let ahead = |hits: [f64; 2]| hits[0] > 0.0;
         let covers = |u: DVec2| self.body.hits(DVec3::ZERO, self.view.omega(u)).is_some_and(ahead);
         let covered = around(2.0).filter(|&by| covers(u + by)).count();
@@ -252,7 +254,7 @@ impl Truth {
         let mut admit = |color: DVec3| range = [range[0].min(color), range[1].max(color)];
         match covered {
             0 => {
-                // Which side of an edge a ray passes, rounding decides within 1/20 of a pixel.
+                // Within 1/20 of a pixel, rounding decides on which side of an edge a ray passes.
                 around(0.05).for_each(|by| {
                     admit(self.lookup(DVec3::ZERO, self.view.omega(u + by).normalize()));
                 });
@@ -282,7 +284,7 @@ impl Truth {
         if q.min_element() < 2.0 || (q - SIZE.as_dvec2()).max_element() > -2.0 {
             return None;
         }
-        // The normal there is that of the texel's middle, or of a neighbour: within 3/4 pixel.
+        // The normal there is that of the texel's centre, or of a neighbour: within 3/4 pixel.
         let [front, back] = self.body.hits(DVec3::ZERO, self.view.omega(q))?;
         let side = usize::from((-exit.z - front).abs() > (-exit.z - back).abs());
         for by in around(0.75) {
@@ -305,12 +307,12 @@ impl Truth {
     }
 }
 
-/// A case of the stress test, from its seed.
+/// Generates a case of the stress test from a seed.
 fn stress(seed: &mut u64) -> (Scene, Camera, Splats, Truth) {
     let mut unit = || f64::from(noise(seed));
     let scale = (unit() * 1e7f64.ln()).exp() * 1e-3;
     let far = (unit() * 1e6f64.ln()).exp() * 0.1;
-    // Every other view is wide.
+    // Half of the views are wide.
     let fov_y = if unit() < 0.5 { 5.0 + 145.0 * unit() } else { 5.0 * (unit() * 30f64.ln()).exp() };
     let ior = [1.0003, 1.1, 1.33, 1.33, 1.5, 2.4, 1.0 / 1.33][(unit() * 7.0) as usize];
     let axes = if unit() < 0.5 {
@@ -319,7 +321,7 @@ fn stress(seed: &mut u64) -> (Scene, Camera, Splats, Truth) {
         scale * DVec3::new(0.4 + 0.6 * unit(), 0.4 + 0.6 * unit(), 0.4 + 0.6 * unit())
     };
     let tangent = (0.5 * fov_y).to_radians().tan();
-    // As large as the picture, or so near that its rim alone fills it: a grazing view.
+    // The ellipsoid fills the picture, or is so close that only its rim does: a grazing view.
     let grazing = unit() < 0.4;
     let filled = if grazing { 1.6 } else { 0.6 };
     let distance = scale * (1.0 / (filled * tangent)).max(1.1 + 0.3 * unit());
@@ -330,7 +332,7 @@ fn stress(seed: &mut u64) -> (Scene, Camera, Splats, Truth) {
     let middle = centre.as_dvec3();
     let eye = middle + distance * back;
     let aside = noise_vector(seed).as_dvec3().cross(back).normalize();
-    // A sphere's outline is so far from its middle, as seen at the middle's distance.
+    // Distance of a sphere's silhouette from its centre, at the depth of the centre.
     let rim = scale / (1.0 - (scale / distance).powi(2)).sqrt();
     let target = middle + aside * if grazing { 0.9 * rim } else { 0.2 * scale };
     let up = noise_vector(seed);
@@ -380,16 +382,15 @@ fn stress(seed: &mut u64) -> (Scene, Camera, Splats, Truth) {
     (scene, camera, splats, truth)
 }
 
-/// Protects against numbers out of range, wherever they come from: one drop over a floor, of any
-/// size, at any place, of any index, seen from anywhere, has no NaN in any image, and the radiance
-/// that a tracer in 64 bits gives it.
+/// One drop over a floor, of any size, position and index, seen from anywhere, has no NaN in any
+/// image and the radiance that an f64 tracer computes.
 ///
-/// A texel is the tangent plane of its middle, so that the exit's normal is that of a point within
-/// 3/4 of a pixel: the tracer tries nine of these, and the device must lie between the least and
-/// the greatest result, within 3e-3. An edge between two colours may pass between the nine, and a
-/// ray that leaves at a slant may meet the neighbouring plane: 3 % of the pixels may miss.
+/// A texel is the tangent plane at its centre, so the exit's normal is that of a point within 3/4
+/// of a pixel: the tracer evaluates nine of these, and the device must lie between the minimum and
+/// the maximum result, within 3e-3. An edge between two colours may pass between the nine, and a
+/// ray that leaves at a slant may hit the neighbouring plane: 3 % of the pixels may differ.
 #[test]
-fn drops_anywhere_are_as_traced() {
+fn drops_anywhere_match_the_tracer() {
     let Some(mut stage) = stage() else { return };
     let mut seed = 77;
     let (mut liquid, mut all_wrong) = (0, 0);
@@ -423,7 +424,7 @@ fn drops_anywhere_are_as_traced() {
         liquid += compared;
         all_wrong += wrong;
 
-        // The same with everything that the tracer does not know.
+        // The same with everything that the tracer does not model.
         let mut full = scene;
         full.settings = Settings::default();
         full.liquid.absorption = Vec3::splat(0.5 / truth.tile as f32);

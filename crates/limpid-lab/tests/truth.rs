@@ -1,4 +1,4 @@
-//! Ground truth against closed forms, and against pictures made with other people's software.
+//! The ground truth against closed forms, and against pictures by independent software.
 
 #[path = "../../../tests/support/even_light.rs"]
 mod even_light;
@@ -55,7 +55,7 @@ fn ray(origin: DVec3, direction: DVec3) -> Ray {
     Ray { origin, direction: direction.normalize() }
 }
 
-/// What is seen straight down from a height of 3 m.
+/// The radiance seen straight down from a height of 3 m.
 fn seen_down(liquid: &impl Liquid, scene: &Scene) -> DVec3 {
     let camera =
         Camera { eye: DVec3::new(0.0, 3.0, 0.0), up: Vec3::Z, ..looking(Vec3::X, Vec3::ZERO) };
@@ -70,10 +70,10 @@ fn looking(eye: Vec3, target: Vec3) -> Camera {
 
 const WATER: f64 = 1.33;
 
-/// Protects the laws of refraction: critical angle, Snell's angle, reflectances, and that light
-/// and its reverse are refracted alike, whichever side is denser.
+/// Laws of refraction: critical angle, Snell's angle, reflectances, and reciprocity of light,
+/// whichever side is denser.
 #[test]
-fn optics_have_their_closed_forms() {
+fn optics_match_closed_forms() {
     let at = |degrees: f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();
         DVec3::new(sin, -cos, 0.0)
@@ -112,8 +112,8 @@ fn optics_have_their_closed_forms() {
     }
 }
 
-/// The ray that passes through without internal reflection: its length inside and its direction
-/// afterwards.
+/// Follows the ray that passes through without internal reflection: its length inside, the ray
+/// afterwards and the exit.
 fn pass(liquid: &impl Liquid, from: &Ray, ior: f64) -> (f64, Ray, Crossing) {
     let enter = liquid.crossing(from, false).expect("the ray enters");
     let direction = refract(from.direction, enter.normal, ior).unwrap();
@@ -123,9 +123,9 @@ fn pass(liquid: &impl Liquid, from: &Ray, ior: f64) -> (f64, Ray, Crossing) {
     (leave.t, Ray { origin: inside.at(leave.t), direction }, leave)
 }
 
-/// Protects the ball, the known answer for two refractions: chord, deviation, absorption.
+/// A ball, with known answers for two refractions: chord, deviation, absorption.
 #[test]
-fn a_ball_refracts_as_its_closed_form() {
+fn a_ball_matches_its_closed_form() {
     let center = DVec3::new(0.3, -0.2, 0.1);
     let ball = Ball { center, radius: 1.0 };
     let from = ray(center + DVec3::new(0.5, 0.0, 7.0), DVec3::NEG_Z);
@@ -135,7 +135,8 @@ fn a_ball_refracts_as_its_closed_form() {
     assert!((deviation - 15.8352).abs() < 1e-4, "{deviation}");
     assert!((transmittance(DVec3::ONE, chord).x - 0.156721).abs() < 1e-6);
 
-    // A rotated ellipsoid is the ball where its axes are equal, and keeps its surface elsewhere.
+    // A rotated ellipsoid equals the ball if its axes are equal; otherwise entries and exits agree
+    // with `contains` and with the normals.
     let turn = DMat3::from_rotation_y(0.7) * DMat3::from_rotation_x(0.4);
     let round = Ellipsoid::new(center, turn).unwrap();
     assert!((pass(&round, &from, WATER).0 - chord).abs() < 1e-12);
@@ -154,10 +155,10 @@ fn a_ball_refracts_as_its_closed_form() {
     assert!(Ellipsoid::new(center, DMat3::from_diagonal(DVec3::new(1.0, 0.0, 1.0))).is_none());
 }
 
-/// Protects parallel faces: the ray is offset, not bent, and the incoherent sum over all internal
+/// Parallel faces: the ray is offset, not bent, and the incoherent sum over all internal
 /// reflections is the plate's closed form.
 #[test]
-fn a_plate_offsets_and_transmits_as_its_closed_form() {
+fn a_plate_matches_its_closed_form() {
     let (low, high) = (DVec3::new(-50.0, -0.4, -50.0), DVec3::new(50.0, 0.0, 50.0));
     let plate = Block { min: low, max: high };
     let from = ray(DVec3::new(0.0, 1.0, 0.0), DVec3::new(1.0, -3f64.sqrt(), 0.0));
@@ -168,13 +169,13 @@ fn a_plate_offsets_and_transmits_as_its_closed_form() {
     let expected = 0.4 * (30f64.to_radians().tan() - inner.tan());
     assert!((straight.x - out.origin.x - expected).abs() < 1e-12);
 
-    // Bright below, dark above: what is seen straight down is the transmittance.
+    // Bright below, dark above: the radiance seen straight down is the transmittance.
     let two_skies = "[liquid]\nior = 1.33\nabsorption = [0.0, 0.0, 0.0]\n[environment.gradient]\n\
         zenith = [0.0, 0.0, 0.0]\nhorizon = [0.0, 0.0, 0.0]\nnadir = [1.0, 1.0, 1.0]";
     let down = |text: &str| seen_down(&plate, &scene(text));
     let r = (0.33f64 / 2.33).powi(2);
     let clear = down(two_skies).x;
-    // Each path ends with a share below a thousandth.
+    // Each path is truncated at a share below a thousandth.
     assert!((clear - (1.0 - r) / (1.0 + r)).abs() < 1e-3, "{clear}");
     let grey = down(&two_skies.replace("[0.0, 0.0, 0.0]\n[env", "[2.0, 2.0, 2.0]\n[env")).x;
     let a = (-0.8f64).exp();
@@ -182,8 +183,8 @@ fn a_plate_offsets_and_transmits_as_its_closed_form() {
     assert!((grey - expected).abs() < 1e-3, "{grey} {expected}");
 }
 
-/// Protects what is wet: a solid in the liquid ends the ray after the path to it, through one
-/// interface, with radiance scaled by the squared index.
+/// A solid in the liquid ends the ray after the path to it, through one interface, with radiance
+/// scaled by the squared index.
 #[test]
 fn a_wet_floor_is_seen_through_one_interface() {
     let text = "[liquid]\nior = 1.33\nabsorption = [1.0, 0.5, 0.0]\n[environment]\n\
@@ -191,7 +192,7 @@ fn a_wet_floor_is_seen_through_one_interface() {
         half_extent = 100.0\ncolor = [1.0, 1.0, 1.0]";
     let r = (0.33f64 / 2.33).powi(2);
     let expected = transmittance(DVec3::new(1.0, 0.5, 0.0), 0.4) * (1.0 - r) / (WATER * WATER);
-    // The bottom on the floor, and below it.
+    // The bottom of the liquid on the floor, and below it.
     for bottom in [-0.4, -0.9] {
         let (low, high) = (DVec3::new(-9.0, bottom, -9.0), DVec3::new(9.0, 0.0, 9.0));
         let found = seen_down(&Block { min: low, max: high }, &scene(text));
@@ -199,11 +200,10 @@ fn a_wet_floor_is_seen_through_one_interface() {
     }
 }
 
-/// Protects the even light of the sky on wet solids: reflected at the surface and absorbed on its way
-/// down, as the closed form has it, whether walls stand around or not; all of it where there is no
-/// liquid.
+/// Ambient light of the sky on wet solids: reflected at the surface and absorbed on its way down,
+/// as in the closed form, with or without walls around; unattenuated without liquid.
 #[test]
-fn even_light_weakens_on_its_way_down() {
+fn ambient_light_is_attenuated_with_depth() {
     let absorption = DVec3::new(1.0, 0.3, 0.0);
     let text = |depth: f64| {
         format!(
@@ -224,7 +224,8 @@ fn even_light_weakens_on_its_way_down() {
         println!("{depth} m: {found}, by the closed form {expected}: off by {off:.4}");
         assert!(off < 0.004, "{depth}: {found} {expected}");
 
-        // As deep a shaft with black walls: they hide nothing, as they do not in the air.
+        // A shaft of the same depth with black walls, which occlude no ambient light, as in the
+        // air.
         let wall = |min: [f64; 3], max: [f64; 3]| {
             format!(
                 "[[solid]]\nshape = \"box\"\nmin = {min:?}\nmax = {max:?}\ncolor = [0.0, 0.0, 0.0]\n"
@@ -243,10 +244,10 @@ fn even_light_weakens_on_its_way_down() {
     assert!((seen_down(&air, &scene(&text(1.0))) - 0.5 * 0.8).length() < 1e-7);
 }
 
-/// Protects the renderer's two paths for even light: within what `EvenLight` promises of the closed form,
-/// from the surface down to where nothing is left.
+/// The renderer's two paths for ambient light agree with the closed form within the tolerance of
+/// `EvenLight`, from the surface down to where nothing is left.
 #[test]
-fn two_paths_stand_for_all_of_the_sky() {
+fn two_paths_approximate_the_whole_sky() {
     for ior in [1.2_f32, 1.333, 1.5, 2.0, 3.0] {
         let EvenLight { shares, paths } = EvenLight::below(ior);
         for (depth, tolerance) in [(0.0, 1e-5), (0.1, 1e-3), (0.5, 1e-3), (2.0, 1e-3), (8.0, 3e-3)]
@@ -272,17 +273,17 @@ fn pool() -> Pool {
     }
 }
 
-/// Protects the pool, whose crossings no formula gives: each lies on the waves, and none comes
-/// after a change of sides that dense sampling finds.
+/// Crossings of a pool, which have no closed form: each lies on the waves, and none comes after a
+/// change of sides that dense sampling finds.
 #[test]
-fn no_ray_passes_through_waves_unseen() {
+fn rays_never_miss_waves() {
     let pool = pool();
     let mut random = Random(5);
     let mut crossings = 0;
     for _ in 0..2000 {
         let height = random.range(-0.4, 0.4);
         let origin = DVec3::new(random.range(-1.9, 1.9), height, random.range(-1.9, 1.9));
-        // Most rays are flat, where they meet several waves.
+        // Most rays are flat and meet several waves.
         let direction = random.direction() * DVec3::new(1.0, random.range(0.0, 0.5), 1.0);
         let ray = ray(origin, direction);
         let inside = pool.contains(origin);
@@ -309,7 +310,7 @@ fn no_ray_passes_through_waves_unseen() {
     }
     assert!(crossings > 500, "{crossings}");
 
-    // From afar, through a side, and flat water.
+    // From afar, through a side, and on flat water.
     let far = ray(DVec3::new(0.0, 900.0, 500.0), DVec3::new(0.0, -900.0, -500.0));
     let hit = far.at(pool.crossing(&far, false).unwrap().t);
     assert!((hit.y - pool.waves.height(DVec2::new(hit.x, hit.z))).abs() < 1e-10);
@@ -322,7 +323,7 @@ fn no_ray_passes_through_waves_unseen() {
     assert_eq!(flat.crossing(&ray(DVec3::Y, DVec3::X), false), None);
 }
 
-/// A sphere of triangles: an icosahedron whose faces are divided `times` times.
+/// A triangulated sphere: an icosahedron whose faces are subdivided `times` times.
 fn sphere_mesh(center: DVec3, radius: f64, times: u32) -> Mesh {
     let g = 0.5 * (1.0 + 5f64.sqrt());
     let signs = [(-1.0, g), (1.0, g), (-1.0, -g), (1.0, -g)];
@@ -334,7 +335,7 @@ fn sphere_mesh(center: DVec3, radius: f64, times: u32) -> Mesh {
             })
         })
         .collect();
-    // Its faces are the triples at the least distance.
+    // The faces are the triples of vertices at the smallest distance.
     let near = |a: DVec3, b: DVec3| a.distance(b) < 1.1;
     let mut triangles = Vec::new();
     for i in 0..12 {
@@ -372,9 +373,9 @@ const CHECKERED: &str = "[liquid]\nior = 1.33\nabsorption = [1.2, 0.35, 0.12]\n[
     shape = \"plane\"\norigin = [0.0, -0.8, 0.0]\nhalf_extent = 5.0\n\
     checker = { tile = 0.5, even = [0.8, 0.8, 0.7], odd = [0.2, 0.2, 0.3] }";
 
-/// Protects meshes: finer and finer triangles converge to the picture of the exact ball.
+/// Finer meshes converge to the picture of the exact ball.
 #[test]
-fn a_finer_mesh_comes_nearer_to_the_ball() {
+fn finer_meshes_converge_to_the_ball() {
     let Project { scene, camera, .. } = project(CHECKERED);
     let camera = camera.unwrap();
     let size = UVec2::new(96, 72);
@@ -390,8 +391,8 @@ fn a_finer_mesh_comes_nearer_to_the_ball() {
     assert!(errors[1] < errors[0] && errors[2] < errors[1] && errors[2] < 0.01, "{errors:?}");
 }
 
-/// Protects against leaks: rays at edges, at vertices and at random cross a closed mesh an even
-/// number of times, alternately in and out, and points know their side.
+/// A closed mesh has no leaks: rays at edges, at vertices and at random cross it an even number of
+/// times, alternately in and out, and `contains` is right.
 #[test]
 fn a_closed_mesh_has_no_holes() {
     let mesh = sphere_mesh(DVec3::new(3.0, -2.0, 5.0), 1.0, 3);
@@ -413,17 +414,17 @@ fn a_closed_mesh_has_no_holes() {
             inside = !inside;
             count += 1;
         }
-        // What glances off a corner from outside may enter and leave at the same number.
+        // A ray that grazes a corner from outside may enter and leave at the same rounded distance.
         let to_center = center - from.origin;
         let miss = to_center.reject_from_normalized(from.direction).length();
         assert!(miss > 0.99 || (!inside && count == 2), "{i}: {count} crossings, {miss} beside");
     }
 }
 
-/// Protects energy: in light of radiance 1 from everywhere, clear liquid of any form is as bright as
-/// what surrounds it, and from within by the squared index brighter.
+/// Energy conservation: under uniform radiance 1, clear liquid of any shape is as bright as its
+/// surroundings, and brighter by the squared index seen from within.
 #[test]
-fn clear_liquid_in_even_light_vanishes() {
+fn clear_liquid_vanishes_under_uniform_radiance() {
     let mut scene = scene("[liquid]\nior = 1.33\nabsorption = [0.0, 0.0, 0.0]");
     scene.environment = Environment::Constant(Vec3::ONE);
     let size = UVec2::new(40, 30);
@@ -445,9 +446,9 @@ fn clear_liquid_in_even_light_vanishes() {
     check(trace(&mesh, &scene, &within, size, 1, MAX_DEPTH), 1.0);
 }
 
-/// Protects meshes that are not closed: finite, and as bright as their surroundings.
+/// Open meshes give finite pictures as bright as their surroundings.
 #[test]
-fn an_open_mesh_does_not_spoil_the_picture() {
+fn open_meshes_give_finite_pictures() {
     let corners = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::Y];
     let mesh = Mesh::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap();
     let mut scene = scene("[liquid]\nior = 1.33\nabsorption = [0.0, 3.0, 3.0]");
@@ -464,10 +465,9 @@ fn an_open_mesh_does_not_spoil_the_picture() {
     assert!(!nothing.contains(DVec3::ZERO));
 }
 
-/// Protects the reconstruction's edge cases: none, one and coincident particles, and numbers that
-/// are none.
+/// Edge cases of the reconstruction: no particle, one, coincident ones, and invalid numbers.
 #[test]
-fn few_particles_are_meshed_and_bad_ones_refused() {
+fn few_particles_are_meshed_and_invalid_ones_rejected() {
     let how = Reconstruction::default();
     assert!(Mesh::reconstruct(&[], 0.1, &how).unwrap().triangles().is_empty());
     for particles in [vec![Vec3::ONE], vec![Vec3::ONE; 5]] {
@@ -479,9 +479,9 @@ fn few_particles_are_meshed_and_bad_ones_refused() {
     assert!(Mesh::reconstruct(&[Vec3::ONE], f32::INFINITY, &how).is_err());
 }
 
-/// Protects liquids of several bodies: rays go from one to the next, whichever is named first.
+/// Liquids of several bodies: rays go from one to the next, whatever their order.
 #[test]
-fn rays_go_from_drop_to_drop() {
+fn rays_pass_through_separate_drops() {
     let ball = |x: f64| Ellipsoid::new(x * DVec3::X, 0.5 * DMat3::IDENTITY).unwrap();
     for drops in [Drops(vec![ball(-2.0), ball(2.0)]), Drops(vec![ball(2.0), ball(-2.0)])] {
         let mut at = ray(-5.0 * DVec3::X, DVec3::X);
@@ -496,10 +496,10 @@ fn rays_go_from_drop_to_drop() {
     }
 }
 
-/// Protects liquid among solids: it wets all that it touches, whichever comes first, whichever way a
-/// plane's normal points and however thin a box is, and stands out behind no box.
+/// Liquid among solids wets all solids that it touches, in any order, for either direction of a
+/// plane's normal and however thin a box is, and never protrudes behind a box.
 #[test]
-fn all_solids_that_are_touched_are_wet() {
+fn all_touched_solids_are_wet() {
     let scene = scene(
         "[[solid]]\nshape = \"plane\"\norigin = [0.0, 0.3, 0.5]\nnormal = [1.0, 0.0, 0.0]\n\
         [[solid]]\nshape = \"plane\"\norigin = [0.0, 0.0, 0.0]\n\
@@ -510,7 +510,7 @@ fn all_solids_that_are_touched_are_wet() {
         [[solid]]\nshape = \"sphere\"\ncenter = [0.5, 0.1, 0.5]\nradius = 0.2",
     );
     let (radius, ball) = (0.05, Vec3::new(0.5, 0.1, 0.5));
-    // Centres a radius away from all solids.
+    // Centres at least a radius away from all solids.
     let lattice = (0..10 * 7 * 10).map(|i| {
         let place = UVec3::new(i % 10, i / 100, i / 10 % 10).as_vec3();
         2.0 * radius * (place + 0.5)
@@ -519,7 +519,7 @@ fn all_solids_that_are_touched_are_wet() {
     let how = Reconstruction::among(&scene.solids);
     let mesh = Mesh::reconstruct(&particles, radius, &how).unwrap();
     let surroundings = Surroundings::new(&scene);
-    // Until a solid is met, or beyond it by no more than coordinates are rounded.
+    // Up to the solid, or beyond it by no more than coordinates are rounded.
     let touches = |hit: f64, crossing: f64| hit <= crossing + 1e-6 * (1.0 + crossing);
     let mut random = Random(5);
     let mut met = [0; 6];
@@ -534,7 +534,8 @@ fn all_solids_that_are_touched_are_wet() {
             3 => (DVec3::new(0.5, low, 0.5), DVec3::new(a, low, 0.0), DVec3::NEG_Z),
             _ => (DVec3::new(0.5, low, 0.5), DVec3::new(a, low, 1.0), DVec3::Z),
         };
-        // From the liquid to the solid; not where the ball leaves less room than a particle has.
+        // From the liquid to the solid, except where the ball leaves less room than a particle
+        // needs.
         let narrow = i % 5 == 1 && (0.12..0.4).contains(&DVec2::new(a - 0.5, b - 0.5).length());
         if mesh.contains(origin) && !narrow {
             let inwards = ray(origin, to - origin);
@@ -542,9 +543,9 @@ fn all_solids_that_are_touched_are_wet() {
             met[hit.solid] += 1;
             let crossing = mesh.crossing(&inwards, true);
             let wet = crossing.is_none_or(|c| touches(hit.t, c.t));
-            assert!(wet, "air before solid {}: {inwards:?} {crossing:?}", hit.solid);
+            assert!(wet, "gap before solid {}: {inwards:?} {crossing:?}", hit.solid);
         }
-        // And from behind a box; a plane is the face of something thick.
+        // And from behind a box; a plane is the face of a thick solid.
         if i % 5 < 3 {
             continue;
         }
@@ -557,9 +558,9 @@ fn all_solids_that_are_touched_are_wet() {
     assert!(met.iter().all(|&count| count > 40), "{met:?}");
 }
 
-/// Protects solids and lights: the nearest counts, in its colour, under Lambert's law.
+/// Solids and lights: the nearest solid is visible, in its colour, under Lambert's law.
 #[test]
-fn surroundings_are_the_scene() {
+fn surroundings_match_the_scene() {
     let surroundings = Surroundings::new(&scene(
         "[environment]\nradiance = [0.1, 0.2, 0.3]\n\
         [[light]]\nsun = { direction = [0.0, -2.0, 0.0], irradiance = [3.0, 3.0, 3.0] }\n\
@@ -584,8 +585,8 @@ fn surroundings_are_the_scene() {
     assert!((surroundings.radiance(&down(9.0)) - DVec3::new(0.1, 0.2, 0.3)).length() < 1e-6);
 }
 
-/// Protects perfect layers: of two balls in a row the front of the first and the back of the
-/// second, in view space.
+/// Perfect layers of two balls in a row: the front of the first and the back of the second, in view
+/// space.
 #[test]
 fn layers_are_the_first_front_and_the_last_back() {
     struct Two([Ball; 2]);
@@ -613,7 +614,7 @@ fn layers_are_the_first_front_and_the_last_back() {
     assert!((front.normals[middle] - DVec3::Z).length() < 1e-12);
     assert!((back.normals[middle] + DVec3::Z).length() < 1e-12);
     assert_eq!((front.depths[0], back.depths[0], front.normals[0]), (0.0, 0.0, DVec3::ZERO));
-    // From within there is no front.
+    // No front exists for an eye inside.
     let camera = looking(Vec3::new(0.5, 0.0, 0.0), Vec3::ZERO);
     let [front, back] = first_last(&ball(0.0), &camera, size);
     assert_eq!(front.depths[middle], 0.0);
@@ -628,7 +629,7 @@ const SCENES: [&str; 5] = [
     "knot",
 ];
 
-/// Half the width and height: four pixels become their mean in linear light.
+/// Halves width and height: averages four pixels in linear light.
 fn halved(picture: &RgbImage) -> RgbImage {
     RgbImage::from_fn(picture.width() / 2, picture.height() / 2, |x, y| {
         let four = [(0, 0), (1, 0), (0, 1), (1, 1)]
@@ -649,10 +650,10 @@ fn halved(picture: &RgbImage) -> RgbImage {
     })
 }
 
-/// Protects the whole: from particles to the pictures that splashsurf and Mitsuba made of them, at
-/// half their size to be quick. The mean FLIP is 0.0216.
+/// The whole pipeline, from particles to the pictures that splashsurf and Mitsuba made of them, at
+/// half their size for speed. The mean FLIP is 0.0216.
 #[test]
-fn pictures_are_those_of_independent_software() {
+fn pictures_match_independent_software() {
     let Some(references) = references() else { return };
     let mut sum = 0.0;
     for name in SCENES {

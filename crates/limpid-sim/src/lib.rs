@@ -1,5 +1,5 @@
-//! Particles for [`limpid`] that are made, not read: closed-form [`recipe`]s, and [`sim`]ulations by
-//! position-based dynamics or linear waves.
+//! Generated particles for [`limpid`]: closed-form [`recipe`]s, and [`sim`]ulations by position-based
+//! dynamics or linear waves.
 
 #![forbid(unsafe_code)]
 

@@ -1,8 +1,8 @@
-//! Liquid from parameters alone: what stands in a scene's `[recipe]` instead of `[particles]`.
+//! Recipes: bodies of liquid defined by parameters, in a scene's `[recipe]` instead of `[particles]`.
 //!
-//! A recipe says what body of liquid there is; [`Recipe::particles`] fills that body as SPH would,
-//! and [`Recipe::body`] is the truth that the picture is measured against. Both depend on the
-//! parameters alone: the same file gives the same particles, to the bit, on any number of threads.
+//! [`Recipe::body`] is the exact shape, the ground truth that pictures are measured against, and
+//! [`Recipe::particles`] fills it with particles distributed as in SPH. Both depend on the parameters
+//! alone: the same file gives bit-identical particles on any number of threads.
 
 mod body;
 mod breaker;
@@ -27,22 +27,22 @@ use limpid::liquid::Particles;
 use limpid::memory;
 use limpid::scene::Solid;
 
-/// A body of liquid; in the file, `kind` says which.
+/// A parametric body of liquid, of the kind named by `kind` in the file.
 ///
-/// `count` is how many particles it is made of: 10 to 10,000,000, met to within 5 %. Their radius
-/// follows from it, [`Recipe::particle_radius`]. `seed` chooses among arrangements, default 0.
+/// `count` is the number of particles: 10 to 10,000,000, met to within 5 %. It determines their radius,
+/// [`Recipe::particle_radius`]. `seed` selects the arrangement, default 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Recipe {
     /// A ball.
     Ball {
-        /// Its centre, m.
+        /// The centre, m.
         center: DVec3,
-        /// Its radius, m.
+        /// The radius, m.
         radius: f64,
         /// Number of particles.
         count: f64,
-        /// Chooses the arrangement.
+        /// Seed of the arrangement.
         #[serde(default)]
         seed: u32,
     },
@@ -50,11 +50,11 @@ pub enum Recipe {
     Slab {
         /// The corner with the smallest coordinates, m.
         min: DVec3,
-        /// The corner with the largest.
+        /// The corner with the largest coordinates, m.
         max: DVec3,
         /// Number of particles.
         count: f64,
-        /// Chooses the arrangement.
+        /// Seed of the arrangement.
         #[serde(default)]
         seed: u32,
     },
@@ -62,33 +62,35 @@ pub enum Recipe {
     Idol(Idol),
     /// A breaking wave in a tank.
     Breaker(Breaker),
-    /// Water that runs down a staircase.
+    /// Water running down a staircase.
     Cascade(Cascade),
     /// Calm water with waves in a rectangular basin.
     Pool(Pool),
-    /// What a round vase holds.
+    /// The liquid in a round vase.
     Vase(Vase),
 }
 
-/// The least share of the box around a body that the body may fill.
-const LEAST_FILLED: f64 = 0.01;
+/// Smallest ratio of a body's volume to that of its bounding box.
+const MIN_FILL: f64 = 0.01;
 
-/// Places that are looked at for each particle, at most, and always: a body that fills a hundredth of
-/// the box around it takes a hundred, a sheet thinner than particles are far apart any number.
-const MOST_PLACES: f64 = 400.0;
-const ALWAYS_PLACES: f64 = 1e6;
+/// Largest number of candidate positions per particle. A body that fills a hundredth of its bounding box
+/// takes a hundred; for a sheet thinner than the particle spacing there is no bound.
+const MAX_CANDIDATES_PER_PARTICLE: f64 = 400.0;
+/// Number of candidate positions allowed in addition, at any count.
+const CANDIDATE_ALLOWANCE: f64 = 1e6;
 
-/// Sines that are taken to place particles under waves, at most: some minutes.
-const MOST_WORK: f64 = 1e11;
+/// Largest number of sines evaluated to place particles under waves: some minutes.
+const MAX_SINES: f64 = 1e11;
 
-/// A droplet: where it is, its radius in particle spacings (0 for a lone particle).
+/// A droplet.
 struct Droplet {
     center: DVec3,
+    /// Radius in particle spacings; 0 for a single particle.
     size: f64,
 }
 
 impl Droplet {
-    /// No droplet is larger, in particle spacings.
+    /// Largest size, in particle spacings.
     const LARGEST: f64 = 2.0;
 }
 
@@ -102,20 +104,20 @@ impl Recipe {
             let problem = printable(problem);
             Err(Error::invalid("recipe", problem))
         };
-        let place = match *self {
+        let points = match *self {
             Self::Ball { center, .. } => [("center", center); 2],
             Self::Slab { min, max, .. } => [("min", min), ("max", max)],
             Self::Idol(Idol { base, .. }) | Self::Vase(Vase { base, .. }) => [("base", base); 2],
             Self::Breaker(_) | Self::Cascade(_) | Self::Pool(_) => [("", DVec3::ZERO); 2],
         };
-        for (key, point) in place {
-            // Beyond this 32-bit particles are further apart than their radius.
+        for (key, point) in points {
+            // Beyond this, 32-bit positions are too coarse.
             if !point.is_finite() || point.abs().max_element() > 1e4 {
                 return fail(format!("{key} is {point}, expected coordinates up to 10000 m"));
             }
         }
         if let Self::Slab { min, max, .. } = self {
-            /// So thin that volumes and distances keep their digits.
+            /// Thickness, m, down to which volumes and distances keep their precision.
             const THINNEST: f64 = 1e-9;
             if !(*max - *min).cmpge(DVec3::splat(THINNEST)).all() {
                 return fail(format!("min must be below max, by at least {THINNEST} m"));
@@ -140,7 +142,7 @@ impl Recipe {
         Ok(())
     }
 
-    /// The number of particles asked for.
+    /// The requested number of particles.
     pub fn count(&self) -> f64 {
         match *self {
             Self::Ball { count, .. }
@@ -153,7 +155,7 @@ impl Recipe {
         }
     }
 
-    /// The share of the particles that are thrown clear of the body.
+    /// Fraction of the particles in droplets clear of the body.
     fn spray(&self) -> f64 {
         match *self {
             Self::Breaker(Breaker { spray, .. }) | Self::Cascade(Cascade { spray, .. }) => spray,
@@ -161,7 +163,7 @@ impl Recipe {
         }
     }
 
-    /// How many waves its surface is the sum of.
+    /// Number of sines of the surface.
     fn waves(&self) -> u32 {
         match self {
             Self::Pool(pool) => pool.waves.count,
@@ -181,7 +183,7 @@ impl Recipe {
         }
     }
 
-    /// Where the liquid is, droplets apart.
+    /// The shape of the liquid, without droplets.
     pub fn body(&self) -> Body {
         match *self {
             Self::Ball { center, radius, .. } => body::ball(center, radius),
@@ -194,7 +196,7 @@ impl Recipe {
         }
     }
 
-    /// Solids that come with the liquid.
+    /// Solids of the recipe, in addition to those of the scene.
     pub fn solids(&self) -> Vec<Solid> {
         match self {
             Self::Pool(pool) => pool.solids(),
@@ -202,7 +204,7 @@ impl Recipe {
         }
     }
 
-    /// Radius r of the particles, m: each has the volume of a cube of side 2 r.
+    /// Radius r of the particles, m. A particle has the volume of a cube of side 2 r.
     pub fn particle_radius(&self) -> f64 {
         0.5 * self.spacing(self.body().volume())
     }
@@ -211,49 +213,51 @@ impl Recipe {
         (volume / (self.count() * (1.0 - self.spray()))).cbrt()
     }
 
-    /// The particles.
+    /// Generates the particles.
     ///
-    /// They are spread evenly but not regularly, and lie at least about r inside the body's
-    /// surface, the outermost layer at just that depth, as SPH boundaries leave liquid. The surface
-    /// drawn from them with default settings lies within half a radius of the body's.
+    /// They are evenly but not regularly distributed, at a depth of at least about r, the outermost
+    /// layer at that depth, as SPH boundary handling leaves them. The surface drawn from them with
+    /// default settings lies within half a radius of the body's.
     ///
     /// # Errors
-    /// As [`Recipe::check`]; [`Error::Invalid`] for proportions that leave so little liquid in the
-    /// box around it that looking for it would take forever; [`Error::Memory`].
+    /// As [`Recipe::check`]; [`Error::Invalid`] for a body that fills so little of its bounding box that
+    /// sampling would take too long; [`Error::Memory`].
     pub fn particles(&self) -> Result<Particles> {
         self.check()?;
         let fail = |problem: String| Err(Error::invalid("recipe", problem));
         let body = self.body();
         let volume = body.volume();
-        if volume < LEAST_FILLED * (body.max - body.min).element_product() {
+        if volume < MIN_FILL * (body.max - body.min).element_product() {
             return fail("the liquid is too thin for the space that it extends over".into());
         }
         let count = self.count();
         let spacing = self.spacing(volume);
-        let places = fill::places(&body, spacing);
-        if places.is_nan() || places > MOST_PLACES * count + ALWAYS_PLACES {
+        let candidates = fill::places(&body, spacing);
+        if candidates.is_nan()
+            || candidates > MAX_CANDIDATES_PER_PARTICLE * count + CANDIDATE_ALLOWANCE
+        {
             return fail(format!(
                 "count is {count}: particles would be {spacing:.3e} m apart, too far for liquid this \
                  thin; make count larger or the liquid thicker"
             ));
         }
-        let work = places * f64::from(self.waves());
-        if work > MOST_WORK {
+        let sines = candidates * f64::from(self.waves());
+        if sines > MAX_SINES {
             let waves = self.waves();
             return fail(format!(
-                "waves.count is {waves}, too many for a count of {count}: {work:.0e} sines would be \
-                 taken, at most {MOST_WORK:.0e}"
+                "waves.count is {waves}, too many for a count of {count}: {sines:.0e} sines would be \
+                 taken, at most {MAX_SINES:.0e}"
             ));
         }
         memory::probe((count as usize).saturating_mul(fill::BYTES), "a recipe's particles")?;
         let mut points = fill::fill(&body, spacing, self.seed());
-        let thrown = (self.spray() * self.count()) as usize;
+        let spray = (self.spray() * self.count()) as usize;
         match self {
             Self::Breaker(breaker) => {
-                fill::scatter(&mut points, &body, spacing, thrown, breaker.droplets());
+                fill::scatter(&mut points, &body, spacing, spray, breaker.droplets());
             }
             Self::Cascade(cascade) => {
-                fill::scatter(&mut points, &body, spacing, thrown, cascade.droplets());
+                fill::scatter(&mut points, &body, spacing, spray, cascade.droplets());
             }
             _ => {}
         }

@@ -1,7 +1,7 @@
-//! Random numbers: the same on every machine.
+//! Pseudorandom numbers, identical on every machine.
 
-/// The next number in 0..1 of a sequence that depends on its seed alone (Steele, Lea and Flood,
-/// Fast splittable pseudorandom number generators, 2014).
+/// Advances the `SplitMix64` generator and returns a number in 0..1 (Steele, Lea and Flood, Fast
+/// splittable pseudorandom number generators, 2014).
 pub fn splitmix64(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;

@@ -1,8 +1,8 @@
-//! Simulated liquid: what stands in a scene's `[simulation]`, and the frames that it bakes to.
+//! Simulated liquid: a scene's `[simulation]` table, and the solvers for its frames.
 //!
-//! The scene's solids are what the liquid runs into. Frames depend on the scene alone: they are the
-//! same to the bit on any number of threads, and whether they were made in one go or not, since
-//! what a frame's file holds is all that the next frame is made from.
+//! The scene's solids are the obstacles. Frames depend on the scene alone: they are bit-identical on
+//! any number of threads, and after an interruption, since each frame is computed from the contents of
+//! the previous frame's file.
 
 mod colliders;
 mod emitter;
@@ -19,82 +19,82 @@ use limpid::error::{Error, Result};
 use limpid::liquid::Particles;
 use limpid::scene::Solid;
 
-/// Mass density of the liquid at rest, kg/m³.
+/// Rest density, kg/m³.
 const DENSITY: f32 = 1000.0;
 
-/// The most that a swell's tables may hold: a wave for each particle along the tank's three edges.
-const MOST_TABLED: f64 = 1e8;
+/// Largest size of a swell's tables: waves times the particles along the tank's three edges.
+const MAX_TABLE_ENTRIES: f64 = 1e8;
 
-/// Bytes that a particle takes while it is simulated: itself in three frames, sorted, and its
+/// Memory per simulated particle, bytes: its state in three frames, its sorted copy, and its
 /// neighbours.
-const EACH: usize = 640;
+const BYTES_PER_PARTICLE: usize = 640;
 
-/// The most particles that a simulation may have.
-const MOST_PARTICLES: f64 = 1e7;
+/// Largest number of particles of a simulation.
+const MAX_PARTICLES: f64 = 1e7;
 
-/// A simulation, as a scene's `[simulation]` describes it.
+/// A simulation: a scene's `[simulation]` table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Simulation {
-    /// How particles move.
+    /// The simulation method.
     #[serde(default)]
     pub kind: Method,
-    /// Number of frames, the first being the start: 1 to 100,000.
+    /// Number of frames, including the initial state: 1 to 100,000.
     pub frames: u32,
     /// Frames per second: 1 to 1000.
-    #[serde(default = "thirty")]
+    #[serde(default = "default_fps")]
     pub fps: f64,
-    /// Particle radius, m: 0.0001 to 10. Each has the volume of a cube of twice that.
+    /// Particle radius, m: 0.0001 to 10. A particle has the volume of a cube with twice that side.
     pub radius: f64,
     /// Acceleration of gravity, m/s².
-    #[serde(default = "earth")]
+    #[serde(default = "default_gravity")]
     pub gravity: Vec3,
-    /// How fast a particle takes on the velocity of those around it, 1/s: 0 to 1000.
-    #[serde(default = "watery")]
+    /// Rate at which a particle adopts the mean velocity of its neighbours, 1/s: 0 to 1000.
+    #[serde(default = "default_viscosity")]
     pub viscosity: f64,
-    /// How strongly neighbours draw each other, m/s² at a distance of one diameter: 0 to 1000. A
-    /// thin sheet or jet holds together longer.
+    /// Attraction between neighbours, m/s² at a distance of one diameter: 0 to 1000. It keeps thin
+    /// sheets and jets together for longer.
     #[serde(default)]
     pub cohesion: f64,
-    /// Least number of iterations of the density constraints in each step: 1 to 50. Deep or
-    /// crowded liquid takes up to 16.
-    #[serde(default = "few")]
+    /// Minimum number of iterations of the density constraints per step: 1 to 50. Deep or compressed
+    /// liquid takes up to 16.
+    #[serde(default = "default_iterations")]
     pub iterations: u32,
-    /// Walls that are not drawn. A coordinate may be infinite.
+    /// Invisible walls. A coordinate may be infinite.
     #[serde(default)]
     pub bounds: Option<Extent>,
-    /// Particles outside are removed after each frame. A coordinate may be infinite.
+    /// Particles outside this box are removed after each frame. A coordinate may be infinite.
     #[serde(default)]
     pub drain: Option<Extent>,
     /// The waves of a swell.
     #[serde(default)]
     pub waves: Option<WaveSpectrum>,
-    /// Liquid at the start.
+    /// Liquid in the initial state.
     #[serde(default, rename = "block")]
     pub blocks: Vec<Block>,
-    /// What pours liquid.
+    /// Sources of liquid.
     #[serde(default, rename = "emitter")]
     pub emitters: Vec<Emitter>,
 }
 
-/// How particles move.
+/// A simulation method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
     /// Position-based fluids (Macklin and Müller 2013).
     #[default]
     Pbf,
-    /// Standing waves in a tank that one block fills, from closed forms.
+    /// Closed-form standing waves in a tank that one block fills.
     Swell,
 }
 
-/// A box.
+/// An axis-aligned box.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Extent {
     /// The corner with the smallest coordinates, m.
     pub min: DVec3,
-    /// The corner with the largest.
+    /// The corner with the largest coordinates, m.
     pub max: DVec3,
 }
 
@@ -105,14 +105,14 @@ impl Extent {
     }
 }
 
-/// Liquid at the start: a box (`min`, `max`) or a ball (`center`, `radius`).
+/// Liquid in the initial state: a box (`min`, `max`) or a ball (`center`, `radius`).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Block {
     /// The box's corner with the smallest coordinates, m.
     #[serde(default)]
     pub min: Option<DVec3>,
-    /// The box's corner with the largest.
+    /// The box's corner with the largest coordinates, m.
     #[serde(default)]
     pub max: Option<DVec3>,
     /// The ball's centre, m.
@@ -121,7 +121,7 @@ pub struct Block {
     /// The ball's radius, m.
     #[serde(default)]
     pub radius: Option<f64>,
-    /// Its velocity, m/s.
+    /// The initial velocity, m/s.
     #[serde(default)]
     pub velocity: DVec3,
 }
@@ -149,39 +149,39 @@ impl Block {
     }
 }
 
-/// A disc that pours liquid.
+/// A disc that emits liquid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Emitter {
-    /// The disc's centre, m. Particles appear here, so it must be off all solids.
+    /// The disc's centre, m. It must be clear of all solids.
     pub center: DVec3,
-    /// Where it points; any length.
+    /// Direction of the flow, of any length.
     pub direction: DVec3,
     /// The disc's radius, m.
     pub radius: f64,
-    /// Speed of what comes out, m/s: 0.01 to 100.
+    /// Speed of the emitted particles, m/s: 0.01 to 100.
     pub speed: f64,
-    /// When it begins, s.
+    /// Start time, s.
     #[serde(default)]
     pub from: f64,
-    /// When it ends, s; default never.
+    /// End time, s; never by default.
     #[serde(default = "never")]
     pub until: f64,
 }
 
-fn thirty() -> f64 {
+fn default_fps() -> f64 {
     30.0
 }
 
-fn earth() -> Vec3 {
+fn default_gravity() -> Vec3 {
     Vec3::new(0.0, -9.81, 0.0)
 }
 
-fn watery() -> f64 {
+fn default_viscosity() -> f64 {
     8.0
 }
 
-fn few() -> u32 {
+fn default_iterations() -> u32 {
     3
 }
 
@@ -206,11 +206,11 @@ impl Simulation {
         }
     }
 
-    /// Memory that it takes to go on after a frame, or to begin, bytes.
+    /// Memory needed to continue from frame `last`, or to start, bytes.
     pub fn memory(&self, last: Option<&State>) -> usize {
         let blocks = self.blocks.iter().map(|block| block.count(2.0 * self.radius));
         let count = last.map_or_else(|| blocks.sum(), |state| state.len() as u64);
-        (count as usize).saturating_mul(EACH)
+        (count as usize).saturating_mul(BYTES_PER_PARTICLE)
     }
 
     fn problem(&self) -> Option<String> {
@@ -270,24 +270,24 @@ impl Simulation {
                 }
                 let (min, max) = self.blocks[0].extent();
                 let along = emitter::lattice(min, max, 2.0 * self.radius).element_sum();
-                if along * f64::from(waves.count) > MOST_TABLED {
+                if along * f64::from(waves.count) > MAX_TABLE_ENTRIES {
                     let count = waves.count;
                     return Some(format!(
                         "waves.count is {count}, too many for a block of {along} particles along its \
-                         edges: their product may be {MOST_TABLED}"
+                         edges: their product may be {MAX_TABLE_ENTRIES}"
                     ));
                 }
             }
             Method::Pbf => {}
         }
-        let most = self.most_particles();
-        (most > MOST_PARTICLES).then(|| {
-            format!("{most:.0} particles by the last frame, at most {MOST_PARTICLES} can be simulated; make radius larger")
+        let count = self.max_particles();
+        (count > MAX_PARTICLES).then(|| {
+            format!("{count:.0} particles by the last frame, at most {MAX_PARTICLES} can be simulated; make radius larger")
         })
     }
 
-    /// How many particles there may be, those counted that the drain will remove.
-    fn most_particles(&self) -> f64 {
+    /// Upper bound of the number of particles, including those that the drain removes.
+    fn max_particles(&self) -> f64 {
         let spacing = 2.0 * self.radius;
         let end = f64::from(self.frames - 1) / self.fps;
         let block = |block: &Block| {
@@ -303,7 +303,7 @@ impl Simulation {
     }
 }
 
-/// Beyond this 32-bit particles are further apart than their radius.
+/// Whether `x` is finite and within 10 km; beyond that, 32-bit positions are too coarse.
 fn is_within_bounds(x: DVec3) -> bool {
     x.is_finite() && x.abs().max_element() <= 1e4
 }
@@ -344,27 +344,27 @@ impl Emitter {
     }
 }
 
-/// Makes a simulation's frames, one after the other.
-pub struct Solver<'a>(Running<'a>);
+/// Computes a simulation's frames in order.
+pub struct Solver<'a>(Backend<'a>);
 
-enum Running<'a> {
+enum Backend<'a> {
     Pbf(Box<pbf::Fluid<'a>>, Option<State>),
     Swell(swell::Swell, f64),
 }
 
 impl<'a> Solver<'a> {
-    /// Goes on after a frame of the simulation, or begins with the first.
+    /// Continues from frame `last`, or starts with the first frame.
     pub fn new(simulation: &'a Simulation, solids: &[Solid], last: Option<State>) -> Self {
         Self(match simulation.kind {
-            Method::Pbf => Running::Pbf(Box::new(pbf::Fluid::new(simulation, solids)), last),
-            Method::Swell => Running::Swell(swell::Swell::new(simulation), simulation.fps),
+            Method::Pbf => Backend::Pbf(Box::new(pbf::Fluid::new(simulation, solids)), last),
+            Method::Swell => Backend::Swell(swell::Swell::new(simulation), simulation.fps),
         })
     }
 
-    /// The particles of the next frame, which has this number; the first has 1.
+    /// Computes the particles of the next frame, whose number is `number`; the first frame is 1.
     pub fn make(&mut self, number: u32) -> Particles {
         match &mut self.0 {
-            Running::Pbf(fluid, last) => {
+            Backend::Pbf(fluid, last) => {
                 let state = match last.take() {
                     Some(mut state) => {
                         fluid.advance(number - 1, &mut state);
@@ -374,17 +374,17 @@ impl<'a> Solver<'a> {
                 };
                 last.insert(state).to_particles()
             }
-            Running::Swell(swell, fps) => swell.at(f64::from(number - 1) / *fps).to_particles(),
+            Backend::Swell(swell, fps) => swell.at(f64::from(number - 1) / *fps).to_particles(),
         }
     }
 }
 
-/// All that a frame is, in the order of identities; one entry per particle in each list.
+/// The state of a frame: one entry per particle in each list, in the order of the ids.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct State {
     positions: Vec<Vec3>,
     velocities: Vec<Vec3>,
-    /// In shares of the density at rest.
+    /// Relative to the rest density.
     densities: Vec<f32>,
     ids: Vec<u64>,
 }
@@ -423,14 +423,15 @@ impl State {
         }
     }
 
-    /// That of a frame's particles; `None` for particles that no simulation has made.
+    /// Restores the state from a frame's particles; `None` if they lack ids or velocities, as particles
+    /// from another source may.
     pub fn from_particles(particles: Particles) -> Option<Self> {
         let count = particles.len();
         let ids = particles.ids?.into_iter().map(u64::try_from).collect::<Result<_, _>>().ok()?;
         Some(Self {
             positions: particles.positions,
             velocities: particles.velocities?,
-            // Not what the next frame is made from.
+            // The next frame does not depend on them.
             densities: vec![1.0; count],
             ids,
         })

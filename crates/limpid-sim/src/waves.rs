@@ -1,4 +1,4 @@
-//! A calm water surface with waves: a sum of sines, exact at any point.
+//! Surface waves as a sum of sines, exact at any point.
 
 use std::f64::consts::TAU;
 
@@ -9,21 +9,21 @@ use serde::{Deserialize, Serialize};
 /// Acceleration of gravity, m/s².
 const GRAVITY: f64 = 9.81;
 
-/// How waves are drawn at random: isotropic, with wavelengths from a band and slopes of one size.
+/// Parameters of random waves: isotropic, with wavelengths in a band and equal mean slopes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WaveSpectrum {
     /// Number of sines, 1 to 10,000.
     pub count: u32,
-    /// Shortest and longest wavelength, m; each is as likely as any other on a logarithmic scale.
+    /// Shortest and longest wavelength, m; uniformly distributed on a logarithmic scale.
     pub wavelengths: [f64; 2],
     /// Root mean square of the surface's slope along x, and along z.
     pub rms_slope: f64,
-    /// Chooses directions, lengths and phases.
+    /// Seed of the directions, lengths and phases.
     pub seed: u64,
 }
 
-/// One sine: height amplitude·sin(k·x + phase).
+/// A sine: height = amplitude·sin(k·x + phase).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wave {
     /// Wave vector (x, z), rad/m.
@@ -34,7 +34,7 @@ pub struct Wave {
     pub phase: f64,
 }
 
-/// A height above y = 0 for every (x, z).
+/// A height field above y = 0, as a function of (x, z).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Waves {
     /// The sines; none for flat water.
@@ -42,7 +42,7 @@ pub struct Waves {
 }
 
 impl Waves {
-    /// Waves of equal mean slope each, that of all together as `spectrum` says.
+    /// Draws the sines of `spectrum`, all of equal mean slope.
     pub fn new(spectrum: &WaveSpectrum) -> Self {
         let mut state = spectrum.seed;
         let mut unit = move || splitmix64(&mut state);
@@ -70,7 +70,7 @@ impl Waves {
         self.waves.iter().map(|w| w.k * (w.amplitude * (w.k.dot(at) + w.phase).cos())).sum()
     }
 
-    /// Height and slope at (x, z), for little more than the price of one.
+    /// Height and slope at (x, z), at little more than the cost of one.
     pub fn height_and_slope(&self, at: DVec2) -> (f64, DVec2) {
         let (mut height, mut slope) = (0.0, DVec2::ZERO);
         for w in &self.waves {
@@ -81,14 +81,14 @@ impl Waves {
         (height, slope)
     }
 
-    /// The waves after a time, s: each sine has run along its wave vector, as in deep water with
-    /// angular frequency √(g |k|) (Airy, Tides and waves, 1845).
+    /// The waves at `time`, s: each sine travels along its wave vector, with the angular frequency of
+    /// deep water, √(g |k|) (Airy, Tides and waves, 1845).
     pub fn at(&self, time: f64) -> Self {
         let moved = |w: &Wave| {
             let advance = (GRAVITY * w.k.length()).sqrt() * time;
             Wave { phase: (w.phase - advance).rem_euclid(TAU), ..*w }
         };
-        // At time 0 to the bit what they were.
+        // Bit-identical at time 0.
         if time == 0.0 {
             self.clone()
         } else {
@@ -96,7 +96,7 @@ impl Waves {
         }
     }
 
-    /// A height that the surface nowhere exceeds, above or below, m.
+    /// Upper bound of the absolute height, m.
     pub fn bound(&self) -> f64 {
         self.waves.iter().map(|w| w.amplitude.abs()).sum()
     }
@@ -106,10 +106,10 @@ impl Waves {
 mod tests {
     use super::*;
 
-    /// Protects what scenes are specified by: the slope is the height's derivative, its size is the
-    /// one asked for, and no height exceeds the bound.
+    /// The slope is the height's derivative, its RMS is that of the spectrum, and no height exceeds the
+    /// bound.
     #[test]
-    fn slopes_are_derivatives_of_the_size_asked_for() {
+    fn slopes_are_derivatives_with_the_specified_rms() {
         let spectrum =
             WaveSpectrum { count: 60, wavelengths: [0.7, 2.5], rms_slope: 0.056, seed: 1 };
         let waves = Waves::new(&spectrum);
@@ -130,15 +130,15 @@ mod tests {
             assert!(waves.height(at).abs() <= waves.bound());
             squares += slope * slope;
         }
-        // One draw of 60 directions is not quite isotropic: the mean over both axes is.
+        // A sample of 60 directions is not quite isotropic, so both axes are averaged.
         let rms = (squares.element_sum() / (2 * count) as f64).sqrt();
         assert!((rms - 0.056).abs() < 0.002, "{rms}");
     }
 
-    /// Protects waves in time: a sine of 1.6 m runs one wavelength along its vector per period
-    /// (1.012 s by the dispersion relation), and time 0 changes nothing.
+    /// A sine of 1.6 m travels one wavelength along its wave vector per period (1.012 s by the
+    /// dispersion relation), and time 0 changes nothing.
     #[test]
-    fn waves_run_as_in_deep_water() {
+    fn waves_obey_the_deep_water_dispersion_relation() {
         let length = 1.6;
         let k = DVec2::from_angle(0.7) * (TAU / length);
         let waves = Waves { waves: vec![Wave { k, amplitude: 0.01, phase: 0.3 }] };

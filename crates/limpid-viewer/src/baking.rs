@@ -13,8 +13,8 @@ use limpid::scene::Solid;
 use limpid_io::bake::{self, Progress};
 use limpid_io::error::{Error, Result};
 use limpid_io::files;
-use limpid_io::output::{self, FileKind};
 use limpid_io::project::Project;
+use limpid_io::{output, project};
 use limpid_sim::sim::Simulation;
 
 /// The scene that is shown without any other.
@@ -56,7 +56,7 @@ impl Source {
         if files::read_text(&path).ok().as_deref() != Some(BUILT_IN) {
             // Frames of an older version are another liquid's.
             bake::clear("dam_break", &bake::folder(&path))?;
-            output::write_atomically(&path, FileKind::Scene, |file| {
+            output::write_atomically(&path, project::FILE_KIND, |file| {
                 std::io::Write::write_all(file, BUILT_IN.as_bytes())
             })?;
         }

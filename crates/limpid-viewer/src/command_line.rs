@@ -7,7 +7,7 @@ use crate::document::Document;
 use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::input::{FrameTime, Missing};
-use limpid_io::project::Processor;
+use limpid_io::shared_classifier::Processor;
 
 /// `limpid render` with all that it takes to draw `scene` at a moment, seen from `camera`, into
 /// `output`: for a POSIX shell, to be run in the folder that the input was named in.

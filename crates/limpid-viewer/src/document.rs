@@ -10,9 +10,10 @@ use limpid_io::bake;
 use limpid_io::error::Result;
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::{FrameTime, Input, Missing, files_of};
+use limpid_io::open::{Opened, Request};
 use limpid_io::output::{FileKind, Files};
 use limpid_io::particles::{AttributeMap, ReadOptions};
-use limpid_io::project::open::{Opened, Request};
+use limpid_io::project;
 use limpid_io::project::{LiquidSource, ParticleSource, Project};
 
 /// What to open, as the command line names it.
@@ -119,10 +120,16 @@ impl Document {
         for input in [Some(self.source.input.clone()), scene].into_iter().flatten() {
             files_of(&input).iter().for_each(|path| files.reads(path));
         }
-        if kind == FileKind::Scene {
-            files.writes(&path.with_extension("environment.exr"), FileKind::Picture)?;
-        }
         files.writes(path, kind)
+    }
+
+    /// As [`Document::check_output`], of a scene and the environment map beside it.
+    ///
+    /// # Errors
+    /// As [`Files::writes`].
+    pub fn check_scene_output(&self, path: &Path) -> Result<()> {
+        self.check_output(&path.with_extension("environment.exr"), FileKind::PICTURE)?;
+        self.check_output(path, project::FILE_KIND)
     }
 
     /// A scene as it is to be saved: with the particles that are drawn, wherever they came from.

@@ -237,7 +237,7 @@ impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
             }
             Next::Job(Job::Save(pane, path, open)) => {
                 let allowed =
-                    open.map_or(Ok(()), |open| open.check_output(&path, FileKind::Picture));
+                    open.map_or(Ok(()), |open| open.check_output(&path, FileKind::PICTURE));
                 let saved =
                     allowed.and_then(|()| self.attempt(|offscreen| save(offscreen, &pane, &path)));
                 Answer::Saved(saved.map(|()| path))

@@ -7,7 +7,7 @@ use limpid::scene::Scene;
 use limpid::settings::Classify;
 use limpid_io::frame_cache::{CacheState, FrameCache, Outcome};
 use limpid_io::input::FrameTime;
-use limpid_io::project::Processor;
+use limpid_io::shared_classifier::Processor;
 use limpid_io::shared_classifier::SharedClassifier;
 
 /// What a cache's frames depend on besides the document.

@@ -30,7 +30,7 @@ impl Log {
     /// # Errors
     /// As [`Stream::create`].
     pub(crate) fn new(path: Option<&Path>) -> Result<Self> {
-        let create = |path| Stream::create(path, FileKind::Log);
+        let create = |path| Stream::create(path, FileKind::LOG);
         Ok(Self {
             file: path.map(create).transpose()?,
             start: Instant::now(),

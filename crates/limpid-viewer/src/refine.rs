@@ -20,8 +20,8 @@ use limpid::scene::Scene;
 use limpid_io::error::{Error, Result};
 use limpid_io::input::Loaded;
 use limpid_io::notice;
-use limpid_io::output::FileKind;
-use limpid_io::project::{Processor, Project};
+use limpid_io::project::Project;
+use limpid_io::shared_classifier::Processor;
 
 /// Most rays per pixel with an edge while things move.
 const DRAFT_EDGE_SAMPLES: u32 = 4;
@@ -254,7 +254,7 @@ impl Viewer {
         let (scene, camera, processor) = (self.fine_scene(), self.camera, self.frames.processor);
         // An environment is a picture, which takes its time.
         self.write(path, move |path| {
-            document.check_output(path, FileKind::Scene)?;
+            document.check_scene_output(path)?;
             Project { processor, ..document.saved(scene, camera, at) }.save(path)
         });
     }

@@ -9,8 +9,8 @@ use crate::toolbar::named;
 use crate::{Tab, Viewer};
 use limpid::scene::Scene;
 use limpid::settings::{Preset, Settings};
-use limpid_io::project::Processor;
 use limpid_io::project::overrides::replaced;
+use limpid_io::shared_classifier::Processor;
 
 /// Sliders end here where the range goes on: beyond lies what nobody drags to, but may type.
 const FAR: f64 = 1e6;

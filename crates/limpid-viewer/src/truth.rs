@@ -10,7 +10,7 @@ use limpid::scene::{Liquid, Scene};
 use limpid::settings::Settings;
 use limpid_io::error::Result;
 use limpid_io::input::FrameTime;
-use limpid_io::project::Processor;
+use limpid_io::shared_classifier::Processor;
 use limpid_lab::reference;
 use limpid_lab::reference::analytic::{Ball, Block, Pool};
 use limpid_lab::reference::mesh::{Mesh, Reconstruction};

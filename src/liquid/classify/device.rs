@@ -16,7 +16,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::grid::{self, Layout};
-use super::{Cloud, Splats, moments, shape};
+use super::{Cloud, Splats, moments};
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Gpu};
 use crate::liquid::particles::Particles;
@@ -340,7 +340,7 @@ impl Cloud {
                     let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
                     let centre = member.position().as_dvec3() + vector(shaped.offset);
                     let axes = [shaped.diagonal, shaped.off_diagonal].map(vector);
-                    member.splat(centre - self.shift, shape::symmetric(axes[0], axes[1]))
+                    member.splat(centre - self.shift, moments::symmetric(axes[0], axes[1]))
                 }
             };
             Either::Right(splat.buried(surrounded))

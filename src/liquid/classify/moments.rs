@@ -69,11 +69,21 @@ impl Moments {
     /// Covariance about the mean, in h².
     pub(super) fn covariance(&self) -> DMat3 {
         let mean = self.mean();
-        super::shape::symmetric(
+        symmetric(
             self.diagonal / self.weight - mean * mean,
             self.off_diagonal / self.weight - mean.xxy() * mean.yzz(),
         )
     }
+}
+
+/// The symmetric matrix of these entries, xy, xz and yz off its diagonal.
+pub(super) fn symmetric(diagonal: DVec3, off_diagonal: DVec3) -> DMat3 {
+    let [xy, xz, yz] = off_diagonal.to_array();
+    DMat3::from_cols(
+        DVec3::new(diagonal.x, xy, xz),
+        DVec3::new(xy, diagonal.y, yz),
+        DVec3::new(xz, yz, diagonal.z),
+    )
 }
 
 #[cfg(test)]
@@ -83,7 +93,7 @@ mod tests {
     /// Protects what the device takes for the inside of a body: its constants are these.
     #[test]
     fn constants_are_those_of_the_shader() {
-        let shader = |name| crate::shader::constant("classify/shape.wgsl", name);
+        let shader = |name| crate::gpu::shader::constant("classify/shape.wgsl", name);
         assert_eq!(shader("DENSITY_AROUND"), DENSITY_AROUND);
         assert_eq!(shader("OFFSET_AROUND"), OFFSET_AROUND);
     }

@@ -89,16 +89,6 @@ fn semi_axes(spread: DVec3, neighbours: u32, settings: &Classify) -> DVec3 {
     }
 }
 
-/// The symmetric matrix of these entries, xy, xz and yz off its diagonal.
-pub(super) fn symmetric(diagonal: DVec3, off_diagonal: DVec3) -> DMat3 {
-    let [xy, xz, yz] = off_diagonal.to_array();
-    DMat3::from_cols(
-        DVec3::new(diagonal.x, xy, xz),
-        DVec3::new(xy, diagonal.y, yz),
-        DVec3::new(xz, yz, diagonal.z),
-    )
-}
-
 /// Eigenvalues of a symmetric matrix, unsorted, to 10⁻⁸ of the largest: O. K. Smith, "Eigenvalues of a
 /// symmetric 3 × 3 matrix", Communications of the ACM 4(4), 1961.
 fn eigenvalues(matrix: DMat3) -> DVec3 {
@@ -158,13 +148,14 @@ fn eigen(matrix: DMat3) -> (DVec3, DMat3) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::moments::symmetric;
     use super::*;
     use crate::liquid::classify::tests::noise;
 
     /// Protects the shapes that the device makes: its constants are these.
     #[test]
     fn constants_are_those_of_the_shader() {
-        let shader = |name| crate::shader::constant("classify/shape.wgsl", name);
+        let shader = |name| crate::gpu::shader::constant("classify/shape.wgsl", name);
         assert_eq!(shader("COINCIDENT_SQUARED"), COINCIDENT_SQUARED);
         assert_eq!(shader("FEW_NEIGHBOURS"), f64::from(FEW_NEIGHBOURS));
         assert_eq!(shader("VOLUME_CAP"), VOLUME_CAP);

@@ -10,6 +10,8 @@ use limpid_io::input::{Loaded, RadiusFrom};
 use limpid_io::notice::{self, Notice, thousands};
 use limpid_io::particles::Array;
 
+use crate::remedy;
+
 /// Says lines beside the progress bar, unless nobody wants them.
 pub(super) struct Console {
     pub(super) bar: ProgressBar,
@@ -27,7 +29,7 @@ impl Console {
 
     pub(super) fn line(&self, line: &str) {
         if !self.quiet {
-            self.bar.suspend(|| crate::cli::complain(line));
+            self.bar.suspend(|| crate::terminal::complain(line));
         }
     }
 
@@ -35,7 +37,7 @@ impl Console {
         let kind = discriminant(notice);
         if !self.said.contains(&kind) {
             self.said.push(kind);
-            self.line(&notice.to_string());
+            self.line(&remedy::of_notice(notice));
         }
     }
 

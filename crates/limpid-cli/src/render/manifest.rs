@@ -6,6 +6,7 @@ use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
 use crate::fingerprint::Fingerprint;
+use crate::remedy;
 use indicatif::ProgressBar;
 use limpid_io::Error;
 use limpid_io::film::Shot;
@@ -78,7 +79,7 @@ pub(super) struct Log {
 impl Manifest {
     /// Opens it for lines to be added.
     pub(super) fn open(path: &Path, host: String) -> limpid_io::Result<Self> {
-        let file = Stream::append(path, FileKind::Manifest)?;
+        let file = Stream::append(path, FileKind::MANIFEST)?;
         Ok(Self { file, path: path.to_owned(), host })
     }
 }
@@ -106,7 +107,7 @@ impl Log {
     ) -> limpid_io::Result<()> {
         let error = error.of_frame(shot.number);
         let outcome = Outcome {
-            error: Some(error.to_string()),
+            error: Some(remedy::with_remedy(&error)),
             code: Some(error.category() as u8),
             ..Outcome::default()
         };
@@ -114,7 +115,7 @@ impl Log {
         if !self.keep_going {
             return Err(error);
         }
-        self.complain(&error);
+        self.complain(remedy::with_remedy(&error));
         self.failed.push(shot.number);
         self.bar.inc(1);
         Ok(())
@@ -122,7 +123,7 @@ impl Log {
 
     /// Says something on a line of its own.
     pub(super) fn complain(&self, message: impl std::fmt::Display) {
-        self.bar.suspend(|| crate::cli::complain(message));
+        self.bar.suspend(|| crate::terminal::complain(message));
     }
 
     pub(super) fn add(

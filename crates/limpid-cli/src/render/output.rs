@@ -38,21 +38,21 @@ pub(super) fn check(args: &Args, shots: &[Shot]) -> limpid_io::Result<()> {
     }
     args.camera_path.iter().for_each(|path| files.reads(path));
     match film_path(args) {
-        Some(path) => files.writes(path, FileKind::Film)?,
+        Some(path) => files.writes(path, FileKind::FILM)?,
         None => {
             let pictures = Pictures::new(args, shots.len())?;
             pictures.names.create_folder()?;
             for shot in args.shard.unwrap_or_default().of(shots) {
                 let path = pictures.path(shot);
-                files.writes(&path, FileKind::Picture)?;
+                files.writes(&path, FileKind::PICTURE)?;
                 if pictures.aovs.is_some() {
-                    files.writes(&aov_path(&path), FileKind::Picture)?;
+                    files.writes(&aov_path(&path), FileKind::PICTURE)?;
                 }
             }
         }
     }
-    args.stats.iter().try_for_each(|path| files.writes(path, FileKind::Measurements))?;
-    args.manifest.iter().try_for_each(|path| files.writes(path, FileKind::Manifest))
+    args.stats.iter().try_for_each(|path| files.writes(path, FileKind::MEASUREMENTS))?;
+    args.manifest.iter().try_for_each(|path| files.writes(path, FileKind::MANIFEST))
 }
 
 impl Output {

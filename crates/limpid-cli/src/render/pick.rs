@@ -1,8 +1,8 @@
 //! `--max-error` and `--budget`: settings that satisfy them.
 
 use limpid::scene::Scene;
-use limpid_io::device;
-use limpid_io::project::Processor;
+use limpid_io::shared_classifier::Processor;
+use limpid_io::{Error, device};
 use limpid_lab::quality::{Choice, Curve, Limits, Picked};
 
 use super::Args;
@@ -19,11 +19,16 @@ pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid_io::Result<Option<Pic
         Ok((shots[0].camera, loaded.splats))
     };
     let curve = Curve::shipped();
-    let picked = curve.pick(limits, device::open, scene, first, args.size)?;
+    let picked = curve.pick(limits, device::open, scene, first, args.size);
+    // The limits by the names of the options.
+    let picked = picked.map_err(|error| match error {
+        Error::Usage(problem) => Error::Usage(format!("--{}", problem.replacen('_', "-", 1))),
+        error => error,
+    })?;
     if let Some(Picked { choice: Choice { set, error_px, flip, .. }, ms }) = &picked {
         let set = set.join(" ");
         if !args.quiet {
-            crate::cli::complain(format!(
+            crate::terminal::complain(format!(
                 "picked {set}: {error_px} px, FLIP {flip}, {ms:.3} ms a frame"
             ));
         }

@@ -8,7 +8,7 @@ use limpid_io::film::{self, Motion, Shot};
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::{FrameTime, Input};
 use limpid_io::notice::{self, Notice};
-use limpid_io::project::open::Request;
+use limpid_io::open::Request;
 
 use super::{Args, film_path};
 

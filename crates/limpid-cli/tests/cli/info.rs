@@ -67,7 +67,7 @@ fn info_lists_arrays() {
     let arrays = &json["described"][0]["arrays"];
     assert_eq!(arrays[1], serde_json::json!({ "name": "h", "shape": [2], "used_as": "radius" }));
     let line = super::fail(folder.path(), 3, &["info", "a.csv", "--map", "radius=r"]);
-    assert_tells(&line, &["a.csv: --map radius=r: no array `r`", "h (2)"]);
+    assert_tells(&line, &["a.csv: radius=r: no array `r`", "h (2)"]);
 
     // A scene says it in a table.
     let scene = "[particles]\nsource = \"a.csv\"\nmap = { radius = \"h\" }\n";

@@ -40,7 +40,7 @@ pub(super) fn keep(
             Ok(text) => serde_json::from_str(&text).map_err(|e| {
                 let problem = format!(
                     "not the record of a bake: {e}; remove it and the frames {name}_*.bgeo beside it, or \
-                     bake into another folder with -o"
+                     bake into another folder"
                 );
                 Error::format(&path, problem)
             })?,
@@ -53,27 +53,16 @@ pub(super) fn keep(
             return Ok(());
         }
         if frames && known == Value::Null {
-            return Err(unknown(name, folder));
+            return Err(Error::UnknownBake { folder: folder.to_owned(), name: name.to_owned() });
         }
         if frames {
-            let key = difference(&known, &record).unwrap_or_default();
-            return Err(Error::Usage(format!(
-                "{}: the frames {name}_*.bgeo here were made from other parameters{key}; bake with --restart to replace them, or into another folder with -o",
-                folder.display()
-            )));
+            let difference = difference(&known, &record).unwrap_or_default();
+            let (folder, name) = (folder.to_owned(), name.to_owned());
+            return Err(Error::OtherBake { folder, name, difference });
         }
     }
     let text = serde_json::to_string_pretty(&record).expect("numbers and names are JSON");
-    output::write_atomically(&path, FileKind::BakeRecord, |file| writeln!(file, "{text}"))
-}
-
-/// The error of frames that no bake is known to have made.
-pub(super) fn unknown(name: &str, folder: &Path) -> Error {
-    Error::Usage(format!(
-        "{}: the frames {name}_*.bgeo here have no {name}.bake.json, so they may be another program's; \
-         remove them yourself, or bake into another folder with -o",
-        folder.display()
-    ))
+    output::write_atomically(&path, FileKind::BAKE_RECORD, |file| writeln!(file, "{text}"))
 }
 
 /// All that frames depend on; their number is not among it.

@@ -1,4 +1,4 @@
-//! Video by way of `ffmpeg`, a program of its own: pictures go to it through a pipe.
+//! Video encoding by an `ffmpeg` process, which receives the pictures through a pipe.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -13,36 +13,35 @@ use glam::UVec2;
 use super::Kind;
 use crate::output;
 
-/// Constant rate factors: the quality that x264 and libvpx keep up, whatever bits that takes.
-/// Lower is better; these are a step above their defaults (23 and 32), so that fine caustics and
-/// checkers stay clean.
+/// Constant rate factors of x264 and libvpx, which hold the quality at any bit rate. Lower is better;
+/// these are somewhat better than the defaults (23 and 32), to keep fine caustics and checkers clean.
 const CRF_H264: &str = "18";
 const CRF_VP9: &str = "24";
 
-/// `ffmpeg`, which writes a file from pictures.
+/// An `ffmpeg` process that encodes pictures into a file.
 pub(super) struct Ffmpeg {
     child: Arc<Mutex<Child>>,
-    pictures: Option<ChildStdin>,
-    /// What it says; a file, so that it never waits for a reader.
-    messages: File,
+    stdin: Option<ChildStdin>,
+    /// Its messages; a file, since a full pipe would block the process.
+    stderr: File,
 }
 
 impl Ffmpeg {
-    /// Starts the `ffmpeg` on `PATH`, for `frames / seconds` pictures of `size` per second.
+    /// Starts the `ffmpeg` on `PATH` for pictures of `size` at `frames / seconds` per second.
     pub(super) fn start(
         kind: Kind,
         file: &Path,
         size: UVec2,
         (frames, seconds): (u16, u16),
     ) -> io::Result<Self> {
-        let messages = tempfile::tempfile()?;
+        let stderr = tempfile::tempfile()?;
         let mut command = Command::new("ffmpeg");
         command.args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y", "-xerror"]);
         command.args(["-f", "rawvideo", "-pixel_format", "rgb24"]);
         command.args(["-video_size", &format!("{}x{}", size.x, size.y)]);
         command.args(["-framerate", &format!("{frames}/{seconds}"), "-i", "pipe:0"]);
-        // Colours are converted by the matrix that they are said to be in; without both, ffmpeg
-        // converts by BT.601, and players guess by the size.
+        // The conversion and the metadata must both name BT.709: by default ffmpeg converts by
+        // BT.601, and players guess the matrix from the size.
         let to_bt709 =
             "scale=out_color_matrix=bt709:out_range=tv:flags=accurate_rnd+full_chroma_int";
         command.args(["-vf", &format!("{to_bt709},format=yuv420p")]);
@@ -52,21 +51,21 @@ impl Ffmpeg {
             Kind::Webm => {
                 command.args(["-c:v", "libvpx-vp9", "-crf", CRF_VP9, "-b:v", "0"]);
                 command.args(["-cpu-used", "2", "-row-mt", "1", "-f", "webm"]);
-                // Without random names for the segment and its tracks, equal films are equal files.
+                // No random ids of the segment and its tracks, so that equal films are equal files.
                 command.args(["-fflags", "+bitexact", "-flags:v", "+bitexact"]);
             }
             _ => {
                 command.args(["-c:v", "libx264", "-crf", CRF_H264]);
-                // The index first, so that playing begins before all is there.
+                // The index at the beginning, so that playback can start during a download.
                 command.args(["-movflags", "+faststart", "-f", "mp4"]);
             }
         }
-        // Said to be a file: what comes before a colon is else taken for a protocol.
+        // Without `file:`, text before a colon would be taken for a protocol.
         let mut name = OsString::from("file:");
         name.push(file);
         command.arg(name);
-        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(messages.try_clone()?);
-        // In a group of its own, Ctrl-C is for limpid alone, which ends it too.
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(stderr.try_clone()?);
+        // In its own process group, so that Ctrl-C goes to limpid alone, which then ends ffmpeg.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let child = output::start(|| command.spawn()).map_err(|e| match e.kind() {
@@ -77,26 +76,26 @@ impl Ffmpeg {
             ),
             kind => io::Error::new(kind, format!("ffmpeg does not start: {e}")),
         })?;
-        let pictures = output::locked(&child).stdin.take();
-        Ok(Self { child, pictures, messages })
+        let stdin = output::locked(&child).stdin.take();
+        Ok(Self { child, stdin, stderr })
     }
 
-    /// Hands it a picture.
+    /// Sends a picture.
     pub(super) fn push(&mut self, picture: &[u8]) -> io::Result<()> {
-        let Some(pictures) = &mut self.pictures else { return Err(self.problem()) };
-        // It closes the pipe only when it gives up; what it says is why.
-        pictures.write_all(picture).map_err(|_| self.problem())
+        let Some(stdin) = &mut self.stdin else { return Err(self.problem()) };
+        // ffmpeg closes the pipe only on failure; its messages give the reason.
+        stdin.write_all(picture).map_err(|_| self.problem())
     }
 
-    /// Waits until all is written. It may end as if nothing were wrong where the disk was full for its
-    /// last bytes; what it says tells.
+    /// Waits until the file is complete. Any message counts as a failure: if the disk is full for the
+    /// last bytes, ffmpeg reports it but ends with success.
     pub(super) fn finish(mut self) -> io::Result<()> {
-        self.pictures = None;
-        let good = self.wait()?.success() && self.messages.metadata()?.len() == 0;
+        self.stdin = None;
+        let good = self.wait()?.success() && self.stderr.metadata()?.len() == 0;
         if good { Ok(()) } else { Err(self.problem()) }
     }
 
-    /// Leaves it to others to end it meanwhile.
+    /// Waits for the process by polling, so that [`output::abandon`] can lock and end it meanwhile.
     fn wait(&self) -> io::Result<ExitStatus> {
         loop {
             if let Some(status) = output::locked(&self.child).try_wait()? {
@@ -106,12 +105,12 @@ impl Ffmpeg {
         }
     }
 
-    /// Why it ended: its last lines.
+    /// The reason of a failure: the last lines of the messages.
     fn problem(&mut self) -> io::Error {
-        self.pictures = None;
+        self.stdin = None;
         let status = self.wait().map_or_else(|e| e.to_string(), |status| status.to_string());
         let mut text = Vec::new();
-        let read = self.messages.rewind().and_then(|()| self.messages.read_to_end(&mut text));
+        let read = self.stderr.rewind().and_then(|()| self.stderr.read_to_end(&mut text));
         let text = String::from_utf8_lossy(&text);
         let lines: Vec<&str> = text.lines().map(str::trim).filter(|l| !l.is_empty()).collect();
         let last = lines[lines.len().saturating_sub(3)..].join("; ");
@@ -125,10 +124,10 @@ impl Ffmpeg {
 }
 
 impl Drop for Ffmpeg {
-    /// Ends it, if it has not ended; what it was writing is not wanted.
+    /// Ends the process if it is running; its output is discarded.
     fn drop(&mut self) {
         let mut child = output::locked(&self.child);
-        // Both fail only for a process that is no more.
+        // Both fail only if the process has already ended.
         let _ = child.kill();
         let _ = child.wait();
     }

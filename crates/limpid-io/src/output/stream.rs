@@ -1,4 +1,4 @@
-//! What is written to as it is, not replaced by a file: pipes and devices, and files that grow.
+//! Output written in place: pipes, devices, and files to which lines are appended.
 
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -10,20 +10,20 @@ use std::time::Duration;
 use super::FileKind;
 use crate::error::{Error, Result};
 
-/// How often it is looked whether a wait is to end.
-const PATIENCE: Duration = Duration::from_millis(50);
+/// Interval at which a wait checks for an interruption.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Whether nothing waits for the reader of a pipe any more.
+/// Whether waits for the readers of pipes have been ended.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// Ends all waiting for the readers of pipes, for good: writing to one that nobody empties fails from
-/// now on. For a process that is to end soon.
+/// Ends all waits for the readers of pipes, for good: from now on a write that would block fails. For a
+/// process that is about to end.
 pub fn interrupt() {
     INTERRUPTED.store(true, Ordering::Relaxed);
 }
 
-/// A pipe or a device. Both its opening and its writing may last for ever, so a thread of its own
-/// does them; whoever waits for it can be interrupted.
+/// A pipe or a device. Opening and writing may block forever, so they run on a thread of their own, and
+/// the calling thread's wait can be interrupted.
 #[derive(Debug)]
 pub struct Pipe {
     bytes: Sender<Vec<u8>>,
@@ -31,20 +31,21 @@ pub struct Pipe {
 }
 
 impl Pipe {
-    /// Opens a pipe, once somebody reads it, or a device.
+    /// Opens a device, or a pipe once it has a reader.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
-        let (bytes, to_write) = channel::<Vec<u8>>();
-        let (tell, done) = channel();
+        let (bytes, requests) = channel::<Vec<u8>>();
+        let (results, done) = channel();
         let path = path.to_owned();
         std::thread::Builder::new().spawn(move || {
-            // For writing alone: whoever holds the other end too is never told that it is gone.
+            // Write-only: a process that also holds the read end would never see that the reader is
+            // gone.
             let mut file = match File::options().write(true).open(path) {
                 Ok(file) => file,
-                Err(e) => return drop(tell.send(Err(e))),
+                Err(e) => return drop(results.send(Err(e))),
             };
             let mut outcome = Ok(());
-            while tell.send(outcome).is_ok()
-                && let Ok(bytes) = to_write.recv()
+            while results.send(outcome).is_ok()
+                && let Ok(bytes) = requests.recv()
             {
                 outcome = file.write_all(&bytes);
             }
@@ -54,16 +55,16 @@ impl Pipe {
         Ok(pipe)
     }
 
-    /// Waits until all of it is taken.
+    /// Writes the bytes and waits until all have been accepted.
     pub(super) fn write(&mut self, bytes: Vec<u8>) -> io::Result<()> {
-        // Whoever does not take it says why.
+        // If the thread has ended, `wait` returns its error.
         let _ = self.bytes.send(bytes);
         self.wait()
     }
 
     fn wait(&self) -> io::Result<()> {
         loop {
-            match self.done.recv_timeout(PATIENCE) {
+            match self.done.recv_timeout(POLL_INTERVAL) {
                 Ok(outcome) => return outcome,
                 Err(RecvTimeoutError::Disconnected) => return Err(io::ErrorKind::BrokenPipe.into()),
                 Err(RecvTimeoutError::Timeout) if INTERRUPTED.load(Ordering::Relaxed) => {
@@ -75,17 +76,17 @@ impl Pipe {
     }
 }
 
-/// A file that lines are added to, or a pipe that they are written to.
+/// A file, pipe or device to which lines are written.
 #[derive(Debug)]
 pub enum Stream {
-    /// A regular file, open for reading and writing.
+    /// A regular file.
     File(File),
-    /// Anything else.
+    /// A pipe or a device.
     Pipe(Pipe),
 }
 
 impl Stream {
-    /// Opens it for lines to be added to those that are there.
+    /// Opens `path` to append lines.
     ///
     /// # Errors
     /// As [`FileKind::check`]; [`Error::Io`] if it cannot be opened.
@@ -93,7 +94,7 @@ impl Stream {
         Self::open(path, kind, File::options().append(true).create(true).read(true))
     }
 
-    /// Opens it to be begun anew.
+    /// Opens `path` and truncates it.
     ///
     /// # Errors
     /// As [`Stream::append`].
@@ -110,10 +111,10 @@ impl Stream {
         opened.map_err(|e| Error::io(path, "write", e))
     }
 
-    /// Writes bytes with one call of the system, where it takes them all at once.
+    /// Writes bytes, with a single system call unless that is partial.
     ///
     /// # Errors
-    /// Those of the system; of a pipe also that it was interrupted, see [`interrupt`].
+    /// Those of the system; for a pipe also an interruption, see [`interrupt`].
     pub fn write(&mut self, bytes: Vec<u8>) -> io::Result<()> {
         match self {
             Self::File(file) => file.write_all(&bytes),

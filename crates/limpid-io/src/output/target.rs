@@ -1,152 +1,147 @@
-//! What may be written where: nothing over an input, nothing over a file of another kind.
+//! Checks of output paths: no input and no file of another kind is ever overwritten.
 
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
 use super::{Temporary, folder_of};
-use crate::camera_path::CameraPath;
 use crate::error::{Error, Result};
-use crate::particles;
-use crate::{files, project};
+use crate::files;
 
-/// What a file is written as. A file that is there already is replaced only if it is of the same
-/// kind, by its contents, or empty.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum FileKind {
-    /// A PNG, JPEG, WebP or OpenEXR picture.
-    Picture,
-    /// A video, an animated GIF or PNG.
-    Film,
-    /// Particles, in the format that the file's name says.
-    Particles,
-    /// The ellipsoids beside a `.pos`.
-    Ellipsoids,
-    /// A scene.
-    Scene,
-    /// The keys of a camera path.
-    CameraPath,
-    /// JSON of `limpid render --stats` or `limpid report`.
-    Measurements,
-    /// What has become of frames, a line of JSON for each.
-    Manifest,
-    /// What happened in the viewer, a line of JSON for each event.
-    Log,
-    /// What a bake's frames were made from.
-    BakeRecord,
-    /// What expectations were drawn with.
-    BlessRecord,
-    /// Results for a CI system.
-    Junit,
-    /// A page of `limpid check` or `limpid report`.
-    Page,
-    /// The tables of `limpid report`.
-    Tables,
-    /// What `limpid report --curve` measures.
-    Curve,
-    /// What only this program reads, under a name of its own: no pipe and no device, but any file.
-    Cache,
+/// The kind of an output file. An existing file is replaced only if its contents are of the same kind,
+/// or if it is empty.
+#[derive(Debug, Clone, Copy)]
+pub struct FileKind {
+    /// Its name in messages: `a picture`.
+    name: &'static str,
+    /// Whether a file is of this kind.
+    recognise: fn(&Existing<'_>) -> bool,
+    /// Number of leading bytes that `recognise` needs.
+    head: u64,
+    /// Whether it may be written to a pipe or a device.
+    devices: bool,
 }
 
-/// What pictures begin with, and films: an offset and the bytes there.
+/// An existing file that would be replaced.
+#[derive(Debug)]
+pub struct Existing<'a> {
+    /// Its path.
+    pub path: &'a Path,
+    /// Its first bytes.
+    pub head: Vec<u8>,
+    /// Its length, bytes.
+    pub length: u64,
+}
+
+impl Existing<'_> {
+    fn text(&self) -> Cow<'_, str> {
+        String::from_utf8_lossy(&self.head)
+    }
+
+    /// Whether any of these signatures is at its offset.
+    fn has_any(&self, marks: &[(usize, &[u8])]) -> bool {
+        marks.iter().any(|(at, mark)| self.head.get(*at..).is_some_and(|h| h.starts_with(mark)))
+    }
+
+    /// Whether it begins with `mark`, or is a part of it: a full disk may have truncated the file.
+    fn begins(&self, mark: &str) -> bool {
+        let text = self.text();
+        text.starts_with(mark) || mark.starts_with(&*text)
+    }
+
+    /// Whether it is JSON whose first key is `key`.
+    fn is_json(&self, key: &str) -> bool {
+        let packed: String = self.text().chars().take(100).filter(|c| !c.is_whitespace()).collect();
+        let mark = format!("{{\"{key}\":");
+        packed.starts_with(&mark) || mark.starts_with(&packed)
+    }
+}
+
+/// Signatures of pictures and films, with their offsets.
 const PICTURES: [(usize, &[u8]); 4] =
     [(0, b"\x89PNG"), (0, b"\xff\xd8\xff"), (8, b"WEBP"), (0, b"\x76\x2f\x31\x01")];
 const FILMS: [(usize, &[u8]); 4] =
     [(4, b"ftyp"), (0, b"\x1a\x45\xdf\xa3"), (0, b"GIF8"), (0, b"\x89PNG")];
 
-/// As much of a file tells of what kind it is: of a picture or film, and of others.
-const MARK: u64 = 16;
-const HEAD: u64 = 64 << 10;
-
 impl FileKind {
-    /// As messages call it.
-    fn name(self) -> &'static str {
-        match self {
-            Self::Picture => "a picture",
-            Self::Film => "a film",
-            Self::Particles => "a particle file of the format that its name says",
-            Self::Ellipsoids => "the ellipsoids of a .pos file",
-            Self::Scene => "a scene",
-            Self::CameraPath => "a camera path",
-            Self::Measurements => "statistics or a report of limpid",
-            Self::Manifest => "a manifest of limpid",
-            Self::Log => "a log of limpid",
-            Self::BakeRecord => "the record of a bake",
-            Self::BlessRecord => "the record of a suite",
-            Self::Junit => "a JUnit file",
-            Self::Page => "a page of limpid",
-            Self::Tables => "a report of limpid",
-            Self::Curve => "a curve of limpid",
-            Self::Cache => "a cache of limpid",
-        }
+    /// A PNG, JPEG, WebP or OpenEXR picture.
+    pub const PICTURE: Self =
+        Self { head: 16, ..Self::new("a picture", |file| file.has_any(&PICTURES)) };
+    /// A video, an animated GIF or PNG.
+    pub const FILM: Self = Self { head: 16, ..Self::new("a film", |file| file.has_any(&FILMS)) };
+    /// JSON of `limpid render --stats` or `limpid report`.
+    pub const MEASUREMENTS: Self =
+        Self::new("statistics or a report of limpid", |file| file.is_json("adapter"));
+    /// The outcome of each frame, a line of JSON for each.
+    pub const MANIFEST: Self = Self::new("a manifest of limpid", |file| file.is_json("frame"));
+    /// The viewer's events, a line of JSON for each.
+    pub const LOG: Self = Self::new("a log of limpid", |file| {
+        file.is_json("event") || file.begins("{") && file.text().contains("\"event\":")
+    });
+    /// The parameters of a bake's frames.
+    pub const BAKE_RECORD: Self =
+        Self::new("the record of a bake", |file| file.is_json("simulation"));
+    /// The conditions under which expectations were drawn.
+    pub const BLESS_RECORD: Self = Self::new("the record of a suite", |file| {
+        file.begins("# What `limpid check --bless` drew")
+    });
+    /// Results for a CI system.
+    pub const JUNIT: Self = Self::new("a JUnit file", |file| {
+        file.begins("<?xml") && file.text().contains("<testsuite") || file.begins("<testsuite")
+    });
+    /// A page of `limpid check` or `limpid report`.
+    pub const PAGE: Self = Self::new("a page of limpid", |file| {
+        file.begins("<!DOCTYPE html>") && file.text().contains("<title>limpid")
+    });
+    /// The tables of `limpid report`.
+    pub const TABLES: Self = Self::new("a report of limpid", |file| file.begins("Measured on "));
+    /// The measurements of `limpid report --curve`.
+    pub const CURVE: Self =
+        Self::new("a curve of limpid", |file| file.begins("# Written by `limpid report --curve"));
+    /// A file that only this program reads, under its own name. It replaces any regular file, but
+    /// never a pipe or a device.
+    pub const CACHE: Self =
+        Self { devices: false, head: 16, ..Self::new("a cache of limpid", |_| true) };
+
+    /// A kind of file, recognised by its first 64 KiB.
+    pub const fn new(name: &'static str, recognise: fn(&Existing<'_>) -> bool) -> Self {
+        Self { name, recognise, head: 64 << 10, devices: true }
     }
 
-    /// Whether a regular file is of this kind.
+    /// Whether a regular file is empty or of this kind.
     fn is_of(self, path: &Path) -> Result<bool> {
         let (file, metadata) = files::open(path)?;
-        let length = metadata.len();
-        if length == 0 {
+        let mut existing = Existing { path, head: Vec::new(), length: metadata.len() };
+        if existing.length == 0 {
             return Ok(true);
         }
-        let mut head = Vec::new();
-        let enough = match self {
-            Self::Picture | Self::Film | Self::Cache => MARK,
-            _ => HEAD,
-        };
-        let read = (&file).take(enough).read_to_end(&mut head);
+        let read = (&file).take(self.head).read_to_end(&mut existing.head);
         read.map_err(|e| Error::io(path, "read", e))?;
-        let any = |marks: &[(usize, &[u8])]| {
-            marks.iter().any(|(at, mark)| head.get(*at..).is_some_and(|h| h.starts_with(mark)))
-        };
-        let text = String::from_utf8_lossy(&head);
-        // Of one that a full disk has cut off there may be less than its mark.
-        let begins = |mark: &str| text.starts_with(mark) || mark.starts_with(&*text);
-        let packed: String = text.chars().take(100).filter(|c| !c.is_whitespace()).collect();
-        let json = |key: &str| {
-            let mark = format!("{{\"{key}\":");
-            packed.starts_with(&mark) || mark.starts_with(&packed)
-        };
-        Ok(match self {
-            Self::Picture => any(&PICTURES),
-            Self::Film => any(&FILMS),
-            Self::Particles => particles::is_of_its_format(path, &head, length),
-            Self::Ellipsoids => particles::are_ellipsoids(path, &head, length),
-            Self::Scene => files::read_text(path).is_ok_and(|text| project::is_scene(&text)),
-            Self::CameraPath => CameraPath::load(path).is_ok(),
-            Self::Measurements => json("adapter"),
-            Self::Manifest => json("frame"),
-            Self::Log => json("event") || begins("{") && text.contains("\"event\":"),
-            Self::BakeRecord => json("simulation"),
-            Self::BlessRecord => begins("# What `limpid check --bless` drew"),
-            Self::Junit => begins("<?xml") && text.contains("<testsuite") || begins("<testsuite"),
-            Self::Page => begins("<!DOCTYPE html>") && text.contains("<title>limpid"),
-            Self::Tables => begins("Measured on "),
-            Self::Curve => begins("# Written by `limpid report --curve"),
-            Self::Cache => true,
-        })
+        Ok((self.recognise)(&existing))
     }
 
-    /// As [`FileKind::check`], also where the folder is created when the file is written.
+    /// As [`FileKind::check`], for a file whose folder is created if needed.
     pub fn check_if_there(self, path: &Path) -> Result<()> {
         if path.exists() { self.check(path) } else { check_folder(folder_of(path)) }
     }
 
-    /// Fails unless a file of this kind may be written to `path`. Pipes and devices take any.
+    /// Fails unless a file of this kind may be written to `path`. Pipes and devices accept any kind.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a file of another kind, [`Error::Io`] for a folder, one that is not there,
-    /// and a file that cannot be looked at.
+    /// [`Error::Usage`] for a file of another kind; [`Error::Io`] if `path` is a folder, its folder does
+    /// not exist, or the existing file cannot be read.
     pub fn check(self, path: &Path) -> Result<()> {
         let fail = |problem: String| Err(Error::io(path, "write", io::Error::other(problem)));
         match path.metadata() {
             Ok(metadata) if metadata.is_dir() => fail("this is a folder, a file expected".into()),
             Ok(metadata) if metadata.is_file() && !self.is_of(path)? => {
-                let (path, name) = (path.display(), self.name());
+                let (path, name) = (path.display(), self.name);
                 Err(Error::Usage(format!(
                     "{path}: this file is not {name} and is left as it is; choose another name"
                 )))
             }
-            Ok(metadata) if self == Self::Cache && !metadata.is_file() => {
+            Ok(metadata) if !self.devices && !metadata.is_file() => {
                 fail("this is a pipe or device, a file expected".into())
             }
             Ok(_) => Ok(()),
@@ -163,14 +158,14 @@ impl FileKind {
     }
 }
 
-/// Fails unless a folder is there or can be created.
+/// Fails unless a folder exists or can be created.
 ///
 /// # Errors
-/// [`Error::Io`] naming what is there instead.
+/// [`Error::Io`] naming the file that is in the way.
 pub fn check_folder(folder: &Path) -> Result<()> {
-    // Of the empty path the parent is the working directory.
-    let there = folder.ancestors().find(|ancestor| ancestor.exists());
-    match there.filter(|there| !there.is_dir()) {
+    // The last ancestor of a relative path is empty, for the working directory, and is never found.
+    let existing = folder.ancestors().find(|ancestor| ancestor.exists());
+    match existing.filter(|existing| !existing.is_dir()) {
         Some(file) => {
             let problem = format!("{} is not a folder", file.display());
             Err(Error::io(folder, "write", io::Error::other(problem)))
@@ -179,8 +174,8 @@ pub fn check_folder(folder: &Path) -> Result<()> {
     }
 }
 
-/// The files of one command: what it reads, and what it is going to write. All of them are compared
-/// before anything is drawn, so that no output is an input, or two outputs one file.
+/// The inputs and outputs of one command. They are compared before anything is drawn, so that no output
+/// overwrites an input or another output.
 #[derive(Debug, Clone, Default)]
 pub struct Files {
     read: HashSet<Identity>,
@@ -188,16 +183,16 @@ pub struct Files {
     folders: HashSet<PathBuf>,
 }
 
-/// The same for all paths to a file: links of both kinds, and names that are not there yet.
+/// The identity of a file: equal for all paths to it, by links of both kinds, also before it exists.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 enum Identity {
     #[cfg(unix)]
     Inode(u64, u64),
-    Place(PathBuf),
+    Path(PathBuf),
 }
 
 impl Identity {
-    /// `None` for what is no regular file: several may write to one device.
+    /// `None` for anything but a regular file: several outputs may share a device.
     fn of(path: &Path) -> Option<Self> {
         match path.metadata() {
             Ok(metadata) if !metadata.is_file() => None,
@@ -207,18 +202,18 @@ impl Identity {
                 Some(Self::Inode(metadata.dev(), metadata.ino()))
             }
             #[cfg(not(unix))]
-            Ok(_) => Some(Self::Place(path.canonicalize().unwrap_or_else(|_| path.to_owned()))),
+            Ok(_) => Some(Self::Path(path.canonicalize().unwrap_or_else(|_| path.to_owned()))),
             Err(_) => {
                 let folder = folder_of(path);
                 let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-                Some(Self::Place(folder.join(path.file_name()?)))
+                Some(Self::Path(folder.join(path.file_name()?)))
             }
         }
     }
 }
 
 impl Files {
-    /// Notes an input.
+    /// Adds an input.
     pub fn reads(&mut self, path: &Path) {
         self.read.extend(Identity::of(path));
     }
@@ -228,7 +223,7 @@ impl Files {
         Identity::of(path).is_some_and(|identity| self.read.contains(&identity))
     }
 
-    /// Notes an output, of which nothing is written yet.
+    /// Adds an output, without writing it.
     ///
     /// # Errors
     /// [`Error::Usage`] for a file that is an input or another output, as [`FileKind::check`], and

@@ -162,8 +162,9 @@ impl Contents {
         };
         let there: Vec<String> = self.arrays.iter().take(12).map(Array::to_string).collect();
         let there = if there.is_empty() { "none".into() } else { there.join(", ") };
-        let problem = format!("no array `{name}` of {numbers} a particle; there are: {there}");
-        Some(format!("--map {attribute}={name}: {problem}"))
+        Some(format!(
+            "{attribute}={name}: no array `{name}` of {numbers} a particle; there are: {there}"
+        ))
     }
 }
 

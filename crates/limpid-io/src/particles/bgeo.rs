@@ -23,7 +23,7 @@ use flate2::{Compression, write::GzEncoder};
 
 use super::{
     Attribute, AttributeMap, Column, Contents, Cursor, POSITION_BYTES, Particles, Reading, Scalar,
-    Values, foreign, narrow_id, too_large, unpacks_to_more,
+    Values, foreign, narrow_id, too_large,
 };
 use crate::error::{Error, Location, Result};
 use crate::files::DEFLATE_RATIO;
@@ -53,8 +53,8 @@ fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
         return Err(Error::malformed(path, Location::Byte(length), problem));
     }
     if length > limit {
-        let problem = unpacks_to_more("file", limit);
-        return Err(Error::malformed(path, Location::Byte(limit), problem));
+        let (path, location) = (path.to_owned(), Location::Byte(limit));
+        return Err(Error::TooLarge { path, location, what: "file", limit });
     }
     Ok(unpacked)
 }
@@ -157,7 +157,7 @@ fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -> Result<Co
 
     let table = file.table(points, stride, true, "points")?;
     if (bytes.len() as u64).saturating_add(read.saturating_mul(points as u64)) > limit {
-        return Err(file.error(unpacks_to_more("file", limit)));
+        return Err(file.source.too_large(file.start, "file", limit));
     }
     let mut contents = Contents::from(table.particles(Column::triple(Scalar::F32))?);
     for (name, size, columns) in &named_columns {

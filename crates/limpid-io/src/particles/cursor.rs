@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::table::Table;
 use crate::error::{Error, Location, Result};
 
 /// The bytes of a file, and how its places are told in messages.
@@ -17,13 +16,22 @@ pub(super) struct Source<'a> {
 
 impl Source<'_> {
     pub(super) fn error(&self, offset: usize, problem: impl Into<String>) -> Error {
-        let place = if self.text {
+        Error::malformed(self.path, self.location(offset), problem)
+    }
+
+    /// The error of what unpacks to more than `limit` bytes.
+    pub(super) fn too_large(&self, offset: usize, what: &'static str, limit: u64) -> Error {
+        let (path, location) = (self.path.to_owned(), self.location(offset));
+        Error::TooLarge { path, location, what, limit }
+    }
+
+    fn location(&self, offset: usize) -> Location {
+        if self.text {
             let before = self.bytes.get(..offset).unwrap_or(self.bytes);
             Location::Line(1 + before.iter().filter(|&&byte| byte == b'\n').count() as u64)
         } else {
             Location::Byte(offset as u64)
-        };
-        Error::malformed(self.path, place, problem)
+        }
     }
 }
 
@@ -71,19 +79,6 @@ impl<'a> Cursor<'a> {
                 rest.len()
             ))),
         }
-    }
-
-    /// `rows` records of `stride` bytes as a table.
-    pub(super) fn table(
-        &mut self,
-        rows: usize,
-        stride: usize,
-        big_endian: bool,
-        what: &str,
-    ) -> Result<Table<'a>> {
-        let bytes = Cow::Borrowed(self.take_records(rows, stride, what)?);
-        let (source, start) = (self.source, self.start);
-        Ok(Table { source, start, bytes, rows, stride, big_endian, starts: None })
     }
 
     pub(super) fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {

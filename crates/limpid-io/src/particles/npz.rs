@@ -11,7 +11,7 @@ use zip::{ZipArchive, ZipWriter};
 use super::npy::{self, Header};
 use super::{
     Attribute, AttributeMap, Column, Contents, Cursor, Particles, Reading, Table, Values, foreign,
-    unpacks_to_more, write_numbers,
+    write_numbers,
 };
 use crate::error::{Error, Location, Result, printable};
 use crate::files::DEFLATE_RATIO;
@@ -152,14 +152,18 @@ impl Members<'_> {
         format!("{} ({}.npy)", self.path.display(), printable(name.into())).into()
     }
 
+    fn too_large(&self, name: &str, byte: u64) -> Error {
+        let (path, location) = (self.named(name), Location::Byte(byte));
+        Error::TooLarge { path, location, what: "file", limit: self.limit }
+    }
+
     /// Counts what is read from a member.
     fn take(&mut self, bytes: u64, name: &str) -> Result<()> {
         self.taken = self.taken.saturating_add(bytes);
         if self.taken <= self.limit {
             return Ok(());
         }
-        let problem = unpacks_to_more("file", self.limit);
-        Err(Error::malformed(&self.named(name), Location::Byte(0), problem))
+        Err(self.too_large(name, 0))
     }
 
     /// The contents of a member, at most `length` of its bytes.
@@ -185,7 +189,7 @@ impl Members<'_> {
             ));
         }
         if unpacked.len() as u64 > left {
-            return Err(fail(unpacked.len() - 1, unpacks_to_more("file", self.limit)));
+            return Err(self.too_large(name, unpacked.len() as u64 - 1));
         }
         // Headers that are looked at are gone again.
         if length == usize::MAX {

@@ -22,12 +22,12 @@ use std::path::Path;
 use glam::{DMat3, Mat3};
 use rayon::prelude::*;
 
+use super::ELLIPSOIDS_KIND;
 use super::{
     Attribute, Column, Contents, Cursor, Ellipsoid, Particles, Reading, Scalar, foreign,
     known_magic, too_large,
 };
 use crate::error::{Error, Result};
-use crate::output::FileKind;
 use crate::{files, output};
 use limpid::memory;
 
@@ -136,7 +136,7 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
 pub(crate) fn write_ellipsoids(particles: &Particles, path: &Path) -> Result<()> {
     let path = path.with_extension("ani");
     // Whether it is replaced or removed.
-    FileKind::Ellipsoids.check(&path)?;
+    ELLIPSOIDS_KIND.check(&path)?;
     let Some(ellipsoids) = &particles.ellipsoids else {
         return match std::fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
@@ -147,7 +147,7 @@ pub(crate) fn write_ellipsoids(particles: &Particles, path: &Path) -> Result<()>
     };
     let radius = written_radius(particles);
     let differ = common_radius(particles).is_none();
-    output::write_atomically(&path, FileKind::Ellipsoids, |out| {
+    output::write_atomically(&path, ELLIPSOIDS_KIND, |out| {
         out.write_all(&rows(particles)?.to_le_bytes())?;
         ellipsoids.iter().enumerate().try_for_each(|(i, &ellipsoid)| {
             let own = particles.radii.as_ref().filter(|_| differ).map(|radii| radii[i] / radius);

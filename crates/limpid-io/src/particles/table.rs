@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::Particles;
-use super::cursor::Source;
+use super::cursor::{Cursor, Source};
 use crate::error::{Error, Result};
 use limpid::camera::is_position;
 use limpid::memory;
@@ -25,6 +25,21 @@ pub(super) enum Scalar {
     U64,
     F32,
     F64,
+}
+
+impl<'a> Cursor<'a> {
+    /// `rows` records of `stride` bytes as a table.
+    pub(super) fn table(
+        &mut self,
+        rows: usize,
+        stride: usize,
+        big_endian: bool,
+        what: &str,
+    ) -> Result<Table<'a>> {
+        let bytes = Cow::Borrowed(self.take_records(rows, stride, what)?);
+        let (source, start) = (self.source, self.start);
+        Ok(Table { source, start, bytes, rows, stride, big_endian, starts: None })
+    }
 }
 
 impl Scalar {

@@ -28,7 +28,7 @@ use rayon::prelude::*;
 use super::vtk::is_point;
 use super::{
     Attribute, AttributeMap, Column, Contents, MOST_LISTED, POSITION_BYTES, Reading, Scalar,
-    Source, Table, foreign, unpacks_to_more,
+    Source, Table, foreign,
 };
 use crate::error::{Error, Result};
 use crate::files::DEFLATE_RATIO;
@@ -48,7 +48,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         let (scalar, data) = document.decode(array, limit)?;
         unpacked = unpacked.saturating_add(data.len() as u64 + array.read_bytes(map));
         if unpacked > limit {
-            return Err(source.error(array.start, unpacks_to_more("file", limit)));
+            return Err(source.too_large(array.start, "file", limit));
         }
         // A piece has one array of points, whatever it is called.
         let same =
@@ -376,7 +376,10 @@ impl<'a> Document<'a> {
         // What base64 decodes to.
         memory::probe(length.min(encoded.bytes.len()), self.source.path.display())?;
         let data = if self.compressed {
-            let packed = self.packed(encoded, length, limit).map_err(error)?;
+            let packed = self.packed(encoded, length).map_err(error)?;
+            if length as u64 > limit {
+                return Err(self.source.too_large(array.start, "array", limit));
+            }
             let mut unpacked = memory::zeroed(length, self.source.path.display())?;
             packed.inflate(&mut unpacked).map_err(error)?;
             Cow::Owned(unpacked)
@@ -444,12 +447,7 @@ impl<'a> Document<'a> {
     }
 
     /// The blocks that `length` bytes are packed in.
-    fn packed(
-        &self,
-        encoded: Encoded<'a>,
-        length: usize,
-        limit: u64,
-    ) -> Result<Packed<'a>, String> {
+    fn packed(&self, encoded: Encoded<'a>, length: usize) -> Result<Packed<'a>, String> {
         let (head, _) = encoded.take(3 * self.word)?;
         let &[blocks, size, last] = self.words(&head).as_slice() else {
             return Err("the header of its blocks is cut off".into());
@@ -468,9 +466,6 @@ impl<'a> Document<'a> {
         let total = sizes.iter().fold(0_u64, |total, &size| total.saturating_add(size));
         if length as u64 > total.saturating_mul(DEFLATE_RATIO) {
             return Err(format!("{length} bytes cannot be in {total} compressed ones"));
-        }
-        if length as u64 > limit {
-            return Err(unpacks_to_more("array", limit));
         }
         let data = encoded.after(header);
         let (data, _) = data.take(usize::try_from(total).unwrap_or(usize::MAX))?;

@@ -8,12 +8,13 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
-use super::{LiquidSource, NamedView, ParticleSource, Processor, Project};
+use super::{LiquidSource, NamedView, ParticleSource, Project};
 use crate::environment;
 use crate::error::{Error, Result, toml_error};
 use crate::files;
 use crate::output::{FileKind, write_atomically};
 use crate::particles::AttributeMap;
+use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
 use limpid::environment::{Environment, MAX_RADIANCE};
 use limpid::liquid::Up;
@@ -289,7 +290,7 @@ impl Project {
     /// [`Error::Io`] naming the file; nothing is left half-written.
     pub fn save(&self, path: &Path) -> Result<()> {
         // Before its map is written.
-        FileKind::Scene.check(path)?;
+        FILE_KIND.check(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut project = self.clone();
         for particles in project.source.files_mut() {
@@ -304,16 +305,20 @@ impl Project {
             picture
                 .write_to(&mut bytes, image::ImageFormat::OpenExr)
                 .map_err(|e| Error::io(&map, "write", std::io::Error::other(e)))?;
-            write_atomically(&map, FileKind::Picture, |file| file.write_all(bytes.get_ref()))?;
+            write_atomically(&map, FileKind::PICTURE, |file| file.write_all(bytes.get_ref()))?;
         }
         let name = map.file_name().unwrap_or_default().to_string_lossy();
         let text = project.to_toml(Some(&name))?;
-        write_atomically(path, FileKind::Scene, |file| file.write_all(text.as_bytes()))
+        write_atomically(path, FILE_KIND, |file| file.write_all(text.as_bytes()))
     }
 }
 
+/// A scene file.
+pub const FILE_KIND: FileKind =
+    FileKind::new("a scene", |file| files::read_text(file.path).is_ok_and(|text| is_scene(&text)));
+
 /// Whether a text is that of a scene file, whatever the files that it names hold.
-pub(crate) fn is_scene(text: &str) -> bool {
+fn is_scene(text: &str) -> bool {
     let Ok(mut table) = DeTable::parse(text) else { return false };
     take_processor(table.get_mut()).is_ok()
         && SceneFile::deserialize(toml::Deserializer::from(table)).is_ok()

@@ -3,8 +3,9 @@
 use glam::Vec3;
 use serde::Deserialize as _;
 
-use super::{Processor, Project};
+use super::Project;
 use crate::error::{Error, Result, toml_error};
+use crate::shared_classifier::Processor;
 use limpid::settings::{Preset, Settings};
 
 impl Project {

@@ -1,4 +1,5 @@
-//! What no format may do: read damaged files as sound ones, panic, or leave foreign ones unnamed.
+//! Robustness of all formats: damaged files neither panic nor pass as valid, and foreign files are
+//! identified.
 
 use std::path::Path;
 
@@ -15,7 +16,7 @@ use super::vtk::{VTK_ASCII, vtk_4_1, vtk_5_1};
 use super::vtu::{Headers, PLAIN, Stored, vtu};
 use super::{all_attributes, check_message, read};
 
-/// One good file of each kind.
+/// One valid file of each kind.
 fn samples() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         ("a.bgeo", bgeo()),
@@ -48,10 +49,10 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// Cut off anywhere, a file is an error, or whole in what it says of its particles. (Only .xyz
-/// and .csv have no count to hold against.)
+/// A file truncated at any byte is an error, or yields all its particles. (Only .xyz and .csv have no
+/// count to check.)
 #[test]
-fn truncation_is_noticed_everywhere() {
+fn truncation_is_detected_everywhere() {
     for (name, bytes) in samples() {
         for length in 0..bytes.len() {
             match read(name, &bytes[..length]) {
@@ -65,7 +66,7 @@ fn truncation_is_noticed_everywhere() {
     }
 }
 
-/// Damage of any one bit yields particles or an error, and the particles are sound.
+/// Any single-bit error yields an error or valid particles.
 #[test]
 fn bit_flips_never_panic() {
     for (name, mut bytes) in samples() {
@@ -73,7 +74,7 @@ fn bit_flips_never_panic() {
             for bit in 0..8 {
                 bytes[at] ^= 1 << bit;
                 if let Ok(particles) = read(name, &bytes) {
-                    assert_sound(&particles);
+                    assert_valid(&particles);
                 }
                 bytes[at] ^= 1 << bit;
             }
@@ -81,7 +82,7 @@ fn bit_flips_never_panic() {
     }
 }
 
-fn assert_sound(particles: &Particles) {
+fn assert_valid(particles: &Particles) {
     let n = particles.len();
     let lengths = [
         particles.velocities.as_ref().map(Vec::len),
@@ -98,7 +99,7 @@ fn assert_sound(particles: &Particles) {
 }
 
 #[test]
-fn foreign_files_are_named() {
+fn foreign_files_are_identified() {
     let mut stl = vec![0; 84 + 50];
     stl[80] = 1;
     let houdini = b"\x7fNSJb\x00\x00\x00";
@@ -123,7 +124,7 @@ fn foreign_files_are_named() {
 }
 
 #[test]
-fn unknown_extensions_come_with_a_remedy() {
+fn unknown_extensions_are_errors_with_a_remedy() {
     check_message("a.pvd", b"", &["list of files", "frame_{}.vtu"]);
     check_message("a.ani", b"", &["ellipsoids", ".pos"]);
     check_message("a.bgeo.sc", b"", &["hsc -d", ".bhclassic"]);
@@ -133,7 +134,7 @@ fn unknown_extensions_come_with_a_remedy() {
 }
 
 #[test]
-fn files_are_read_as_their_contents() {
+fn a_file_is_read_like_its_contents() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
     std::fs::write(&path, ply_ascii()).unwrap();

@@ -1,4 +1,4 @@
-//! Which arrays of a file are used: none is dropped unsaid, and any can be read as an attribute.
+//! The list of a file's arrays, used or not, and the mapping of arrays to attributes.
 
 use std::path::Path;
 
@@ -19,19 +19,19 @@ fn contents(name: &str, bytes: &[u8], map: &str) -> limpid_io::Result<Contents> 
     Contents::parse(Path::new(name), bytes, &ReadOptions { map, ..ReadOptions::default() })
 }
 
-/// The arrays of a file: `name (shape)`, and `: attribute` of those that are used.
-fn told(name: &str, bytes: &[u8]) -> Vec<String> {
-    let told = |array: &Array| match array.used_as {
+/// The arrays of a file as `name (shape)`, with `: attribute` if used.
+fn listed(name: &str, bytes: &[u8]) -> Vec<String> {
+    let line = |array: &Array| match array.used_as {
         Some(attribute) => format!("{array}: {attribute}"),
         None => array.to_string(),
     };
-    contents(name, bytes, "").unwrap().arrays.iter().map(told).collect()
+    contents(name, bytes, "").unwrap().arrays.iter().map(line).collect()
 }
 
 #[test]
 fn every_array_is_listed() {
     assert_eq!(
-        told("a.bgeo", &bgeo()),
+        listed("a.bgeo", &bgeo()),
         [
             "id (3): id",
             "group (3, 1)",
@@ -42,7 +42,7 @@ fn every_array_is_listed() {
         ]
     );
     assert_eq!(
-        told("a.csv", CSV.as_bytes()),
+        listed("a.csv", CSV.as_bytes()),
         [
             "vx vy vz (3, 3): velocity",
             "id (3): id",
@@ -52,7 +52,7 @@ fn every_array_is_listed() {
         ]
     );
     assert_eq!(
-        told("a.npz", &npz(&npz_members(), true)),
+        listed("a.npz", &npz(&npz_members(), true)),
         [
             "vel (3, 3): velocity",
             "time ()",
@@ -63,7 +63,7 @@ fn every_array_is_listed() {
         ]
     );
     assert_eq!(
-        told("a.ply", ply_ascii().as_bytes()),
+        listed("a.ply", ply_ascii().as_bytes()),
         [
             "vx vy vz (3, 3): velocity",
             "red (3)",
@@ -73,15 +73,15 @@ fn every_array_is_listed() {
             "near (3)"
         ]
     );
-    assert_eq!(told("a.pos", &pos(0.25)), ["radius (): radius"]);
-    assert!(told("a.npy", &npy("<f4", "False", "(3, 3)", &npy_data())).is_empty());
-    // The pieces of an array are one.
+    assert_eq!(listed("a.pos", &pos(0.25)), ["radius (): radius"]);
+    assert!(listed("a.npy", &npy("<f4", "False", "(3, 3)", &npy_data())).is_empty());
+    // The pieces of an array are listed as one.
     let grid = vtu("UnstructuredGrid", &[1, 2], Stored::Ascii, PLAIN);
-    assert!(told("a.vtu", &grid).contains(&"pressure (3)".to_owned()));
-    assert!(told("a.vtk", &vtk_4_1()).contains(&"velocity (3, 3): velocity".to_owned()));
+    assert!(listed("a.vtu", &grid).contains(&"pressure (3)".to_owned()));
+    assert!(listed("a.vtk", &vtk_4_1()).contains(&"velocity (3, 3): velocity".to_owned()));
 }
 
-/// Attributes come from arrays of any name, and an array that is not there is told with those that are.
+/// Attributes can be mapped to arrays of any name; the error of a missing array lists the existing ones.
 #[test]
 fn arrays_are_mapped() {
     let renamed = CSV.replace("vx,vy,vz", "U:0,U:1,U:2").replace("radius", "h");
@@ -99,7 +99,7 @@ fn arrays_are_mapped() {
     let archive = npz(&members, false);
     let mapped = contents("a.npz", &archive, "radius=h,velocity=u").unwrap();
     assert_eq!(mapped.particles, all_attributes());
-    // What is mapped holds, whatever has the usual name.
+    // A mapping overrides the usual names.
     let density = contents("a.npz", &archive, "density=h").unwrap().particles.densities;
     assert_eq!(density, Some(RADII.to_vec()));
 
@@ -116,8 +116,8 @@ fn arrays_are_mapped() {
             let error = contents(name, bytes, map).unwrap_err().to_string();
             let parts = [name, "=none: no array `none` of one number a particle", "(3, 3)"];
             let wrong = ["velocity=density: no array `density` of 3 numbers"];
-            let told = |parts: &[&str]| parts.iter().all(|part| error.contains(part));
-            assert!(told(&parts) || told(&wrong), "{error}");
+            let contains = |parts: &[&str]| parts.iter().all(|part| error.contains(part));
+            assert!(contains(&parts) || contains(&wrong), "{error}");
         }
     }
     let error = contents("a.xyz", b"1 2 3", "radius=h").unwrap_err().to_string();
@@ -128,9 +128,9 @@ fn arrays_are_mapped() {
     }
 }
 
-/// One radius for all particles.
+/// A scalar radius applies to all particles.
 #[test]
-fn a_scalar_radius_holds_for_all() {
+fn a_scalar_radius_applies_to_all() {
     let positions = ("x.npy", npy("<f4", "False", "(3, 3)", &npy_data()));
     for shape in ["()", "(1,)"] {
         let radius = ("radius.npy", npy("<f8", "False", shape, &0.25_f64.to_le_bytes()));
@@ -144,7 +144,7 @@ fn a_scalar_radius_holds_for_all() {
     assert!(error.contains("radius has 2 entries for 3 particles"), "{error}");
 }
 
-/// `NumPy` and spreadsheets put the names of columns behind a `#`; a remark is none.
+/// A CSV header may follow a `#`, as written by `NumPy` and spreadsheets; other comments are ignored.
 #[test]
 fn a_header_may_be_a_comment() {
     for header in ["#", "# ", "# a remark, and another\n# "] {
@@ -158,9 +158,9 @@ fn a_header_may_be_a_comment() {
     assert_eq!(unnamed[0].to_string(), "column 4 (1)");
 }
 
-/// A mesh is told from particles.
+/// Cells of meshes are counted, vertices are not.
 #[test]
-fn cells_are_counted() {
+fn mesh_cells_are_counted() {
     let cells = |name: &str, bytes: &[u8]| contents(name, bytes, "").unwrap().cells;
     assert_eq!(cells("a.ply", ply_ascii().as_bytes()), 1);
     assert_eq!(cells("a.ply", &ply_elaborate()), 1);

@@ -1,4 +1,4 @@
-//! BGEO of version 5, plain and as gzip, and the attributes that any file may have.
+//! BGEO files of version 5, plain and gzipped, and checks of attributes common to all formats.
 
 use std::io::Write;
 
@@ -48,7 +48,7 @@ pub(crate) fn bgeo() -> Vec<u8> {
         bytes.extend(IDS[i].to_be_bytes());
         bytes.extend([0, 0, 0, 1]);
         bytes.extend(be(VELOCITIES[i]));
-        bytes.extend(be([0.5, f32::NAN])); // not ours, so not our business
+        bytes.extend(be([0.5, f32::NAN])); // unused attributes are not checked
         bytes.extend(be([DENSITIES[i], RADII[i]]));
     }
     bytes.extend([0x00, 0xff]);
@@ -76,7 +76,7 @@ fn bgeo_variants() {
     assert_eq!(read("a.BGEO", &bgeo_positions_only()).unwrap(), positions_only());
     assert_eq!(read("a.bhclassic", &bgeo()).unwrap(), all_attributes());
     assert_eq!(read("a.bgeo", &bgeo_header(5, 0, &[])).unwrap(), Particles::default());
-    // Simulators gzip without saying so in the name.
+    // Simulators write gzip without `.gz` in the name.
     assert_eq!(read("a.bgeo", &gzip(&bgeo())).unwrap(), all_attributes());
     assert_eq!(read("a.bgeo.gz", &gzip(&bgeo())).unwrap(), all_attributes());
 }
@@ -103,7 +103,7 @@ fn bgeo_malformed() {
 }
 
 #[test]
-fn attributes_must_be_sound() {
+fn invalid_attributes_are_errors() {
     let file = |name: &str, size: u16, kind: i32, value: &[u8]| {
         let header = bgeo_header(5, 1, &[(name, size, kind, &vec![0; 4 * usize::from(size)])]);
         [header, be([0.0, 0.0, 0.0, 1.0]), value.to_vec()].concat()
@@ -119,14 +119,14 @@ fn attributes_must_be_sound() {
     for (bytes, fragment) in cases {
         check_message("a.bgeo", &bytes, &["byte", "particle 0", fragment]);
     }
-    // A known name with another shape is another attribute.
+    // A known name with another shape is not the known attribute.
     let other = read("a.bgeo", &file("density", 3, 5, &be([inf, 0.0, 0.0]))).unwrap();
     assert_eq!(other.densities, None);
 }
 
-/// Protects baked frames: what is written is what is read, to the bit, plain and as gzip.
+/// Written files are read back bit-identically, plain and gzipped, as baked frames require.
 #[test]
-fn bgeo_is_written_as_it_is_read() {
+fn bgeo_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     let places = [Vec3::new(0.1, -2.0, 3e-7), Vec3::ZERO, Vec3::splat(7.5)];
     let bare = Particles::from_positions(places.to_vec());

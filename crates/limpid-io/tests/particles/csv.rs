@@ -1,4 +1,4 @@
-//! CSV, with the names of columns that programs write.
+//! CSV files, with the column names of various programs.
 
 use limpid::liquid::Particles;
 

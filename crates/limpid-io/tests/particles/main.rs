@@ -1,6 +1,6 @@
-//! Protects the readers of particle files: each format and variant yields the particles that were
-//! written, byte by byte, into it; damaged and foreign files yield an error that names the file,
-//! the place and the remedy; and no file whatever makes a reader panic or allocate by a claim.
+//! Readers and writers of particle files. Each format and variant yields the particles encoded in it;
+//! errors of damaged and foreign files name the file, the location and the remedy; and no file makes a
+//! reader panic, or allocate memory by its declared counts alone.
 
 mod all_formats;
 mod arrays;
@@ -46,7 +46,7 @@ fn read(name: &str, bytes: &[u8]) -> Result<Particles> {
     limpid_io::particles::parse(Path::new(name), bytes)
 }
 
-/// The message of the error that reading must end in; it must name the file.
+/// The message of the error that reading must return, which must name the file.
 fn message(name: &str, bytes: &[u8]) -> String {
     let text = match read(name, bytes) {
         Ok(particles) => panic!("{name}: an error expected, got {particles:?}"),
@@ -63,7 +63,7 @@ fn check_message(name: &str, bytes: &[u8], fragments: &[&str]) {
     }
 }
 
-/// Bytes with the first occurrence of `from` replaced; `from` must be there.
+/// Bytes with the first occurrence of `from`, which must exist, replaced.
 fn patched(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
     let at = bytes.windows(from.len()).position(|window| window == from).expect("nothing to patch");
     [&bytes[..at], to, &bytes[at + from.len()..]].concat()

@@ -1,4 +1,4 @@
-//! Single arrays of `NumPy`.
+//! Single `NumPy` arrays.
 
 use super::{POSITIONS, be, check_message, le, patched, positions_only, read};
 
@@ -33,7 +33,7 @@ fn npy_variants() {
     for bytes in &variants {
         assert_eq!(read("a.npy", bytes).unwrap(), positions_only());
     }
-    // Version 2 has a longer length.
+    // Version 2 has a longer length field.
     let v1 = &variants[0];
     let v2 = [b"\x93NUMPY\x02\x00", &v1[8..10], &[0, 0], &v1[10..]].concat();
     assert_eq!(read("a.npy", &v2).unwrap(), positions_only());

@@ -1,4 +1,4 @@
-//! Archives of `NumPy`, as they are and deflated.
+//! `NumPy` archives, stored and deflated.
 
 use std::io::Write;
 
@@ -11,7 +11,7 @@ use super::{
     positions_only, read,
 };
 
-/// A zip archive, byte by byte: members with names, as they are or deflated.
+/// A zip archive of named members, stored or deflated.
 pub(crate) fn npz(members: &[(&str, Vec<u8>)], deflated: bool) -> Vec<u8> {
     let (mut bytes, mut directory) = (Vec::new(), Vec::new());
     for (name, contents) in members {
@@ -81,7 +81,7 @@ fn npz_variants() {
         }
         let wide = npz(&[("x.npy", npy_fortran())], deflated);
         assert_eq!(read("a.npz", &wide).unwrap(), positions_only());
-        // A column for each axis is not what is called x, and a velocity is not a position.
+        // An array `x` is not one column of the positions, and a velocity is not a position.
         let velocity = ("v.npy", npy("<f4", "False", "(3, 3)", &npy_data()));
         let x = ("x.npy", npy("<f4", "False", "(9,)", &npy_data()));
         check_message("a.npz", &npz(&[velocity, x], deflated), &["(n, 3)", "v, x"]);

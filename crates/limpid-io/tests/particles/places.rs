@@ -1,4 +1,4 @@
-//! Where particles are once they are read: upright, to the last digit, within their bounds.
+//! Coordinates of particles after reading: the up axis, precision far from the origin, bounds.
 
 use glam::{DMat3, DVec3, Vec3, dvec3};
 use limpid::liquid::{Ellipsoid, Particles, Up};
@@ -6,7 +6,7 @@ use limpid::liquid::{Ellipsoid, Particles, Up};
 use super::npy::npy;
 use super::{le, positions_only, read};
 
-/// Protects handedness: the turn maps up to up and keeps cross products.
+/// The conversion from z-up to y-up is a rotation: it maps up to up and preserves handedness.
 #[test]
 fn z_up_becomes_y_up() {
     let axes = vec![Vec3::X, Vec3::Y, Vec3::Z];
@@ -26,15 +26,15 @@ fn z_up_becomes_y_up() {
     assert_eq!(particles.velocities.as_deref(), Some(&particles.positions[..]));
     let [x, y, z] = [0, 1, 2].map(|i| particles.positions[i]);
     assert_eq!(x.cross(y), z);
-    let turn = DMat3::from_cols(x.as_dvec3(), y.as_dvec3(), z.as_dvec3());
+    let rotation = DMat3::from_cols(x.as_dvec3(), y.as_dvec3(), z.as_dvec3());
     let turned = particles.ellipsoids.unwrap()[0].matrix();
-    assert_eq!(turned, turn * shape.matrix() * turn.transpose());
+    assert_eq!(turned, rotation * shape.matrix() * rotation.transpose());
 }
 
-/// Protects digits: what a file of 64-bit numbers says is there to 1e-6 of the cloud's size,
-/// however far from the origin; 32-bit files, and clouds near the origin, are as they are.
+/// Positions in files of 64-bit numbers are kept to 1e-6 of the cloud's size, however far from the
+/// origin. Those of 32-bit files, and of clouds near the origin, are unchanged.
 #[test]
-fn far_particles_keep_their_digits() {
+fn positions_far_from_the_origin_are_precise() {
     let places = |offset: DVec3| {
         [dvec3(0.001, 0.002, 0.003), dvec3(0.5123456789, -0.25, 0.75), dvec3(-0.1, 0.3, 0.9)]
             .map(|place| place + offset)

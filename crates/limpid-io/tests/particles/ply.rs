@@ -1,4 +1,4 @@
-//! PLY, in text and in both orders of bytes.
+//! PLY files, ASCII and binary in both byte orders.
 
 use limpid::liquid::Particles;
 

@@ -1,4 +1,4 @@
-//! `.pos` and the ellipsoids beside it, `.ani`: read, drawn and written.
+//! `.pos` and its ellipsoids, `.ani`: reading, drawing and writing.
 
 use glam::{DMat3, Mat3, Vec3, dvec3};
 use limpid::liquid::classify;
@@ -34,15 +34,15 @@ fn pos_malformed() {
     check_message("a.pos", &bgeo(), &["a BGEO file"]);
 }
 
-/// The nine numbers are the columns of a matrix that takes the unit sphere to the ellipsoid, in
-/// units of the radius; the turn that it begins with is of no consequence.
+/// The nine numbers are the columns of a matrix that maps the unit sphere to the ellipsoid, in units of
+/// the radius; a rotation applied first has no effect.
 #[test]
-fn ellipsoids_lie_beside_pos() {
+fn ellipsoids_are_read_from_ani() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.0001.pos");
     let symmetric = [2.0, 0.5, 0.25, 0.5, 1.0, -0.125, 0.25, -0.125, 0.5];
-    let turn = DMat3::from_axis_angle(dvec3(1.0, 2.0, 3.0).normalize(), 0.7);
-    let turned = (Mat3::from_cols_array(&symmetric).as_dmat3() * turn).as_mat3();
+    let rotation = DMat3::from_axis_angle(dvec3(1.0, 2.0, 3.0).normalize(), 0.7);
+    let turned = (Mat3::from_cols_array(&symmetric).as_dmat3() * rotation).as_mat3();
     let ani = |maps: [[f32; 9]; 3]| {
         [3_u32.to_le_bytes().to_vec(), maps.into_iter().flat_map(le).collect()].concat()
     };
@@ -75,10 +75,10 @@ fn ellipsoids_lie_beside_pos() {
     );
 }
 
-/// A block of particles keeps the shapes that its file gives, where they are; one whose shape is
-/// none gets a kernel, and a lone particle is a sphere.
+/// Particles of a block keep the ellipsoids and the positions of the file; one with an invalid ellipsoid
+/// gets a fitted shape, and an isolated particle stays a sphere.
 #[test]
-fn given_ellipsoids_are_drawn() {
+fn ellipsoids_of_a_file_are_drawn() {
     let r = 0.025_f32;
     let cell = |i: usize| Vec3::new((i % 6) as f32, (i / 6 % 6) as f32, (i / 36) as f32);
     let mut positions: Vec<Vec3> = (0..216).map(|i| 2.0 * r * cell(i)).collect();
@@ -106,9 +106,10 @@ fn given_ellipsoids_are_drawn() {
     }
 }
 
-/// Protects frames that are written anew: shapes of the old one would be taken for theirs.
+/// Overwriting a frame removes the old frame's ellipsoids, which would be taken for those of the new
+/// one.
 #[test]
-fn ellipsoids_of_a_replaced_frame_go() {
+fn overwriting_a_frame_removes_its_ellipsoids() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.pos");
     let shaped = Particles { ellipsoids: Some(vec![Ellipsoid::SPHERE; 3]), ..positions_only() };
@@ -119,9 +120,9 @@ fn ellipsoids_of_a_replaced_frame_go() {
     assert!(!path.with_extension("ani").exists());
 }
 
-/// The size of a shape is what it was, though its unit, the radius, is another.
+/// Ellipsoids keep their size when different radii, their units, are replaced by the mean.
 #[test]
-fn radii_that_differ_leave_shapes_as_large() {
+fn ellipsoids_keep_their_size_with_a_mean_radius() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.pos");
     let radii = vec![1.0, 2.0, 6.0];

@@ -1,4 +1,4 @@
-//! Legacy VTK, in text and in binary, of versions 2.0 to 5.1.
+//! Legacy VTK files, ASCII and binary, of versions 2.0 to 5.1.
 
 use limpid::liquid::Particles;
 
@@ -7,7 +7,7 @@ use super::{
     positions_only, read,
 };
 
-/// As simulators write it, `SPlisHSPlasH` for one.
+/// A file as simulators write it, such as `SPlisHSPlasH`.
 pub(crate) fn vtk_4_1() -> Vec<u8> {
     let mut bytes =
         b"# vtk DataFile Version 4.1\nfluid\nBINARY\nDATASET UNSTRUCTURED_GRID\n".to_vec();
@@ -29,7 +29,7 @@ pub(crate) fn vtk_4_1() -> Vec<u8> {
     bytes
 }
 
-/// As `ParaView` writes it: doubles, metadata, 64-bit offsets, time and cell data.
+/// A file as `ParaView` writes it: doubles, metadata, 64-bit offsets, time and cell data.
 pub(crate) fn vtk_5_1() -> Vec<u8> {
     let wide = |numbers: [f32; 3]| numbers.map(|x| f64::from(x).to_be_bytes()).concat();
     let metadata =
@@ -114,7 +114,7 @@ fn vtk_variants() {
     assert_eq!(read("a.vtk", text.as_bytes()).unwrap(), positions_only());
 }
 
-/// Every integer type is stepped over by its own width.
+/// Every integer type is read with its own width.
 #[test]
 fn vtk_integer_types() {
     let types = [
@@ -160,7 +160,7 @@ fn vtk_malformed() {
     let bad = patched(&good, &be([998.5]), &be([f32::INFINITY]));
     check_message("a.vtk", &bad, &["byte", "particle 1", "density"]);
 
-    // Counts that contradict each other.
+    // Contradictory counts.
     let other = patched(&good, b"POINT_DATA 3", b"POINT_DATA 2");
     check_message("a.vtk", &other, &["byte", "2 points", "3"]);
     let field = patched(&good, b"density 1 3", b"density 1 2");
@@ -172,7 +172,7 @@ fn vtk_malformed() {
     let second = [&good[..], b"POINTS 1 float\n", &[0; 12]].concat();
     check_message("a.vtk", &second, &["byte", "second POINTS"]);
 
-    // Text names lines.
+    // Errors in ASCII files name the line.
     let text = |from: &str, to: &str| {
         assert!(VTK_ASCII.contains(from));
         VTK_ASCII.replacen(from, to, 1).into_bytes()

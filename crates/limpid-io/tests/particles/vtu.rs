@@ -1,4 +1,4 @@
-//! VTK's XML, `.vtu` and `.vtp`: every way to store arrays, in any number of pieces.
+//! VTK XML files, `.vtu` and `.vtp`: every encoding of arrays, in any number of pieces.
 
 use std::io::Write;
 
@@ -13,7 +13,7 @@ use super::{
     read,
 };
 
-/// How the arrays of a file are stored.
+/// Storage of a file's arrays.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Stored {
     Ascii,
@@ -22,15 +22,16 @@ pub(crate) enum Stored {
     AppendedRaw,
 }
 
-/// How the headers of arrays are written.
+/// Format of the arrays' headers.
 #[derive(Clone, Copy)]
 pub(crate) struct Headers {
+    /// Big-endian.
     pub(crate) big: bool,
-    /// 64-bit numbers.
+    /// 64-bit header words.
     pub(crate) long: bool,
-    /// Bytes of a block that zlib compresses.
+    /// Size of the blocks that zlib compresses, bytes.
     pub(crate) zlib: Option<usize>,
-    /// A length is encoded apart from its bytes.
+    /// The length is base64-encoded separately from the data.
     pub(crate) apart: bool,
 }
 
@@ -47,7 +48,7 @@ impl Headers {
         words.iter().flat_map(word).collect()
     }
 
-    /// A header and the bytes that it announces.
+    /// The header and the data of an array.
     fn split(&self, bytes: &[u8]) -> (Vec<u8>, Vec<u8>) {
         let Some(size) = self.zlib else { return (self.words(&[bytes.len()]), bytes.to_vec()) };
         let blocks: Vec<_> = bytes.chunks(size).map(zlib).collect();
@@ -76,7 +77,7 @@ fn zlib(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap()
 }
 
-/// A file with so many of the particles in each of its pieces.
+/// A file whose pieces have these numbers of particles.
 pub(crate) fn vtu(kind: &str, pieces: &[usize], stored: Stored, headers: Headers) -> Vec<u8> {
     let order = if headers.big { "BigEndian" } else { "LittleEndian" };
     let header_type = if headers.long { "UInt64" } else { "UInt32" };
@@ -95,15 +96,16 @@ pub(crate) fn vtu(kind: &str, pieces: &[usize], stored: Stored, headers: Headers
         };
         let bytes: Vec<u8> = numbers.iter().flat_map(word).collect();
         let tag = format!("<DataArray type='{kind}' Name='{name}' NumberOfComponents='{size}'");
-        let told = "<InformationKey name='RANGE'><Value index='0'> 7 </Value></InformationKey>";
+        let information =
+            "<InformationKey name='RANGE'><Value index='0'> 7 </Value></InformationKey>";
         match stored {
             Stored::Ascii => {
                 let text: Vec<String> = numbers.iter().map(f32::to_string).collect();
-                format!("{tag} format='ascii'>\n{}\n{told}</DataArray>\n", text.join(" "))
+                format!("{tag} format='ascii'>\n{}\n{information}</DataArray>\n", text.join(" "))
             }
             Stored::Inline => {
                 let text = headers.base64(&bytes);
-                format!("{tag} format='binary'>{told}\n  {text}\n</DataArray>\n")
+                format!("{tag} format='binary'>{information}\n  {text}\n</DataArray>\n")
             }
             Stored::AppendedBase64 | Stored::AppendedRaw => {
                 let offset = appended.len();
@@ -130,7 +132,7 @@ pub(crate) fn vtu(kind: &str, pieces: &[usize], stored: Stored, headers: Headers
         xml += "</PointData>\n<CellData/>\n<Points>\n";
         xml += &array("Points", 3, POSITIONS[range()].as_flattened(), false);
         xml += "</Points>\n<Cells>\n";
-        xml += &array("density", 1, &[0.5], false); // not the points'
+        xml += &array("density", 1, &[0.5], false); // not an array of the points
         xml += "</Cells>\n</Piece>\n";
         first += n;
     }
@@ -146,7 +148,7 @@ pub(crate) fn vtu(kind: &str, pieces: &[usize], stored: Stored, headers: Headers
     bytes
 }
 
-/// Ids that fit a 32-bit float, in which [`vtu`] keeps them.
+/// The attributes in [`vtu`], whose ids must be exact in 32-bit floats.
 fn vtu_attributes() -> Particles {
     Particles { ids: Some(vec![7, -1, 99]), ..all_attributes() }
 }
@@ -194,9 +196,9 @@ fn vtu_variants() {
     }
 }
 
-/// An array of two places, letter by letter.
+/// A base64 array of two positions, encoded by hand.
 #[test]
-fn vtu_by_hand() {
+fn vtu_encoded_by_hand() {
     let file = |array: &str| {
         format!(
             "<VTKFile type=\"PolyData\" byte_order=\"LittleEndian\"><PolyData>\
@@ -256,7 +258,7 @@ fn vtu_malformed() {
     let block = patched(&zlib, &[0x78, 0x01], &[0x78, 0x02]);
     check_message("a.vtu", &block, &["byte", "velocity", "block 0"]);
 
-    // What is claimed in one place must be claimed in all, and be possible.
+    // Declared sizes must agree with each other and be possible.
     let claims = Headers { long: true, zlib: Some(36), ..PLAIN };
     let claims = patched(&raw(claims), b"Points='3'", b"Points='300000000000'");
     check_message("a.vtu", &claims, &["byte", "velocity", "3600000000000 bytes expected"]);

@@ -1,4 +1,4 @@
-//! The writers of all formats: what they write is read back, and what a format cannot hold is told.
+//! Writers of all formats: round trips, and reports of what a format cannot store.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ impl Random {
         self.bits() as f32 / u32::MAX as f32 - 0.5
     }
 
-    /// Any float that a place may have, or one of the size that files hold.
+    /// A float of any magnitude that a position may have, or of a usual magnitude.
     fn float(&mut self) -> f32 {
         match self.below(4) {
             0 => Some(f32::from_bits(self.bits())).filter(|x| x.abs() < 1e18).unwrap_or(-0.0),
@@ -37,7 +37,7 @@ impl Random {
         Vec3::new(self.float(), self.float(), self.float())
     }
 
-    /// Each attribute is there or not.
+    /// Particles with random attributes.
     fn particles(&mut self) -> Particles {
         let n = self.below(20) as usize;
         let offset = if self.below(4) == 0 { 1000.0 } else { 0.0 };
@@ -75,7 +75,7 @@ fn finite(position: Vec3) -> Vec3 {
     if position.is_finite() { position } else { Vec3::splat(-0.0) }
 }
 
-/// All numbers as they are stored, so that −0 is not 0.
+/// The bits of all numbers, to distinguish −0 from 0.
 fn bits(particles: &Particles) -> impl PartialEq + std::fmt::Debug {
     let vectors = |vectors: &[Vec3]| -> Vec<u32> {
         vectors.iter().flat_map(|v| v.to_array().map(f32::to_bits)).collect()
@@ -90,9 +90,9 @@ fn bits(particles: &Particles) -> impl PartialEq + std::fmt::Debug {
     )
 }
 
-/// Protects all writers: what a format holds is read back to the bit; what it does not, it says.
+/// Each format round-trips bit-identically, except for the attributes that it reports as lost.
 #[test]
-fn what_is_written_is_read() {
+fn written_files_are_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let mut random = Random(5);
     for case in 0..60 {
@@ -120,7 +120,7 @@ fn what_is_written_is_read() {
                     "id" => expected.ids = None,
                     "ellipsoid" => expected.ellipsoids = None,
                     "radii that differ" => {
-                        // Their mean stands for them, and the shapes keep their size.
+                        // Their mean replaces them, and the ellipsoids keep their size.
                         let read = limpid_io::particles::read(&path).unwrap();
                         let radius = read.radii.as_ref().map_or(0.0, |radii| radii[0]);
                         assert!(radius > 0.0, "{case}.{extension}");
@@ -139,9 +139,9 @@ fn what_is_written_is_read() {
     }
 }
 
-/// Protects digits of places far from 0, in the formats that have room for them.
+/// Positions far from the origin keep their precision in the formats with 64-bit numbers.
 #[test]
-fn far_places_are_written_with_their_digits() {
+fn positions_far_from_the_origin_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     let mut random = Random(6);
     let offset = dvec3(12345.6789, -98765.4321, 1e5);
@@ -168,7 +168,7 @@ fn far_places_are_written_with_their_digits() {
 }
 
 #[test]
-fn unwritable_formats_are_named() {
+fn errors_of_unwritable_formats_name_the_writable_ones() {
     for name in ["a.vtp", "a.obj", "a"] {
         let error = limpid_io::particles::write(&positions_only(), Path::new(name)).unwrap_err();
         assert!(matches!(error, Error::Format { .. }), "{error}");

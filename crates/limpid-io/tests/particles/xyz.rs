@@ -1,4 +1,4 @@
-//! XYZ, in text and in binary.
+//! XYZ files, text and binary.
 
 use super::bgeo::bgeo;
 use super::npy::npy_data;
@@ -18,14 +18,14 @@ fn xyz_malformed() {
     check_message("a.xyz", &good[..35], &["byte 24", "particle 2", "12 bytes", "11 are left"]);
     let nan = patched(&good, &le([4.0]), &le([f32::NAN]));
     check_message("a.xyz", &nan, &["byte 16", "particle 1", "position"]);
-    // The same from a file, which is read in another way.
+    // The same errors from a file, which is read by another path.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.xyz");
     for bytes in [&good[..35], &nan, b"x", &bgeo()] {
         std::fs::write(&path, bytes).unwrap();
         let error = limpid_io::particles::read(&path).unwrap_err().to_string();
-        let told = message("a.xyz", bytes);
-        assert!(error.ends_with(told.strip_prefix("a.xyz").unwrap()), "{error}");
+        let expected = message("a.xyz", bytes);
+        assert!(error.ends_with(expected.strip_prefix("a.xyz").unwrap()), "{error}");
     }
     check_message("a.xyz", b"1 2 3\n\n4 5\n", &["line 3", "particle 1", "2 words"]);
     check_message("a.xyz", b"1 2 3\nH 0 0\n", &["line 2", "number", "`H`"]);

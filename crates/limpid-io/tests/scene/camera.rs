@@ -1,4 +1,4 @@
-//! Cameras: those that see nothing are refused, fitted ones see everything.
+//! Cameras: degenerate ones are refused, fitted ones see the whole box.
 
 use glam::{DVec3, Mat3, UVec2, Vec3};
 use limpid::Error;
@@ -7,9 +7,9 @@ use limpid::scene::Scene;
 
 use super::{assert_tells, random};
 
-/// A camera that defines no view is refused with the key to blame.
+/// The error of a camera that defines no view names the key.
 #[test]
-fn cameras_that_see_nothing() {
+fn degenerate_cameras_are_errors() {
     let good = Camera::fit(-DVec3::ONE, DVec3::ONE);
     good.check().unwrap();
     let bad = [
@@ -31,16 +31,16 @@ fn cameras_that_see_nothing() {
         assert!(matches!(error, Error::Invalid { .. }));
         assert_tells(&error.to_string(), &["camera", key]);
     }
-    // Looking straight down needs another up, not another camera.
+    // A view straight down is valid with another up.
     let down = Camera { eye: DVec3::new(0.0, 3.0, 0.0), target: DVec3::ZERO, ..good };
     assert!(down.check().is_err());
     Camera { up: -Vec3::Z, ..down }.check().unwrap();
 }
 
-/// A fitted camera sees the whole box, whatever its size and place, and fills a fair share of
-/// the picture with it.
+/// A fitted camera sees the whole box, at any size and position, and the box fills a good part of the
+/// picture.
 #[test]
-fn a_fitted_camera_sees_everything() {
+fn a_fitted_camera_sees_the_whole_box() {
     let mut seed = 2;
     for i in 0..1000 {
         let scale = 10f64.powi(i % 9 - 4);
@@ -67,7 +67,7 @@ fn a_fitted_camera_sees_everything() {
     }
 }
 
-/// A box without volume is what one particle or a flat sheet has, anywhere in space.
+/// Cameras and scenes fit boxes without volume, as of a single particle or a flat sheet, anywhere.
 #[test]
 fn a_camera_fits_flat_boxes() {
     for place in [DVec3::ZERO, DVec3::ONE, DVec3::new(-30.0, 100.0, 7.0), DVec3::splat(1000.0)] {
@@ -77,7 +77,7 @@ fn a_camera_fits_flat_boxes() {
         scene.check().unwrap_or_else(|error| panic!("{place}: {error}"));
         let camera = Camera::fit(place - 0.1, place + 0.1);
         assert!(camera.eye.distance(place) > 0.2, "{place}: the eye is in the particle");
-        // A particle of unknown size does not make a floor of endless tiles.
+        // An unknown radius, 0, must not give a floor with invalid tiles.
         Scene::around(place, place, 0.0).check().unwrap_or_else(|error| panic!("{error}"));
     }
 }

@@ -1,4 +1,4 @@
-//! Environment maps as files: their formats, damage to them, and the mean light.
+//! Environment map files: formats, damage, mean radiance, and refused radiances.
 
 use std::fs;
 
@@ -15,9 +15,9 @@ fn radiance(x: u32, y: u32) -> [f32; 3] {
     [0.25 * (x + 1) as f32, 0.5 * (y + 1) as f32, 3.0]
 }
 
-/// Each format of environment maps keeps its values and its orientation.
+/// Each file format preserves the values and the orientation of an environment map.
 #[test]
-fn environment_files() {
+fn environment_file_formats() {
     let folder = tempfile::tempdir().unwrap();
     let map = Rgb32FImage::from_fn(4, 2, |x, y| Rgb(radiance(x, y)));
     for (name, tolerance) in [("sky.exr", 0.0), ("sky.hdr", 3.0 / 128.0)] {
@@ -35,7 +35,7 @@ fn environment_files() {
             assert_eq!(one, 1.0);
         }
     }
-    // PNG is sRGB: 188 is half as bright as white, 55 a twentieth part at 4 %.
+    // PNG is sRGB: 188 is half the radiance of white.
     let path = folder.path().join("sky.png");
     RgbImage::from_pixel(1, 1, Rgb([188, 0, 255])).save(&path).unwrap();
     let Environment::Map { pixels, .. } = limpid_io::environment::load(&path).unwrap() else {
@@ -43,13 +43,13 @@ fn environment_files() {
     };
     assert!((pixels[0][0] - 0.5029).abs() < 1e-4, "{pixels:?}");
     assert_eq!(pixels[0][1..], [0.0, 1.0, 1.0]);
-    // The contents tell the format, not the name.
+    // The format is that of the contents, not of the name.
     fs::rename(&path, folder.path().join("png.hdr")).unwrap();
     let renamed = limpid_io::environment::load(&folder.path().join("png.hdr")).unwrap();
     assert_eq!(renamed, Environment::Map { size: UVec2::ONE, pixels });
 }
 
-/// What is no picture, or not a whole one, is an error that names the file, never a panic.
+/// Files that are not pictures, or incomplete ones, are errors that name the file, never panics.
 #[test]
 fn damaged_environment_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -86,7 +86,7 @@ fn damaged_environment_files() {
     }
 }
 
-/// The mean is over solid angle: against a quadrature of its own, and closed forms.
+/// The mean over solid angle agrees with a quadrature and with closed forms.
 #[test]
 fn mean_of_an_environment() {
     let [zenith, horizon, nadir] = [Vec3::X, Vec3::new(0.5, 2.0, 0.0), Vec3::new(0.0, 1.0, 4.0)];
@@ -118,9 +118,9 @@ fn mean_of_an_environment() {
     assert!(close(cap.scaled(3.0).mean(), Vec3::splat(3.0 * share), 3e-5));
 }
 
-/// What would make infinite or negative pictures is refused, by the key that it is in.
+/// Negative and excessive radiances are errors that name the key.
 #[test]
-fn radiances_that_cannot_be_drawn_are_refused() {
+fn radiances_out_of_range_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     for value in [-0.5f32, 1e38] {
         let color = format!("[1.0, {value:?}, 1.0]");

@@ -1,7 +1,7 @@
 //! Scene files, settings, environments, cameras and output files, without an adapter.
 //!
-//! Protects what users write by hand: that a good scene means what it says, and that every slip
-//! in it is told with its place and its remedy instead of being ignored or drawn.
+//! Valid scenes are read correctly, and every mistake in a scene file is reported with its location and
+//! its remedy, instead of being ignored or drawn.
 
 mod camera;
 mod environments;
@@ -18,7 +18,7 @@ use limpid::scene::Scene;
 use limpid_io::Result;
 use limpid_io::project::Project;
 
-/// Every table and every key that the reference scenes have, and then some.
+/// A scene with every table and every key of the reference scenes, and more.
 const FULL: &str = r#"
 [particles]
 source = "../water/fluid_{}.bgeo"

@@ -1,4 +1,4 @@
-//! Scene files as they are read: what each key means, its default, its range, and every slip.
+//! Reading of scene files: the meaning, default and range of each key, and errors.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use limpid_io::project::{LiquidSource, Project};
 
 use super::{FULL, assert_tells, parse, project, scene};
 
-/// The message of a scene that must be refused: one line, naming the file.
+/// The message for a scene that must be refused: one line that names the file.
 #[track_caller]
 fn refused(text: &str) -> String {
     let error = parse(text).expect_err(text);
@@ -26,10 +26,10 @@ fn refused(text: &str) -> String {
     message
 }
 
-/// Checks that `FULL` with `from` replaced by `to` is refused at that line, with all of `parts`.
+/// Checks that `FULL` with `from` replaced by `to` is refused at that line, with `parts` in the message.
 #[track_caller]
-fn slip(from: &str, to: &str, parts: &[&str]) {
-    assert_eq!(FULL.matches(from).count(), 1, "`{from}` is there once");
+fn assert_error_at(from: &str, to: &str, parts: &[&str]) {
+    assert_eq!(FULL.matches(from).count(), 1, "`{from}` occurs once");
     let message = refused(&FULL.replace(from, to));
     let line = FULL[..FULL.find(from).unwrap()].matches('\n').count() + 1;
     let place = format!("test.toml: line {line}: ");
@@ -37,11 +37,11 @@ fn slip(from: &str, to: &str, parts: &[&str]) {
     assert_tells(&message, parts);
 }
 
-/// Every key arrives where it belongs.
+/// Every key sets its field.
 #[test]
-fn a_full_scene_means_what_it_says() {
+fn every_key_sets_its_field() {
     let Project { scene, source, camera, .. } = project(FULL);
-    let LiquidSource::File(particles) = source else { panic!("the scene names its particles") };
+    let LiquidSource::File(particles) = source else { panic!("expected particles from a file") };
     // Paths are relative to the scene file.
     assert_eq!(Path::new(&particles.source), Path::new("scenes/../water/fluid_{}.bgeo"));
     assert_eq!((particles.frame, particles.radius), (Some(20), Some(0.025)));
@@ -84,9 +84,9 @@ fn a_full_scene_means_what_it_says() {
     assert_eq!(scene.settings.smooth, Settings::default().smooth);
 }
 
-/// What is left out has the documented defaults; an empty file is a scene without particles.
+/// Omitted keys have the documented defaults; an empty file is a scene without particles.
 #[test]
-fn everything_has_a_default() {
+fn omitted_keys_have_defaults() {
     let empty = project("");
     assert_eq!((empty.source, empty.camera), (LiquidSource::Unspecified, None));
     let empty = empty.scene;
@@ -99,7 +99,7 @@ fn everything_has_a_default() {
         [particles]
         source = "a.ply"
         [camera]
-        eye = [0, 0, 1]     # whole numbers are numbers
+        eye = [0, 0, 1]     # integers are valid numbers
         target = [0, 0, 0]
         fov_y = 40
         [environment]
@@ -116,13 +116,13 @@ fn everything_has_a_default() {
     assert_eq!((camera.up, camera.near), (Vec3::Y, None));
     assert_eq!(camera.near(), 1e-3);
     let Environment::Gradient { horizon, nadir, .. } = few.environment else { panic!() };
-    assert_eq!(horizon, nadir, "without a nadir, the horizon goes on below");
+    assert_eq!(horizon, nadir, "the nadir defaults to the horizon");
     let Shape::Plane { normal, half_extent, .. } = few.solids[0].shape else { panic!() };
     assert_eq!((normal, half_extent), (Vec3::Z, f32::INFINITY));
     assert!(!few.solids[0].lit);
 }
 
-/// The three kinds of environment, and its scale.
+/// The three kinds of environment, and the scale.
 #[test]
 fn environments() {
     let constant = scene("[environment]\nradiance = [0.5, 1.0, 2.0]\nscale = 2.0").environment;
@@ -138,15 +138,15 @@ fn environments() {
 
     let both = refused("[environment]\nradiance = [1, 1, 1]\nmap = \"sky.png\"");
     assert_tells(&both, &["one of", "radiance", "gradient", "map"]);
-    // A map that is not there is a missing file, not a slip in the scene.
+    // A missing map is an I/O error, not an error in the scene.
     let error = parse("[environment]\nmap = \"none.png\"").unwrap_err();
     assert!(matches!(error, Error::Io { .. }), "{error:?}");
     assert_tells(&error.to_string(), &["scenes", "none.png"]);
 }
 
-/// An unknown key is an error in every table, with its line and the key that was meant.
+/// An unknown key in any table is an error with its line and the nearest known key.
 #[test]
-fn unknown_keys_name_the_nearest() {
+fn unknown_keys_suggest_the_nearest() {
     let keys = [
         ("[liquid]", "[liquids]", "liquids", "liquid"),
         ("frame = 20", "frmae = 20", "frmae", "frame"),
@@ -164,31 +164,31 @@ fn unknown_keys_name_the_nearest() {
         ("samples = 4", "sample = 4", "sample", "samples"),
         ("margin = 0.2", "margins = 0.2", "margins", "margin"),
         ("\"straight\"", "\"strait\"", "strait", "straight"),
-        // Names that are values.
+        // Names of values.
         ("\"z\"", "\"zz\"", "zz", "z"),
         ("\"sphere\"", "\"spheer\"", "spheer", "sphere"),
         ("\"march\"", "\"marsh\"", "marsh", "march"),
     ];
     for (from, to, unknown, nearest) in keys {
-        slip(from, to, &[unknown, &format!("did you mean `{nearest}`?")]);
+        assert_error_at(from, to, &[unknown, &format!("did you mean `{nearest}`?")]);
     }
 }
 
-/// A value of the wrong type, or a file that is no TOML, is told with its line.
+/// A value of the wrong type and a TOML syntax error are reported with their line.
 #[test]
-fn wrong_types_name_the_line() {
-    slip("ior = 1.4", "ior = \"water\"", &["string"]);
-    slip("frame = 20", "frame = 2.5", &["floating point"]);
-    slip("lit = true", "lit = 1", &["boolean"]);
-    slip("eye = [0.0, 1.5, 4.0]", "eye = [0.0, 1.5]", &["2"]);
-    slip("max = [1.0, 0.5, -0.9]", "max = 1.0", &["floating point"]);
-    slip("samples = 4", "samples = -4", &["-4"]);
-    slip("fov_y = 40.0", "fov_y = 40 degrees", &[]);
-    slip("near = 0.01", "fov_y = 41.0", &["duplicate"]);
-    slip("sun = { direction = [0.0, -1.0, 0.0], ", "sun = { ", &["direction"]);
+fn type_and_syntax_errors_name_the_line() {
+    assert_error_at("ior = 1.4", "ior = \"water\"", &["string"]);
+    assert_error_at("frame = 20", "frame = 2.5", &["floating point"]);
+    assert_error_at("lit = true", "lit = 1", &["boolean"]);
+    assert_error_at("eye = [0.0, 1.5, 4.0]", "eye = [0.0, 1.5]", &["2"]);
+    assert_error_at("max = [1.0, 0.5, -0.9]", "max = 1.0", &["floating point"]);
+    assert_error_at("samples = 4", "samples = -4", &["-4"]);
+    assert_error_at("fov_y = 40.0", "fov_y = 40 degrees", &[]);
+    assert_error_at("near = 0.01", "fov_y = 41.0", &["duplicate"]);
+    assert_error_at("sun = { direction = [0.0, -1.0, 0.0], ", "sun = { ", &["direction"]);
 }
 
-/// Keys that cannot be left out.
+/// Errors of missing required keys name the key and its table.
 #[test]
 fn missing_keys_are_named() {
     let missing = |key: &str| {
@@ -212,17 +212,17 @@ fn missing_keys_are_named() {
     refused(two);
 }
 
-/// Numbers outside what can be drawn, each with its key. NaN and ∞ are never values.
+/// Errors of numbers out of range name the key. NaN and ∞ are never valid.
 #[test]
-fn ranges() {
+fn numbers_out_of_range_are_errors() {
     let out = |from: &str, to: &str, parts: &[&str]| {
-        assert_eq!(FULL.matches(from).count(), 1, "`{from}` is there once");
+        assert_eq!(FULL.matches(from).count(), 1, "`{from}` occurs once");
         assert_tells(&refused(&FULL.replace(from, to)), parts);
     };
     for ior in ["0.29", "3.5", "nan", "inf", "-1.33"] {
         out("ior = 1.4", &format!("ior = {ior}"), &["liquid", "ior"]);
     }
-    // A comma for a point makes one number of two.
+    // A decimal comma makes two numbers of one.
     out(
         "absorption = [1.0, 0.5, 0.25]",
         "absorption = [1,0, 0.5, 0.25]",
@@ -236,7 +236,7 @@ fn ranges() {
         out("radius = 0.025", &format!("radius = {radius}"), &["particles", "radius"]);
         out("radius = 0.25\n", &format!("radius = {radius}\n"), &["[[solid]] 3", "radius"]);
     }
-    // As --radius: the cube of it is what a 32-bit float cannot hold.
+    // As with --radius: its cube underflows a 32-bit float.
     let tiny = "[[fluid]]\nsource = \"a.xyz\"\n[[fluid]]\nsource = \"b.xyz\"\nradius = 1e-30\n";
     assert_tells(&refused(tiny), &["[[fluid]] 2", "radius is 1e-30", "1e-12"]);
     out("radius = 0.025", "radius = 1e-30", &["[particles] radius"]);

@@ -1,4 +1,4 @@
-//! Scenes that are saved: they are read again as the same scenes.
+//! Saving of scenes: a saved scene is read back as the same scene.
 
 use std::fs;
 use std::path::Path;
@@ -7,22 +7,21 @@ use image::{Rgb, Rgb32FImage};
 use limpid::scene::Light;
 use limpid_io::project::Project;
 
-/// Protects saved scenes: what is written is read as the same scene, for every scene that comes
-/// with the program.
+/// Every example scene is written and read back as the same scene.
 #[test]
-fn scenes_survive_being_written() {
+fn example_scenes_survive_saving() {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("sims");
     let mut count = 0;
-    for entry in fs::read_dir(&folder).expect("there are scenes") {
+    for entry in fs::read_dir(&folder).expect("the example scenes") {
         let path = entry.expect("an entry").path();
         if path.extension().is_none_or(|e| e != "toml") {
             continue;
         }
         count += 1;
-        let text = fs::read_to_string(&path).expect("it can be read");
+        let text = fs::read_to_string(&path).expect("readable text");
         let parse = |text: &str| Project::parse(text, "scene", Path::new(""));
-        let project = parse(&text).expect("it is a scene");
-        let written = project.to_toml(None).expect("it can be written");
+        let project = parse(&text).expect("a valid scene");
+        let written = project.to_toml(None).expect("a scene as text");
         let again =
             parse(&written).unwrap_or_else(|e| panic!("{}: {e}\n{written}", path.display()));
         assert_eq!(again, project, "{}\n{written}", path.display());
@@ -30,10 +29,10 @@ fn scenes_survive_being_written() {
     assert!(count > 5);
 }
 
-/// Protects what the scenes that come with the program do not have: several fluids, a sphere, a
-/// point light, further views, an environment map.
+/// Features missing in the example scenes survive saving: several fluids, a sphere, a point light,
+/// further views, an environment map.
 #[test]
-fn scene_with_everything_survives_being_saved() {
+fn a_scene_with_all_features_survives_saving() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     Rgb32FImage::from_fn(4, 2, |x, y| Rgb([0.1 + x as f32, 1e-3, 7.5 * y as f32]))
@@ -73,15 +72,15 @@ fn scene_with_everything_survives_being_saved() {
         smooth = { sigma = 0.3 }
         classify = { on = "cpu" }
     "#;
-    fs::write(at("scene.toml"), text).expect("it is written");
-    let project = Project::load(&at("scene.toml")).expect("it is a scene");
+    fs::write(at("scene.toml"), text).expect("a scene file");
+    let project = Project::load(&at("scene.toml")).expect("a valid scene");
     assert!(matches!(project.scene.lights[0], Light::Point { .. }));
-    project.save(&at("saved.toml")).expect("it is saved");
-    assert_eq!(Project::load(&at("saved.toml")).expect("it is a scene"), project);
+    project.save(&at("saved.toml")).expect("a saved scene");
+    assert_eq!(Project::load(&at("saved.toml")).expect("a valid scene"), project);
     let written = fs::read_to_string(at("saved.toml")).expect("text");
     assert!(
         written.contains("source = \"a_{}.bgeo\""),
-        "what is beside it has a short name: {written}"
+        "a path beside the scene is relative: {written}"
     );
-    assert!(project.to_toml(None).is_err(), "a map needs a file");
+    assert!(project.to_toml(None).is_err(), "a map needs a file to be saved beside");
 }

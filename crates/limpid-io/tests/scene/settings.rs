@@ -1,4 +1,4 @@
-//! Settings of the passes and overrides from the command line: defaults, ranges, slips.
+//! Settings of the passes and overrides from the command line: defaults, ranges, errors.
 
 use std::collections::BTreeSet;
 
@@ -7,12 +7,12 @@ use limpid::settings::{
     Curve, Filter, Fresnel, Kernel, Method, Reflections, Settings, Solids, Solver, Unit,
 };
 use limpid_io::Error;
-use limpid_io::project::Processor;
 use limpid_io::project::overrides::replaced;
+use limpid_io::shared_classifier::Processor;
 
 use super::{FULL, assert_tells, parse, scene};
 
-/// Each pass has its table in a scene.
+/// Each pass has a table in a scene.
 #[test]
 fn settings_of_every_pass() {
     let scene = scene(
@@ -52,8 +52,7 @@ fn settings_of_every_pass() {
     assert_eq!(scene.settings, expected);
 }
 
-/// The defaults are in their own ranges, and each of them can be written down and read back: as
-/// a scene's table, and as one override per key.
+/// The defaults are in range, and survive a round trip as a scene's table and as one override per key.
 #[test]
 fn every_default_survives_a_round_trip() {
     let defaults = Settings::default();
@@ -72,32 +71,32 @@ fn every_default_survives_a_round_trip() {
         }
     }
     assert!(keys.len() > 20, "{keys:?}");
-    // Other values than the defaults, down to the last bit.
+    // Other values, bit-identically.
     for value in [0.1f32, 1.0 / 3.0, 1.0e-3, 123.456] {
         let set = [format!("smooth.sigma={value}")];
         assert_eq!(replaced(&defaults, &set).unwrap().smooth.sigma, value);
     }
 }
 
-/// --set takes what one types in a shell.
+/// Overrides accept the usual notations of a shell, and errors suggest the nearest name.
 #[test]
-fn overrides() {
+fn override_notations_and_errors() {
     let with = |sets: &[&str]| {
         let sets: Vec<_> = sets.iter().map(|&set| set.to_owned()).collect();
         replaced(&Settings::default(), &sets)
     };
-    // Bare words are strings; quotes are fine too.
+    // Bare words are strings; quotes are allowed.
     assert_eq!(with(&["refract.solver=march"]).unwrap().refract.solver, Solver::March);
     assert_eq!(with(&["refract.solver=\"march\""]).unwrap().refract.solver, Solver::March);
     assert_eq!(with(&[" refract.solver = march "]).unwrap().refract.solver, Solver::March);
-    // Whole numbers for floats, negative ones, exponents.
+    // Integers for floats, negative numbers, exponents.
     assert_eq!(with(&["tonemap.exposure=2"]).unwrap().tonemap.exposure, 2.0);
     assert_eq!(with(&["tonemap.exposure=-2"]).unwrap().tonemap.exposure, -2.0);
     assert_eq!(with(&["smooth.sigma=1e1"]).unwrap().smooth.sigma, 10.0);
     assert_eq!(with(&["caustics.method=gather"]).unwrap().caustics.method, Method::Gather);
     assert_eq!(with(&["caustics.blur=1"]).unwrap().caustics.blur, 1.0);
     assert!(!with(&["refract.radiance_scaling=false"]).unwrap().refract.radiance_scaling);
-    // The last of several wins, and others stay.
+    // The last of several wins, and the others are kept.
     let last = with(&["refract.samples=2", "smooth.taps=7", "refract.samples=3"]).unwrap();
     assert_eq!((last.refract.samples, last.smooth.taps), (3, 7));
 
@@ -121,11 +120,11 @@ fn overrides() {
         let error = with(&["smooth.taps=7", set]).expect_err(set);
         assert!(matches!(error, Error::Override { .. }), "{error:?}");
         let message = error.to_string();
-        assert!(message.starts_with(&format!("--set {set}: ")), "{message}");
+        assert!(message.starts_with(&format!("{set}: ")), "{message}");
         assert!(!message.contains('\n'), "{message}");
         assert_tells(&message, parts);
     }
-    // Overrides are checked with the scene that they complete.
+    // Ranges are checked together with the scene.
     let samples = ["refract.samples=0".to_owned()];
     let mut project = parse(FULL).expect("a scene");
     project.set(&samples).expect("a number");
@@ -133,7 +132,7 @@ fn overrides() {
     assert_tells(&error.to_string(), &["refract.samples", "1 to 64"]);
 }
 
-/// Ends of ranges are inside.
+/// Ranges include their ends.
 #[test]
 fn settings_ranges() {
     for (key, inside, outside) in [
@@ -162,13 +161,14 @@ fn settings_ranges() {
         }
         for value in outside {
             let message = check(value).expect_err(value).to_string();
-            let told = value.parse::<f32>().unwrap().to_string();
-            assert_tells(&message, &["settings", key, &told]);
+            let printed = value.parse::<f32>().unwrap().to_string();
+            assert_tells(&message, &["settings", key, &printed]);
         }
     }
 }
 
-/// Protects overrides of what is no pass's setting: the right one changes, and what is none is refused.
+/// Overrides of the liquid, the fluids and the processor change only their target, and invalid ones are
+/// errors.
 #[test]
 fn liquid_and_processor_can_be_overridden() {
     let text = "[[fluid]]\nsource = \"a\"\n[[fluid]]\nsource = \"b\"\n";
@@ -194,9 +194,9 @@ fn liquid_and_processor_can_be_overridden() {
     }
 }
 
-/// The filters and their numbers by the names of a scene's settings.
+/// The names of the smoothing filters in settings, and the ranges of their parameters.
 #[test]
-fn filters_are_settings() {
+fn smoothing_filters_and_parameters() {
     let with = |set: &str| replaced(&Settings::default(), &[set.to_owned()]);
     const FILTERS: [Filter; 3] = [Filter::PlaneFit, Filter::Bilateral, Filter::NarrowRange];
     assert_eq!(Settings::default().smooth.filter, Filter::PlaneFit);

@@ -1,12 +1,11 @@
-//! Distances to solids and their normals, on which contact and wetting stand.
+//! Distances to solids and their normals, on which contact and wetting depend.
 
 use glam::{DVec3, Vec3};
 use limpid::scene::Shape;
 
 use super::random;
 
-/// Distances to solids against closed forms, and normals that are their gradients: contact and
-/// wetting stand on both.
+/// Distances to solids agree with closed forms, and normals are their gradients.
 #[test]
 fn distances_to_solids() {
     let mut seed = 1;
@@ -34,22 +33,22 @@ fn distances_to_solids() {
             assert!(outward.abs_diff_eq((x - nearest).normalize(), 1e-9), "{x}: {outward}");
         }
         assert!((outward.length() - 1.0).abs() < 1e-12);
-        // A step of the distance against the normal ends on the surface.
+        // A step by the distance against the normal ends on the surface.
         let surface = solid.distance(x - distance * outward).0;
         assert!(surface.abs() < 1e-12, "{x}: {surface} off the surface");
     }
 }
 
-/// Special places: on a surface, in a centre, at a corner, beside a square.
+/// Special points: on a surface, at a centre, at a corner, beside a finite plane.
 #[test]
-fn distances_at_special_places() {
+fn distances_at_special_points() {
     let floor =
         Shape::Plane { origin: DVec3::new(1.0, 0.0, 0.0), normal: Vec3::Y, half_extent: 2.0 };
     assert_eq!(floor.distance(DVec3::new(2.5, -0.5, 1.5)), (-0.5, DVec3::Y));
     assert_eq!(floor.distance(DVec3::new(3.0, 0.0, -2.0)), (0.0, DVec3::Y));
     for beside in [DVec3::new(3.1, 0.1, 0.0), DVec3::new(-1.1, 0.1, 0.0), DVec3::new(0.0, 0.1, 2.1)]
     {
-        assert_eq!(floor.distance(beside).0, f64::INFINITY, "beside a square there is nothing");
+        assert_eq!(floor.distance(beside).0, f64::INFINITY, "beside a finite plane");
     }
     let cube = Shape::Box { min: -DVec3::ONE, max: DVec3::ONE };
     let ball = Shape::Sphere { center: DVec3::ZERO, radius: 1.0 };

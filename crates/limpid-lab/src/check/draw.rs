@@ -1,4 +1,4 @@
-//! From an entry to pictures.
+//! Rendering of a suite's entries.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -15,31 +15,33 @@ use limpid_io::bake;
 use limpid_io::error::{Error, Result};
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::open::Request;
 use limpid_io::output::CleanupGuard;
 use limpid_io::project::Project;
-use limpid_io::project::open::Request;
 use limpid_io::shared_classifier::SharedClassifier;
 
-/// A folder that is gone when this is dropped or the process is ended by [`limpid_io::output::abandon`].
+/// A temporary folder, removed when this is dropped or when [`limpid_io::output::abandon`] ends the
+/// process.
 struct Baked {
-    // In this order: removed, then forgotten.
+    // Drop order: the folder is removed first, then taken off the cleanup list.
     folder: TempDir,
     _litter: CleanupGuard,
 }
 
-/// An entry's particles and scene, opened.
+/// An opened entry: its particles and its scene.
 pub(super) struct Source<'a> {
     entry: &'a Entry,
     input: Input,
     pub(super) scene: Scene,
-    /// Where it is seen from.
+    /// The camera.
     pub(super) camera: Camera,
-    // Where the frames of a bake are, as long as they are needed.
+    // Keeps the folder of baked frames alive as long as they are read.
     _baked: Option<Baked>,
 }
 
 impl<'a> Source<'a> {
-    /// Opens what `limpid render` would with the same options; simulates it first if wanted.
+    /// Opens the entry as `limpid render` would with the same options, baking its simulation first
+    /// if requested.
     pub(super) fn open(entry: &'a Entry) -> Result<Self> {
         let samples = entry.samples.map(|samples| format!("refract.samples={samples}"));
         let request = Request {
@@ -62,12 +64,12 @@ impl<'a> Source<'a> {
         Ok(Self { entry, input, scene, camera, _baked: baked })
     }
 
-    /// The same, with its particles classified on this device.
+    /// Moves the classification of its particles to this device.
     pub(super) fn classified_on(self, gpu: &Gpu) -> Self {
         Self { input: self.input.classified(SharedClassifier::on(gpu)), ..self }
     }
 
-    /// The frame times to draw, with the numbers of their pictures.
+    /// The frame times to render, with the numbers of their pictures.
     pub(super) fn frame_times(&self) -> Result<Vec<(i64, FrameTime)>> {
         let sequence = &self.input.sequence;
         let at = match &self.entry.content {
@@ -80,24 +82,28 @@ impl<'a> Source<'a> {
         };
         let numbers: Vec<i64> = sequence.frames.iter().map(|frame| frame.number).collect();
         let fail = |problem| Error::Sequence { pattern: sequence.pattern.clone(), problem };
-        let moment = match (at, self.input.frame, numbers.as_slice()) {
-            // A frame that is not there is an error, not its neighbours and not the nearest one.
+        let frame_time = match (at, self.input.frame, numbers.as_slice()) {
+            // A missing frame is an error; it is neither interpolated nor replaced by the nearest
+            // one.
             (Some(at), ..) if at.fract() == 0.0 => {
                 let frame = at as i64;
                 if numbers.binary_search(&frame).is_err() {
-                    return Err(fail(format!("frame {frame} is not there; {}", has(&numbers))));
+                    return Err(fail(format!(
+                        "frame {frame} is not there; {}",
+                        existing_frames(&numbers)
+                    )));
                 }
                 FrameTime::at(frame)
             }
             (Some(at), ..) => {
-                let moment = self.input.moment(&numbers, at)?;
-                if moment.fraction == 0.0 {
+                let frame_time = self.input.moment(&numbers, at)?;
+                if frame_time.fraction == 0.0 {
                     return Err(fail(format!(
                         "time {at} is not between frames; {}",
-                        has(&numbers)
+                        existing_frames(&numbers)
                     )));
                 }
-                moment
+                frame_time
             }
             (None, Some(frame), _) => FrameTime::at(frame),
             (None, None, &[frame]) => FrameTime::at(frame),
@@ -106,35 +112,36 @@ impl<'a> Source<'a> {
                 return Err(fail(format!("has {} frames; give frame or at", numbers.len())));
             }
         };
-        Ok(vec![(moment.frame, moment)])
+        Ok(vec![(frame_time.frame, frame_time)])
     }
 
-    /// Which of some frames a sequence of all frames should have, and the input has not.
+    /// The frames out of `expected` that a sequence of all frames should have but the input lacks.
     pub(super) fn lost(&self, expected: &[i64]) -> Vec<i64> {
         match &self.entry.content {
             Content::Sequence { frames: FrameSpec::All, .. } => {
-                let there = |&number: &i64| self.input.sequence.frame(number).is_some();
-                expected.iter().copied().filter(|number| !there(number)).collect()
+                let exists = |&number: &i64| self.input.sequence.frame(number).is_some();
+                expected.iter().copied().filter(|number| !exists(number)).collect()
             }
-            // A list that names one is an error; one that does not leaves it out.
+            // An explicit list with a missing frame is an error, and one without it does not expect
+            // it.
             _ => Vec::new(),
         }
     }
 
-    /// Reads and classifies what there is at a moment.
-    pub(super) fn load(&self, moment: FrameTime) -> Result<Loaded> {
-        self.input.load(moment, &self.scene)
+    /// Reads and classifies the particles at a frame time.
+    pub(super) fn load(&self, frame_time: FrameTime) -> Result<Loaded> {
+        self.input.load(frame_time, &self.scene)
     }
 
-    /// Draws it.
+    /// Renders one frame.
     pub(super) fn draw(&self, offscreen: &mut Offscreen, loaded: &Loaded) -> Result<RgbImage> {
         let shot = offscreen.draw(&self.scene, &self.camera, &loaded.splats, self.entry.size)?;
         Ok(shot.picture)
     }
 }
 
-/// The frames that there are, as a part of a message.
-fn has(numbers: &[i64]) -> String {
+/// Describes the existing frames, as a part of a message.
+fn existing_frames(numbers: &[i64]) -> String {
     match numbers {
         [] => "there are none".into(),
         [only] => format!("the only one is {only}"),
@@ -142,12 +149,12 @@ fn has(numbers: &[i64]) -> String {
     }
 }
 
-/// Simulates a scene anew, so that no frames of an older simulation pass for it.
+/// Bakes a scene into a new folder, so that frames of an older simulation are never used.
 fn baked(scene_file: &str, bake: Bake) -> Result<(Input, Baked)> {
     let mut project = Project::load(Path::new(scene_file))?;
     let simulation = project.simulation_mut(scene_file)?;
     simulation.radius = bake.radius.unwrap_or(simulation.radius);
-    // The first frame is the start.
+    // The first frame is the initial state.
     simulation.frames = 1 + (bake.seconds * simulation.fps).round() as u32;
     let simulation = simulation.clone();
     let created = CleanupGuard::create(|| {

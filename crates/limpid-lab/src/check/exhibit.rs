@@ -1,5 +1,4 @@
-//! What shows why an entry failed: pictures of what is expected, what was drawn, and how the two
-//! differ.
+//! Pictures of a failed entry: expected, rendered, and their difference.
 
 use std::sync::Arc;
 
@@ -8,30 +7,30 @@ use image::{ExtendedColorType, GenericImage, ImageEncoder, RgbImage};
 
 use crate::compare::FlipMap;
 
-/// Pixels between the pictures that stand side by side.
+/// Gap between pictures that stand side by side, pixels.
 const GAP: u32 = 4;
 
-/// Pictures of one thing.
+/// A group of pictures of one image.
 #[derive(Debug, Clone)]
 pub struct Exhibit {
-    /// What they show.
+    /// The title.
     pub title: String,
-    /// What is expected, what was drawn, the difference, as far as there are such pictures.
+    /// The expected picture, the rendered one and their difference, as far as they exist.
     pub panels: Vec<Panel>,
-    /// All of them in one picture.
+    /// All panels in one picture.
     pub side_by_side: Panel,
 }
 
-/// A picture as a file.
+/// A picture and its file.
 #[derive(Debug, Clone)]
 pub struct Panel {
-    /// Its name.
+    /// The file name.
     pub file: String,
     /// `expected`, `actual`, `difference` or `side by side`.
     pub caption: &'static str,
     /// Width and height, pixels.
     pub size: (u32, u32),
-    /// The PNG.
+    /// The PNG data.
     pub png: Arc<[u8]>,
 }
 
@@ -43,7 +42,7 @@ impl Panel {
 }
 
 impl Exhibit {
-    /// Encodes the pictures, whose files begin with `stem`.
+    /// Encodes the pictures; their file names begin with `stem`.
     pub(super) fn new(
         stem: &str,
         title: impl Into<String>,
@@ -51,8 +50,8 @@ impl Exhibit {
     ) -> Self {
         let panels = pictures.iter().map(|(caption, picture)| Panel::new(stem, caption, picture));
         let images: Vec<_> = pictures.iter().map(|(_, picture)| *picture).collect();
-        let beside = Panel::new(stem, "side by side", &side_by_side(&images));
-        Self { title: title.into(), panels: panels.collect(), side_by_side: beside }
+        let side_by_side_panel = Panel::new(stem, "side by side", &side_by_side(&images));
+        Self { title: title.into(), panels: panels.collect(), side_by_side: side_by_side_panel }
     }
 
     pub(super) fn files(&self) -> impl Iterator<Item = (&str, &[u8])> {
@@ -61,7 +60,7 @@ impl Exhibit {
     }
 }
 
-/// An 8-bit sRGB picture as the bytes of a small PNG.
+/// Encodes an 8-bit sRGB picture as a small PNG.
 pub(super) fn png(picture: &RgbImage) -> Arc<[u8]> {
     let mut bytes = Vec::new();
     let encoder =
@@ -73,7 +72,7 @@ pub(super) fn png(picture: &RgbImage) -> Arc<[u8]> {
     bytes.into()
 }
 
-/// Pictures in a row, on grey, from the left.
+/// Joins pictures from left to right on a grey background.
 fn side_by_side(pictures: &[&RgbImage]) -> RgbImage {
     let width: u32 = pictures.iter().map(|picture| picture.width() + GAP).sum();
     let height = pictures.iter().map(|picture| picture.height()).max().unwrap_or(1);
@@ -87,7 +86,7 @@ fn side_by_side(pictures: &[&RgbImage]) -> RgbImage {
     row
 }
 
-/// Values of 0 to `largest` in the colours of magma; what is not finite is white.
+/// Maps values from 0 to `largest` to the magma colour map; non-finite values become white.
 pub(super) fn false_colour(size: (u32, u32), values: &[f32], largest: f32) -> RgbImage {
     let scale = if largest > 0.0 { largest.recip() } else { 0.0 };
     let scaled = |&value: &f32| if value.is_finite() { value * scale } else { 1.0 };

@@ -1,34 +1,35 @@
-//! Intermediate images against those expected: coverage and error, in the units of each.
+//! Comparison of intermediate images with the expected ones: coverage and error, in the unit of
+//! each.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::Path;
 
 use glam::{UVec2, Vec3};
 use image::{Rgb, RgbImage};
 
 use super::exhibit::{Exhibit, false_colour};
-use super::judge::is_missing;
 use super::suite::AovTolerance;
 use super::{Measure, Outcome};
 use limpid::aov::{Aov, Part};
 use limpid_io::error::{Error, Result};
 use limpid_io::exr;
 
-/// An image: a channel, or the three of a vector or a colour.
+/// An image: one channel, or the three of a vector or a colour.
 struct Image<'a> {
     aov: Aov,
     name: String,
     size: UVec2,
-    // In the order of their names.
+    // Sorted by name.
     channels: Vec<&'a [f32]>,
 }
 
-/// What the pixels of an image are.
+/// The meaning of an image's pixels.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// 0 where there is nothing.
+    /// 0 where empty.
     Depth,
-    /// 0 where there is nothing, else of length 1.
+    /// 0 where empty, else of length 1.
     Normal,
     /// A length, m.
     Length,
@@ -55,7 +56,7 @@ impl Kind {
         }
     }
 
-    /// How far off a pixel may be before it differs, unless the suite says.
+    /// The default error above which a pixel differs.
     fn within(self, radius: f32) -> f64 {
         match self {
             Self::Depth | Self::Length => 0.1 * f64::from(radius),
@@ -66,22 +67,22 @@ impl Kind {
     }
 }
 
-/// Judges the images of a frame that was drawn from particles of a radius.
+/// Compares the images of a frame whose particles have this radius.
 pub(super) fn judge(
     outcome: &mut Outcome,
     actual: Vec<Part>,
     (limits, path): (&BTreeMap<Aov, AovTolerance>, &Path),
     radius: f32,
 ) -> Result<()> {
-    let ours = images(&actual, limits);
-    if ours.is_empty() {
+    let rendered = images(&actual, limits);
+    if rendered.is_empty() {
         let names: Vec<_> = limits.keys().map(Aov::to_string).collect();
         let problem = format!("the frame has no images of {}", names.join(", "));
         return Err(Error::Usage(problem));
     }
     let problems = outcome.problems.len();
     let mut finite = true;
-    for image in &ours {
+    for image in &rendered {
         if let Some(place) = image.not_finite() {
             outcome.problems.push(format!("drawn: {place}"));
             finite = false;
@@ -90,7 +91,7 @@ pub(super) fn judge(
     let error = match exr::load(path) {
         Ok(expected) => {
             let expected = images(&expected, limits);
-            compare(outcome, path, &expected, &ours, limits, radius).err()
+            compare(outcome, path, &expected, &rendered, limits, radius).err()
         }
         Err(error) if is_missing(&error) => {
             outcome.problems.push(format!("{}: no expected images", path.display()));
@@ -102,7 +103,7 @@ pub(super) fn judge(
         return Ok(());
     }
     outcome.error = outcome.error.take().or(error);
-    drop(ours);
+    drop(rendered);
     let exr = exr::to_bytes(actual).map_err(|e| Error::io(path, "write", e))?;
     let exr: std::sync::Arc<[u8]> = exr.into();
     outcome.files.push((format!("{}.actual.exr", outcome.name), exr.clone()));
@@ -112,7 +113,7 @@ pub(super) fn judge(
     Ok(())
 }
 
-/// The images of some kinds among the channels of parts, in the order of their names.
+/// Collects the images with limits from the channels of `parts`, sorted by name.
 fn images<'a>(parts: &'a [Part], limits: &BTreeMap<Aov, AovTolerance>) -> Vec<Image<'a>> {
     let mut images: BTreeMap<String, Image<'a>> = BTreeMap::new();
     for part in parts {
@@ -180,13 +181,13 @@ fn compare(
 }
 
 impl Image<'_> {
-    /// Whether all its channels have its size: those of parts of one name may not.
+    /// Whether all its channels have its size: channels from parts of the same name may not.
     fn is_whole(&self) -> bool {
         let pixels = u64::from(self.size.x) * u64::from(self.size.y);
         self.channels.iter().all(|values| values.len() as u64 == pixels)
     }
 
-    /// The first number that is none, as a part of a sentence.
+    /// Describes the first non-finite value, as a part of a sentence.
     fn not_finite(&self) -> Option<String> {
         self.channels.iter().find_map(|values| {
             let at = values.iter().position(|value| !value.is_finite())?;
@@ -205,7 +206,8 @@ impl Image<'_> {
     }
 }
 
-/// The error of each pixel in its unit: ∞ if only one has anything there, none if neither has.
+/// The error of each pixel in the image's unit: ∞ if only one image covers it, `None` if neither
+/// does.
 fn errors(kind: Kind, expected: &Image<'_>, actual: &Image<'_>) -> Vec<Option<f32>> {
     let error = |pixel| {
         let (e, a) = (expected.vector(pixel), actual.vector(pixel));
@@ -228,8 +230,8 @@ fn measures(
     radius: f32,
 ) -> Vec<Measure> {
     let within = limits.within.unwrap_or_else(|| kind.within(radius));
-    let far = errors.iter().flatten().filter(|&&error| f64::from(error) > within).count();
-    let share = far as f64 / errors.len().max(1) as f64;
+    let differing = errors.iter().flatten().filter(|&&error| f64::from(error) > within).count();
+    let share = differing as f64 / errors.len().max(1) as f64;
     let title = format!("{name} off by more than {} {}", super::digits(within), kind.unit());
     let title = format!("{}: share of pixels", title.trim_end());
     let mut measures = vec![Measure::new(title, share, limits.share.unwrap_or(0.01), "")];
@@ -249,7 +251,7 @@ fn measures(
     measures
 }
 
-/// The image in false colours, as expected and as drawn, and its error.
+/// The expected image, the rendered one and the error in false colours.
 fn exhibit(
     entry: &str,
     kind: Kind,
@@ -258,12 +260,12 @@ fn exhibit(
     errors: &[Option<f32>],
 ) -> Exhibit {
     let size: (u32, u32) = actual.size.into();
-    let there = |image: &Image<'_>| {
+    let range = |image: &Image<'_>| {
         let pixels = (0..image.pixels()).map(|pixel| image.vector(pixel));
         let values = pixels.map(Vec3::max_element).filter(|&value| value != 0.0);
         values.fold((f32::INFINITY, 0.0_f32), |(low, high), v| (low.min(v), high.max(v)))
     };
-    let (a, b) = (there(expected), there(actual));
+    let (a, b) = (range(expected), range(actual));
     let (low, high) = (a.0.min(b.0), a.1.max(b.1));
     let picture = |image: &Image<'_>| -> RgbImage {
         if kind == Kind::Normal {
@@ -273,7 +275,7 @@ fn exhibit(
                 Rgb((255.0 * level).round().to_array().map(|c| c as u8))
             });
         }
-        // What is there stands out from what is not: never quite black.
+        // Covered pixels are never quite black, to stand out from empty ones.
         let base = if kind == Kind::Depth { low - 0.25 * (high - low).max(1e-6) } else { 0.0 };
         let value = |pixel| {
             let value = image.vector(pixel).max_element();
@@ -299,4 +301,9 @@ fn exhibit(
         ("difference", &difference),
     ];
     Exhibit::new(&format!("{entry}.{name}"), title, &pictures)
+}
+
+/// Whether the error is that the expected file does not exist.
+pub(super) fn is_missing(error: &Error) -> bool {
+    matches!(error, Error::Io { source, .. } if source.kind() == ErrorKind::NotFound)
 }

@@ -1,7 +1,6 @@
-//! Draws an entry and compares it with what is expected.
+//! Runs an entry: renders it and compares it with the expected pictures.
 
 use std::collections::BTreeMap;
-use std::io::ErrorKind;
 use std::path::Path;
 
 use image::RgbImage;
@@ -23,14 +22,14 @@ const P99_FLIP: &str = "99th percentile of FLIP";
 const MAX_CHANNEL_ERROR: &str = "greatest channel error";
 const TEMPORAL: &str = "change from frame to frame";
 
-/// The most pictures of a sequence that are shown: the worst.
+/// Number of pictures of a sequence that are shown, the worst first.
 const SHOWN: usize = 6;
 
-/// Change from frame to frame that no eye sees, in grey levels of 255: a still sequence may change
-/// so much, whatever the ratio.
+/// Frame-to-frame change that is invisible, in grey levels of 255: smaller means count as this, so
+/// that a still sequence passes whatever the ratio.
 const STILL: f64 = 0.05;
 
-/// Draws an entry and compares it. Whatever goes wrong is in the outcome.
+/// Renders and compares an entry. All errors end up in the outcome.
 pub(super) fn judge(
     suite: &Suite,
     entry: &Entry,
@@ -46,8 +45,8 @@ pub(super) fn judge(
         match &entry.content {
             Content::Frame { expected, aovs, expected_aov, .. } => {
                 let aovs = (aovs, expected_aov.as_path());
-                let moment = frame_times[0].1;
-                frame(&mut outcome, &source, moment, offscreen, &tolerance, expected, aovs)
+                let frame_time = frame_times[0].1;
+                frame(&mut outcome, &source, frame_time, offscreen, &tolerance, expected, aovs)
             }
             Content::Sequence { expected, .. } => {
                 sequence(&mut outcome, &source, &frame_times, offscreen, &tolerance, expected)
@@ -55,23 +54,23 @@ pub(super) fn judge(
         }
     });
     if let Err(error) = judged {
-        // Half of an entry is not to be blessed.
+        // A partly compared entry must not be blessed.
         outcome.blessing.clear();
         outcome.error = Some(error);
     }
     outcome
 }
 
-/// What an entry was drawn with, for the record.
+/// Returns the settings that an entry was rendered with, for the record.
 fn drawn(entry: &Entry, source: &Source<'_>, frame_times: &[(i64, FrameTime)]) -> Result<Table> {
     let defect = |e: toml::ser::Error| limpid::Error::Defect(format!("recording settings: {e}"));
     let mut table = Table::new();
     table.insert("size".into(), Value::try_from(entry.size).map_err(defect)?);
     let frames: Vec<i64> = frame_times.iter().map(|(number, _)| *number).collect();
     match (&entry.content, frame_times) {
-        (Content::Frame { .. }, &[(_, moment)]) => {
-            let step = (moment.next - moment.frame) as f64;
-            let at = moment.frame as f64 + moment.fraction * step;
+        (Content::Frame { .. }, &[(_, frame_time)]) => {
+            let step = (frame_time.next - frame_time.frame) as f64;
+            let at = frame_time.frame as f64 + frame_time.fraction * step;
             table.insert("at".into(), at.into());
         }
         _ => drop(table.insert("frames".into(), Value::try_from(frames).map_err(defect)?)),
@@ -81,7 +80,7 @@ fn drawn(entry: &Entry, source: &Source<'_>, frame_times: &[(i64, FrameTime)]) -
     Ok(table)
 }
 
-/// How a picture compares with the file that it must be.
+/// The comparison of a picture with its expected file.
 #[derive(Default)]
 struct Compared {
     expected: Option<RgbImage>,
@@ -95,7 +94,9 @@ impl Compared {
     fn new(path: &Path, actual: &RgbImage, tolerance: &Tolerance) -> Self {
         let expected = match load_picture(path) {
             Ok(expected) => expected,
-            Err(error) if is_missing(&error) => return Self { missing: true, ..Self::default() },
+            Err(error) if images::is_missing(&error) => {
+                return Self { missing: true, ..Self::default() };
+            }
             Err(error) => return Self { error: Some(error), ..Self::default() },
         };
         let compared = match compare::compare(&expected, actual) {
@@ -135,22 +136,17 @@ impl Compared {
     }
 }
 
-/// Whether an expectation is just not there.
-pub(super) fn is_missing(error: &Error) -> bool {
-    matches!(error, Error::Io { source, .. } if source.kind() == ErrorKind::NotFound)
-}
-
-/// Judges one frame, and the images on the way to it.
+/// Compares one frame and its intermediate images.
 fn frame(
     outcome: &mut Outcome,
     source: &Source<'_>,
-    moment: FrameTime,
+    frame_time: FrameTime,
     offscreen: &mut Offscreen,
     tolerance: &Tolerance,
     expected: &Path,
     aovs: (&BTreeMap<Aov, AovTolerance>, &Path),
 ) -> Result<()> {
-    let loaded = source.load(moment)?;
+    let loaded = source.load(frame_time)?;
     offscreen.renderer.diagnose = !aovs.0.is_empty();
     let actual = source.draw(offscreen, &loaded)?;
     let compared = Compared::new(expected, &actual, tolerance);
@@ -171,7 +167,7 @@ fn frame(
     images::judge(outcome, offscreen.images(&chosen)?, aovs, loaded.splats.radius)
 }
 
-/// Judges the pictures of a sequence, each by itself and how they change.
+/// Compares the pictures of a sequence, each by itself and their frame-to-frame change.
 fn sequence(
     outcome: &mut Outcome,
     source: &Source<'_>,
@@ -190,8 +186,8 @@ fn sequence(
     let mut shown: Vec<(f64, Exhibit)> = Vec::new();
     let mut all = Vec::new();
     let mut changes = Changes::default();
-    for &(number, moment) in frame_times {
-        let actual = source.draw(offscreen, &source.load(moment)?)?;
+    for &(number, frame_time) in frame_times {
+        let actual = source.draw(offscreen, &source.load(frame_time)?)?;
         let path = names.path(number);
         let compared = Compared::new(&path, &actual, tolerance);
         all.push((path.clone(), png(&actual)));
@@ -236,7 +232,7 @@ fn sequence(
         outcome.measured(measure);
     }
     if outcome.error.is_some() || !outcome.problems.is_empty() {
-        // All of them: how they change is a property of them together.
+        // All pictures, because their change is a property of the whole sequence.
         outcome.blessing = all;
     }
     let lost = source.lost(&names.existing());
@@ -247,17 +243,18 @@ fn sequence(
         outcome.problems.push(format!("{} more frames likewise", lost.len() - SHOWN));
     }
     if !lost.is_empty() {
-        // What is expected of them would stay; whoever means it removes those pictures first.
+        // Blessing would keep their expected pictures; these must be removed by hand first.
         outcome.blessing.clear();
     }
     Ok(())
 }
 
-/// How much pictures change from one to the next.
+/// Accumulates the frame-to-frame change of a sequence.
 #[derive(Default)]
 struct Changes {
     last: Option<(RgbImage, Option<RgbImage>)>,
-    // Sums over the steps, at each pixel, of the mean over its channels, in grey levels of 255.
+    // Sums over the steps of each pixel's change, averaged over its channels, in grey levels of
+    // 255.
     actual: Vec<f32>,
     expected: Vec<f32>,
     steps: u32,
@@ -266,7 +263,7 @@ struct Changes {
 
 impl Changes {
     fn add(&mut self, actual: RgbImage, expected: Option<RgbImage>) {
-        // What is of another size tells nothing about changes.
+        // Pictures of another size cannot be compared.
         let expected = expected.filter(|e| e.dimensions() == actual.dimensions());
         self.incomplete |= expected.is_none();
         if let Some((before, Some(expected_before))) = &self.last
@@ -279,7 +276,7 @@ impl Changes {
         self.last = Some((actual, expected));
     }
 
-    /// Mean change from frame to frame, ours and expected, in grey levels of 255.
+    /// Mean frame-to-frame change, rendered and expected, in grey levels of 255.
     fn means(&self) -> [f64; 2] {
         [&self.actual, &self.expected].map(|sums| {
             let sum: f64 = sums.iter().map(|&sum| f64::from(sum)).sum();
@@ -287,7 +284,7 @@ impl Changes {
         })
     }
 
-    /// Their ratio; none unless all expected pictures are there.
+    /// The ratio of the two; `None` unless all expected pictures exist.
     fn measure(&self, temporal: f64) -> Option<Measure> {
         if self.incomplete || self.steps == 0 {
             return None;

@@ -1,4 +1,5 @@
-//! Reports as `JUnit` XML: what CI systems (GitHub, `GitLab`, Jenkins, Azure) read of it in common.
+//! The check report as `JUnit` XML, in the subset that CI systems (GitHub, `GitLab`, Jenkins,
+//! Azure) share.
 
 use std::borrow::Cow;
 use std::io;
@@ -8,7 +9,7 @@ use quick_xml::events::{BytesDecl, BytesText, Event};
 
 use super::{Outcome, Report, Verdict};
 
-/// The report as `JUnit` XML.
+/// Renders the report as `JUnit` XML.
 pub(super) fn junit(report: &Report) -> String {
     let mut writer = Writer::new_with_indent(Vec::new(), b' ', 2);
     write(&mut writer, report).expect("memory takes what is written");
@@ -82,12 +83,12 @@ fn case(writer: &mut Writer<Vec<u8>>, suite: &str, outcome: &Outcome) -> io::Res
     Ok(())
 }
 
-/// A text without the characters that XML 1.0 cannot hold, even escaped.
+/// Replaces the characters that XML 1.0 does not allow, even escaped.
 fn plain(text: &str) -> Cow<'_, str> {
-    let held = |c: char| matches!(c, '\t' | '\n' | '\r' | ' '..='\u{d7ff}' | '\u{e000}'..='\u{fffd}' | '\u{10000}'..);
-    match text.chars().all(held) {
+    let is_allowed = |c: char| matches!(c, '\t' | '\n' | '\r' | ' '..='\u{d7ff}' | '\u{e000}'..='\u{fffd}' | '\u{10000}'..);
+    match text.chars().all(is_allowed) {
         true => text.into(),
-        false => text.chars().map(|c| if held(c) { c } else { '\u{fffd}' }).collect(),
+        false => text.chars().map(|c| if is_allowed(c) { c } else { '\u{fffd}' }).collect(),
     }
 }
 
@@ -98,9 +99,9 @@ mod tests {
     use quick_xml::Reader;
     use quick_xml::events::Event;
 
-    /// Protects CI systems, whose parsers refuse a whole file for one character: names, messages
-    /// and adapters with markup, quotes and control characters come out as well-formed XML, and
-    /// the counts are those of the elements.
+    /// Names, messages and adapters with markup, quotes and control characters produce well-formed
+    /// XML, and the counts match the elements: CI parsers reject a whole file for one bad
+    /// character.
     #[test]
     fn well_formed_and_escaped() {
         let mut report = sample();
@@ -136,10 +137,9 @@ mod tests {
         assert!(xml.contains("&lt;a href") && xml.contains("\u{1f4a7}"), "{xml}");
     }
 
-    /// Protects what a reader of the CI page sees: the reason and the measures, and nothing of
-    /// either for what passed.
+    /// Failed cases contain the reason and the measures; passed cases no message.
     #[test]
-    fn says_why() {
+    fn failures_have_messages() {
         let xml = junit(&sample());
         assert!(xml.contains("<failure message=\"mean FLIP 0.5 (at most 0.01)\""), "{xml}");
         assert!(xml.contains("<error message=\"a.png: 4x4 pixels\""), "{xml}");

@@ -1,4 +1,4 @@
-//! Reports as one page.
+//! The check report as a self-contained HTML page.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -30,7 +30,8 @@ dialog img { display: block; image-rendering: pixelated;
 dialog p { margin: .3rem .6rem; font-size: .85rem; max-width: none }
 ";
 
-/// Pictures as large as the window on click, the neighbours in the same place by the arrow keys.
+/// Shows a picture as large as the window on click; the arrow keys switch to its neighbours in
+/// place.
 const SCRIPT: &str = "
 const dialog = document.querySelector('dialog'), [picture, caption] = dialog.children;
 let shown;
@@ -51,7 +52,7 @@ dialog.addEventListener('keydown', event => {
 });
 ";
 
-/// The report as a page.
+/// Renders the report as a page.
 pub(super) fn page(report: &Report) -> String {
     let name = report.suite.file_name().unwrap_or_default().to_string_lossy();
     let title = format!("limpid check {}", escape(&*name));
@@ -97,7 +98,7 @@ fn class(verdict: Verdict) -> &'static str {
     }
 }
 
-/// A row for each entry: those that did not pass lead to their section.
+/// A table with a row per entry; entries that did not pass link to their section.
 fn summary(report: &Report) -> String {
     let mut html = String::from(
         "<div class=\"wide\"><table>\n<tr><th>entry</th><th></th><th class=\"number\">mean FLIP</th>\
@@ -112,7 +113,7 @@ fn summary(report: &Report) -> String {
             _ => format!("<a href=\"#{name}\">{name}</a>"),
         };
         html += &format!("<tr><td>{name}</td><td class=\"{0}\">{0}</td>", class(verdict));
-        // The first three are of the picture, where there is one to compare with.
+        // The first three measures are those of the picture, if there was one to compare with.
         let pictured = outcome.measures.first().is_some_and(|m| m.name == super::judge::MEAN_FLIP);
         for i in 0..3 {
             let value = outcome.measures.get(i).filter(|_| pictured);
@@ -183,7 +184,7 @@ pub(super) mod tests {
     use limpid_io::error::Error;
     use limpid_io::output::Files;
 
-    /// A report of an entry that passed, one that failed and one that could not be compared.
+    /// A report with one entry that passed, one that failed and one that could not be compared.
     pub(in super::super) fn sample() -> Report {
         let mut good = Outcome::new("good");
         good.measured(Measure::new(super::super::judge::MEAN_FLIP, 0.0, 0.01, ""));
@@ -201,8 +202,7 @@ pub(super) mod tests {
         Report { suite, adapter, outcomes, seconds: 1.0, files }
     }
 
-    /// Protects a page that can be kept and sent: it fetches nothing, no text becomes markup, and
-    /// every element ends.
+    /// The page loads no external resource, escapes all text, and closes every element.
     #[test]
     fn self_contained_and_escaped() {
         let mut report = sample();
@@ -210,15 +210,15 @@ pub(super) mod tests {
         report.adapter.name = "<i>".into();
         report.suite = "<b>.toml".into();
         let page = page(&report);
-        // Two pictures, and the one to enlarge them in.
+        // Two pictures, and the dialog's.
         assert_self_contained(&page, 3);
         assert!(!page.contains("<i>") && !page.contains("<b>"));
     }
 
-    /// Protects readers of long suites: what passed is a row and nothing more, what did not has a
-    /// section, and the command that blesses is there only if something can be blessed.
+    /// Passed entries get a row only, others a section; the bless command is shown only if
+    /// something can be blessed.
     #[test]
-    fn shows_what_did_not_pass() {
+    fn only_failures_have_sections() {
         let report = sample();
         let html = page(&report);
         assert_eq!(html.matches("<section").count(), 2);

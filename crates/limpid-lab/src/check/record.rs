@@ -1,4 +1,4 @@
-//! What the expectations were drawn with: `blessed.toml` beside the suite's pictures.
+//! The record of how the expected pictures were rendered: `blessed.toml` next to them.
 
 use std::path::{Path, PathBuf};
 
@@ -11,14 +11,14 @@ use limpid_io::output::FileKind;
 
 const HEADER: &str = "# What `limpid check --bless` drew the expected pictures with.\n";
 
-/// The record of a suite: a table for each entry that was blessed.
+/// The record of a suite: one table per blessed entry.
 pub(super) struct Record {
     path: PathBuf,
     entries: Table,
 }
 
 impl Record {
-    /// Reads the record of a suite, if there is one.
+    /// Reads the record of a suite; empty if the file does not exist.
     pub(super) fn open(suite: &Path) -> Result<Self> {
         let path = suite.with_extension("").join("blessed.toml");
         let text = if path.exists() { files::read_text(&path)? } else { String::new() };
@@ -27,7 +27,7 @@ impl Record {
         Ok(Self { path, entries })
     }
 
-    /// Notes what drew an entry, and with what.
+    /// Records the adapter and the settings that an entry was rendered with.
     pub(super) fn note(&mut self, name: &str, adapter: &Adapter, drawn: &Table) {
         let texts = [
             ("limpid", env!("CARGO_PKG_VERSION")),
@@ -43,13 +43,13 @@ impl Record {
     pub(super) fn write(&self) -> Result<()> {
         let mut text = HEADER.to_owned();
         for (name, entry) in &self.entries {
-            // A name may hold dots.
+            // Names may contain dots.
             text += &format!("\n[{}]\n", Value::from(name.as_str()));
-            // One line for each key, also those that are tables: a change shows as one line.
+            // One line per key, tables included: a change shows up as a changed line.
             for (key, value) in entry.as_table().into_iter().flatten() {
                 text += &format!("{key} = {value}\n");
             }
         }
-        write_file(&self.path, FileKind::BlessRecord, text.as_bytes())
+        write_file(&self.path, FileKind::BLESS_RECORD, text.as_bytes())
     }
 }

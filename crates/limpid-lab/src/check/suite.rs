@@ -1,4 +1,4 @@
-//! Suites as files.
+//! The suite file: parsing, validation, tolerances.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -16,118 +16,119 @@ use limpid_io::frames::FrameSpec;
 use limpid_io::output::{FileKind, Files, OutputNames, folder_of};
 use limpid_io::{files, input};
 
-/// What to draw, what it must look like, and how nearly.
+/// A picture test suite: entries, expected pictures and tolerances.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Suite {
-    /// Its file.
+    /// The suite's file.
     pub path: PathBuf,
-    /// What is drawn, in this order; never empty.
+    /// The entries in the order in which they run; never empty.
     pub entries: Vec<Entry>,
     limits: Limits,
     adapters: Vec<AdapterLimits>,
 }
 
-/// One picture, or the pictures of one sequence.
+/// One picture test: a frame or a sequence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
-    /// Its name, different from all others: letters, digits, `-`, `_` and `.`.
+    /// The name, unique in the suite: letters, digits, `-`, `_` and `.`.
     pub name: String,
     /// A scene, a recipe, a particle file, a pattern or a folder.
     pub input: String,
-    /// A scene to draw the input's particles in.
+    /// A scene to render the input's particles in.
     pub scene: Option<PathBuf>,
     /// Width and height, pixels.
     pub size: UVec2,
-    /// Where it is seen from, if not as the scene says.
+    /// The camera, if other than the scene's.
     pub camera: Option<Camera>,
-    /// Settings and optics to replace, as `--set` does.
+    /// Overrides of settings and optics, in the form of `--set`.
     pub set: Vec<String>,
-    /// Rays per pixel, if not as the scene says.
+    /// Rays per pixel, if other than the scene's.
     pub samples: Option<u32>,
-    /// Particle radius, m, where the files have none.
+    /// Particle radius, m, if the files have none.
     pub radius: Option<f32>,
-    /// Simulate a scene with a `[simulation]` first.
+    /// Bakes a scene with a `[simulation]` first.
     pub bake: Option<Bake>,
-    /// Whether it is one frame or several.
+    /// One frame or a sequence.
     pub content: Content,
     limits: Limits,
     adapters: Vec<AdapterLimits>,
 }
 
-/// A short simulation to draw frames of.
+/// A short simulation whose frames are rendered.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bake {
     /// Time from the start to the last frame, s: 0 to 3600.
     pub seconds: f64,
-    /// Particle radius instead of the scene's, m: a coarser liquid takes less time.
+    /// Particle radius instead of the scene's, m: a larger one takes less time.
     pub radius: Option<f64>,
 }
 
-/// What of an input is drawn.
+/// The frames of the input to render.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Content {
     /// One frame.
     Frame {
-        /// Its time in frames: 12, or 12.25 for a quarter of the way to 13. Without one the scene's
+        /// The time in frames: 12, or 12.25 for a quarter of the way to 13. If absent: the scene's
         /// frame, the only one, or the last of a bake.
         at: Option<f64>,
-        /// The picture that it must be.
+        /// The expected picture.
         expected: PathBuf,
-        /// The images on the way to it that are expected too.
+        /// The intermediate images that are compared too.
         aovs: BTreeMap<Aov, AovTolerance>,
-        /// The file with those.
+        /// The file with the expected intermediate images.
         expected_aov: PathBuf,
     },
-    /// Several frames, which must also change as much from one to the next as those expected.
+    /// Several frames; their frame-to-frame change is compared with that of the expected ones too.
     Sequence {
-        /// Which.
+        /// The frames.
         frames: FrameSpec,
-        /// The pictures that they must be.
+        /// The expected pictures.
         expected: OutputNames,
     },
 }
 
-/// How far a picture may be from the one expected.
+/// Tolerances of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
     /// Mean FLIP, 0 to 1.
     pub mean_flip: f64,
     /// 99th percentile of FLIP, 0 to 1.
     pub p99_flip: f64,
-    /// The greatest difference of any channel of any pixel, of 255.
+    /// The greatest difference of any channel of any pixel, in levels of 255.
     pub max_channel_error: u8,
-    /// How many times as much, or as little, a sequence may change from frame to frame: 1 or more.
+    /// Factor by which the frame-to-frame change of a sequence may exceed or fall short of the
+    /// expected one: 1 or more.
     pub temporal: f64,
 }
 
 impl Default for Tolerance {
-    /// A right picture of another adapter passes: its rounding moves a few rays across edges.
+    /// A correct picture of another adapter passes: its rounding moves a few rays across edges.
     fn default() -> Self {
         Self { mean_flip: 0.01, p99_flip: 0.2, max_channel_error: 255, temporal: 1.1 }
     }
 }
 
-/// How far an intermediate image may be from the one expected, in its own unit.
+/// Tolerances of an intermediate image, in its own unit.
 ///
 /// m for depths and lengths, degrees for normals, a count for interfaces, iterations and failures,
 /// W/m² for irradiance, W/(m² sr) for radiance.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AovTolerance {
-    /// A pixel differs if it is further off than this. By default a tenth of the particle radius
-    /// for depths and lengths, 1 degree for normals, 0 for counts, 0.01 for light.
+    /// The error above which a pixel differs. Defaults: a tenth of the particle radius for depths
+    /// and lengths, 1 degree for normals, 0 for counts, 0.01 for light.
     pub within: Option<f64>,
-    /// The share of the pixels that may differ, 0 to 1, default 0.01. A pixel that only one of the
-    /// two has differs.
+    /// The share of the pixels that may differ, 0 to 1, default 0.01. A pixel present in only one
+    /// of the two images differs.
     pub share: Option<f64>,
-    /// The mean error of the pixels that both have; default unlimited.
+    /// The mean error of the pixels present in both; default unlimited.
     pub mean: Option<f64>,
     /// Its 99th percentile; default unlimited.
     pub p99: Option<f64>,
 }
 
-// The file as it is written.
+// The TOML layout of the file.
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -194,13 +195,13 @@ impl Suite {
     /// Reads a suite. Paths in it are relative to it.
     ///
     /// # Errors
-    /// [`Error::Io`], or [`Error::Scene`] naming the line or the entry, the key and, for an unknown
-    /// one, the nearest that exists. A suite without entries is an error.
+    /// [`Error::Io`], or [`Error::Scene`] naming the line or the entry and the key, with a
+    /// suggestion for an unknown one. A suite without entries is an error.
     pub fn load(path: &Path) -> Result<Self> {
         Self::parse(&files::read_text(path)?, path)
     }
 
-    /// Parses a suite's text, as if it were the file `path`.
+    /// Parses a suite's text as the contents of `path`.
     ///
     /// # Errors
     /// As [`Suite::load`].
@@ -231,7 +232,7 @@ impl Suite {
         if suite.entries.is_empty() {
             return Err(fail("nothing to check: a [[frame]] or a [[sequence]] expected".into()));
         }
-        // File systems that ignore case would give two entries one file.
+        // On case-insensitive file systems two such entries would share a file.
         let mut names: Vec<_> = suite.entries.iter().map(|e| e.name.to_lowercase()).collect();
         names.sort();
         if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
@@ -240,9 +241,8 @@ impl Suite {
         Ok(suite)
     }
 
-    /// How far an entry's pictures may be off on an adapter: what the entry says for it, else what
-    /// the entry says, else what the suite says for the adapter, else what it says, else the
-    /// default.
+    /// Returns an entry's tolerances on an adapter. In decreasing priority: the entry's for the
+    /// adapter, the entry's, the suite's for the adapter, the suite's, the defaults.
     pub fn tolerance(&self, entry: &Entry, adapter: &Adapter) -> Tolerance {
         let text = format!("{} {} {}", adapter.name, adapter.driver, adapter.backend);
         let text = text.to_lowercase();
@@ -260,7 +260,8 @@ impl Suite {
         })
     }
 
-    /// What the suite reads: itself, and the scenes and particles of its entries.
+    /// Collects the files that the suite reads: itself, and the scenes and particles of its
+    /// entries.
     fn inputs(&self) -> Files {
         let mut files = Files::default();
         files.reads(&self.path);
@@ -273,18 +274,18 @@ impl Suite {
         files
     }
 
-    /// What no result of the suite may replace: what it reads and what it expects.
+    /// Collects the files that no result may overwrite: the inputs and the expected files.
     pub fn files(&self) -> Files {
         let mut files = self.inputs();
         self.entries.iter().flat_map(Entry::expectations).for_each(|path| files.reads(&path));
         files
     }
 
-    /// Fails unless the expectations of the chosen entries may be written: none is an input, and
+    /// Fails unless the expected files of the chosen entries may be written: none is an input, and
     /// all are pictures below the suite's folder.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the file, or the filter that no entry has; [`Error::Io`].
+    /// [`Error::Usage`] naming the file, or the filter that matches no entry; [`Error::Io`].
     pub fn check_blessings(&self, filter: &[String]) -> Result<()> {
         let inputs = self.inputs();
         for path in self.chosen(filter)?.into_iter().flat_map(Entry::expectations) {
@@ -294,10 +295,10 @@ impl Suite {
             }
             check_blessing(&self.path, &path)?;
         }
-        FileKind::BlessRecord.check_if_there(&self.path.with_extension("").join("blessed.toml"))
+        FileKind::BLESS_RECORD.check_if_there(&self.path.with_extension("").join("blessed.toml"))
     }
 
-    /// The entries whose names hold one of `filter`; all without one.
+    /// Returns the entries whose names contain one of `filter`; all if it is empty.
     pub(super) fn chosen(&self, filter: &[String]) -> Result<Vec<&Entry>> {
         let matches = |entry: &&Entry| {
             filter.is_empty() || filter.iter().any(|part| entry.name.contains(part.as_str()))
@@ -313,12 +314,12 @@ impl Suite {
     }
 }
 
-/// Fails unless an expectation of a suite may be written: below its folder, whatever links lead to,
-/// and in the place of nothing but a picture.
+/// Fails unless an expected file may be written: it must lie below the suite's folder after links
+/// are resolved, and may only replace a picture.
 pub(super) fn check_blessing(suite: &Path, path: &Path) -> Result<()> {
-    let there = |path: &Path| path.symlink_metadata().is_ok();
-    // What is not there yet is below the folder that it will be in.
-    let nearest = path.ancestors().find(|path| there(path)).unwrap_or(Path::new(""));
+    let exists = |path: &Path| path.symlink_metadata().is_ok();
+    // A file that does not exist yet is resolved by its nearest existing ancestor.
+    let nearest = path.ancestors().find(|path| exists(path)).unwrap_or(Path::new(""));
     let nearest = if nearest == Path::new("") { Path::new(".") } else { nearest };
     let folder = folder_of(suite).canonicalize().map_err(|e| Error::io(suite, "read", e))?;
     let real = nearest.canonicalize().map_err(|e| Error::io(path, "write", e))?;
@@ -326,10 +327,11 @@ pub(super) fn check_blessing(suite: &Path, path: &Path) -> Result<()> {
         let problem = "a link leads out of the suite's folder; expectations stay below it";
         return Err(Error::Usage(format!("{}: {problem}", path.display())));
     }
-    FileKind::Picture.check_if_there(path)
+    FileKind::PICTURE.check_if_there(path)
 }
 
-/// A file below the suite's folder with one of these endings.
+/// Resolves the path of an expected file, which must lie below the suite's folder and have the
+/// extension `ending`.
 fn expectation(folder: &Path, file: &Path, ending: &str) -> Result<PathBuf, String> {
     let below = |part| matches!(part, Component::Normal(_) | Component::CurDir);
     let name = file.display();
@@ -342,7 +344,7 @@ fn expectation(folder: &Path, file: &Path, ending: &str) -> Result<PathBuf, Stri
     Ok(folder.join(file))
 }
 
-/// What the suite says for all entries.
+/// The suite's defaults for its entries.
 struct Defaults<'a> {
     folder: &'a Path,
     expected: PathBuf,
@@ -354,8 +356,8 @@ struct Defaults<'a> {
 impl EntryFile {
     fn validated(self, defaults: &Defaults<'_>, sequence: bool) -> Result<Entry, String> {
         let Self { name, frame, at, frames, expected, expected_aov, aov, .. } = self;
-        let good = |c: char| c.is_alphanumeric() || "-_.".contains(c);
-        if name.is_empty() || name.starts_with('.') || !name.chars().all(good) {
+        let is_allowed = |c: char| c.is_alphanumeric() || "-_.".contains(c);
+        if name.is_empty() || name.starts_with('.') || !name.chars().all(is_allowed) {
             return Err("a name is letters, digits, -, _ and . (not the first)".into());
         }
         let size = self.size.unwrap_or(defaults.size);
@@ -424,7 +426,7 @@ impl EntryFile {
 }
 
 impl Entry {
-    /// The files that it expects; of a sequence those that are there.
+    /// Its expected files; of a sequence those that exist.
     pub(super) fn expectations(&self) -> Vec<PathBuf> {
         match &self.content {
             Content::Frame { expected, expected_aov, .. } => {
@@ -456,9 +458,9 @@ impl AdapterLimits {
 
 impl AovTolerance {
     fn check(&self) -> Result<(), String> {
-        let Self { within: near, share, mean, p99 } = *self;
+        let Self { within: distance, share, mean, p99 } = *self;
         share.map_or(Ok(()), |share| within("share", share, 0.0..=1.0))?;
-        for (key, error) in [("within", near), ("mean", mean), ("p99", p99)] {
+        for (key, error) in [("within", distance), ("mean", mean), ("p99", p99)] {
             error.map_or(Ok(()), |error| within(key, error, 0.0..=f64::MAX))?;
         }
         Ok(())

@@ -1,20 +1,20 @@
-//! LDR-FLIP: how visible the difference is when two pictures alternate on a screen.
+//! LDR-FLIP: visibility of the difference between two pictures that alternate on a screen.
 //!
 //! After P. Andersson, J. Nilsson, T. Akenine-Möller, M. Oskarsson, K. Åström and
 //! M. D. Fairchild, "FLIP: A Difference Evaluator for Alternating Images", Proceedings of the
 //! ACM on Computer Graphics and Interactive Techniques 3(2), 2020,
 //! <https://doi.org/10.1145/3406183>; symbols are the paper's.
 //!
-//! Per pixel, a colour difference `ΔE_c` of the pictures blurred as the eye blurs them, and a
+//! Per pixel, a colour difference `ΔE_c` of the pictures blurred by contrast sensitivity, and a
 //! feature difference `ΔE_f` of edges and points, combine to `ΔE = ΔE_c^(1 − ΔE_f)`.
 //!
-//! What differs from the text of the paper, but not in the result:
-//! - Filters are separable. That of Cz, a sum of two Gaussians, is a sum of two such passes.
-//! - The factors of `YCxCz` (116, 500, 200, and the offset −16) are left out: the filters are
-//!   linear and sum to one, so the factors would cancel on the way back to linear RGB.
-//! - Each row is filtered down the columns first, then along, so it needs no other row's
-//!   result: rows run in parallel, no filtered picture is stored, and of the channels those of a
-//!   band of rows alone.
+//! The implementation deviates from the paper's text, but not in its result:
+//! - Filters are separable; that of Cz, a sum of two Gaussians, is a sum of two separable passes.
+//! - The factors of `YCxCz` (116, 500, 200, and the offset −16) are omitted: the filters are linear
+//!   and sum to one, so the factors would cancel on the way back to linear RGB.
+//! - Each row is filtered vertically first, then horizontally, so it needs no other row's result:
+//!   rows run in parallel, no filtered picture is stored, and channels are kept for one band of
+//!   rows only.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 use std::f64::consts::PI;
@@ -28,20 +28,20 @@ use super::{FlipMap, check_sizes};
 use limpid::memory;
 use limpid_io::error::{Error, Result};
 
-/// Pixels per degree of the visual field that the paper proposes, 67.02: a screen 0.7 m wide
-/// with 3840 pixels, seen from 0.7 m.
+/// Pixels per degree of the visual field proposed by the paper, 67.02: a screen 0.7 m wide with
+/// 3840 pixels, seen from 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = (0.7 * (3840.0 / 0.7) * (PI / 180.0)) as f32;
 
 /// Exponent of the `HyAB` colour distance, `q_c`.
 const COLOUR_EXPONENT: f32 = 0.7;
-/// Fraction `p_c` of the greatest colour error that is mapped to `p_t`.
+/// Fraction `p_c` of the greatest colour error that maps to `p_t`.
 const KNEE_INPUT: f32 = 0.4;
-/// Colour difference `p_t` at that fraction: the few errors beyond share the rest up to 1.
+/// Colour difference `p_t` at that fraction: the few larger errors share the rest up to 1.
 const KNEE_OUTPUT: f32 = 0.95;
 /// Width w of the feature detectors, in degrees of the visual field.
 const FEATURE_WIDTH_IN_DEGREES: f64 = 0.082;
 
-/// Rows that are compared at a time: with all their channels they take little beside the picture.
+/// Rows compared at a time: their channels take little memory compared with the picture.
 const BAND: usize = 256;
 
 /// Contrast sensitivity per opponent channel as sums of `a √(π/b) exp(−π² d²/b)`, d in
@@ -64,10 +64,10 @@ const OPPONENT_FROM_RELATIVE_XYZ: Mat3 =
 
 /// The FLIP map of two pictures of one size, seen at `pixels_per_degree` (1 to 1000).
 ///
-/// More pixels per degree mean a greater distance, which hides finer differences.
+/// More pixels per degree correspond to a greater distance, which hides finer differences.
 pub fn flip(reference: &RgbImage, test: &RgbImage, pixels_per_degree: f32) -> Result<FlipMap> {
     check_sizes(reference.dimensions(), test.dimensions())?;
-    // Below 1 the detectors are far narrower than a pixel, above 1000 filters span thousands.
+    // Below 1 the detectors are far narrower than a pixel, above 1000 the filters span thousands.
     if !(1.0..=1000.0).contains(&pixels_per_degree) {
         return Err(Error::Usage(format!(
             "pixels per degree must be from 1 to 1000, not {pixels_per_degree}"
@@ -86,7 +86,7 @@ pub fn flip(reference: &RgbImage, test: &RgbImage, pixels_per_degree: f32) -> Re
 }
 
 impl Observer {
-    /// FLIP of the rows from `top` on.
+    /// Computes FLIP of the rows from `top` on.
     fn compare_rows(
         &self,
         reference: &RgbImage,
@@ -98,7 +98,7 @@ impl Observer {
         let end = top + values.len() / width;
         let seen =
             top.saturating_sub(self.reach())..(end + self.reach()).min(reference.height() as usize);
-        // Three channels of two pictures, and what a row is filtered to.
+        // Three channels of two pictures, and the filtered rows of each thread.
         let floats = width * (6 * seen.len() + 64 * rayon::current_num_threads());
         memory::probe(floats * size_of::<f32>(), "rows of a picture to compare")?;
         let (reference, test) = rayon::join(
@@ -118,7 +118,7 @@ impl Observer {
         Ok(())
     }
 
-    /// How many rows away a pixel is looked at.
+    /// Radius of the largest kernel, rows.
     fn reach(&self) -> usize {
         let kernels =
             self.contrast.iter().flatten().chain([&self.gaussian, &self.edge, &self.point]);
@@ -126,13 +126,13 @@ impl Observer {
     }
 }
 
-/// Weights of an odd number of neighbours, the pixel itself in the middle.
+/// Weights of an odd number of taps, the pixel itself in the middle.
 type Kernel = Vec<f32>;
 
 /// One channel of some rows of a picture.
 struct Plane {
     width: usize,
-    /// Of the whole picture.
+    /// Height of the whole picture.
     height: usize,
     /// The first row.
     top: usize,
@@ -140,8 +140,8 @@ struct Plane {
 }
 
 impl Plane {
-    /// Row `y` of the plane filtered by `down` along columns and `along` along rows, which
-    /// are equally long. Beyond the border the plane continues with its border's values.
+    /// Filters row `y` of the plane by `down` along columns and `along` along rows, kernels of
+    /// equal length. Border values extend beyond the border.
     fn filtered_row(&self, y: usize, down: &[f32], along: &[f32]) -> Vec<f32> {
         let radius = down.len() / 2;
         let inside = radius..radius + self.width;
@@ -194,16 +194,17 @@ impl Opponent {
     }
 }
 
-/// What the viewing distance and the colour space determine, the same for every pixel.
+/// Kernels and constants that depend on the viewing distance and the colour space, shared by all
+/// pixels.
 struct Observer {
-    /// Per opponent channel, kernels whose separable filters add up to its sensitivity.
+    /// Kernels per opponent channel whose separable filters add up to its contrast sensitivity.
     contrast: [Vec<Kernel>; 3],
-    /// Gaussian and its first and second derivatives.
+    /// The Gaussian and its first and second derivatives.
     gaussian: Kernel,
     edge: Kernel,
     point: Kernel,
     linear_from_opponent: Mat3,
-    /// Colour error `c_max` between pure green and pure blue, the greatest there is.
+    /// Colour error `c_max` between pure green and pure blue, the greatest possible.
     max_colour_error: f32,
 }
 
@@ -222,7 +223,7 @@ impl Observer {
         }
     }
 
-    /// Row `y` as the eye perceives it, in Hunt-adjusted CIELAB.
+    /// Row `y` after contrast filtering, in Hunt-adjusted CIELAB.
     fn colours(&self, picture: &Opponent, y: usize) -> impl Iterator<Item = Vec3> {
         let channel = |index: usize| {
             let mut passes = self.contrast[index]
@@ -236,13 +237,13 @@ impl Observer {
         };
         let [luminance, red_green, blue_yellow] = [0, 1, 2].map(channel);
         luminance.into_iter().zip(red_green).zip(blue_yellow).map(|((y, cx), cz)| {
-            // Blurring by channel may leave the gamut of the screen.
+            // Blurring channels separately may leave the gamut of the screen.
             let linear = self.linear_from_opponent * Vec3::new(y, cx, cz);
             hunt_lab_from_linear(linear.clamp(Vec3::ZERO, Vec3::ONE))
         })
     }
 
-    /// Strengths of the edges and of the points along row `y`.
+    /// Edge and point strengths along row `y`.
     fn features(&self, picture: &Opponent, y: usize) -> impl Iterator<Item = Vec2> + use<> {
         let luminance = &picture.0[0];
         let gradient_norms = |derivative: &[f32]| {
@@ -256,7 +257,7 @@ impl Observer {
     }
 
     /// `ΔE_c` in 0..1: the `HyAB` distance of two colours, compressed, with the large errors
-    /// redistributed to the last twentieth of the range.
+    /// remapped to the last twentieth of the range.
     fn colour_difference(&self, reference: Vec3, test: Vec3) -> f32 {
         let error = hyab(reference, test).powf(COLOUR_EXPONENT);
         let knee = KNEE_INPUT * self.max_colour_error;
@@ -271,19 +272,19 @@ impl Observer {
 
 /// `ΔE_f = (max(|Δ edge|, |Δ point|) / √2)^q_f` in 0..1, with `q_f` = 1/2.
 ///
-/// Each derivative is at most 1, hence a norm at most √2; `min` guards against rounding.
+/// Each derivative is at most 1, so a norm is at most √2; `min` guards against rounding.
 fn feature_difference(reference: Vec2, test: Vec2) -> f32 {
     let difference = (reference - test).abs().max_element();
     (FRAC_1_SQRT_2 * difference).sqrt().min(1.0)
 }
 
-/// Distance of two colours: city block in lightness, Euclidean in chroma.
+/// `HyAB` distance of two colours: city block in lightness, Euclidean in chroma.
 fn hyab(a: Vec3, b: Vec3) -> f32 {
     let difference = a - b;
     difference.x.abs() + Vec2::new(difference.y, difference.z).length()
 }
 
-/// CIELAB with chroma scaled by L*/100: colours look less colourful in the dark (Hunt).
+/// CIELAB with chroma scaled by L*/100: colours look less colourful in the dark (Hunt effect).
 fn hunt_lab_from_linear(linear: Vec3) -> Vec3 {
     const DELTA: f32 = 6.0 / 29.0;
     let relative_xyz = RELATIVE_XYZ_FROM_LINEAR * linear;
@@ -303,9 +304,9 @@ fn linear_from_srgb(value: f32) -> f32 {
     if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }
 
-/// For each opponent channel the kernels `k_i` such that `Σ k_i ⊗ k_i` is its sensitivity.
+/// Kernels `k_i` of each opponent channel such that `Σ k_i ⊗ k_i` is its sensitivity.
 fn contrast_kernels(pixels_per_degree: f64) -> [Vec<Kernel>; 3] {
-    // Exp(−π² d²/b) has the standard deviation √(b / 2π²); three of the widest reach all.
+    // exp(−π² d²/b) has the standard deviation √(b / 2π²); three of the widest set the radius.
     let widest = CONTRAST_SENSITIVITY.iter().copied().flatten().map(|term| term.1);
     let sigma = (widest.fold(0.0, f64::max) / 2.0).sqrt() / PI;
     let radius = (3.0 * sigma * pixels_per_degree).ceil() as i32;
@@ -319,7 +320,7 @@ fn contrast_kernels(pixels_per_degree: f64) -> [Vec<Kernel>; 3] {
                 (-radius..=radius).map(|x| peak * (-decay * f64::from(x * x)).exp()).collect()
             })
             .collect();
-        // The products k_i ⊗ k_i sum to (Σ k_i)² each, and together shall sum to one.
+        // The products k_i ⊗ k_i sum to (Σ k_i)² each, and must together sum to one.
         let norm = kernels.iter().map(|k| k.iter().sum::<f64>().powi(2)).sum::<f64>().sqrt();
         kernels.iter().map(|k| k.iter().map(|weight| (weight / norm) as f32).collect()).collect()
     })
@@ -333,7 +334,7 @@ fn feature_kernels(pixels_per_degree: f64) -> [Kernel; 3] {
         let taps = (-radius..=radius).map(f64::from);
         let weights: Vec<f64> =
             taps.map(|x| weight(x) * (-0.5 * (x / sigma).powi(2)).exp()).collect();
-        // Positive weights sum to 1 and negative ones to −1, so that features are at most 1.
+        // Positive weights sum to 1 and negative ones to −1, so features are at most 1.
         let positive: f64 = weights.iter().filter(|&&w| w > 0.0).sum();
         let negative: f64 = weights.iter().filter(|&&w| w < 0.0).sum();
         let scale = |w: f64| if w < 0.0 { -w / negative } else { w / positive };

@@ -1,4 +1,4 @@
-//! Liquids whose surface is known exactly.
+//! Liquids with an exact surface.
 
 use glam::{DMat3, DVec2, DVec3, Vec3Swizzles as _};
 
@@ -9,9 +9,9 @@ use limpid_sim::waves::Waves;
 /// A sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ball {
-    /// Its centre, m.
+    /// The centre, m.
     pub center: DVec3,
-    /// Its radius, m, above 0.
+    /// The radius, m, above 0.
     pub radius: f64,
 }
 
@@ -34,8 +34,8 @@ pub struct Ellipsoid {
 }
 
 impl Ellipsoid {
-    /// An ellipsoid around `center`; the columns of `axes`, if at right angles, are its semi-axes,
-    /// m. None if they lie in a plane.
+    /// Creates an ellipsoid around `center`; the columns of `axes`, if orthogonal, are its
+    /// semi-axes, m. `None` if they are coplanar.
     pub fn new(center: DVec3, axes: DMat3) -> Option<Self> {
         let sphere_from_world = axes.inverse();
         let usable = axes.determinant() != 0.0 && sphere_from_world.is_finite();
@@ -58,7 +58,7 @@ impl Liquid for Ellipsoid {
 }
 
 impl Ellipsoid {
-    /// 0 in the centre, 1 on the surface.
+    /// The level set function: 0 at the centre, 1 on the surface.
     fn level(&self, point: DVec3) -> f64 {
         (self.sphere_from_world * (point - self.center)).length()
     }
@@ -74,7 +74,7 @@ impl Liquid for Drops {
             let entered = self.0.iter().filter_map(|drop| drop.crossing(ray, false));
             return entered.min_by(|a, b| a.t.total_cmp(&b.t));
         }
-        // The ray starts in one of them, or by rounding just off it.
+        // The ray starts in one of them, or just outside due to rounding.
         let level = |drop: &&Ellipsoid| drop.level(ray.origin);
         let own = self.0.iter().min_by(|a, b| level(a).total_cmp(&level(b)));
         own?.crossing(ray, true)
@@ -85,7 +85,7 @@ impl Liquid for Drops {
     }
 }
 
-/// An axis-aligned box; a slab where it is infinite along two axes.
+/// An axis-aligned box; a slab if infinite along two axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block {
     /// The corner with the smallest coordinates, m; may be infinite.
@@ -108,7 +108,7 @@ impl Liquid for Block {
     }
 }
 
-/// Water below waves, in a rectangle; its sides are upright surfaces.
+/// Water below waves in a rectangle; its sides are vertical surfaces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pool {
     /// The surface, y = height(x, z).
@@ -117,17 +117,18 @@ pub struct Pool {
     pub min: DVec2,
     /// The corner with the largest.
     pub max: DVec2,
-    /// Height of its bottom, m; without one (−∞) a solid should end it.
+    /// Height of the bottom, m; if −∞, a solid should end the water.
     pub bottom: f64,
 }
 
-/// How far apart two crossings of waves must be to be told apart, m.
+/// Distance below which two crossings of waves are not separated, m.
 const RESOLUTION: f64 = 1e-12;
 
-/// A step of Newton's method after which the next would be rounding, m.
+/// Step of Newton's method after which the next would be rounding, m.
 const NEAR: f64 = 1e-9;
 
-/// Steps of Newton's method, mostly 4, after which a ray is so far off that only rounding is left.
+/// Limit of Newton steps, mostly 4 are taken; a ray that needs more is so far away that only
+/// rounding is left.
 const MOST_STEPS: u32 = 64;
 
 impl Liquid for Pool {
@@ -161,21 +162,21 @@ impl Pool {
         point.y < self.waves.bound() && point.y < self.waves.height(point.xz())
     }
 
-    /// Where the ray, at `start` above the waves (or below if `inside`), first is on their other
-    /// side, up to `end`; and their slope there.
+    /// Finds where the ray, at `start` above the waves (or below if `inside`), first is on their
+    /// other side, up to `end`; and their slope there.
     ///
-    /// Of the height g above the waves along the ray, |g''| is nowhere more than a known sum. So
-    /// g + g' s − bound s²/2 is below g at every s ahead, and the first crossing is not before its
+    /// For the height g above the waves along the ray, |g''| is bounded by a known sum. Hence g +
+    /// g' s − bound s²/2 is at most g at every s ahead, and the first crossing is not before its
     /// root. Stepping from root to root never passes a crossing and converges quadratically.
     fn surface(&self, ray: &Ray, start: f64, end: f64, inside: bool) -> Option<(f64, DVec2)> {
-        // Upside down, leaving is entering.
+        // Turned upside down, leaving is entering.
         let sign = if inside { -1.0 } else { 1.0 };
         let (y, rise) = (sign * ray.origin.y, sign * ray.direction.y);
         let along = ray.direction.xz();
         let height = |t: f64| y + t * rise - sign * self.waves.height(ray.at(t).xz());
         let change = |t: f64| rise - sign * self.waves.slope(ray.at(t).xz()).dot(along);
 
-        // Between the highest crest and the lowest trough only.
+        // Only between the highest crest and the lowest trough.
         let bound = self.waves.bound();
         let (at_crest, at_trough) = ((bound - y) / rise, (-bound - y) / rise);
 
@@ -185,7 +186,7 @@ impl Pool {
             return None;
         }
         if -rise > steepest {
-            // Steeper than any wave, it crosses them once: Newton's method, kept to a bracket.
+            // A ray steeper than any wave crosses them once: Newton's method, kept to a bracket.
             let (mut low, mut high) = (at_crest, at_trough);
             let mut t = -y / rise;
             let mut slope = DVec2::ZERO;
@@ -228,7 +229,7 @@ impl Pool {
             let root = (slope * slope + 2.0 * curvature * g).sqrt();
             let step =
                 if slope < 0.0 { 2.0 * g / (root - slope) } else { (slope + root) / curvature };
-            // NaN, from 0/0, for a ray that lies in flat water: it goes on to the end.
+            // NaN (0/0) for a ray that lies in flat water: it continues to the end.
             let step = if step.is_nan() { f64::INFINITY } else { step };
             let next = (t + step.max(RESOLUTION * (1.0 + t))).min(end);
             let g_next = height(next);
@@ -242,16 +243,16 @@ impl Pool {
     }
 }
 
-/// A crossing of a surface without facets.
+/// A crossing of a smooth surface.
 fn smooth(t: f64, normal: DVec3) -> Crossing {
     Crossing { t, normal, shading: normal }
 }
 
-/// Where o + t d leaves a sphere around the origin (`inside`), or enters it.
+/// Finds where o + t d leaves a sphere around the origin (`inside`), or enters it.
 fn crossing_of_sphere(o: DVec3, d: DVec3, radius: f64, inside: bool) -> Option<f64> {
     match (sphere_span(o, d, radius), inside) {
         (Some((_, leave)), true) => Some(leave.max(0.0)),
-        // Rounded off the sphere while it glances along it.
+        // Off the sphere due to rounding at grazing incidence.
         (None, true) => Some(0.0),
         (Some((enter, _)), false) => (enter > 0.0).then_some(enter),
         (None, false) => None,

@@ -1,9 +1,9 @@
-//! Caustics in f64: light followed from a light, through the liquid, to the solids.
+//! Caustics in f64: light traced from a light, through the liquid, to the solids.
 //!
 //! A [`CausticMap`] has the texels of a [`LightView`]. [`beams`] splits the light into narrow beams
-//! and lays each on the texels by the exact area of their overlap, so that no light is lost and
-//! folds of either sign add; [`photons`] counts single rays and shares only their paths with it.
-//! Both know the liquid itself; [`beams_over_layers`] knows only what a light's layers show of it.
+//! and distributes each over the texels by the exact area of overlap, so that no light is lost and
+//! folds of either orientation add; [`photons`] counts single rays and shares only their paths with
+//! it. Both use the liquid itself; [`beams_over_layers`] uses only a light's layers of it.
 
 mod charts;
 mod laying;
@@ -22,72 +22,71 @@ use super::{Liquid, wide};
 use limpid::light_view::LightView;
 use limpid::scene::{self, Light, Scene};
 
-/// Light that has passed through liquid, where it falls on what a view shows of the solids: all that a
+/// Irradiance by light that has passed through liquid, on the solids that a view shows: all that a
 /// light sees, or one face of a solid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CausticMap {
-    /// The view whose texels these are.
+    /// The view that the texels belong to.
     pub view: LightView,
-    /// The face that it shows; none if it shows all that it sees.
+    /// The face that it shows; `None` for everything in view.
     face: Option<Side>,
-    /// Mean irradiance, W/m², on the part of the texel's receiver that the light sees through the
-    /// texel, by light that has passed through liquid; 0 where there is no receiver.
+    /// Mean irradiance, W/m², on the part of the texel's receiver that the texel shows, by light
+    /// that has passed through liquid; 0 without a receiver.
     pub irradiance: Vec<DVec3>,
-    /// What the view's ray through the texel's centre meets, liquid ignored.
+    /// The surface hit by the view's ray through the texel's centre, ignoring liquid.
     pub receivers: Vec<Option<Receiver>>,
-    /// Where the light went; of several faces, to all of them.
+    /// Where the light went; for several faces, in total.
     pub flux: Flux,
 }
 
-/// What a map shows of the solids.
+/// The view of a map, and the face that it shows.
 #[derive(Debug, Clone, Copy)]
 struct Chart {
     view: LightView,
     face: Option<Side>,
 }
 
-/// What a texel shows of the solids.
+/// The surface that a texel shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Receiver {
     /// The point on the ray through the texel's centre.
     pub spot: Spot,
-    /// Area of the surface that the texel shows, m².
+    /// Area of the surface that the texel covers, m².
     pub area: f64,
-    /// Whether a neighbour shows another surface: then this texel may show parts of both.
+    /// Whether a neighbour shows another surface: then the texel may show parts of both.
     edge: bool,
 }
 
 /// A point of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spot {
-    /// Number of the solid in the scene; 0 where that is not known.
+    /// Index of the solid in the scene; 0 if unknown.
     pub solid: usize,
-    /// The point, m; of maps over layers, in the light's view space, else in the world.
+    /// The point, m; in the light's view space for maps over layers, otherwise in world space.
     pub point: DVec3,
-    /// Unit normal, towards where the light comes from.
+    /// Unit normal, on the side that the light comes from.
     pub normal: DVec3,
 }
 
-/// What became of the light that met liquid, W per channel.
+/// Balance of the light that hit liquid, W per channel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Flux {
-    /// What met liquid.
+    /// Light that hit liquid.
     pub sent: DVec3,
-    /// What was left of it, after reflection at the interfaces and absorption, where its path
-    /// ended: the sum of all below.
+    /// Of this, the light left where its path ended, after reflection at the interfaces and
+    /// absorption: the sum of all below.
     pub transmitted: DVec3,
-    /// What the map shows.
+    /// Light on the map.
     pub received: DVec3,
-    /// What fell on solids that the map's view does not show.
+    /// Light on solids that the map's view does not show.
     pub hidden: DVec3,
-    /// What fell on solids outside the map's frame.
+    /// Light on solids outside the map's frame.
     pub outside: DVec3,
-    /// What met no solid.
+    /// Light that hit no solid.
     pub missed: DVec3,
-    /// What was totally reflected inside the liquid, where it is not followed.
+    /// Light totally reflected inside the liquid, which is not traced.
     pub reflected: DVec3,
-    /// What was left in the liquid: it would have passed through more interfaces than are
-    /// followed.
+    /// Light left in the liquid, which would have crossed more interfaces than are traced.
     pub liquid: DVec3,
 }
 
@@ -104,7 +103,7 @@ impl AddAssign for Flux {
     }
 }
 
-/// How far, m and relative, a point may be off a surface by rounding: layers hold 32 bits.
+/// Distance from a surface that counts as rounding, m and relative: layers hold 32 bits.
 const OFF: f64 = 1e-5;
 
 impl Spot {
@@ -112,7 +111,8 @@ impl Spot {
         Self { solid: hit.solid, point: hit.point, normal: hit.facing(direction) }
     }
 
-    /// Whether two points are of one smooth surface: their chord is across the mean of the normals.
+    /// Whether two points lie on one smooth surface: their chord is perpendicular to the mean of
+    /// the normals.
     fn continues(&self, other: &Self) -> bool {
         let chord = other.point - self.point;
         let off = chord.dot(0.5 * (self.normal + other.normal)).abs();
@@ -123,25 +123,25 @@ impl Spot {
 }
 
 impl Chart {
-    /// All that is seen in a view.
+    /// Everything in view.
     fn whole(view: &LightView) -> Self {
         Self { view: *view, face: None }
     }
 
-    /// Whether it may show a point, in its frame or outside.
+    /// Whether it may show a point, inside or outside its frame.
     fn takes(&self, spot: &Spot) -> bool {
         self.face.is_none_or(|face| face.takes(spot.solid, spot.normal))
     }
 }
 
 impl CausticMap {
-    /// Whether a point is of the surface that it shows, in its frame or outside.
+    /// Whether a point lies on the surface that it shows, inside or outside its frame.
     pub fn takes(&self, spot: &Spot) -> bool {
         Chart { view: self.view, face: self.face }.takes(spot)
     }
 
-    /// Irradiance at a point of a solid, W/m²: bilinear among the texels around it that show the
-    /// same surface.
+    /// Irradiance at a point of a solid, W/m²: bilinear between the neighbouring texels that show
+    /// the same surface.
     pub fn at(&self, spot: &Spot) -> DVec3 {
         let (u, depth) = self.view.project(spot.point);
         if depth <= self.view.near {
@@ -163,8 +163,8 @@ impl CausticMap {
         if weights > 0.0 { sum / weights } else { DVec3::ZERO }
     }
 
-    /// The relative L1 difference to another map of the same view, which is taken for the truth:
-    /// Σ |a − b| / Σ b over texels and channels; 0 if both are dark.
+    /// Relative L1 difference to the true map of the same view: Σ |a − b| / Σ b over texels and
+    /// channels; 0 if both are dark.
     pub fn relative_l1(&self, truth: &Self) -> f64 {
         let pairs = self.irradiance.iter().zip(&truth.irradiance);
         let difference: f64 = pairs.map(|(a, b)| (a - b).abs().element_sum()).sum();
@@ -173,12 +173,12 @@ impl CausticMap {
     }
 }
 
-/// Where light comes from, and where it is laid.
+/// The views that light is traced from and deposited in.
 #[derive(Debug, Clone, Copy)]
 pub struct Views<'a> {
-    /// What the light sees along its own rays: all that may send light to the map.
+    /// The light's own view, which covers everything that may send light to the map.
     pub light: &'a LightView,
-    /// The map's view. It may look along other rays than the light's.
+    /// The map's view, whose rays may differ from the light's.
     pub map: &'a LightView,
 }
 
@@ -188,11 +188,12 @@ impl<'a> From<&'a LightView> for Views<'a> {
     }
 }
 
-/// The caustics of one light by beams: `density` of them per texel and axis of the light's view.
+/// Computes the caustics of one light by beams: `density` of them per texel and axis of the light's
+/// view.
 ///
-/// With `interfaces` = 1 light counts that falls on solids inside the liquid; with 2 also light
-/// that has left the liquid once. Light that meets liquid again, and light that is totally
-/// reflected, is not followed.
+/// With `interfaces` = 1 only light on solids inside the liquid counts; with 2 also light that has
+/// left the liquid once. Light that enters liquid again, and totally reflected light, is not
+/// traced.
 pub fn beams<'a>(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
@@ -207,15 +208,15 @@ pub fn beams<'a>(
     maps.into_iter().next().expect("a map for the chart")
 }
 
-/// The caustics of one light on all lit solids, by [`beams`]: a map for each face that light
-/// through liquid falls on, seen straight on. Nothing hides one from another, whichever way
-/// light comes to it. `texels` of the maps are as long as the longest side of the box that holds all
-/// liquid, from `bounds.0` to `bounds.1`, m.
+/// Computes the caustics of one light on all lit solids, by [`beams`]: an orthogonal map for each
+/// face that light through liquid falls on. No face occludes another, whatever the direction of
+/// light. `texels` texels of a map span the longest side of the liquid's bounding box, from
+/// `bounds.0` to `bounds.1`, m.
 ///
-/// The light's rays are its own, from wherever it is: from a point light in the liquid or beside it
-/// they go in all directions. A face's map is fitted to nine tenths of its light: it leaves out the
-/// outermost hundredth along each side, and what falls further off than the fitted part is wide. Only
-/// solids that are round or flat from outside are shown, none from within.
+/// Rays start at the light wherever it is: from a point light in the liquid or next to it they go
+/// in all directions. A face's map is fitted to nine tenths of its light: it omits the outermost
+/// hundredth along each side, and light that falls further away than the width of the fitted part.
+/// Only solids that are round or flat seen from outside are shown, none from within.
 pub fn on_solids(
     liquid: &(impl Liquid + ?Sized),
     bounds: (DVec3, DVec3),
@@ -231,7 +232,7 @@ pub fn on_solids(
     on_charts(liquid, scene, light, &sources, &charts, interfaces, density)
 }
 
-/// The light from some views of it on charts.
+/// Deposits the light from `sources` on charts.
 fn on_charts(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
@@ -253,9 +254,9 @@ fn on_charts(
     sum.finish(receivers)
 }
 
-/// [`beams`] at a density (at least 2) and at half of it: the finer map, and the relative L1
-/// difference between the two. Twice the density has a quarter of the error, so what is left of it
-/// in the finer map is about a third of the difference.
+/// Runs [`beams`] at a density (at least 2) and at half of it: returns the finer map, and the
+/// relative L1 difference between the two. Doubling the density quarters the error, so the
+/// remaining error of the finer map is about a third of the difference.
 pub fn beams_with_error<'a>(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
@@ -271,8 +272,8 @@ pub fn beams_with_error<'a>(
     (fine, error)
 }
 
-/// By how many paths of [`beams`] light comes to the centre of each texel of the map: of its
-/// triangles between rays that land together, those that hold it.
+/// Counts the paths of [`beams`] by which light reaches the centre of each texel of the map: the
+/// triangles between rays that land on one surface and contain the centre.
 pub fn path_counts<'a>(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
@@ -286,14 +287,14 @@ pub fn path_counts<'a>(
     let receivers = Receivers::new(&charts[0], &tracer.surroundings);
     let grid = Grid::corners(views.light, density);
     let mut counts = vec![0; views.map.size.element_product() as usize];
-    let held = |triangles: &mut dyn Iterator<Item = Triangle<'_>>| -> Vec<usize> {
+    let covered_texels = |triangles: &mut dyn Iterator<Item = Triangle<'_>>| -> Vec<usize> {
         let landed = triangles.filter(|triangle| together(triangle.corners));
         landed.flat_map(|triangle| centres_in(&receivers, triangle.corners)).collect()
     };
     over_rows(
         grid,
         |u| tracer.follow(u),
-        held,
+        covered_texels,
         |rows| {
             for texel in rows.into_iter().flatten() {
                 counts[texel] += 1;
@@ -303,7 +304,7 @@ pub fn path_counts<'a>(
     counts
 }
 
-/// The texels whose centres the light between three rays falls on.
+/// The texels whose centres lie in the triangle between three landings.
 fn centres_in(receivers: &Receivers<'_>, corners: [&Beam; 3]) -> Vec<usize> {
     let [Some(a), Some(b), Some(c)] = corners.map(Beam::landing) else { return Vec::new() };
     let ([Some(u), Some(v), Some(w)], spot) = ([a, b, c].map(|l| l.u), a.spot) else {
@@ -325,13 +326,14 @@ fn centres_in(receivers: &Receivers<'_>, corners: [&Beam; 3]) -> Vec<usize> {
     texels
 }
 
-/// Rays that one thread follows at a time, and all threads before they are summed.
+/// Number of rays that one thread traces at a time, and that all threads trace before they are
+/// summed.
 const CHUNK: u32 = 1 << 13;
 const BATCH: u32 = 1 << 20;
 
-/// The caustics of one light by `count` single rays, counted where they land. Their places are
-/// those of Roberts' sequence (The unreasonable effectiveness of quasirandom sequences, 2018),
-/// turned by `seed`.
+/// Computes the caustics of one light by `count` single rays, counted where they land. Their
+/// positions follow Roberts' sequence (The unreasonable effectiveness of quasirandom sequences,
+/// 2018), offset by `seed`.
 pub fn photons<'a>(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
@@ -351,7 +353,7 @@ pub fn photons<'a>(
     let plastic = 1.324_717_957_244_746_f64;
     let steps = DVec2::new(plastic.recip(), plastic.powi(-2));
     let mut state = seed;
-    let turn = DVec2::from_array([0; 2].map(|_| limpid_sim::rng::splitmix64(&mut state)));
+    let offset = DVec2::from_array([0; 2].map(|_| limpid_sim::rng::splitmix64(&mut state)));
 
     let mut sum = Sum::new(&receivers);
     for batch in (0..count).step_by(BATCH as usize) {
@@ -361,7 +363,7 @@ pub fn photons<'a>(
             .map(|start| {
                 let mut ledger = Ledger::new(&receivers);
                 for i in start..end.min(start.saturating_add(CHUNK)) {
-                    let place = (turn + f64::from(i) * steps).fract_gl() * size;
+                    let place = (offset + f64::from(i) * steps).fract_gl() * size;
                     let beam = tracer.follow(place);
                     let sent = share * views.light.pixel_extent(place);
                     if let Some((landing, power)) = ledger.account(&beam, sent) {
@@ -376,15 +378,15 @@ pub fn photons<'a>(
     sum.finish(receivers).into_iter().next().expect("a map for the chart")
 }
 
-/// The caustics of one light by beams over what its view shows: the truth for whoever knows no more
-/// of the liquid than these layers.
+/// Computes the caustics of one light by beams over the layers of its view: the best possible
+/// result for a method that knows only these layers of the liquid.
 ///
 /// `classes` are pairs of front and back layers, `solids` the planes of the solids, all in the
 /// light's view, which is along its rays. Light enters at the nearest front, D(u) = π·ω(u), and is
-/// then intersected with every texel that it crosses. Beams start at texels' centres, or evenly
-/// around them, where a texel's plane is its own; half a beam along the frame is left out. The
-/// liquid's normals are bilinear between the texels' centres. It stays in the liquid where it would
-/// leave that within `contact`, m, of the plane of a solid that it is heading for.
+/// then intersected with every texel that it crosses. Beams start at texel centres, or evenly
+/// around them, where a texel's plane applies; half a beam along the frame is left out. The
+/// liquid's normals are bilinear between texel centres. Light stays in the liquid if it would leave
+/// it within `contact`, m, of the plane of the solid that it is heading for.
 pub fn beams_over_layers(
     view: &LightView,
     (classes, solids): (&[&Pair], &Layer),
@@ -410,7 +412,7 @@ pub fn beams_over_layers(
     sum.finish(receivers).into_iter().next().expect("a map for the view")
 }
 
-/// W/m² of a sun, W/sr of a point.
+/// Irradiance of a sun, W/m², or intensity of a point light, W/sr.
 fn power(light: &Light) -> DVec3 {
     match *light {
         Light::Sun { irradiance, .. } => wide(irradiance),
@@ -418,7 +420,7 @@ fn power(light: &Light) -> DVec3 {
     }
 }
 
-/// Where a texel is in a map's rows.
+/// Index of a texel in a map's rows; `None` outside.
 fn index(size: UVec2, texel: IVec2) -> Option<usize> {
     let inside = texel.cmpge(IVec2::ZERO).all() && texel.cmplt(size.as_ivec2()).all();
     inside.then(|| texel.y as usize * size.x as usize + texel.x as usize)

@@ -1,45 +1,46 @@
 //! The path from a point in the liquid through its front to a light, found by walking along the
-//! curve that all such paths must meet.
+//! curve that contains all such paths.
 //!
 //! After A. Granizo-Hidalgo and N. Holzschuch, Interactive Rendering of Caustics using Dimension
-//! Reduction for Manifold Next-Event Estimation (I3D 2024). A point M of the surface refracts
-//! light from L to P only if P, L, M and the normal at M lie in one plane: that is a conic in every
+//! Reduction for Manifold Next-Event Estimation (I3D 2024). A point M of the surface refracts light
+//! from L to P only if P, L, M and the normal at M lie in one plane: this is a conic in every
 //! triangle with interpolated normals. The straight line from P to L gives a first point of it, M₀,
-//! and the walk goes on from triangle to triangle until Snell's law holds as well.
+//! and the walk continues from triangle to triangle until Snell's law holds as well.
 //!
-//! With these differences:
-//! - The conic is kept in barycentric coordinates (Bernstein form). A vertex then depends on itself
-//!   and an edge on its two ends only, so neighbours agree about crossings to the last bit, and the
-//!   signs at the vertices alone tell how many there are: a root at a vertex is no special case.
-//! - Arcs are paired by the direction in which the conic crosses an edge, and where that leaves a
-//!   choice, by the order in which lines turning about the arc's beginning meet the conic.
+//! Differences from the paper:
+//! - The conic is kept in barycentric coordinates (Bernstein form). The form then depends at a
+//!   vertex on this vertex and on an edge on its two ends only, so neighbours agree about crossings
+//!   to the last bit, and the signs at the vertices alone determine how many there are: a root at a
+//!   vertex is no special case.
+//! - Arcs are paired by the direction in which the conic crosses an edge and, where that is
+//!   ambiguous, by the order in which lines rotating about the arc's start meet the conic.
 //! - Snell's law is tested by the tangential residual `g = (η ω_P + ω_L)·(m × n)`, which is defined
-//!   at total reflection too. The normal m of the plane keeps its sign without being carried along:
+//!   for total reflection too. The normal m of the plane keeps its sign without being propagated:
 //!   before M₀ and after it, it is ∓ PL × PM.
 //! - The derivatives of the paper's equations 28 and 31 have the opposite signs, and the irradiance
-//!   a factor η², without which it is not that of traced light.
+//!   has an additional factor η², without which it differs from that of traced light.
 //!
-//! One path per point is found; [`paths`] finds all, and tells what the walk misses.
+//! The walk finds one path per point; [`paths`] finds all, and shows what the walk misses.
 
 use glam::{BVec2, DMat2, DVec2, DVec3, IVec2, UVec2};
 
 use super::optics;
 
-/// Where light comes from.
+/// A light source.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Source {
-    /// From infinitely far, along minus this unit vector.
+    /// At infinity; the unit vector points towards it.
     Sun(DVec3),
-    /// From a point, m.
+    /// A point, m.
     Point(DVec3),
 }
 
 /// A vertex of the liquid's front.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vertex {
-    /// Where it is, m.
+    /// The position, m.
     pub position: DVec3,
-    /// The unit normal, out of the liquid. It is what is interpolated.
+    /// The unit normal, out of the liquid, which is interpolated.
     pub normal: DVec3,
 }
 
@@ -49,18 +50,19 @@ pub struct Vertex {
 pub struct Grid {
     /// Number of cells, each at least 1.
     pub cells: UVec2,
-    /// Row by row, one more each way than cells; none where the light meets no liquid.
+    /// Vertices row by row, one more in each direction than cells; `None` where the light meets no
+    /// liquid.
     pub vertices: Vec<Option<Vertex>>,
 }
 
 impl Grid {
-    /// The grid whose vertex (i, j) is `vertex(i, j)`.
+    /// Creates the grid whose vertex (i, j) is `vertex(i, j)`.
     pub fn new(cells: UVec2, mut vertex: impl FnMut(UVec2) -> Option<Vertex>) -> Self {
         let vertices = (0..=cells.y).flat_map(|j| (0..=cells.x).map(move |i| UVec2::new(i, j)));
         Self { cells, vertices: vertices.map(&mut vertex).collect() }
     }
 
-    /// A vertex; none outside the grid either.
+    /// Returns a vertex; `None` outside the grid too.
     pub fn vertex(&self, at: IVec2) -> Option<Vertex> {
         let inside = at.cmpge(IVec2::ZERO) & at.cmple(self.cells.as_ivec2());
         if !inside.all() {
@@ -70,7 +72,8 @@ impl Grid {
         self.vertices[(at.y * (self.cells.x + 1) + at.x) as usize]
     }
 
-    /// The triangle over a position in units of cells, the first of two on their common edge.
+    /// Finds the triangle that contains a position in units of cells, the first of two on their
+    /// common edge.
     fn triangle_at(&self, at: DVec2) -> Option<[IVec2; 3]> {
         if !(at.cmpge(DVec2::ZERO) & at.cmple(self.cells.as_dvec2())).all() {
             return None;
@@ -89,8 +92,8 @@ fn upper(cell: IVec2) -> [IVec2; 3] {
     [cell + IVec2::X, cell + IVec2::Y, cell + IVec2::ONE]
 }
 
-/// The points of a triangle p, q, r that are in one plane with their normal, a receiver and a
-/// light: a quadratic form K of barycentric coordinates b is 0, `Σ b_i b_j K_ij`.
+/// The points of a triangle p, q, r that are coplanar with their normal, a receiver and a light:
+/// the zeros of a quadratic form K of barycentric coordinates b, `Σ b_i b_j K_ij`.
 ///
 /// Below, a point (x, y) has the coordinates x of q and y of r.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -125,17 +128,18 @@ impl Crossing {
 }
 
 impl Conic {
-    /// The conic of a triangle for a receiver at the origin and a light towards `light`.
+    /// Creates the conic of a triangle for a receiver at the origin and a light in direction
+    /// `light`.
     pub fn new(light: DVec3, positions: [DVec3; 3], normals: [DVec3; 3]) -> Self {
-        let frame_times = positions.map(|x| light.cross(x));
-        let vertices = [0, 1, 2].map(|i| normals[i].dot(frame_times[i]));
-        let mixed = |a: usize, b: usize| {
-            0.5 * (normals[a].dot(frame_times[b]) + normals[b].dot(frame_times[a]))
-        };
+        let moments = positions.map(|x| light.cross(x));
+        let vertices = [0, 1, 2].map(|i| normals[i].dot(moments[i]));
+        let mixed =
+            |a: usize, b: usize| 0.5 * (normals[a].dot(moments[b]) + normals[b].dot(moments[a]));
         Self { vertices, edges: EDGES.map(|[a, b, _]| mixed(a, b)) }
     }
 
-    /// The coefficients A to F of A x² + B y² + C x y + D x + E y + F, the paper's equation 12.
+    /// Returns the coefficients A to F of A x² + B y² + C x y + D x + E y + F, the paper's equation
+    /// 12.
     pub fn coefficients(&self) -> [f64; 6] {
         let [p, q, r] = self.vertices;
         let [pq, pr, qr] = self.edges;
@@ -149,8 +153,8 @@ impl Conic {
         ]
     }
 
-    /// Where it crosses an edge, p–q, p–r or q–r for 0 to 2, in ascending order, each 0 to 1 from
-    /// the edge's first end. Where it only touches the edge it does not cross.
+    /// Finds its crossings of an edge, p–q, p–r or q–r for 0 to 2, in ascending order, each 0 to 1
+    /// from the edge's first end. A tangent edge is not crossed.
     pub fn edge_roots(&self, edge: usize) -> [Option<f64>; 2] {
         let [rising, falling] = [true, false].map(|rising| self.crossing(edge, rising));
         match (rising.map(|c| c.s), falling.map(|c| c.s)) {
@@ -159,8 +163,8 @@ impl Conic {
         }
     }
 
-    /// Where the form rises, or falls, through 0 along an edge; a zero at a vertex counts as
-    /// positive. There is at most one of either.
+    /// Finds where the form rises, or falls, through 0 along an edge; a zero at a vertex counts as
+    /// positive. There is at most one of each.
     fn crossing(&self, edge: usize, rising: bool) -> Option<Crossing> {
         let [from, to, _] = EDGES[edge];
         let s = edge_crossing(self.vertices[from], self.edges[edge], self.vertices[to], rising)?;
@@ -190,22 +194,23 @@ impl Conic {
         2.0 * DVec2::new(k.y - k.x, k.z - k.x)
     }
 
-    /// The quadratic part alone.
+    /// The quadratic part of the form.
     fn quadratic(&self, d: DVec2) -> f64 {
         let b = DVec3::new(-d.x - d.y, d.x, d.y);
         b.dot(self.times(b))
     }
 
-    /// Where the arc from `x` leaves the triangle. It is followed with the positive side of the form
-    /// on its right or, for `along` = -1, on its left. None for an arc that closes inside.
+    /// Finds where the arc from `x` leaves the triangle. It is followed with the positive side of
+    /// the form on its right or, for `along` = -1, on its left. `None` for an arc that closes
+    /// inside.
     fn exit(&self, x: DVec2, along: f64) -> Option<Crossing> {
-        // p–r has the triangle on its other side.
+        // The triangle lies on the other side of p–r.
         let out = [along < 0.0, along > 0.0, along < 0.0];
         let found = [0, 1, 2].map(|edge| self.crossing(edge, out[edge]));
-        let mut ways = found.into_iter().flatten();
-        let first = ways.next()?;
+        let mut candidates = found.into_iter().flatten();
+        let first = candidates.next()?;
         let mut best = (self.turn(x, along, &first), first);
-        for way in ways {
+        for way in candidates {
             let turn = self.turn(x, along, &way);
             if turn > best.0 {
                 best = (turn, way);
@@ -214,14 +219,14 @@ impl Conic {
         Some(best.1)
     }
 
-    /// Cosine of the angle by which a line through `x`, turned from the tangent in the way that
-    /// the arc bends, comes to a crossing. Every line meets the conic once more, so this is the
-    /// order in which the arc comes to its crossings; what lies beyond infinity comes later.
+    /// Cosine of the angle by which a line through `x`, rotated from the tangent in the direction
+    /// in which the arc bends, reaches a crossing. Every line meets the conic once more, so this
+    /// orders the crossings along the arc; those beyond infinity come later.
     fn turn(&self, x: DVec2, along: f64, crossing: &Crossing) -> f64 {
         let to = crossing.point() - x;
         let length = to.length();
         if length < 1e-9 {
-            // Touching the edge it came through, or at once over another.
+            // Touches the edge that it came through, or crosses another immediately.
             return if crossing.edge == 0 && x.y == 0.0 { -2.0 } else { 2.0 };
         }
         let gradient = self.gradient(x);
@@ -232,14 +237,14 @@ impl Conic {
         if behind { -cosine } else { cosine }
     }
 
-    /// A point of the arc from `a` to `b`, about at `w` of the way.
+    /// A point of the arc from `a` to `b`, at about the fraction `w`.
     fn arc_point(&self, a: DVec2, b: DVec2, along: f64, w: f64) -> DVec2 {
         let (at_a, at_b) = (self.gradient(a), self.gradient(b));
         let chord = b - a;
         let (across_a, across_b) = (at_a.normalize_or_zero(), at_b.normalize_or_zero());
         let tangent = along * across_a.perp();
         if across_a.dot(across_b) > 0.5 && tangent.dot(chord) > 0.0 {
-            // Little bent: across the chord. The form vanishes at both ends of it.
+            // Slightly curved: perpendicular to the chord. The form vanishes at both of its ends.
             let across = (across_a + across_b).normalize();
             let on = a + w * chord;
             let form = 2.0 * w * (1.0 - w) * self.polar(a, b);
@@ -248,16 +253,16 @@ impl Conic {
             let divisor = half + root.copysign(half);
             return if divisor == 0.0 { on } else { on - form / divisor * across };
         }
-        // Much bent: on the line through `a` between the tangent and the chord.
+        // Strongly curved: on the line through `a` between the tangent and the chord.
         let mut line = tangent + chord.normalize_or_zero();
         if chord.length_squared() == 0.0 || line.length_squared() < 1e-12 {
             line = -self.quadratic(tangent).signum() * across_a;
         }
-        let there = a - at_a.dot(line) / self.quadratic(line) * line;
-        if there.is_finite() { there } else { a + w * chord }
+        let on_line = a - at_a.dot(line) / self.quadratic(line) * line;
+        if on_line.is_finite() { on_line } else { a + w * chord }
     }
 
-    /// Where a closed conic without crossings lies in the triangle: two opposite points of it.
+    /// Finds a closed conic inside the triangle, without crossings: two opposite points of it.
     fn island(&self) -> Option<[DVec2; 2]> {
         let [a, b, c, d, e, _] = self.coefficients();
         let hessian = DMat2::from_cols(DVec2::new(2.0 * a, c), DVec2::new(c, 2.0 * b));
@@ -267,7 +272,7 @@ impl Conic {
         let centre = -(hessian.inverse() * DVec2::new(d, e));
         let inside = centre.cmpge(DVec2::ZERO) == BVec2::TRUE && centre.element_sum() <= 1.0;
         let value = self.value(centre);
-        // Otherwise it lies around the triangle, or nowhere.
+        // Otherwise it encloses the triangle, or is empty.
         let within = inside && (value < 0.0) != (self.vertices[0] < 0.0);
         let radius = (-value / a).max(0.0).sqrt();
         within.then(|| [1.0, -1.0].map(|s| centre + s * radius * DVec2::X))
@@ -278,14 +283,15 @@ fn barycentric(x: DVec2) -> DVec3 {
     DVec3::new(1.0 - x.x - x.y, x.x, x.y)
 }
 
-/// Where a (1−s)² + 2 h s (1−s) + b s² rises, or falls, through 0 in 0..=1; 0 counts as positive.
+/// Finds where a (1−s)² + 2 h s (1−s) + b s² rises, or falls, through 0 in 0..=1; 0 counts as
+/// positive.
 fn edge_crossing(a: f64, h: f64, b: f64, rising: bool) -> Option<f64> {
     let discriminant = h * h - a * b;
     if discriminant <= 0.0 && (a < 0.0) == (b < 0.0) {
         return None;
     }
     let root = discriminant.max(0.0).sqrt();
-    // s / (1 − s) as v / u, by that form of the quadratic's root which adds and never subtracts.
+    // s / (1 − s) as v / u, by the form of the quadratic's root that avoids cancellation.
     let (exists, u, v) = match (rising, h < 0.0) {
         (true, true) => (b >= 0.0, b, root - h),
         (true, false) => (a < 0.0, root + h, -a),
@@ -295,13 +301,13 @@ fn edge_crossing(a: f64, h: f64, b: f64, rising: bool) -> Option<f64> {
     exists.then(|| if u + v > 0.0 { v / (u + v) } else { 0.0 })
 }
 
-/// A receiver and a light.
+/// A receiver and a light, with the index of refraction.
 #[derive(Debug, Clone, Copy)]
 struct Sight {
     receiver: DVec3,
     /// Unit vector from the receiver to the light.
     towards: DVec3,
-    /// To the light, m; none for a sun.
+    /// Distance to the light, m; `None` for a sun.
     distance: Option<f64>,
     ior: f64,
 }
@@ -318,7 +324,7 @@ impl Sight {
         Some(Self { receiver, towards, distance, ior })
     }
 
-    /// The unit vector from a point to the light, and the distance for a point light.
+    /// Returns the unit vector from a point to the light, and the distance for a point light.
     fn light_from(&self, x: DVec3) -> (DVec3, Option<f64>) {
         match self.distance {
             None => (self.towards, None),
@@ -329,8 +335,8 @@ impl Sight {
         }
     }
 
-    /// How much Snell's law is violated along the surface, in the plane with normal `m`; of `m`
-    /// only the side matters.
+    /// Violation of Snell's law along the surface, in the plane with normal `m`; only the side of
+    /// `m` matters.
     fn residual(&self, x: DVec3, normal: DVec3, m: DVec3) -> f64 {
         let normal = normal.normalize();
         let along = m.cross(normal).normalize_or_zero();
@@ -338,7 +344,7 @@ impl Sight {
     }
 }
 
-/// A triangle of the grid, with positions counted from the receiver.
+/// A triangle of the grid, with positions relative to the receiver.
 #[derive(Debug, Clone, Copy)]
 struct Triangle {
     at: [IVec2; 3],
@@ -357,10 +363,10 @@ impl Triangle {
         Some(Self { at, positions, normals, conic })
     }
 
-    /// The neighbour over a crossing: that edge in the same direction, then the new vertex.
+    /// The neighbour across a crossing: that edge in the same direction, then the new vertex.
     fn beyond(&self, grid: &Grid, sight: &Sight, crossing: &Crossing) -> Option<Self> {
         let [from, to, opposite] = EDGES[crossing.edge];
-        // The two triangles of any edge of the grid are a parallelogram.
+        // The two triangles of any edge of the grid form a parallelogram.
         let third = self.at[from] + self.at[to] - self.at[opposite];
         Self::new(grid, sight, [self.at[from], self.at[to], third])
     }
@@ -373,7 +379,7 @@ impl Triangle {
         interpolate(self.normals, x)
     }
 
-    /// Where the straight line to the light passes.
+    /// The point where the straight line to the light passes.
     fn straight(&self, sight: &Sight) -> DVec2 {
         let side = self.positions.map(|x| sight.towards.cross(x));
         let area = |a: usize, b: usize| sight.towards.dot(side[a].cross(side[b]));
@@ -381,7 +387,8 @@ impl Triangle {
         DVec2::new(b.y, b.z) / b.element_sum()
     }
 
-    /// Where on the arc from `a` to `b` the residual is 0, given that its signs there differ.
+    /// Finds the point of the arc from `a` to `b` where the residual is 0, given that its signs at
+    /// the ends differ.
     fn solve(&self, mut a: End, mut b: End, along: f64, residual: impl Fn(DVec2) -> f64) -> DVec2 {
         let mut last = 0;
         for _ in 0..200 {
@@ -391,7 +398,7 @@ impl Triangle {
             if end.g.abs() < 1e-15 || a.x.distance(b.x) < 1e-15 {
                 return x;
             }
-            // An end that stays twice counts half (the Illinois rule).
+            // An end kept twice in a row counts half (the Illinois rule).
             if (end.g < 0.0) == (a.g < 0.0) {
                 a = end;
                 b.g *= if last == 1 { 0.5 } else { 1.0 };
@@ -405,7 +412,7 @@ impl Triangle {
         if a.g.abs() < b.g.abs() { a.x } else { b.x }
     }
 
-    /// The path through a point, if light takes it.
+    /// The path through a point, if light can take it.
     fn path(&self, sight: &Sight, x: DVec2) -> Option<Path> {
         if barycentric(x).min_element() < -1e-6 {
             return None;
@@ -467,17 +474,17 @@ fn interpolate(values: [DVec3; 3], x: DVec2) -> DVec3 {
     values[0] + x.x * (values[1] - values[0]) + x.y * (values[2] - values[0])
 }
 
-/// An end of an arc, and the residual there.
+/// An end of an arc, with its residual.
 #[derive(Clone, Copy)]
 struct End {
     x: DVec2,
     g: f64,
 }
 
-/// Light's way from a source through the liquid's front to a receiver.
+/// A light path from a source through the liquid's front to a receiver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Path {
-    /// Where it enters the liquid, m.
+    /// The point where it enters the liquid, m.
     pub position: DVec3,
     /// The interpolated unit normal there, out of the liquid.
     pub normal: DVec3,
@@ -487,26 +494,27 @@ pub struct Path {
     pub to_light: DVec3,
     /// Length inside the liquid, m.
     pub depth: f64,
-    /// D, by which a beam from the receiver widens: m²/sr at a point light, and 1 at a sun, where
-    /// the beam's solid angle widens.
+    /// The spread D of a beam from the receiver: m²/sr at a point light, dimensionless at a sun,
+    /// where it is a ratio of solid angles.
     pub spread: f64,
-    /// Triangles walked through before it was found.
+    /// Number of triangles walked through to find it.
     pub steps: u32,
     ior: f64,
     straight: f64,
 }
 
 impl Path {
-    /// Irradiance across the ray at the receiver over that of straight light, before reflection
-    /// and absorption: η²/D times the distance to a point light squared. Infinite on a caustic.
+    /// Irradiance perpendicular to the ray at the receiver over that of straight light, before
+    /// reflection and absorption: η²/D times the squared distance to a point light. Infinite on a
+    /// caustic.
     pub fn magnification(&self) -> f64 {
         self.ior * self.ior * self.straight / self.spread
     }
 
     /// Irradiance on a receiver with unit `normal`, W/m².
     ///
-    /// `power` is a point light's intensity in W/sr, or a sun's irradiance in W/m². The magnification
-    /// counts up to `most`.
+    /// `power` is a point light's intensity in W/sr, or a sun's irradiance in W/m². The
+    /// magnification is clamped to `most`.
     pub fn irradiance(&self, power: DVec3, absorption: DVec3, normal: DVec3, most: f64) -> DVec3 {
         let transmitted = 1.0 - optics::fresnel(self.to_light.dot(self.normal), self.ior);
         let focus = self.magnification().min(most) / self.straight;
@@ -515,11 +523,11 @@ impl Path {
     }
 }
 
-/// The path that a walk along the curve finds first, at most `steps` triangles away either way.
+/// Finds the first path by a walk along the curve, at most `steps` triangles in each direction.
 ///
-/// `at` is where the light sees the receiver, in units of the grid's cells. `ior` is the liquid's
-/// index over that outside. None if the curve ends, at the edge of the grid or of the liquid,
-/// without a path, and for a receiver that no liquid covers.
+/// `at` is the receiver's position in the light's view, in units of the grid's cells. `ior` is the
+/// liquid's index over that outside. `None` if the curve ends, at the edge of the grid or of the
+/// liquid, without a path, and for a receiver without liquid above it.
 pub fn walk(
     grid: &Grid,
     source: &Source,
@@ -530,7 +538,7 @@ pub fn walk(
 ) -> Option<Path> {
     let sight = Sight::new(source, receiver, ior)?;
     let (start, x) = start(grid, &sight, at)?;
-    // Light along the normal goes straight on.
+    // Light along the normal is not refracted.
     if let Some(path) = start.path(&sight, x) {
         return Some(path);
     }
@@ -539,15 +547,14 @@ pub fn walk(
         + tangent.y * (start.positions[2] - start.positions[0]);
     let forward = sight.towards.cross(tangent.normalize_or_zero());
     let begin = End { x, g: sight.residual(start.position(x), start.normal(x), forward) };
-    // Near where the walk starts the plane is that of the start: rounding may put a first exit
-    // before it.
+    // Near its start the walk uses the plane of the start: rounding may put a first exit before it.
     let residual = |triangle: &Triangle, x: DVec2, way: f64| {
         let position = triangle.position(x);
         let m = way * sight.towards.cross(position) / position.length() + 1e-6 * forward;
         sight.residual(position, triangle.normal(x), m)
     };
 
-    let mut ways: Vec<(f64, Crossing, End)> = [1.0, -1.0]
+    let mut candidates: Vec<(f64, Crossing, End)> = [1.0, -1.0]
         .into_iter()
         .filter_map(|way| {
             let exit = start.conic.exit(x, way)?;
@@ -555,17 +562,17 @@ pub fn walk(
             Some((way, exit, End { x, g: residual(&start, x, way) }))
         })
         .collect();
-    if ways.is_empty() {
-        // The whole curve is in this triangle; once around it, the plane has turned over.
+    if candidates.is_empty() {
+        // The whole curve is in this triangle; after one turn the plane's normal is reversed.
         let opposite = start.conic.arc_point(x, x, 1.0, 0.5);
         let half = End { x: opposite, g: residual(&start, opposite, 1.0) };
         let end = End { x, g: -begin.g };
         let (a, b) = if half.g * begin.g <= 0.0 { (begin, half) } else { (half, end) };
         return start.path(&sight, start.solve(a, b, 1.0, |x| residual(&start, x, 1.0)));
     }
-    // Where the residual falls more, or changes sign already.
-    ways.sort_by(|a, b| (a.2.g * begin.g.signum()).total_cmp(&(b.2.g * begin.g.signum())));
-    for (way, mut exit, mut b) in ways {
+    // First the direction in which the residual falls more, or already changes sign.
+    candidates.sort_by(|a, b| (a.2.g * begin.g.signum()).total_cmp(&(b.2.g * begin.g.signum())));
+    for (way, mut exit, mut b) in candidates {
         let (mut triangle, mut a, mut along) = (start, begin, way);
         for step in 0..=steps {
             if (a.g < 0.0) != (b.g < 0.0) {
@@ -586,7 +593,7 @@ pub fn walk(
     None
 }
 
-/// Towards all triangles around a vertex, in cells; first none.
+/// Offsets towards all triangles around a vertex, in cells; the first is zero.
 const NUDGES: [DVec2; 7] = [
     DVec2::ZERO,
     DVec2::new(1e-6, 1e-6),
@@ -597,8 +604,8 @@ const NUDGES: [DVec2; 7] = [
     DVec2::new(-1e-6, 2e-6),
 ];
 
-/// The triangle that the walk starts in, and where. Of the triangles that meet there, one that the
-/// curve goes into.
+/// Finds the triangle in which the walk starts, and the point. Of the triangles that meet there, it
+/// chooses one that the curve enters.
 fn start(grid: &Grid, sight: &Sight, at: DVec2) -> Option<(Triangle, DVec2)> {
     let mut first = None;
     for nudge in NUDGES {
@@ -611,7 +618,7 @@ fn start(grid: &Grid, sight: &Sight, at: DVec2) -> Option<(Triangle, DVec2)> {
         let near = |way: f64| {
             triangle.conic.exit(x, way).is_some_and(|exit| exit.point().distance(x) < 1e-6)
         };
-        // Where the curve only cuts a corner off, it has no direction to go by.
+        // Where the curve only cuts off a corner, it has no direction to follow.
         if barycentric(x).min_element() > 1e-9 || near(1.0) != near(-1.0) {
             return Some((triangle, x));
         }
@@ -620,7 +627,7 @@ fn start(grid: &Grid, sight: &Sight, at: DVec2) -> Option<(Triangle, DVec2)> {
     first
 }
 
-/// All paths through the grid, those that the walk does not reach among them.
+/// Finds all paths through the grid, including those that the walk does not reach.
 pub fn paths(grid: &Grid, source: &Source, ior: f64, receiver: DVec3) -> Vec<Path> {
     let Some(sight) = Sight::new(source, receiver, ior) else { return Vec::new() };
     let cells = grid.cells.as_ivec2();
@@ -632,12 +639,12 @@ pub fn paths(grid: &Grid, source: &Source, ior: f64, receiver: DVec3) -> Vec<Pat
         .collect()
 }
 
-/// Pieces into which an arc is cut, in case it holds several roots.
-const PIECES: u32 = 4;
+/// Levels of bisection of an arc, in case it has several roots.
+const BISECTIONS: u32 = 4;
 
 fn triangle_paths(triangle: &Triangle, sight: &Sight) -> Vec<Path> {
     let conic = &triangle.conic;
-    // Every arc once, from where it comes in.
+    // Every arc once, from its entry.
     let entries = [true, false, true];
     let mut arcs: Vec<_> = (0..3)
         .filter_map(|edge| conic.crossing(edge, entries[edge]))
@@ -649,7 +656,7 @@ fn triangle_paths(triangle: &Triangle, sight: &Sight) -> Vec<Path> {
     if arcs.is_empty() {
         arcs.extend(conic.island().into_iter().flat_map(|[a, b]| [(a, b), (b, a)]));
     }
-    // The plane's normal by whichever tells it best, on the side of `m`.
+    // The plane's normal from the better conditioned of two cross products, on the side of `m`.
     let plane = |x: DVec2, m: DVec3| {
         let by_normal = sight.towards.cross(triangle.normal(x).normalize_or_zero());
         let by_position = sight.towards.cross(triangle.position(x).normalize_or_zero());
@@ -661,24 +668,24 @@ fn triangle_paths(triangle: &Triangle, sight: &Sight) -> Vec<Path> {
     let mut found: Vec<Path> = Vec::new();
     for (from, to) in arcs {
         let mut points = vec![from, to];
-        for _ in 0..PIECES {
-            let middles: Vec<_> = points
+        for _ in 0..BISECTIONS {
+            let refined: Vec<_> = points
                 .windows(2)
                 .flat_map(|ends| [ends[0], conic.arc_point(ends[0], ends[1], 1.0, 0.5)])
                 .collect();
-            points = middles;
+            points = refined;
             points.push(to);
         }
         let mut m = plane(from, DVec3::ZERO);
         for ends in points.windows(2) {
-            let there = plane(ends[1], m);
+            let next_m = plane(ends[1], m);
             let a = End { x: ends[0], g: residual(ends[0], m) };
-            let b = End { x: ends[1], g: residual(ends[1], there) };
+            let b = End { x: ends[1], g: residual(ends[1], next_m) };
             if (a.g < 0.0) != (b.g < 0.0) {
                 let root = triangle.solve(a, b, 1.0, |x| residual(x, plane(x, m)));
                 found.extend(triangle.path(sight, root));
             }
-            m = there;
+            m = next_m;
         }
     }
     found

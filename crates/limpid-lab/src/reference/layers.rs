@@ -1,14 +1,14 @@
-//! Layers intersected exactly: every texel that a ray crosses, in 64 bits.
+//! Exact intersection of layers: visits every texel that a ray crosses, in f64.
 //!
-//! What a screen-space intersector could find at best: its error is measured against this, the
-//! error of the layers themselves against the surfaces that they show.
+//! This is the best that a screen-space intersector can find: its error is measured against this;
+//! the error of the layers themselves is measured against the surfaces that they show.
 
 use glam::{DVec2, DVec3, IVec2, UVec2};
 
 use limpid::camera::CameraUniform;
 use limpid::light_view::LightView;
 
-/// A camera's view space, as `shaders/common/camera.wgsl` has it, in perspective or orthographic.
+/// A camera's view space, as in `shaders/common/camera.wgsl`, in perspective or orthographic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// Picture size, pixels.
@@ -22,7 +22,7 @@ pub struct View {
 }
 
 impl View {
-    /// The view that the device has.
+    /// Builds the view from the device's uniform.
     pub fn new(camera: &CameraUniform) -> Self {
         Self {
             size: camera.size.as_dvec2(),
@@ -32,7 +32,7 @@ impl View {
         }
     }
 
-    /// A light's view.
+    /// Builds a light's view.
     pub fn of_light(light: &LightView) -> Self {
         Self {
             size: light.size.as_dvec2(),
@@ -42,21 +42,21 @@ impl View {
         }
     }
 
-    /// The ray of unit depth through a pixel position; in an orthographic view, the point there in
-    /// x and y, and −1.
+    /// The ray of unit depth through a pixel position; in an orthographic view, its x and y, and
+    /// −1.
     pub fn omega(&self, u: DVec2) -> DVec3 {
         let ndc = 2.0 * u / self.size - 1.0;
         DVec3::new(ndc.x * self.tangent.x, -ndc.y * self.tangent.y, -1.0)
     }
 
-    /// The pixel position of a point in front of the eye.
+    /// Projects a point in front of the eye to a pixel position.
     pub fn pixel(&self, x: DVec3) -> DVec2 {
         let scale = if self.far.is_some() { 1.0 } else { -x.z };
         let ndc = DVec2::new(x.x, -x.y) / (scale * self.tangent);
         (0.5 * ndc + 0.5) * self.size
     }
 
-    /// The ray through a pixel position: where it starts, and its unit direction.
+    /// The ray through a pixel position: its origin and its unit direction.
     pub fn ray(&self, u: DVec2) -> (DVec3, DVec3) {
         let omega = self.omega(u);
         match self.far {
@@ -65,7 +65,7 @@ impl View {
         }
     }
 
-    /// The point at a disparity π·ω, which is not 0.
+    /// The point at a non-zero disparity π·ω.
     pub fn point(&self, u: DVec2, disparity: f64) -> DVec3 {
         let omega = self.omega(u);
         match self.far {
@@ -83,13 +83,13 @@ impl View {
         }
     }
 
-    /// The unit normal of a texel's plane that points away from the eye.
+    /// The unit normal of a texel's plane, pointing away from the eye.
     pub fn normal(&self, plane: DVec3) -> DVec3 {
         let away = if self.far.is_some() { plane.truncate().extend(-1.0) } else { plane };
         away.normalize()
     }
 
-    /// A texel's plane as g·X = c, with g·X > c behind it and g·X − c of order 1 far from it.
+    /// A texel's plane as g·X = c, with g·X > c behind it and |g·X − c| of order 1 far from it.
     fn equation(&self, plane: DVec3) -> (DVec3, f64) {
         match self.far {
             Some(far) => (plane.truncate().extend(-1.0) / far, 1.0 + plane.z / far),
@@ -97,7 +97,7 @@ impl View {
         }
     }
 
-    /// Whether a pixel position is in the picture.
+    /// Whether a pixel position lies in the picture.
     pub fn holds(&self, u: DVec2) -> bool {
         u.cmpge(DVec2::ZERO).all() && u.cmplt(self.size).all()
     }
@@ -113,17 +113,17 @@ pub struct Layer {
 }
 
 impl Layer {
-    /// From texels as the device stores them.
+    /// Creates a layer from texels in the device's format.
     ///
     /// # Panics
-    /// Unless there is a texel for each pixel.
+    /// If the number of texels is not the number of pixels.
     pub fn new(size: UVec2, texels: &[[f32; 4]]) -> Self {
         assert_eq!(texels.len(), size.element_product() as usize);
         let plane = |t: &[f32; 4]| DVec3::new(t[0].into(), t[1].into(), t[2].into());
         Self { size, planes: texels.iter().map(plane).collect() }
     }
 
-    /// The plane of a texel, 0 outside the picture.
+    /// The plane of a texel; 0 outside the picture.
     pub fn at(&self, texel: IVec2) -> DVec3 {
         let inside = texel.cmpge(IVec2::ZERO).all() && texel.cmplt(self.size.as_ivec2()).all();
         if !inside {
@@ -133,34 +133,35 @@ impl Layer {
     }
 }
 
-/// Front and back of one class.
+/// Front and back layer of one class.
 pub type Pair = [Layer; 2];
 
-/// Where a ray meets a layer.
+/// An intersection of a ray with a layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LayerHit {
     /// Pixel position.
     pub u: DVec2,
     /// Depth, m.
     pub depth: f64,
-    /// The plane there.
+    /// The plane of the texel.
     pub plane: DVec3,
 }
 
-/// Relative miss of a plane that is rounding: layers hold 32 bits.
+/// Relative distance from a plane that counts as rounding: layers hold 32 bits.
 const ROUNDING: f64 = 3e-6;
 
-/// As `ROUNDING`, at a ray's start, which lies on a plane that a neighbouring texel may not share.
+/// As `ROUNDING`, at a ray's origin, which lies on a plane that a neighbouring texel may not share.
 const AT_START: f64 = 2e-3;
 
-/// Where a ray that starts inside the liquid, in `texel`, leaves the union of the classes; `None`
-/// if it leaves the picture first, or does not start inside. One that starts on a front whose back is
-/// before it (smoothing crosses them at rims) leaves at once: there is no liquid between the two.
+/// Finds where a ray that starts inside the liquid, in `texel`, leaves the union of the classes;
+/// `None` if it leaves the picture first, or does not start inside. A ray that starts on a front
+/// behind its back (smoothing makes them cross at rims) leaves immediately: there is no liquid
+/// between the two.
 pub fn exit(view: &View, classes: &[&Pair], o: DVec3, d: DVec3, texel: IVec2) -> Option<LayerHit> {
     let mut last = None;
     for (index, step) in Walk::new(view, o, d, texel).enumerate() {
         let slack = if index == 0 { AT_START } else { ROUNDING };
-        // The union of the classes' intervals, from the beginning of this texel on.
+        // The union of the classes' intervals, from the entry into this texel on.
         let mut end = None;
         for _ in classes {
             for pair in classes {
@@ -174,7 +175,7 @@ pub fn exit(view: &View, classes: &[&Pair], o: DVec3, d: DVec3, texel: IVec2) ->
             }
         }
         let Some((t, plane)) = end else {
-            // Out at the border of two texels: the last plane inside.
+            // Left between two texels: uses the last plane inside.
             let crossed = || classes.iter().find_map(|pair| crossed_back(view, pair, o, texel));
             let plane = if index == 0 { crossed() } else { last };
             return plane.map(|plane| hit_at(view, o, d, step.begin, plane));
@@ -187,8 +188,8 @@ pub fn exit(view: &View, classes: &[&Pair], o: DVec3, d: DVec3, texel: IVec2) ->
     None
 }
 
-/// Where a ray meets a layer from in front; `None` if it leaves the picture first. A ray that comes
-/// to a texel behind its plane, without having crossed it, goes on hidden.
+/// Finds where a ray meets a layer from the front; `None` if it leaves the picture first. A ray
+/// that enters a texel behind its plane, without having crossed it, continues hidden.
 pub fn entry(view: &View, layer: &Layer, o: DVec3, d: DVec3, texel: IVec2) -> Option<LayerHit> {
     for step in Walk::new(view, o, d, texel) {
         let plane = layer.at(step.texel);
@@ -210,7 +211,7 @@ fn hit_at(view: &View, o: DVec3, d: DVec3, t: f64, plane: DVec3) -> LayerHit {
     LayerHit { u: view.pixel(x), depth: -x.z, plane }
 }
 
-/// The back of a texel, if a point on its front is behind it.
+/// The back plane of a texel, if a point on its front is behind it.
 fn crossed_back(view: &View, pair: &Pair, o: DVec3, texel: IVec2) -> Option<DVec3> {
     let planes = pair.each_ref().map(|layer| layer.at(texel));
     if planes.contains(&DVec3::ZERO) {
@@ -223,8 +224,8 @@ fn crossed_back(view: &View, pair: &Pair, o: DVec3, texel: IVec2) -> Option<DVec
     (front.abs() <= AT_START && back > AT_START).then_some(planes[1])
 }
 
-/// Where the interval between a front and a back that holds o + t d ends, and by which plane;
-/// `None` if it does not hold it.
+/// Finds where the interval between a front and a back that contains o + t d ends, and by which
+/// plane; `None` if it does not contain the point.
 fn interval_end(
     view: &View,
     planes: [DVec3; 2],
@@ -250,7 +251,7 @@ fn interval_end(
     Some(if by_front.0 < by_back.0 { by_front } else { by_back })
 }
 
-/// The texels that a ray crosses, with the ray's parameter on each.
+/// Iterates over the texels that a ray crosses, with the ray's parameter range on each.
 struct Walk<'a> {
     view: &'a View,
     o: DVec3,
@@ -268,12 +269,12 @@ struct Step {
 
 impl<'a> Walk<'a> {
     fn new(view: &'a View, o: DVec3, d: DVec3, texel: IVec2) -> Self {
-        // To the near plane at most.
+        // At most up to the near plane.
         let t_end = if d.z > 0.0 { (-view.near - o.z) / d.z } else { f64::INFINITY };
         Self { view, o, d, texel, t: 0.0, t_end }
     }
 
-    /// Where the ray crosses the column or row border at `at` (pixels) of an axis.
+    /// The ray parameter at the column or row border at `at` (pixels) of an axis.
     fn crossing(&self, axis: usize, at: f64) -> f64 {
         let mut u = 0.5 * self.view.size;
         u[axis] = at;
@@ -281,7 +282,7 @@ impl<'a> Walk<'a> {
         if self.view.far.is_some() {
             return (border - self.o[axis]) / self.d[axis];
         }
-        // The border and the eye span a plane n·X = 0.
+        // The border and the eye span the plane n·X = 0.
         let value = |x: DVec3| x[axis] + border * x.z;
         -value(self.o) / value(self.d)
     }
@@ -296,11 +297,11 @@ impl Iterator for Walk<'_> {
         if !inside || self.t >= self.t_end {
             return None;
         }
-        let (mut end, mut turn) = (self.t_end, IVec2::ZERO);
+        let (mut end, mut texel_step) = (self.t_end, IVec2::ZERO);
         for axis in 0..2 {
             for (border, step) in [(0, -1), (1, 1)] {
                 let at = self.crossing(axis, f64::from(self.texel[axis] + border));
-                // Outwards through this border: the ray's screen position moves that way.
+                // Crosses this border outwards: the ray's screen position moves towards it.
                 let x = self.o + self.t * self.d;
                 let motion = match self.view.far {
                     Some(_) => self.d[axis],
@@ -309,14 +310,14 @@ impl Iterator for Walk<'_> {
                 let motion = if axis == 1 { -motion } else { motion };
                 if motion * f64::from(step) > 0.0 && at >= self.t && at < end {
                     end = at;
-                    turn = IVec2::ZERO;
-                    turn[axis] = step;
+                    texel_step = IVec2::ZERO;
+                    texel_step[axis] = step;
                 }
             }
         }
         let step = Step { texel: self.texel, begin: self.t, end };
-        self.texel += turn;
-        self.t = if turn == IVec2::ZERO { self.t_end } else { end };
+        self.texel += texel_step;
+        self.t = if texel_step == IVec2::ZERO { self.t_end } else { end };
         Some(step)
     }
 }

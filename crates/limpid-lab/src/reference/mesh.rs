@@ -1,4 +1,4 @@
-//! Liquid in a triangle mesh, and the mesh of a liquid given by particles.
+//! Triangle meshes as liquids, and their reconstruction from particles.
 
 use std::time::Duration;
 
@@ -18,20 +18,20 @@ use super::{Crossing, Liquid, Ray};
 use limpid::scene::{Shape, Solid};
 use limpid_io::error::{Error, Result};
 
-/// How a surface is laid around particles. Lengths are in particle radii.
+/// Parameters of the surface reconstruction. Lengths are in particle radii.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reconstruction {
-    /// Half the reach of a particle's density.
+    /// Half the support of a particle's density kernel.
     pub smoothing_length: f32,
-    /// Side of the cubes of the density's grid.
+    /// Side of the density grid's cubes.
     pub cube_size: f32,
-    /// Share of the rest density at which the surface lies.
+    /// Share of the rest density that defines the surface.
     pub threshold: f32,
-    /// Rounds of smoothing that move each vertex between its neighbours, less where particles are
-    /// few: spray keeps its size.
+    /// Smoothing iterations, each moving vertices towards the mean of their neighbours, less where
+    /// particles are sparse: spray keeps its size.
     pub smoothing_iterations: usize,
-    /// Solids that the liquid wets where it touches them: particles rest at a distance from them,
-    /// which the surface around particles would leave dry.
+    /// Solids that the liquid wets where it touches them: particles rest at a distance from solids,
+    /// so the reconstructed surface alone would leave a gap.
     pub wetted: Vec<Shape>,
 }
 
@@ -48,36 +48,39 @@ impl Default for Reconstruction {
 }
 
 impl Reconstruction {
-    /// The default, of liquid among solids: it wets all of them that it touches.
+    /// The default parameters for liquid among solids, all of which it wets.
     pub fn among(solids: &[Solid]) -> Self {
         Self { wetted: solids.iter().map(|solid| solid.shape).collect(), ..Self::default() }
     }
 }
 
-/// Weighted number of neighbours from which on a vertex is smoothed fully (`splashsurf`'s default).
+/// Weighted number of neighbours at which a vertex is fully smoothed (`splashsurf`'s default).
 const FULL_NEIGHBOURS: f32 = 13.0;
 /// A closed surface of triangles, counterclockwise seen from outside.
 pub struct Mesh {
     vertices: Vec<DVec3>,
-    /// Unit normals of the vertices, or 0 where triangles cancel.
+    /// Unit normals of the vertices; 0 where triangles cancel.
     normals: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     bvh: Bvh2,
-    /// The triangles' corners in the order of the hierarchy's leaves.
+    /// The triangles' corners in the order of the BVH's leaves.
     corners: Vec<[DVec3; 3]>,
-    /// How far behind its origin a ray may find a crossing, m: the rounding of a point on the mesh.
+    /// Distance behind a ray's origin at which a crossing still counts, m: the rounding of a point
+    /// on the mesh.
     slack: f64,
 }
 
 impl Mesh {
-    /// A mesh of corner positions, m, and triangles of three vertices each. Vertices get the mean
-    /// normal of their triangles, weighted by area.
+    /// Creates a mesh from vertex positions, m, and triangles of three vertices each. Vertex
+    /// normals are the area-weighted mean of their triangles' normals.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a position is not finite or a triangle names a vertex that is not there.
+    /// [`Error::Usage`] if a position is not finite or a triangle references a vertex that does not
+    /// exist.
     pub fn new(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Result<Self> {
-        let named = |triangle: &[u32; 3]| triangle.iter().all(|&i| (i as usize) < vertices.len());
-        if !vertices.iter().all(|v| v.as_vec3().is_finite()) || !triangles.iter().all(named) {
+        let is_in_range =
+            |triangle: &[u32; 3]| triangle.iter().all(|&i| (i as usize) < vertices.len());
+        if !vertices.iter().all(|v| v.as_vec3().is_finite()) || !triangles.iter().all(is_in_range) {
             let problem = "a mesh needs finite positions, and triangles of its own vertices";
             return Err(Error::Usage(problem.into()));
         }
@@ -94,7 +97,7 @@ impl Mesh {
         }
 
         let extent = vertices.iter().fold(0.0_f64, |most, v| most.max(v.abs().max_element()));
-        // Boxes in f32 reach beyond what they hold by more than they are rounded.
+        // Boxes in f32 are enlarged by more than their rounding.
         let margin = 1e-6 * extent as f32 + f32::MIN_POSITIVE;
         let boxes: Vec<Aabb> = triangles
             .iter()
@@ -114,13 +117,14 @@ impl Mesh {
         Ok(Self { vertices, normals, triangles, bvh, corners, slack: 1e-12 * extent })
     }
 
-    /// The surface of a liquid given by particles of one radius, m: `splashsurf`'s marching cubes
-    /// over SPH density, its slivers removed, smoothed (Löschner, Böttcher, Jeske and Bender,
-    /// Weighted Laplacian smoothing for surface reconstruction of particle-based fluids, 2023).
+    /// Reconstructs the surface of a liquid from particles of one radius, m: `splashsurf`'s
+    /// marching cubes over the SPH density, with slivers removed, smoothed (Löschner, Böttcher,
+    /// Jeske and Bender, Weighted Laplacian smoothing for surface reconstruction of particle-based
+    /// fluids, 2023).
     ///
     /// # Errors
-    /// [`Error::Usage`] if a position or the radius cannot be used, or the particles reach so far
-    /// that the grid is too large.
+    /// [`Error::Usage`] if a position or the radius is invalid, or the particles extend so far that
+    /// the grid is too large.
     pub fn reconstruct(particles: &[Vec3], radius: f32, how: &Reconstruction) -> Result<Self> {
         let radius_usable = radius.is_finite() && radius > 0.0;
         if !radius_usable || !particles.iter().all(|x| x.is_finite()) {
@@ -158,7 +162,7 @@ impl Mesh {
         Self::new(vertices.collect(), triangles.collect())
     }
 
-    /// Corner positions, m.
+    /// Vertex positions, m.
     pub fn vertices(&self) -> &[DVec3] {
         &self.vertices
     }
@@ -168,17 +172,17 @@ impl Mesh {
         &self.normals
     }
 
-    /// Vertices of each triangle, counterclockwise seen from outside.
+    /// Vertex indices of each triangle, counterclockwise seen from outside.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// The nearest triangle ahead that faces the way asked for: its place in the order of leaves,
-    /// distance, and weights of its corners.
+    /// Finds the nearest triangle ahead that faces the requested way: its index in the order of
+    /// leaves, its distance, and the weights of its corners.
     fn nearest(&self, ray: &Ray, inside: bool) -> Option<(usize, f64, DVec3)> {
         let nodes = &self.bvh.nodes;
         let inverse = ray.direction.recip();
-        // Rounded through the opposite side of an edge, a ray leaves at once.
+        // A ray whose origin was rounded through the opposite side of an edge leaves immediately.
         let least = if inside { -self.slack } else { 0.0 };
         let span = |node: usize, until: f64| {
             let aabb = nodes[node].aabb();
@@ -236,7 +240,7 @@ impl Liquid for Mesh {
     }
 
     fn contains(&self, point: DVec3) -> bool {
-        // Along no axis, edge or diagonal that a model is likely to have.
+        // Not along any axis, edge or diagonal that a model is likely to have.
         let ray = Ray { origin: point, direction: DVec3::new(0.3714, 0.8307, 0.4146).normalize() };
         let leaves = self.nearest(&ray, true).map(|hit| hit.1);
         let enters = self.nearest(&ray, false).map(|hit| hit.1);
@@ -244,9 +248,9 @@ impl Liquid for Mesh {
     }
 }
 
-/// A ray's direction as a permutation and a shear that make it the z axis (Woop, Benthin and Wald,
-/// Watertight ray/triangle intersection, 2013): two triangles that share an edge see a ray on
-/// opposite sides of it by the same rounded number, so none slips through between them.
+/// A ray's direction as a permutation and a shear that map it to the z axis (Woop, Benthin and
+/// Wald, Watertight ray/triangle intersection, 2013): two triangles that share an edge evaluate the
+/// side of a ray to the same rounded number, so no ray slips through between them.
 struct Shear {
     axes: [usize; 3],
     factors: DVec3,
@@ -256,13 +260,13 @@ impl Shear {
     fn new(d: DVec3) -> Self {
         let z = d.abs().max_position();
         let (x, y) = ((z + 1) % 3, (z + 2) % 3);
-        // Mirrored, triangles would turn round.
+        // Keeps the winding of triangles, which a mirrored direction would reverse.
         let (x, y) = if d[z] < 0.0 { (y, x) } else { (x, y) };
         Self { axes: [x, y, z], factors: DVec3::new(d[x], d[y], 1.0) / d[z] }
     }
 
     /// Distance to a triangle seen from its back (`inside`) or its front, and the weights of its
-    /// corners there.
+    /// corners at the hit.
     fn hit(&self, origin: DVec3, corners: &[DVec3; 3], inside: bool) -> Option<(f64, DVec3)> {
         let [x, y, z] = self.axes;
         let [a, b, c] = corners.map(|corner| {
@@ -282,7 +286,7 @@ impl Shear {
     }
 }
 
-/// How much each vertex is smoothed, 0 to 1, by the number of neighbours of the particles about it.
+/// Smoothing weight of each vertex, 0 to 1, by the number of neighbours of the particles around it.
 fn smoothing_weights(
     positions: &[Vector3<f32>],
     densities: &[f32],
@@ -299,7 +303,7 @@ fn smoothing_weights(
         reach,
         &mut neighbours,
     );
-    // The near count more than those at the edge of reach.
+    // Near neighbours count more than those at the edge of the support.
     let counts: Vec<f32> = (positions.iter().zip(&neighbours))
         .map(|(x, neighbours)| {
             let weight = |&j: &usize| {
@@ -314,7 +318,7 @@ fn smoothing_weights(
     let interpolator = SphInterpolator::new(positions, densities, mass, reach);
     let mut weights = interpolator.interpolate_scalar_quantity(&counts, vertices, true);
     for weight in &mut weights {
-        // Perlin's smooth step; 0/0 at a vertex far from all particles counts as none.
+        // Perlin's smooth step; 0/0, at a vertex far from all particles, counts as 0.
         let x = if weight.is_nan() { 0.0 } else { (*weight / FULL_NEIGHBOURS).clamp(0.0, 1.0) };
         *weight = x * x * x * (x * (6.0 * x - 15.0) + 10.0);
     }

@@ -1,27 +1,29 @@
-//! Light at an interface and in a liquid, in f64.
+//! Optics of interfaces and absorption, in f64.
 //!
-//! Formulas as in M. Born and E. Wolf, Principles of Optics, 7th edition (1999), section 1.5: the
+//! Formulas after M. Born and E. Wolf, Principles of Optics, 7th edition (1999), section 1.5: the
 //! laws of reflection and refraction, Fresnel's amplitudes by polarisation (eqs. 20 and 21), and
 //! the reflectance of unpolarised light as the mean of the two.
 //!
-//! `d` is the direction of travel, `n` the unit normal towards the side from which light arrives
-//! (d·n ≤ 0), `eta` the index of the far side over that of the near one, above or below 1.
+//! `d` is the direction of propagation, `n` the unit normal towards the side of incidence (d·n ≤
+//! 0), `eta` the index of the far side over that of the near one, above or below 1.
 
 use glam::DVec3;
 
-/// What an interface makes of light that arrives.
+use super::{Crossing, Ray};
+
+/// Reflection and refraction of light at an interface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interface {
-    /// The share that is reflected, 0 to 1.
+    /// The reflectance, 0 to 1.
     pub reflectance: f64,
-    /// The direction of that share.
+    /// The reflected direction.
     pub reflected: DVec3,
-    /// The direction of the rest; none where all is reflected.
+    /// The refracted direction; `None` for total reflection.
     pub refracted: Option<DVec3>,
 }
 
 impl Interface {
-    /// Light of direction `d` at a surface of normal `n`.
+    /// Computes the interaction of light of direction `d` with a surface of normal `n`.
     pub fn new(d: DVec3, n: DVec3, eta: f64) -> Self {
         Self {
             reflectance: fresnel(-d.dot(n), eta),
@@ -31,23 +33,23 @@ impl Interface {
     }
 }
 
-/// The mirrored direction.
+/// Reflects a direction.
 pub fn reflect(d: DVec3, n: DVec3) -> DVec3 {
     (d - 2.0 * d.dot(n) * n).normalize()
 }
 
-/// The direction beyond the surface by Snell's law; none for total reflection.
+/// Refracts a direction by Snell's law; `None` for total reflection.
 pub fn refract(d: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
-    // The part of d along the surface shrinks by eta; the part across follows from unit length.
+    // The tangential part of d scales by 1/eta; the normal part follows from unit length.
     let along = (d - d.dot(n) * n) / eta;
     let across2 = 1.0 - along.length_squared();
     (across2 >= 0.0).then(|| (along - across2.sqrt() * n).normalize())
 }
 
-/// The reflected share of unpolarised light that arrives with cosine `cos_i` (0 to 1); 1 for total
+/// Fresnel reflectance of unpolarised light at cosine of incidence `cos_i` (0 to 1); 1 for total
 /// reflection.
 pub fn fresnel(cos_i: f64, eta: f64) -> f64 {
-    // No interface; at grazing incidence the ratios below were 0/0.
+    // No interface; at grazing incidence the ratios below would be 0/0.
     if eta == 1.0 {
         return 0.0;
     }
@@ -62,8 +64,24 @@ pub fn fresnel(cos_i: f64, eta: f64) -> f64 {
     0.5 * (perpendicular * perpendicular + parallel * parallel)
 }
 
-/// The share of light that is left after `length` metres at `absorption` per metre (Beer and
-/// Lambert).
+/// Transmittance of `length` metres at `absorption` per metre (Beer and Lambert).
 pub fn transmittance(absorption: DVec3, length: f64) -> DVec3 {
     (-length * absorption).exp()
+}
+
+/// Distance, m and relative, up to which a solid behind a surface counts as wet: coordinates of
+/// scenes and meshes that should be equal may be rounded to 32 bits.
+pub(super) const TOUCH: f64 = 1e-6;
+
+/// Computes reflection and refraction with the shading normal, or with the geometric normal if the
+/// former would send light through the wrong side of the triangle.
+pub(super) fn interface(ray: &Ray, crossing: &Crossing, inside: bool, eta: f64) -> Interface {
+    let facing = |n: DVec3| if inside { -n } else { n };
+    let normal = facing(crossing.normal);
+    let shading = facing(crossing.shading);
+    let smooth = Interface::new(ray.direction, shading, eta);
+    let consistent = ray.direction.dot(shading) < 0.0
+        && smooth.reflected.dot(normal) > 0.0
+        && smooth.refracted.is_none_or(|direction| direction.dot(normal) < 0.0);
+    if consistent { smooth } else { Interface::new(ray.direction, normal, eta) }
 }

@@ -1,4 +1,4 @@
-//! What surrounds the liquid, in f64: the scene's solids, lights and environment.
+//! The surroundings of the liquid, in f64: the scene's solids, lights and environment.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,53 +8,53 @@ use super::{Ray, wide};
 use limpid::environment::Environment;
 use limpid::scene::{Light, Scene, Shape, Surface};
 
-/// Everything opaque, and what is seen where there is nothing.
+/// The solids, lights and environment of a scene.
 #[derive(Debug, Clone)]
 pub struct Surroundings {
     solids: Vec<Solid>,
     lights: Vec<Lamp>,
     environment: Environment,
-    /// Mean radiance of the environment: it lights lit solids evenly.
+    /// Mean radiance of the environment: the ambient light of lit solids.
     ambient: DVec3,
 }
 
-/// Where a ray meets a solid.
+/// An intersection of a ray with a solid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolidHit {
     /// Distance along the ray, m.
     pub t: f64,
     /// The point.
     pub point: DVec3,
-    /// The unit normal there: out of a box or sphere, a plane's own.
+    /// The unit normal: out of a box or sphere; a plane's own.
     pub normal: DVec3,
-    /// Number of the solid in the scene, from 0.
+    /// Index of the solid in the scene.
     pub solid: usize,
 }
 
-/// A light as it arrives at a point.
+/// Direct light arriving at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Direct {
-    /// Unit direction to the light.
+    /// Unit direction towards the light.
     pub towards: DVec3,
-    /// Its distance, m; infinite for a sun.
+    /// Distance of the light, m; infinite for a sun.
     pub distance: f64,
-    /// Irradiance on the surface, W/m²: the cosine is in it.
+    /// Irradiance on the surface, W/m², including the cosine.
     pub irradiance: DVec3,
 }
 
-/// A part of a solid's surface that is seen whole from one direction: a side of a plane or of a box, or
-/// the sixth of a sphere around an axis.
+/// A part of a solid's surface that is completely visible from one direction: a side of a plane or
+/// of a box, or the sixth of a sphere around an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Side {
     pub(super) solid: usize,
-    /// Unit vector out of it.
+    /// Outward unit vector.
     pub(super) axis: DVec3,
-    /// Centre and radius, m, of a sphere.
+    /// Centre and radius of a sphere, m.
     pub(super) round: Option<(DVec3, f64)>,
 }
 
 impl Side {
-    /// Whether the point of a solid with this unit normal is of this face.
+    /// Whether a point of a solid with this unit normal belongs to the side.
     pub(super) fn takes(&self, solid: usize, normal: DVec3) -> bool {
         let towards = match self.round {
             Some(_) => dominant(normal) == self.axis,
@@ -64,13 +64,13 @@ impl Side {
     }
 }
 
-/// The axis, with its sign, that is nearest to a direction.
+/// The signed coordinate axis nearest to a direction.
 fn dominant(direction: DVec3) -> DVec3 {
     let axis = direction.abs().max_position();
     DVec3::AXES[axis] * direction[axis].signum()
 }
 
-/// How far off a surface shadow rays start, m and relative.
+/// Offset of shadow ray origins from the surface, m and relative.
 const SHADOW: f64 = 1e-9;
 
 #[derive(Debug, Clone, Copy)]
@@ -89,7 +89,7 @@ enum Form {
 
 #[derive(Debug, Clone, Copy)]
 enum Lamp {
-    /// Unit direction towards it, and irradiance on what faces it.
+    /// Unit direction towards the sun, and irradiance on a surface that faces it.
     Sun {
         towards: DVec3,
         irradiance: DVec3,
@@ -101,7 +101,7 @@ enum Lamp {
 }
 
 impl Surroundings {
-    /// The solids, lights and environment of a scene.
+    /// The opaque surroundings of a scene.
     pub fn new(scene: &Scene) -> Self {
         let solids = scene.solids.iter().map(|solid| Solid {
             form: Form::new(&solid.shape),
@@ -135,7 +135,7 @@ impl Surroundings {
         Some(SolidHit { t, point, normal: self.solids[solid].form.normal(point), solid })
     }
 
-    /// Where a ray meets one of the solids, whatever else is in its way.
+    /// Intersects a ray with one solid, ignoring occluders.
     pub(super) fn hit_alone(&self, solid: usize, ray: &Ray) -> Option<SolidHit> {
         let form = &self.solids[solid].form;
         let t = form.distance(ray)?;
@@ -143,13 +143,13 @@ impl Surroundings {
         Some(SolidHit { t, point, normal: form.normal(point), solid })
     }
 
-    /// Whether what is just above a point of a surface lies within a solid.
+    /// Whether the point just above a surface point lies inside a solid.
     pub(super) fn covers(&self, point: DVec3, normal: DVec3) -> bool {
         let above = point + SHADOW * (1.0 + point.abs().max_element()) * normal;
         self.solids.iter().any(|solid| solid.form.contains(above))
     }
 
-    /// The side of a solid that has this normal.
+    /// Returns the side of a solid that has this normal.
     pub(super) fn side(&self, solid: usize, normal: DVec3) -> Side {
         match self.solids[solid].form {
             Form::Sphere { center, radius } => {
@@ -159,7 +159,7 @@ impl Surroundings {
         }
     }
 
-    /// Radiance seen along a ray in the absence of liquid.
+    /// Radiance seen along a ray without liquid.
     pub fn radiance(&self, ray: &Ray) -> DVec3 {
         match self.hit(ray) {
             Some(hit) => self.solid_radiance(&hit, ray.direction, DVec3::ONE, |_, direct| {
@@ -169,17 +169,17 @@ impl Surroundings {
         }
     }
 
-    /// Whether a solid reflects light, or shows its colour whatever falls on it.
+    /// Whether a solid is lit, or shows its colour independently of light.
     pub(super) fn is_lit(&self, solid: usize) -> bool {
         self.solids[solid].lit
     }
 
-    /// Radiance that a solid sends against `direction`: its colour, or Lambert's reflection of the
-    /// lights that it is not in the shadow of and of the environment's mean.
+    /// Radiance of a solid seen along `direction`: its colour, or the Lambertian reflection of
+    /// unshadowed lights and of the ambient light.
     ///
-    /// `ambient` is the share of that mean which reaches it: 1 in the absence of liquid.
-    /// `arriving` turns what a light, by its number, would send in the absence of liquid, `None` in
-    /// its shadow, into the irradiance on the surface, W/m².
+    /// `ambient` is the transmitted share of the ambient light: 1 without liquid. `arriving` maps a
+    /// light, by its index, and its direct light without liquid (`None` in shadow) to the
+    /// irradiance on the surface, W/m².
     pub fn solid_radiance(
         &self,
         hit: &SolidHit,
@@ -199,17 +199,17 @@ impl Surroundings {
         color * (ambient * self.ambient + irradiance / PI)
     }
 
-    /// What a light sends straight to a point of a solid whose normal, towards the lit side, is
-    /// given; `None` where that faces away from it or another solid is in the way.
+    /// Computes the direct light at a point of a solid whose normal points towards the lit side;
+    /// `None` if the surface faces away from the light or another solid blocks it.
     pub fn direct(&self, light: usize, point: DVec3, normal: DVec3) -> Option<Direct> {
         let direct = self.lights[light].direct(point, normal)?;
-        // Off the surface by more than rounding, so that a solid is not its own shadow.
+        // Offset by more than rounding, so that a solid does not shadow itself.
         let origin = point + SHADOW * (1.0 + point.abs().max_element()) * normal;
         let blocker = self.hit(&Ray { origin, direction: direct.towards });
         blocker.is_none_or(|hit| hit.t >= direct.distance).then_some(direct)
     }
 
-    /// Radiance from infinitely far, seen along `direction`.
+    /// Radiance of the environment, seen along `direction`.
     pub fn environment(&self, direction: DVec3) -> DVec3 {
         match &self.environment {
             Environment::Constant(radiance) => wide(*radiance),
@@ -220,7 +220,7 @@ impl Surroundings {
             Environment::Map { size, pixels } => {
                 let longitude = direction.x.atan2(-direction.z) / TAU + 0.5;
                 let latitude = direction.y.clamp(-1.0, 1.0).acos() / PI;
-                // Texel centres are at half numbers; columns go round, rows end at the poles.
+                // Texel centres are at half-integers; columns wrap around, rows end at the poles.
                 let (width, height) = (i64::from(size.x), i64::from(size.y));
                 let at = DVec2::new(longitude, latitude) * size.as_dvec2() - 0.5;
                 let (corner, f) = (at.floor(), at - at.floor());
@@ -254,12 +254,12 @@ impl Form {
         }
     }
 
-    /// Distance along the ray to the nearest point ahead.
+    /// Distance along the ray to the nearest intersection ahead.
     fn distance(&self, ray: &Ray) -> Option<f64> {
         match *self {
             Self::Plane { origin, normal, half_extent } => {
                 let t = (origin - ray.origin).dot(normal) / ray.direction.dot(normal);
-                // A ray along the plane gives an infinite or undefined distance.
+                // For a ray parallel to the plane the distance is infinite or NaN.
                 let ahead = t > 0.0 && t.is_finite();
                 let beside = || in_plane(normal, ray.at(t) - origin).abs().max_element();
                 (ahead && beside() <= half_extent).then_some(t)
@@ -304,7 +304,8 @@ impl Solid {
         match self.surface {
             Surface::Color(color) => wide(color),
             Surface::Checker { tile, even, odd } => {
-                // Tiles are cubes on a sphere, squares on the rest, counted from the origin.
+                // Tiles are cubes on a sphere and squares elsewhere, counted from the world's
+                // origin.
                 let tile = f64::from(tile);
                 let parity = match self.form {
                     Form::Sphere { .. } => (point / tile).floor().element_sum(),
@@ -317,7 +318,7 @@ impl Solid {
 }
 
 impl SolidHit {
-    /// The normal against a ray's direction: both sides of a plane are seen and lit.
+    /// The normal facing a ray: both sides of a plane are visible and lit.
     pub fn facing(&self, direction: DVec3) -> DVec3 {
         if direction.dot(self.normal) > 0.0 { -self.normal } else { self.normal }
     }
@@ -338,7 +339,7 @@ impl Lamp {
     }
 }
 
-/// Coordinates along the two axes most in a plane: x and z if it is horizontal.
+/// Projects onto the coordinate plane nearest to a plane: x and z if it is horizontal.
 pub(super) fn in_plane(normal: DVec3, x: DVec3) -> DVec2 {
     let a = normal.abs();
     if a.y >= a.x.max(a.z) {
@@ -350,10 +351,10 @@ pub(super) fn in_plane(normal: DVec3, x: DVec3) -> DVec2 {
     }
 }
 
-/// A place along a ray and the unit normal of the face that is crossed there.
+/// A ray parameter and the unit normal of the face crossed there.
 pub(super) type Face = (f64, DVec3);
 
-/// Where the line of a ray enters an axis-aligned box and where it leaves it.
+/// Intersects the line of a ray with an axis-aligned box: entry and exit.
 pub(super) fn box_span(ray: &Ray, min: DVec3, max: DVec3) -> Option<(Face, Face)> {
     let mut near = (f64::NEG_INFINITY, DVec3::ZERO);
     let mut far = (f64::INFINITY, DVec3::ZERO);
@@ -377,10 +378,10 @@ pub(super) fn box_span(ray: &Ray, min: DVec3, max: DVec3) -> Option<(Face, Face)
     (near.0 <= far.0).then_some((near, far))
 }
 
-/// Where the line o + t d enters a sphere around the origin and where it leaves it; `d` may have
-/// any length.
+/// Intersects the line o + t d with a sphere around the origin: entry and exit; `d` may have any
+/// length.
 pub(super) fn sphere_span(o: DVec3, d: DVec3, radius: f64) -> Option<(f64, f64)> {
-    // From the point nearest to the centre: squares of great distances would lose the sphere.
+    // Measured from the point nearest to the centre: the squares of large distances would cancel.
     let d2 = d.length_squared();
     let middle = -o.dot(d) / d2;
     let miss = (o + middle * d).length();

@@ -1,4 +1,4 @@
-//! Light followed through a liquid and its surroundings, both ways at every interface.
+//! Ray tracer for a liquid and its surroundings that follows both branches at every interface.
 
 use std::f64::consts::TAU;
 
@@ -7,25 +7,22 @@ use image::{Rgb, RgbImage};
 use rayon::prelude::*;
 
 use super::caustics::{CausticMap, Spot};
-use super::optics::{Interface, fresnel, transmittance};
+use super::optics::{TOUCH, fresnel, interface, transmittance};
 use super::surroundings::{Direct, SolidHit, Surroundings};
 use super::{Crossing, Liquid, Ray, wide};
 use limpid::camera::Camera;
 use limpid::passes::tonemap::srgb_byte;
 use limpid::scene::Scene;
 
-/// Interfaces on one path that are enough for pictures.
+/// Number of interfaces on one path that suffices for pictures.
 pub const MAX_DEPTH: u32 = 24;
 
-/// A path splits in two only while it carries more than this share of a sample's light; then it
-/// takes the brighter branch with all of the light.
+/// Share of a sample's light above which a path splits in two; below it, the path takes the
+/// brighter branch with all of the light.
 const SPLIT: f64 = 1e-3;
 
-/// A solid this little behind a surface, m and relative, is wet: coordinates of scenes and meshes
-/// that should be equal may be rounded to 32 bits.
-pub(super) const TOUCH: f64 = 1e-6;
-
-/// How far from one crossing the next is looked for in [`first_last`], m and relative.
+/// Step from one crossing to the start of the search for the next in [`first_last`], m and
+/// relative.
 const ONWARD: f64 = 1e-9;
 
 /// A picture in linear radiance.
@@ -38,7 +35,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// The picture in 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
+    /// Converts the picture to 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
     pub fn to_srgb(&self) -> RgbImage {
         RgbImage::from_fn(self.size.x, self.size.y, |x, y| {
             let pixel = self.pixels[y as usize * self.size.x as usize + x as usize];
@@ -47,7 +44,7 @@ impl Image {
     }
 }
 
-/// A camera's rays in f64.
+/// A camera that generates rays in f64.
 #[derive(Debug, Clone, Copy)]
 struct View {
     eye: DVec3,
@@ -73,7 +70,7 @@ impl View {
         }
     }
 
-    /// The ray through a point of the picture, in pixels from the top left corner.
+    /// Returns the ray through a point of the picture, in pixels from the top left corner.
     fn ray(&self, u: DVec2) -> Ray {
         let ndc = DVec2::new(2.0, -2.0) * u / self.size + DVec2::new(-1.0, 1.0);
         let direction = self.world_from_view * (ndc * self.tangent).extend(-1.0);
@@ -81,20 +78,20 @@ impl View {
     }
 }
 
-/// Interfaces between a solid and a light that are counted.
+/// Maximum number of interfaces between a solid and a light.
 const MAX_STRAIGHT: u32 = 64;
 
-/// Rays to the sky, for even light in the liquid, by all samples of a pixel.
+/// Number of rays to the sky per pixel, over all samples, for ambient light in the liquid.
 const SKY_RAYS: u32 = 384;
 
-/// The picture of a liquid in a scene, with `samples` rays through each pixel of `size` and at most
+/// Renders a liquid in a scene, with `samples` rays through each pixel of `size` and at most
 /// `max_depth` interfaces on a path (see [`MAX_DEPTH`]).
 ///
-/// Absorption, Fresnel's reflectance and, where the scene's settings ask for it, the scaling of
-/// radiance by the squared index are exact; a solid ends a path. Nothing is random.
+/// Absorption, Fresnel reflectance and, if the scene's settings enable it, the scaling of radiance
+/// by the squared index are exact; a solid ends a path. Nothing is random.
 ///
-/// Lights come straight through the liquid, less what its interfaces reflect and what it absorbs;
-/// [`trace_lit`] has them refracted. The even light of the environment comes refracted in both.
+/// Light from lights passes straight through the liquid, less what its interfaces reflect and what
+/// it absorbs; [`trace_lit`] refracts it. Ambient light is refracted in both.
 pub fn trace(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
@@ -106,9 +103,9 @@ pub fn trace(
     trace_lit(liquid, scene, camera, size, samples, max_depth, &[])
 }
 
-/// [`trace`] with the light that passes through liquid from caustic maps, one or more of each light
-/// of the scene in their order, as [`super::caustics::on_solids`] makes them; a light without any comes
-/// straight through. Shadows of solids are exact.
+/// [`trace`] with the light that passes through liquid taken from caustic maps, one or more per
+/// light of the scene in their order, as [`super::caustics::on_solids`] makes them; a light without
+/// maps passes straight through. Shadows of solids are exact.
 pub fn trace_lit(
     liquid: &(impl Liquid + ?Sized),
     scene: &Scene,
@@ -144,17 +141,17 @@ pub fn trace_lit(
     Image { size, pixels }
 }
 
-/// Points of a pixel, stratified: Hammersley's, each in a row and a column of its own.
+/// Stratified points of a pixel: Hammersley's, each in its own row and column.
 fn sample_offsets(count: u32) -> Vec<DVec2> {
     let n = f64::from(count);
-    // Reversed binary digits (van der Corput 1935), moved so that their mean is the centre.
+    // Reversed binary digits (van der Corput 1935), shifted so that their mean is the centre.
     let reversed = |i: u32| f64::from(i.reverse_bits()) / 2f64.powi(32);
     let mean = (0..count).map(reversed).sum::<f64>() / n;
     let point = |i| DVec2::new((f64::from(i) + 0.5) / n, reversed(i) + 0.5 - mean);
     (0..count).map(point).collect()
 }
 
-/// A number from 0 to 1 that is another one for each point (`SplitMix64`, S. Vigna 2015).
+/// Hashes a point to a number from 0 to 1 (`SplitMix64`, S. Vigna 2015).
 fn scattered(point: DVec3) -> f64 {
     let mix = |seed: u64, x: f64| {
         let z = (seed ^ x.to_bits()).wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -175,13 +172,13 @@ struct Tracer<'a, L: ?Sized> {
     radiance_scaling: bool,
     max_depth: u32,
     maps: &'a [Option<Vec<CausticMap>>],
-    /// Rays to the sky from a wet solid that a whole sample sees.
+    /// Number of rays to the sky from a wet solid that is seen by a whole sample.
     sky_rays: u32,
 }
 
 impl<L: Liquid + ?Sized> Tracer<'_, L> {
-    /// Radiance seen along a ray that starts in the liquid or outside; `weight` is the share that
-    /// the sample gets of it, `depth` the interfaces so far.
+    /// Traces the radiance seen along a ray that starts in the liquid or outside; `weight` is its
+    /// contribution to the sample, `depth` the number of interfaces so far.
     fn radiance(&self, ray: Ray, inside: bool, weight: DVec3, depth: u32) -> DVec3 {
         let within = |length: f64| {
             if inside { transmittance(self.absorption, length) } else { DVec3::ONE }
@@ -199,8 +196,8 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
                 return within(hit.t) * radiance;
             }
         }
-        // Liquid without end, or a path as long as is allowed: as if it left here, straight on, so
-        // that no light is lost.
+        // Unbounded liquid, or a path at the depth limit: continues straight as if it left the
+        // liquid here, so that no light is lost.
         let Some(crossing) = crossing.filter(|_| depth < self.max_depth) else {
             let scale = if inside { self.scale(1.0 / self.ior) } else { 1.0 };
             return scale * self.surroundings.radiance(&ray);
@@ -234,56 +231,57 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
             }
     }
 
-    /// The share of the even light of the environment that reaches a solid which is seen along
-    /// `direction`. In the air all of it does, whichever way the solid faces and whatever stands
-    /// around it. So in the liquid: the share is that of light which falls on a level patch there, by
-    /// rays through the liquid's true surface, for which solids are mirrors, so that they neither take
-    /// light away nor add any. What a surface throws back into the liquid is lost.
+    /// The transmitted share of the ambient light at a solid seen along `direction`. In the air it
+    /// is 1, whatever the orientation and the surroundings of the solid. In the liquid it is
+    /// likewise independent of these: the share of the light that falls on a horizontal patch, by
+    /// rays through the liquid's true surface. Solids act as mirrors for these rays, so that they
+    /// neither remove nor add light. Light that surfaces scatter back into the liquid is lost.
     fn ambient(&self, hit: &SolidHit, direction: DVec3, inside: bool, weight: DVec3) -> DVec3 {
         if !inside || !self.surroundings.is_lit(hit.solid) {
             return DVec3::ONE;
         }
-        // Squares of the sine to the vertical in the liquid, and their shares of a cosine's weight.
+        // The squared sine of the refracted cone's half-angle, from the vertical. Each ray is a
+        // pair of its squared sine and its share of the cosine-weighted hemisphere.
         let edge = (1.0 / (self.ior * self.ior)).min(1.0);
-        // In the cone to which a level surface refracts the whole sky; a third as many beyond it, which
-        // come through waves alone.
-        let many = (f64::from(self.sky_rays) * weight.max_element()).ceil().max(3.0);
-        let cone = (0..many as u32).map(|i| {
-            // Even steps of the cosine in the air: grazing light is reflected most.
-            let cos = (f64::from(i) + 0.5) / many;
-            (edge * (1.0 - cos * cos), edge * 2.0 * cos / many)
+        // Rays in the cone to which a level surface refracts the whole sky; a third as many outside
+        // it, where light arrives through waves only.
+        let cone_rays = (f64::from(self.sky_rays) * weight.max_element()).ceil().max(3.0);
+        let cone = (0..cone_rays as u32).map(|i| {
+            // Uniform steps of the cosine in the air: grazing light is reflected most.
+            let cos = (f64::from(i) + 0.5) / cone_rays;
+            (edge * (1.0 - cos * cos), edge * 2.0 * cos / cone_rays)
         });
-        let few = (many / 3.0).ceil();
-        let beyond = (0..few as u32).map(|i| {
-            let width = (1.0 - edge) / few;
+        let outer_rays = (cone_rays / 3.0).ceil();
+        let beyond = (0..outer_rays as u32).map(|i| {
+            let width = (1.0 - edge) / outer_rays;
             (edge + (f64::from(i) + 0.5) * width, width)
         });
-        // From another azimuth at each point, so that waves show no pattern of the rays.
-        let turn = scattered(hit.point);
+        // A different azimuth offset at each point, so that waves show no pattern of the rays.
+        let azimuth_offset = scattered(hit.point);
         let rays = cone.chain(beyond).enumerate().map(|(i, (sin2, share))| {
-            // By the golden angle: no two have the same azimuth.
-            let (sin, cos) = (TAU * (turn + 0.618_033_988_749_895 * i as f64)).sin_cos();
+            // By the golden angle: all azimuths differ.
+            let (sin, cos) = (TAU * (azimuth_offset + 0.618_033_988_749_895 * i as f64)).sin_cos();
             let up = DVec3::new(sin2.sqrt() * cos, (1.0 - sin2).sqrt(), sin2.sqrt() * sin);
             share * self.sky_share(Ray { origin: hit.point, direction: up }, hit.facing(direction))
         });
         self.ior * self.ior * rays.sum::<DVec3>()
     }
 
-    /// The share of even light that comes down a ray from the sky to a solid of this normal, in the
-    /// liquid; not scaled by the index.
+    /// The share of ambient light that arrives along a ray from the sky at a solid of this normal,
+    /// in the liquid; not scaled by the index.
     fn sky_share(&self, mut ray: Ray, normal: DVec3) -> DVec3 {
-        /// Mirrors and interfaces on the way.
-        const MOST: u32 = 16;
+        /// Maximum number of mirrors and interfaces on a path.
+        const MAX_EVENTS: u32 = 16;
         let mirrored = |ray: Ray, point: DVec3, normal: DVec3| {
             let along = ray.direction.dot(normal);
             let direction = ray.direction - 2.0 * along.min(0.0) * normal;
-            // Off the surface by more than rounding.
+            // Offset from the surface by more than rounding.
             Ray { origin: point + TOUCH * (1.0 + point.abs().max_element()) * normal, direction }
         };
         ray = mirrored(ray, ray.origin, normal);
         let mut left = DVec3::ONE;
         let mut inside = true;
-        for _ in 0..MOST {
+        for _ in 0..MAX_EVENTS {
             let crossing = self.liquid.crossing(&ray, inside);
             let solid = self.surroundings.hit(&ray).filter(|_| inside);
             let first = |hit: &SolidHit| {
@@ -294,7 +292,7 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
                 ray = mirrored(ray, hit.point, hit.facing(ray.direction));
                 continue;
             }
-            // Liquid without end is taken for none, as in `radiance`.
+            // Unbounded liquid counts as none, as in `radiance`.
             let Some(crossing) = crossing else { return left };
             let eta = if inside { 1.0 / self.ior } else { self.ior };
             let interface = interface(&ray, &crossing, inside, eta);
@@ -307,7 +305,7 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
         DVec3::ZERO
     }
 
-    /// Irradiance by a light on a solid that is seen along `direction`, in the liquid or outside.
+    /// Irradiance by a light on a solid seen along `direction`, in the liquid or outside.
     fn arriving(
         &self,
         light: usize,
@@ -334,8 +332,8 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
         direct.irradiance + caustic
     }
 
-    /// The share of light that comes along a ray against its direction, from a distance, unbent.
-    /// Each interface reflects as it would from outside.
+    /// The transmitted share of light that arrives from `distance` against the direction of a ray,
+    /// unbent. Each interface reflects as it would from outside.
     fn straight(&self, ray: &Ray, distance: f64, mut inside: bool) -> DVec3 {
         let mut left = DVec3::ONE;
         let mut ray = *ray;
@@ -343,7 +341,7 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
         for _ in 0..MAX_STRAIGHT {
             let crossing = self.liquid.crossing(&ray, inside).filter(|c| c.t < distance);
             let length = crossing.map_or(distance, |c| c.t);
-            // Liquid without end is taken for none, as in `radiance`.
+            // Unbounded liquid counts as none, as in `radiance`.
             if inside && length.is_finite() {
                 left *= transmittance(self.absorption, length);
             }
@@ -356,36 +354,23 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
         left
     }
 
-    /// What radiance from behind an interface is multiplied by: L/n² is what stays the same.
+    /// The factor on radiance from behind an interface: L/n² is invariant.
     fn scale(&self, eta: f64) -> f64 {
         if self.radiance_scaling { 1.0 / (eta * eta) } else { 1.0 }
     }
 }
 
-/// What a surface makes of a ray. Interpolated normals serve unless they would send light through
-/// the wrong side of the triangle; then the triangle's own do.
-pub(super) fn interface(ray: &Ray, crossing: &Crossing, inside: bool, eta: f64) -> Interface {
-    let facing = |n: DVec3| if inside { -n } else { n };
-    let normal = facing(crossing.normal);
-    let shading = facing(crossing.shading);
-    let smooth = Interface::new(ray.direction, shading, eta);
-    let consistent = ray.direction.dot(shading) < 0.0
-        && smooth.reflected.dot(normal) > 0.0
-        && smooth.refracted.is_none_or(|direction| direction.dot(normal) < 0.0);
-    if consistent { smooth } else { Interface::new(ray.direction, normal, eta) }
-}
-
-/// A surface as a camera sees it, through the centres of pixels, row by row from the top left.
+/// A surface seen through pixel centres, row by row from the top left.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
-    /// Depth, m: the negative z of view space; 0 where there is none.
+    /// Depth, m: the negative z of view space; 0 where empty.
     pub depths: Vec<f64>,
-    /// Unit normals out of the liquid, in view space; 0 where there are none.
+    /// Unit normals out of the liquid, in view space; 0 where empty.
     pub normals: Vec<DVec3>,
 }
 
-/// The first surface at which straight rays from a camera enter a liquid, and the last at which
-/// they leave it; solids do not hide them.
+/// Finds the first surface at which straight camera rays enter a liquid, and the last at which they
+/// leave it; solids do not hide them.
 pub fn first_last(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: UVec2) -> [Layer; 2] {
     let view = View::new(camera, size);
     let view_from_world = view.world_from_view.transpose();
@@ -411,7 +396,7 @@ pub fn first_last(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: UVec2)
     })
 }
 
-/// The first crossing into the liquid and the last out of it.
+/// Finds the first crossing into the liquid and the last out of it.
 pub(crate) fn first_last_along(
     liquid: &(impl Liquid + ?Sized),
     ray: &Ray,
@@ -428,7 +413,7 @@ pub(crate) fn first_last_along(
         } else {
             found[0].get_or_insert(crossing);
         }
-        // A little further, so that a ray along an edge gets on.
+        // Advances slightly, so that a ray along an edge proceeds.
         start = t + ONWARD * (1.0 + t);
         from.origin = ray.at(start);
         inside = !inside;

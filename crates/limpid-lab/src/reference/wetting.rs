@@ -1,4 +1,4 @@
-//! Liquid that wets the solids which it touches.
+//! Contact of the reconstructed surface with solids: liquid wets the solids that it touches.
 
 use glam::{DVec3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -7,26 +7,26 @@ use super::surroundings::in_plane;
 use super::wide;
 use limpid::scene::Shape;
 
-/// A surface within so many particle radii of a solid wets it.
+/// Distance from a solid within which the surface wets it, particle radii.
 const WETTING: f64 = 2.2;
 
-/// So many particle radii deep in the solid it is drawn then, so that no gap is left along edges;
-/// but at most half way through a solid that is thinner. A plane is taken for the face of something
-/// thick.
+/// Depth to which a wet surface is moved into the solid, particle radii, so that no gap is left
+/// along edges; at most half the thickness of a thin solid. A plane counts as the face of a thick
+/// solid.
 const WET_DEPTH: f64 = 0.4;
 
-/// Solids among particles.
+/// Solids in contact with particles.
 pub(super) struct Walls<'a> {
     shapes: &'a [Shape],
     particles: &'a [Vec3],
-    /// Of the particles, where there is a plane: it tells on which of its sides liquid is.
+    /// Tree of the particles, if there is a plane: it determines which side of the plane is wet.
     tree: Option<ImmutableKdTree<f32, 3>>,
     radius: f64,
 }
 
-/// What a point has to do with a solid.
+/// Position of a point relative to a solid.
 struct Beside {
-    /// Distance from the surface, m; negative beyond it.
+    /// Signed distance from the surface, m; negative inside.
     distance: f64,
     /// The surface's unit normal, towards the liquid.
     normal: DVec3,
@@ -44,11 +44,12 @@ impl<'a> Walls<'a> {
         Self { shapes, particles, tree: sided.then(tree), radius }
     }
 
-    /// A point of the liquid's surface, moved into the solids that it touches.
+    /// Moves a point of the liquid's surface into the solids that it touches.
     pub(super) fn wetted(&self, mut point: DVec3) -> DVec3 {
-        let place = point;
+        let original_point = point;
         for shape in self.shapes {
-            let Some(Beside { distance, normal, thickness }) = self.beside(shape, point, place)
+            let Some(Beside { distance, normal, thickness }) =
+                self.beside(shape, point, original_point)
             else {
                 continue;
             };
@@ -60,8 +61,9 @@ impl<'a> Walls<'a> {
         point
     }
 
-    /// `place` is where the point was before other solids moved it.
-    fn beside(&self, shape: &Shape, point: DVec3, place: DVec3) -> Option<Beside> {
+    /// Locates `point` relative to a solid; `original_point` is its position before other solids
+    /// moved it.
+    fn beside(&self, shape: &Shape, point: DVec3, original_point: DVec3) -> Option<Beside> {
         match *shape {
             Shape::Plane { origin, normal, half_extent } => {
                 let (origin, normal) = (wide(origin), wide(normal).normalize());
@@ -70,7 +72,7 @@ impl<'a> Walls<'a> {
                     return None;
                 }
                 let near = f64::abs(offset.dot(normal)) < (WETTING + REACH) * self.radius;
-                let nearest = self.nearest(place).filter(|_| near)?;
+                let nearest = self.nearest(original_point).filter(|_| near)?;
                 let normal = if normal.dot(nearest - origin) < 0.0 { -normal } else { normal };
                 Some(Beside { distance: offset.dot(normal), normal, thickness: f64::INFINITY })
             }
@@ -80,16 +82,16 @@ impl<'a> Walls<'a> {
                 let distance = offset.length();
                 if distance > 0.0 {
                     let normal = offset / distance;
-                    // Through the box along the axis that the surface faces most.
+                    // Thickness of the box along the axis that the surface faces most.
                     let thickness = (max - min)[normal.abs().max_position()];
                     return Some(Beside { distance, normal, thickness });
                 }
                 let middle = 0.5 * (min + max);
-                let beneath = 0.5 * (max - min) - (point - middle).abs();
-                let axis = beneath.min_position();
+                let inner_distance = 0.5 * (max - min) - (point - middle).abs();
+                let axis = inner_distance.min_position();
                 let normal = DVec3::AXES[axis] * (point - middle)[axis].signum();
                 let thickness = (max - min)[axis];
-                Some(Beside { distance: -beneath[axis], normal, thickness })
+                Some(Beside { distance: -inner_distance[axis], normal, thickness })
             }
             Shape::Sphere { center, radius } => {
                 let offset = point - wide(center);
@@ -101,14 +103,14 @@ impl<'a> Walls<'a> {
         }
     }
 
-    /// The particle nearest to a point, m.
+    /// Finds the particle nearest to a point, m.
     fn nearest(&self, point: DVec3) -> Option<DVec3> {
-        let place = point.as_vec3().to_array();
-        let query = self.tree.as_ref()?.query(&place);
+        let coordinates = point.as_vec3().to_array();
+        let query = self.tree.as_ref()?.query(&coordinates);
         let found = query.nearest_one::<SquaredEuclidean<f64>>().execute();
         self.particles.get(found.item as usize).map(|x| x.as_dvec3())
     }
 }
 
-/// No surface is so many radii from its nearest particle.
+/// Upper bound on the distance of a surface from its nearest particle, particle radii.
 const REACH: f64 = 4.0;

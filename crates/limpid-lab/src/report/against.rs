@@ -1,4 +1,4 @@
-//! Error figures beside those of an earlier report: what has got worse.
+//! Comparison of error figures with those of an earlier report: regressions.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -6,43 +6,45 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::rows::{Report, Row, Stress};
+use super::Report;
+use super::rows::{Row, Stress};
 use limpid_io::error::{Error, Result};
 use limpid_io::files;
 
-/// Of its last digits a figure may lose this share: the same mathematics in other machine code.
+/// Relative increase of a figure that counts as rounding: the same mathematics in other machine
+/// code.
 pub const TOLERANCE: f64 = 0.01;
 
-/// Figures that are listed at most.
+/// Maximum number of figures that are listed.
 const SHOWN: usize = 20;
 
-/// What two reports have in common: the error figures of rows and of extreme scenes.
+/// The comparison of two reports: the error figures of rows and of extreme scenes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Against {
-    /// Figures that both have.
+    /// Figures in both reports.
     pub figures: usize,
-    /// Of these the same to the bit.
+    /// Of these, bit-identical ones.
     pub same: usize,
-    /// Of these smaller than before.
+    /// Of these, smaller than before.
     pub better: usize,
-    /// Figures that one alone has.
+    /// Figures in only one report.
     pub alone: usize,
-    /// Figures that are larger than before, that which has risen by the largest share first.
+    /// Figures larger than before, the largest relative increase first.
     pub worse: Vec<Change>,
 }
 
-/// A figure that is larger than before.
+/// A figure larger than before.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Change {
     /// Kind, scene, method, settings and measure.
     pub name: String,
-    /// The earlier report's.
+    /// The value in the earlier report.
     pub before: f64,
-    /// This one's.
+    /// The value in this report.
     pub after: f64,
 }
 
-/// The measurements of a report's JSON.
+/// The measurements in a report's JSON.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 pub struct Measured {
     rows: Vec<Row>,
@@ -53,19 +55,19 @@ impl Measured {
     /// Reads the JSON of a report.
     ///
     /// # Errors
-    /// [`Error::Io`] if it cannot be read, [`Error::Format`] if it is no report.
+    /// [`Error::Io`] if it cannot be read, [`Error::Format`] if it is not a report.
     pub fn read(path: &Path) -> Result<Self> {
         let text = files::read_text(path)?;
         serde_json::from_str(&text)
             .map_err(|e| Error::format(path, format!("not the JSON of a report: {e}")))
     }
 
-    /// What a report has measured.
+    /// Extracts the measurements of a report.
     pub fn of(report: &Report) -> Self {
         Self { rows: report.rows.clone(), stress: report.stress.clone() }
     }
 
-    /// Figures by their names; smaller is better for all of them.
+    /// Figures by name; smaller is better for all of them.
     fn figures(&self) -> HashMap<String, f64> {
         let mut figures = HashMap::new();
         for row in &self.rows {
@@ -74,7 +76,7 @@ impl Measured {
             if let (Some(error), Some(kind)) = (row.error, error_kind) {
                 figures.insert(format!("{name}: {kind:?}"), error);
             }
-            // Rows of one method that differ in their error alone say the same of the rest.
+            // Rows of one method that differ only in their error kind repeat the other figures.
             if let Some(pixels) = row.rms_px {
                 figures.insert(format!("{name}: RmsPixels"), pixels);
             }
@@ -87,7 +89,7 @@ impl Measured {
         figures
     }
 
-    /// Compares with what was measured before.
+    /// Compares with earlier measurements.
     pub fn against(&self, earlier: &Self) -> Against {
         let (before, after) = (earlier.figures(), self.figures());
         let both = after.iter().filter_map(|(name, &a)| Some((name, *before.get(name)?, a)));
@@ -99,7 +101,7 @@ impl Measured {
             } else if after < before {
                 better += 1;
             } else {
-                // What is not a number is worse than any.
+                // NaN is worse than any number.
                 worse.push(Change { name: name.clone(), before, after });
             }
         }
@@ -110,7 +112,7 @@ impl Measured {
 }
 
 impl Change {
-    /// By which share of itself the figure has risen; infinite if it was 0 or is no number.
+    /// Relative increase of the figure; infinite if it was 0 or the result is NaN.
     pub fn risen(&self) -> f64 {
         let risen = (self.after - self.before) / self.before;
         if risen.is_nan() { f64::INFINITY } else { risen }
@@ -118,7 +120,7 @@ impl Change {
 }
 
 impl Against {
-    /// Those that have risen by more than [`TOLERANCE`].
+    /// The figures that have increased by more than [`TOLERANCE`].
     pub fn risen(&self) -> impl Iterator<Item = &Change> {
         self.worse.iter().take_while(|change| change.risen() > TOLERANCE)
     }
@@ -134,7 +136,7 @@ impl fmt::Display for Against {
         write!(f, "{better} better, {} worse", worse.len())?;
         let risen = self.risen().count();
         write!(f, ", {risen} of them by more than {} %", 100.0 * TOLERANCE)?;
-        // The worst of all, however little it is.
+        // At least the worst, even if it is below the tolerance.
         for change in worse.iter().take(risen.clamp(1, SHOWN)) {
             let Change { name, before, after } = change;
             let risen = 100.0 * change.risen();
@@ -172,10 +174,10 @@ mod tests {
         Measured { rows: vec![row, flip], stress: vec![stress] }
     }
 
-    /// Protects the comparison: a figure that rises is named, first the one that rises most, rounding
-    /// is no rise, a picture that is no longer finite is.
+    /// Increased figures are listed, the largest increase first; rounding does not count as an
+    /// increase, a picture that is no longer finite does.
     #[test]
-    fn what_rises_is_named() {
+    fn regressions_are_listed() {
         let before = measured(0.02, 1e-5, 0);
         let same = before.against(&before);
         assert_eq!((same.figures, same.same, same.alone), (6, 6, 0));
@@ -205,9 +207,9 @@ mod tests {
         assert_eq!(fewer.against(&before).alone, 1);
     }
 
-    /// Protects the file: what a report writes is read again; what is none is refused by its name.
+    /// A written report is read back; a file that is not a report is rejected by name.
     #[test]
-    fn a_report_is_read_again() {
+    fn reports_round_trip() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("report.json");
         let report = super::super::sample::sample();

@@ -1,7 +1,7 @@
-//! Caustic maps measured: their time, their error, and whether light is kept.
+//! Measurement of caustic maps: time, error, and conservation of light.
 //!
-//! Of an analytic pool the light's layers are exact, so that the error is the method's alone; of
-//! particles they are what the renderer draws, and the truth is the reconstructed surface.
+//! The light's layers of an analytic pool are exact, so its error is that of the method alone;
+//! those of particles are the rendered ones, and the truth is the reconstructed surface.
 
 use glam::{DAffine3, DVec2, DVec3, UVec2};
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ use limpid::lights;
 use limpid::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
 use limpid::passes::gbuffer::SceneBinding;
 use limpid::passes::smooth;
-use limpid::passes::splat::SplatBuffers;
+use limpid::passes::splat_buffers::SplatBuffers;
 use limpid::passes::tiles::Sections;
 use limpid::passes::view_passes::{self, ViewConfig, ViewPasses};
 use limpid::passes::{CameraBinding, GBufferImages, Layers};
@@ -29,7 +29,7 @@ use limpid::settings::{self, Method, Solver};
 use limpid_io::error::Result;
 
 impl ViewLayers {
-    /// A liquid and the solids as a light sees them, exactly.
+    /// Computes the exact layers of a liquid and of the solids in a light's view.
     pub fn of_light(liquid: &(impl Liquid + ?Sized), scene: &Scene, view: &LightView) -> Self {
         let surroundings = Surroundings::new(scene);
         let size = view.size;
@@ -51,7 +51,7 @@ impl ViewLayers {
     }
 }
 
-/// One light over given layers, on the device.
+/// The caustics pass of one light over given layers, on the device.
 pub struct Bench {
     gpu: Gpu,
     view: LightView,
@@ -64,16 +64,16 @@ pub struct Bench {
     caustics: Caustics,
 }
 
-/// What one run made.
+/// The result of one run.
 #[derive(Debug, Clone)]
 pub struct Run {
     /// Irradiance on each texel's receiver by light through liquid, W/m², and 1 where liquid leaves
-    /// the direct light alone; rows from the top.
+    /// direct light only; rows from the top.
     pub irradiance: Vec<[f32; 4]>,
     /// Depth of each texel's receiver in the light's view, m; 0 where there is none.
     pub depths: Vec<f32>,
-    /// What `gather` found: irradiance, and 1 where it solved, 2 where it did not, 0 where there
-    /// was nothing to solve.
+    /// The result of `gather`: irradiance, and 1 where it converged, 2 where it did not, 0 where
+    /// there was nothing to solve.
     pub gathered: Vec<[f32; 4]>,
     /// Milliseconds on the device, 0 where it has no timestamps.
     pub ms: f64,
@@ -114,8 +114,8 @@ impl Bench {
         })
     }
 
-    /// Makes the map of one of the scene's lights, by the scene's settings. Lengths in settings are
-    /// in units of `radius`, m.
+    /// Renders the map of one of the scene's lights with the scene's settings. Lengths in the
+    /// settings are in units of `radius`, m.
     ///
     /// # Errors
     /// [`limpid::Error::DeviceLost`].
@@ -173,7 +173,7 @@ pub fn relative_l1(map: &[[f32; 4]], truth: &[DVec3], counts: impl Fn(usize) -> 
     difference / sum.max(f64::MIN_POSITIVE)
 }
 
-/// The light that a map holds, W per channel: irradiance times the receivers' areas.
+/// The power that a map holds, W per channel: irradiance times the receivers' areas.
 pub fn received(view: &LightView, run: &Run, scene: &Scene) -> DVec3 {
     let surroundings = Surroundings::new(scene);
     let size: UVec2 = view.size;
@@ -190,20 +190,20 @@ pub fn received(view: &LightView, run: &Run, scene: &Scene) -> DVec3 {
     run.irradiance.par_iter().enumerate().map(texel).sum()
 }
 
-/// The light's own view of all that may send light to its map, with so many texels along its side.
+/// The light's own view of everything that may send light to its map, `resolution` texels wide.
 fn source(subject: &Subject, light: &Light, resolution: u32) -> Option<LightView> {
     let bounds = lights::bounds(&subject.loaded.splats)?;
     LightView::new(light, bounds, &subject.scene.solids, 0.02, resolution, None)
 }
 
-/// Beams per texel and axis that give a map of so many texels an error below 1 %.
+/// Beams per texel and axis that give a map of this resolution an error below 1 %.
 fn density(resolution: u32) -> u32 {
     2048u32.div_ceil(resolution).clamp(2, 6)
 }
 
-/// The true caustics of each light of a scene on its solids, as fine as its own settings ask for but
-/// no finer than `resolution`; none if nothing is lit. Nothing of them depends on what the renderer
-/// lets its lights see.
+/// Computes the true caustics of each light of a scene on its solids, at the resolution of the
+/// scene's settings but at most `resolution`; empty if nothing is lit. They do not depend on the
+/// views that the renderer chooses for its lights.
 pub fn truths(subject: &Subject, resolution: u32) -> Vec<Option<Vec<reference::CausticMap>>> {
     let scene = &subject.scene;
     if !scene.is_lit() {
@@ -222,14 +222,14 @@ fn with(scene: &Scene, change: impl Fn(&mut settings::Caustics)) -> Scene {
     scene
 }
 
-/// What is compared for one size of the map: method, its settings in words, and what they change.
+/// A change of the settings that selects a method.
 type Change = Box<dyn Fn(&mut settings::Caustics)>;
 
 fn methods(resolution: u32, quick: bool) -> Vec<(&'static str, String, Change)> {
     let mut methods: Vec<(&'static str, String, Change)> = Vec::new();
     methods.push(("straight", String::new(), Box::new(|c| c.method = Method::Straight)));
-    // 1536 is about what the smallest limit on buffers allows.
-    // Cells along the map, and parts of each.
+    // Cells along the map, and subdivisions of each cell. The smallest buffer limit allows about
+    // 1536.
     let grids = [
         (200, 1),
         (resolution / 4, 2),
@@ -291,7 +291,7 @@ pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
             interfaces,
             density(resolution),
         );
-        // Half the density has about four times the error.
+        // At half the density the error is about four times as large.
         let truth_name = format!("{}, by beams within {:.2} %", subject.truth, 100.0 * own / 3.0);
         let sent = truth.flux.received.element_sum();
         let liquid = &*subject.liquid;
@@ -307,7 +307,8 @@ pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
         let mut bench = Bench::new(gpu, &scene, &view, &layers)?;
         let chosen = methods(resolution, quick);
         let scenes: Vec<_> = chosen.iter().map(|(_, _, change)| with(&scene, change)).collect();
-        // The first run compiles, and is what is judged; then by turns.
+        // The first run compiles pipelines and is the one that is scored; timed runs are
+        // interleaved.
         let runs: Vec<_> = scenes.iter().map(|s| bench.run(s, 0, radius)).collect::<Result<_>>()?;
         let mut times = vec![Vec::new(); runs.len()];
         for _ in 0..repeats {
@@ -326,17 +327,17 @@ pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
             let one_path = |i: usize| one_path(&counts, view.size, i);
             if *method == "gather" {
                 let texels = run.gathered.iter().enumerate().filter(|(i, _)| one_path(*i));
-                let (mut solved, mut asked) = (0.0, 0.0);
+                let (mut solved, mut solvable) = (0.0, 0.0);
                 for (_, texel) in texels {
                     solved += f64::from(u8::from(texel[3] == 1.0));
-                    asked += f64::from(u8::from(texel[3] > 0.0));
+                    solvable += f64::from(u8::from(texel[3] > 0.0));
                 }
-                row.solved_of_solvable = Some(solved / f64::max(asked, 1.0));
+                row.solved_of_solvable = Some(solved / f64::max(solvable, 1.0));
             }
             let error = relative_l1(&run.irradiance, &truth.irradiance, one_path);
             let kind = ErrorKind::RelativeL1OnePath;
-            let other = row.clone().with_error(error, kind, &truth_name);
-            rows.extend([row, other]);
+            let one_path_row = row.clone().with_error(error, kind, &truth_name);
+            rows.extend([row, one_path_row]);
         }
     }
     if subject.is_water {
@@ -345,8 +346,8 @@ pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// Whether light comes to a texel by one path: to its centre and to those of its neighbours, so that
-/// no fold of the caustic is in it.
+/// Whether light reaches a texel by exactly one path: its centre and those of its neighbours, so
+/// that no fold of the caustic crosses it.
 fn one_path(counts: &[u32], size: UVec2, i: usize) -> bool {
     let at = UVec2::new(i as u32 % size.x, i as u32 / size.x);
     let inner = at.min(size - 1 - at).min_element() > 0;
@@ -354,7 +355,7 @@ fn one_path(counts: &[u32], size: UVec2, i: usize) -> bool {
     inner && (0..9).map(around).all(|p| counts[(p.y * size.x + p.x) as usize] == 1)
 }
 
-/// The light's layers as the renderer draws them from the particles.
+/// Renders the light's layers from the particles.
 fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Result<ViewLayers> {
     let splats = &subject.loaded.splats;
     let fits = smooth::Params::iterations(&scene.settings.smooth, splats.radius);
@@ -390,8 +391,8 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
     ViewLayers::read(gpu, surfaces.aggregate_layers(), surfaces.splash_layers(), solids)
 }
 
-/// How light's own refracted rays converge in its view of the solids, iteration by iteration (Mayer
-/// et al. 2026, figure 5).
+/// Measures how refracted light rays converge in the light's view of the solids, iteration by
+/// iteration (Mayer et al. 2026, figure 5).
 fn rays(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
     let scene = &subject.scene;
     let resolution = if quick { 256 } else { 2048 };

@@ -1,5 +1,5 @@
-//! What `limpid render --max-error` and `--budget` choose by: settings with their error and cost,
-//! `crates/limpid-lab/src/quality.toml`.
+//! The measurements that `limpid render --max-error` and `--budget` choose from: settings with
+//! their error and cost, `crates/limpid-lab/src/quality.toml`.
 
 use glam::DVec3;
 use image::RgbImage;
@@ -20,20 +20,20 @@ use limpid::settings::Settings;
 use limpid_io::error::Result;
 use limpid_io::project::overrides::replaced;
 
-/// Scenes with rays of every kind that are quickly measured: a drop, a breaking wave, a dam break.
+/// Scenes with all kinds of rays that are quick to measure: a drop, a breaking wave, a dam break.
 pub const SCENES: [&str; 3] = ["drop", "breaker", "demo"];
 
-/// Width of their pictures, pixels, and of those whose rays' hits are judged.
+/// Width of their pictures, pixels, and of those whose ray hits are scored.
 const WIDTH: u32 = 256;
 const HITS_WIDTH: u32 = 640;
 
-/// Rays per pixel of the traced pictures.
+/// Rays per pixel of the path-traced pictures.
 const TRUTH_SAMPLES: u32 = 4;
 
-/// Frames of which a cost is the median: more for intersectors, which differ by little.
+/// Number of timed frames; a cost is their median. More for intersectors, which differ little.
 const REPEATS: [usize; 2] = [5, 3];
 
-/// Settings of an intersector, the defaults first.
+/// Settings of the intersectors, the defaults first.
 fn intersectors() -> Vec<Vec<String>> {
     let guarded = [0.01, 0.08, 0.04, 0.02].map(|reach| ("guarded", "reach", reach));
     let march = [4.0, 2.0, 1.0].map(|stride| ("march", "stride", stride));
@@ -51,7 +51,7 @@ fn intersectors() -> Vec<Vec<String>> {
     swept.chain(rest).collect()
 }
 
-/// What goes into a picture besides its intersector, the defaults first.
+/// Settings of a picture other than its intersector, the defaults first.
 fn knobs() -> Vec<Vec<String>> {
     let mut knobs = Vec::new();
     for iterations in [5, 2] {
@@ -66,10 +66,10 @@ fn knobs() -> Vec<Vec<String>> {
     knobs
 }
 
-/// Intersectors that pictures are drawn with.
+/// Intersectors that the pictures are rendered with.
 const IN_PICTURES: [&str; 5] = ["reach=0.01", "reach=0.04", "stride=1", "iterations=2", "single"];
 
-/// Measures the whole curve, telling `progress` what comes next.
+/// Measures the whole curve, reporting each step to `progress`.
 ///
 /// # Errors
 /// As [`Renderer::render`].
@@ -82,7 +82,7 @@ pub fn measure(gpu: &Gpu, progress: &mut dyn FnMut(&str)) -> Result<Curve> {
         let is = |name: &&str| set.iter().any(|text| text.ends_with(name));
         !is(&"secant") && IN_PICTURES.iter().any(is)
     };
-    // Their error, and all settings; the first are the defaults in both.
+    // Pairs of error and settings; the first are the defaults in both lists.
     let mut alone = Vec::new();
     let mut mixed = Vec::new();
     for (set, error) in sets.into_iter().zip(errors) {
@@ -108,7 +108,8 @@ pub fn measure(gpu: &Gpu, progress: &mut dyn FnMut(&str)) -> Result<Curve> {
     })
 }
 
-/// Settings with their errors, drawn: with FLIP and cost. The first of each list are the defaults.
+/// Renders with each of the settings and adds FLIP and cost. The first of each list are the
+/// defaults.
 fn measured(
     gpu: &Gpu,
     renderer: &mut Renderer,
@@ -144,7 +145,8 @@ fn measured(
     Ok([(); 2].map(|()| lists.next().expect("two lists")))
 }
 
-/// The error of each intersector, pixels, over the rays of all scenes: [`Choice::error_px`].
+/// Measures the error of each intersector over the rays of all scenes, pixels:
+/// [`Choice::error_px`].
 ///
 /// # Errors
 /// As [`Renderer::render`].
@@ -177,7 +179,7 @@ pub fn hit_errors(gpu: &Gpu, renderer: &mut Renderer, sets: &[Vec<String>]) -> R
     Ok(sums.iter().map(mean).collect())
 }
 
-/// FLIP and time of a scene's pictures with each of the settings, drawn by turns.
+/// Measures FLIP and time of a scene's pictures with each of the settings, interleaved.
 fn pictures(
     gpu: &Gpu,
     renderer: &mut Renderer,
@@ -199,7 +201,7 @@ fn pictures(
     renderer.timing = true;
     let mut flips = Vec::new();
     let mut times = vec![Vec::new(); list.len()];
-    // The first of each may compile; its picture counts, its time does not.
+    // The first round may compile pipelines: its pictures are compared, its times are not used.
     for repeat in 0..=repeats {
         for ((scene, splats), times) in frames.iter().zip(&mut times) {
             renderer.forget();

@@ -1,5 +1,5 @@
-//! What is left out of a frame that does not need it, and what that saves: the same picture drawn
-//! twice, once with something in the scene, to no effect, that makes all of it be drawn.
+//! Measurement of skipped work: each frame is rendered twice, once with something added that does
+//! not change the picture but forces the skipped work to run.
 
 use glam::{DVec3, UVec2, Vec3};
 use image::RgbaImage;
@@ -15,7 +15,7 @@ use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 use limpid::settings::Solids;
 use limpid_io::error::Result;
 
-/// What a frame is drawn from.
+/// The inputs of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     /// The scene.
@@ -26,51 +26,51 @@ pub struct Frame {
     pub splats: Splats,
 }
 
-/// Something that is left out.
+/// A case in which work is skipped.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
-    /// Why it is not needed.
+    /// Why the work is not needed.
     pub name: &'static str,
-    /// What makes it be drawn nevertheless.
+    /// The change that forces it to run.
     pub forced_by: &'static str,
-    /// Drawn just before; nothing is kept of any other frame.
+    /// A frame rendered just before, if the case depends on one.
     pub before: Option<Frame>,
-    /// The frame, something left out.
+    /// The frame with work skipped.
     pub elided: Frame,
-    /// The frame with nothing left out: the same picture.
+    /// The frame with all work forced; its picture is the same.
     pub forced: Frame,
-    /// Passes that only the second has; none where passes do less instead.
+    /// Passes that only the forced frame runs; empty where passes only do less work.
     pub left_out: &'static [&'static str],
 }
 
-/// What leaving out saves.
+/// The time that skipping saves.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Elision {
-    /// Why it is not needed.
+    /// Why the work is not needed.
     pub name: String,
-    /// What makes it be drawn nevertheless.
+    /// The change that forces it to run.
     pub forced_by: String,
-    /// Whether the pictures are the same, to the bit.
+    /// Whether the pictures are bit-identical.
     pub same: bool,
-    /// Time of all passes with it left out, median, ms.
+    /// Median time of all passes with the work skipped, ms.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ms: Option<f64>,
-    /// And drawn.
+    /// Median time of all passes with the work forced, ms.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub forced_ms: Option<f64>,
 }
 
-/// Passes of a light's view.
+/// The passes of a light's view.
 const OF_LIGHTS: &[&str] = &["light splat", "light tiles", "light gbuffer", "caustics"];
 
-/// All elisions, of a frame with aggregates over solids.
+/// Builds all cases from a frame with aggregates over solids.
 pub fn cases(frame: &Frame) -> Vec<Case> {
     let mut base = frame.clone();
     base.splats.splashes.clear();
     base.scene.lights.clear();
     let camera = frame.camera;
     let back = (camera.eye - camera.target).normalize();
-    // Of the size of a particle, so far behind the eye.
+    // A splat the size of a particle, `distance` behind the eye.
     let behind = |distance: f64| {
         let centre = camera.eye + distance * back - frame.splats.origin;
         let radius = frame.splats.radius.min(0.1 * camera.near());
@@ -83,7 +83,7 @@ pub fn cases(frame: &Frame) -> Vec<Case> {
             tags: 0,
         }
     };
-    // So small and so far that no ray meets it.
+    // A solid too small and too far away to be hit by any ray.
     let speck = |lit: bool| Solid {
         shape: Shape::Sphere { center: camera.eye + 1e4 * DVec3::new(3.0, 4.0, 5.0), radius: 1e-2 },
         surface: Surface::Color(Vec3::ONE),
@@ -150,11 +150,11 @@ pub fn cases(frame: &Frame) -> Vec<Case> {
         &|frame| frame.scene.solids.push(speck(false)),
     ));
 
-    // What is kept of the frame before.
+    // Cases that reuse results of the previous frame.
     let mut lit = frame.clone();
     lit.scene.lights = vec![sun];
     lit.scene.solids.iter_mut().for_each(|solid| solid.lit = true);
-    let mut kept =
+    let mut reuse_case =
         |name: &'static str, left_out: &'static [&'static str], change: &dyn Fn(&mut Frame)| {
             let mut changed = lit.clone();
             change(&mut changed);
@@ -162,22 +162,26 @@ pub fn cases(frame: &Frame) -> Vec<Case> {
             let (before, forced) = (Some(lit.clone()), changed.clone());
             cases.push(Case { name, forced_by, before, elided: changed, forced, left_out });
         };
-    kept("the camera alone moves: no caustics", OF_LIGHTS, &|frame| {
+    reuse_case("the camera alone moves: no caustics", OF_LIGHTS, &|frame| {
         frame.camera = frame.camera.turned(0.05);
     });
-    kept("more rays alone: no layers", &["light splat", "caustics", "splat", "tiles"], &|frame| {
-        let samples = &mut frame.scene.settings.refract.samples;
-        *samples = if *samples == 4 { 2 } else { 4 };
-    });
-    kept("another exposure alone: no light", &["caustics", "splat", "refract"], &|frame| {
+    reuse_case(
+        "more rays alone: no layers",
+        &["light splat", "caustics", "splat", "tiles"],
+        &|frame| {
+            let samples = &mut frame.scene.settings.refract.samples;
+            *samples = if *samples == 4 { 2 } else { 4 };
+        },
+    );
+    reuse_case("another exposure alone: no light", &["caustics", "splat", "refract"], &|frame| {
         frame.scene.settings.tonemap.exposure += 0.5;
     });
-    kept("nothing changes: nothing drawn", &["caustics", "splat", "refract"], &|_| ());
+    reuse_case("nothing changes: nothing drawn", &["caustics", "splat", "refract"], &|_| ());
     cases
 }
 
-/// Draws both frames of a case, first what is elided: their pictures, and the times of their
-/// passes if the renderer measures them.
+/// Renders both frames of a case, the elided one first: their pictures, and their pass times if the
+/// renderer measures them.
 ///
 /// # Errors
 /// As [`Renderer::render`].
@@ -189,7 +193,7 @@ pub fn draw(
 ) -> Result<[(RgbaImage, Vec<PassTime>); 2]> {
     let target = Picture::new(gpu, size)?;
     renderer.reuse = true;
-    let mut shoot = |before: Option<&Frame>, frame: &Frame| -> Result<_> {
+    let mut render_sequence = |before: Option<&Frame>, frame: &Frame| -> Result<_> {
         renderer.forget();
         let mut passes = Vec::new();
         for Frame { scene, camera, splats } in before.into_iter().chain([frame]) {
@@ -198,12 +202,15 @@ pub fn draw(
         }
         Ok((target.read(gpu)?, passes))
     };
-    let pair = [shoot(case.before.as_ref(), &case.elided)?, shoot(None, &case.forced)?];
+    let pair = [
+        render_sequence(case.before.as_ref(), &case.elided)?,
+        render_sequence(None, &case.forced)?,
+    ];
     renderer.reuse = false;
     Ok(pair)
 }
 
-/// Measures every elision of a frame, both pictures by turns.
+/// Measures every elision of a frame, interleaving both pictures.
 ///
 /// # Errors
 /// As [`Renderer::render`].
@@ -217,7 +224,7 @@ pub fn measure(
     renderer.timing = true;
     let mut rows = Vec::new();
     for case in cases(frame) {
-        // The first may compile pipelines; it is not counted.
+        // The first frames may compile pipelines; they are not timed.
         let [(elided, _), (forced, _)] = draw(gpu, renderer, &case, size)?;
         let mut times = [Vec::new(), Vec::new()];
         for _ in 0..repeats {

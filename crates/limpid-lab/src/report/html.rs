@@ -1,4 +1,4 @@
-//! The report as one page.
+//! The report as a self-contained HTML page.
 
 use std::io::Cursor;
 
@@ -57,7 +57,7 @@ dialog img { display: block }
 dialog p { margin: .3rem .6rem; font-size: .85rem }
 ";
 
-/// Pictures in full size on click, the neighbours by the arrow keys.
+/// Shows a picture in full size on click; the arrow keys switch to its neighbours.
 const SCRIPT: &str = "
 const dialog = document.querySelector('dialog'), [picture, caption] = dialog.children;
 let shown;
@@ -83,12 +83,12 @@ nothing that was measured is both faster and more accurate than what lies on it.
 limpid's own methods are filled. Times are medians on the device; bars, and ± in the tables, are \
 half the range between the quartiles.</p>\n";
 
-/// What the budgets mean.
+/// The introduction to the budgets.
 const BUDGETING: &str = "<p>What each pass must move (MB) and compute (Mop: millions of operations), \
 the longer of the times that these take at the adapter's best (floor), and the time that the pass \
 takes. RATES</p>\n";
 
-/// What the rows of a kind mean.
+/// The introduction to the rows of a kind.
 fn reading(kind: Kind) -> &'static str {
     match kind {
         Kind::Intersect => {
@@ -130,7 +130,7 @@ fn reading(kind: Kind) -> &'static str {
              alternated, 0 (alike) to 1 (Andersson et al. 2020).</p>\n"
         }
         Kind::Pass => "<p>Where the time of a frame goes.</p>\n",
-        // Not of rows.
+        // Elisions are not rows.
         Kind::Elision => "",
     }
 }
@@ -141,12 +141,12 @@ fn ours(method: &str) -> bool {
     name.is_some_and(|name| ["guarded", "limpid", "plane-fit"].contains(&name))
 }
 
-/// The number of iterations, of a row that differs from others of its method in that.
+/// The iteration count of a row that belongs to a sweep over iterations.
 fn sweep(row: &Row) -> Option<u32> {
     row.settings.strip_prefix("iterations=")?.parse().ok()
 }
 
-/// The rows of each method that differ in iterations, in their order, as indices into `rows`.
+/// The sweeps over iterations, one per method, in ascending order, as indices into `rows`.
 fn sweeps(rows: &[&Row]) -> Vec<Vec<usize>> {
     let of = |method: &str| {
         let mut sweep: Vec<(u32, usize)> = (0..rows.len())
@@ -160,7 +160,7 @@ fn sweeps(rows: &[&Row]) -> Vec<Vec<usize>> {
     sweeps.filter(|sweep| sweep.len() > 1).collect()
 }
 
-/// Time against error, for each scene and each kind of error.
+/// Plots of time against error, for each scene and each kind of error.
 fn speed_plots(rows: &[&Row]) -> Vec<Plot> {
     let mut plots = Vec::new();
     for scene in distinct(rows, |row| &row.scene) {
@@ -170,10 +170,11 @@ fn speed_plots(rows: &[&Row]) -> Vec<Plot> {
                 .filter(|row| row.ms.is_some() && row.error.is_some())
                 .collect();
             let lines = sweeps(&shown);
-            // Settings that all have tell nothing.
+            // Settings shared by all rows are omitted.
             let alike = shown.iter().all(|row| row.settings == shown[0].settings);
             let label = |i: usize| match (sweep(shown[i]), shown[i]) {
-                // One name for the points of a line, then only their numbers.
+                // The first point of a line is labelled with the method, the others with their
+                // numbers only.
                 (Some(n), _) if lines.iter().any(|line| line[1..].contains(&i)) => n.to_string(),
                 (Some(n), row) => format!("{} {n}", row.method),
                 (None, row) if alike => row.method.clone(),
@@ -201,7 +202,8 @@ fn speed_plots(rows: &[&Row]) -> Vec<Plot> {
     plots
 }
 
-/// Share of the rays solved against iterations, for each scene with methods that vary them.
+/// Plots of the share of solved rays against iterations, for each scene with methods that vary
+/// them.
 fn convergence_plots(rows: &[&Row]) -> Vec<Plot> {
     let curve = |scene: &String| {
         let of: Vec<&Row> = rows.iter().copied().filter(|row| row.scene == *scene).collect();
@@ -248,7 +250,7 @@ fn figures_of_plots(plots: &[Plot]) -> String {
     if html.is_empty() { html } else { format!("<div class=\"plots\">\n{html}</div>\n") }
 }
 
-/// A table, with a bar at the end of each row if there are lengths of bars.
+/// A table; each row ends with a bar if `bars` has lengths.
 fn table_html(caption: &str, table: &Table, bars: &[f64]) -> String {
     let class = |number: bool| if number { " class=\"number\"" } else { "" };
     let method = table.head.iter().position(|(name, _)| *name == "method");
@@ -272,14 +274,14 @@ fn table_html(caption: &str, table: &Table, bars: &[f64]) -> String {
     html + "</table></div>\n"
 }
 
-/// The passes of each frame with their shares of it.
+/// The passes of each frame with their share of its time.
 fn passes(rows: &[&Row]) -> String {
     let mut html = String::new();
     for (scene, settings) in distinct(rows, |row| (&row.scene, &row.settings)) {
         let of = rows.iter().filter(|row| (&row.scene, &row.settings) == (scene, settings));
         let time = |row: &Row| row.ms.filter(|ms| ms.is_finite() && *ms > 0.0).unwrap_or(0.0);
         let sum: f64 = of.clone().map(|row| time(row)).sum();
-        // Never zero, to divide by.
+        // Never zero, so that it can divide.
         let longest = of.clone().map(|row| time(row)).fold(f64::MIN_POSITIVE, f64::max);
         let numbers = |row: &Row| {
             let [ms, spread] =
@@ -295,7 +297,7 @@ fn passes(rows: &[&Row]) -> String {
     html
 }
 
-/// A picture in the page itself; nothing if it has no pixels.
+/// Encodes a picture as a data URI; `None` if it has no pixels.
 fn data_uri(picture: &RgbImage) -> Option<String> {
     let mut png = Cursor::new(Vec::new());
     picture.write_to(&mut png, ImageFormat::Png).ok()?;
@@ -323,7 +325,7 @@ fn pictures(figures: &[Figure]) -> String {
     html
 }
 
-/// The sections that have something to show: id, title, content.
+/// The non-empty sections: id, title, content.
 fn sections(report: &Report) -> Vec<(&'static str, &'static str, String)> {
     let mut sections = Vec::new();
     for (kind, id, title) in KINDS {
@@ -380,7 +382,7 @@ fn sections(report: &Report) -> Vec<(&'static str, &'static str, String)> {
     sections
 }
 
-/// The report as a page: one file, with its plots and pictures in it.
+/// Renders the report as a single file, with its plots and pictures embedded.
 pub fn html(report: &Report) -> String {
     let sections = sections(report);
     let adapter = escape(&report.adapter);
@@ -411,7 +413,7 @@ mod tests {
     use super::*;
     use crate::html_shell::tests::assert_self_contained;
 
-    /// Protects a page that can be kept and sent: it fetches nothing, and no text becomes markup.
+    /// The page loads no external resource, and all text is escaped.
     #[test]
     fn self_contained_and_escaped() {
         let mut report = sample();
@@ -425,7 +427,7 @@ mod tests {
         assert!(page.contains("made &lt;up&gt;") && page.contains("&lt;i&gt;"));
     }
 
-    /// Protects readers from empty sections: each is there with its rows, and only then.
+    /// A section exists exactly if it has rows.
     #[test]
     fn sections_have_rows() {
         let full = sample();
@@ -455,9 +457,9 @@ mod tests {
         }
     }
 
-    /// Protects the page against rows with hardly anything in them, and figures without pixels.
+    /// Rows with hardly any figures, non-finite figures and empty pictures do not break the page.
     #[test]
-    fn weird_rows() {
+    fn incomplete_and_non_finite_rows() {
         let mut report = empty();
         for (kind, ..) in KINDS {
             report.rows.push(Row::new(kind, "", "", ""));
@@ -480,9 +482,9 @@ mod tests {
         }
     }
 
-    /// Protects the curves: a point per iteration and share, joined in the order of iterations.
+    /// Convergence plots have a point per iteration and share, joined in the order of iterations.
     #[test]
-    fn convergence() {
+    fn convergence_lines_follow_iterations() {
         let mut report = sample();
         report.rows.reverse();
         let rows: Vec<&Row> = report.rows.iter().filter(|r| r.scene == "pool").collect();

@@ -1,5 +1,4 @@
-//! Intersectors measured: one intersection per pixel, its time, its fetches, and how often it is
-//! right.
+//! Measurement of intersectors: one intersection per pixel, its time, texel fetches and accuracy.
 
 mod truth;
 
@@ -9,7 +8,8 @@ use glam::{DVec2, DVec3, UVec2};
 use image::{Rgb, RgbImage};
 use wgpu::TextureViewDimension::{D2, D2Array};
 
-use super::rows::{ErrorKind, Figure, Kind, Orders, Report, Row};
+use super::Report;
+use super::rows::{ErrorKind, Figure, Kind, Orders, Row};
 use super::subjects::{Subject, size};
 use crate::reference::layers::View;
 use limpid::camera::{Camera, CameraUniform};
@@ -30,21 +30,21 @@ pub use truth::{
     Answer, OFF, Score, Target, Truth, ViewLayers, hit_error, score, truths, world_from_view,
 };
 
-/// A method: an intersector with its settings.
+/// An intersector with its settings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Method {
     /// Its name in the report.
     pub name: String,
-    /// What distinguishes it from others of that name.
+    /// Description of its settings, if several methods share the name.
     pub words: String,
-    /// Its settings; `None` measures everything but an intersection.
+    /// Its settings; `None` runs everything but an intersection.
     pub settings: Option<Refract>,
 }
 
-/// What a method took and found.
+/// Times and answers of a method.
 #[derive(Debug, Clone)]
 pub struct Measurement {
-    /// Milliseconds of each run, without what is not intersection.
+    /// Device time of each run, ms.
     pub ms: Vec<f64>,
     /// Its answer at each pixel.
     pub answers: Vec<Answer>,
@@ -52,12 +52,12 @@ pub struct Measurement {
     pub fetches: f64,
     /// Layer evaluations per ray, mean.
     pub iterations: f64,
-    /// Of the rays that were answered, how many entered and left which class, indexed by
-    /// entry + 2 exit, 0 for aggregates and 1 for splashes.
+    /// Number of hits by the classes in which the ray entered and left, indexed by entry + 2 exit,
+    /// 0 for aggregates and 1 for splashes.
     pub orders: [u64; 4],
 }
 
-/// The layers of one view on the device, and what intersects them.
+/// The layers of one view on the device, and the resources to intersect them.
 pub struct Bench {
     gpu: Gpu,
     size: UVec2,
@@ -80,8 +80,8 @@ impl Bench {
         gpu.check_size(layers.size)?;
         let camera = CameraBinding::new(gpu, uniform.far > 0.0);
         camera.write(gpu, uniform);
-        let nothing = vec![[0f32; 4]; layers.size.element_product() as usize];
-        let none = [nothing.clone(), nothing];
+        let empty = vec![[0f32; 4]; layers.size.element_product() as usize];
+        let none = [empty.clone(), empty];
         let splash = layers.splash.as_ref().unwrap_or(&none);
         let textures = [
             upload(gpu, layers.size, &[&layers.aggregate[0], &layers.aggregate[1]]),
@@ -119,7 +119,7 @@ impl Bench {
         })
     }
 
-    /// Runs every method `repeats` times, by turns, so that what disturbs one disturbs all.
+    /// Runs every method `repeats` times, interleaved, so that a disturbance affects all of them.
     ///
     /// # Errors
     /// [`limpid::Error::DeviceLost`].
@@ -135,7 +135,7 @@ impl Bench {
         let mut measurements: Vec<Measurement> = Vec::new();
         for method in methods {
             let run = self.prepare(method, scene, target, &mut pipelines);
-            // The warm-up gives the answers.
+            // The warm-up run provides the answers.
             self.run(&run)?;
             measurements.push(self.read()?);
             runs.push(run);
@@ -148,7 +148,7 @@ impl Bench {
         Ok(measurements)
     }
 
-    /// What the last run answered.
+    /// Reads back the answers of the last run.
     fn read(&self) -> Result<Measurement> {
         let texels = |texture: &wgpu::Texture| -> Result<Vec<[f32; 4]>> {
             Ok(bytemuck::pod_collect_to_vec(&gpu::read_texture(&self.gpu, texture, 0)?))
@@ -198,9 +198,8 @@ impl Bench {
         constants.extend(self.camera.constants());
         constants.push(("TO_SOLIDS", f64::from(u8::from(target == Target::Solids))));
         let pipeline = pipelines.entry(format!("{root} {constants:?}")).or_insert_with(|| {
-            let text =
-                limpid::shader::source(root) + &limpid::shader::source("report/intersect.wgsl");
-            let module = limpid::shader::text_module(gpu, root, text);
+            let intersector = gpu::shader::Variant::of(root);
+            let module = gpu::shader::module(gpu, "report/intersect.wgsl", intersector);
             let layouts = [&self.camera.layout, &self.inputs, &self.scene.layout, &self.outputs];
             gpu::module_pipeline(gpu, root, &module, "intersect_pixels", &layouts, &constants)
         });
@@ -277,7 +276,7 @@ pub(super) fn upload(gpu: &Gpu, size: UVec2, layers: &[&[[f32; 4]]]) -> wgpu::Te
     texture
 }
 
-/// The intersectors compared; the first is none at all.
+/// The compared intersectors; the first does not intersect.
 fn methods(quick: bool, scene: &Refract) -> Vec<Method> {
     let mut methods = vec![Method { name: "nothing".into(), words: String::new(), settings: None }];
     let mut add = |name: &str, words: String, settings: Refract| {
@@ -303,7 +302,7 @@ fn methods(quick: bool, scene: &Refract) -> Vec<Method> {
         let settings = Refract { solver: Solver::March, stride, ..Refract::default() };
         add("march", format!("stride={stride}"), settings);
     }
-    // Its reach is the scene's: it depends on how narrow things are.
+    // Otherwise `guarded` uses the scene's reach, which depends on how narrow its features are.
     if !quick {
         for reach in [0.08, 0.04, 0.02, 0.01, 0.005, 0.0025] {
             add("guarded", format!("reach={reach}"), Refract { reach, ..Refract::default() });
@@ -315,7 +314,8 @@ fn methods(quick: bool, scene: &Refract) -> Vec<Method> {
     methods
 }
 
-/// Measures the intersectors on every view of a scene.
+/// Measures the intersectors on every view of a scene and adds the rows, figures and orders to the
+/// report.
 ///
 /// # Errors
 /// As [`Bench::measure`].
@@ -353,7 +353,7 @@ pub fn report(
             Target::Liquid => "the same layers, intersected exactly",
         };
         report.rows.extend(rows(name, &methods, &measured, &view, &truths, truth));
-        // The last two are the march that reads every texel, and `guarded`.
+        // The last two methods are the march that reads every texel, and `guarded`.
         if let [.., march, guarded] = &measured[..] {
             let mask = failures(&view, size, &truths, &guarded.answers, &march.answers);
             report.figures.push(Figure {
@@ -369,7 +369,8 @@ pub fn report(
     Ok(())
 }
 
-/// A row for each method but the first, which is none at all and whose time is subtracted.
+/// Makes a row for each method but the first, which does not intersect and whose time is
+/// subtracted.
 pub(super) fn rows(
     name: &str,
     methods: &[Method],
@@ -379,9 +380,9 @@ pub(super) fn rows(
     truth: &str,
 ) -> Vec<Row> {
     let of = |(method, measurement): (&Method, &Measurement)| {
-        // Paired: each run less the run without an intersector beside it.
+        // Paired: subtracts from each run the baseline run of the same round.
         let pairs = measurement.ms.iter().zip(&measured[0].ms);
-        let net: Vec<f64> = pairs.map(|(ms, nothing)| (ms - nothing).max(0.0)).collect();
+        let net: Vec<f64> = pairs.map(|(ms, baseline)| (ms - baseline).max(0.0)).collect();
         let score = score(view, truths, &measurement.answers);
         let mut row = Row::new(Kind::Intersect, name, &method.name, &method.words)
             .timed(&net)
@@ -403,8 +404,8 @@ fn orders(scene: &str, counts: &[u64; 4]) -> Orders {
     Orders { scene: scene.into(), ss, sa, as_, aa }
 }
 
-/// The failures of a method, after Mayer et al. (2026), table 2: green where the other fails too,
-/// magenta where it alone does, grey where it is right, black without liquid.
+/// Draws the failures of a method, after Mayer et al. (2026), table 2: green where `other` fails
+/// too, magenta where only the method does, grey where it is right, black without liquid.
 fn failures(
     view: &View,
     size: UVec2,
@@ -428,7 +429,7 @@ fn failures(
 }
 
 impl ViewLayers {
-    /// The layers that the renderer draws.
+    /// Renders the layers with the renderer.
     pub(super) fn drawn(
         gpu: &Gpu,
         renderer: &mut Renderer,
@@ -446,7 +447,7 @@ impl ViewLayers {
         Self::read(gpu, &images.smoothed, images.splash.as_ref(), solids)
     }
 
-    /// Reads drawn layers back.
+    /// Reads rendered layers back.
     pub(super) fn read(
         gpu: &Gpu,
         aggregate: &Layers,
@@ -475,10 +476,9 @@ mod tests {
     use super::*;
     use crate::reference::layers::LayerHit;
 
-    /// Protects the share of wrong rays: each ray counts once, however it fails, and the share is of
-    /// all rays.
+    /// Each wrong ray counts once, however it fails, and the share is of all rays.
     #[test]
-    fn each_wrong_ray_counts_once() {
+    fn wrong_rays_count_once() {
         let view = View {
             size: DVec2::new(160.0, 120.0),
             tangent: DVec2::new(0.4, 0.3),
@@ -491,7 +491,7 @@ mod tests {
         let rays = [
             (Truth::None, Answer::None),
             (solvable, right),
-            // Neither solved nor right: one ray that is wrong.
+            // Unsolved and a wrong accept at once: one wrong ray.
             (solvable, aside),
             (solvable, Answer::Missed),
             (hidden, right),

@@ -1,18 +1,18 @@
-//! Tables, as Markdown for a README and as rows of text for the page.
+//! Tables, as Markdown for a README and as rows of text for the HTML page.
 
 use super::elisions::Elision;
 use super::passes::Budget;
 use super::rates::Rates;
 use super::{ErrorKind, Kind, Orders, Report, Row, Stress};
 
-/// A table: names of the columns, whether they are of numbers, and the rows.
+/// A table: column names, whether columns are numeric, and the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Table {
     pub(super) head: Vec<(&'static str, bool)>,
     pub(super) rows: Vec<Vec<String>>,
 }
 
-/// Kinds of rows, the name of their section, and its title.
+/// Kinds of rows with the id and the title of their section.
 pub(super) const KINDS: [(Kind, &str, &str); 5] = [
     (Kind::Intersect, "intersectors", "Intersectors"),
     (Kind::Smooth, "smoothing", "Smoothing"),
@@ -24,7 +24,7 @@ pub(super) const KINDS: [(Kind, &str, &str); 5] = [
 /// The title of the budgets.
 pub(super) const BUDGETS: &str = "Budgets";
 
-/// A number with three significant digits, without an exponent where it can be read.
+/// Formats a number with three significant digits, without an exponent for moderate magnitudes.
 pub(super) fn significant(value: f64) -> String {
     if !value.is_finite() {
         return "–".into();
@@ -39,7 +39,7 @@ pub(super) fn significant(value: f64) -> String {
     }
 }
 
-/// A share in per cent, with as many digits as tell it from the whole.
+/// Formats a share in per cent, with enough digits to distinguish it from 100 %.
 pub(super) fn percent(share: f64) -> String {
     let missing = 100.0 * (1.0 - share);
     if missing == 0.0 {
@@ -52,7 +52,7 @@ pub(super) fn percent(share: f64) -> String {
     }
 }
 
-/// What an error is called, short.
+/// The short name of an error.
 pub(super) fn error_name(kind: ErrorKind) -> &'static str {
     match kind {
         ErrorKind::RaysWrong => "rays wrong",
@@ -66,7 +66,7 @@ pub(super) fn error_name(kind: ErrorKind) -> &'static str {
     }
 }
 
-/// What distinguishes rows, each once, in the order in which they come.
+/// Collects the distinct keys of rows in order of appearance.
 pub(super) fn distinct<'a, T: PartialEq>(rows: &[&'a Row], key: impl Fn(&'a Row) -> T) -> Vec<T> {
     let mut keys = Vec::new();
     for key in rows.iter().map(|row| key(row)) {
@@ -77,7 +77,7 @@ pub(super) fn distinct<'a, T: PartialEq>(rows: &[&'a Row], key: impl Fn(&'a Row)
     keys
 }
 
-/// A column: its name, whether it is of numbers, whether it is there when the table is to be brief.
+/// A column: its name, whether it is numeric, whether brief tables include it, and its cells.
 type Column = (&'static str, bool, bool, fn(&Row) -> Option<String>);
 
 const COLUMNS: [Column; 13] = [
@@ -100,8 +100,8 @@ fn text(text: &str) -> Option<String> {
     (!text.is_empty()).then(|| text.to_owned())
 }
 
-/// Rows of one kind as a table. Rows that differ only in what their error is become one, with a
-/// column for each error; columns without anything are left out, and details if it is to be brief.
+/// Tabulates rows of one kind. Rows that differ only in their error kind are merged, with a column
+/// per error; empty columns are omitted, and details too if `brief`.
 pub(super) fn measurements(rows: &[&Row], brief: bool) -> Table {
     let mut groups: Vec<Vec<&Row>> = Vec::new();
     for &row in rows {
@@ -139,14 +139,14 @@ pub(super) fn measurements(rows: &[&Row], brief: bool) -> Table {
         };
         add(name, true, &|row| (row.error_kind == Some(kind)).then(|| row.error.map(format))?);
     }
-    // One truth for all is said once, above the table.
+    // A truth shared by all rows is given once, above the table.
     if !brief && rows.iter().any(|row| row.truth != rows[0].truth) {
         add("truth", false, &|row| row.truth.clone());
     }
     table
 }
 
-/// Budgets as a table.
+/// Tabulates budgets.
 pub(super) fn budgets(budgets: &[Budget]) -> Table {
     let names = ["scene", "size", "pass", "MB", "Mop", "floor, ms", "ms", "ms/floor"];
     let row = |b: &Budget| {
@@ -161,7 +161,7 @@ pub(super) fn budgets(budgets: &[Budget]) -> Table {
     Table { head, rows: budgets.iter().map(row).collect() }
 }
 
-/// What the budgets' floors are computed with.
+/// Describes the rates that the floors are computed with.
 pub(super) fn rates(rates: Option<&Rates>) -> String {
     let Some(rates) = rates else { return "The adapter has no timestamps.".into() };
     let giga = |rate: f64| significant(1e-9 * rate);
@@ -169,7 +169,7 @@ pub(super) fn rates(rates: Option<&Rates>) -> String {
     format!("The adapter copies {bytes} GB/s and multiplies and adds {operations} Gop/s.")
 }
 
-/// Elisions as a table.
+/// Tabulates elisions.
 pub(super) fn elisions(elisions: &[Elision]) -> Table {
     let names = ["left out", "drawn by", "ms", "drawn, ms", "saved, %", "same picture"];
     let row = |e: &Elision| {
@@ -185,7 +185,7 @@ pub(super) fn elisions(elisions: &[Elision]) -> Table {
     Table { head, rows: elisions.iter().map(row).collect() }
 }
 
-/// Order shares as a table.
+/// Tabulates the shares of orders.
 pub(super) fn orders(orders: &[Orders]) -> Table {
     let names = ["scene", "SS, %", "SA, %", "AS, %", "AA, %"];
     let row = |o: &Orders| {
@@ -196,7 +196,7 @@ pub(super) fn orders(orders: &[Orders]) -> Table {
     Table { head, rows: orders.iter().map(row).collect() }
 }
 
-/// Extreme scenes as a table.
+/// Tabulates extreme scenes.
 pub(super) fn stress(stress: &[Stress]) -> Table {
     let names = ["varied", "pictures", "pixels not finite", "error, median", "worst", "worst at"];
     let row = |s: &Stress| {
@@ -208,7 +208,7 @@ pub(super) fn stress(stress: &[Stress]) -> Table {
     Table { head, rows: stress.iter().map(row).collect() }
 }
 
-/// The tables of a report with their titles, those without rows left out.
+/// The non-empty tables of a report with their titles.
 fn tables(report: &Report) -> Vec<(&'static str, Table)> {
     let of = |kind| report.rows.iter().filter(|row| row.kind == kind).collect::<Vec<_>>();
     let kinds = KINDS.map(|(kind, _, title)| (title, measurements(&of(kind), true)));
@@ -221,7 +221,7 @@ fn tables(report: &Report) -> Vec<(&'static str, Table)> {
     kinds.into_iter().chain(others).filter(|(_, table)| !table.rows.is_empty()).collect()
 }
 
-/// The tables of a report as Markdown, for a README: one for each kind that has rows.
+/// Renders the tables of a report as Markdown, for a README: one for each kind that has rows.
 pub fn markdown(report: &Report) -> String {
     let escape = |text: &str| {
         let text = text.replace('\\', "\\\\").replace('|', "\\|").replace('<', "&lt;");
@@ -249,7 +249,7 @@ mod tests {
     use super::super::sample::{empty, sample};
     use super::*;
 
-    /// Protects the tables: rows have as many cells as their heads, whatever they hold.
+    /// Rows have as many cells as their heads, whatever text they contain.
     #[test]
     fn cells_per_row() {
         let mut report = sample();
@@ -269,9 +269,9 @@ mod tests {
         assert!(!markdown(&empty()).contains('|'));
     }
 
-    /// Protects tables that can be read: the errors of one filter stand side by side.
+    /// The errors of one filter are columns of one row.
     #[test]
-    fn errors_side_by_side() {
+    fn errors_are_columns() {
         let report = sample();
         let rows: Vec<&Row> = report.rows.iter().filter(|row| row.kind == Kind::Smooth).collect();
         let table = measurements(&rows, true);
@@ -287,10 +287,9 @@ mod tests {
         assert!(table.rows.iter().all(|row| row[names.len() - 4..].iter().all(|c| !c.is_empty())));
     }
 
-    /// Protects what numbers say: three significant digits, and no share that is not whole is
-    /// rounded to the whole.
+    /// Numbers have three significant digits, and no share below 100 % is rounded to 100 %.
     #[test]
-    fn numbers() {
+    fn number_formats() {
         let texts =
             [0.0, 1.0, 9.999, 600.4, 12345.6, 0.01234, 1.5e-7, -2.5, f64::NAN].map(significant);
         assert_eq!(texts, ["0", "1.00", "10.0", "600", "12346", "0.0123", "1.50e-7", "-2.50", "–"]);

@@ -1,11 +1,11 @@
-//! A budget for each pass of a frame: the bytes that it must move, the operations that it must do,
-//! what these cost at the adapter's best, and what the pass takes.
+//! A budget for each pass of a frame: the bytes that it must move, the operations that it must
+//! perform, the time that these need at the adapter's peak rates, and the measured time.
 //!
-//! The floor of a pass is the longer of two times: its bytes at the rate at which the adapter copies
-//! memory, and its operations at the rate at which it multiplies and adds. It counts what the pass's
-//! method needs, not what its shader does: a texel that several threads read is read once, fragments
-//! outside of their ellipsoids cost nothing, a cube root is no dearer than on paper. No pass reaches
-//! its floor; passes far from it are where work goes.
+//! The floor of a pass is the longer of two times: that of its bytes at the adapter's copy rate,
+//! and that of its operations at the adapter's multiply-add rate. It counts what the method
+//! requires, not what the shader does: a texel read by several threads counts once, fragments
+//! outside their ellipsoids are free, a cube root costs no more than on paper. No pass reaches its
+//! floor; passes far from it are worth optimizing.
 
 use glam::{DMat3, DVec2, DVec3, IVec2, UVec2, Vec3};
 use serde::Serialize;
@@ -33,13 +33,13 @@ pub struct Budget {
     pub scene: String,
     /// Width and height of the picture, pixels.
     pub size: [u32; 2],
-    /// The pass, as in the times; or a sum over passes.
+    /// The pass, as in the times, or a sum over passes.
     pub pass: String,
     /// Bytes that must be read or written.
     pub bytes: f64,
     /// Operations on 32-bit floats that must be done.
     pub operations: f64,
-    /// What these take at the measured rates, ms: the longer of the two.
+    /// Time of these at the measured rates, ms: the longer of the two.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor_ms: Option<f64>,
     /// Median of the measured times, ms.
@@ -54,34 +54,35 @@ impl Budget {
     }
 }
 
-/// What a view of a frame has, as the passes' work is counted in.
+/// Quantities of a view that the work of passes is counted in.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Counts {
     /// Pixels of the view.
     pub pixels: f64,
-    /// Tiles of the view, and those that liquid covers.
+    /// Tiles of the view, and those with liquid.
     pub tiles: f64,
     /// See `tiles`.
     pub liquid_tiles: f64,
-    /// Classes of particles that are drawn: 1, or 2 with splashes.
+    /// Rendered classes of particles: 1, or 2 with splashes.
     pub classes: f64,
-    /// Sides that are drawn of each: 1, or 2 with backs.
+    /// Rendered sides of each class: 1, or 2 with backs.
     pub sides: f64,
-    /// Aggregates, the pixels that each of them covers, summed up, and the pixels that any covers.
+    /// Number of aggregates, the sum of the pixels that each covers, and the pixels that any
+    /// covers.
     pub aggregates: f64,
     /// See `aggregates`.
     pub aggregate_fragments: f64,
     /// See `aggregates`.
     pub aggregate_pixels: f64,
-    /// The same of splashes.
+    /// The same for splashes.
     pub splashes: f64,
     /// See `splashes`.
     pub splash_fragments: f64,
     /// See `splashes`.
     pub splash_pixels: f64,
-    /// Pixels that either class covers.
+    /// Pixels covered by either class.
     pub liquid_pixels: f64,
-    /// Iterations of the smoothing, and samples of each.
+    /// Iterations of the smoothing, and samples per iteration.
     pub iterations: f64,
     /// See `iterations`.
     pub taps: f64,
@@ -89,23 +90,23 @@ pub struct Counts {
     pub solids: f64,
     /// See `solids`; 0 where nothing is lit.
     pub lights: f64,
-    /// Rays through pixels of liquid; interfaces that they cross and layers that they evaluate, all
-    /// together.
+    /// Rays through pixels with liquid; the interfaces that they cross and the layers that they
+    /// evaluate, in total.
     pub rays: f64,
     /// See `rays`.
     pub interfaces: f64,
     /// See `rays`.
     pub evaluations: f64,
-    /// Rays through pixels without liquid, all together.
+    /// Rays through pixels without liquid, in total.
     pub background_rays: f64,
-    /// Of a light's view: vertices of its grid, cells with their parts, interfaces that light is
-    /// followed through.
+    /// Of a light's view: vertices of its grid, subdivided cells, interfaces that light is traced
+    /// through.
     pub vertices: f64,
     /// See `vertices`.
     pub parts: f64,
     /// See `vertices`.
     pub light_interfaces: f64,
-    /// 1 if light is laid forward, and 1 if it is gathered.
+    /// 1 if light is splatted forward, and 1 if it is gathered.
     pub forward: f64,
     /// See `forward`.
     pub gather: f64,
@@ -114,25 +115,27 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Texels of the aggregate layers that hold liquid.
+    /// Texels of the aggregate layers with liquid.
     fn texels(&self) -> f64 {
         self.sides * self.aggregate_pixels
     }
 
-    /// Intersections with all solids: of each ray, and of what each interface reflects and refracts.
+    /// Intersections with all solids: one per ray, and those of the reflected and refracted rays of
+    /// each interface.
     fn solid_traces(&self) -> f64 {
         self.rays + 2.0 * self.interfaces + self.background_rays
     }
 }
 
-/// Work of a pass: its name, how often, and then bytes and operations each time.
+/// Work of a pass: its name, the number of repetitions, bytes and operations of each.
 struct Work(&'static str, fn(&Counts) -> f64, f64, f64);
 
-/// The model. A plane is 16 bytes, a splat 48, as the shaders have them. Operations are counted in
-/// the shaders: an addition, multiplication or comparison is one, a division, root or exponential 4.
+/// The cost model. A plane is 16 bytes, a splat 48, as in the shaders. Operations are counted from
+/// the shaders: an addition, multiplication or comparison is one; a division, root or exponential
+/// four.
 const MODEL: [Work; 40] = [
-    // Each splat is read once a side, and bounded; each pixel of it is intersected. Each texel is
-    // written once, and its depth.
+    // Each splat is read and bounded once per side; each of its pixels is intersected. Each texel
+    // is written once, with its depth.
     Work("splat", |c| c.sides * c.aggregates, 48.0, 220.0),
     Work("splat", |c| c.sides * c.aggregate_fragments, 0.0, 90.0),
     Work("splat", |c| c.sides * c.pixels, 16.0, 0.0),
@@ -141,25 +144,25 @@ const MODEL: [Work; 40] = [
     Work("splat splashes", |c| c.sides * c.splash_fragments, 0.0, 90.0),
     Work("splat splashes", |c| c.sides * c.pixels, 16.0, 0.0),
     Work("splat splashes", |c| c.sides * c.splash_pixels, 4.0, 0.0),
-    // Each splat is read once, each pixel of it added to four half floats.
+    // Each splat is read once; each of its pixels adds to four half floats.
     Work("mixture", |c| c.aggregates + c.splashes, 48.0, 220.0),
     Work("mixture", |c| c.aggregate_fragments + c.splash_fragments, 0.0, 70.0),
     Work("mixture", |c| c.pixels, 8.0, 0.0),
-    // One texel tells a tile with liquid; all of them one without.
+    // One texel suffices to detect a tile with liquid; a tile without liquid needs all of them.
     Work("tiles", |c| c.classes * c.liquid_tiles, 16.0, 1.0),
     Work("tiles", |c| c.classes * (c.tiles - c.liquid_tiles), 16.0 * 64.0, 64.0),
     Work("tiles", |c| c.tiles, 4.0, 4.0),
-    // Each iteration reads a state and writes one; another pass over them makes planes.
+    // Each iteration reads and writes a state; one more pass converts it to planes.
     Work("smooth", |c| c.texels() * (c.iterations + 1.0), 32.0, 60.0),
     Work("smooth", |c| c.texels() * c.iterations * c.taps, 0.0, 30.0),
     Work("smooth", |c| c.sides * (c.pixels - c.aggregate_pixels), 16.0, 0.0),
-    // Plane, normal and number of the solid at each pixel.
+    // Plane, normal and index of the solid at each pixel.
     Work("gbuffer", |c| c.pixels, 32.0, 60.0),
     Work("gbuffer", |c| c.pixels * c.solids, 0.0, 28.0),
-    // Every level read and written once, level 0 only read.
+    // Every level is read and written once, level 0 only read.
     Work("mips", |c| c.sides * c.classes * c.pixels, 16.0 * 5.0 / 3.0, 20.0),
-    // Every plane read and every pixel written once. A ray is refracted and its reflection computed
-    // at each interface; each evaluation of a layer is that of front and back.
+    // Every plane is read and every pixel written once. A ray is refracted and its reflection
+    // computed at each interface; each evaluation of a layer covers front and back.
     Work("refract", |c| c.sides * c.classes * c.liquid_pixels, 16.0, 0.0),
     Work("refract", |c| c.pixels, 16.0, 0.0),
     Work("refract", |c| c.rays, 0.0, 60.0),
@@ -167,39 +170,40 @@ const MODEL: [Work; 40] = [
     Work("refract", |c| c.evaluations * c.classes, 0.0, 60.0),
     Work("refract", |c| c.background_rays, 0.0, 60.0),
     Work("refract", |c| c.solid_traces() * c.solids, 0.0, 28.0),
-    // What is lit looks each light's map up, and for what may be in its way.
+    // Lit surfaces look up each light's map and test occluders.
     Work("refract", |c| (c.rays + c.background_rays) * c.lights, 0.0, 150.0),
     Work("refract", |c| (c.rays + c.background_rays) * c.lights * c.solids, 0.0, 28.0),
     Work("tonemap", |c| c.pixels, 20.0, 40.0),
-    // The light's own fronts, once; then where each vertex is, and whether a solid is before it.
+    // The light's fronts, read once; then the position of each vertex, and whether a solid occludes
+    // it.
     Work("caustics", |c| (c.forward + c.gather) * c.classes * c.liquid_pixels, 16.0, 0.0),
     Work("caustics", |c| (c.forward + c.gather) * c.vertices, 32.0, 80.0),
     Work("caustics", |c| (c.forward + c.gather) * c.vertices * c.solids, 0.0, 28.0),
-    // Forward: a path for each vertex, two evaluations for each of its interfaces; then the light of
-    // each part of a cell is laid, and the sums are read and written.
+    // Forward: a path per vertex, two evaluations per interface; then the light of each subdivided
+    // cell is splatted, and the sums are read and written.
     Work("caustics", |c| c.forward * c.vertices, 2.0 * (32.0 + 48.0), 60.0),
     Work("caustics", |c| c.forward * c.vertices * c.light_interfaces * c.classes, 0.0, 210.0),
     Work("caustics", |c| c.forward * c.parts, 0.0, 150.0),
     Work("caustics", |c| c.forward * c.pixels, 24.0 + 24.0, 10.0),
-    // Gather: a walk over one triangle at least.
+    // Gather: a walk over at least one triangle.
     Work("caustics", |c| c.gather * c.pixels, 16.0 + 16.0, 300.0),
-    // The map: receivers and layers read, irradiance and receiver written. A blur reads and writes
-    // it twice, for three standard deviations at least of one texel.
+    // The map: receivers and layers are read, irradiance and receiver written. A blur reads and
+    // writes it twice, over three standard deviations of at least one texel.
     Work("caustics", |c| c.pixels, 16.0 + 32.0, 80.0),
     Work("caustics", |c| c.blurred * c.pixels, 2.0 * 48.0, 2.0 * 7.0 * 8.0),
 ];
 
-/// The pass of the eye that a light's pass is the same as; its own name for all others.
-fn modelled(pass: &str) -> String {
+/// Maps a light's pass to the equivalent pass of the eye; returns all other names unchanged.
+fn equivalent_eye_pass(pass: &str) -> String {
     match pass {
         "light splashes" => "splat splashes".into(),
         _ => pass.strip_prefix("light ").unwrap_or(pass).into(),
     }
 }
 
-/// Bytes and operations of a pass; none if the model does not know the pass.
+/// Bytes and operations of a pass; `None` if the model does not include the pass.
 pub fn work(pass: &str, counts: &Counts) -> Option<(f64, f64)> {
-    let pass = modelled(pass);
+    let pass = equivalent_eye_pass(pass);
     let of_pass = MODEL.iter().filter(|work| work.0 == pass);
     let sum = |(bytes, operations): (f64, f64), Work(_, per, by, op): &Work| {
         let times = per(counts);
@@ -208,11 +212,11 @@ pub fn work(pass: &str, counts: &Counts) -> Option<(f64, f64)> {
     MODEL.iter().any(|work| work.0 == pass).then(|| of_pass.fold((0.0, 0.0), sum))
 }
 
-/// What is known of the eye's view before it is drawn: all but interfaces and evaluations.
+/// Counts the eye's view before it is rendered: everything but interfaces and evaluations.
 pub fn eye_counts(scene: &Scene, camera: &Camera, splats: &Splats, size: UVec2) -> Counts {
     let refract = &scene.settings.refract;
     let counts = view_counts(scene, &camera.uniform(size, splats.origin), splats);
-    // The corners of a pixel are its neighbours' too: with its centre two rays each.
+    // Pixel corners are shared with the neighbours: with the centre, two rays per pixel.
     let edges = refract.edge_samples > refract.samples;
     let background = if edges { 2.0 } else { refract.samples.into() };
     Counts {
@@ -224,10 +228,10 @@ pub fn eye_counts(scene: &Scene, camera: &Camera, splats: &Splats, size: UVec2) 
     }
 }
 
-/// What is known of each light's view, of those that have one.
+/// Counts the view of each light that has one.
 pub fn light_counts(scene: &Scene, splats: &Splats) -> Vec<Counts> {
     let settings = &scene.settings.caustics;
-    let is = |on: bool| f64::from(u8::from(on));
+    let flag = |on: bool| f64::from(u8::from(on));
     let views = if scene.is_lit() { lights::light_views(scene, splats) } else { Vec::new() };
     let of_view = |(view, method, blurred): (&limpid::light_view::LightView, Method, bool)| {
         let cells = caustics::cells(view.size, settings.grid).as_dvec2();
@@ -236,9 +240,9 @@ pub fn light_counts(scene: &Scene, splats: &Splats) -> Vec<Counts> {
             vertices: (cells + 1.0).element_product(),
             parts: cells.element_product() * f64::from(settings.subdivide).powi(2),
             light_interfaces: settings.interfaces.into(),
-            forward: is(method == Method::Forward),
-            gather: is(method == Method::Gather),
-            blurred: is(blurred),
+            forward: flag(method == Method::Forward),
+            gather: flag(method == Method::Gather),
+            blurred: flag(blurred),
             ..view_counts(scene, &view.uniform(splats.origin), splats)
         }
     };
@@ -250,7 +254,7 @@ pub fn light_counts(scene: &Scene, splats: &Splats) -> Vec<Counts> {
     views.iter().flat_map(of_light).collect()
 }
 
-/// What any view has.
+/// Counts the quantities that any view has.
 fn view_counts(scene: &Scene, uniform: &CameraUniform, splats: &Splats) -> Counts {
     let size = uniform.size.as_uvec2();
     let mut covered = vec![false; size.element_product() as usize];
@@ -285,8 +289,8 @@ fn view_counts(scene: &Scene, uniform: &CameraUniform, splats: &Splats) -> Count
     }
 }
 
-/// Marks the pixels whose centres splats cover, and returns how many they are with every splat
-/// counted, and without.
+/// Marks the pixels whose centres splats cover. Returns the number of fragments, one per splat and
+/// pixel, and of newly marked pixels.
 fn cover(uniform: &CameraUniform, splats: &[Splat], covered: &mut [bool]) -> (f64, f64) {
     let size = uniform.size.as_ivec2();
     let (mut fragments, mut pixels) = (0.0, 0.0);
@@ -298,7 +302,7 @@ fn cover(uniform: &CameraUniform, splats: &[Splat], covered: &mut [bool]) -> (f6
         }
         fragments += f64::from(to - from);
     };
-    // The first pixel whose centre is at or beyond x.
+    // The first pixel whose centre is at or beyond `x`.
     let pixel = |x: f64, size: i32| ((x - 0.5).ceil()).clamp(0.0, size.into()) as i32;
     for splat in splats {
         let silhouette = match silhouette(uniform, splat) {
@@ -307,7 +311,7 @@ fn cover(uniform: &CameraUniform, splats: &[Splat], covered: &mut [bool]) -> (f6
                 let (low, high) = cut.bounds(uniform);
                 let (left, right) = (pixel(low.x, size.x), pixel(high.x, size.x));
                 for y in pixel(low.y, size.y)..pixel(high.y, size.y) {
-                    // What is convex has one run in a row.
+                    // A convex shape covers one run per row.
                     let hit = |x: &i32| cut.is_hit(uniform, IVec2::new(*x, y));
                     if let Some(from) = (left..right).find(hit) {
                         let to = (from..right).rfind(hit).map_or(from, |last| last + 1);
@@ -334,14 +338,14 @@ fn cover(uniform: &CameraUniform, splats: &[Splat], covered: &mut [bool]) -> (f6
 }
 
 enum Silhouette {
-    /// Before the near plane.
+    /// In front of the near plane.
     Hidden,
-    /// The near plane cuts it.
+    /// Clipped by the near plane.
     Cut(Cut),
     Ellipse(Ellipse),
 }
 
-/// An ellipsoid { centre + A s : |s| <= 1 } in view space, of which the near plane leaves a part.
+/// An ellipsoid { centre + A s : |s| <= 1 } in view space, clipped by the near plane.
 struct Cut {
     centre: DVec3,
     axes: DMat3,
@@ -350,7 +354,7 @@ struct Cut {
 }
 
 impl Cut {
-    /// Whether the ray through a pixel's centre meets what is left.
+    /// Whether the ray through a pixel's centre hits the remaining part.
     fn is_hit(&self, uniform: &CameraUniform, pixel: IVec2) -> bool {
         let ndc = 2.0 * (pixel.as_dvec2() + 0.5) / uniform.size.as_dvec2() - 1.0;
         let ray = (ndc * DVec2::new(1.0, -1.0) * uniform.tangent.as_dvec2()).extend(-1.0);
@@ -360,7 +364,7 @@ impl Cut {
         discriminant >= 0.0 && discriminant.sqrt() - b >= a * self.near
     }
 
-    /// The corners of the rectangle around what is left, pixels.
+    /// The corners of the bounding rectangle of the remaining part, pixels.
     fn bounds(&self, uniform: &CameraUniform) -> (DVec2, DVec2) {
         let size = uniform.size.as_dvec2();
         let scale = 0.5 * size / uniform.tangent.as_dvec2();
@@ -369,7 +373,7 @@ impl Cut {
         (0.5 * size + scale * low, 0.5 * size + scale * high)
     }
 
-    /// The least and the greatest x / depth, or y / depth: `cut_slopes` of `splat.wgsl`.
+    /// The least and the greatest x / depth, or y / depth; as `cut_slopes` in `splat.wgsl`.
     fn slopes(&self, axis: usize) -> [f64; 2] {
         let (a, g) = (self.axes.row(axis), self.axes.row(2));
         let (x, depth) = (self.centre[axis], -self.centre.z);
@@ -377,14 +381,14 @@ impl Cut {
         let middle = x + beyond * a.dot(g) / g.length();
         let half = (1.0 - beyond * beyond).max(0.0).sqrt() * a.cross(g).length() / g.length();
         let mut slopes = vec![(middle - half) / self.near, (middle + half) / self.near];
-        // Lines { x = b depth } that touch it: q b² − 2 r b − s = 0.
+        // Tangent lines { x = b depth }: q b² − 2 r b − s = 0.
         let (q, s) = (depth * depth - g.dot(g), a.dot(a) - x * x);
         let r = a.dot(g) + x * depth;
         let root = (r * r + q * s).sqrt().copysign(r);
         for (over, under) in [(r + root, q), (-s, r + root)] {
             let across = under * a + over * g;
             let at = depth + g.dot(across) * (under * x - over * depth) / across.length_squared();
-            // Not a number if no line does.
+            // NaN if there is no tangent.
             if at >= self.near {
                 slopes.push(over / under);
             }
@@ -402,8 +406,8 @@ struct Ellipse {
     yy: f64,
 }
 
-/// The picture of a splat: the projection of its dual quadric (Hartley and Zisserman, Multiple View
-/// Geometry, 2nd ed., eq. 8.5).
+/// The silhouette of a splat: the projection of its dual quadric (Hartley and Zisserman, Multiple
+/// View Geometry, 2nd ed., eq. 8.5).
 fn silhouette(uniform: &CameraUniform, splat: &Splat) -> Silhouette {
     let column = |[x, y, z, _]: [f32; 4]| DVec3::new(x.into(), y.into(), z.into());
     let [x, y, z] = uniform.view_from_world.map(column);
@@ -427,7 +431,7 @@ fn silhouette(uniform: &CameraUniform, splat: &Splat) -> Silhouette {
         if depth - reach <= near {
             return Silhouette::Cut(Cut { centre, axes, to_sphere: axes.inverse(), near });
         }
-        // What is in front has z < 0: of the slopes x / -z and y / -z.
+        // Points in front of the eye have z < 0: the slopes are x / -z and y / -z.
         let dual = |i: usize, j: usize| {
             let sign = if (i == 2) == (j == 2) { 1.0 } else { -1.0 };
             sign * (spread.col(j)[i] - centre[i] * centre[j])
@@ -445,11 +449,11 @@ fn silhouette(uniform: &CameraUniform, splat: &Splat) -> Silhouette {
     })
 }
 
-/// Draws a frame of a scene of `sims/` several times, and sets what its passes take beside what
-/// they must; sums follow the passes.
+/// Renders a frame of a scene of `sims/` several times and compares the time of its passes with
+/// their floors; sums follow the passes.
 ///
 /// # Errors
-/// As [`Renderer::render`]; [`limpid_io::Error::Usage`] for a name that there is not.
+/// As [`Renderer::render`]; [`limpid_io::Error::Usage`] for an unknown name.
 pub fn measure(
     gpu: &Gpu,
     renderer: &mut Renderer,
@@ -461,11 +465,11 @@ pub fn measure(
     let (name, project, loaded) = subjects::load(name)?;
     let size = subjects::size(&name, width);
     let camera = project.camera_for(loaded.bulk.bounds);
-    let drawn = (&project.scene, &camera, &loaded.splats);
-    measure_frame(gpu, renderer, rates, &name, drawn, size, repeats)
+    let frame = (&project.scene, &camera, &loaded.splats);
+    measure_frame(gpu, renderer, rates, &name, frame, size, repeats)
 }
 
-/// As [`measure`], of any frame.
+/// As [`measure`], for any frame.
 ///
 /// # Errors
 /// As [`Renderer::render`].
@@ -479,7 +483,7 @@ pub fn measure_frame(
     repeats: usize,
 ) -> Result<Vec<Budget>> {
     let mut eye = eye_counts(scene, camera, splats, size);
-    // Once to count: what a ray crosses is known when it is traced.
+    // Rendered once to count: interfaces and evaluations are only known after tracing.
     let target = Picture::new(gpu, size)?;
     renderer.diagnose = true;
     renderer.render(scene, camera, splats, &target.view(), Picture::FORMAT, size)?;
@@ -509,12 +513,12 @@ pub fn measure_frame(
         let of_light = pass.name.starts_with("light ") || pass.name == "caustics";
         let counts = if of_light { lights.get(light) } else { Some(&eye) };
         light += usize::from(pass.name == "caustics");
-        // Without a model there is no row; a test knows.
+        // A pass without a model has no row; a test checks that there is none.
         let Some(work) = counts.and_then(|counts| work(pass.name, counts)) else { continue };
         let of_pass: Vec<f64> = times.iter().map(|passes| passes[i].ms).collect();
         rows.push(row(pass.name, work, median(&of_pass)));
     }
-    // The passes of all lights together.
+    // Merges the passes of all lights.
     let is_light = |row: &Budget| row.pass.starts_with("light ") || row.pass == "caustics";
     let mut merged: Vec<Budget> = Vec::new();
     for row in rows {
@@ -548,7 +552,7 @@ impl Budget {
 }
 
 impl Rates {
-    /// The least time for so much work, ms.
+    /// The minimum time for this work, ms.
     pub fn floor_ms(&self, bytes: f64, operations: f64) -> f64 {
         1e3 * (bytes / self.bytes_per_s).max(operations / self.operations_per_s)
     }

@@ -1,4 +1,5 @@
-//! Whole pictures: presets and single changes to the default, against traced pictures.
+//! Measurement of whole frames: presets and single changes to the defaults, against path-traced
+//! pictures.
 
 use glam::UVec2;
 use image::RgbImage;
@@ -17,20 +18,20 @@ use limpid::scene::Scene;
 use limpid::settings::{Filter, Method, Preset, Refract, Settings, Solver};
 use limpid_io::error::Result;
 
-/// How pictures are measured.
+/// Resolution and repetitions of the measurement.
 #[derive(Debug, Clone, Copy)]
 pub struct Effort {
     /// Width, pixels.
     pub width: u32,
-    /// Samples per pixel of the truth.
+    /// Samples per pixel of the path-traced truth.
     pub truth_samples: u32,
     /// Timed runs.
     pub repeats: usize,
-    /// Single changes to the default besides the presets.
+    /// Whether to measure single changes to the defaults besides the presets.
     pub variants: bool,
 }
 
-/// The pictures compared: method, settings in words, settings.
+/// The compared pictures: method, description of its settings, settings.
 fn methods(variants: bool, lit: bool) -> Vec<(String, String, Settings)> {
     let mut methods: Vec<_> =
         [Preset::Imai2014, Preset::Imai2016, Preset::Mayer2026, Preset::Limpid]
@@ -67,7 +68,7 @@ fn methods(variants: bool, lit: bool) -> Vec<(String, String, Settings)> {
     methods
 }
 
-/// Draws one frame, several times, and returns the picture with the times of its passes.
+/// Renders one frame several times and returns the picture with the pass times of each run.
 ///
 /// # Errors
 /// As [`Renderer::render`].
@@ -83,7 +84,7 @@ pub fn draw(
     let picture = Picture::new(gpu, size)?;
     let view = picture.view();
     renderer.timing = true;
-    // The first compiles; it is not counted.
+    // The first run compiles pipelines; it is not timed.
     renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
     let times = (0..repeats)
         .map(|_| {
@@ -141,7 +142,7 @@ pub fn measure(
     Ok((rows, Figure { title, scene: subject.name.into(), panels }))
 }
 
-/// A row for each pass.
+/// Makes a row for each pass.
 fn passes(scene: &str, times: &[Vec<PassTime>]) -> Vec<Row> {
     let Some(first) = times.first() else { return Vec::new() };
     (0..first.len())

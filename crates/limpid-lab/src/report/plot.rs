@@ -1,4 +1,4 @@
-//! Plots as SVG, to be set into a page that has the styles.
+//! Plots as SVG, for a page that provides the styles.
 
 use super::markdown::{percent, significant};
 
@@ -10,21 +10,21 @@ const TOP: f64 = 26.0;
 const BOTTOM: f64 = 266.0;
 /// Room for zero at the end of a logarithmic axis, pixels.
 const ZERO: f64 = 26.0;
-/// Axes of fewer decades are labelled at 2 and 5 too; others begin and end with decades.
+/// Axes of fewer decades have labels at 2 and 5 too; longer ones begin and end at decades.
 const MANTISSAS_BELOW: f64 = 2.2;
 /// Width of a character and height of a line, pixels.
 const CHARACTER: [f64; 2] = [6.5, 13.0];
 
-/// How an axis is divided.
+/// The scale of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Axis {
-    /// Whole numbers from zero, linear.
+    /// Linear, whole numbers from zero.
     Count,
     /// Logarithmic.
     Log,
-    /// Logarithmic, of shares.
+    /// Logarithmic, for shares.
     Percent,
-    /// Logarithmic, of what is missing to the whole, but labelled with what is there.
+    /// Logarithmic in the complement of a share, labelled with the share.
     Nines,
 }
 
@@ -39,7 +39,7 @@ impl Axis {
     }
 }
 
-/// A number without the zeros that end its fraction.
+/// Removes trailing zeros of a fraction.
 fn trimmed(number: &str) -> String {
     let (mantissa, exponent) = number.split_at(number.find('e').unwrap_or(number.len()));
     let mantissa = match mantissa.contains('.') {
@@ -49,37 +49,37 @@ fn trimmed(number: &str) -> String {
     mantissa.to_owned() + exponent
 }
 
-/// A point of a plot; not drawn if it is not finite. Below zero counts as zero.
+/// A point of a plot; skipped if it is not finite. Negative values count as zero.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Point {
     pub(super) x: f64,
     pub(super) y: f64,
-    /// Half the width of the bar through it, in units of x.
+    /// Half the width of its error bar, in units of x.
     pub(super) spread: f64,
-    /// Written beside it where there is room.
+    /// Drawn next to it if there is room.
     pub(super) label: String,
-    /// What is said when it is pointed at.
+    /// The tooltip.
     pub(super) name: String,
     /// Drawn with emphasis.
     pub(super) ours: bool,
 }
 
-/// Points between two axes.
+/// A scatter plot.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Plot {
     pub(super) title: String,
     pub(super) x: (&'static str, Axis),
     pub(super) y: (&'static str, Axis),
     pub(super) points: Vec<Point>,
-    /// Points joined by a line, as indices.
+    /// Polylines, as indices of their points.
     pub(super) lines: Vec<Vec<usize>>,
-    /// Whether the Pareto front is drawn.
+    /// Whether to draw the Pareto front.
     pub(super) front: bool,
 }
 
-/// The Pareto front: indices of the points that no other equals or beats in both and beats in one,
-/// from the smallest x to the smallest y. Equal points are all on it or none is; points that are
-/// not finite are not.
+/// The Pareto front: indices of the points that no other point dominates, from the smallest x to
+/// the smallest y. A point dominates another if it is no larger in both coordinates and smaller in
+/// one. Equal points are either all on the front or none of them; non-finite points never are.
 pub fn pareto(points: &[(f64, f64)]) -> Vec<usize> {
     let finite = |&i: &usize| points[i].0.is_finite() && points[i].1.is_finite();
     let mut order: Vec<usize> = (0..points.len()).filter(finite).collect();
@@ -95,16 +95,16 @@ pub fn pareto(points: &[(f64, f64)]) -> Vec<usize> {
     front
 }
 
-/// Text for HTML and SVG, also between quotes.
+/// Escapes text for HTML and SVG, quotes included.
 pub(super) fn escape(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
     text.replace('"', "&quot;").replace('\'', "&#39;")
 }
 
-/// From values to pixels.
+/// The mapping from values to pixels.
 struct Scale {
     axis: Axis,
-    /// The ends: values of a count, else their decadic logarithms.
+    /// The ends: values on a `Count` axis, otherwise their decadic logarithms.
     ends: [f64; 2],
     /// Pixels of the ends.
     pixels: [f64; 2],
@@ -112,7 +112,7 @@ struct Scale {
     zero: Option<f64>,
 }
 
-/// The nearest 1, 2 or 5 times a power of ten below (`sign` −1) or above (1), as logarithms.
+/// The logarithm of the nearest 1, 2 or 5 times a power of ten below (`sign` −1) or above (1).
 fn tick(log: f64, sign: f64) -> f64 {
     let decade = log.floor();
     let ticks = [1f64, 2.0, 5.0, 10.0].map(|mantissa| decade + mantissa.log10());
@@ -127,7 +127,7 @@ impl Scale {
     fn new(axis: Axis, values: impl Iterator<Item = f64>, pixels: [f64; 2]) -> Self {
         let (mut low, mut high, mut zero) = (f64::INFINITY, 0f64, false);
         for value in values {
-            // Nothing is further from the whole than the whole.
+            // A complement is at most 1.
             let value = if axis == Axis::Nines { value.min(1.0) } else { value };
             high = high.max(value);
             if value > 0.0 {
@@ -170,7 +170,7 @@ impl Scale {
         self.pixels[0] + share.clamp(0.0, 1.0) * (self.pixels[1] - self.pixels[0])
     }
 
-    /// Values with a mark, and whether it is labelled.
+    /// Tick values, and whether they are labelled.
     fn ticks(&self) -> Vec<(f64, bool)> {
         let [low, high] = self.ends;
         if self.axis == Axis::Count {
@@ -196,11 +196,12 @@ impl Scale {
     }
 }
 
-/// A label's box (left, top, right, bottom), and whether it is so far that a line must lead to it.
+/// A label's box (left, top, right, bottom), and whether it is far enough from its point to need a
+/// leader line.
 type Label = ([f64; 4], bool);
 
-/// Places labels one by one where they cover neither each other nor a point nor the front; none
-/// where all is covered.
+/// Places labels one by one where they cover neither each other nor a point nor the front; `None`
+/// for labels without room.
 fn place(
     points: &[[f64; 2]],
     front: &[[f64; 4]],
@@ -212,8 +213,8 @@ fn place(
     let meet =
         |a: &[f64; 4], b: &[f64; 4]| a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
     let around = |[x, y]: [f64; 2], by: f64| [x - by, y - by, x + by, y + by];
-    let mut taken: Vec<[f64; 4]> = points.iter().map(|&point| around(point, 4.0)).collect();
-    taken.extend_from_slice(front);
+    let mut occupied: Vec<[f64; 4]> = points.iter().map(|&point| around(point, 4.0)).collect();
+    occupied.extend_from_slice(front);
     let mut placed = vec![None; points.len()];
     for &i in order.iter().filter(|&&i| !labels[i].is_empty()) {
         let half = [0.5 * CHARACTER[0] * labels[i].chars().count() as f64, 0.5 * CHARACTER[1]];
@@ -227,19 +228,19 @@ fn place(
                     && label[2] < SIZE[0]
                     && label[1] > TOP - 8.0
                     && label[3] < BOTTOM;
-                (inside && !taken.iter().any(|other| meet(&label, other)))
+                (inside && !occupied.iter().any(|other| meet(&label, other)))
                     .then_some((label, far > 10.0))
             })
         });
         if let Some((label, _)) = found {
-            taken.push(label);
+            occupied.push(label);
         }
         placed[i] = found;
     }
     placed
 }
 
-/// A plot; nothing if it has no points.
+/// Renders a plot; empty if it has no points.
 pub(super) fn svg(plot: &Plot) -> String {
     let drawn: Vec<usize> = (0..plot.points.len())
         .filter(|&i| plot.points[i].x.is_finite() && plot.points[i].y.is_finite())
@@ -304,15 +305,15 @@ pub(super) fn svg(plot: &Plot) -> String {
     let mut order: Vec<usize> = (0..drawn.len()).collect();
     order.sort_by_key(|i| (!plot.points[drawn[*i]].ours, !front.contains(i)));
     let placed = place(&pixels, &steps, &labels, &order);
-    // Emphasised points last: on top.
+    // Emphasised points are drawn last, on top.
     for &i in order.iter().rev() {
         let (point, [px, py]) = (&plot.points[drawn[i]], pixels[i]);
         let class = if point.ours { "ours" } else { "other" };
         let radius = if point.ours { 5.0 } else { 3.5 };
         let (x_text, y_text) = (plot.x.1.text(values[i].0), plot.y.1.text(values[i].1));
         let (x_name, y_name) = (plot.x.0, plot.y.0);
-        let said = escape(&format!("{}: {x_text} {x_name}, {y_text} {y_name}", point.name));
-        svg += &format!("<g class=\"{class}\"><title>{said}</title>");
+        let tooltip = escape(&format!("{}: {x_text} {x_name}, {y_text} {y_name}", point.name));
+        svg += &format!("<g class=\"{class}\"><title>{tooltip}</title>");
         if point.spread.is_finite() && point.spread > 0.0 {
             let ends = [-1.0, 1.0].map(|sign| x.pixel(values[i].0 + sign * point.spread));
             svg += &format!("<path d=\"M{:.1} {py:.1}H{:.1}\"/>", ends[0], ends[1]);
@@ -345,38 +346,39 @@ mod tests {
         Plot { title: "pool".into(), x, y, points, lines, front: true }
     }
 
-    /// Protects the front: known answers, with ties, equal points and points that are not finite.
+    /// Known Pareto fronts, with ties, equal points and non-finite points.
     #[test]
     fn pareto_known_answers() {
         assert_eq!(pareto(&[]), [] as [usize; 0]);
         assert_eq!(pareto(&[(3.0, 3.0)]), [0]);
-        // 2 is beaten by 1 in both, 4 equals 3 in x and is worse in y.
+        // Point 2 is dominated by point 1; point 4 equals point 3 in x and is worse in y.
         let points = [(1.0, 9.0), (2.0, 4.0), (3.0, 5.0), (4.0, 1.0), (4.0, 2.0)];
         assert_eq!(pareto(&points), [0, 1, 3]);
-        // As precise but slower is off, and so is as fast but less precise.
+        // A slower point of the same error is dominated, and so is a less exact one of the same
+        // time.
         assert_eq!(pareto(&[(2.0, 1.0), (1.0, 1.0), (1.0, 2.0)]), [1]);
         assert_eq!(pareto(&[(1.0, 1.0), (1.0, 1.0)]), [0, 1]);
         assert_eq!(pareto(&[(f64::NAN, 0.0), (0.0, f64::INFINITY), (5.0, 5.0)]), [2]);
         assert_eq!(pareto(&[(0.0, 1.0), (-0.0, 0.0)]), [1]);
     }
 
-    /// Protects the front by its definition, on points in no order.
+    /// The front of unordered points satisfies its definition.
     #[test]
-    fn pareto_by_definition() {
+    fn pareto_matches_its_definition() {
         let points: Vec<(f64, f64)> =
             (0..60).map(|i| (f64::from(i * 37 % 23), f64::from(i * 53 % 19))).collect();
-        let beats = |a: (f64, f64), b: (f64, f64)| a.0 <= b.0 && a.1 <= b.1 && a != b;
+        let dominates = |a: (f64, f64), b: (f64, f64)| a.0 <= b.0 && a.1 <= b.1 && a != b;
         let mut front = pareto(&points);
         front.sort_unstable();
         let expected: Vec<usize> =
-            (0..60).filter(|&i| !points.iter().any(|&p| beats(p, points[i]))).collect();
+            (0..60).filter(|&i| !points.iter().any(|&p| dominates(p, points[i]))).collect();
         assert_eq!(front, expected);
     }
 
-    /// Protects the axes: decades are equally long, zero has a place of its own before them, and
-    /// what is solved rises.
+    /// Decades have equal length, zero has its own place before them, and the share of solved rays
+    /// increases upwards.
     #[test]
-    fn scales() {
+    fn axis_scales() {
         let scale = Scale::new(Axis::Log, [0.1, 1.0, 10.0].into_iter(), [0.0, 200.0]);
         let pixels = [0.0, 0.1, 1.0, 10.0].map(|value| scale.pixel(value).round());
         assert_eq!(pixels, [0.0, 0.0, 100.0, 200.0]);
@@ -404,10 +406,10 @@ mod tests {
         );
     }
 
-    /// Protects plots against weird data: all coordinates are finite, all points that are finite
-    /// are drawn inside, and labels cover neither each other nor points.
+    /// With extreme data all coordinates are finite and all finite points are drawn inside the
+    /// axes.
     #[test]
-    fn weird_data() {
+    fn extreme_data() {
         let cases: [&[(f64, f64)]; 8] = [
             &[(1.0, 0.01)],
             &[(0.0, 0.0)],
@@ -438,9 +440,9 @@ mod tests {
         assert_eq!(svg(&plot(vec![point(f64::NAN, 1.0)])), "");
     }
 
-    /// Protects the labels: they cover neither each other nor a point.
+    /// Labels overlap neither each other nor points.
     #[test]
-    fn labels_do_not_meet() {
+    fn labels_do_not_overlap() {
         let points: Vec<[f64; 2]> =
             (0..12).map(|i| [200.0 + 9.0 * f64::from(i % 4), 100.0 + 7.0 * f64::from(i)]).collect();
         let order: Vec<usize> = (0..points.len()).collect();

@@ -1,4 +1,4 @@
-//! What the adapter moves and computes at best: `shaders/report/stream.wgsl`, `arithmetic.wgsl`.
+//! Peak rates of the adapter, measured: `shaders/report/stream.wgsl`, `arithmetic.wgsl`.
 
 use serde::Serialize;
 
@@ -8,31 +8,31 @@ use limpid_io::error::Result;
 /// Measured rates of an adapter.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Rates {
-    /// Bytes read and written per second, a buffer copied to another.
+    /// Bytes read and written per second by a buffer copy.
     pub bytes_per_s: f64,
-    /// Operations on 32-bit floats per second; a multiplication with an addition is two.
+    /// Operations on 32-bit floats per second; a multiply-add counts as two.
     pub operations_per_s: f64,
 }
 
-/// Most bytes of a buffer that is copied: both are larger together than the caches of what has the
-/// largest, and no more than WebGPU's default limit for one.
+/// Maximum size of a copied buffer, bytes: two of them exceed the largest cache of any adapter, and
+/// one stays within WebGPU's default limit.
 const BUFFER: u64 = 128 << 20;
 
-/// Threads of a workgroup and bytes of a thread, as `stream.wgsl` has them.
+/// Threads per workgroup times bytes per thread, as in `stream.wgsl`.
 const STREAM: u64 = 256 * 4 * 16;
 
-/// Threads of a workgroup, and operations of a thread, as `arithmetic.wgsl` has them: rounds, steps,
-/// chains, a multiplication and an addition.
+/// Threads per workgroup and operations per thread, as in `arithmetic.wgsl`: rounds, steps, chains,
+/// multiply and add.
 const THREADS: u32 = 64;
 const OPERATIONS: f64 = 32.0 * 8.0 * 16.0 * 2.0;
 
-/// A run that takes so long, ms, is long enough to be timed.
+/// Minimum duration of a run that is timed, ms.
 const LONG: f64 = 2.0;
 
-/// Runs of which the median is taken.
+/// Number of runs; their median is used.
 const RUNS: usize = 5;
 
-/// Measures both rates, after a warm-up; none if the adapter has no timestamps. Takes less than a
+/// Measures both rates, after a warm-up; `None` if the adapter has no timestamps. Takes less than a
 /// second on two cores without a GPU.
 ///
 /// # Errors
@@ -66,7 +66,7 @@ pub fn measure(gpu: &Gpu) -> Result<Option<Rates>> {
         &[result.as_entire_binding()],
     );
     let Some(moved) = stream.median(gpu, groups as u32)? else { return Ok(None) };
-    // As many threads as it takes to be busy for long enough.
+    // Doubles the workgroups until a run takes long enough.
     let mut groups = 1024;
     while groups < 1 << 15 && arithmetic.run(gpu, groups)?.is_some_and(|ms| ms < LONG) {
         groups *= 2;
@@ -97,7 +97,8 @@ impl Kernel {
         Self { pipeline, group: gpu::bind_group(gpu, file, &layout, resources) }
     }
 
-    /// Milliseconds on the device; none without timestamps, or below their resolution.
+    /// Runs once and returns the device time, ms; `None` without timestamps, or below their
+    /// resolution.
     fn run(&self, gpu: &Gpu, groups: u32) -> Result<Option<f64>> {
         let mut timer = Timer::new(gpu, true);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());

@@ -1,13 +1,9 @@
-//! What a report holds: rows of numbers, and the figures that go with them.
+//! The contents of a report: rows of numbers, and the figures that go with them.
 
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
-use super::elisions::Elision;
-use super::passes::Budget;
-use super::rates::Rates;
-
-/// What a row measures.
+/// The kind of measurement of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -19,27 +15,27 @@ pub enum Kind {
     Caustics,
     /// A whole picture.
     Picture,
-    /// One pass of a frame, and its budget: [`Budget`].
+    /// One pass of a frame, and its budget: [`Budget`](super::passes::Budget).
     Pass,
-    /// What leaving out saves: [`Elision`].
+    /// The time saved by skipping work: [`Elision`](super::elisions::Elision).
     Elision,
 }
 
-/// One measurement. What does not apply to its kind, or could not be measured, is absent.
+/// One measurement. Fields that do not apply to its kind, or could not be measured, are absent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// What was measured.
+    /// The kind of measurement.
     pub kind: Kind,
-    /// On which scene: a name of `sims/`, with `:view` for a further view.
+    /// The scene: a name of `sims/`, with `:view` for a further view.
     pub scene: String,
-    /// Which method: an intersector, a filter, a preset, a pass.
+    /// The method: an intersector, a filter, a preset, a pass.
     pub method: String,
-    /// What distinguishes it from the method's other rows; empty for its defaults.
+    /// The settings that distinguish it from the method's other rows; empty for its defaults.
     pub settings: String,
     /// Median time on the device, ms.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ms: Option<f64>,
-    /// Half the range between the quartiles of the times, ms.
+    /// Half the interquartile range of the times, ms.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ms_spread: Option<f64>,
     /// Texels read per ray, mean.
@@ -48,32 +44,31 @@ pub struct Row {
     /// Evaluations of a layer per ray, mean; of a filter, its iterations.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iterations: Option<f64>,
-    /// Rays solved, of those whose true hit the layers show.
+    /// Share of the solvable rays, whose true hit the layers show, that were solved.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solved_of_solvable: Option<f64>,
-    /// Rays solved, of all.
+    /// Share of all rays that were solved.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solved_of_all: Option<f64>,
-    /// Rays with a hit that is wrong, of all.
+    /// Share of all rays with a wrong hit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wrong_accepts: Option<f64>,
     /// Root mean square distance of the solved hits from the truth, pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rms_px: Option<f64>,
-    /// Of a caustic map: the light that it holds over that which the truth sends there.
+    /// Of a caustic map: the light that it holds over the true light.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub light_kept: Option<f64>,
-    /// Of a caustic map: texels to whose centre light comes by several paths, of those to which it
-    /// comes.
+    /// Of a caustic map: the share of the lit texels whose centre light reaches by several paths.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub several_paths: Option<f64>,
     /// The error, smaller is better.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<f64>,
-    /// What the error is.
+    /// The measure of the error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_kind: Option<ErrorKind>,
-    /// What it is measured against.
+    /// The ground truth that it is measured against.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<String>,
 }
@@ -82,31 +77,31 @@ pub struct Row {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ErrorKind {
-    /// Share of all rays that were answered other than by the truth: solvable ones that were not
-    /// solved, and hits of rays that cannot be solved.
+    /// Share of all rays with a wrong answer: solvable rays that were not solved, and hits of
+    /// unsolvable rays.
     RaysWrong,
     /// Median angle between normals, degrees.
     NormalMedianDegrees,
-    /// Angle between normals that 90 % of the pixels do not exceed, degrees.
+    /// 90th percentile of the angle between normals, degrees.
     NormalP90Degrees,
     /// Root mean square difference of depths over all pixels that both surfaces cover, particle
     /// radii.
     DepthRmsAllRadii,
-    /// As [`ErrorKind::DepthRmsAllRadii`] without the tenth of the pixels that differ most: at
-    /// silhouettes a pixel more or less is another surface.
+    /// As [`ErrorKind::DepthRmsAllRadii`] without the tenth of the pixels with the largest
+    /// differences: at silhouettes a pixel off is on another surface.
     #[serde(alias = "depth_rms_radii")]
     DepthRmsNineTenthsRadii,
     /// Mean FLIP of the whole picture (Andersson et al. 2020).
     MeanFlip,
     /// Relative L1 difference.
     RelativeL1,
-    /// Relative L1 difference over the texels of a caustic map to which, and to whose neighbours,
-    /// light comes by one path.
+    /// Relative L1 difference over the texels of a caustic map that light reaches by one path, as
+    /// it does their neighbours.
     RelativeL1OnePath,
 }
 
 impl Row {
-    /// A row without figures.
+    /// Creates a row without figures.
     pub fn new(kind: Kind, scene: &str, method: &str, settings: &str) -> Self {
         Self {
             kind,
@@ -129,7 +124,7 @@ impl Row {
         }
     }
 
-    /// The row with the median and spread of repeated times.
+    /// Sets the median and the spread of repeated times.
     #[must_use]
     pub fn timed(mut self, times: &[f64]) -> Self {
         let [low, middle, high] = [0.25, 0.5, 0.75].map(|share| quantile(times, share));
@@ -138,7 +133,7 @@ impl Row {
         self
     }
 
-    /// The row with an error.
+    /// Sets the error.
     #[must_use]
     pub fn with_error(mut self, error: f64, kind: ErrorKind, truth: &str) -> Self {
         self.error = Some(error);
@@ -148,7 +143,7 @@ impl Row {
     }
 }
 
-/// The number that a share of the given ones does not exceed, interpolated between two; none of none.
+/// The quantile of some numbers, interpolated linearly; `None` without numbers.
 fn quantile(numbers: &[f64], share: f64) -> Option<f64> {
     let mut sorted = numbers.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -157,12 +152,12 @@ fn quantile(numbers: &[f64], share: f64) -> Option<f64> {
     Some(below + rank.fract() * (above - below))
 }
 
-/// The middle of some numbers; none of none.
+/// The median of some numbers; `None` without numbers.
 pub(crate) fn median(numbers: &[f64]) -> Option<f64> {
     quantile(numbers, 0.5)
 }
 
-/// In which order rays meet splashes (S) and aggregates (A) at their first two interfaces, as
+/// Order in which rays meet splashes (S) and aggregates (A) at their first two interfaces, as
 /// shares of the rays that have two (Imai et al. 2016, captions of figures 7 and 8).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Orders {
@@ -179,27 +174,27 @@ pub struct Orders {
     pub aa: f64,
 }
 
-/// Pictures of extreme scenes.
+/// Errors of pictures of extreme scenes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Stress {
-    /// What was varied.
+    /// The parameter that was varied.
     pub case: String,
-    /// Pictures drawn.
+    /// Number of pictures rendered.
     pub pictures: u32,
-    /// Pixels among all of them that are not finite: must be 0.
+    /// Number of non-finite pixels among all of them: must be 0.
     pub not_finite: u64,
-    /// Mean absolute difference of radiance from the truth: median over the pictures.
+    /// Mean absolute difference of radiance from the truth, median over the pictures.
     pub median_error: f64,
-    /// And the largest.
+    /// The largest mean absolute difference.
     pub worst_error: f64,
-    /// Settings of the largest, to find it again.
+    /// Parameters of that picture, to reproduce it.
     pub worst: String,
 }
 
-/// Pictures that belong together, in a row.
+/// Related pictures, shown in a row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
-    /// What they show.
+    /// The title.
     pub title: String,
     /// The scene.
     pub scene: String,
@@ -207,39 +202,14 @@ pub struct Figure {
     pub panels: Vec<(String, RgbImage)>,
 }
 
-/// All that was measured.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
-    /// The adapter and its driver.
-    pub adapter: String,
-    /// Whether it is the short form.
-    pub quick: bool,
-    /// The measurements.
-    pub rows: Vec<Row>,
-    /// What the adapter moves and computes at best, if passes were budgeted.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rates: Option<Rates>,
-    /// Budgets of passes.
-    pub budgets: Vec<Budget>,
-    /// What leaving out saves.
-    pub elisions: Vec<Elision>,
-    /// Order shares.
-    pub orders: Vec<Orders>,
-    /// Extreme scenes.
-    pub stress: Vec<Stress>,
-    /// Pictures; not in the JSON.
-    #[serde(skip)]
-    pub figures: Vec<Figure>,
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Protects the form of `report.json`: what does not apply is absent, not null, and the names
-    /// are those that are documented.
+    /// Absent figures are omitted from `report.json`, not null, and its keys are the documented
+    /// ones.
     #[test]
-    fn absent_figures_are_not_written() {
+    fn absent_figures_are_omitted() {
         let row = Row::new(Kind::Intersect, "pool", "guarded", "")
             .timed(&[3.0, 1.0, 2.0])
             .with_error(0.01, ErrorKind::RaysWrong, "exact layers");

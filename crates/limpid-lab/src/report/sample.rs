@@ -1,4 +1,4 @@
-//! A made-up report with all kinds of rows, for tests.
+//! A synthetic report with all kinds of rows, for tests.
 
 use image::{Rgb, RgbImage};
 
@@ -7,7 +7,7 @@ use super::passes::Budget;
 use super::rates::Rates;
 use super::{ErrorKind, Figure, Kind, Orders, Report, Row, Stress};
 
-/// A report without anything.
+/// An empty report.
 pub(super) fn empty() -> Report {
     Report {
         adapter: "made <up>".into(),
@@ -125,9 +125,9 @@ pub(super) fn sample() -> Report {
     }
 }
 
-/// Protects the form of `report.json`: the documented names, and no others.
+/// `report.json` has the documented keys and no others.
 #[test]
-fn json() {
+fn json_keys() {
     let text = serde_json::to_string_pretty(&sample()).expect("a report is JSON");
     let json: serde_json::Value = serde_json::from_str(&text).expect("what was written is JSON");
     let keys = |value: &serde_json::Value| -> Vec<String> {

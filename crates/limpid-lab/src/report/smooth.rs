@@ -1,4 +1,4 @@
-//! Smoothing filters: the surface that they leave, against the surface that is.
+//! Measurement of smoothing filters: the smoothed surface against the true one.
 
 use glam::DVec3;
 
@@ -14,7 +14,7 @@ use limpid::renderer::Renderer;
 use limpid::settings::{Filter, Settings, Smooth, Unit};
 use limpid_io::error::Result;
 
-/// Each filter with the default window, and with the papers' window of 9 × 9 pixels.
+/// The filters with the default window, and with the papers' window of 9 × 9 pixels.
 fn methods(quick: bool) -> Vec<(&'static str, String, Smooth)> {
     let filters = [
         ("plane-fit", Filter::PlaneFit),
@@ -47,7 +47,7 @@ fn methods(quick: bool) -> Vec<(&'static str, String, Smooth)> {
     methods
 }
 
-/// Measures all filters on one scene: time, depth and normal error of the front layer, and FLIP.
+/// Measures all filters on one scene: time, depth and normal errors of the front layer, and FLIP.
 ///
 /// # Errors
 /// As [`Renderer::render`].
@@ -61,7 +61,7 @@ pub fn measure(
     let camera = subject.views[0].1;
     let view = View::new(&camera.uniform(size, DVec3::ZERO));
     let [front, _] = first_last(&*subject.liquid, &camera, size);
-    // Waves are traced too slowly for a picture that other scenes have as well.
+    // Tracing waves is too slow for a picture that other scenes provide too.
     let truth = (!subject.is_water).then(|| {
         let (liquid, samples) = (&*subject.liquid, effort.truth_samples);
         trace(liquid, &subject.scene, &camera, size, samples, MAX_DEPTH).to_srgb()
@@ -102,16 +102,17 @@ pub fn measure(
     Ok(rows)
 }
 
-/// How a surface differs from another at the pixels that both cover.
+/// Errors of a surface at the pixels that both surfaces cover.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct SurfaceErrors {
     /// Median and 90th percentile of the angle between normals, degrees.
     angles: [f64; 2],
-    /// Root mean square difference of depths, m: of all, and without the tenth that differs most.
+    /// Root mean square difference of depths, m: over all pixels, and without the tenth with the
+    /// largest differences.
     depths: [f64; 2],
 }
 
-/// Compares a layer's texels with the true depths and normals.
+/// Compares a layer's texels with true depths and normals; `None` if no pixel has both.
 fn surface_errors(
     view: &View,
     texels: &[[f32; 4]],
@@ -126,7 +127,7 @@ fn surface_errors(
         let pixel = glam::DVec2::new((i % width) as f64, (i / width) as f64) + 0.5;
         let disparity = plane.dot(view.omega(pixel));
         if depth > 0.0 && disparity > 0.0 && normal != DVec3::ZERO {
-            // π points away from the eye, a front's normal towards it.
+            // π points away from the eye, a front's normal towards the eye.
             angles.push((-plane.normalize()).dot(normal).clamp(-1.0, 1.0).acos().to_degrees());
             differences.push((1.0 / disparity - depth).abs());
         }
@@ -151,8 +152,7 @@ fn surface_errors(
 mod tests {
     use super::*;
 
-    /// Protects the measure: planes that are the truth's have no error, planes turned and moved by
-    /// known amounts have those.
+    /// The true planes have no error; planes tilted and shifted by known amounts have these errors.
     #[test]
     fn errors_of_known_planes() {
         let view = View {
@@ -161,9 +161,9 @@ mod tests {
             near: 1e-3,
             far: None,
         };
-        let (depth, turn) = (5.0, 0.1f64);
+        let (depth, tilt) = (5.0, 0.1f64);
         let surface = |angle: f64, z: f64| {
-            // The plane through (0, 0, −z) whose normal towards the eye is turned about x.
+            // The plane through (0, 0, −z) whose normal towards the eye is tilted about x.
             let normal = DVec3::new(0.0, angle.sin(), angle.cos());
             let plane = normal / normal.dot(DVec3::new(0.0, 0.0, -z));
             (normal, plane)
@@ -179,21 +179,21 @@ mod tests {
         let same = surface_errors(&view, &texels(plane), &depths, &normals).expect("a surface");
         let all = same.angles.iter().chain(&same.depths);
         assert!(all.copied().all(|e| e < 1e-3), "{same:?}");
-        let (_, turned) = surface(turn, depth);
-        let found = surface_errors(&view, &texels(turned), &depths, &normals).unwrap();
+        let (_, tilted) = surface(tilt, depth);
+        let found = surface_errors(&view, &texels(tilted), &depths, &normals).unwrap();
         let [median, p90] = found.angles;
-        assert!((median - turn.to_degrees()).abs() < 1e-3, "{median}");
-        assert!((p90 - turn.to_degrees()).abs() < 1e-3, "{p90}");
-        let (_, moved) = surface(0.0, depth + 0.25);
-        let found = surface_errors(&view, &texels(moved), &depths, &normals).unwrap();
+        assert!((median - tilt.to_degrees()).abs() < 1e-3, "{median}");
+        assert!((p90 - tilt.to_degrees()).abs() < 1e-3, "{p90}");
+        let (_, shifted) = surface(0.0, depth + 0.25);
+        let found = surface_errors(&view, &texels(shifted), &depths, &normals).unwrap();
         for rms in found.depths {
             assert!((rms - 0.25).abs() < 1e-5, "{rms}");
         }
-        // One pixel in twelve far off: all pixels have it in their mean, nine tenths have not.
+        // One pixel in twelve far off raises the mean over all pixels, but not that of nine tenths.
         let (_, far) = surface(0.0, 4.0 * depth);
-        let mut torn = texels(plane);
-        torn[..16].copy_from_slice(&texels(far)[..16]);
-        let found = surface_errors(&view, &torn, &depths, &normals).unwrap();
+        let mut with_outliers = texels(plane);
+        with_outliers[..16].copy_from_slice(&texels(far)[..16]);
+        let found = surface_errors(&view, &with_outliers, &depths, &normals).unwrap();
         assert!((found.depths[0] - 3.0 * depth / 12f64.sqrt()).abs() < 1e-3, "{found:?}");
         assert!(found.depths[1] < 1e-3, "{found:?}");
         assert_eq!(surface_errors(&view, &vec![[0.0; 4]; 192], &depths, &normals), None);

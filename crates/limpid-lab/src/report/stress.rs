@@ -1,7 +1,8 @@
-//! Extreme scenes: any scale, place, field of view and index, against a closed form.
+//! Extreme scenes: any scale, position, field of view and index of refraction, against a closed
+//! form.
 //!
-//! The liquid is ellipsoids that do not touch, which a splat each draws exactly; so what differs from
-//! the truth is arithmetic, and what screen space cannot see.
+//! The liquid is made of separate ellipsoids, each of which one splat renders exactly; any
+//! difference from the truth is due to rounding or to the limits of screen space.
 
 use glam::{DMat3, DQuat, DVec3, UVec2};
 
@@ -18,7 +19,7 @@ use limpid::scene::{Liquid, Scene, Shape, Solid, Surface};
 use limpid_io::error::Result;
 use limpid_sim::rng::splitmix64;
 
-/// What a case varies; all else is moderate.
+/// The parameter that a case varies; all others are moderate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Case {
     Scale,
@@ -46,10 +47,10 @@ const CASES: [(Case, &str); 10] = [
     (Case::Within, "the eye in the liquid"),
 ];
 
-/// Droplets of spray, and of those beside the eye.
+/// Number of droplets in spray, and next to the eye.
 const DROPLETS: [usize; 2] = [40, 12];
 
-/// Draws `pictures` of each case.
+/// Renders `pictures` pictures of each case and compares them with the truth.
 ///
 /// # Errors
 /// As [`Renderer::render`].
@@ -105,7 +106,7 @@ struct Trial {
     offset: DVec3,
     fov_y: f64,
     ior: f64,
-    /// Height of the eye above the floor's horizon, as an angle, rad.
+    /// Elevation of the eye above the floor's horizon, rad.
     elevation: f64,
     azimuth: f64,
     drops: Vec<Drop>,
@@ -120,20 +121,20 @@ struct Drop {
 }
 
 impl Drop {
-    /// The matrix that takes the unit sphere to the ellipsoid around its centre.
+    /// The matrix that maps the unit sphere to the ellipsoid around its centre.
     fn shape(&self) -> DMat3 {
         let turn = DMat3::from_quat(self.turn);
         turn * DMat3::from_diagonal(self.axes) * turn.transpose()
     }
 
-    /// Whether spheres around both leave room between them.
+    /// Whether the bounding spheres of both are disjoint, with some room between them.
     fn is_apart(&self, other: &Self) -> bool {
         let radii = self.axes.max_element() + other.axes.max_element();
         self.centre.distance(other.centre) > 1.05 * radii
     }
 }
 
-/// Height of the floor, in units of the scene's scale, below the liquid's middle.
+/// Distance of the floor below the liquid's centre, in units of the scene's scale.
 const FLOOR: f64 = 1.2;
 
 impl std::fmt::Display for Trial {
@@ -157,7 +158,7 @@ impl Trial {
             let (sin, cos) = (std::f64::consts::TAU * b).sin_cos();
             DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z)
         };
-        // Every number is drawn in every case, so that cases differ in what they vary alone.
+        // Every case draws all random numbers, so that cases differ only in what they vary.
         let exponent = -3.0 + 7.0 * unit();
         let scale = if varies(Case::Scale) { 10f64.powf(exponent) } else { 1.0 };
         let place = direction(unit(), unit()) * 10f64.powf(5.0 * unit());
@@ -189,15 +190,15 @@ impl Trial {
                 }
             }
             Case::Pool => {
-                // Half below the floor: what nearly touches it is wet for one and dry for the other,
-                // which is a question of conventions.
+                // Half of the pool is below the floor: a surface that nearly touches the floor is
+                // wet by one convention and dry by the other.
                 let wide = 20.0 * axes + 10.0;
                 let centre = DVec3::new(0.0, -FLOOR, 0.0);
                 let axes = DVec3::new(wide.x, 0.1 + 0.4 * axes.y, wide.z);
                 trial.drops = vec![Drop { centre, axes, turn: DQuat::from_rotation_y(azimuth) }];
             }
             Case::Beside => {
-                // In the slab of the camera's plane, to all sides of the eye.
+                // Within the slab around the camera's plane, on all sides of the eye.
                 let (eye, towards) = (trial.eye(), trial.towards());
                 let right = DVec3::Y.cross(towards).normalize();
                 let (up, plane) = (towards.cross(right), 0.04);
@@ -217,7 +218,7 @@ impl Trial {
         trial
     }
 
-    /// Adds a droplet where there is room for it.
+    /// Adds a droplet if it is apart from all others.
     fn add(&mut self, drop: Drop) {
         if self.drops.iter().all(|other| other.is_apart(&drop)) {
             self.drops.push(drop);
@@ -230,8 +231,8 @@ impl Trial {
         DVec3::new(cos * self.azimuth.cos(), sin, cos * self.azimuth.sin())
     }
 
-    /// The eye, in units of the scale from the liquid's middle: so far that an ellipsoid of that size
-    /// fills about half of the picture.
+    /// The position of the eye relative to the liquid's centre, in units of the scale: at a
+    /// distance at which a unit ellipsoid fills about half of the picture.
     fn eye(&self) -> DVec3 {
         let distance = (1.0 / (0.5 * self.fov_y.to_radians()).tan()).max(0.6) * 1.5;
         (distance + FLOOR) * self.towards()
@@ -305,10 +306,11 @@ mod tests {
     use super::*;
     use crate::reference::Liquid as _;
 
-    /// Protects the cases: spray is separate droplets, a pool goes on behind the eye, droplets beside
-    /// the eye lie across the camera's plane without holding it, and within the liquid it is within.
+    /// The cases contain what their names say: spray is separate droplets; a pool continues behind
+    /// the eye; droplets next to the eye straddle the camera's plane without containing the eye;
+    /// the last case has the eye in the liquid.
     #[test]
-    fn cases_are_what_they_are_called() {
+    fn cases_match_their_names() {
         for number in 0..50 {
             let trial = |case| Trial::new(case, number, &mut u64::from(number));
             let apart = |trial: &Trial| {

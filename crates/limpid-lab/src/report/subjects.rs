@@ -1,4 +1,4 @@
-//! The scenes of a report, each with its truth.
+//! The scenes of a report, with their ground truth.
 
 use std::path::Path;
 
@@ -11,7 +11,8 @@ use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::error::{Error, Result};
 use limpid_io::input::{FrameTime, Input, Loaded};
-use limpid_io::project::{Processor, Project};
+use limpid_io::project::Project;
+use limpid_io::shared_classifier::Processor;
 use limpid_sim::recipe::Recipe;
 
 /// The scenes of `sims/` that a report measures.
@@ -30,33 +31,32 @@ const RECIPES: [(&str, &str); 12] = [
     ("dam", include_str!("../../../../sims/dam.toml")),
 ];
 
-/// A scene, its particles, and what their surface truly is.
+/// A scene, its particles, and their true surface.
 pub struct Subject {
     /// Its name.
     pub name: &'static str,
-    /// The scene, with the settings that it names.
+    /// The scene, with its own settings.
     pub scene: Scene,
-    /// Whether it is water whose surface alone is asked for, over solids.
+    /// Whether it is water over solids of which only the surface is measured.
     pub is_water: bool,
-    /// Views: the scene's own, and those that it names besides.
+    /// Views: the scene's own, and its further named ones.
     pub views: Vec<(String, Camera)>,
-    /// The particles as the program would draw them.
+    /// The particles as the program would render them.
     pub loaded: Loaded,
     /// The true surface.
     pub liquid: Box<dyn Liquid>,
-    /// The corners of a box that holds the true surface, m.
+    /// Corners of a box around the true surface, m.
     pub bounds: (DVec3, DVec3),
-    /// What the true surface is.
+    /// Kind of the true surface: `analytic` or `mesh`.
     pub truth: &'static str,
     input: Input,
 }
 
 impl Subject {
-    /// Makes the scene of this name.
+    /// Loads the scene of this name.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a name that there is not; whatever making its particles or its mesh
-    /// may raise.
+    /// [`Error::Usage`] for an unknown name; any error of generating its particles or its mesh.
     pub fn new(name: &str) -> Result<Self> {
         let (name, input, project) = open(name)?;
         let scene = &project.scene;
@@ -96,12 +96,12 @@ impl Subject {
         Ok(Self { name, scene, is_water, views, loaded, liquid, bounds, truth, input })
     }
 
-    /// The scene with other settings, and its particles classified by them.
+    /// Returns the scene with other settings, and its particles classified with them.
     ///
     /// # Errors
     /// As [`Input::prepare`].
     pub fn with(&self, settings: &limpid::settings::Settings) -> Result<(Scene, Loaded)> {
-        // What belongs to the picture, not to a method, stays.
+        // Settings of the picture, as opposed to the method, stay.
         let caustics = limpid::settings::Caustics {
             method: settings.caustics.method,
             ..self.scene.settings.caustics.clone()
@@ -117,8 +117,8 @@ impl Subject {
     }
 }
 
-/// A scene of this name, or the file of one, with its particles; without its truth, which takes longer
-/// than the rest.
+/// Loads a scene by name or file, with its particles but without its truth, which takes longer than
+/// the rest.
 ///
 /// # Errors
 /// As [`Subject::new`], and as [`Input::open`] for a file.
@@ -131,14 +131,14 @@ pub fn load(name: &str) -> Result<(String, Project, Loaded)> {
         let (name, input, project) = open(name)?;
         (name.to_owned(), input, project)
     };
-    // What a report measures comes after it.
+    // Classification precedes what a report measures.
     let input = input.processed_by(Processor::Cpu);
     let frame = input.frame.unwrap_or(input.sequence.frames[0].number);
     let loaded = input.load(FrameTime::at(frame), &project.scene)?;
     Ok((name, project, loaded))
 }
 
-/// Whether what is to be measured is a file, not a scene's name.
+/// Whether a scene to measure is given as a file instead of a name.
 pub(super) fn is_file(name: &str) -> bool {
     name.ends_with(".toml")
 }
@@ -147,7 +147,7 @@ fn open(name: &str) -> Result<(&'static str, Input, Project)> {
     let (name, text) = find(name)?;
     let input = match text {
         "" => Input::demo()?,
-        // The demo's particles, which the program has with it.
+        // Uses the demo's particles, which are embedded in the program.
         text if name == "dam" => {
             Input::demo()?.with_project(Project::parse(text, name, Path::new(""))?)
         }
@@ -157,10 +157,10 @@ fn open(name: &str) -> Result<(&'static str, Input, Project)> {
     Ok((name, input, project))
 }
 
-/// Refuses a name that is not a scene's.
+/// Checks that a scene of this name exists.
 ///
 /// # Errors
-/// [`Error::Usage`] naming the scenes that there are.
+/// [`Error::Usage`] listing the scenes.
 pub fn check(name: &str) -> Result<()> {
     find(name).map(|_| ())
 }
@@ -172,9 +172,9 @@ fn find(name: &str) -> Result<(&'static str, &'static str)> {
     })
 }
 
-/// A size of `width` pixels in the shape of a scene's published pictures.
+/// Returns a size of `width` pixels with the aspect ratio of a scene's published pictures.
 pub fn size(name: &str, width: u32) -> UVec2 {
-    // Mayer et al. show 2000 × 1600, Imai et al. 4 : 3.
+    // Mayer et al. use 2000 × 1600, Imai et al. 4 : 3.
     let height = if name.starts_with("pool") || name.starts_with("reef") {
         4 * width / 5
     } else {

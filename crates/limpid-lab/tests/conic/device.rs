@@ -1,7 +1,7 @@
-//! The same walk on the device.
+//! The walk along the conic, on the device.
 //!
-//! Protects pictures from what 32 bits lose: the shader's crossings, paths and irradiance are those
-//! of the reference, from the same numbers.
+//! In 32 bits the shader's crossings, paths and irradiance match those of the reference computed
+//! from the same numbers.
 
 use glam::{DVec2, DVec3, UVec2};
 use limpid::gpu::Gpu;
@@ -10,7 +10,7 @@ use limpid_lab::reference::conic::{Conic, Grid, Path, Source, Vertex, paths, wal
 use super::support::{self, Kernel, Random, gpu};
 use super::{Pool, WATER, assert_near, one_conic, overhead, waves, wavy};
 
-/// A vertex as the shader has it.
+/// The vertices in the shader's layout.
 fn texels(grid: &Grid) -> Vec<[f32; 8]> {
     let texel = |vertex: &Option<Vertex>| {
         let Some(Vertex { position: x, normal: n }) = vertex else { return [0.0; 8] };
@@ -20,7 +20,7 @@ fn texels(grid: &Grid) -> Vec<[f32; 8]> {
     grid.vertices.iter().map(texel).collect()
 }
 
-/// The grid with the numbers that the device has.
+/// The grid rounded to the device's precision.
 fn rounded(grid: &Grid) -> Grid {
     let vertices = grid
         .vertices
@@ -35,8 +35,7 @@ fn rounded(grid: &Grid) -> Grid {
     Grid { cells: grid.cells, vertices }
 }
 
-/// A walk's beginning: receiver, where the light sees it in cells, and the light: a point, or with
-/// `sun` a direction.
+/// The start of a walk: the receiver, its position in the light's view in cells, and the light.
 #[derive(Clone, Copy)]
 struct Start {
     receiver: DVec3,
@@ -44,7 +43,7 @@ struct Start {
     source: Source,
 }
 
-/// What the device found: whether, where, D, and how many triangles it went through.
+/// The device's result: whether it found a path, where, D, and the number of triangles visited.
 struct Found {
     found: bool,
     position: DVec3,
@@ -112,10 +111,10 @@ fn walk_on_device(gpu: &Gpu, grid: &Grid, starts: &[Start], steps: u32) -> Vec<F
         .collect()
 }
 
-/// Protects the device's quadratics: the same crossings as in 64 bits, from the same numbers, where
-/// naive formulas lose all digits.
+/// The device's quadratics: the same crossings as in f64, from the same numbers, where naive
+/// formulas lose all digits.
 #[test]
-fn the_device_crosses_edges_where_they_are_crossed() {
+fn device_edge_crossings_match_the_reference() {
     let Some(gpu) = gpu() else { return };
     let kernel = Kernel {
         imports: &["caustics/conic.wgsl"],
@@ -150,7 +149,7 @@ fn the_device_crosses_edges_where_they_are_crossed() {
         let expected = conic.edge_roots(0);
         let mut got: Vec<f64> = got.iter().filter(|s| **s >= 0.0).map(|s| (*s).into()).collect();
         got.sort_by(f64::total_cmp);
-        // Whether two roots that almost meet exist is a matter of rounding.
+        // Nearly coincident roots may or may not exist due to rounding.
         if (h * h - a * b).abs() < 1e-6 * h * h {
             continue;
         }
@@ -162,10 +161,10 @@ fn the_device_crosses_edges_where_they_are_crossed() {
     }
 }
 
-/// Protects the device's flat water: the textbook's point and its D, from straight overhead to
-/// where the walk begins in total reflection.
+/// Flat water on the device: the textbook's point and its D, from straight overhead to a walk that
+/// starts in total reflection.
 #[test]
-fn the_device_has_the_closed_form_of_flat_water() {
+fn device_matches_flat_water() {
     let Some(gpu) = gpu() else { return };
     let pool = Pool::flat(16.0, 64);
     let receiver = DVec3::new(0.0, 0.0, -2.0);
@@ -183,7 +182,7 @@ fn the_device_has_the_closed_form_of_flat_water() {
     assert!(far.position.distance(expected.position) < 1e-3, "{}", far.position);
     assert_near(far.spread / expected.spread, 1.0, 1e-3, "D from afar");
 
-    // Too few steps, a lamp under water, a receiver beside the grid.
+    // Too few steps, a lamp under water, a receiver outside the grid.
     let short = walk_on_device(gpu, &pool.grid, &starts[2..], 10);
     assert!(!short[0].found && short[0].steps <= 20);
     let below = Start { source: Source::Point(DVec3::new(1.0, 0.2, -0.5)), ..starts[0] };
@@ -191,10 +190,10 @@ fn the_device_has_the_closed_form_of_flat_water() {
     assert!(walk_on_device(gpu, &pool.grid, &[below, beside], 200).iter().all(|path| !path.found));
 }
 
-/// Protects the device's walk on hard curves: circles, some inside one triangle, some that cross
-/// triangles four times.
+/// The device's walk on closed curves: circles, some inside one triangle, some that cross triangles
+/// four times.
 #[test]
-fn the_device_walks_around_circles() {
+fn device_walks_around_circles() {
     let Some(gpu) = gpu() else { return };
     let mut random = Random(13);
     for (x, y, delta) in [(0.35, 0.3, 0.1), (0.55, 0.25, 0.6), (0.62, 0.25, 0.74)]
@@ -214,10 +213,10 @@ fn the_device_walks_around_circles() {
     }
 }
 
-/// Protects the device's walk under waves, with receivers at the centres of texels, where walks
-/// start on the triangles' edges: nearly all are solved, and what is found exists.
+/// The device's walk under waves, with receivers at texel centres, where walks start on the
+/// triangles' edges: nearly all are solved, and the paths found exist.
 #[test]
-fn the_device_finds_paths_that_exist() {
+fn device_finds_existing_paths() {
     let Some(gpu) = gpu() else { return };
     let cells = 60;
     let pool = wavy(1.5, cells);
@@ -236,7 +235,7 @@ fn the_device_finds_paths_that_exist() {
                 let receiver = receiver.as_vec3().as_dvec3();
                 let at = match source {
                     Source::Sun(_) => at,
-                    // A grid over heights is not regular in a lamp's view.
+                    // A grid over a height field is not regular in a lamp's view.
                     Source::Point(_) => pool.cell(pool.straight(source, receiver)),
                 };
                 starts.push(Start { receiver, at, source });
@@ -259,7 +258,7 @@ fn the_device_finds_paths_that_exist() {
                 .or_else(|| paths(&grid, &source, WATER, receiver).into_iter().find(near));
             let exact = exact.unwrap_or_else(|| panic!("no path at {}", got.position));
             same += usize::from(reference.is_some_and(|p| near(&p)));
-            // At an edge, D may be that of the other triangle.
+            // At an edge, D may be that of the neighbouring triangle.
             let error = (got.spread - exact.spread).abs();
             if error < 1e-3 * (1.0 + exact.spread) {
                 continue;
@@ -272,16 +271,15 @@ fn the_device_finds_paths_that_exist() {
         }
         assert!(solved * 100 >= starts.len() * 97 && solved * 100 >= solvable * 99);
         assert!(same * 100 >= solved * 97, "{same} of {solved}");
-        // The path is near the straight line: a few triangles from it.
+        // Paths are near the straight line: a few triangles from it.
         assert!(steps < 5 * solved as u32, "{steps} steps for {solved} paths");
     }
 }
 
-/// Protects the map as the renderer will have it: in a sun's view, over wet floor, every texel's
-/// irradiance is that of the walk in 64 bits; where there is no liquid the map says so; and what
-/// stands in the light's way casts a shadow.
+/// The map as the renderer computes it: in a sun's view, over wet floor, every texel's irradiance
+/// matches the walk in f64; texels without liquid are marked; and occluders cast shadows.
 #[test]
-fn the_map_is_gathered() {
+fn gathered_map_matches_the_reference() {
     use limpid::camera::CameraUniform;
     use limpid::wgpu::{self, util::DeviceExt};
     const SIZE: u32 = 32;
@@ -296,8 +294,8 @@ fn the_map_is_gathered() {
         far: 4.0,
         pad: [0.0; 3],
     };
-    // The sun is 1 m above the liquid, 3 m above the floor; a board stands on the left, and there is
-    // no liquid on the right.
+    // The sun is 1 m above the liquid, 3 m above the floor; a board stands on the left, and there
+    // is no liquid on the right.
     let layer = |height: &dyn Fn(u32) -> f32| -> Vec<[f32; 4]> {
         (0..SIZE * SIZE).map(|i| [0.0, 0.0, -height(i % SIZE), 0.0]).collect()
     };
@@ -352,7 +350,7 @@ fn the_map_is_gathered() {
     );
     let layers = support::texture(gpu, size, &[&front, &back]);
     let planes = support::texture(gpu, size, &[&solids]);
-    // The light is kept off the liquid left of x = -0.25, from one vertex to the next.
+    // Liquid left of x = -0.25 is shadowed; the boundary runs between two vertices.
     let mut shaded = texels(&grid);
     for vertex in &mut shaded {
         vertex[3] = int(if vertex[0] < -0.26 { 2 } else { 1 });
@@ -373,8 +371,8 @@ fn the_map_is_gathered() {
         view_formats: &[],
     });
     let map_view = map.create_view(&Default::default());
-    let text = limpid::shader::source("refract/guarded.wgsl")
-        + &limpid::shader::source("caustics/gather.wgsl");
+    let guarded = limpid::gpu::shader::Variant::of("refract/guarded.wgsl");
+    let text = limpid::gpu::shader::source("caustics/gather.wgsl", guarded);
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("gather"),
         source: wgpu::ShaderSource::Wgsl(text.into()),
@@ -399,7 +397,7 @@ fn the_map_is_gathered() {
                 (1, view(&layers)),
                 (2, view(&layers)),
                 (3, view(&planes)),
-                // Of one fluid, the mixture is not read.
+                // With one fluid the mixture is not read.
                 (4, view(&planes)),
             ],
             vec![],
@@ -476,6 +474,6 @@ fn the_map_is_gathered() {
     }
     assert!(lit > 15 * 31 && alike * 100 > lit * 97, "{alike} of {lit} alike");
     assert!(shadowed > 5, "{shadowed} shadowed");
-    // Behind a film of air, the floor is not in the liquid.
+    // Behind a film of air the floor is not in the liquid.
     assert!(gathered(&dry_buffer).iter().all(|texel| texel == &[0.0; 4]));
 }

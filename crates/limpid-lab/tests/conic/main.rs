@@ -1,5 +1,5 @@
-//! The walk along the curve of coplanar points, in 64 bits and on the device: known answers of its
-//! algebra, its paths against all that exist, and its irradiance against traced light.
+//! The walk along the curve of coplanar points, in f64 and on the device: known answers of its
+//! algebra, its paths against all existing ones, and its irradiance against traced light.
 
 mod device;
 mod reference;
@@ -20,7 +20,7 @@ fn assert_near(got: f64, expected: f64, tolerance: f64, what: &str) {
     assert!(error <= tolerance, "{what}: {got}, expected {expected}, off by {error:e}");
 }
 
-/// A grid over the square from -half to half, over z = 0, seen from above: y down.
+/// A grid over the square from -half to half at z = 0, seen from above, with y down.
 struct Pool {
     half: f64,
     grid: Grid,
@@ -39,7 +39,7 @@ impl Pool {
         Self::new(half, cells, |x| Vertex { position: x.extend(0.0), normal: DVec3::Z })
     }
 
-    /// A surface of heights, with the gradient.
+    /// A height field with its gradient.
     fn heights(half: f64, cells: u32, f: impl Fn(DVec2) -> (f64, DVec2)) -> Self {
         Self::new(half, cells, |x| {
             let (height, slope) = f(x);
@@ -47,12 +47,12 @@ impl Pool {
         })
     }
 
-    /// In cells, where the vertical over a point meets the grid.
+    /// The point of the grid vertically above or below a point, in cells.
     fn cell(&self, x: DVec2) -> DVec2 {
         0.5 * (DVec2::new(x.x, -x.y) / self.half + 1.0) * self.grid.cells.as_dvec2()
     }
 
-    /// The walk from where the straight line to the light meets the surface, about z = 0.
+    /// Walks from where the straight line to the light meets the surface, near z = 0.
     fn walk(&self, source: Source, receiver: DVec3) -> Option<Path> {
         self.walk_within(source, receiver, STEPS)
     }
@@ -62,8 +62,8 @@ impl Pool {
         walk(&self.grid, &source, WATER, receiver, at, steps)
     }
 
-    /// Where the straight line to the light passes through the grid: bisection on its triangles'
-    /// heights.
+    /// Finds where the straight line to the light passes through the grid, by bisection on the
+    /// triangles' heights.
     fn straight(&self, source: Source, receiver: DVec3) -> DVec2 {
         let to = match source {
             Source::Sun(to) => to / to.z,
@@ -82,7 +82,7 @@ impl Pool {
         self.surface(x).0
     }
 
-    /// The triangles' height and the interpolated normal.
+    /// The height of the triangles and the interpolated normal.
     fn surface(&self, x: DVec2) -> (f64, DVec3) {
         let at = self.cell(x);
         let cell = at.floor().as_ivec2().clamp(IVec2::ZERO, self.grid.cells.as_ivec2() - 1);
@@ -104,7 +104,7 @@ fn overhead(height: f64) -> Source {
     Source::Point(DVec3::new(0.0, 0.0, height))
 }
 
-/// A grid of unit cells from -2 to 3 at z = 0, with normals that are linear: one conic everywhere.
+/// A grid of unit cells from -2 to 3 at z = 0 with linear normals: one conic everywhere.
 fn one_conic(normal: impl Fn(DVec2) -> DVec3) -> Grid {
     Grid::new(UVec2::splat(5), |at| {
         let x = at.as_dvec2() - 2.0;

@@ -1,7 +1,7 @@
-//! The walk in 64 bits.
+//! The walk along the conic, in f64.
 //!
-//! Protects what the device is held against, and what the method's papers claim: closed forms of
-//! flat water, the conic's algebra, all paths that exist, and the radiometry of traced light.
+//! Tests the reference for the device, and the claims of the method's papers: closed forms of flat
+//! water, the conic's algebra, all existing paths, and the radiometry of traced light.
 
 use std::f64::consts::TAU;
 
@@ -12,10 +12,10 @@ use limpid_lab::reference::optics;
 use super::support::Random;
 use super::{Pool, STEPS, WATER, assert_near, one_conic, overhead, wavy};
 
-/// Protects the textbook case, flat water under a lamp: where Snell's law holds, both angles, and
-/// how far the beam widens, by the closed form of Walter and others.
+/// Flat water under a lamp, the textbook case: the point where Snell's law holds, both angles, and
+/// the spread of the beam by the closed form of Walter et al.
 #[test]
-fn flat_water_has_its_closed_form() {
+fn flat_water_matches_its_closed_form() {
     let pool = Pool::flat(8.0, 16);
     let source = Source::Point(DVec3::new(4.0, 0.0, 3.0));
     let path = pool.walk(source, DVec3::new(0.0, 0.0, -2.0)).expect("a path");
@@ -34,10 +34,10 @@ fn flat_water_has_its_closed_form() {
     assert!(path.position.length() < 1e-12);
 }
 
-/// Protects D against its closed form for flat water at all angles, and the sun's D as the limit
-/// of a lamp's over its distance squared.
+/// D of flat water against its closed form at all angles, and the sun's D as the limit of a lamp's
+/// over its squared distance.
 #[test]
-fn flat_water_spreads_light_at_all_angles() {
+fn spread_under_flat_water_at_all_angles() {
     let pool = Pool::flat(20.0, 40);
     let mut random = Random(3);
     for _ in 0..200 {
@@ -63,7 +63,7 @@ fn flat_water_spreads_light_at_all_angles() {
     }
 }
 
-/// The triangle (0, 0), (1, 0), (0, 1) whose curve is a circle of radius delta / 2.
+/// The triangle (0, 0), (1, 0), (0, 1) whose conic is a circle of radius delta / 2.
 fn circle(p: DVec2, delta: f64) -> Conic {
     let positions = [DVec2::ZERO, DVec2::X, DVec2::Y];
     let normal = |x: DVec2| DVec3::new(-(x.y - p.y), x.x - p.x + delta, 1.0);
@@ -71,9 +71,9 @@ fn circle(p: DVec2, delta: f64) -> Conic {
     Conic::new(DVec3::Z, positions.map(|x| x.extend(0.0) - from), positions.map(normal))
 }
 
-/// Protects the conic's algebra: its coefficients are the paper's (equation 12), for any triangle.
+/// The conic's coefficients are the paper's (equation 12), for any triangle.
 #[test]
-fn coefficients_are_those_of_the_paper() {
+fn coefficients_match_the_paper() {
     let mut random = Random(4);
     for _ in 0..200 {
         let [l, v0, v1, v2, n0, n1, n2] = std::array::from_fn(|_| random.direction());
@@ -89,10 +89,10 @@ fn coefficients_are_those_of_the_paper() {
     }
 }
 
-/// Protects where curves cross edges: two on each of two edges, two on one edge, none for a circle
-/// inside, none for one that touches; and quadratics that are almost linear.
+/// Crossings of edges: two on each of two edges, two on one edge, none for a circle inside, none
+/// for a tangent one; and almost linear quadratics.
 #[test]
-fn curves_cross_edges_where_they_do() {
+fn edge_crossings_of_known_circles() {
     let roots = |conic: &Conic| [0, 1, 2].map(|edge| conic.edge_roots(edge));
     let inside = circle(DVec2::new(0.35, 0.3), 0.1);
     assert_eq!(roots(&inside), [[None; 2]; 3]);
@@ -115,7 +115,7 @@ fn curves_cross_edges_where_they_do() {
     assert_near(a, 0.422_863_8, 5e-8, "on the hypotenuse");
     assert_near(b, 0.577_136_2, 5e-8, "on the hypotenuse");
 
-    // A circle that touches an edge crosses it nowhere: zero crossings or two, never one.
+    // A tangent circle does not cross the edge: zero crossings or two, never one.
     for delta in [0.5 - 1e-15, 0.5, 0.5 + 1e-15] {
         let touches = circle(DVec2::new(0.55, 0.25), delta);
         let count = touches.edge_roots(0).iter().flatten().count();
@@ -130,10 +130,10 @@ fn curves_cross_edges_where_they_do() {
     assert_eq!(line(0.0, 0.0, 0.0).edge_roots(0), [None; 2]);
 }
 
-/// Protects against cracks: triangles on both sides of an edge, and walks in either direction,
-/// have the same crossings to the last bit.
+/// No cracks: triangles on both sides of an edge, and walks in either direction, have bit-identical
+/// crossings.
 #[test]
-fn neighbours_agree_about_crossings() {
+fn neighbours_have_identical_crossings() {
     let mut random = Random(5);
     let mut crossings = 0;
     for _ in 0..2000 {
@@ -142,14 +142,14 @@ fn neighbours_agree_about_crossings() {
         let other = Conic::new(l, [d, a, b], [nd, na, nb]);
         assert_eq!(one.edge_roots(0), other.edge_roots(2));
         crossings += one.edge_roots(0).iter().flatten().count();
-        // Whatever the numbers, the curve leaves a triangle as often as it comes in.
+        // The curve leaves a triangle as often as it enters it.
         let all: usize = (0..3).map(|edge| one.edge_roots(edge).iter().flatten().count()).sum();
         assert_eq!(all % 2, 0);
     }
     assert!(crossings > 500, "{crossings}");
 }
 
-/// A mesh of random heights and normals.
+/// A grid of random heights and normals.
 fn rough(random: &mut Random, cells: u32, slope: f64) -> Pool {
     let side = 2.0 / f64::from(cells);
     let size = (cells + 1) * (cells + 1);
@@ -168,7 +168,7 @@ fn rough(random: &mut Random, cells: u32, slope: f64) -> Pool {
     pool
 }
 
-/// How much Snell's law is violated, as a vector along the surface.
+/// Violation of Snell's law, as a vector along the surface.
 fn violation(pool: &Pool, source: Source, receiver: DVec3, x: DVec2) -> DVec3 {
     let (height, normal) = pool.surface(x);
     let m = x.extend(height);
@@ -180,7 +180,7 @@ fn violation(pool: &Pool, source: Source, receiver: DVec3, x: DVec2) -> DVec3 {
     sum - sum.dot(normal) * normal
 }
 
-/// All paths by Newton's method from many points of every triangle: nothing of the curve is used.
+/// Finds all paths by Newton's method from many points of every triangle, without using the curve.
 fn paths_by_newton(pool: &Pool, source: Source, receiver: DVec3) -> Vec<DVec2> {
     const SEEDS: u32 = 12;
     let cells = pool.grid.cells;
@@ -232,11 +232,11 @@ fn paths_by_newton(pool: &Pool, source: Source, receiver: DVec3) -> Vec<DVec2> {
     found
 }
 
-/// Protects the enumeration, and with it the sign of the residual: on random meshes, rough enough
-/// for total reflection along the curve, it finds what Newton's method finds, no more and no less.
-/// And the walk finds one of them.
+/// The enumeration, and with it the sign of the residual: on random meshes, rough enough for total
+/// reflection along the curve, it finds exactly the paths that Newton's method finds, and the walk
+/// finds one of them.
 #[test]
-fn every_path_of_random_meshes_is_found_and_no_other() {
+fn enumeration_matches_newton_on_random_meshes() {
     let mut random = Random(6);
     let (mut total, mut several, mut walked, mut solvable, mut missed) = (0, 0, 0, 0, 0);
     for k in 0..60 {
@@ -247,7 +247,7 @@ fn every_path_of_random_meshes_is_found_and_no_other() {
         let to = to.with_z(to.z.abs() + 0.8).normalize();
         let source = if k % 2 == 0 { Source::Sun(to) } else { Source::Point(receiver + 4.0 * to) };
         let expected = paths_by_newton(&pool, source, receiver);
-        // Of a sharp mesh, the triangles may turn away from light that their normals let through.
+        // On a rough mesh, triangles may face away from light that their normals let through.
         let found = paths(&pool.grid, &source, WATER, receiver);
         for x in &expected {
             let near = |p: &Path| p.position.truncate().distance(*x) < 1e-6;
@@ -263,7 +263,7 @@ fn every_path_of_random_meshes_is_found_and_no_other() {
         solvable += usize::from(!found.is_empty() && start < pool.half);
         if let Some(path) = pool.walk(source, receiver) {
             let near = |p: &Path| p.position.distance(path.position) < 1e-9;
-            assert!(found.iter().any(near), "mesh {k}: the walk's is none of all");
+            assert!(found.iter().any(near), "mesh {k}: the walk's path is not among all paths");
             walked += 1;
         }
     }
@@ -272,9 +272,8 @@ fn every_path_of_random_meshes_is_found_and_no_other() {
     assert!(walked + 2 >= solvable, "{walked} of {solvable} receivers");
 }
 
-/// Protects the walk where curves come back: circles inside the first triangle, circles that cross
-/// a triangle four times, or one edge twice. The plane turns over once around, so there always is
-/// a root.
+/// Closed curves: circles inside the first triangle, circles that cross a triangle four times, or
+/// one edge twice. The plane's normal is reversed after one turn, so there always is a root.
 #[test]
 fn walks_around_circles_find_a_path() {
     let mut random = Random(7);
@@ -293,8 +292,7 @@ fn walks_around_circles_find_a_path() {
     }
 }
 
-/// Protects against taking one branch of a hyperbola for the other: the walk stays on that through
-/// the straight line to the light.
+/// The walk stays on the branch of a hyperbola that contains the straight line to the light.
 #[test]
 fn walks_stay_on_their_branch() {
     let mut random = Random(8);
@@ -319,8 +317,7 @@ fn walks_stay_on_their_branch() {
     assert!(found > 100, "{found}");
 }
 
-/// Protects the tie at a vertex: whichever of its triangles the walk begins in, the path is the
-/// same.
+/// Ties at a vertex: the path does not depend on which of its triangles the walk starts in.
 #[test]
 fn walks_from_a_vertex_agree() {
     let mut random = Random(9);
@@ -346,10 +343,10 @@ fn walks_from_a_vertex_agree() {
     }
 }
 
-/// Protects the walk through total reflection, where the refracted ray does not exist, and its end
+/// The walk passes regions of total reflection, where the refracted ray does not exist, and ends
 /// where there is nothing to find: light from below, the edge of the grid, too few steps, holes.
 #[test]
-fn walks_pass_total_reflection_and_end() {
+fn walks_pass_total_reflection_and_terminate() {
     let pool = Pool::flat(16.0, 64);
     let receiver = DVec3::new(0.0, 0.0, -2.0);
     let far = Source::Point(DVec3::new(30.0, 3.0, 3.0));
@@ -361,7 +358,7 @@ fn walks_pass_total_reflection_and_end() {
 
     let low = 5.0_f64.to_radians();
     let sun = Source::Sun(DVec3::new(low.cos(), 0.0, low.sin()));
-    // The straight ray is outside the grid; from anywhere else the walk ends as well.
+    // The straight ray misses the grid; from other starts the walk ends as well.
     assert_eq!(walk(&pool.grid, &sun, WATER, receiver, DVec2::new(77.7, 32.0), STEPS), None);
     for at in [DVec2::ZERO, DVec2::splat(64.0), DVec2::new(63.9, 0.3)] {
         walk(&pool.grid, &sun, WATER, receiver, at, STEPS);
@@ -381,7 +378,7 @@ fn walks_pass_total_reflection_and_end() {
     assert!(pool.walk(lamp, receiver).is_some_and(|path| path.position.x < 2.5));
     let at = pool.cell(pool.straight(lamp, receiver));
     assert_eq!(walk(&torn.grid, &lamp, WATER, receiver, at, STEPS), None);
-    // Grazing rays are refused or finite.
+    // Grazing rays are rejected or finite.
     let tilted = Pool::new(8.0, 16, |x| Vertex {
         position: x.extend(0.0),
         normal: DVec3::new(0.6, 0.0, 0.8),
@@ -393,13 +390,13 @@ fn walks_pass_total_reflection_and_end() {
     }
 }
 
-/// By differences of fourth order.
+/// A derivative by fourth-order differences.
 fn derivative(f: impl Fn(f64) -> DVec3, step: f64) -> DVec3 {
     let central = |step: f64| (f(step) - f(-step)) / (2.0 * step);
     (4.0 * central(step) - central(2.0 * step)) / 3.0
 }
 
-/// Light along `d` through the extended triangle under `m`: where it passes, and where it goes.
+/// The extended triangle under `m`, for tracing light through it.
 struct Tilted {
     corners: [Vertex; 3],
 }
@@ -414,7 +411,7 @@ impl Tilted {
         Self { corners: of.map(corner) }
     }
 
-    /// Where a ray meets its plane, and the interpolated normal there.
+    /// Intersects a ray with its plane; returns the point and the interpolated normal there.
     fn meet(&self, o: DVec3, d: DVec3) -> (DVec3, DVec3) {
         let [a, b, c] = self.corners;
         let (e1, e2) = (b.position - a.position, c.position - a.position);
@@ -426,10 +423,10 @@ impl Tilted {
     }
 }
 
-/// Protects the derivatives, of which two have the wrong sign in print: D against finite
-/// differences of rays from the receiver, on triangles with tilted normals.
+/// D against finite differences of rays from the receiver, on triangles with tilted normals: two of
+/// the derivatives have the wrong sign in print.
 #[test]
-fn spread_is_that_of_rays() {
+fn spread_matches_finite_differences() {
     let mut random = Random(10);
     let mut checked = 0;
     while checked < 100 {
@@ -446,7 +443,7 @@ fn spread_is_that_of_rays() {
             let out = optics::refract(d, -n, 1.0 / WATER).expect("it leaves");
             match source {
                 Source::Sun(_) => out,
-                // The point on the plane through the lamp across the path.
+                // The point on the plane through the lamp, perpendicular to the path.
                 Source::Point(at) => m + (at - m).dot(path.to_light) / out.dot(path.to_light) * out,
             }
         };
@@ -460,8 +457,8 @@ fn spread_is_that_of_rays() {
     }
 }
 
-/// Irradiance on the floor by light traced forward through one triangle: sent, transmitted, over
-/// the area where it arrives.
+/// Irradiance on the floor by light traced forward through one triangle: the transmitted light over
+/// the area where it lands.
 fn traced(pool: &Pool, towards: DVec3, path: &Path, receiver: DVec3) -> f64 {
     let triangle = Tilted::at(pool, path.position.truncate());
     let arrive = |o: DVec3| {
@@ -475,17 +472,18 @@ fn traced(pool: &Pool, towards: DVec3, path: &Path, receiver: DVec3) -> f64 {
     (1.0 - optics::fresnel(towards.dot(path.normal), WATER)) / du.cross(dv).length()
 }
 
-/// Protects the radiometry: under waves, before and behind their focus, the irradiance of every
-/// path is that of traced light, E T dA/dA'. And it tells the method's bias: the light that comes by
-/// the paths that the walk does not find.
+/// Radiometry: under waves, before and behind their focus, the irradiance of every path is that of
+/// traced light, E T dA/dA'. Also measures the method's bias: the light along paths that the walk
+/// does not find.
 #[test]
-fn irradiance_under_waves_is_that_of_traced_light() {
+fn irradiance_under_waves_matches_traced_light() {
     let pool = wavy(3.0, 120);
     let towards = DVec3::new(0.3, 0.2, 1.0).normalize();
     let source = Source::Sun(towards);
     let mut random = Random(11);
     const RECEIVERS: u32 = 150;
-    // Depth; the share of receivers with one path; that of the light, at least, that is found.
+    // Depth; the minimum share of receivers with one path; the minimum share of the light that is
+    // found.
     for (depth, one, light) in [(2.0, 0.99, 0.99), (5.0, 0.2, 0.3)] {
         let (mut found, mut single, mut got, mut all) = (0, 0, 0.0, 0.0);
         for _ in 0..RECEIVERS {
@@ -496,8 +494,8 @@ fn irradiance_under_waves_is_that_of_traced_light() {
             for path in &every {
                 let expected = traced(&pool, towards, path, receiver);
                 let ratio = irradiance(path, f64::INFINITY) / expected;
-                // Interpolated normals are not quite the slopes of the triangles, and to that extent
-                // light there and back is not the same.
+                // Interpolated normals differ slightly from the triangles' slopes, so forward and
+                // backward light differ to that extent.
                 assert_near(ratio, 1.0, 0.01 * (1.0 + expected), "irradiance");
             }
             all += every.iter().map(|p| irradiance(p, 20.0)).sum::<f64>();
@@ -514,10 +512,10 @@ fn irradiance_under_waves_is_that_of_traced_light() {
     }
 }
 
-/// Protects against unbounded light at a focus: a lens gives all its light to floors before and
-/// behind the focus, and a finite bright spot there.
+/// A lens transmits all its light to floors before and behind its focus, and makes a finite bright
+/// spot at the focus.
 #[test]
-fn a_lens_gives_its_light_and_no_more() {
+fn a_lens_conserves_light() {
     let curvature = 0.2;
     let pool = Pool::heights(0.5, 40, |x| (-0.5 * curvature * x.length_squared(), -curvature * x));
     let focus = WATER / ((WATER - 1.0) * curvature);
@@ -543,10 +541,9 @@ fn a_lens_gives_its_light_and_no_more() {
     assert!(bright.is_finite() && bright.x <= 30.0 && bright.x > 20.0, "{bright}");
 }
 
-/// Protects the statement of the bias: behind the focus of a wave three paths exist, and the walk
-/// finds one.
+/// The documented bias: behind the focus of a wave three paths exist, and the walk finds one.
 #[test]
-fn behind_a_focus_there_are_three_paths() {
+fn three_paths_exist_behind_a_focus() {
     let (amplitude, k) = (0.05, TAU / 2.0);
     let pool = Pool::heights(2.5, 100, |x| {
         (amplitude * (k * x.x).cos(), DVec2::new(-amplitude * k * (k * x.x).sin(), 0.0))

@@ -1,13 +1,13 @@
-//! Bodies as functions of position: their distances, and what combines them.
+//! Bodies as signed distance functions, and the operators that combine them.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 /// A body of liquid: the points where [`Body::distance`] is negative.
 pub struct Body {
-    /// The corner of a box around it with the smallest coordinates, m.
+    /// Smallest coordinates of a bounding box, m.
     pub min: DVec3,
-    /// The corner with the largest.
+    /// Largest coordinates of a bounding box, m.
     pub max: DVec3,
     distance: Box<dyn Fn(DVec3) -> f64 + Send + Sync>,
 }
@@ -21,14 +21,14 @@ impl Body {
         Self { min, max, distance: Box::new(distance) }
     }
 
-    /// Distance from `x` to the surface, m, negative inside. Exact for a ball and a slab; where
-    /// shapes are blended, exact at the surface and to first order around it, after division by
-    /// the length of [`Body::gradient`].
+    /// Signed distance from `x` to the surface, m, negative inside. It is exact for a ball and a slab.
+    /// For other bodies it is exact at the surface, and correct to first order near it after division
+    /// by the length of [`Body::gradient`].
     pub fn distance(&self, x: DVec3) -> f64 {
         (self.distance)(x)
     }
 
-    /// Gradient of the distance; on the surface it points along the outward normal.
+    /// Gradient of the distance. On the surface it points along the outward normal.
     pub fn gradient(&self, x: DVec3) -> DVec3 {
         // Central differences: rounding and truncation are both below 1e-9 here.
         let step = 1e-5 * (self.max - self.min).max_element();
@@ -36,8 +36,7 @@ impl Body {
         DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z)) / (2.0 * step)
     }
 
-    /// Volume, m³, by quadrature: within 1 %, so long as no part is much thinner than a hundredth
-    /// of the body.
+    /// Volume, m³, by quadrature: within 1 % unless a part is much thinner than a hundredth of the body.
     pub fn volume(&self) -> f64 {
         /// Cells along the longest side of the box.
         const CELLS: f64 = 96.0;
@@ -72,14 +71,14 @@ pub(super) fn cuboid(x: DVec3, min: DVec3, max: DVec3) -> f64 {
     face.max(DVec3::ZERO).length() + face.max_element().min(0.0)
 }
 
-/// Distance to a ball swept from `a` to `b` while its radius goes from `radii[0]` to `radii[1]`.
+/// Distance to a ball swept from `a` to `b` while its radius changes from `radii[0]` to `radii[1]`.
 pub(super) fn limb(x: DVec3, a: DVec3, b: DVec3, radii: [f64; 2]) -> f64 {
     let (along, offset) = (b - a, x - a);
     let t = (offset.dot(along) / along.length_squared()).clamp(0.0, 1.0);
     (offset - t * along).length() - (radii[0] + t * (radii[1] - radii[0]))
 }
 
-/// Distance, to first order, to an ellipse around the origin.
+/// First-order distance to an ellipse about the origin.
 pub(super) fn ellipse(x: DVec2, semi_axes: DVec2) -> f64 {
     let k = (x / semi_axes).length();
     let slope = (x / (semi_axes * semi_axes)).length();
@@ -87,18 +86,18 @@ pub(super) fn ellipse(x: DVec2, semi_axes: DVec2) -> f64 {
     if slope < 1e-9 { -semi_axes.min_element() } else { k * (k - 1.0) / slope }
 }
 
-/// Union of two bodies, with a fillet where both are nearer than `blend`.
+/// Smooth union of two distances, with a fillet where they differ by less than `blend`.
 pub(super) fn join(a: f64, b: f64, blend: f64) -> f64 {
     let overlap = (blend - (a - b).abs()).max(0.0);
     a.min(b) - overlap * overlap / (4.0 * blend)
 }
 
-/// What of the first body is not in the second, with edges rounded within `blend`.
+/// Smooth difference, the first body without the second, with edges rounded within `blend`.
 pub(super) fn cut(a: f64, b: f64, blend: f64) -> f64 {
     -join(-a, b, blend)
 }
 
-/// 0 up to `low`, 1 from `high`, smooth between.
+/// Smoothstep from 0 at `low` to 1 at `high`.
 pub(super) fn ramp(low: f64, high: f64, x: f64) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

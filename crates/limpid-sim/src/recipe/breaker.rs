@@ -1,4 +1,4 @@
-//! A breaking wave in a tank: the moment in which its lip falls.
+//! A breaking wave in a tank, as its lip falls.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::RangeInclusive;
@@ -11,10 +11,10 @@ use super::body::{Body, cuboid, cut, ellipse, join, ramp};
 use crate::rng::splitmix64;
 use crate::waves::{WaveSpectrum, Waves};
 
-/// A wave that runs along +x and breaks along z: at the tank's front, z > 0, the lip still hangs
-/// over the hollow; at its back it has fallen into the trough and thrown up a sheet.
+/// A wave that travels along +x and breaks progressively along z: at the tank's front, z > 0, the lip
+/// hangs over the hollow; at the back it has fallen into the trough and thrown up a sheet.
 ///
-/// The tank's bottom is at y = 0, its middle at x = z = 0; its walls are not drawn.
+/// The tank's bottom is at y = 0 and its centre at x = z = 0. Its walls are not drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Breaker {
@@ -28,14 +28,14 @@ pub struct Breaker {
     pub height: f64,
     /// Number of particles.
     pub count: f64,
-    /// Share of them in droplets: 0 to 0.5.
+    /// Fraction of them in droplets: 0 to 0.5.
     pub spray: f64,
-    /// Chooses ripples, droplets and the particles' arrangement.
+    /// Seed of ripples, droplets and the particles' arrangement.
     #[serde(default)]
     pub seed: u32,
 }
 
-/// Height of the hollow's middle above the calm water, in crest heights.
+/// Height of the hollow's centre above the calm water, in crest heights.
 const HOLLOW: f64 = 0.42;
 
 /// The hollow's semi-axes, in crest heights.
@@ -58,20 +58,20 @@ impl Breaker {
         ]
     }
 
-    /// Middle of the hollow at z, in (x, y).
+    /// Centre of the hollow at z, in (x, y).
     fn hollow(&self, z: f64) -> DVec2 {
         let across = z / self.width;
-        // A crest is never straight.
+        // The crest is curved.
         let bend = 0.35 * (across + 0.5).powi(2) + 0.05 * (9.0 * across + 0.4).sin();
         DVec2::new(0.06 * self.length + bend * self.height, self.depth + HOLLOW * self.height)
     }
 
-    /// How far the wave has broken at z: 0 at the front, 1 at the back.
+    /// Progress of the breaking at z: 0 at the front, 1 at the back.
     fn broken(&self, z: f64) -> f64 {
         ramp(0.55, -0.45, z / self.width)
     }
 
-    /// Where the lip ends at z, as an angle about the hollow; 0 is level, −π/2 the bottom.
+    /// Angle of the lip's tip about the hollow at z: 0 is horizontal, −π/2 the bottom.
     fn tip(&self, z: f64) -> f64 {
         0.35 - 1.25 * self.broken(z)
     }
@@ -94,7 +94,7 @@ impl Breaker {
             let (along, z) = (x.xy() - wave.hollow(x.z), x.z);
             let streak = streaks.height(DVec2::new(0.08 * x.x, z));
             let crest = -0.3 * SEMI_AXES.x * height;
-            // The water's body: a long back, a steep front, ripples on both.
+            // The main body: a long back, a steep front, ripples on both.
             let behind = (along.x - crest) / height;
             let rise = if behind < 0.0 {
                 (behind / 1.15).cosh().powi(-2)
@@ -120,7 +120,7 @@ impl Breaker {
             let lip = middle.hypot(beyond) - 0.5 * thickness;
             let water = join(water, lip, 0.05 * height);
 
-            // Where the lip has fallen in, it throws up a ragged sheet and a mound.
+            // A ragged sheet and a mound, thrown up where the lip has fallen in.
             let fall = ramp(0.45, 0.95, wave.broken(z));
             let impact = 0.60 * height;
             let up = (x.y - depth) / height;
@@ -140,8 +140,8 @@ impl Breaker {
         Body::new(min, max, inside)
     }
 
-    /// Endless droplets, in jets: torn from the lip's tip, blown off the crest, thrown up by the
-    /// impact. None for one that would be outside the tank.
+    /// An endless sequence of droplets in jets: torn from the lip's tip, blown off the crest, thrown up
+    /// by the impact. `None` stands for a droplet outside the tank.
     pub(super) fn droplets(self) -> impl Iterator<Item = Option<Droplet>> {
         let seed = (u64::from(self.seed) << 8) + 3;
         let mut state = seed;
@@ -149,7 +149,7 @@ impl Breaker {
         let drops = std::iter::repeat_with(move || {
             let mut unit = || splitmix64(&mut state);
             let jet = (unit() * JETS).floor();
-            // 0 at the jet's root, 1 at its end; most droplets are on the way.
+            // 0 at the jet's root, 1 at its end, with more droplets towards the end.
             let along = unit().sqrt();
             let scatter = DVec3::new(unit() - 0.5, unit() - 0.5, unit() - 0.5);
             // Few large drops, many small.
@@ -161,7 +161,7 @@ impl Breaker {
             let around = |z: f64, angle: f64, out: f64| {
                 self.hollow(z) + h * (SEMI_AXES + out) * DVec2::from_angle(angle)
             };
-            // Speeds in √(g h), times in √(h/g): free fall then costs t²/2 crest heights.
+            // Speeds in √(g h), times in √(h/g): a free fall of time t is then t²/2 crest heights.
             let (from, velocity, time) = if jet < 0.36 * JETS {
                 let angle = self.tip(z) + 0.06 - (0.12 + 0.5 * unit()) * along;
                 (around(z, angle, 0.03), DVec3::ZERO, 0.0)
@@ -184,7 +184,7 @@ impl Breaker {
     }
 }
 
-/// Noise of about unit size, over a plane.
+/// Two-dimensional noise of about unit amplitude.
 pub(super) fn noise(wavelengths: [f64; 2], seed: u64) -> Waves {
     let mut noise = Waves::new(&WaveSpectrum { count: 7, wavelengths, rms_slope: 1.0, seed });
     for wave in &mut noise.waves {

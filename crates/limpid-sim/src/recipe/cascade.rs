@@ -1,4 +1,4 @@
-//! Water that runs down a staircase into a basin.
+//! Water running down a staircase into a basin.
 
 use std::ops::RangeInclusive;
 
@@ -14,9 +14,9 @@ use crate::waves::{WaveSpectrum, Waves};
 /// Gravity, m/s².
 const GRAVITY: f64 = 9.81;
 
-/// Films on the treads of a staircase, sheets that fall between them, and a basin at its foot.
+/// Films on the treads of a staircase, sheets falling between them, and a basin at the foot.
 ///
-/// The stairs descend along +x, in the middle of z. Tread i from the top is the rectangle
+/// The stairs descend along +x and are centred at z = 0. Tread i from the top is the rectangle
 /// x = i·tread to (i + 1)·tread at y = (steps − i)·riser; the basin's floor is at y = 0, from
 /// x = steps·tread on. The stairs themselves are solids of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -32,20 +32,20 @@ pub struct Cascade {
     pub width: f64,
     /// Thickness of the film on the treads, m.
     pub film: f64,
-    /// Speed at which it leaves a tread, m/s.
+    /// Speed of the film at a tread's edge, m/s.
     pub speed: f64,
     /// Extent of the basin along x, along z, and its depth, m.
     pub basin: DVec3,
     /// Number of particles.
     pub count: f64,
-    /// Share of them in droplets: 0 to 0.5.
+    /// Fraction of them in droplets: 0 to 0.5.
     pub spray: f64,
-    /// Chooses ripples, droplets and the particles' arrangement.
+    /// Seed of ripples, droplets and the particles' arrangement.
     #[serde(default)]
     pub seed: u32,
 }
 
-/// Number of jets that throw droplets, where a sheet lands.
+/// Number of jets that throw droplets where a sheet lands.
 const JETS: f64 = 18.0;
 
 impl Cascade {
@@ -85,7 +85,7 @@ impl Cascade {
         near.map(to).fold(f64::INFINITY, f64::min)
     }
 
-    /// How far from the edge a sheet lands, m.
+    /// Horizontal distance from the edge to where a sheet lands, m.
     fn reach(&self) -> f64 {
         self.speed * (2.0 * self.riser / GRAVITY).sqrt()
     }
@@ -112,7 +112,7 @@ impl Cascade {
             let step = (x.x / tread).floor().clamp(0.0, steps);
             let side =
                 x.z.abs() - 0.5 * width * (1.0 + 0.03 * strands.height(DVec2::new(0.3 * x.x, 0.2)));
-            // Two treads can be near: this one's film, and the sheet and film of the one above.
+            // Two treads contribute: the film of this one, and the sheet and film of the one above.
             let mut water = f64::INFINITY;
             for step in [step, step - 1.0] {
                 if step < 0.0 || step >= steps {
@@ -120,7 +120,7 @@ impl Cascade {
                 }
                 let (top, edge) = ((steps - step) * riser, (step + 1.0) * tread);
                 let back = edge - tread;
-                // Deep where the stream from above comes down, shallow where it speeds up.
+                // Deep where the stream from above lands, shallow where it accelerates.
                 let landing = (x.x - back - reach) / (0.5 * tread);
                 let inflow =
                     if step == 0.0 { 1.0 - ramp(0.0, 0.7 * tread, x.x - back) } else { 0.0 };
@@ -133,7 +133,7 @@ impl Cascade {
                 let on_tread = over.max(back - x.x).max(x.x - edge - 0.3 * film);
                 water = join(water, on_tread.max(side), 0.4 * film);
 
-                // The sheet: a jet's parabola, as thin as its speed makes it, torn into strands.
+                // The sheet: a jet's parabola, thinner with speed, torn into strands.
                 let out = x.x - edge;
                 let fallen = ((top - x.y) / riser).clamp(0.0, 1.0);
                 let middle = top + film * (0.45 + 0.5 * fallen * strand)
@@ -155,14 +155,14 @@ impl Cascade {
                 DVec3::new(foot + basin.x, level, 0.5 * basin.y),
             );
             let water = join(water, pool, 0.5 * film);
-            // Joints must not bulge into the stairs, nor below the floor.
+            // Fillets must not bulge into the stairs or below the floor.
             water.max(-flow.clearance(x)).max(-x.y)
         };
         Body::new(min, max, inside)
     }
 
-    /// Endless droplets, in jets: thrown up where the sheets land, torn off beside them.
-    /// None for one that would be in the stairs or beyond the basin.
+    /// An endless sequence of droplets in jets: thrown up where the sheets land, torn off beside them.
+    /// `None` stands for a droplet inside the stairs or beyond the basin.
     pub(super) fn droplets(self) -> impl Iterator<Item = Option<Droplet>> {
         let seed = (u64::from(self.seed) << 8) + 2;
         let mut state = seed;
@@ -183,7 +183,7 @@ impl Cascade {
             let edge = (step + 1.0) * self.tread;
             let floor = self.stairs(edge + 0.5 * self.tread);
             let level = if last { self.basin.z } else { self.film };
-            // The speed of the fall, of which a part is turned upwards.
+            // The impact speed, part of which is turned upwards.
             let speed = (2.0 * GRAVITY * self.riser).sqrt();
             let up = speed * (0.25 + 0.35 * unit()) * if last { 1.25 } else { 1.0 };
             let velocity = DVec3::new(speed * (0.30 * unit() - 0.04), up, 0.5 * (unit() - 0.5));

@@ -1,4 +1,4 @@
-//! Particles spread in a body as SPH spreads them.
+//! Filling of bodies with particles, distributed as in SPH.
 
 use std::collections::HashMap;
 
@@ -9,39 +9,40 @@ use super::Droplet;
 use super::body::Body;
 use crate::rng::splitmix64;
 
-/// Relaxation sweeps: after these the nearest neighbours are evenly far.
+/// Number of relaxation sweeps, enough to equalise the distances of nearest neighbours.
 const SWEEPS: u32 = 10;
 
-/// Points push each other apart up to this distance, in spacings. A little above the least
-/// distance of the densest packing, 2^(1/6): up to there the push spreads them evenly.
+/// Range of the repulsion between points, in spacings: slightly above the nearest-neighbour distance of
+/// the densest packing, 2^(1/6), up to which the repulsion distributes them evenly.
 const REACH: f64 = 1.2;
 
-/// Share of the overlap by which each point of a pair gives way in a sweep; beyond about 0.3 a
-/// point with a dozen neighbours overshoots.
+/// Fraction of the overlap by which each point of a pair moves per sweep; above about 0.3 a point with a
+/// dozen neighbours overshoots.
 const STIFFNESS: f64 = 0.22;
 
-/// How much a body's distance changes, at most, over a unit of length. 1 where it is exact.
-const STEEPEST: f64 = 1.5;
+/// Upper bound of the slope of a body's distance function, which is 1 where the distance is exact.
+const MAX_SLOPE: f64 = 1.5;
 
-/// Bytes that filling takes for each point, at most: points and distances, their successors, and cells.
+/// Memory that filling takes per point, bytes, at most: points and distances, their successors, and
+/// cells.
 pub(super) const BYTES: usize = 4 * 32 + 24 + 8 * CELLS_PER_POINT;
 
-/// Cells in which points are sorted, at most, for each.
+/// Largest number of grid cells per point.
 const CELLS_PER_POINT: usize = 64;
 
-/// The side of a lattice cell, of two points, and how many there are along each axis.
+/// Side of a body-centred lattice cell, which has two points, and the number of cells along each axis.
 fn lattice(body: &Body, spacing: f64) -> (f64, DVec3) {
     let cell = 2f64.cbrt() * spacing;
     (cell, ((body.max - body.min) / cell).ceil() + 1.0)
 }
 
-/// How many places [`fill`] looks at.
+/// Number of candidate positions of [`fill`].
 pub(super) fn places(body: &Body, spacing: f64) -> f64 {
     2.0 * lattice(body, spacing).1.element_product()
 }
 
-/// Points of mean spacing `spacing` in `body`, none nearer to its surface than about half that
-/// where the body is thick enough: a shaken body-centred lattice, relaxed.
+/// Fills `body` with points of mean spacing `spacing`, at least about half of that below the surface
+/// where the body is thick enough: a jittered and relaxed body-centred lattice.
 pub(super) fn fill(body: &Body, spacing: f64, seed: u64) -> Vec<DVec3> {
     let (cell, cells) = lattice(body, spacing);
     let cells = cells.as_u64vec3();
@@ -51,7 +52,7 @@ pub(super) fn fill(body: &Body, spacing: f64, seed: u64) -> Vec<DVec3> {
             let mut state = seed.wrapping_mul(0x2545_f491_4f6c_dd1d) ^ (i << 42 | j << 21 | k);
             [0.0, 0.5].map(|offset| {
                 let corner = DVec3::new(i as f64, j as f64, k as f64) + (offset - 0.25);
-                body.min + cell * (corner + 0.3 * shake(&mut state))
+                body.min + cell * (corner + 0.3 * random_offset(&mut state))
             })
         })
     };
@@ -74,8 +75,8 @@ pub(super) fn fill(body: &Body, spacing: f64, seed: u64) -> Vec<DVec3> {
                 }
             });
             let moved = x + STIFFNESS * push;
-            // Only those that can have come out are looked at again.
-            let farthest = distance + STEEPEST * x.distance(moved);
+            // Only points that may be less than `depth` inside are evaluated again.
+            let farthest = distance + MAX_SLOPE * x.distance(moved);
             if farthest < -depth { (moved, farthest) } else { confined(body, moved, depth) }
         };
         (points, distances) = points.par_iter().zip(&distances).map(relaxed).unzip();
@@ -83,8 +84,8 @@ pub(super) fn fill(body: &Body, spacing: f64, seed: u64) -> Vec<DVec3> {
     points
 }
 
-/// `x`, or if that is not `depth` inside the body the nearest point that is, or in a part too thin
-/// for that about its middle; and the distance there.
+/// Moves `x` to a depth of at least `depth`, or in a part too thin for that to about its middle. Returns
+/// the point and its distance.
 fn confined(body: &Body, x: DVec3, depth: f64) -> (DVec3, f64) {
     let (mut x, mut distance) = (x, body.distance(x));
     for _ in 0..3 {
@@ -92,7 +93,7 @@ fn confined(body: &Body, x: DVec3, depth: f64) -> (DVec3, f64) {
         if missing <= 1e-3 * depth {
             break;
         }
-        // One-sided differences: the direction is enough.
+        // One-sided differences are accurate enough for a direction.
         let ahead =
             |axis: DVec3| (body.distance(x + 1e-3 * depth * axis) - distance) / (1e-3 * depth);
         let gradient = DVec3::new(ahead(DVec3::X), ahead(DVec3::Y), ahead(DVec3::Z));
@@ -108,7 +109,7 @@ fn confined(body: &Body, x: DVec3, depth: f64) -> (DVec3, f64) {
     (x, distance)
 }
 
-/// Adds about `count` particles as droplets, clear of the body and of each other.
+/// Adds up to about `count` particles in droplets that are clear of the body and of each other.
 pub(super) fn scatter(
     points: &mut Vec<DVec3>,
     body: &Body,
@@ -116,18 +117,18 @@ pub(super) fn scatter(
     count: usize,
     droplets: impl Iterator<Item = Option<Droplet>>,
 ) {
-    /// Draws for each droplet that is wanted, before the search for room is given up.
-    const TRIES: usize = 12;
+    /// Draws per requested particle before the search for free positions ends.
+    const DRAWS_PER_PARTICLE: usize = 12;
 
-    /// Distance of two surfaces at which classification sees two bodies, in spacings.
-    const APART: f64 = 2.1;
+    /// Distance, in spacings, at which classification separates two surfaces.
+    const CLEARANCE: f64 = 2.1;
 
     let total = points.len() + count;
-    // Droplets by the cube they are in; no two that touch are further apart than a cube.
-    let cube = (2.0 * Droplet::LARGEST + APART) * spacing;
+    // Droplets hashed by cube. Droplets that touch are in adjacent cubes at most.
+    let cube = (2.0 * Droplet::LARGEST + CLEARANCE) * spacing;
     let mut taken: HashMap<[i64; 3], Vec<(DVec3, f64)>> = HashMap::new();
     let mut state = 1;
-    for droplet in droplets.take(TRIES * count).flatten() {
+    for droplet in droplets.take(DRAWS_PER_PARTICLE * count).flatten() {
         if points.len() >= total {
             break;
         }
@@ -136,53 +137,53 @@ pub(super) fn scatter(
         let around =
             (0..27).flat_map(|i| taken.get(&[x + i / 9 - 1, y + i / 3 % 3 - 1, z + i % 3 - 1]));
         let touching = around.flatten().any(|&(center, other)| {
-            center.distance(droplet.center) < size + other + APART * spacing
+            center.distance(droplet.center) < size + other + CLEARANCE * spacing
         });
         if touching || body.distance(droplet.center) < size + 1.3 * spacing {
             continue;
         }
         taken.entry([x, y, z]).or_default().push((droplet.center, size));
-        // A clump of the lattice, turned at random.
-        let turn = glam::DQuat::from_scaled_axis(6.0 * shake(&mut state));
+        // A piece of a cubic lattice in a random orientation.
+        let turn = glam::DQuat::from_scaled_axis(6.0 * random_offset(&mut state));
         let reach = (droplet.size.ceil() as i32).max(0);
         let near = || (-reach..=reach).map(f64::from);
         let lattice = near().flat_map(|x| near().flat_map(move |y| near().map(move |z| (x, y, z))));
         let clump = lattice.map(DVec3::from).filter(|p| p.length() <= droplet.size);
         points.extend(
-            clump.map(|p| droplet.center + spacing * (turn * p + 0.15 * shake(&mut state))),
+            clump.map(|p| droplet.center + spacing * (turn * p + 0.15 * random_offset(&mut state))),
         );
     }
 }
 
-/// A vector in the cube from −1 to 1.
-fn shake(state: &mut u64) -> DVec3 {
+/// A uniform random vector in the cube from −1 to 1.
+fn random_offset(state: &mut u64) -> DVec3 {
     let mut unit = || 2.0 * splitmix64(state) - 1.0;
     DVec3::new(unit(), unit(), unit())
 }
 
-/// Points sorted into cubes, to find those near a place.
+/// A uniform grid of points, for neighbour queries.
 struct Grid {
     min: DVec3,
     per_cell: f64,
     cells: [usize; 3],
-    /// Where each cell's points begin in `sorted`.
+    /// Index of each cell's first point in `sorted`.
     starts: Vec<u32>,
     sorted: Vec<DVec3>,
 }
 
 impl Grid {
-    /// Cells of side `cell`, and around them an empty layer. They are wider where so few points are in
-    /// so wide a space that cells would take more memory than these.
+    /// Sorts points into cells of side `cell`, surrounded by an empty layer of cells. The side is larger
+    /// where sparse points would need more than [`CELLS_PER_POINT`].
     fn new(points: &[DVec3], cell: f64) -> Self {
         let (min, max) =
             points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), &x| {
                 (min.min(x), max.max(x))
             });
-        // Half a cell more, so that rounding cannot put a point into that layer.
-        let most = (CELLS_PER_POINT * points.len() + (1 << 20)) as f64;
+        // Half a cell of margin, so that rounding cannot put a point into the empty layer.
+        let max_cells = (CELLS_PER_POINT * points.len() + (1 << 20)) as f64;
         let count = |cell: f64| ((max - min) / cell + 3.5).element_product();
         let mut cell = cell;
-        while count(cell) > most {
+        while count(cell) > max_cells {
             cell *= 1.25;
         }
         let (min, per_cell) = (min - 1.5 * cell, 1.0 / cell);
@@ -210,12 +211,12 @@ impl Grid {
         (i * self.cells[1] + j) * self.cells[2] + k
     }
 
-    /// Visits the points in the cell of `x`, which must be one of the points, and those around it.
+    /// Visits the points in the cell of `x`, which must be one of the points, and in adjacent cells.
     fn near(&self, x: DVec3, mut visit: impl FnMut(DVec3)) {
         let [_, ny, nz] = self.cells;
         let middle = self.cell(x);
         for row in [0, 1, 2].into_iter().flat_map(|i| [0, 1, 2].map(|j| i * ny * nz + j * nz)) {
-            // Three cells along z are neighbours in memory.
+            // Three cells along z are contiguous in memory.
             let first = middle + row - (ny * nz + nz + 1);
             let found = self.starts[first] as usize..self.starts[first + 3] as usize;
             self.sorted[found].iter().copied().for_each(&mut visit);

@@ -5,22 +5,22 @@ use serde::{Deserialize, Serialize};
 
 use super::body::{Body, join, limb};
 
-/// A seated figure with four arms and a ring around its head, facing +z.
+/// A seated figure with four arms and a ring behind its head, facing +z.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Idol {
-    /// The middle of its flat base, m.
+    /// Centre of the flat base, m.
     pub base: DVec3,
-    /// Height from there to the top, m: 0.001 to 1000.
+    /// Height above the base, m: 0.001 to 1000.
     pub height: f64,
     /// Number of particles.
     pub count: f64,
-    /// Chooses their arrangement.
+    /// Seed of their arrangement.
     #[serde(default)]
     pub seed: u32,
 }
 
-/// Ends and radii of its parts that lie in the plane of symmetry, in heights.
+/// Ends and radii of the parts in the plane of symmetry, in units in which the figure is [`TOP`] high.
 const MIDDLE: [([f64; 3], [f64; 3], [f64; 2]); 6] = [
     ([-0.07, 0.13, 0.00], [0.07, 0.13, 0.00], [0.13, 0.13]), // hips
     ([0.00, 0.22, 0.03], [0.00, 0.25, 0.03], [0.135, 0.125]), // belly
@@ -30,7 +30,7 @@ const MIDDLE: [([f64; 3], [f64; 3], [f64; 2]); 6] = [
     ([0.00, 0.69, 0.02], [0.00, 0.76, 0.01], [0.08, 0.095]), // head
 ];
 
-/// Those of the right side; the left mirrors it.
+/// Ends and radii of the parts of the right side, which the left mirrors.
 const SIDE: [([f64; 3], [f64; 3], [f64; 2]); 11] = [
     ([0.12, 0.11, 0.02], [0.36, 0.07, 0.15], [0.10, 0.075]), // thigh
     ([0.36, 0.07, 0.15], [0.05, 0.05, 0.29], [0.072, 0.05]), // shin
@@ -45,10 +45,10 @@ const SIDE: [([f64; 3], [f64; 3], [f64; 2]); 11] = [
     ([0.04, 0.685, 0.10], [0.02, 0.68, 0.11], [0.022, 0.022]), // cheek
 ];
 
-/// Centre of the ring behind the head, its radius and its thickness.
+/// Centre, radius and tube radius of the ring behind the head.
 const RING: (DVec3, f64, f64) = (DVec3::new(0.0, 0.72, -0.06), 0.2, 0.032);
 
-/// The top of the topknot: all heights are divided by it.
+/// Top of the topknot, by which all lengths are divided.
 const TOP: f64 = 0.955;
 
 impl Idol {
@@ -62,6 +62,7 @@ impl Idol {
     }
 }
 
+/// Distance to the figure, in units in which it is [`TOP`] high.
 fn figure(x: DVec3) -> f64 {
     let part = |x: DVec3, (a, b, radii): ([f64; 3], [f64; 3], [f64; 2])| {
         limb(x, DVec3::from_array(a), DVec3::from_array(b), radii)
@@ -76,6 +77,6 @@ fn figure(x: DVec3) -> f64 {
         .iter()
         .fold(body, |body, &p| join(join(body, part(x, p), 0.035), part(mirrored, p), 0.035));
     let body = join(body, ring, 0.02);
-    // It sits on a flat base.
+    // The flat base.
     body.max(-x.y)
 }

@@ -1,4 +1,4 @@
-//! Water at y = 0 with waves, in a basin, and what may stand in it.
+//! Water with waves at y = 0 in a basin, and the reef that may stand in it.
 
 use std::ops::RangeInclusive;
 
@@ -10,34 +10,34 @@ use crate::rng::splitmix64;
 use crate::waves::{WaveSpectrum, Waves};
 use limpid::scene::{Shape, Solid, Surface};
 
-/// Calm water with waves, after the pool of Mayer, Assarsson and Sintorn (2026). Its particles are
-/// those of its hull alone: what is deeper inside is never seen.
+/// Calm water with waves, after the pool of Mayer, Assarsson and Sintorn (2026). Only a hull is filled
+/// with particles, since the interior is never visible.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pool {
-    /// Half its sides along x and z, m.
+    /// Half the extent along x and z, m.
     pub half_extent: DVec2,
-    /// Depth of its bottom below y = 0, m.
+    /// Depth of the bottom below y = 0, m.
     pub depth: f64,
-    /// Thickness of the hull that is filled with particles, m.
+    /// Thickness of the hull of particles, m.
     pub hull: f64,
-    /// Its surface.
+    /// The waves of the surface.
     pub waves: WaveSpectrum,
-    /// When it is seen, s: 0 to 1,000,000, default 0. The waves run as in deep water.
+    /// Time, s: 0 to 1,000,000, default 0. The waves travel as in deep water.
     #[serde(default)]
     pub time: f64,
     /// Number of particles.
     pub count: f64,
-    /// Chooses the arrangement.
+    /// Seed of the arrangement.
     #[serde(default)]
     pub seed: u32,
-    /// What grows on its bottom.
+    /// The reef on the bottom.
     #[serde(default)]
     pub reef: Option<Reef>,
 }
 
-/// A bumpy bottom, and thin upright blades that stand in the water: hard to see through screen
-/// space, as the boat scene of Mayer et al. (2026) is.
+/// Bumps on the bottom and thin upright blades: a hard case for screen-space refraction, like the boat
+/// scene of Mayer et al. (2026).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reef {
@@ -45,10 +45,10 @@ pub struct Reef {
     pub blades: u32,
     /// Number of bumps, at most 100.
     pub bumps: u32,
-    /// Chooses their places.
+    /// Seed of their positions.
     #[serde(default)]
     pub seed: u32,
-    /// Whether their colours are albedos under the lights, as of any solid.
+    /// Whether their colours are albedos under the lights, as for other solids.
     #[serde(default)]
     pub lit: bool,
 }
@@ -76,7 +76,7 @@ impl Pool {
         ]
     }
 
-    /// Its surface at its time.
+    /// The surface at [`Pool::time`].
     pub fn surface(&self) -> Waves {
         Waves::new(&self.waves).at(self.time)
     }
@@ -88,7 +88,7 @@ impl Pool {
         let corner = DVec3::new(half_extent.x, bound, half_extent.y);
         let min = DVec3::new(-half_extent.x, -depth, -half_extent.y);
         Body::new(min, corner, move |x| {
-            // Beyond the reach of the waves, the distance to their bound is near enough.
+            // Far from the waves, the distance to the mean surface is accurate enough.
             let far = (x.y.abs() - bound).max(0.0) > 2.0 * hull;
             let height = if far { 0.0 } else { waves.height(DVec2::new(x.x, x.z)) };
             let beside = DVec2::new(x.x, x.z).abs() - half_extent;
@@ -97,8 +97,7 @@ impl Pool {
         })
     }
 
-    /// The reef. Blades are boxes whose thin side faces any of the two axes; bumps are the caps of
-    /// spheres.
+    /// The solids of the reef: blades are boxes, thin along x or z, and bumps are spherical caps.
     pub(super) fn solids(&self) -> Vec<Solid> {
         let Some(reef) = self.reef else { return Vec::new() };
         let mut state = u64::from(reef.seed);

@@ -1,4 +1,4 @@
-//! A vase of liquid: a body of revolution with rings on its surface.
+//! Liquid in a vase: a body of revolution with circular ripples on its surface.
 
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
@@ -8,30 +8,30 @@ use serde::{Deserialize, Serialize};
 
 use super::body::Body;
 
-/// What a round vase holds; the vase itself is so thin that it is left out. Light that enters by the
-/// surface, the sides or both is focused all around it.
+/// The liquid in a round vase, whose thin wall is omitted. It focuses light that enters through the
+/// surface and the sides.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vase {
-    /// The middle of its flat base, m.
+    /// Centre of the flat base, m.
     pub base: DVec3,
-    /// Height from there to the level of the liquid at rest, m: 0.001 to 1000.
+    /// Height of the liquid's level at rest above the base, m: 0.001 to 1000.
     pub height: f64,
-    /// Radii of its foot, of its belly and of its neck at the level, m: 0.001 to 1000. Neither
-    /// of the others is wider than the belly.
+    /// Radii of the foot, of the belly, and of the neck at the level, m: 0.001 to 1000. The belly is the
+    /// widest.
     pub radii: [f64; 3],
-    /// Height of the ripple in the middle of the surface, m: 0 to a tenth of `height`.
+    /// Amplitude of the ripples at the centre of the surface, m: 0 to a tenth of `height`.
     pub ripple: f64,
-    /// Distance from ring to ring, m: 10 times `ripple` at least.
+    /// Wavelength of the ripples, m: at least 10 times `ripple`.
     pub wavelength: f64,
     /// Number of particles.
     pub count: f64,
-    /// Chooses their arrangement.
+    /// Seed of their arrangement.
     #[serde(default)]
     pub seed: u32,
 }
 
-/// Where the belly is widest, as a share of the height.
+/// Height of the belly, as a fraction of the height.
 const BELLY: f64 = 0.4;
 
 impl Vase {
@@ -51,8 +51,8 @@ impl Vase {
         ]
     }
 
-    /// Its radius at a height above the base, and how fast that grows with the height: an S from the
-    /// foot to the belly and another to the neck, upright in all three.
+    /// Radius at height `y` above the base, and its derivative: a smoothstep from the foot to the belly
+    /// and another to the neck, vertical at all three.
     fn profile(&self, y: f64) -> (f64, f64) {
         let [foot, belly, neck] = self.radii;
         let t = y / self.height;
@@ -64,8 +64,8 @@ impl Vase {
         (radius, 6.0 * spread * u * (1.0 - u) / ((to - from) * self.height))
     }
 
-    /// Height of the surface above its level, and its slope: rings that spread from the middle,
-    /// nearly a Bessel function J₀.
+    /// Height of the surface above the level, and its slope: circular ripples, approximately a Bessel
+    /// function J₀.
     fn rings(&self, radius: f64) -> (f64, f64) {
         let k = TAU / self.wavelength;
         let x = k * radius;

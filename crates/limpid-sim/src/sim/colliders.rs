@@ -1,12 +1,12 @@
-//! What liquid cannot enter.
+//! Obstacles: the scene's solids and the simulation's bounds.
 
 use glam::{Vec3, Vec4, Vec4Swizzles as _};
 
 use super::Extent;
 use limpid::scene::{Shape, Solid};
 
-/// A convex obstacle. 32-bit twin of [`Shape::distance`], with half-spaces for walls, and finite
-/// planes as the plates that they are drawn as.
+/// A convex obstacle. The 32-bit counterpart of [`Shape::distance`], with half-spaces for walls, and
+/// finite planes as square plates, as they are drawn.
 #[derive(Debug, Clone, Copy)]
 enum Collider {
     /// All x with normal·x below `offset`.
@@ -39,7 +39,7 @@ impl Collider {
                 let offset = x - origin;
                 let above = normal.dot(offset);
                 let a = normal.abs();
-                // The two axes most in the plane, as it is drawn.
+                // The two coordinate axes closest to the plane, as in drawing.
                 let axes = if a.y >= a.x.max(a.z) {
                     Vec3::new(1.0, 0.0, 1.0)
                 } else if a.x >= a.z {
@@ -84,7 +84,7 @@ impl Collider {
 #[derive(Debug, Clone)]
 pub(super) struct Colliders {
     all: Vec<Collider>,
-    /// Particles keep this distance, m.
+    /// Distance of particle centres from obstacles, m.
     radius: f32,
 }
 
@@ -92,7 +92,7 @@ pub(super) struct Colliders {
 /// origin along it.
 pub(super) type Contact = Vec4;
 
-/// Distance of `x` from a contact's plane.
+/// Signed distance of `x` from a contact's plane.
 #[inline]
 pub(super) fn above(contact: Contact, x: Vec3) -> f32 {
     contact.xyz().dot(x) - contact.w
@@ -125,7 +125,7 @@ impl Colliders {
         Self { all: solids.iter().map(solid).chain(walls).collect(), radius }
     }
 
-    /// Where a particle that shall be at `x` may be, if it is in no solid.
+    /// Position of a particle placed at `x`, moved clear of nearby obstacles; `None` inside a solid.
     pub(super) fn place(&self, x: Vec3) -> Option<Vec3> {
         let mut contacts = Vec::new();
         self.contacts(x, self.radius, &mut contacts);
@@ -133,11 +133,11 @@ impl Colliders {
         outside.then(|| self.project(&contacts, x))
     }
 
-    /// Moves a particle, along obstacles where they are in its way. However fast it is, it ends on
-    /// the side of every obstacle where it began: obstacles are convex, so each lies behind the
-    /// plane through its nearest point, and the way up to all these planes is free.
+    /// Moves a particle from `from` towards `to`, sliding along obstacles. At any speed it stays on its
+    /// side of every obstacle: obstacles are convex, so each lies behind the tangent plane at its
+    /// nearest point, and the path up to these planes is free.
     pub(super) fn sweep(&self, from: Vec3, to: Vec3) -> Vec3 {
-        /// Of the radius: nearer than this is touching.
+        /// Gap below which a particle touches an obstacle, relative to the radius.
         const TOUCHING: f32 = 1e-3;
         const STEPS: u32 = 32;
         let mut at = from;
@@ -171,11 +171,11 @@ impl Colliders {
         at
     }
 
-    /// Appends the tangent planes of all obstacles within `reach` of `x`, of several that face the
-    /// same way the nearest.
+    /// Appends the tangent planes of all obstacles within `reach` of `x`; of planes that face the same
+    /// way, only the nearest.
     pub(super) fn contacts(&self, x: Vec3, reach: f32, contacts: &mut Vec<Contact>) {
-        /// Cosine of the angle within which two planes are one wall.
-        const SAME: f32 = 0.9;
+        /// Cosine of the largest angle between two planes that count as one wall.
+        const SAME_WALL: f32 = 0.9;
         let first = contacts.len();
         for collider in &self.all {
             let (distance, normal) = collider.distance(x);
@@ -184,7 +184,7 @@ impl Colliders {
             }
             let contact = normal.extend(normal.dot(x) - distance);
             let known = contacts.iter_mut().skip(first);
-            match known.into_iter().find(|known| known.xyz().dot(normal) > SAME) {
+            match known.into_iter().find(|known| known.xyz().dot(normal) > SAME_WALL) {
                 Some(known) if above(*known, x) > distance => *known = contact,
                 Some(_) => {}
                 None => contacts.push(contact),
@@ -192,7 +192,7 @@ impl Colliders {
         }
     }
 
-    /// Moves `x` out of its contacts.
+    /// Moves `x` out of its contacts, to one radius from their planes.
     #[inline]
     pub(super) fn project(&self, contacts: &[Contact], mut x: Vec3) -> Vec3 {
         for &contact in contacts {

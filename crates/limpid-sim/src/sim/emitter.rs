@@ -1,4 +1,4 @@
-//! Where particles come from: blocks at the start, and discs that pour.
+//! Particle sources: the initial blocks, and emitting discs.
 
 use std::collections::HashMap;
 
@@ -8,12 +8,12 @@ use super::colliders::Colliders;
 use super::{Block, Emitter, Simulation, State};
 use crate::rng::splitmix64;
 
-/// Largest displacement of a particle from its lattice, in spacings: a perfect lattice would fall
-/// as columns.
+/// Largest displacement of a particle from its lattice position, in spacings: a perfect lattice would
+/// fall as columns.
 const JITTER: f64 = 0.05;
 
-/// The particles of all blocks, without those that would be in solids. Each has the identity of
-/// its place.
+/// Creates the particles of all blocks, except those inside solids. A particle's id is the index of
+/// its lattice position.
 pub(super) fn blocks(simulation: &Simulation, colliders: &Colliders) -> State {
     let mut state = State::default();
     let mut id = 0;
@@ -28,14 +28,14 @@ pub(super) fn blocks(simulation: &Simulation, colliders: &Colliders) -> State {
     state
 }
 
-/// The places of a block's particles: a cubic lattice in its middle, a radius inside its faces.
+/// Positions of a block's particles: a cubic lattice, centred, one radius inside the faces.
 pub(super) fn places(block: &Block, spacing: f64) -> Vec<DVec3> {
     let (min, max) = block.extent();
     let counts = lattice(min, max, spacing);
     let first = 0.5 * (min + max) - 0.5 * spacing * (counts - 1.0);
     let ball = block.ball();
     let mut places = Vec::new();
-    // A needle's other axes may be long.
+    // Without this, a needle without particles would be looped over along its long axis.
     if counts.min_element() < 1.0 {
         return places;
     }
@@ -52,9 +52,9 @@ pub(super) fn places(block: &Block, spacing: f64) -> Vec<DVec3> {
     places
 }
 
-/// How many particles fit along each axis.
+/// Number of particles that fit along each axis.
 pub(super) fn lattice(min: DVec3, max: DVec3, spacing: f64) -> DVec3 {
-    // What is a whole number in decimals shall be one here.
+    // The tolerance restores integers that rounding has reduced.
     ((max - min) / spacing + 1e-6).floor()
 }
 
@@ -70,16 +70,16 @@ pub(super) fn fastest(simulation: &Simulation) -> f32 {
     simulation.emitters.iter().map(|emitter| emitter.speed as f32).fold(0.0, f32::max)
 }
 
-/// Whether anything is emitted after `since`, up to `now`.
+/// Whether a layer is emitted after `since`, up to `now`, s.
 pub(super) fn emits(simulation: &Simulation, since: f64, now: f64) -> bool {
     let spacing = 2.0 * simulation.radius;
     simulation.emitters.iter().any(|e| e.layers(since, spacing) < e.layers(now, spacing))
 }
 
-/// Adds what is emitted after `since`, or from the very beginning, up to `now`; s.
+/// Adds the particles emitted after `since`, or since the beginning if it is `None`, up to `now`, s.
 ///
-/// A layer is a lattice's, one spacing behind the one before it. Identities follow from the time
-/// alone: those of particles that find their place taken are left out.
+/// Layers are those of a cubic lattice, one spacing apart. Ids follow from the time alone: the id of a
+/// particle whose position is occupied is skipped.
 pub(super) fn emit(
     simulation: &Simulation,
     colliders: &Colliders,
@@ -104,18 +104,18 @@ pub(super) fn emit(
         let direction = emitter.direction.normalize();
         let reach = emitter.radius + emitter.speed / simulation.fps + 2.0 * spacing;
         let center = emitter.center.as_vec3();
-        let is_near = |x: &&Vec3| x.distance(center) < reach as f32;
-        let closest = 0.6 * spacing as f32;
-        let mut near = Near::new(closest);
-        state.positions.iter().filter(is_near).for_each(|&x| near.add(x));
+        let is_nearby = |x: &&Vec3| x.distance(center) < reach as f32;
+        let min_distance = 0.6 * spacing as f32;
+        let mut occupied = OccupancyGrid::new(min_distance);
+        state.positions.iter().filter(is_nearby).for_each(|&x| occupied.add(x));
         for layer in layers {
             let age = now - emitter.from - layer as f64 * spacing / emitter.speed;
             for slot in &slots {
                 let x = emitter.center + *slot + age * emitter.speed * direction;
                 let x = colliders.place(jittered(x, id, simulation));
-                if let Some(x) = x.filter(|&x| near.is_free(x)) {
+                if let Some(x) = x.filter(|&x| occupied.is_free(x)) {
                     state.push(id, x, emitter.speed * direction);
-                    near.add(x);
+                    occupied.add(x);
                 }
                 id += 1;
             }
@@ -123,20 +123,20 @@ pub(super) fn emit(
     }
 }
 
-/// Particles that may be too close to a new one, by cubes as wide as that is.
-struct Near {
-    closest: f32,
+/// Particles near an emitter, hashed by cubes of the minimum distance, to test new ones for overlap.
+struct OccupancyGrid {
+    min_distance: f32,
     cubes: HashMap<IVec3, Vec<Vec3>>,
 }
 
-impl Near {
-    fn new(closest: f32) -> Self {
-        Self { closest, cubes: HashMap::new() }
+impl OccupancyGrid {
+    fn new(min_distance: f32) -> Self {
+        Self { min_distance, cubes: HashMap::new() }
     }
 
     fn cube(&self, x: Vec3) -> IVec3 {
-        // A little wider, so that no rounding puts a neighbour beyond the next cube.
-        (x.as_dvec3() / (1.001 * f64::from(self.closest))).floor().as_ivec3()
+        // Slightly wider, so that rounding cannot put a neighbour beyond the adjacent cube.
+        (x.as_dvec3() / (1.001 * f64::from(self.min_distance))).floor().as_ivec3()
     }
 
     fn add(&mut self, x: Vec3) {
@@ -150,12 +150,12 @@ impl Near {
             beside.into_iter().flat_map(move |j| beside.map(move |k| IVec3::new(i, j, k)))
         });
         let others = around.filter_map(|offset| self.cubes.get(&(cube.saturating_add(offset))));
-        others.flatten().all(|other| other.distance(x) >= self.closest)
+        others.flatten().all(|other| other.distance(x) >= self.min_distance)
     }
 }
 
 impl Emitter {
-    /// How many layers it has emitted by `time`, the first one at its beginning.
+    /// Number of layers emitted by `time`, the first one at the start time.
     pub(super) fn layers(&self, time: f64, spacing: f64) -> u64 {
         let period = spacing / self.speed;
         if time < self.from {
@@ -165,7 +165,7 @@ impl Emitter {
         (((time - self.from) / period) as u64 + 1).min(most)
     }
 
-    /// The places of a layer's particles about its centre.
+    /// Positions of a layer's particles relative to its centre.
     pub(super) fn slots(&self, spacing: f64) -> Vec<DVec3> {
         let (right, up) = self.direction.normalize().any_orthonormal_pair();
         let reach = (self.radius / spacing) as i32 + 1;

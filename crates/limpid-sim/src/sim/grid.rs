@@ -1,4 +1,4 @@
-//! A uniform grid: particles sorted by cell, and the neighbours of each.
+//! A uniform grid that sorts particles by cell and finds their neighbours.
 
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles as _};
 use rayon::prelude::*;
@@ -6,26 +6,26 @@ use rayon::prelude::*;
 use super::colliders::{Colliders, Contact};
 use limpid::liquid::counting_sort;
 
-/// Particles that one task works on. It has no influence on results.
+/// Particles per parallel task. It does not affect results.
 pub(super) const CHUNK: usize = 256;
 
-/// Cells at least as wide as the kernel, over where most particles are. What lies outside is in the
-/// cells at the border, so that a stray particle costs nothing.
+/// A grid whose cells are at least as wide as the kernel, over the bulk of the particles. Particles
+/// outside it are assigned to the border cells, so that stray ones do not enlarge the grid.
 #[derive(Debug, Default)]
 pub(super) struct Grid {
     min: Vec3,
     per_cell: f32,
     counts: [usize; 3],
-    /// Where each cell's particles begin in the sorted order; one more than there are cells.
+    /// Index of each cell's first particle in the sorted order, and the total at the end.
     starts: Vec<u32>,
     cells: Vec<u32>,
 }
 
 impl Grid {
-    /// Sorts by cell, x fastest; the order within a cell is kept. Returns for each place in the new
-    /// order the one in the old.
+    /// Sorts the points by cell, x fastest, and stably. Writes to `order`, for each index in the new
+    /// order, the index in the old one.
     pub(super) fn sort(&mut self, points: &[Vec3], width: f32, order: &mut Vec<u32>) {
-        self.lay(points, width);
+        self.fit(points, width);
         let Self { min, per_cell, counts, .. } = *self;
         points
             .par_iter()
@@ -35,7 +35,9 @@ impl Grid {
         counting_sort::by_cell(&self.cells, counts.iter().product(), &mut self.starts, order);
     }
 
-    fn lay(&mut self, points: &[Vec3], width: f32) {
+    /// Sets the grid's extent to four standard deviations about the mean, and the cell width to `width`,
+    /// or more where there would be too many cells.
+    fn fit(&mut self, points: &[Vec3], width: f32) {
         let count = points.len().max(1) as f64;
         let first = points.first().copied().unwrap_or_default();
         let (mut min, mut max) = (first, first);
@@ -50,11 +52,11 @@ impl Grid {
         let deviation = (squares / count - mean * mean).max(DVec3::ZERO).map(f64::sqrt);
         min = min.max((mean - 4.0 * deviation).as_vec3());
         max = max.min((mean + 4.0 * deviation).as_vec3());
-        let most = 2.0 * count as f32 + 4096.0;
+        let max_cells = 2.0 * count as f32 + 4096.0;
         let mut width = width;
         // At least one cell along each axis.
         let cells = |width: f32| ((max - min) / width).max(Vec3::ZERO).floor() + 1.0;
-        while cells(width).element_product() > most {
+        while cells(width).element_product() > max_cells {
             width *= 1.25;
         }
         self.min = min;
@@ -62,8 +64,7 @@ impl Grid {
         self.counts = cells(width).to_array().map(|count| count as usize);
     }
 
-    /// Finds the neighbours of sorted particles within `h`, and the obstacles they may touch within
-    /// `reach`.
+    /// Finds the neighbours of the sorted particles within `h`, and the obstacles within `reach`.
     pub(super) fn neighbours(
         &self,
         points: &[Vec4],
@@ -86,6 +87,7 @@ impl Grid {
         });
     }
 
+    /// Appends the neighbours of particle `i` at `x` that are nearer than the root of `square`.
     fn append(&self, points: &[Vec4], i: usize, x: Vec3, square: f32, found: &mut Vec<u32>) {
         let counts = self.counts;
         let [cx, cy, cz] = cell(x, self.min, self.per_cell, counts);
@@ -96,7 +98,7 @@ impl Grid {
                 let row = (z * counts[1] + y) * counts[0];
                 let begin = self.starts[row + along.start] as usize;
                 let end = self.starts[row + along.end] as usize;
-                // Written always and kept if near: a branch would be guessed wrong too often.
+                // Branchless compaction: a branch would be mispredicted too often.
                 let mut length = found.len();
                 found.resize(length + end - begin, 0);
                 for (j, other) in (begin..end).zip(&points[begin..end]) {
@@ -112,11 +114,11 @@ impl Grid {
 
 fn cell(x: Vec3, min: Vec3, per_cell: f32, counts: [usize; 3]) -> [usize; 3] {
     let at = ((x - min) * per_cell).to_array();
-    // The cast takes what is below to 0.
+    // The cast saturates negative values to 0.
     std::array::from_fn(|axis| (at[axis] as usize).min(counts[axis] - 1))
 }
 
-/// The neighbours of up to [`CHUNK`] particles, and what these touch.
+/// The neighbours and contacts of up to [`CHUNK`] particles.
 #[derive(Debug, Default)]
 pub(super) struct Neighbours {
     particles: Vec<u32>,
@@ -133,7 +135,7 @@ impl Neighbours {
         self.contact_ends.clear();
     }
 
-    /// The neighbours of the chunk's k-th particle, without itself.
+    /// The neighbours of the chunk's k-th particle, excluding itself.
     #[inline]
     pub(super) fn of(&self, k: usize) -> &[u32] {
         slice(&self.particles, &self.ends, k)

@@ -1,35 +1,42 @@
-//! The kernels of SPH, in shares of the density at rest.
+//! SPH kernels, normalised to the rest density.
 
 use glam::Vec3;
 
-/// Radius of support in particle radii: some 28 neighbours.
+/// Support radius in particle radii: about 28 neighbours.
 const SUPPORT: f32 = 3.8;
 
-/// Spiky for the constraints, poly6 for what is told and mixed (Müller, Charypar and Gross,
-/// Particle-based fluid simulation for interactive applications, 2003).
+/// The spiky kernel for the constraints, and poly6 for reported densities, viscosity and cohesion
+/// (Müller, Charypar and Gross, Particle-based fluid simulation for interactive applications, 2003).
 ///
-/// Densities are shares of that at rest: of a particle's sum over a cubic lattice whose spacing is
-/// the particle's diameter. The kernels' integrals would be off by some percent.
+/// Densities are relative to the rest density, which is a particle's kernel sum over a cubic lattice
+/// whose spacing is the particle's diameter. The kernels' integrals would be off by a few percent.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Kernel {
-    /// Radius of support, m.
+    /// Support radius, m.
     pub h: f32,
-    /// Distance of neighbours at rest, m.
+    /// Distance between neighbours at rest, m.
     pub spacing: f32,
-    /// Sum of squared gradients on the lattice at rest, 1/m².
+    /// Sum of squared gradients on the rest lattice, 1/m².
     pub stiffness: f32,
     spiky: f32,
     poly6: f32,
-    /// What the lattice makes of either kernel's integral beyond a wall.
-    wall: f32,
-    told_wall: f32,
+    /// Ratio of the lattice sum beyond a wall to the integral, of each kernel.
+    spiky_wall: f32,
+    poly6_wall: f32,
 }
 
 impl Kernel {
     pub(super) fn new(radius: f32) -> Self {
         let (h, spacing) = (SUPPORT * radius, 2.0 * radius);
-        let mut kernel =
-            Self { h, spacing, stiffness: 0.0, spiky: 1.0, poly6: 1.0, wall: 1.0, told_wall: 1.0 };
+        let mut kernel = Self {
+            h,
+            spacing,
+            stiffness: 0.0,
+            spiky: 1.0,
+            poly6: 1.0,
+            spiky_wall: 1.0,
+            poly6_wall: 1.0,
+        };
         let reach = (0.5 * SUPPORT).ceil() as i32;
         let along = || (-reach..=reach).map(|i| i as f32 * spacing);
         let lattice: Vec<Vec3> = along()
@@ -39,55 +46,55 @@ impl Kernel {
         kernel.poly6 = 1.0 / lattice.iter().map(|x| kernel.weight(x.length_squared())).sum::<f32>();
         let squares = lattice.iter().map(|x| kernel.slope(x.length()).powi(2));
         kernel.stiffness = squares.sum::<f32>() - kernel.slope(0.0).powi(2);
-        // Half a lattice beyond a wall that is one radius off.
+        // The half of the lattice beyond a wall at a distance of one radius.
         let beyond = || lattice.iter().filter(|x| x.y < -0.5 * spacing);
         let missing: f32 = beyond().map(|x| kernel.share(x.length())).sum();
-        let told: f32 = beyond().map(|x| kernel.weight(x.length_squared())).sum();
-        kernel.wall = missing / kernel.wall_share(radius);
-        kernel.told_wall = told / kernel.wall_weight(radius);
+        let reported: f32 = beyond().map(|x| kernel.weight(x.length_squared())).sum();
+        kernel.spiky_wall = missing / kernel.wall_share(radius);
+        kernel.poly6_wall = reported / kernel.wall_weight(radius);
         kernel
     }
 
-    /// What a neighbour adds to the density of the constraint.
+    /// Contribution of a neighbour to the density constraint (spiky).
     #[inline]
     pub(super) fn share(&self, distance: f32) -> f32 {
         let t = (1.0 - distance / self.h).max(0.0);
         self.spiky * t * t * t
     }
 
-    /// How fast that falls with the distance, 1/m.
+    /// Negative derivative of [`Kernel::share`], 1/m.
     #[inline]
     pub(super) fn slope(&self, distance: f32) -> f32 {
         let t = (1.0 - distance / self.h).max(0.0);
         3.0 * self.spiky / self.h * t * t
     }
 
-    /// What a neighbour adds to the density that is told, by the square of its distance.
+    /// Contribution of a neighbour to the reported density (poly6), by its squared distance.
     #[inline]
     pub(super) fn weight(&self, square: f32) -> f32 {
         let t = (1.0 - square / (self.h * self.h)).max(0.0);
         self.poly6 * t * t * t
     }
 
-    /// What liquid at rest beyond a plane would add to the density of a particle at `distance` from
-    /// that plane: spiky's integral over a half-space.
+    /// Contribution to the density constraint of liquid at rest beyond a plane at `distance`: the
+    /// integral of spiky over a half-space.
     pub(super) fn wall_share(&self, distance: f32) -> f32 {
         let t = 1.0 - (distance / self.h).clamp(0.0, 1.0);
-        self.wall * t.powi(5) * (1.5 - t)
+        self.spiky_wall * t.powi(5) * (1.5 - t)
     }
 
-    /// How fast that falls with the distance, 1/m.
+    /// Negative derivative of [`Kernel::wall_share`], 1/m.
     pub(super) fn wall_slope(&self, distance: f32) -> f32 {
         let t = 1.0 - (distance / self.h).clamp(0.0, 1.0);
-        self.wall / self.h * t.powi(4) * (7.5 - 6.0 * t)
+        self.spiky_wall / self.h * t.powi(4) * (7.5 - 6.0 * t)
     }
 
-    /// The same as [`Kernel::wall_share`] of the density that is told, the integral of poly6.
+    /// As [`Kernel::wall_share`], for the reported density: the integral of poly6.
     pub(super) fn wall_weight(&self, distance: f32) -> f32 {
         let u = (distance / self.h).clamp(0.0, 1.0);
         let u2 = u * u;
         let polynomial = 1.0 - u2 * (4.0 / 3.0 - u2 * (6.0 / 5.0 - u2 * (4.0 / 7.0 - u2 / 9.0)));
-        self.told_wall * (0.5 - 315.0 / 256.0 * u * polynomial)
+        self.poly6_wall * (0.5 - 315.0 / 256.0 * u * polynomial)
     }
 }
 
@@ -95,8 +102,8 @@ impl Kernel {
 mod tests {
     use super::*;
 
-    /// Protects what volume is kept by: density 1 in a lattice at rest, also beside a wall, whatever
-    /// the radius; and a settled tank from boiling.
+    /// The rest lattice has density 1, also beside a wall, at any radius, and slopes are derivatives.
+    /// Volume conservation and the stillness of a settled tank depend on both.
     #[test]
     fn a_lattice_at_rest_has_density_one() {
         for radius in [0.003, 0.02, 1.0] {
@@ -114,11 +121,11 @@ mod tests {
                 total
             };
             let density = |x: Vec3| kernel.share(x.length());
-            let told = |x: Vec3| kernel.weight(x.length_squared());
+            let reported = |x: Vec3| kernel.weight(x.length_squared());
             assert!((sum(-3..=3, &density) - 1.0).abs() < 1e-5);
-            assert!((sum(-3..=3, &told) - 1.0).abs() < 1e-5);
-            let told = sum(0..=3, &told) + kernel.wall_weight(radius);
-            assert!((told - 1.0).abs() < 1e-4, "{told}");
+            assert!((sum(-3..=3, &reported) - 1.0).abs() < 1e-5);
+            let reported = sum(0..=3, &reported) + kernel.wall_weight(radius);
+            assert!((reported - 1.0).abs() < 1e-4, "{reported}");
             let beside_wall = sum(0..=3, &density) + kernel.wall_share(radius);
             assert!((beside_wall - 1.0).abs() < 1e-4, "{beside_wall}");
             // Slopes are derivatives: forces have a potential.

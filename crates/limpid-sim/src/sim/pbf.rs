@@ -1,14 +1,20 @@
-//! Liquid by M. Macklin and M. Müller, "Position Based Fluids", ACM Transactions on Graphics 32(4),
-//! 2013, in small steps of few iterations (Macklin et al., Small steps in physics simulation, 2019).
+//! Position-based fluids (M. Macklin and M. Müller, "Position Based Fluids", ACM Transactions on
+//! Graphics 32(4), 2013), in small steps of few iterations (Macklin et al., Small steps in physics
+//! simulation, 2019).
 //!
-//! Four things differ. Densities are pushed down to that at rest but never pulled up, so that
-//! the surface needs no care. The gradient is that of the density itself and not another
-//! kernel's: with two kernels the forces have no potential, and a settled tank boils. Walls complete
-//! the density of what is beside them by what liquid beyond them would add. And multipliers add up
-//! over a step's iterations, with Nesterov's momentum (as Mazhar, Heyn, Negrut and Tasora do for
-//! contacts, Using Nesterov's method to accelerate multibody dynamics, 2015): an iteration tells
-//! only neighbours of each other, and what lies deep would never learn of all that it carries.
-//! Steps and iterations follow from the state alone.
+//! There are four differences from the paper:
+//!
+//! - Constraints only reduce densities above the rest density, so the surface needs no special
+//!   treatment.
+//! - The gradient is that of the density kernel. With a second kernel the forces have no potential, and
+//!   a settled tank boils.
+//! - Walls add the density that liquid beyond them would contribute.
+//! - Multipliers accumulate over a step's iterations, with Nesterov's momentum (as Mazhar, Heyn, Negrut
+//!   and Tasora do for contacts, Using Nesterov's method to accelerate multibody dynamics, 2015): an
+//!   iteration propagates only between neighbours, so the weight of the liquid above would not reach
+//!   deep particles.
+//!
+//! The numbers of steps and iterations follow from the state alone.
 
 use glam::{Vec3, Vec4, Vec4Swizzles as _};
 use rayon::prelude::*;
@@ -19,28 +25,28 @@ use super::kernel::Kernel;
 use super::{Simulation, State, emitter};
 use limpid::scene::Solid;
 
-/// In a step, nothing moves by more than so many spacings...
+/// Largest movement of a particle per step, in spacings.
 const COURANT: f32 = 1.2;
-/// ... and what falls from rest by so many.
+/// Largest fall from rest per step, in spacings.
 const FALL: f32 = 0.032;
-/// No frame takes more steps: what is faster moves further in each.
-const MOST_STEPS: u32 = 16;
-/// Relaxation of the constraints, of their stiffness at rest (the paper's ε).
+/// Largest number of steps per frame; beyond it, steps exceed [`COURANT`] and [`FALL`].
+const MAX_STEPS: u32 = 16;
+/// Relaxation of the constraints (the paper's ε), relative to their stiffness at rest.
 const COMPLIANCE: f32 = 0.02;
-/// What a change of a multiplier is multiplied by: all are made at once, and together would go too
-/// far. With more, a settled tank boils.
+/// Under-relaxation of multiplier updates, which overshoot as they are simultaneous (Jacobi). With a
+/// larger factor a settled tank boils.
 const UNDER_RELAXATION: f32 = 0.5;
-/// Compressed particles shall be so much denser than at rest, in the mean...
+/// Mean relative compression at which the iterations stop.
 const TOLERANCE: f64 = 1e-2;
-/// ... unless that takes more iterations.
-const MOST_ITERATIONS: u32 = 16;
-/// A correction moves no particle by more than so many spacings.
-const LARGEST_CORRECTION: f32 = 0.25;
-/// Artificial pressure between particles closer than half a spacing or so (the paper's k, for
-/// constraints in squared spacings).
+/// Largest number of iterations to reach [`TOLERANCE`].
+const MAX_ITERATIONS: u32 = 16;
+/// Largest correction of a particle per iteration, in spacings.
+const MAX_CORRECTION: f32 = 0.25;
+/// Artificial pressure between particles closer than half a spacing (the paper's k, for constraints
+/// in squared spacings).
 const REPULSION: f32 = 5e-4;
 
-/// A liquid, and what it needs from one step to the next.
+/// A simulated liquid and its working memory.
 pub(super) struct Fluid<'a> {
     simulation: &'a Simulation,
     colliders: Colliders,
@@ -58,31 +64,31 @@ pub(super) struct Fluid<'a> {
 /// Particles sorted by cell.
 #[derive(Default)]
 struct Sorted {
-    /// Where they were when the step began.
+    /// Positions at the beginning of the step.
     from: Vec<Vec3>,
-    /// Where they are going, with room for the constraint's multiplier.
+    /// Predicted positions; w has room for the change of the constraint's multiplier.
     to: Vec<Vec4>,
     velocities: Vec<Vec4>,
     densities: Vec<f32>,
-    /// Their places in the frame.
+    /// Indices in the frame.
     places: Vec<u32>,
 }
 
-/// A density constraint's multiplier in a step so far, none negative, in squared spacings.
+/// A density constraint's accumulated multiplier, in squared spacings, never negative.
 #[derive(Clone, Copy, Default)]
 struct Pressure {
-    /// By the last iteration.
+    /// As computed by the last iteration.
     found: f32,
-    /// What the particles have been moved by: momentum is ahead of what was found.
+    /// As applied to the particles: ahead of `found` by the momentum.
     applied: f32,
 }
 
-/// How far a chunk's particles are above the density at rest.
+/// Compression of a chunk's particles.
 #[derive(Clone, Copy, Default)]
 struct Compression {
-    /// Sum, in shares of the density at rest.
+    /// Sum of the excess densities, relative to the rest density.
     excess: f64,
-    /// How many are.
+    /// Number of compressed particles.
     count: u32,
 }
 
@@ -104,23 +110,23 @@ impl<'a> Fluid<'a> {
         }
     }
 
-    /// The first frame: blocks of particles as the file has them, and what emitters begin with.
+    /// Creates the first frame: the blocks, and the emitters' first layers.
     pub(super) fn start(&mut self) -> State {
         let mut state = emitter::blocks(self.simulation, &self.colliders);
         emitter::emit(self.simulation, &self.colliders, None, 0.0, &mut state);
         self.load(&state);
         self.predicted.clone_from(&self.particles.from);
-        self.sort();
-        self.mix(0.0);
+        self.sort_and_find_neighbours();
+        self.smooth_velocities(0.0);
         self.store(&mut state);
         state
     }
 
-    /// From frame `number` to the next.
+    /// Advances the state from frame `number` to the next.
     pub(super) fn advance(&mut self, number: u32, state: &mut State) {
         let Simulation { fps, drain, .. } = *self.simulation;
         let [begin, end] = [number - 1, number].map(|frame| f64::from(frame) / fps);
-        let steps = self.steps(state);
+        let steps = self.step_count(state);
         let dt = ((end - begin) / f64::from(steps)) as f32;
         self.load(state);
         let mut time = begin;
@@ -143,8 +149,8 @@ impl<'a> Fluid<'a> {
         }
     }
 
-    /// How many steps the next frame takes: a function of the state that it begins with.
-    fn steps(&self, state: &State) -> u32 {
+    /// Number of steps of the next frame, a function of the state at its beginning.
+    fn step_count(&self, state: &State) -> u32 {
         let frame = 1.0 / self.simulation.fps as f32;
         let gravity = self.simulation.gravity.length();
         let fastest = state.velocities.par_iter().map(|v| v.length_squared());
@@ -153,7 +159,7 @@ impl<'a> Fluid<'a> {
         let spacing = self.kernel.spacing;
         let steps = (fastest * frame / (COURANT * spacing))
             .max(frame * (gravity / (FALL * spacing)).sqrt());
-        (steps.ceil() as u32).clamp(1, MOST_STEPS)
+        (steps.ceil() as u32).clamp(1, MAX_STEPS)
     }
 
     fn load(&mut self, state: &State) {
@@ -183,14 +189,14 @@ impl<'a> Fluid<'a> {
         falling
             .map(|(&x, v)| colliders.sweep(x, x + dt * (v.xyz() + kick)))
             .collect_into_vec(predicted);
-        self.sort();
-        self.press();
-        self.arrive(dt);
-        self.mix(dt);
+        self.sort_and_find_neighbours();
+        self.solve_density();
+        self.update_velocities(dt);
+        self.smooth_velocities(dt);
     }
 
     /// Sorts all particles by the cells of their predicted positions, and finds their neighbours.
-    fn sort(&mut self) {
+    fn sort_and_find_neighbours(&mut self) {
         let Self { particles, scratch, predicted, order, grid, kernel, .. } = self;
         grid.sort(predicted, kernel.h, order);
         let at = |i: &u32| *i as usize;
@@ -208,8 +214,8 @@ impl<'a> Fluid<'a> {
         grid.neighbours(&particles.to, kernel.h, &self.colliders, reach, &mut self.near);
     }
 
-    /// Takes particles apart where they are too dense.
-    fn press(&mut self) {
+    /// Solves the density constraints: separates particles where they are too dense.
+    fn solve_density(&mut self) {
         let least = self.simulation.iterations;
         self.pressures.clear();
         self.pressures.resize(self.particles.to.len(), Pressure::default());
@@ -217,19 +223,19 @@ impl<'a> Fluid<'a> {
         for iteration in 1.. {
             let momentum =
                 if is_last { 0.0 } else { (iteration - 1) as f32 / (iteration + 2) as f32 };
-            let compression = self.constrain(momentum);
-            self.correct();
+            let compression = self.update_multipliers(momentum);
+            self.move_particles();
             if is_last {
                 break;
             }
             let next = iteration + 1;
-            is_last = next >= least && (compression < TOLERANCE || next >= MOST_ITERATIONS);
+            is_last = next >= least && (compression < TOLERANCE || next >= MAX_ITERATIONS);
         }
     }
 
-    /// The changes of the multipliers, as w beside the positions. Returns by how much compressed
-    /// particles are, in the mean.
-    fn constrain(&mut self, momentum: f32) -> f64 {
+    /// Updates the multipliers and writes their changes to w beside the positions. Returns the mean
+    /// excess density of the compressed particles.
+    fn update_multipliers(&mut self, momentum: f32) -> f64 {
         let Self { particles, scratch, near, kernel, pressures, compressions, .. } = self;
         let kernel = *kernel;
         let points = particles.to.as_slice();
@@ -241,7 +247,7 @@ impl<'a> Fluid<'a> {
             *compression = Compression::default();
             for (k, (out, pressure)) in out.iter_mut().zip(pressures).enumerate() {
                 let x = points[chunk * CHUNK + k].xyz();
-                let (walls, wall_gradient) = walls(&kernel, near.contacts(k), x);
+                let (walls, wall_gradient) = wall_density(&kernel, near.contacts(k), x);
                 let mut density = kernel.share(0.0) + walls;
                 let mut gradient = wall_gradient;
                 let mut squares = 0.0;
@@ -265,27 +271,27 @@ impl<'a> Fluid<'a> {
                 *pressure = Pressure { found, applied: ahead };
             }
         });
-        // In order: sums must not depend on threads.
+        // Summed in order: the result must not depend on the number of threads.
         let excess: f64 = compressions.iter().map(|chunk| chunk.excess).sum();
         let count: u32 = compressions.iter().map(|chunk| chunk.count).sum();
         excess / f64::from(count.max(1))
     }
 
     /// Moves particles by the changes of the multipliers.
-    fn correct(&mut self) {
+    fn move_particles(&mut self) {
         let Self { particles, scratch, near, kernel, colliders, .. } = self;
         let kernel = *kernel;
         let points = scratch.to.as_slice();
-        let largest = LARGEST_CORRECTION * kernel.spacing;
+        let largest = MAX_CORRECTION * kernel.spacing;
         let close = 0.25 * kernel.spacing * kernel.spacing;
         let repulsion = REPULSION * kernel.spacing * kernel.spacing;
-        each(&mut particles.to, near, |i, k, near, out| {
+        for_each_particle(&mut particles.to, near, |i, k, near, out| {
             let (x, multiplier) = (points[i].xyz(), points[i].w);
             let contacts = near.contacts(k);
             let mut correction = if contacts.is_empty() || multiplier == 0.0 {
                 Vec3::ZERO
             } else {
-                multiplier * walls(&kernel, contacts, x).1
+                multiplier * wall_density(&kernel, contacts, x).1
             };
             for &j in near.of(k) {
                 let other = points[j as usize];
@@ -300,7 +306,7 @@ impl<'a> Fluid<'a> {
                 }
                 let distance = square.sqrt();
                 if distance < 1e-6 * kernel.spacing {
-                    correction -= kernel.slope(0.0) * pressure * apart(i, j as usize);
+                    correction -= kernel.slope(0.0) * pressure * separation(i, j as usize);
                 } else {
                     correction -= offset * (kernel.slope(distance) * pressure / distance);
                 }
@@ -310,8 +316,8 @@ impl<'a> Fluid<'a> {
         });
     }
 
-    /// Ends the movement, and takes velocities from it.
-    fn arrive(&mut self, dt: f32) {
+    /// Completes the movement of the step and derives the velocities from it.
+    fn update_velocities(&mut self, dt: f32) {
         let Self { particles, near, colliders, .. } = self;
         let Sorted { from, to, velocities, .. } = particles;
         let moving = from.par_chunks_mut(CHUNK).zip(velocities.par_chunks_mut(CHUNK));
@@ -330,9 +336,9 @@ impl<'a> Fluid<'a> {
         );
     }
 
-    /// XSPH: velocities approach the mean around them. Cohesion draws neighbours together. And
-    /// densities, on the way.
-    fn mix(&mut self, dt: f32) {
+    /// Applies XSPH viscosity, by which velocities approach the local mean, and cohesion; computes the
+    /// reported densities in the same loop.
+    fn smooth_velocities(&mut self, dt: f32) {
         let Self { particles, scratch, near, kernel, simulation, .. } = self;
         let kernel = *kernel;
         let share = 1.0 - (-simulation.viscosity as f32 * dt).exp();
@@ -367,9 +373,8 @@ impl<'a> Fluid<'a> {
     }
 }
 
-/// Calls `set` with the number of each particle, its number in its chunk, and the chunk's
-/// neighbours.
-fn each(
+/// Calls `set` for each particle with its index, its index in its chunk, and the chunk's neighbours.
+fn for_each_particle(
     out: &mut [Vec4],
     near: &[Neighbours],
     set: impl Fn(usize, usize, &Neighbours, &mut Vec4) + Sync,
@@ -381,10 +386,10 @@ fn each(
     });
 }
 
-/// What liquid beyond the walls would add to the density at `x`, and the gradient of that. Walls
-/// hide shares of the support independently of each other: exact for two at right angles, almost.
+/// Density that liquid beyond the walls would contribute at `x`, and its gradient. Each wall occludes
+/// its share of the support independently, which is nearly exact for two walls at right angles.
 #[inline]
-fn walls(kernel: &Kernel, contacts: &[Contact], x: Vec3) -> (f32, Vec3) {
+fn wall_density(kernel: &Kernel, contacts: &[Contact], x: Vec3) -> (f32, Vec3) {
     let mut free = 1.0;
     let mut gradient = Vec3::ZERO;
     for &contact in contacts {
@@ -399,9 +404,9 @@ fn walls(kernel: &Kernel, contacts: &[Contact], x: Vec3) -> (f32, Vec3) {
     (1.0 - free, gradient)
 }
 
-/// A direction from one of two coincident particles to the other, opposite for both.
+/// A direction that separates two coincident particles, opposite for the two.
 #[cold]
-fn apart(i: usize, j: usize) -> Vec3 {
+fn separation(i: usize, j: usize) -> Vec3 {
     let angle = 2.4 * (i.min(j) % 1000) as f32;
     let direction = Vec3::new(angle.cos(), 0.5, angle.sin()).normalize();
     if i < j { direction } else { -direction }

@@ -1,4 +1,4 @@
-//! Water that sways in a tank, from closed forms instead of a simulation.
+//! Closed-form standing waves in a tank.
 
 use std::f64::consts::PI;
 
@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use super::{Simulation, State, emitter};
 use crate::waves::Waves;
 
-/// A lattice of particles at rest, displaced by standing waves: those of small amplitude in a
-/// rectangular tank (Airy, Tides and waves, 1845), in which nothing leaves the tank and the volume is
-/// kept to first order. Of each sine of the scene's waves, the nearest that fits the tank.
+/// A lattice of particles displaced by standing waves of small amplitude in a rectangular tank (Airy,
+/// Tides and waves, 1845). Particles stay inside the tank, and volume is conserved to first order. Each
+/// sine of the scene's waves is replaced by the nearest mode of the tank.
 pub(super) struct Swell {
     rest: Vec<Vec3>,
     /// Particles along each axis.
@@ -18,12 +18,12 @@ pub(super) struct Swell {
     modes: Vec<Mode>,
 }
 
-/// A standing wave, as products of what depends on one axis each.
+/// A standing wave, as a product of factors along each axis, tabulated.
 struct Mode {
     /// cos and sin of `k_x x` and `k_z z`.
     x: Vec<[f32; 2]>,
     z: Vec<[f32; 2]>,
-    /// sinh k(y + D) / sinh kD and cosh k(y + D) / sinh kD above the depth D.
+    /// sinh k(y + D) / sinh kD and cosh k(y + D) / sinh kD, with the depth D.
     y: Vec<[f32; 2]>,
     /// Direction of the wave vector.
     direction: [f32; 2],
@@ -41,7 +41,7 @@ impl Swell {
         let rest = emitter::places(block, spacing);
         let (size, depth) = (max - min, max.y - min.y);
         let gravity = simulation.gravity.as_dvec3().length();
-        // Places along an axis, from the tank's lowest corner.
+        // Positions along an axis, relative to the tank's lowest corner.
         let along = |count: f64, length: f64| -> Vec<f64> {
             let first = 0.5 * (length - spacing * (count - 1.0));
             (0..count as u32).map(|i| first + spacing * f64::from(i)).collect()

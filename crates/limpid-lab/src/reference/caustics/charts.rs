@@ -1,5 +1,5 @@
-//! The views by which all of a light's way is followed: from the light itself, and straight onto
-//! the faces that it falls on.
+//! The views that together trace all of a light: from the light itself, and orthogonally onto the
+//! faces that it falls on.
 
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use rayon::prelude::*;
@@ -11,36 +11,37 @@ use crate::reference::{Liquid, wide};
 use limpid::light_view::LightView;
 use limpid::scene::{Light, Scene};
 
-/// Rays along either side of a light's view that find the faces on which light falls.
+/// Number of rays along each side of a light's view that find the faces on which light falls.
 const PROBES: u32 = 96;
 
-/// Share of a face's light, along a side, beyond either end of its map: single rays go far. Where they
-/// go so far that the map would be coarse, it ends as far from the bulk of the light as that is
-/// wide; so much is beyond either end of the bulk.
+/// Share of a face's light, along a side, beyond either end of its map: single rays land far away.
+/// If they land so far away that the map would be coarse, the map ends at one width of the bulk of
+/// the light beyond the bulk; `BULK` is the share beyond either end of the bulk.
 const OUTSIDE: f64 = 0.005;
 const BULK: f64 = 0.05;
 
-/// Cosine of half the widest angle under which one view of a point light shows the liquid.
+/// Cosine of half the widest angle at which one view of a point light covers the liquid.
 const WIDEST: f64 = 0.5;
 
-/// Pixels along the side of one of several views of a point light.
+/// Range of the size of one of several views of a point light, pixels.
 const ALL_ROUND: (f64, f64) = (64.0, 2048.0);
 
-/// A view along an axis, which points towards the viewer.
+/// The view-from-world rotation of a view along an axis that points towards the viewer.
 fn axes(back: DVec3) -> DMat3 {
     let up = if back.y.abs() > 0.999 { DVec3::NEG_Z } else { DVec3::Y };
     let right = up.cross(back).normalize();
     DMat3::from_cols(right, back.cross(right), back).transpose()
 }
 
-/// The views from a light of all that lies between two corners, with pixels of `pixel`, m, there.
+/// The views from a light of everything in the box between two corners, with pixels of `pixel`, m,
+/// there.
 pub(super) fn sources(light: &Light, (min, max): (DVec3, DVec3), pixel: f64) -> Vec<LightView> {
     let corners: [DVec3; 8] = std::array::from_fn(|i| {
         let side = |bit: usize, axis: usize| if i >> bit & 1 == 0 { min[axis] } else { max[axis] };
         DVec3::new(side(0, 0), side(1, 1), side(2, 2))
     });
     let (middle, extent) = (0.5 * (min + max), min.distance(max));
-    // Room for what rounding and interpolated normals put on the border.
+    // Margin for points that rounding and interpolated normals put on the border.
     let margin = 1.02;
     match *light {
         Light::Sun { direction, .. } => {
@@ -88,7 +89,7 @@ pub(super) fn sources(light: &Light, (min, max): (DVec3, DVec3), pixel: f64) -> 
     }
 }
 
-/// The faces of lit solids on which light falls, with pixels of `pixel`, m, but no more than `most`
+/// The faces of lit solids on which light falls, with pixels of `pixel`, m, but at most `most`
 /// along a side.
 pub(super) fn of_solids(
     liquid: &(impl Liquid + ?Sized),
@@ -122,7 +123,7 @@ pub(super) fn of_solids(
     faces.into_iter().map(|(face, points)| chart(face, &points, pixel, most)).collect()
 }
 
-/// The view straight onto a face that holds these points of it.
+/// The orthogonal view onto a face that contains these points of it.
 fn chart(face: Side, points: &[DVec3], pixel: f64, most: u32) -> Chart {
     let view_from_world = axes(face.axis);
     let seen: Vec<_> = points.iter().map(|&x| view_from_world * x).collect();
@@ -137,11 +138,11 @@ fn chart(face: Side, points: &[DVec3], pixel: f64, most: u32) -> Chart {
     };
     let ((left, right), (low, high)) = (range(0), range(1));
     let (low, high) = (DVec2::new(left, low), DVec2::new(right, high));
-    // The next ray lands beyond the last that was followed.
+    // Margin for rays that land beyond the probes.
     let half = 0.5 * (1.0 + 4.0 / f64::from(PROBES)) * (high - low) + 4.0 * pixel;
     let pixel = pixel.max(2.0 * half.max_element() / f64::from(most));
     let size = (2.0 * half / pixel).ceil();
-    // A little above the face, or above the top of what is round.
+    // Slightly above the face, or above the top of a sphere.
     let scale = points.iter().fold(1.0, |most: f64, x| most.max(x.abs().max_element()));
     let top =
         face.round.map_or(seen[0].z, |(center, radius)| (view_from_world * center).z + radius);

@@ -1,4 +1,5 @@
-//! Where light falls: what the texels of a map show, and the exact share of each in what lands.
+//! Deposition of light: the surfaces that a map's texels show, and the exact share of landed light
+//! that each texel receives.
 
 use glam::{DVec2, DVec3, IVec2, UVec2};
 use rayon::prelude::*;
@@ -11,14 +12,14 @@ use crate::reference::surroundings::Surroundings;
 use limpid::light_view::LightView;
 use limpid::scene::Light;
 
-/// What the texels of a chart show, and for those at edges the solids themselves.
+/// The surfaces that the texels of a chart show, and the solids themselves for texels at edges.
 pub(super) struct Receivers<'a> {
     pub(super) chart: Chart,
     pub(super) texels: Vec<Option<Receiver>>,
     pub(super) surroundings: Option<&'a Surroundings>,
 }
 
-/// Points in a texel at an edge by which its parts are told.
+/// Number of points that sample a texel at an edge.
 pub(super) const EDGE_SAMPLES: u32 = 256;
 
 impl<'a> Receivers<'a> {
@@ -43,7 +44,7 @@ impl<'a> Receivers<'a> {
             let area = patch_area(view, corner + 0.5, spot.point, spot.normal);
             let seen_at = |u: DVec2| seen(chart, surroundings, u);
             let shown = |k: &u32| {
-                // Hammersley's points.
+                // Hammersley points.
                 let n = f64::from(EDGE_SAMPLES);
                 let reversed = f64::from(k.reverse_bits()) / 2f64.powi(32);
                 let u = corner + DVec2::new((f64::from(*k) + 0.5) / n, reversed);
@@ -82,7 +83,7 @@ impl<'a> Receivers<'a> {
         Self { chart: Chart::whole(light), texels, surroundings: None }
     }
 
-    /// The texel's number, if at `u` it shows the surface on which something landed.
+    /// The index of the texel, if it shows the surface of `spot` at `u`.
     pub(super) fn shows(&self, texel: IVec2, u: DVec2, spot: &Spot) -> Option<usize> {
         let i = index(self.chart.view.size, texel)?;
         let receiver = self.texels[i]?;
@@ -94,7 +95,7 @@ impl<'a> Receivers<'a> {
     }
 }
 
-/// What a chart shows straight through a pixel position.
+/// The point that a chart shows at a pixel position.
 pub(super) fn seen(chart: &Chart, surroundings: &Surroundings, u: DVec2) -> Option<Spot> {
     let (origin, direction) = chart.view.ray(u);
     let ray = Ray { origin, direction };
@@ -103,22 +104,22 @@ pub(super) fn seen(chart: &Chart, surroundings: &Surroundings, u: DVec2) -> Opti
         None => surroundings.hit(&ray)?,
     };
     let spot = Spot::of(&hit, direction);
-    // No light comes to what lies within another solid.
+    // No light reaches points inside another solid.
     let bare = chart.face.is_none() || !surroundings.covers(hit.point, spot.normal);
     (bare && chart.takes(&spot)).then_some(spot)
 }
 
-/// Area of the surface through a point that one pixel shows, m².
+/// Area of the surface through a point that one pixel covers, m².
 pub(super) fn patch_area(view: &LightView, u: DVec2, point: DVec3, normal: DVec3) -> f64 {
     let (origin, direction) = view.ray(u);
     let distance2 = if view.orthographic { 1.0 } else { origin.distance_squared(point) };
     view.pixel_extent(u) * distance2 / -direction.dot(normal)
 }
 
-/// Rows of cells that are laid at once.
+/// Number of rows of cells that are traced and deposited at once.
 pub(super) const BAND: u32 = 32;
 
-/// The rays between which light is laid, in pixels.
+/// The grid of rays between which light is deposited, in pixels.
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
     pub(super) first: DVec2,
@@ -127,13 +128,13 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// From border to border of the frame.
+    /// Rays from border to border of the frame.
     pub(super) fn corners(view: &LightView, density: u32) -> Self {
         let density = density.max(1);
         Self { first: DVec2::ZERO, cell: 1.0 / f64::from(density), cells: density * view.size }
     }
 
-    /// In the middle of each beam: at density 1 in the texels' centres.
+    /// Rays in the middle of each beam: at density 1 at texel centres.
     pub(super) fn centres(view: &LightView, density: u32) -> Self {
         let Self { cell, cells, .. } = Self::corners(view, density);
         Self { first: DVec2::splat(0.5 * cell), cell, cells: cells - 1 }
@@ -147,12 +148,12 @@ impl Grid {
 /// A triangle between three neighbouring rays.
 pub(super) struct Triangle<'a> {
     pub(super) corners: [&'a Beam; 3],
-    /// Its middle, pixels.
+    /// Its centroid, pixels.
     pub(super) middle: DVec2,
 }
 
-/// Follows all rays of a grid, gives each row of triangles to `of_row`, side by side, and what that
-/// makes of them to `take`, in order.
+/// Traces all rays of a grid, passes each row of triangles to `of_row`, in parallel, and the
+/// results to `take`, in order.
 pub(super) fn over_rows<T: Send>(
     grid: Grid,
     follow: impl Fn(DVec2) -> Beam + Sync,
@@ -202,7 +203,7 @@ pub(super) fn lay_beams(
     over_rows(grid, follow, lay, |ledgers| sum.add(ledgers));
 }
 
-/// Power on each chart's texels.
+/// Accumulated power on each chart's texels.
 pub(super) struct Sum {
     pub(super) power: Vec<Vec<DVec3>>,
     pub(super) flux: Flux,
@@ -214,7 +215,7 @@ impl Sum {
         Self { power: power.collect(), flux: Flux::default() }
     }
 
-    /// In order, so that the same numbers come of any number of threads.
+    /// Adds in order, so that results do not depend on the number of threads.
     pub(super) fn add(&mut self, ledgers: Vec<Ledger<'_>>) {
         for ledger in ledgers {
             self.flux += ledger.flux;
@@ -224,7 +225,7 @@ impl Sum {
         }
     }
 
-    /// A map for each chart.
+    /// Converts the sums to a map per chart.
     pub(super) fn finish(self, receivers: Vec<Receivers<'_>>) -> Vec<CausticMap> {
         let map = |(power, receivers): (Vec<DVec3>, Receivers<'_>)| {
             let irradiance = power.iter().zip(&receivers.texels).map(|(&power, receiver)| {
@@ -242,7 +243,7 @@ impl Sum {
     }
 }
 
-/// What some of the light brought to which texel.
+/// Deposits of a part of the light.
 pub(super) struct Ledger<'a> {
     pub(super) receivers: &'a [Receivers<'a>],
     /// Chart, texel and power.
@@ -255,7 +256,8 @@ impl<'a> Ledger<'a> {
         Self { receivers, deposits: Vec::new(), flux: Flux::default() }
     }
 
-    /// Books a ray that carries some power; the power that is still to be laid where it landed.
+    /// Accounts for a ray that carries some power; returns the landing and the power to deposit
+    /// there.
     pub(super) fn account(&mut self, beam: &Beam, sent: DVec3) -> Option<(Landing, DVec3)> {
         let left = beam.transmittance * sent;
         match beam.end {
@@ -270,8 +272,8 @@ impl<'a> Ledger<'a> {
         beam.landing().map(|landing| (landing, left))
     }
 
-    /// Lays the light between three rays, `cell` apart, on the triangle between their landings; if
-    /// these do not belong together, each ray's third around its own.
+    /// Deposits the light between three rays, `cell` apart, on the triangle between their landings;
+    /// if these are not on one surface, each ray's third around its own landing.
     pub(super) fn lay_triangle(&mut self, corners: [&Beam; 3], sent: DVec3, cell: f64) {
         let thirds = corners.map(|beam| self.account(beam, sent / 3.0));
         if let [Some(a), Some(b), Some(c)] = thirds
@@ -291,7 +293,7 @@ impl<'a> Ledger<'a> {
         }
     }
 
-    /// Spreads power evenly over a convex polygon in the map.
+    /// Spreads power uniformly over a convex polygon in the map.
     pub(super) fn lay(&mut self, polygon: &[DVec2], landing: &Landing, power: DVec3) {
         let low = polygon.iter().copied().fold(DVec2::INFINITY, DVec2::min);
         let high = polygon.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
@@ -304,7 +306,7 @@ impl<'a> Ledger<'a> {
         }
         let whole = Polygon::new(polygon);
         let area = whole.area();
-        // A line or a point, at a perfect focus: its area would be rounding.
+        // Degenerates to a line or a point at a perfect focus: its area would be rounding.
         if area <= 1e-7 * (high - low).length() {
             for &u in polygon {
                 self.lay_at(u, landing, power / polygon.len() as f64);
@@ -342,7 +344,7 @@ impl<'a> Ledger<'a> {
         }
     }
 
-    /// Size of the chart on which something landed, pixels.
+    /// Size of the landing's chart, pixels.
     fn size(&self, landing: &Landing) -> DVec2 {
         self.receivers[landing.chart].chart.view.size.as_dvec2()
     }
@@ -366,7 +368,7 @@ impl<'a> Ledger<'a> {
     }
 }
 
-/// Whether neighbouring rays went through the same surfaces to the same one.
+/// Whether neighbouring rays passed through the same surfaces and landed on the same one.
 pub(super) fn together(corners: [&Beam; 3]) -> bool {
     let spots = corners.map(|beam| {
         let [enter, leave] = beam.interfaces;
@@ -386,8 +388,8 @@ pub(super) fn together(corners: [&Beam; 3]) -> bool {
     pair(0, 1) && pair(1, 2) && pair(2, 0)
 }
 
-/// A convex polygon: at most a quadrilateral cut by the four sides of a texel. That has eight
-/// corners, and where rounding doubles some a few more.
+/// A convex polygon: at most a quadrilateral clipped by the four sides of a texel, which has eight
+/// corners, and a few more where rounding duplicates some.
 #[derive(Clone, Copy)]
 pub(super) struct Polygon {
     pub(super) corners: [DVec2; 16],
@@ -415,7 +417,7 @@ impl Polygon {
         &self.corners[..self.count]
     }
 
-    /// The part on the positive (`side` = 1) or negative (−1) side of a line across an axis
+    /// Clips to the positive (`side` = 1) or negative (−1) side of a line across an axis
     /// (Sutherland and Hodgman 1974).
     pub(super) fn cut(&self, axis: usize, at: f64, side: f64) -> Self {
         let mut part = Self::new(&[]);
@@ -438,7 +440,7 @@ impl Polygon {
     pub(super) fn area(&self) -> f64 {
         let corners = self.corners();
         let Some(&o) = corners.first() else { return 0.0 };
-        // From one of its corners, so that it has its digits anywhere in the map.
+        // Relative to a corner, to keep precision anywhere in the map.
         let sides = corners.windows(2).map(|ab| (ab[0] - o).perp_dot(ab[1] - o));
         0.5 * sides.sum::<f64>().abs()
     }

@@ -1,29 +1,28 @@
-//! What becomes of a ray of light: through the liquid itself, or through layers of it.
+//! Tracing of a light ray: through the liquid itself, or through layers of it.
 
 use glam::{DVec2, DVec3, IVec2};
 
 use super::{Chart, OFF, Spot};
 use crate::reference::layers::{self, Layer, Pair};
-use crate::reference::optics::{Interface, transmittance};
+use crate::reference::optics::{Interface, TOUCH, interface, transmittance};
 use crate::reference::surroundings::{SolidHit, Surroundings};
-use crate::reference::trace::{TOUCH, interface};
 use crate::reference::{Crossing, Liquid, Ray, wide};
 use limpid::light_view::LightView;
 use limpid::scene::Scene;
 
-/// What became of a ray of light.
+/// The result of tracing a light ray.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Beam {
     pub(super) end: End,
-    /// The share of its light that came to the end.
+    /// The share of its light that reached the end.
     pub(super) transmittance: DVec3,
-    /// Where it entered the liquid and where it left.
+    /// The points where it entered and left the liquid.
     pub(super) interfaces: [Option<Spot>; 2],
 }
 
 #[derive(Debug, Clone, Copy)]
 pub(super) enum End {
-    /// It met no liquid.
+    /// It hit no liquid.
     Dry,
     Landed(Landing),
     Missed,
@@ -34,9 +33,9 @@ pub(super) enum End {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Landing {
     pub(super) spot: Spot,
-    /// The chart that shows it.
+    /// Index of the chart that shows it.
     pub(super) chart: usize,
-    /// Pixel position in the chart's view; none behind it, or where no chart shows it.
+    /// Pixel position in the chart's view; `None` behind the view, or if no chart shows it.
     pub(super) u: Option<DVec2>,
 }
 
@@ -50,7 +49,7 @@ impl Beam {
         self
     }
 
-    /// Goes through an interface: the direction beyond.
+    /// Passes an interface and returns the refracted direction.
     pub(super) fn refract(&mut self, spot: Spot, interface: &Interface) -> Option<DVec3> {
         self.interfaces[usize::from(self.interfaces[0].is_some())] = Some(spot);
         if interface.refracted.is_some() {
@@ -67,7 +66,7 @@ impl Beam {
     }
 }
 
-/// Rays through a liquid.
+/// Traces light rays through a liquid.
 pub(super) struct Tracer<'a, L: ?Sized> {
     pub(super) liquid: &'a L,
     pub(super) surroundings: Surroundings,
@@ -173,7 +172,7 @@ impl<'a, L: Liquid + ?Sized> Tracer<'a, L> {
     }
 }
 
-/// Rays through layers, in view space.
+/// Traces light rays through layers, in view space.
 pub(super) struct LayerTracer<'a> {
     pub(super) view: layers::View,
     pub(super) classes: &'a [&'a Pair],
@@ -189,7 +188,7 @@ impl LayerTracer<'_> {
     pub(super) fn follow(&self, u: DVec2) -> Beam {
         let mut beam = Beam::new();
         let view = &self.view;
-        // The frame's last row and column of beams are on its border.
+        // The last row and column of beams lie on the frame's border.
         let texel = u.min(view.size - 0.5).floor().as_ivec2();
         let omega = view.omega(u);
         let disparity = |plane: DVec3| plane.dot(omega);
@@ -217,7 +216,7 @@ impl LayerTracer<'_> {
             let layer =
                 self.classes.iter().copied().flatten().find(|layer| layer.at(texel) == hit.plane);
             let normal = layer.map_or(spot.normal, |layer| self.smooth_normal(layer, hit.u, &spot));
-            // Out of the liquid, as the ray is.
+            // Out of the liquid, like the ray.
             (hit, Spot { normal: -facing(normal, direction), ..spot })
         });
         if let Some(hit) = solid {
@@ -256,9 +255,9 @@ impl LayerTracer<'_> {
         }
     }
 
-    /// The normal, away from the light, of a layer around a point on it: bilinear between the
-    /// texels' centres. With the texels' own normals light would go through each texel unfocused,
-    /// and all focusing would be at their borders.
+    /// The normal, pointing away from the light, of a layer around a point on it: bilinear between
+    /// the texels' centres. With per-texel normals light would pass each texel unfocused, and all
+    /// focusing would happen at their borders.
     pub(super) fn smooth_normal(&self, layer: &Layer, u: DVec2, spot: &Spot) -> DVec3 {
         let (corner, f) = ((u - 0.5).floor(), (u - 0.5).fract_gl());
         let mut sum = DVec3::ZERO;
@@ -287,7 +286,7 @@ impl LayerTracer<'_> {
     }
 }
 
-/// A normal turned against a direction.
+/// Flips a normal against a direction.
 pub(super) fn facing(normal: DVec3, direction: DVec3) -> DVec3 {
     if direction.dot(normal) > 0.0 { -normal } else { normal }
 }

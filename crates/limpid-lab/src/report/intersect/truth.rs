@@ -1,4 +1,4 @@
-//! What intersectors are held against: where rays truly end, in 64 bits, and how right an answer is.
+//! Ground truth for intersectors, in f64: where rays end, and how answers are scored.
 
 use glam::{DMat4, DVec2, DVec3, IVec2, UVec2};
 use rayon::prelude::*;
@@ -11,7 +11,7 @@ use crate::report::subjects::Subject;
 use limpid::camera::{Camera, CameraUniform};
 use limpid::scene::Scene;
 
-/// What the rays of a scene are intersected with.
+/// The surfaces that rays are intersected with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Target {
     /// The liquid's own layers, from inside.
@@ -20,27 +20,27 @@ pub enum Target {
     Solids,
 }
 
-/// Texels of the layers of one view, as the device has them.
+/// Texels of the layers of one view, in the device's format.
 #[derive(Debug, Clone)]
 pub struct ViewLayers {
     /// Pixels.
     pub size: UVec2,
     /// Front and back of the aggregates.
     pub aggregate: [Vec<[f32; 4]>; 2],
-    /// Front and back of the splashes, if there are any.
+    /// Front and back of the splashes, if any.
     pub splash: Option<[Vec<[f32; 4]>; 2]>,
     /// The opaque scene.
     pub solids: Vec<[f32; 4]>,
 }
 
-/// Where the ray of a pixel truly ends.
+/// The true end of a pixel's ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Truth {
     /// No liquid at this pixel.
     None,
-    /// Nowhere that the layers show: hidden, or beyond the picture.
+    /// Not shown by the layers: hidden, or outside the picture.
     Unsolvable,
-    /// At a point that the layers show.
+    /// At a point shown by the layers.
     Hit(LayerHit),
 }
 
@@ -55,7 +55,7 @@ pub enum Answer {
     Hit(DVec2, f64),
 }
 
-/// How right a method is.
+/// The score of a method.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Score {
     /// Pixels with liquid.
@@ -64,12 +64,12 @@ pub struct Score {
     pub solvable: u64,
     /// Of these, hits within a pixel of the truth and consistent in depth.
     pub solved: u64,
-    /// Hits that are not: of rays that cannot be solved, or more than two pixels off.
+    /// Wrong hits: of unsolvable rays, or more than two pixels off, or inconsistent in depth.
     pub wrong: u64,
-    /// Rays answered other than by the truth, each counted once: solvable ones that were not
-    /// solved, and hits of rays that cannot be solved.
+    /// Rays with a wrong answer, each counted once: solvable rays that were not solved, and hits of
+    /// unsolvable rays.
     pub failed: u64,
-    /// Root mean square distance of the solved from the truth, pixels.
+    /// Root mean square distance of the solved hits from the truth, pixels.
     pub rms_px: f64,
 }
 
@@ -84,28 +84,28 @@ impl Score {
         self.solved as f64 / self.rays.max(1) as f64
     }
 
-    /// Share of all rays that were answered other than by the truth.
+    /// Share of all rays with a wrong answer.
     pub fn rays_wrong(&self) -> f64 {
         self.failed as f64 / self.rays.max(1) as f64
     }
 
-    /// Share of all rays with a hit that is wrong.
+    /// Share of all rays with a wrong hit.
     pub fn wrong_accepts(&self) -> f64 {
         self.wrong as f64 / self.rays.max(1) as f64
     }
 }
 
-/// By how much what is linear on the screen, disparity or height, may differ from the truth beside
-/// what a pixel explains: as a share of disparity, or of an orthographic view's width.
+/// Tolerance of the quantity that is linear on the screen, disparity or height, beyond the error of
+/// a pixel offset: relative to the disparity, or to an orthographic view's width.
 const DEPTH_TOLERANCE: f64 = 2e-3;
 
 fn tolerance(view: &View, depth: f64) -> f64 {
     DEPTH_TOLERANCE * if view.far.is_some() { 2.0 * view.tangent.x } else { 1.0 / depth }
 }
 
-/// Whether a hit agrees with another in depth, `pixels` apart on the screen.
+/// Whether a hit that may be off by `pixels` on the screen agrees with the true one in depth.
 fn consistent(view: &View, truth: &LayerHit, u: DVec2, depth: f64, pixels: f64) -> bool {
-    // Disparity or height per pixel of the true surface.
+    // Change of disparity or height per pixel along the true surface.
     let per_pixel = truth.plane.truncate() * view.tangent * 2.0 / view.size;
     let slope = per_pixel.length() * (u.distance(truth.u).min(pixels) + 0.5);
     let difference = match view.far {
@@ -115,12 +115,12 @@ fn consistent(view: &View, truth: &LayerHit, u: DVec2, depth: f64, pixels: f64) 
     difference <= tolerance(view, truth.depth) + slope
 }
 
-/// Whether a hit is within a pixel of the true one, and at its depth.
+/// Whether a hit is within a pixel of the true one and consistent with it in depth.
 pub(super) fn solves(view: &View, truth: &LayerHit, u: DVec2, depth: f64) -> bool {
     u.distance(truth.u) <= 1.0 && consistent(view, truth, u, depth, 1.0)
 }
 
-/// Judges a method's answers.
+/// Scores a method's answers.
 pub fn score(view: &View, truths: &[Truth], answers: &[Answer]) -> Score {
     let mut score = Score::default();
     let mut squares = 0.0;
@@ -150,11 +150,12 @@ pub fn score(view: &View, truths: &[Truth], answers: &[Answer]) -> Score {
     score
 }
 
-/// Pixels that a hit counts as off at most, and one that is missing or on another surface always.
+/// Maximum distance that a hit counts as, pixels; also that of a missing hit or one on another
+/// surface.
 pub const OFF: f64 = 10.0;
 
-/// The squared distances of the answers from the truth, pixels, summed up over all rays that can be
-/// solved; and these rays. No distance is above [`OFF`].
+/// Sums the squared distances of the answers from the truth, pixels², over all solvable rays, and
+/// counts these rays. Distances are clamped to [`OFF`].
 pub fn hit_error(view: &View, truths: &[Truth], answers: &[Answer]) -> (f64, u64) {
     let mut sum = (0.0, 0);
     for (truth, answer) in truths.iter().zip(answers) {
@@ -168,7 +169,7 @@ pub fn hit_error(view: &View, truths: &[Truth], answers: &[Answer]) -> (f64, u64
     sum
 }
 
-/// The refracted ray of each pixel with liquid, view space, and the pixel.
+/// The refracted ray of each pixel with liquid, in view space, and the pixel.
 fn rays<'a>(
     view: &'a View,
     layers: &'a [Pair],
@@ -190,8 +191,8 @@ fn rays<'a>(
     })
 }
 
-/// The true end of every pixel's ray: on the layers, or for solids in the scene itself, where it is
-/// solvable if the layer shows that point.
+/// Computes the true end of every pixel's ray: on the layers, or for solids in the scene itself,
+/// where the ray is solvable if the layer shows its end point.
 pub fn truths(
     world_from_view: &DMat4,
     uniform: &CameraUniform,
@@ -237,14 +238,14 @@ pub fn truths(
         .collect()
 }
 
-/// View to world space of a camera.
+/// The view-to-world transform of a camera.
 pub fn world_from_view(camera: &Camera) -> DMat4 {
     let (eye, target, up) = (camera.eye, camera.target, camera.up.as_dvec3());
     glam::dcamera::rh::view::look_at_mat4(eye, target, up).inverse()
 }
 
 impl ViewLayers {
-    /// Analytic water over solids, exactly: its front where no solid hides it.
+    /// Computes the exact layers of analytic water over solids: its front where no solid hides it.
     pub(super) fn exact(subject: &Subject, camera: &Camera, size: UVec2) -> Self {
         let view = View::new(&camera.uniform(size, DVec3::ZERO));
         let surroundings = Surroundings::new(&subject.scene);
@@ -276,7 +277,7 @@ impl ViewLayers {
     }
 }
 
-/// A texel of the plane through `x` with `normal`, view space.
+/// The texel of the plane through `x` with `normal`, in view space.
 fn texel(x: DVec3, normal: DVec3) -> [f32; 4] {
     let plane = normal / normal.dot(x);
     [plane.x as f32, plane.y as f32, plane.z as f32, -x.z as f32]

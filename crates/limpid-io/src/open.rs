@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use super::{Project, overrides};
 use crate::error::Result;
 use crate::input::{Input, Missing};
 use crate::particles::ReadOptions;
+use crate::project::{Project, overrides};
 use limpid::camera::Camera;
 use limpid::settings::Settings;
 

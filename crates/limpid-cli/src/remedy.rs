@@ -1,0 +1,79 @@
+//! What the user can do about an error or a notice, in terms of this program's options.
+
+use limpid::error::Limited;
+use limpid_io::Error;
+use limpid_io::input::Missing;
+use limpid_io::notice::Notice;
+
+/// The line that reports an error, with its remedy.
+pub(crate) fn with_remedy(error: &Error) -> String {
+    match error {
+        Error::Frame { frame, source } => format!("frame {frame}: {}", with_remedy(source)),
+        Error::Shared(error) => with_remedy(error),
+        Error::Override { .. } => format!("--set {error}"),
+        Error::Render(error) => of_drawing(error),
+        _ => joined(&error.to_string(), of_file(error).as_deref()),
+    }
+}
+
+/// As [`with_remedy`], of an error in drawing.
+pub(crate) fn of_drawing(error: &limpid::Error) -> String {
+    let remedy = match error {
+        limpid::Error::NoAdapter => {
+            "install a Vulkan driver, or Mesa's software one (Debian: apt-get install \
+             mesa-vulkan-drivers)"
+        }
+        limpid::Error::Limit { of: Limited::Picture, .. } => "--size",
+        limpid::Error::Limit { of: Limited::Classify, .. } => "--set classify.on=auto or cpu",
+        _ => return error.to_string(),
+    };
+    joined(&error.to_string(), Some(remedy))
+}
+
+fn of_file(error: &Error) -> Option<String> {
+    Some(match error {
+        Error::TooLarge { .. } => "--max-unpacked MIB allows more".into(),
+        Error::MissingFrame { .. } => "--missing empty or hold goes on".into(),
+        Error::NotBaked { scene } => format!("run: limpid bake {scene}"),
+        Error::OtherBake { .. } => {
+            "bake with --restart to replace them, or into another folder with -o".into()
+        }
+        Error::UnknownBake { .. } => {
+            "remove them yourself, or bake into another folder with -o".into()
+        }
+        Error::UnknownRadius { .. } => "give --radius".into(),
+        Error::Window(_) => "`limpid render` draws without one".into(),
+        Error::Threads(_) => {
+            "raise its limits (`ulimit -u`, `ulimit -v`) or end other programs, and try again"
+                .into()
+        }
+        _ => return None,
+    })
+}
+
+/// The line that reports a notice, with its remedy.
+pub(crate) fn of_notice(notice: &Notice) -> String {
+    const VIEW: &str = "--camera moves the view, and a scene without [camera] fits it";
+    let remedy = match notice {
+        Notice::Gaps(_, Some(Missing::Error)) => "--missing hold or empty fills the gaps".into(),
+        Notice::Rate(_) => "--fps, or fps in the scene's [particles], says them".into(),
+        Notice::MaybeRadius(array) if array.to_ascii_lowercase().contains("diam") => {
+            "--radius takes half of it".into()
+        }
+        Notice::MaybeRadius(array) => format!("if it is the radius: --map radius={array}"),
+        Notice::Opaque { absorption, .. } => {
+            let [r, g, b] = (*absorption / 1000.0).to_array();
+            format!("if these are millimetres: --set 'liquid.absorption=[{r}, {g}, {b}]'")
+        }
+        Notice::Unseen(_) | Notice::Outside(..) => VIEW.into(),
+        _ => return notice.to_string(),
+    };
+    joined(&notice.to_string(), Some(&remedy))
+}
+
+fn joined(problem: &str, remedy: Option<&str>) -> String {
+    match remedy {
+        Some(remedy) => format!("{problem}; {remedy}"),
+        None => problem.to_owned(),
+    }
+}

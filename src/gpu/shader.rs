@@ -1,0 +1,233 @@
+//! WGSL files, and what WGSL lacks: `#import path`, pasted once, and `$word`, replaced by the
+//! [`Variant`].
+//!
+//! A root file is a pipeline's shader; it imports what it needs at its top, one file per line.
+//! Order does not matter to WGSL, so a root may supply a function that an imported body calls:
+//! that is how the intersectors of `refract` and the filters of `smooth` are chosen.
+
+use std::borrow::Cow;
+use std::collections::HashSet;
+
+use super::Gpu;
+
+/// Every WGSL file by its path in `shaders/`. A test compares the table with the folder.
+pub const FILES: &[(&str, &str)] = &[
+    ("common/camera.wgsl", include_str!("../../shaders/common/camera.wgsl")),
+    ("common/layers.wgsl", include_str!("../../shaders/common/layers.wgsl")),
+    ("common/optics.wgsl", include_str!("../../shaders/common/optics.wgsl")),
+    ("common/screen_ray.wgsl", include_str!("../../shaders/common/screen_ray.wgsl")),
+    ("common/lights.wgsl", include_str!("../../shaders/common/lights.wgsl")),
+    ("common/scene.wgsl", include_str!("../../shaders/common/scene.wgsl")),
+    ("common/groups.wgsl", include_str!("../../shaders/common/groups.wgsl")),
+    ("common/tiles.wgsl", include_str!("../../shaders/common/tiles.wgsl")),
+    ("classify/params.wgsl", include_str!("../../shaders/classify/params.wgsl")),
+    ("classify/sums.wgsl", include_str!("../../shaders/classify/sums.wgsl")),
+    ("classify/count.wgsl", include_str!("../../shaders/classify/count.wgsl")),
+    ("classify/scan.wgsl", include_str!("../../shaders/classify/scan.wgsl")),
+    ("classify/order.wgsl", include_str!("../../shaders/classify/order.wgsl")),
+    ("classify/moments.wgsl", include_str!("../../shaders/classify/moments.wgsl")),
+    ("classify/eigen.wgsl", include_str!("../../shaders/classify/eigen.wgsl")),
+    ("classify/shape.wgsl", include_str!("../../shaders/classify/shape.wgsl")),
+    ("splat.wgsl", include_str!("../../shaders/splat.wgsl")),
+    ("cull/select.wgsl", include_str!("../../shaders/cull/select.wgsl")),
+    ("cull/depths.wgsl", include_str!("../../shaders/cull/depths.wgsl")),
+    ("cull/draw.wgsl", include_str!("../../shaders/cull/draw.wgsl")),
+    ("mixture.wgsl", include_str!("../../shaders/mixture.wgsl")),
+    ("tiles.wgsl", include_str!("../../shaders/tiles.wgsl")),
+    ("smooth/iterate.wgsl", include_str!("../../shaders/smooth/iterate.wgsl")),
+    ("smooth/plane_fit.wgsl", include_str!("../../shaders/smooth/plane_fit.wgsl")),
+    ("smooth/bilateral.wgsl", include_str!("../../shaders/smooth/bilateral.wgsl")),
+    ("smooth/narrow_range.wgsl", include_str!("../../shaders/smooth/narrow_range.wgsl")),
+    ("gbuffer.wgsl", include_str!("../../shaders/gbuffer.wgsl")),
+    ("mips/coarsen.wgsl", include_str!("../../shaders/mips/coarsen.wgsl")),
+    ("mips/layers.wgsl", include_str!("../../shaders/mips/layers.wgsl")),
+    ("mips/planes.wgsl", include_str!("../../shaders/mips/planes.wgsl")),
+    ("refract/interfaces.wgsl", include_str!("../../shaders/refract/interfaces.wgsl")),
+    ("refract/one_layer.wgsl", include_str!("../../shaders/refract/one_layer.wgsl")),
+    ("refract/single.wgsl", include_str!("../../shaders/refract/single.wgsl")),
+    ("refract/plane.wgsl", include_str!("../../shaders/refract/plane.wgsl")),
+    ("refract/plane3.wgsl", include_str!("../../shaders/refract/plane3.wgsl")),
+    ("refract/secant.wgsl", include_str!("../../shaders/refract/secant.wgsl")),
+    ("refract/guarded.wgsl", include_str!("../../shaders/refract/guarded.wgsl")),
+    ("refract/march.wgsl", include_str!("../../shaders/refract/march.wgsl")),
+    ("refract/newton.wgsl", include_str!("../../shaders/refract/newton.wgsl")),
+    ("caustics/params.wgsl", include_str!("../../shaders/caustics/params.wgsl")),
+    ("caustics/light.wgsl", include_str!("../../shaders/caustics/light.wgsl")),
+    ("caustics/grid.wgsl", include_str!("../../shaders/caustics/grid.wgsl")),
+    ("caustics/landing.wgsl", include_str!("../../shaders/caustics/landing.wgsl")),
+    ("caustics/light_sums.wgsl", include_str!("../../shaders/caustics/light_sums.wgsl")),
+    ("caustics/forward.wgsl", include_str!("../../shaders/caustics/forward.wgsl")),
+    ("caustics/deposit.wgsl", include_str!("../../shaders/caustics/deposit.wgsl")),
+    ("caustics/resolve.wgsl", include_str!("../../shaders/caustics/resolve.wgsl")),
+    ("caustics/blur.wgsl", include_str!("../../shaders/caustics/blur.wgsl")),
+    ("caustics/conic.wgsl", include_str!("../../shaders/caustics/conic.wgsl")),
+    ("caustics/gather.wgsl", include_str!("../../shaders/caustics/gather.wgsl")),
+    ("tonemap.wgsl", include_str!("../../shaders/tonemap.wgsl")),
+    ("report/intersect.wgsl", include_str!("../../shaders/report/intersect.wgsl")),
+    ("report/nothing.wgsl", include_str!("../../shaders/report/nothing.wgsl")),
+    ("report/stream.wgsl", include_str!("../../shaders/report/stream.wgsl")),
+    ("report/arithmetic.wgsl", include_str!("../../shaders/report/arithmetic.wgsl")),
+];
+
+/// The files that are compiled as they are; the others are imported by them.
+pub const ROOTS: &[&str] = &[
+    "classify/count.wgsl",
+    "classify/scan.wgsl",
+    "classify/order.wgsl",
+    "classify/shape.wgsl",
+    "splat.wgsl",
+    "cull/select.wgsl",
+    "cull/depths.wgsl",
+    "cull/draw.wgsl",
+    "mixture.wgsl",
+    "tiles.wgsl",
+    "smooth/plane_fit.wgsl",
+    "smooth/bilateral.wgsl",
+    "smooth/narrow_range.wgsl",
+    "gbuffer.wgsl",
+    "mips/layers.wgsl",
+    "mips/planes.wgsl",
+    "refract/single.wgsl",
+    "refract/plane.wgsl",
+    "refract/plane3.wgsl",
+    "refract/secant.wgsl",
+    "refract/guarded.wgsl",
+    "refract/march.wgsl",
+    "refract/newton.wgsl",
+    "caustics/grid.wgsl",
+    "caustics/forward.wgsl",
+    "caustics/deposit.wgsl",
+    "caustics/gather.wgsl",
+    "caustics/resolve.wgsl",
+    "caustics/blur.wgsl",
+    "tonemap.wgsl",
+    "report/intersect.wgsl",
+    "report/nothing.wgsl",
+    "report/stream.wgsl",
+    "report/arithmetic.wgsl",
+];
+
+/// What the files of a root leave open, each a word that begins with `$`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Variant {
+    /// `$intersector`: the file of `refract/` that the root imports.
+    pub intersector: Option<&'static str>,
+    /// `$early_depth`: fragments promise to write no depth beyond that of `depth_bound`.
+    pub early_depth: Option<EarlyDepth>,
+    /// `$branching`: uniforms that decide branches are read-only storage. Software Vulkan compiles
+    /// each of them anew for every frame otherwise; it reads storage lane by lane, so all other
+    /// uniforms stay uniforms.
+    pub stored_uniforms: bool,
+}
+
+/// To which side of `depth_bound` fragments write.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EarlyDepth {
+    /// Smaller depths: fronts.
+    LessEqual,
+    /// Greater depths: backs.
+    GreaterEqual,
+}
+
+impl Variant {
+    /// The variant that imports this intersector.
+    pub fn of(intersector: &'static str) -> Self {
+        Self { intersector: Some(intersector), ..Self::default() }
+    }
+
+    /// The text of a word without its `$`.
+    fn value(self, word: &str) -> Option<&'static str> {
+        match word {
+            "intersector" => self.intersector,
+            "early_depth" => Some(match self.early_depth {
+                None => "",
+                Some(EarlyDepth::LessEqual) => "@early_depth_test(less_equal)",
+                Some(EarlyDepth::GreaterEqual) => "@early_depth_test(greater_equal)",
+            }),
+            "branching" => Some(if self.stored_uniforms { "storage, read" } else { "uniform" }),
+            _ => None,
+        }
+    }
+
+    /// A line with its words replaced.
+    ///
+    /// # Panics
+    /// If it has a word without a value.
+    fn fill<'a>(self, line: &'a str) -> Cow<'a, str> {
+        if !line.contains('$') || line.trim_start().starts_with("//") {
+            return line.into();
+        }
+        let mut parts = line.split('$');
+        let mut filled = parts.next().unwrap_or_default().to_owned();
+        for part in parts {
+            let end = part.find(|c: char| c != '_' && !c.is_ascii_alphanumeric());
+            let (word, rest) = part.split_at(end.unwrap_or(part.len()));
+            filled += self.value(word).unwrap_or_else(|| panic!("${word} has no value"));
+            filled += rest;
+        }
+        filled.into()
+    }
+}
+
+/// The text of a root with its imports pasted, each once, as this variant.
+///
+/// # Panics
+/// If a file is not in [`FILES`] or the variant lacks what it leaves open: a defect that the shader
+/// tests find.
+pub fn source(root: &str, variant: Variant) -> String {
+    let find = |path: &str| FILES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text);
+    resolve(root, variant, &mut { find })
+}
+
+/// As [`source`], with the files that `find` supplies.
+///
+/// # Panics
+/// As [`source`].
+pub fn resolve<'a>(
+    root: &str,
+    variant: Variant,
+    find: &mut dyn FnMut(&str) -> Option<&'a str>,
+) -> String {
+    fn paste<'a>(
+        file: &str,
+        variant: Variant,
+        find: &mut dyn FnMut(&str) -> Option<&'a str>,
+        pasted: &mut HashSet<String>,
+        out: &mut String,
+    ) {
+        if !pasted.insert(file.to_owned()) {
+            return;
+        }
+        let text = find(file).unwrap_or_else(|| panic!("no shader file {file}"));
+        for line in text.lines() {
+            let line = variant.fill(line);
+            match line.strip_prefix("#import ") {
+                Some(import) => paste(import.trim(), variant, find, pasted, out),
+                None => {
+                    out.push_str(&line);
+                    out.push('\n');
+                }
+            }
+        }
+    }
+    let mut out = String::new();
+    paste(root, variant, find, &mut HashSet::new(), &mut out);
+    out
+}
+
+/// The module of a root, as this variant on this device.
+pub fn module(gpu: &Gpu, root: &str, variant: Variant) -> wgpu::ShaderModule {
+    let variant = Variant { stored_uniforms: gpu.uniforms_are_stored(), ..variant };
+    gpu.module(root, source(root, variant))
+}
+
+/// The value of a constant that a shader has, by its text: for tests of what Rust has too.
+#[cfg(test)]
+pub fn constant(root: &str, name: &str) -> f64 {
+    let source = source(root, Variant::of("refract/guarded.wgsl"));
+    let declared = source.lines().find_map(|line| line.strip_prefix("const ")?.strip_prefix(name));
+    let declared = declared.unwrap_or_else(|| panic!("{root} has no constant {name}"));
+    let (_, value) = declared.split_once('=').expect("a value");
+    let value = value.split(';').next().expect("an end").trim();
+    value.trim_end_matches(['u', 'i', 'f']).parse().expect("a number")
+}

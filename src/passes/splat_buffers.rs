@@ -1,0 +1,79 @@
+//! A frame's splats on the device.
+
+use crate::gpu::{self, Gpu};
+use crate::liquid::classify::Splat as SplatData;
+
+/// Splats that one binding holds.
+#[derive(Debug)]
+pub(super) struct Chunk {
+    buffer: wgpu::Buffer,
+    /// Group 1 of `splat.wgsl`: so many splats.
+    pub(super) group: wgpu::BindGroup,
+    pub(super) count: u32,
+}
+
+/// One class of a frame's splats, uploaded: every view draws the same.
+#[derive(Debug)]
+pub struct SplatBuffers {
+    layout: wgpu::BindGroupLayout,
+    // As many as one binding holds, then the next: the depth test does not mind.
+    chunks: Vec<Chunk>,
+}
+
+impl SplatBuffers {
+    /// Nothing to draw yet.
+    pub fn new(gpu: &Gpu) -> Self {
+        Self { layout: layout(gpu), chunks: Vec::new() }
+    }
+
+    /// Draws all of them with the pipeline that is set; they are its group 1.
+    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
+        for chunk in &self.chunks {
+            pass.set_bind_group(1, &chunk.group, &[]);
+            pass.draw(0..4, 0..chunk.count);
+        }
+    }
+
+    /// The splats, as they are bound.
+    pub(super) fn chunks(&self) -> impl Iterator<Item = &Chunk> {
+        self.chunks.iter()
+    }
+
+    /// Uploads the frame's splats.
+    pub fn upload(&mut self, gpu: &Gpu, splats: &[SplatData]) {
+        let limits = gpu.device.limits();
+        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let most = (bytes as usize / size_of::<SplatData>()).max(1);
+        self.chunks.truncate(splats.len().div_ceil(most));
+        for (i, splats) in splats.chunks(most).enumerate() {
+            let (count, bytes) = (splats.len() as u32, size_of_val(splats) as u64);
+            let old = self.chunks.get(i).filter(|chunk| chunk.buffer.size() >= bytes);
+            let buffer = match old {
+                Some(chunk) => {
+                    gpu.queue.write_buffer(&chunk.buffer, 0, bytemuck::cast_slice(splats));
+                    if chunk.count == count {
+                        continue;
+                    }
+                    chunk.buffer.clone()
+                }
+                None => {
+                    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+                    gpu::buffer_with(gpu, "splats", usage, splats)
+                }
+            };
+            let resources = [gpu::first_bytes(&buffer, bytes)];
+            let group = gpu::bind_group(gpu, "splats", &self.layout, &resources);
+            let chunk = Chunk { buffer, group, count };
+            match self.chunks.get_mut(i) {
+                Some(old) => *old = chunk,
+                None => self.chunks.push(chunk),
+            }
+        }
+    }
+}
+
+/// Group 1 of `splat.wgsl`.
+pub(super) fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+    let stages = wgpu::ShaderStages::VERTEX | wgpu::ShaderStages::COMPUTE;
+    gpu.layout("splats", stages, &[gpu::storage::<SplatData>()])
+}
