@@ -1,4 +1,4 @@
-//! Intermediate images as channels of numbers, to find the stage that is to blame.
+//! Intermediate images (AOVs) as float channels, to find the pass that causes an artefact.
 
 use std::fmt;
 use std::str::FromStr;
@@ -16,33 +16,33 @@ use crate::renderer::Images;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Aov {
-    /// Depth of each layer as it was splatted, m; 0 where empty.
+    /// Depth of each splatted layer, m; 0 where empty.
     Depth,
-    /// Outward unit normal of each layer as it was splatted, view space; 0 where empty.
+    /// Outward unit normal of each splatted layer, view space; 0 where empty.
     Normal,
-    /// Depth of each aggregate layer after smoothing.
+    /// Depth of each smoothed aggregate layer, m.
     SmoothDepth,
-    /// Normal of each aggregate layer after smoothing.
+    /// Outward unit normal of each smoothed aggregate layer, view space.
     SmoothNormal,
     /// Depth of the opaque scene, m.
     SolidDepth,
-    /// Linear radiance of the picture.
+    /// Linear radiance before tone mapping.
     Radiance,
     /// Interfaces crossed per ray.
     Interfaces,
-    /// Length inside the liquid per ray, m.
+    /// Path length inside the liquid per ray, m.
     Inside,
-    /// Layer evaluations of the intersector per ray.
+    /// Layer evaluations by the intersector per ray.
     Iterations,
-    /// Failures of the intersector per ray.
+    /// Intersector failures per ray.
     Failures,
-    /// The caustic map of each light, in the light's own view: irradiance by light through liquid,
-    /// W/m², and depth of the receivers, m.
+    /// Caustic map of each light, in the light's view: irradiance of light through liquid, W/m², and
+    /// receiver depth, m.
     Caustics,
 }
 
 impl Aov {
-    /// All of them.
+    /// All AOVs.
     pub const ALL: [Self; 11] = [
         Self::Depth,
         Self::Normal,
@@ -118,22 +118,22 @@ pub struct Channel {
     pub values: Vec<f32>,
 }
 
-/// Channels of one size: a part of an `OpenEXR` file.
+/// Channels of one resolution: a part of an `OpenEXR` file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
-    /// `limpid` for those of the picture's size, `caustics.1` for the map of the first light; empty
-    /// for a picture alone.
+    /// `limpid` for images at picture resolution, `caustics.1` for the map of the first light; empty
+    /// for a single picture.
     pub name: String,
     /// Width and height, pixels.
     pub size: UVec2,
-    /// The images.
+    /// The channels.
     pub channels: Vec<Channel>,
 }
 
-/// Reads the chosen images of the last frame back from the device: first those of the picture's
-/// size, then the lights' maps.
+/// Reads the chosen images of the last frame back from the device: first those at picture resolution,
+/// then the caustic maps.
 ///
-/// Images that the frame did not have (splash layers without splashes) have no channels.
+/// Images that the frame lacks (splash layers without splashes) yield no channels.
 ///
 /// # Errors
 /// [`Error::DeviceLost`].
@@ -205,8 +205,8 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
     Ok([picture].into_iter().chain(maps).filter(|part| !part.channels.is_empty()).collect())
 }
 
-/// Reads the linear picture of the last frame back, as the channels R, G and B that programs take for
-/// a picture. It has no alpha: every ray ends at something that radiates.
+/// Reads the linear radiance of the last frame back as channels R, G and B, the names by which other
+/// programs recognise a picture. It has no alpha: every ray ends on a solid or the environment.
 ///
 /// # Errors
 /// [`Error::DeviceLost`].
@@ -221,7 +221,7 @@ pub fn read_radiance(gpu: &Gpu, images: &Images) -> Result<Part> {
     Ok(Part { name: String::new(), size, channels })
 }
 
-/// The map of one light.
+/// Reads the caustic map of one light back.
 fn caustics(gpu: &Gpu, map: &CausticMap) -> Result<Part> {
     let size = map.view.size;
     let (irradiance, depth) = map.read(gpu)?;

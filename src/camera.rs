@@ -1,4 +1,4 @@
-//! The camera: a pinhole with a vertical field of view.
+//! Pinhole camera with a vertical field of view.
 
 use std::fmt;
 use std::str::FromStr;
@@ -15,28 +15,28 @@ use crate::error::{Error, Result};
 pub struct Camera {
     /// Position in world space, m.
     pub eye: DVec3,
-    /// The point in the middle of the picture, m.
+    /// World-space point at the picture centre, m.
     pub target: DVec3,
-    /// A direction that points up in the picture; any length, not along the view.
+    /// World-space direction that points up in the picture; any length, not parallel to the view.
     #[serde(default = "up")]
     pub up: Vec3,
     /// Vertical field of view, degrees (above 0, below 180).
     pub fov_y: f32,
-    /// Near plane, m. Liquid nearer than this counts as around the eye. By default a thousandth of
-    /// the distance to the target; where that would cut liquid that the eye is outside of, half the
-    /// way to the nearest.
+    /// Near plane, m. The eye counts as inside liquid nearer than this. Default: a thousandth of the
+    /// distance to the target, or half the distance to the nearest liquid where the former would clip
+    /// liquid that the eye is outside of.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near: Option<f32>,
 }
 
-/// Up unless something else is said.
+/// Default up direction.
 #[doc(hidden)]
 pub fn up() -> Vec3 {
     Vec3::Y
 }
 
 impl fmt::Display for Camera {
-    /// As [`Camera::from_str`] reads it, to the last bit: `eye=1,2,3 target=0,0,0 up=0,1,0 fov_y=40`.
+    /// Writes what [`Camera::from_str`] parses, losslessly: `eye=1,2,3 target=0,0,0 up=0,1,0 fov_y=40`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (eye, target, up) = (self.eye, self.target, self.up);
         write!(f, "eye={},{},{} ", eye.x, eye.y, eye.z)?;
@@ -53,7 +53,7 @@ impl FromStr for Camera {
     type Err = Error;
 
     /// # Errors
-    /// [`Error::Invalid`] naming what is missing or no number, and as [`Camera::check`].
+    /// [`Error::Invalid`] naming the value that is missing or malformed, and as [`Camera::check`].
     fn from_str(text: &str) -> Result<Self> {
         let usage = |problem: &str| Error::invalid(format!("camera `{text}`"), problem);
         let (mut eye, mut target, mut fov_y) = (None, None, None);
@@ -90,31 +90,31 @@ fn parsed<T: FromStr>(numbers: [&str; 3]) -> Option<[T; 3]> {
     Some([x?, y?, z?])
 }
 
-/// The camera as the shaders have it (`common/camera.wgsl`). Their world has limpid's axes and
-/// its origin at the eye, so that 32-bit floats serve wherever the scene is.
+/// Camera uniform of the shaders (`common/camera.wgsl`). The shaders' world space has the scene's axes
+/// and its origin at the eye, so that 32-bit floats suffice wherever the scene is.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct CameraUniform {
-    /// World to view space, a rotation: three columns, each filled up with a 0.
+    /// World to view space, a rotation: three columns, each padded with a 0.
     pub view_from_world: [[f32; 4]; 3],
-    /// The point that splats are counted from, seen from the eye along the world's axes, m.
+    /// Origin of the splat positions, relative to the eye in world axes, m.
     pub origin: Vec3,
     /// Near plane, m.
     pub near: f32,
     /// Picture size, pixels.
     pub size: Vec2,
-    /// Tangents of half the horizontal and vertical field of view; of an orthographic view, half
-    /// its extent, m.
+    /// Tangents of half the horizontal and vertical field of view; half the extent in m for an
+    /// orthographic view.
     pub tangent: Vec2,
-    /// Depth of an orthographic view's far plane, m; else 0.
+    /// Depth of the far plane of an orthographic view, m; otherwise 0.
     pub far: f32,
-    /// Alignment.
+    /// Padding.
     pub pad: [f32; 3],
 }
 
 impl Camera {
-    /// A camera that sees all of a box from the front and above, in a picture at least as wide as
-    /// it is high.
+    /// Returns a camera that sees a whole box from the front and above, in a picture at least as wide
+    /// as it is high.
     pub fn fit(min: DVec3, max: DVec3) -> Self {
         let target = 0.5 * (min + max);
         let half = 0.5 * (max - min);
@@ -123,7 +123,7 @@ impl Camera {
         let back = DVec3::new(0.25, 0.5, 1.0).normalize();
         let right = DVec3::Y.cross(back).normalize();
         let up = back.cross(right);
-        // From this far each corner is inside the picture's edges.
+        // Distance at which each corner is inside the frustum.
         let corners = (0..8).map(|i| {
             let sign = |bit: u32| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
             half * DVec3::new(sign(0), sign(1), sign(2))
@@ -132,24 +132,23 @@ impl Camera {
             let off_axis = corner.dot(right).abs().max(corner.dot(up).abs());
             corner.dot(back) + off_axis / tangent
         });
-        // At least so far away that the eye and the target are different numbers.
+        // Far enough for the eye and the target to differ in 64-bit floats.
         let least = (1e-12 * target.abs().max_element()).max(1e-9);
         let distance = needed.fold(least, f64::max) * 1.05;
         Self { eye: target + back * distance, target, up: Vec3::Y, fov_y, near: None }
     }
 
-    /// The camera on a turntable: moved by `angle`, radians, about the axis through the target
-    /// along `up`, counter-clockwise as seen from that end. It still looks at the target, from the
-    /// same distance.
+    /// Orbits the camera by `angle`, radians, about the axis through the target along `up`,
+    /// counter-clockwise when seen from the tip of `up`. Target and distance stay the same.
     #[must_use]
     pub fn turned(self, angle: f64) -> Self {
         let axis = self.up.as_dvec3().normalize_or(DVec3::Y);
-        // About the target, where the numbers are as small as the scene wherever that is.
+        // Relative to the target, so that precision does not depend on where the scene is.
         let offset = DQuat::from_axis_angle(axis, angle) * (self.eye - self.target);
         Self { eye: self.target + offset, ..self }
     }
 
-    /// The near plane, m, where no liquid is nearer.
+    /// Near plane, m, without the adjustment for nearby liquid.
     pub fn near(&self) -> f32 {
         self.near.unwrap_or_else(|| (1e-3 * self.eye.distance(self.target)) as f32)
     }
@@ -157,7 +156,7 @@ impl Camera {
     /// Checks that the camera defines a view.
     ///
     /// # Errors
-    /// [`Error::Invalid`] naming the key that does not.
+    /// [`Error::Invalid`] naming the offending key.
     pub fn check(&self) -> Result<()> {
         let fail = |problem: &str| Err(Error::invalid("camera", problem));
         let view = (self.target - self.eye).normalize_or_zero();
@@ -177,8 +176,9 @@ impl Camera {
         }
     }
 
-    /// What the shaders need for a picture of `size` pixels, with splats counted from `origin` in
-    /// world space, m. Positions become relative to the eye before they become 32-bit floats.
+    /// Builds the uniform for a picture of `size` pixels, with splat positions relative to the
+    /// world-space point `origin`, m. Positions are made relative to the eye before conversion to
+    /// 32-bit floats.
     pub fn uniform(&self, size: UVec2, origin: DVec3) -> CameraUniform {
         let back = (self.eye - self.target).normalize();
         let right = self.up.as_dvec3().cross(back).normalize();
@@ -199,7 +199,7 @@ impl Camera {
     }
 }
 
-/// Whether a position is a number whose square, seen from any other, a 32-bit float can hold.
+/// Whether a position is finite and small enough that squared distances fit in a 32-bit float.
 #[doc(hidden)]
 pub fn is_position(x: DVec3) -> bool {
     x.abs().cmplt(DVec3::splat(1e18)).all()

@@ -1,5 +1,4 @@
-//! What of a frame is to be drawn anew: all that depends on something that the last frame had
-//! otherwise.
+//! Which passes must rerun because an input changed.
 //!
 //! A camera that moves leaves the caustic maps alone, more rays per pixel leave the layers alone, and
 //! another exposure leaves the radiance alone.
@@ -10,40 +9,40 @@ use crate::passes::view_passes::ViewConfig;
 use crate::scene::Scene;
 use crate::settings::Refract;
 
-/// What a frame was drawn from.
+/// The inputs of the last frame.
 #[derive(Debug)]
 pub(crate) struct LastFrame {
     scene: Scene,
     camera: Camera,
     splats: Splats,
-    wanted: ViewConfig,
+    config: ViewConfig,
     diagnosed: bool,
 }
 
-/// What the next frame has to draw.
+/// What must be uploaded or drawn again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Dirty {
     /// The particles, which are uploaded.
     pub splats: bool,
-    /// What the lights see, and their maps.
+    /// The lights' views and maps.
     pub lights: bool,
-    /// The view's layers, and its G-buffer.
+    /// The camera's layers and G-buffer.
     pub surfaces: bool,
     /// The radiance.
     pub radiance: bool,
 }
 
 impl Dirty {
-    /// All that a frame has.
+    /// Everything.
     const ALL: Self = Self { splats: true, lights: true, surfaces: true, radiance: true };
 
-    /// What differs from the last frame, if there was one.
+    /// The differences from the last frame; everything if there is none.
     pub(crate) fn since(
         last: Option<&LastFrame>,
         scene: &Scene,
         camera: &Camera,
         splats: &Splats,
-        wanted: ViewConfig,
+        config: ViewConfig,
         diagnosed: bool,
     ) -> Self {
         let Some(last) = last else { return Self::ALL };
@@ -64,13 +63,13 @@ impl Dirty {
         let surfaces = splats
             || smooth
             || last.camera != *camera
-            || last.wanted != wanted
-            || wanted.mixture && absorption
-            || wanted.gbuffer && solids
+            || last.config != config
+            || config.mixture && absorption
+            || config.gbuffer && solids
             // Walls hide the liquid behind them.
             || solids && !same_shapes(&last.scene, scene)
             // Mip levels of the G-buffer are filled only where they are read.
-            || wanted.levels > 1 && old.refract.solids != new.refract.solids;
+            || config.levels > 1 && old.refract.solids != new.refract.solids;
         let radiance = surfaces
             || lights
             || old.refract != new.refract
@@ -88,7 +87,7 @@ impl LastFrame {
         scene: &Scene,
         camera: &Camera,
         splats: &Splats,
-        wanted: ViewConfig,
+        config: ViewConfig,
         diagnosed: bool,
     ) -> Self {
         let mut kept = last.map(|last| last.splats).unwrap_or_default();
@@ -97,7 +96,7 @@ impl LastFrame {
             kept.splashes.clone_from(&splats.splashes);
             (kept.radius, kept.origin) = (splats.radius, splats.origin);
         }
-        Self { scene: scene.clone(), camera: *camera, splats: kept, wanted, diagnosed }
+        Self { scene: scene.clone(), camera: *camera, splats: kept, config, diagnosed }
     }
 }
 

@@ -1,4 +1,4 @@
-//! What is seen where there is nothing else.
+//! Environment radiance, seen by rays that hit nothing else.
 
 use std::sync::Arc;
 
@@ -7,49 +7,50 @@ use glam::{UVec2, Vec3};
 /// Radiance by direction, linear RGB.
 #[derive(Debug, Clone)]
 pub enum Environment {
-    /// The same everywhere.
+    /// The same in all directions.
     Constant(Vec3),
     /// Linear in the sine of the elevation, from the horizon up and down.
     Gradient {
-        /// Straight up.
+        /// Radiance straight up.
         zenith: Vec3,
-        /// Level.
+        /// Radiance at the horizon.
         horizon: Vec3,
-        /// Straight down.
+        /// Radiance straight down.
         nadir: Vec3,
     },
-    /// An equirectangular map: its middle is −z, its top row +y.
+    /// An equirectangular map: its centre is −z, its top row +y.
     Map {
         /// Width and height, pixels.
         size: UVec2,
-        /// Rows from the top, linear RGB and 1.
+        /// Rows from the top, linear RGB with alpha 1.
         pixels: Arc<[[f32; 4]]>,
     },
 }
 
-/// What level liquid leaves of even light from the sky, by depth: each of two paths has a share of it,
-/// and a length per metre of depth.
+/// Transmission of uniform sky light through level liquid as a function of depth: a sum over two
+/// paths, each with a share of the light and a length per metre of depth.
 ///
-/// At depth h the share of the light that falls on the surface is ∫₀¹ (1 − F) t(h/μ) ds, where s is the
-/// square of the sine of the angle in the air, F the reflectance there, μ = √(1 − s/n²) the cosine in the
-/// liquid and t the transmittance. The paths are the two-point Gaussian quadrature for the weight 1 − F
-/// (G. H. Golub and J. H. Welsch, Calculation of Gauss Quadrature Rules, 1969): exact at the surface, and
-/// for n from 1.2 to 3 within 0.1 % down to two absorption lengths, 0.3 % down to eight.
+/// At depth h the transmitted share is ∫₀¹ (1 − F) t(h/μ) ds, where s is the squared sine of the angle
+/// in air, F the reflectance at that angle, μ = √(1 − s/n²) the cosine in the liquid and t the
+/// transmittance. The paths are the two-point Gaussian quadrature for the weight 1 − F (G. H. Golub and
+/// J. H. Welsch, Calculation of Gauss Quadrature Rules, 1969): exact at the surface, and for n from 1.2
+/// to 3 within 0.1 % down to two absorption lengths, 0.3 % down to eight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EvenLight {
-    /// Of the light that falls on the surface.
+    /// Share of the incident light that takes each path.
     pub shares: [f32; 2],
-    /// Metres per metre of depth.
+    /// Length of each path, metres per metre of depth.
     pub paths: [f32; 2],
 }
 
 impl EvenLight {
-    /// Into liquid of this index, relative to what is above it.
+    /// Computes the paths below the surface of liquid with index `ior` relative to the medium above.
     pub fn below(ior: f32) -> Self {
-        /// Of the integrals over the weight: the paths are right to the last bit of 32.
+        /// Integration steps: enough for the paths to be exact to the last bit of a 32-bit float.
         const STEPS: u32 = 512;
         let n2 = f64::from(ior).powi(2);
-        // By the cosine in the air, in which the reflectance is smooth: s = 1 − c².
+        // Moments of the weight, integrated over the cosine c in air, in which the reflectance is
+        // smooth: s = 1 − c².
         let mut moments = [0.0; 4];
         for step in 0..STEPS {
             let c = (f64::from(step) + 0.5) / f64::from(STEPS);
@@ -61,7 +62,7 @@ impl EvenLight {
                 }
             }
         }
-        // The roots of the quadratic that is orthogonal to 1 and s.
+        // Nodes: the roots of the quadratic that is orthogonal to 1 and s.
         let [m0, m1, m2, m3] = moments;
         let determinant = m0 * m2 - m1 * m1;
         let (half, product) =
@@ -74,7 +75,7 @@ impl EvenLight {
     }
 }
 
-/// Fresnel's reflectance of unpolarised light from the air, of a cosine and a square of the index.
+/// Unpolarised Fresnel reflectance for light from air, from the cosine and the squared index.
 fn reflectance(cos_i: f64, n2: f64) -> f64 {
     let q = (n2 - 1.0 + cos_i * cos_i).sqrt();
     let perpendicular = (cos_i - q) / (cos_i + q);
@@ -83,7 +84,7 @@ fn reflectance(cos_i: f64, n2: f64) -> f64 {
 }
 
 impl PartialEq for Environment {
-    /// A map is mostly known by its memory, without a look at its pixels.
+    /// Compares maps by pointer first, which usually avoids comparing pixels.
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Constant(a), Self::Constant(b)) => a == b,
@@ -105,19 +106,19 @@ impl Default for Environment {
     }
 }
 
-/// The largest radiance that can be drawn, W/(m² sr) per channel; also the largest irradiance, W/m²,
-/// and intensity, W/sr. The sun's is 2·10⁷. Sums and products of some such numbers are still far from
-/// the end of 32-bit floats, with the highest exposure too.
+/// Largest supported radiance, W/(m² sr) per channel; also the largest irradiance, W/m², and intensity,
+/// W/sr. The sun's radiance is 2·10⁷. Sums and products of several such values stay far below the range
+/// of 32-bit floats, even at the highest exposure.
 pub const MAX_RADIANCE: f32 = 1e12;
 
-/// Whether each channel of a radiance is 0 to [`MAX_RADIANCE`].
+/// Whether each channel is within 0 to [`MAX_RADIANCE`].
 #[doc(hidden)]
 pub fn is_radiance(c: Vec3) -> bool {
     c.to_array().iter().all(|c| (0.0..=MAX_RADIANCE).contains(c))
 }
 
 impl Environment {
-    /// The same environment, `scale` times as bright.
+    /// Multiplies the radiance by `scale`.
     #[must_use]
     pub fn scaled(self, scale: f32) -> Self {
         if scale == 1.0 {
@@ -133,7 +134,7 @@ impl Environment {
             Self::Map { size, pixels } => Self::Map {
                 size,
                 pixels: {
-                    // Nobody else has them where a scene is read.
+                    // Copies only if shared, which a scene that is being loaded never is.
                     let mut pixels = pixels;
                     for p in Arc::make_mut(&mut pixels) {
                         *p = [scale * p[0], scale * p[1], scale * p[2], 1.0];
@@ -144,19 +145,19 @@ impl Environment {
         }
     }
 
-    /// Whether every radiance can be drawn: see [`MAX_RADIANCE`].
+    /// Whether every radiance is within 0 to [`MAX_RADIANCE`].
     pub fn is_drawable(&self) -> bool {
         match self {
             Self::Constant(c) => is_radiance(*c),
             Self::Gradient { zenith, horizon, nadir } => {
                 [zenith, horizon, nadir].into_iter().all(|c| is_radiance(*c))
             }
-            // Known since it was read; to look at every pixel in each frame would cost more.
+            // Checked on loading; scanning every pixel in each frame would be slow.
             Self::Map { .. } => true,
         }
     }
 
-    /// Mean radiance over all directions: what an evenly lit surface receives, over π.
+    /// Mean radiance over all directions: the irradiance of an evenly lit surface over π.
     pub fn mean(&self) -> Vec3 {
         match self {
             Self::Constant(c) => *c,

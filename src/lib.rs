@@ -1,6 +1,6 @@
 //! limpid draws clear liquid straight from particles.
 //!
-//! This crate is the renderer alone: it takes particles, a scene and a camera, and draws into a texture
+//! This crate is only the renderer: it takes particles, a scene and a camera, and draws into a texture
 //! or into memory. Files, sequences and films are in `limpid-io`, simulations in `limpid-sim`, ground
 //! truth and reports in `limpid-lab`.
 //!
@@ -13,25 +13,25 @@
 //!                                      refract ─ Radiance ─ tonemap ─ picture
 //! ```
 //!
-//! 1. [`liquid::classify`] separates splashes from aggregates and shapes each as an ellipsoid.
-//! 2. `splat` draws them into four layers of tangent planes, front and back of each.
+//! 1. [`liquid::classify`] splits particles into splashes and aggregates and gives each an ellipsoid.
+//! 2. `splat` draws them into four layers of tangent planes, front and back of each class.
 //! 3. `smooth` fits planes to the aggregate layers.
 //! 4. `gbuffer` draws the opaque scene.
-//! 5. `caustics` makes a map for each light of what comes through the liquid, from the
-//!    [`light_view::LightView`]'s own layers; only if something is lit.
-//! 6. `refract` follows light through up to four interfaces, with absorption.
+//! 5. `caustics` renders one map per light of the light that passed through liquid, from the layers of
+//!    its [`light_view::LightView`]; only if a solid is lit.
+//! 6. `refract` traces rays through up to four interfaces, with absorption.
 //! 7. `tonemap` turns radiance into a picture.
 //!
-//! [`renderer::Renderer::render`] is the frame on one page. A pass is one file of `src/passes/`, one of
-//! `shaders/`, one struct of [`settings`], one row of the times.
+//! [`renderer::Renderer::render`] is the whole frame on one page. A pass is one file in `src/passes/`, one
+//! in `shaders/`, one struct in [`settings`] and one row in the pass times.
 //!
 //! # Conventions
 //!
-//! Right-handed world, y up, metres, linear RGB radiance. Places in the world are 64-bit; what
-//! becomes 32-bit is counted from the eye or from an origin near by, so that scenes keep their
-//! digits far from the world's origin. View space is x right, y up, looking down −z; *depth* is
-//! `z = −z_view > 0`, *disparity* is 1/z. Pixel (i, j) has its centre at (i + ½, j + ½), y down.
-//! Transforms are named `a_from_b`. NaN and ∞ are never values.
+//! Right-handed world, y up, metres, linear RGB radiance. World positions are 64-bit; 32-bit positions
+//! are relative to the eye or to a nearby origin, so that scenes far from the world origin keep their
+//! precision. View space is x right, y up, looking down −z; *depth* is `z = −z_view > 0`, *disparity* is
+//! 1/z. Pixel (i, j) has its centre at (i + ½, j + ½), y down. Transforms are named `a_from_b`. No value
+//! is NaN or ∞.
 //!
 //! # Use
 //!
@@ -54,7 +54,7 @@
 //! # }
 //! ```
 //!
-//! To draw into a texture of your own program, see [`gpu::Gpu::from_device`] and the example `embed` of
+//! To draw into a texture of another program, see [`gpu::Gpu::from_device`] and the example `embed` of
 //! `limpid-io`.
 
 #![forbid(unsafe_code)]

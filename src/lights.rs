@@ -9,12 +9,12 @@ use crate::light_view::{CUBE, LightView};
 use crate::liquid::bulk::{self, Bulk};
 use crate::liquid::classify::{Splat, Splats};
 use crate::passes::Layers;
-use crate::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
+use crate::passes::caustics::{CausticMap, Caustics, Inputs, MapConfig, Output, Params};
 use crate::passes::gbuffer::LightMaps;
 use crate::passes::mixture;
 use crate::passes::smooth;
 use crate::passes::tiles::Sections;
-use crate::passes::view_passes::{SplatSet, ViewConfig, ViewPasses};
+use crate::passes::view_passes::{FrameInputs, ViewConfig, ViewPasses};
 use crate::scene::{Light, Scene};
 use crate::settings::{self, Method};
 
@@ -51,15 +51,8 @@ struct LightPasses {
 
 impl Lights {
     /// Chooses the views, makes room for the maps and compiles what is new.
-    pub fn prepare(
-        &mut self,
-        gpu: &Gpu,
-        scene: &Scene,
-        liquid: &SplatSet,
-        splats: &Splats,
-        culled: bool,
-        fits: &[smooth::Params],
-    ) -> Result<()> {
+    pub fn prepare(&mut self, gpu: &Gpu, frame: FrameInputs<'_>, culled: bool) -> Result<()> {
+        let FrameInputs { scene, splats, .. } = frame;
         let settings = &scene.settings.caustics;
         (self.count, self.views) = (0, Vec::new());
         if !scene.is_lit() {
@@ -99,31 +92,29 @@ impl Lights {
             let mixture = mixture::is_mixed(scene);
             let sections = Sections::for_work(gpu, size, smooth::work(&scene.settings.smooth));
             let gbuffer = true;
-            let wanted =
+            let config =
                 ViewConfig { size, splash, mixture, gbuffer, levels: 1, backs, culled, sections };
-            surfaces.resize(gpu, wanted);
+            surfaces.resize(gpu, config);
             let uniform = view.uniform(splats.origin);
             surfaces.look_past_walls(gpu, scene, &uniform, view.origin, splats);
-            surfaces.prepare(gpu, scene, liquid, &uniform, view.origin, &[], None, splats, fits);
+            surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);
             let own = settings_of(placed, settings);
             let (camera, bound) = (&surfaces.camera, &surfaces.scene);
-            caustics.prepare(gpu, camera, bound, scene, &own, splash, size)?;
+            let config = MapConfig { settings: &own, splash, size };
+            caustics.prepare(gpu, camera, bound, scene, config)?;
         }
         Ok(())
     }
 
     /// Draws what each light sees, and its maps.
-    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub fn record(
         &self,
         gpu: &Gpu,
         commands: &mut Commands<'_>,
-        scene: &Scene,
-        liquid: &SplatSet,
-        splats: &Splats,
-        fits: &[smooth::Params],
+        frame: FrameInputs<'_>,
         timer: &mut Timer,
     ) {
+        let FrameInputs { scene, splats, .. } = frame;
         for (placed, passes) in self.views.iter().zip(&self.passes) {
             let Some(maps) = &self.maps else { return };
             let LightPasses { surfaces, caustics, .. } = passes;
@@ -135,8 +126,15 @@ impl Lights {
                 "light smooth",
                 "light gbuffer",
             ];
-            surfaces.record(gpu, commands, scene, liquid, fits, timer, names);
+            surfaces.record(gpu, commands, frame, timer, names);
             let own = settings_of(placed, &scene.settings.caustics);
+            let PlacedView { layer, corner, .. } = *placed;
+            let light = &scene.lights[placed.light];
+            let params = Params {
+                wet: u32::from(placed.wet),
+                corner: corner.to_array(),
+                ..Params::new(light, &placed.view, &own)
+            };
             let inputs = Inputs {
                 camera: &surfaces.camera,
                 scene: &surfaces.scene,
@@ -145,18 +143,12 @@ impl Lights {
                 gbuffer: &surfaces.gbuffer.images,
                 mixture: Some(&surfaces.mixture.view),
                 method: own.method,
+                params: &params,
             };
-            let PlacedView { layer, corner, .. } = *placed;
             let output = Output { map: &maps.maps, receivers: &maps.receivers, layer };
-            let light = &scene.lights[placed.light];
-            let params = Params {
-                wet: u32::from(placed.wet),
-                corner: corner.to_array(),
-                ..Params::new(light, &placed.view, &own)
-            };
             let radius = splats.radius;
             let span = timer.span("caustics");
-            caustics.record(gpu, commands, scene, radius, &params, inputs, output, span);
+            caustics.record(commands, scene, radius, inputs, output, span);
         }
     }
 

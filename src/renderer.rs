@@ -3,7 +3,7 @@
 use glam::{UVec2, Vec3, Vec3Swizzles as _};
 use rayon::prelude::*;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, CameraUniform};
 use crate::dirty::{Dirty, LastFrame};
 use crate::environment::Environment;
 use crate::error::{Error, Limited, Result};
@@ -17,7 +17,7 @@ use crate::passes::refract::{self, Refract, Variant};
 use crate::passes::smooth;
 use crate::passes::tiles::Sections;
 use crate::passes::tonemap::Tonemap;
-use crate::passes::view_passes::{SplatSet, ViewConfig, ViewPasses};
+use crate::passes::view_passes::{FrameInputs, SplatSet, ViewConfig, ViewPasses};
 use crate::passes::{GBufferImages, Layers, Radiance};
 use crate::scene::Scene;
 use crate::settings::Solids;
@@ -29,7 +29,7 @@ use crate::settings::Solids;
 #[derive(Debug)]
 pub struct Renderer {
     gpu: Gpu,
-    liquid: SplatSet,
+    splat_set: SplatSet,
     lights: Lights,
     eye: ViewPasses,
     mips: Option<Mips>,
@@ -72,7 +72,7 @@ impl Renderer {
     pub fn new(gpu: &Gpu) -> Self {
         Self {
             gpu: gpu.clone(),
-            liquid: SplatSet::new(gpu),
+            splat_set: SplatSet::new(gpu),
             lights: Lights::default(),
             eye: ViewPasses::new(gpu, false),
             mips: None,
@@ -107,108 +107,132 @@ impl Renderer {
         format: wgpu::TextureFormat,
         size: UVec2,
     ) -> Result<Vec<PassTime>> {
+        self.check(scene, camera, splats, size)?;
+        let camera = &clear_of_liquid(camera, splats, size, scene.settings.classify.support);
+        let frame = Frame::new(self, scene, camera, splats, size);
+
+        let last = self.last.take().filter(|_| self.reuse);
+        let diagnose = self.diagnose;
+        let dirty = Dirty::since(last.as_ref(), scene, camera, splats, frame.config, diagnose);
+
+        self.resize(&frame);
+        self.prepare(&frame, dirty, format)?;
+
+        let gpu = &self.gpu;
+        let (mut timer, mut commands) = (Timer::new(gpu, self.timing), Commands::new(gpu));
+        self.record_views(&frame, dirty, &mut commands, &mut timer);
+        if !self.refract.is_compiled(frame.variant, &self.eye.scene) {
+            // The device begins to draw while the longest shaders are compiled.
+            commands.submit();
+        }
+        let (camera_binding, scene_binding) = (&self.eye.camera, &self.eye.scene);
+        let params = &frame.refract_params();
+        self.refract.prepare(gpu, camera_binding, scene_binding, frame.variant, params);
+        if frame.variant.mips() {
+            self.mips.get_or_insert_with(|| Mips::new(gpu));
+        }
+        self.record_picture(&frame, dirty, &mut commands, &mut timer);
+        let (radiance, span) = (&self.refract.radiance, timer.span("tonemap"));
+        self.tonemap.record(gpu, &mut commands.encoder, radiance, target, format, span);
+        let resolved = timer.resolve(gpu, &mut commands.encoder);
+        commands.submit();
+
+        self.submissions = commands.submissions;
+        gpu.check()?;
+        let remember =
+            || LastFrame::new(last, dirty, scene, camera, splats, frame.config, diagnose);
+        self.last = self.reuse.then(remember);
+        timer.read(gpu, resolved.as_ref())
+    }
+
+    /// Fails for inputs that cannot be drawn.
+    fn check(&self, scene: &Scene, camera: &Camera, splats: &Splats, size: UVec2) -> Result<()> {
         scene.check()?;
         camera.check()?;
         self.gpu.check()?;
         self.gpu.check_size(size)?;
         check_scale(splats, camera)?;
-        let camera = &clear_of_liquid(camera, splats, size, scene.settings.classify.support);
-        if let Environment::Map { size, pixels } = &scene.environment {
-            self.gpu.check_image(*size, Limited::Environment)?;
-            if pixels.is_empty() || pixels.len() != size.x as usize * size.y as usize {
-                let problem = format!("{} pixels do not make a map of {size}", pixels.len());
-                return Err(Error::invalid("environment", problem));
-            }
+        let Environment::Map { size, pixels } = &scene.environment else { return Ok(()) };
+        self.gpu.check_image(*size, Limited::Environment)?;
+        if pixels.is_empty() || pixels.len() != size.x as usize * size.y as usize {
+            let problem = format!("{} pixels do not make a map of {size}", pixels.len());
+            return Err(Error::invalid("environment", problem));
         }
-        let settings = &scene.settings;
-        let screen_solids = settings.refract.solids == Solids::Screen && !scene.solids.is_empty();
-        let has_splash = !splats.splashes.is_empty();
-        let variant = Variant::new(scene, has_splash, self.diagnose);
-        let gpu = &self.gpu;
-        let starts_inside = may_start_inside(splats, camera, size);
-        let backs = settings.refract.interfaces > 1 || self.diagnose || starts_inside;
-        let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
-        let work = refract::work(&settings.refract, size, scene.solids.len(), lit);
-        let work = work.max(smooth::work(&settings.smooth));
-        let wanted = ViewConfig {
-            size,
-            splash: has_splash,
-            mixture: variant.mixture,
-            gbuffer: screen_solids || self.diagnose,
-            levels: if variant.mips() { mips::levels(size) } else { 1 },
-            backs,
-            culled: cull::pays(gpu, splats),
-            sections: Sections::for_work(gpu, size, work),
-        };
-        let last = self.last.take().filter(|_| self.reuse);
-        let dirty = Dirty::since(last.as_ref(), scene, camera, splats, wanted, self.diagnose);
-        self.eye.resize(gpu, wanted);
-        if self.sized_for != (size, self.diagnose) {
-            self.refract.resize(gpu, size, self.diagnose);
-            self.sized_for = (size, self.diagnose);
-        }
+        Ok(())
+    }
 
-        let fits = smooth::Params::iterations(&settings.smooth, splats.radius);
+    /// Gives the passes textures of the frame's size.
+    fn resize(&mut self, frame: &Frame<'_>) {
+        self.eye.resize(&self.gpu, frame.config);
+        let size = (frame.config.size, self.diagnose);
+        if self.sized_for != size {
+            self.refract.resize(&self.gpu, size.0, self.diagnose);
+            self.sized_for = size;
+        }
+    }
+
+    /// Uploads changed inputs, and compiles what the frame's passes lack; light through the layers,
+    /// the longest, is compiled later.
+    fn prepare(
+        &mut self,
+        frame: &Frame<'_>,
+        dirty: Dirty,
+        format: wgpu::TextureFormat,
+    ) -> Result<()> {
+        let (gpu, eye) = (&self.gpu, frame.camera.eye);
         if dirty.splats {
-            self.liquid.upload(gpu, splats);
+            self.splat_set.upload(gpu, frame.splats);
         }
+        let inputs = frame.inputs(&self.splat_set);
         if dirty.lights {
-            let (liquid, culled) = (&self.liquid, wanted.culled);
-            self.lights.prepare(gpu, scene, liquid, splats, culled, &fits)?;
+            self.lights.prepare(gpu, inputs, frame.config.culled)?;
         }
-        let uniform = camera.uniform(size, splats.origin);
-        let (views, maps) = (self.lights.views(), self.lights.maps());
-        let liquid = &self.liquid;
-        let eye = camera.eye;
         if dirty.surfaces {
-            self.eye.look_past_walls(gpu, scene, &uniform, eye, splats);
+            self.eye.look_past_walls(gpu, frame.scene, &frame.uniform, eye, frame.splats);
         }
-        self.eye.prepare(gpu, scene, liquid, &uniform, eye, views, maps, splats, &fits);
+        let (views, maps) = (self.lights.views(), self.lights.maps());
+        self.eye.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
+        self.tonemap.prepare(gpu, &frame.scene.settings.tonemap, format);
+        Ok(())
+    }
 
-        let mut timer = Timer::new(gpu, self.timing);
-        let mut commands = Commands::new(gpu);
+    /// Records the lights' maps, the layers and the G-buffer, as far as they must be drawn again.
+    fn record_views(
+        &self,
+        frame: &Frame<'_>,
+        dirty: Dirty,
+        commands: &mut Commands<'_>,
+        timer: &mut Timer,
+    ) {
+        let inputs = frame.inputs(&self.splat_set);
         if dirty.lights {
-            let lights = &self.lights;
-            lights.record(gpu, &mut commands, scene, &self.liquid, splats, &fits, &mut timer);
+            self.lights.record(&self.gpu, commands, inputs, timer);
         }
         if dirty.surfaces {
             let names = ["splat", "splat splashes", "mixture", "tiles", "smooth", "gbuffer"];
-            self.eye.record(gpu, &mut commands, scene, &self.liquid, &fits, &mut timer, names);
+            self.eye.record(&self.gpu, commands, inputs, timer, names);
         }
-        if !self.refract.is_compiled(variant, &self.eye.scene) {
-            // The device begins to draw while the longest shaders are compiled.
-            commands.submit();
-        }
-        let mut params = refract::Params::new(scene, &settings.refract, splats.radius);
-        if starts_inside && variant.absorption && scene.solids.iter().any(|solid| solid.lit) {
-            params.eye_depth = depth_below_surface(splats, uniform.origin);
-        }
-        self.refract.prepare(gpu, &self.eye.camera, &self.eye.scene, variant, &params);
-        self.tonemap.prepare(gpu, &settings.tonemap, format);
-        if dirty.surfaces && variant.mips() {
+    }
+
+    /// Records light through the layers, as far as it must be followed again.
+    fn record_picture(
+        &self,
+        frame: &Frame<'_>,
+        dirty: Dirty,
+        commands: &mut Commands<'_>,
+        timer: &mut Timer,
+    ) {
+        if let Some(mips) = self.mips.as_ref().filter(|_| dirty.surfaces && frame.variant.mips()) {
             let mut layers = vec![&self.eye.aggregate_layers().texture];
             layers.extend(self.eye.splash_layers().map(|splash| &splash.texture));
-            layers.extend(screen_solids.then_some(&self.eye.gbuffer.images.planes));
-            let mips = self.mips.get_or_insert_with(|| Mips::new(gpu));
-            mips.record(gpu, &mut commands.encoder, &layers, timer.span("mips"));
+            layers.extend(frame.screen_solids.then_some(&self.eye.gbuffer.images.planes));
+            mips.record(&self.gpu, &mut commands.encoder, &layers, timer.span("mips"));
         }
         if dirty.radiance {
             let span = timer.span("refract");
-            self.refract.record(gpu, &mut commands, &self.eye, variant, work, span);
+            let (variant, work) = (frame.variant, frame.work);
+            self.refract.record(&self.gpu, commands, &self.eye, variant, work, span);
         }
-        let radiance = &self.refract.radiance;
-        let encoder = &mut commands.encoder;
-        self.tonemap.record(gpu, encoder, radiance, target, format, timer.span("tonemap"));
-        let resolved = timer.resolve(gpu, encoder);
-        commands.submit();
-        self.submissions = commands.submissions;
-        gpu.check()?;
-        let diagnosed = self.diagnose;
-        // A copy of all splats, for callers who want it.
-        self.last = self
-            .reuse
-            .then(|| LastFrame::new(last, dirty, scene, camera, splats, wanted, diagnosed));
-        timer.read(gpu, resolved.as_ref())
     }
 
     /// Draws all of the next frame, also what the last one has drawn from the same input: to
@@ -240,6 +264,80 @@ impl Renderer {
             radiance: refract.radiance.clone(),
             diagnostics: self.sized_for.1.then(|| refract.diagnostics.clone()),
         }
+    }
+}
+
+/// One frame: its inputs, and what its passes are made for.
+struct Frame<'a> {
+    scene: &'a Scene,
+    camera: &'a Camera,
+    splats: &'a Splats,
+    uniform: CameraUniform,
+    config: ViewConfig,
+    variant: Variant,
+    /// The iterations of smoothing.
+    fits: Vec<smooth::Params>,
+    /// Of the slowest pass at a pixel, in evaluations of a layer.
+    work: u64,
+    /// A pixel's ray may start in liquid.
+    starts_inside: bool,
+    /// Light meets solids in the G-buffer.
+    screen_solids: bool,
+}
+
+impl<'a> Frame<'a> {
+    fn new(
+        renderer: &Renderer,
+        scene: &'a Scene,
+        camera: &'a Camera,
+        splats: &'a Splats,
+        size: UVec2,
+    ) -> Self {
+        let (gpu, diagnose, settings) = (&renderer.gpu, renderer.diagnose, &scene.settings);
+        let screen_solids = settings.refract.solids == Solids::Screen && !scene.solids.is_empty();
+        let splash = !splats.splashes.is_empty();
+        let variant = Variant::new(scene, splash, diagnose);
+        let starts_inside = may_start_inside(splats, camera, size);
+        let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
+        let work = refract::work(&settings.refract, size, scene.solids.len(), lit);
+        let work = work.max(smooth::work(&settings.smooth));
+        let config = ViewConfig {
+            size,
+            splash,
+            mixture: variant.mixture,
+            gbuffer: screen_solids || diagnose,
+            levels: if variant.mips() { mips::levels(size) } else { 1 },
+            backs: settings.refract.interfaces > 1 || diagnose || starts_inside,
+            culled: cull::pays(gpu, splats),
+            sections: Sections::for_work(gpu, size, work),
+        };
+        Self {
+            scene,
+            camera,
+            splats,
+            uniform: camera.uniform(size, splats.origin),
+            config,
+            variant,
+            fits: smooth::Params::iterations(&settings.smooth, splats.radius),
+            work,
+            starts_inside,
+            screen_solids,
+        }
+    }
+
+    fn inputs<'b>(&'b self, splat_set: &'b SplatSet) -> FrameInputs<'b> {
+        let Self { scene, splats, fits, .. } = self;
+        FrameInputs { scene, splats, splat_set, fits }
+    }
+
+    fn refract_params(&self) -> refract::Params {
+        let Self { scene, splats, .. } = self;
+        let mut params = refract::Params::new(scene, &scene.settings.refract, splats.radius);
+        let lit = scene.solids.iter().any(|solid| solid.lit);
+        if self.starts_inside && self.variant.absorption && lit {
+            params.eye_depth = depth_below_surface(splats, self.uniform.origin);
+        }
+        params
     }
 }
 

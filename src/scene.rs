@@ -1,4 +1,4 @@
-//! What a picture shows: liquid, camera, and what surrounds them.
+//! Scene description: the liquid's optics, solids, lights, environment and settings.
 
 use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use serde::{Deserialize, Serialize};
@@ -8,30 +8,30 @@ use crate::environment::{Environment, is_radiance};
 use crate::error::{Error, Result};
 use crate::settings::Settings;
 
-/// Solids that a scene can have: 40 KiB of uniform memory.
+/// Maximum number of solids in a scene: 40 KiB of uniform memory.
 pub const MAX_SOLIDS: usize = 512;
 
-/// Lights that a scene can have.
+/// Maximum number of lights in a scene.
 pub const MAX_LIGHTS: usize = 16;
 
-/// Fluids that a scene can have.
+/// Maximum number of fluids in a scene.
 pub const MAX_FLUIDS: usize = 16;
 
-/// What a picture shows apart from the particles themselves and the view.
+/// Everything that a picture shows except the particles and the camera.
 ///
-/// Fields may be added: write `Scene { solids, ..Scene::default() }`.
+/// Later versions may add fields: write `Scene { solids, ..Scene::default() }`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Scene {
     /// The liquid's optics.
     pub liquid: Liquid,
-    /// The absorption coefficient of each of several fluids, 1/m per channel of light; empty for one
-    /// liquid. All have the index of refraction of [`Scene::liquid`].
+    /// Absorption coefficient of each fluid, 1/m per colour channel; empty for a single liquid. All
+    /// fluids share the index of refraction of [`Scene::liquid`].
     pub fluids: Vec<Vec3>,
-    /// Radiance where there is neither liquid nor a solid.
+    /// Radiance of rays that hit neither liquid nor a solid.
     pub environment: Environment,
     /// Opaque bodies.
     pub solids: Vec<Solid>,
-    /// Lights on lit solids.
+    /// Lights, which illuminate lit solids.
     pub lights: Vec<Light>,
     /// Settings of every pass.
     pub settings: Settings,
@@ -40,10 +40,10 @@ pub struct Scene {
 /// The liquid's optics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Liquid {
-    /// Index of refraction relative to what surrounds it (0.3 to 3; water 1.33,
-    /// a bubble of air in it 1/1.33).
+    /// Index of refraction relative to the surrounding medium (0.3 to 3; water 1.33, an air bubble in
+    /// water 1/1.33).
     pub ior: f32,
-    /// Absorption coefficient of red, green and blue light, 1/m.
+    /// Absorption coefficients of red, green and blue light, 1/m.
     pub absorption: Vec3,
 }
 
@@ -56,44 +56,46 @@ impl Default for Liquid {
 /// An opaque body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solid {
-    /// Its form and place.
+    /// Shape and position.
     pub shape: Shape,
-    /// Its colour.
+    /// Colour.
     pub surface: Surface,
-    /// Whether the colour is an albedo under the lights (Lambert) or radiance as it is.
+    /// Whether the colour is the albedo of a Lambertian surface under the lights; otherwise it is
+    /// emitted radiance.
     pub lit: bool,
 }
 
-/// A solid's form and place, in world space, m. Places are 64-bit: a scene may be anywhere.
+/// Shape and position of a solid, in world space, m. Positions are 64-bit, so that a scene may be
+/// anywhere.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub enum Shape {
-    /// A square, or with an infinite `half_extent` a whole plane.
+    /// A square, or an unbounded plane if `half_extent` is infinite.
     Plane {
-        /// The square's centre.
+        /// Centre of the square.
         origin: DVec3,
         /// Unit normal.
         normal: Vec3,
-        /// Half its side, along the two axes most in the plane.
+        /// Half the side, along the two coordinate axes closest to the plane.
         half_extent: f32,
     },
     /// An axis-aligned box.
     Box {
-        /// The corner with the smallest coordinates.
+        /// Minimum corner.
         min: DVec3,
-        /// The corner with the largest.
+        /// Maximum corner.
         max: DVec3,
     },
     /// A sphere.
     Sphere {
-        /// Its centre.
+        /// Centre.
         center: DVec3,
-        /// Its radius.
+        /// Radius.
         radius: f32,
     },
 }
 
 impl Shape {
-    /// Distance from `x` to the surface, negative inside, and the unit normal towards `x`.
+    /// Signed distance from `x` to the surface, negative inside, and the unit normal there.
     pub fn distance(&self, x: DVec3) -> (f64, DVec3) {
         match *self {
             Self::Plane { origin, normal, half_extent } => {
@@ -101,7 +103,7 @@ impl Shape {
                 let normal = normal.as_dvec3();
                 let above = offset.dot(normal);
                 let a = normal.abs();
-                // The two axes most in the plane, as the shaders choose them.
+                // Drops the axis closest to the normal, as `plane_coordinates` in WGSL does.
                 let within = if a.y >= a.x.max(a.z) {
                     offset.xz()
                 } else if a.x >= a.z {
@@ -138,31 +140,31 @@ impl Shape {
 pub enum Surface {
     /// One colour.
     Color(Vec3),
-    /// A checker of cubes counted from the world's origin.
+    /// A checkerboard of cubes aligned with the world origin.
     Checker {
         /// Side of a tile, m.
         tile: f32,
-        /// Colour where the sum of the tile's coordinates is even.
+        /// Colour of tiles whose integer coordinates have an even sum.
         even: Vec3,
-        /// Colour where it is odd.
+        /// Colour of the other tiles.
         odd: Vec3,
     },
 }
 
-/// A light on lit solids.
+/// A light, which illuminates lit solids.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Light {
-    /// Parallel light.
+    /// A directional light.
     Sun {
-        /// The direction in which the light travels; any length.
+        /// Direction in which the light travels; any length.
         direction: Vec3,
-        /// Irradiance on a surface that faces it, W/m² per channel.
+        /// Irradiance on a surface that faces the sun, W/m² per channel.
         irradiance: Vec3,
     },
-    /// Light from a point.
+    /// A point light.
     Point {
-        /// Where it is, m.
+        /// Position, m.
         position: DVec3,
         /// Radiant intensity, W/sr per channel.
         intensity: Vec3,
@@ -170,12 +172,12 @@ pub enum Light {
 }
 
 impl Scene {
-    /// A scene for particles that come without one: a checkered floor under them, a pale sky.
+    /// Returns a default scene for particles in a box: a checkered floor below them, a pale sky.
     pub fn around(min: DVec3, max: DVec3, radius: f32) -> Self {
         let margin = f64::from(radius);
         let size = (max - min).max_element().max(2.0 * margin) as f32;
         let size = if size > 0.0 { size } else { 1.0 };
-        // About eight tiles across the liquid, of 1, 2 or 5 times a power of ten.
+        // About eight tiles across the liquid, sized 1, 2 or 5 times a power of ten.
         let decade = 10f32.powf((size / 8.0).log10().floor());
         let tile = [5.0, 2.0, 1.0].map(|step| step * decade);
         let tile = tile.into_iter().find(|&tile| tile <= size / 8.0).unwrap_or(decade);
@@ -203,7 +205,7 @@ impl Scene {
         }
     }
 
-    /// The absorption of each fluid, 1/m; at least one.
+    /// Absorption coefficient of each fluid, 1/m; never empty.
     pub fn absorptions(&self) -> Vec<Vec3> {
         match self.fluids.as_slice() {
             [] => vec![self.liquid.absorption],
@@ -211,7 +213,7 @@ impl Scene {
         }
     }
 
-    /// Whether any light falls on anything that shows it.
+    /// Whether the scene has a light and a lit solid.
     pub fn is_lit(&self) -> bool {
         !self.lights.is_empty() && self.solids.iter().any(|solid| solid.lit)
     }
@@ -219,7 +221,7 @@ impl Scene {
     /// Checks all values against their ranges.
     ///
     /// # Errors
-    /// [`Error::Invalid`] naming the first value that is out of its range.
+    /// [`Error::Invalid`] naming the first value out of range.
     pub fn check(&self) -> Result<()> {
         let fail = |origin: &str, problem: &str| Err(Error::invalid(origin, problem));
         if !(0.3..=3.0).contains(&self.liquid.ior) {
@@ -259,7 +261,7 @@ impl Scene {
 }
 
 impl Solid {
-    /// The first value that cannot be drawn.
+    /// Describes the first invalid value.
     fn problem(&self) -> Option<&'static str> {
         let shape = match self.shape {
             Shape::Plane { origin, normal, half_extent } => [
@@ -291,9 +293,9 @@ impl Solid {
 }
 
 impl Light {
-    /// The first value that cannot be drawn.
+    /// Describes the first invalid value.
     fn problem(&self) -> Option<&'static str> {
-        let (place, power, problem) = match *self {
+        let (is_placed, power, problem) = match *self {
             Self::Sun { direction, irradiance } => (
                 direction.try_normalize().is_some(),
                 irradiance,
@@ -303,7 +305,7 @@ impl Light {
                 (is_position(position), intensity, "a point's position must be finite")
             }
         };
-        match (place, is_radiance(power)) {
+        match (is_placed, is_radiance(power)) {
             (false, _) => Some(problem),
             (_, false) => Some("irradiance and intensity must be 0 to 1e12"),
             _ => None,

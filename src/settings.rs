@@ -1,7 +1,7 @@
-//! Settings: one struct per pass, the same names as in a scene file's `[settings]` tables.
+//! Renderer settings: one struct per pass, with the same names as the `[settings]` tables of a scene file.
 //!
-//! Lengths marked *r* are multiples of the particle radius, so that one set of defaults serves
-//! drops of millimetres and dams of metres.
+//! Lengths marked *r* are multiples of the particle radius, so that one set of defaults works for
+//! millimetre drops and for dams of many metres.
 
 use std::fmt;
 
@@ -9,34 +9,34 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
-/// All settings of the renderer. The defaults are those of the README's first row.
+/// All settings of the renderer.
 ///
-/// In a scene file, `[settings]` may name a [`Preset`], which holds where no table gives another
-/// value: `preset = "imai2016"`.
+/// In a scene file, `[settings]` may name a [`Preset`], which supplies the values that the tables do
+/// not set: `preset = "imai2016"`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// Splash or aggregate, and the shape of each splat.
+    /// Classification into splashes and aggregates, and splat shapes.
     pub classify: Classify,
     /// Smoothing of the aggregate layers.
     pub smooth: Smooth,
-    /// Light through the layers.
+    /// Refraction through the layers.
     pub refract: Refract,
-    /// Light from the lights through the liquid.
+    /// Caustics of the lights.
     pub caustics: Caustics,
-    /// Radiance to display.
+    /// Tone mapping.
     pub tonemap: Tonemap,
 }
 
-/// How the kernel's semi-axes get their scale.
+/// How the kernel's semi-axes are scaled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kernel {
-    /// The short semi-axis is held at [`Classify::short_axis`], so that the drawn surface lies
-    /// where the liquid ends.
+    /// The short semi-axis is fixed at [`Classify::short_axis`], so that the drawn surface coincides
+    /// with the liquid's boundary.
     #[default]
     Fitted,
-    /// The kernel keeps the volume of a sphere of radius r, no axis longer than 1.2 r
+    /// The kernel has the volume of a sphere of radius r, with no axis longer than 1.2 r
     /// (Yu and Turk 2013; Imai et al. 2016).
     Volume,
 }
@@ -45,16 +45,16 @@ pub enum Kernel {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Classify {
-    /// Neighbourhood h, in r: 1 to 10, default 4.
+    /// Neighbourhood radius h, in r: 1 to 10, default 4.
     pub support: f32,
-    /// A particle is splash below this density, as a share of that inside a body at rest: 0 to 1,
-    /// default 0.12. A lone particle has 0.06, a pair 0.11, three 0.16, a sheet of one layer 0.42.
+    /// Density below which a particle is a splash, relative to the density inside a body at rest: 0 to
+    /// 1, default 0.12. A lone particle has 0.06, a pair 0.11, three 0.16, a single-layer sheet 0.42.
     pub splash_density: f32,
-    /// λ: how far a centre moves to its neighbours' mean: 0 to 1, default 0.8.
+    /// λ: how far a centre moves towards its neighbours' mean: 0 to 1, default 0.8.
     pub smoothing: f32,
-    /// `k_r`: the largest ratio of covariance eigenvalues: 1 to 100, default 1.8 (Yu and Turk: 4).
+    /// `k_r`: largest ratio of covariance eigenvalues: 1 to 100, default 1.8 (Yu and Turk: 4).
     pub max_ratio: f32,
-    /// Which rule scales the axes.
+    /// Scaling of the semi-axes.
     pub kernel: Kernel,
     /// Short semi-axis of `fitted` kernels, in r: 0.01 to 100, default 1.45.
     pub short_axis: f32,
@@ -62,8 +62,8 @@ pub struct Classify {
     pub long_axis: f32,
     /// Radius of a splash, in r: 0.01 to 100, default 1.2.
     pub splash_radius: f32,
-    /// Aggregates whose centre is this near to a solid reach down to it, in r: 0 (none does) to
-    /// 1000, default 3.3.
+    /// Distance from a solid within which the centre of an aggregate must lie for the aggregate to wet
+    /// that solid, in r: 0 (never) to 1000, default 3.3.
     pub wetting: f32,
 }
 
@@ -83,41 +83,40 @@ impl Default for Classify {
     }
 }
 
-/// What lengths on the screen are measured in.
+/// Unit of screen-space lengths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Unit {
-    /// Pixels, as Imai et al. (2016).
+    /// Pixels, as in Imai et al. (2016).
     #[default]
     Pixel,
-    /// Projected particle radii: near and far liquid are equally smooth.
+    /// Projected particle radii: near and far liquid are smoothed equally.
     Radius,
 }
 
-/// What smooths a depth.
+/// Depth smoothing filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Filter {
-    /// Planes fitted to the window (Imai et al. 2016): slopes and borders stay.
+    /// Plane fit over the window (Imai et al. 2016): preserves slopes and borders.
     #[default]
     PlaneFit,
-    /// The mean of the window's depths, weighted by a Gaussian of the distance on the screen and
-    /// one of the difference in depth (Green 2010; Imai et al. 2014): depths at borders are drawn
-    /// inwards.
+    /// Bilateral filter: the mean of the window's depths, weighted by one Gaussian of screen distance
+    /// and one of depth difference (Green 2010; Imai et al. 2014). Biased inwards at borders.
     Bilateral,
-    /// A Gaussian mean of the depths within a range, whose steps and borders are rounded off
+    /// Narrow-range filter: a Gaussian mean of the depths within a range; rounds off steps and borders
     /// (Truong and Yuksel 2018).
     NarrowRange,
 }
 
 /// Settings of [`crate::passes::smooth`].
 ///
-/// The Gaussian over the screen of `bilateral` and `narrow-range` has a σ of a quarter of the
-/// window: the window's edge is two of them from its centre.
+/// The screen-space Gaussian of `bilateral` and `narrow-range` has a σ of a quarter of the window: the
+/// window ends at 2 σ.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Smooth {
-    /// What smooths a depth.
+    /// Filter.
     pub filter: Filter,
     /// Number of iterations: 0 to 64, default 5.
     pub iterations: u32,
@@ -125,18 +124,18 @@ pub struct Smooth {
     pub window: f32,
     /// Unit of `window`.
     pub unit: Unit,
-    /// Samples across the window: odd, 3 to 33, default 5. Each further iteration takes them half
-    /// as far apart, but never nearer than a pixel; so a window of as many pixels as taps is the
-    /// paper's, the same in every iteration.
+    /// Samples across the window: odd, 3 to 33, default 5. Each further iteration halves their
+    /// spacing, down to one pixel; a window of as many pixels as taps is thus the paper's, the same
+    /// in every iteration.
     pub taps: u32,
-    /// σ of the weight exp(−Δz²/σ²) of a difference in depth, in r: 0.001 to 10⁶, default 1.5 (Imai
-    /// et al.: 5.3). Not used by `narrow-range`.
+    /// σ of the depth weight exp(−Δz²/σ²), in r: 0.001 to 10⁶, default 1.5 (Imai et al.: 5.3). Not used
+    /// by `narrow-range`.
     pub sigma: f32,
     /// δ of `narrow-range`, in r: 0.001 to 10⁶, default 10 (Truong and Yuksel). Depths that differ
-    /// by less are one surface.
+    /// by less belong to one surface.
     pub delta: f32,
-    /// μ of `narrow-range`, in r: 0 to 1000, default 1 (Truong and Yuksel). What is more than δ
-    /// behind a pixel, or empty, counts as this far behind it.
+    /// μ of `narrow-range`, in r: 0 to 1000, default 1 (Truong and Yuksel). A tap that is empty, or
+    /// more than δ behind the pixel, counts as this far behind it.
     pub mu: f32,
 }
 
@@ -155,15 +154,14 @@ impl Default for Smooth {
     }
 }
 
-/// Which intersector finds the interfaces.
+/// Intersector, which finds the interfaces along a ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Solver {
-    /// Newton's method on disparity, bracketed.
+    /// Bracketed Newton's method on disparity.
     #[default]
     Guarded,
-    /// Every texel along the ray, or every [`Refract::stride`]th
-    /// (`McGuire` and Mara 2014).
+    /// Ray march over every texel, or every [`Refract::stride`]th (`McGuire` and Mara 2014).
     March,
     /// A fixed number of tangent-plane iterations (Mayer et al. 2026).
     Newton,
@@ -178,7 +176,7 @@ pub enum Solver {
 }
 
 impl Solver {
-    /// All of them, the simplest first.
+    /// All intersectors, simplest first.
     pub const ALL: [Self; 7] = [
         Self::Single,
         Self::Plane,
@@ -190,36 +188,36 @@ impl Solver {
     ];
 }
 
-/// Which reflectance formula.
+/// Reflectance formula.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Fresnel {
     /// Fresnel's equations for a dielectric.
     #[default]
     Exact,
-    /// Schlick's approximation, as Imai et al. (2016).
+    /// Schlick's approximation, as in Imai et al. (2016).
     Schlick,
 }
 
-/// How rays outside the liquid find the solids.
+/// How rays outside the liquid are intersected with the solids.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Solids {
-    /// Against their shapes: exact, also where the picture does not show them.
+    /// Analytically: exact, also outside the picture.
     #[default]
     Exact,
-    /// In the G-buffer by the same intersector, and exactly where it finds nothing.
+    /// In the G-buffer by the same intersector, with the analytic test as fallback.
     Screen,
 }
 
-/// What reflected rays that are not followed see.
+/// What a reflected ray sees if it is not traced further.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reflections {
     /// Solids and environment.
     #[default]
     Scene,
-    /// The environment only, as Imai et al. (2016).
+    /// The environment only, as in Imai et al. (2016).
     Environment,
 }
 
@@ -227,17 +225,16 @@ pub enum Reflections {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Refract {
-    /// The intersector.
+    /// Intersector.
     pub solver: Solver,
     /// Iterations of `newton` and `secant`: 0 to 64, default 4.
     pub iterations: u32,
     /// Whether `newton` reads its first planes from mip levels (Mayer et al. 2026, section 2.1).
     pub filter: bool,
-    /// Pixels from one sample of `march` to the next: 1 (exact for the layers) to 64, default 1.
+    /// Pixels between samples of `march`: 1 (exact for the layers) to 64, default 1.
     pub stride: u32,
-    /// What `guarded` may step over without a look, as a share of the picture's height: 0.0001 to 1,
-    /// default 0.01. Gaps in liquid and things in its way that are narrower can be missed.
-    /// Never less than 4 pixels inside liquid, 8 outside.
+    /// Largest unchecked step of `guarded`, as a share of the picture height: 0.0001 to 1, default 0.01.
+    /// Narrower gaps and obstacles can be missed. At least 4 pixels inside liquid, 8 outside.
     pub reach: f32,
     /// Interfaces followed per ray: 1 to 8, default 4.
     pub interfaces: u32,
@@ -245,19 +242,19 @@ pub struct Refract {
     pub internal_bounces: u32,
     /// Rays per pixel against the same layers: 1 to 64, default 1; square numbers are best.
     pub samples: u32,
-    /// Rays per pixel without liquid that has an edge in it, a solid's or its pattern's: 1 to 64,
-    /// default 16. Without effect unless above `samples`.
+    /// Rays per pixel that has no liquid but an edge of a solid or of its pattern: 1 to 64, default 16.
+    /// No effect unless above `samples`.
     pub edge_samples: u32,
-    /// Which reflectance formula.
+    /// Reflectance formula.
     pub fresnel: Fresnel,
-    /// Liquid that a ray leaves this near to the solid ahead of it wets that solid, in r: 0 (never)
-    /// to 1000, default 0.5. For what rests further off there is [`Classify::wetting`].
+    /// Distance between a ray's exit point and the solid ahead below which the liquid wets that solid,
+    /// in r: 0 (never) to 1000, default 0.5. For larger gaps see [`Classify::wetting`].
     pub contact: f32,
-    /// Scale radiance by the square of the index at each interface.
+    /// Whether radiance is scaled by the squared index of refraction at each interface.
     pub radiance_scaling: bool,
-    /// How rays outside the liquid find the solids.
+    /// How rays outside the liquid are intersected with the solids.
     pub solids: Solids,
-    /// What reflected rays that are not followed see.
+    /// What a reflected ray sees if it is not traced further.
     pub reflections: Reflections,
 }
 
@@ -282,47 +279,47 @@ impl Default for Refract {
     }
 }
 
-/// How light through liquid finds what it lights.
+/// Caustics method: how light through liquid is matched to receivers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// It goes straight on, weakened by reflection and absorption: no caustics.
+    /// Unrefracted light, attenuated by reflection and absorption: no caustics.
     Straight,
-    /// From the liquid's surface to the receivers, by the cells of a grid (Mayer et al. 2026).
+    /// Forward from the liquid surface to the receivers, by the cells of a grid (Mayer et al. 2026).
     #[default]
     Forward,
-    /// From each receiver to the point of the surface that sends light there
-    /// (Granizo-Hidalgo and Holzschuch 2024). Receivers in liquid only, and one point for each.
+    /// Backward from each receiver to the surface point that sends light there (Granizo-Hidalgo and
+    /// Holzschuch 2024). Only receivers in liquid, and one path per receiver.
     Gather,
 }
 
 impl Method {
-    /// All of them, the simplest first.
+    /// All methods, simplest first.
     pub const ALL: [Self; 3] = [Self::Straight, Self::Forward, Self::Gather];
 }
 
-/// Settings of [`crate::passes::caustics`]. Each light has a map; none is drawn if nothing is lit.
+/// Settings of [`crate::passes::caustics`]. Each light has a map; none is drawn without a lit solid.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Caustics {
-    /// How light through liquid finds what it lights.
+    /// Method.
     pub method: Method,
     /// Texels along the longer side of a light's view: 16 to 8192, default 512.
     pub resolution: u32,
-    /// Cells of the grid over that side: 8 to 8192, default 512.
+    /// Grid cells along that side: 8 to 8192, default 512.
     pub grid: u32,
-    /// Parts along the side of a cell in which `forward` lays its light: 1 to 8, default 2. Where it
-    /// lands is interpolated between vertices; finer than the grid at a part of its cost.
+    /// Parts into which `forward` divides each side of a cell: 1 to 8, default 2. Interpolates landing
+    /// points between grid vertices: finer than the grid at a fraction of its cost.
     pub subdivide: u32,
-    /// Interfaces that light is followed through: 1 (into the liquid; enough where solids bound it,
-    /// as in a pool) or 2 (and out of it), default 2.
+    /// Interfaces that light is traced through: 1 (into the liquid; enough where solids bound it, as in
+    /// a pool) or 2 (also out of it), default 2.
     pub interfaces: u32,
-    /// Triangles that `gather` walks at most for each texel: 1 to 4096, default 256.
+    /// Maximum number of triangles that `gather` walks per texel: 1 to 4096, default 256.
     pub steps: u32,
-    /// Width to which the map is blurred, as by a light that is not a point: the standard deviation
-    /// of a Gaussian across the light, m; default 0.
+    /// Blur of the map, which approximates an area light: standard deviation of a Gaussian across the
+    /// light direction, m; default 0.
     pub blur: f32,
-    /// How far a light's view reaches beyond the liquid, as a share of the liquid's extent: 0 to 10,
+    /// How far a light's view extends beyond the liquid, as a share of the liquid's extent: 0 to 10,
     /// default 0.1. Light that leaves the view is lost.
     pub margin: f32,
 }
@@ -342,11 +339,11 @@ impl Default for Caustics {
     }
 }
 
-/// Which curve compresses radiance.
+/// Tone curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Curve {
-    /// None: what an unlit solid emits is what the picture shows.
+    /// None: an unlit solid appears in its own colour.
     #[default]
     None,
     /// A fit of the ACES reference curve (Narkowicz 2015).
@@ -359,15 +356,15 @@ pub enum Curve {
 pub struct Tonemap {
     /// Exposure in stops, −64 to 64, default 0: radiance is multiplied by 2 to this power.
     pub exposure: f32,
-    /// The curve after it.
+    /// Curve applied after exposure.
     pub curve: Curve,
 }
 
-/// Settings by the name of a published method, for comparison with it.
+/// Settings that reproduce a published method, for comparison with it.
 ///
-/// Where a paper is silent, what stands in is told below: a related paper's choice, or limpid's
-/// default. [`Settings::caustics`] and [`Settings::tonemap`] are the picture's, not the method's:
-/// the defaults in all of them.
+/// Where a paper does not state a parameter, the substitute is listed below: a related paper's value
+/// or limpid's default. [`Settings::caustics`] and [`Settings::tonemap`] belong to the picture, not to
+/// the method, and have their defaults in every preset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Preset {
@@ -378,44 +375,46 @@ pub enum Preset {
     /// spheres in one pair of layers, smoothed by an iterated bilateral filter, and two refractions
     /// are found by the secant method.
     ///
-    /// The later paper does not tell the filter's window, σ and iterations: its own, so that the
-    /// two differ in the filter alone. All else as in [`Preset::Imai2016`].
+    /// The later paper does not state this filter's window, σ and iterations. The preset uses those of
+    /// the later paper's own filter, so that the two presets differ in the filter alone. All else as in
+    /// [`Preset::Imai2016`].
     Imai2014,
     /// Imai, Kanamori and Mitani, Real-Time Screen-Space Liquid Rendering with Complex Refractions
     /// (2016).
     ///
-    /// - Section 4.1: splash or aggregate by density. The threshold and the neighbourhood are
-    ///   unstated: the defaults.
+    /// - Section 4.1: splash or aggregate by density. Threshold and neighbourhood are unstated:
+    ///   defaults.
     /// - Section 4.2: splashes of radius r; ellipsoids after Yu and Turk (2013), none longer than
     ///   1.2 r. λ = 0.9 and `k_r` = 4 are Yu and Turk's.
     /// - Sections 4.3 and 5: planes fitted to 9 × 9 pixels, σ = 5.3 r; 5 iterations, as for its
-    ///   "steps" and its million of particles ("wave": 2).
-    /// - Section 4.4: secant steps, whose number is unstated: the default.
-    /// - Section 4.5: four interfaces, Schlick's formula, reflected rays look the background up and
-    ///   are not traced. No word of several rays per pixel. How the background's own shapes are
-    ///   found is unstated: exactly.
-    /// - How liquid rests on a solid is unstated: wetting, contact and the scaling of radiance, which
-    ///   changes nothing but what is seen wet, are the defaults. Without them, a film of air under
-    ///   the liquid and too bright a floor would hide every other difference.
+    ///   "steps" scene and its million-particle scene ("wave": 2).
+    /// - Section 4.4: secant steps; their number is unstated: default.
+    /// - Section 4.5: four interfaces, Schlick's formula; reflected rays look up the background and
+    ///   are not traced. Multisampling is not mentioned: one ray per pixel. The intersection with the
+    ///   background's shapes is unstated: exact.
+    /// - Contact of liquid and solids is unstated: wetting, contact and radiance scaling, which only
+    ///   affects wet solids, are the defaults. Without them, an air film under the liquid and an
+    ///   overbright floor would hide every other difference.
     Imai2016,
     /// Mayer, Assarsson and Sintorn, Ultrafast Screen-Space Refractions and Caustics via Newton's
-    /// Method (2026), as for their Buddha, the scene with two-sided refraction.
+    /// Method (2026), with the parameters of their Buddha, the scene with two-sided refraction.
     ///
     /// - Section 2.1: tangent-plane iterations. Table 1: 5 of them for the Buddha (3 for the pool, 4
     ///   for the boat).
-    /// - Section 2.3: two interfaces by front and back faces, then the scene behind by the same
+    /// - Section 2.3: two interfaces from front and back faces, then the scene behind by the same
     ///   iterations in the G-buffer: `solids = "screen"`.
-    /// - Reflectance is unstated: Schlick's formula, as in their published code. All else of the
-    ///   light, unstated too, is as in [`Preset::Imai2016`].
-    /// - Their liquid is a mesh: `classify` and `smooth`, which make the surface, are the defaults.
+    /// - Reflectance is unstated: Schlick's formula, as in their published code. All other light
+    ///   transport is unstated too: as in [`Preset::Imai2016`].
+    /// - Their liquid is a mesh: `classify` and `smooth`, which build the surface here, are the
+    ///   defaults.
     Mayer2026,
 }
 
 impl Preset {
-    /// All of them.
+    /// All presets.
     pub const ALL: [Self; 4] = [Self::Limpid, Self::Imai2014, Self::Imai2016, Self::Mayer2026];
 
-    /// What it stands for.
+    /// Returns the preset's settings.
     pub fn settings(self) -> Settings {
         match self {
             Self::Limpid => Settings::default(),
@@ -423,7 +422,7 @@ impl Preset {
                 let later = Self::Imai2016.settings();
                 Settings {
                     classify: Classify {
-                        // All aggregates; and these spheres, where their particles are.
+                        // All particles are aggregates: undisplaced spheres.
                         splash_density: 0.0,
                         max_ratio: 1.0,
                         smoothing: 0.0,
@@ -492,7 +491,7 @@ impl Settings {
     /// Checks every number against its range.
     ///
     /// # Errors
-    /// [`Error::Invalid`] naming the first that is outside.
+    /// [`Error::Invalid`] naming the first value out of range.
     pub fn check(&self) -> Result<()> {
         let (c, s, r) = (&self.classify, &self.smooth, &self.refract);
         let caustics = &self.caustics;

@@ -18,7 +18,8 @@ const WAITING: usize = 3;
 
 /// Commands on their way to the device.
 pub struct Commands<'a> {
-    gpu: &'a Gpu,
+    /// The device that gets the commands.
+    pub gpu: &'a Gpu,
     /// Takes what is recorded next.
     pub encoder: wgpu::CommandEncoder,
     /// That the encoder holds.

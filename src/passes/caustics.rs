@@ -189,6 +189,18 @@ pub struct Inputs<'a> {
     pub mixture: Option<&'a wgpu::TextureView>,
     /// How light is followed.
     pub method: Method,
+    pub params: &'a Params,
+}
+
+/// What a light's map is made for.
+#[derive(Debug, Clone, Copy)]
+pub struct MapConfig<'a> {
+    /// Those of the light's view, which need not be the scene's.
+    pub settings: &'a settings::Caustics,
+    /// The frame has splashes.
+    pub splash: bool,
+    /// Texels.
+    pub size: UVec2,
 }
 
 /// Where a light's map goes: one layer of both textures.
@@ -257,22 +269,19 @@ impl Caustics {
         Self { pipelines: HashMap::new(), blur, layouts, sized: None }
     }
 
-    /// Makes room for a view of `size` texels, and compiles what a frame needs if it is new: the
-    /// view's settings need not be the scene's.
+    /// Makes room for a view's map, and compiles what a frame needs if it is new.
     ///
     /// # Errors
     /// [`Error::Limit`] for a map or a grid that the adapter cannot hold.
-    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
         camera: &CameraBinding,
         bound: &SceneBinding,
         scene: &Scene,
-        settings: &settings::Caustics,
-        splash: bool,
-        size: UVec2,
+        config: MapConfig<'_>,
     ) -> Result<()> {
+        let MapConfig { settings, splash, size } = config;
         let cells = match settings.method {
             Method::Straight => UVec2::ONE,
             _ => cells(size, settings.grid),
@@ -346,19 +355,17 @@ impl Caustics {
     }
 
     /// Makes the map of a light whose view was given to [`Caustics::prepare`].
-    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub fn record(
         &self,
-        gpu: &Gpu,
         commands: &mut Commands<'_>,
         scene: &Scene,
         radius: f32,
-        params: &Params,
         inputs: Inputs<'_>,
         output: Output<'_>,
         span: Span<'_>,
     ) {
         let Some(buffers) = &self.sized else { return };
+        let (gpu, params) = (commands.gpu, inputs.params);
         let key = Key::new(scene, inputs.scene, inputs.method, inputs.splash.is_some());
         let pipelines = &self.pipelines[&key];
         let uniform = |label: &str, bytes: &[u8]| gpu::buffer_with(gpu, label, gpu::UNIFORM, bytes);

@@ -85,6 +85,18 @@ pub struct Smooth {
     // Normal and depth, written alternately.
     states: [Layers; 2],
     splatted: Layers,
+    frame: Frame,
+}
+
+/// One frame's smoothing.
+#[derive(Debug)]
+struct Frame {
+    variant: Variant,
+    iterations: Vec<Params>,
+    /// Backs are smoothed as well as fronts.
+    backs: bool,
+    /// Of an iteration at a pixel.
+    work: u64,
 }
 
 impl Smooth {
@@ -114,6 +126,12 @@ impl Smooth {
             layout,
             states,
             splatted: splatted.clone(),
+            frame: Frame {
+                variant: Variant::new(&settings::Smooth::default()),
+                iterations: Vec::new(),
+                backs: false,
+                work: 0,
+            },
         }
     }
 
@@ -123,30 +141,36 @@ impl Smooth {
         self.splatted = splatted.clone();
     }
 
-    /// Compiles the filter with these settings if it is new.
-    pub fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, settings: &settings::Smooth) {
+    /// Takes the frame's iterations, of the front alone or of the back too, and compiles the filter
+    /// with these settings if it is new.
+    pub fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        settings: &settings::Smooth,
+        iterations: &[Params],
+        backs: bool,
+    ) {
         let layouts = [&camera.layout, &self.layout];
         let variant = Variant::new(settings);
+        let iterations = iterations.to_vec();
+        self.frame = Frame { variant, iterations, backs, work: work(settings) };
         self.iterate.entry(variant).or_insert_with(|| {
             let constants = [&camera.constants()[..], &variant.constants()].concat();
             gpu::compute_pipeline(gpu, variant.shader(), "iterate", &layouts, &constants)
         });
     }
 
-    /// Smooths the splatted layers, or the front alone, into [`Smooth::layers`] by settings that
-    /// [`Smooth::prepare`] was given.
-    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
+    /// Smooths the splatted layers into [`Smooth::layers`] as [`Smooth::prepare`] was told to.
     pub fn record(
         &self,
         gpu: &Gpu,
         commands: &mut Commands<'_>,
         camera: &CameraBinding,
         tiles: &TileLists,
-        settings: &settings::Smooth,
-        iterations: &[Params],
-        backs: bool,
         span: Span<'_>,
     ) {
+        let Frame { variant, iterations, backs, work } = &self.frame;
         // Only the liquid's tiles are written, and taps read beyond them.
         let [first, second] = &self.states;
         let mut begin = span.first();
@@ -158,7 +182,7 @@ impl Smooth {
         }
         let planes = gpu::level_view(&self.layers.texture, 0, D2Array);
         let Some(last) = iterations.last() else { return };
-        let iterate = &self.iterate[&Variant::new(settings)];
+        let iterate = &self.iterate[variant];
         let mut steps = vec![(&self.prepare, last)];
         steps.extend(iterations.iter().map(|params| (iterate, params)));
         steps.push((&self.planes, last));
@@ -166,7 +190,7 @@ impl Smooth {
         let buffer = |params: &Params| gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);
         let steps = (0..).zip(steps).map(|(i, (pipeline, params))| (i, pipeline, buffer(params)));
         let steps: Vec<(usize, &wgpu::ComputePipeline, wgpu::Buffer)> = steps.collect();
-        let work = tiles.pixels().saturating_mul(work(settings));
+        let work = tiles.pixels().saturating_mul(*work);
         let of_step = |step| tiles.sections().map(move |section| ((step, section), work));
         let parts: Vec<_> = steps.iter().flat_map(of_step).collect();
         commands.compute(
@@ -189,7 +213,7 @@ impl Smooth {
                     &gpu::bind_group(gpu, "smooth", &self.layout, &resources),
                     &[],
                 );
-                let covered = if backs { TileLists::LIQUID_LAYERS } else { TileLists::LIQUID };
+                let covered = if *backs { TileLists::LIQUID_LAYERS } else { TileLists::LIQUID };
                 let at = tiles.dispatch(covered, *section);
                 pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
             },

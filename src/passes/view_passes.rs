@@ -39,6 +39,17 @@ impl SplatSet {
     }
 }
 
+/// One frame's input to the views.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameInputs<'a> {
+    pub scene: &'a Scene,
+    pub splats: &'a Splats,
+    /// The same on the device.
+    pub splat_set: &'a SplatSet,
+    /// The iterations of smoothing.
+    pub fits: &'a [smooth::Params],
+}
+
 /// A view's passes up to the point where light is followed, and their outputs.
 #[derive(Debug)]
 pub struct ViewPasses {
@@ -50,7 +61,7 @@ pub struct ViewPasses {
     pub tiles: Tiles,
     pub smooth: Smooth,
     pub gbuffer: GBuffer,
-    wanted: ViewConfig,
+    config: ViewConfig,
     smoothed: bool,
     /// The splats of this view alone, where it looks at walls from behind.
     own: Option<SplatSet>,
@@ -91,7 +102,7 @@ impl ViewPasses {
         let tiles = Tiles::new(gpu);
         let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
         let gbuffer = GBuffer::new(gpu);
-        let wanted = ViewConfig {
+        let config = ViewConfig {
             size: UVec2::ONE,
             splash: false,
             mixture: false,
@@ -110,28 +121,28 @@ impl ViewPasses {
             tiles,
             smooth,
             gbuffer,
-            wanted,
+            config,
             smoothed: false,
             own: None,
         }
     }
 
     /// Gives each pass what it needs at this size, and one pixel to those that do not run.
-    pub fn resize(&mut self, gpu: &Gpu, wanted: ViewConfig) {
-        let textures = |wanted: ViewConfig| ViewConfig { backs: true, ..wanted };
-        let same = textures(wanted) == textures(self.wanted);
-        self.wanted = wanted;
+    pub fn resize(&mut self, gpu: &Gpu, config: ViewConfig) {
+        let textures = |config: ViewConfig| ViewConfig { backs: true, ..config };
+        let same = textures(config) == textures(self.config);
+        self.config = config;
         if same {
             return;
         }
-        let used = |on: bool| if on { (wanted.size, wanted.levels) } else { (UVec2::ONE, 1) };
-        self.aggregate.resize(gpu, wanted.size, wanted.levels, wanted.culled);
-        let (size, levels) = used(wanted.splash);
+        let used = |on: bool| if on { (config.size, config.levels) } else { (UVec2::ONE, 1) };
+        self.aggregate.resize(gpu, config.size, config.levels, config.culled);
+        let (size, levels) = used(config.splash);
         self.splash.resize(gpu, size, levels, false);
-        self.mixture.resize(gpu, used(wanted.mixture).0);
-        self.tiles.resize(gpu, wanted.size, wanted.sections);
+        self.mixture.resize(gpu, used(config.mixture).0);
+        self.tiles.resize(gpu, config.size, config.sections);
         self.smooth.resize(gpu, &self.aggregate.layers);
-        let (size, levels) = used(wanted.gbuffer);
+        let (size, levels) = used(config.gbuffer);
         self.gbuffer.resize(gpu, size, levels);
     }
 
@@ -157,64 +168,59 @@ impl ViewPasses {
 
     /// Uploads the view and the scene as it sees it, with the lights' own views and maps, and
     /// compiles what is new.
-    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
-        scene: &Scene,
-        liquid: &SplatSet,
+        frame: FrameInputs<'_>,
         camera: &CameraUniform,
         eye: DVec3,
         views: &[PlacedView],
         maps: Option<&LightMaps>,
-        splats: &Splats,
-        fits: &[smooth::Params],
     ) {
+        let FrameInputs { scene, splats, splat_set, fits } = frame;
         self.camera.write(gpu, camera);
-        let liquid = self.own.as_ref().unwrap_or(liquid);
-        if self.wanted.culled {
-            self.aggregate.prepare_culled(gpu, &self.camera, &liquid.aggregates);
+        let splat_set = self.own.as_ref().unwrap_or(splat_set);
+        if self.config.culled {
+            self.aggregate.prepare_culled(gpu, &self.camera, &splat_set.aggregates);
         }
         self.scene.upload(gpu, scene, eye, views, maps);
-        if self.wanted.mixture {
+        if self.config.mixture {
             self.mixture.prepare(gpu, &self.camera, scene, splats.radius);
         }
         self.smoothed = !fits.is_empty();
         if self.smoothed {
-            self.smooth.prepare(gpu, &self.camera, &scene.settings.smooth);
+            let settings = &scene.settings.smooth;
+            self.smooth.prepare(gpu, &self.camera, settings, fits, self.config.backs);
         }
-        if self.wanted.gbuffer {
+        if self.config.gbuffer {
             self.gbuffer.prepare(gpu, &self.camera, &self.scene);
         }
     }
 
     /// Draws all of it.
-    #[expect(clippy::too_many_arguments, reason = "its inputs, each by its name")]
     pub fn record(
         &self,
         gpu: &Gpu,
         commands: &mut Commands<'_>,
-        scene: &Scene,
-        liquid: &SplatSet,
-        fits: &[smooth::Params],
+        frame: FrameInputs<'_>,
         timer: &mut Timer,
         [splat, splashes, mixture, tiles, smooth, gbuffer]: Names,
     ) {
         let encoder = &mut commands.encoder;
         let camera = &self.camera;
-        let liquid = self.own.as_ref().unwrap_or(liquid);
-        let backs = self.wanted.backs;
+        let liquid = self.own.as_ref().unwrap_or(frame.splat_set);
+        let backs = self.config.backs;
         let (aggregates, span) = (&liquid.aggregates, timer.span(splat));
-        if self.wanted.culled {
+        if self.config.culled {
             self.aggregate.record_culled(gpu, encoder, camera, aggregates, backs, span);
         } else {
             self.aggregate.record(encoder, camera, aggregates, backs, span);
         }
-        if self.wanted.splash {
+        if self.config.splash {
             let span = timer.span(splashes);
             self.splash.record(encoder, camera, &liquid.splashes, backs, span);
         }
-        if self.wanted.mixture {
+        if self.config.mixture {
             let classes = [&liquid.aggregates, &liquid.splashes];
             self.mixture.record(encoder, camera, classes, timer.span(mixture));
         }
@@ -226,12 +232,10 @@ impl ViewPasses {
             timer.span(tiles),
         );
         if self.smoothed {
-            let settings = &scene.settings.smooth;
             let lists = &self.tiles.lists;
-            let span = timer.span(smooth);
-            self.smooth.record(gpu, commands, camera, lists, settings, fits, backs, span);
+            self.smooth.record(gpu, commands, camera, lists, timer.span(smooth));
         }
-        if self.wanted.gbuffer {
+        if self.config.gbuffer {
             let encoder = &mut commands.encoder;
             self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(gbuffer));
         }
@@ -244,11 +248,11 @@ impl ViewPasses {
 
     /// The layers of the splashes, if the frame has any.
     pub fn splash_layers(&self) -> Option<&Layers> {
-        self.wanted.splash.then_some(&self.splash.layers)
+        self.config.splash.then_some(&self.splash.layers)
     }
 
     /// Whether the opaque scene is drawn.
     pub fn has_gbuffer(&self) -> bool {
-        self.wanted.gbuffer
+        self.config.gbuffer
     }
 }

@@ -17,12 +17,12 @@ use crate::reference::{Liquid, Ray};
 use limpid::gpu::{self, Commands, Gpu, Timer};
 use limpid::light_view::LightView;
 use limpid::lights;
-use limpid::passes::caustics::{CausticMap, Caustics, Inputs, Output, Params};
+use limpid::passes::caustics::{CausticMap, Caustics, Inputs, MapConfig, Output, Params};
 use limpid::passes::gbuffer::SceneBinding;
 use limpid::passes::smooth;
 use limpid::passes::splat_buffers::SplatBuffers;
 use limpid::passes::tiles::Sections;
-use limpid::passes::view_passes::{self, ViewConfig, ViewPasses};
+use limpid::passes::view_passes::{self, FrameInputs, ViewConfig, ViewPasses};
 use limpid::passes::{CameraBinding, GBufferImages, Layers};
 use limpid::scene::{Light, Scene};
 use limpid::settings::{self, Method, Solver};
@@ -126,7 +126,8 @@ impl Bench {
         let (gpu, camera, bound) = (&self.gpu, &self.camera, &self.scene);
         let size = self.view.size;
         let settings = &scene.settings.caustics;
-        self.caustics.prepare(gpu, camera, bound, scene, settings, self.splash.is_some(), size)?;
+        let config = MapConfig { settings, splash: self.splash.is_some(), size };
+        self.caustics.prepare(gpu, camera, bound, scene, config)?;
         let params = Params::new(&scene.lights[light], &self.view, settings);
         let inputs = Inputs {
             camera,
@@ -136,13 +137,14 @@ impl Bench {
             gbuffer: &self.gbuffer,
             mixture: None,
             method: settings.method,
+            params: &params,
         };
         let [map, receivers] = &self.outputs;
         let output = Output { map, receivers, layer: 0 };
         let mut timer = Timer::new(gpu, true);
         let mut commands = Commands::new(gpu);
         let span = timer.span("caustics");
-        self.caustics.record(gpu, &mut commands, scene, radius, &params, inputs, output, span);
+        self.caustics.record(&mut commands, scene, radius, inputs, output, span);
         let resolved = timer.resolve(gpu, &mut commands.encoder);
         commands.submit();
         gpu.check()?;
@@ -381,10 +383,11 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
     surfaces.resize(gpu, wanted);
     let uniform = view.uniform(splats.origin);
     let mut commands = Commands::new(gpu);
-    surfaces.prepare(gpu, scene, &liquid, &uniform, view.origin, &[], None, splats, &fits);
+    let frame = FrameInputs { scene, splats, splat_set: &liquid, fits: &fits };
+    surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);
     let names = ["splat", "splashes", "mixture", "tiles", "smooth", "gbuffer"];
     let timer = &mut Timer::new(gpu, false);
-    surfaces.record(gpu, &mut commands, scene, &liquid, &fits, timer, names);
+    surfaces.record(gpu, &mut commands, frame, timer, names);
     commands.submit();
     gpu.check()?;
     let solids = Some(&surfaces.gbuffer.images.planes);
