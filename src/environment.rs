@@ -107,8 +107,8 @@ impl Default for Environment {
 }
 
 /// Largest supported radiance, W/(m² sr) per channel; also the largest irradiance, W/m², and intensity,
-/// W/sr. The sun's radiance is 2·10⁷. Sums and products of several such values stay far below the range
-/// of 32-bit floats, even at the highest exposure.
+/// W/sr. The sun's radiance is 2·10⁷. Sums and products of several such values do not overflow 32-bit
+/// floats, even at the highest exposure.
 pub const MAX_RADIANCE: f32 = 1e12;
 
 /// Whether each channel is within 0 to [`MAX_RADIANCE`].

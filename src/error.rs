@@ -1,45 +1,45 @@
-//! Everything that can go wrong in drawing, as one type.
+//! The renderer's error type.
 //!
-//! An error names what is wrong and its values. It does not know where a value came from or how a
-//! program lets its user change it: that is the program's to add.
+//! An error states the problem and the values involved. The program adds where a value came from and
+//! how its user can change it.
 
 use std::fmt;
 
-/// Shorthand for results of this library.
+/// Result of a fallible function of this library.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What the library reports instead of panicking.
+/// Any failure that the library reports.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A value of a scene, of its settings, of a camera or of a simulation that cannot be used.
+    /// An invalid value in a scene, its settings, a camera or a simulation.
     #[error("{part}: {problem}")]
     Invalid {
-        /// The part that has it: `settings`, `[light]`, `camera`.
+        /// The part that holds the value: `settings`, `[light]`, `camera`.
         part: String,
-        /// The value, and what was expected.
+        /// The value and what was expected.
         problem: String,
     },
     /// A picture without pixels.
     #[error("a picture of {width}x{height} has no pixels")]
     Empty {
-        /// Its width, pixels.
+        /// Width, pixels.
         width: u32,
-        /// Its height, pixels.
+        /// Height, pixels.
         height: u32,
     },
-    /// No Vulkan, Metal, DirectX or OpenGL adapter.
+    /// There is no Vulkan, Metal, DirectX or OpenGL adapter.
     #[error("no graphics adapter found")]
     NoAdapter,
-    /// There are adapters, but none that the environment selects.
+    /// No adapter matches the environment variables that select one.
     #[error("no graphics adapter fits {selected}; there are: {found}")]
     NoMatchingAdapter {
         /// The variables and their values.
         selected: String,
-        /// The adapters with their backends.
+        /// The available adapters with their backends.
         found: String,
     },
-    /// An adapter that gives no device.
+    /// The adapter refused to create a device.
     #[error("adapter {adapter}: {problem}")]
     Refused {
         /// The adapter's name.
@@ -47,33 +47,33 @@ pub enum Error {
         /// The driver's reason.
         problem: String,
     },
-    /// The adapter cannot hold or do what is asked.
+    /// A request exceeds a limit of the adapter.
     #[error("adapter {adapter}: {problem}; {of}")]
     Limit {
         /// The adapter's name.
         adapter: String,
-        /// The limit, and what was asked for.
+        /// The limit and the requested value.
         problem: String,
-        /// What is too large.
+        /// The resource that is too large.
         of: Limited,
     },
     /// The device was lost or ran out of memory; the same frame may succeed later.
     #[error("the graphics device failed ({0}); the frame may succeed if tried again")]
     DeviceLost(String),
-    /// The system has no memory for it now; with less beside it the same may succeed later.
+    /// The system is out of memory; the same request may succeed once other memory is freed.
     #[error("{what}: no memory: {mib} MiB more cannot be had; it may succeed if tried again")]
     Memory {
-        /// What it was to hold: a file, a picture, a frame's shapes.
+        /// Purpose of the allocation: a file, a picture, a frame's shapes.
         what: String,
-        /// How much was asked for, MiB.
+        /// Requested size, MiB.
         mib: u64,
     },
-    /// limpid itself is wrong; standard error says where.
+    /// A bug in limpid; standard error has the details.
     #[error("{0}: a defect of limpid, which its authors would like to know of")]
     Defect(String),
 }
 
-/// What an adapter cannot hold or do; as text, the remedy.
+/// A resource or operation that exceeds an adapter's limits. Its `Display` text is the remedy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Limited {
@@ -81,9 +81,9 @@ pub enum Limited {
     Picture,
     /// An environment map.
     Environment,
-    /// The map of a light: [`crate::settings::Caustics::resolution`].
+    /// A light's caustic map: [`crate::settings::Caustics::resolution`].
     CausticMap,
-    /// The grid of a light's view: [`crate::settings::Caustics::grid`].
+    /// The grid over a light's view: [`crate::settings::Caustics::grid`].
     CausticGrid,
     /// Classification on the device.
     Classify,
@@ -102,21 +102,21 @@ impl fmt::Display for Limited {
 }
 
 impl Error {
-    /// A value that cannot be used.
+    /// Creates an [`Error::Invalid`].
     pub fn invalid(part: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Invalid { part: part.into(), problem: problem.into() }
     }
 }
 
-/// A problem on one line that ends: what it quotes from a file may be of any length and anything,
-/// even commands to the terminal.
+/// Shortens a message to one printable line: text quoted from a file may be arbitrarily long and may
+/// contain terminal escape sequences.
 #[doc(hidden)]
 pub fn printable(problem: String) -> String {
-    const MOST: usize = 500;
-    if problem.len() <= MOST && !problem.contains(char::is_control) {
+    const MAX_CHARS: usize = 500;
+    if problem.len() <= MAX_CHARS && !problem.contains(char::is_control) {
         return problem;
     }
-    let cut = problem.chars().count() > MOST;
-    let shown = problem.chars().take(MOST).map(|c| if c.is_control() { '?' } else { c });
+    let cut = problem.chars().count() > MAX_CHARS;
+    let shown = problem.chars().take(MAX_CHARS).map(|c| if c.is_control() { '?' } else { c });
     shown.chain(if cut { "..." } else { "" }.chars()).collect()
 }

@@ -1,76 +1,76 @@
-//! The view from a light: what its caustic map shows, texel by texel.
+//! The view from a light, in which its caustic map is drawn.
 
 use glam::{DMat3, DVec2, DVec3, UVec2};
 
 use crate::camera::CameraUniform;
 use crate::scene::{Light, Shape, Solid};
 
-/// A light's own camera: orthographic for a sun, perspective for a point.
+/// A light's camera: orthographic for a sun, perspective for a point light.
 ///
-/// It shows the liquid and a margin around it. View space, pixels and depth are as a
-/// [`crate::camera::Camera`]'s. In an orthographic view the place of disparity, which is linear along
-/// straight lines of the picture, is taken by the height above the far plane, far − z.
+/// It covers the liquid and a margin. View space, pixels and depth follow [`crate::camera::Camera`]. In
+/// an orthographic view, the height above the far plane, far − z, replaces disparity: it too is linear
+/// along straight lines of the image.
 ///
-/// Made for a level surface it looks along the light as still water would refract it (a point light
-/// then seems to be higher): so it sees what light reaches under water, and not what a straight
-/// line would. Such a view serves caustic maps alone: where liquid is in the light's own way is told
-/// by a view along the light itself.
+/// For a level surface the view looks along the light refracted by still water (a point light then
+/// appears higher), so that it sees the receivers that light reaches under water. Such a view serves
+/// only for caustic maps: whether liquid blocks the direct light is tested in a view along the
+/// unrefracted light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightView {
-    /// The origin of view space in world space, m: the point light, or a point before all that the
-    /// sun meets.
+    /// Origin of view space in world space, m: the point light, or a point in front of everything that
+    /// the sun illuminates.
     pub origin: DVec3,
     /// World to view space, a rotation.
     pub view_from_world: DMat3,
-    /// Half the picture's extent: m for a sun, tangents for a point light.
+    /// Half the image extent: m for a sun, tangents for a point light.
     pub half_extent: DVec2,
-    /// Depth before which nothing is seen, m.
+    /// Near plane, m.
     pub near: f64,
     /// Depth of the far plane of a sun's view, m; infinite for a point light.
     pub far: f64,
     /// Whether the light is a sun.
     pub orthographic: bool,
-    /// Pixels; they are square.
+    /// Size in (square) pixels.
     pub size: UVec2,
-    /// Height of the surface that the view is made for, m, if that is level.
+    /// Height of the level surface that the view is refracted by, m, if any.
     pub level: Option<f64>,
 }
 
-/// Faces of the cube that shows all that is around a point light: [`LightView::face`].
+/// Number of cube faces around a point light: [`LightView::face`].
 pub const CUBE: usize = 6;
 
-/// Half the widest angle at which a point light's picture is still useful.
-const WIDEST: f64 = 75.0 * std::f64::consts::PI / 180.0;
+/// Largest half angle of a useful perspective view, radians.
+const MAX_HALF_ANGLE: f64 = 75.0 * std::f64::consts::PI / 180.0;
 
-/// How far along a view surfaces are looked for, in extents of what is seen.
-const FARTHEST: f64 = 1e3;
+/// Range of an orthographic view along its axis, as a multiple of the image extent.
+const MAX_REACH: f64 = 1e3;
 
-/// A view from a light, and the part of the maps that is made by it.
+/// A view from a light, and its region in the map textures.
 #[derive(Debug, Clone, Copy)]
 pub struct PlacedView {
     /// The view.
     pub view: LightView,
-    /// The light's number.
+    /// Index of the light.
     pub light: usize,
-    /// The number of the view among the light's: 0 is the caustic map's.
+    /// Index of the view among those of the light: 0 is the caustic map's.
     pub slot: usize,
-    /// How many straight views the light has.
+    /// Number of views along the unrefracted light.
     pub straight: u32,
-    /// Layer of the maps.
+    /// Texture layer of the region.
     pub layer: u32,
-    /// Where its texels begin there.
+    /// First texel of the region.
     pub corner: UVec2,
-    /// Whether the light is in the liquid, and this one of the faces around it.
+    /// Whether the view is a cube face around a light in the liquid.
     pub wet: bool,
 }
 
 impl LightView {
-    /// The view of a liquid between `min` and `max`, m, grown by `margin` as a share of its extent,
-    /// with `resolution` pixels along the longer side. `level` is the height of its surface, m, and
-    /// its index of refraction, where it is level.
+    /// Builds the view of liquid between `min` and `max`, m, extended by `margin` as a share of its
+    /// extent, with `resolution` pixels along the longer side. `level` holds the height of a level
+    /// surface, m, and the index of refraction.
     ///
-    /// None for a point light in the liquid or so near that it is seen under more than 150 degrees,
-    /// and for a liquid without extent.
+    /// Returns `None` for a point light inside the liquid or so close that the liquid spans more than
+    /// 150 degrees, and for liquid without extent.
     pub fn new(
         light: &Light,
         (min, max): (DVec3, DVec3),
@@ -88,13 +88,13 @@ impl LightView {
                 (middle, refracted.unwrap_or(towards), true)
             }
             Light::Point { position, .. } => {
-                // Its image by rays that are nearly upright.
+                // Virtual image of the light for nearly vertical rays.
                 let rise = level.map_or(0.0, |(height, ior)| (ior - 1.0) * (position.y - height));
                 let position = position + rise.max(0.0) * DVec3::Y;
                 (position, (position - middle).try_normalize()?, false)
             }
         };
-        // The horizontal axis that the view is across most: steady for a light that moves little.
+        // Up is a fixed axis unless nearly parallel to the view: stable for a slowly moving light.
         let up = if back.y.abs() > 0.999 { DVec3::NEG_Z } else { DVec3::Y };
         let right = up.cross(back).normalize();
         let view_from_world = DMat3::from_cols(right, back.cross(right), back).transpose();
@@ -103,7 +103,7 @@ impl LightView {
         let liquid = corners(min, max).map(view);
         let screen = |x: DVec3| if orthographic { x.truncate() } else { x.truncate() / -x.z };
         if !orthographic {
-            let widest = liquid.iter().any(|&x| -x.z <= x.length() * WIDEST.cos());
+            let widest = liquid.iter().any(|&x| -x.z <= x.length() * MAX_HALF_ANGLE.cos());
             if widest {
                 return None;
             }
@@ -118,12 +118,12 @@ impl LightView {
         if !(extent > 0.0 && extent.is_finite()) {
             return None;
         }
-        // On a lattice, so that liquid that moves a little does not move the picture.
+        // Snapped to a lattice, so that slightly moving liquid does not shift the map.
         let step = (extent.log2().ceil() - 6.0).exp2();
         low = ((low - margin * extent) / step).floor() * step;
         high = ((high + margin * extent) / step).ceil() * step;
         let centre = 0.5 * (low + high);
-        // A point light's view stays around its axis; a sun's moves to the middle.
+        // A perspective view stays centred on its axis; an orthographic one is recentred.
         let half = if orthographic { 0.5 * (high - low) } else { low.abs().max(high.abs()) };
         let pixel = 2.0 * half.max_element() / f64::from(resolution);
         let size = (2.0 * half / pixel - 1e-9).ceil().as_uvec2().max(UVec2::ONE);
@@ -143,9 +143,9 @@ impl LightView {
                 level: height,
             });
         }
-        // From before the first solid or liquid to behind the last.
+        // Depth range that contains all solids and the liquid.
         let mut z = liquid.map(|x| x.z).to_vec();
-        let reach = FARTHEST * extent;
+        let reach = MAX_REACH * extent;
         for solid in solids {
             match solid.shape {
                 Shape::Box { min, max } => z.extend(corners(min, max).map(|x| view(x).z)),
@@ -154,7 +154,7 @@ impl LightView {
                     z.extend([view(center).z - radius, view(center).z + radius]);
                 }
                 Shape::Plane { origin: at, normal, .. } => {
-                    // Where the picture's corners meet it.
+                    // Intersections of the view's corner rays with the plane.
                     let (at, normal) = (view(at), view_from_world * normal.as_dvec3());
                     z.extend(corners_of(low, high).map(|c| {
                         let along = (at - c.extend(0.0)).dot(normal) / normal.z;
@@ -167,7 +167,7 @@ impl LightView {
         let top = z.clone().fold(f64::NEG_INFINITY, f64::max);
         let bottom = z.fold(f64::INFINITY, f64::min);
         let slack = 0.01 * (top - bottom).max(extent);
-        // Liquid that goes on beyond its box is still seen from outside.
+        // Keeps the near plane outside of liquid that extends beyond its box.
         let top = top + extent;
         let origin = origin + view_from_world.transpose() * centre.extend(top);
         Some(Self {
@@ -182,10 +182,10 @@ impl LightView {
         })
     }
 
-    /// The view from a point light through one face of a cube around it: 90 degrees wide, with
-    /// `resolution` texels along either side. Faces are +x, −x, +y, −y, +z and −z, from 0.
+    /// Builds the view from a point light through one face of a cube around it: 90 degrees wide, with
+    /// `resolution` texels along each side. Faces 0 to 5 are +x, −x, +y, −y, +z and −z.
     ///
-    /// None where no liquid between `min` and `max`, m, is in that direction, and for a sun.
+    /// Returns `None` if no liquid between `min` and `max`, m, is in that direction, and for a sun.
     pub fn face(
         light: &Light,
         face: usize,
@@ -197,7 +197,7 @@ impl LightView {
         let sign = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
         let back = -sign * DVec3::AXES[axis];
         let (low, high) = (min - position, max - position);
-        // What is seen is as far ahead as it is aside, or farther.
+        // The frustum holds points that are at least as far ahead as aside.
         let ahead = (sign * low[axis]).max(sign * high[axis]);
         let aside = low.max(-high).max(DVec3::ZERO);
         let extent = (max - min).length();
@@ -221,16 +221,16 @@ impl LightView {
         })
     }
 
-    /// Whether both look along the same rays.
+    /// Whether both views look along the same rays.
     pub fn looks_as(&self, other: &Self) -> bool {
-        let turned = (self.view_from_world.z_axis - other.view_from_world.z_axis).length()
+        let rotation = (self.view_from_world.z_axis - other.view_from_world.z_axis).length()
             + (self.view_from_world.x_axis - other.view_from_world.x_axis).length();
         self.orthographic == other.orthographic
-            && turned < 1e-9
+            && rotation < 1e-9
             && (self.orthographic || self.origin == other.origin)
     }
 
-    /// What the shaders need, with splats counted from `origin` in world space, m.
+    /// Builds the camera uniform, with splat positions relative to the world-space point `origin`, m.
     pub fn uniform(&self, origin: DVec3) -> CameraUniform {
         let columns = self.view_from_world.to_cols_array_2d();
         CameraUniform {
@@ -244,7 +244,7 @@ impl LightView {
         }
     }
 
-    /// The pixel position of a point in world space, x right and y down, and its depth, m.
+    /// Projects a world-space point: its pixel position, x right and y down, and its depth, m.
     pub fn project(&self, x: DVec3) -> (DVec2, f64) {
         let x = self.view_from_world * (x - self.origin);
         let depth = -x.z;
@@ -254,8 +254,7 @@ impl LightView {
         (u, depth)
     }
 
-    /// The view's ray through a pixel position, in world space: where it starts, and its
-    /// unit direction.
+    /// Origin and unit direction in world space of the ray through a pixel position.
     pub fn ray(&self, u: DVec2) -> (DVec3, DVec3) {
         let ndc = 2.0 * u / self.size.as_dvec2() - 1.0;
         let screen = DVec2::new(ndc.x, -ndc.y) * self.half_extent;
@@ -267,13 +266,13 @@ impl LightView {
         }
     }
 
-    /// The tangent plane of a surface as a layer's texel holds it: π, and the depth at `x`, m. Either
-    /// orientation of the unit normal serves; both are in world space.
+    /// Encodes a surface's tangent plane as a layer texel: π, and the depth at `x`, m. Position and
+    /// unit normal are in world space; the sign of the normal does not matter.
     pub fn texel(&self, x: DVec3, normal: DVec3) -> [f32; 4] {
         let x = self.view_from_world * (x - self.origin);
         let normal = self.view_from_world * normal;
         let ray = if self.orthographic { DVec3::NEG_Z } else { x.normalize() };
-        // No plane is seen more edge-on than 1e-3: it would have no finite slope.
+        // Tilts edge-on planes to a cosine of at least 1e-3, for a finite slope.
         let mut away = normal * normal.dot(ray).signum();
         away += (1e-3 - away.dot(ray)).max(0.0) * ray;
         let plane = if self.orthographic {
@@ -285,8 +284,7 @@ impl LightView {
         [plane.x as f32, plane.y as f32, plane.z as f32, -x.z as f32]
     }
 
-    /// The extent of one pixel around `u`: of a sun's view its area, m², of a point light's its solid
-    /// angle, sr.
+    /// Extent of a pixel at `u`: its area, m², for a sun, its solid angle, sr, for a point light.
     pub fn pixel_extent(&self, u: DVec2) -> f64 {
         let size = self.size.as_dvec2();
         let area = (2.0 * self.half_extent / size).element_product();
@@ -298,7 +296,7 @@ impl LightView {
     }
 }
 
-/// The direction towards a light from under still water (Snell); none if the light is not above.
+/// Direction towards the light as seen from under still water (Snell); none unless the light is above.
 fn still_water(towards: DVec3, ior: f64) -> Option<DVec3> {
     let across = DVec3::new(towards.x, 0.0, towards.z) / ior;
     let up2 = 1.0 - across.length_squared();

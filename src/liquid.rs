@@ -1,4 +1,4 @@
-//! Particles, and the ellipsoids that they are drawn as.
+//! Particles and their classification into splats.
 
 mod between;
 pub mod bulk;

@@ -1,5 +1,5 @@
-//! Memory that may not be there. What grows with particles or pixels is asked for before it is used,
-//! so that a frame fails with an error, and may be tried again, where the process would be aborted.
+//! Fallible allocation. Memory that grows with particles or pixels is reserved before use, so that a
+//! frame fails with an error and can be retried instead of aborting the process.
 
 use std::fmt::Display;
 
@@ -7,20 +7,20 @@ use bytemuck::Zeroable;
 
 use crate::error::{Error, Result};
 
-/// What is left for everything that does not grow with particles or pixels: stacks, messages, the
+/// Bytes reserved for everything that does not grow with particles or pixels: stacks, messages, the
 /// allocator's own pages.
-const REST: usize = 8 << 20;
+const HEADROOM: usize = 8 << 20;
 
-/// Fails if `bytes` more cannot be allocated at once. None are kept: this is for what libraries
-/// allocate themselves (sorts, trees, parallel collections), which would end the process.
+/// Fails if `bytes` more cannot be allocated in one block, which is then freed. For allocations inside
+/// libraries (sorts, trees, parallel collections), whose failure would abort the process.
 ///
 /// # Errors
 /// [`Error::Memory`].
 pub fn probe(bytes: usize, what: impl Display) -> Result<()> {
-    reserve::<u8>(bytes.saturating_add(REST), what).map(drop)
+    reserve::<u8>(bytes.saturating_add(HEADROOM), what).map(drop)
 }
 
-/// An empty vector with room for `count`.
+/// Returns an empty vector with capacity for `count`.
 ///
 /// # Errors
 /// [`Error::Memory`].
@@ -28,28 +28,28 @@ pub fn reserve<T>(count: usize, what: impl Display) -> Result<Vec<T>> {
     let mut values = Vec::new();
     match values.try_reserve_exact(count) {
         Ok(()) => Ok(values),
-        Err(_) => Err(missing::<T>(count, what)),
+        Err(_) => Err(out_of_memory::<T>(count, what)),
     }
 }
 
-/// Makes room for `more`, and for as many as there are if that does not suffice, as `push` does.
+/// Reserves room for `more` elements, with amortised growth as in `push`.
 ///
 /// # Errors
 /// [`Error::Memory`].
 pub fn grow<T>(values: &mut Vec<T>, more: usize, what: impl Display) -> Result<()> {
     let length = values.len();
-    values.try_reserve(more).map_err(|_| missing::<T>(length.saturating_add(more), what))
+    values.try_reserve(more).map_err(|_| out_of_memory::<T>(length.saturating_add(more), what))
 }
 
-/// `count` zeros.
+/// Returns a vector of `count` zeros.
 ///
 /// # Errors
 /// [`Error::Memory`].
 pub fn zeroed<T: Zeroable>(count: usize, what: impl Display) -> Result<Vec<T>> {
-    bytemuck::allocation::try_zeroed_vec(count).map_err(|()| missing::<T>(count, what))
+    bytemuck::allocation::try_zeroed_vec(count).map_err(|()| out_of_memory::<T>(count, what))
 }
 
-/// All of an iterator that tells its length.
+/// Collects an iterator of known length.
 ///
 /// # Errors
 /// [`Error::Memory`].
@@ -59,7 +59,7 @@ pub fn collect<T>(values: impl ExactSizeIterator<Item = T>, what: impl Display) 
     Ok(all)
 }
 
-fn missing<T>(count: usize, what: impl Display) -> Error {
+fn out_of_memory<T>(count: usize, what: impl Display) -> Error {
     let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
     Error::Memory { mib: bytes.div_ceil(1 << 20), what: what.to_string() }
 }

@@ -1,4 +1,4 @@
-//! A renderer with a picture of its own: what `limpid render` and the viewer both draw with.
+//! Offscreen renderer, which draws pictures into memory.
 
 use glam::UVec2;
 use image::RgbImage;
@@ -11,31 +11,31 @@ use crate::liquid::classify::Splats;
 use crate::renderer::Renderer;
 use crate::scene::Scene;
 
-/// Draws pictures into memory.
+/// A renderer that draws pictures into memory.
 #[derive(Debug)]
 pub struct Offscreen {
     gpu: Gpu,
-    /// What draws; its `timing` and `diagnose` are the caller's to set.
+    /// The renderer; the caller may set its `timing` and `diagnose`.
     pub renderer: Renderer,
     picture: Option<(UVec2, Picture)>,
 }
 
-/// One picture, and what it took.
+/// A picture and its pass times.
 #[derive(Debug, Clone)]
 pub struct RenderedFrame {
     /// The picture, sRGB.
     pub picture: RgbImage,
-    /// The time of each pass, if [`Renderer::timing`] is set.
+    /// Time of each pass, if [`Renderer::timing`] is set.
     pub passes: Vec<PassTime>,
 }
 
 impl Offscreen {
-    /// Compiles the passes.
+    /// Creates the renderer and compiles its passes.
     pub fn new(gpu: &Gpu) -> Self {
         Self { gpu: gpu.clone(), renderer: Renderer::new(gpu), picture: None }
     }
 
-    /// The device that it draws with.
+    /// The device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
@@ -54,8 +54,8 @@ impl Offscreen {
         self.begin(scene, camera, splats, size)?.wait()
     }
 
-    /// Tells the device to draw one frame of `size` pixels. While it does so the next one's particles can
-    /// be uploaded: by beginning that one. Waits only where [`Renderer::timing`] is set.
+    /// Submits one frame of `size` pixels without waiting for it, so that the caller can begin the next
+    /// frame (and upload its particles) meanwhile. Waits only if [`Renderer::timing`] is set.
     ///
     /// # Errors
     /// As [`Renderer::render`].
@@ -66,9 +66,9 @@ impl Offscreen {
         splats: &Splats,
         size: UVec2,
     ) -> Result<PendingFrame> {
-        let same = self.picture.take().filter(|(old, _)| *old == size);
-        let (_, picture) = match same {
-            Some(same) => self.picture.insert(same),
+        let reusable = self.picture.take().filter(|(old, _)| *old == size);
+        let (_, picture) = match reusable {
+            Some(reusable) => self.picture.insert(reusable),
             None => self.picture.insert((size, Picture::new(&self.gpu, size)?)),
         };
         let view = picture.view();
@@ -77,7 +77,7 @@ impl Offscreen {
         Ok(PendingFrame { gpu: self.gpu.clone(), picture, passes })
     }
 
-    /// Intermediate images of the last frame; some need [`Renderer::diagnose`] to have been set.
+    /// Reads intermediate images of the last frame; some require [`Renderer::diagnose`].
     ///
     /// # Errors
     /// As [`aov::read`].
@@ -85,8 +85,8 @@ impl Offscreen {
         aov::read(&self.gpu, &self.renderer.images(), chosen)
     }
 
-    /// The last frame as a linear picture: radiance before exposure and tone mapping, W/(m² sr), for
-    /// `limpid-io`'s `exr::write`.
+    /// Reads the linear radiance of the last frame, before exposure and tone mapping, W/(m² sr), for
+    /// `exr::write` of `limpid-io`.
     ///
     /// # Errors
     /// As [`aov::read`].
@@ -95,7 +95,7 @@ impl Offscreen {
     }
 }
 
-/// One picture that the device has been told to draw.
+/// A frame that has been submitted.
 #[derive(Debug)]
 pub struct PendingFrame {
     gpu: Gpu,
@@ -104,7 +104,7 @@ pub struct PendingFrame {
 }
 
 impl PendingFrame {
-    /// Waits for the picture, not for those that were begun after it.
+    /// Waits for this frame, not for later ones.
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
@@ -114,17 +114,17 @@ impl PendingFrame {
     }
 }
 
-/// A picture of its own for [`Renderer::render`], and its way to memory.
+/// A render target for [`Renderer::render`] that can be read back.
 #[derive(Debug)]
 pub struct Picture {
     texture: wgpu::Texture,
 }
 
 impl Picture {
-    /// 8 bits per channel, sRGB values as they are stored in a PNG.
+    /// 8 bits per channel, sRGB-encoded as in a PNG.
     pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
-    /// A picture of `size` pixels.
+    /// Creates a picture of `size` pixels.
     ///
     /// # Errors
     /// As [`Gpu::check_size`].
@@ -134,12 +134,12 @@ impl Picture {
         Ok(Self { texture: gpu::texture(gpu, "frame", size, 1, Self::FORMAT, usage) })
     }
 
-    /// The view to render into.
+    /// Creates the view to render into.
     pub fn view(&self) -> wgpu::TextureView {
         self.texture.create_view(&Default::default())
     }
 
-    /// Waits for the device and returns the picture.
+    /// Reads the picture back, waiting for the device.
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
@@ -147,14 +147,14 @@ impl Picture {
         self.begin_reading(gpu).wait(gpu)
     }
 
-    /// Tells the device to copy the picture as it is now; the next may be rendered at once.
+    /// Submits a copy of the picture; the next frame may be rendered into it at once.
     pub fn begin_reading(&self, gpu: &Gpu) -> PendingPicture {
         let size = UVec2::new(self.texture.width(), self.texture.height());
         PendingPicture { size, texels: gpu::begin_reading(gpu, &self.texture, 0) }
     }
 }
 
-/// A picture on its way to memory.
+/// A picture that is being read back.
 #[derive(Debug)]
 pub struct PendingPicture {
     size: UVec2,
@@ -162,7 +162,7 @@ pub struct PendingPicture {
 }
 
 impl PendingPicture {
-    /// Waits for the picture, not for what the device was told after it.
+    /// Waits for the picture, not for later submissions.
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].

@@ -1,4 +1,4 @@
-//! Particles between two frames, and of several fluids together.
+//! Interpolation of particles between two frames, and concatenation of several fluids.
 
 use std::collections::{HashMap, HashSet};
 
@@ -7,23 +7,24 @@ use glam::{DVec3, Vec3};
 use super::particles::{Particles, origin_for};
 
 impl Particles {
-    /// Bytes that [`Particles::between`] and [`Particles::mixed`] take for each particle that they are
-    /// given, at most: pairs twice, a table of ids, and all attributes.
+    /// Upper bound on the bytes that [`Particles::between`] and [`Particles::mixed`] allocate per input
+    /// particle: pairs twice, a table of ids, and all attributes.
     #[doc(hidden)]
     pub const MATCHED: usize = 2 * size_of::<Pair>() + 48 + 72;
 
-    /// Particles at `fraction` (0 to 1) of the way from frame `a` to frame `b`.
+    /// Interpolates between frames `a` and `b` at `fraction` (0 to 1).
     ///
-    /// Particles are matched by their ids; without ids, or if these are the same for many (a material, a
-    /// phase), by their order where both frames have as many and most move as far as particles do (by
-    /// their velocities, or little against the liquid's extent); else the nearer frame is shown. A
-    /// matched particle follows the cubic that has its two
-    /// places and velocities (Hermite), or without velocities a straight line: so ballistic flight is
-    /// exact. How much time lies between the frames is found from what has moved: the least squares of
-    /// displacement against mean velocity. A particle that only one frame has is there for the half
-    /// that is nearer to it, and flies straight on. So is one that jumps: through a periodic border,
-    /// or because its id was given to another. At 0 and at 1 the result holds the particles of that
-    /// frame, as they are.
+    /// Particles are matched by id. Without ids, or if many particles share one (a material, a phase),
+    /// they are matched by index, provided that both frames have equally many and that most
+    /// displacements are plausible (by the velocities, or small against the liquid's extent); otherwise
+    /// the result is the nearer frame.
+    ///
+    /// A matched particle follows the cubic Hermite curve of its positions and velocities, or a straight
+    /// line without velocities: ballistic flight is exact. The time between the frames is the
+    /// least-squares fit of displacements to mean velocities. A particle that only one frame has exists
+    /// for the half of the interval next to that frame and moves linearly. So does a particle that
+    /// jumps, through a periodic border or because its id was reused. At 0 and 1 the result equals that
+    /// frame.
     pub fn between(a: &Self, b: &Self, fraction: f64) -> Self {
         if fraction <= 0.0 {
             return a.clone();
@@ -32,18 +33,17 @@ impl Particles {
             return b.clone();
         }
         let nearer = |fraction: f64| if fraction < 0.5 { a.clone() } else { b.clone() };
-        let (mut pairs, told) = match (&a.ids, &b.ids) {
+        let (mut pairs, matched_by_id) = match (&a.ids, &b.ids) {
             (Some(from), Some(to)) if are_distinct(from) && are_distinct(to) => {
                 (by_id(from, to), true)
             }
             _ if a.len() == b.len() => ((0..a.len()).map(|i| (Some(i), Some(i))).collect(), false),
-            // Nothing says which is which.
             _ => return nearer(fraction),
         };
         let apart = b.origin - a.origin;
         let move_to = |i: usize, j: usize| apart + (b.positions[j] - a.positions[i]).as_dvec3();
         let motion = Motion::new(a, b, &pairs, move_to);
-        if !told && !motion.is_plausible() {
+        if !matched_by_id && !motion.is_plausible() {
             return nearer(fraction);
         }
         for pair in &mut pairs {
@@ -107,8 +107,8 @@ impl Particles {
         }
     }
 
-    /// The particles of several fluids, one after another, each with the number of its fluid. Of the
-    /// attributes those that all have; ids are left out, for two fluids may use the same.
+    /// Concatenates several fluids and assigns each particle the index of its fluid. Keeps the attributes
+    /// that all fluids have, except ids, which may collide between fluids.
     pub fn mixed(fluids: &[Self]) -> Self {
         let places = fluids.iter().filter_map(Self::bounds).flat_map(|(min, max)| [min, max]);
         let origin = origin_for(places);
@@ -138,14 +138,14 @@ impl Particles {
 
 type Pair = (Option<usize>, Option<usize>);
 
-/// Whether numbers tell particles apart, but for a few.
+/// Whether at least nine in ten ids are distinct.
 fn are_distinct(ids: &[i64]) -> bool {
     let distinct = ids.iter().collect::<HashSet<_>>().len();
     10 * distinct >= 9 * ids.len()
 }
 
-/// The particles of both frames, those of the first in its order, then those that only the second
-/// has. Of several with one id the last counts.
+/// Matches the particles of two frames: those of the first in its order, then those that only the
+/// second has. The last of several particles with one id is matched.
 fn by_id(from: &[i64], to: &[i64]) -> Vec<Pair> {
     let mut places: HashMap<i64, usize> = to.iter().copied().zip(0..).collect();
     let mut pairs: Vec<Pair> =
@@ -156,34 +156,34 @@ fn by_id(from: &[i64], to: &[i64]) -> Vec<Pair> {
     pairs
 }
 
-/// How far matched particles move, as most of them do: what tells those that jump.
+/// Robust statistics of the displacements of matched particles, by which jumps are detected.
 struct Motion<'a> {
     velocities: Option<[&'a [Vec3]; 2]>,
-    /// Time between the frames, s; 0 if velocities do not tell.
+    /// Time between the frames, s; 0 if it cannot be derived from velocities.
     duration: f64,
-    /// The motion that all share, m; 0 where velocities tell.
+    /// Displacement common to all particles, m; 0 if `duration` is known.
     shared: DVec3,
-    /// Median distance of a particle from where it is expected, m.
-    usual: f64,
-    /// About the distance between two particles, m.
+    /// Median distance of a particle from its predicted position, m.
+    median_deviation: f64,
+    /// Approximate particle spacing, m.
     spacing: f64,
-    /// The diagonal of the box that most particles are in, m.
+    /// Diagonal of the box that contains most particles, m.
     extent: f64,
-    /// Too few particles to tell what is usual.
-    few: bool,
+    /// Whether there are too few particles for statistics.
+    too_few: bool,
 }
 
-/// Particles from which on most of them tell what is usual.
-const FEW: usize = 16;
+/// Smallest number of particles for statistics.
+const MIN_SAMPLES: usize = 16;
 
-/// Pairs that are looked at for medians, evenly over all.
+/// Number of pairs sampled for medians, evenly over all.
 const SAMPLES: usize = 10_000;
 
-/// Median distances from where particles are expected, beyond which one jumps.
-const USUAL: f64 = 8.0;
-/// Spacings that a particle may always be off.
+/// Deviation that is tolerated, as a multiple of the median deviation.
+const MEDIANS: f64 = 8.0;
+/// Deviation that is always tolerated, in particle spacings.
 const SPACINGS: f64 = 2.0;
-/// Share of the extent that particles may move without velocities.
+/// Displacement that is tolerated without velocities, as a share of the extent.
 const SHARE: f64 = 0.1;
 
 impl<'a> Motion<'a> {
@@ -191,13 +191,13 @@ impl<'a> Motion<'a> {
         a: &'a Particles,
         b: &'a Particles,
         pairs: &[Pair],
-        moved: impl Fn(usize, usize) -> DVec3,
+        displacement: impl Fn(usize, usize) -> DVec3,
     ) -> Self {
         let step = pairs.len().div_ceil(SAMPLES).max(1);
         let both = pairs.iter().filter_map(|&(i, j)| Some((i?, j?)));
         let sample: Vec<_> = both
             .step_by(step)
-            .map(|(i, j)| (i, j, moved(i, j)))
+            .map(|(i, j)| (i, j, displacement(i, j)))
             .filter(|(.., d)| d.is_finite())
             .collect();
         let velocities = a.velocities.as_deref().zip(b.velocities.as_deref());
@@ -205,17 +205,18 @@ impl<'a> Motion<'a> {
             velocities: velocities.map(|(from, to)| [from, to]),
             duration: 0.0,
             shared: DVec3::ZERO,
-            usual: 0.0,
+            median_deviation: 0.0,
             spacing: 0.0,
             extent: 0.0,
-            few: sample.len() < FEW,
+            too_few: sample.len() < MIN_SAMPLES,
         };
         motion.duration = motion.robust_duration(&sample);
         if motion.duration == 0.0 {
             let axis = |k: usize| median(sample.iter().map(|(.., d)| d[k]).collect());
             motion.shared = DVec3::new(axis(0), axis(1), axis(2));
         }
-        motion.usual = median(sample.iter().map(|&(i, j, d)| motion.off(i, j, d)).collect());
+        let deviations = sample.iter().map(|&(i, j, d)| motion.deviation(i, j, d)).collect();
+        motion.median_deviation = median(deviations);
         let sides = [0, 1, 2].map(|k| {
             let mut x: Vec<_> =
                 sample.iter().map(|&(i, ..)| f64::from(a.positions[i][k])).collect();
@@ -224,7 +225,7 @@ impl<'a> Motion<'a> {
             x.get(outer).map_or(0.0, |low| x[x.len() - 1 - outer] - low)
         });
         motion.extent = DVec3::from(sides).length();
-        // Of a sheet or a line, in the directions that it has.
+        // Ignores the thin directions of sheets and lines.
         let long = sides.into_iter().filter(|&side| side > 1e-3 * motion.extent);
         let (volume, dimensions) = long.fold((1.0, 0.0), |(v, n), side| (v * side, n + 1.0));
         if dimensions > 0.0 {
@@ -233,9 +234,9 @@ impl<'a> Motion<'a> {
         motion
     }
 
-    /// As [`duration`], by the weighted median of what each particle says: however far some jump.
+    /// Estimates the [`duration`] as the weighted median over particles, which jumps do not affect.
     fn robust_duration(&self, sample: &[(usize, usize, DVec3)]) -> f64 {
-        let mut said: Vec<_> = sample
+        let mut estimates: Vec<_> = sample
             .iter()
             .filter_map(|&(i, j, d)| {
                 let v = self.mean_velocity(i, j)?;
@@ -243,9 +244,9 @@ impl<'a> Motion<'a> {
                 (weight > 0.0 && weight.is_finite()).then(|| (d.dot(v) / weight, weight))
             })
             .collect();
-        said.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut left = 0.5 * said.iter().map(|(_, weight)| weight).sum::<f64>();
-        let median = said.iter().find(|(_, weight)| {
+        estimates.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut left = 0.5 * estimates.iter().map(|(_, weight)| weight).sum::<f64>();
+        let median = estimates.iter().find(|(_, weight)| {
             left -= weight;
             left <= 0.0
         });
@@ -256,32 +257,33 @@ impl<'a> Motion<'a> {
         self.velocities.map(|[from, to]| 0.5 * (from[i] + to[j]).as_dvec3())
     }
 
-    /// How far a particle is from where it is expected, m.
-    fn off(&self, i: usize, j: usize, moved: DVec3) -> f64 {
+    /// Distance of a particle from its predicted position, m.
+    fn deviation(&self, i: usize, j: usize, displacement: DVec3) -> f64 {
         let own = self.mean_velocity(i, j).map_or(DVec3::ZERO, |v| self.duration * v);
-        (moved - self.shared - own).length()
+        (displacement - self.shared - own).length()
     }
 
-    /// Whether particles of one place in the files may be the same: most are where they are expected.
+    /// Whether matching by index is plausible: most particles are near their predicted positions.
     fn is_plausible(&self) -> bool {
-        self.few || self.usual <= f64::max(SPACINGS * self.spacing, SHARE * self.extent)
+        let tolerance = f64::max(SPACINGS * self.spacing, SHARE * self.extent);
+        self.too_few || self.median_deviation <= tolerance
     }
 
-    /// Whether a particle is farther from where it is expected than anything that flows.
-    fn is_jump(&self, i: usize, j: usize, moved: DVec3) -> bool {
+    /// Whether a particle deviates too far from its predicted position to have displacement there.
+    fn is_jump(&self, i: usize, j: usize, displacement: DVec3) -> bool {
         let own = match self.velocities {
             Some([from, to]) if self.duration > 0.0 => {
-                // It may turn round on its way.
+                // The particle may reverse its direction on the way.
                 self.duration * f64::from(from[i].length() + to[j].length())
             }
             _ => SHARE * self.extent,
         };
-        let most = USUAL * self.usual + SPACINGS * self.spacing + own;
-        !self.few && self.off(i, j, moved) > most
+        let tolerance = MEDIANS * self.median_deviation + SPACINGS * self.spacing + own;
+        !self.too_few && self.deviation(i, j, displacement) > tolerance
     }
 }
 
-/// The middle value; 0 of none.
+/// Median; 0 for an empty list.
 fn median(mut values: Vec<f64>) -> f64 {
     if values.is_empty() {
         return 0.0;
@@ -290,11 +292,11 @@ fn median(mut values: Vec<f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// The time between two frames, s: Σ d·v / Σ v·v over the matched particles, d how far one has moved
-/// and v the mean of its velocities; 0 if nothing moves, or not the way it says.
+/// Least-squares time between two frames, s: Σ d·v / Σ v·v over the matched particles, with displacement
+/// d and mean velocity v; 0 if nothing moves, or not along the velocities.
 fn duration(
     pairs: &[Pair],
-    moved: impl Fn(usize, usize) -> DVec3,
+    displacement: impl Fn(usize, usize) -> DVec3,
     from: &[Vec3],
     to: &[Vec3],
 ) -> f64 {
@@ -302,20 +304,21 @@ fn duration(
     for &(i, j) in pairs {
         let (Some(i), Some(j)) = (i, j) else { continue };
         let v = 0.5 * (from[i] + to[j]).as_dvec3();
-        along += moved(i, j).dot(v);
+        along += displacement(i, j).dot(v);
         squared += v.length_squared();
     }
     let duration = along / squared;
     if duration > 0.0 && duration.is_finite() { duration } else { 0.0 }
 }
 
-/// The cubic from 0 to `end` over t from 0 to 1, with the velocities `v0` and `v1` per unit of t.
+/// Cubic Hermite curve from 0 to `end` over t from 0 to 1, with end velocities `v0` and `v1` per unit
+/// of t.
 fn hermite(end: DVec3, v0: DVec3, v1: DVec3, t: f64) -> DVec3 {
     let (t2, t3) = (t * t, t * t * t);
     (3.0 * t2 - 2.0 * t3) * end + (t3 - 2.0 * t2 + t) * v0 + (t3 - t2) * v1
 }
 
-/// An attribute of the matched particles, if both frames have it.
+/// Interpolates an attribute over the pairs, if both frames have it.
 fn mixed<T: Copy>(
     pairs: &[Pair],
     a: Option<&[T]>,
@@ -331,7 +334,7 @@ fn mixed<T: Copy>(
     Some(values.collect())
 }
 
-/// An attribute of all particles, if all fluids that have particles have it.
+/// Concatenates an attribute, if all non-empty fluids have it.
 fn joined<T: Copy>(fluids: &[Particles], of: fn(&Particles) -> &Option<Vec<T>>) -> Option<Vec<T>> {
     let filled = fluids.iter().filter(|fluid| !fluid.is_empty());
     let parts: Option<Vec<&Vec<T>>> = filled.map(|fluid| of(fluid).as_ref()).collect();

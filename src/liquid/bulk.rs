@@ -1,59 +1,58 @@
-//! Where the bulk of the particles is: the box that cameras, floors and light maps are made for.
+//! Robust bounding box of a particle set, on which cameras, floors and light views are based.
 //!
 //! Simulations lose particles: one leaks through a wall and falls for ever, a time step that is too
-//! long throws a few out. In the box around all of them the liquid is a point, and a picture or a
-//! map of that box shows nothing. What is near the others, or joined to them, is not lost, however
-//! few it is: a drop above a splash, the tip of a jet.
+//! long ejects a few. In the bounding box of all particles the liquid is then a point, and a picture or
+//! map of that box shows nothing. Particles that are near the others or connected to them are not
+//! outliers, however few they are: a drop above a splash, the tip of a jet.
 
 use std::collections::{HashMap, VecDeque};
 
 use glam::DVec3;
 
-/// The box around the bulk of some particles, in world space, m.
+/// Bounding box of the bulk of a particle set, in world space, m.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Bulk {
-    /// Its least and its greatest corner: the box around the centres.
+    /// Minimum and maximum corner of the bounding box of the centres.
     pub bounds: (DVec3, DVec3),
-    /// How many centres lie outside.
+    /// Number of centres outside the box.
     pub outside: usize,
-    /// Corners of the core: along each axis it spans the middle 98 % of the centres.
+    /// Minimum and maximum corner of the core, which spans the middle 98 % of the centres along each
+    /// axis.
     pub core: (DVec3, DVec3),
 }
 
-/// Share of the particles on either side of the core, along each axis. A body of more particles
-/// than this is never left out.
+/// Share of the particles below and above the core along each axis. A body of more particles than this
+/// is never an outlier.
 const TAIL: f64 = 0.01;
 
-/// Fewer particles are all bulk: one of them is too large a share to be called lost.
-const FEW: usize = 32;
+/// Smaller sets have no outliers: a single particle is too large a share of them.
+const MIN_COUNT: usize = 32;
 
-/// Places along an axis that tell where the core is.
+/// Positions sampled to find the core.
 const SAMPLES: usize = 16384;
 
-/// How far from the core particles belong to the bulk whether or not others lead to them, in
-/// longest sides of the core. A picture of the bulk is at most so much wider than the core that
-/// the liquid still fills a third of it.
+/// Distance from the core within which particles belong to the bulk even if unconnected, as a multiple
+/// of the core's longest side. The core thus fills at least a third of a picture of the bulk.
 const REACH: f64 = 1.0;
 
-/// Particles are joined if they are in the same cell or in cells that touch, so many along the
-/// core's longest side.
+/// Cells along the core's longest side. Particles in the same or in adjacent cells are connected.
 const CELLS: f64 = 16.0;
 
-/// The bulk of `count` particles; none without any.
+/// Finds the bulk of `count` particles; `None` without particles.
 ///
-/// The core spans along each axis the middle 98 % of the particles. The bulk is the box around
-/// all particles that
+/// The core spans the middle 98 % of the particles along each axis. The bulk is the bounding box of all
+/// particles that
 ///
-/// - are within one longest side of the core from it, or
-/// - are joined to it by particles no further apart than about a sixteenth of that side.
+/// - are within a distance of the core's longest side from the core, or
+/// - are connected to the core by particles no further apart than about a sixteenth of that side.
 ///
-/// Where these are all, the box is exactly that around all particles. So percentiles cut nothing
-/// off by themselves: neither the outermost particles of a compact cloud nor a thin jet. Two bodies
-/// that are far from each other are both in the bulk if each has more than 1 % of the particles.
+/// If these are all particles, the box is exactly their bounding box. Percentiles thus cut off neither
+/// the outermost particles of a compact cloud nor a thin jet. Two bodies far from each other are both
+/// in the bulk if each has more than 1 % of the particles.
 pub fn bulk(count: usize, place: impl Fn(usize) -> DVec3) -> Option<Bulk> {
     let bounds = bounds((0..count).map(&place))?;
     let all = Bulk { bounds, outside: 0, core: bounds };
-    if count < FEW {
+    if count < MIN_COUNT {
         return Some(all);
     }
     let core = core(count, &place);
@@ -62,14 +61,14 @@ pub fn bulk(count: usize, place: impl Fn(usize) -> DVec3) -> Option<Bulk> {
     if side <= 0.0 || holds(near, bounds.0) && holds(near, bounds.1) {
         return Some(Bulk { core, ..all });
     }
-    let joined = joined(count, &place, core, side / CELLS);
-    let kept = (0..count).map(&place).filter(|&x| holds(near, x) || joined(x));
+    let connected = connected(count, &place, core, side / CELLS);
+    let kept = (0..count).map(&place).filter(|&x| holds(near, x) || connected(x));
     let bounds = self::bounds(kept)?;
     let outside = (0..count).filter(|&i| !holds(bounds, place(i))).count();
     Some(Bulk { bounds, outside, core })
 }
 
-/// The corners of the box around all places, if there are any.
+/// Minimum and maximum corner of the bounding box of positions; `None` without any.
 #[doc(hidden)]
 pub fn bounds(mut places: impl Iterator<Item = DVec3>) -> Option<(DVec3, DVec3)> {
     let first = places.next()?;
@@ -77,7 +76,7 @@ pub fn bounds(mut places: impl Iterator<Item = DVec3>) -> Option<(DVec3, DVec3)>
 }
 
 impl Bulk {
-    /// Whether a place is in the box.
+    /// Whether the box contains a position.
     pub fn holds(&self, place: DVec3) -> bool {
         holds(self.bounds, place)
     }
@@ -87,7 +86,7 @@ fn holds((min, max): (DVec3, DVec3), place: DVec3) -> bool {
     min.cmple(place).all() && place.cmple(max).all()
 }
 
-/// The box without the lowest and highest hundredth along each axis.
+/// Bounding box without the lowest and highest hundredth along each axis.
 fn core(count: usize, place: &impl Fn(usize) -> DVec3) -> (DVec3, DVec3) {
     let step = count.div_ceil(SAMPLES);
     let sample: Vec<_> = (0..count).step_by(step).map(place).collect();
@@ -101,14 +100,16 @@ fn core(count: usize, place: &impl Fn(usize) -> DVec3) -> (DVec3, DVec3) {
     (DVec3::new(x.0, y.0, z.0), DVec3::new(x.1, y.1, z.1))
 }
 
-/// Whether a chain of particles leads from the core to a particle, through cubes of this `side`.
-fn joined(
+/// Flood fill from the core through occupied cells of this `side`. The result tells whether a position
+/// outside the core lies in a reached cell.
+fn connected(
     count: usize,
     place: &impl Fn(usize) -> DVec3,
     core: (DVec3, DVec3),
     side: f64,
 ) -> impl Fn(DVec3) -> bool {
-    // From the core's edge, so that what touches it is in the cells beside it.
+    // Aligned with the core's minimum corner, so that particles that touch the core are in cells next
+    // to it.
     let cell = move |x: DVec3| ((x - core.0) / side).floor().to_array().map(|n| n as i64);
     let last = cell(core.1);
     let mut reached: HashMap<[i64; 3], bool> = HashMap::new();

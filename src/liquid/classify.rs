@@ -1,14 +1,14 @@
-//! Splash or aggregate, and the ellipsoid each particle is drawn as.
+//! Classification of particles into splashes and aggregates, and their ellipsoids.
 //!
 //! Aggregates get the anisotropic kernels of J. Yu and G. Turk, "Reconstructing Surfaces of
 //! Particle-Based Fluids Using Anisotropic Kernels", ACM Transactions on Graphics 32(1), 2013;
 //! the separation by local density follows T. Imai, Y. Kanamori and J. Mitani, "Real-time
 //! screen-space liquid rendering with complex refractions", Computer Animation and Virtual Worlds
-//! 27, 2016. Three things differ. The density is a share of that inside a body at rest, so that
-//! the threshold does not depend on the support. Neighbours count by their volume, for files whose
-//! particles differ in size. And by default the *short* axis is held
+//! 27, 2016. Three things differ. Density is relative to that inside a body at rest, so that the
+//! threshold does not depend on the support. Neighbours are weighted by volume, for files with
+//! particles of different sizes. And by default the *short* axis is fixed
 //! ([`Kernel::Fitted`](crate::settings::Kernel::Fitted)): the papers' volume-preserving ellipsoids
-//! sink the surface by a particle.
+//! lower the surface by a particle.
 
 pub mod device;
 mod grid;
@@ -36,14 +36,14 @@ pub use tree::estimate_radius;
 pub use walls::wet;
 pub(crate) use walls::{Eye, seen_past_walls};
 
-/// One splat as the GPU reads it: the ellipsoid { centre + A·s : |s| ≤ 1 }.
+/// A splat in GPU layout: the ellipsoid { centre + A·s : |s| ≤ 1 }.
 ///
-/// A is symmetric positive definite. A rotation of the unit sphere changes nothing, so R·diag(axes)
-/// may be followed by Rᵀ, and six numbers say what nine would.
+/// A is symmetric and positive definite: since rotating the unit sphere changes nothing, R·diag(axes)
+/// can be multiplied by Rᵀ, and six numbers suffice instead of nine.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Splat {
-    /// Centre, in metres, from [`Splats::origin`].
+    /// Centre relative to [`Splats::origin`], in metres.
     pub centre: [f32; 3],
     /// Radius r of the particle, in metres.
     pub radius: f32,
@@ -53,88 +53,89 @@ pub struct Splat {
     pub particle: u32,
     /// `A_xy, A_xz, A_yz`, in metres.
     pub off_diagonal: [f32; 3],
-    /// Which of a scene's fluids it is of, from 0; [`Splat::BURIED`]; of a copy on a plane, which.
+    /// Bit field: index of the fluid, [`Splat::BURIED`], and for a copy on a plane the plane's number.
     pub tags: u32,
 }
 
 impl Splat {
-    /// Set in [`Splat::tags`] if liquid is all round the particle. It is a hint: such splats are
-    /// drawn where others do not hide them, and the rest is drawn first to find out.
+    /// Bit of [`Splat::tags`] that marks a particle surrounded by liquid. It is a hint for culling: all
+    /// other splats are drawn first, then the marked ones that they do not hide.
     pub const BURIED: u32 = 1 << 16;
 
-    /// Where in [`Splat::tags`] a copy that [`wet`] laid on a plane holds that solid's number, from 1,
-    /// in ten bits.
+    /// Position in [`Splat::tags`] of the ten bits that hold, for a copy that [`wet`] placed on a plane,
+    /// the number of that solid, from 1.
     const WALL: u32 = 17;
-    /// Set if that copy is of liquid on the side that the plane's normal points away from.
+    /// Bit of [`Splat::tags`] that marks a copy of liquid behind the plane, opposite to its normal.
     const WALL_FROM_BEHIND: u32 = 1 << 27;
 
-    /// Whether [`wet`] laid it on a plane.
+    /// Whether [`wet`] placed the splat on a plane.
     #[doc(hidden)]
     pub fn is_copy(&self) -> bool {
         self.tags >> Self::WALL & 0x3ff != 0
     }
 
-    /// What turns the unit sphere into it: a symmetric matrix, m.
+    /// The symmetric matrix A, m, which maps the unit sphere to the ellipsoid.
     pub(crate) fn axes(&self) -> DMat3 {
         let ([a, b, c], [d, e, f]) = (self.diagonal, self.off_diagonal);
         DMat3::from_cols_array(&[a, d, e, d, b, f, e, f, c].map(f64::from))
     }
 
-    /// No semi-axis is longer, m: the Frobenius norm of their matrix.
+    /// Upper bound on the semi-axes, m: the Frobenius norm of A.
     #[doc(hidden)]
     pub fn longest(&self) -> f64 {
         self.axes().to_cols_array().map(|x| x * x).iter().sum::<f64>().sqrt()
     }
 
-    /// Which of a scene's fluids it is of, from 0.
+    /// Index of the fluid in the scene.
     pub fn fluid(&self) -> u32 {
         self.tags & (Self::BURIED - 1)
     }
 
-    /// The same, marked if liquid is all round it.
+    /// Sets [`Splat::BURIED`] if the particle is surrounded by liquid.
     fn buried(self, surrounded: bool) -> Self {
         let mark = if surrounded { Self::BURIED } else { 0 };
         Self { tags: self.tags | mark, ..self }
     }
 
-    /// Whether liquid is all round the particle.
+    /// Whether the particle is surrounded by liquid.
     pub fn is_buried(&self) -> bool {
         self.tags & Self::BURIED != 0
     }
 }
 
-/// What a frame is drawn from. Both lists are in the order of the file; the copies that [`wet`]
-/// makes follow.
+/// The splats of a frame. Both lists are in file order; copies made by [`wet`] follow.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Splats {
-    /// Ellipsoids of the liquid's bodies and sheets.
+    /// Ellipsoids of bodies and sheets.
     pub aggregates: Vec<Splat>,
     /// Spheres of droplets.
     pub splashes: Vec<Splat>,
     /// Median particle radius, in metres.
     pub radius: f32,
-    /// The point that centres are counted from, in world space, in metres: that of the particles,
-    /// or where these are far from it their middle, so that 32-bit floats keep their digits.
+    /// Origin of the centres in world space, in metres: the origin of the particles, or their centre if
+    /// they are far from it, so that 32-bit floats keep their precision.
     pub origin: DVec3,
 }
 
-/// Separates a frame's particles into splashes and aggregates, and shapes them.
+/// Classifies a frame's particles into splashes and aggregates, and computes their shapes.
 ///
-/// Aggregates with [a shape of their own](Particles::ellipsoids) are drawn as it says, where the
-/// file has them; splashes are spheres all the same.
+/// Aggregates with [a shape from the file](Particles::ellipsoids) keep that shape and stay at their
+/// particles' positions; splashes are always spheres.
 ///
-/// `default_radius` serves files without radii. Particles that cannot be drawn are left out: a
-/// radius that is not positive, or whose cube a 32-bit float cannot hold (10⁻¹³ to 10¹² m are
-/// fine), or a position that is not finite. The result depends on the particles and the settings
-/// alone, not on the number of threads. [`Classifier`] does it on a device.
+/// `default_radius` applies to files without radii. Particles that cannot be drawn are skipped: those
+/// with a non-finite position, with a radius that is not positive, or with a radius whose cube is not
+/// a normal 32-bit float (10⁻¹³ to 10¹² m are fine). The result depends only on the particles and the
+/// settings, not on the number of threads. [`Classifier`] does the same on the device.
 pub fn classify(particles: &Particles, default_radius: f32, settings: &Classify) -> Splats {
     Cloud::new(particles, default_radius).classify(settings)
 }
 
-/// Whether a place, counted from the splats' origin, has so many aggregates around it as places in a
-/// body have, also between its particles. From the height of the topmost centres upwards it has not.
+/// Whether a position relative to the splats' origin is inside a body, between particles included: the
+/// aggregates around it reach the density of a body. Positions at or above the topmost centres are
+/// outside.
 pub(crate) fn is_inside(splats: &Splats, place: DVec3, support: f32) -> bool {
-    const AROUND: f64 = 0.75;
+    /// Share of the density at rest.
+    const MIN_DENSITY: f64 = 0.75;
     let h = f64::from(support) * f64::from(splats.radius);
     let mut near = Moments::default();
     for splat in &splats.aggregates {
@@ -143,10 +144,10 @@ pub(crate) fn is_inside(splats: &Splats, place: DVec3, support: f32) -> bool {
             near.add(offset, f64::from(splat.radius / splats.radius).powi(3));
         }
     }
-    near.weight >= AROUND * moments::density_at_rest(support.into())
+    near.weight >= MIN_DENSITY * moments::density_at_rest(support.into())
 }
 
-/// A particle that can be drawn.
+/// A drawable particle.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Member {
@@ -162,22 +163,22 @@ impl Member {
     }
 }
 
-/// The particles of a frame that can be drawn, before they are told apart and shaped.
+/// The drawable particles of a frame, before classification.
 #[derive(Clone, Debug)]
 pub struct Cloud {
     members: Vec<Member>,
-    /// Shapes that the file gives, by particle.
+    /// Shapes from the file, by particle.
     ellipsoids: Option<Vec<Ellipsoid>>,
     /// Median radius, m.
     radius: f32,
-    /// What members are counted from, in world space.
+    /// Origin of the members in world space, m.
     origin: DVec3,
-    /// What splats are counted from, from there.
+    /// Origin of the splats relative to that of the members, m.
     shift: DVec3,
 }
 
 impl Cloud {
-    /// Leaves out what cannot be drawn; see [`classify`].
+    /// Collects the drawable particles; see [`classify`].
     pub fn new(particles: &Particles, default_radius: f32) -> Self {
         let radius = |i: usize| particles.radii.as_ref().map_or(default_radius, |radii| radii[i]);
         let fluid = |i: usize| particles.fluids.as_ref().map_or(0, |fluids| fluids[i].into());
@@ -206,19 +207,19 @@ impl Cloud {
         }
     }
 
-    /// Splashes, aggregates and their shapes; see [`classify`].
+    /// Classifies the particles; see [`classify`].
     pub fn classify(&self, settings: &Classify) -> Splats {
         let Some(grid) = self.grid(settings) else { return self.classify_by_tree(settings) };
         let shaped = grid.map(self.shaper(settings));
-        // As they are in the file, not as they are in the grid.
+        // Back to file order.
         let slots = grid.slots();
         self.splats(slots.par_iter().map(|&slot| shaped[slot as usize]))
     }
 
-    /// As [`Cloud::classify`], with a k-d tree whatever the particles.
+    /// As [`Cloud::classify`], but always with a k-d tree.
     ///
-    /// It is the check of the grid, which sums the same neighbours in another order and in 32 bits:
-    /// centres and axes agree to 10⁻⁵ r, densities to 10⁻⁶ of their value.
+    /// Serves as the reference for the grid, which sums the same neighbours in another order and in 32
+    /// bits: centres and axes agree to 10⁻⁵ r, densities to a relative 10⁻⁶.
     pub fn classify_by_tree(&self, settings: &Classify) -> Splats {
         let support = settings.support.into();
         let tree = Tree::new(&self.members).thinned(support);
@@ -227,15 +228,15 @@ impl Cloud {
             return self
                 .splats(self.members.par_iter().map(|m| shape(m, &tree.moments(m, support))));
         }
-        // In a crowd many may be in one place, and find the same there.
+        // In a crowd, many particles may coincide and share one result.
         let (distinct, which) = distinct(&self.members);
         let found: Vec<_> = distinct.par_iter().map(|m| tree.moments(m, support)).collect();
         let members = self.members.par_iter().zip(&which);
         self.splats(members.map(|(m, &i)| shape(m, &found[i as usize])))
     }
 
-    /// Whether neighbours are found by a uniform grid. Radii that differ much, particles here and
-    /// there in a wide space, and crowds are left to the tree.
+    /// Whether neighbours are found by a uniform grid. The tree handles widely differing radii, particles
+    /// scattered over a large space, and crowds.
     pub fn has_grid(&self, settings: &Classify) -> bool {
         self.grid(settings).is_some()
     }
@@ -245,12 +246,13 @@ impl Cloud {
         Grid::new(layout, &self.members, self.radius, settings.support)
     }
 
-    /// Makes a splash (left) or an aggregate of a member and what is near it.
+    /// Returns the function that turns a member and its neighbourhood into a splash (left) or an
+    /// aggregate (right).
     fn shaper(&self, settings: &Classify) -> impl Fn(&Member, &Moments) -> Either<Splat, Splat> {
         let at_rest = moments::density_at_rest(settings.support.into());
-        let least = f64::from(settings.splash_density) * at_rest;
+        let threshold = f64::from(settings.splash_density) * at_rest;
         move |member, near| {
-            if near.weight < least {
+            if near.weight < threshold {
                 Either::Left(member.splash(settings, self.shift))
             } else {
                 let shaped = match self.given(member) {
@@ -262,7 +264,7 @@ impl Cloud {
         }
     }
 
-    /// The shape that the file gives a member.
+    /// The member's shape from the file, if it is drawable.
     fn given(&self, member: &Member) -> Option<&Ellipsoid> {
         let ellipsoids = self.ellipsoids.as_ref()?;
         ellipsoids.get(member.particle as usize).filter(|ellipsoid| ellipsoid.drawable())
@@ -274,8 +276,8 @@ impl Cloud {
     }
 }
 
-/// The members without those that equal another in place and radius, and for each member the one that
-/// stands for it.
+/// Removes duplicates in position and radius. Returns the distinct members, and for each member the index
+/// of its representative.
 fn distinct(members: &[Member]) -> (Vec<&Member>, Vec<u32>) {
     let bits = |m: &Member| (m.position.map(f32::to_bits), m.radius.to_bits());
     let mut order: Vec<u32> = (0..members.len() as u32).collect();
@@ -301,7 +303,7 @@ fn median(mut radii: Vec<f32>, default: f32) -> f32 {
     if radii.is_empty() { default } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 }
 }
 
-/// Median radius of the particles that can be drawn, m; `default` where they have none.
+/// Median radius of the drawable particles, m; `default` if there are no radii.
 #[doc(hidden)]
 pub fn median_radius(particles: &Particles, default: f32) -> Result<f32> {
     let Some(radii) = &particles.radii else { return Ok(default) };
@@ -310,13 +312,13 @@ pub fn median_radius(particles: &Particles, default: f32) -> Result<f32> {
     Ok(median(drawable_radii, default))
 }
 
-/// Fails if there is no memory to classify so many particles, or to estimate their radius; `what`
-/// tells whose they are.
+/// Fails if there is not enough memory to classify this many particles, or to estimate their radius;
+/// `what` describes them in the error.
 #[doc(hidden)]
 pub fn probe_memory(particles: usize, what: &str) -> Result<()> {
-    /// Bytes for each, by estimate: 310 at most, of which 100 are what it is drawn as.
-    const EACH: usize = 320;
-    memory::probe(particles.saturating_mul(EACH), what)
+    /// Bytes per particle: an estimated maximum of 310, of which 100 are the splats.
+    const PER_PARTICLE: usize = 320;
+    memory::probe(particles.saturating_mul(PER_PARTICLE), what)
 }
 
 #[cfg(test)]
@@ -335,19 +337,19 @@ mod tests {
         (a - b).to_cols_array().into_iter().fold(0.0, |most, x| x.abs().max(most))
     }
 
-    /// What both searches find of each member, named.
+    /// Moments of all members by both searches, with the searches' names.
     fn searches(cloud: &Cloud, support: f32) -> [(&'static str, Vec<Moments>); 2] {
         let settings = Classify { support, ..Default::default() };
         let tree = Tree::new(&cloud.members);
         let by_tree = cloud.members.iter().map(|m| tree.moments(m, support.into())).collect();
-        let grid = cloud.grid(&settings).expect("particles as in any liquid");
+        let grid = cloud.grid(&settings).expect("an ordinary particle set has a grid");
         let found = grid.map(|_, near| *near);
         let by_grid = grid.slots().into_iter().map(|slot| found[slot as usize]).collect();
         [("tree", by_tree), ("grid", by_grid)]
     }
 
-    /// Every neighbour is found, once, and the one-pass sums lose nothing: they equal the
-    /// textbook's two passes over all pairs, with radii that differ.
+    /// Every neighbour is found exactly once, and the one-pass sums equal the two-pass formula over all
+    /// pairs, with different radii.
     #[test]
     fn moments_equal_a_brute_force_reference() {
         let mut seed = 2;
@@ -386,7 +388,7 @@ mod tests {
                 });
 
                 assert_eq!(moments.count as usize, near.len(), "{search}, {i}");
-                // The ratio of radii is taken in 32 bits.
+                // The ratio of radii is computed in 32 bits.
                 assert!((moments.weight - total).abs() < 1e-6 * total, "{search}");
                 assert!((moments.mean() * h - mean).length() < 1e-6 * h, "{search}");
                 let found = moments.covariance() * (h * h);
@@ -395,8 +397,8 @@ mod tests {
         }
     }
 
-    /// The threshold is a share of the density at rest, for any support; and neighbours at h itself,
-    /// of which a lattice has many, are counted, whatever the rounding.
+    /// The relative density inside a lattice is 1 for any support, and neighbours at distance h, of which
+    /// a lattice has many, are counted regardless of rounding.
     #[test]
     fn density_inside_a_lattice_is_one() {
         for (support, count) in [(2.0, 7), (3.0, 19), (4.0, 33), (5.5, 81)] {

@@ -1,9 +1,9 @@
-//! What both neighbour searches by a uniform grid rest on.
+//! Counting sort by grid cell, shared by both grid-based neighbour searches.
 
-/// Sorts things by the cell that each is in; the order within a cell is kept.
+/// Sorts items by their cell, stably.
 ///
-/// `starts` gets where the things of each of `count` cells begin in the new order, and one more,
-/// where the last cell's end; `order` gets for each place in the new order the one in the old.
+/// `starts` receives the first sorted index of each of the `count` cells, and as a last entry the end of
+/// the last cell; `order` receives the original index for each sorted index.
 ///
 /// # Panics
 /// If a cell is not below `count`.

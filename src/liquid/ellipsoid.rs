@@ -1,13 +1,13 @@
-//! Shapes of particles that a file gives.
+//! Particle shapes from a file.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3};
 
-/// The shape of a particle of radius r at c, as its file gives it: the ellipsoid
-/// { c + r A·s : |s| ≤ 1 } with A symmetric and positive definite; other matrices shape nothing.
-/// The unit of A is the particle's radius, so A = 1 is its sphere.
+/// Shape of a particle of radius r at c: the ellipsoid { c + r A·s : |s| ≤ 1 } with A symmetric and
+/// positive definite; other matrices are not drawable. The unit of A is the particle radius, so A = 1
+/// is the particle's sphere.
 ///
-/// The entries are in VTK's order of a symmetric tensor.
+/// The entries are in VTK's order for symmetric tensors.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Ellipsoid {
@@ -26,13 +26,12 @@ pub struct Ellipsoid {
 }
 
 impl Ellipsoid {
-    /// The particle's own sphere.
+    /// The particle's sphere.
     pub const SPHERE: Self = Self { xx: 1.0, yy: 1.0, zz: 1.0, xy: 0.0, yz: 0.0, xz: 0.0 };
 
-    /// The ellipsoid { c + r G·s : |s| ≤ 1 } of any matrix G: what is left of G without the turn of
-    /// the unit sphere that it begins with. A symmetric, positive definite G is A itself, to the
-    /// bit; a G that flattens the sphere to nothing yields a shape that is not
-    /// [drawable](Self::drawable).
+    /// Builds the ellipsoid { c + r G·s : |s| ≤ 1 } of any matrix G by polar decomposition G = A·Q,
+    /// which drops the rotation Q of the unit sphere. A symmetric, positive definite G is returned
+    /// bit by bit; a singular G yields a shape that is not [drawable](Self::drawable).
     pub fn of_map(map: DMat3) -> Self {
         let given = Self::of_symmetric(map);
         if given.matrix() == map && given.drawable() {
@@ -41,8 +40,8 @@ impl Ellipsoid {
         if map.determinant().abs() < f64::MIN_POSITIVE {
             return Self::default();
         }
-        // Higham, "Computing the Polar Decomposition", 1986: Newton's iteration to the nearest
-        // orthogonal matrix; from any that is not nearly singular it settles long before.
+        // Higham, "Computing the Polar Decomposition", 1986: Newton's iteration for the nearest
+        // orthogonal matrix; unless G is nearly singular it converges long before this limit.
         const STEPS: usize = 100;
         let mut turn = map;
         for _ in 0..STEPS {
@@ -56,7 +55,7 @@ impl Ellipsoid {
         if found.matrix().is_finite() { found } else { Self::default() }
     }
 
-    /// A, from the mean of what should be equal in it.
+    /// Builds A from the symmetric part of a matrix.
     fn of_symmetric(a: DMat3) -> Self {
         let [x, y, z] = [a.x_axis, a.y_axis, a.z_axis];
         let mean = |a: f64, b: f64| (0.5 * (a + b)) as f32;
@@ -64,16 +63,16 @@ impl Ellipsoid {
         Self { xx, yy, zz, xy: mean(x.y, y.x), yz: mean(y.z, z.y), xz: mean(x.z, z.x) }
     }
 
-    /// A.
+    /// The matrix A.
     pub fn matrix(self) -> DMat3 {
         let Self { xx, yy, zz, xy, yz, xz } = self;
         let column = |x: f32, y: f32, z: f32| DVec3::new(x.into(), y.into(), z.into());
         DMat3::from_cols(column(xx, xy, xz), column(xy, yy, yz), column(xz, yz, zz))
     }
 
-    /// Whether this is an ellipsoid whose axes differ by less than about a factor 10⁴.
+    /// Whether this is an ellipsoid whose axes differ by less than about a factor of 10⁴.
     pub fn drawable(self) -> bool {
-        /// Of the determinant, to the cube of the mean axis.
+        /// Smallest ratio of the determinant to the cube of the mean axis.
         const FLAT: f64 = 1e-8;
         let a = self.matrix();
         let mean = (a.x_axis.x + a.y_axis.y + a.z_axis.z) / 3.0;
@@ -82,13 +81,13 @@ impl Ellipsoid {
         a.is_finite() && a.x_axis.x > 0.0 && leading > 0.0 && a.determinant() > FLAT * mean.powi(3)
     }
 
-    /// As [`super::Particles::to_y_up`] turns it.
+    /// Rotates from z up to y up, as [`super::Particles::to_y_up`].
     pub(super) fn turned_y_up(self) -> Self {
         let Self { xx, yy, zz, xy, yz, xz } = self;
         Self { xx, yy: zz, zz: yy, xy: xz, yz: -yz, xz: -xy }
     }
 
-    /// With every axis this many times as long.
+    /// Scales every axis by `factor`.
     pub fn scaled(self, factor: f32) -> Self {
         bytemuck::cast(bytemuck::cast::<Self, [f32; 6]>(self).map(|entry| factor * entry))
     }

@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 use super::bulk::{Bulk, bounds, bulk};
 use super::ellipsoid::Ellipsoid;
 
-/// One frame of particles, structure of arrays: every attribute that is present has one entry
+/// One frame of particles as a structure of arrays: every attribute that is present has one entry
 /// per particle, and every number is finite.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Particles {
-    /// The point that positions are counted from, in metres: 0 where 32-bit floats hold enough digits;
+    /// Origin of the positions in world space, in metres: 0 where 32-bit floats are precise enough;
     /// otherwise see [`Particles::from_places`].
     pub origin: DVec3,
-    /// Centres, in metres, from the origin.
+    /// Centres relative to the origin, in metres.
     pub positions: Vec<Vec3>,
     /// Velocities, in metres per second.
     pub velocities: Option<Vec<Vec3>>,
@@ -21,34 +21,34 @@ pub struct Particles {
     pub densities: Option<Vec<f32>>,
     /// Particle radii, in metres (`pscale`, `radius`), none negative.
     pub radii: Option<Vec<f32>>,
-    /// Identities that persist between frames.
+    /// Ids that persist between frames.
     pub ids: Option<Vec<i64>>,
-    /// Which of a scene's fluids each belongs to, from 0; of one fluid, none.
+    /// Index of each particle's fluid in the scene; `None` for a single fluid.
     pub fluids: Option<Vec<u8>>,
-    /// Shapes that the file gives, in units of each particle's radius.
+    /// Shapes from the file, in units of each particle's radius.
     pub ellipsoids: Option<Vec<Ellipsoid>>,
 }
 
-/// The axis that points up in a file.
+/// The up axis of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Up {
-    /// As in limpid, Houdini and most simulators.
+    /// y, as in limpid, Houdini and most simulators.
     #[default]
     Y,
-    /// As in Blender and CAD.
+    /// z, as in Blender and CAD.
     Z,
 }
 
 impl Particles {
-    /// Particles without other attributes, counted from 0.
+    /// Creates particles without other attributes, with the origin at 0.
     pub fn from_positions(positions: Vec<Vec3>) -> Self {
         Self { positions, ..Self::default() }
     }
 
-    /// Particles without other attributes. They are counted from 0, or where 32-bit floats would
-    /// lose digits by that from the middle of the box around them: where it is farther from 0 than
-    /// 16 times its longest side.
+    /// Creates particles without other attributes from world positions. The origin is 0, or the centre
+    /// of the bounding box if that is farther from 0 than 16 times the box's longest side, where 32-bit
+    /// floats would lose precision.
     pub fn from_places(places: &[DVec3]) -> Self {
         let origin = origin_for(places.iter().copied());
         let positions = places.iter().map(|&place| (place - origin).as_vec3()).collect();
@@ -60,24 +60,24 @@ impl Particles {
         self.positions.len()
     }
 
-    /// Whether there are none, as in the first frames of many emitters.
+    /// Whether there are no particles, as in the first frames of many emitters.
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
 
-    /// The least and the greatest corner of the box around all centres, if there are any.
+    /// Minimum and maximum corner of the bounding box of all centres; `None` without particles.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         let places = self.positions.iter().map(|&position| self.origin + position.as_dvec3());
         bounds(places)
     }
 
-    /// Where the bulk of the particles is: [`bulk()`](super::bulk::bulk).
+    /// Bounding box of the bulk of the particles: [`bulk()`](super::bulk::bulk).
     pub fn bulk(&self) -> Option<Bulk> {
         bulk(self.len(), |i| self.place(i))
     }
 
-    /// Turns positions, velocities and ellipsoids of a file with this `up` axis to limpid's, which
-    /// is y: a quarter turn about x, so handedness is kept.
+    /// Rotates positions, velocities and ellipsoids of a file with this `up` axis to y up: a quarter
+    /// turn about x, which preserves handedness.
     pub fn to_y_up(&mut self, up: Up) {
         if up == Up::Z {
             self.origin = DVec3::new(self.origin.x, self.origin.z, -self.origin.y);
@@ -90,33 +90,33 @@ impl Particles {
         }
     }
 
-    /// Where particle `i` is, m, as far as 32-bit floats can tell. Unlike the sum it keeps −0.
+    /// World position of particle `i`, m, rounded to 32-bit floats. Unlike the sum it preserves −0.
     pub fn single_place(&self, i: usize) -> Vec3 {
         if self.narrow() { self.positions[i] } else { self.place(i).as_vec3() }
     }
 
-    /// Where particle `i` is, m.
+    /// World position of particle `i`, m.
     pub fn place(&self, i: usize) -> DVec3 {
         self.origin + self.positions[i].as_dvec3()
     }
 
-    /// Whether 32-bit floats hold the places, bit by bit.
+    /// Whether 32-bit floats represent the world positions exactly.
     pub fn narrow(&self) -> bool {
         self.origin == DVec3::ZERO
     }
 }
 
-/// Whether a particle of this radius has a volume that a 32-bit float can hold.
+/// Whether a radius is positive and its cube is a normal 32-bit float.
 #[doc(hidden)]
 pub fn drawable(radius: f32) -> bool {
     radius > 0.0 && radius.powi(3).is_normal()
 }
 
-/// The point from which 32-bit floats keep enough digits of all places: 0 if it does, so that
-/// ordinary files stay as they are.
+/// Chooses an origin from which 32-bit floats represent all positions precisely enough: 0 if possible,
+/// so that the positions of ordinary files stay unchanged.
 #[doc(hidden)]
 pub fn origin_for(places: impl Iterator<Item = DVec3>) -> DVec3 {
-    /// So many sizes from 0, floats resolve 1e-6 of the size.
+    /// Distance from 0 in bounding-box sizes at which 32-bit floats still resolve 1e-6 of the size.
     const FAR: f64 = 16.0;
     let Some((min, max)) = bounds(places) else { return DVec3::ZERO };
     let middle = 0.5 * (min + max);

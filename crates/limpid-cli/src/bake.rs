@@ -1,4 +1,4 @@
-//! `limpid bake`.
+//! The command `limpid bake`.
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -11,13 +11,13 @@ use limpid_io::project::Project;
 pub(crate) struct Args {
     /// A scene (.toml) with a [simulation].
     scene: PathBuf,
-    /// The folder for the frames, `NAME_0001.bgeo` and so on [default: baked/NAME beside the scene].
+    /// Folder for the frames, `NAME_0001.bgeo` and so on [default: baked/NAME beside the scene].
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Number of frames [default: the scene's].
     #[arg(long)]
     frames: Option<u32>,
-    /// Replace the frames that are there instead of going on after them.
+    /// Replace existing frames instead of continuing after them.
     #[arg(long)]
     restart: bool,
 }

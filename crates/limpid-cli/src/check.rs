@@ -1,4 +1,4 @@
-//! `limpid check`.
+//! The command `limpid check`.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -7,24 +7,25 @@ use limpid_io::device;
 use limpid_io::output::{self, FileKind};
 use limpid_lab::check::{Report, Suite, Verdict};
 
-/// Where results go if nothing else is said; only what failed makes it.
+/// Default folder of the results, which only failures create.
 const RESULTS: &str = "limpid-check";
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The suite (.toml): frames, what they must look like, and how nearly.
+    /// The suite (.toml): frames, their expected pictures, and tolerances.
     suite: PathBuf,
-    /// Make what was drawn the expectation of what failed. What passes stays as it is.
+    /// Replace the expected pictures of failed entries with the rendered ones. Passed entries are not
+    /// changed.
     #[arg(long)]
     bless: bool,
-    /// Only the entries whose names hold NAME; may be given several times.
+    /// Check only entries whose names contain NAME; may be given several times.
     #[arg(long, value_name = "NAME")]
     filter: Vec<String>,
-    /// Folder for index.html and the pictures of what failed [default: limpid-check, if anything
-    /// did].
+    /// Folder for index.html and the pictures of failed entries [default: limpid-check, if any
+    /// failed].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write the results for a CI system.
+    /// Write the results as XML for a CI system.
     #[arg(long, value_name = "FILE.xml")]
     junit: Option<PathBuf>,
     /// Print machine-readable results.
@@ -37,7 +38,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let folder = args.out.as_deref().unwrap_or(Path::new(RESULTS));
     check_outputs(args, &suite, folder)?;
     let gpu = device::open()?;
-    // A pipe that is closed ends the listing, not the run.
+    // A closed pipe ends the listing, not the run.
     let mut listing = Ok(());
     let mut report = suite.run(&gpu, &args.filter, |outcome| {
         if !args.json && listing.is_ok() {
@@ -55,7 +56,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         })?;
     }
     let passed = report.count(Verdict::Passed) == report.outcomes.len();
-    // What lies there from an earlier run would pass for this one's.
+    // Also replaces the results of an earlier run, which would be mistaken for those of this one.
     if args.out.is_some() || !passed || folder.exists() {
         report.write(folder)?;
     }
@@ -66,7 +67,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(report.exit_code()))
 }
 
-/// Before anything is drawn.
+/// Checks the outputs before anything is drawn.
 fn check_outputs(args: &Args, suite: &Suite, folder: &Path) -> limpid_io::Result<()> {
     if args.bless {
         suite.check_blessings(&args.filter)?;

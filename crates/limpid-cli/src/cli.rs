@@ -1,4 +1,4 @@
-//! Arguments, and what each command does with them.
+//! Parsing of the command line, and dispatch to the commands.
 
 use std::io;
 use std::process::ExitCode;
@@ -8,11 +8,11 @@ use clap::{Parser, Subcommand};
 
 use crate::{bake, check, compare, convert, info, render, report, signals, view};
 
-/// Draws clear liquid straight from particles.
+/// Renders clear liquid directly from particles.
 ///
-/// Exit codes: 0 done, 1 the pictures differ, errors have risen or frames failed, 2 usage, 3 size or
-/// format mismatch, 4 missing or unreadable file, 5 no graphics adapter, 6 device lost, or memory or threads ran out
-/// (try again).
+/// Exit codes: 0 success, 1 pictures differ, errors have increased or frames failed, 2 usage, 3 size
+/// or format mismatch, 4 missing or unreadable file, 5 no graphics adapter, 6 device lost, or out of
+/// memory or threads (try again).
 #[derive(Parser)]
 #[command(name = "limpid", version, about, long_about)]
 struct Cli {
@@ -22,21 +22,21 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Render frames to PNG, without a window.
+    /// Render frames to pictures or a film, without a window.
     Render(Box<render::Args>),
-    /// Simulate the liquid of a scene with a [simulation], into a sequence of BGEO files.
+    /// Simulate a scene with a [simulation] and write a sequence of BGEO files.
     Bake(bake::Args),
-    /// Look at it in a window: play, orbit, tune, save.
+    /// Open a viewer window: play, orbit, adjust settings, save.
     View(view::Args),
-    /// Say what a particle file or sequence holds.
+    /// Describe a particle file or sequence.
     Info(info::Args),
-    /// Write particle files in another format.
+    /// Convert particle files to another format.
     Convert(convert::Args),
-    /// Say how far one picture is from another.
+    /// Measure the difference between two pictures.
     Compare(compare::Args),
-    /// Draw the frames of a suite and compare each with the picture that it must be.
+    /// Render the frames of a suite and compare each with its expected picture.
     Check(check::Args),
-    /// Measure how fast and how wrong every method is, against ground truth.
+    /// Measure the speed and the error of every method against ground truth.
     Report(report::Args),
 }
 
@@ -56,23 +56,23 @@ pub(crate) fn run() -> anyhow::Result<ExitCode> {
     }
 }
 
-/// The exit code for the signal that has come, if one has.
+/// The exit code for the received signal, if there is one.
 pub(crate) fn signal() -> Option<u8> {
     signals::received()
 }
 
-/// Starts the threads that share long loops: as many as there are cores, or one where the system
-/// gives no more (`ulimit -u`).
+/// Starts rayon's global thread pool: one thread per core, or a single one if the system allows no
+/// more (`ulimit -u`).
 fn start_workers() -> limpid_io::Result<()> {
-    // Tried with threads of their own, for those that all share can be asked for once only.
+    // Tested with a pool of its own, since the global one can be built only once.
     let possible = rayon::ThreadPoolBuilder::new().build().is_ok();
-    // 0 is as many as there are cores, or as RAYON_NUM_THREADS says.
+    // 0 means one per core, or RAYON_NUM_THREADS.
     let threads = if possible { 0 } else { 1 };
     let started = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
     started.map_err(|error| limpid_io::Error::Threads(io::Error::other(error)))
 }
 
-/// As clap parses, but with every error on one line like all others.
+/// Parses the arguments; usage errors are put on one line, like all other errors.
 fn parse() -> anyhow::Result<Cli> {
     Cli::try_parse().map_err(|error| match error.kind() {
         Usage::DisplayHelp
@@ -82,13 +82,13 @@ fn parse() -> anyhow::Result<Cli> {
     })
 }
 
-/// The problem and the hint of clap's message, without its usage and its pointer to the help.
+/// Extracts problem and hint from clap's message, without the usage and the reference to the help.
 fn one_line(message: &str) -> String {
     let message = message.strip_prefix("error: ").unwrap_or(message);
     let lines = message.lines().map(str::trim).filter(|line| !line.is_empty());
-    let told = |line: &&str| !line.starts_with("Usage:") && !line.starts_with("For more");
-    lines.take_while(told).fold(String::new(), |text, line| {
-        let between = if text.is_empty() || text.ends_with(':') { " " } else { "; " };
-        (text + between + line).trim_start().to_owned()
+    let is_message = |line: &&str| !line.starts_with("Usage:") && !line.starts_with("For more");
+    lines.take_while(is_message).fold(String::new(), |text, line| {
+        let separator = if text.is_empty() || text.ends_with(':') { " " } else { "; " };
+        (text + separator + line).trim_start().to_owned()
     })
 }

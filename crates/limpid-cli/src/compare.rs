@@ -1,4 +1,4 @@
-//! `limpid compare`.
+//! The command `limpid compare`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -13,7 +13,7 @@ pub(crate) struct Args {
     reference: PathBuf,
     /// The picture to test.
     test: PathBuf,
-    /// Exit with 1 if the mean FLIP is above this, 0 to 1.
+    /// Exit with code 1 if the mean FLIP exceeds this, 0 to 1.
     #[arg(long, value_name = "X", value_parser = parse_share)]
     max_flip: Option<f64>,
     /// Write a picture of the differences: .png, .jpg or .webp.

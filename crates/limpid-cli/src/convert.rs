@@ -1,4 +1,4 @@
-//! `limpid convert`.
+//! The command `limpid convert`.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -18,18 +18,18 @@ use rayon::prelude::*;
 pub(crate) struct Args {
     /// A particle file, a pattern such as frame_{}.vtk, or a folder.
     input: String,
-    /// The file, whose extension names the format; of several frames a name with a place for the
-    /// number (####, {}, %04d, $F4), or a folder, for `frame_####.bgeo` in it.
+    /// Output file, whose extension selects the format; for several frames a name with a placeholder
+    /// for the number (####, {}, %04d, $F4), or a folder for `frame_####.bgeo`.
     output: String,
     /// Frames: 1-3,5, 7-20:2, all [default: all].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
-    /// The axis that points up in the input, y or z; what is written has y up.
+    /// The axis that points up in the input, y or z; the output has y up.
     #[arg(long, default_value = "y", value_parser = parse_up)]
     up: Up,
     #[command(flatten)]
     reading: crate::shared_args::Reading,
-    /// Leave frames alone whose file exists.
+    /// Skip frames whose file exists.
     #[arg(long)]
     skip_existing: bool,
 }
@@ -43,7 +43,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         false => args.output.clone(),
     };
     let names = OutputNames::parse(&output, frames.len())?;
-    // Before anything is read.
+    // Fails for an unknown format before anything is read.
     particles::lost(&Particles::default(), Path::new(&output))?;
     if folder {
         output::check_folder(Path::new(&args.output))?;
@@ -69,7 +69,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let bar = crate::terminal::progress(todo.len());
     let (mut lost, mut ignored) = (Vec::new(), Vec::new());
-    // No more frames in memory than threads, whichever of their work is stolen.
+    // In chunks, since work stealing would otherwise hold more frames in memory than there are threads.
     for frames in todo.chunks(rayon::current_num_threads()) {
         let convert = |frame: &&Frame| {
             let converted = convert(frame, &names.path(frame.number), args);
@@ -78,10 +78,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         };
         let converted: Vec<_> = frames.par_iter().map(convert).collect();
         for names in converted {
-            // A line of the bar must not be left beside the error.
+            // Clears the bar, which must not share a line with the error.
             let (names, arrays) = names.inspect_err(|_| bar.finish_and_clear())?;
-            add(&mut lost, names);
-            add(&mut ignored, arrays);
+            add_missing(&mut lost, names);
+            add_missing(&mut ignored, arrays);
         }
     }
     bar.finish_and_clear();
@@ -92,15 +92,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         ));
     }
     if !ignored.is_empty() {
-        let (arrays, those) = (ignored.join(", "), if ignored.len() > 1 { "are" } else { "is" });
+        let (arrays, verb) = (ignored.join(", "), if ignored.len() > 1 { "are" } else { "is" });
         let remedy = "--map reads attributes from arrays of other names";
-        crate::terminal::complain(format!("{}: {arrays} {those} left out; {remedy}", args.input));
+        crate::terminal::complain(format!("{}: {arrays} {verb} left out; {remedy}", args.input));
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Converts a frame, and says what was lost: attributes that the format cannot hold, and arrays
-/// that are none.
+/// Converts a frame; returns the attributes that the format cannot store, and the names of the ignored
+/// arrays.
 fn convert(
     frame: &Frame,
     path: &Path,
@@ -114,8 +114,8 @@ fn convert(
     Ok((particles::lost(&particles, path)?, ignored.map(|array| array.name).collect()))
 }
 
-/// Adds the names that are not there yet.
-fn add<T: PartialEq>(names: &mut Vec<T>, more: Vec<T>) {
+/// Adds the names that are missing.
+fn add_missing<T: PartialEq>(names: &mut Vec<T>, more: Vec<T>) {
     for name in more {
         if !names.contains(&name) {
             names.push(name);

@@ -1,12 +1,11 @@
-//! What a picture was made from, as a number that is kept in the picture.
+//! Fingerprints: hashes of everything that a picture was made from, stored in the picture.
 //!
-//! A run that is resumed leaves those pictures alone that it would draw the same way. A
-//! [`Fingerprint`] is over everything that decides the pixels: the settled scene with its settings
-//! and its environment, the camera, the size, the moment, where the particles come from, and
-//! limpid's version. Particle files are known by their path, their length and their time of
-//! modification; to read all of them would take as long as to draw them.
+//! A resumed run skips the pictures that it would draw the same way. A [`Fingerprint`] covers everything
+//! that determines the pixels: the resolved scene with its settings and its environment, the camera, the
+//! size, the frame time, the origin of the particles, and limpid's version. Particle files are identified
+//! by path, length and modification time, since reading all of them would take as long as drawing them.
 //!
-//! The adapter is not in it: the machines of a farm share their work.
+//! It does not cover the adapter, since the machines of a farm share their work.
 
 use std::fmt;
 use std::hash::Hasher as _;
@@ -25,14 +24,14 @@ use limpid::scene::Scene;
 use limpid_io::input::{FrameTime, Input, Origin};
 use limpid_io::{exr, files};
 
-/// Keywords of the texts in a PNG.
+/// Keywords of the text chunks in a PNG.
 const FINGERPRINT: &str = "limpid:fingerprint";
 const PIXELS: &str = "limpid:pixels";
 
-/// 128 bits that differ if what a picture is made from differs; see the module.
+/// A 128-bit hash of everything that a picture is made from; see [the module](self).
 ///
-/// By `SipHash`-2-4 (Aumasson and Bernstein 2012), which is fast and the same everywhere; it keeps
-/// mistakes apart, not forgers.
+/// Computed by `SipHash`-2-4 (Aumasson and Bernstein 2012), which is fast and the same on every platform;
+/// it detects mistakes, not forgeries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Fingerprint(u128);
 
@@ -43,35 +42,35 @@ impl fmt::Display for Fingerprint {
 }
 
 impl Fingerprint {
-    /// That of several things together.
+    /// Hashes several parts.
     fn over<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> Self {
         let mut hasher = SipHasher24::new();
         for part in parts {
-            // Where one part ends matters.
+            // The length separates the parts.
             hasher.write(&(part.len() as u64).to_le_bytes());
             hasher.write(part);
         }
         Self(hasher.finish128().as_u128())
     }
 
-    /// The fingerprint of a file that comes with the picture and depends on `what` besides.
+    /// The fingerprint of a file that accompanies the picture and also depends on `what`.
     #[must_use]
     pub(crate) fn with(self, what: &str) -> Self {
         Self::over([&self.0.to_le_bytes(), what.as_bytes()])
     }
 
-    /// Whether `path` is a whole `OpenEXR` file that was made from this.
+    /// Whether `path` is a complete OpenEXR file with this fingerprint.
     pub(crate) fn is_of_exr(self, path: &Path) -> bool {
         let (name, text) = self.exr_note();
         exr::is_whole(path, (name, &text))
     }
 
-    /// What an `OpenEXR` file is to say.
+    /// The attribute of an OpenEXR file with this fingerprint.
     pub(crate) fn exr_note(self) -> (&'static str, String) {
         (FINGERPRINT, self.to_string())
     }
 
-    /// What a PNG is to say: the program, the fingerprint, and the checksum of the pixels.
+    /// The text chunks of a PNG: the program, the fingerprint, and the checksum of the pixels.
     pub(crate) fn notes(self, picture: &RgbImage) -> [(&'static str, String); 3] {
         [
             ("Software", concat!("limpid ", env!("CARGO_PKG_VERSION")).into()),
@@ -80,12 +79,13 @@ impl Fingerprint {
         ]
     }
 
-    /// Whether `path` is a whole PNG of `size` pixels that was made from this, with the pixels that
-    /// it was made with: no truncated or damaged file, none of another program.
+    /// Whether `path` is a complete PNG of `size` pixels with this fingerprint and unchanged pixels: not
+    /// a truncated or damaged file, nor one of another program.
     pub(crate) fn is_of_png(self, path: &Path, size: UVec2) -> bool {
         self.read_png(path, size).is_some()
     }
 
+    /// Reads a PNG; `None` if it is not a complete one of this fingerprint.
     fn read_png(self, path: &Path, size: UVec2) -> Option<()> {
         let file = BufReader::new(files::open(path).ok()?.0);
         let mut reader = png::Decoder::new(file).read_info().ok()?;
@@ -94,10 +94,10 @@ impl Fingerprint {
             let texts = &info.uncompressed_latin1_text;
             texts.iter().find(|text| text.keyword == keyword).map(|text| text.text.clone())
         };
-        let whole = (info.width, info.height) == (size.x, size.y)
+        let matches = (info.width, info.height) == (size.x, size.y)
             && (info.color_type, info.bit_depth) == (png::ColorType::Rgb, png::BitDepth::Eight)
             && note(FINGERPRINT)? == self.to_string();
-        let expected = note(PIXELS).filter(|_| whole)?;
+        let expected = note(PIXELS).filter(|_| matches)?;
         let mut pixels = vec![0; reader.output_buffer_size()?];
         reader.next_frame(&mut pixels).ok()?;
         reader.finish().ok()?;
@@ -105,7 +105,7 @@ impl Fingerprint {
     }
 }
 
-/// CRC-32 of 8-bit RGB rows from the top: that of PNG and zlib.
+/// CRC-32, as in PNG and zlib, of 8-bit RGB rows from the top.
 pub(crate) fn checksum(pixels: &[u8]) -> u32 {
     let mut crc = flate2::Crc::new();
     crc.update(pixels);
@@ -115,16 +115,17 @@ pub(crate) fn checksum(pixels: &[u8]) -> u32 {
 /// The fingerprints of a run's pictures.
 #[derive(Debug, Clone)]
 pub(crate) struct Fingerprints {
-    /// What all of them have in common.
+    /// The part common to all pictures.
     run: Fingerprint,
-    /// That of each moment's particles.
+    /// The part of the particles at each frame time.
     frame_times: Vec<Fingerprint>,
 }
 
 impl Fingerprints {
-    /// For pictures of `size` pixels: looks at the particle files of all frame times, as they are now.
+    /// Computes the fingerprints of pictures of `size` pixels, from the present state of the particle
+    /// files of all frame times.
     ///
-    /// `input` and `scene` are settled ([`Input::resolve`]).
+    /// `input` and `scene` must be resolved ([`Input::resolve`]).
     pub(crate) fn new(
         input: &Input,
         frame_times: &[FrameTime],
@@ -133,34 +134,35 @@ impl Fingerprints {
     ) -> Self {
         let frame_times = frame_times.par_iter().map(|&at| {
             let origins = input.origins(at);
-            let told = origins.iter().map(tell);
-            let told: Vec<String> = told.chain([format!("{:x}", at.fraction.to_bits())]).collect();
-            Fingerprint::over(told.iter().map(String::as_bytes))
+            let parts = origins.iter().map(describe);
+            let fraction = format!("{:x}", at.fraction.to_bits());
+            let parts: Vec<String> = parts.chain([fraction]).collect();
+            Fingerprint::over(parts.iter().map(String::as_bytes))
         });
-        let (look, map) = look(scene);
+        let (scene, map) = describe_scene(scene);
         let size = format!("{}x{}", size.x, size.y);
         let version = env!("CARGO_PKG_VERSION").as_bytes();
-        let run = Fingerprint::over([version, look.as_bytes(), map, size.as_bytes()]);
+        let run = Fingerprint::over([version, scene.as_bytes(), map, size.as_bytes()]);
         Self { run, frame_times: frame_times.collect() }
     }
 
-    /// That of the picture of a moment, counted from 0, seen from `camera`.
+    /// The fingerprint of a picture by the index of its frame time, from 0, and its camera.
     ///
     /// # Panics
-    /// If there are not so many frame times.
-    pub(crate) fn of(&self, moment: usize, camera: &Camera) -> Fingerprint {
-        let moment = self.frame_times[moment].0.to_le_bytes();
+    /// If the index is out of range.
+    pub(crate) fn of(&self, frame_time: usize, camera: &Camera) -> Fingerprint {
+        let particles = self.frame_times[frame_time].0.to_le_bytes();
         let camera = format!("{camera:?}");
-        Fingerprint::over([&self.run.0.to_le_bytes()[..], &moment, camera.as_bytes()])
+        Fingerprint::over([&self.run.0.to_le_bytes()[..], &particles, camera.as_bytes()])
     }
 }
 
-/// Everything in a scene that changes pixels apart from particles and camera: what will be added
-/// to scenes too, since [`fmt::Debug`] leaves nothing out. Of an environment map the radiances.
-fn look(scene: &Scene) -> (String, &[u8]) {
+/// Describes everything in a scene that changes pixels, apart from particles and camera, and returns the
+/// radiances of an environment map. [`fmt::Debug`] includes fields that are added later.
+fn describe_scene(scene: &Scene) -> (String, &[u8]) {
     let (environment, map) = match &scene.environment {
         Environment::Map { size, pixels } => {
-            // Its size is told by a colour that nothing else has.
+            // A colour with a NaN, which no scene has, encodes the map's size.
             let size = glam::Vec3::new(size.x as f32, size.y as f32, f32::NAN);
             (Environment::Constant(size), bytemuck::cast_slice(pixels))
         }
@@ -170,18 +172,17 @@ fn look(scene: &Scene) -> (String, &[u8]) {
     (format!("{scene:?}"), map)
 }
 
-/// Where particles come from.
-fn tell(origin: &Origin<'_>) -> String {
+/// Describes the origin of particles.
+fn describe(origin: &Origin<'_>) -> String {
     let Origin { file, made, radius, up, map } = origin;
-    // Ellipsoids lie in a file of their own.
+    // A .pos file has its ellipsoids in a separate file.
     let ellipsoids = file.filter(|path| path.extension().is_some_and(|e| e == "pos"));
     let ellipsoids = ellipsoids.map(|path| path.with_extension("ani"));
     let files = [file.as_deref(), ellipsoids.as_deref()].map(|path| Some(stamp(path?)));
     format!("{files:?} {made:?} {radius:?} {up:?} {map}")
 }
 
-/// Path, length and time of modification, ns, of a file that may not be there yet. The path is the
-/// same however the file is named.
+/// Canonical path, length and modification time, ns, of a file that may not exist yet.
 fn stamp(path: &Path) -> (PathBuf, u64, u128) {
     let (length, time) = path.metadata().map_or((0, 0), |metadata| {
         let time = metadata.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
@@ -194,11 +195,11 @@ fn stamp(path: &Path) -> (PathBuf, u64, u128) {
 mod tests {
     use super::*;
 
-    /// Protects `--skip-existing -o PIPE` from waiting for ever: what is no file is no whole picture,
-    /// which is known without opening it.
+    /// `--skip-existing -o PIPE` does not wait for ever: a pipe is not opened to find that it is not a
+    /// complete picture.
     #[test]
     #[cfg(unix)]
-    fn pipes_are_no_pictures() {
+    fn pipes_are_not_pictures() {
         let folder = tempfile::tempdir().unwrap();
         let pipe = folder.path().join("pipe.png");
         assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());

@@ -1,4 +1,4 @@
-//! `limpid info`.
+//! The command `limpid info`.
 
 use std::process::ExitCode;
 
@@ -15,7 +15,7 @@ pub(crate) struct Args {
     /// Frames to describe [default: the first].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
-    /// Particle radius in metres, where the files have none.
+    /// Particle radius in metres, if the files have none.
     #[arg(long)]
     radius: Option<f32>,
     #[command(flatten)]
@@ -41,15 +41,15 @@ struct FrameInfo {
     particles: usize,
     min: [f64; 3],
     max: [f64; 3],
-    /// The box around the bulk of the particles, for which cameras and floors are made.
+    /// Bounds of the bulk of the particles, to which default cameras and floors are fitted.
     bulk_min: [f64; 3],
     bulk_max: [f64; 3],
-    /// How many particles lie outside of that.
+    /// Number of particles outside these bounds.
     outside: usize,
     attributes: Vec<&'static str>,
-    /// What the file holds besides the places.
+    /// Arrays of the file other than the positions.
     arrays: Vec<ArrayInfo>,
-    /// m; estimated from the spacing unless given, none for a lone particle.
+    /// m; estimated from the spacing unless given; `None` for a single particle.
     radius: Option<f32>,
 }
 
@@ -57,11 +57,11 @@ struct FrameInfo {
 struct ArrayInfo {
     name: String,
     shape: Vec<usize>,
-    /// The attribute that it is read as; none of one that is ignored.
+    /// The attribute that the array is read as; `None` if it is ignored.
     used_as: Option<&'static str>,
-    /// Name and shape.
+    /// Name and shape, as text.
     #[serde(skip)]
-    told: String,
+    label: String,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
@@ -69,9 +69,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(radius) = args.radius {
         input = input.with_radius(radius)?;
     }
-    // With the radius that `render` takes; what has none is described without.
+    // Resolves the radius as `render` does; input without one is described without it.
     let input = match input.clone().resolve() {
-        Ok((settled, _)) => settled,
+        Ok((resolved, _)) => resolved,
         Err(error @ Error::Render(limpid::Error::Memory { .. })) => return Err(error.into()),
         Err(_) => input,
     };
@@ -89,7 +89,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     for frame in chosen {
         let Contents { particles, arrays, .. } = input.contents(frame)?;
-        // The rest can be told of a file without a radius.
+        // A file without a radius is described all the same.
         let radius = match input.radius(frame, &particles) {
             Err(Error::Scene { .. }) => None,
             radius => Some(radius?),
@@ -116,22 +116,22 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 impl ArrayInfo {
-    /// `velocity (4732, 3)`, `U (4732, 3) as velocity`.
-    fn tell(&self) -> String {
+    /// Describes the array: `velocity (4732, 3)`, `U (4732, 3) as velocity`.
+    fn description(&self) -> String {
         match self.used_as {
-            Some(attribute) if attribute != self.name => format!("{} as {attribute}", self.told),
-            _ => self.told.clone(),
+            Some(attribute) if attribute != self.name => format!("{} as {attribute}", self.label),
+            _ => self.label.clone(),
         }
     }
 }
 
 fn array_info(array: Array) -> ArrayInfo {
-    let told = array.to_string();
+    let label = array.to_string();
     let Array { name, shape, used_as } = array;
-    ArrayInfo { name, shape, used_as: used_as.map(Attribute::name), told }
+    ArrayInfo { name, shape, used_as: used_as.map(Attribute::name), label }
 }
 
-/// A 32-bit float's own digits, not those that it has as a 64-bit one.
+/// Rounds a value that fits a 32-bit float to the shortest digits of that float.
 fn shortest(x: f64) -> f64 {
     let single = x as f32;
     if f64::from(single) == x { single.to_string().parse().unwrap_or(x) } else { x }
@@ -153,9 +153,9 @@ fn describe(info: &Info) -> String {
         lines.push(format!("  {} particles, {attributes}", frame.particles));
         for (used, title) in [(true, "used"), (false, "ignored")] {
             let arrays = frame.arrays.iter().filter(|array| array.used_as.is_some() == used);
-            let told: Vec<String> = arrays.map(ArrayInfo::tell).collect();
-            if !told.is_empty() {
-                lines.push(format!("  {title}: {}", told.join(", ")));
+            let descriptions: Vec<String> = arrays.map(ArrayInfo::description).collect();
+            if !descriptions.is_empty() {
+                lines.push(format!("  {title}: {}", descriptions.join(", ")));
             }
         }
         lines.push(format!("  {}", extent(frame.min, frame.max)));

@@ -1,4 +1,4 @@
-//! The command line of limpid.
+//! The program `limpid`.
 
 mod bake;
 mod check;
@@ -20,30 +20,32 @@ use std::process::ExitCode;
 
 use limpid_io::error::Category;
 
-/// Bytes of stack, whatever the system gives the first thread (`ulimit -s`).
-const STACK: usize = 8 << 20;
+/// Stack size of the main work thread, bytes, independent of the system's limit (`ulimit -s`).
+const STACK_BYTES: usize = 8 << 20;
 
 fn main() -> ExitCode {
-    leave_window_systems_alone();
-    // Windows belong to the first thread of a process.
+    disable_mesa_device_select();
+    // Window systems require the event loop to run on the process's first thread.
     if std::env::args_os().nth(1).is_some_and(|command| command == "view") {
         return run();
     }
-    let thread = std::thread::Builder::new().name("limpid".into()).stack_size(STACK).spawn(run);
+    let thread =
+        std::thread::Builder::new().name("limpid".into()).stack_size(STACK_BYTES).spawn(run);
     match thread {
-        // It has said itself why it has panicked; the code is that of any panic.
+        // The panic hook has printed the message; 101 is the exit code of any panic in Rust.
         Ok(thread) => thread.join().unwrap_or(ExitCode::from(101)),
-        Err(error) => failed(&limpid_io::Error::Threads(error).into()),
+        Err(error) => report_failure(&limpid_io::Error::Threads(error).into()),
     }
 }
 
 fn run() -> ExitCode {
-    cli::run().unwrap_or_else(|error| failed(&error))
+    cli::run().unwrap_or_else(|error| report_failure(&error))
 }
 
-fn failed(error: &anyhow::Error) -> ExitCode {
-    terminal::complain(reported(error));
-    // What a signal has interrupted did not fail.
+/// Prints an error and returns its exit code.
+fn report_failure(error: &anyhow::Error) -> ExitCode {
+    terminal::complain(error_line(error));
+    // An interrupted run ends with the signal's code.
     if let Some(code) = cli::signal() {
         return ExitCode::from(code);
     }
@@ -51,15 +53,15 @@ fn failed(error: &anyhow::Error) -> ExitCode {
 }
 
 /// The line that reports an error.
-fn reported(error: &anyhow::Error) -> String {
+fn error_line(error: &anyhow::Error) -> String {
     if let Some(error) = error.downcast_ref::<limpid_io::Error>() {
         return remedy::with_remedy(error);
     }
-    let drawing = error.downcast_ref::<limpid::Error>();
-    drawing.map_or_else(|| error.to_string(), remedy::of_drawing)
+    let render_error = error.downcast_ref::<limpid::Error>();
+    render_error.map_or_else(|| error.to_string(), remedy::of_drawing)
 }
 
-/// The kind of an error; what the arguments alone make wrong is no library's.
+/// The category of an error; one that comes from no library is an error in the arguments.
 fn category(error: &anyhow::Error) -> Category {
     if let Some(error) = error.downcast_ref::<limpid_io::Error>() {
         return error.category();
@@ -67,10 +69,10 @@ fn category(error: &anyhow::Error) -> Category {
     error.downcast_ref::<limpid::Error>().map_or(Category::Request, Category::from)
 }
 
-/// Mesa's device-select layer asks a Wayland or X server which GPU to prefer, and complains on
-/// standard error where there is none. limpid chooses its adapter itself.
+/// Disables Mesa's device-select layer, which asks a Wayland or X server for the preferred GPU and
+/// prints a warning on standard error if there is none. limpid selects its adapter itself.
 #[expect(unsafe_code, reason = "setting a variable is unsound only beside other threads")]
-fn leave_window_systems_alone() {
-    // SAFETY: the first thing that `main` does; no other thread exists yet.
+fn disable_mesa_device_select() {
+    // SAFETY: `main` calls this first, when no other thread exists.
     unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
 }

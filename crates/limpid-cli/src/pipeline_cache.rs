@@ -1,9 +1,8 @@
-//! What the driver has compiled, kept in the user's cache folder, so that the next run need not
-//! compile it again.
+//! Compiled pipelines, kept in the user's cache folder so that the next run does not compile them again.
 //!
-//! Vulkan's drivers give it out as bytes that none but they understand, and believe what they are
-//! given back. So a file says what it was made by, and a checksum of all of it; anything else is no
-//! file, and is replaced. Nothing that happens to it is an error: a run without it takes longer.
+//! Vulkan drivers return them as opaque bytes, and trust the bytes that they are given back. So a file
+//! begins with a checksum of its data and of the name of what compiled them; a file with another checksum
+//! is ignored and replaced. No failure is an error: a run without the cache takes longer.
 
 use std::fs;
 use std::hash::Hasher as _;
@@ -15,26 +14,26 @@ use limpid::wgpu;
 use limpid_io::output::{self, FileKind};
 use siphasher::sip128::{Hasher128 as _, SipHasher24};
 
-/// Bytes of the checksum that a file begins with.
+/// Size of the checksum at the beginning of a file, bytes.
 const CHECKSUM: usize = 16;
 
-/// A larger file is nobody's: of limpid's shaders a driver makes a few MiB.
-const LARGEST: u64 = 256 << 20;
+/// Largest accepted file, bytes: drivers compile limpid's shaders to a few MiB.
+const MAX_BYTES: u64 = 256 << 20;
 
 /// The compiled pipelines of one adapter.
 pub(crate) struct PipelineCache {
     cache: wgpu::PipelineCache,
     path: PathBuf,
-    /// What they are compiled by.
-    maker: String,
-    /// What the file holds now.
-    held: Option<Vec<u8>>,
+    /// Identifies limpid's version, the adapter and the driver that compile the pipelines.
+    compiler: String,
+    /// The data in the file at present.
+    stored: Option<Vec<u8>>,
 }
 
-/// Opens an adapter as [`device::open`], with what earlier runs have compiled.
+/// Opens an adapter as [`limpid_io::device::open`], with the pipelines that earlier runs have compiled.
 ///
 /// # Errors
-/// As [`device::open`].
+/// As [`limpid_io::device::open`].
 pub(crate) fn open_adapter() -> limpid_io::Result<(Gpu, Option<PipelineCache>)> {
     let gpu = limpid_io::device::open()?;
     match folder().and_then(|folder| PipelineCache::open(&gpu.device, &folder)) {
@@ -44,40 +43,40 @@ pub(crate) fn open_adapter() -> limpid_io::Result<(Gpu, Option<PipelineCache>)> 
 }
 
 impl PipelineCache {
-    /// None if the adapter has no such thing.
+    /// Opens the cache in `folder`; `None` if the adapter has no pipeline caches.
     fn open(device: &wgpu::Device, folder: &Path) -> Option<Self> {
         if !device.features().contains(wgpu::Features::PIPELINE_CACHE) {
             return None;
         }
         let info = device.adapter_info();
         let adapter = format!("{:?} {:04x} {:04x}", info.backend, info.vendor, info.device);
-        let maker = format!(
+        let compiler = format!(
             "limpid {}, {adapter}, {}, {}, {}",
             env!("CARGO_PKG_VERSION"),
             info.name,
             info.driver,
             info.driver_info
         );
-        // By the adapter alone: what another version has left is replaced, not added to.
+        // Named by the adapter alone, so that a new version replaces the file of an old one.
         let name = format!("pipelines-{}.bin", adapter.replace(' ', "-").to_lowercase());
         let path = folder.join(name);
-        let held = read(&path, &maker);
-        let cache = held
+        let stored = read(&path, &compiler);
+        let cache = stored
             .as_deref()
             .and_then(|data| create(device, Some(data)))
             .or_else(|| create(device, None))?;
-        Some(Self { cache, path, maker, held })
+        Some(Self { cache, path, compiler, stored })
     }
 
-    /// Writes what is new.
+    /// Writes the file if the data have changed.
     pub(crate) fn save(&self) {
         let Some(data) = self.cache.get_data() else { return };
-        if self.held.as_ref() == Some(&data) || data.len() as u64 > LARGEST {
+        if self.stored.as_ref() == Some(&data) || data.len() as u64 > MAX_BYTES {
             return;
         }
-        // The next run compiles what this one could not keep.
+        // If the data cannot be written, the next run compiles the pipelines again.
         let Some(Ok(())) = self.path.parent().map(create_folder) else { return };
-        let sum = checksum(&self.maker, &data).to_le_bytes();
+        let sum = checksum(&self.compiler, &data).to_le_bytes();
         let _ = output::write_atomically(&self.path, FileKind::CACHE, |file| {
             file.write_all(&sum)?;
             file.write_all(&data)
@@ -85,36 +84,36 @@ impl PipelineCache {
     }
 }
 
-/// A cache that begins with `data`, the bytes of an earlier one; none if the device refuses them.
-#[expect(unsafe_code, reason = "drivers believe the bytes that they are given")]
+/// Creates a cache initialized with `data` of an earlier one; `None` if the device refuses them.
+#[expect(unsafe_code, reason = "drivers trust the bytes that they are given")]
 fn create(device: &wgpu::Device, data: Option<&[u8]>) -> Option<wgpu::PipelineCache> {
     let label = Some("limpid");
     let descriptor = wgpu::PipelineCacheDescriptor { label, data, fallback: true };
     let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
-    // SAFETY: `data` is what `get_data` returned to this version of limpid for this adapter and
-    // driver: the checksum is of these and of every byte. To forge it is to write to the user's own
-    // cache folder, where the driver keeps its machine code too.
+    // SAFETY: `data` are the bytes that `get_data` returned to this version of limpid for this adapter
+    // and driver, since the checksum covers all of these. Forging it requires write access to the user's
+    // own cache folder, where the driver keeps its machine code too.
     let cache = unsafe { device.create_pipeline_cache(&descriptor) };
     pollster::block_on(scope.pop()).is_none().then_some(cache)
 }
 
-/// The bytes in a file that `maker` has written and nobody has changed.
-fn read(path: &Path, maker: &str) -> Option<Vec<u8>> {
-    let bytes = limpid_io::input::read(path, LARGEST + CHECKSUM as u64).ok()?;
+/// Reads the data of a file whose checksum matches `compiler` and the data.
+fn read(path: &Path, compiler: &str) -> Option<Vec<u8>> {
+    let bytes = limpid_io::input::read(path, MAX_BYTES + CHECKSUM as u64).ok()?;
     let (sum, data) = bytes.split_first_chunk::<CHECKSUM>()?;
-    (checksum(maker, data).to_le_bytes() == *sum).then(|| data.to_vec())
+    (checksum(compiler, data).to_le_bytes() == *sum).then(|| data.to_vec())
 }
 
-fn checksum(maker: &str, data: &[u8]) -> u128 {
+fn checksum(compiler: &str, data: &[u8]) -> u128 {
     let mut hasher = SipHasher24::new();
-    hasher.write(maker.as_bytes());
-    // Ends the name, which holds no such byte.
+    hasher.write(compiler.as_bytes());
+    // Terminates the text, which contains no such byte.
     hasher.write(&[0]);
     hasher.write(data);
     hasher.finish128().as_u128()
 }
 
-/// Private, as what is executed should be.
+/// Creates a folder that only the user can access, since the pipelines are executed.
 fn create_folder(folder: &Path) -> std::io::Result<()> {
     let mut builder = fs::DirBuilder::new();
     #[cfg(unix)]
@@ -122,14 +121,14 @@ fn create_folder(folder: &Path) -> std::io::Result<()> {
     builder.recursive(true).create(folder)
 }
 
-/// `limpid` in the user's cache folder: `$XDG_CACHE_HOME`, `~/.cache`, or on Windows
+/// Path of `limpid` in the user's cache folder: `$XDG_CACHE_HOME`, `~/.cache`, or on Windows
 /// `%LOCALAPPDATA%`.
 fn folder() -> Option<PathBuf> {
     let variable = |name: &str| std::env::var_os(name).map(PathBuf::from);
-    // Relative paths are to be ignored (XDG Base Directory Specification).
-    let whole = |path: &PathBuf| path.is_absolute();
-    let cache = variable("XDG_CACHE_HOME").filter(whole);
-    let cache = cache.or_else(|| variable("LOCALAPPDATA").filter(whole));
-    let cache = cache.or_else(|| Some(variable("HOME").filter(whole)?.join(".cache")));
+    // Relative paths must be ignored (XDG Base Directory Specification).
+    let absolute = |path: &PathBuf| path.is_absolute();
+    let cache = variable("XDG_CACHE_HOME").filter(absolute);
+    let cache = cache.or_else(|| variable("LOCALAPPDATA").filter(absolute));
+    let cache = cache.or_else(|| Some(variable("HOME").filter(absolute)?.join(".cache")));
     Some(cache?.join("limpid"))
 }

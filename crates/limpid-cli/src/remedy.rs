@@ -1,4 +1,4 @@
-//! What the user can do about an error or a notice, in terms of this program's options.
+//! Remedies for errors and notices, in terms of this program's options.
 
 use limpid::error::Limited;
 use limpid_io::Error;
@@ -16,7 +16,7 @@ pub(crate) fn with_remedy(error: &Error) -> String {
     }
 }
 
-/// As [`with_remedy`], of an error in drawing.
+/// As [`with_remedy`], for an error of the renderer.
 pub(crate) fn of_drawing(error: &limpid::Error) -> String {
     let remedy = match error {
         limpid::Error::NoAdapter => {
@@ -30,6 +30,7 @@ pub(crate) fn of_drawing(error: &limpid::Error) -> String {
     joined(&error.to_string(), Some(remedy))
 }
 
+/// The remedy for an error of `limpid-io`.
 fn of_file(error: &Error) -> Option<String> {
     Some(match error {
         Error::TooLarge { .. } => "--max-unpacked MIB allows more".into(),

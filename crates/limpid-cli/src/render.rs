@@ -1,4 +1,4 @@
-//! `limpid render`.
+//! The command `limpid render`.
 
 mod console;
 mod loader;
@@ -46,29 +46,32 @@ use output::Output;
 use plan::Plan;
 use queue::{Job, Queue};
 
-/// Exit codes: some frames failed and others did not, there is no adapter that can draw them, and
-/// the device failed.
+/// Exit code if some frames failed and others did not.
 const FAILED_CODE: u8 = 1;
+
+/// Exit code if no adapter can draw the frames.
 const NO_ADAPTER: u8 = 5;
+
+/// Exit code if the device failed.
 const RETRYABLE: u8 = 6;
 
-/// A device is given up that has failed for so many frames in a row.
+/// Number of consecutive failures of the device that ends the run.
 const DEVICE_FAILURES: u32 = 3;
 
-/// One argument, not one per value as clap would read a `Vec`.
+/// Alias that makes clap read the list as one argument; it would read a `Vec` as one per value.
 type AovList = Vec<Aov>;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A scene or recipe (.toml), a particle file, a pattern such as frame_{}.bgeo, or a folder; without
-    /// one, the built-in demo.
+    /// A scene or recipe (.toml), a particle file, a pattern such as frame_{}.bgeo, or a folder
+    /// [default: the built-in demo].
     input: Option<String>,
-    /// Draw the input's particles in this scene.
+    /// Render the input's particles in this scene.
     #[arg(long)]
     scene: Option<PathBuf>,
-    /// The picture: .png, .jpg, .webp, or .exr for linear radiance; of several frames a name with a
-    /// place for the number (####, {}, %04d, $F4), or a folder [default: limpid.png,
-    /// limpid_####.png]. A film of them ends in .mp4 or .webm, which need ffmpeg, or in .gif or .apng.
+    /// The picture: .png, .jpg, .webp, or .exr for linear radiance; for several frames a name with a
+    /// placeholder for the number (####, {}, %04d, $F4), or a folder [default: limpid.png,
+    /// limpid_####.png]. Or a film: .mp4 or .webm, which need ffmpeg, .gif or .apng.
     #[arg(short, long)]
     output: Option<String>,
     /// Width and height in pixels.
@@ -78,88 +81,88 @@ pub(crate) struct Args {
     /// or all].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
-    /// One moment at this time, in frames: 12.25 is a quarter of the way from 12 to 13.
+    /// A single picture at this time, in frames: 12.25 is a quarter of the way from 12 to 13.
     #[arg(long, allow_hyphen_values = true, value_name = "TIME", value_parser = parse_time)]
     at: Option<f64>,
-    /// Where it is seen from, m and degrees: `eye=1,2,3 target=0,0,0 fov_y=40`, and where wanted
-    /// up=0,1,0 and near=0.01 [default: the scene's camera].
+    /// The camera, in metres and degrees: `eye=1,2,3 target=0,0,0 fov_y=40`, optionally up=0,1,0 and
+    /// near=0.01 [default: the scene's camera].
     #[arg(long, allow_hyphen_values = true, conflicts_with = "camera_path")]
     camera: Option<Camera>,
-    /// What stands for a frame that is not there: error, empty or hold (the last one before).
+    /// Treatment of missing frames: error, empty or hold (repeat the previous frame).
     #[arg(long, default_value = "error")]
     missing: Missing,
-    /// Memory for frames that are loaded ahead, MiB.
+    /// Memory for frames loaded ahead, MiB.
     #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
     memory: u64,
     #[command(flatten)]
     reading: crate::shared_args::Reading,
-    /// One share of the frames, I/N with I from 1.
+    /// Render only share I of N of the frames: I/N, with I from 1.
     #[arg(long)]
     shard: Option<Shard>,
-    /// Leave frames alone whose picture is whole and was made from the same particles with the same
-    /// settings, in this size, by this version.
+    /// Skip frames whose picture is complete and was made from the same particles with the same
+    /// settings, size and version.
     #[arg(long)]
     skip_existing: bool,
-    /// Share the frames with all others that are started like this, on any machine that has the
-    /// pictures' folder: each draws what nobody has claimed. Skips what exists.
+    /// Share the frames with all processes started with this option, on any machine that has the
+    /// output folder: each renders frames that no other has claimed. Skips existing pictures.
     #[arg(long)]
     claim: bool,
-    /// Take over a claim that was not renewed for so long: its process is dead, or cut off.
+    /// Take over claims that were not renewed for this long: their process has died or lost access.
     #[arg(long, value_name = "SECONDS", default_value = "120", requires = "claim", value_parser = clap::value_parser!(u64).range(1..=1 << 32))]
     claim_timeout: u64,
-    /// Draw the other frames where one fails; the exit code is 1 then.
+    /// Continue with the other frames if one fails; the exit code is then 1.
     #[arg(long)]
     keep_going: bool,
-    /// Add a line of JSON for each frame to a file, which several processes may share.
+    /// Append a line of JSON for each frame to a file, which several processes may share.
     #[arg(long, value_name = "FILE.jsonl")]
     manifest: Option<PathBuf>,
-    /// Pictures per second, of a film and of the camera's movement [default: the sequence's frames
-    /// per second if the scene says them, or 30].
+    /// Pictures per second of a film and of the camera's motion [default: the sequence's frames per
+    /// second if the scene has them, or 30].
     #[arg(long, value_name = "F")]
     fps: Option<f64>,
-    /// Slow motion below 1, fast above. Between frames particles are interpolated by their ids and
-    /// velocities.
+    /// Playback speed: slow motion below 1, fast motion above. Particles are interpolated between
+    /// frames by their ids and velocities.
     #[arg(long, value_name = "X")]
     speed: Option<f64>,
-    /// Move the camera along the keys of a file; of one frame of particles, for as long as they
-    /// last.
+    /// Move the camera along the keys in a file; a single frame of particles is shown for their
+    /// duration.
     #[arg(long, value_name = "FILE.toml", conflicts_with = "turntable")]
     camera_path: Option<PathBuf>,
-    /// Move the camera around its target, a full turn in so many seconds.
+    /// Rotate the camera about its target, with this duration of a full turn.
     #[arg(long, value_name = "SECONDS")]
     turntable: Option<f64>,
-    /// Rays per pixel: 1 to look, 4 for final frames.
+    /// Rays per pixel: 1 for previews, 4 for final frames.
     #[arg(long)]
     samples: Option<u32>,
-    /// Particle radius in metres, where the files have none.
+    /// Particle radius in metres, if the files have none.
     #[arg(long)]
     radius: Option<f32>,
-    /// Draw by a published method: limpid, imai2014, imai2016 or mayer2026. Replaces the scene's
-    /// settings, all but the tone mapping; --set comes after.
+    /// Use a published method: limpid, imai2014, imai2016 or mayer2026. Replaces all of the scene's
+    /// settings except tone mapping; --set is applied afterwards.
     #[arg(long, value_name = "NAME", value_parser = overrides::preset)]
     preset: Option<Preset>,
     /// Replace a setting: refract.solver=march; or the liquid: liquid.ior=1.4,
     /// "liquid.absorption=[1, 0.3, 0.1]", "fluid.2.absorption=[0, 0, 5]".
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     set: Vec<String>,
-    /// The fastest intersector whose hits are at most so many pixels off, RMS, a miss counting as 10;
-    /// of those that are as fast, the most exact. All other settings stay. Draws the first frame some
-    /// times with each, and says what it picked. Not for what several machines share, which would
-    /// pick otherwise.
+    /// Pick the fastest intersector whose hits have at most this RMS error in pixels, where a miss
+    /// counts as 10; the most accurate of equally fast ones. All other settings stay. Renders the
+    /// first frame several times with each and reports the choice. Not for frames shared by several
+    /// machines, whose choices may differ.
     #[arg(long, value_name = "PX", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
     max_error: Option<f64>,
-    /// The best picture in so much time on the device, ms a frame: picks the intersector, its rays, bounces
-    /// and smoothing by drawing the first frame some times with each, and says what it picked. Not for
-    /// what several machines share.
+    /// Pick the best picture within this device time per frame, in ms: selects intersector, rays,
+    /// bounces and smoothing by rendering the first frame several times with each, and reports the
+    /// choice. Not for frames shared by several machines.
     #[arg(long, value_name = "MS", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
     budget: Option<f64>,
     /// Write intermediate images beside each picture, as NAME.aov.exr: a list, or all.
     #[arg(long, value_name = "LIST", value_parser = aov::parse_list)]
     aov: Option<AovList>,
-    /// Say nothing on standard error but errors and whom it waits for, and show no progress.
+    /// Report only errors and waits for claims of others, and show no progress.
     #[arg(short, long)]
     quiet: bool,
-    /// Write adapter, counts and milliseconds per pass.
+    /// Write adapter, counts and milliseconds per pass to a file.
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
 }
@@ -186,11 +189,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     output::check(args, &plan.shots)?;
     let picked = pick::pick(args, &mut plan)?;
     let Plan { input, scene, frame_times, shots, fps, notices } = plan;
-    // A film must not stay behind half-written.
+    // After a signal the current frame is finished, or the unfinished film removed.
     signals::finish_first();
     let output = Output::open(args, shots.len(), fps)?;
     let pictures = output.pictures().cloned();
-    // Before anything is loaded: what a file becomes afterwards is not what was drawn.
+    // Computed before loading: a file that changes later must not match the picture.
     let fingerprints = Fingerprints::new(&input, &frame_times, &scene, args.size);
     let host = gethostname::gethostname().to_string_lossy().into_owned();
     let claims = pictures.clone().filter(|_| args.claim).map(|pictures| {
@@ -206,27 +209,27 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     notices.iter().for_each(|notice| console.notice(notice));
     let mut log = Log { manifest, pictures, bar, keep_going, failed: Vec::new() };
     let shots: Vec<_> = args.shard.unwrap_or_default().of(shots).collect();
-    let wanted = shots.len();
+    let requested = shots.len();
     let mut queue = Queue::new(shots, fingerprints, claims);
     if args.skip_existing || args.claim {
         queue.skip(&mut log)?;
     }
-    if queue.is_empty() && wanted == 0 {
+    if queue.is_empty() && requested == 0 {
         console.line("there are no pictures in this share of the frames");
         return Ok(ExitCode::SUCCESS);
     }
     if queue.is_empty() {
-        let there = wanted - log.failed.len();
-        console.line(&format!("{there} of {wanted} pictures are there already"));
-        return Ok(ending(log.failed, wanted));
+        let existing = requested - log.failed.len();
+        console.line(&format!("{existing} of {requested} pictures are there already"));
+        return Ok(exit_code(log.failed, requested));
     }
     log.bar.set_length(queue.len() as u64);
 
-    // What is loaded ahead is what others draw, where frames are claimed one by one.
+    // With claims nothing is loaded ahead, since other processes may draw the next frames.
     let memory = if args.claim { 0 } else { args.memory << 20 };
     let classifier = SharedClassifier::awaited();
     let loader = Loader::new(input, classifier, &scene, &frame_times, queue.pending(), memory);
-    // Particles are read meanwhile.
+    // The loader reads particles while the adapter is opened.
     let opened = pipeline_cache::open_adapter();
     loader.classifier().set(opened.as_ref().ok().map(|(gpu, _)| gpu));
     let (gpu, cache) = opened?;
@@ -259,17 +262,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let FrameLoop { output, stats, console, .. } = frame_loop;
     let failed = log.failed;
     let numbers: Vec<i64> = stats.frames.iter().map(|frame| frame.frame).collect();
-    let others = wanted.saturating_sub(numbers.len() + failed.len());
-    let told = output.told(&numbers, others);
+    let others = requested.saturating_sub(numbers.len() + failed.len());
+    let summary = output.told(&numbers, others);
     output.finish()?;
     console.end();
-    console.line(&told);
+    console.line(&summary);
     let all = failed.len() + stats.frames.len();
-    Ok(ending(failed, all))
+    Ok(exit_code(failed, all))
 }
 
-/// The exit code of a run, with a line on the frames that failed.
-fn ending(failed: Vec<i64>, all: usize) -> ExitCode {
+/// The exit code of a run of `all` frames; prints a line on those that failed.
+fn exit_code(failed: Vec<i64>, all: usize) -> ExitCode {
     if failed.is_empty() {
         return ExitCode::SUCCESS;
     }
@@ -281,36 +284,36 @@ fn ending(failed: Vec<i64>, all: usize) -> ExitCode {
     ExitCode::from(FAILED_CODE)
 }
 
-/// Draws what the queue gives out, until it is empty or a signal has come. While the device draws a
-/// picture, the one before is written, and particles for the next are loaded and uploaded.
+/// Draws the pictures of the queue until it is empty or a signal has been received. While the device
+/// draws a picture, the previous one is written, and the particles of the next are loaded and uploaded.
 fn draw_all(
     frame_loop: &mut FrameLoop<'_>,
     queue: &mut Queue,
     loader: &Loader,
     log: &mut Log,
 ) -> limpid_io::Result<()> {
-    let mut before = None;
+    let mut previous = None;
     let mut next = queue.next(log)?;
     while let Some(job) = next {
-        // While its particles still come, the one before need not wait for them.
+        // The previous picture does not wait for particles that are still being loaded.
         if !loader.has(&job.shot)
-            && let Some((job, in_flight)) = before.take()
+            && let Some((job, in_flight)) = previous.take()
         {
             frame_loop.conclude(&job, in_flight, log)?;
         }
         let in_flight = loader.wait(&job.shot).map(|loaded| frame_loop.begin(&job, loaded));
-        if let Some((job, in_flight)) = before.take() {
+        if let Some((job, in_flight)) = previous.take() {
             frame_loop.conclude(&job, in_flight, log)?;
         }
-        // Only now, with the claim on the one before given up: a process holds two at most.
+        // After the previous claim is released: a process holds at most two.
         next = queue.next_free(log)?;
         if let Some(next) = &next {
             loader.aim(&next.shot, &job.shot);
         }
-        before = Some((job, in_flight));
+        previous = Some((job, in_flight));
         let interrupted = signals::received().is_some();
         if (interrupted || next.is_none())
-            && let Some((job, in_flight)) = before.take()
+            && let Some((job, in_flight)) = previous.take()
         {
             frame_loop.conclude(&job, in_flight, log)?;
         }
@@ -326,41 +329,41 @@ fn draw_all(
     Ok(())
 }
 
-/// A picture that is being drawn.
+/// A picture being drawn.
 struct FrameInFlight {
     loaded: Arc<Loaded>,
-    drawing: limpid_io::Result<Begun>,
+    drawing: limpid_io::Result<Submitted>,
 }
 
-/// What is told to the device, and what has come back of it already.
-struct Begun {
+/// A submitted frame, and the images read back already.
+struct Submitted {
     drawing: PendingFrame,
     /// Intermediate images.
     images: Vec<Part>,
-    /// The linear picture, if that is written.
+    /// The linear picture, if it is written.
     radiance: Option<Part>,
 }
 
-/// What pictures are drawn with and go to.
+/// The state of the render loop.
 struct FrameLoop<'a> {
     args: &'a Args,
     scene: Scene,
     offscreen: Offscreen,
-    /// All pictures are of the same particles.
+    /// Whether all pictures are of the same particles.
     at_rest: bool,
-    /// Where particles are classified.
+    /// Classifies the particles.
     classifier: SharedClassifier,
     output: Output,
     stats: Stats,
     console: Console,
-    /// Of the device, in a row.
+    /// Number of consecutive failures of the device.
     failures: u32,
-    /// When the last picture was done, or the wait for others.
+    /// End of the last picture, or of the wait for other processes.
     since: Instant,
 }
 
 impl FrameLoop<'_> {
-    /// Tells the device to draw a picture.
+    /// Submits the drawing of a picture.
     fn begin(&mut self, job: &Job, loaded: Arc<Loaded>) -> FrameInFlight {
         let view = (&job.shot.camera, self.args.size);
         self.console.frame(&loaded, &self.scene, view, &self.stats.adapter);
@@ -368,21 +371,21 @@ impl FrameLoop<'_> {
         FrameInFlight { loaded, drawing }
     }
 
-    fn begin_drawing(&mut self, job: &Job, loaded: &Loaded) -> limpid_io::Result<Begun> {
+    fn begin_drawing(&mut self, job: &Job, loaded: &Loaded) -> limpid_io::Result<Submitted> {
         let Self { args, scene, offscreen, output, console, .. } = self;
         let drawing = offscreen.begin(scene, &job.shot.camera, &loaded.splats, args.size)?;
         let straight = offscreen.renderer.lights_without_caustics();
         if !straight.is_empty() {
             console.notice(&Notice::Straight(straight));
         }
-        // The next picture's images take their place.
+        // Read back now, since the next picture overwrites them.
         let chosen = args.aov.as_deref().unwrap_or_default();
         let images = if chosen.is_empty() { Vec::new() } else { offscreen.images(chosen)? };
         let radiance = output.is_linear().then(|| offscreen.radiance()).transpose()?;
-        Ok(Begun { drawing, images, radiance })
+        Ok(Submitted { drawing, images, radiance })
     }
 
-    /// Writes a picture, and what has become of it.
+    /// Writes a picture, and logs its outcome.
     fn conclude(
         &mut self,
         job: &Job,
@@ -407,8 +410,8 @@ impl FrameLoop<'_> {
         Ok(())
     }
 
-    /// To keep going after the device has failed, or refused what it was told, is to open it anew, once
-    /// for a picture: it would do so for ever.
+    /// Waits for a picture and writes it. With `--keep-going`, a device that has failed or has rejected
+    /// commands is reopened, but only once per picture, so that a persistent failure ends.
     fn finish(&mut self, job: &Job, in_flight: FrameInFlight) -> limpid_io::Result<Outcome> {
         let FrameInFlight { loaded, drawing } = in_flight;
         match drawing.and_then(|drawing| self.write(job, &loaded, drawing)) {
@@ -424,29 +427,29 @@ impl FrameLoop<'_> {
         }
     }
 
-    /// Waits for the device.
+    /// Waits for the device and writes the picture.
     fn write(
         &mut self,
         job: &Job,
         loaded: &Loaded,
-        Begun { drawing, images, radiance }: Begun,
+        Submitted { drawing, images, radiance }: Submitted,
     ) -> limpid_io::Result<Outcome> {
         let Self { args, output, stats, .. } = self;
-        let shot = drawing.wait()?;
+        let drawn = drawing.wait()?;
         if let (Some(_), Some(pictures)) = (&args.aov, output.pictures()) {
             pictures.write_aovs(&job.shot, images, job.fingerprint)?;
         }
-        // The picture last: where it exists, all that belongs to it does.
-        output.write(&job.shot, &shot.picture, radiance, job.fingerprint)?;
+        // The picture is written last: if it exists, so do the files that accompany it.
+        output.write(&job.shot, &drawn.picture, radiance, job.fingerprint)?;
         stats.frames.push(FrameStats {
             frame: job.shot.number,
             particles: loaded.particles,
             splashes: loaded.splats.splashes.len(),
-            total_ms: shot.passes.iter().map(|pass| pass.ms).sum(),
-            passes: shot.passes,
+            total_ms: drawn.passes.iter().map(|pass| pass.ms).sum(),
+            passes: drawn.passes,
         });
         Ok(Outcome {
-            pixels: Some(format!("{:08x}", fingerprint::checksum(&shot.picture))),
+            pixels: Some(format!("{:08x}", fingerprint::checksum(&drawn.picture))),
             particles: Some(loaded.particles),
             adapter: Some(stats.adapter.clone()),
             ..Outcome::default()
@@ -458,12 +461,12 @@ fn offscreen(args: &Args, gpu: &Gpu, at_rest: bool) -> Offscreen {
     let mut offscreen = Offscreen::new(gpu);
     offscreen.renderer.timing = args.stats.is_some();
     offscreen.renderer.diagnose = args.aov.is_some();
-    // A camera that moves around particles at rest leaves the lights' maps as they are.
+    // A moving camera around particles at rest does not change the lights' maps.
     offscreen.renderer.reuse = at_rest && (args.turntable.is_some() || args.camera_path.is_some());
     offscreen
 }
 
-/// The file that `-o` names, if it is a film's.
+/// The output file, if it is a film.
 fn film_path(args: &Args) -> Option<&Path> {
     let path = Path::new(args.output.as_ref()?);
     film::Kind::of(path).filter(|_| !path.is_dir()).map(|_| path)

@@ -1,4 +1,4 @@
-//! `limpid report`.
+//! The command `limpid report`.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -21,28 +21,28 @@ pub(crate) struct Args {
     /// Write the JSON to this file instead.
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
-    /// Scenes to report on, by their names in sims/ [default: all]; with --passes also scene files.
+    /// Scenes to measure, by name in sims/ [default: all]; with --passes also scene files.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     scenes: Vec<String>,
-    /// Width of the traced pictures, pixels [default: 1024, or 320 with --quick].
+    /// Width of the path-traced pictures, pixels [default: 1024, or 320 with --quick].
     #[arg(long, value_parser = clap::value_parser!(u32).range(16..=8192))]
     width: Option<u32>,
     /// Measurements: intersect, smooth, caustics, picture (with its passes), passes, elisions
     /// [default: all].
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_kind)]
     kinds: Vec<Kind>,
-    /// Only what each pass takes beside what it must: --kinds passes.
+    /// Measure only the time of each pass against its budget: --kinds passes.
     #[arg(long)]
     passes: bool,
-    /// Only what leaving out saves: --kinds elisions.
+    /// Measure only the time saved by skipped work: --kinds elisions.
     #[arg(long)]
     elisions: bool,
-    /// Compare the errors with those of an earlier report.json: tells which are worse; the exit code is 1
-    /// if any has risen by more than a hundredth of itself.
+    /// Compare the errors with those of an earlier report.json and list the increased ones; the exit
+    /// code is 1 if any has increased by more than 1 %.
     #[arg(long, value_name = "FILE.json")]
     against: Option<PathBuf>,
-    /// Measure only what `limpid render --max-error` and `--budget` choose by, and write it to this
-    /// file.
+    /// Measure only the table that `limpid render --max-error` and `--budget` select from, and write
+    /// it to this file.
     #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["kinds", "passes", "elisions", "scenes", "json", "against"])]
     curve: Option<PathBuf>,
 }
@@ -59,13 +59,13 @@ fn parse_kind(text: &str) -> Result<Kind, String> {
     }
 }
 
-/// What a curve's file begins with.
+/// Header of a curve file.
 const CURVE: &str = "\
 # Written by `limpid report --curve crates/limpid-lab/src/quality.toml`: settings, the error of their intersector (pixels),
 # mean FLIP against traced pictures, and the time of a frame over that with the defaults.
 ";
 
-/// Before anything is measured, which takes minutes.
+/// Checks the outputs before the measurements, which take minutes.
 fn check_outputs(args: &Args, json: &Path) -> anyhow::Result<()> {
     let mut files = Files::default();
     let scenes = args.scenes.iter().flat_map(|scene| input::files_of(scene));
@@ -80,8 +80,8 @@ fn check_outputs(args: &Args, json: &Path) -> anyhow::Result<()> {
     Ok(files.writes(&args.out.join("report.md"), FileKind::TABLES)?)
 }
 
-/// The exit code if an error has risen.
-const WORSE: u8 = 1;
+/// Exit code if an error has increased.
+const INCREASED: u8 = 1;
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let json = args.json.clone().unwrap_or_else(|| args.out.join("report.json"));
@@ -116,6 +116,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let Some(earlier) = earlier else { return Ok(ExitCode::SUCCESS) };
     let against = Measured::of(&report).against(&earlier);
     println!("{against}");
-    let risen = against.risen().next().is_some();
-    Ok(if risen { ExitCode::from(WORSE) } else { ExitCode::SUCCESS })
+    let increased = against.risen().next().is_some();
+    Ok(if increased { ExitCode::from(INCREASED) } else { ExitCode::SUCCESS })
 }

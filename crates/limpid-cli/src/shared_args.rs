@@ -1,17 +1,17 @@
-//! Options that several commands share.
+//! Options shared by several commands.
 
 use glam::UVec2;
 use limpid_io::particles::{AttributeMap, ReadOptions};
 
-// What all commands say that read particles; a documentation comment would become their help.
+// Options of all commands that read particles; a doc comment here would become their help.
 #[derive(clap::Args)]
 pub(crate) struct Reading {
-    /// Memory that one particle file may unpack to, MiB [default: a hundred times its length, but
-    /// 1024 to 16384].
+    /// Memory limit of one unpacked particle file, MiB [default: 100 times its length, but 1024 to
+    /// 16384].
     #[arg(long, value_name = "MIB", value_parser = parse_mib)]
     max_unpacked: Option<u64>,
-    /// Read attributes (velocity, density, radius, id, ellipsoid) from arrays of other names than the
-    /// usual ones: velocity=U,radius=h. `limpid info` lists the arrays.
+    /// Read attributes (velocity, density, radius, id, ellipsoid) from arrays with unusual names:
+    /// velocity=U,radius=h. `limpid info` lists the arrays.
     #[arg(long, value_name = "ATTRIBUTE=ARRAY,...")]
     map: Option<AttributeMap>,
 }
@@ -23,13 +23,13 @@ impl Reading {
     }
 }
 
-/// Bytes, from a number of MiB.
+/// Parses a number of MiB; returns bytes.
 fn parse_mib(text: &str) -> Result<u64, &'static str> {
     let mib = text.parse().ok().filter(|mib| (1..1 << 40).contains(mib));
     mib.map(|mib: u64| mib << 20).ok_or("expected a number of MiB, 1 or more")
 }
 
-/// A size such as `1024x768`, pixels.
+/// Parses a size in pixels such as `1024x768`.
 pub(crate) fn parse_size(text: &str) -> Result<UVec2, String> {
     let parse = || {
         let (width, height) = text.split_once(['x', 'X'])?;

@@ -1,44 +1,44 @@
-//! What Ctrl-C and its like do: the process ends at once, without temporary files and claims. A
-//! command that has something to finish is given the first signal to do so, but for Ctrl-\.
+//! Signal handling: a signal such as Ctrl-C removes temporary files and claims, and ends the process at
+//! once. A command that must finish its work handles the first signal itself, except Ctrl-\.
 
 #[cfg(unix)]
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::time::{Duration, Instant};
 
-/// The exit code of what may succeed if tried again.
+/// Exit code of failures that a retry may avoid.
 #[cfg(unix)]
 const RETRYABLE: i32 = 6;
 
-/// Signals that come so close together are one: `timeout` and job schedulers send theirs to a
-/// process and to its group.
-const ONE: Duration = Duration::from_millis(100);
+/// Signals within this time count as one: `timeout` and job schedulers send theirs to a process and to
+/// its group.
+const DEBOUNCE: Duration = Duration::from_millis(100);
 
-/// The signal that has come, or 0.
+/// The last signal received, or 0.
 static RECEIVED: AtomicI32 = AtomicI32::new(0);
 
-/// Whether the first one is waited for.
+/// Whether the command handles the first signal itself.
 static GRACE: AtomicBool = AtomicBool::new(false);
 
-/// Begins to listen.
+/// Installs the handlers.
 pub(super) fn listen() -> std::io::Result<()> {
     #[cfg(unix)]
     {
         use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
-        // Libraries and drivers that get no memory abort. Whoever started the process may try again then,
-        // as with any other lack of memory. Without a limit on it (`ulimit -v`), an abort is a defect.
+        // Libraries and drivers abort if an allocation fails: the exit code is then that of any other
+        // lack of memory. Without a memory limit (`ulimit -v`), an abort is a defect.
         let limited = Arc::new(AtomicBool::new(is_memory_limited()));
         signal_hook::flag::register_conditional_shutdown(SIGABRT, RETRYABLE, limited)?;
-        // Writing beyond the system's limit on the length of files (`ulimit -f`) ends a process, unless
-        // someone listens: then it fails as on a full disk, and what is half-written is removed.
+        // Writing beyond the limit on file sizes (`ulimit -f`) ends the process, unless the signal is
+        // handled: then the write fails as on a full disk, and the unfinished file is removed.
         signal_hook::flag::register(SIGXFSZ, Arc::default())?;
-        // What `nohup` or a shell's `&` has the process ignore stays ignored.
-        let ended_by =
+        // Signals that `nohup` or a shell's `&` made the process ignore stay ignored.
+        let standard =
             [SIGINT, SIGTERM].into_iter().filter(|&signal| is_ignored(signal) != Some(true));
         let optional =
             [SIGHUP, SIGQUIT].into_iter().filter(|&signal| is_ignored(signal) == Some(false));
-        let heard = ended_by.chain(optional);
-        let mut signals = signal_hook::iterator::Signals::new(heard)?;
+        let handled = standard.chain(optional);
+        let mut signals = signal_hook::iterator::Signals::new(handled)?;
         let listen = move || {
             let mut first = None;
             signals.forever().for_each(|signal| receive(signal, &mut first));
@@ -53,7 +53,7 @@ pub(super) fn listen() -> std::io::Result<()> {
     }
 }
 
-/// Whether the process may have only so much address space.
+/// Whether the address space of the process is limited.
 #[cfg(unix)]
 fn is_memory_limited() -> bool {
     let limits = std::fs::read_to_string("/proc/self/limits").unwrap_or_default();
@@ -61,7 +61,7 @@ fn is_memory_limited() -> bool {
     space.is_some_and(|space| !space.trim_start().starts_with("unlimited"))
 }
 
-/// Whether a signal would not end the process, as it was started; `None` where that is not known.
+/// Whether the process was started with a signal ignored; `None` if that is unknown.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> Option<bool> {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -70,22 +70,23 @@ fn is_ignored(signal: i32) -> Option<bool> {
     ignored.map(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
+/// Handles a signal; `first` is the time of the first one.
 fn receive(signal: i32, first: &mut Option<Instant>) {
     #[cfg(unix)]
     if signal == signal_hook::consts::SIGQUIT {
         limpid_io::output::abandon();
-        // At once, with a memory dump where the system makes one.
+        // Ends the process at once, with a core dump where the system writes one.
         let _ = signal_hook::low_level::emulate_default_handler(signal);
     }
     let began = *first.get_or_insert_with(Instant::now);
     let again = RECEIVED.swap(signal, Ordering::Relaxed) != 0;
-    if again && began.elapsed() < ONE {
+    if again && began.elapsed() < DEBOUNCE {
         return;
     }
     limpid_io::output::interrupt();
     if again || !GRACE.load(Ordering::Relaxed) {
         limpid_io::output::abandon();
-        // At once: what would be run at the end expects that nothing else runs.
+        // Without exit handlers, which expect that no other thread runs.
         #[cfg(unix)]
         signal_hook::low_level::exit(exit_code(signal).into());
         #[cfg(not(unix))]
@@ -93,13 +94,14 @@ fn receive(signal: i32, first: &mut Option<Instant>) {
     }
 }
 
-/// Leaves it to the caller to end soon after the first signal; a second one ends the process still.
+/// Makes the caller responsible for ending soon after the first signal; a second one still ends the
+/// process.
 pub(super) fn finish_first() {
     GRACE.store(true, Ordering::Relaxed);
 }
 
-/// The exit code for the signal that has come, if one has: 130 for Ctrl-C, 143 for `kill`, 129 for a
-/// terminal that was closed.
+/// The exit code for the received signal, if there is one: 130 for Ctrl-C, 143 for `kill`, 129 for a
+/// closed terminal.
 pub(super) fn received() -> Option<u8> {
     match RECEIVED.load(Ordering::Relaxed) {
         0 => None,
@@ -107,7 +109,7 @@ pub(super) fn received() -> Option<u8> {
     }
 }
 
-/// As shells have it.
+/// The exit code for a signal, by the convention of shells: 128 + its number.
 fn exit_code(signal: i32) -> u8 {
     128_u8.saturating_add(signal as u8)
 }

@@ -1,43 +1,43 @@
-//! Lines for the user: messages on standard error, results on standard output, and progress.
+//! Output to the user: messages on standard error, results on standard output, and progress.
 
 use std::io::{self, ErrorKind, Write as _};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// A line without commands to the terminal: names of files may hold anything.
-fn plain(line: &str) -> String {
+/// Removes terminal control characters from a line, since file names may contain them.
+fn without_controls(line: &str) -> String {
     line.replace(char::is_control, "?")
 }
 
-/// Says on standard error what is wrong, on one line.
+/// Prints a message on standard error, on one line that begins with the program's name.
 pub(crate) fn complain(problem: impl std::fmt::Display) {
-    let words: Vec<String> = problem.to_string().split(' ').map(brief).collect();
+    let words: Vec<String> = problem.to_string().split(' ').map(shortened).collect();
     tell(&format!("limpid: {}", words.join(" ")));
 }
 
-/// A word without its middle, if that is so long that nobody would find the rest of the line: an
-/// argument that should not be one is said back in full. A path may have 4096 characters; its ends tell.
-fn brief(word: &str) -> String {
-    const MOST: usize = 512;
+/// Removes the middle of a very long word, such as a wrong argument quoted in full, which would make the
+/// rest of the line hard to find. A path may have 4096 characters; its ends identify it.
+fn shortened(word: &str) -> String {
+    const MAX_LENGTH: usize = 512;
     const END: usize = 128;
     let count = word.chars().count();
-    if count <= MOST {
+    if count <= MAX_LENGTH {
         return word.to_owned();
     }
-    let start = word.chars().take(MOST - END);
+    let start = word.chars().take(MAX_LENGTH - END);
     start.chain("...".chars()).chain(word.chars().skip(count - END)).collect()
 }
 
-/// Writes one line to standard error. Messages may be lost (a full disk, a reader that has left), work
-/// may not: so this neither fails nor panics, as `eprintln!` does.
+/// Writes one line to standard error. Unlike `eprintln!`, it does not panic: a message that cannot be
+/// written (a full disk, a closed pipe) must not end the run.
 pub(crate) fn tell(line: &str) {
-    let line = plain(line) + "\n";
+    let line = without_controls(line) + "\n";
     let _ = io::stderr().write_all(line.as_bytes());
 }
 
-/// Prints results; a reader that has seen enough (`| head -1`) is not an error.
+/// Prints results on standard output; a closed pipe (`| head -1`) is not an error.
 pub(crate) fn print(text: &str) -> limpid_io::Result<()> {
-    let lines: Vec<String> = text.split('\n').map(plain).collect();
+    let lines: Vec<String> = text.split('\n').map(without_controls).collect();
     let text = lines.join("\n") + "\n";
     let mut stdout = io::stdout().lock();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
@@ -48,7 +48,7 @@ pub(crate) fn print(text: &str) -> limpid_io::Result<()> {
     }
 }
 
-/// Hidden unless standard error is a terminal.
+/// Creates a progress bar, which is hidden for a single frame and unless standard error is a terminal.
 pub(crate) fn progress(frames: usize) -> ProgressBar {
     let bar = if frames > 1 { ProgressBar::new(frames as u64) } else { ProgressBar::hidden() };
     let template = "{bar:40} {pos}/{len} frames, {per_sec}, {eta} left";

@@ -1,4 +1,4 @@
-//! `limpid view`.
+//! The command `limpid view`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -11,37 +11,37 @@ use limpid_io::project::overrides;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A scene or recipe (.toml), a particle file, a pattern such as frame_{}.bgeo, or a folder; without
-    /// one, a dam that breaks.
+    /// A scene or recipe (.toml), a particle file, a pattern such as frame_{}.bgeo, or a folder
+    /// [default: a breaking dam].
     input: Option<String>,
-    /// Draw the input's particles in this scene.
+    /// Render the input's particles in this scene.
     #[arg(long)]
     scene: Option<PathBuf>,
-    /// Particle radius in metres, where the files have none.
+    /// Particle radius in metres, if the files have none.
     #[arg(long)]
     radius: Option<f32>,
-    /// Begin with the settings of a published method: limpid, imai2014, imai2016 or mayer2026.
+    /// Start with the settings of a published method: limpid, imai2014, imai2016 or mayer2026.
     #[arg(long, value_name = "NAME", value_parser = overrides::preset)]
     preset: Option<Preset>,
-    /// Begin with a setting replaced: refract.solver=march, liquid.ior=1.4.
+    /// Start with a setting replaced: refract.solver=march, liquid.ior=1.4.
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     set: Vec<String>,
     /// Frames: 1-3,5, 7-20:2, all [default: all].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
-    /// What stands for a frame that is not there: error, empty or hold (the last one before).
+    /// Treatment of missing frames: error, empty or hold (repeat the previous frame).
     #[arg(long, default_value = "error")]
     missing: Missing,
     /// Width and height of the window.
     #[arg(long, default_value = "1280x800", value_parser = crate::shared_args::parse_size)]
     size: UVec2,
-    /// Memory for frames that are loaded ahead, MiB.
+    /// Memory for frames loaded ahead, MiB.
     #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
     memory: u64,
     #[command(flatten)]
     reading: crate::shared_args::Reading,
-    /// Write what happens, one JSON object a line with seconds since the start: for tests and
-    /// reports of defects. `ui_ms` is the longest that the interface worked without a pause.
+    /// Log events for tests and bug reports: one JSON object per line, with seconds since the start.
+    /// `ui_ms` is the longest time that the interface was busy without a pause.
     #[arg(long, value_name = "FILE.jsonl")]
     log: Option<PathBuf>,
 }
@@ -68,7 +68,7 @@ pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
     };
     let memory = args.memory << 20;
     let shown = run(Options { source: Some(source), window: args.size, memory, log: args.log });
-    // What its threads have in hand ends with the process.
+    // Removes the temporary files of threads that end with the process.
     limpid_io::output::abandon();
     shown?;
     Ok(ExitCode::SUCCESS)

@@ -1,6 +1,5 @@
-//! Protects `limpid convert` as scripts use it: which files are written under which names, that
-//! they hold what the input holds, what is said of attributes that they cannot hold, and that
-//! damaged frames leave nothing half-written behind.
+//! `limpid convert`: names and contents of the written files, messages about attributes that a format
+//! cannot store, and no unfinished files after errors.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -10,7 +9,7 @@ use glam::Vec3;
 use limpid::liquid::{Ellipsoid, Particles};
 use tempfile::TempDir;
 
-/// Exit code, and standard error.
+/// Runs `limpid convert`; returns exit code and stderr.
 fn convert(folder: &Path, args: &[&str]) -> (i32, String) {
     let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_limpid"));
     let output = command.current_dir(folder).arg("convert").args(args).output().unwrap();
@@ -23,7 +22,7 @@ fn succeed(folder: &Path, args: &[&str]) {
     assert_eq!(convert(folder, args), (0, String::new()), "{args:?}");
 }
 
-/// Runs what must fail with `code` and one line, and returns that line.
+/// Runs a conversion that must fail with `code` and one line, and returns that line.
 #[track_caller]
 fn fail(folder: &Path, code: i32, args: &[&str]) -> String {
     let (found, stderr) = convert(folder, args);
@@ -32,7 +31,7 @@ fn fail(folder: &Path, code: i32, args: &[&str]) -> String {
     stderr
 }
 
-/// Names of everything in a folder, hidden files included.
+/// Names of all entries of a folder, including hidden files.
 fn names(folder: &Path) -> BTreeSet<String> {
     let entries = fs::read_dir(folder).unwrap();
     entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
@@ -90,15 +89,15 @@ fn sequences() {
     succeed(folder, &["water", "frames/", "--frames", "9-11:2"]);
     assert_names(&folder.join("frames"), &["frame_0009.bgeo", "frame_0011.bgeo"]);
     assert_eq!(read(folder, "frames/frame_0011.bgeo"), particles(11));
-    // A folder that is there needs no slash, and a file that is there may stay.
-    fs::write(folder.join("frames/frame_0009.bgeo"), "mine").unwrap();
+    // An existing folder needs no slash, and `--skip-existing` keeps an existing file.
+    fs::write(folder.join("frames/frame_0009.bgeo"), "notes").unwrap();
     succeed(folder, &["water/water_$F.vtk", "frames", "--skip-existing"]);
     assert_eq!(names(&folder.join("frames")).len(), 4);
-    assert_eq!(fs::read(folder.join("frames/frame_0009.bgeo")).unwrap(), b"mine");
-    // It is no particle file, so it is somebody's own.
+    assert_eq!(fs::read(folder.join("frames/frame_0009.bgeo")).unwrap(), b"notes");
+    // A file that is not a particle file is not replaced.
     let line = fail(folder, 2, &["water", "frames"]);
     assert!(line.contains("frame_0009.bgeo") && line.contains("choose another name"), "{line}");
-    assert_eq!(fs::read(folder.join("frames/frame_0009.bgeo")).unwrap(), b"mine");
+    assert_eq!(fs::read(folder.join("frames/frame_0009.bgeo")).unwrap(), b"notes");
     fs::remove_file(folder.join("frames/frame_0009.bgeo")).unwrap();
     succeed(folder, &["water", "frames"]);
     assert_eq!(read(folder, "frames/frame_0009.bgeo"), particles(9));
@@ -107,8 +106,9 @@ fn sequences() {
     assert!(line.contains("4 frames cannot all be one.ply"), "{line}");
 }
 
+/// `--up z` rotates positions and velocities to y up.
 #[test]
-fn up_is_turned() {
+fn up_axis_is_converted() {
     let folder = sequence();
     let folder = folder.path();
     succeed(folder, &["water_8.vtk", "out.vtk", "--up", "z"]);
@@ -119,8 +119,9 @@ fn up_is_turned() {
     assert!(line.contains("expected y or z"), "{line}");
 }
 
+/// Attributes that the format cannot store are reported once for all frames.
 #[test]
-fn what_is_lost_is_told_once() {
+fn lost_attributes_are_reported_once() {
     let folder = sequence();
     let folder = folder.path();
     let (code, stderr) = convert(folder, &["water_##.vtk", "out_##.xyz"]);
@@ -142,9 +143,9 @@ fn what_is_lost_is_told_once() {
     assert!(info.contains("5 particles, radius, ellipsoid"), "{info}");
 }
 
-/// Arrays that are no attributes are told too, unless they are mapped.
+/// Arrays that are not attributes are reported too, unless they are mapped.
 #[test]
-fn arrays_that_are_left_out_are_told() {
+fn ignored_arrays_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("a.csv"), "x,y,z,Diameter,h\n0,0,0,5,0.5\n1,0,0,5,0.5\n").unwrap();
@@ -156,8 +157,9 @@ fn arrays_that_are_left_out_are_told() {
     assert_eq!(read(folder, "b.npz").radii, Some(vec![0.5; 2]));
 }
 
+/// A damaged frame is reported and leaves no file; the other frames are complete.
 #[test]
-fn damage_is_told_and_leaves_nothing() {
+fn damaged_frames_are_reported_and_leave_no_file() {
     let folder = sequence();
     let folder = folder.path();
     let bytes = fs::read(folder.join("water_10.vtk")).unwrap();
@@ -172,6 +174,7 @@ fn damage_is_told_and_leaves_nothing() {
     }
 }
 
+/// An unknown output format is refused before anything is read.
 #[test]
 fn unknown_formats_are_refused_before_anything_is_read() {
     let folder = sequence();

@@ -1,6 +1,6 @@
-//! What fails on the way to a picture ends in an error that says what: a device that is lost before,
-//! between and during frames, memory that runs out, pictures that the adapter cannot hold. Never in
-//! a panic, never in a picture that is none; and another device goes on.
+//! Failures of the device: a device lost before, between and during frames, exhausted memory, and pictures
+//! beyond the adapter's limits end in an error that names the cause, never in a panic or a wrong picture,
+//! and another device draws the same.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,7 +30,7 @@ use limpid_io::project::overrides::replaced;
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 
-/// A frame with all that a frame may have: solids, a light and its caustic map.
+/// A scene with a solid, a light and its caustic map.
 const SCENE: &str = r#"
 [recipe]
 kind = "slab"
@@ -62,22 +62,22 @@ resolution = 64
 grid = 32
 "#;
 
-/// A scene, the camera that it names, and its particles.
+/// The scene, its camera, and its particles.
 fn frame() -> (Scene, Camera, Loaded) {
     let project = Project::parse(SCENE, "slab", Path::new("")).expect("a scene");
     let input = Input::from_project(project, "slab").expect("particles");
-    let (input, project) = input.resolve().expect("it settles");
+    let (input, project) = input.resolve().expect("it resolves");
     let loaded = input.load(FrameTime::at(0), &project.scene).expect("it loads");
-    (project.scene, project.camera.expect("it is settled"), loaded)
+    (project.scene, project.camera.expect("it is resolved"), loaded)
 }
 
-fn draw(studio: &mut Offscreen, size: UVec2) -> limpid::Result<RgbImage> {
+fn draw(offscreen: &mut Offscreen, size: UVec2) -> limpid::Result<RgbImage> {
     let (scene, camera, loaded) = frame();
-    studio.draw(&scene, &camera, &loaded.splats, size).map(|shot| shot.picture)
+    offscreen.draw(&scene, &camera, &loaded.splats, size).map(|drawn| drawn.picture)
 }
 
-/// What a new device draws.
-fn right() -> RgbImage {
+/// The picture drawn by a new device.
+fn expected() -> RgbImage {
     let gpu = Gpu::headless().expect("an adapter");
     draw(&mut Offscreen::new(&gpu), SIZE).expect("a picture")
 }
@@ -92,40 +92,40 @@ fn is_lost<T: std::fmt::Debug>(outcome: limpid::Result<T>, reason: &str) {
     assert!(error.to_string().contains(reason), "{error}");
 }
 
-/// Protects every beginning on a device that is gone: pipelines, textures, buffers, commands and
-/// reading back end in the error, again and again, and a new device draws.
+/// On a lost device every creation of pipelines, textures, buffers and commands and every readback returns
+/// the error, repeatedly, and a new device draws.
 #[test]
 fn device_lost_before_the_first_frame() {
     let gpu = Gpu::headless().expect("an adapter");
     gpu.device.destroy();
-    let mut studio = Offscreen::new(&gpu);
+    let mut offscreen = Offscreen::new(&gpu);
     for diagnose in [false, true] {
-        studio.renderer.diagnose = diagnose;
-        studio.renderer.timing = diagnose;
-        is_lost(draw(&mut studio, SIZE), "destroyed");
-        is_lost(studio.images(&[Aov::Depth, Aov::Radiance]), "destroyed");
+        offscreen.renderer.diagnose = diagnose;
+        offscreen.renderer.timing = diagnose;
+        is_lost(draw(&mut offscreen, SIZE), "destroyed");
+        is_lost(offscreen.images(&[Aov::Depth, Aov::Radiance]), "destroyed");
     }
     is_lost(gpu.check(), "destroyed");
     assert_eq!(
         draw(&mut Offscreen::new(&Gpu::headless().expect("an adapter")), SIZE).unwrap(),
-        right()
+        expected()
     );
 }
 
-/// Protects the frame after a loss: what was drawn before is not shown again as if it were new, at
-/// the same size and at another; and a new device draws the same bits as the old one did.
+/// After a loss the previous picture is not returned again, at the same size or at another, and a new
+/// device draws the same bits.
 #[test]
 fn device_lost_between_frames() {
     let gpu = Gpu::headless().expect("an adapter");
-    let mut studio = Offscreen::new(&gpu);
-    let before = draw(&mut studio, SIZE).expect("a picture");
+    let mut offscreen = Offscreen::new(&gpu);
+    let before = draw(&mut offscreen, SIZE).expect("a picture");
     gpu.device.destroy();
-    is_lost(draw(&mut studio, SIZE), "destroyed");
-    is_lost(draw(&mut studio, 2 * SIZE), "destroyed");
-    assert_eq!(before, right());
+    is_lost(draw(&mut offscreen, SIZE), "destroyed");
+    is_lost(draw(&mut offscreen, 2 * SIZE), "destroyed");
+    assert_eq!(before, expected());
 }
 
-/// Protects a frame whose device is lost between its commands and its picture.
+/// A device lost between a frame's commands and the readback of its picture returns the error.
 #[test]
 fn device_lost_before_the_picture_is_read() {
     let gpu = Gpu::headless().expect("an adapter");
@@ -139,19 +139,19 @@ fn device_lost_before_the_picture_is_read() {
     is_lost(picture.read(&gpu), "destroyed");
 }
 
-/// Protects frames from a loss at whatever moment: each ends in the right picture or in the error.
+/// A loss at any time during a frame gives the right picture or the error.
 #[test]
 fn device_lost_in_the_middle_of_a_frame() {
-    let right = right();
+    let expected = expected();
     let mut lost = 0;
     for pause in 0..4 {
         let gpu = Gpu::headless().expect("an adapter");
-        let mut studio = Offscreen::new(&gpu);
-        assert_eq!(draw(&mut studio, SIZE).expect("a picture"), right);
+        let mut offscreen = Offscreen::new(&gpu);
+        assert_eq!(draw(&mut offscreen, SIZE).expect("a picture"), expected);
         let (started, device) = (Arc::new(AtomicBool::new(false)), gpu.device.clone());
-        let begun = started.clone();
-        let other = std::thread::spawn(move || {
-            while !begun.load(Ordering::Acquire) {
+        let may_start = started.clone();
+        let destroyer = std::thread::spawn(move || {
+            while !may_start.load(Ordering::Acquire) {
                 std::hint::spin_loop();
             }
             std::thread::sleep(std::time::Duration::from_millis(3 * pause));
@@ -159,25 +159,25 @@ fn device_lost_in_the_middle_of_a_frame() {
         });
         started.store(true, Ordering::Release);
         while lost <= pause {
-            match draw(&mut studio, SIZE) {
-                Ok(picture) => assert_eq!(picture, right),
+            match draw(&mut offscreen, SIZE) {
+                Ok(picture) => assert_eq!(picture, expected),
                 Err(error) => {
                     is_lost(Err::<(), _>(error), "destroyed");
                     lost += 1;
                 }
             }
         }
-        other.join().expect("no panic");
+        destroyer.join().expect("no panic");
     }
 }
 
-/// Protects frames after memory ran out: an error with its exit code and what it was for, and no
-/// picture from what is left. A texture of 4 TiB fits nowhere.
+/// After memory has run out, here by a texture of 4 TiB, every frame returns an error that names the
+/// resource, with its exit code.
 #[test]
-fn memory_that_runs_out_is_an_error() {
+fn exhausted_memory_is_an_error() {
     let gpu = Gpu::headless().expect("an adapter");
-    let mut studio = Offscreen::new(&gpu);
-    draw(&mut studio, SIZE).expect("a picture");
+    let mut offscreen = Offscreen::new(&gpu);
+    draw(&mut offscreen, SIZE).expect("a picture");
     let limits = gpu.device.limits();
     let edge = limits.max_texture_dimension_2d.min(16384);
     let _ = gpu.device.create_texture(&wgpu::TextureDescriptor {
@@ -195,15 +195,15 @@ fn memory_that_runs_out_is_an_error() {
         view_formats: &[],
     });
     is_lost(gpu.check(), "emory");
-    is_lost(draw(&mut studio, SIZE), "absurd");
+    is_lost(draw(&mut offscreen, SIZE), "absurd");
     assert_eq!(
         draw(&mut Offscreen::new(&Gpu::headless().expect("an adapter")), SIZE).unwrap(),
-        right()
+        expected()
     );
 }
 
-/// Protects callers from a defect of ours: commands that validation refuses are an error too, not a
-/// panic, and not a loss that one might try again.
+/// Commands that validation refuses, a defect of limpid, are an error too, neither a panic nor a loss that
+/// may be retried.
 #[test]
 fn refused_commands_are_a_defect() {
     let gpu = Gpu::headless().expect("an adapter");
@@ -220,7 +220,7 @@ fn refused_commands_are_a_defect() {
     }
 }
 
-/// A no-op device with lower limits, and what its validation says.
+/// A no-op device with lower limits, and its list of validation errors.
 fn limited(lower: impl Fn(&mut wgpu::Limits)) -> (Gpu, Arc<Mutex<Vec<String>>>) {
     let mut required_limits = wgpu::Limits::default();
     lower(&mut required_limits);
@@ -234,10 +234,10 @@ fn limited(lower: impl Fn(&mut wgpu::Limits)) -> (Gpu, Arc<Mutex<Vec<String>>>) 
     (Gpu::from_device(device, queue), errors)
 }
 
-/// Protects pictures of every size on adapters of every limit: each is drawn without a word of
-/// validation, or refused with the limit's name and a remedy.
+/// With each limit lowered, a picture of any size is drawn without a validation error, or refused with the
+/// limit's name and a remedy.
 #[test]
-fn what_does_not_fit_is_refused_by_its_limit() {
+fn pictures_beyond_a_limit_are_refused() {
     type Lower = fn(&mut wgpu::Limits);
     let adapters: [(&str, Lower); 5] = [
         ("max_texture_dimension_2d", |limits| limits.max_texture_dimension_2d = 256),
@@ -256,13 +256,13 @@ fn what_does_not_fit_is_refused_by_its_limit() {
     scene.settings.caustics.grid = 8;
     for (limit, lower) in adapters {
         let (gpu, errors) = limited(lower);
-        let mut studio = Offscreen::new(&gpu);
-        studio.renderer.diagnose = true;
+        let mut offscreen = Offscreen::new(&gpu);
+        offscreen.renderer.diagnose = true;
         let mut refused = 0;
         for (width, height) in sizes {
             let size = UVec2::new(width, height);
-            let drawn = studio.draw(&scene, &camera, &loaded.splats, size);
-            let read = drawn.and_then(|_| studio.images(&Aov::ALL));
+            let drawn = offscreen.draw(&scene, &camera, &loaded.splats, size);
+            let read = drawn.and_then(|_| offscreen.images(&Aov::ALL));
             if let Err(error) = read {
                 let text = error.to_string();
                 assert!(text.contains(limit) && text.contains("smaller picture"), "{text}");
@@ -277,14 +277,14 @@ fn what_does_not_fit_is_refused_by_its_limit() {
     }
 }
 
-/// Protects the same for what is not the picture: caustic maps, their grids, environment maps.
+/// Caustic maps, their grids and environment maps beyond a limit are refused likewise.
 #[test]
-fn maps_that_do_not_fit_are_refused() {
+fn maps_beyond_a_limit_are_refused() {
     let (gpu, errors) = limited(|limits| {
         limits.max_texture_dimension_2d = 512;
         limits.max_storage_buffer_binding_size = 1 << 20;
     });
-    let mut studio = Offscreen::new(&gpu);
+    let mut offscreen = Offscreen::new(&gpu);
     type Change = (&'static str, fn(&mut Scene));
     let changes: [Change; 5] = [
         ("caustics.resolution", |s| s.settings.caustics.resolution = 8192),
@@ -299,8 +299,8 @@ fn maps_that_do_not_fit_are_refused() {
     for (remedy, change) in changes {
         let (mut scene, camera, loaded) = frame();
         change(&mut scene);
-        match studio.draw(&scene, &camera, &loaded.splats, SIZE) {
-            Ok(_) => assert_eq!(remedy, "", "it should be refused"),
+        match offscreen.draw(&scene, &camera, &loaded.splats, SIZE) {
+            Ok(_) => assert_eq!(remedy, "", "it is not refused"),
             Err(error) => {
                 assert!(!remedy.is_empty() && error.to_string().contains(remedy), "{error}");
                 assert_eq!(Category::from(&error) as u8, 5);
@@ -311,12 +311,11 @@ fn maps_that_do_not_fit_are_refused() {
     }
 }
 
-/// Protects frames of more particles than one binding of the adapter holds: they are drawn in
-/// parts, whatever the number.
+/// More particles than fit one binding of the adapter are drawn in several parts.
 #[test]
 fn particles_are_drawn_in_parts_that_fit() {
     let (gpu, errors) = limited(|limits| limits.max_storage_buffer_binding_size = 65536);
-    let mut studio = Offscreen::new(&gpu);
+    let mut offscreen = Offscreen::new(&gpu);
     let (mut scene, camera, loaded) = frame();
     scene.lights.clear();
     scene.liquid.absorption = Vec3::ZERO;
@@ -327,16 +326,16 @@ fn particles_are_drawn_in_parts_that_fit() {
             splashes: vec![one; count / 2],
             ..loaded.splats
         };
-        studio.draw(&scene, &camera, &splats, UVec2::new(32, 24)).expect("it is drawn");
+        offscreen.draw(&scene, &camera, &splats, UVec2::new(32, 24)).expect("it is drawn");
         let errors = std::mem::take(&mut *errors.lock().expect("no panic holds this lock"));
         assert_eq!(errors, [""; 0], "{count} particles");
     }
 }
 
-/// Protects the formula of `docs/devices.md`: bytes of device memory for each pixel of a picture,
-/// bare, with splashes, and with the intermediate images. Where the device tells what it has given.
+/// Device memory per pixel is as documented in `docs/devices.md`: for a plain picture, with splashes, and
+/// with the intermediate images. Skipped if the device does not report its allocations.
 #[test]
-fn picture_takes_the_memory_that_is_documented() {
+fn memory_per_pixel_is_as_documented() {
     let (mut scene, camera, loaded) = frame();
     (scene.lights, scene.solids) = (Vec::new(), Vec::new());
     for (splash, diagnose, documented) in
@@ -348,9 +347,9 @@ fn picture_takes_the_memory_that_is_documented() {
         }
         let allocated = |size: UVec2| {
             let gpu = Gpu::headless().expect("an adapter");
-            let mut studio = Offscreen::new(&gpu);
-            studio.renderer.diagnose = diagnose;
-            studio.draw(&scene, &camera, &splats, size).expect("it is drawn");
+            let mut offscreen = Offscreen::new(&gpu);
+            offscreen.renderer.diagnose = diagnose;
+            offscreen.draw(&scene, &camera, &splats, size).expect("it is drawn");
             gpu.check().expect("the device is there");
             Some(gpu.device.generate_allocator_report()?.total_allocated_bytes as f64)
         };
@@ -359,15 +358,15 @@ fn picture_takes_the_memory_that_is_documented() {
         let pixels = f64::from(large.element_product() - small.element_product());
         let bytes = (more - less) / pixels;
         println!("{bytes:.1} bytes per pixel");
-        assert!((bytes / documented - 1.0).abs() < 0.03, "{bytes}, documented are {documented}");
+        assert!((bytes / documented - 1.0).abs() < 0.03, "{bytes}, not {documented}");
     }
 }
 
-/// Protects farms from a machine with too little memory: `render` ends with an error that may be
-/// tried again elsewhere, in one line, without a panic and without a picture.
+/// Without enough memory, `render` ends with the exit code of a retryable error, without a panic and
+/// without a picture.
 #[test]
 #[cfg(target_os = "linux")]
-fn render_without_enough_memory_ends_in_its_exit_code() {
+fn render_without_enough_memory_is_retryable() {
     let folder = tempfile::tempdir().expect("a folder");
     let script = format!(
         "ulimit -v 3000000; exec {} render --size 4000x4000 -o a.png",
@@ -378,20 +377,20 @@ fn render_without_enough_memory_ends_in_its_exit_code() {
         .current_dir(folder.path())
         .output()
         .expect("there is a shell");
-    let said = String::from_utf8_lossy(&output.stderr);
+    let stderr = String::from_utf8_lossy(&output.stderr);
     let drawn = folder.path().join("a.png").exists();
     match output.status.code() {
-        // A GPU may have memory that the limit does not count, or may not start below it.
+        // A GPU's memory may not count towards the limit, or its driver may not start below it.
         Some(0) => assert!(drawn),
-        Some(5 | 6) => assert!(!drawn && !said.contains("panicked"), "{said}"),
-        code => panic!("{code:?}: {said}"),
+        Some(5 | 6) => assert!(!drawn && !stderr.contains("panicked"), "{stderr}"),
+        code => panic!("{code:?}: {stderr}"),
     }
 }
 
-/// Protects graphics cards that are reset when one piece of work takes too long: a frame in many
-/// submissions is the frame in one, to the bit, by every method that walks far.
+/// A frame divided into many submissions, so that none exceeds a driver's timeout, is bit-identical to the
+/// undivided frame, for every expensive method.
 #[test]
-fn divided_frames_are_the_same() {
+fn divided_frames_are_identical() {
     let gpu = Gpu::headless().expect("an adapter");
     let mut renderers =
         [gpu.clone(), gpu.clone().with_most_work(1 << 17)].map(|gpu| Renderer::new(&gpu));
@@ -421,8 +420,8 @@ fn divided_frames_are_the_same() {
     }
 }
 
-/// Protects the same cards: with every setting at its end, no submission of a picture or a map of 8192 pixels a
-/// side has more work than is allowed, or it is a single tile; and ordinary frames are not divided.
+/// With every setting at its maximum, no submission of a picture or a map of 8192 × 8192 pixels exceeds the
+/// allowed work unless it is a single tile, and ordinary frames are not divided.
 #[test]
 fn submissions_are_bounded() {
     let size = UVec2::splat(8192);

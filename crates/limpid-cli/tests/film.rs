@@ -1,5 +1,5 @@
-//! Films: the files are decoded again and compared with the pictures that went in, and the command
-//! line draws some.
+//! Films: written files are decoded and compared with their pictures, directly and through the command
+//! line.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -20,7 +20,7 @@ fn folder() -> TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// Names of everything in a folder, hidden files included, so that temporary files show.
+/// Names of all entries of a folder, including hidden temporary files.
 fn names(folder: &Path) -> BTreeSet<String> {
     let entries = fs::read_dir(folder).expect("the folder can be listed");
     entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
@@ -30,7 +30,7 @@ fn is_set(name: &str) -> bool {
     std::env::var(name).is_ok_and(|value| !value.is_empty() && value != "0")
 }
 
-/// Whether there is an ffmpeg; with `LIMPID_REQUIRE_FFMPEG` there has to be.
+/// Whether ffmpeg and ffprobe exist; with `LIMPID_REQUIRE_FFMPEG` a missing one fails the test.
 fn ffmpeg() -> bool {
     static FOUND: OnceLock<bool> = OnceLock::new();
     let found = FOUND.get_or_init(|| {
@@ -44,7 +44,7 @@ fn ffmpeg() -> bool {
     *found
 }
 
-/// Whether pictures can be drawn; with `LIMPID_REQUIRE_GPU` or `CI` they must.
+/// Whether there is an adapter; with `LIMPID_REQUIRE_GPU` or `CI` a missing one fails the test.
 fn adapter() -> bool {
     static FOUND: OnceLock<Result<(), String>> = OnceLock::new();
     let found = FOUND.get_or_init(|| Gpu::headless().map(|_| ()).map_err(|e| e.to_string()));
@@ -55,7 +55,7 @@ fn adapter() -> bool {
     false
 }
 
-/// A picture of few colours: a bar on a ground, which moves on with every frame.
+/// A picture of few colours: a bar that moves with every frame.
 fn few_colors(frame: u32) -> RgbImage {
     RgbImage::from_fn(SIZE.x, SIZE.y, |x, y| match (x / 8 + 20 - frame) % 20 {
         0 => Rgb([250, 20, 90]),
@@ -71,7 +71,7 @@ fn many_colors(frame: u32) -> RgbImage {
     })
 }
 
-/// Writes a film of these pictures.
+/// Writes a film of these pictures, which must be the only file in its folder.
 fn write(path: &Path, fps: f64, pictures: &[RgbImage]) {
     let mut film = Film::create(path, SIZE, fps).expect("the film begins");
     for picture in pictures {
@@ -82,7 +82,7 @@ fn write(path: &Path, fps: f64, pictures: &[RgbImage]) {
     assert_eq!(names(folder), [path.file_name().unwrap().to_str().unwrap().into()].into());
 }
 
-/// The pictures of a GIF and their delays, 1/100 s.
+/// Reads the pictures of a GIF, their delays, 1/100 s, and its repetition.
 fn read_gif(path: &Path) -> (Vec<RgbImage>, Vec<u16>, gif::Repeat) {
     let mut options = gif::DecodeOptions::new();
     options.set_color_output(gif::ColorOutput::RGBA);
@@ -117,8 +117,8 @@ fn difference(a: &RgbImage, b: &RgbImage) -> f64 {
 
 // ------------------------------------------------------------------------- GIF and APNG
 
-/// Protects: an APNG is the pictures, bit by bit, and says truly how many there are and how long
-/// each is shown, although the count is known only at the end.
+/// An APNG preserves its pictures bit-exactly, and has the right number of frames, known only at the end,
+/// and the right delays.
 #[test]
 fn an_apng_is_lossless_and_exactly_timed() {
     let folder = folder();
@@ -129,7 +129,7 @@ fn an_apng_is_lossless_and_exactly_timed() {
             let pictures: Vec<_> = (0..count).map(many_colors).collect();
             write(&path, fps, &pictures);
             assert_eq!(read_apng(&path), pictures);
-            // Its first picture would stand for all.
+            // Refused as a picture, which would be its first frame.
             let error = limpid_lab::compare::load_picture(&path).unwrap_err().to_string();
             assert!(error.contains("film"), "{error}");
 
@@ -148,7 +148,7 @@ fn an_apng_is_lossless_and_exactly_timed() {
     }
 }
 
-/// Protects: a GIF of few colours is the pictures, bit by bit, and repeats for ever.
+/// A GIF of few colours preserves its pictures bit-exactly, and repeats for ever.
 #[test]
 fn a_gif_of_few_colors_is_lossless() {
     let folder = folder();
@@ -161,9 +161,9 @@ fn a_gif_of_few_colors_is_lossless() {
     assert_eq!(repeat, gif::Repeat::Infinite);
 }
 
-/// Protects: every frame has a palette of its own, so that many colours stay near to themselves.
+/// A GIF of many colours approximates its pictures closely, since every frame has its own palette.
 #[test]
-fn a_gif_of_many_colors_is_near() {
+fn a_gif_of_many_colors_is_close() {
     let folder = folder();
     let path = folder.path().join("film.gif");
     let pictures: Vec<_> = (0..6).map(many_colors).collect();
@@ -172,12 +172,12 @@ fn a_gif_of_many_colors_is_near() {
     for (read, picture) in read.iter().zip(&pictures) {
         assert!(difference(read, picture) < 6.0, "{}", difference(read, picture));
     }
-    // The measure tells frames apart.
+    // The measure distinguishes frames.
     assert!(difference(&read[0], &pictures[3]) > 20.0);
 }
 
-/// Protects: a GIF plays at its speed although its delays are whole hundredths of a second: they
-/// differ by at most one, and their sum is never off by more than half of one.
+/// A GIF plays at its rate, although its delays are multiples of 1/100 s: each differs by less than one,
+/// and their sum by at most half of one.
 #[test]
 fn delays_of_a_gif_do_not_drift() {
     let folder = folder();
@@ -198,21 +198,21 @@ fn delays_of_a_gif_do_not_drift() {
 
 // -------------------------------------------------------------------------- MP4 and WebM
 
-/// Protects: what a player is told about a video is what went in, and its colours are those of the
-/// pictures: they are converted by the matrix that the file names.
+/// A video has the right properties and, decoded by the matrix that it names, the colours of its
+/// pictures.
 #[test]
-fn videos_are_what_went_in() {
+fn videos_have_the_right_properties_and_colors() {
     if !ffmpeg() {
         return;
     }
-    // Saturated colours, which the matrices treat most differently, and a picture with form.
+    // Saturated colours, for which the matrices differ most, and a picture with gradients.
     let colors = [[200, 30, 60], [20, 180, 40], [30, 60, 210], [128, 128, 128]];
     let mut pictures: Vec<_> =
         colors.into_iter().map(|color| RgbImage::from_pixel(SIZE.x, SIZE.y, Rgb(color))).collect();
     pictures.push(many_colors(4));
     for (kind, codec) in [("mp4", "h264"), ("webm", "vp9")] {
         let folder = folder();
-        // A name that is a protocol to ffmpeg, were it not said to be a file.
+        // A name that ffmpeg would read as a protocol without the prefix `file:`.
         let path = folder.path().join(format!("a:b %d 'c'.{kind}"));
         write(&path, 29.97, &pictures);
         let entries = "stream=codec_name,width,height,pix_fmt,color_range,color_space,\
@@ -236,22 +236,21 @@ fn videos_are_what_went_in() {
         ] {
             assert!(output.lines().any(|line| line == expected), "{expected}: {output}");
         }
-        let as_told = decode(&path, "auto");
-        let otherwise = decode(&path, "bt601");
-        assert_eq!(as_told.len(), 5);
+        let by_tag = decode(&path, "auto");
+        let by_other = decode(&path, "bt601");
+        assert_eq!(by_tag.len(), 5);
         for (i, picture) in pictures.iter().enumerate() {
-            let [near, far] = [&as_told, &otherwise].map(|all| difference(&all[i], picture));
+            let [near, far] = [&by_tag, &by_other].map(|all| difference(&all[i], picture));
             assert!(near < 2.5, "{kind}: frame {i} is off by {near}");
-            // The measure tells the matrices apart, except for grey.
+            // The measure distinguishes the matrices, except for grey.
             assert!(far > 4.0 || i == 3, "{kind}: frame {i} by another matrix is off by {far}");
         }
     }
 }
 
-/// Protects whoever compares films by their bytes, as of pictures: the same pictures are the same
-/// file, without random names inside.
+/// Videos of the same pictures are the same bytes, without random names inside.
 #[test]
-fn equal_videos_are_equal_files() {
+fn videos_are_reproducible() {
     if !ffmpeg() {
         return;
     }
@@ -270,7 +269,7 @@ fn file_url(path: &Path) -> String {
     format!("file:{}", path.display())
 }
 
-/// The pictures of a video, if its colours were converted by `matrix`.
+/// Decodes the pictures of a video with the colour matrix `matrix`.
 fn decode(path: &Path, matrix: &str) -> Vec<RgbImage> {
     let filter = format!("scale=in_color_matrix={matrix}:flags=accurate_rnd+full_chroma_int");
     let output = Command::new("ffmpeg")
@@ -283,7 +282,7 @@ fn decode(path: &Path, matrix: &str) -> Vec<RgbImage> {
     frames.map(|rgb| RgbImage::from_raw(SIZE.x, SIZE.y, rgb.to_vec()).unwrap()).collect()
 }
 
-/// Protects: an mp4 plays while it is still being fetched: its index comes before its pictures.
+/// The index of an MP4 precedes its pictures, so that it plays while it is still being downloaded.
 #[test]
 fn an_mp4_begins_with_its_index() {
     if !ffmpeg() {
@@ -297,9 +296,9 @@ fn an_mp4_begins_with_its_index() {
     assert!(at(b"moov") < at(b"mdat"));
 }
 
-// ---------------------------------------------------------------------- what goes wrong
+// ------------------------------------------------------------------------------ failures
 
-/// Protects: a film that is not finished leaves nothing behind: no file, and no process.
+/// An unfinished film leaves no file and no process, and does not replace an earlier film.
 #[test]
 fn a_dropped_film_leaves_nothing() {
     for name in ["film.gif", "film.apng", "film.mp4", "film.webm"] {
@@ -314,8 +313,8 @@ fn a_dropped_film_leaves_nothing() {
         for frame in 0..3 {
             film.push(&many_colors(frame)).unwrap();
         }
-        assert_eq!(names(folder.path()).len(), 2, "{name}: it is being written");
-        // The measure sees an encoder that runs.
+        assert_eq!(names(folder.path()).len(), 2, "{name}: no temporary file");
+        // A running encoder is counted.
         let video = name.ends_with("mp4") || name.ends_with("webm");
         assert!(!cfg!(target_os = "linux") || processes(folder.path()) == usize::from(video));
         drop(film);
@@ -325,7 +324,7 @@ fn a_dropped_film_leaves_nothing() {
     }
 }
 
-/// How many processes have this folder on their command line, as far as the system tells.
+/// Number of processes with this folder on their command line; 0 without `/proc`.
 fn processes(folder: &Path) -> usize {
     let folder = folder.to_str().unwrap();
     let Ok(entries) = fs::read_dir("/proc") else { return 0 };
@@ -333,9 +332,10 @@ fn processes(folder: &Path) -> usize {
     lines.filter(|line| String::from_utf8_lossy(line).contains(folder)).count()
 }
 
-/// Protects: what cannot be a film is refused at once, with the remedy, and nothing is written.
+/// A format, size or rate that no film can have is refused at once, with the remedy, and nothing is
+/// written.
 #[test]
-fn impossible_films_are_refused() {
+fn invalid_films_are_refused() {
     let folder = folder();
     let refusal = |name: &str, size: [u32; 2], fps: f64| {
         let made = Film::create(&folder.path().join(name), size.into(), fps);
@@ -358,7 +358,7 @@ fn impossible_films_are_refused() {
         assert!(error.contains(expected), "`{expected}` is missing in: {error}");
     }
     assert_eq!(names(folder.path()), BTreeSet::new());
-    // Odd sizes are video's alone.
+    // Only videos refuse odd sizes.
     Film::create(&folder.path().join("film.GIF"), UVec2::new(161, 119), 50.0).unwrap();
 
     let nowhere = folder.path().join("nowhere/film.gif");
@@ -378,7 +378,7 @@ fn impossible_films_are_refused() {
 
 // -------------------------------------------------------------------- the command line
 
-/// A folder with three frames of a block of water.
+/// Writes three frames of a moving block of water.
 fn water() -> TempDir {
     let folder = folder();
     for frame in 1..=3 {
@@ -392,7 +392,8 @@ fn water() -> TempDir {
     folder
 }
 
-/// Runs `limpid render` on them, with `PATH` if one is given; what it says, or its exit code too.
+/// Runs `limpid render` in a folder, with `PATH` set to `path` if given; a failure has the exit code and
+/// stderr.
 fn render(folder: &Path, args: &[&str], path: Option<&Path>) -> Result<(), (i32, String)> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
     if let Some(path) = path {
@@ -429,9 +430,9 @@ target = [0.3, 0.1, 0.2]
 fov_y = 50.0
 ";
 
-/// Protects: a film shows the pictures that the same command line draws one by one.
+/// A film has the pictures that the same command line draws as separate files.
 #[test]
-fn a_film_is_the_pictures_of_its_frames() {
+fn a_film_has_the_pictures_of_its_frames() {
     if !adapter() {
         return;
     }
@@ -454,8 +455,8 @@ fn a_film_is_the_pictures_of_its_frames() {
     }
 }
 
-/// Protects: --camera-path and --turntable, over one frame and over a sequence, as single pictures
-/// and as a film.
+/// `--camera-path` and `--turntable` move the camera over a single frame and over a sequence, in pictures
+/// and in films.
 #[test]
 fn the_camera_moves() {
     if !adapter() {
@@ -473,14 +474,14 @@ fn the_camera_moves() {
     let pictures: Vec<_> = numbered.iter().map(|name| open(&at("one").join(name))).collect();
     assert_eq!(read_apng(&at("one.apng")), pictures);
     for pair in pictures.windows(2) {
-        assert!(difference(&pair[0], &pair[1]) > 1.0, "the camera moves");
+        assert!(difference(&pair[0], &pair[1]) > 1.0, "the camera does not move");
     }
 
-    // The second of three frames is seen from where the second picture of one frame is.
+    // The second of three frames has the camera of the second picture of a single frame.
     let all = [&["water_{}.xyz"], &moving[..]].concat();
     render(folder.path(), &[&all[..], &["-o", "all_#.png"]].concat(), None).unwrap();
     assert!(difference(&open(&at("all_2.png")), &pictures[1]) < 0.2);
-    assert!(difference(&open(&at("all_3.png")), &pictures[2]) > 0.5, "the water moves");
+    assert!(difference(&open(&at("all_3.png")), &pictures[2]) > 0.5, "the water does not move");
 
     let turn = ["water_{}.xyz", "--turntable=0.4", "--fps=10"];
     render(folder.path(), &[&turn[..], &["-o", "turn.apng"]].concat(), None).unwrap();
@@ -488,16 +489,16 @@ fn the_camera_moves() {
     assert_eq!(names(&at("turn")), numbered);
     let pictures: Vec<_> = numbered.iter().map(|name| open(&at("turn").join(name))).collect();
     assert_eq!(read_apng(&at("turn.apng")), pictures);
-    // Shares of the work are the same pictures.
+    // Shards have the same pictures.
     let share = [&turn[..], &["-o", "share/", "--shard=2/2"]].concat();
     render(folder.path(), &share, None).unwrap();
     assert_eq!(names(&at("share")), ["frame_0002.png".into(), "frame_0004.png".into()].into());
     assert_eq!(open(&at("share/frame_0004.png")), pictures[3]);
 }
 
-/// Protects: what does not go together is refused before anything is drawn, with the reason.
+/// Options that exclude each other or a film are refused before anything is drawn, with the reason.
 #[test]
-fn options_that_contradict_a_film() {
+fn incompatible_options_are_refused() {
     let folder = water();
     fs::write(folder.path().join("path.toml"), PATH_FILE).unwrap();
     let before = names(folder.path());
@@ -522,12 +523,12 @@ fn options_that_contradict_a_film() {
     let args = ["water_{}.xyz", "-o", "w.gif", "--camera-path=nowhere.toml"];
     let (code, error) = render(folder.path(), &args, None).unwrap_err();
     assert!(code == 4 && error.contains("nowhere.toml"), "{error}");
-    assert_eq!(names(folder.path()), before, "nothing is left behind");
+    assert_eq!(names(folder.path()), before, "a file is left");
 }
 
-/// Protects: without ffmpeg the message says what to do, before anything is drawn.
+/// A missing ffmpeg is reported with its remedies before anything is drawn.
 #[test]
-fn a_missing_ffmpeg_is_told() {
+fn a_missing_ffmpeg_is_reported() {
     let folder = water();
     let before = names(folder.path());
     let args = ["water_{}.xyz", "-o", "w.mp4"];
@@ -536,10 +537,10 @@ fn a_missing_ffmpeg_is_told() {
     for part in ["w.mp4: ", "ffmpeg", "PATH", "apt-get install ffmpeg", ".gif", ".apng", ".png"] {
         assert!(error.contains(part), "`{part}` is missing in: {error}");
     }
-    assert_eq!(names(folder.path()), before, "nothing is left behind");
+    assert_eq!(names(folder.path()), before, "a file is left");
 }
 
-/// Protects: Ctrl-C and Ctrl-\ end a film without a trace: no half-written file, no process.
+/// Ctrl-C and Ctrl-\ end a film without leaving an unfinished file or a process.
 #[cfg(unix)]
 #[test]
 fn an_interrupted_film_leaves_nothing() {
@@ -560,19 +561,19 @@ fn an_interrupted_film_leaves_nothing() {
             .spawn()
             .unwrap();
         while names(folder.path()) == before {
-            assert_eq!(film.try_wait().unwrap(), None, "{name}: it runs until it is interrupted");
+            assert_eq!(film.try_wait().unwrap(), None, "{name}: ended before the signal");
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
         let interrupt = format!("kill -{signal} {}", film.id());
         assert!(Command::new("sh").args(["-c", &interrupt]).status().unwrap().success());
         assert_eq!(film.wait().unwrap().code(), code, "{name}, {signal}");
-        assert_eq!(names(folder.path()), before, "{name}: nothing is left behind");
+        assert_eq!(names(folder.path()), before, "{name}: a file is left");
         assert_eq!(processes(folder.path()), 0, "{name}");
     }
 }
 
-/// Protects: where ffmpeg fails, at once or in the middle or at the end, its last words are quoted,
-/// and there is no film.
+/// If ffmpeg fails, at the start, in the middle or at the end, its last message is quoted, and there is no
+/// film.
 #[cfg(unix)]
 #[test]
 fn a_failing_ffmpeg_is_quoted() {
@@ -598,9 +599,9 @@ fn a_failing_ffmpeg_is_quoted() {
         assert_eq!(code, 4, "{error}");
         assert!(error.contains("w.mp4: ") && error.contains("Unknown encoder"), "{error}");
         assert!(error.contains("exit status: 1"), "{error}");
-        assert_eq!(names(folder.path()), before, "nothing is left behind");
+        assert_eq!(names(folder.path()), before, "a file is left");
     }
-    // A disk that was full for its last bytes is no error to it, nor is a film without any.
+    // ffmpeg exits with 0 if the disk is full at the trailer, or if it has written nothing.
     for (script, problem) in [
         ("/bin/cat >/dev/null; echo 'Error writing trailer' >&2", "Error writing trailer"),
         ("/bin/cat >/dev/null", "nothing was written"),
@@ -609,9 +610,9 @@ fn a_failing_ffmpeg_is_quoted() {
         let args = ["water_{}.xyz", "-o", "w.mp4"];
         let (code, error) = render(folder.path(), &args, Some(&bin)).unwrap_err();
         assert!(code == 4 && error.contains(problem), "{code}: {error}");
-        assert_eq!(names(folder.path()), before, "nothing is left behind");
+        assert_eq!(names(folder.path()), before, "a file is left");
     }
-    // The same does succeed where it succeeds.
+    // The same command succeeds if ffmpeg does.
     let script = "#!/bin/sh\nfor last; do :; done\n/bin/cat >\"${last#file:}\"\n";
     fs::write(bin.join("ffmpeg"), script).unwrap();
     render(folder.path(), &["water_{}.xyz", "-o", "w.mp4"], Some(&bin)).unwrap();

@@ -1,4 +1,4 @@
-//! Protects slow motion and gaps: what is drawn between frames and where frames are missing.
+//! Slow motion and gaps: interpolation between frames, and missing frames.
 
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
@@ -14,7 +14,7 @@ use limpid_io::input::{FrameTime, Input, Missing};
 
 const G: Vec3 = Vec3::new(0.0, -9.81, 0.0);
 
-/// Particles thrown at different velocities, `t` seconds later.
+/// Particles in ballistic flight with different velocities, after `t` seconds.
 fn thrown(t: f32) -> Particles {
     let starts = [Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0), Vec3::new(-4.0, 0.5, 0.0)];
     let throws = [Vec3::new(3.0, 4.0, 0.0), Vec3::new(0.0, 1.0, -2.0), Vec3::new(0.5, -6.0, 1.0)];
@@ -33,9 +33,10 @@ fn assert_near(a: &[Vec3], b: &[Vec3]) {
     }
 }
 
-/// Numbers that many share are a material or a phase, and tell nobody apart: the order does.
+/// Ids shared by many particles, such as a material or a phase, are ignored: particles are matched by
+/// their order.
 #[test]
-fn ids_that_repeat_are_none() {
+fn repeated_ids_are_ignored() {
     let grid = |shift: f32| {
         let place = |i: usize| Vec3::new((i % 10) as f32 + shift, (i / 10) as f32, 0.0);
         let ids = Some((0..100).map(|i| i % 2).collect());
@@ -45,8 +46,9 @@ fn ids_that_repeat_are_none() {
     assert_near(&between.positions, &grid(0.2).positions);
 }
 
-/// Ballistic flight is exact, for any time between the frames, told by nobody; the order of the file
-/// does not matter where there are ids; at frame times the files are as they are.
+/// Ballistic flight is exact at any time between the frames, although the interval's duration is not
+/// given; with ids the order of the file does not matter; at the frames' own times the particles are
+/// unchanged.
 #[test]
 fn flight_between_frames_is_exact() {
     let (from, duration) = (0.3, 0.04);
@@ -70,8 +72,9 @@ fn flight_between_frames_is_exact() {
     }
 }
 
-/// Without velocities, or where they say nothing about the way, straight lines; without ids, the
-/// order; with neither ids nor as many, the nearer frame.
+/// Without velocities, or with velocities inconsistent with the displacement, particles move on straight
+/// lines; without ids they are matched by order; without ids and with different counts the nearer frame
+/// is held.
 #[test]
 fn interpolation_without_velocities() {
     let bare = |particles: &Particles| Particles::from_positions(particles.positions.clone());
@@ -88,9 +91,9 @@ fn interpolation_without_velocities() {
     assert_eq!(Particles::between(&a, &fewer, 0.6), fewer);
 }
 
-/// What an emitter adds and a drain takes is there for its half of the time, and moves.
+/// A particle present in one frame only is shown for that frame's half of the interval, and moves.
 #[test]
-fn particles_come_and_go() {
+fn particles_appear_and_disappear() {
     let duration = 0.1;
     let (mut a, mut b) = (thrown(0.0), thrown(duration));
     a.ids = Some(vec![10, 20, 31]);
@@ -103,24 +106,24 @@ fn particles_come_and_go() {
     assert_eq!(late.ids, Some(vec![10, 20, 32]));
     let v = b.velocities.as_ref().unwrap()[2];
     assert_near(&late.positions[2..], &[b.positions[2] - v * (0.25 * duration)]);
-    // Several with one id, and none at all.
+    // Repeated ids, and frames without particles.
     a.ids = Some(vec![1, 1, 1]);
     assert_eq!(Particles::between(&a, &b, 0.5).len(), 3);
     assert!(Particles::between(&Particles::default(), &b, 0.4).is_empty());
 }
 
-/// Frames counted from different origins meet where they are.
+/// Frames with different origins are interpolated at their world positions.
 #[test]
 fn origins_may_differ() {
     let far = DVec3::new(1e7, 0.0, -2e6);
-    let place = |x: f64| Particles::from_places(&[far + DVec3::X * x, far + DVec3::Y]);
-    let (a, b) = (place(0.0), place(4.0));
+    let frame = |x: f64| Particles::from_places(&[far + DVec3::X * x, far + DVec3::Y]);
+    let (a, b) = (frame(0.0), frame(4.0));
     let between = Particles::between(&a, &b, 0.25);
     let found = between.origin + between.positions[0].as_dvec3() - far;
     assert!(found.abs_diff_eq(DVec3::X, 1e-6), "{found}");
 }
 
-/// A block of particles 0.1 apart in a unit box, each with an id and a velocity, in any order.
+/// A block of particles 0.1 apart in a unit box, with ids and a common velocity.
 fn block(velocity: Vec3) -> Particles {
     let at =
         |i: i64| (Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) + 0.5) * 0.1;
@@ -131,28 +134,29 @@ fn block(velocity: Vec3) -> Particles {
     }
 }
 
-/// The same block after a time, in a box whose sides are one: what leaves it comes in opposite.
-fn carried(a: &Particles, time: f32) -> Particles {
+/// The same block after a time, in a periodic box with sides of length 1.
+fn advected(a: &Particles, time: f32) -> Particles {
     let velocities = a.velocities.clone().unwrap();
-    let place = |(x, v): (&Vec3, &Vec3)| (*x + *v * time).rem_euclid(Vec3::ONE);
-    Particles { positions: a.positions.iter().zip(&velocities).map(place).collect(), ..a.clone() }
+    let position = |(x, v): (&Vec3, &Vec3)| (*x + *v * time).rem_euclid(Vec3::ONE);
+    let positions = a.positions.iter().zip(&velocities).map(position).collect();
+    Particles { positions, ..a.clone() }
 }
 
-/// Protects periodic boxes: no particle flies through the picture from one side to the other, and
-/// those that cross no border are where they are, with velocities and without.
+/// In a periodic box no particle crosses the picture from one side to the other, and those that cross no
+/// border are interpolated exactly, with velocities and without.
 #[test]
-fn periodic_borders_are_crossed_unseen() {
+fn particles_jump_across_periodic_borders() {
     let a = block(Vec3::new(2.0, 0.0, 0.3));
-    let b = carried(&a, 0.1);
+    let b = advected(&a, 0.1);
     for velocities in [true, false] {
-        let told = |p: &Particles| Particles {
+        let stripped = |p: &Particles| Particles {
             velocities: p.velocities.clone().filter(|_| velocities),
             ..p.clone()
         };
         for fraction in [0.1f32, 0.4, 0.6, 0.9] {
-            let between = Particles::between(&told(&a), &told(&b), fraction.into());
+            let between = Particles::between(&stripped(&a), &stripped(&b), fraction.into());
             assert_eq!(between.len(), 1000);
-            let exact = carried(&a, 0.1 * fraction);
+            let exact = advected(&a, 0.1 * fraction);
             let ids = between.ids.as_ref().unwrap();
             let off = |(id, x): (&i64, &Vec3)| {
                 let d = *x - exact.positions[*id as usize];
@@ -160,37 +164,36 @@ fn periodic_borders_are_crossed_unseen() {
             };
             let off: Vec<_> = ids.iter().zip(&between.positions).map(off).collect();
             let wrong = off.iter().filter(|&&off| off > 1e-4).count();
-            let most = off.iter().fold(0.0f32, |most, &off| most.max(off));
+            let max = off.iter().fold(0.0f32, |max, &off| max.max(off));
             if velocities {
                 assert_eq!(wrong, 0, "at {fraction}");
             } else {
-                // Those that cross a border stand still: two layers of the ten.
-                assert!(wrong <= 200 && most < 0.13, "{wrong} at {fraction}, by {most}");
+                // Particles that cross a border are held: two of the ten layers.
+                assert!(wrong <= 200 && max < 0.13, "{wrong} at {fraction}, by {max}");
             }
         }
     }
 }
 
-/// Protects ids that are given again: one in a hundred is another particle elsewhere. It is in its
-/// old place for one half and in the new one for the other, and all others fly as if it were not
-/// there.
+/// A particle whose id was reused elsewhere, here one in a hundred, is shown at its old position for one
+/// half of the interval and at the new one for the other; the others are interpolated exactly.
 #[test]
-fn ids_that_are_used_again_do_not_fly() {
+fn particles_with_reused_ids_jump() {
     let a = block(Vec3::new(0.3, -0.2, 0.1));
     let velocities = a.velocities.clone().unwrap();
     let mut b = a.clone();
     for (x, v) in b.positions.iter_mut().zip(&velocities) {
         *x += *v * 0.04;
     }
-    let again = |i: usize| i % 100 == 7;
-    for i in (0..1000).filter(|&i| again(i)) {
+    let reused = |i: usize| i % 100 == 7;
+    for i in (0..1000).filter(|&i| reused(i)) {
         b.positions[i] += Vec3::new(3.0, 1.0, 0.0);
     }
     for fraction in [0.25f32, 0.75] {
         let between = Particles::between(&a, &b, fraction.into());
         assert_eq!(between.len(), 1000);
         for (i, v) in velocities.iter().enumerate() {
-            let far = again(i) && fraction > 0.5;
+            let far = reused(i) && fraction > 0.5;
             let shift = if far { Vec3::new(3.0, 1.0, 0.0) } else { Vec3::ZERO };
             let expected = a.positions[i] + v * 0.04 * fraction + shift;
             assert!(between.positions[i].abs_diff_eq(expected, 1e-5), "{i} at {fraction}");
@@ -198,8 +201,8 @@ fn ids_that_are_used_again_do_not_fly() {
     }
 }
 
-/// Protects files without ids: particles of one place in the files are taken for the same only where
-/// they may be; in a shuffled file nothing says which is which, and the nearer frame is shown.
+/// Without ids, particles are matched by order only where their motion is plausible; a shuffled file shows
+/// the nearer frame.
 #[test]
 fn shuffled_files_are_held() {
     let a = Particles { ids: None, ..block(Vec3::new(0.3, -0.2, 0.1)) };
@@ -213,12 +216,12 @@ fn shuffled_files_are_held() {
     for i in (1..1000).rev() {
         shuffled.positions.swap(i, (frames::noise(&mut seed) * (i + 1) as f32) as usize);
     }
-    for told in [true, false] {
-        let strip = |p: &Particles| Particles {
-            velocities: p.velocities.clone().filter(|_| told),
+    for with_velocities in [true, false] {
+        let stripped = |p: &Particles| Particles {
+            velocities: p.velocities.clone().filter(|_| with_velocities),
             ..p.clone()
         };
-        let (a, b, shuffled) = (strip(&a), strip(&b), strip(&shuffled));
+        let (a, b, shuffled) = (stripped(&a), stripped(&b), stripped(&shuffled));
         let middle: Vec<_> =
             a.positions.iter().zip(&b.positions).map(|(a, b)| a.midpoint(*b)).collect();
         assert_near(&Particles::between(&a, &b, 0.5).positions, &middle);
@@ -227,6 +230,7 @@ fn shuffled_files_are_held() {
     }
 }
 
+/// Writes and opens a sequence of frames with these numbers.
 fn open(folder: &Path, numbers: &[i64]) -> Input {
     for number in numbers {
         let text = format!("{number} 0 0\n{number} 1 0\n");
@@ -235,10 +239,10 @@ fn open(folder: &Path, numbers: &[i64]) -> Input {
     Input::open(folder.join("w_{}.xyz").to_str().unwrap()).unwrap()
 }
 
-/// Moments: every step from the first frame to the last, each frame exactly when its time comes, over
-/// gaps as over time.
+/// Frame times advance by equal steps from the first frame to the last, also across gaps, and meet every
+/// frame exactly.
 #[test]
-fn moments_meet_the_frames() {
+fn frame_times_meet_the_frames() {
     let folder = tempfile::tempdir().unwrap();
     let input = open(folder.path(), &[3, 4, 6]);
     let numbers = [3, 4, 6];
@@ -249,7 +253,7 @@ fn moments_meet_the_frames() {
     assert_eq!(quarter[4], FrameTime::at(4));
     assert_eq!(quarter[8], FrameTime { frame: 4, next: 6, fraction: 0.5 });
     assert_eq!(quarter[12], FrameTime::at(6));
-    // Steps that are no binary fractions meet them as well, and the last.
+    // Steps that are not binary fractions meet the frames too, including the last.
     let tenth = input.frame_times(&numbers, 0.1);
     assert_eq!((tenth.len(), tenth[10], tenth[30]), (31, FrameTime::at(4), FrameTime::at(6)));
     let double = input.frame_times(&(0..=10).collect::<Vec<_>>(), 2.0);
@@ -257,15 +261,15 @@ fn moments_meet_the_frames() {
     assert!(input.frame_times(&[], 0.5).is_empty());
     assert_eq!(input.frame_times(&[4], 0.5), [FrameTime::at(4)]);
 
-    let at = |moment| input.particles(moment).unwrap().positions[0].x;
+    let at = |frame_time| input.particles(frame_time).unwrap().positions[0].x;
     assert_eq!(at(quarter[8]), 5.0);
     assert_eq!(at(quarter[4]), 4.0);
 }
 
-/// Steps of a simulation of which every hundredth was written are frames, not time between them: slow
-/// motion makes as many pictures of them as of frames 0 to 3.
+/// A constant stride of the numbers, as of a simulation that writes every hundredth step, counts as one
+/// frame: slow motion has as many frame times as for frames 0 to 3.
 #[test]
-fn an_even_stride_is_one_frame() {
+fn a_constant_stride_is_one_frame() {
     let folder = tempfile::tempdir().unwrap();
     let numbers = [0, 100, 200, 300];
     let mut input = open(folder.path(), &numbers);
@@ -285,7 +289,7 @@ fn an_even_stride_is_one_frame() {
     assert_eq!(held, [-40, -20, 0, 20, 40]);
 }
 
-/// A time beyond the frames is an error that names them.
+/// A time outside the sequence is an error that names its range.
 #[test]
 fn times_beyond_the_frames_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -300,28 +304,28 @@ fn times_beyond_the_frames_are_refused() {
     }
 }
 
-/// Numbers of any size neither overflow nor lose the frame times between them.
+/// Extreme frame numbers neither overflow nor lose the frame times between them.
 #[test]
 fn frame_numbers_may_be_extreme() {
     let folder = tempfile::tempdir().unwrap();
-    let (least, most) = (i64::MIN, i64::MAX);
-    let close = [most - 4, most - 2, most];
+    let (min, max) = (i64::MIN, i64::MAX);
+    let close = [max - 4, max - 2, max];
     let input = open(folder.path(), &close);
     let halves = input.frame_times(&close, 0.5);
-    assert_eq!(halves[1], FrameTime { frame: most - 4, next: most - 2, fraction: 0.5 });
+    assert_eq!(halves[1], FrameTime { frame: max - 4, next: max - 2, fraction: 0.5 });
     assert!(halves[1].time().is_finite());
     assert_eq!(FrameSpec::All.numbers(&input.sequence, Missing::Hold).unwrap(), close);
 
     let folder = tempfile::tempdir().unwrap();
-    let apart = [least, 0, most];
+    let apart = [min, 0, max];
     let input = open(folder.path(), &apart);
-    assert_eq!(input.sequence.gaps(), [(least + 1, -1), (1, most - 1)]);
+    assert_eq!(input.sequence.gaps(), [(min + 1, -1), (1, max - 1)]);
     assert!(FrameSpec::All.numbers(&input.sequence, Missing::Hold).is_err());
     let middle = input.moment(&apart, 2f64.powi(62)).unwrap();
     assert!(middle.frame == 0 && (middle.fraction - 0.5).abs() < 1e-9);
 }
 
-/// `--missing`: an error that names the frame, nothing, or the last one before.
+/// `--missing`: an error that names the frame, an empty frame, or the previous frame.
 #[test]
 fn missing_frames() {
     let folder = tempfile::tempdir().unwrap();
@@ -343,11 +347,12 @@ fn missing_frames() {
     input.missing = Missing::Hold;
     let x = |number| input.particles(FrameTime::at(number)).unwrap().positions[0].x;
     assert_eq!([4, 5, 6, 7, 9].map(x), [4.0, 4.0, 4.0, 7.0, 7.0]);
-    assert_eq!(count(&input, 2).unwrap(), 0, "nothing has begun");
+    assert_eq!(count(&input, 2).unwrap(), 0, "a frame before the first is held");
     assert!("nothing".parse::<Missing>().is_err());
 }
 
-/// Runs `limpid render` over frames 1, 2 and 4 of a small ball that moves, and lists the pictures.
+/// Runs `limpid render` over frames 1, 2 and 4 of a small moving block; returns the pictures by name, or
+/// stderr.
 fn render(arguments: &[&str]) -> Result<Vec<(String, Vec<u8>)>, String> {
     let folder = tempfile::tempdir().unwrap();
     for number in [1, 2, 4] {
@@ -374,7 +379,7 @@ fn render(arguments: &[&str]) -> Result<Vec<(String, Vec<u8>)>, String> {
         .map(|entry| {
             let path = entry.unwrap().path();
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
-            // What it was made from is in the file as well, and the folders differ.
+            // Only pixels: the fingerprint in the file depends on the folder.
             (name, image::open(path).unwrap().into_rgb8().into_raw())
         })
         .collect();
@@ -382,8 +387,8 @@ fn render(arguments: &[&str]) -> Result<Vec<(String, Vec<u8>)>, String> {
     Ok(pictures)
 }
 
-/// The command line: slow motion counts its pictures, and shows each frame exactly when it comes;
-/// shares of it are the same pictures; missing frames are told or stood for.
+/// On the command line slow motion numbers its pictures and shows each frame exactly at its time, shards
+/// have the same pictures, and missing frames are reported, held or empty.
 #[test]
 fn slow_motion_and_gaps_on_the_command_line() {
     let names = |pictures: &[(String, Vec<u8>)]| -> Vec<String> {
@@ -397,7 +402,7 @@ fn slow_motion_and_gaps_on_the_command_line() {
     let seven: Vec<_> = (1..=7).map(|i| format!("frame_{i:04}.png")).collect();
     assert_eq!(names(&slow), seven);
     assert_eq!((&slow[2].1, &slow[6].1), (&plain[1].1, &plain[2].1));
-    assert!(slow.windows(2).all(|pair| pair[0].1 != pair[1].1), "each is a moment of its own");
+    assert!(slow.windows(2).all(|pair| pair[0].1 != pair[1].1), "two frame times have one picture");
     let halves: Vec<_> = ["1/2", "2/2"]
         .iter()
         .flat_map(|shard| render(&["--speed", "0.5", "--shard", shard]).unwrap())
@@ -413,7 +418,7 @@ fn slow_motion_and_gaps_on_the_command_line() {
 
     let error = render(&["--frames", "1-4"]).unwrap_err();
     assert!(error.contains("1 of 4 frames are missing: 3"), "{error}");
-    // Beyond the frames is no frame, not the last one.
+    // A time outside the frames is an error, not the last frame.
     for time in ["0", "4.5", "-3", "1e30"] {
         let error = render(&["--at", time]).unwrap_err();
         assert!(error.contains("is not in its frames, from 1 to 4"), "{error}");

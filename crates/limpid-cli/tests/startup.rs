@@ -1,6 +1,5 @@
-//! What a start costs: pipelines are compiled when a frame first needs them, once, and what the driver
-//! makes of them is kept in the user's cache folder; whatever is found there, or cannot be put
-//! there, the picture is the same and nobody hears of it.
+//! Startup cost: pipelines are compiled once, when a frame first needs them, and cached on disk. The
+//! cache's state never changes a picture and gives no message.
 
 #[expect(dead_code, reason = "what this file does not use of it")]
 #[path = "../../../tests/support/mod.rs"]
@@ -24,9 +23,9 @@ use limpid_io::project::Project;
 use siphasher::sip128::{Hasher128 as _, SipHasher24};
 use support::gpu;
 
-// ---- What is compiled.
+// ---- Compilation.
 
-/// Modules, render pipelines and compute pipelines that a device holds.
+/// Number of shader modules, render pipelines and compute pipelines of a device.
 fn compiled(gpu: &Gpu) -> [isize; 3] {
     let hal = gpu.device.get_internal_counters().hal;
     [&hal.shader_modules, &hal.render_pipelines, &hal.compute_pipelines].map(|n| n.read())
@@ -40,7 +39,7 @@ fn scene(solver: Solver) -> Scene {
     scene
 }
 
-/// A small block, with a droplet or without.
+/// A small block of liquid, with a droplet or without.
 fn splats(scene: &Scene, droplet: bool) -> Splats {
     let place = |i: usize| Vec3::from([i % 5, i / 5 % 5, i / 25].map(|i| 0.1 * i as f32));
     let mut positions: Vec<_> = (0..125).map(place).collect();
@@ -48,48 +47,48 @@ fn splats(scene: &Scene, droplet: bool) -> Splats {
     classify::classify(&Particles::from_positions(positions), 0.05, &scene.settings.classify)
 }
 
-fn draw(studio: &mut Offscreen, scene: &Scene, droplet: bool) {
+fn draw(offscreen: &mut Offscreen, scene: &Scene, droplet: bool) {
     let (eye, target) = (DVec3::new(0.0, 1.0, 4.0), DVec3::ZERO);
     let camera = Camera { eye, target, up: Vec3::Y, fov_y: 40.0, near: None };
-    studio
+    offscreen
         .draw(scene, &camera, &splats(scene, droplet), UVec2::new(48, 32))
         .expect("the frame is drawn");
 }
 
-/// Protects the start: what no frame has needed is not compiled, and nothing is compiled or parsed
-/// twice, neither for the next frame, nor for the splashes' own layers, nor for another renderer.
+/// Only pipelines that a frame has needed are compiled, and none is compiled or parsed twice: not for the
+/// next frame, nor for the layers of splashes, nor for another renderer.
 #[test]
-fn what_is_not_needed_is_not_compiled() {
+fn pipelines_are_compiled_once_when_needed() {
     if gpu().is_none() {
         return;
     }
-    // Its own: other tests compile on theirs.
+    // A device of its own, since other tests compile on the shared one.
     let gpu = Gpu::headless().expect("there was one before");
     let plain = scene(Solver::Guarded);
-    let mut studio = Offscreen::new(&gpu);
-    draw(&mut studio, &plain, false);
+    let mut offscreen = Offscreen::new(&gpu);
+    draw(&mut offscreen, &plain, false);
     let first = compiled(&gpu);
-    assert!(first.iter().all(|&n| n > 0), "{first:?}: the device counts what is compiled");
+    assert!(first.iter().all(|&n| n > 0), "{first:?}: the device does not count");
 
-    draw(&mut studio, &plain, false);
+    draw(&mut offscreen, &plain, false);
     assert_eq!(compiled(&gpu), first, "the same frame again");
 
-    draw(&mut studio, &plain, true);
+    draw(&mut offscreen, &plain, true);
     let splashes = compiled(&gpu);
-    assert_eq!(splashes[..2], first[..2], "splashes are splatted by the same pipelines");
-    assert!(splashes[2] > first[2], "light through splashes is another variant");
+    assert_eq!(splashes[..2], first[..2], "splashes are splatted by other pipelines");
+    assert!(splashes[2] > first[2], "refraction by splashes has no variant of its own");
 
-    // This intersector alone reads mip levels: their two pipelines come with its own.
+    // Only this intersector reads mip levels, whose two pipelines are compiled with it.
     let variant = splashes[2] - first[2];
-    draw(&mut studio, &scene(Solver::Plane3), true);
+    draw(&mut offscreen, &scene(Solver::Plane3), true);
     let mips = compiled(&gpu);
     assert!(mips[2] > splashes[2] + variant, "mip levels: {splashes:?}, then {mips:?}");
 
     draw(&mut Offscreen::new(&gpu), &plain, false);
-    assert_eq!(compiled(&gpu)[0], mips[0], "another renderer parses nothing again");
+    assert_eq!(compiled(&gpu)[0], mips[0], "another renderer parses a module again");
 }
 
-// ---- What is kept.
+// ---- The cache.
 
 const PARTICLES: &str = "0 0 0\n0.05 0 0\n0 0.05 0\n0 0 0.05\n0.05 0.05 0\n0.05 0 0.05\n";
 
@@ -99,7 +98,7 @@ fn drawn(folder: &Path, cache: &Path) -> RgbImage {
     let particles = folder.join("water.xyz");
     fs::write(&particles, PARTICLES).expect("the folder is writable");
     let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_limpid"));
-    // Mesa's own cache stays where it is, or each run would wait for its compiler.
+    // Mesa's own cache stays in place, or each run would compile its shaders.
     let home = std::env::var_os("HOME").map(PathBuf::from).unwrap_or_default();
     let mesa = std::env::var_os("XDG_CACHE_HOME").map_or(home.join(".cache"), PathBuf::from);
     if std::env::var_os("MESA_SHADER_CACHE_DIR").is_none() {
@@ -118,16 +117,16 @@ fn drawn(folder: &Path, cache: &Path) -> RgbImage {
     image::open(folder.join("water.png")).expect("there is a picture").into_rgb8()
 }
 
-/// A folder, the picture that is drawn there without a cache, and the file that is kept of it; none
-/// where the adapter has nothing to keep.
-fn kept() -> Option<(tempfile::TempDir, RgbImage, PathBuf)> {
+/// A folder, the picture drawn there without a cache, and the cache file of that run; `None` if the
+/// adapter has no pipeline caches.
+fn first_run() -> Option<(tempfile::TempDir, RgbImage, PathBuf)> {
     let gpu = gpu()?;
     let folder = tempfile::tempdir().expect("a temporary folder");
     let picture = drawn(folder.path(), folder.path());
     let cache = folder.path().join("limpid");
     if !gpu.device.features().contains(wgpu::Features::PIPELINE_CACHE) {
-        assert!(!cache.exists(), "nothing is kept");
-        eprintln!("skipped: this adapter gives nothing out");
+        assert!(!cache.exists(), "a cache without pipelines");
+        eprintln!("skipped: this adapter has no pipeline caches");
         return None;
     }
     let files: Vec<_> = fs::read_dir(&cache).expect("the folder is made").flatten().collect();
@@ -138,10 +137,10 @@ fn kept() -> Option<(tempfile::TempDir, RgbImage, PathBuf)> {
     Some((folder, picture, path))
 }
 
-/// Protects the second start: it finds what the first has left, and draws the same.
+/// The second run reads the cache of the first and draws the same picture.
 #[test]
-fn pipelines_are_kept() {
-    let Some((folder, picture, file)) = kept() else { return };
+fn pipelines_are_cached() {
+    let Some((folder, picture, file)) = first_run() else { return };
     let first = fs::read(&file).expect("it is there");
     assert!(drawn(folder.path(), folder.path()) == picture, "another picture");
     let second = fs::read(&file).expect("it is there still");
@@ -150,22 +149,22 @@ fn pipelines_are_kept() {
     {
         use std::os::unix::fs::PermissionsExt as _;
         let folder = file.parent().expect("it is in a folder").metadata().expect("it is there");
-        assert_eq!(folder.permissions().mode() & 0o077, 0, "machine code is private");
+        assert_eq!(folder.permissions().mode() & 0o077, 0, "other users can access the folder");
     }
 }
 
-/// Protects against what may have become of the file: nothing but the very bytes reaches the driver,
-/// which would believe them.
+/// A damaged or foreign cache file is replaced, and its bytes never reach the driver, which would trust
+/// them.
 #[test]
-fn damaged_and_foreign_pipelines_are_replaced() {
-    let Some((folder, picture, file)) = kept() else { return };
+fn damaged_and_foreign_caches_are_replaced() {
+    let Some((folder, picture, file)) = first_run() else { return };
     let whole = fs::read(&file).expect("it is there");
     let flipped = |at: usize| {
         let mut bytes = whole.clone();
         bytes[at] ^= 1;
         bytes
     };
-    // The same bytes, of an adapter that is not this one, with a checksum that says so.
+    // The same bytes with the checksum of another adapter.
     let mut foreign = SipHasher24::new();
     foreign.write(b"limpid 0.0.0, Vulkan 10de 2330, another, its driver, 1\0");
     foreign.write(&whole[16..]);
@@ -173,7 +172,7 @@ fn damaged_and_foreign_pipelines_are_replaced() {
     let cases = [
         ("empty", Vec::new()),
         ("half a checksum", whole[..8].to_vec()),
-        ("nothing but a checksum", whole[..16].to_vec()),
+        ("only a checksum", whole[..16].to_vec()),
         ("cut off", whole[..whole.len() - 1].to_vec()),
         ("longer", [&whole[..], b"\0"].concat()),
         ("another checksum", flipped(0)),
@@ -186,13 +185,13 @@ fn damaged_and_foreign_pipelines_are_replaced() {
         fs::write(&file, &bytes).expect("the folder is writable");
         assert!(drawn(folder.path(), folder.path()) == picture, "{what}: another picture");
         let now = fs::read(&file).expect("it is there");
-        assert!(now != bytes && now.len() > 16, "{what}: it is replaced");
+        assert!(now != bytes && now.len() > 16, "{what}: it is not replaced");
     }
-    // A folder of that name is nobody's file.
+    // A folder in place of the file.
     fs::remove_file(&file).expect("it was there");
     fs::create_dir(&file).expect("the folder is writable");
     assert!(drawn(folder.path(), folder.path()) == picture, "a folder: another picture");
-    // A pipe in its place is neither read nor written: both would wait for ever.
+    // A pipe in place of the file is neither read nor written: both would block for ever.
     #[cfg(unix)]
     {
         fs::remove_dir(&file).expect("it was there");
@@ -202,10 +201,10 @@ fn damaged_and_foreign_pipelines_are_replaced() {
     }
 }
 
-/// Protects machines on which there is no place for it: read-only homes, full disks, no home at all.
+/// A run succeeds where no cache can be written: read-only or missing home folders, full disks.
 #[test]
-fn nothing_is_kept_where_nothing_can_be() {
-    let Some((folder, picture, _)) = kept() else { return };
+fn unwritable_caches_are_ignored() {
+    let Some((folder, picture, _)) = first_run() else { return };
     let file = folder.path().join("file");
     fs::write(&file, "").expect("the folder is writable");
     for cache in [file.as_path(), &file.join("below"), Path::new("/proc/self"), Path::new("")] {

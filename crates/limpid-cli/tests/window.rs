@@ -1,6 +1,6 @@
-//! The real window, under Xvfb with a software adapter, driven as a user drives it.
+//! The real window, under Xvfb with a software adapter, driven by simulated input.
 //!
-//! Xvfb and xdotool must be found on PATH; otherwise the test says so and passes, unless
+//! Xvfb and xdotool must be on PATH; otherwise the tests print a message and pass, unless
 //! `LIMPID_REQUIRE_WINDOW` is set.
 
 use std::fs;
@@ -16,10 +16,10 @@ use serde_json::Value;
 const DATA: &str =
     concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/tests/data/double_dam_break/");
 
-/// Longest that anything here may take on a busy machine.
+/// Timeout of every wait, long enough for a busy machine.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A screen that nobody sees.
+/// A virtual X server.
 struct Screen {
     server: Child,
     display: String,
@@ -27,7 +27,7 @@ struct Screen {
 }
 
 impl Screen {
-    /// Starts one, if the programs for it are there.
+    /// Starts a server; `None` without Xvfb or xdotool.
     fn start() -> Option<Self> {
         let folder = tempfile::tempdir().expect("a folder");
         let server = Command::new("Xvfb")
@@ -36,8 +36,8 @@ impl Screen {
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn();
-        let driven = Command::new("xdotool").arg("--help").output();
-        let (Ok(mut server), Ok(_)) = (server, driven) else {
+        let xdotool = Command::new("xdotool").arg("--help").output();
+        let (Ok(mut server), Ok(_)) = (server, xdotool) else {
             let required = std::env::var_os("LIMPID_REQUIRE_WINDOW").is_some();
             assert!(!required, "Xvfb and xdotool are required");
             eprintln!("not tested: no Xvfb or no xdotool");
@@ -45,11 +45,11 @@ impl Screen {
         };
         let mut number = String::new();
         let output = server.stdout.take().expect("it is piped");
-        BufReader::new(output).read_line(&mut number).expect("Xvfb tells its number");
+        BufReader::new(output).read_line(&mut number).expect("Xvfb prints its number");
         Some(Self { server, display: format!(":{}", number.trim()), folder })
     }
 
-    /// Presses keys, moves the pointer, changes the window: what xdotool can do.
+    /// Runs xdotool, which presses keys, moves the pointer and changes windows; returns its output.
     fn tool(&self, arguments: &[&str]) -> String {
         let output = Command::new("xdotool")
             .env("DISPLAY", &self.display)
@@ -60,7 +60,7 @@ impl Screen {
         String::from_utf8_lossy(&output.stdout).trim().to_owned()
     }
 
-    /// Waits for the window, gives it the keys, and returns its name for xdotool.
+    /// Waits for the window, focuses it, and returns its id for xdotool.
     fn window(&self) -> String {
         let id = self.tool(&["search", "--sync", "--onlyvisible", "--name", "limpid"]);
         let id = id.lines().last().expect("a window").to_owned();
@@ -68,8 +68,8 @@ impl Screen {
         id
     }
 
-    /// What is on the screen: width, height, pixels as the X server keeps them (an XWD dump: a
-    /// header of 25 big-endian words, colours of 12 bytes each, rows).
+    /// Reads width, height and pixels of the screen from the server's XWD dump: a header of 25
+    /// big-endian words, colours of 12 bytes each, rows.
     fn pixels(&self) -> (usize, usize, Vec<[u8; 3]>) {
         let dump = fs::read(self.folder.path().join("Xvfb_screen0")).expect("a screen");
         let word = |i: usize| {
@@ -93,10 +93,11 @@ impl Drop for Screen {
     }
 }
 
-/// The program in its window.
+/// A running `limpid view`, with its log.
 struct Window {
     program: Option<Child>,
     log: PathBuf,
+    /// Number of events already waited for.
     seen: usize,
 }
 
@@ -119,24 +120,25 @@ impl Window {
 
     fn events(&self) -> Vec<Value> {
         let text = fs::read_to_string(&self.log).unwrap_or_default();
-        // The last line may be half written.
+        // The last line may be incomplete.
         text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
     }
 
-    /// Waits for an event that is as wanted, after those that were waited for before.
+    /// Waits for an event that satisfies `condition`, after those already waited for.
     #[track_caller]
-    fn wait(&mut self, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
-        let begun = Instant::now();
+    fn wait(&mut self, what: &str, condition: impl Fn(&Value) -> bool) -> Value {
+        let start = Instant::now();
         loop {
             let events = self.events();
-            let found = events.iter().enumerate().skip(self.seen).find(|(_, event)| wanted(event));
+            let new = events.iter().enumerate().skip(self.seen);
+            let found = new.into_iter().find(|(_, event)| condition(event));
             if let Some((i, event)) = found {
                 self.seen = i + 1;
                 return event.clone();
             }
             let ended = self.program.as_mut().and_then(|p| p.try_wait().expect("a state"));
-            assert!(ended.is_none(), "it ended with {ended:?} before: {what}; {}", last(&events));
-            assert!(begun.elapsed() < PATIENCE, "not in time: {what}; {}", last(&events));
+            assert!(ended.is_none(), "ended with {ended:?} before: {what}; {}", last(&events));
+            assert!(start.elapsed() < PATIENCE, "not in time: {what}; {}", last(&events));
             std::thread::sleep(Duration::from_millis(20));
         }
     }
@@ -146,33 +148,33 @@ impl Window {
         self.wait(event, |e| e["event"] == event)
     }
 
-    /// Forgets all events until now.
-    fn forget(&mut self) {
+    /// Skips all present events.
+    fn skip_events(&mut self) {
         self.seen = self.events().len();
     }
 
-    /// Waits for the program's end, which must be good, and returns what it said on stderr.
+    /// Waits for the program to end successfully, and returns stderr.
     #[track_caller]
     fn end(&mut self, folder: &Path) -> String {
         let mut program = self.program.take().expect("it has not ended");
-        let begun = Instant::now();
+        let start = Instant::now();
         let status = loop {
             if let Some(status) = program.try_wait().expect("a state") {
                 break status;
             }
-            if begun.elapsed() > PATIENCE {
+            if start.elapsed() > PATIENCE {
                 let _ = program.kill();
-                panic!("it does not end");
+                panic!("the program does not end");
             }
             std::thread::sleep(Duration::from_millis(20));
         };
-        let said = fs::read_to_string(folder.join("stderr")).expect("a file");
-        assert!(status.success(), "{status:?}: {said}");
-        said
+        let stderr = fs::read_to_string(folder.join("stderr")).expect("a file");
+        assert!(status.success(), "{status:?}: {stderr}");
+        stderr
     }
 }
 
-/// The last events, a line each.
+/// Formats the last events, one per line.
 fn last(events: &[Value]) -> String {
     let lines = events.iter().skip(events.len().saturating_sub(8)).map(Value::to_string);
     lines.collect::<Vec<_>>().join("\n")
@@ -187,11 +189,10 @@ impl Drop for Window {
     }
 }
 
-/// Protects the whole of the window: it starts, plays, scrubs, orbits, takes a setting and a view
-/// mode, is resized, hidden to nothing and shown again, and closed; it ends well, without a panic or
-/// a word of wgpu's validation, and what it shows is a picture.
+/// The window plays, scrubs, orbits, zooms, changes a setting and a view mode, is resized, hidden, shown
+/// again and closed, without a panic or a validation error of wgpu, and shows a picture.
 #[test]
-fn window_is_driven_through_everything() {
+fn window_handles_all_interactions() {
     let Some(screen) = Screen::start() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let input = format!("{DATA}ParticleData_Fluid_{{}}.bgeo");
@@ -201,7 +202,7 @@ fn window_is_driven_through_everything() {
     window.wait("a picture at rest", |e| e["event"] == "picture" && e["level"] == "fine");
     let id = screen.window();
 
-    // A picture is no single colour, and it is not the panels' either.
+    // The picture's area, without the panels, has many colours.
     let (width, _, pixels) = screen.pixels();
     let middle: Vec<_> = (100..500)
         .flat_map(|y| (50..600).map(move |x| (x, y)))
@@ -219,11 +220,11 @@ fn window_is_driven_through_everything() {
     screen.tool(&["key", "space"]);
     window.wait_for("pause");
 
-    // On the timeline, from its end to its first third and back.
+    // A drag on the timeline, from the middle towards the end.
     screen.tool(&["key", "Home"]);
     screen.tool(&["key", "End"]);
     window.wait("the last frame", |e| e["event"] == "picture" && e["moment"] == 4);
-    window.forget();
+    window.skip_events();
     screen.tool(&["mousemove", "--window", &id, "400", "592", "mousedown", "1"]);
     window.wait_for("seek");
     screen.tool(&["mousemove", "--window", &id, "700", "592"]);
@@ -232,7 +233,7 @@ fn window_is_driven_through_everything() {
     window.wait("its picture", |e| e["event"] == "picture" && e["moment"] == sought["index"]);
 
     // A drag on the picture.
-    window.forget();
+    window.skip_events();
     screen.tool(&["mousemove", "--window", &id, "300", "300", "mousedown", "1"]);
     // A press and a release between two frames of a slow interface would be a click.
     std::thread::sleep(Duration::from_millis(300));
@@ -250,7 +251,7 @@ fn window_is_driven_through_everything() {
     window.wait_for("camera");
 
     // The slider of the index of refraction.
-    window.forget();
+    window.skip_events();
     screen.tool(&["mousemove", "--window", &id, "830", "206", "mousedown", "1"]);
     std::thread::sleep(Duration::from_millis(300));
     screen.tool(&["mousemove", "--window", &id, "845", "206"]);
@@ -261,18 +262,18 @@ fn window_is_driven_through_everything() {
     window.wait("a view mode", |e| e["event"] == "view" && e["view"] == "Depth");
     window.wait("it at rest", |e| e["event"] == "picture" && e["level"] == "fine");
 
-    window.forget();
+    window.skip_events();
     screen.tool(&["windowsize", &id, "760", "480"]);
     window.wait_for("resize");
     window.wait("it at rest", |e| e["event"] == "picture" && e["level"] == "fine");
 
-    // As small as a window can be, and hidden.
+    // The smallest window, then hidden.
     screen.tool(&["windowsize", &id, "1", "1"]);
     std::thread::sleep(Duration::from_millis(200));
     screen.tool(&["windowunmap", &id]);
     std::thread::sleep(Duration::from_millis(200));
     screen.tool(&["windowmap", &id]);
-    window.forget();
+    window.skip_events();
     screen.tool(&["windowsize", &id, "900", "600"]);
     window.wait("a picture again", |e| {
         e["event"] == "picture" && e["level"] == "fine" && e["width"].as_u64() > Some(300)
@@ -280,30 +281,30 @@ fn window_is_driven_through_everything() {
 
     screen.tool(&["windowfocus", &id]);
     screen.tool(&["key", "ctrl+q"]);
-    let said = window.end(folder.path());
-    let low = said.to_lowercase();
-    assert!(!low.contains("panic") && !low.contains("validation"), "{said}");
+    let stderr = window.end(folder.path());
+    let lowercase = stderr.to_lowercase();
+    assert!(!lowercase.contains("panic") && !lowercase.contains("validation"), "{stderr}");
     let events = window.events();
     assert_eq!(events.last().expect("events")["event"], "close");
     assert!(!events.iter().any(|e| e["event"] == "notice"), "{events:#?}");
 }
 
-/// Protects a screen without a server: an error that says so, and its exit code.
+/// Without a display server, `limpid view` fails with exit code 5 and suggests `limpid render`.
 #[test]
-fn without_a_screen_there_is_an_error() {
+fn view_without_a_display_is_an_error() {
     let output = Command::new(env!("CARGO_BIN_EXE_limpid"))
         .env_remove("DISPLAY")
         .env_remove("WAYLAND_DISPLAY")
         .args(["view", "sims/slab.toml"])
         .output()
         .expect("it starts");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(5), "{said}");
-    assert!(said.contains("limpid render"), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(5), "{stderr}");
+    assert!(stderr.contains("limpid render"), "{stderr}");
 }
 
-/// Protects *loading never blocks the interface*: while frames of many particles are read and
-/// classified, the interface's own work stays short. How short on which machine, a command measures:
+/// Loading never blocks the interface: while frames of many particles are read and classified, the
+/// interface keeps working. The longest times on a machine are measured by:
 ///
 /// ```text
 /// LIMPID_PARTICLES=1000000 cargo test --release --features viewer-tests --test window -- \
@@ -334,13 +335,13 @@ fn loading_does_not_block_the_interface() {
     let id = screen.window();
     screen.tool(&["key", "space"]);
     window.wait_for("play");
-    // Loading goes on; the interface moves with the pointer meanwhile.
-    let begun = Instant::now();
+    // The pointer moves while frames are loading.
+    let start = Instant::now();
     let has_last = |window: &Window| {
         window.events().iter().any(|e| e["event"] == "picture" && e["moment"] == 2)
     };
     while !has_last(&window) {
-        assert!(begun.elapsed() < 3 * PATIENCE, "not in time: the last frame");
+        assert!(start.elapsed() < 3 * PATIENCE, "not in time: the last frame");
         for x in ["100", "140"] {
             screen.tool(&["mousemove", "--window", &id, x, "200"]);
             std::thread::sleep(Duration::from_millis(30));

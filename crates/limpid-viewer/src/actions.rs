@@ -22,7 +22,7 @@ impl Viewer {
 
     pub(crate) fn take_keys(&mut self, ctx: &egui::Context) {
         // Somebody may be typing a number or a path.
-        if self.dialog.is_some() || ctx.text_edit_focused() {
+        if self.interface.dialog.is_some() || ctx.text_edit_focused() {
             return;
         }
         let pressed = ctx.input(|input| {
@@ -44,19 +44,23 @@ impl Viewer {
     /// Does what a key, a button or a menu asks for.
     pub(crate) fn act(&mut self, ctx: &egui::Context, action: Action) {
         match action {
-            Action::Open => self.dialog = Some(Dialog::open()),
-            Action::Help => self.help = !self.help,
+            Action::Open => self.interface.dialog = Some(Dialog::open()),
+            Action::Help => self.interface.help = !self.interface.help,
             Action::Close => {
-                self.help = false;
-                self.notices.clear();
+                self.interface.help = false;
+                self.interface.notices.clear();
             }
             Action::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
             Action::Theme => {
-                self.dark = !self.dark;
-                ctx.set_theme(if self.dark { egui::Theme::Dark } else { egui::Theme::Light });
+                self.interface.dark = !self.interface.dark;
+                ctx.set_theme(if self.interface.dark {
+                    egui::Theme::Dark
+                } else {
+                    egui::Theme::Light
+                });
             }
-            Action::Panels => self.panels = !self.panels,
-            _ if self.document.is_none() => {}
+            Action::Panels => self.interface.panels = !self.interface.panels,
+            _ if self.opened.document.is_none() => {}
             Action::Play => self.toggle_play(),
             Action::Reverse => self.playback.backwards = !self.playback.backwards,
             Action::Next => self.playback.step_by(true),
@@ -71,20 +75,20 @@ impl Viewer {
             Action::AddKey => self.add_key(),
             Action::NextView => {
                 let all: Vec<View> = View::all().collect();
-                let at = all.iter().position(|view| view.aov() == self.view.aov());
+                let at = all.iter().position(|view| view.aov() == self.picture.view.aov());
                 self.set_view(all[(at.unwrap_or(0) + 1) % all.len()]);
             }
-            Action::Picture => self.set_view(match self.view {
-                View::Picture => self.view_before,
+            Action::Picture => self.set_view(match self.picture.view {
+                View::Picture => self.picture.view_before,
                 View::Image(..) => View::Picture,
             }),
             Action::Compare => {
-                let at = Compare::ALL.iter().position(|&c| c == self.compare).unwrap_or(0);
-                self.compare = Compare::ALL[(at + 1) % Compare::ALL.len()];
+                let at = Compare::ALL.iter().position(|&c| c == self.editing.compare).unwrap_or(0);
+                self.editing.compare = Compare::ALL[(at + 1) % Compare::ALL.len()];
             }
-            Action::Swap => self.edited = 1 - self.edited,
-            Action::SavePicture => self.dialog = self.save_picture_dialog(),
-            Action::SaveScene => self.dialog = self.save_scene_dialog(),
+            Action::Swap => self.editing.edited = 1 - self.editing.edited,
+            Action::SavePicture => self.interface.dialog = self.save_picture_dialog(),
+            Action::SaveScene => self.interface.dialog = self.save_scene_dialog(),
             Action::Copy => {
                 if let Some(command) = self.command_line("limpid.png") {
                     ctx.copy_text(command.clone());
@@ -96,60 +100,61 @@ impl Viewer {
 
     pub(crate) fn toggle_play(&mut self) {
         self.playback.playing = !self.playback.playing;
-        self.log.event(if self.playback.playing { "play" } else { "pause" }, json!({}));
+        self.jobs.log.event(if self.playback.playing { "play" } else { "pause" }, json!({}));
     }
 
     pub(crate) fn seek(&mut self, index: usize) {
         if index != self.playback.index() {
             self.playback.seek(index);
-            self.log.event("seek", json!({ "index": index }));
+            self.jobs.log.event("seek", json!({ "index": index }));
         }
     }
 
     pub(crate) fn set_speed(&mut self, speed: Speed) {
-        let Some(document) = &self.document else { return };
+        let Some(document) = &self.opened.document else { return };
         // Where frames are missing, frame times of one time have different places in the two.
         let seconds = self.moment().map_or(0.0, |at| document.seconds(at));
-        self.frame_times = document.frame_times(speed).into();
-        let index = document.nearest(&self.frame_times, seconds);
-        for side in &mut self.sides {
+        self.opened.frame_times = document.frame_times(speed).into();
+        let index = document.nearest(&self.opened.frame_times, seconds);
+        for side in &mut self.editing.sides {
             side.at = None;
         }
-        self.playback.set_speed(speed, self.frame_times.len(), index);
-        self.failed.clear();
+        self.playback.set_speed(speed, self.opened.frame_times.len(), index);
+        self.opened.failed.clear();
     }
 
     pub(crate) fn set_view(&mut self, view: View) {
-        if self.view != View::Picture {
-            self.view_before = self.view;
+        if self.picture.view != View::Picture {
+            self.picture.view_before = self.picture.view;
         }
-        if self.view != view {
-            self.log.event("view", json!({ "view": view.label() }));
+        if self.picture.view != view {
+            self.jobs.log.event("view", json!({ "view": view.label() }));
         }
-        self.view = view;
+        self.picture.view = view;
     }
 
     pub(crate) fn set_camera(&mut self, camera: Camera) {
         // A camera that sees nothing is not gone to.
-        if camera != self.camera && camera.check().is_ok() {
-            self.camera = camera;
-            self.follow = false;
+        if camera != self.eye.camera && camera.check().is_ok() {
+            self.eye.camera = camera;
+            self.eye.follow = false;
         }
     }
 
     pub(crate) fn fit(&mut self) {
-        if let Some(loaded) = &self.sides[self.edited].loaded {
-            let aspect = self.viewport_size.as_dvec2();
+        if let Some(loaded) = &self.editing.sides[self.editing.edited].loaded {
+            let aspect = self.picture.viewport_size.as_dvec2();
             let aspect = if aspect.min_element() > 0.0 { aspect.x / aspect.y } else { 1.0 };
             let radius = f64::from(loaded.splats.radius);
             let (min, max) = loaded.bulk.bounds;
-            let camera = camera_controls::fit(&self.camera, (min - radius, max + radius), aspect);
+            let camera =
+                camera_controls::fit(&self.eye.camera, (min - radius, max + radius), aspect);
             self.set_camera(camera);
         }
     }
 
     pub(crate) fn home(&mut self) {
-        if let Some(document) = &self.document {
+        if let Some(document) = &self.opened.document {
             let camera = document.project.camera_for(Default::default());
             self.set_camera(camera);
         }

@@ -77,17 +77,17 @@ impl Viewer {
     /// Opens a source in place of what is open, once it has been read: until then, and if it cannot
     /// be, a bake of what is open goes on.
     pub fn open(&mut self, source: Source) {
-        self.openings += 1;
-        let number = self.openings;
+        self.opened.openings += 1;
+        let number = self.opened.openings;
         // Two bakes of one scene would write the same files.
         let kept = |old: &Opening| old.opened && old.source.input != source.input;
-        if let Some(old) = self.opening.take().filter(kept) {
-            self.before = Some(old);
+        if let Some(old) = self.opened.opening.take().filter(kept) {
+            self.opened.before = Some(old);
         }
-        self.before = self.before.take().filter(kept);
+        self.opened.before = self.opened.before.take().filter(kept);
         let stop = Arc::new(AtomicBool::new(false));
-        let (post, given, stopped) = (self.post.clone(), source.clone(), stop.clone());
-        self.opening = Some(Opening {
+        let (post, given, stopped) = (self.jobs.post.clone(), source.clone(), stop.clone());
+        self.opened.opening = Some(Opening {
             number,
             source,
             pending: true,
@@ -126,18 +126,19 @@ impl Viewer {
     }
 
     pub(crate) fn take_opened(&mut self, number: u64, document: Result<Document>) {
-        let Some(opening) = self.opening.as_mut().filter(|opening| opening.number == number) else {
+        let Some(opening) = self.opened.opening.as_mut().filter(|opening| opening.number == number)
+        else {
             return;
         };
         opening.pending = false;
         match document {
             Ok(document) => {
                 opening.opened = true;
-                self.before = None;
+                self.opened.before = None;
                 self.opened(document);
             }
             Err(error) => {
-                self.opening = self.before.take().or(self.opening.take());
+                self.opened.opening = self.opened.before.take().or(self.opened.opening.take());
                 self.fail(&error);
             }
         }
@@ -145,13 +146,14 @@ impl Viewer {
 
     /// What was opened or is being opened with a number, unless it has been let go.
     pub(crate) fn numbered(&mut self, number: u64) -> Option<&mut Opening> {
-        let all = [&mut self.opening, &mut self.before];
+        let all = [&mut self.opened.opening, &mut self.opened.before];
         all.into_iter().flatten().find(|opening| opening.number == number)
     }
 
     /// A frame has been added to what is open.
     pub(crate) fn take_progress(&mut self, number: u64, progress: Progress) {
-        let known = self.document.as_ref().map_or(0, |open| open.input.sequence.frames.len());
+        let known =
+            self.opened.document.as_ref().map_or(0, |open| open.input.sequence.frames.len());
         let Some(opening) = self.numbered(number) else {
             return;
         };
@@ -174,7 +176,7 @@ impl Viewer {
     fn grow(&mut self, number: u64) {
         let Some(opening) = self.numbered(number) else { return };
         (opening.growing, opening.again) = (true, false);
-        let (source, post) = (opening.source.clone(), self.post.clone());
+        let (source, post) = (opening.source.clone(), self.jobs.post.clone());
         std::thread::spawn(move || {
             post.send(Message::Grown(number, Box::new(Document::open(&source))));
         });
@@ -189,11 +191,11 @@ impl Viewer {
         let again = opening.again;
         match document {
             Ok(document) if opening.opened => {
-                self.frame_times = document.frame_times(self.playback.speed()).into();
-                self.playback.set_count(self.frame_times.len());
+                self.opened.frame_times = document.frame_times(self.playback.speed()).into();
+                self.playback.set_count(self.opened.frame_times.len());
                 let frames = document.numbers.len();
-                self.document = Some(Arc::new(document));
-                self.log.event("grown", serde_json::json!({ "frames": frames }));
+                self.opened.document = Some(Arc::new(document));
+                self.jobs.log.event("grown", serde_json::json!({ "frames": frames }));
             }
             Ok(document) => {
                 opening.opened = true;

@@ -11,7 +11,7 @@ use limpid_io::camera_path::Key;
 impl Viewer {
     pub(crate) fn camera_panel(&mut self, ui: &mut egui::Ui) {
         let ctx = ui.ctx().clone();
-        let mut camera = self.camera;
+        let mut camera = self.eye.camera;
         let speed = 0.005 * camera.eye.distance(camera.target);
         egui::Grid::new("camera").num_columns(4).spacing([6.0, 5.0]).show(ui, |ui| {
             for (name, place) in [("Eye", &mut camera.eye), ("Target", &mut camera.target)] {
@@ -59,23 +59,23 @@ impl Viewer {
             if ui.button("Add key").on_hover_text("the camera at the present time (K)").clicked() {
                 self.act(&ctx, Action::AddKey);
             }
-            let some = !self.path.keys.is_empty();
-            ui.add_enabled(some, egui::Checkbox::new(&mut self.follow, "Follow"))
+            let some = !self.eye.path.keys.is_empty();
+            ui.add_enabled(some, egui::Checkbox::new(&mut self.eye.follow, "Follow"))
                 .on_hover_text("playback takes the camera along the keys");
             if ui.button("Load…").clicked() {
-                self.dialog = Some(Dialog::load_path());
+                self.interface.dialog = Some(Dialog::load_path());
             }
             if ui.add_enabled(some, egui::Button::new("Save…")).clicked() {
-                self.dialog = Some(Dialog::save_path());
+                self.interface.dialog = Some(Dialog::save_path());
             }
         });
-        if self.path.keys.is_empty() {
+        if self.eye.path.keys.is_empty() {
             ui.weak("No keys. A camera path of keys can be followed here, and rendered with `limpid render --camera-path`.");
             return;
         }
         let (mut going, mut removed) = (None, None);
         egui::Grid::new("keys").num_columns(4).striped(true).show(ui, |ui| {
-            for (i, key) in self.path.keys.iter_mut().enumerate() {
+            for (i, key) in self.eye.path.keys.iter_mut().enumerate() {
                 ui.label(format!("{}", i + 1));
                 let shown = format!("{:.2}", key.time);
                 let drag = egui::DragValue::new(&mut key.time).speed(0.05).suffix(" s");
@@ -95,8 +95,8 @@ impl Viewer {
             self.go_to(key);
         }
         if let Some(i) = removed {
-            self.path.keys.remove(i);
-            self.follow &= !self.path.keys.is_empty();
+            self.eye.path.keys.remove(i);
+            self.eye.follow &= !self.eye.path.keys.is_empty();
         }
         self.order_keys(ui.input(|input| input.pointer.any_down()));
     }
@@ -104,31 +104,31 @@ impl Viewer {
     /// Keys ascend; two at one time are one. While one is dragged past another they wait.
     fn order_keys(&mut self, dragging: bool) {
         if !dragging {
-            self.path.keys.sort_by(|a, b| a.time.total_cmp(&b.time));
-            self.path.keys.dedup_by(|a, b| a.time == b.time);
+            self.eye.path.keys.sort_by(|a, b| a.time.total_cmp(&b.time));
+            self.eye.path.keys.dedup_by(|a, b| a.time == b.time);
         }
     }
 
     /// Adds the camera at the present time; of a still, a second after the last key.
     pub(crate) fn add_key(&mut self) {
         let still = self.playback.count() < 2;
-        let after = self.path.keys.last().map_or(0.0, |key| key.time + 1.0);
+        let after = self.eye.path.keys.last().map_or(0.0, |key| key.time + 1.0);
         let time = if still { after } else { self.seconds() };
-        self.path.keys.retain(|key| key.time != time);
-        self.path.keys.push(Key { time, camera: self.camera });
+        self.eye.path.keys.retain(|key| key.time != time);
+        self.eye.path.keys.push(Key { time, camera: self.eye.camera });
         self.order_keys(false);
-        self.say(format!("key {} at {time:.2} s", self.path.keys.len()));
+        self.say(format!("key {} at {time:.2} s", self.eye.path.keys.len()));
     }
 
     fn go_to(&mut self, key: Key) {
         self.set_camera(key.camera);
-        let Some(document) = self.document.clone() else { return };
-        self.seek(document.nearest(&self.frame_times, key.time));
+        let Some(document) = self.opened.document.clone() else { return };
+        self.seek(document.nearest(&self.opened.frame_times, key.time));
     }
 
     /// The key frames.
     pub fn path(&self) -> &limpid_io::camera_path::CameraPath {
-        &self.path
+        &self.eye.path
     }
 }
 

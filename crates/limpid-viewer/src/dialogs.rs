@@ -91,18 +91,18 @@ impl Dialog {
 impl Viewer {
     pub(crate) fn save_picture_dialog(&self) -> Option<Dialog> {
         let samples = self.fine_scene().settings.refract.samples;
-        let size = self.viewport_size.max(UVec2::ONE);
-        self.document.as_ref()?;
+        let size = self.picture.viewport_size.max(UVec2::ONE);
+        self.opened.document.as_ref()?;
         Some(Dialog { size, samples, ..Dialog::new(Purpose::Picture, "limpid.png") })
     }
 
     pub(crate) fn save_scene_dialog(&self) -> Option<Dialog> {
-        let stem = Path::new(self.document.as_ref()?.name()).file_stem()?.to_string_lossy();
+        let stem = Path::new(self.opened.document.as_ref()?.name()).file_stem()?.to_string_lossy();
         Some(Dialog::new(Purpose::Scene, format!("{stem}_view.toml")))
     }
 
     pub(crate) fn show_dialog(&mut self, ctx: &egui::Context) {
-        let Some(mut dialog) = self.dialog.take() else { return };
+        let Some(mut dialog) = self.interface.dialog.take() else { return };
         let purpose = dialog.purpose;
         let (mut done, mut cancelled, mut browse) = (false, false, false);
         let modal = egui::Modal::new(egui::Id::unique("dialog")).show(ctx, |ui| {
@@ -120,7 +120,9 @@ impl Viewer {
                 } else if !response.has_focus() && ui.memory(|memory| memory.focused().is_none()) {
                     response.request_focus();
                 }
-                browse = ui.add_enabled(!self.browsing, egui::Button::new("Browse…")).clicked();
+                browse = ui
+                    .add_enabled(!self.interface.browsing, egui::Button::new("Browse…"))
+                    .clicked();
             });
             if purpose == Purpose::Picture {
                 ui.horizontal(|ui| {
@@ -147,7 +149,7 @@ impl Viewer {
         if done && !dialog.path.is_empty() {
             self.finish(&dialog);
         } else if !cancelled && !modal.should_close() {
-            self.dialog = Some(dialog);
+            self.interface.dialog = Some(dialog);
         }
     }
 
@@ -159,11 +161,11 @@ impl Viewer {
             Purpose::Picture => self.save_picture(path, dialog.size, dialog.samples),
             Purpose::Scene => self.save_scene(path),
             Purpose::SavePath => {
-                let keys = self.path.clone();
+                let keys = self.eye.path.clone();
                 self.write(path, move |path| keys.save(path));
             }
             Purpose::LoadPath => {
-                let post = self.post.clone();
+                let post = self.jobs.post.clone();
                 std::thread::spawn(move || {
                     let keys = CameraPath::load(&path);
                     post.send(Message::Path(path, keys));
@@ -174,8 +176,8 @@ impl Viewer {
 
     /// Shows the system's dialog on a thread of its own.
     fn browse(&mut self, dialog: &Dialog) {
-        self.browsing = true;
-        let (purpose, path, post) = (dialog.purpose, dialog.path.clone(), self.post.clone());
+        self.interface.browsing = true;
+        let (purpose, path, post) = (dialog.purpose, dialog.path.clone(), self.jobs.post.clone());
         std::thread::spawn(move || {
             let begun = Instant::now();
             let (name, extensions) = purpose.filter();
@@ -192,8 +194,8 @@ impl Viewer {
     }
 
     pub(crate) fn chosen(&mut self, path: Option<PathBuf>, waited: Duration) {
-        self.browsing = false;
-        match (path, &mut self.dialog) {
+        self.interface.browsing = false;
+        match (path, &mut self.interface.dialog) {
             (Some(path), Some(dialog)) => dialog.path = path.to_string_lossy().into_owned(),
             (None, _) if waited < UNSEEN => self.say(
                 "this system shows no file dialogs (no desktop portal): type the path, or drop \
@@ -205,7 +207,7 @@ impl Viewer {
     }
 
     pub(crate) fn help_window(&mut self, ctx: &egui::Context) {
-        let mut open = self.help;
+        let mut open = self.interface.help;
         egui::Window::new("Keys")
             .open(&mut open)
             .anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0])
@@ -234,6 +236,6 @@ impl Viewer {
                     });
                 });
             });
-        self.help = open;
+        self.interface.help = open;
     }
 }

@@ -76,7 +76,7 @@ impl Post {
 
 impl Viewer {
     pub(crate) fn take_news(&mut self) {
-        while let Ok(news) = self.news.try_recv() {
+        while let Ok(news) = self.jobs.messages.try_recv() {
             match news {
                 Message::Opened(number, document) => self.take_opened(number, *document),
                 Message::Baked(number, progress) => self.take_progress(number, progress),
@@ -96,7 +96,7 @@ impl Viewer {
                 Message::Path(path, loaded) => match loaded {
                     Ok(keys) => {
                         self.say(format!("{} keys from {}", keys.keys.len(), path.display()));
-                        self.path = keys;
+                        self.eye.path = keys;
                     }
                     Err(error) => self.fail(&error),
                 },
@@ -107,19 +107,19 @@ impl Viewer {
     fn take_answer(&mut self, answer: Answer) {
         match answer {
             Answer::Adapter(name) => {
-                self.log.event("adapter", json!({ "name": name }));
-                self.adapter = Some(name);
-                self.fresh_device = true;
+                self.jobs.log.event("adapter", json!({ "name": name }));
+                self.jobs.adapter = Some(name);
+                self.picture.fresh_device = true;
             }
             Answer::Lost(reason) => self.lose(&reason),
             Answer::Drawn(drawn) => self.show(drawn),
             Answer::NotDrawn(number, error) => {
-                self.answered = self.answered.max(number);
+                self.picture.answered = self.picture.answered.max(number);
                 // Neither this one again, nor the next of a sequence that would fail alike, until
                 // something changes.
-                if number == self.asked {
-                    self.asked_level = Level::Fine;
-                    self.undrawn = true;
+                if number == self.picture.asked {
+                    self.picture.asked_level = Level::Fine;
+                    self.picture.undrawn = true;
                     self.playback.playing = false;
                 }
                 self.fail(&error);
@@ -131,7 +131,7 @@ impl Viewer {
 
     /// A device is lost, and another will take its classifier.
     pub(crate) fn lose(&mut self, reason: &str) {
-        self.log.event("lost", json!({ "reason": reason }));
+        self.jobs.log.event("lost", json!({ "reason": reason }));
         let text = format!("the graphics device failed ({reason}); another one takes over");
         self.notice(text, true);
     }
@@ -139,7 +139,7 @@ impl Viewer {
     fn take_saved(&mut self, saved: Result<PathBuf>) {
         match saved {
             Ok(path) => {
-                self.log.event("saved", json!({ "path": path }));
+                self.jobs.log.event("saved", json!({ "path": path }));
                 self.say(format!("saved {}", path.display()));
             }
             Err(error) => self.fail(&error),
@@ -148,24 +148,24 @@ impl Viewer {
 
     pub(crate) fn fail(&mut self, error: &Error) {
         let text = error.to_string();
-        self.log.event("notice", json!({ "text": text }));
+        self.jobs.log.event("notice", json!({ "text": text }));
         self.notice(text, true);
     }
 
     pub(crate) fn say(&mut self, text: String) {
-        self.log.event("said", json!({ "text": text }));
+        self.jobs.log.event("said", json!({ "text": text }));
         self.notice(text, false);
     }
 
     fn notice(&mut self, text: String, error: bool) {
         let notice = Notice { text, error, since: Instant::now() };
-        match self.notices.last_mut() {
+        match self.interface.notices.last_mut() {
             // Told once, however often it happens.
             Some(last) if last.text == notice.text => *last = notice,
-            _ => self.notices.push(notice),
+            _ => self.interface.notices.push(notice),
         }
-        if self.notices.len() > MOST_NOTICES {
-            self.notices.remove(0);
+        if self.interface.notices.len() > MOST_NOTICES {
+            self.interface.notices.remove(0);
         }
     }
 }

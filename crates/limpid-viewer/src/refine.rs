@@ -55,37 +55,37 @@ pub(crate) struct Subject {
 impl Viewer {
     /// The settings that are on the screen.
     pub(crate) fn visible(&self) -> Vec<usize> {
-        if self.compare == Compare::Off { vec![self.edited] } else { vec![0, 1] }
+        if self.editing.compare == Compare::Off { vec![self.editing.edited] } else { vec![0, 1] }
     }
 
     /// Whether what is shown is the moment that playback is at.
     pub(crate) fn is_caught_up(&self) -> bool {
         let index = Some(self.playback.index());
-        let taken = self.visible().into_iter().all(|i| self.sides[i].at == index);
-        taken && self.answered == self.asked
+        let taken = self.visible().into_iter().all(|i| self.editing.sides[i].at == index);
+        taken && self.picture.answered == self.picture.asked
     }
 
     /// Takes the present moment from the caches, and says what is wanted next.
     pub(crate) fn load(&mut self) {
-        let Some(document) = &self.document else { return };
+        let Some(document) = &self.opened.document else { return };
         let visible = self.visible();
-        let scenes: Vec<&Scene> = visible.iter().map(|&i| &self.scenes[i]).collect();
+        let scenes: Vec<&Scene> = visible.iter().map(|&i| &self.editing.scenes[i]).collect();
         let index = self.playback.index();
         let dragging =
-            self.post.context().is_some_and(|ctx| ctx.input(|input| input.pointer.any_down()));
+            self.jobs.post.context().is_some_and(|ctx| ctx.input(|input| input.pointer.any_down()));
         // The first picture, for which a device is opened, needs its particles first.
-        let on_device = self.frames.processor == Processor::Gpu;
-        if on_device && !self.device_asked {
-            self.device_asked = true;
-            if self.classifier.wait_for_device() {
-                self.drawing.job(Job::Open);
+        let on_device = self.opened.frames.processor == Processor::Gpu;
+        if on_device && !self.jobs.device_asked {
+            self.jobs.device_asked = true;
+            if self.jobs.classifier.wait_for_device() {
+                self.jobs.drawing.job(Job::Open);
             }
         }
-        let post = self.post.clone();
+        let post = self.jobs.post.clone();
         let step = self.playback.speed().step();
-        self.frames.prepare(
+        self.opened.frames.prepare(
             document,
-            &self.frame_times,
+            &self.opened.frame_times,
             step,
             &scenes,
             (index, dragging),
@@ -93,15 +93,15 @@ impl Viewer {
                 post.send(Message::Loaded);
             },
         );
-        self.frames.aim(index, self.playback.step(), self.playback.looped);
+        self.opened.frames.aim(index, self.playback.step(), self.playback.looped);
         let mut first = None;
         for side in visible {
-            match self.frames.get(&self.scenes[side], index) {
+            match self.opened.frames.get(&self.editing.scenes[side], index) {
                 Some((Ok(loaded), fits)) => {
-                    if self.sides.iter().all(|side| side.loaded.is_none()) {
+                    if self.editing.sides.iter().all(|side| side.loaded.is_none()) {
                         first = Some((loaded.clone(), side));
                     }
-                    let side = &mut self.sides[side];
+                    let side = &mut self.editing.sides[side];
                     (side.at, side.fits) = (Some(index), fits);
                     let old = side.loaded.replace(loaded);
                     if let Some(last) = old.filter(|old| Arc::strong_count(old) == 1) {
@@ -109,14 +109,14 @@ impl Viewer {
                     }
                 }
                 Some((Err(error), _)) => {
-                    let side = &mut self.sides[side];
+                    let side = &mut self.editing.sides[side];
                     (side.at, side.fits) = (Some(index), false);
                     // Told once; playback goes on.
-                    if self.failed.insert(index) {
+                    if self.opened.failed.insert(index) {
                         self.fail(&error);
                     }
                 }
-                None => self.sides[side].at = None,
+                None => self.editing.sides[side].at = None,
             }
         }
         if let Some((loaded, side)) = first {
@@ -126,8 +126,8 @@ impl Viewer {
 
     /// Says what is worth knowing of the first frame of what was opened.
     fn say_notices(&mut self, loaded: &Loaded, side: usize) {
-        let Some(document) = &self.document else { return };
-        let scene = &self.scenes[side];
+        let Some(document) = &self.opened.document else { return };
+        let scene = &self.editing.scenes[side];
         let mut notices = notice::of_frame(loaded, scene);
         notices.extend(notice::of_scene(scene));
         notices.extend(notice::of_sequence(&document.input));
@@ -140,36 +140,38 @@ impl Viewer {
     pub(crate) fn ask(&mut self, ctx: &egui::Context) {
         let visible = self.visible();
         let loaded: Option<Vec<Arc<Loaded>>> =
-            visible.iter().map(|&i| self.sides[i].loaded.clone()).collect();
+            visible.iter().map(|&i| self.editing.sides[i].loaded.clone()).collect();
         let full = self.full_size();
         // Nothing to draw, or nowhere: a minimised window.
         let Some(loaded) = loaded.filter(|_| full.min_element() > 0) else { return };
         let subject = Subject {
-            scenes: visible.iter().map(|&i| self.scenes[i].clone()).collect(),
+            scenes: visible.iter().map(|&i| self.editing.scenes[i].clone()).collect(),
             loaded: loaded.iter().map(|loaded| Arc::as_ptr(loaded) as usize).collect(),
-            camera: self.camera,
+            camera: self.eye.camera,
             sizes: vec![full; visible.len()],
-            view: self.view,
-            refine: self.refine,
+            view: self.picture.view,
+            refine: self.picture.refine,
         };
         let now = Instant::now();
-        let changed = self.subject.as_ref() != Some(&subject);
+        let changed = self.picture.subject.as_ref() != Some(&subject);
         let level = if changed {
-            self.changed = now;
+            self.picture.changed = now;
             Level::Draft
-        } else if self.answered < self.asked {
+        } else if self.picture.answered < self.picture.asked {
             // One thing after the other.
             return;
-        } else if self.playback.playing || self.dragging || now.duration_since(self.changed) < REST
+        } else if self.playback.playing
+            || self.picture.dragging
+            || now.duration_since(self.picture.changed) < REST
         {
             // Playback and the pointer wake the interface themselves.
-            let rest = REST.saturating_sub(now.duration_since(self.changed));
-            if self.asked_level < Level::Fine && !rest.is_zero() {
+            let rest = REST.saturating_sub(now.duration_since(self.picture.changed));
+            if self.picture.asked_level < Level::Fine && !rest.is_zero() {
                 ctx.request_repaint_after(rest);
             }
             return;
         } else {
-            match self.asked_level {
+            match self.picture.asked_level {
                 Level::Draft => Level::Full,
                 Level::Full => Level::Fine,
                 Level::Fine => return,
@@ -179,64 +181,71 @@ impl Viewer {
             Level::Draft | Level::Full => 1,
             Level::Fine => self.fine_samples(scene),
         };
-        let alike = visible.iter().all(|&i| self.fine_samples(&self.scenes[i]) == 1);
-        if level == Level::Fine && alike && self.asked_level == Level::Full {
-            self.asked_level = Level::Fine;
+        let alike = visible.iter().all(|&i| self.fine_samples(&self.editing.scenes[i]) == 1);
+        if level == Level::Fine && alike && self.picture.asked_level == Level::Full {
+            self.picture.asked_level = Level::Fine;
             return;
         }
-        let size = if level == Level::Draft { self.resolution.draft(full) } else { full };
+        let size = if level == Level::Draft { self.picture.resolution.draft(full) } else { full };
         let panes = visible.iter().zip(loaded).map(|(&i, loaded)| {
-            let mut scene = self.scenes[i].clone();
+            let mut scene = self.editing.scenes[i].clone();
             scene.settings.refract.samples = samples(&scene);
             if level == Level::Draft {
                 let edges = &mut scene.settings.refract.edge_samples;
                 *edges = (*edges).min(DRAFT_EDGE_SAMPLES);
             }
-            Pane { scene: Arc::new(scene), camera: self.camera, loaded, size }
+            Pane { scene: Arc::new(scene), camera: self.eye.camera, loaded, size }
         });
         let panes = panes.collect();
-        self.asked += 1;
-        self.asked_level = level;
-        self.undrawn = false;
-        self.subject = Some(subject);
-        self.drawing.request(Request { number: self.asked, panes, level, view: self.view });
+        self.picture.asked += 1;
+        self.picture.asked_level = level;
+        self.picture.undrawn = false;
+        self.picture.subject = Some(subject);
+        self.jobs.drawing.request(Request {
+            number: self.picture.asked,
+            panes,
+            level,
+            view: self.picture.view,
+        });
     }
 
     /// Size of a picture on the screen, pixels.
     pub(crate) fn full_size(&self) -> UVec2 {
-        match self.compare {
-            Compare::SideBySide => UVec2::new(self.viewport_size.x / 2, self.viewport_size.y),
-            _ => self.viewport_size,
+        match self.editing.compare {
+            Compare::SideBySide => {
+                UVec2::new(self.picture.viewport_size.x / 2, self.picture.viewport_size.y)
+            }
+            _ => self.picture.viewport_size,
         }
     }
 
     /// Rays per pixel of a scene's picture at rest.
     pub(crate) fn fine_samples(&self, scene: &Scene) -> u32 {
         let own = scene.settings.refract.samples;
-        if self.refine { own.max(FINE_SAMPLES) } else { own }
+        if self.picture.refine { own.max(FINE_SAMPLES) } else { own }
     }
 
     /// The scene that is edited, as its picture at rest is drawn.
     pub(crate) fn fine_scene(&self) -> Scene {
-        let mut scene = self.scenes[self.edited].clone();
+        let mut scene = self.editing.scenes[self.editing.edited].clone();
         scene.settings.refract.samples = self.fine_samples(&scene);
         scene
     }
 
     /// The command that draws the picture at rest without a window; none if nothing is open.
     pub fn command_line(&self, output: &str) -> Option<String> {
-        let document = self.document.as_ref()?;
+        let document = self.opened.document.as_ref()?;
         let (scene, at) = (self.fine_scene(), self.moment()?);
-        let size = self.viewport_size.max(UVec2::ONE);
-        let processor = self.frames.processor;
-        Some(command_line(document, (&scene, processor), &self.camera, at, size, output))
+        let size = self.picture.viewport_size.max(UVec2::ONE);
+        let processor = self.opened.frames.processor;
+        Some(command_line(document, (&scene, processor), &self.eye.camera, at, size, output))
     }
 
     /// Draws the picture at rest in `size` pixels and writes it in the format that the name says, as
     /// soon as it can. What is shown in place of a frame that is not loaded is not saved under its
     /// name.
     pub fn save_picture(&mut self, path: PathBuf, size: UVec2, samples: u32) {
-        let side = &self.sides[self.edited];
+        let side = &self.editing.sides[self.editing.edited];
         let present = side.fits && side.at == Some(self.playback.index());
         let Some(loaded) = side.loaded.clone().filter(|_| present) else {
             self.fail(&Error::Usage("not saved: this frame is not loaded".into()));
@@ -244,14 +253,17 @@ impl Viewer {
         };
         let mut scene = self.fine_scene();
         scene.settings.refract.samples = samples;
-        let pane = Pane { scene: Arc::new(scene), camera: self.camera, loaded, size };
-        self.drawing.job(Job::Save(pane, path, self.document.clone()));
+        let pane = Pane { scene: Arc::new(scene), camera: self.eye.camera, loaded, size };
+        self.jobs.drawing.job(Job::Save(pane, path, self.opened.document.clone()));
     }
 
     /// Writes the scene that is edited, seen as it is seen now, as soon as it can.
     pub fn save_scene(&mut self, path: PathBuf) {
-        let (Some(document), Some(at)) = (self.document.clone(), self.moment()) else { return };
-        let (scene, camera, processor) = (self.fine_scene(), self.camera, self.frames.processor);
+        let (Some(document), Some(at)) = (self.opened.document.clone(), self.moment()) else {
+            return;
+        };
+        let (scene, camera, processor) =
+            (self.fine_scene(), self.eye.camera, self.opened.frames.processor);
         // An environment is a picture, which takes its time.
         self.write(path, move |path| {
             document.check_scene_output(path)?;
@@ -265,21 +277,21 @@ impl Viewer {
         path: PathBuf,
         write: impl FnOnce(&Path) -> Result<()> + Send + 'static,
     ) {
-        let post = self.post.clone();
+        let post = self.jobs.post.clone();
         let writer = move || post.send(Message::Saved(write(&path).map(|()| path)));
-        self.writers.retain(|writer| !writer.is_finished());
-        self.writers.push(std::thread::spawn(writer));
+        self.jobs.writers.retain(|writer| !writer.is_finished());
+        self.jobs.writers.push(std::thread::spawn(writer));
     }
 
     /// Whether the picture at rest is on the screen: of the present moment, as it is set.
     pub fn is_at_rest(&self) -> bool {
-        self.document.is_some()
-            && self.opening.as_ref().is_none_or(|opening| !opening.pending)
+        self.opened.document.is_some()
+            && self.opened.opening.as_ref().is_none_or(|opening| !opening.pending)
             && self.is_caught_up()
-            && self.visible().into_iter().all(|i| self.sides[i].fits)
-            && self.asked_level == Level::Fine
-            && self.asked > 0
-            && !self.undrawn
+            && self.visible().into_iter().all(|i| self.editing.sides[i].fits)
+            && self.picture.asked_level == Level::Fine
+            && self.picture.asked > 0
+            && !self.picture.undrawn
             && !self.playback.playing
     }
 }

@@ -24,38 +24,41 @@ impl Viewer {
                 for (tab, name) in
                     [(Tab::Settings, "Settings"), (Tab::Camera, "Camera"), (Tab::Times, "Times")]
                 {
-                    ui.selectable_value(&mut self.tab, tab, name);
+                    ui.selectable_value(&mut self.interface.tab, tab, name);
                 }
             });
             ui.separator();
-            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| match self.tab {
-                Tab::Settings => self.settings(ui),
-                Tab::Camera => self.camera_panel(ui),
-                Tab::Times => self.times(ui),
+            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                match self.interface.tab {
+                    Tab::Settings => self.settings(ui),
+                    Tab::Camera => self.camera_panel(ui),
+                    Tab::Times => self.times(ui),
+                }
             });
         });
     }
 
     fn settings(&mut self, ui: &mut egui::Ui) {
-        let Some(document) = self.document.clone() else { return };
+        let Some(document) = self.opened.document.clone() else { return };
         ui.horizontal(|ui| {
             for (i, name) in ["A", "B"].into_iter().enumerate() {
                 let hint = format!("edit settings {name} (X)");
-                ui.selectable_value(&mut self.edited, i, name).on_hover_text(hint);
+                ui.selectable_value(&mut self.editing.edited, i, name).on_hover_text(hint);
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let (from, to) = if self.edited == 0 { ("A", "B") } else { ("B", "A") };
+                let (from, to) = if self.editing.edited == 0 { ("A", "B") } else { ("B", "A") };
                 let copy = ui.button(format!("Copy {from} to {to}"));
                 if copy.clicked() {
-                    self.scenes[1 - self.edited] = self.scenes[self.edited].clone();
+                    self.editing.scenes[1 - self.editing.edited] =
+                        self.editing.scenes[self.editing.edited].clone();
                 }
                 let reset = ui.button("Reset all").on_hover_text("all as they were opened");
                 if reset.clicked() {
-                    self.scenes[self.edited] = document.project.scene.clone();
+                    self.editing.scenes[self.editing.edited] = document.project.scene.clone();
                 }
             });
         });
-        let scene = &mut self.scenes[self.edited];
+        let scene = &mut self.editing.scenes[self.editing.edited];
         let before = scene.clone();
         ui.horizontal(|ui| {
             ui.label("Preset");
@@ -70,7 +73,7 @@ impl Viewer {
             });
             named(&response.response, "Preset");
         });
-        ui.checkbox(&mut self.refine, "Refine pictures at rest").on_hover_text(format!(
+        ui.checkbox(&mut self.picture.refine, "Refine pictures at rest").on_hover_text(format!(
             "draw at least {} rays per pixel once nothing changes",
             crate::FINE_SAMPLES
         ));
@@ -90,7 +93,7 @@ impl Viewer {
                         row(ui, control, &control.of(&table), &mut scene.settings);
                     }
                     if pass == "classify" {
-                        computed_on(ui, &mut self.frames.processor);
+                        computed_on(ui, &mut self.opened.frames.processor);
                     }
                 });
                 reset(ui, pass, || {
@@ -99,18 +102,18 @@ impl Viewer {
                         control.set(&mut scene.settings, &opened);
                     }
                     if pass == "classify" {
-                        self.frames.processor = document.project.processor;
+                        self.opened.frames.processor = document.project.processor;
                     }
                 });
             });
         }
-        if self.log.is_on() && *scene != before {
+        if self.jobs.log.is_on() && *scene != before {
             let changed = controls::differences(&before.settings, &scene.settings);
             let what: Vec<String> = changed
                 .iter()
                 .map(|(control, value)| format!("{}={value}", control.path()))
                 .collect();
-            self.log.event("setting", json!({ "changed": what }));
+            self.jobs.log.event("setting", json!({ "changed": what }));
         }
     }
 }

@@ -15,15 +15,15 @@ impl Viewer {
     pub(crate) fn timeline(&mut self, ui: &mut egui::Ui) {
         let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
         egui::Panel::bottom("timeline").frame(bar).show(ui, |ui| {
-            if let Some(document) = self.document.clone() {
-                let ahead = self.frames.state();
-                if self.frame_times.len() > 1 {
+            if let Some(document) = self.opened.document.clone() {
+                let ahead = self.opened.frames.state();
+                if self.opened.frame_times.len() > 1 {
                     self.transport(ui, &document, &ahead);
                     ui.add_space(2.0);
                 }
                 self.status(ui, &ahead);
             } else {
-                ui.weak(match self.opening.as_ref().filter(|opening| opening.pending) {
+                ui.weak(match self.opened.opening.as_ref().filter(|opening| opening.pending) {
                     Some(opening) => format!("opening {}", opening.source.input),
                     None => "nothing is open".to_owned(),
                 });
@@ -91,7 +91,7 @@ impl Viewer {
     fn track(&mut self, ui: &mut egui::Ui, width: f32, document: &Document, ahead: &CacheState) {
         let (outer, mut response) =
             ui.allocate_exact_size(vec2(width, 24.0), Sense::click_and_drag());
-        let count = self.frame_times.len();
+        let count = self.opened.frame_times.len();
         let last = (count - 1) as f32;
         let rect = outer.shrink2(vec2(6.0, 8.0));
         let x = |i: f32| rect.left() + rect.width() * i / last;
@@ -117,11 +117,11 @@ impl Viewer {
         paint(&ahead.loaded, dim);
         paint(&ahead.loading, visuals.weak_text_color().gamma_multiply(0.5));
         paint(&ahead.failed, visuals.error_fg_color);
-        let known: Vec<usize> = self.failed.iter().copied().collect();
+        let known: Vec<usize> = self.opened.failed.iter().copied().collect();
         paint(&known, visuals.error_fg_color);
         painter.rect_stroke(rect, 3, visuals.widgets.noninteractive.bg_stroke, StrokeKind::Outside);
-        let length = self.frame_times.last().map_or(0.0, |&at| document.seconds(at));
-        for key in &self.path.keys {
+        let length = self.opened.frame_times.last().map_or(0.0, |&at| document.seconds(at));
+        for key in &self.eye.path.keys {
             if length > 0.0 && (0.0..=length).contains(&key.time) {
                 let at = pos2(x(last * (key.time / length) as f32), rect.top() - 4.0);
                 painter.circle_filled(at, 2.5, visuals.warn_fg_color);
@@ -135,13 +135,13 @@ impl Viewer {
 
     fn status(&self, ui: &mut egui::Ui, ahead: &CacheState) {
         ui.horizontal(|ui| {
-            let side = &self.sides[self.edited];
+            let side = &self.editing.sides[self.editing.edited];
             let mut facts = Vec::new();
             if let Some(loaded) = &side.loaded {
                 facts.push(format!("{} particles", thousands(loaded.particles)));
                 let splashes = loaded.splats.splashes.len();
                 facts.push(format!("{} splashes", thousands(splashes)));
-            } else if self.document.is_some() {
+            } else if self.opened.document.is_some() {
                 facts.push("loading".to_owned());
             }
             if let Some(shown) = &side.picture.shown {
@@ -149,16 +149,18 @@ impl Viewer {
                 facts.push(format!("{} × {}, {samples} per pixel", size.x, size.y));
                 facts.push(format!("drawn in {:.0} ms", shown.ms));
             }
-            if let Some(progress) = self.opening.as_ref().and_then(|opening| opening.progress) {
+            if let Some(progress) =
+                self.opened.opening.as_ref().and_then(|opening| opening.progress)
+            {
                 facts.push(format!("simulating, {} of {}", progress.done, progress.frames));
             }
-            if self.frame_times.len() > 1 {
+            if self.opened.frame_times.len() > 1 {
                 let mebi = |bytes: u64| bytes >> 20;
                 facts.push(format!("ahead {} of {} MiB", mebi(ahead.bytes), mebi(ahead.budget)));
             }
             ui.small(facts.join("   ·   "));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                if let Some(adapter) = &self.adapter {
+                if let Some(adapter) = &self.jobs.adapter {
                     ui.add(
                         egui::Label::new(egui::RichText::new(adapter).small().weak()).truncate(),
                     );
@@ -171,8 +173,8 @@ impl Viewer {
     pub(crate) fn notice_line(&mut self, ui: &mut egui::Ui) {
         // What went well is told for a while.
         const WHILE: std::time::Duration = std::time::Duration::from_secs(6);
-        self.notices.retain(|notice| notice.error || notice.since.elapsed() < WHILE);
-        let Some(notice) = self.notices.last().cloned() else { return };
+        self.interface.notices.retain(|notice| notice.error || notice.since.elapsed() < WHILE);
+        let Some(notice) = self.interface.notices.last().cloned() else { return };
         if !notice.error {
             ui.ctx().request_repaint_after(WHILE.saturating_sub(notice.since.elapsed()));
         }
@@ -185,10 +187,10 @@ impl Viewer {
             ui.horizontal(|ui| {
                 let (dot, _) = ui.allocate_exact_size(vec2(8.0, 16.0), Sense::hover());
                 ui.painter().circle_filled(dot.center(), 4.0, color);
-                let more = self.notices.len() - 1;
+                let more = self.interface.notices.len() - 1;
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                     if icons::button(ui, Sign::Cross, "Dismiss", "dismiss", false).clicked() {
-                        self.notices.pop();
+                        self.interface.notices.pop();
                     }
                     if more > 0 {
                         ui.weak(format!("and {more} more"));

@@ -60,7 +60,7 @@ impl History {
 impl Viewer {
     pub(crate) fn times(&mut self, ui: &mut egui::Ui) {
         ui.strong("Time per pass, ms; means of the last pictures");
-        if self.history.passes.is_empty() {
+        if self.measured.history.passes.is_empty() {
             ui.weak("No times: the adapter measures none, or nothing has been drawn.");
         } else {
             let plot = Plot::new("passes")
@@ -74,8 +74,8 @@ impl Viewer {
                 .x_axis_label("pictures")
                 .legend(Legend::default().position(egui_plot::Corner::LeftTop));
             plot.show(ui, |plot| {
-                for (name, series) in &self.history.passes {
-                    let first = self.history.pictures - series.len();
+                for (name, series) in &self.measured.history.passes {
+                    let first = self.measured.history.pictures - series.len();
                     let points = series.iter().enumerate().filter(|(_, ms)| ms.is_finite());
                     let points: PlotPoints<'_> =
                         points.map(|(i, &ms)| [(first + i) as f64, ms]).collect();
@@ -86,7 +86,7 @@ impl Viewer {
                 ui,
                 |ui| {
                     let mut sum = 0.0;
-                    for (name, ms) in self.history.recent() {
+                    for (name, ms) in self.measured.history.recent() {
                         ui.label(name);
                         ui.monospace(format!("{ms:8.2}"));
                         ui.end_row();
@@ -105,34 +105,32 @@ impl Viewer {
     fn error_plot(&mut self, ui: &mut egui::Ui) {
         let size = truth::SIZE;
         ui.strong(format!("Time against error, at {} × {}", size.x, size.y));
-        let loaded = self.sides[self.edited].loaded.clone();
+        let loaded = self.editing.sides[self.editing.edited].loaded.clone();
         let particles = loaded.as_ref().map_or(0, |loaded| loaded.particles);
-        if let Some(why) = self
-            .document
-            .as_ref()
-            .and_then(|document| truth::missing(document, &self.scenes[self.edited], particles))
-        {
+        if let Some(why) = self.opened.document.as_ref().and_then(|document| {
+            truth::missing(document, &self.editing.scenes[self.editing.edited], particles)
+        }) {
             ui.weak(why);
             return;
         }
         ui.horizontal(|ui| {
-            let traced = self.truth.is_some();
+            let traced = self.measured.truth.is_some();
             let text =
                 if traced { "Trace this view again" } else { "Trace the truth of this view" };
-            let ready = !self.tracing && loaded.is_some();
+            let ready = !self.measured.tracing && loaded.is_some();
             if ui.add_enabled(ready, egui::Button::new(text)).clicked() {
                 self.trace();
             }
-            if self.tracing {
+            if self.measured.tracing {
                 ui.spinner();
                 ui.label("tracing");
             }
         });
-        let Some(truth) = &self.truth else {
+        let Some(truth) = &self.measured.truth else {
             ui.weak("Each of your settings then becomes a point: its time, and its mean FLIP to the truth.");
             return;
         };
-        if !truth.fits(&self.scenes[self.edited], &self.camera, self.moment()) {
+        if !truth.fits(&self.editing.scenes[self.editing.edited], &self.eye.camera, self.moment()) {
             ui.weak("View or liquid have changed: trace the truth again to measure here.");
         }
         let present = self.fine_scene().settings;
@@ -144,7 +142,7 @@ impl Viewer {
             .x_axis_label("ms")
             .y_axis_label("mean FLIP");
         plot.show(ui, |plot| {
-            for point in &self.points {
+            for point in &self.measured.points {
                 let now = point.settings == present;
                 let color = match now {
                     true => egui::Color32::from_rgb(240, 150, 40),
@@ -160,24 +158,26 @@ impl Viewer {
                 );
             }
         });
-        if let Some(point) = self.points.iter().find(|point| point.settings == present) {
+        if let Some(point) = self.measured.points.iter().find(|point| point.settings == present) {
             let Point { ms, flip, .. } = point;
             ui.monospace(format!("these settings: {ms:.1} ms, FLIP {flip:.4}"));
         }
         if ui.small_button("Forget the points").clicked() {
-            self.points.clear();
+            self.measured.points.clear();
         }
     }
 
     /// Traces the present view on a thread of its own; the points of another view are forgotten.
     fn trace(&mut self) {
-        let (Some(document), Some(at)) = (self.document.clone(), self.moment()) else { return };
-        let (scene, camera, post) = (self.fine_scene(), self.camera, self.post.clone());
-        self.points.clear();
-        self.truth = None;
-        self.tracing = true;
-        self.traces += 1;
-        let number = self.traces;
+        let (Some(document), Some(at)) = (self.opened.document.clone(), self.moment()) else {
+            return;
+        };
+        let (scene, camera, post) = (self.fine_scene(), self.eye.camera, self.jobs.post.clone());
+        self.measured.points.clear();
+        self.measured.truth = None;
+        self.measured.tracing = true;
+        self.measured.traces += 1;
+        let number = self.measured.traces;
         std::thread::spawn(move || {
             let truth = truth::of(&document, &scene, &camera, at);
             post.send(Message::Traced(number, Box::new(truth)));
@@ -185,45 +185,48 @@ impl Viewer {
     }
 
     pub(crate) fn take_truth(&mut self, number: u64, truth: Result<Truth>) {
-        if number != self.traces {
+        if number != self.measured.traces {
             return;
         }
-        self.tracing = false;
+        self.measured.tracing = false;
         match truth {
-            Ok(truth) => self.truth = Some(Arc::new(truth)),
+            Ok(truth) => self.measured.truth = Some(Arc::new(truth)),
             Err(error) => self.fail(&error),
         }
     }
 
     /// Draws what is on the screen once more, small, if there is a truth to compare it with.
     pub(crate) fn compare_with_truth(&mut self) {
-        if self.tab != Tab::Times || self.measuring || !self.is_at_rest() {
+        if self.interface.tab != Tab::Times || self.measured.measuring || !self.is_at_rest() {
             return;
         }
         let (scene, at) = (self.fine_scene(), self.moment());
-        let truth = self.truth.as_ref().filter(|truth| truth.fits(&scene, &self.camera, at));
-        let known = self.points.iter().any(|point| point.settings == scene.settings);
-        if let (Some(truth), Some(loaded)) = (truth, self.sides[self.edited].loaded.clone())
+        let truth =
+            self.measured.truth.as_ref().filter(|truth| truth.fits(&scene, &self.eye.camera, at));
+        let known = self.measured.points.iter().any(|point| point.settings == scene.settings);
+        if let (Some(truth), Some(loaded)) =
+            (truth, self.editing.sides[self.editing.edited].loaded.clone())
             && !known
         {
-            self.measuring = true;
-            let camera = self.camera;
+            self.measured.measuring = true;
+            let camera = self.eye.camera;
             let pane = Pane { scene: Arc::new(scene), camera, loaded, size: truth::SIZE };
-            self.drawing.job(Job::Measure(pane, truth.clone()));
+            self.jobs.drawing.job(Job::Measure(pane, truth.clone()));
         }
     }
 
     pub(crate) fn take_measure(&mut self, measured: Result<Measured>) {
-        self.measuring = false;
+        self.measured.measuring = false;
         match measured {
             Ok(Measured { truth, point }) => {
-                if self.truth.as_ref().is_some_and(|present| Arc::ptr_eq(present, &truth)) {
-                    self.points.push(point);
+                if self.measured.truth.as_ref().is_some_and(|present| Arc::ptr_eq(present, &truth))
+                {
+                    self.measured.points.push(point);
                 }
             }
             Err(error) => {
                 // What cannot be measured now cannot be measured in the next frame either.
-                self.truth = None;
+                self.measured.truth = None;
                 self.fail(&error);
             }
         }

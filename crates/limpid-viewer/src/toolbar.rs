@@ -10,7 +10,7 @@ use crate::{Compare, Viewer};
 impl Viewer {
     pub(crate) fn toolbar(&mut self, ui: &mut egui::Ui) {
         let ctx = ui.ctx().clone();
-        let open = self.document.is_some();
+        let open = self.opened.document.is_some();
         let mut wanted = None;
         let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
         egui::Panel::top("toolbar").frame(bar).show(ui, |ui| {
@@ -40,11 +40,11 @@ impl Viewer {
                             wanted = Some(action);
                         }
                     };
-                    button(ui, Sign::Help, "Keys", Action::Help, self.help);
-                    let theme = if self.dark { Sign::Sun } else { Sign::Moon };
+                    button(ui, Sign::Help, "Keys", Action::Help, self.interface.help);
+                    let theme = if self.interface.dark { Sign::Sun } else { Sign::Moon };
                     button(ui, theme, "Theme", Action::Theme, false);
                     if open {
-                        button(ui, Sign::Panels, "Panels", Action::Panels, self.panels);
+                        button(ui, Sign::Panels, "Panels", Action::Panels, self.interface.panels);
                     }
                 });
             });
@@ -55,7 +55,7 @@ impl Viewer {
     }
 
     fn view_choice(&mut self, ui: &mut egui::Ui) {
-        let mut view = self.view;
+        let mut view = self.picture.view;
         let choice = egui::ComboBox::from_id_salt("view").selected_text(view.label()).width(130.0);
         let response = choice.height(400.0).show_ui(ui, |ui| {
             for mode in View::all() {
@@ -68,7 +68,8 @@ impl Viewer {
         named(&response.response, "View");
         if let View::Image(aov, layer) = &mut view {
             let aov = *aov;
-            let layers = View::Image(aov, 0).layers(self.scenes[self.edited].lights.len());
+            let layers =
+                View::Image(aov, 0).layers(self.editing.scenes[self.editing.edited].lights.len());
             if !layers.is_empty() {
                 *layer = (*layer).min(layers.len() - 1);
                 let choice = egui::ComboBox::from_id_salt("layer")
@@ -82,7 +83,7 @@ impl Viewer {
                 named(&response.response, "Layer");
             }
         }
-        if view != self.view {
+        if view != self.picture.view {
             self.set_view(view);
         }
     }
@@ -95,7 +96,8 @@ impl Viewer {
                 Compare::Wipe => "A on the left of a line that can be moved, B on its right",
                 Compare::SideBySide => "A and B beside each other",
             };
-            ui.selectable_value(&mut self.compare, compare, compare.label()).on_hover_text(hint);
+            ui.selectable_value(&mut self.editing.compare, compare, compare.label())
+                .on_hover_text(hint);
         }
     }
 }

@@ -50,16 +50,16 @@ impl Viewer {
     /// Puts pictures that have come on the screen.
     pub(crate) fn show(&mut self, drawn: Drawn) {
         let Drawn { number, level, panes } = drawn;
-        self.answered = self.answered.max(number);
+        self.picture.answered = self.picture.answered.max(number);
         let visible = self.visible();
         // Drawn for two when there is one, or the other way round: it is out of date.
         if visible.len() != panes.len() {
             return;
         }
         let ms: f64 = panes.iter().map(|shown| shown.ms).sum();
-        let recent = self.log.recent();
+        let recent = self.jobs.log.recent();
         let size = panes.first().map_or(UVec2::ZERO, |shown| shown.size);
-        self.log.event(
+        self.jobs.log.event(
             "picture",
             json!({
                 "level": format!("{level:?}").to_lowercase(),
@@ -72,21 +72,21 @@ impl Viewer {
             }),
         );
         // The first picture is that of a device being opened.
-        let first = std::mem::take(&mut self.fresh_device);
+        let first = std::mem::take(&mut self.picture.fresh_device);
         // Nor that of one in which little had changed since the last.
         let whole = panes.iter().all(|shown| {
             shown.passes.is_empty() || shown.passes.iter().any(|pass| pass.name == "splat")
         });
         if level != Level::Fine && !first && whole {
-            self.resolution.measured(size, self.full_size(), ms);
+            self.picture.resolution.measured(size, self.full_size(), ms);
         }
         if let Some(first) = panes.first() {
-            self.history.push(&first.passes);
+            self.measured.history.push(&first.passes);
         }
-        let Some(ctx) = self.post.context() else { return };
+        let Some(ctx) = self.jobs.post.context() else { return };
         for (i, shown) in visible.into_iter().zip(panes) {
             let Shown { image, legend, values, ms, size, samples, .. } = shown;
-            let picture = &mut self.sides[i].picture;
+            let picture = &mut self.editing.sides[i].picture;
             let options = match legend {
                 Legend::Picture => TextureOptions::LINEAR,
                 _ => TextureOptions::NEAREST,
@@ -100,7 +100,7 @@ impl Viewer {
     }
 
     pub(crate) fn stage(&mut self, ui: &mut egui::Ui) {
-        let fill = match self.dark {
+        let fill = match self.interface.dark {
             true => Color32::from_gray(12),
             false => Color32::from_gray(200),
         };
@@ -109,14 +109,14 @@ impl Viewer {
             let pixels = (rect.size() * ui.ctx().pixels_per_point()).round();
             // A minimised window has no size, or a negative one.
             let size = UVec2::new(pixels.x.max(0.0) as u32, pixels.y.max(0.0) as u32);
-            if size != self.viewport_size {
-                self.viewport_size = size;
-                self.log.event("resize", json!({ "width": size.x, "height": size.y }));
+            if size != self.picture.viewport_size {
+                self.picture.viewport_size = size;
+                self.jobs.log.event("resize", json!({ "width": size.x, "height": size.y }));
             }
             if rect.width() < 1.0 || rect.height() < 1.0 {
                 return;
             }
-            if self.document.is_none() {
+            if self.opened.document.is_none() {
                 self.welcome(ui, rect);
                 return;
             }
@@ -124,7 +124,7 @@ impl Viewer {
             stage.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Picture"));
             self.pointer(ui, &stage, rect);
             self.pictures(ui, rect);
-            let side = &self.sides[self.edited];
+            let side = &self.editing.sides[self.editing.edited];
             if side.picture.shown.is_none() {
                 let what = if side.loaded.is_some() { "drawing" } else { "loading" };
                 let font = FontId::proportional(15.0);
@@ -139,7 +139,9 @@ impl Viewer {
         ui.scope_builder(egui::UiBuilder::new().max_rect(rect), |ui| {
             ui.vertical_centered(|ui| {
                 ui.add_space(0.4 * rect.height());
-                if let Some(opening) = self.opening.as_ref().filter(|opening| opening.pending) {
+                if let Some(opening) =
+                    self.opened.opening.as_ref().filter(|opening| opening.pending)
+                {
                     ui.spinner();
                     ui.label(format!("opening {}", opening.source.input));
                 } else {
@@ -154,14 +156,14 @@ impl Viewer {
     }
 
     fn pointer(&mut self, ui: &egui::Ui, stage: &egui::Response, rect: Rect) {
-        self.dragging = stage.is_pointer_button_down_on();
+        self.picture.dragging = stage.is_pointer_button_down_on();
         let height = f64::from(rect.height());
         let moved = stage.drag_motion();
         let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y)) / height;
         let shift = ui.input(|input| input.modifiers.shift);
         let panning = stage.dragged_by(PointerButton::Middle)
             || (shift && stage.dragged_by(PointerButton::Primary));
-        let mut camera = self.camera;
+        let mut camera = self.eye.camera;
         if panning {
             camera = camera_controls::pan(&camera, DVec2::new(-moved.x, moved.y));
         } else if stage.dragged_by(PointerButton::Primary) {
@@ -182,8 +184,8 @@ impl Viewer {
         if stage.is_pointer_button_down_on() && ui.input(|input| input.pointer.secondary_down()) {
             camera = self.flown(ui, camera, shift);
         }
-        if camera != self.camera {
-            self.log.event("camera", json!({ "eye": camera.eye.to_array() }));
+        if camera != self.eye.camera {
+            self.jobs.log.event("camera", json!({ "eye": camera.eye.to_array() }));
             self.set_camera(camera);
         }
         if stage.double_clicked() {
@@ -208,10 +210,11 @@ impl Viewer {
             return camera;
         }
         ui.ctx().request_repaint();
-        let extent = self.sides[self.edited].loaded.as_ref().map_or(1.0, |loaded| {
-            let (min, max) = loaded.bulk.bounds;
-            (max - min).length().max(f64::from(loaded.splats.radius)).max(1e-6)
-        });
+        let extent =
+            self.editing.sides[self.editing.edited].loaded.as_ref().map_or(1.0, |loaded| {
+                let (min, max) = loaded.bulk.bounds;
+                (max - min).length().max(f64::from(loaded.splats.radius)).max(1e-6)
+            });
         let seconds = f64::from(ui.input(|input| input.stable_dt).min(0.1));
         let speed = if fast { 4.0 * FLIGHT } else { FLIGHT };
         camera_controls::fly(&camera, speed * extent * seconds * way)
@@ -219,7 +222,7 @@ impl Viewer {
 
     fn pictures(&mut self, ui: &mut egui::Ui, rect: Rect) {
         let all = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-        let texture = |i: usize| self.sides[i].picture.texture.as_ref();
+        let texture = |i: usize| self.editing.sides[i].picture.texture.as_ref();
         let paint = |i: usize, to: Rect, clip: Rect| {
             if let Some(texture) = texture(i) {
                 let painter = ui.painter().with_clip_rect(clip);
@@ -232,8 +235,8 @@ impl Viewer {
                 tag(ui, at, letter);
             }
         };
-        match self.compare {
-            Compare::Off => paint(self.edited, rect, rect),
+        match self.editing.compare {
+            Compare::Off => paint(self.editing.edited, rect, rect),
             Compare::SideBySide => {
                 let (left, right) = rect.split_left_right_at_fraction(0.5);
                 paint(0, left, left);
@@ -243,7 +246,7 @@ impl Viewer {
                 letters(left, right);
             }
             Compare::Wipe => {
-                let x = rect.left() + self.wipe * rect.width();
+                let x = rect.left() + self.editing.wipe * rect.width();
                 let (left, right) = rect.split_left_right_at_x(x);
                 paint(0, rect, left);
                 paint(1, rect, right);
@@ -254,7 +257,7 @@ impl Viewer {
                 handle
                     .widget_info(|| egui::WidgetInfo::labeled(egui::Role::Splitter, true, "Wipe"));
                 if let Some(at) = handle.interact_pointer_pos().filter(|_| handle.dragged()) {
-                    self.wipe = ((at.x - rect.left()) / rect.width()).clamp(0.02, 0.98);
+                    self.editing.wipe = ((at.x - rect.left()) / rect.width()).clamp(0.02, 0.98);
                 }
                 let line = [pos2(x, rect.top()), pos2(x, rect.bottom())];
                 ui.painter().line_segment(line, Stroke::new(2.0, Color32::WHITE));
@@ -266,8 +269,8 @@ impl Viewer {
     }
 
     fn legend(&self, ui: &mut egui::Ui, stage: &egui::Response, rect: Rect) {
-        let Some(facts) = &self.sides[self.edited].picture.shown else { return };
-        if self.view == View::Picture {
+        let Some(facts) = &self.editing.sides[self.editing.edited].picture.shown else { return };
+        if self.picture.view == View::Picture {
             return;
         }
         let anchor = pos2(rect.left() + 12.0, rect.bottom() - 12.0);

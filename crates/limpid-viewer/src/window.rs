@@ -40,7 +40,7 @@ impl eframe::App for Window {
 
     fn on_exit(&mut self) {
         if self.lost.get().is_none() {
-            self.viewer.borrow_mut().log.close();
+            self.viewer.borrow_mut().jobs.log.close();
         }
     }
 }

@@ -1,8 +1,8 @@
-//! Neighbours by a uniform grid: particles sorted by cell, so that those of a cell and of the cells
-//! beside it are one run of memory, and summed four at a time.
+//! Neighbour search by a uniform grid: particles are sorted by cell, so that a row of cells is one
+//! contiguous run of memory, and summed four at a time.
 //!
-//! Cells are as wide as the neighbourhood h of the particle of median radius. Where particles of one
-//! cell look for neighbours they are handed the same candidates, gathered once.
+//! Cells are as wide as the neighbourhood h of a particle of median radius. The candidates are gathered
+//! once for all particles of a cell.
 
 use glam::{DVec3, Mat4, UVec3, Vec3, Vec4};
 use rayon::prelude::*;
@@ -11,49 +11,52 @@ use super::Member;
 use super::moments::{EDGE, Moments};
 use crate::liquid::counting_sort;
 
-/// Radii may be so many times the median or a part of it, or too many cells would be looked at, or
-/// too many particles in each.
-const SPREAD: f32 = 4.0;
+/// Largest ratio of a radius to the median or vice versa. Beyond it, too many cells would be visited,
+/// or too many particles in each.
+const MAX_RADIUS_RATIO: f32 = 4.0;
 
-/// Cells are wider than h by so much: rounding takes no neighbour further than the next cell, with as
-/// many cells along an axis as [`MOST_ALONG`].
+/// Cell width in h. With up to [`MAX_CELLS_ALONG`] cells along an axis, rounding then moves no neighbour
+/// beyond the adjacent cell.
 const MARGIN: f64 = 1.002;
-const MOST_ALONG: f64 = 4096.0;
+const MAX_CELLS_ALONG: f64 = 4096.0;
 
-/// Where the cells are. What lies outside is in those at the border, so that a stray particle costs
-/// nothing.
+/// Placement of the cells. Particles outside the grid belong to the border cells, so that strays do not
+/// enlarge it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Layout {
-    /// The least corner, m.
+    /// Minimum corner, m.
     pub(super) min: Vec3,
-    /// The greatest corner, m.
+    /// Maximum corner, m.
     pub(super) max: Vec3,
-    /// 1/m.
+    /// Inverse cell width, 1/m.
     pub(super) per_cell: f32,
+    /// Cells along each axis.
     pub(super) counts: UVec3,
 }
 
 impl Layout {
-    /// Cells for members of this median radius, m, each of which has a neighbourhood of `support`
-    /// radii. None if there is nothing to lay a grid over, if radii differ too much, or if nearly all
-    /// cells would be empty.
+    /// Chooses cells for members of this median radius, m, with a neighbourhood of `support` radii.
+    /// Returns `None` if there are no members, if radii differ too much, or if nearly all cells would be
+    /// empty.
     pub(super) fn of(members: &[Member], radius: f32, support: f32) -> Option<Self> {
-        let similar = |m: &Member| m.radius <= SPREAD * radius && radius <= SPREAD * m.radius;
+        let similar = |m: &Member| {
+            m.radius <= MAX_RADIUS_RATIO * radius && radius <= MAX_RADIUS_RATIO * m.radius
+        };
         if members.is_empty() || !members.par_iter().all(similar) {
             return None;
         }
         let width = f64::from(support) * f64::from(radius) * MARGIN;
         let all = bounds(members);
         let fits = |counts: &DVec3| {
-            let most = 8.0 * members.len() as f64 + 4096.0;
-            counts.max_element() <= MOST_ALONG && counts.element_product() <= most
+            let max_cells = 8.0 * members.len() as f64 + 4096.0;
+            counts.max_element() <= MAX_CELLS_ALONG && counts.element_product() <= max_cells
         };
         let around = |(min, max): (Vec3, Vec3)| {
             let counts = ((max.as_dvec3() - min.as_dvec3()) / width).floor() + 1.0;
             let per_cell = (1.0 / width) as f32;
             fits(&counts).then(|| Self { min, max, per_cell, counts: counts.as_uvec3() })
         };
-        around(all).or_else(|| around(bulk(members, all)))
+        around(all).or_else(|| around(bounds_of_most(members, all)))
     }
 
     pub(super) fn cells(&self) -> usize {
@@ -69,7 +72,7 @@ impl Layout {
         (cell.z * self.counts.y + cell.y) * self.counts.x + cell.x
     }
 
-    /// How many cells away a neighbour within h may be.
+    /// Largest distance in cells of a neighbour within h.
     pub(super) fn reach(&self, h: f32) -> u32 {
         (h * self.per_cell).ceil() as u32
     }
@@ -81,9 +84,9 @@ fn bounds(members: &[Member]) -> (Vec3, Vec3) {
     members.par_iter().map(|m| (m.position(), m.position())).reduce(nothing, join)
 }
 
-/// The part of a box in which nearly all are: along each axis where the middle 31 of 32 are, and as far
-/// again to either side.
-fn bulk(members: &[Member], (min, max): (Vec3, Vec3)) -> (Vec3, Vec3) {
+/// Part of the bounding box that contains nearly all members: along each axis the range of the middle 31
+/// of 32, extended by its own length to both sides.
+fn bounds_of_most(members: &[Member], (min, max): (Vec3, Vec3)) -> (Vec3, Vec3) {
     const SAMPLES: usize = 4096;
     let step = members.len().div_ceil(SAMPLES);
     let along = |axis: usize| {
@@ -99,7 +102,7 @@ fn bulk(members: &[Member], (min, max): (Vec3, Vec3)) -> (Vec3, Vec3) {
     (Vec3::new(x.0, y.0, z.0), Vec3::new(x.1, y.1, z.1))
 }
 
-/// How many share a particle's cell at most, in the mean: more are a crowd. At rest it is
+/// Largest number of particles per cell, averaged over particles; more are a crowd. At rest it is
 /// (support / 2)³.
 pub(super) fn most_shared(support: f32) -> f64 {
     64.0 + 8.0 * (f64::from(support) / 2.0).powi(3)
@@ -110,17 +113,17 @@ pub(super) struct Grid<'a> {
     members: &'a [Member],
     layout: Layout,
     support: f32,
-    /// Where each cell's members begin in the sorted order; one more than there are cells.
+    /// First sorted index of each cell, and the end of the last one.
     starts: Vec<u32>,
-    /// The members in the sorted order.
+    /// Member indices in sorted order.
     order: Vec<u32>,
-    /// Their places, and their volumes in that of the median radius.
+    /// Positions in sorted order, and volumes relative to that of the median radius.
     sorted: Vec<Vec4>,
 }
 
 impl<'a> Grid<'a> {
-    /// Sorts the members. None if so many are in the same places that the tree, which may leave some
-    /// out, is faster.
+    /// Sorts the members. Returns `None` for crowds, for which the tree is faster because it can sample
+    /// them.
     pub(super) fn new(
         layout: Layout,
         members: &'a [Member],
@@ -144,7 +147,7 @@ impl<'a> Grid<'a> {
         Some(Self { members, layout, support, starts, order, sorted })
     }
 
-    /// What `act` makes of each member and its neighbourhood, in the sorted order.
+    /// Maps each member and its moments through `act`, in sorted order.
     pub(super) fn map<T: Send>(&self, act: impl Fn(&Member, &Moments) -> T + Sync) -> Vec<T> {
         (0..self.order.len())
             .into_par_iter()
@@ -158,7 +161,7 @@ impl<'a> Grid<'a> {
             .collect()
     }
 
-    /// Where each member is in the sorted order.
+    /// Sorted index of each member.
     pub(super) fn slots(&self) -> Vec<u32> {
         let mut slots = vec![0; self.order.len()];
         for (slot, &i) in (0..).zip(&self.order) {
@@ -168,17 +171,18 @@ impl<'a> Grid<'a> {
     }
 }
 
-/// The members of a cell and the cells around it.
+/// Candidate neighbours: the members of a cell and of the cells around it.
 #[derive(Default)]
 struct Block {
-    /// Which cell, and how many around it.
+    /// The cell and the reach for which the candidates were gathered.
     of: Option<(UVec3, u32)>,
     near: Vec<Vec4>,
-    /// The same, four at a time: x, y, z and volume of each.
-    fours: Vec<Mat4>,
+    /// The candidates transposed in groups of four: x, y, z and volume.
+    packets: Vec<Mat4>,
 }
 
 impl Block {
+    /// Gathers the candidates around a position, unless they are those of the last call.
     fn gather(&mut self, grid: &Grid<'_>, at: Vec3, reach: u32) {
         let layout = &grid.layout;
         let cell = layout.cell(at);
@@ -196,29 +200,28 @@ impl Block {
                 self.near.extend_from_slice(&grid.sorted[begin as usize..end as usize]);
             }
         }
-        // Infinitely far, and of no volume.
-        let nobody = Vec3::INFINITY.extend(0.0);
-        self.near.resize(self.near.len().next_multiple_of(4), nobody);
-        self.fours.clear();
-        let fours = self.near.chunks_exact(4);
-        self.fours.extend(fours.map(|v| Mat4::from_cols(v[0], v[1], v[2], v[3]).transpose()));
+        // Infinitely far and without volume.
+        let padding = Vec3::INFINITY.extend(0.0);
+        self.near.resize(self.near.len().next_multiple_of(4), padding);
+        self.packets.clear();
+        let packets = self.near.chunks_exact(4);
+        self.packets.extend(packets.map(|v| Mat4::from_cols(v[0], v[1], v[2], v[3]).transpose()));
     }
 
-    /// Sums over the neighbours of one that is at the first three of `own`, with the volume that is the
-    /// fourth.
+    /// Computes the moments around the member whose position and volume are `own`.
     fn moments(&self, own: Vec4, per_h: f32) -> Moments {
         const WITHIN: Vec4 = Vec4::splat((EDGE * EDGE) as f32);
         let from = [own.x, own.y, own.z].map(Vec4::splat);
         let mut sums = [Vec4::ZERO; 11];
-        for four in &self.fours {
-            let x = (four.x_axis - from[0]) * per_h;
-            let y = (four.y_axis - from[1]) * per_h;
-            let z = (four.z_axis - from[2]) * per_h;
+        for packet in &self.packets {
+            let x = (packet.x_axis - from[0]) * per_h;
+            let y = (packet.y_axis - from[1]) * per_h;
+            let z = (packet.z_axis - from[2]) * per_h;
             let square = x * x + y * y + z * z;
-            // What is further off may be infinitely far, and that times no weight is no number.
+            // Masks candidates beyond h: an infinite offset times a zero weight would be NaN.
             let within = square.cmple(WITHIN);
             let [one, x, y, z] = [Vec4::ONE, x, y, z].map(|v| Vec4::select(within, v, Vec4::ZERO));
-            let w = four.w_axis * (Vec4::ONE - square * square.sqrt()).max(Vec4::ZERO);
+            let w = packet.w_axis * (Vec4::ONE - square * square.sqrt()).max(Vec4::ZERO);
             let (wx, wy, wz) = (w * x, w * y, w * z);
             let terms = [one, w, wx, wy, wz, wx * x, wy * y, wz * z, wx * y, wx * z, wy * z];
             for (sum, term) in sums.iter_mut().zip(terms) {

@@ -1,17 +1,17 @@
-//! Weighted sums over a particle's neighbourhood.
+//! Weighted moments of a particle's neighbourhood.
 
 use glam::{DMat3, DVec3, Vec3Swizzles as _};
 
 /// Yu and Turk's weight 1 − (d/h)³ of a neighbour, from the square of d/h.
 ///
-/// It serves the density as well. The cubic spline of SPH, peaked as it is, gives a lone particle a
-/// third of the density at rest, and three touching ones more than a sheet stretched by half; this
-/// weight nearly counts, and keeps the two apart.
+/// The density uses it too. The cubic spline of SPH is so peaked that it gives a lone particle a third
+/// of the density at rest, and three touching particles more than a sheet stretched by half. This
+/// flatter weight almost counts neighbours and separates these cases.
 pub(super) fn weight(square: f64) -> f64 {
     (1.0 - square * square.sqrt()).max(0.0)
 }
 
-/// The summed weight inside a body at rest: a cubic lattice of spacing 2 r.
+/// Summed weight inside a body at rest: a cubic lattice of spacing 2 r.
 pub(super) fn density_at_rest(support: f64) -> f64 {
     let reach = (support / 2.0) as i32;
     let cells = || (-reach..=reach).map(f64::from);
@@ -21,21 +21,21 @@ pub(super) fn density_at_rest(support: f64) -> f64 {
         .sum()
 }
 
-/// A neighbour's distance may be so many h: on a lattice of particles many are at h itself, where they
-/// weigh nothing, and whether they are counted is not to depend on rounding.
+/// Largest distance of a neighbour, in h. On a lattice many neighbours are at distance h, where their
+/// weight is 0; the margin makes their count independent of rounding.
 pub(super) const EDGE: f64 = 1.0 + 1e-5;
 
-/// Share of the density at rest from which a particle may have liquid all round, and how far off, in h,
-/// its neighbours' mean may be.
+/// Smallest density, as a share of that at rest, of a particle surrounded by liquid.
 const DENSITY_AROUND: f64 = 0.85;
+/// Largest offset of the neighbours' mean, in h, of a particle surrounded by liquid.
 const OFFSET_AROUND: f64 = 0.06;
 
 /// Weighted sums over a neighbourhood, relative to the particle and in units of h.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Moments {
-    /// Particles within h, or [`EDGE`] beyond it: itself and its neighbours.
+    /// Number of particles within [`EDGE`] h, including the central one.
     pub(super) count: u32,
-    /// Σ w, times the particles' volumes in that of the one in the middle.
+    /// Σ w, where w includes the neighbour's volume relative to the central particle's.
     pub(super) weight: f64,
     /// Σ w x.
     pub(super) first: DVec3,
@@ -55,13 +55,13 @@ impl Moments {
         self.off_diagonal += w * offset.xxy() * offset.yzz();
     }
 
-    /// Whether neighbours are on all sides, as many as inside a body whose weight is `at_rest`: what
-    /// is drawn of the particle lies behind what is drawn of them.
+    /// Whether the particle is surrounded by neighbours as inside a body whose weight is `at_rest`, so
+    /// that their splats hide its own.
     pub(super) fn surrounds(&self, at_rest: f64) -> bool {
         self.weight >= DENSITY_AROUND * at_rest && self.mean().length() <= OFFSET_AROUND
     }
 
-    /// Where the neighbours are in the mean, in h.
+    /// Mean of the neighbours, in h.
     pub(super) fn mean(&self) -> DVec3 {
         self.first / self.weight
     }
@@ -76,7 +76,7 @@ impl Moments {
     }
 }
 
-/// The symmetric matrix of these entries, xy, xz and yz off its diagonal.
+/// Builds a symmetric matrix from its diagonal and its entries xy, xz and yz.
 pub(super) fn symmetric(diagonal: DVec3, off_diagonal: DVec3) -> DMat3 {
     let [xy, xz, yz] = off_diagonal.to_array();
     DMat3::from_cols(
@@ -90,9 +90,9 @@ pub(super) fn symmetric(diagonal: DVec3, off_diagonal: DVec3) -> DMat3 {
 mod tests {
     use super::*;
 
-    /// Protects what the device takes for the inside of a body: its constants are these.
+    /// The thresholds for surrounded particles are the same in Rust and WGSL.
     #[test]
-    fn constants_are_those_of_the_shader() {
+    fn constants_match_the_shader() {
         let shader = |name| crate::gpu::shader::constant("classify/shape.wgsl", name);
         assert_eq!(shader("DENSITY_AROUND"), DENSITY_AROUND);
         assert_eq!(shader("OFFSET_AROUND"), OFFSET_AROUND);

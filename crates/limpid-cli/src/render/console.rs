@@ -1,4 +1,4 @@
-//! What is said of a run on standard error.
+//! Messages of a run on standard error.
 
 use std::mem::{Discriminant, discriminant};
 
@@ -12,19 +12,19 @@ use limpid_io::particles::Array;
 
 use crate::remedy;
 
-/// Says lines beside the progress bar, unless nobody wants them.
+/// Prints messages above the progress bar, unless `quiet`.
 pub(super) struct Console {
     pub(super) bar: ProgressBar,
     pub(super) quiet: bool,
-    /// What has been said need not be said again for every frame.
-    said: Vec<Discriminant<Notice>>,
+    /// The kinds of notices already printed, which are not repeated for every frame.
+    printed: Vec<Discriminant<Notice>>,
     /// Whether the particles have been described.
-    begun: bool,
+    described: bool,
 }
 
 impl Console {
     pub(super) fn new(bar: ProgressBar, quiet: bool) -> Self {
-        Self { bar, quiet, said: Vec::new(), begun: false }
+        Self { bar, quiet, printed: Vec::new(), described: false }
     }
 
     pub(super) fn line(&self, line: &str) {
@@ -35,13 +35,13 @@ impl Console {
 
     pub(super) fn notice(&mut self, notice: &Notice) {
         let kind = discriminant(notice);
-        if !self.said.contains(&kind) {
-            self.said.push(kind);
+        if !self.printed.contains(&kind) {
+            self.printed.push(kind);
             self.line(&remedy::of_notice(notice));
         }
     }
 
-    /// What is known once a frame is loaded: of the first that has particles, what it is drawn as; of
+    /// Prints messages about a loaded frame: for the first one with particles, how it is drawn; for
     /// every one, whether it is in the picture.
     pub(super) fn frame(
         &mut self,
@@ -53,8 +53,8 @@ impl Console {
         if self.quiet || loaded.particles == 0 {
             return;
         }
-        if !self.begun {
-            self.begun = true;
+        if !self.described {
+            self.described = true;
             self.line(&describe(loaded, adapter));
             let notices = notice::of_frame(loaded, scene).into_iter();
             notices.chain(notice::of_scene(scene)).for_each(|notice| self.notice(&notice));
@@ -64,14 +64,15 @@ impl Console {
         }
     }
 
-    /// What is known once all pictures are drawn.
+    /// Prints the messages that follow the last picture.
     pub(super) fn end(&self) {
-        if !self.begun {
+        if !self.described {
             self.line("no picture has particles");
         }
     }
 }
 
+/// Describes a loaded frame:
 /// `40,368 particles, radius 0.025 m (guessed), velocity used, density ignored; llvmpipe`.
 fn describe(loaded: &Loaded, adapter: &str) -> String {
     let from = match loaded.radius_from {
@@ -91,19 +92,19 @@ fn describe(loaded: &Loaded, adapter: &str) -> String {
     format!("{text}; {adapter}")
 }
 
-/// Some of the arrays' names, each once.
+/// Lists the first arrays' names, each once; `None` without arrays.
 fn listed<'a>(arrays: impl Iterator<Item = &'a Array>) -> Option<String> {
-    const MOST: usize = 8;
+    const MAX_LISTED: usize = 8;
     let mut names: Vec<&str> = Vec::new();
     for array in arrays {
         if !names.contains(&array.name.as_str()) {
             names.push(&array.name);
         }
     }
-    let more = match names.len().saturating_sub(MOST) {
+    let more = match names.len().saturating_sub(MAX_LISTED) {
         0 => String::new(),
         more => format!(" and {more} more"),
     };
-    names.truncate(MOST);
+    names.truncate(MAX_LISTED);
     (!names.is_empty()).then(|| names.join(", ") + &more)
 }

@@ -1,5 +1,5 @@
-//! What has become of each frame: as lines of JSON that several processes may append to one file, and
-//! as messages.
+//! The outcome of each frame: as lines of JSON in a manifest that several processes may share, and as
+//! messages.
 
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
@@ -20,14 +20,14 @@ use super::output::Pictures;
 pub(super) enum Status {
     /// Drawn by this process.
     Done,
-    /// There already.
+    /// Existed already.
     Skipped,
     /// Drawn by another process meanwhile.
     Claimed,
     Failed,
 }
 
-/// One line; `docs/farms.md` says what is what.
+/// A line of the manifest; `docs/farms.md` describes the fields.
 #[derive(Serialize)]
 struct Line<'a> {
     frame: i64,
@@ -40,7 +40,7 @@ struct Line<'a> {
     pid: u32,
 }
 
-/// What is known of a frame that this process has drawn, or tried to draw.
+/// The result of a frame that this process has drawn or tried to draw.
 #[derive(Default, Serialize)]
 pub(super) struct Outcome {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -57,27 +57,27 @@ pub(super) struct Outcome {
     pub(super) adapter: Option<String>,
 }
 
-/// A file of such lines.
+/// A manifest, open for appending.
 pub(super) struct Manifest {
     file: Stream,
     path: PathBuf,
     host: String,
 }
 
-/// Who is told of frames.
+/// Records the outcome of frames.
 pub(super) struct Log {
     pub(super) manifest: Option<Manifest>,
     pub(super) pictures: Option<Pictures>,
-    /// Frames that are done, for whoever watches.
+    /// Shows the number of finished frames.
     pub(super) bar: ProgressBar,
-    /// Whether a frame that fails leaves the others alone.
+    /// Whether the run continues after a failed frame.
     pub(super) keep_going: bool,
-    /// Numbers of the frames that have failed.
+    /// Numbers of the failed frames.
     pub(super) failed: Vec<i64>,
 }
 
 impl Manifest {
-    /// Opens it for lines to be added.
+    /// Opens a manifest for appending.
     pub(super) fn open(path: &Path, host: String) -> limpid_io::Result<Self> {
         let file = Stream::append(path, FileKind::MANIFEST)?;
         Ok(Self { file, path: path.to_owned(), host })
@@ -85,7 +85,7 @@ impl Manifest {
 }
 
 impl Log {
-    /// A frame that is not this process's to draw.
+    /// Records a frame that this process does not draw.
     pub(super) fn tell(
         &mut self,
         shot: &Shot,
@@ -95,10 +95,10 @@ impl Log {
         self.add(shot, fingerprint, status, Outcome::default())
     }
 
-    /// A frame that has failed.
+    /// Records a failed frame.
     ///
     /// # Errors
-    /// That error, where it ends the run.
+    /// `error`, if it ends the run.
     pub(super) fn fail(
         &mut self,
         shot: &Shot,
@@ -121,11 +121,12 @@ impl Log {
         Ok(())
     }
 
-    /// Says something on a line of its own.
+    /// Prints a message above the progress bar.
     pub(super) fn complain(&self, message: impl std::fmt::Display) {
         self.bar.suspend(|| crate::terminal::complain(message));
     }
 
+    /// Appends a line to the manifest, if there is one.
     pub(super) fn add(
         &mut self,
         shot: &Shot,
@@ -145,11 +146,11 @@ impl Log {
             host: &manifest.host,
             pid: std::process::id(),
         };
-        append(&mut manifest.file, &line).map_err(|source| fail(&manifest.path, source))
+        append(&mut manifest.file, &line).map_err(|source| write_error(&manifest.path, source))
     }
 }
 
-fn fail(path: &Path, source: io::Error) -> Error {
+fn write_error(path: &Path, source: io::Error) -> Error {
     Error::Io { path: path.to_owned(), action: "write", source }
 }
 
@@ -157,8 +158,8 @@ fn append(stream: &mut Stream, line: &Line<'_>) -> io::Result<()> {
     let mut text = serde_json::to_vec(line)?;
     text.push(b'\n');
     let Stream::File(file) = stream else { return stream.write(text) };
-    // NFS appends where it believes the end to be; who holds a lock has asked. Where there are no
-    // locks, one write to the end of a local file is whole still.
+    // NFS appends at the end that it has cached, and taking a lock makes it ask the server. Without
+    // locks, a single append to a local file is still atomic.
     let locked = file.lock().is_ok();
     let written = write_line(file, text);
     if locked {
@@ -168,7 +169,7 @@ fn append(stream: &mut Stream, line: &Line<'_>) -> io::Result<()> {
 }
 
 fn write_line(file: &mut File, mut text: Vec<u8>) -> io::Result<()> {
-    // What a full disk has cut off stays a line of its own.
+    // Begins a new line after one that was truncated by a full disk.
     let mut last = [b'\n'];
     if file.seek(SeekFrom::End(0))? > 0 {
         file.seek(SeekFrom::End(-1))?;

@@ -1,4 +1,4 @@
-//! Where the pictures go.
+//! Output of pictures and films.
 
 use std::path::{Path, PathBuf};
 
@@ -14,12 +14,13 @@ use limpid_io::output::{self, FileKind, Files, OutputNames, PictureFormat};
 
 use super::{Args, film_path};
 
+/// The destination of the pictures.
 pub(super) enum Output {
     Pictures(Pictures),
     Film(Box<Film>),
 }
 
-/// Files of their own.
+/// Pictures in separate files.
 #[derive(Clone)]
 pub(super) struct Pictures {
     names: OutputNames,
@@ -28,8 +29,8 @@ pub(super) struct Pictures {
     aovs: Option<Vec<Aov>>,
 }
 
-/// Fails if an output is an input, another output or a file of another kind, or cannot be written:
-/// before anything is drawn.
+/// Fails, before anything is drawn, if an output is an input, another output or a file of another kind,
+/// or cannot be written.
 pub(super) fn check(args: &Args, shots: &[Shot]) -> limpid_io::Result<()> {
     let mut files = Files::default();
     let scene = args.scene.as_ref().map(|scene| scene.to_string_lossy().into_owned());
@@ -56,7 +57,7 @@ pub(super) fn check(args: &Args, shots: &[Shot]) -> limpid_io::Result<()> {
 }
 
 impl Output {
-    /// For `count` pictures of all machines.
+    /// Opens the output of a run of `count` pictures, on all machines together.
     pub(super) fn open(args: &Args, count: usize, fps: f64) -> limpid_io::Result<Self> {
         let Some(path) = film_path(args) else {
             let pictures = Pictures::new(args, count)?;
@@ -65,7 +66,7 @@ impl Output {
         };
         let name = path.display();
         let refuse = |problem: &str| Err(Error::Usage(format!("{name}: {problem}")));
-        // Only a name with a place for the number is good for two.
+        // Only a name with a placeholder can name two files.
         if OutputNames::parse(&name.to_string(), 2).is_ok() {
             return refuse("a film is one file; leave the place for the number out");
         }
@@ -116,15 +117,16 @@ impl Output {
         }
     }
 
-    /// Whether it is radiance that is written.
+    /// Whether the pictures are linear radiance.
     pub(super) fn is_linear(&self) -> bool {
         self.pictures().is_some_and(|pictures| pictures.format == PictureFormat::Exr)
     }
 
-    /// `wrote a.png`, of the pictures with these numbers and so many others that others have drawn.
+    /// Describes what was written, such as `wrote a.png`: the pictures with these `numbers`, and the
+    /// number of others that existed already.
     pub(super) fn told(&self, numbers: &[i64], others: usize) -> String {
         let count = numbers.len();
-        let there = match others {
+        let existing = match others {
             0 => String::new(),
             1 => "; 1 was there already".into(),
             _ => format!("; {others} were there already"),
@@ -140,9 +142,9 @@ impl Output {
         match self {
             Self::Film(_) if count == 1 => format!("wrote {first}, one picture"),
             Self::Film(_) => format!("wrote {first}, {count} pictures"),
-            Self::Pictures(_) if count == 0 => format!("wrote nothing{there}"),
-            Self::Pictures(_) if count == 1 => format!("wrote {first}{there}"),
-            Self::Pictures(_) => format!("wrote {count} pictures, {first} to {last}{there}"),
+            Self::Pictures(_) if count == 0 => format!("wrote nothing{existing}"),
+            Self::Pictures(_) if count == 1 => format!("wrote {first}{existing}"),
+            Self::Pictures(_) => format!("wrote {count} pictures, {first} to {last}{existing}"),
         }
     }
 
@@ -155,7 +157,7 @@ impl Output {
 }
 
 impl Pictures {
-    /// For `count` pictures.
+    /// Parses the output name for `count` pictures.
     fn new(args: &Args, count: usize) -> limpid_io::Result<Self> {
         let default = if count == 1 { "limpid.png" } else { "limpid_####.png" };
         let names = OutputNames::parse(args.output.as_deref().unwrap_or(default), count)?;
@@ -175,7 +177,7 @@ impl Pictures {
         self.names.path(shot.number)
     }
 
-    /// Whether nothing is left to draw of it.
+    /// Whether a picture and its intermediate images are complete.
     pub(super) fn are_whole(&self, shot: &Shot, fingerprint: Fingerprint) -> bool {
         let path = self.path(shot);
         let images = self
@@ -200,7 +202,7 @@ impl Pictures {
     }
 }
 
-/// The folder that a file is in, or would be.
+/// The folder of a file, whether or not it exists.
 fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
@@ -213,7 +215,7 @@ fn listed(aovs: &[Aov]) -> String {
     names.join(",")
 }
 
-/// `frame_0020.aov.exr` for `frame_0020.png`.
+/// Path of the intermediate images of a picture: `frame_0020.aov.exr` for `frame_0020.png`.
 fn aov_path(picture: &Path) -> PathBuf {
     picture.with_extension("aov.exr")
 }

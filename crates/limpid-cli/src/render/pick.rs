@@ -1,4 +1,4 @@
-//! `--max-error` and `--budget`: settings that satisfy them.
+//! Selection of the settings for `--max-error` and `--budget`.
 
 use limpid::scene::Scene;
 use limpid_io::shared_classifier::Processor;
@@ -8,19 +8,19 @@ use limpid_lab::quality::{Choice, Curve, Limits, Picked};
 use super::Args;
 use super::plan::Plan;
 
-/// Gives the scene the settings that satisfy the limits, says which, and returns them.
+/// Applies the settings that satisfy the limits to the scene, reports them, and returns them.
 pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid_io::Result<Option<Picked>> {
     let limits = Limits { max_error: args.max_error, budget: args.budget };
     let Plan { input, scene, frame_times, shots, .. } = plan;
     let first = |scene: &Scene| {
-        // No device is open yet, and what is picked does not depend on it.
+        // On the CPU: no device is open yet, and the choice does not depend on the processor.
         let input = input.clone().processed_by(Processor::Cpu);
         let loaded = input.load(frame_times[shots[0].frame], scene)?;
         Ok((shots[0].camera, loaded.splats))
     };
     let curve = Curve::shipped();
     let picked = curve.pick(limits, device::open, scene, first, args.size);
-    // The limits by the names of the options.
+    // Errors name the limits by their options.
     let picked = picked.map_err(|error| match error {
         Error::Usage(problem) => Error::Usage(format!("--{}", problem.replacen('_', "-", 1))),
         error => error,
@@ -36,7 +36,7 @@ pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid_io::Result<Option<Pic
     Ok(picked)
 }
 
-/// A number above 0.
+/// Parses a number above 0.
 pub(super) fn parse_limit(text: &str) -> Result<f64, &'static str> {
     let limit = text.parse().ok().filter(|limit: &f64| limit.is_finite() && *limit > 0.0);
     limit.ok_or("expected a number above 0")

@@ -1,4 +1,4 @@
-//! What is to be drawn, as the arguments say it.
+//! The plan of a run: scene, particles and pictures, from the arguments.
 
 use limpid::camera::Camera;
 use limpid::scene::Scene;
@@ -12,16 +12,16 @@ use limpid_io::open::Request;
 
 use super::{Args, film_path};
 
-/// Frames per second, where nobody says it.
+/// Frame rate if neither the arguments nor the scene have one, frames per second.
 const DEFAULT_FPS: f64 = 30.0;
 
-/// A scene, and the pictures of it.
+/// A scene and its pictures.
 pub(super) struct Plan {
     pub(super) input: Input,
     pub(super) scene: Scene,
-    /// What is drawn of the particles.
+    /// The times at which particles are drawn.
     pub(super) frame_times: Vec<FrameTime>,
-    /// The pictures of all machines.
+    /// The pictures of all shares.
     pub(super) shots: Vec<Shot>,
     /// Pictures per second.
     pub(super) fps: f64,
@@ -30,7 +30,7 @@ pub(super) struct Plan {
 
 impl Plan {
     pub(super) fn new(args: &Args) -> limpid_io::Result<Self> {
-        // In this order: what comes later holds.
+        // In this order, since later overrides replace earlier ones.
         let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
         overrides.extend(args.set.iter().cloned());
         overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
@@ -53,10 +53,10 @@ impl Plan {
     }
 }
 
-/// What is drawn of the particles, how its pictures are numbered, and how many there are a second.
+/// Frame times of the pictures, their numbers, and their rate per second.
 ///
-/// Frames as they are, unless the film's time is another than the sequence's: then frame times at equal
-/// steps, which are counted from 1.
+/// These are the sequence's frames, unless the film has another time scale: then frame times at equal
+/// steps, numbered from 1.
 fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>, Vec<i64>, f64)> {
     let spec = match (&args.frames, input.frame) {
         (Some(spec), _) => spec.clone(),
@@ -69,8 +69,8 @@ fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>,
     film::check_fps(fps)?;
     if let Some(time) = args.at {
         frames.sort_unstable();
-        let moment = input.moment(&frames, time)?;
-        return Ok((vec![moment], vec![moment.frame], fps));
+        let frame_time = input.moment(&frames, time)?;
+        return Ok((vec![frame_time], vec![frame_time.frame], fps));
     }
     let speed = args.speed.unwrap_or(1.0);
     if !(1e-3..=1e3).contains(&speed) {
@@ -84,8 +84,8 @@ fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>,
         let problem = "--frames: slow and fast motion takes the frames in order, as 1-9 or 1,5,9";
         return Err(Error::Usage(problem.into()));
     }
-    let frame = input.sequence.stride() as f64;
-    let count = frames[frames.len() - 1].abs_diff(frames[0]) as f64 / (frame * step);
+    let stride = input.sequence.stride() as f64;
+    let count = frames[frames.len() - 1].abs_diff(frames[0]) as f64 / (stride * step);
     if count > film::MAX_SHOTS {
         return Err(Error::Usage(format!("{count:.0} pictures; a higher --speed expected")));
     }
@@ -94,10 +94,10 @@ fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>,
     Ok((frame_times, numbers, fps))
 }
 
-/// What is to be said of the sequence.
+/// Notices about the sequence.
 fn notices(args: &Args, input: &Input, pictures: usize) -> Vec<Notice> {
-    let chosen = args.at.is_some() || input.frame.is_some();
-    let all = matches!(args.frames, None | Some(FrameSpec::All)) && !chosen;
+    let single = args.at.is_some() || input.frame.is_some();
+    let all = matches!(args.frames, None | Some(FrameSpec::All)) && !single;
     let gaps = notice::of_sequence(input).filter(|_| all);
     let timed = film_path(args).is_some()
         || args.speed.is_some()
@@ -107,7 +107,7 @@ fn notices(args: &Args, input: &Input, pictures: usize) -> Vec<Notice> {
     gaps.into_iter().chain(assumed.then_some(Notice::Rate(DEFAULT_FPS))).collect()
 }
 
-/// The pictures, from where the camera is.
+/// Lists the pictures with their cameras; `camera` is the initial one.
 fn shots(args: &Args, camera: Camera, numbers: &[i64], fps: f64) -> limpid_io::Result<Vec<Shot>> {
     let motion = match (&args.camera_path, args.turntable) {
         (Some(path), _) => Motion::Path(CameraPath::load(path)?),

@@ -1,4 +1,4 @@
-//! Who draws what: the frames that are left to this process.
+//! The queue of pictures to draw, shared with other processes by claims.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -12,30 +12,30 @@ use super::manifest::{Log, Status};
 use super::output::Pictures;
 use crate::signals;
 
-/// How often it is looked whether others have finished their frames.
-const PATIENCE: Duration = Duration::from_millis(500);
+/// Interval at which the pictures claimed by other processes are checked.
+const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
-/// After how long it is said that others are waited for; then after twice as long, and so on.
-const SILENCE: Duration = Duration::from_secs(30);
+/// Time until a wait for other processes is reported; each further report takes twice as long.
+const REPORT_DELAY: Duration = Duration::from_secs(30);
 
-/// A picture that is this process's to draw.
+/// A picture to be drawn by this process.
 pub(super) struct Job {
     pub(super) shot: Shot,
     pub(super) fingerprint: Fingerprint,
-    /// Given up when the job is done.
+    /// Released with the job.
     _claim: Option<Claim>,
 }
 
-/// The pictures that are not drawn yet.
+/// The pictures not drawn yet.
 pub(super) struct Queue {
     fingerprints: Fingerprints,
     claims: Option<(Claims, Pictures)>,
     pending: VecDeque<Shot>,
-    /// Claimed by others when they were last looked at.
+    /// Claimed by other processes when last checked.
     others: VecDeque<Shot>,
 }
 
-/// What has become of a picture that was looked at.
+/// The state of a picture when checked.
 enum Availability {
     Free(Box<Job>),
     Claimed,
@@ -51,11 +51,11 @@ impl Queue {
         Self { fingerprints, claims, pending: shots.into(), others: VecDeque::new() }
     }
 
-    /// Takes those out that need not be drawn again.
+    /// Removes the pictures that need not be drawn again.
     pub(super) fn skip(&mut self, log: &mut Log) -> limpid_io::Result<()> {
         let Some(pictures) = log.pictures.clone() else { return Ok(()) };
         let shots = Vec::from(std::mem::take(&mut self.pending));
-        // There may be so many that whoever interrupts would wait.
+        // An interruption skips the check, which may take long for many pictures.
         let whole = |shot: &Shot| {
             signals::received().is_none() && pictures.are_whole(shot, self.fingerprint(shot))
         };
@@ -65,12 +65,12 @@ impl Queue {
                 self.pending.push_back(shot);
                 continue;
             }
-            // One that was killed between its picture and its claim has left that behind.
+            // Remove the claim of a process that was killed after writing the picture.
             if let Some((claims, pictures)) = &self.claims
                 && Claims::exist(&pictures.path(&shot))
                 && let Err(error) = claims.take(&pictures.path(&shot))
             {
-                // The picture is whole all the same.
+                // Not fatal: the picture is complete.
                 log.complain(format!("the claim on it is left: {error}"));
             }
             log.tell(&shot, self.fingerprint(&shot), Status::Skipped)?;
@@ -78,12 +78,12 @@ impl Queue {
         Ok(())
     }
 
-    /// What has not been given out, in order, but for what others had when it was looked at.
+    /// The remaining pictures in order, without those that other processes had claimed when checked.
     pub(super) fn pending(&mut self) -> &[Shot] {
         self.pending.make_contiguous()
     }
 
-    /// How many are left, those of others included.
+    /// Number of pictures left, including those claimed by other processes.
     pub(super) fn len(&self) -> usize {
         self.pending.len() + self.others.len()
     }
@@ -92,12 +92,12 @@ impl Queue {
         self.len() == 0
     }
 
-    /// Gives up what is not going to be drawn.
+    /// Returns a picture to the queue, and releases its claim.
     pub(super) fn give_back(&mut self, job: Option<Job>) {
         self.pending.extend(job.map(|job| job.shot));
     }
 
-    /// The next one that is free; `None` if there is none, or a signal has come.
+    /// Takes the next free picture; `None` if there is none, or after a signal.
     pub(super) fn next_free(&mut self, log: &mut Log) -> limpid_io::Result<Option<Job>> {
         while signals::received().is_none()
             && let Some(shot) = self.pending.pop_front()
@@ -114,31 +114,33 @@ impl Queue {
         Ok(None)
     }
 
-    /// As [`Queue::next_free`], but waits until others have drawn theirs, or given them up.
+    /// As [`Queue::next_free`], but waits until other processes have drawn or released their pictures.
     pub(super) fn next(&mut self, log: &mut Log) -> limpid_io::Result<Option<Job>> {
-        let mut patience = Duration::ZERO;
+        let mut interval = Duration::ZERO;
         let since = Instant::now();
-        let mut silence = self.claims.as_ref().map_or(SILENCE, |(c, _)| c.timeout().min(SILENCE));
+        let timeout = self.claims.as_ref().map_or(REPORT_DELAY, |(claims, _)| claims.timeout());
+        let mut report_delay = timeout.min(REPORT_DELAY);
         loop {
             let job = self.next_free(log)?;
             if job.is_some() || self.others.is_empty() || signals::received().is_some() {
                 return Ok(job);
             }
-            if since.elapsed() >= silence
+            if since.elapsed() >= report_delay
                 && let (Some((_, pictures)), Some(shot)) = (&self.claims, self.others.front())
             {
                 let holder = Claims::holder(&pictures.path(shot));
                 let (count, frame) = (self.others.len(), shot.number);
                 let frames = if count == 1 { "a frame" } else { &*format!("{count} frames") };
                 log.complain(format!("waiting for {frames} of others: {frame} of {holder}"));
-                silence *= 2;
+                report_delay *= 2;
             }
-            std::thread::sleep(patience);
-            patience = PATIENCE;
+            std::thread::sleep(interval);
+            interval = POLL_INTERVAL;
             self.pending = std::mem::take(&mut self.others);
         }
     }
 
+    /// Checks a picture, and claims it if it is free.
     fn availability(&self, shot: Shot) -> limpid_io::Result<Availability> {
         let fingerprint = self.fingerprint(&shot);
         let Some((claims, pictures)) = &self.claims else {
@@ -150,7 +152,7 @@ impl Queue {
         let Some(claim) = claims.take(&pictures.path(&shot))? else {
             return Ok(Availability::Claimed);
         };
-        // The owner before may have finished since.
+        // The previous owner may have finished the picture meanwhile.
         if pictures.are_whole(&shot, fingerprint) {
             return Ok(Availability::Done);
         }

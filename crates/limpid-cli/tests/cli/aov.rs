@@ -1,4 +1,4 @@
-//! `render --aov`: the channels and parts of the `OpenEXR` files beside the pictures.
+//! `render --aov`: the channels and parts of the OpenEXR files beside the pictures.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::{LIT, adapter, assert_names, folder, project, render};
 
-/// --aov all: every channel that the documentation names, with values that make sense.
+/// `--aov all` writes every documented channel, with plausible values.
 #[test]
 fn aovs_are_channels_of_one_file() {
     if !adapter() {
@@ -32,7 +32,7 @@ fn aovs_are_channels_of_one_file() {
 
     for (name, values) in &channels {
         assert_eq!(values.len(), 64 * 48, "{name}");
-        assert!(values.iter().all(|value| value.is_finite()), "{name} has a value without end");
+        assert!(values.iter().all(|value| value.is_finite()), "{name} is not finite");
         let may_be_zero = name == "failures";
         assert!(may_be_zero || values.iter().any(|&value| value != 0.0), "{name} is empty");
         let signed = name.contains("normal");
@@ -47,7 +47,7 @@ fn aovs_are_channels_of_one_file() {
             let filled = at(&format!("depth.{layer}")) > 0.0;
             let expected = if filled { 1.0 } else { 0.0 };
             assert!((length - expected).abs() < 1e-3, "{layer}, texel {i}: normal of {length}");
-            // Fronts face the camera, which looks down −z; backs face away from it.
+            // Front planes face the camera, which looks down −z; back planes face away from it.
             let [toward, front] = [normal[2], if layer.ends_with("front") { 1.0 } else { -1.0 }];
             assert!(!filled || toward.abs() < 0.5 || toward * front > 0.0, "{layer}: {normal:?}");
         }
@@ -58,19 +58,19 @@ fn aovs_are_channels_of_one_file() {
         }
         assert!(
             at("interfaces") > 0.0 || at("inside") == 0.0,
-            "texel {i}: inside without a way in"
+            "texel {i}: a path inside without an interface"
         );
     }
 }
 
-/// --aov takes a list, and writes no more than was asked for.
+/// `--aov` with a list writes only these images.
 #[test]
-fn aovs_can_be_chosen() {
+fn aovs_can_be_selected() {
     if !adapter() {
         return;
     }
     let project = project();
-    // Frames of a sequence keep their numbers, whatever the pictures are called.
+    // The intermediate images have the names of their pictures.
     let args =
         ["scenes/block.toml", "--frames=1-2", "-o", "take.####.jpg", "--aov", "inside,radiance"];
     render(project.path(), &args);
@@ -88,8 +88,8 @@ fn aovs_can_be_chosen() {
     assert_eq!(names, ["inside", "radiance.B", "radiance.G", "radiance.R"]);
 }
 
-/// --aov caustics: a part of its own for each light, of the map's size, whose values are those
-/// under still water; and none for a scene without lights.
+/// `--aov caustics` writes a part of the map's size for each light, with the irradiance below still
+/// water; without lit solids it writes none.
 #[test]
 fn caustic_maps_are_parts_of_the_file() {
     use exr::prelude::*;
@@ -111,19 +111,21 @@ fn caustic_maps_are_parts_of_the_file() {
         .collect();
     let names: Vec<_> = channels.keys().map(String::as_str).collect();
     assert_eq!(names, ["irradiance.B", "irradiance.G", "irradiance.R", "receiver_depth"]);
-    // In the middle: what enters by a plane surface, less what 0.5 m absorb.
+    // In the middle: the irradiance transmitted by a plane surface and absorbed over 0.5 m.
     let middle = |name: &str| {
         let rows = (16..32).flat_map(|y| (16..32).map(move |x| y * 48 + x));
         rows.map(|i| channels[name][i]).sum::<f32>() / 256.0
     };
-    let entered = 1.0 - (0.33f32 / 2.33).powi(2);
-    for (name, expected) in
-        [("R", 2.0 * entered * (-0.5f32).exp()), ("G", 2.0 * entered), ("B", 4.0 * entered)]
-    {
+    let transmitted = 1.0 - (0.33f32 / 2.33).powi(2);
+    for (name, expected) in [
+        ("R", 2.0 * transmitted * (-0.5f32).exp()),
+        ("G", 2.0 * transmitted),
+        ("B", 4.0 * transmitted),
+    ] {
         let found = middle(&format!("irradiance.{name}"));
         assert!((found / expected - 1.0).abs() < 0.04, "{name}: {found}, not {expected}");
     }
-    // A floor across the light is equally deep everywhere.
+    // A floor perpendicular to the light has the same depth everywhere.
     let depths = &channels["receiver_depth"];
     let flat = depths.iter().all(|d| (d / depths[0] - 1.0).abs() < 1e-5);
     assert!(flat && depths[0] > 0.5, "{depths:?}");
@@ -135,7 +137,7 @@ fn caustic_maps_are_parts_of_the_file() {
     assert_eq!(image.layer_data.len(), 1);
 }
 
-/// The channels of an `OpenEXR` file, by name.
+/// Reads the channels of an OpenEXR file, by name.
 fn channels(path: &Path) -> BTreeMap<String, Vec<f32>> {
     use exr::prelude::*;
     let image = read_first_flat_layer_from_file(path).expect("an OpenEXR file");

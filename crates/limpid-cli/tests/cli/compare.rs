@@ -1,10 +1,10 @@
-//! `compare`: how far two pictures differ, in words, as JSON, as a picture and as an exit code.
+//! `compare`: the difference of two pictures as text, as JSON, as a picture and as an exit code.
 
 use serde_json::Value;
 
 use super::{assert_tells, open, pictures, run, succeed};
 
-/// `compare` as text, and its answer as an exit code.
+/// The difference as text, and the exit code of `--max-flip`.
 #[test]
 fn compare_as_text() {
     let folder = pictures();
@@ -14,13 +14,13 @@ fn compare_as_text() {
     assert_tells(&text, &["mean FLIP 0.0000", "identical"]);
     succeed(folder.path(), &["compare", "a.png", "b.png", "--max-flip", "0.9"]);
 
-    // Too different is an answer, not an error: code 1, and the report on stdout.
+    // A difference above the limit is a result, not an error: code 1, and the text on stdout.
     let outcome = run(folder.path(), &["compare", "a.png", "b.png", "--max-flip", "0.0001"]);
     assert_eq!((outcome.code, outcome.stderr.as_str()), (1, ""));
     assert_tells(&outcome.stdout, &["mean FLIP"]);
 }
 
-/// `compare --json` and --diff.
+/// The difference by `--json` and `--diff`.
 #[test]
 fn compare_as_json_and_as_a_picture() {
     let folder = pictures();
@@ -42,10 +42,10 @@ fn compare_as_json_and_as_a_picture() {
     let diff = open(&folder.path().join("diff.png"));
     assert_eq!(diff.dimensions(), (32, 24));
     let brightness = |x, y| diff.get_pixel(x, y).0.iter().map(|&c| u32::from(c)).sum::<u32>();
-    assert!(brightness(20, 11) > 200 + brightness(2, 2), "the difference shows where it is");
+    assert!(brightness(20, 11) > 200 + brightness(2, 2), "the pixel that differs is not bright");
     let same = open(&folder.path().join("same.png"));
     assert!(
         same.pixels().all(|pixel| pixel == same.get_pixel(0, 0)),
-        "no difference is one colour"
+        "the picture of no difference has several colours"
     );
 }

@@ -1,4 +1,4 @@
-//! Exit codes, with the one line that says what went wrong and what helps; and help itself.
+//! Exit codes, the error line with problem and remedy, and the help.
 
 use std::fs;
 use std::path::Path;
@@ -11,8 +11,8 @@ use super::{
     names, one_line, pictures, project, run, run_with, succeed,
 };
 
-/// Code 2: a slip on the command line costs one line, which says what was expected, and no
-/// adapter is opened for it.
+/// Code 2: an invalid argument is reported in one line with the expected form, before an adapter is
+/// opened.
 #[test]
 fn usage_errors() {
     let folder = folder();
@@ -38,12 +38,12 @@ fn usage_errors() {
         fail(&["--max-error", "above 0"], &["render", &format!("--max-error={limit}")]);
         fail(&["--budget", "above 0"], &["render", &format!("--budget={limit}")]);
     }
-    // The least that can be had is told.
+    // The least possible error is reported.
     fail(
         &["--max-error 0.000001", "least", "refract.solver="],
         &["render", "--max-error=0.000001"],
     );
-    // Machines that share frames must not pick each for itself.
+    // Machines that share frames must use the same settings.
     fail(&["--budget", "--shard"], &["render", "--budget=5", "--shard=1/2"]);
     fail(&["--budget", "--skip-existing"], &["render", "--budget=5", "--skip-existing"]);
     fail(&["--max-error", "--shard"], &["render", "--max-error=5", "--shard=1/2"]);
@@ -53,7 +53,7 @@ fn usage_errors() {
     assert_names(folder.path(), &[]);
 }
 
-/// Code 2: settings name the key, the nearest right one, and the range.
+/// Code 2: errors in settings name the key, the nearest valid one, and the range.
 #[test]
 fn bad_settings() {
     let folder = folder();
@@ -72,15 +72,15 @@ fn bad_settings() {
     assert_names(folder.path(), &[]);
 }
 
-/// Code 2: several frames cannot have one name. The message tells what to write.
+/// Code 2: several frames need a name with a placeholder, which the message shows.
 #[test]
-fn several_frames_need_several_names() {
+fn several_frames_need_numbered_names() {
     let project = project();
     let line = fail(project.path(), 2, &["render", "water", "-o", "one.png"]);
     assert_tells(&line, &["3 frames", "one.png", "####"]);
 }
 
-/// Code 2: a mistake in a scene file names the file, the line and the nearest key.
+/// Code 2: an error in a scene file names the file, the line and the nearest key.
 #[test]
 fn scene_errors() {
     let project = project();
@@ -92,20 +92,20 @@ fn scene_errors() {
     assert_tells(&line, &parts);
 }
 
-/// Code 3: a file of a kind that limpid does not read, and pictures that cannot be compared.
+/// Code 3: files of an unsupported format, and pictures that cannot be compared.
 #[test]
 fn mismatches() {
     let folder = pictures();
     let fail = |parts: &[&str], args: &[&str]| assert_tells(&fail(folder.path(), 3, args), parts);
     fail(&["a.png", ".bgeo"], &["render", "a.png"]);
     fail(&["a.png", ".bgeo"], &["info", "a.png"]);
-    fs::copy(folder.path().join("a.png"), folder.path().join("liar.bgeo")).unwrap();
-    fail(&["liar.bgeo"], &["render", "liar.bgeo"]);
+    fs::copy(folder.path().join("a.png"), folder.path().join("picture.bgeo")).unwrap();
+    fail(&["picture.bgeo"], &["render", "picture.bgeo"]);
     fail(&["a.png", "small.png", "32x24", "16x16"], &["compare", "a.png", "small.png"]);
     fail(&["text.png", "PNG"], &["compare", "a.png", "text.png"]);
 }
 
-/// Code 4: what is not there, or not whole.
+/// Code 4: missing and damaged files.
 #[test]
 fn missing_and_damaged_files() {
     let folder = pictures();
@@ -124,13 +124,13 @@ fn missing_and_damaged_files() {
     fail(&["cut.bgeo", "byte"], &["render", "cut.bgeo"]);
     fail(&["cut.bgeo", "byte"], &["info", "cut.bgeo"]);
     fail(&["23", "missing"], &["render", &dam("{}"), "--frames", "20-23"]);
-    assert_eq!(names(folder.path()), before, "a failed run leaves nothing");
+    assert_eq!(names(folder.path()), before, "a failed run has left a file");
 }
 
-/// Code 4: a frame that cannot be read stops the sequence after those before it, all of which are
-/// whole, and leaves nothing under its own name.
+/// Code 4: an unreadable frame ends the sequence; the previous frames are complete, and the frame itself
+/// leaves no file.
 #[test]
-fn a_damaged_frame_leaves_the_others_whole() {
+fn a_damaged_frame_keeps_the_previous_pictures() {
     if !adapter() {
         return;
     }
@@ -144,7 +144,7 @@ fn a_damaged_frame_leaves_the_others_whole() {
     assert_picture(&project.path().join("f_2.png"));
 }
 
-/// Code 4: what cannot be written is named, and no temporary file is left.
+/// Code 4: an output that cannot be written is named, and no temporary file is left.
 #[test]
 fn unwritable_outputs() {
     let folder = pictures();
@@ -152,44 +152,44 @@ fn unwritable_outputs() {
     let args = ["compare", "a.png", "b.png", "--diff", "a.png/diff.png"];
     assert_tells(&fail(folder.path(), 4, &args), &["a.png/diff.png", "write"]);
     if adapter() {
-        // A file is no folder, for root either.
+        // A file in place of a folder, which fails for root too.
         let args = ["render", SIZE, "--samples=1", "-o", "a.png/frame.png"];
         assert_tells(&fail(folder.path(), 4, &args), &["a.png/frame.png", "write"]);
-        // A name that is taken by a folder.
+        // A folder with the name of the output.
         fs::create_dir(folder.path().join("stats")).unwrap();
         let args = ["render", SIZE, "--samples=1", "-o", "stats/x.png", "--stats", "stats"];
         assert_tells(&fail(folder.path(), 4, &args), &["stats", "write"]);
-        // Known before anything is drawn.
+        // Reported before anything is drawn.
         assert_names(&folder.path().join("stats"), &[]);
         fs::remove_dir_all(folder.path().join("stats")).unwrap();
     }
     assert_eq!(names(folder.path()), before);
 }
 
-/// Code 5: no adapter is one line that says what to install.
+/// Code 5: without an adapter, one line names the driver to install.
 #[test]
 fn no_adapter() {
     let folder = folder();
-    let nowhere = [
+    let variables = [
         ("VK_ICD_FILENAMES", "/nonexistent"),
         ("VK_DRIVER_FILES", "/nonexistent"),
         ("WGPU_BACKEND", "vulkan"),
     ];
     let args = ["render", SIZE];
-    let line = one_line(&args, 5, run_with(folder.path(), &args, &nowhere));
-    // Where there is OpenGL, it is the variable that is wrong.
-    let told = if line.contains("there are:") {
+    let line = one_line(&args, 5, run_with(folder.path(), &args, &variables));
+    // With OpenGL there are adapters, but the variable excludes them.
+    let parts = if line.contains("there are:") {
         ["no graphics adapter fits WGPU_BACKEND=vulkan", ""]
     } else {
         ["adapter found: install a Vulkan driver", "mesa-vulkan-drivers"]
     };
-    assert_tells(&line, &told);
+    assert_tells(&line, &parts);
     assert_names(folder.path(), &[]);
 }
 
-/// A name that no adapter has is not for want of a driver.
+/// If variables select no existing adapter, the message lists the adapters and suggests no driver.
 #[test]
-fn no_such_adapter() {
+fn no_matching_adapter() {
     if !adapter() {
         return;
     }
@@ -202,7 +202,7 @@ fn no_such_adapter() {
     }
 }
 
-/// Help goes to stdout and is no error; without a command it is one, and says where help is.
+/// `--help` prints to stdout and succeeds; without a command it is a usage error.
 #[test]
 fn help() {
     let folder = folder();
@@ -216,10 +216,10 @@ fn help() {
     assert_eq!(run(folder.path(), &[]).code, 2);
 }
 
-/// Protects a build without the window: `limpid view` says what is missing, and how to get it.
+/// In a build without the viewer, `limpid view` names the missing feature.
 #[cfg(not(feature = "viewer"))]
 #[test]
-fn view_without_its_feature_is_an_error_that_names_it() {
+fn view_without_the_viewer_names_the_feature() {
     let folder = TempDir::new().expect("a folder");
     let line = fail(folder.path(), 2, &["view", "scene.toml"]);
     assert!(line.contains("--features viewer"), "{line}");

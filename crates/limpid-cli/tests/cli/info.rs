@@ -1,10 +1,10 @@
-//! `info`: what it tells people and programs about particles.
+//! `info`: descriptions of particle files as text and as JSON.
 
 use serde_json::Value;
 
 use super::{assert_tells, dam, folder, project, succeed};
 
-/// `info` as text tells what a person wants to know about a file.
+/// The text lists frames, particles, arrays and radius of the first frame, or of the selected ones.
 #[test]
 fn info_as_text() {
     let folder = folder();
@@ -17,7 +17,7 @@ fn info_as_text() {
     assert_tells(&text, &["frame 20:", "frame 21:"]);
 }
 
-/// `info --json` tells the same to programs.
+/// `info --json` prints the same as JSON.
 #[test]
 fn info_as_json() {
     let project = project();
@@ -44,13 +44,13 @@ fn info_as_json() {
     }
     close(&frame["radius"], 0.025);
     close(&info(&["water", "--radius", "0.03"])["described"][0]["radius"], 0.03);
-    // A scene names particles too.
+    // The input may be a scene.
     let scene = info(&["scenes/block.toml", "--frames", "all"]);
     assert_eq!(scene["described"].as_array().unwrap().len(), 3);
     close(&scene["described"][2]["radius"], 0.025);
 }
 
-/// What a file holds is listed, used or ignored, and `--map` reads attributes from any array of it.
+/// Every array of a file is listed as used or ignored, and `--map` reads an attribute from any array.
 #[test]
 fn info_lists_arrays() {
     let folder = folder();
@@ -69,25 +69,26 @@ fn info_lists_arrays() {
     let line = super::fail(folder.path(), 3, &["info", "a.csv", "--map", "radius=r"]);
     assert_tells(&line, &["a.csv: radius=r: no array `r`", "h (2)"]);
 
-    // A scene says it in a table.
+    // A scene maps arrays by a table.
     let scene = "[particles]\nsource = \"a.csv\"\nmap = { radius = \"h\" }\n";
     std::fs::write(folder.path().join("a.toml"), scene).unwrap();
     assert_tells(&succeed(folder.path(), &["info", "a.toml"]), &["h (2) as radius"]);
 }
 
-/// A lost particle is told apart: the box around all, and the one that a camera would show.
+/// A stray particle is counted separately: both the bounds of all particles and those of the bulk, which
+/// a camera shows, are reported.
 #[test]
-fn info_tells_what_lies_outside() {
+fn info_reports_stray_particles() {
     let folder = folder();
     let mut text: String = (0..100).map(|i| format!("{} {} 0\n", i % 10, i / 10)).collect();
     std::fs::write(folder.path().join("whole.xyz"), &text).unwrap();
     let whole = succeed(folder.path(), &["info", "whole.xyz"]);
     assert!(!whole.contains("outside"), "{whole}");
     text += "0 -5000 0\n";
-    std::fs::write(folder.path().join("lost.xyz"), &text).unwrap();
-    let lost = succeed(folder.path(), &["info", "lost.xyz"]);
-    assert_tells(&lost, &["y -5000 to 9", "1 lie outside of x 0 to 9, y 0 to 9"]);
-    let json = succeed(folder.path(), &["info", "--json", "lost.xyz"]);
+    std::fs::write(folder.path().join("stray.xyz"), &text).unwrap();
+    let stray = succeed(folder.path(), &["info", "stray.xyz"]);
+    assert_tells(&stray, &["y -5000 to 9", "1 lie outside of x 0 to 9, y 0 to 9"]);
+    let json = succeed(folder.path(), &["info", "--json", "stray.xyz"]);
     let json: Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["described"][0]["outside"], 1);
     assert_eq!(json["described"][0]["bulk_min"][1], 0.0);

@@ -1,7 +1,5 @@
-//! The program from outside, as scripts and render farms use it.
-//!
-//! Protects what they rely on: the files that are written and their names, what is printed and
-//! where, one line per error, the exit codes, and that nothing half-written is ever left behind.
+//! The command-line interface, as scripts and render farms use it: output files and their names, printed
+//! text, errors of one line, exit codes, and no unfinished files.
 
 mod aov;
 mod compare;
@@ -22,10 +20,10 @@ use image::{Rgb, RgbImage};
 use limpid::gpu::Gpu;
 use tempfile::TempDir;
 
-/// Small pictures: what is tested here does not depend on the size.
+/// Small pictures, since these tests do not depend on the size.
 const SIZE: &str = "--size=64x48";
 
-/// What a run left behind.
+/// The result of a run.
 struct Outcome {
     code: i32,
     stdout: String,
@@ -39,7 +37,7 @@ fn run(folder: &Path, args: &[&str]) -> Outcome {
 
 fn run_with(folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Outcome {
     let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_limpid"));
-    // One of Mesa's Vulkan layers complains on stderr where there is no desktop session.
+    // A Vulkan layer of Mesa prints warnings on stderr without a desktop session.
     command.env("NODEVICE_SELECT", "1").envs(variables.iter().copied());
     let output = command.current_dir(folder).args(args).output().expect("the program starts");
     Outcome {
@@ -49,7 +47,7 @@ fn run_with(folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Outcome
     }
 }
 
-/// Runs what must succeed without a word on stderr, and returns stdout.
+/// Runs a command that must succeed with an empty stderr, and returns stdout.
 #[track_caller]
 fn succeed(folder: &Path, args: &[&str]) -> String {
     let Outcome { code, stdout, stderr } = run(folder, args);
@@ -57,7 +55,7 @@ fn succeed(folder: &Path, args: &[&str]) -> String {
     stdout
 }
 
-/// Runs `render --quiet`, which must succeed without a word, on a terminal or not.
+/// Runs `render --quiet`, which must succeed without any output.
 #[track_caller]
 fn render(folder: &Path, args: &[&str]) {
     let args: Vec<_> =
@@ -65,13 +63,13 @@ fn render(folder: &Path, args: &[&str]) {
     assert_eq!(succeed(folder, &args), "", "{args:?}: render prints nothing");
 }
 
-/// Runs what must fail with `code` and one line, and returns that line.
+/// Runs a command that must fail with `code` and one line, and returns that line.
 #[track_caller]
 fn fail(folder: &Path, code: i32, args: &[&str]) -> String {
     one_line(args, code, run(folder, &quiet(args)))
 }
 
-/// What errors are told beside is not asked for.
+/// Adds `--quiet` to `render`, which leaves only errors on stderr.
 fn quiet<'a>(args: &[&'a str]) -> Vec<&'a str> {
     match args {
         ["render", rest @ ..] => ["render", "--quiet"].iter().chain(rest).copied().collect(),
@@ -79,6 +77,7 @@ fn quiet<'a>(args: &[&'a str]) -> Vec<&'a str> {
     }
 }
 
+/// Returns the only line of a failed run.
 #[track_caller]
 fn one_line(args: &[&str], code: i32, outcome: Outcome) -> String {
     let Outcome { code: found, stdout, stderr } = outcome;
@@ -87,12 +86,12 @@ fn one_line(args: &[&str], code: i32, outcome: Outcome) -> String {
     let line = stderr.strip_suffix('\n').unwrap_or_else(|| panic!("{args:?}: no line: {stderr}"));
     assert!(!line.contains('\n'), "{args:?}: more than one line:\n{stderr}");
     assert!(line.starts_with("limpid: "), "{args:?}: {line}");
-    // A cause that is told twice helps nobody.
+    // The cause is not repeated.
     assert!(line.matches("os error").count() <= 1, "{args:?}: {line}");
     line.to_owned()
 }
 
-/// Fails unless `line` has all of `parts`.
+/// Fails unless `line` contains all of `parts`.
 #[track_caller]
 fn assert_tells(line: &str, parts: &[&str]) {
     for part in parts {
@@ -100,8 +99,8 @@ fn assert_tells(line: &str, parts: &[&str]) {
     }
 }
 
-/// Whether pictures can be drawn here. Where they must be (`CI` or `LIMPID_REQUIRE_GPU=1`), a
-/// missing adapter fails the test instead of skipping it.
+/// Whether there is an adapter. With `CI` or `LIMPID_REQUIRE_GPU=1`, a missing adapter fails the test
+/// instead of skipping it.
 fn adapter() -> bool {
     static FOUND: OnceLock<Result<(), String>> = OnceLock::new();
     let found = FOUND.get_or_init(|| Gpu::headless().map(|_| ()).map_err(|e| e.to_string()));
@@ -115,7 +114,7 @@ fn adapter() -> bool {
     false
 }
 
-/// A frame of the sequence that comes with limpid.
+/// Path of a frame of the sequence in `tests/data`.
 fn dam(frame: &str) -> String {
     let folder =
         concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/tests/data/double_dam_break");
@@ -126,7 +125,7 @@ fn folder() -> TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// Names of everything in a folder, hidden files included, so that temporary files show.
+/// Names of all entries of a folder, including hidden temporary files.
 fn names(folder: &Path) -> BTreeSet<String> {
     let entries = fs::read_dir(folder).expect("the folder can be listed");
     entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
@@ -138,7 +137,7 @@ fn assert_names(folder: &Path, expected: &[&str]) {
     assert_eq!(names(folder), expected);
 }
 
-/// A block of liquid at rest and one drop above it; the block is moved by `offset`.
+/// Writes a block of liquid, moved by `offset`, and one drop above it.
 fn write_water(path: &Path, offset: f32) {
     let mut text = String::new();
     for i in 0..12 * 5 * 8 {
@@ -174,7 +173,7 @@ half_extent = 6.0
 checker = { tile = 0.25, even = [0.85, 0.80, 0.70], odd = [0.15, 0.20, 0.30] }
 "#;
 
-/// A folder with `water/block_1.xyz` to `block_3.xyz` and `scenes/block.toml`, which names them.
+/// A folder with `water/block_1.xyz` to `block_3.xyz` and `scenes/block.toml`, which reads them.
 fn project() -> TempDir {
     let folder = folder();
     for name in ["water", "scenes"] {
@@ -192,7 +191,7 @@ fn open(path: &Path) -> RgbImage {
     picture.into_rgb8()
 }
 
-/// A picture of the right size that shows something.
+/// Fails unless the file is a picture of the right size with many colours.
 #[track_caller]
 fn assert_picture(path: &Path) {
     let picture = open(path);
@@ -205,7 +204,7 @@ fn bytes(path: &Path) -> Vec<u8> {
     fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// A block of liquid that lies on a lit floor under the midday sun, 0.5 m high.
+/// A block of liquid, 0.5 m high, on a lit floor under a sun at the zenith.
 const LIT: &str = r#"
 [recipe]
 kind = "slab"
@@ -230,7 +229,7 @@ resolution = 48
 grid = 96
 "#;
 
-/// Two pictures of 32 × 24 pixels, one of 16 × 16, and two files that are no pictures.
+/// A folder with two pictures of 32 × 24 pixels, one of 16 × 16, and two invalid ones.
 fn pictures() -> TempDir {
     let folder = folder();
     let path = |name: &str| folder.path().join(name);

@@ -1,5 +1,5 @@
-//! What is written where: nothing over an input, nothing over a file of another kind, and all of it
-//! refused before anything is drawn.
+//! Output files: none replaces an input or a file of another kind, which is checked before anything is
+//! drawn.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,8 +12,8 @@ use super::{
     SIZE, adapter, assert_tells, bytes, fail, names, open, pictures, project, render, run, succeed,
 };
 
-/// Every file below a folder, with its contents.
-fn everything(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+/// Reads every file below a folder.
+fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {
@@ -32,17 +32,17 @@ fn everything(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     all
 }
 
-/// Runs what must be refused, with a message that has all of `parts`, and leave all as it is.
+/// Runs a command that must fail with a message that contains all of `parts`, and change no file.
 #[track_caller]
 fn refused(folder: &Path, args: &[&str], code: i32, parts: &[&str]) {
-    let before = everything(folder);
+    let before = contents(folder);
     let line = fail(folder, code, args);
     assert_tells(&line, parts);
-    assert!(everything(folder) == before, "{args:?}: a file has changed");
+    assert!(contents(folder) == before, "{args:?}: a file has changed");
 }
 
-const READS: &str = "the same command reads this file";
-const TWO: &str = "two outputs of the command";
+const IS_INPUT: &str = "the same command reads this file";
+const IS_OTHER_OUTPUT: &str = "two outputs of the command";
 
 /// A project with an environment map, a camera path, a suite, and files of other programs.
 fn crowded() -> TempDir {
@@ -79,8 +79,8 @@ fn crowded() -> TempDir {
     project
 }
 
-/// Protects inputs: whatever option names one as an output is refused, by its own name, by another
-/// path to it and by links of both kinds.
+/// An option that names an input as an output is refused: by its own name, by another path to it, and by
+/// hard and symbolic links.
 #[test]
 fn no_output_is_an_input() {
     let project = crowded();
@@ -117,17 +117,17 @@ fn no_output_is_an_input() {
         if args[0] == "report" {
             fs::create_dir_all(folder.join("report")).unwrap();
         }
-        refused(folder, &args, 2, &[name, READS]);
+        refused(folder, &args, 2, &[name, IS_INPUT]);
     }
 }
 
-/// Protects all other files: only one of the kind that is written is replaced.
+/// Outputs replace only files of their own kind.
 #[test]
-fn files_of_other_kinds_are_left_alone() {
+fn files_of_other_kinds_are_not_replaced() {
     let project = crowded();
     let folder = project.path();
     let water = |more: &[&'static str]| [&["render", "water", "--frames=2"], more].concat();
-    let not = "is not ";
+    let other_kind = "is not ";
     for (args, name) in [
         (water(&["-o", "notes.png"]), "notes.png"),
         (water(&["-o", "notes.gif"]), "notes.gif"),
@@ -150,14 +150,14 @@ fn files_of_other_kinds_are_left_alone() {
         if name.is_empty() {
             succeed(folder, &args);
         } else {
-            refused(folder, &args, 2, &[name, not, "left as it is"]);
+            refused(folder, &args, 2, &[name, other_kind, "left as it is"]);
         }
     }
 }
 
-/// Protects names: one that says no format that can be written is refused, and told which can.
+/// An output name without the extension of a writable format is refused, with a list of these.
 #[test]
-fn unknown_endings_are_refused() {
+fn unknown_extensions_are_refused() {
     let project = crowded();
     for output in ["x.tiff", "noext", "water/block_1.xyz", "scenes/block.toml", "x.png.bak"] {
         let args = ["render", "water", "--frames=2", "-o", output];
@@ -167,16 +167,16 @@ fn unknown_endings_are_refused() {
         let args = ["render", "water", "-o", output];
         refused(project.path(), &args, 2, &[".png, .jpg, .webp or .exr"]);
     }
-    for (option, ending) in [("--skip-existing", "jpg"), ("--claim", "webp")] {
-        let output = format!("f_#.{ending}");
+    for (option, extension) in [("--skip-existing", "jpg"), ("--claim", "webp")] {
+        let output = format!("f_#.{extension}");
         let args = ["render", "water", "-o", &output, option];
         refused(project.path(), &args, 2, &[option, ".png or .exr"]);
     }
 }
 
-/// Protects outputs from each other.
+/// Two outputs of a command cannot be the same file.
 #[test]
-fn two_outputs_are_two_files() {
+fn outputs_are_different_files() {
     let project = crowded();
     let folder = project.path();
     for args in [
@@ -186,14 +186,13 @@ fn two_outputs_are_two_files() {
         ["--stats=a.aov.exr", "--aov=depth", "-o=a.png"],
     ] {
         let args = [&["render", "water", "--frames=2"], &args[..]].concat();
-        refused(folder, &args, 2, &[TWO]);
+        refused(folder, &args, 2, &[IS_OTHER_OUTPUT]);
     }
 }
 
-/// Protects whoever mistypes a folder: its name is told before a frame is drawn or a device opened,
-/// whichever output would be in it.
+/// A missing folder of any output is reported before a device is opened or a frame drawn.
 #[test]
-fn missing_folders_are_told_first() {
+fn missing_folders_are_reported_first() {
     let project = crowded();
     let folder = project.path();
     fs::write(folder.join("a.png"), bytes(&folder.join("sky.png"))).unwrap();
@@ -220,9 +219,9 @@ fn missing_folders_are_told_first() {
     }
 }
 
-/// Protects the limits that blessing keeps: below the suite's folder, on no input, on pictures only.
+/// `check --bless` replaces only pictures below the suite's folder that are not inputs.
 #[test]
-fn blessing_stays_among_the_expectations() {
+fn blessing_replaces_only_expected_pictures() {
     let project = crowded();
     let folder = project.path();
     fs::create_dir(folder.join("suites")).unwrap();
@@ -246,7 +245,7 @@ fn blessing_stays_among_the_expectations() {
     suite("aov = { depth = {} }\nexpected_aov = \"../shot.aov.exr\"");
     refused(folder, &["check", "scenes/suite.toml"], 2, &["below the suite's folder"]);
 
-    // By way of links, and of files that are no pictures.
+    // Through links, and over files that are not pictures.
     #[cfg(unix)]
     {
         use std::os::unix::fs::symlink;
@@ -262,7 +261,7 @@ fn blessing_stays_among_the_expectations() {
     suite("expected = \"text.png\"");
     refused(folder, &["check", "scenes/suite.toml", "--bless"], 2, &["text.png", "not a picture"]);
 
-    // What the suite draws with is no expectation.
+    // An input of the suite cannot be an expected picture.
     fs::copy(folder.join("sky.png"), folder.join("scenes/map.png")).unwrap();
     let scene = fs::read_to_string(folder.join("scenes/sky.toml")).unwrap();
     fs::write(folder.join("scenes/sky.toml"), scene.replace("../sky.png", "map.png")).unwrap();
@@ -270,10 +269,9 @@ fn blessing_stays_among_the_expectations() {
     refused(folder, &["check", "scenes/suite.toml", "--bless"], 2, &["map.png", "reads"]);
 }
 
-/// Protects other programs' frames from `bake --restart`: only what a bake is known to have made is
-/// removed.
+/// `bake --restart` removes only frames recorded as baked, not those of other programs.
 #[test]
-fn restarting_removes_bakes_only() {
+fn restart_removes_only_baked_frames() {
     let folder = super::folder();
     let folder = folder.path();
     let sims = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("sims");
@@ -286,7 +284,7 @@ fn restarting_removes_bakes_only() {
     refused(folder, &restart, 2, &["dam.bake.json", "another program's"]);
 }
 
-/// Protects what is run every day: outputs of the same kind are replaced, and manifests continued.
+/// Outputs of the same kind are replaced, and manifests are appended to.
 #[test]
 fn files_of_the_same_kind_are_replaced() {
     if !adapter() {
@@ -301,7 +299,7 @@ fn files_of_the_same_kind_are_replaced() {
     }
     let manifest = fs::read_to_string(project.path().join("m.jsonl")).unwrap();
     assert_eq!(manifest.lines().count(), 3);
-    // A JPEG that was named by mistake.
+    // A JPEG with the extension of a PNG.
     fs::copy(project.path().join("a.jpg"), project.path().join("a.png")).unwrap();
     render(project.path(), &["water", "--frames=2", "-o", "a.png"]);
     fs::write(project.path().join("empty.png"), "").unwrap();
@@ -317,10 +315,10 @@ fn files_of_the_same_kind_are_replaced() {
     }
 }
 
-/// Each ending is the format that it says: WebP the pixels of the PNG, JPEG nearly, and EXR the
-/// radiance that the AOV of that name holds.
+/// The extension selects the format: WebP has the pixels of the PNG, JPEG nearly, and OpenEXR the
+/// radiance of the AOV of that name.
 #[test]
-fn pictures_are_what_their_names_say() {
+fn extensions_select_the_picture_format() {
     if !adapter() {
         return;
     }
@@ -345,7 +343,7 @@ fn pictures_are_what_their_names_say() {
     let png = open(&path("a.png"));
     assert!(decode("a.webp").into_rgb8() == png, "WebP is lossless");
     let (near, _) = limpid_lab::compare::compare(&png, &decode("b.JPEG").into_rgb8()).unwrap();
-    // Fine checks in few pixels are the worst for a JPEG; other colours are much farther.
+    // Fine checkers in few pixels are the worst case of JPEG; swapped colours differ much more.
     assert!(near.mean_flip > 0.0 && near.mean_flip < 0.1, "{}", near.mean_flip);
     let (far, _) = limpid_lab::compare::compare(&png, &swapped(&png)).unwrap();
     assert!(far.mean_flip > 0.2, "{}", far.mean_flip);
@@ -368,14 +366,14 @@ fn pictures_are_what_their_names_say() {
     }
 }
 
-/// Red for blue.
+/// Swaps red and blue.
 fn swapped(picture: &image::RgbImage) -> image::RgbImage {
     let mut picture = picture.clone();
     picture.pixels_mut().for_each(|pixel| pixel.0.reverse());
     picture
 }
 
-/// Linear pictures are numbered, resumed and claimed as others are.
+/// Linear pictures are numbered, resumed and claimed like others.
 #[test]
 fn linear_pictures_are_resumed() {
     if !adapter() {
@@ -391,15 +389,15 @@ fn linear_pictures_are_resumed() {
     let kept = [written(1), written(2)];
     fs::write(path(3), &good[2][..good[2].len() / 2]).unwrap();
     render(project.path(), &args);
-    assert_eq!([written(1), written(2)], kept, "whole pictures were drawn again");
+    assert_eq!([written(1), written(2)], kept, "complete pictures were drawn again");
     assert!(bytes(&path(3)) == good[2], "a damaged picture was kept");
     render(project.path(), &[&args[..4], &["--claim", "--samples=3"]].concat());
-    assert!(bytes(&path(1)) != good[0], "other settings");
+    assert!(bytes(&path(1)) != good[0], "a picture of other settings was kept");
 }
 
-/// `--diff` takes the formats that hold 8 bits.
+/// `--diff` accepts 8-bit formats only.
 #[test]
-fn differences_are_pictures_of_8_bits() {
+fn difference_pictures_have_8_bits() {
     let folder = pictures();
     for (name, format) in [("d.jpg", ImageFormat::Jpeg), ("d.webp", ImageFormat::WebP)] {
         succeed(folder.path(), &["compare", "a.png", "b.png", "--diff", name]);
@@ -430,14 +428,14 @@ mod pipes {
         command.spawn().unwrap()
     }
 
-    /// The exit code and standard error of what must end within a minute.
+    /// Waits for a process, at most a minute; returns its exit code and standard error.
     #[track_caller]
     fn end(mut child: Child) -> (Option<i32>, String) {
-        let begun = Instant::now();
+        let start = Instant::now();
         while child.try_wait().unwrap().is_none() {
-            if begun.elapsed() > Duration::from_secs(60) {
+            if start.elapsed() > Duration::from_secs(60) {
                 child.kill().unwrap();
-                panic!("it does not end");
+                panic!("the process does not end");
             }
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -445,9 +443,9 @@ mod pipes {
         (output.status.code(), String::from_utf8(output.stderr).unwrap())
     }
 
-    /// A pipe that nobody reads is waited for, but not beyond a signal: a manifest and a picture.
+    /// Opening a pipe without a reader, for a manifest or a picture, blocks until a signal.
     #[test]
-    fn waiting_for_a_reader_ends_at_a_signal() {
+    fn wait_for_a_reader_ends_at_a_signal() {
         if !adapter() {
             return;
         }
@@ -456,17 +454,17 @@ mod pipes {
             pipe(project.path(), "pipe");
             let mut child = start(project.path(), &args);
             std::thread::sleep(Duration::from_secs(1));
-            assert!(child.try_wait().unwrap().is_none(), "{args:?}: nobody reads it");
+            assert!(child.try_wait().unwrap().is_none(), "{args:?}: ended without a reader");
             let kill = Command::new("kill").arg(child.id().to_string()).status().unwrap();
             assert!(kill.success());
             assert_eq!(end(child).0, Some(143), "{args:?}");
         }
     }
 
-    /// A reader of a manifest that leaves ends the run with an error, not with a wait for ever; one
-    /// that stays gets every line.
+    /// A manifest's reader gets every line; if it closes the pipe, the run ends with an error and does
+    /// not wait for ever.
     #[test]
-    fn manifests_go_to_their_reader() {
+    fn manifests_go_through_pipes() {
         if !adapter() {
             return;
         }
@@ -489,7 +487,7 @@ mod pipes {
         assert_tells(&error, &["pipe: cannot write: Broken pipe"]);
     }
 
-    /// A picture through a pipe is a whole PNG.
+    /// A picture written to a pipe is a complete PNG.
     #[test]
     fn pictures_go_through_pipes() {
         if !adapter() {
@@ -505,19 +503,19 @@ mod pipes {
         assert_eq!((picture.width(), picture.height()), (64, 48));
     }
 
-    /// `report --against` a pipe or a device is refused without reading it.
+    /// `report --against` refuses a pipe or a device without reading it.
     #[test]
-    fn earlier_reports_are_files() {
+    fn earlier_reports_must_be_files() {
         let folder = super::super::folder();
         pipe(folder.path(), "pipe");
         for name in ["pipe", "/dev/zero"] {
             let args = ["report", "--quick", "--against", name, "--out", "."];
-            refused_here(folder.path(), &args, &[name, "this is a pipe or device"]);
+            unreadable(folder.path(), &args, &[name, "this is a pipe or device"]);
         }
     }
 
     #[track_caller]
-    fn refused_here(folder: &Path, args: &[&str], parts: &[&str]) {
+    fn unreadable(folder: &Path, args: &[&str], parts: &[&str]) {
         let outcome = run(folder, args);
         assert_eq!(outcome.code, 4, "{}", outcome.stderr);
         assert_tells(&outcome.stderr, parts);

@@ -1,4 +1,4 @@
-//! `render`: which pictures are drawn under which names, and what settings and limits do to them.
+//! `render`: the pictures, their names, and the effect of settings and limits.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -12,7 +12,7 @@ use super::{
     folder, open, project, render, run, succeed,
 };
 
-/// The first thing a newcomer types.
+/// `limpid render` without an input draws the demo.
 #[test]
 fn render_without_input_draws_the_demo() {
     if !adapter() {
@@ -24,7 +24,7 @@ fn render_without_input_draws_the_demo() {
     assert_picture(&folder.path().join("limpid.png"));
 }
 
-/// A bare particle file gets a scene, and a picture under the name that was asked for.
+/// A bare particle file is drawn in a default scene, to the given name.
 #[test]
 fn render_one_file() {
     if !adapter() {
@@ -36,8 +36,8 @@ fn render_one_file() {
     assert_picture(&folder.path().join("frame.png"));
 }
 
-/// Frames of a pattern, into a folder and under numbered names: the same pictures, bit by bit,
-/// in one run and in another. The progress bar is silent when nobody watches.
+/// Two runs of a pattern's frames, one into a folder and one to numbered names, give bit-identical
+/// pictures, without a progress bar on a pipe.
 #[test]
 fn render_a_sequence_under_both_kinds_of_names() {
     if !adapter() {
@@ -66,7 +66,7 @@ fn frame_name(frame: i64) -> String {
     format!("frame_{frame:04}.png")
 }
 
-/// Without -o, one frame is `limpid.png` and several are numbered.
+/// Without `-o`, several frames are written to numbered default names.
 #[test]
 fn default_names() {
     if !adapter() {
@@ -77,8 +77,8 @@ fn default_names() {
     assert_names(project.path(), &["limpid_0001.png", "limpid_0003.png", "scenes", "water"]);
 }
 
-/// A scene's paths are relative to the scene, wherever the program runs, and its frame is drawn
-/// unless others are asked for.
+/// A scene's paths are relative to the scene, not to the working folder, and its frame is drawn unless
+/// `--frames` selects others.
 #[test]
 fn render_a_scene() {
     if !adapter() {
@@ -88,7 +88,7 @@ fn render_a_scene() {
     render(project.path(), &["scenes/block.toml", "-o", "a.png"]);
     render(project.path(), &["scenes/block.toml", "-o", "b.png", "--frames", "2"]);
     render(project.path(), &["scenes/block.toml", "-o", "c.png", "--frames", "3"]);
-    // The same particles by name, in the same scene.
+    // The same particles by file name, in the same scene.
     let radius = "--radius=0.025";
     let file = "water/block_2.xyz";
     render(project.path(), &[file, "--scene", "scenes/block.toml", radius, "-o", "d.png"]);
@@ -99,7 +99,7 @@ fn render_a_scene() {
     assert!(picture("a.png") == picture("d.png"), "--scene draws other particles the same way");
 }
 
-/// --samples and --set reach the passes.
+/// `--samples` and `--set` change the picture.
 #[test]
 fn settings_from_the_command_line() {
     if !adapter() {
@@ -117,25 +117,25 @@ fn settings_from_the_command_line() {
     assert!(plain != fine, "four samples differ from one");
     assert!(picture(&["--set", "refract.samples=4"]) == fine, "--samples is a setting");
 
-    // Another way to the same interfaces: nearly the same picture.
+    // Another intersector finds the same interfaces: nearly the same picture.
     let marched = picture(&["--set", "refract.solver=march"]);
     let (comparison, _) = limpid_lab::compare::compare(&plain, &marched).unwrap();
     assert!(comparison.mean_flip < 0.03, "march differs by {}", comparison.mean_flip);
 
-    // Where particles are classified is not seen.
+    // The processor of the classification does not show.
     let [on_device, on_cpu] =
         ["gpu", "cpu"].map(|on| picture(&["--set", &format!("classify.on={on}")]));
     let (comparison, _) = limpid_lab::compare::compare(&on_device, &on_cpu).unwrap();
     assert!(comparison.mean_flip < 5e-3, "the device differs by {}", comparison.mean_flip);
 
     let dark = picture(&["--set", "tonemap.exposure=-64", "--set", "refract.samples=2"]);
-    assert!(dark.iter().all(|&value| value == 0), "64 stops under is black");
+    assert!(dark.iter().all(|&value| value == 0), "an exposure of −64 stops is not black");
 }
 
-/// The shares of two machines are disjoint, complete, and the same pixels as one machine's; a
-/// scene that is made for bare particles must not depend on the share.
+/// The shards of two machines are disjoint and complete, and have the same pixels as a single run: the
+/// default scene of bare particles does not depend on the shard.
 #[test]
-fn shards_share_out_the_frames() {
+fn shards_partition_the_frames() {
     if !adapter() {
         return;
     }
@@ -148,11 +148,11 @@ fn shards_share_out_the_frames() {
     assert_names(&project.path().join("two"), &["frame_0002.png"]);
     for (share, frame) in [("one", 1), ("two", 2), ("one", 3)] {
         let picture = |folder: &str| bytes(&project.path().join(folder).join(frame_name(frame)));
-        assert!(picture(share) == picture("all"), "frame {frame} depends on the share");
+        assert!(picture(share) == picture("all"), "frame {frame} depends on the shard");
     }
 }
 
-/// A frame drawn alone is the frame as the sequence has it.
+/// A frame drawn alone is identical to that frame of a sequence.
 #[test]
 fn frames_do_not_depend_on_each_other() {
     if !adapter() {
@@ -165,9 +165,10 @@ fn frames_do_not_depend_on_each_other() {
     assert!(picture("all_3.png") == picture("alone.png"));
 }
 
-/// The first frames of an emitter hold no particle or one, and are pictures too, of any size.
+/// Frames without particles or with one, as at the start of an emitter, and a picture of one pixel are
+/// drawn.
 #[test]
-fn render_next_to_nothing() {
+fn render_of_minimal_input() {
     if !adapter() {
         return;
     }
@@ -181,8 +182,8 @@ fn render_next_to_nothing() {
     assert_eq!(open(&folder.path().join("small.png")).dimensions(), (1, 1));
 }
 
-/// --skip-existing resumes a sequence: it leaves alone what an equal run has drawn, and draws the
-/// missing, the damaged, those of another size and those of other programs.
+/// `--skip-existing` keeps the pictures of an equal run, and draws those that are missing, damaged, of
+/// another size or of another program.
 #[test]
 fn skip_existing_resumes() {
     if !adapter() {
@@ -197,22 +198,22 @@ fn skip_existing_resumes() {
     let written = |frame: u32| fs::metadata(path(frame)).unwrap().modified().unwrap();
 
     let kept = written(1);
-    // Cut off in its pixels: the header still tells the right size.
+    // Truncated within the pixels: the header still has the right size.
     fs::write(path(2), &good[1][..good[1].len() / 2]).unwrap();
     RgbImage::new(32, 48).save(path(3)).unwrap();
     render(project.path(), &resume);
-    assert!(written(1) == kept, "a whole picture was drawn again");
+    assert!(written(1) == kept, "a complete picture was drawn again");
     assert!(bytes(&path(2)) == good[1], "a damaged picture was kept");
     assert!(bytes(&path(3)) == good[2], "a picture of another size was kept");
 
     RgbImage::from_pixel(64, 48, Rgb([1, 2, 3])).save(path(1)).unwrap();
     render(project.path(), &resume);
     assert!(bytes(&path(1)) == good[0], "a picture of another program was kept");
-    // Nothing left to do is success too.
+    // A run with nothing left to draw succeeds.
     render(project.path(), &resume);
 }
 
-/// --stats tells machine-readably what was drawn, with what, and how long each pass took.
+/// `--stats` writes counts, adapter and pass times as JSON.
 #[test]
 fn stats_name_the_adapter_and_every_pass() {
     if !adapter() {
@@ -246,9 +247,9 @@ fn stats_name_the_adapter_and_every_pass() {
     }
 }
 
-/// --max-error and --budget: what was picked is told on stderr, in one line, and in the stats.
+/// `--max-error` and `--budget` report the picked settings in one line on stderr and in the statistics.
 #[test]
-fn limits_pick_settings() {
+fn limits_select_settings() {
     if !adapter() {
         return;
     }
@@ -275,8 +276,8 @@ fn limits_pick_settings() {
     );
 }
 
-/// Settings of caustics from the command line reach the map; one that the adapter cannot hold is
-/// code 5 and names the setting, and nothing is written.
+/// Caustic settings from the command line are applied; one beyond the adapter's limits fails with code 5
+/// and names the setting, and nothing is written.
 #[test]
 fn settings_of_caustics_from_the_command_line() {
     if !adapter() {
@@ -288,8 +289,8 @@ fn settings_of_caustics_from_the_command_line() {
     assert_picture(&folder.path().join("a.png"));
     let gpu = Gpu::headless().expect("an adapter");
     let limits = gpu.device.limits();
-    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    if most < 8193 * 8193 * 48 {
+    let max_buffer = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    if max_buffer < 8193 * 8193 * 48 {
         let large = ["render", SIZE, "lit.toml", "-o", "b.png", "--set", "caustics.grid=8192"];
         let line = fail(folder.path(), 5, &large);
         assert_tells(&line, &["caustics.grid = 8192", "MiB"]);

@@ -1,13 +1,13 @@
-//! `limpid report --against`: errors beside those of an earlier report.
+//! `limpid report --against`: comparison with the errors of an earlier report.
 
 use std::fs;
 
 use super::{adapter, assert_tells, folder, run};
 
-/// The same program measures the same errors, whatever the times are; an error that was smaller before is
-/// told by its name and ends with code 1; another file is refused before anything is measured.
+/// Errors are reproducible, although times are not; an increased error is reported by name with exit code
+/// 1; a file that is not a report is refused before anything is measured.
 #[test]
-fn errors_that_have_risen_are_told() {
+fn increased_errors_are_reported() {
     if !adapter() {
         return;
     }

@@ -1,14 +1,14 @@
-//! What `render` says on standard error: what it draws, what it wrote, and what may be why a picture is
-//! not what was meant.
+//! Messages of `render` on standard error: a line for the input, one for the output, and notices of likely
+//! mistakes.
 
 use std::fs;
 use std::path::Path;
 
 use super::{SIZE, adapter, assert_tells, folder, project, run};
 
-/// Runs `render`, which must succeed, and returns what it said, line by line.
+/// Runs `render`, which must succeed, and returns the lines on stderr.
 #[track_caller]
-fn said(folder: &Path, args: &[&str]) -> Vec<String> {
+fn messages(folder: &Path, args: &[&str]) -> Vec<String> {
     let args: Vec<_> = ["render", SIZE].into_iter().chain(args.iter().copied()).collect();
     let outcome = run(folder, &args);
     assert_eq!((outcome.code, outcome.stdout.as_str()), (0, ""), "{args:?}: {}", outcome.stderr);
@@ -16,7 +16,7 @@ fn said(folder: &Path, args: &[&str]) -> Vec<String> {
     lines.map(str::to_owned).collect()
 }
 
-/// A small block of liquid of this spacing, as a table with more columns and another corner.
+/// The CSV text of a small block of liquid of this spacing and corner, with additional columns.
 fn block(spacing: f64, columns: &str, values: &str, corner: [f64; 3]) -> String {
     let mut text = format!("x,y,z{columns}\n");
     for i in 0..6 * 6 * 6 {
@@ -26,7 +26,7 @@ fn block(spacing: f64, columns: &str, values: &str, corner: [f64; 3]) -> String 
     text
 }
 
-/// One line for what is drawn, one for what was written; with --quiet none.
+/// `render` prints a line for its input and one for its output; with `--quiet` none.
 #[test]
 fn a_line_for_input_and_one_for_output() {
     if !adapter() {
@@ -35,36 +35,37 @@ fn a_line_for_input_and_one_for_output() {
     let folder = folder();
     let text = block(0.05, ",vx,vy,vz,Diameter", ",0,0,0,0.05", [0.0; 3]);
     fs::write(folder.path().join("a.csv"), &text).unwrap();
-    let lines = said(folder.path(), &["a.csv", "--radius=0.025", "-o", "a.png"]);
+    let lines = messages(folder.path(), &["a.csv", "--radius=0.025", "-o", "a.png"]);
     assert_eq!(lines.len(), 2, "{lines:?}");
     let start = "216 particles, radius 0.025 m (--radius), ";
     assert!(lines[0].starts_with(start), "{lines:?}");
     assert_tells(&lines[0], &["vx vy vz used, Diameter ignored; "]);
     assert_eq!(lines[1], "wrote a.png");
-    let quiet = said(folder.path(), &["a.csv", "--radius=0.025", "-o", "a.png", "--quiet"]);
+    let quiet = messages(folder.path(), &["a.csv", "--radius=0.025", "-o", "a.png", "--quiet"]);
     assert!(quiet.is_empty(), "{quiet:?}");
 
     fs::write(folder.path().join("w_0100.csv"), &text).unwrap();
     fs::write(folder.path().join("w_0200.csv"), &text).unwrap();
     let several = ["w_{}.csv", "--radius=0.025", "-o", "out/"];
-    let lines = said(folder.path(), &several);
+    let lines = messages(folder.path(), &several);
     assert_eq!(lines[1..], ["wrote 2 pictures, out/frame_0100.png to out/frame_0200.png"]);
-    let lines = said(folder.path(), &[&several[..], &["--skip-existing"]].concat());
+    let lines = messages(folder.path(), &[&several[..], &["--skip-existing"]].concat());
     assert_eq!(lines, ["2 of 2 pictures are there already"]);
     fs::remove_file(folder.path().join("out/frame_0200.png")).unwrap();
-    let lines = said(folder.path(), &[&several[..], &["--skip-existing"]].concat());
+    let lines = messages(folder.path(), &[&several[..], &["--skip-existing"]].concat());
     assert_eq!(lines[1..], ["wrote out/frame_0200.png; 1 was there already"]);
-    // A film's pictures need a rate, and nobody has said it.
-    let lines = said(folder.path(), &["w_{}.csv", "--radius=0.025", "-o", "film.apng"]);
+    // The rate of a film is assumed if it is not given.
+    let lines = messages(folder.path(), &["w_{}.csv", "--radius=0.025", "-o", "film.apng"]);
     assert_tells(&lines[0], &["frames per second are not known, 30 assumed; --fps"]);
     assert_eq!(lines[2..], ["wrote film.apng, 2 pictures"]);
-    let lines = said(folder.path(), &["w_{}.csv", "--radius=0.025", "-o", "b.apng", "--fps=25"]);
+    let lines =
+        messages(folder.path(), &["w_{}.csv", "--radius=0.025", "-o", "b.apng", "--fps=25"]);
     assert_eq!(lines.len(), 2, "{lines:?}");
 }
 
-/// Frames that are missing are told once, with what becomes of them.
+/// Missing frames are reported once, with their treatment.
 #[test]
-fn gaps_are_told() {
+fn gaps_are_reported() {
     if !adapter() {
         return;
     }
@@ -75,7 +76,7 @@ fn gaps_are_told() {
     }
     let render = |args: &[&str]| {
         let args = [&["w_{}.csv", "--radius=0.025", "-o", "out/"], args].concat();
-        said(folder.path(), &args)
+        messages(folder.path(), &args)
     };
     let lines = render(&[]);
     assert_tells(&lines[0], &["frames are missing and left out", ": 30 to 40, 60"]);
@@ -83,12 +84,12 @@ fn gaps_are_told() {
     let lines = render(&["--missing=hold"]);
     assert_tells(&lines[0], &["drawn as the frame before: 30 to 40, 60"]);
     assert_tells(&lines[2], &["wrote 7 pictures"]);
-    assert_eq!(render(&["--frames=10,70"]).len(), 2, "what was asked for is there");
+    assert_eq!(render(&["--frames=10,70"]).len(), 2, "selected frames have no gaps");
 }
 
-/// Each slip has a line of its own, with the remedy; a sound run has none of them.
+/// Each likely mistake is reported in one line with its remedy; a correct run reports none.
 #[test]
-fn slips_are_told() {
+fn likely_mistakes_are_reported() {
     if !adapter() {
         return;
     }
@@ -97,7 +98,7 @@ fn slips_are_told() {
     let write = |name: &str, text: &str| fs::write(folder.join(name), text).unwrap();
     write("a.csv", &block(0.05, "", "", [0.0; 3]));
     let render = |args: &[&str]| {
-        let lines = said(folder, &[args, &["-o", "a.png"]].concat());
+        let lines = messages(folder, &[args, &["-o", "a.png"]].concat());
         assert_eq!(lines.last().unwrap(), "wrote a.png");
         lines[1..lines.len() - 1].join("\n")
     };
@@ -110,17 +111,17 @@ fn slips_are_told() {
     let near = "--camera=eye=0.3,0.3,0.5 target=0.3,0.3,0 fov_y=20";
     assert_tells(&render(&["a.csv", radius, near]), &["% of the particles are out of the picture"]);
 
-    // Half a metre of water, its radius in centimetres.
+    // Particles in metres with a radius in centimetres.
     assert_tells(
         &render(&["a.csv", "--radius=2.5"]),
         &["much closer together than their radius of 2.5 m"],
     );
     write("none.csv", "x,y,z\n");
-    let lines = said(folder, &["none.csv", "-o", "a.png"]);
+    let lines = messages(folder, &["none.csv", "-o", "a.png"]);
     assert_tells(&lines[0], &["no picture has particles"]);
-    // Never filled in.
+    // A radius column that was never filled in.
     write("zero.csv", &block(0.05, ",radius", ",0", [0.0; 3]));
-    let lines = said(folder, &["zero.csv", "-o", "a.png"]);
+    let lines = messages(folder, &["zero.csv", "-o", "a.png"]);
     assert_tells(&lines[0], &["m (guessed)", "radius ignored"]);
 
     write("mm.csv", &block(50.0, "", "", [0.0; 3]));
@@ -130,7 +131,7 @@ fn slips_are_told() {
         &["extend over 250 m", "--set 'liquid.absorption=[0.0012, 0.00035, 0.00012]'"],
     );
     let set = "liquid.absorption=[0.0012, 0.00035, 0.00012]";
-    assert_eq!(render(&["mm.csv", "--radius=25", "--set", set]), "", "the remedy helps");
+    assert_eq!(render(&["mm.csv", "--radius=25", "--set", set]), "", "the remedy does not help");
 
     let sun = "[[light]]\nsun = { direction = [0, -1, 0], irradiance = [1, 1, 1] }\n";
     let floor = "[[solid]]\nshape = \"plane\"\norigin = [0, -1, 0]\n";
@@ -151,18 +152,18 @@ fn slips_are_told() {
     assert_tells(&render(&["mesh.ply", radius]), &["a mesh (cells: 1)"]);
 }
 
-/// What is said back stays a line that can be read, whatever was given: its ends are there.
+/// Messages shorten very long arguments, but keep their ends.
 #[test]
-fn long_arguments_make_no_long_lines() {
+fn long_arguments_are_shortened_in_messages() {
     let folder = folder();
     let long = format!("first{}last", "q".repeat(5000));
-    let wrong: [&[&str]; 4] = [
+    let commands: [&[&str]; 4] = [
         &["info", &long],
         &["render", "--size", &long],
         &["render", "--aov", &long],
         &["render", "--set", &format!("liquid.{long}=1")],
     ];
-    for args in wrong {
+    for args in commands {
         let outcome = run(folder.path(), args);
         assert_ne!(outcome.code, 0);
         assert!(outcome.stderr.len() < 2000, "{} bytes", outcome.stderr.len());
@@ -170,7 +171,7 @@ fn long_arguments_make_no_long_lines() {
     }
 }
 
-/// A key that another shape has is refused as one is that none has.
+/// A key of another shape is refused like an unknown key.
 #[test]
 fn keys_of_other_shapes_are_refused() {
     let project = project();

@@ -1,10 +1,10 @@
-//! The camera's movements, by their closed forms.
+//! Camera controls, checked against closed forms.
 
 use glam::{DVec2, DVec3, Vec3};
 use limpid::camera::Camera;
 use limpid_viewer::camera_controls;
 
-/// Cameras of all scales, near the poles too.
+/// Cameras at several scales, some near the poles.
 fn cameras() -> Vec<Camera> {
     let views =
         [DVec3::new(0.3, 0.5, 1.0), DVec3::new(1e-4, 1.0, 0.0), DVec3::new(-1.0, -3.0, 0.2)];
@@ -23,8 +23,8 @@ fn close(a: DVec3, b: DVec3, scale: f64) -> bool {
     (a - b).length() <= 1e-9 * scale
 }
 
-/// Protects orbits: the distance stays, the target stays, a turn around is none, small turns add
-/// up, and over the poles it does not flip.
+/// An orbit keeps distance and target, a full turn is the identity, small turns add up, and the view does
+/// not flip at the poles.
 #[test]
 fn orbit_keeps_distance_and_horizon() {
     for camera in cameras() {
@@ -40,10 +40,10 @@ fn orbit_keeps_distance_and_horizon() {
             camera_controls::orbit(&camera, DVec2::new(0.3, 0.03)).eye,
             1e3 * distance
         ));
-        // Far over the pole: the eye stays on its side, and the picture upright.
+        // Beyond the pole the eye stays on its side, and the picture upright.
         for up in [9.0, -9.0] {
             let top = camera_controls::orbit(&camera, DVec2::new(0.0, up));
-            top.check().expect("it is a view");
+            top.check().expect("a valid camera");
             let [right, above, _] = camera_controls::axes(&top);
             let [before, ..] = camera_controls::axes(&camera_controls::orbit(&camera, DVec2::ZERO));
             assert!(above.y > 0.0 && right.dot(before) > 0.999, "{camera:?}");
@@ -51,8 +51,8 @@ fn orbit_keeps_distance_and_horizon() {
     }
 }
 
-/// Protects pans (eye and target move alike, by what is seen), zooms (exponential, the pointer's
-/// place stays) and flights.
+/// Pans move eye and target by the same share of the picture, zooms are exponential and keep the point
+/// under the pointer, and flights move along the axes.
 #[test]
 fn pan_zoom_and_fly_have_their_closed_forms() {
     for camera in cameras() {
@@ -87,7 +87,7 @@ fn pan_zoom_and_fly_have_their_closed_forms() {
     }
 }
 
-/// Protects *fit*: all of the box is in the picture, and fills it, whatever its scale and shape.
+/// A fitted view contains all of the box and is filled by it, at any scale and aspect ratio.
 #[test]
 fn fit_shows_all_of_the_box() {
     for scale in [1e-3, 1.0, 1e4] {
@@ -96,7 +96,7 @@ fn fit_shows_all_of_the_box() {
             let (min, max) = (centre - scale * half, centre + scale * half);
             for camera in cameras() {
                 let fitted = camera_controls::fit(&camera, (min, max), aspect);
-                fitted.check().expect("it is a view");
+                fitted.check().expect("a valid camera");
                 let [right, up, back] = camera_controls::axes(&fitted);
                 let tangent = 20f64.to_radians().tan();
                 let reach = (0..8).map(|i| {

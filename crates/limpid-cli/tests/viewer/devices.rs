@@ -1,4 +1,4 @@
-//! Devices that are lost while the viewer plays, or that are not there: `docs/devices.md`.
+//! Lost and missing devices in the viewer: `docs/devices.md`.
 
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -8,7 +8,7 @@ use limpid_viewer::{Options, Viewer};
 
 use super::{assert_command_line_writes_what_is_saved, sequence, shown, until};
 
-/// Opens devices, and keeps them for the test to destroy.
+/// The devices opened by a viewer, for the test to destroy.
 type Devices = Arc<Mutex<Vec<Gpu>>>;
 
 fn opening(devices: &Devices) -> impl FnMut() -> limpid_io::Result<Gpu> + Send + 'static {
@@ -20,10 +20,10 @@ fn opening(devices: &Devices) -> impl FnMut() -> limpid_io::Result<Gpu> + Send +
     }
 }
 
-/// Protects playback from a device that is lost in the middle of it: another is opened, a notice
-/// says so, playback goes on, and the picture at rest is what `render` draws.
+/// After the loss of a device during playback another is opened with a notice, playback continues, and
+/// the picture at rest is that of `render`.
 #[test]
-fn playback_goes_on_with_another_device() {
+fn playback_continues_with_another_device() {
     let devices = Devices::default();
     let options = Options { source: Some(sequence()), ..Options::default() };
     let viewer = Viewer::with_devices(options, opening(&devices)).expect("a viewer");
@@ -40,7 +40,7 @@ fn playback_goes_on_with_another_device() {
         assert!(harness.state().playback().playing);
     }
     let at = harness.state().playback().index();
-    until(&mut harness, "it plays on", |viewer| viewer.playback().index() != at);
+    until(&mut harness, "it continues", |viewer| viewer.playback().index() != at);
     harness.key_press(eframe::egui::Key::Space);
     until(&mut harness, "a picture at rest", Viewer::is_at_rest);
     let notices = harness.state().notices();
@@ -49,16 +49,16 @@ fn playback_goes_on_with_another_device() {
     assert_command_line_writes_what_is_saved(&mut harness);
 }
 
-/// Protects against endless attempts: with devices that are all lost at once, and with none at all,
-/// it is given up after a few, told once, and tried again only when something changes.
+/// If every device is lost at once, or none exists, the viewer stops after a few attempts, reports the
+/// error once, and tries again only after a change.
 #[test]
-fn devices_that_fail_are_given_up() {
-    for there_are_some in [true, false] {
+fn attempts_to_open_devices_are_limited() {
+    for exist in [true, false] {
         let opened = Arc::new(Mutex::new(0));
         let count = opened.clone();
         let open = move || {
             *count.lock().expect("no panic holds this lock") += 1;
-            if !there_are_some {
+            if !exist {
                 return Err(limpid::Error::NoAdapter.into());
             }
             let gpu = Gpu::headless()?;
@@ -70,8 +70,8 @@ fn devices_that_fail_are_given_up() {
         let mut harness = shown(viewer, [420.0, 300.0]);
         harness.key_press(eframe::egui::Key::Space);
         let number = || *opened.lock().expect("no panic holds this lock");
-        until(&mut harness, "it is given up", |viewer| {
-            number() >= if there_are_some { 3 } else { 1 } && !viewer.playback().playing
+        until(&mut harness, "the last attempt", |viewer| {
+            number() >= if exist { 3 } else { 1 } && !viewer.playback().playing
         });
         for _ in 0..100 {
             harness.step();

@@ -1,5 +1,5 @@
-//! The viewer without a window: that it draws what `limpid render` draws, that its panels have every
-//! setting, and that what moves the camera and the clock does so by its closed forms.
+//! The viewer without a window: pictures identical to those of `limpid render`, complete panels, and the
+//! closed forms of camera controls and playback.
 
 mod camera_controls;
 mod devices;
@@ -19,7 +19,7 @@ use limpid_viewer::{FINE_SAMPLES, Options, Viewer};
 const DATA: &str =
     concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/tests/data/double_dam_break/");
 
-/// Longest that anything here may take on a busy machine.
+/// Timeout of every wait, long enough for a busy machine.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 fn sequence() -> Source {
@@ -27,13 +27,13 @@ fn sequence() -> Source {
     Source { radius: Some(0.025), ..Source::new(input) }
 }
 
-/// A viewer in a window of this size that is not there.
+/// A viewer of this source in a simulated window of this size.
 fn harness(source: Source, size: [f32; 2]) -> Harness<'static, Viewer> {
     let options = Options { source: Some(source), ..Options::default() };
     shown(Viewer::new(options).expect("no log, no error"), size)
 }
 
-/// This viewer in a window of this size that is not there, once something is open.
+/// This viewer in a simulated window of this size, after its source has opened.
 fn shown(viewer: Viewer, size: [f32; 2]) -> Harness<'static, Viewer> {
     let mut harness = Harness::builder()
         .with_size(size)
@@ -42,27 +42,27 @@ fn shown(viewer: Viewer, size: [f32; 2]) -> Harness<'static, Viewer> {
     harness
 }
 
-/// Steps until the viewer says so, and once more.
+/// Steps until the viewer satisfies `condition`, and once more.
 #[track_caller]
 fn until(
     harness: &mut Harness<'static, Viewer>,
     what: &str,
-    mut come: impl FnMut(&Viewer) -> bool,
+    mut condition: impl FnMut(&Viewer) -> bool,
 ) {
-    wait(harness, what, |harness| come(harness.state()));
+    wait(harness, what, |harness| condition(harness.state()));
     harness.step();
 }
 
-/// Steps until something is to be seen.
+/// Steps until the interface satisfies `condition`.
 #[track_caller]
 fn wait(
     harness: &mut Harness<'static, Viewer>,
     what: &str,
-    mut come: impl FnMut(&Harness<'static, Viewer>) -> bool,
+    mut condition: impl FnMut(&Harness<'static, Viewer>) -> bool,
 ) {
-    let begun = Instant::now();
-    while !come(harness) {
-        assert!(begun.elapsed() < PATIENCE, "not in time: {what}");
+    let start = Instant::now();
+    while !condition(harness) {
+        assert!(start.elapsed() < PATIENCE, "not in time: {what}");
         std::thread::sleep(Duration::from_millis(5));
         harness.step();
     }
@@ -75,7 +75,7 @@ fn until_saved(harness: &mut Harness<'static, Viewer>) {
     });
 }
 
-/// Runs a command as a shell does, with this limpid, in a folder.
+/// Runs a shell command in a folder, with this limpid on `PATH`.
 fn shell(command: &str, folder: &Path) {
     let program = Path::new(env!("CARGO_BIN_EXE_limpid"));
     let path = format!(
@@ -92,12 +92,11 @@ fn same_picture(folder: &Path, a: &str, b: &str) -> bool {
     pixels(a) == pixels(b)
 }
 
-/// Fails unless a shell that runs the viewer's command line writes the very picture that the viewer
-/// saves.
+/// Fails unless the viewer's command line, run by a shell, writes the picture that the viewer saves.
 #[track_caller]
 fn assert_command_line_writes_what_is_saved(harness: &mut Harness<'static, Viewer>) {
     let folder = tempfile::tempdir().expect("a folder");
-    // Of the same moment: the view may still be on its way.
+    // Read together, since the view may still change.
     let command = harness.state().command_line("rendered.png").expect("something is open");
     let size = harness.state().picture_size();
     harness.state_mut().save_picture(folder.path().join("saved.png"), size, FINE_SAMPLES);

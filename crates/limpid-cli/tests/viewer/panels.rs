@@ -1,4 +1,4 @@
-//! The panels: each has what it must have, and changes what it says and nothing else.
+//! The panels: complete controls, each of which changes its own setting only.
 
 use eframe::egui::accesskit::Role;
 use egui_kittest::Harness;
@@ -11,8 +11,8 @@ use limpid_viewer::{Options, Viewer};
 
 use super::{harness, sequence, shown, until, wait};
 
-/// Protects values from being shown: panels that are looked at, scrolled over and tabbed through
-/// change nothing, neither of any preset nor of values that no slider would stop at.
+/// Showing panels and moving the focus through them changes no value, neither those of any preset nor
+/// values between the steps of a slider.
 #[test]
 fn panels_change_nothing_by_being_shown() {
     let odd = [
@@ -35,7 +35,7 @@ fn panels_change_nothing_by_being_shown() {
         let options = Options { source: Some(source), ..Options::default() };
         let mut harness = shown(Viewer::new(options).expect("a viewer"), [1000.0, 2400.0]);
         let opened = harness.state().scenes().clone();
-        // The picture's size may change with the panel's.
+        // Only the part after the picture's size, which may change with the panel's.
         let drawn = |harness: &Harness<'static, Viewer>| {
             let command = harness.state().command_line("x").expect("open");
             command.split_once("--camera").expect("a camera").1.to_owned()
@@ -49,7 +49,7 @@ fn panels_change_nothing_by_being_shown() {
         for tab in ["Settings", "Camera"] {
             harness.get_by_label(tab).click_accesskit();
             harness.step();
-            // Through every field and slider of the panel, and around.
+            // The focus passes every field and slider of the panel, and wraps around.
             for _ in 0..150 {
                 harness.key_press(eframe::egui::Key::Tab);
                 harness.step();
@@ -60,10 +60,10 @@ fn panels_change_nothing_by_being_shown() {
     }
 }
 
-/// Protects measured points from being those of another liquid: the truth is that of the view, the
-/// moment and the liquid that it was traced of.
+/// The traced truth applies only to the view, the frame time and the liquid that it was traced for: after
+/// a change of the liquid it must be traced again.
 #[test]
-fn truth_is_that_of_the_liquid_it_was_traced_of() {
+fn truth_applies_only_to_its_own_liquid() {
     let scene =
         Source::new(concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/sims/slab.toml"));
     let mut harness = harness(scene, [800.0, 700.0]);
@@ -89,7 +89,7 @@ fn truth_is_that_of_the_liquid_it_was_traced_of() {
     assert!(harness.query_by_label_contains("trace the truth again").is_some());
 }
 
-/// A viewer high enough for all settings, with all their sections open.
+/// A viewer tall enough for all settings, with all sections open.
 fn all_settings() -> Harness<'static, Viewer> {
     let scene =
         Source::new(concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/sims/slab.toml"));
@@ -104,8 +104,8 @@ fn all_settings() -> Harness<'static, Viewer> {
     harness
 }
 
-/// The control's widget among those of the same name: passes have settings of one name.
-fn index_among_equals(control: &Control) -> usize {
+/// Index of a control's widget among those with the same label, since passes share names of settings.
+fn index_among_equal_labels(control: &Control) -> usize {
     let before = CONTROLS.iter().take_while(|c| c.path() != control.path());
     before.filter(|c| c.label == control.label).count()
 }
@@ -118,17 +118,17 @@ fn role(control: &Control) -> Role {
     }
 }
 
-/// Protects that every setting is in its panel, that the widget changes that setting and no other,
-/// that this is what is drawn, and that a pass can be reset.
+/// Every setting has a widget that changes this setting only, the change is drawn, and its pass can be
+/// reset.
 #[test]
-fn every_setting_has_a_control_that_changes_it_alone() {
+fn every_control_changes_only_its_setting() {
     let mut harness = all_settings();
     let opened = harness.state().scenes()[0].settings.clone();
     for control in &CONTROLS {
         let path = control.path();
         let node = || {
             let all = harness.query_all_by_role_and_label(role(control), control.label);
-            all.into_iter().nth(index_among_equals(control))
+            all.into_iter().nth(index_among_equal_labels(control))
         };
         let node = node().unwrap_or_else(|| panic!("no control for {path}"));
         match control.kind {
@@ -156,15 +156,15 @@ fn every_setting_has_a_control_that_changes_it_alone() {
             differences(&opened, &settings).iter().map(|(control, _)| control.path()).collect();
         assert_eq!(changed, std::slice::from_ref(&path), "{path}");
         let command = harness.state().command_line("x.png").expect("open");
-        assert!(command.contains(&path), "{path} is drawn: {command}");
+        assert!(command.contains(&path), "{path} is not drawn: {command}");
         harness.get_by_label(&format!("Reset {}", control.pass)).click_accesskit();
         harness.step();
         harness.step();
-        assert_eq!(harness.state().scenes()[0].settings, opened, "{path} is reset");
+        assert_eq!(harness.state().scenes()[0].settings, opened, "{path} is not reset");
     }
 }
 
-/// Protects the liquid's controls, presets and *reset all*.
+/// The liquid's controls, the presets, *Copy A to B* and *Reset all*.
 #[test]
 fn liquid_and_presets_change_and_reset() {
     let mut harness = all_settings();
@@ -186,7 +186,7 @@ fn liquid_and_presets_change_and_reset() {
         limpid_io::project::overrides::replaced(&opened.settings, &["preset=imai2016".into()])
             .expect("a preset");
     assert_eq!(harness.state().scenes()[0].settings, expected);
-    // The other settings are others.
+    // Scene B is independent of A.
     assert_eq!(harness.state().scenes()[1], opened);
     harness.get_by_label("Copy A to B").click_accesskit();
     harness.step();
@@ -197,7 +197,7 @@ fn liquid_and_presets_change_and_reset() {
     assert_eq!(harness.state().scenes()[0], opened);
 }
 
-/// Protects the list of keys: `?` shows each shortcut and what the pointer does.
+/// `?` lists every shortcut and the pointer's actions.
 #[test]
 fn question_mark_lists_every_key() {
     let mut harness = harness(sequence(), [1280.0, 800.0]);
@@ -207,6 +207,6 @@ fn question_mark_lists_every_key() {
     harness.step();
     let texts = SHORTCUTS.iter().flat_map(|s| [s.shown, s.help]);
     for text in texts.chain(POINTER.iter().flat_map(|&(how, what)| [how, what])) {
-        assert!(harness.query_all_by_label(text).next().is_some(), "{text} is listed");
+        assert!(harness.query_all_by_label(text).next().is_some(), "{text} is not listed");
     }
 }

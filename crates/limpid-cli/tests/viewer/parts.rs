@@ -1,5 +1,4 @@
-//! Parts of the viewer by themselves: the clock, the size of drafts, views and their legends, keys,
-//! what a document says of itself.
+//! Parts of the viewer: playback, the size of drafts, views and their legends, shortcuts, and documents.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -14,16 +13,16 @@ use limpid_viewer::views::{Legend, View, viridis};
 
 use super::sequence;
 
-/// Protects that every moment is shown once, in order, and that one which is not there is waited for.
+/// Every frame time is shown once, in order, and playback waits for those not loaded yet.
 #[test]
-fn playback_waits_and_leaves_nothing_out() {
+fn playback_waits_and_skips_nothing() {
     let mut playback = Playback::new(4, 30.0);
     playback.playing = true;
     let frame = 1.0 / 30.0;
     assert!(!playback.advance(0.4 * frame, |_| true));
     assert!(playback.advance(0.7 * frame, |_| true));
     assert_eq!(playback.index(), 1);
-    // Frame 2 is late by a second: then it is shown, and 3 no sooner than a frame's time after.
+    // Frame 2 is late by a second; frame 3 is shown no sooner than a frame's duration after it.
     for _ in 0..30 {
         assert!(!playback.advance(frame, |i| i != 2));
     }
@@ -33,14 +32,15 @@ fn playback_waits_and_leaves_nothing_out() {
     assert!(playback.advance(0.6 * frame, |_| true));
     assert_eq!(playback.index(), 3);
     assert!(playback.advance(frame, |_| true));
-    assert_eq!(playback.index(), 0, "it is looped");
+    assert_eq!(playback.index(), 0, "playback does not loop");
     playback.looped = false;
     playback.backwards = true;
     playback.advance(frame, |_| true);
-    assert!(!playback.playing, "it ends at the end");
+    assert!(!playback.playing, "playback does not stop at the end");
 }
 
-/// Protects speeds: slow motion has more frame times of the same frames, fast motion leaves some out.
+/// Slow motion has more frame times for the same frames, fast motion skips some; a change of speed keeps
+/// the time.
 #[test]
 fn speeds_keep_the_time() {
     let count = |frames: usize, speed: Speed| ((frames - 1) as f64 / speed.step()) as usize + 1;
@@ -73,12 +73,12 @@ fn speeds_keep_the_time() {
     assert_eq!(nothing.index(), 0);
 }
 
-/// Protects responsiveness: a slow machine gets drafts that it can draw in time, however the time
-/// depends on the size; a fast one gets full pictures; and neither wavers.
+/// Drafts are small enough to be drawn in time on a slow machine, whatever its cost per pixel, and full
+/// pictures on a fast one; the size does not oscillate.
 #[test]
 fn drafts_are_as_large_as_time_allows() {
     let full = UVec2::new(1280, 800);
-    /// Milliseconds by the share of the full picture.
+    /// Milliseconds as a function of the share of the full picture's area.
     type Cost = fn(f64) -> f64;
     let machines: [(&str, Cost, f64); 4] = [
         ("fast", |area| 2.0 + 8.0 * area, 1.0),
@@ -87,28 +87,31 @@ fn drafts_are_as_large_as_time_allows() {
         ("very slow", |area| 20_000.0 * area, 0.125),
     ];
     for (name, ms, expected) in machines {
-        let mut pace = AdaptiveResolution::default();
-        assert!(pace.draft(full).x < full.x, "nothing is known yet");
+        let mut resolution = AdaptiveResolution::default();
+        assert!(resolution.draft(full).x < full.x, "full size before any measurement");
         let mut scales = Vec::new();
         for _ in 0..40 {
-            let size = pace.draft(full);
+            let size = resolution.draft(full);
             let area = f64::from(size.element_product()) / f64::from(full.element_product());
-            pace.measured(size, full, ms(area));
-            scales.push(pace.scale());
+            resolution.measured(size, full, ms(area));
+            scales.push(resolution.scale());
         }
         assert_eq!(scales.last(), Some(&expected), "{name}: {scales:?}");
-        assert!(scales[20..].iter().all(|scale| *scale == expected), "{name} wavers: {scales:?}");
+        assert!(
+            scales[20..].iter().all(|scale| *scale == expected),
+            "{name} oscillates: {scales:?}"
+        );
     }
-    let mut pace = AdaptiveResolution::default();
-    pace.measured(UVec2::ZERO, full, 10.0);
-    pace.measured(full, UVec2::ZERO, 10.0);
-    assert_eq!(pace.draft(UVec2::ONE), UVec2::ONE);
+    let mut resolution = AdaptiveResolution::default();
+    resolution.measured(UVec2::ZERO, full, 10.0);
+    resolution.measured(full, UVec2::ZERO, 10.0);
+    assert_eq!(resolution.draft(UVec2::ONE), UVec2::ONE);
 }
 
-/// Protects view modes: the legend's ends are the colours' ends, normals are colours, and an image
-/// that a frame does not have is told.
+/// A legend has the range of its colours, normals are shown as colours, and an image missing from a frame
+/// is reported.
 #[test]
-fn views_have_legends_that_fit() {
+fn legends_match_their_views() {
     use limpid::aov::{Aov, Channel, Part};
     let channel = |name: &str, values: Vec<f32>| Channel { name: name.into(), values };
     let size = UVec2::new(4, 1);
@@ -131,7 +134,7 @@ fn views_have_legends_that_fit() {
 
     let (image, legend, _) = View::Image(Aov::Depth, 0).shown(&parts, size);
     assert!(matches!(legend, Legend::Scale { low: 1.0, high: 3.0, unit: "m", .. }), "{legend:?}");
-    assert_ne!(image.pixels[0], viridis(0.0), "empty is no depth");
+    assert_ne!(image.pixels[0], viridis(0.0), "empty has the colour of a depth");
 
     let (image, legend, _) = View::Image(Aov::Normal, 0).shown(&parts, size);
     assert_eq!(legend, Legend::Normal);
@@ -144,24 +147,24 @@ fn views_have_legends_that_fit() {
     assert_eq!(names.len(), 1 + Aov::ALL.len());
 }
 
-/// Protects the keys: no two are one, each is found by its press, and with Ctrl it is another.
+/// Shortcuts are distinct, each key finds its action, and Ctrl makes it another shortcut.
 #[test]
-fn each_key_does_one_thing() {
+fn shortcuts_are_distinct() {
     use eframe::egui::{Key, Modifiers};
     let keys: BTreeSet<_> = SHORTCUTS.iter().map(|s| (s.key, s.command)).collect();
     assert_eq!(keys.len(), SHORTCUTS.len());
     for shortcut in &SHORTCUTS {
-        let with = if shortcut.command { Modifiers::COMMAND } else { Modifiers::NONE };
-        assert_eq!(action(shortcut.key, with), Some(shortcut.action));
+        let modifiers = if shortcut.command { Modifiers::COMMAND } else { Modifiers::NONE };
+        assert_eq!(action(shortcut.key, modifiers), Some(shortcut.action));
     }
     assert_eq!(action(Key::F, Modifiers::COMMAND), None);
     assert_ne!(action(Key::L, Modifiers::COMMAND), action(Key::L, Modifiers::NONE));
     assert_eq!(action(Key::Slash, Modifiers::SHIFT), action(Key::Questionmark, Modifiers::NONE));
 }
 
-/// Protects names and times of what is open: a title without folders, and seconds by frame numbers.
+/// A document's name omits its folders, and its times follow the frame numbers.
 #[test]
-fn documents_have_short_names_and_times() {
+fn names_and_times_of_documents() {
     let document = Document::open(&sequence()).expect("it opens");
     assert_eq!(document.name(), "ParticleData_Fluid_{}.bgeo");
     assert_eq!(document.seconds(FrameTime { frame: 20, next: 40, fraction: 0.5 }), 25.0 / 30.0);

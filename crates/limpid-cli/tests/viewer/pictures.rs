@@ -1,5 +1,5 @@
-//! The viewer and `render` are one code path: the same bits, by a studio, by the command line that is
-//! copied, by the scene that is saved.
+//! The viewer's pictures are bit-identical to those of the offscreen renderer, of the copied command line
+//! and of the saved scene.
 
 use std::sync::{Arc, mpsc};
 
@@ -19,16 +19,16 @@ use super::{
     until, until_saved,
 };
 
-/// Protects "the viewer and `render` are one code path": what the draw thread shows is, bit by bit,
-/// what a studio draws; at a frame, between two, and with another setting.
+/// The draw thread and the offscreen renderer draw the same bits: at a frame, between two frames, and
+/// with another setting.
 #[test]
-fn draw_thread_and_studio_draw_the_same_bits() {
+fn draw_thread_and_offscreen_draw_the_same_bits() {
     let input = Input::open(&sequence().input).expect("the frames are there");
     let input = input.with_radius(0.025).expect("a radius");
-    let (input, project) = input.resolve().expect("it settles");
+    let (input, project) = input.resolve().expect("it resolves");
     let scene = &project.scene;
     let gpu = Gpu::headless().expect("an adapter");
-    let mut studio = Offscreen::new(&gpu);
+    let mut offscreen = Offscreen::new(&gpu);
     let (sender, answers) = mpsc::channel();
     let thread = DrawThread::new(limpid_io::device::open, move |answer| {
         sender.send(answer).expect("the test waits");
@@ -48,7 +48,7 @@ fn draw_thread_and_studio_draw_the_same_bits() {
         let loaded = Arc::new(input.load(at, &scene).expect("it loads"));
         let camera = project.camera_for(loaded.bulk.bounds);
         let size = UVec2::new(160, 120);
-        let shot = studio.draw(&scene, &camera, &loaded.splats, size).expect("it draws");
+        let expected = offscreen.draw(&scene, &camera, &loaded.splats, size).expect("it draws");
         let pane = Pane { scene: scene.into(), camera, loaded, size };
         let request =
             Request { number, panes: vec![pane], level: Level::Full, view: View::Picture };
@@ -62,15 +62,15 @@ fn draw_thread_and_studio_draw_the_same_bits() {
         };
         assert_eq!(drawn.number, number);
         let shown = drawn.panes[0].image.pixels.iter().flat_map(|c| [c.r(), c.g(), c.b()]);
-        assert!(shown.eq(shot.picture.as_raw().iter().copied()), "moment {at:?} {overrides:?}");
-        pictures.push(shot.picture);
+        assert!(shown.eq(expected.picture.as_raw().iter().copied()), "{at:?} {overrides:?}");
+        pictures.push(expected.picture);
     }
-    // The cases are not one and the same picture.
+    // The cases give different pictures.
     assert!((1..pictures.len()).all(|i| pictures[i] != pictures[i - 1]));
 }
 
-/// Protects *copy the command line*: run by a shell, it writes the very bytes that the viewer saves;
-/// with a setting, a liquid and a view of the user's own, between two frames.
+/// The copied command line, run by a shell, writes the picture that the viewer saves, here with a changed
+/// setting, liquid and view, between two frames.
 #[test]
 fn copied_command_line_writes_what_the_viewer_saves() {
     let mut source = sequence();
@@ -89,7 +89,7 @@ fn copied_command_line_writes_what_the_viewer_saves() {
     assert_command_line_writes_what_is_saved(&mut harness);
 }
 
-/// Protects *settings saved to a scene file that `render` draws alike*.
+/// A scene file saved by the viewer renders as the command line does.
 #[test]
 fn saved_scene_renders_as_the_command_line_does() {
     let folder = tempfile::tempdir().expect("a folder");

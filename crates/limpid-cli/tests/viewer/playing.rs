@@ -1,5 +1,5 @@
-//! What is open and how it plays: keys, frames that are missing, damaged or not there yet, windows
-//! of any size.
+//! Playback and opening: keys, frames that are missing, damaged or not simulated yet, and windows of any
+//! size.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -14,7 +14,7 @@ use limpid_viewer::{Options, Viewer};
 
 use super::{harness, sequence, shown, until};
 
-/// Protects playback by key, and view modes by key: each is shown with what its colours mean.
+/// Keys control playback and switch the view modes, which show their legends.
 #[test]
 fn keys_play_step_and_switch_views() {
     use eframe::egui::Key;
@@ -46,9 +46,9 @@ fn keys_play_step_and_switch_views() {
     harness.get_by_label("Depth, m");
 }
 
-/// Protects *a damaged frame is a visible notice, and playback goes on*.
+/// A damaged frame gives a visible notice, and playback continues.
 #[test]
-fn damaged_frame_is_told_and_playback_goes_on() {
+fn damaged_frame_is_reported_and_playback_continues() {
     let folder = tempfile::tempdir().expect("a folder");
     for number in 1..=4 {
         let path = folder.path().join(format!("w_{number}.bgeo"));
@@ -71,21 +71,22 @@ fn damaged_frame_is_told_and_playback_goes_on() {
     assert!(harness.state().notices().is_empty());
 }
 
-/// Protects what may be why a picture is not what was meant: the viewer says it as `render` does.
+/// The viewer reports likely mistakes in an input as `render` does.
 #[test]
-fn what_is_odd_about_an_input_is_told() {
+fn likely_mistakes_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("dark.toml");
     let text = "[recipe]\nkind = \"ball\"\ncenter = [0, 0, 0]\nradius = 0.5\ncount = 200\n\
                 [[light]]\nsun = { direction = [0, -1, 0], irradiance = [1, 1, 1] }\n";
     std::fs::write(&path, text).expect("it is written");
     let mut harness = harness(Source::new(path.display().to_string()), [700.0, 400.0]);
-    let told = |viewer: &Viewer| viewer.notices().iter().any(|n| n.text.contains("lights nothing"));
-    until(&mut harness, "it is told", told);
+    let reported =
+        |viewer: &Viewer| viewer.notices().iter().any(|n| n.text.contains("lights nothing"));
+    until(&mut harness, "a notice", reported);
     assert!(harness.state().notices().iter().all(|n| !n.error));
 }
 
-/// A simulation of seven frames.
+/// Writes a scene with a simulation of seven frames.
 fn drip(folder: &Path) -> PathBuf {
     let path = folder.join("drip.toml");
     let text = "[simulation]\nframes = 7\nradius = 0.05\n\
@@ -95,10 +96,10 @@ fn drip(folder: &Path) -> PathBuf {
     path
 }
 
-/// Protects simulated scenes: what is not there yet is made while the rest plays, and what is there
-/// is not made again.
+/// Missing frames of a simulated scene are computed during playback, and existing ones are not computed
+/// again.
 #[test]
-fn simulation_is_made_while_it_plays() {
+fn simulation_runs_during_playback() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = drip(folder.path());
     let source = Source::new(path.display().to_string());
@@ -116,11 +117,10 @@ fn simulation_is_made_while_it_plays() {
     assert_eq!((harness.state().playback().count(), made(7)), (7, before));
 }
 
-/// Protects simulated scenes of which some frames are asked for: they are opened as soon as they are
-/// there, also where they are the last ones, without a word of those that are not; and then not
-/// opened again and again.
+/// Selected frames of a simulated scene are opened as soon as they exist, also if they are the last ones,
+/// without notices of missing frames, and are not reopened later.
 #[test]
-fn simulation_of_some_frames_is_opened_once() {
+fn selected_frames_of_a_simulation_are_opened_once() {
     for (frames, count) in [("1-3", 3), ("5-7", 3)] {
         let folder = tempfile::tempdir().expect("a folder");
         let path = drip(folder.path());
@@ -145,14 +145,14 @@ fn simulation_of_some_frames_is_opened_once() {
             seen.push(grown());
         }
         assert_eq!(harness.state().playback().count(), count);
-        assert!(seen[39] <= 5 && seen[39] == seen[30], "it goes on growing: {seen:?}");
+        assert!(seen[39] <= 5 && seen[39] == seen[30], "it is opened again: {seen:?}");
         assert!(harness.state().notices().is_empty(), "{:?}", harness.state().notices());
     }
 }
 
-/// Protects a change of speed where frames are missing: the time that is shown stays.
+/// A change of speed keeps the shown time in a sequence with missing frames.
 #[test]
-fn change_of_speed_keeps_the_time_where_frames_are_missing() {
+fn change_of_speed_keeps_the_time_despite_missing_frames() {
     use eframe::egui::Key;
     let mut harness = harness(sequence(), [700.0, 400.0]);
     for _ in 0..2 {
@@ -173,30 +173,30 @@ fn change_of_speed_keeps_the_time_where_frames_are_missing() {
     assert_eq!(harness.state().playback().index(), index);
 }
 
-/// Protects a simulation that is being made: opening what cannot be opened does not end it.
+/// A failed attempt to open another input does not end a running simulation.
 #[test]
-fn what_cannot_be_opened_does_not_end_a_simulation() {
+fn failure_to_open_does_not_end_a_simulation() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = drip(folder.path());
     let mut harness = harness(Source::new(path.display().to_string()), [700.0, 400.0]);
     harness.state_mut().open(Source::new("nowhere.bgeo"));
-    until(&mut harness, "it is told", |viewer| viewer.notices().iter().any(|n| n.error));
+    until(&mut harness, "a notice", |viewer| viewer.notices().iter().any(|n| n.error));
     until(&mut harness, "all frames", |viewer| viewer.playback().count() == 7);
 }
 
-/// Protects opening by what cannot be opened: a notice, and what was open stays.
+/// An input that cannot be opened gives a notice, and the present document stays open.
 #[test]
-fn what_cannot_be_opened_is_told() {
+fn failure_to_open_is_reported() {
     let mut harness = harness(sequence(), [700.0, 400.0]);
     harness.state_mut().open(Source::new("/nowhere/at_all.bgeo"));
-    let told =
+    let reported =
         |viewer: &Viewer| viewer.notices().iter().any(|n| n.text.contains("/nowhere/at_all.bgeo"));
-    until(&mut harness, "a notice", told);
+    until(&mut harness, "a notice", reported);
     assert!(harness.state().command_line("x").is_some());
 }
 
-/// Protects a window without a size, as a minimised one has: nothing is drawn, nothing fails, and
-/// the picture comes back.
+/// A window without area, as when minimised, draws nothing without an error, and the picture returns with
+/// the window's size.
 #[test]
 fn window_without_size_draws_nothing() {
     let mut harness = harness(sequence(), [700.0, 400.0]);
@@ -210,7 +210,7 @@ fn window_without_size_draws_nothing() {
     until(&mut harness, "a picture at rest", Viewer::is_at_rest);
 }
 
-/// Protects key frames: they are added at the present time, in order, once for each time.
+/// Camera keys are added at the present time, in order, one for each time.
 #[test]
 fn camera_keys_are_added_in_order_of_time() {
     use eframe::egui::Key;
@@ -220,7 +220,7 @@ fn camera_keys_are_added_in_order_of_time() {
         harness.step();
     }
     let times: Vec<f64> = harness.state().path().keys.iter().map(|key| key.time).collect();
-    // Frames 5 to 40 at 30 a second.
+    // Frames 5 to 40 at 30 frames per second.
     assert_eq!(times, [0.0, 35.0 / 30.0]);
     harness.get_by_label("Camera").click_accesskit();
     harness.step();

@@ -1,5 +1,4 @@
-//! What is said of settings and views: the one table of controls, scenes that are compared, command
-//! lines, cameras as text.
+//! Settings and views: the table of controls, comparison of scenes, command lines, and cameras as text.
 
 use std::collections::BTreeSet;
 
@@ -16,10 +15,10 @@ use limpid_viewer::document::Document;
 
 use super::sequence;
 
-/// Protects the one table of settings: it names every field of the settings, once; its ranges are
-/// those of `Settings::check`, to the last step; its choices are all that there are.
+/// The table of controls has every field of the settings once, with the exact range of `Settings::check`
+/// and all choices.
 #[test]
-fn controls_are_the_settings() {
+fn controls_match_the_settings() {
     let table = toml::Table::try_from(Settings::default()).expect("a table");
     let fields: BTreeSet<String> = table
         .iter()
@@ -29,7 +28,7 @@ fn controls_are_the_settings() {
         })
         .collect();
     let controls: BTreeSet<String> = CONTROLS.iter().map(Control::path).collect();
-    assert_eq!(controls.len(), CONTROLS.len(), "none is there twice");
+    assert_eq!(controls.len(), CONTROLS.len(), "a control is repeated");
     assert_eq!(controls, fields);
     let passes: BTreeSet<&str> = PASSES.iter().map(|(pass, _)| *pass).collect();
     assert_eq!(passes, table.keys().map(String::as_str).collect());
@@ -60,7 +59,7 @@ fn controls_are_the_settings() {
             }
             Kind::Toggle => {
                 let Value::Toggle(_) = control.get(&Settings::default()) else {
-                    panic!("{path} is no toggle")
+                    panic!("{path} is not a toggle")
                 };
             }
             Kind::Choice(names) => {
@@ -78,8 +77,7 @@ fn controls_are_the_settings() {
     }
 }
 
-/// Protects `--set` on the copied command line: every value that a setting may have is given
-/// exactly.
+/// `--set` on the copied command line preserves values exactly.
 #[test]
 fn values_survive_the_command_line() {
     let mut settings = Settings::default();
@@ -94,10 +92,10 @@ fn values_survive_the_command_line() {
     assert_eq!(replaced(&Settings::default(), &overrides).expect("settings"), settings);
 }
 
-/// Protects comparisons of scenes, which the interface makes in each frame: environments that share
-/// their pixels are equal, and so are those that do not and show the same; nothing else is.
+/// Environments are equal if and only if their contents are, whether or not they share their pixels. The
+/// interface compares scenes in every frame.
 #[test]
-fn environments_compare_by_what_they_show() {
+fn environments_compare_by_content() {
     let map = |pixels: Vec<[f32; 4]>, width: u32| Environment::Map {
         size: UVec2::new(width, pixels.len() as u32 / width),
         pixels: pixels.into(),
@@ -128,7 +126,7 @@ fn environments_compare_by_what_they_show() {
     }
 }
 
-/// Protects words of a command line against a shell: it gets them as they were.
+/// A shell reads quoted words unchanged.
 #[test]
 fn quoted_words_survive_a_shell() {
     for word in ["plain-1.bgeo", "a b", "it's", "$HOME", "`x`", "\\", "*", "", "{}", "a\"b", "~"] {
@@ -140,12 +138,12 @@ fn quoted_words_survive_a_shell() {
     }
 }
 
-/// Protects the arguments that a command line is made of: only what differs, and the camera exactly.
+/// A command line contains only the settings that differ from the document's, and the exact camera.
 #[test]
-fn command_line_tells_what_differs() {
+fn command_line_contains_differences_only() {
     let source = sequence();
     let document = Document::open(&source).expect("it opens");
-    let camera = document.project.camera.expect("it is settled");
+    let camera = document.project.camera.expect("it is resolved");
     let size = UVec2::new(64, 48);
     let plain = command_line(
         &document,
@@ -161,8 +159,8 @@ fn command_line_tells_what_differs() {
     assert_eq!(written.expect("a camera").parse::<Camera>().expect("a camera"), camera);
 }
 
-/// Protects `--camera`: what is written is read as the same camera, to the last bit; what is no
-/// camera is refused with what is wrong.
+/// A camera written as text for `--camera` is read back bit-exactly; invalid text is refused with its
+/// problem.
 #[test]
 fn camera_survives_its_text() {
     let camera = Camera {

@@ -1,0 +1,114 @@
+//! The viewer's state, by who changes it.
+
+use std::collections::BTreeSet;
+use std::sync::{Arc, mpsc};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use glam::UVec2;
+use limpid::camera::Camera;
+use limpid::scene::Scene;
+use limpid_io::camera_path::CameraPath;
+use limpid_io::input::FrameTime;
+use limpid_io::shared_classifier::SharedClassifier;
+
+use crate::adaptive_resolution::{AdaptiveResolution, Level};
+use crate::baking::Opening;
+use crate::dialogs::Dialog;
+use crate::document::Document;
+use crate::draw_thread::DrawThread;
+use crate::frames::Frames;
+use crate::log::Log;
+use crate::messages::{Message, Post};
+use crate::refine::{Side, Subject};
+use crate::truth::{self, Truth};
+use crate::views::View;
+use crate::{Compare, Notice, Tab, times};
+
+/// Threads, and the messages from them. Any part of the interface starts jobs; messages end them.
+pub(crate) struct Jobs {
+    pub(crate) post: Post,
+    pub(crate) messages: mpsc::Receiver<Message>,
+    pub(crate) log: Log,
+    pub(crate) drawing: DrawThread,
+    /// Where particles are classified.
+    pub(crate) classifier: SharedClassifier,
+    /// The thread that draws has been told to open a device for them.
+    pub(crate) device_asked: bool,
+    /// What writes files.
+    pub(crate) writers: Vec<JoinHandle<()>>,
+    pub(crate) adapter: Option<String>,
+}
+
+/// What is open, and its frames. Opening changes it, and a simulation that grows.
+pub(crate) struct OpenDocument {
+    pub(crate) document: Option<Arc<Document>>,
+    pub(crate) opening: Option<Opening>,
+    /// What is open while something else is being opened.
+    pub(crate) before: Option<Opening>,
+    /// How many have been opened.
+    pub(crate) openings: u64,
+    pub(crate) frame_times: Arc<[FrameTime]>,
+    pub(crate) frames: Frames,
+    pub(crate) failed: BTreeSet<usize>,
+}
+
+/// Settings A and B, as scenes, and the particles of each. The settings panel changes the scenes.
+pub(crate) struct Editing {
+    /// Settings A and B, as scenes.
+    pub(crate) scenes: [Scene; 2],
+    pub(crate) edited: usize,
+    pub(crate) compare: Compare,
+    pub(crate) wipe: f32,
+    pub(crate) sides: [Side; 2],
+}
+
+/// The camera and its path. Camera controls and the camera panel change it.
+pub(crate) struct CameraState {
+    pub(crate) camera: Camera,
+    pub(crate) path: CameraPath,
+    pub(crate) follow: bool,
+    pub(crate) path_seconds: f64,
+}
+
+/// What was asked of the thread that draws, and how. The refinement changes it.
+pub(crate) struct PictureState {
+    pub(crate) dragging: bool,
+    pub(crate) view: View,
+    pub(crate) view_before: View,
+    pub(crate) refine: bool,
+    pub(crate) resolution: AdaptiveResolution,
+    pub(crate) subject: Option<Subject>,
+    pub(crate) changed: Instant,
+    pub(crate) asked: u64,
+    pub(crate) asked_level: Level,
+    pub(crate) answered: u64,
+    /// The picture that was last asked for could not be drawn.
+    pub(crate) undrawn: bool,
+    /// No picture has come from the device yet: the first takes longer.
+    pub(crate) fresh_device: bool,
+    pub(crate) viewport_size: UVec2,
+}
+
+/// Ground truth, and the errors and times measured beside it. The times panel changes it.
+pub(crate) struct Measurements {
+    pub(crate) truth: Option<Arc<Truth>>,
+    /// How many have been asked for; what is another's is not taken.
+    pub(crate) traces: u64,
+    pub(crate) tracing: bool,
+    pub(crate) measuring: bool,
+    pub(crate) points: Vec<truth::Point>,
+    pub(crate) history: times::History,
+}
+
+/// The state of panels, dialogs and messages to the user.
+pub(crate) struct Interface {
+    pub(crate) notices: Vec<Notice>,
+    pub(crate) tab: Tab,
+    pub(crate) panels: bool,
+    pub(crate) help: bool,
+    pub(crate) dialog: Option<Dialog>,
+    pub(crate) browsing: bool,
+    pub(crate) dark: bool,
+    pub(crate) ticked: Instant,
+}
