@@ -1,11 +1,11 @@
-// The opaque scene as a view sees it: tangent plane, normal and number of the nearest solid.
+// G-buffer of the opaque scene: tangent plane, normal and index of the nearest solid.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
 #import common/scene.wgsl
 
 @group(1) @binding(0) var planes: texture_storage_2d<rgba32float, write>; // pi, depth
-@group(1) @binding(1) var surfaces: texture_storage_2d<rgba32float, write>; // world normal, number
+@group(1) @binding(1) var surfaces: texture_storage_2d<rgba32float, write>; // world normal, solid index
 
 @compute @workgroup_size(8, 8)
 fn gbuffer(@builtin(global_invocation_id) id: vec3u) {

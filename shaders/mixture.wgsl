@@ -1,11 +1,12 @@
-// What the liquid at each pixel is mixed of: the lengths of all splats along the pixel's ray, and
-// their absorption times length, added up. Their quotient is the mean absorption along the ray.
+// Mixture of fluids at each pixel: sums over all splats of the chord length along the pixel's ray, and
+// of absorption times length. Their quotient is the mean absorption along the ray.
 
 #import splat.wgsl
 
 const MAX_FLUIDS: u32 = 16u;
 
-// Of each fluid, as shares of the largest component of all; and 1 over the particle radius, 1/m.
+// Absorption of each fluid, relative to the largest component of all, and in w the inverse particle
+// radius, 1/m.
 @group(2) @binding(0) var<uniform> absorptions: array<vec4f, MAX_FLUIDS>;
 
 @fragment
@@ -14,8 +15,8 @@ fn mixture(in: Varying) -> @location(0) vec4f {
     if !chord.hit {
         discard;
     }
-    // In depth, which is as good as length along one ray, and in particle radii: numbers that half
-    // floats hold whatever the scene's scale.
+    // Length in depth, which is proportional along a ray, and in particle radii, so that half floats
+    // hold it at any scene scale.
     let fluid = absorptions[in.fluid];
     let length = chord.half_length * fluid.w;
     return vec4f(fluid.rgb * length, length);

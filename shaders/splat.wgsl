@@ -1,24 +1,24 @@
-// Splats into layers: each particle as the exact ellipsoid, front or back root of the pixel's ray.
+// Splats ellipsoids into layers by exact ray casting: front or back root of the pixel's ray.
 //
 // Bounds after Sigg, Weyrich, Botsch and Gross, GPU-Based Ray-Casting of Quadratic Surfaces (2006),
-// with the discriminant expanded by hand: as printed it loses all digits once an ellipsoid is
-// 1e3 times as far as it is large. The intersection is re-centred for the same reason: the ray is
-// referred to its point at the centre's depth, and what is squared is of the splat's own size.
+// with the discriminant expanded by hand: as published it loses all digits once an ellipsoid is
+// 1e3 times as far away as it is large. The intersection is re-centred for the same reason: the ray
+// is parametrised from its point at the centre's depth, so that squared terms are of the splat's size.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
 
-// The ellipsoid { centre + A s : |s| <= 1 } along the world's axes, A symmetric.
+// The ellipsoid { centre + A s : |s| <= 1 } in world axes, A symmetric.
 struct Splat {
-    centre: vec3f,       // from camera.origin
+    centre: vec3f,       // relative to camera.origin
     radius: f32,
     diagonal: vec3f,     // A_xx, A_yy, A_zz
     particle: u32,
     off_diagonal: vec3f, // A_xy, A_xz, A_yz
-    tags: u32,           // which of several fluids, from 0; BURIED
+    tags: u32,           // index of the fluid; BURIED
 }
 
-// Liquid is all round it: the place of this bit in the tags.
+// Bit of the tags that marks a splat surrounded by liquid.
 const BURIED: u32 = 0x10000u;
 
 @group(1) @binding(0) var<storage, read> splats: array<Splat>;
@@ -55,8 +55,8 @@ fn splat_varying(corner: u32, splat: Splat) -> Varying {
     return out;
 }
 
-// Beyond every depth that a fragment of the splat writes, on the side that is kept: where the device
-// can tell by it, fragments that are hidden for sure are not run.
+// Bound on the depths that the splat's fragments write: nearer than all fronts, farther than all
+// backs. Lets devices with conservative depth tests skip hidden fragments.
 fn depth_bound(placed: Placed) -> f32 {
     let towards_kept = select(1.0, -1.0, SIDE == BACK);
     let half_depth = length(placed.rows[2]);
@@ -66,13 +66,13 @@ fn depth_bound(placed: Placed) -> f32 {
     return clamp(depth + select(0.0, towards_kept * 1e-6, ORTHOGRAPHIC), 0.0, 1.0);
 }
 
-// More than what rounding may change of a splat's depths, m: its centre's own, and those of the inverse of
-// its axes, which are poor where it is flat.
+// Upper bound on the rounding error of a splat's depths, m: that of its centre, and that of the inverse
+// of its axes matrix, which is inaccurate for flat splats.
 fn depth_margin(middle: f32, half_depth: f32) -> f32 {
     return 1e-5 * abs(middle) + 1e-3 * half_depth;
 }
 
-// From view space to where the ellipsoid is the unit sphere.
+// Map from view space to the space where the ellipsoid is the unit sphere.
 fn splat_to_sphere(splat: Splat) -> mat3x3f {
     return symmetric_inverse(splat.diagonal, splat.off_diagonal)
         * transpose(camera.view_from_world);
@@ -82,10 +82,10 @@ fn varying_to_sphere(in: Varying) -> mat3x3f {
     return mat3x3f(in.sphere_x, in.sphere_y, in.sphere_z);
 }
 
-// An ellipsoid as the view has it: its columns are the rows of its axes matrix.
+// An ellipsoid in view space.
 struct Placed {
     centre: vec3f,
-    rows: mat3x3f,
+    rows: mat3x3f, // columns: the rows of the axes matrix
 }
 
 fn splat_in_view(splat: Splat) -> Placed {
@@ -104,15 +104,15 @@ fn symmetric_inverse(a: vec3f, b: vec3f) -> mat3x3f {
     return mat3x3f(c0, c1, c2) * (1.0 / determinant);
 }
 
-// A corner of the ellipsoid's bounding rectangle, in normalised device coordinates. The columns
-// of `rows` are the rows of the ellipsoid's axes matrix in view space.
+// Corner of the ellipsoid's bounding rectangle, in normalised device coordinates. The columns of
+// `rows` are the rows of the ellipsoid's axes matrix in view space.
 fn splat_corner(corner: u32, centre: vec3f, rows: mat3x3f) -> vec2f {
     let sign = vec2f(f32(corner & 1u), f32(corner >> 1u)) * 2.0 - 1.0;
     let half_depth = length(rows[2]);
     if -centre.z + half_depth <= camera.near {
-        return vec2f(2.0); // wholly behind: an empty rectangle
+        return vec2f(2.0); // entirely behind the near plane: an empty rectangle
     }
-    // 1/8 pixel more, against rounding; the fragment stage decides exactly.
+    // Enlarged by 1/8 pixel against rounding; the fragment stage tests exactly.
     let margin = 0.25 / camera.size;
     if ORTHOGRAPHIC {
         let half = vec2f(length(rows[0]), length(rows[1]));
@@ -121,7 +121,7 @@ fn splat_corner(corner: u32, centre: vec3f, rows: mat3x3f) -> vec2f {
     if -centre.z - half_depth <= camera.near {
         let x = cut_slopes(rows[0], rows[2], centre.x, -centre.z, half_depth);
         let y = cut_slopes(rows[1], rows[2], centre.y, -centre.z, half_depth);
-        // No farther out than it takes to cover the picture: what is left of it may be as wide as it likes.
+        // Clamped just outside of the picture: the visible part may be arbitrarily wide.
         let bounds = vec2f(select(x.x, x.y, sign.x > 0.0), select(y.x, y.y, sign.y > 0.0));
         return clamp(bounds / camera.tangent + sign * margin, vec2f(-2.0), vec2f(2.0));
     }
@@ -142,26 +142,26 @@ fn tangent_discriminant(a: vec3f, g: vec3f, x: f32, z: f32) -> f32 {
     return dot(along, along) - dot(across, across);
 }
 
-// The least and the greatest x / depth of what the near plane leaves of an ellipsoid, in front of it. `a`
-// and `g` are the rows of x and of z of its axes matrix, `x` and `depth` its centre's.
+// Smallest and largest x / depth of the part of an ellipsoid beyond the near plane. `a` and `g` are the
+// x and z rows of its axes matrix, `x` and `depth` the coordinates of its centre.
 //
-// In the plane of x and depth what is left is an ellipse cut off by a line. There the slope is extreme where
-// a line through the eye touches the ellipse, or at an end of the cut.
+// Projected onto x and depth, the part is an ellipse cut by a line. Its slope is extreme where a line
+// through the eye touches the ellipse, or at an end of the cut.
 fn cut_slopes(a: vec3f, g: vec3f, x: f32, depth: f32, half_depth: f32) -> vec2f {
     let half_x = length(a);
     // The cut, { depth = near }.
     let beyond = (depth - camera.near) / half_depth;
     let middle = x + beyond * dot(a, g) / half_depth;
-    // Somewhat more: of an ellipse that is hardly cut, a square root of rounding.
+    // Slightly enlarged: for a barely cut ellipse the square root amplifies rounding.
     let share = sqrt(max(1.0 - beyond * beyond, 0.0) + 1e-6);
     let half = share * length(cross(a, g)) / half_depth + 2e-6 * (abs(x) + half_x);
     var bounds = vec2f(middle - half, middle + half) / camera.near;
 
-    // The lines { x = b depth } that touch it: q b^2 - 2 r b - s = 0. Either root as a quotient that may
-    // have no end, for one of them is upright when the ellipse ends at the eye.
+    // Tangent lines { x = b depth }: q b^2 - 2 r b - s = 0. The roots are kept as quotients, for one of
+    // them is infinite when the ellipse touches the plane of the eye.
     let discriminant = tangent_discriminant(a, g, x, -depth);
     if discriminant <= 0.0 {
-        return bounds; // the eye is in it
+        return bounds; // the eye is inside the ellipse
     }
     let q = (depth - half_depth) * (depth + half_depth);
     let r = dot(a, g) + x * depth;
@@ -169,7 +169,7 @@ fn cut_slopes(a: vec3f, g: vec3f, x: f32, depth: f32, half_depth: f32) -> vec2f 
     let sum = r + select(-1.0, 1.0, r >= 0.0) * sqrt(discriminant);
     var roots = array(vec2f(sum, q), vec2f(-s, sum));
     for (var i = 0; i < 2; i++) {
-        // Where it touches; what is in doubt counts, for the line through it bounds more.
+        // Depth of the point of contact. Doubtful contacts count, which only enlarges the bounds.
         let root = roots[i];
         let across = root.y * a + root.x * g;
         let at = depth + dot(g, across) * (root.y * x - root.x * depth) / dot(across, across);
@@ -181,18 +181,18 @@ fn cut_slopes(a: vec3f, g: vec3f, x: f32, depth: f32, half_depth: f32) -> vec2f 
     return bounds;
 }
 
-// Where the pixel's ray passes the ellipsoid.
+// Intersection of the pixel's ray with the ellipsoid.
 struct Chord {
     hit: bool,
-    middle: f32,         // depth, m
-    half_length: f32,    // in depth, m
-    f: vec3f,            // sphere space: from the centre to the middle,
-    d: vec3f,            // and the ray per unit of depth
+    middle: f32,         // depth of the midpoint, m
+    half_length: f32,    // half the extent in depth, m
+    f: vec3f,            // from the centre to the midpoint, in sphere space
+    d: vec3f,            // the ray per unit of depth, in sphere space
 }
 
 fn splat_chord(centre: vec3f, to_sphere: mat3x3f, omega: vec3f) -> Chord {
     let centre_depth = -centre.z;
-    // The ray per unit of depth, and where it is at the centre's depth, seen from the centre.
+    // The ray per unit of depth, and its offset from the centre at the centre's depth.
     var ray = omega;
     var beside = centre_depth * omega.xy - centre.xy;
     if ORTHOGRAPHIC {
@@ -229,14 +229,14 @@ fn fragment(in: Varying) -> Fragment {
     let normal = normalize(transpose(to_sphere) * (chord.f + side * chord.d));
     var pi = plane_from_normal(omega, z, normal);
     if z < camera.near {
-        // The ray starts inside: a front at the near plane itself says so.
+        // The ray starts inside the liquid, which a front at the near plane marks.
         z = camera.near;
         pi = vec3f(0.0, 0.0, -camera_disparity(vec3f(0.0, 0.0, -z)));
     }
     return Fragment(vec4f(pi, z), depth_at(z));
 }
 
-// Reversed: near is 1.
+// Value of the reversed depth buffer: 1 at the near plane.
 fn depth_at(z: f32) -> f32 {
     if ORTHOGRAPHIC {
         return 1.0 - z / camera.far;

@@ -2,18 +2,18 @@
 
 #import common/tiles.wgsl
 
-// Of long work the lists are divided: a part of the picture's tiles has a list of its own.
+// Division of the tiles into sections with separate lists, to split long work.
 struct Sections {
-    tiles: u32, // of a section
-    words: u32, // of its list: a `TileList`
-    count: u32,
+    tiles: u32, // tiles per section
+    words: u32, // size of a section's `TileList`
+    count: u32, // number of sections
 }
 
 @group(0) @binding(0) var aggregate_layers: texture_2d_array<f32>;
 @group(0) @binding(1) var splash_layers: texture_2d_array<f32>;
 @group(0) @binding(2) var<storage, read_write> liquid: array<atomic<u32>>;
 @group(0) @binding(3) var<storage, read_write> background: array<atomic<u32>>;
-// Indirect dispatches of each section: liquid, liquid for both layers, background.
+// Indirect dispatch arguments of each section: liquid, liquid for both layers, background.
 @group(0) @binding(4) var<storage, read_write> dispatches: array<array<vec3u, 3>>;
 @group(0) @binding(5) var<storage, read> sections: Sections;
 

@@ -1,4 +1,4 @@
-// Radiance to display: exposure, an optional curve, the sRGB transfer function.
+// Tone mapping: exposure, an optional curve, and the sRGB transfer function.
 
 @group(0) @binding(0) var radiance: texture_2d<f32>;
 @group(0) @binding(1) var<$branching> tonemap: Params;
@@ -6,12 +6,12 @@
 struct Params {
     gain: f32,   // 2^exposure
     curve: u32,  // 0: none, 1: filmic
-    encode: u32, // 1: the target stores sRGB values as they are written
+    encode: u32, // 1: the target does not encode sRGB itself
 }
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
-    // One triangle that covers the screen.
+    // A single triangle that covers the screen.
     return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
 
@@ -20,7 +20,7 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let texel = textureLoad(radiance, vec2i(position.xy), 0);
     var c = max(texel.rgb * tonemap.gain, vec3f(0.0));
     if tonemap.curve == 1u {
-        // Bounded before it is squared.
+        // Bounded, because the curve squares it.
         c = filmic(min(c, vec3f(1e4)));
     }
     c = clamp(c, vec3f(0.0), vec3f(1.0));

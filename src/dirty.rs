@@ -1,7 +1,7 @@
 //! Which passes must rerun because an input changed.
 //!
-//! A camera that moves leaves the caustic maps alone, more rays per pixel leave the layers alone, and
-//! another exposure leaves the radiance alone.
+//! A moving camera does not affect the caustic maps, the number of rays per pixel does not affect the
+//! layers, and the exposure does not affect the radiance.
 
 use crate::camera::Camera;
 use crate::liquid::classify::{Splat, Splats};
@@ -19,10 +19,10 @@ pub(crate) struct LastFrame {
     diagnosed: bool,
 }
 
-/// What must be uploaded or drawn again.
+/// The data that must be uploaded or drawn again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Dirty {
-    /// The particles, which are uploaded.
+    /// The splats on the device.
     pub splats: bool,
     /// The lights' views and maps.
     pub lights: bool,
@@ -33,10 +33,10 @@ pub(crate) struct Dirty {
 }
 
 impl Dirty {
-    /// Everything.
+    /// Everything is dirty.
     const ALL: Self = Self { splats: true, lights: true, surfaces: true, radiance: true };
 
-    /// The differences from the last frame; everything if there is none.
+    /// Compares a frame with the last one; everything is dirty if there is none.
     pub(crate) fn since(
         last: Option<&LastFrame>,
         scene: &Scene,
@@ -49,17 +49,17 @@ impl Dirty {
         let (old, new) = (&last.scene.settings, &scene.settings);
         let splats = !same_splats(&last.splats, splats);
         let solids = last.scene.solids != scene.solids;
-        let lamps = last.scene.lights != scene.lights;
+        let scene_lights = last.scene.lights != scene.lights;
         let absorption = last.scene.absorptions() != scene.absorptions();
         let optics = last.scene.liquid != scene.liquid || absorption;
         let smooth = old.smooth != new.smooth;
         let lights = splats
             || solids
-            || lamps
+            || scene_lights
             || optics
             || smooth
             || old.caustics != new.caustics
-            || of_light(&old.refract) != of_light(&new.refract);
+            || light_settings(&old.refract) != light_settings(&new.refract);
         let surfaces = splats
             || smooth
             || last.camera != *camera
@@ -80,7 +80,7 @@ impl Dirty {
 }
 
 impl LastFrame {
-    /// What a frame was drawn from; memory of the frame before is used again.
+    /// Stores the inputs of a frame, in the memory of the frame before.
     pub(crate) fn new(
         last: Option<Self>,
         dirty: Dirty,
@@ -100,8 +100,8 @@ impl LastFrame {
     }
 }
 
-/// The settings of [`crate::passes::refract`] that light on its way to what it lights depends on.
-fn of_light(refract: &Refract) -> Refract {
+/// The settings of [`crate::passes::refract`] that affect the caustic maps.
+fn light_settings(refract: &Refract) -> Refract {
     let unread = Refract::default();
     Refract { samples: unread.samples, edge_samples: unread.edge_samples, ..refract.clone() }
 }
@@ -111,7 +111,7 @@ fn same_shapes(a: &Scene, b: &Scene) -> bool {
     shapes(a) == shapes(b)
 }
 
-/// Bit by bit, which is faster than number by number, and right for numbers that are none.
+/// Compares bits, which is faster than comparing numbers and correct for NaN.
 fn same_splats(a: &Splats, b: &Splats) -> bool {
     fn bytes(splats: &[Splat]) -> &[u8] {
         bytemuck::cast_slice(splats)

@@ -1,4 +1,4 @@
-//! The graphics device, and the few helpers that keep each pass short.
+//! The graphics device, and helpers for creating its resources.
 
 mod binding;
 mod commands;
@@ -27,70 +27,70 @@ pub use timer::PassTime;
 #[doc(hidden)]
 pub use timer::{Span, Timer};
 
-/// A device with its queue: limpid's own, or the caller's.
+/// A device with its queue, opened by limpid or supplied by the caller.
 #[derive(Clone, Debug)]
 pub struct Gpu {
-    /// The device on which everything is created.
+    /// The device that owns all resources.
     pub device: wgpu::Device,
-    /// The queue to which frames are submitted.
+    /// The queue that frames are submitted to.
     pub queue: wgpu::Queue,
-    /// Of a device that limpid opened; a caller hears of its own device's failures itself.
+    /// Failures of a device opened by limpid; a supplied device reports its failures to the caller.
     failure: Option<Arc<Mutex<Failure>>>,
-    /// Compiled pipelines of earlier runs, if the caller has kept any.
+    /// Compiled pipelines of earlier runs, if the caller supplied any.
     cache: Option<wgpu::PipelineCache>,
-    /// Modules by their text: several pipelines are made of one.
+    /// Shader modules by source, shared between pipelines.
     modules: Arc<Mutex<HashMap<String, wgpu::ShaderModule>>>,
-    /// Of one submission.
+    /// Largest work of one submission.
     most_work: u64,
 }
 
-/// Memory that a device may take to open, in bytes: Mesa's software one with its compiler.
-const OPENING: usize = 512 << 20;
+/// Memory that opening a device may take, bytes: that of Mesa's software device with its compiler.
+const OPENING_MEMORY: usize = 512 << 20;
 
-/// The first of each that a device has reported.
+/// The first failure of each kind that a device has reported.
 #[derive(Debug, Clone, Default)]
 struct Failure {
-    /// Why the device, or something on it, is gone.
+    /// Reason for a device loss or a failed allocation.
     lost: Option<String>,
-    /// What its validation refused.
+    /// Validation error.
     refused: Option<String>,
 }
 
 impl Gpu {
-    /// Opens an adapter without any window system: a GPU where there is one, otherwise a
-    /// software adapter such as Mesa's lavapipe.
+    /// Opens an adapter without a window system: a GPU if there is one, otherwise a software adapter
+    /// such as Mesa's lavapipe.
     ///
-    /// `WGPU_BACKEND` and `WGPU_ADAPTER_NAME` select one, as in other wgpu programs.
+    /// `WGPU_BACKEND` and `WGPU_ADAPTER_NAME` select an adapter, as in other wgpu programs.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`] if there is none, [`Error::NoMatchingAdapter`] if these variables select
-    /// none, [`Error::Refused`] if it gives no device, [`Error::Memory`] if that may be for want of
-    /// memory.
+    /// [`Error::NoAdapter`] without adapters, [`Error::NoMatchingAdapter`] if these variables match
+    /// none, [`Error::Refused`] if the adapter creates no device, [`Error::Memory`] if lack of memory may
+    /// be the cause.
     pub fn headless() -> Result<Self> {
         let wanted = std::env::var("WGPU_ADAPTER_NAME").unwrap_or_default();
         let backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all());
         let adapters = pollster::block_on(adapters(backends, &wanted));
-        // The best adapter that gives a device: a broken driver should not hide a working one.
+        // Tries adapters in order of preference: a broken driver must not hide a working one.
         let mut refusal = Error::NoAdapter;
         if adapters.is_empty() {
-            refusal = none_selected(refusal);
+            refusal = no_match_error(refusal);
         }
         for adapter in adapters {
             match pollster::block_on(open(&adapter)) {
-                Ok((device, queue)) => return Ok(Self::own(device, queue)),
+                Ok((device, queue)) => return Ok(Self::from_own_device(device, queue)),
                 Err(problem) => {
                     let name = adapter.get_info().name;
                     refusal = Error::Refused { adapter: name, problem };
                 }
             }
         }
-        // For want of memory adapters are refused as well, or not found.
-        memory::probe(OPENING, "a graphics device")?;
+        // Lack of memory also makes drivers refuse a device or report no adapter.
+        memory::probe(OPENING_MEMORY, "a graphics device")?;
         Err(refusal)
     }
 
-    /// Wraps a device that limpid opened, and watches it.
-    fn own(device: wgpu::Device, queue: wgpu::Queue) -> Self {
+    /// Wraps a device that limpid opened and records its failures.
+    fn from_own_device(device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let failure = Arc::<Mutex<Failure>>::default();
         let seen = failure.clone();
         device.set_device_lost_callback(move |_, reason| {
@@ -102,15 +102,15 @@ impl Gpu {
             let mut failure = seen.lock().expect("no panic holds this lock");
             match error {
                 wgpu::Error::Validation { .. } => failure.refused.get_or_insert(error.to_string()),
-                error => failure.lost.get_or_insert(reasons(&error)),
+                error => failure.lost.get_or_insert(error_chain(&error)),
             };
         }));
         Self { failure: Some(failure), ..Self::from_device(device, queue) }
     }
 
-    /// Wraps a caller's device and queue. Passes are timed if the device has
-    /// [`wgpu::Features::TIMESTAMP_QUERY`], and hidden fragments are left out early if it has
-    /// [`wgpu::Features::SHADER_EARLY_DEPTH_TEST`]; no other feature is used.
+    /// Wraps a caller's device and queue. Pass times require [`wgpu::Features::TIMESTAMP_QUERY`], early
+    /// rejection of hidden fragments [`wgpu::Features::SHADER_EARLY_DEPTH_TEST`]; no other feature is
+    /// used.
     pub fn from_device(device: wgpu::Device, queue: wgpu::Queue) -> Self {
         Self {
             device,
@@ -122,36 +122,36 @@ impl Gpu {
         }
     }
 
-    /// Compiles all pipelines from now on with `cache`, and adds those to it that it has not.
+    /// Compiles all later pipelines with `cache`, which receives the missing ones.
     ///
-    /// [`Gpu::headless`] opens a device that can make one where its adapter can
-    /// ([`wgpu::Features::PIPELINE_CACHE`]: Vulkan). Making one of a file's bytes is unsafe: who
-    /// calls for it answers for the file.
+    /// Devices of [`Gpu::headless`] support caches where the adapter does
+    /// ([`wgpu::Features::PIPELINE_CACHE`]: Vulkan). Creating a cache from a file's bytes is unsafe: the
+    /// caller must trust the file.
     #[must_use]
     pub fn with_pipeline_cache(self, cache: wgpu::PipelineCache) -> Self {
         Self { cache: Some(cache), ..self }
     }
 
-    /// Divides frames into submissions of at most so much work, in evaluations of a layer, instead of
-    /// [`MOST_WORK`]. Pictures are the same.
+    /// Divides frames into submissions of at most `most_work` layer evaluations, instead of
+    /// [`MOST_WORK`]. Pictures do not change.
     #[must_use]
     pub fn with_most_work(self, most_work: u64) -> Self {
         Self { most_work, ..self }
     }
 
-    /// The most work of one submission.
+    /// Largest work of one submission.
     #[doc(hidden)]
     pub fn most_work(&self) -> u64 {
         self.most_work
     }
 
-    /// What pipelines are compiled with.
+    /// The pipeline cache, if any.
     #[doc(hidden)]
     pub fn cache(&self) -> Option<&wgpu::PipelineCache> {
         self.cache.as_ref()
     }
 
-    /// The module of a text, which is parsed once.
+    /// Returns the shader module of a source text, which is parsed only once.
     #[doc(hidden)]
     pub fn module(&self, label: &str, text: String) -> wgpu::ShaderModule {
         let mut modules = self.modules.lock().unwrap_or_else(PoisonError::into_inner);
@@ -167,25 +167,24 @@ impl Gpu {
     /// Whether uniforms that alone decide branches ([`Gpu::branching`]) are bound as
     /// `var<storage, read>`.
     ///
-    /// Mesa's software Vulkan before 2025 makes values of uniform buffers that branches depend on
-    /// constants, compiles the shader anew for every submission that binds one, and keeps all of
-    /// them: 25 to 50 ms and 2 to 9 MiB for each frame, forever. Storage buffers it leaves alone, but
-    /// reads them lane by lane. On a graphics card uniform buffers are the faster ones.
+    /// Mesa's software Vulkan before 2025 specialises shaders on the values of uniform buffers that
+    /// branches depend on: it recompiles the shader for every submission that binds one and keeps all
+    /// versions, 25 to 50 ms and 2 to 9 MiB per frame, forever. It does not do so for storage buffers,
+    /// but reads them lane by lane. On a GPU uniform buffers are faster.
     #[doc(hidden)]
     pub fn uniforms_are_stored(&self) -> bool {
         let info = self.device.adapter_info();
         info.device_type == wgpu::DeviceType::Cpu && info.backend == wgpu::Backend::Vulkan
     }
 
-    /// Whether a shader may promise to which side of a depth it writes. OpenGL's promise needs an
-    /// extension more.
+    /// Whether shaders may use conservative early depth tests. OpenGL would need another extension.
     #[doc(hidden)]
     pub fn has_early_depth(&self) -> bool {
         self.device.features().contains(wgpu::Features::SHADER_EARLY_DEPTH_TEST)
             && self.device.adapter_info().backend != wgpu::Backend::Gl
     }
 
-    /// The adapter's name and driver, as figures should be reported with.
+    /// Name and driver of the adapter, for reports.
     pub fn adapter(&self) -> String {
         let info = self.device.adapter_info();
         match info.driver_info.as_str() {
@@ -194,22 +193,22 @@ impl Gpu {
         }
     }
 
-    /// Fails if the device was lost or ran out of memory since it was opened: what is on it is
-    /// then good for nothing, and another is to be opened. A caller's own device reports such
-    /// failures to the caller, not here.
+    /// Fails if the device was lost or ran out of memory since it was opened. Its resources are then
+    /// unusable, and a new device must be opened. A caller's device reports such failures to the caller
+    /// instead.
     ///
     /// # Errors
-    /// [`Error::DeviceLost`] with the driver's reason; [`Error::Defect`] for commands that limpid
-    /// should not have given.
+    /// [`Error::DeviceLost`] with the driver's reason; [`Error::Defect`] for a validation error, which
+    /// is a bug in limpid.
     pub fn check(&self) -> Result<()> {
         let Some(failure) = &self.failure else { return Ok(()) };
         let failure = || failure.lock().expect("no panic holds this lock").clone();
-        // A device tells of its loss when it is asked.
+        // Polling delivers a pending device loss.
         let mut polled = self.poll(wgpu::PollType::Poll);
         let mut seen = failure();
         if seen.lost.is_none() && seen.refused.is_some() {
-            // What follows a loss is refused, which may be known before the loss: that is told once
-            // the device has no more work.
+            // Commands after a loss fail validation, which may be reported before the loss itself:
+            // that is reported once the device is idle.
             polled = self.poll(wgpu::PollType::wait_indefinitely());
             seen = failure();
         }
@@ -220,7 +219,7 @@ impl Gpu {
         }
     }
 
-    /// wgpu 30 panics if a device is lost while it is waited for; its locks are free by then.
+    /// Polls the device. wgpu 30 panics if the device is lost while polling; its locks are free then.
     fn poll(&self, how: wgpu::PollType) -> Result<()> {
         let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how)));
         match polled {
@@ -230,9 +229,9 @@ impl Gpu {
         }
     }
 
-    /// Refuses a picture that the adapter cannot hold.
+    /// Checks that a picture size is within the adapter's limits.
     ///
-    /// What the driver's memory holds is not asked: adapters do not say it, or not truly.
+    /// Available memory is not checked: adapters do not report it, or not reliably.
     ///
     /// # Errors
     /// [`Error::Empty`] for an empty picture, [`Error::Limit`] naming the limit.
@@ -243,11 +242,11 @@ impl Gpu {
         self.check_image(size, Limited::Picture)
     }
 
-    /// As [`Gpu::check_size`], for any image that passes work on.
+    /// As [`Gpu::check_size`], for any image that passes use.
     #[doc(hidden)]
     pub fn check_image(&self, size: UVec2, of: Limited) -> Result<()> {
         let limits = self.device.limits();
-        // One layer of four floats per texel is also the largest buffer that is read back.
+        // One layer with four floats per texel is also the largest readback buffer.
         let bytes = readback::padded(16 * u64::from(size.x)).saturating_mul(size.y.into());
         let [across, down] = [size.x, size.y].map(|n| u64::from(n.div_ceil(TILE)));
         let tiles = across * down;
@@ -275,17 +274,17 @@ impl Gpu {
     }
 }
 
-/// Workgroups in a row of a dispatch, as in `common/groups.wgsl`.
+/// Workgroups in one row of a dispatch, as in `common/groups.wgsl`.
 pub const ROW: u32 = 32768;
 
-/// Dispatches so many workgroups; shaders number them by `group_index`.
+/// Dispatches `groups` workgroups in rows; shaders number them by `group_index`.
 #[doc(hidden)]
 pub fn dispatch(pass: &mut wgpu::ComputePass<'_>, groups: u32) {
     pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
 }
 
-/// What an error says, and what it says of its cause.
-fn reasons(error: &dyn std::error::Error) -> String {
+/// Joins the messages of an error and its causes.
+fn error_chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {
@@ -295,8 +294,9 @@ fn reasons(error: &dyn std::error::Error) -> String {
     text.trim_end_matches('.').to_owned()
 }
 
-/// Why no adapter is selected: the environment, if there are any without it.
-fn none_selected(otherwise: Error) -> Error {
+/// Error for an empty adapter list: [`Error::NoMatchingAdapter`] if only the environment variables exclude
+/// all adapters, else `otherwise`.
+fn no_match_error(otherwise: Error) -> Error {
     let set = ["WGPU_BACKEND", "WGPU_ADAPTER_NAME"].into_iter().filter_map(|name| {
         let value = std::env::var(name).ok().filter(|value| !value.is_empty())?;
         Some(format!("{name}={value}"))
@@ -307,20 +307,20 @@ fn none_selected(otherwise: Error) -> Error {
     }
     let all = pollster::block_on(adapters(wgpu::Backends::all(), ""));
     let all = all.iter().map(wgpu::Adapter::get_info);
-    let there: Vec<String> = all.map(|info| format!("{} ({})", info.name, info.backend)).collect();
-    if there.is_empty() {
+    let found: Vec<String> = all.map(|info| format!("{} ({})", info.name, info.backend)).collect();
+    if found.is_empty() {
         return otherwise;
     }
-    Error::NoMatchingAdapter { selected: printable(set.join(" ")), found: there.join(", ") }
+    Error::NoMatchingAdapter { selected: printable(set.join(" ")), found: found.join(", ") }
 }
 
-/// All adapters of some backends whose name contains `wanted`: GPUs before integrated ones before
-/// software, OpenGL last.
+/// Lists the adapters of the selected backends whose name contains `wanted`: discrete before integrated
+/// GPUs before software adapters; OpenGL only without any other.
 async fn adapters(selected: wgpu::Backends, wanted: &str) -> Vec<wgpu::Adapter> {
     let wanted = wanted.to_lowercase();
     let mut all = Vec::new();
     for backends in [wgpu::Backends::PRIMARY, wgpu::Backends::GL] {
-        // OpenGL only where there is nothing else: it may look for a window system.
+        // OpenGL only as a last resort: it may connect to a window system.
         if !all.is_empty() {
             break;
         }
@@ -341,12 +341,12 @@ async fn adapters(selected: wgpu::Backends, wanted: &str) -> Vec<wgpu::Adapter> 
     all
 }
 
-/// What limpid makes use of where there is such a thing.
+/// Features that limpid uses where available.
 const OPTIONAL: wgpu::Features = wgpu::Features::TIMESTAMP_QUERY
     .union(wgpu::Features::PIPELINE_CACHE)
     .union(wgpu::Features::SHADER_EARLY_DEPTH_TEST);
 
-/// What limpid needs of an adapter beside WebGPU's core limits: nothing native-only.
+/// Opens a device, after checking the requirements beyond WebGPU's core limits: no native-only feature.
 async fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), String> {
     use wgpu::{DownlevelFlags, TextureUsages};
     let lacks = |what: &str| Err(format!("has no {what}; install a Vulkan driver"));
@@ -367,14 +367,14 @@ async fn open(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), St
     let descriptor = wgpu::DeviceDescriptor {
         label: Some("limpid"),
         required_features: adapter.features() & OPTIONAL,
-        // Large pictures and particle sets are limited by the adapter, not by a default.
+        // The adapter's own limits, for large pictures and particle sets.
         required_limits: adapter.limits(),
         ..Default::default()
     };
     adapter.request_device(&descriptor).await.map_err(|e| format!("gives no device: {e}"))
 }
 
-/// Creates a buffer with `contents`, of as many bytes as a multiple of 4.
+/// Creates a buffer with `contents`, whose size in bytes must be a multiple of 4.
 #[doc(hidden)]
 pub fn buffer_with<T: bytemuck::NoUninit>(
     gpu: &Gpu,
@@ -389,7 +389,7 @@ pub fn buffer_with<T: bytemuck::NoUninit>(
         usage,
         mapped_at_creation: true,
     });
-    // What did not fit into memory is not mapped; [`Gpu::check`] tells why.
+    // Mapping fails if the allocation failed, which [`Gpu::check`] reports.
     if let Ok(mut mapped) = buffer.get_mapped_range_mut(..) {
         mapped.copy_from_slice(bytes);
     }
@@ -397,12 +397,12 @@ pub fn buffer_with<T: bytemuck::NoUninit>(
     buffer
 }
 
-/// How buffers are used that a shader reads as `var<uniform>`; see [`Gpu::uniforms_are_stored`].
+/// Usages of a buffer that a shader reads as `var<uniform>`; see [`Gpu::uniforms_are_stored`].
 #[doc(hidden)]
 pub const UNIFORM: wgpu::BufferUsages =
     wgpu::BufferUsages::UNIFORM.union(wgpu::BufferUsages::STORAGE);
 
-/// Creates a uniform buffer for one `T`, to be written with [`wgpu::Queue::write_buffer`].
+/// Creates a uniform buffer for one `T`, to be filled by [`wgpu::Queue::write_buffer`].
 #[doc(hidden)]
 pub fn uniform_buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str) -> wgpu::Buffer {
     gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -413,14 +413,14 @@ pub fn uniform_buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str) -> wgpu::Bu
     })
 }
 
-/// The part of a buffer that is in use: to shaders, an array's length.
+/// Binds the first `bytes` of a buffer, which determines the array length in shaders.
 #[doc(hidden)]
 pub fn first_bytes(buffer: &wgpu::Buffer, bytes: u64) -> wgpu::BindingResource<'_> {
     let size = wgpu::BufferSize::new(bytes);
     wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })
 }
 
-/// Creates a texture of `layers` layers and the view of them all.
+/// Creates a texture with `layers` layers.
 #[doc(hidden)]
 pub fn texture(
     gpu: &Gpu,
@@ -456,15 +456,15 @@ pub fn mipped_texture(
     })
 }
 
-/// How many layers a texture gets that shaders read as an array of `layers`: OpenGL takes a texture
-/// of one layer for no array, so there it has two.
+/// Layer count of a texture that shaders read as an array: at least two on OpenGL, where a texture with
+/// one layer is not an array.
 #[doc(hidden)]
 pub fn array_layers(gpu: &Gpu, layers: u32) -> u32 {
     let least = if gpu.device.adapter_info().backend == wgpu::Backend::Gl { 2 } else { 1 };
     layers.max(least)
 }
 
-/// The view of all layers of an array texture.
+/// Creates the view of all layers of an array texture.
 #[doc(hidden)]
 pub fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
@@ -473,7 +473,7 @@ pub fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
     })
 }
 
-/// The view of one mip level.
+/// Creates the view of one mip level.
 #[doc(hidden)]
 pub fn level_view(
     texture: &wgpu::Texture,
@@ -488,7 +488,7 @@ pub fn level_view(
     })
 }
 
-/// The view of one layer of an array texture.
+/// Creates the view of one layer of an array texture.
 #[doc(hidden)]
 pub fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
@@ -500,7 +500,7 @@ pub fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureView {
     })
 }
 
-/// Sets all of a view to 0.
+/// Clears a view to 0.
 #[doc(hidden)]
 pub fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView, span: Span<'_>) {
     encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -519,7 +519,7 @@ pub fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView, span:
     });
 }
 
-/// Binds `resources` in order to bindings 0, 1, ….
+/// Creates a bind group with `resources` at bindings 0, 1, ….
 #[doc(hidden)]
 pub fn bind_group(
     gpu: &Gpu,
@@ -538,7 +538,7 @@ pub fn bind_group(
     })
 }
 
-/// A compute pipeline of one shader file's entry point, specialised by `constants`.
+/// Creates a compute pipeline from an entry point of a shader file, specialised by `constants`.
 #[doc(hidden)]
 pub fn compute_pipeline(
     gpu: &Gpu,
@@ -551,7 +551,7 @@ pub fn compute_pipeline(
     module_pipeline(gpu, shader, &module, entry_point, layouts, constants)
 }
 
-/// As [`compute_pipeline`], of a module that is there.
+/// As [`compute_pipeline`], from an existing module.
 #[doc(hidden)]
 pub fn module_pipeline(
     gpu: &Gpu,
@@ -574,20 +574,20 @@ pub fn module_pipeline(
         entry_point: Some(entry_point),
         compilation_options: wgpu::PipelineCompilationOptions {
             constants,
-            // No shader reads workgroup memory that it has not written.
+            // No shader reads uninitialised workgroup memory.
             zero_initialize_workgroup_memory: false,
         },
         cache: gpu.cache(),
     })
 }
 
-/// Threads along either side of a workgroup that draws pixels, and pixels along that of a tile.
+/// Side of a pixel workgroup in threads and of a tile in pixels.
 pub const TILE: u32 = 8;
 
-/// What layers of planes are stored in: π in red, green and blue, depth in alpha.
+/// Texture format of plane layers: π in red, green and blue, depth in alpha.
 pub const LAYER_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 
-/// The workgroups that cover `size` pixels.
+/// Workgroups along each axis that cover `size` pixels.
 #[doc(hidden)]
 pub fn workgroups(size: UVec2) -> (u32, u32) {
     (size.x.div_ceil(TILE), size.y.div_ceil(TILE))

@@ -1,4 +1,4 @@
-//! What the lights of a frame see, and the caustic maps that are made of it.
+//! The views of a frame's lights, and the caustic maps made from them.
 
 use glam::{DVec3, UVec2, Vec3};
 
@@ -21,24 +21,23 @@ use crate::settings::{self, Method};
 /// The views from one light.
 #[derive(Debug, Clone, Default)]
 pub struct LightViews {
-    /// The view by which the caustic map is made; none where the light would see the liquid under
-    /// too wide an angle.
+    /// The view of the caustic map; `None` if the liquid subtends too wide an angle from the light.
     pub map: Option<LightView>,
-    /// Views along the light itself, which tell where liquid is in its way: none if the map's is
-    /// such a view, one, or the faces of a cube, of which those are none that see no liquid.
+    /// Views along the unrefracted light, which show where liquid crosses its path: empty if the map's
+    /// view is along it too, otherwise one view or the faces of a cube, `None` for faces without liquid.
     pub straight: Vec<Option<LightView>>,
-    /// Whether it is a point in the liquid.
+    /// Whether the light is a point inside the liquid.
     pub wet: bool,
 }
 
-/// The lights' own views and maps; nothing if nothing is lit.
+/// The views and maps of a frame's lights; empty if nothing is lit.
 #[derive(Debug, Default)]
 pub struct Lights {
-    /// How many lights the scene has that light anything.
+    /// Number of the scene's lights; 0 if nothing is lit.
     count: usize,
     views: Vec<PlacedView>,
     maps: Option<LightMaps>,
-    /// A view's passes, in the order of the views; kept for the next frame.
+    /// Passes of each view, in the order of the views; kept for the next frame.
     passes: Vec<LightPasses>,
 }
 
@@ -50,7 +49,7 @@ struct LightPasses {
 }
 
 impl Lights {
-    /// Chooses the views, makes room for the maps and compiles what is new.
+    /// Chooses the views, allocates the maps and compiles missing pipelines.
     pub fn prepare(&mut self, gpu: &Gpu, frame: FrameInputs<'_>, culled: bool) -> Result<()> {
         let FrameInputs { scene, splats, .. } = frame;
         let settings = &scene.settings.caustics;
@@ -98,15 +97,15 @@ impl Lights {
             let uniform = view.uniform(splats.origin);
             surfaces.look_past_walls(gpu, scene, &uniform, view.origin, splats);
             surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);
-            let own = settings_of(placed, settings);
+            let map_settings = settings_of(placed, settings);
             let (camera, bound) = (&surfaces.camera, &surfaces.scene);
-            let config = MapConfig { settings: &own, splash, size };
+            let config = MapConfig { settings: &map_settings, splash, size };
             caustics.prepare(gpu, camera, bound, scene, config)?;
         }
         Ok(())
     }
 
-    /// Draws what each light sees, and its maps.
+    /// Records the views of each light, and its maps.
     pub fn record(
         &self,
         gpu: &Gpu,
@@ -127,13 +126,13 @@ impl Lights {
                 "light gbuffer",
             ];
             surfaces.record(gpu, commands, frame, timer, names);
-            let own = settings_of(placed, &scene.settings.caustics);
+            let map_settings = settings_of(placed, &scene.settings.caustics);
             let PlacedView { layer, corner, .. } = *placed;
             let light = &scene.lights[placed.light];
             let params = Params {
                 wet: u32::from(placed.wet),
                 corner: corner.to_array(),
-                ..Params::new(light, &placed.view, &own)
+                ..Params::new(light, &placed.view, &map_settings)
             };
             let inputs = Inputs {
                 camera: &surfaces.camera,
@@ -142,7 +141,7 @@ impl Lights {
                 splash: surfaces.splash_layers(),
                 gbuffer: &surfaces.gbuffer.images,
                 mixture: Some(&surfaces.mixture.view),
-                method: own.method,
+                method: map_settings.method,
                 params: &params,
             };
             let output = Output { map: &maps.maps, receivers: &maps.receivers, layer };
@@ -152,17 +151,17 @@ impl Lights {
         }
     }
 
-    /// The lights' views, as the maps hold them.
+    /// The lights' views, with their places in the maps.
     pub fn views(&self) -> &[PlacedView] {
         &self.views
     }
 
-    /// The maps, if any light has one.
+    /// The maps; `None` if no light has a view.
     pub fn maps(&self) -> Option<&LightMaps> {
         self.maps.as_ref().filter(|_| !self.views.is_empty())
     }
 
-    /// The caustic maps with the views that they were made by.
+    /// The caustic map of each light, with its view; `None` for lights without caustics.
     pub fn caustic_maps(&self) -> Vec<Option<CausticMap>> {
         let mut found = vec![None; self.count];
         let Some(maps) = &self.maps else { return found };
@@ -174,23 +173,23 @@ impl Lights {
         found
     }
 
-    /// Numbers, from 0, of the lights that shine through liquid straight, without caustics: those in
-    /// the liquid and those that see it under more than 150 degrees.
+    /// Indices of the lights without caustics, whose light is not refracted: those inside the liquid,
+    /// and those from which it subtends more than 150 degrees.
     pub fn without_caustics(&self) -> Vec<usize> {
         let has_map = |light| self.views.iter().any(|view| view.light == light && view.slot == 0);
         (0..self.count).filter(|&light| !self.views.is_empty() && !has_map(light)).collect()
     }
 }
 
-/// The views that the caustic maps of a scene's lights are made by.
+/// The view of each light's caustic map, if it has one.
 pub fn views(scene: &Scene, splats: &Splats) -> Vec<Option<LightView>> {
     light_views(scene, splats).into_iter().map(|views| views.map).collect()
 }
 
-/// All views of each of a scene's lights; none without liquid.
+/// All views of each light of a scene; empty without liquid.
 ///
-/// They show the bulk of the liquid: a splash far off would leave a few texels for the rest. Where a
-/// point light has splashes around it, and so no view of the bulk, the caustic map shows the core.
+/// The views frame the bulk of the liquid: a distant splash would leave few texels for the rest. For a
+/// point light among splashes, which has no view of the bulk, the caustic map frames the core.
 pub fn light_views(scene: &Scene, splats: &Splats) -> Vec<LightViews> {
     let settings = &scene.settings.caustics;
     let bulk = bulk(splats);
@@ -217,15 +216,15 @@ pub fn light_views(scene: &Scene, splats: &Splats) -> Vec<LightViews> {
                 (0..CUBE).map(face).collect()
             }
         };
-        // Only one that sees it all round may be in it.
+        // Only a light with liquid all around can be inside it.
         let wet = straight.len() == CUBE && is_wet(light, splats);
         LightViews { map, straight, wet }
     };
     scene.lights.iter().map(views).collect()
 }
 
-/// Gives each view its place in maps of so many texels along either side: a layer for the caustic map
-/// and one for the straight views.
+/// Assigns each view its place in maps of `resolution` texels a side: for each light, one layer for the
+/// caustic map and one for the straight views.
 fn place(lights: &[LightViews], resolution: u32) -> Vec<PlacedView> {
     let mut placed = Vec::new();
     let mut layer = 0;
@@ -249,7 +248,7 @@ fn place(lights: &[LightViews], resolution: u32) -> Vec<PlacedView> {
     placed
 }
 
-/// The settings by which a view's map is made: a straight view has no caustics.
+/// The settings for a view's map: a straight view has no caustics.
 fn settings_of(placed: &PlacedView, settings: &settings::Caustics) -> settings::Caustics {
     match placed.slot {
         0 => settings.clone(),
@@ -257,33 +256,33 @@ fn settings_of(placed: &PlacedView, settings: &settings::Caustics) -> settings::
     }
 }
 
-/// By how much ellipsoids are grown to leave no gaps within a liquid.
-const CLOSED: f64 = 1.3;
+/// Scale at which the ellipsoids leave no gaps inside the liquid.
+const CLOSING_SCALE: f64 = 1.3;
 
-/// Whether a light is in the liquid: in any of its ellipsoids.
+/// Whether a light is a point inside the liquid: inside any of its scaled ellipsoids.
 fn is_wet(light: &Light, splats: &Splats) -> bool {
     let Light::Point { position, .. } = *light else { return false };
     let position = position - splats.origin;
     splats.aggregates.iter().any(|splat| {
         let offset = position - centre(splat);
-        let near = offset.length() <= CLOSED * splat.longest();
-        near && (splat.axes().inverse() * offset).length() <= CLOSED
+        let near = offset.length() <= CLOSING_SCALE * splat.longest();
+        near && (splat.axes().inverse() * offset).length() <= CLOSING_SCALE
     })
 }
 
-/// The box around the bulk of a frame's splats, m; none without any.
+/// The bounding box of the bulk of a frame's splats, m; `None` without splats.
 pub fn bounds(splats: &Splats) -> Option<(DVec3, DVec3)> {
     around(splats, bulk(splats)?.bounds)
 }
 
-/// The bulk of the splats' centres, counted from their origin.
+/// The bulk of the splats' centres, relative to their origin.
 fn bulk(splats: &Splats) -> Option<Bulk> {
     let bodies = splats.aggregates.len();
     let splat = |i: usize| splats.aggregates.get(i).unwrap_or_else(|| &splats.splashes[i - bodies]);
     bulk::bulk(bodies + splats.splashes.len(), |i| centre(splat(i)))
 }
 
-/// The box around the splats whose centres, counted from their origin, are in a box, m.
+/// The bounding box, m, of the splats whose centres lie in a box relative to their origin.
 fn around(splats: &Splats, (least, greatest): (DVec3, DVec3)) -> Option<(DVec3, DVec3)> {
     let all = splats.aggregates.iter().chain(&splats.splashes);
     let within = |x: DVec3| least.cmple(x).all() && x.cmple(greatest).all();
@@ -295,16 +294,16 @@ fn around(splats: &Splats, (least, greatest): (DVec3, DVec3)) -> Option<(DVec3, 
     min.is_finite().then_some((splats.origin + min, splats.origin + max))
 }
 
-/// A splat's centre, counted from the splats' origin.
+/// A splat's centre, relative to the splats' origin.
 fn centre(splat: &Splat) -> DVec3 {
     Vec3::from_array(splat.centre).as_dvec3()
 }
 
-/// Columns along either side of the grid by which [`level`] judges.
+/// Columns along each side of the grid that [`level`] uses.
 const COLUMNS: usize = 24;
 
-/// The height of the liquid's surface, m, if it is level: if it fills its box, and the tops of its
-/// columns differ little over its breadth.
+/// The height of the liquid's surface, m, if it is level: if the liquid fills its box, and the heights
+/// of its columns differ little relative to its breadth.
 fn level(splats: &Splats, (min, max): (DVec3, DVec3)) -> Option<f64> {
     let breadth = (max - min).with_y(0.0);
     let mut tops = [f64::NEG_INFINITY; COLUMNS * COLUMNS];
@@ -324,8 +323,8 @@ fn level(splats: &Splats, (min, max): (DVec3, DVec3)) -> Option<f64> {
     flat.then(|| at(0.5))
 }
 
-/// Share of the columns that a level surface fills: a round vessel fills π/4.
+/// Least share of the columns that a level surface fills: a round vessel fills π/4.
 const FILLED: f64 = 0.6;
 
-/// Difference in height of a level surface, without its highest and lowest tenths, over its breadth.
+/// Greatest height difference of a level surface, without its top and bottom tenths, over its breadth.
 const FLAT: f64 = 0.1;

@@ -1,7 +1,9 @@
 //! The passes of a frame, in order, and the data that flows between them.
 //!
-//! A pass has `new` (pipelines), `resize` (what depends on the picture's size), `record`
-//! (commands), and public outputs. It is one file here and one of the same name in `shaders/`.
+//! Each pass implements the functions below that it needs: `new` compiles the pipelines that every frame
+//! uses; `resize` replaces the textures; `prepare` uploads the frame's parameters and compiles
+//! missing pipelines; `record` encodes the commands under a timestamp span and does not change the
+//! pass. Outputs are public. A pass is one file here and one of the same name in `shaders/`.
 
 use glam::UVec2;
 
@@ -9,7 +11,6 @@ use crate::camera::CameraUniform;
 use crate::gpu::{self, Gpu};
 
 pub mod caustics;
-
 pub mod cull;
 pub mod gbuffer;
 pub mod mips;
@@ -25,7 +26,7 @@ pub mod view_passes;
 /// A front and a back layer of tangent planes: two layers of one texture.
 ///
 /// A texel stores the plane π·X = 1 in view space, in 1/m, and its depth in m. 32-bit floats:
-/// with half of that, planes seen at a slant lose the digits that Newton's method needs.
+/// at grazing angles, 16-bit planes lack the precision that Newton's method needs.
 #[derive(Debug, Clone)]
 pub struct Layers {
     /// [`Layers::FORMAT`], layers [`Layers::FRONT`] and [`Layers::BACK`].
@@ -52,21 +53,21 @@ impl Layers {
 /// The opaque scene as the camera sees it.
 #[derive(Debug, Clone)]
 pub struct GBufferImages {
-    /// Planes as in [`Layers`], one layer.
+    /// Planes as in [`Layers`], in one layer.
     pub planes: wgpu::Texture,
-    /// Unit normal in world space, and the solid's number, 32-bit floats.
+    /// Unit normal in world space and the solid's number, as 32-bit floats.
     pub surfaces: wgpu::Texture,
 }
 
-/// A linear picture: RGB radiance and coverage, 32-bit floats, so that what an unlit solid emits
-/// survives to the last bit of an 8-bit picture.
+/// A linear picture: RGB radiance and coverage. 32-bit floats keep the emission of an unlit solid
+/// exact to the last bit of an 8-bit picture.
 #[derive(Debug, Clone)]
 pub struct Radiance {
     /// The picture.
     pub texture: wgpu::Texture,
 }
 
-/// The camera as all passes bind it: group 0.
+/// The camera's bind group, group 0 of all passes.
 #[derive(Debug)]
 pub struct CameraBinding {
     buffer: wgpu::Buffer,
@@ -88,7 +89,7 @@ impl CameraBinding {
         gpu.queue.write_buffer(&self.buffer, 0, bytemuck::bytes_of(camera));
     }
 
-    /// What every pipeline that sees through it is specialised for.
+    /// Specialisation constants of every pipeline that uses this camera.
     pub fn constants(&self) -> [(&'static str, f64); 1] {
         [("ORTHOGRAPHIC", f64::from(u8::from(self.orthographic)))]
     }

@@ -1,4 +1,4 @@
-//! The frame, on one page.
+//! The renderer: [`Renderer::render`] draws a frame.
 
 use glam::{UVec2, Vec3, Vec3Swizzles as _};
 use rayon::prelude::*;
@@ -24,26 +24,26 @@ use crate::settings::Solids;
 
 /// Draws particle liquids with one device.
 ///
-/// Frames are independent of each other: what is kept between them is memory, pipelines, and such
-/// images of the last frame as the next would draw again bit by bit.
+/// Frames are independent of each other. The renderer keeps only memory, pipelines, and images of the
+/// last frame that the next frame would redraw bit for bit.
 #[derive(Debug)]
 pub struct Renderer {
     gpu: Gpu,
     splat_set: SplatSet,
     lights: Lights,
-    eye: ViewPasses,
+    camera_view: ViewPasses,
     mips: Option<Mips>,
     refract: Refract,
     tonemap: Tonemap,
     sized_for: (UVec2, bool),
-    /// None after an error, or if nothing is to be kept.
+    /// Inputs of the last frame; `None` after an error, or without [`Renderer::reuse`].
     last: Option<LastFrame>,
     submissions: u32,
-    /// Measure each pass with the device's timestamps, where it has them.
+    /// Measure each pass with timestamp queries, where the device supports them.
     pub timing: bool,
-    /// Keep what [`Renderer::images`] needs: per-pixel counts, and the G-buffer.
+    /// Draw the per-pixel counts and the G-buffer for [`Renderer::images`].
     pub diagnose: bool,
-    /// Draw only what has changed since the last frame; off unless set.
+    /// Skip passes whose inputs have not changed since the last frame; off by default.
     pub reuse: bool,
 }
 
@@ -56,25 +56,25 @@ pub struct Images {
     pub smoothed: Layers,
     /// Splash layers, if the frame had splashes.
     pub splash: Option<Layers>,
-    /// The opaque scene, if it was drawn.
+    /// The G-buffer, if it was drawn.
     pub gbuffer: Option<GBufferImages>,
     /// The caustic map of each light, if it has one.
     pub caustics: Vec<Option<CausticMap>>,
     /// The linear picture.
     pub radiance: Radiance,
-    /// Interfaces, length inside (m), solver iterations, solver failures per ray; if
-    /// [`Renderer::diagnose`] was set.
+    /// Interfaces, length inside the liquid (m), solver iterations and solver failures of each pixel's
+    /// rays; `None` unless [`Renderer::diagnose`] was set.
     pub diagnostics: Option<wgpu::Texture>,
 }
 
 impl Renderer {
-    /// Compiles what every frame needs; the rest is compiled when a frame first needs it.
+    /// Compiles the pipelines that every frame needs; all others are compiled on first use.
     pub fn new(gpu: &Gpu) -> Self {
         Self {
             gpu: gpu.clone(),
             splat_set: SplatSet::new(gpu),
             lights: Lights::default(),
-            eye: ViewPasses::new(gpu, false),
+            camera_view: ViewPasses::new(gpu, false),
             mips: None,
             refract: Refract::new(gpu),
             tonemap: Tonemap::new(gpu),
@@ -89,11 +89,12 @@ impl Renderer {
 
     /// Draws one frame into `target`, a view of `size` pixels in `format`.
     ///
-    /// sRGB formats are encoded by the device, others by limpid.
+    /// The device encodes sRGB formats; the shader encodes all others.
     ///
-    /// Returns the time of each pass that ran if [`Renderer::timing`] is set, else nothing. It waits for
-    /// the device to time it, and where a frame is so long that it is divided. What the last frame has
-    /// drawn from the same input is not drawn again: [`Renderer::forget`].
+    /// Returns the time of each pass that ran if [`Renderer::timing`] is set, otherwise nothing. The call
+    /// blocks on the device to read these times, and if the frame is so long that it is split into
+    /// several submissions. With [`Renderer::reuse`], passes whose inputs have not changed are skipped;
+    /// [`Renderer::forget`] prevents that.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] for a value out of range, [`crate::Error::Limit`] for a picture
@@ -121,11 +122,11 @@ impl Renderer {
         let gpu = &self.gpu;
         let (mut timer, mut commands) = (Timer::new(gpu, self.timing), Commands::new(gpu));
         self.record_views(&frame, dirty, &mut commands, &mut timer);
-        if !self.refract.is_compiled(frame.variant, &self.eye.scene) {
-            // The device begins to draw while the longest shaders are compiled.
+        if !self.refract.is_compiled(frame.variant, &self.camera_view.scene) {
+            // The device starts drawing while the largest shaders compile.
             commands.submit();
         }
-        let (camera_binding, scene_binding) = (&self.eye.camera, &self.eye.scene);
+        let (camera_binding, scene_binding) = (&self.camera_view.camera, &self.camera_view.scene);
         let params = &frame.refract_params();
         self.refract.prepare(gpu, camera_binding, scene_binding, frame.variant, params);
         if frame.variant.mips() {
@@ -145,7 +146,7 @@ impl Renderer {
         timer.read(gpu, resolved.as_ref())
     }
 
-    /// Fails for inputs that cannot be drawn.
+    /// Fails if the inputs cannot be drawn.
     fn check(&self, scene: &Scene, camera: &Camera, splats: &Splats, size: UVec2) -> Result<()> {
         scene.check()?;
         camera.check()?;
@@ -161,9 +162,9 @@ impl Renderer {
         Ok(())
     }
 
-    /// Gives the passes textures of the frame's size.
+    /// Resizes the passes' textures to the frame.
     fn resize(&mut self, frame: &Frame<'_>) {
-        self.eye.resize(&self.gpu, frame.config);
+        self.camera_view.resize(&self.gpu, frame.config);
         let size = (frame.config.size, self.diagnose);
         if self.sized_for != size {
             self.refract.resize(&self.gpu, size.0, self.diagnose);
@@ -171,8 +172,8 @@ impl Renderer {
         }
     }
 
-    /// Uploads changed inputs, and compiles what the frame's passes lack; light through the layers,
-    /// the longest, is compiled later.
+    /// Uploads changed inputs and compiles missing pipelines, except for refraction, which takes
+    /// longest and is compiled later.
     fn prepare(
         &mut self,
         frame: &Frame<'_>,
@@ -188,15 +189,15 @@ impl Renderer {
             self.lights.prepare(gpu, inputs, frame.config.culled)?;
         }
         if dirty.surfaces {
-            self.eye.look_past_walls(gpu, frame.scene, &frame.uniform, eye, frame.splats);
+            self.camera_view.look_past_walls(gpu, frame.scene, &frame.uniform, eye, frame.splats);
         }
         let (views, maps) = (self.lights.views(), self.lights.maps());
-        self.eye.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
+        self.camera_view.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
         self.tonemap.prepare(gpu, &frame.scene.settings.tonemap, format);
         Ok(())
     }
 
-    /// Records the lights' maps, the layers and the G-buffer, as far as they must be drawn again.
+    /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
     fn record_views(
         &self,
         frame: &Frame<'_>,
@@ -210,11 +211,11 @@ impl Renderer {
         }
         if dirty.surfaces {
             let names = ["splat", "splat splashes", "mixture", "tiles", "smooth", "gbuffer"];
-            self.eye.record(&self.gpu, commands, inputs, timer, names);
+            self.camera_view.record(&self.gpu, commands, inputs, timer, names);
         }
     }
 
-    /// Records light through the layers, as far as it must be followed again.
+    /// Records mip levels and refraction, as far as they are dirty.
     fn record_picture(
         &self,
         frame: &Frame<'_>,
@@ -223,43 +224,43 @@ impl Renderer {
         timer: &mut Timer,
     ) {
         if let Some(mips) = self.mips.as_ref().filter(|_| dirty.surfaces && frame.variant.mips()) {
-            let mut layers = vec![&self.eye.aggregate_layers().texture];
-            layers.extend(self.eye.splash_layers().map(|splash| &splash.texture));
-            layers.extend(frame.screen_solids.then_some(&self.eye.gbuffer.images.planes));
+            let mut layers = vec![&self.camera_view.aggregate_layers().texture];
+            layers.extend(self.camera_view.splash_layers().map(|splash| &splash.texture));
+            layers.extend(frame.screen_solids.then_some(&self.camera_view.gbuffer.images.planes));
             mips.record(&self.gpu, &mut commands.encoder, &layers, timer.span("mips"));
         }
         if dirty.radiance {
             let span = timer.span("refract");
             let (variant, work) = (frame.variant, frame.work);
-            self.refract.record(&self.gpu, commands, &self.eye, variant, work, span);
+            self.refract.record(&self.gpu, commands, &self.camera_view, variant, work, span);
         }
     }
 
-    /// Draws all of the next frame, also what the last one has drawn from the same input: to
-    /// measure what a frame takes.
+    /// Discards the last frame, so that the next one runs all passes: for measuring the time of a
+    /// complete frame.
     pub fn forget(&mut self) {
         self.last = None;
     }
 
-    /// Submissions of the last frame: more than a few, where one would hold the device too long.
+    /// Number of submissions of the last frame: many, if a single one would occupy the device too long.
     pub fn submissions(&self) -> u32 {
         self.submissions
     }
 
-    /// Numbers, from 0, of the last frame's lights that shine through the liquid straight, without
-    /// caustics: point lights in the liquid, and such as see it under more than 150 degrees.
+    /// Indices of the last frame's lights without caustics, whose light is not refracted: point lights
+    /// inside the liquid, and those from which it subtends more than 150 degrees.
     pub fn lights_without_caustics(&self) -> Vec<usize> {
         self.lights.without_caustics()
     }
 
     /// The intermediate images of the last frame.
     pub fn images(&self) -> Images {
-        let (eye, refract) = (&self.eye, &self.refract);
+        let (view, refract) = (&self.camera_view, &self.refract);
         Images {
-            aggregate: eye.aggregate.layers.clone(),
-            smoothed: eye.aggregate_layers().clone(),
-            splash: eye.splash_layers().cloned(),
-            gbuffer: eye.has_gbuffer().then(|| eye.gbuffer.images.clone()),
+            aggregate: view.aggregate.layers.clone(),
+            smoothed: view.aggregate_layers().clone(),
+            splash: view.splash_layers().cloned(),
+            gbuffer: view.has_gbuffer().then(|| view.gbuffer.images.clone()),
             caustics: self.lights.caustic_maps(),
             radiance: refract.radiance.clone(),
             diagnostics: self.sized_for.1.then(|| refract.diagnostics.clone()),
@@ -267,7 +268,7 @@ impl Renderer {
     }
 }
 
-/// One frame: its inputs, and what its passes are made for.
+/// One frame: its inputs, and the configuration of its passes.
 struct Frame<'a> {
     scene: &'a Scene,
     camera: &'a Camera,
@@ -275,13 +276,13 @@ struct Frame<'a> {
     uniform: CameraUniform,
     config: ViewConfig,
     variant: Variant,
-    /// The iterations of smoothing.
+    /// Parameters of each smoothing iteration.
     fits: Vec<smooth::Params>,
-    /// Of the slowest pass at a pixel, in evaluations of a layer.
+    /// Work per pixel of the slowest pass, in layer evaluations.
     work: u64,
-    /// A pixel's ray may start in liquid.
+    /// A pixel's ray may start inside the liquid.
     starts_inside: bool,
-    /// Light meets solids in the G-buffer.
+    /// Rays intersect solids in the G-buffer.
     screen_solids: bool,
 }
 
@@ -341,10 +342,10 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// Squares of the product of a splat's axes and its distance have to be numbers that 32-bit floats
-/// hold: beyond, the liquid would not be seen.
+/// Fails if the product of a splat's axes and its distance, squared, leaves the range of 32-bit
+/// floats: the liquid would be invisible.
 fn check_scale(splats: &Splats, camera: &Camera) -> Result<()> {
-    /// m². Pictures at these ends are as in the middle.
+    /// Range of radius times distance, m²; pictures are correct up to both ends.
     const PRODUCTS: std::ops::RangeInclusive<f64> = 1e-18..=1e18;
     let (radius, distance) = (f64::from(splats.radius), camera.eye.distance(camera.target));
     let empty = splats.aggregates.is_empty() && splats.splashes.is_empty();
@@ -358,22 +359,22 @@ fn check_scale(splats: &Splats, camera: &Camera) -> Result<()> {
     Err(Error::invalid("particles", problem))
 }
 
-/// The camera; if it has the default near plane and the eye is outside of the liquid, but nearer to
-/// it than that plane, with one in front of the liquid. Else that would count as around the eye: a
-/// low eye with a far target would look out of the water.
+/// Moves a default near plane in front of the liquid, if the eye is outside the liquid but nearer to
+/// it than that plane. Otherwise the liquid would count as surrounding the eye: a low eye with a far
+/// target would look out of the water.
 fn clear_of_liquid(camera: &Camera, splats: &Splats, size: UVec2, support: f32) -> Camera {
-    /// Share of the way to the liquid, for smoothing may bring a surface nearer.
-    const BEFORE: f64 = 0.5;
-    /// Splats are seen from the eye in 32-bit floats: nearer than this share of the origin's distance
-    /// or of a radius, near and far sides are not told apart.
-    const LEAST: (f64, f64) = (1e-6, 1e-3);
+    /// Near plane over the distance to the liquid, less than 1 because smoothing may move a surface nearer.
+    const NEAR_SHARE: f64 = 0.5;
+    /// Least near plane, over the origin's distance and over a radius: any nearer, 32-bit floats cannot
+    /// distinguish the near and far sides of splats.
+    const MIN_SHARES: (f64, f64) = (1e-6, 1e-3);
     if camera.near.is_some() {
         return *camera;
     }
     let uniform = camera.uniform(size, splats.origin);
     let eye = camera.eye - splats.origin;
     let ahead = (camera.target - camera.eye).normalize();
-    // From the eye to the near plane's corners, per unit of its depth.
+    // Distance from the eye to the near plane's corners, per unit of depth.
     let corner = f64::from(uniform.tangent.extend(1.0).length());
     let farthest = corner * f64::from(uniform.near);
     let clearance = |splat: &Splat| {
@@ -383,7 +384,7 @@ fn clear_of_liquid(camera: &Camera, splats: &Splats, size: UVec2, support: f32) 
             return f64::INFINITY;
         }
         let to_sphere = splat.axes().inverse();
-        // A way of this length in sphere space is no shorter than that over the norm in the world.
+        // A distance in world space is at least the one in sphere space over the norm.
         let norm = to_sphere.to_cols_array().map(|x| x * x).iter().sum::<f64>().sqrt();
         (((to_sphere * offset).length() - 1.0) / norm).max(distance - reach)
     };
@@ -393,16 +394,16 @@ fn clear_of_liquid(camera: &Camera, splats: &Splats, size: UVec2, support: f32) 
     if nearest >= farthest || !outside {
         return *camera;
     }
-    let least = (LEAST.0 * eye.length()).max(LEAST.1 * f64::from(splats.radius));
-    let near = (BEFORE * nearest / corner).max(least) as f32;
+    let least = (MIN_SHARES.0 * eye.length()).max(MIN_SHARES.1 * f64::from(splats.radius));
+    let near = (NEAR_SHARE * nearest / corner).max(least) as f32;
     Camera { near: Some(near.min(uniform.near)), ..*camera }
 }
 
-/// Whether the picture may have a pixel whose ray starts in liquid. Then it leaves by a back, also
-/// where a ray is followed through one interface.
+/// Whether a pixel's ray may start inside the liquid. It then leaves through a back, even if rays are
+/// followed through one interface only.
 fn may_start_inside(splats: &Splats, camera: &Camera, size: UVec2) -> bool {
     let uniform = camera.uniform(size, splats.origin);
-    // From the eye to the near plane's corners; and room for planes that are seen at a slant.
+    // Distance from the eye to the near plane's corners, with a margin for planes at grazing angles.
     let near = 32.0 * uniform.near * uniform.tangent.extend(1.0).length();
     splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
         (uniform.origin + Vec3::from_array(splat.centre)).length()
@@ -410,8 +411,8 @@ fn may_start_inside(splats: &Splats, camera: &Camera, size: UVec2) -> bool {
     })
 }
 
-/// How far the liquid reaches above the eye, m: the highest particle of those that the vertical through
-/// the eye passes, or nearly; 0 if there is none. `origin` is that of the splats, seen from the eye.
+/// Depth of the eye below the liquid's surface, m: up to the highest particle near the vertical through
+/// the eye; 0 if there is none. `origin` is the splats' origin relative to the eye.
 fn depth_below_surface(splats: &Splats, origin: Vec3) -> f32 {
     let height = |splat: &Splat| {
         let centre = origin + Vec3::from_array(splat.centre);

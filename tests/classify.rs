@@ -1,4 +1,4 @@
-//! Splash or aggregate, and the shapes of splats: known answers and invariances.
+//! Classification and splat shapes: known answers and invariances.
 
 use glam::{DVec3, Mat3, Vec3};
 use limpid::liquid::Particles;
@@ -12,7 +12,7 @@ fn cloud(positions: impl IntoIterator<Item = Vec3>) -> Particles {
     Particles { positions: positions.into_iter().collect(), ..Default::default() }
 }
 
-/// Points i·step, centred on the origin, `count` along each axis; steps in r.
+/// Lattice centred on the origin with `count` points along each axis; `step` in r.
 fn lattice(count: [i32; 3], step: [f32; 3]) -> Vec<Vec3> {
     let axis =
         |k: usize| (0..count[k]).map(move |i| (i as f32 - (count[k] / 2) as f32) * step[k] * R);
@@ -27,14 +27,14 @@ fn noise(seed: &mut u64) -> f32 {
     (*seed >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// Random particles in a cube, about as dense as a body at rest.
+/// Random particles in a cube, at about the density of a body at rest.
 fn random(count: usize, seed: u64) -> Vec<Vec3> {
     let mut seed = seed;
     let side = 2.0 * R * (count as f32).cbrt();
     (0..count).map(|_| Vec3::from_array([(); 3].map(|()| noise(&mut seed))) * side).collect()
 }
 
-/// The particle at the origin of a centred lattice.
+/// Index of the particle at the origin.
 fn middle(positions: &[Vec3]) -> u32 {
     positions.iter().position(|&p| p == Vec3::ZERO).expect("a particle at the origin") as u32
 }
@@ -57,12 +57,12 @@ fn matrix(splat: &Splat) -> Mat3 {
     Mat3::from_cols_array_2d(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 }
 
-/// Where a splat is in the world.
+/// World position of a splat.
 fn place_of(splats: &Splats, splat: &Splat) -> DVec3 {
     splats.origin + Vec3::from_array(splat.centre).as_dvec3()
 }
 
-/// Everything an ellipsoid needs to be drawn: finite, and A positive definite.
+/// Every splat is finite, with positive definite A.
 fn assert_drawable(splats: &Splats) {
     for splat in all(splats) {
         let a = matrix(splat).as_dmat3() * (1.0 / f64::from(splat.radius));
@@ -72,7 +72,7 @@ fn assert_drawable(splats: &Splats) {
     }
 }
 
-/// Semi-axes along x, y and z, in r, of an ellipsoid that is aligned with them.
+/// Semi-axes along x, y and z, in r, of an axis-aligned ellipsoid.
 fn aligned_axes(splat: &Splat) -> Vec3 {
     let off = Vec3::from_array(splat.off_diagonal).abs().max_element();
     assert!(off < 1e-5 * splat.radius, "not aligned: {splat:?}");
@@ -85,7 +85,7 @@ fn assert_axes(splat: &Splat, expected: [f32; 3]) {
     assert!(axes.abs_diff_eq(expected.into(), 1e-4), "{axes}, not {expected:?}");
 }
 
-/// Everything is an aggregate, and no cap hides the ratio of the axes.
+/// Settings without splashes, and without a cap on the long axis.
 fn bare(kernel: Kernel) -> Classify {
     Classify {
         splash_density: 0.0,
@@ -97,7 +97,7 @@ fn bare(kernel: Kernel) -> Classify {
     }
 }
 
-/// Settings with round numbers, so that shapes are known whatever the defaults are tuned to.
+/// Settings with round numbers, independent of the defaults.
 fn round() -> Classify {
     Classify {
         splash_density: 0.2,
@@ -110,7 +110,7 @@ fn round() -> Classify {
     }
 }
 
-/// The density share of one particle, through the threshold alone.
+/// Relative density of one particle, found by bisection of the threshold.
 fn share(positions: &[Vec3], particle: u32) -> f32 {
     let (mut low, mut high) = (0.0, 2.0);
     for _ in 0..22 {
@@ -128,14 +128,14 @@ fn share(positions: &[Vec3], particle: u32) -> f32 {
 
 // Shapes.
 
-/// A frame without liquid is a frame.
+/// A frame without particles is valid.
 #[test]
 fn no_particles_give_no_splats() {
     let splats = classify(&Particles::default(), R, &Classify::default());
     assert_eq!(splats, Splats { radius: R, ..Default::default() });
 }
 
-/// A droplet is drawn where it is, as large as it is.
+/// A lone splash keeps its position and radius.
 #[test]
 fn a_lone_particle_is_a_sphere_of_its_radius() {
     let place = Vec3::new(1.0, 2.0, 3.0);
@@ -147,7 +147,7 @@ fn a_lone_particle_is_a_sphere_of_its_radius() {
     assert_axes(&splats.splashes[0], [1.0; 3]);
 }
 
-/// A zero covariance has no directions; the shape is a sphere, not NaN.
+/// A zero covariance yields a sphere, not NaN.
 #[test]
 fn a_lone_aggregate_is_a_sphere() {
     let splats = classify(&cloud([Vec3::ONE]), R, &bare(Kernel::Fitted));
@@ -156,7 +156,7 @@ fn a_lone_aggregate_is_a_sphere() {
     assert_axes(&splats.aggregates[0], [1.0; 3]);
 }
 
-/// Many particles in one place neither panic the tree nor make a shape out of rounding errors.
+/// Coincident particles neither panic the tree nor get shapes from rounding errors.
 #[test]
 fn coincident_particles_are_spheres() {
     for place in [Vec3::ZERO, Vec3::new(0.1, -7.3, 1234.5)] {
@@ -169,12 +169,12 @@ fn coincident_particles_are_spheres() {
     }
 }
 
-/// Protects digits: a cloud is classified in the same way wherever it is, its splats to 1e-6 of
-/// its size, and splats near the origin are counted from it.
+/// Classification does not depend on the distance from the origin, within 1e-5 r, and splats near the
+/// origin are relative to it.
 #[test]
-fn far_clouds_keep_their_digits() {
+fn far_clouds_keep_their_precision() {
     let settings = Classify::default();
-    // With 10 binary digits behind the point, so that 32-bit floats hold it at 8192 m too.
+    // With 10 fractional bits, so that 32-bit floats are exact at 8192 m too.
     let body: Vec<_> = random(1000, 31).iter().map(|p| (p * 1024.0).round() / 1024.0).collect();
     let near = classify(&cloud(body.clone()), R, &settings);
     assert_eq!(near.origin, DVec3::ZERO);
@@ -195,8 +195,8 @@ fn far_clouds_keep_their_digits() {
     }
 }
 
-/// Protects wetting far from the origin: copies lie on the solid, not beside it by the rounding of
-/// a 32-bit coordinate.
+/// Wetting is exact far from the origin: copies lie on the solid beyond the precision of 32-bit
+/// coordinates.
 #[test]
 fn far_splats_wet_solids() {
     let floor = DVec3::new(98765.4321, -12345.6789, 1e5);
@@ -208,14 +208,14 @@ fn far_splats_wet_solids() {
     let mut splats = classify(&particles, R, &Classify::default());
     let drawn = splats.aggregates.len();
     wet(&mut splats, &[Solid { shape, surface, lit: false }], 2.0);
-    assert_eq!(splats.aggregates.len(), 2 * drawn, "each has a copy");
+    assert_eq!(splats.aggregates.len(), 2 * drawn, "each aggregate has a copy");
     for copy in &splats.aggregates[drawn..] {
         let height = place_of(&splats, copy).y - floor.y;
         assert!(height.abs() < 1e-6 * f64::from(R), "{height:e}");
     }
 }
 
-/// A flat covariance is thickened to `1/k_r`, and the short axis is the one that is held.
+/// A flat covariance is clamped to the ratio `k_r`, and the short axis is the fixed one.
 #[test]
 fn coplanar_particles_are_flat() {
     let sheet = lattice([21, 21, 1], [2.0, 2.0, 2.0]);
@@ -228,7 +228,7 @@ fn coplanar_particles_are_flat() {
     );
 }
 
-/// The same for a covariance of rank one.
+/// A covariance of rank one is clamped likewise.
 #[test]
 fn collinear_particles_are_needles() {
     let line = lattice([1, 21, 1], [2.0; 3]);
@@ -236,18 +236,18 @@ fn collinear_particles_are_needles() {
     assert_axes(&splat, [1.4, 5.6, 1.4]);
 }
 
-/// Inside a body at rest nothing has a direction, and nothing moves.
+/// Inside a body at rest, splats are spheres and stay in place.
 #[test]
-fn the_inside_of_a_body_is_round() {
+fn splats_inside_a_body_are_spheres() {
     let body = lattice([9; 3], [2.0; 3]);
     let splat = find(&classify(&cloud(body.clone()), R, &round()), middle(&body));
     assert_axes(&splat, [1.4; 3]);
     assert!(Vec3::from_array(splat.centre).length() < 1e-6 * R);
 }
 
-/// At a surface the short axis is the normal, and the centre moves inwards.
+/// At a surface the short axis is along the normal, and the centre moves inwards.
 #[test]
-fn a_surface_flattens_along_its_normal() {
+fn surface_splats_flatten_along_the_normal() {
     let body = lattice([13, 13, 7], [2.0; 3]);
     let top = body.iter().position(|p| p.truncate().length() == 0.0 && p.z > 5.9 * R).unwrap();
     let splat = find(&classify(&cloud(body.clone()), R, &round()), top as u32);
@@ -256,8 +256,8 @@ fn a_surface_flattens_along_its_normal() {
     assert!(splat.centre[2] < body[top].z - 0.1 * R);
 }
 
-/// Volume mode: fewer than 25 neighbours are a sphere; a dense line ends exactly at 1.2 r; a sheet
-/// keeps the ratio until the cap.
+/// Volume mode: fewer than 25 neighbours yield a sphere; a dense line is capped at exactly 1.2 r; a sheet
+/// keeps the ratio up to the cap.
 #[test]
 fn volume_kernels_follow_the_papers() {
     let settings = bare(Kernel::Volume);
@@ -273,7 +273,7 @@ fn volume_kernels_follow_the_papers() {
     assert_axes(&at_middle(lattice([9; 3], [2.0; 3])), [1.0; 3]);
 }
 
-/// Axes obey the caps and the ratio in every direction, not only along x, y and z.
+/// Axes obey the caps and the ratio in all directions, not only along x, y and z.
 #[test]
 fn axes_stay_within_their_bounds() {
     let particles = cloud(random(2000, 3));
@@ -295,11 +295,11 @@ fn axes_stay_within_their_bounds() {
     }
 }
 
-// Splash or aggregate.
+// Classes.
 
-/// The share is 1 where the liquid rests, and what it is elsewhere does not drift unnoticed.
+/// The relative density of a body at rest is 1; other configurations have known values.
 #[test]
-fn density_shares_are_known() {
+fn relative_densities_are_known() {
     let of = |points: Vec<Vec3>| {
         let index = middle(&points);
         share(&points, index)
@@ -319,7 +319,7 @@ fn density_shares_are_known() {
     }
 }
 
-/// Thin sheets are liquid; if they fell apart into droplets, crowns and curtains would.
+/// Thin sheets are aggregates, so that crowns and curtains do not fall apart into droplets.
 #[test]
 fn sheets_are_not_splashes() {
     for (count, step) in [
@@ -336,12 +336,12 @@ fn sheets_are_not_splashes() {
 
 /// Bodies have no splashes at faces, edges and corners.
 #[test]
-fn a_block_is_one_body() {
+fn blocks_have_no_splashes() {
     let splats = classify(&cloud(lattice([6; 3], [2.0; 3])), R, &Classify::default());
     assert_eq!((splats.aggregates.len(), splats.splashes.len()), (216, 0));
 }
 
-/// Up to three particles are droplets, even in contact.
+/// Up to three particles are splashes, even in contact.
 #[test]
 fn droplets_are_splashes() {
     let triangle = vec![Vec3::ZERO, Vec3::X * 2.0 * R, Vec3::new(1.0, 3f32.sqrt(), 0.0) * R];
@@ -349,12 +349,12 @@ fn droplets_are_splashes() {
         let splats = classify(&cloud(droplet.clone()), R, &round());
         assert_eq!(splats.splashes.len(), droplet.len());
         for (splat, place) in splats.splashes.iter().zip(droplet) {
-            assert_eq!(splat.centre, place.to_array(), "a droplet is not smoothed away");
+            assert_eq!(splat.centre, place.to_array(), "splashes are not smoothed");
         }
     }
 }
 
-/// The tree's answer is that of all pairs.
+/// The search finds the same density as a sum over all pairs.
 #[test]
 fn density_equals_a_brute_force_reference() {
     let points = random(500, 4);
@@ -382,10 +382,10 @@ fn density_equals_a_brute_force_reference() {
     }
 }
 
-/// The grid's answer is the tree's: centres and axes to 10⁻⁵ r, and no particle of another class; and a
-/// grid it is, but for particles that none serves.
+/// Grid and tree agree: centres and axes to 10⁻⁵ r, and classes exactly. The grid applies except to
+/// crowds and widely scattered particles.
 #[test]
-fn the_grid_equals_the_tree() {
+fn grid_equals_tree() {
     let mut seed = 13;
     let body = random(8000, 12);
     let radii: Vec<_> = body.iter().map(|_| R * (0.5 + 1.5 * noise(&mut seed))).collect();
@@ -414,9 +414,9 @@ fn the_grid_equals_the_tree() {
 
 // Invariances.
 
-/// Nothing depends on the axes of the world.
+/// Results do not depend on the world axes.
 #[test]
-fn turning_the_liquid_turns_the_splats() {
+fn rotating_the_particles_rotates_the_splats() {
     let points = random(1000, 5);
     let quarter = Mat3::from_cols(Vec3::Y, Vec3::NEG_X, Vec3::Z);
     let cycle = Mat3::from_cols(Vec3::Y, Vec3::Z, Vec3::X);
@@ -438,9 +438,9 @@ fn turning_the_liquid_turns_the_splats() {
     }
 }
 
-/// Lengths are multiples of r: four times the size, the same picture, to the last bit.
+/// Lengths are multiples of r: scaling by four scales the splats exactly.
 #[test]
-fn scaling_the_liquid_scales_the_splats() {
+fn scaling_the_particles_scales_the_splats() {
     let points = random(1000, 6);
     let small = classify(&cloud(points.clone()), R, &Classify::default());
     let large = classify(&cloud(points.iter().map(|&p| 4.0 * p)), 4.0 * R, &Classify::default());
@@ -451,9 +451,9 @@ fn scaling_the_liquid_scales_the_splats() {
     }
 }
 
-/// Renders of one frame agree between machines with other numbers of cores.
+/// Results do not depend on the number of threads.
 #[test]
-fn threads_do_not_change_a_bit() {
+fn thread_count_does_not_change_results() {
     let particles = cloud(random(30_000, 7));
     let settings = Classify { splash_density: 0.7, ..Default::default() };
     let run = |threads| {
@@ -467,7 +467,7 @@ fn threads_do_not_change_a_bit() {
     for threads in [2, 2, 3] {
         assert!(one == run(threads).1, "{threads} threads");
     }
-    // Every particle once, in the order of the file.
+    // Every particle occurs once, in file order.
     assert!(splats.aggregates.is_sorted_by_key(|s| s.particle));
     assert!(splats.splashes.is_sorted_by_key(|s| s.particle));
     assert_eq!(splats.aggregates.len() + splats.splashes.len(), 30_000);
@@ -476,7 +476,7 @@ fn threads_do_not_change_a_bit() {
 
 // Radii.
 
-/// A radius in the file wins over the default, particle by particle.
+/// Radii from the file override the default, per particle.
 #[test]
 fn radii_of_the_file_are_honoured() {
     let small = random(500, 8);
@@ -503,9 +503,10 @@ fn radii_of_the_file_are_honoured() {
     }
 }
 
-/// Neighbours count by volume: a body is as dense to a particle of twice the size.
+/// Neighbours are weighted by volume: the relative density around a particle of twice the size is the
+/// same.
 #[test]
-fn a_large_particle_among_small_ones_is_inside_a_body() {
+fn large_particle_among_small_ones_is_inside_a_body() {
     let body = lattice([13; 3], [2.0; 3]);
     let mut radii = vec![R; body.len()];
     radii[middle(&body) as usize] = 2.0 * R;
@@ -518,7 +519,7 @@ fn a_large_particle_among_small_ones_is_inside_a_body() {
     assert!(!splashes_at(0.9) && splashes_at(1.15));
 }
 
-/// What cannot be drawn is left out, and the rest keeps its indices.
+/// Particles that cannot be drawn are skipped, and the others keep their indices.
 #[test]
 fn unusable_particles_are_skipped() {
     let bad = [0.0, -0.0, -R, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e-40, f32::MAX];
@@ -536,7 +537,7 @@ fn unusable_particles_are_skipped() {
     assert!(none.aggregates.is_empty() && none.splashes.is_empty());
 }
 
-/// Numbers at the ends of their range stay numbers.
+/// Extreme positions and radii yield finite splats.
 #[test]
 fn adversarial_particles_stay_finite() {
     let tiny = f32::from_bits(1);
@@ -560,14 +561,14 @@ fn adversarial_particles_stay_finite() {
             for (points, radius) in &clouds {
                 let settings = Classify { kernel, splash_density, ..Default::default() };
                 let splats = classify(&cloud(points.iter().copied()), *radius, &settings);
-                assert_eq!(all(&splats).count(), points.len(), "every particle is drawn");
+                assert_eq!(all(&splats).count(), points.len(), "every particle has a splat");
                 assert_drawable(&splats);
             }
         }
     }
 }
 
-/// A few particles that flew off the end of the world cost the others no neighbour.
+/// Distant stray particles do not change the splats of the others.
 #[test]
 fn stray_particles_change_nothing() {
     let body = random(2000, 12);
@@ -587,7 +588,7 @@ fn stray_particles_change_nothing() {
     assert_eq!(with.splashes.len(), without.splashes.len() + 18);
 }
 
-/// The largest and smallest settings that a scene may hold.
+/// The largest and smallest valid settings yield finite splats.
 #[test]
 fn extreme_settings_stay_finite() {
     let particles = cloud(random(300, 11));

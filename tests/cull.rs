@@ -1,4 +1,4 @@
-//! Splats that are hidden inside a body are left out, and the layers are the same to the bit.
+//! Culling of splats hidden inside a body leaves the layers bitwise unchanged.
 
 #[path = "support/frames.rs"]
 mod frames;
@@ -21,11 +21,11 @@ use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 const SIZE: UVec2 = UVec2::new(160, 120);
 /// Particles along the sides of the body.
 const SIDE: usize = 46;
-/// Half the distance between two of them, m.
+/// Half the particle spacing, m.
 const R: f32 = 1.0 / SIDE as f32;
 
-/// A cube from −1 to 1 m, a little disordered, its splats marked as the classification marks them: all
-/// but two layers on each side.
+/// A slightly disordered cube from −1 to 1 m, with splats marked as by classification: all but two
+/// layers on each side.
 fn body() -> Splats {
     let mut seed = 5;
     let mut all = Vec::new();
@@ -37,18 +37,18 @@ fn body() -> Splats {
         all.push(Splat { tags: if inside { Splat::BURIED } else { 0 }, ..splat });
     }
     let buried = all.iter().filter(|splat| splat.is_buried()).count();
-    assert!(buried >= cull::LEAST, "{buried} are too few for any to be left out");
+    assert!(buried >= cull::LEAST, "{buried} marked splats are too few for culling");
     splats(&all, &[], R)
 }
 
-/// The same with nothing marked, so that all are drawn, in the same order.
+/// The same splats without marks, so that all are drawn, in the same order.
 fn unmarked(splats: &Splats) -> Splats {
     let mut all = splats.clone();
     all.aggregates.iter_mut().for_each(|splat| splat.tags &= !Splat::BURIED);
     all
 }
 
-/// Views from outside, at a slant, from near by, past an edge, out of the liquid, and along a face.
+/// Views from outside, at a slant, from near by, past an edge, from inside the liquid, and along a face.
 fn views() -> [Camera; 6] {
     let looking = |eye: DVec3, target: DVec3| Camera { eye, target, ..on_axis(0.0, 50.0) };
     [
@@ -80,9 +80,9 @@ fn assert_same(a: &Shot, b: &Shot, what: &str) {
     assert_eq!(a.picture, b.picture, "{what}");
 }
 
-/// Protects exactness: whatever the view, what is left out does not show.
+/// Culling does not change any image, in any view.
 #[test]
-fn hidden_splats_do_not_show() {
+fn culling_does_not_change_images() {
     let Some(mut stage) = stage() else { return };
     let (scene, marked) = (scene(), body());
     let all = unmarked(&marked);
@@ -95,14 +95,13 @@ fn hidden_splats_do_not_show() {
     }
 }
 
-/// Protects frames that follow each other: with more particles than the last, fewer, and in another size,
-/// they are drawn as if they were the first.
+/// Culling is exact in successive frames with more or fewer particles or another size.
 #[test]
-fn frames_of_other_counts_and_sizes_are_drawn() {
+fn culling_is_exact_when_counts_and_sizes_change() {
     let Some(mut stage) = stage() else { return };
     let (scene, marked) = (scene(), body());
     let camera = &views()[1];
-    // A block more by a few splats, within the room that the first frame left for more.
+    // Includes counts just above a block, within the spare room of the first frame.
     let frames =
         [(67_328, SIZE), (75_700, SIZE), (60_000, SIZE), (75_700, SIZE / 2), (97_000, SIZE)];
     for (count, size) in frames {
@@ -113,23 +112,23 @@ fn frames_of_other_counts_and_sizes_are_drawn() {
     }
 }
 
-/// Protects devices whose bindings do not hold all splats: they are told apart chunk by chunk.
+/// Devices whose bindings do not hold all splats cull in chunks, with the same result.
 #[test]
-fn chunks_are_told_apart() {
+fn culling_in_chunks_is_exact() {
     let Some(whole) = gpu() else { return };
     let wanted = whole.device.adapter_info();
     let descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     let adapters = wgpu::Instance::new(descriptor).enumerate_adapters(wanted.backend.into());
     let adapter = pollster::block_on(adapters).into_iter().find(|a| a.get_info() == wanted);
-    let adapter = adapter.expect("the adapter that the other device is of");
+    let adapter = adapter.expect("the adapter of the other device");
     let required_limits =
         wgpu::Limits { max_storage_buffer_binding_size: 2 << 20, ..adapter.limits() };
     let descriptor = wgpu::DeviceDescriptor { required_limits, ..Default::default() };
-    let (device, queue) =
-        pollster::block_on(adapter.request_device(&descriptor)).expect("less than it has");
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+        .expect("limits below the adapter's");
     let small = Gpu::from_device(device, queue);
     let (scene, marked) = (scene(), body());
-    assert!(size_of_val(&marked.aggregates[..]) > 2 * (2 << 20), "three chunks");
+    assert!(size_of_val(&marked.aggregates[..]) > 2 * (2 << 20), "at least three chunks");
     let [parts, at_once] = [&small, &whole].map(|gpu| {
         let mut renderer = Renderer::new(gpu);
         renderer.diagnose = true;
@@ -138,14 +137,14 @@ fn chunks_are_told_apart() {
     assert_same(&parts, &at_once, "in chunks");
 }
 
-/// Protects against trust in the marks: they say what is drawn first, not what is left out.
+/// Wrong marks do not change depths: marks determine only which splats are drawn first.
 #[test]
-fn wrong_marks_do_not_show() {
+fn wrong_marks_do_not_change_depths() {
     let Some(mut stage) = stage() else { return };
     let (scene, marked) = (scene(), body());
     let camera = &views()[1];
     let drawn = stage.shoot(&scene, camera, &unmarked(&marked), SIZE);
-    // All of them, most without any rule, and many at the surface.
+    // Marks on all splats, on most regardless of position, and on many at the surface.
     let rules: [fn(usize, &Splat) -> bool; 3] =
         [|_, _| true, |i, _| i % 7 < 5, |i, splat| splat.is_buried() || i % 2 == 0];
     for (rule, marks) in rules.iter().enumerate() {
@@ -154,7 +153,7 @@ fn wrong_marks_do_not_show() {
             splat.tags = if marks(i, splat) { Splat::BURIED } else { 0 };
         }
         assert!(wrong.aggregates.iter().filter(|splat| splat.is_buried()).count() >= cull::LEAST);
-        // Two that are at the same depth may come in another order, so planes may differ there.
+        // Splats at equal depths may be drawn in another order, so planes may differ there.
         let culled = stage.shoot(&scene, camera, &wrong, SIZE);
         for name in ["depth.aggregate_front", "depth.aggregate_back"] {
             assert_eq!(culled.channel(name), drawn.channel(name), "rule {rule}: {name}");
@@ -162,9 +161,9 @@ fn wrong_marks_do_not_show() {
     }
 }
 
-/// Protects the views of lights, which are orthographic, and frames in which fronts alone are drawn.
+/// Culling is exact in the orthographic views of lights, and in frames that draw only fronts.
 #[test]
-fn hidden_splats_cast_the_same_light() {
+fn culling_is_exact_for_lights_and_for_fronts_alone() {
     let Some(mut stage) = stage() else { return };
     let mut lit = scene();
     lit.environment = Environment::Constant(Vec3::splat(0.5));
@@ -183,36 +182,36 @@ fn hidden_splats_cast_the_same_light() {
     let marked = body();
     let all = unmarked(&marked);
     let camera = &views()[1];
-    // Diagnosed, frames have all their backs.
+    // With diagnostics, frames always draw backs.
     stage.renderer.diagnose = false;
     for (name, scene) in [("lit", &lit), ("fronts", &fronts)] {
         let [culled, drawn] =
             [&marked, &all].map(|splats| picture(&mut stage, scene, camera, splats));
         assert_eq!(culled, drawn, "{name}");
-        // Something is to be seen.
+        // The picture is not uniform.
         let seen: HashSet<_> = culled.pixels().collect();
         assert!(seen.len() > 50, "{name} has {} colours", seen.len());
     }
     stage.renderer.diagnose = true;
 }
 
-/// Protects these tests from passing for the wrong reason: one splat that is missing is seen.
+/// Negative test: the comparison detects a single missing splat.
 #[test]
-fn a_missing_splat_is_seen() {
+fn missing_splat_is_detected() {
     let Some(mut stage) = stage() else { return };
     let (scene, marked) = (scene(), body());
     let camera = &views()[0];
     let whole = stage.shoot(&scene, camera, &marked, SIZE);
     let mut without = marked;
-    // In the middle of the face that the camera sees.
+    // In the middle of the visible face.
     without.aggregates.remove((SIDE - 1) * SIDE * SIDE + (SIDE / 2) * SIDE + SIDE / 2);
     let holed = stage.shoot(&scene, camera, &without, SIZE);
     assert_ne!(whole.channel("depth.aggregate_front"), holed.channel("depth.aggregate_front"));
 }
 
-/// Protects the marks themselves: most of a large body has them, and nothing of a sheet or a drop.
+/// Classification marks most of a large body as surrounded, but no part of a sheet or drop.
 #[test]
-fn bodies_are_surrounded_sheets_are_not() {
+fn bodies_are_marked_as_surrounded_and_sheets_are_not() {
     let r = 0.02;
     let block = |counts: [usize; 3]| {
         let [x, y, z] = counts;
@@ -227,5 +226,5 @@ fn bodies_are_surrounded_sheets_are_not() {
     assert_eq!(block([40, 40, 1]), 0);
     assert_eq!(block([40, 40, 2]), 0);
     assert_eq!(block([2, 2, 2]), 0);
-    assert_eq!(block([3, 3, 3]), 1, "the one in the middle");
+    assert_eq!(block([3, 3, 3]), 1, "the central particle");
 }

@@ -1,5 +1,5 @@
-//! Whole frames: the same picture whatever was drawn before, into whatever target, and by
-//! whichever of the pipelines that can draw it.
+//! Whole frames: pictures do not depend on earlier frames, on the target, or on which of several
+//! equivalent pipelines draws them.
 
 #[path = "support/frames.rs"]
 mod frames;
@@ -22,7 +22,7 @@ use limpid::wgpu;
 
 const SIZE: UVec2 = UVec2::new(120, 90);
 
-/// A drop of 200 particles with some spray, in all settings as they come: floor, sky, absorption.
+/// A drop of 200 particles with some spray and default settings: floor, sky, absorption.
 fn tank() -> (Scene, Camera, Splats) {
     tank_of(200)
 }
@@ -43,7 +43,7 @@ fn tank_of(count: usize) -> (Scene, Camera, Splats) {
     (scene, camera, drawn)
 }
 
-/// Every image of both frames is the same, to the bit.
+/// All images of both frames are bitwise equal.
 #[track_caller]
 fn assert_same(a: &Shot, b: &Shot, why: &str) {
     let names = |shot: &Shot| {
@@ -59,10 +59,10 @@ fn assert_same(a: &Shot, b: &Shot, why: &str) {
     assert!(a.picture == b.picture, "{why}: the pictures differ");
 }
 
-/// Pictures that are begun while the device still draws others are those that it draws alone: particles
-/// that are uploaded meanwhile, in fewer and in larger buffers, and other sizes, touch none of them.
+/// Pictures begun while the device still draws earlier ones are unaffected by the particles uploaded
+/// meanwhile, in smaller and larger buffers, and by other sizes.
 #[test]
-fn pictures_begun_ahead_are_the_same() {
+fn pipelined_pictures_equal_single_pictures() {
     let Some(gpu) = gpu() else { return };
     let frames: Vec<_> = [(300, SIZE), (200, SIZE), (400, SIZE), (200, SIZE / 2), (300, 2 * SIZE)]
         .into_iter()
@@ -73,28 +73,27 @@ fn pictures_begun_ahead_are_the_same() {
         shot.picture
     });
     let alone: Vec<_> = alone.collect();
-    let mut studio = Offscreen::new(&gpu);
+    let mut offscreen = Offscreen::new(&gpu);
     let begun: Vec<_> = frames
         .iter()
-        .map(|((scene, camera, drawn), size)| studio.begin(scene, camera, drawn, *size))
+        .map(|((scene, camera, drawn), size)| offscreen.begin(scene, camera, drawn, *size))
         .collect();
-    // The last first: none waits for another.
+    // In reverse order, which must not matter.
     for (begun, alone) in begun.into_iter().zip(alone).rev() {
         let picture = begun.and_then(PendingFrame::wait).expect("a picture").picture;
         assert!(picture == alone, "{:?} differs", picture.dimensions());
     }
 }
 
-/// The largest difference of two pictures' radiance.
+/// Largest difference of radiance between two frames.
 fn largest_difference(a: &Shot, b: &Shot) -> f64 {
     let off = |p| (a.radiance(p) - b.radiance(p)).abs().max_element();
     a.pixels().map(off).fold(0.0, f64::max)
 }
 
-/// A frame depends on its input alone. Two renderers draw it alike; and one that has drawn other
-/// frames, of other sizes, with other layers and solids, draws it as a new one does. This is what
-/// lets frames be rendered in any order, and what no graph checks: a pass that keeps an image of
-/// the last frame, or of the last size, fails here.
+/// A frame depends only on its inputs: a renderer that has drawn other frames, with other sizes, layers
+/// and solids, draws it like a new renderer. Frames may thus be rendered in any order. Detects passes
+/// that keep images of the last frame or size.
 #[test]
 fn frames_do_not_depend_on_each_other() {
     let Some(gpu) = gpu() else { return };
@@ -127,7 +126,7 @@ fn frames_do_not_depend_on_each_other() {
         renderer.diagnose = true;
         renderer
     };
-    // Fresh renderers for the two that have most to inherit; for the rest, the first time around.
+    // New renderers for the two frames that could inherit most; for the others, the first round.
     let mut kept = new();
     let first: Vec<_> = frames.iter().map(|&frame| draw(&mut kept, frame)).collect();
     for i in [0, 2] {
@@ -136,7 +135,7 @@ fn frames_do_not_depend_on_each_other() {
     for i in [3, 0, 6, 1, 5, 2, 7, 4, 1, 3] {
         assert_same(&draw(&mut kept, frames[i]), &first[i], frames[i].0);
     }
-    // Diagnosis draws a G-buffer and counts; the picture is the same without.
+    // Without diagnostics, which draw a G-buffer and count, the picture is the same.
     kept.diagnose = false;
     let plain = draw(&mut kept, frames[0]);
     assert!(!plain.has("interfaces") && !plain.has("solid_depth"));
@@ -145,11 +144,11 @@ fn frames_do_not_depend_on_each_other() {
     assert!(plain.picture == first[0].picture && difference < 1e-6, "{difference}");
 }
 
-/// What a scene does not have is left out of the pipeline, and the picture is as if it were there
-/// to no effect. Other code computes it, so the tolerance is rounding where no ray is decided by
-/// it: a mean of 1e-4, for the few pixels in which one is.
+/// Features that a scene lacks are compiled out, with the same picture as if they were present without
+/// effect. Since different code computes it, the tolerance is a mean of 1e-4, for the few pixels in
+/// which rounding decides the path of a ray.
 #[test]
-fn leaving_out_changes_nothing() {
+fn unused_features_do_not_change_the_picture() {
     let Some(mut stage) = stage() else { return };
     let (mut scene, camera, mut drawn) = tank();
     drawn.splashes.clear();
@@ -171,7 +170,7 @@ fn leaving_out_changes_nothing() {
     let mut absorbing = scene.clone();
     absorbing.liquid.absorption = Vec3::splat(1e-20);
     check("absorption", &absorbing, &drawn);
-    // A solid that no ray meets: a speck, far off.
+    // A distant speck that no ray hits.
     let mut beside = scene.clone();
     let speck = Shape::Sphere { center: DVec3::new(3e4, 4e4, 5e4), radius: 1e-2 };
     beside.solids = vec![glowing(speck, Vec3::ONE)];
@@ -194,7 +193,7 @@ fn leaving_out_changes_nothing() {
     assert!(mean < 1e-4, "{mean}");
 }
 
-/// Draws into a texture of the caller's, and reads its bytes.
+/// Draws into a caller's texture and reads its bytes.
 fn bytes(
     gpu: &Gpu,
     renderer: &mut Renderer,
@@ -243,8 +242,7 @@ fn bytes(
     bytes
 }
 
-/// A view in an sRGB format is encoded by the device, in any other by limpid: the same bytes, to
-/// the rounding of two implementations of one function.
+/// The device encodes sRGB formats, limpid all others: the bytes agree up to rounding.
 #[test]
 fn srgb_targets_show_the_same() {
     let Some(mut stage) = stage() else { return };
@@ -263,9 +261,9 @@ fn srgb_targets_show_the_same() {
     assert!(shades.len() > 500, "a picture of {} colours", shades.len());
 }
 
-/// One stop more doubles what the picture stores, linearly, and leaves the radiance alone.
+/// One stop doubles the linear values of the picture and does not affect the radiance.
 #[test]
-fn exposure_doubles() {
+fn one_stop_of_exposure_doubles_the_picture() {
     let Some(mut stage) = stage() else { return };
     let (mut scene, camera, drawn) = tank();
     let linear = |byte: u8| {
@@ -280,19 +278,19 @@ fn exposure_doubles() {
     assert_eq!(dark.channel("radiance.G"), bright.channel("radiance.G"));
     for (p, (a, b)) in dark.pixels().zip(dark.picture.pixels().zip(bright.picture.pixels())) {
         for i in 0..3 {
-            // Half a byte of each, as radiance.
+            // Rounding of both bytes, as radiance.
             let step = |byte: u8| linear(byte.saturating_add(1)) - linear(byte);
             let slack = step(a[i]) + 0.5 * step(b[i]) + 1e-4;
             let off = (2.0 * linear(a[i]) - linear(b[i])).abs();
             assert!(off <= slack, "{p}: {} and {}", a[i], b[i]);
-            // What is stored is the radiance itself, at that exposure.
+            // The picture stores the exposed radiance.
             let off = (linear(b[i]) - (0.5 * bright.radiance(p)[i]).min(1.0)).abs();
             assert!(off <= 0.6 * step(b[i]) + 1e-4, "{p}: {} of {}", b[i], bright.radiance(p));
         }
     }
 }
 
-/// Particles in a plane, on a line, at a point, alone, and far flung are drawn, and finite.
+/// Coplanar, collinear, coincident, single and widely scattered particles are drawn and finite.
 #[test]
 fn degenerate_particles_are_drawn() {
     let Some(mut stage) = stage() else { return };
@@ -318,13 +316,13 @@ fn degenerate_particles_are_drawn() {
             shot.assert_finite();
             let covered = shot.channel("interfaces").iter().filter(|&&n| n > 0.0).count();
             println!("{name}: {covered} pixels");
-            assert!(covered > 20, "{name} is not seen");
+            assert!(covered > 20, "{name} is not visible");
         }
     }
 }
 
-/// Splats that no classification makes: needles, sheets, specks, one around the world, one at the
-/// eye, one on another. Each alone and all together, in every image: no NaN and no infinity.
+/// Extreme splats that classification does not produce (needles, sheets, specks, one around the world,
+/// at the eye, coincident), each alone and all together, yield finite images.
 #[test]
 fn adversarial_splats_are_finite() {
     let Some(mut stage) = stage() else { return };
@@ -332,7 +330,7 @@ fn adversarial_splats_are_finite() {
     let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, 0.9, 2.1);
     let eye = camera.eye.as_vec3();
     let ahead = eye - eye.normalize() * camera.near();
-    let cruel = [
+    let adversarial = [
         ellipsoid(Vec3::ZERO, Vec3::new(1e-4, 1e-4, 1.0), turn),
         ellipsoid(Vec3::ZERO, Vec3::new(1e-4, 1.0, 1.0), turn),
         ellipsoid(Vec3::ZERO, Vec3::new(1e-4, 1.0, 1.0), Quat::from_rotation_y(1.2870022)),
@@ -356,20 +354,20 @@ fn adversarial_splats_are_finite() {
         shot.assert_finite();
         assert!(shot.pixels().all(|p| shot.radiance(p).cmpge(DVec3::ZERO).all()));
     };
-    for (i, splat) in cruel.iter().enumerate() {
+    for (i, splat) in adversarial.iter().enumerate() {
         println!("splat {i}");
         finite(&[*splat], &[], true);
-        finite(&[*splat], &[cruel[13]], false);
+        finite(&[*splat], &[adversarial[13]], false);
     }
-    finite(&cruel, &[], true);
-    finite(&cruel[..8], &cruel[8..], true);
-    finite(&cruel[8..], &cruel[..8], false);
+    finite(&adversarial, &[], true);
+    finite(&adversarial[..8], &adversarial[8..], true);
+    finite(&adversarial[8..], &adversarial[..8], false);
 }
 
-/// Lengths have no unit: a world in millimetres or in kilometres gives the same picture. Constants
-/// hidden in metres would show; what is left is rounding, and rays that it decides.
+/// The unit of length does not matter: a world in millimetres or kilometres gives the same picture, up to
+/// rounding and the rays that it decides. Detects hidden constants in metres.
 #[test]
-fn scale_does_not_matter() {
+fn scale_does_not_change_the_picture() {
     let Some(mut stage) = stage() else { return };
     let mut scene = scene();
     scene.settings.smooth.iterations = 5;
@@ -404,9 +402,9 @@ fn scale_does_not_matter() {
     }
 }
 
-/// The frame that the library hands out is the picture that the renderer drew, pixel by pixel.
+/// A picture has the requested size; empty and excessive sizes are refused.
 #[test]
-fn frame_is_of_its_size() {
+fn picture_has_the_requested_size() {
     let Some(gpu) = gpu() else { return };
     let frame = Picture::new(&gpu, UVec2::new(33, 21)).expect("a frame");
     let picture = frame.read(&gpu).expect("a picture");
@@ -415,10 +413,9 @@ fn frame_is_of_its_size() {
     assert!(Picture::new(&gpu, UVec2::splat(1 << 20)).is_err());
 }
 
-/// A class of splats that is larger than one binding is drawn in parts: as many particles as
-/// memory holds, not as one buffer may be bound.
+/// A class of splats that exceeds one binding is drawn in parts, with the same picture.
 #[test]
-fn parts_draw_what_the_whole_draws() {
+fn splats_beyond_one_binding_are_drawn_in_parts() {
     let Some(whole) = gpu() else { return };
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         ..wgpu::InstanceDescriptor::new_without_display_handle()
@@ -434,7 +431,7 @@ fn parts_draw_what_the_whole_draws() {
         },
         ..Default::default()
     };
-    let adapter = adapter.expect("the adapter that the other device is of");
+    let adapter = adapter.expect("the adapter of the other device");
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
     let parts = Gpu::from_device(device, queue);
     let (scene, camera, drawn) = tank_of(2500);

@@ -1,5 +1,4 @@
-//! The intersectors of `refract/`, run on the device over layers of exact planes, against closed
-//! forms in 64 bits.
+//! The intersectors of `refract/` on layers of exact planes, against closed forms in 64 bits.
 
 mod support;
 #[path = "support/view.rs"]
@@ -20,26 +19,26 @@ const NEWTON: &str = "refract/newton.wgsl";
 const SECANT: &str = "refract/secant.wgsl";
 const PLANE: &str = "refract/plane.wgsl";
 
-/// All that are exact where layers are planes.
+/// Intersectors that are exact on planar layers.
 const EXACT_ON_PLANES: [&str; 5] = [GUARDED, MARCH, NEWTON, SECANT, PLANE];
 
-/// Those that know one layer at a time: of the liquid they are in, its backs alone.
-fn knows_one_layer(solver: &str) -> bool {
+/// Whether an intersector tests one layer at a time: inside the liquid, only its backs.
+fn tests_one_layer(solver: &str) -> bool {
     [NEWTON, SECANT, PLANE].contains(&solver)
 }
 
-/// What to ask an intersector.
+/// A query to an intersector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Query {
-    /// Where a ray inside the liquid leaves it.
+    /// Exit of a ray inside the liquid.
     Exit,
-    /// Where a ray outside meets the liquid.
+    /// Entry of a ray outside the liquid.
     Entry,
-    /// Where a ray meets the opaque scene.
+    /// Hit on the opaque scene.
     Opaque,
 }
 
-/// A ray from a point of the picture, and the texel that it was found with.
+/// A ray, and the texel at its start.
 #[derive(Debug, Clone, Copy)]
 struct Probe {
     query: Query,
@@ -49,13 +48,13 @@ struct Probe {
 }
 
 impl Probe {
-    /// Rounded as the device has it.
+    /// Rounds the ray to the device's precision.
     fn new(query: Query, o: DVec3, d: DVec3, u: DVec2) -> Self {
         Self { query, o: round3(o), d: round3(d), texel: u.floor() }
     }
 }
 
-/// What an intersector answers.
+/// Result of an intersector.
 #[derive(Debug, Clone, Copy)]
 struct Answer {
     found: bool,
@@ -64,7 +63,7 @@ struct Answer {
     failures: f64,
 }
 
-/// The planes of every pixel: the liquid's fronts and backs, and the opaque scene.
+/// Layers of planes: the liquid's fronts and backs, and the opaque scene.
 struct Picture {
     size: UVec2,
     layers: wgpu::TextureView,
@@ -73,7 +72,7 @@ struct Picture {
 }
 
 impl Picture {
-    /// From functions of the pixel's centre; `None` is empty.
+    /// Builds the layers from functions of the pixel centre; `None` is empty.
     fn new(
         gpu: &Gpu,
         view: &View,
@@ -98,12 +97,12 @@ impl Picture {
         Self { size, layers, splashes: None, opaque: texture(gpu, size, &[&front]) }
     }
 
-    /// With as many iterations of Newton's method as the default.
-    fn ask(&self, gpu: &Gpu, view: &View, solver: &str, probes: &[Probe]) -> Vec<Answer> {
-        self.ask_after(4, gpu, view, solver, probes)
+    /// Runs an intersector with the default number of Newton iterations.
+    fn run(&self, gpu: &Gpu, view: &View, solver: &str, probes: &[Probe]) -> Vec<Answer> {
+        self.run_with(4, gpu, view, solver, probes)
     }
 
-    fn ask_after(
+    fn run_with(
         &self,
         iterations: u32,
         gpu: &Gpu,
@@ -175,12 +174,12 @@ fn plane_through(point: DVec3, normal: DVec3) -> DVec3 {
     normal / normal.dot(point)
 }
 
-/// Where o + t d meets a plane.
+/// Parameter t at which o + t d meets a plane.
 fn meets(pi: DVec3, o: DVec3, d: DVec3) -> f64 {
     (1.0 - pi.dot(o)) / pi.dot(d)
 }
 
-/// The direction after Snell's law; none if all is reflected.
+/// Refracted direction by Snell's law; `None` for total reflection.
 fn refracted(d: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
     let cos_i = -d.dot(n);
     let across = (d + cos_i * n) / eta;
@@ -188,12 +187,12 @@ fn refracted(d: DVec3, n: DVec3, eta: f64) -> Option<DVec3> {
     (rest > 0.0).then(|| across - rest.sqrt() * n)
 }
 
-/// Whether a pixel position is in the picture by at least `margin` (or, if negative, out by less).
+/// Whether a pixel position is inside the picture by at least `margin`, which may be negative.
 fn in_picture(view: &View, u: DVec2, margin: f64) -> bool {
     u.cmpgt(DVec2::splat(margin)).all() && u.cmplt(view.size - margin).all()
 }
 
-/// A pair of planes that hold a wedge of liquid between depths of about 4 and 5.
+/// A pair of planes that bound a wedge of liquid between depths of about 4 and 5.
 fn wedge(random: &mut Random) -> [DVec3; 2] {
     [4.0, 5.0].map(|z| {
         let tilt = DVec3::new(random.range(-0.2, 0.2), random.range(-0.2, 0.2), -1.0);
@@ -201,9 +200,8 @@ fn wedge(random: &mut Random) -> [DVec3; 2] {
     })
 }
 
-/// Protects the intersectors where the layers are exact: in a wedge between two planes every ray
-/// ends where they say, be it through the back, back out through the front, or at a slant; and a
-/// ray that leaves the picture is not given an end.
+/// In a wedge between two planes, every exit is exact, through the back, through the front, or at a
+/// slant; rays that leave the picture have no exit.
 #[test]
 fn solvers_find_exits_of_a_wedge() {
     let Some(gpu) = gpu() else { return };
@@ -215,7 +213,7 @@ fn solvers_find_exits_of_a_wedge() {
     let mut exits = Vec::new();
     while probes.len() < 4000 {
         let u = random.pixel(view.pixels());
-        // From the front as after refraction, from the back as after a reflection, from between.
+        // From the front as after refraction, from the back as after reflection, and from between.
         let disparities = [front, back].map(|pi| pi.dot(view.omega(u)));
         let share = [0.0, 1.0, random.range(0.1, 0.9)][probes.len() % 3];
         let z = 1.0 / (disparities[0] + share * (disparities[1] - disparities[0]));
@@ -229,7 +227,7 @@ fn solvers_find_exits_of_a_wedge() {
             continue;
         }
         let probe = Probe::new(Query::Exit, z * view.omega(u), d, u);
-        // The wedge is convex: its first plane ahead ends the ray.
+        // The wedge is convex: the ray exits through the first plane ahead.
         let ahead = |pi: DVec3, outwards: bool| {
             let t = meets(pi, probe.o, probe.d);
             if outwards { t.max(0.0) } else { f64::INFINITY }
@@ -242,17 +240,17 @@ fn solvers_find_exits_of_a_wedge() {
     for solver in EXACT_ON_PLANES {
         let mut found = 0;
         for ((probe, answer), &(t, plane)) in
-            probes.iter().zip(picture.ask(gpu, &view, solver, &probes)).zip(&exits)
+            probes.iter().zip(picture.run(gpu, &view, solver, &probes)).zip(&exits)
         {
-            if knows_one_layer(solver) && plane == front {
-                continue; // it knows backs alone
+            if tests_one_layer(solver) && plane == front {
+                continue;
             }
             let exit = probe.o + t * probe.d;
             let seen = t.is_finite() && exit.z < -view.near;
             if seen && in_picture(&view, view.pixel(exit), 1.0) {
-                assert!(answer.found, "{solver} finds no end of {probe:?} at {exit}");
-                // Where a ray and a plane meet is known to the rounding of both (1e-6 at most of
-                // their distance from the eye) over the sine between them.
+                assert!(answer.found, "{solver} finds no exit of {probe:?} at {exit}");
+                // The intersection is accurate to the rounding of ray and plane (at most 1e-6 of their
+                // distance from the eye) over the sine between them.
                 let sine = plane.normalize().dot(probe.d).abs();
                 let tolerance = 1e-6 * (exit.length() + probe.o.length()) * (1.0 + 1.0 / sine);
                 let error = answer.position.distance(exit);
@@ -260,13 +258,13 @@ fn solvers_find_exits_of_a_wedge() {
                     error < tolerance.max(1e-4 * exit.length()),
                     "{solver} {probe:?}: {error:e}"
                 );
-                assert_near(answer.plane.distance(plane), 0.0, 1e-6, "the plane that it leaves by");
+                assert_near(answer.plane.distance(plane), 0.0, 1e-6, "exit plane");
                 assert_eq!(answer.failures, 0.0, "{solver} {probe:?}");
                 found += 1;
-            } else if !knows_one_layer(solver)
+            } else if !tests_one_layer(solver)
                 && (!seen || !in_picture(&view, view.pixel(exit), -1.0))
             {
-                // The others have a fallback for these.
+                // Single-layer intersectors have a fallback for these.
                 assert!(
                     !answer.found,
                     "{solver} ends {probe:?} at {}, not {exit}",
@@ -278,8 +276,8 @@ fn solvers_find_exits_of_a_wedge() {
     }
 }
 
-/// Protects rims, where smoothing leaves fronts behind their backs: there is no liquid between them. A
-/// ray leaves where it enters, by the back, and does not enter there again.
+/// Where smoothing moves fronts behind their backs, there is no liquid between them: a ray leaves through
+/// the back where it enters, and does not re-enter there.
 #[test]
 fn crossed_layers_are_left_at_once() {
     let Some(gpu) = gpu() else { return };
@@ -296,12 +294,12 @@ fn crossed_layers_are_left_at_once() {
         })
         .collect();
     for solver in [GUARDED, MARCH, NEWTON, PLANE] {
-        let answers = picture.ask(gpu, &view, solver, &probes);
+        let answers = picture.run(gpu, &view, solver, &probes);
         for (probe, answer) in probes.iter().zip(&answers) {
-            assert!(answer.found, "{solver} finds no end of {probe:?}");
+            assert!(answer.found, "{solver} finds no exit of {probe:?}");
             let off = answer.position.distance(probe.o);
             assert!(off < 1e-4 * probe.o.length(), "{solver} {probe:?}: {off:e}");
-            assert_near(answer.plane.distance(back), 0.0, 1e-6, "the plane that it leaves by");
+            assert_near(answer.plane.distance(back), 0.0, 1e-6, "exit plane");
         }
         let on = |(probe, answer): (&Probe, &Answer)| Probe {
             query: Query::Entry,
@@ -309,14 +307,14 @@ fn crossed_layers_are_left_at_once() {
             ..*probe
         };
         let on: Vec<_> = probes.iter().zip(&answers).map(on).collect();
-        let again = picture.ask(gpu, &view, solver, &on);
+        let again = picture.run(gpu, &view, solver, &on);
         let again = again.iter().filter(|answer| answer.found).count();
-        assert_eq!(again, 0, "{solver}: rays enter where they have left");
+        assert_eq!(again, 0, "{solver}: rays re-enter where they left");
     }
 }
 
-/// Protects entries: rays from in front meet a plane where it is, from any side and at any slant;
-/// rays that lead away from it, or start behind it, meet nothing.
+/// Rays that start in front of a plane hit it exactly, at any slant; rays that lead away from it or start
+/// behind it hit nothing.
 #[test]
 fn solvers_find_entries_of_a_plane() {
     let Some(gpu) = gpu() else { return };
@@ -337,7 +335,7 @@ fn solvers_find_entries_of_a_plane() {
             .collect();
         for solver in EXACT_ON_PLANES {
             let mut found = 0;
-            for (probe, answer) in probes.iter().zip(picture.ask(gpu, &view, solver, &probes)) {
+            for (probe, answer) in probes.iter().zip(picture.run(gpu, &view, solver, &probes)) {
                 let in_front = front.dot(probe.o) < 1.0;
                 let t = meets(front, probe.o, probe.d);
                 let hit = probe.o + t * probe.d;
@@ -361,9 +359,9 @@ fn solvers_find_entries_of_a_plane() {
     }
 }
 
-/// Protects empty pictures and texels: without liquid no ray has an end or a beginning in it.
+/// In empty layers, no ray has an entry, exit or hit.
 #[test]
-fn solvers_find_nothing_in_nothing() {
+fn solvers_find_nothing_in_empty_layers() {
     let Some(gpu) = gpu() else { return };
     let view = View::of_size(64, 48, 1e-3);
     let picture = Picture::new(gpu, &view, |_| None, |_| None);
@@ -377,15 +375,15 @@ fn solvers_find_nothing_in_nothing() {
             })
             .collect();
         for solver in EXACT_ON_PLANES {
-            for (probe, answer) in probes.iter().zip(picture.ask(gpu, &view, solver, &probes)) {
+            for (probe, answer) in probes.iter().zip(picture.run(gpu, &view, solver, &probes)) {
                 assert!(!answer.found, "{solver} {probe:?}: {answer:?}");
             }
         }
     }
 }
 
-/// Protects silhouettes: a ray inside liquid that ends at a column of the picture leaves there,
-/// within half a pixel, with the last plane that it was between.
+/// A ray inside liquid whose silhouette is a pixel column leaves there, within half a pixel, with the
+/// last plane inside.
 #[test]
 fn solvers_leave_at_the_silhouette() {
     let Some(gpu) = gpu() else { return };
@@ -404,7 +402,7 @@ fn solvers_leave_at_the_silhouette() {
         probes.push(Probe::new(Query::Exit, o, (to - o).normalize(), u));
     }
     for solver in [GUARDED, MARCH] {
-        for (probe, answer) in probes.iter().zip(picture.ask(gpu, &view, solver, &probes)) {
+        for (probe, answer) in probes.iter().zip(picture.run(gpu, &view, solver, &probes)) {
             assert!(answer.found, "{solver} {probe:?}");
             let column = view.pixel(answer.position).x;
             assert_near(column, edge, 0.5, &format!("{solver} leaves {probe:?} in column"));
@@ -415,8 +413,8 @@ fn solvers_leave_at_the_silhouette() {
     }
 }
 
-/// Protects rays in the plane of a layer, and between parallel ones: they have no end in the
-/// picture, and whatever is answered for the former is finite and on the ray.
+/// Rays within the plane of a layer, or parallel to both layers, have no exit in the picture; any result
+/// for the former is finite and on the ray.
 #[test]
 fn solvers_survive_rays_within_planes() {
     let Some(gpu) = gpu() else { return };
@@ -437,7 +435,7 @@ fn solvers_survive_rays_within_planes() {
                 })
                 .collect();
             for solver in [GUARDED, MARCH, NEWTON] {
-                for (probe, answer) in probes.iter().zip(picture.ask(gpu, &view, solver, &probes)) {
+                for (probe, answer) in probes.iter().zip(picture.run(gpu, &view, solver, &probes)) {
                     if pi == middle && query == Query::Exit && solver != NEWTON {
                         assert!(!answer.found, "{solver} ends {probe:?} at {}", answer.position);
                     }
@@ -454,14 +452,14 @@ fn solvers_survive_rays_within_planes() {
     }
 }
 
-/// Protects curved surfaces, by the ball whose path is known: a ray that passes the centre at half
-/// the radius has a chord of 1.85329 radii and is turned by 15.8352 degrees in all.
+/// Rays through a ball at half a radius from the centre have the analytic chord of 1.85329 radii and a
+/// total deviation of 15.8352 degrees.
 #[test]
 fn solvers_cross_a_ball() {
     let Some(gpu) = gpu() else { return };
     let view = View::of_size(1024, 1024, 1e-3);
     let centre = DVec3::new(0.1, -0.05, -5.0);
-    // The tangent plane of the unit ball where the pixel's ray enters or leaves it.
+    // Tangent plane of the unit ball at the entry or exit of the pixel's ray.
     let tangent = |side: f64| {
         let view = &view;
         move |u: DVec2| {
@@ -492,31 +490,31 @@ fn solvers_cross_a_ball() {
         .collect();
     let (incident, probes): (Vec<_>, Vec<_>) = probes.into_iter().unzip();
     for solver in [GUARDED, MARCH, NEWTON] {
-        let answers = picture.ask(gpu, &view, solver, &probes);
+        let answers = picture.run(gpu, &view, solver, &probes);
         let mut turned = 0.0;
         for ((d, probe), answer) in incident.iter().zip(&probes).zip(&answers) {
             assert!(answer.found, "{solver} {probe:?}");
-            // A tangent plane serves half a pixel to each side, 2.5e-3 radii here: it is 3e-6 off
-            // its ball there, and the chord meets it at a sine of 0.93. But the layer's end is
-            // near: this exit is seen at a sine of 0.1, which magnifies by ten.
+            // A tangent plane is used half a pixel to each side, 2.5e-3 radii here: it is 3e-6 off the
+            // ball there, and the chord meets it at a sine of 0.93. But the exit is close to the rim,
+            // seen at a sine of 0.1, which magnifies the error by ten.
             let chord = answer.position.distance(probe.o);
             assert_near(chord, 1.853_29, 2e-4, &format!("{solver} {probe:?}: chord"));
-            // Its normal is that of the texel's centre: off by as much as the texel spans.
+            // The normal is that of the texel centre: its error is the angle that the texel spans.
             let n = answer.plane.normalize();
             let n = if n.dot(probe.d) > 0.0 { -n } else { n };
-            let out = refracted(probe.d, n, 1.0 / eta).expect("as it came in, so it goes out");
+            let out = refracted(probe.d, n, 1.0 / eta).expect("no total reflection in a ball");
             let degrees = d.angle_between(out).to_degrees();
-            assert_near(degrees, 15.8352, 1.0, &format!("{solver} {probe:?}: turned"));
+            assert_near(degrees, 15.8352, 1.0, &format!("{solver} {probe:?}: deviation"));
             turned += degrees / 360.0;
         }
-        // Texels err to all sides.
-        assert_near(turned, 15.8352, 0.02, &format!("{solver}: mean turn"));
+        // The errors of texels cancel in the mean.
+        assert_near(turned, 15.8352, 0.02, &format!("{solver}: mean deviation"));
     }
 }
 
-/// Protects the union of the two classes: a ray leaves where the last of the bodies that overlap
-/// along it ends, be it first inside one, the other or both; where the other lies apart, at its own
-/// end; and nowhere if that is beyond the picture.
+/// A ray leaves the union of both classes where the last of the bodies that overlap along it ends, whether
+/// it starts in one, the other or both; if the bodies are disjoint, at the end of its own body; and
+/// nowhere if that is outside of the picture.
 #[test]
 fn solvers_leave_the_union_of_both_classes() {
     let Some(gpu) = gpu() else { return };
@@ -531,7 +529,7 @@ fn solvers_leave_the_union_of_both_classes() {
         let new =
             |[front, back]: [DVec3; 2]| Picture::new(gpu, &view, |_| Some(front), |_| Some(back));
         let picture = Picture { splashes: Some(new(splash).layers), ..new(aggregate) };
-        // The part of a ray between a pair of planes, as distances along it.
+        // Interval of a ray between a pair of planes, as distances along it.
         let within = |[front, back]: [DVec3; 2], o: DVec3, d: DVec3| {
             let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
             for (plane, sign) in [(front, 1.0), (back, -1.0)] {
@@ -551,14 +549,14 @@ fn solvers_leave_the_union_of_both_classes() {
             let Some(first) = parts.into_iter().find(|part| holds(*part, 0.0)) else {
                 continue;
             };
-            // Each part may go on where the other ends.
+            // Each interval may continue where the other ends.
             let mut exit = first.1;
             for part in [parts[0], parts[1], parts[0]] {
                 if holds(part, exit) {
                     exit = part.1;
                 }
             }
-            // Within rounding of a border of either, both answers are right.
+            // Skips cases that rounding decides.
             let ends = [parts[0].0, parts[0].1, parts[1].0, parts[1].1];
             let near = |t: f64| ends.iter().any(|end| *end != t && (end - t).abs() < 0.02);
             if near(0.0) || near(exit) {
@@ -568,7 +566,7 @@ fn solvers_leave_the_union_of_both_classes() {
             exits.push(exit);
         }
         for solver in [GUARDED, MARCH] {
-            let answers = picture.ask(gpu, &view, solver, &probes);
+            let answers = picture.run(gpu, &view, solver, &probes);
             let mut wrong = Vec::new();
             for ((probe, answer), t) in probes.iter().zip(&answers).zip(&exits) {
                 let exit = probe.o + *t * probe.d;
@@ -579,7 +577,7 @@ fn solvers_leave_the_union_of_both_classes() {
                         wrong.push(format!("{probe:?} gives {answer:?}, not {exit}"));
                     }
                 } else if answer.found && !(seen && in_picture(&view, view.pixel(exit), -1.0)) {
-                    wrong.push(format!("{probe:?} gives {answer:?}, but ends beyond the picture"));
+                    wrong.push(format!("{probe:?} gives {answer:?}, but leaves the picture"));
                 }
             }
             assert!(
@@ -593,16 +591,15 @@ fn solvers_leave_the_union_of_both_classes() {
     }
 }
 
-/// Protects depth discontinuities: beside a step from depth 10 to depth 20, rays that meet what is
-/// seen meet it exactly, and rays that slip behind the nearer surface meet nothing there, even
-/// where they pass less than a pixel from it on the screen.
+/// At a step from depth 10 to 20, rays that hit a visible surface hit it exactly, and rays that pass
+/// behind the nearer surface do not hit it, even where they pass less than a pixel from it on the screen.
 #[test]
-fn solvers_reject_what_a_step_hides() {
+fn solvers_reject_hits_behind_a_step() {
     let Some(gpu) = gpu() else { return };
     let view = View::of_size(320, 240, 1e-3);
     let mut random = Random(26);
     let edge = 160.0;
-    // Solids end nowhere; the liquid is as thick as a tenth of its depth.
+    // Solids are infinitely thick; the liquid's thickness is a tenth of its depth.
     let depth = |u: DVec2| if u.x < edge { 10.0 } else { 20.0 };
     let fronto = |z: f64| DVec3::new(0.0, 0.0, -1.0 / z);
     let picture =
@@ -616,7 +613,7 @@ fn solvers_reject_what_a_step_hides() {
                 let left = DVec2::new(random.range(2.0, edge - 2.0), row(&mut random));
                 let (start, z) = (right, random.range(5.0, 9.5));
                 let (end, hit) = match i % 3 {
-                    // To either surface, from in front of both.
+                    // To either surface, from in front of both surfaces.
                     0 => (10.0 * view.omega(left), true),
                     1 => (20.0 * view.omega(DVec2::new(right.x, left.y)), true),
                     // Through the gap behind the edge.
@@ -632,11 +629,11 @@ fn solvers_reject_what_a_step_hides() {
             })
             .collect();
         for solver in [GUARDED, MARCH] {
-            let answers = picture.ask(gpu, &view, solver, &probes);
+            let answers = picture.run(gpu, &view, solver, &probes);
             let mut missed = 0;
             for ((probe, answer), hit) in probes.iter().zip(&answers).zip(&hits) {
                 let Some(hit) = hit else {
-                    // Having passed behind, it may only meet the far surface it started before.
+                    // A ray behind the near surface may only hit the far one.
                     let hidden = !answer.found || view.pixel(answer.position).x >= edge;
                     assert!(hidden, "{solver} {query:?} {probe:?} hits {}", answer.position);
                     continue;
@@ -648,15 +645,15 @@ fn solvers_reject_what_a_step_hides() {
                     missed += 1;
                 }
             }
-            // A march sees every texel. `guarded` strides, and may pass through liquid that fills
-            // less than a stride of the screen right behind the edge.
+            // `march` visits every texel. `guarded` may step over liquid right behind the edge that
+            // covers less than a stride of the screen.
             let allowed = if solver == GUARDED && query == Query::Entry { 10 } else { 0 };
             assert!(missed <= allowed, "{solver} {query:?} misses {missed} of 2000");
         }
     }
 }
 
-/// A surface of waves: disparity and its slope per pixel.
+/// A wavy surface, as a sum of sine waves in disparity: height, wave vector per pixel and phase.
 struct Waves(Vec<(f64, DVec2, f64)>);
 
 impl Waves {
@@ -682,8 +679,8 @@ impl Waves {
     }
 }
 
-/// Protects the default intersector against missing what is there: on smooth random surfaces it
-/// ends where a march through every texel does, within a pixel, for 99 rays of a hundred.
+/// On smooth random surfaces `guarded` agrees with a march through every texel, within a pixel, for 99 %
+/// of the rays.
 #[test]
 fn guarded_agrees_with_march_on_waves() {
     let Some(gpu) = gpu() else { return };
@@ -703,7 +700,7 @@ fn guarded_agrees_with_march_on_waves() {
                     let n = -pi.normalize();
                     let o = omega / pi.dot(omega);
                     let d = match (query, i % 2) {
-                        // Refracted, and as after reflections: any way in.
+                        // Refracted rays, and as after reflections any inward direction.
                         (Query::Exit, 0) => refracted(omega.normalize(), n, 1.33),
                         (Query::Exit, _) => {
                             let d = random.direction();
@@ -711,13 +708,13 @@ fn guarded_agrees_with_march_on_waves() {
                         }
                         _ => Some(random.direction()),
                     };
-                    // Entries are looked for from before the surface.
+                    // Rays for entries start in front of the surface.
                     let o = if query == Query::Exit { o } else { random.range(0.5, 0.97) * o };
                     Probe::new(query, o, d.expect("into water"), u)
                 })
                 .collect();
             let [guarded, march] =
-                [GUARDED, MARCH].map(|solver| picture.ask(gpu, &view, solver, &probes));
+                [GUARDED, MARCH].map(|solver| picture.run(gpu, &view, solver, &probes));
             let agree = guarded.iter().zip(&march).filter(|(a, b)| match (a.found, b.found) {
                 (true, true) => view.pixel(a.position).distance(view.pixel(b.position)) <= 1.0,
                 (a, b) => a == b,
@@ -730,11 +727,10 @@ fn guarded_agrees_with_march_on_waves() {
     }
 }
 
-/// Protects the textbook's floor: a ray that enters water at 30 degrees goes on at 22.0824, and
-/// meets a level floor 9.942 m below 4.03347 m to the side, from any seed. One step of Newton's
-/// method is exact there.
+/// A ray that enters water at 30 degrees is refracted to 22.0824 degrees and hits a level floor 9.942 m
+/// below at a lateral distance of 4.03347 m, from any start. A single Newton step is exact there.
 #[test]
-fn a_level_floor_is_met_in_one_step() {
+fn level_floor_is_hit_in_one_step() {
     let Some(gpu) = gpu() else { return };
     let view = View::of_size(640, 480, 1e-3);
     let down = refracted(
@@ -750,7 +746,7 @@ fn a_level_floor_is_met_in_one_step() {
     let mut random = Random(41);
     let probes: Vec<_> = (0..500)
         .map(|_| {
-            // In every direction of the compass, where both ends are in the picture.
+            // In every horizontal direction, with both ends in the picture.
             let (sin, cos) = random.range(0.0, TAU).sin_cos();
             let d = DVec3::new(cos * down.x, sin * down.x, down.z);
             let u = view.size * DVec2::new(random.range(0.45, 0.55), random.range(0.45, 0.55));
@@ -758,11 +754,10 @@ fn a_level_floor_is_met_in_one_step() {
         })
         .collect();
     for solver in [GUARDED, MARCH, NEWTON] {
-        for (probe, answer) in probes.iter().zip(picture.ask_after(1, gpu, &view, solver, &probes))
-        {
+        for (probe, answer) in probes.iter().zip(picture.run_with(1, gpu, &view, solver, &probes)) {
             assert!(answer.found, "{solver} {probe:?}");
             let aside = (answer.position - probe.o).truncate().length();
-            assert_near(aside, 4.03347, 3e-5, &format!("{solver} {probe:?}: to the side"));
+            assert_near(aside, 4.03347, 3e-5, &format!("{solver} {probe:?}: lateral distance"));
             let pixels = view.pixel(answer.position)
                 - view.pixel(probe.o + meets(level(floor), probe.o, probe.d) * probe.d);
             assert_near(pixels.length(), 0.0, 1e-3, "pixels off");
@@ -770,10 +765,9 @@ fn a_level_floor_is_met_in_one_step() {
     }
 }
 
-/// Protects the size of a miss: a plane inclined to the ray by 1e-5 is met where it is, or not at
-/// all; never on the other side of the eye, and never beside the ray.
+/// A plane inclined to the ray by 1e-5 is hit on the ray and in front of the eye, or not at all.
 #[test]
-fn nearly_parallel_planes_never_wrap() {
+fn hits_on_nearly_parallel_planes_are_on_the_ray() {
     let Some(gpu) = gpu() else { return };
     let view = View::of_size(320, 240, 1e-3);
     let normal = DVec3::new(0.1, -0.9, -1.0).normalize();
@@ -792,7 +786,7 @@ fn nearly_parallel_planes_never_wrap() {
         })
         .collect();
     for solver in [GUARDED, MARCH, NEWTON] {
-        for (probe, answer) in probes.iter().zip(picture.ask(gpu, &view, solver, &probes)) {
+        for (probe, answer) in probes.iter().zip(picture.run(gpu, &view, solver, &probes)) {
             if !answer.found {
                 continue;
             }
@@ -807,12 +801,12 @@ fn nearly_parallel_planes_never_wrap() {
     }
 }
 
-/// Protects against a false hit that a test in pixels alone accepts: a ray 2 degrees off the view
-/// ray passes 0.3 behind a card at depth 26, less than a pixel from it on the screen.
+/// A ray 2 degrees off the view ray that passes 0.3 behind a card at depth 26 misses it, although it
+/// passes less than a pixel from it on the screen. A test in pixels alone would accept the hit.
 #[test]
-fn what_passes_behind_a_card_misses_it() {
+fn rays_behind_a_card_miss_it() {
     let Some(gpu) = gpu() else { return };
-    // Pixels as of 45 degrees in 1600 rows: what is 0.3 behind is 0.78 of one to the side.
+    // Pixel size as for 45 degrees in 1600 rows: a point 0.3 behind is 0.78 pixels to the side.
     let camera = Camera {
         eye: DVec3::ZERO,
         target: DVec3::NEG_Z,
@@ -830,7 +824,7 @@ fn what_passes_behind_a_card_misses_it() {
     for query in [Query::Entry, Query::Opaque] {
         let probes: Vec<_> = (0..500)
             .map(|_| {
-                // Where it comes level with the card's edge.
+                // Where the ray passes the card's edge.
                 let at = DVec2::new(edge, random.range(40.0, 200.0));
                 let behind = 26.3 * view.omega(at);
                 let aside = DVec3::new(-(2f64.to_radians().tan()), 0.0, 0.0);
@@ -840,9 +834,9 @@ fn what_passes_behind_a_card_misses_it() {
             })
             .collect();
         for solver in [GUARDED, MARCH] {
-            for (probe, answer) in probes.iter().zip(picture.ask(gpu, &view, solver, &probes)) {
-                // A march takes steps of up to a pixel's worth of slope for the surface's own: only
-                // a back tells it that this one is not.
+            for (probe, answer) in probes.iter().zip(picture.run(gpu, &view, solver, &probes)) {
+                // `march` accepts steps of up to the slope over a pixel as part of the surface: only a
+                // back reveals that this one is not.
                 if solver == MARCH && query == Query::Opaque {
                     continue;
                 }
@@ -853,10 +847,10 @@ fn what_passes_behind_a_card_misses_it() {
     }
 }
 
-/// Protects against going to and fro: at the bottom of a V, where each side's plane points at the
-/// other, the guarded methods end on the floor that is there, and Newton's within a pixel or not.
+/// At the bottom of a V, where each side's plane points at the other and iterations may oscillate,
+/// `guarded` and `march` find the floor, and `newton` finds it within a pixel or fails.
 #[test]
-fn the_bottom_of_a_v_is_found() {
+fn bottom_of_a_v_is_found() {
     let Some(gpu) = gpu() else { return };
     let view = View::of_size(320, 240, 1e-3);
     let apex = DVec3::new(0.0, 0.0, -5.0);
@@ -882,11 +876,11 @@ fn the_bottom_of_a_v_is_found() {
         })
         .collect();
     for solver in [GUARDED, MARCH, NEWTON] {
-        let answers = picture.ask(gpu, &view, solver, &probes);
+        let answers = picture.run(gpu, &view, solver, &probes);
         for ((probe, answer), hit) in probes.iter().zip(&answers).zip(&hits) {
             if answer.found || solver != NEWTON {
                 assert!(answer.found, "{solver} {probe:?}");
-                // A texel at the seam has one plane for both sides.
+                // A texel at the seam has a single plane for both sides.
                 let off = view.pixel(answer.position).distance(view.pixel(*hit));
                 assert!(off <= 1.0, "{solver} {probe:?}: {off} pixels off");
             }
@@ -894,9 +888,8 @@ fn the_bottom_of_a_v_is_found() {
     }
 }
 
-/// Protects the order of convergence: on a ball as the floor four iterations of Newton's method
-/// lead from as far as 100 pixels to the half texel that its planes are exact to. Halving alone
-/// would leave 6 pixels.
+/// On a ball as the floor, four Newton iterations converge from up to 100 pixels to within the half texel
+/// in which the planes are exact. Bisection would leave 6 pixels.
 #[test]
 fn newton_converges_quadratically() {
     let Some(gpu) = gpu() else { return };
@@ -929,7 +922,7 @@ fn newton_converges_quadratically() {
             Probe::new(Query::Opaque, o, (hit - o).normalize(), u)
         })
         .collect();
-    let answers = picture.ask(gpu, &view, NEWTON, &probes);
+    let answers = picture.run(gpu, &view, NEWTON, &probes);
     for ((probe, answer), hit) in probes.iter().zip(&answers).zip(&hits) {
         assert!(answer.found, "{probe:?}");
         let off = view.pixel(answer.position).distance(view.pixel(*hit));
@@ -937,13 +930,12 @@ fn newton_converges_quadratically() {
     }
 }
 
-/// Protects the registration of texels: on a ramp whose depth changes from texel to texel by as
-/// much as a half-pixel shift would show, no method is off to one side.
+/// On a ramp, whose slope would reveal a half-pixel shift, no intersector is biased.
 #[test]
-fn a_ramp_is_met_without_bias() {
+fn ramp_is_hit_without_bias() {
     let Some(gpu) = gpu() else { return };
     let view = View::of_size(320, 240, 1e-3);
-    // A stair of level texels, as a method that trusts depths alone would see it, and the ramp.
+    // The ramp, and a stair of level texels, as seen by a method that uses only depths.
     let slope = DVec3::new(0.5, 0.3, -1.0).normalize();
     let ramp = plane_through(DVec3::new(0.0, 0.0, -6.0), slope);
     let stair = |u: DVec2| {
@@ -965,7 +957,7 @@ fn a_ramp_is_met_without_bias() {
         .collect();
     let bias = |picture: &Picture, solver: &str| {
         let (mut sum, mut found) = (DVec2::ZERO, 0);
-        let answers = picture.ask(gpu, &view, solver, &probes);
+        let answers = picture.run(gpu, &view, solver, &probes);
         for (answer, hit) in answers.iter().zip(&hits) {
             if answer.found {
                 sum += view.pixel(answer.position) - view.pixel(*hit);

@@ -1,6 +1,7 @@
-//! The structs and constants that Rust and WGSL share: names, order, offsets, sizes and kinds.
+//! Structs and constants shared by Rust and WGSL have the same names, order, offsets, sizes and scalar
+//! kinds.
 //!
-//! Nothing else would notice two swapped fields of one size. No adapter is needed.
+//! Nothing else detects two swapped fields of the same size. No adapter is needed.
 
 use std::mem::offset_of;
 
@@ -12,7 +13,7 @@ use limpid::passes::{Layers, caustics, cull, gbuffer, refract, smooth, tiles, to
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
 
-/// One field as either language has it.
+/// A struct field in either language.
 #[derive(Debug, Clone, PartialEq)]
 struct Field {
     name: String,
@@ -21,7 +22,7 @@ struct Field {
     kind: ScalarKind,
 }
 
-/// A Rust type that a field may have: what its scalars are.
+/// Scalar kind of a Rust field type.
 trait Kind {
     const KIND: ScalarKind;
 }
@@ -50,12 +51,12 @@ impl<T: Kind, const N: usize> Kind for [T; N] {
     const KIND: ScalarKind = T::KIND;
 }
 
-/// `get` only tells the field's type.
+/// Describes a field; `_get` only infers its type.
 fn field<S, T: Kind>(name: &str, offset: usize, _get: fn(&S) -> &T) -> Field {
     Field { name: name.to_owned(), offset, size: size_of::<T>(), kind: T::KIND }
 }
 
-/// A struct's fields in the order given, and its size. A field that is left out does not compile.
+/// A struct's fields in the given order, and its size. Omitting a field is a compile error.
 macro_rules! rust_struct {
     ($type:path { $($field:ident),* $(,)? }) => {{
         let $type { $($field: _),* } = Zeroable::zeroed();
@@ -64,7 +65,7 @@ macro_rules! rust_struct {
     }};
 }
 
-/// A struct's fields and its size, by naga.
+/// A WGSL struct's fields and its size, from naga.
 fn wgsl_struct(text: &str, name: &str) -> (Vec<Field>, usize) {
     let module = naga::front::wgsl::parse_str(text).expect("valid WGSL");
     let find = |(_, ty): (_, &naga::Type)| match &ty.inner {
@@ -93,7 +94,7 @@ fn wgsl_struct(text: &str, name: &str) -> (Vec<Field>, usize) {
     (fields.collect(), span as usize)
 }
 
-/// Padding has no meaning: it may be explicit in one language and implied in the other.
+/// Removes padding, which may be explicit in one language and implicit in the other.
 fn without_padding((fields, size): (Vec<Field>, usize)) -> (Vec<Field>, usize) {
     (fields.into_iter().filter(|field| !field.name.starts_with("pad")).collect(), size)
 }
@@ -103,7 +104,7 @@ fn same(rust: (Vec<Field>, usize), text: &str, name: &str) -> Result<(), String>
     if rust == wgsl { Ok(()) } else { Err(format!("{name}\n Rust: {rust:?}\n WGSL: {wgsl:?}")) }
 }
 
-/// Protects every buffer that Rust writes and a shader reads.
+/// Structs in buffers that Rust writes and shaders read have the same layout.
 #[test]
 fn shared_structs_agree() {
     let camera =
@@ -223,7 +224,7 @@ fn source(root: &str) -> String {
     shader::source(root, shader::Variant::of("refract/guarded.wgsl"))
 }
 
-/// The value of a constant of 32 bits.
+/// Value of a 32-bit WGSL constant.
 fn wgsl_constant(root: &str, name: &str) -> u32 {
     let module = naga::front::wgsl::parse_str(&source(root)).expect("valid WGSL");
     let (_, constant) = module
@@ -238,7 +239,7 @@ fn wgsl_constant(root: &str, name: &str) -> u32 {
     }
 }
 
-/// Protects the numbers that both languages must agree on: array lengths, tile sizes, layers.
+/// Array lengths, tile sizes, layer indices and other constants have the same values in both languages.
 #[test]
 fn shared_constants_agree() {
     let table = [
@@ -263,10 +264,10 @@ fn shared_constants_agree() {
     }
 }
 
-/// Protects the test above from passing for the wrong reason: swapped fields, another kind, another
-/// size, a missing field and a missing padding at the end must all be found, and padding must not.
+/// Negative test: the comparison finds swapped fields, a different kind or size, a missing field and
+/// missing padding at the end, and ignores other padding.
 #[test]
-fn the_comparison_finds_planted_differences() {
+fn comparison_finds_planted_differences() {
     #[repr(C)]
     #[derive(Clone, Copy, Zeroable)]
     struct Planted {

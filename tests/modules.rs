@@ -1,14 +1,14 @@
-//! Dependencies between the files of every crate, by their `use` declarations and paths.
+//! The files of every crate depend on each other without cycles, by their `use` declarations and paths,
+//! which gives readers an order.
 //!
-//! Protects a newcomer's reading order: files of different folders do not depend on each other in a
-//! circle, nor do the files of one folder. A file and the folder of the same name are one node; the
-//! file may use what is in its folder, and the folder's files what is in it.
+//! There is no cycle between folders, nor between the files of a folder. A file and the folder of the
+//! same name are one node: they may use each other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// The text of a crate's files by module, as `passes/splat`; that of the root is `""`.
+/// Source text by module, such as `passes/splat`; `""` is the crate root.
 type Sources = BTreeMap<String, String>;
 
 fn read(folder: &Path, module: &str, sources: &mut Sources) {
@@ -26,14 +26,14 @@ fn read(folder: &Path, module: &str, sources: &mut Sources) {
     }
 }
 
-/// The code without comments and without its unit tests.
+/// Strips comments and unit tests.
 fn code(text: &str) -> String {
     let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
     let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default());
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// The paths that a tree of a `use` declaration names: `a::{b, c::{d}}` is `a::b` and `a::c::d`.
+/// Expands the tree of a `use` declaration: `a::{b, c::{d}}` becomes `a::b` and `a::c::d`.
 fn expand(prefix: &str, tree: &str, paths: &mut Vec<String>) {
     let (mut depth, mut start) = (0, 0);
     for (at, c) in tree.char_indices().chain([(tree.len(), ',')]) {
@@ -60,7 +60,7 @@ fn expand(prefix: &str, tree: &str, paths: &mut Vec<String>) {
     }
 }
 
-/// All paths of a file that may lead to another file of the crate.
+/// All paths in a file that may refer to another file of the crate.
 fn paths(text: &str) -> Vec<String> {
     let code = code(text);
     let mut paths = Vec::new();
@@ -81,7 +81,7 @@ fn paths(text: &str) -> Vec<String> {
     paths
 }
 
-/// The module that a path leads to from a file, if it is one of the crate's own.
+/// Resolves a path in a file to a module of the crate.
 fn target(sources: &Sources, from: &str, path: &str) -> Option<String> {
     let mut base: Vec<&str> = from.split('/').filter(|part| !part.is_empty()).collect();
     let mut parts = path.split("::").peekable();
@@ -114,8 +114,8 @@ fn target(sources: &Sources, from: &str, path: &str) -> Option<String> {
     Some(found)
 }
 
-/// The first circle among the nodes of any folder, as `a -> b -> a`.
-fn circle(sources: &Sources) -> Option<String> {
+/// Finds a cycle among the nodes of any folder, as `a -> b -> a`.
+fn cycle(sources: &Sources) -> Option<String> {
     let mut edges = BTreeSet::new();
     for (from, text) in sources {
         let targets = paths(text).into_iter().filter_map(|path| target(sources, from, &path));
@@ -137,21 +137,21 @@ fn circle(sources: &Sources) -> Option<String> {
                 graph.entry(from).or_default().insert(to);
             }
         }
-        graph.keys().find_map(|start| way_back(&graph, start))
+        graph.keys().find_map(|start| path_back(&graph, start))
     })
 }
 
-/// A way along the edges from a node to itself.
-fn way_back(graph: &BTreeMap<String, BTreeSet<String>>, start: &str) -> Option<String> {
+/// Finds a path along the edges from a node to itself.
+fn path_back(graph: &BTreeMap<String, BTreeSet<String>>, start: &str) -> Option<String> {
     let mut seen = BTreeSet::new();
-    let mut ways = vec![vec![start.to_owned()]];
-    while let Some(way) = ways.pop() {
-        for next in graph.get(way.last()?).into_iter().flatten() {
+    let mut paths = vec![vec![start.to_owned()]];
+    while let Some(path) = paths.pop() {
+        for next in graph.get(path.last()?).into_iter().flatten() {
             if next == start {
-                return Some(way.join(" -> ") + " -> " + start);
+                return Some(path.join(" -> ") + " -> " + start);
             }
             if seen.insert(next.clone()) {
-                ways.push(way.iter().chain([next]).cloned().collect());
+                paths.push(path.iter().chain([next]).cloned().collect());
             }
         }
     }
@@ -159,7 +159,7 @@ fn way_back(graph: &BTreeMap<String, BTreeSet<String>>, start: &str) -> Option<S
 }
 
 #[test]
-fn no_circle_between_files() {
+fn files_depend_on_each_other_without_cycles() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let crates = fs::read_dir(root.join("crates")).expect("the crates");
     let crates = crates.map(|entry| entry.expect("a crate").path());
@@ -168,15 +168,15 @@ fn no_circle_between_files() {
         let mut sources = Sources::new();
         read(&folder.join("src"), "", &mut sources);
         count += sources.len();
-        let found = circle(&sources);
+        let found = cycle(&sources);
         assert!(found.is_none(), "{}: {}", folder.display(), found.unwrap_or_default());
     }
     assert!(count > 150, "{count} files");
 }
 
-/// The check finds circles however they are written, and takes a file and its folder for one.
+/// Negative test: the check finds cycles in any notation, and treats a file and its folder as one node.
 #[test]
-fn planted_circles_are_found() {
+fn planted_cycles_are_found() {
     let sources = |files: &[(&str, &str)]| -> Sources {
         files.iter().map(|(module, text)| ((*module).into(), (*text).into())).collect()
     };
@@ -187,7 +187,7 @@ fn planted_circles_are_found() {
         &[("a", "use crate::b;"), ("b", "use crate::c;"), ("c", "use crate::a;")],
     ];
     for files in planted {
-        assert!(circle(&sources(files)).is_some(), "{files:?}");
+        assert!(cycle(&sources(files)).is_some(), "{files:?}");
     }
     let clean: [&[(&str, &str)]; 3] = [
         &[("a", "mod x;\nuse x::X;"), ("a/x", "use super::A;")],
@@ -198,6 +198,6 @@ fn planted_circles_are_found() {
         &[("", "mod a;\nuse a::A;"), ("a", "use crate::Top;")],
     ];
     for files in clean {
-        assert_eq!(circle(&sources(files)), None, "{files:?}");
+        assert_eq!(cycle(&sources(files)), None, "{files:?}");
     }
 }

@@ -1,5 +1,5 @@
-//! Every pipeline, bind group and command of a frame is valid, whatever the frame has: recorded
-//! on wgpu's no-op device, which validates everything and runs nothing. No adapter is needed.
+//! Validates every pipeline, bind group and command of all kinds of frames on wgpu's no-op device, which
+//! validates everything and executes nothing. No adapter is needed.
 
 use std::sync::{Arc, Mutex};
 
@@ -15,7 +15,7 @@ use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 use limpid::settings::{Curve, Filter, Fresnel, Method, Reflections, Solids, Solver, Unit};
 use limpid::wgpu;
 
-/// A no-op device that remembers what its validation says.
+/// A no-op device that records its validation errors.
 struct Checked {
     gpu: Gpu,
     errors: Arc<Mutex<Vec<String>>>,
@@ -37,12 +37,12 @@ impl Checked {
         Self { gpu: Gpu::from_device(device, queue), errors }
     }
 
-    /// What went wrong since the last call.
+    /// Takes the errors since the last call.
     fn errors(&self) -> Vec<String> {
         std::mem::take(&mut *self.errors.lock().expect("no panic holds this lock"))
     }
 
-    /// Renders one frame into a picture of its own, and reads the picture.
+    /// Renders one frame into a new picture and reads it back.
     fn render(&self, renderer: &mut Renderer, scene: &Scene, splats: &Splats, size: UVec2) {
         let frame = Picture::new(&self.gpu, size).expect("the size is allowed");
         renderer
@@ -114,13 +114,13 @@ fn environments() -> [Environment; 3] {
     ]
 }
 
-/// Protects every combination of what a frame may have, drawn by one renderer in turn as a viewer
-/// would: each change of kind and of size must give every pass what it now needs.
+/// One renderer draws every combination of scene contents in turn, like a viewer: each change of
+/// contents and size gives every pass the resources that it needs.
 #[test]
 fn every_kind_of_frame_is_valid() {
     let device = Checked::new();
     let mut renderer = Renderer::new(&device.gpu);
-    // Not a multiple of a tile, a tile's multiple, and the smallest.
+    // Not a multiple of the tile size, a multiple, and the smallest.
     let sizes = [UVec2::new(33, 17), UVec2::new(16, 24), UVec2::ONE];
     let mut sizes = sizes.iter().cycle();
     let mut draw = |scene: &Scene, splats: &Splats, diagnose: bool, what: &str| {
@@ -128,7 +128,7 @@ fn every_kind_of_frame_is_valid() {
         let &size = sizes.next().expect("a cycle has no end");
         device.render(&mut renderer, scene, splats, size);
         if diagnose {
-            // Reading needs usages that drawing does not.
+            // Readback needs texture usages that drawing does not.
             aov::read(&device.gpu, &renderer.images(), &Aov::ALL).expect("a valid read");
         }
         assert_eq!(device.errors(), [""; 0], "{what} at {size}");
@@ -161,8 +161,7 @@ fn every_kind_of_frame_is_valid() {
     }
 }
 
-/// Protects the settings that change what is compiled or recorded, one at a time, with and
-/// without the diagnostics.
+/// Each setting that affects compilation or recording is valid, with and without diagnostics.
 #[test]
 fn every_setting_is_valid() {
     let device = Checked::new();
@@ -226,7 +225,7 @@ fn every_setting_is_valid() {
     }
 }
 
-/// Protects frames whose particles come, go, and grow in number: buffers are kept between frames.
+/// Splat counts may change arbitrarily between frames, whose buffers are reused.
 #[test]
 fn any_number_of_splats_is_valid() {
     let device = Checked::new();
@@ -237,7 +236,7 @@ fn any_number_of_splats_is_valid() {
     }
 }
 
-/// Protects callers that draw into textures of their own: each format has its pipeline.
+/// Callers may draw into textures of any format; each format has its pipeline.
 #[test]
 fn every_target_format_is_valid() {
     let device = Checked::new();
@@ -256,7 +255,7 @@ fn every_target_format_is_valid() {
     }
 }
 
-/// Protects the times: a span for each pass that ran, on a device that has timestamps.
+/// On a device with timestamps, each pass that ran has a span.
 #[test]
 fn timed_frames_are_valid() {
     let device = Checked::with(wgpu::Features::TIMESTAMP_QUERY);
@@ -272,13 +271,12 @@ fn timed_frames_are_valid() {
     };
     let (without, with) = (times(0), times(2));
     assert_eq!(device.errors(), [""; 0]);
-    assert_eq!(with.len(), without.len() + 1, "splashes are a pass of their own");
+    assert_eq!(with.len(), without.len() + 1, "splashes are a separate pass");
 }
 
-/// Protects the tests above from passing for the wrong reason: the device must report a target of
-/// another format than was announced, and a picture larger than its target.
+/// Negative test: the device reports a target whose format differs from the announced one.
 #[test]
-fn the_device_reports_planted_errors() {
+fn device_reports_planted_errors() {
     let device = Checked::new();
     let mut renderer = Renderer::new(&device.gpu);
     let size = UVec2::new(16, 8);
@@ -304,7 +302,7 @@ fn target(gpu: &Gpu, format: wgpu::TextureFormat, size: UVec2) -> wgpu::TextureV
     texture.create_view(&Default::default())
 }
 
-/// No size is so large that its bytes cannot be counted, and none so small that it is drawn.
+/// Empty sizes, and sizes whose byte count overflows or exceeds limits, are refused.
 #[test]
 fn impossible_sizes_are_refused() {
     let gpu = Checked::new().gpu;

@@ -1,5 +1,5 @@
-//! Light through layers whose refraction is known in closed form, or can be traced in 64 bits by
-//! the rules that `shaders/refract/interfaces.wgsl` documents.
+//! Refraction through layers, against closed forms or 64-bit ray tracing by the rules documented in
+//! `shaders/refract/interfaces.wgsl`.
 
 #[path = "support/frames.rs"]
 mod frames;
@@ -23,7 +23,7 @@ const SIZE: UVec2 = UVec2::new(161, 121);
 const MIDDLE: UVec2 = UVec2::new(80, 60);
 const ETA: f64 = 1.33;
 
-/// Unpolarised reflectance, and the transmitted cosine.
+/// Unpolarised reflectance and transmitted cosine.
 fn fresnel(cos_i: f64, eta: f64) -> (f64, f64) {
     let sin2_t = (1.0 - cos_i * cos_i) / (eta * eta);
     if sin2_t >= 1.0 {
@@ -35,19 +35,22 @@ fn fresnel(cos_i: f64, eta: f64) -> (f64, f64) {
     (0.5 * (parallel * parallel + perpendicular * perpendicular), cos_t)
 }
 
-/// A refraction at normal incidence.
+/// Transmittance at normal incidence.
 fn straight() -> f64 {
     1.0 - fresnel(1.0, ETA).0
 }
 
-/// What a ray through one convex body comes to, without internal bounces.
+/// Result of tracing a ray through one convex body, without internal bounces.
 struct Light {
     radiance: DVec3,
+    /// Length inside the body.
     inside: f64,
+    /// Direction after the exit.
     out: DVec3,
-    /// Where it leaves, and the weight with which it does.
     exit: DVec3,
+    /// Weight of the transmitted ray.
     weight: DVec3,
+    /// Radiance of the two reflections.
     reflected: DVec3,
 }
 
@@ -77,12 +80,12 @@ fn through(
     Some(Light { radiance, inside, out, exit, weight, reflected })
 }
 
-/// How far the ray passes from the body's centre.
+/// Distance between the ray and the body's centre.
 fn off_axis(body: &Ellipsoid, ray: DVec3) -> f64 {
     (body.centre - body.centre.project_onto(ray)).length()
 }
 
-/// A map whose radiance is the direction itself, plus 1: what a pixel shows is where it looks.
+/// An environment map whose radiance encodes the direction, plus 1.
 fn compass() -> Environment {
     let size = UVec2::new(512, 256);
     let pixels = (0..size.x * size.y)
@@ -101,7 +104,7 @@ fn compass_radiance(d: DVec3) -> DVec3 {
     d + 1.0
 }
 
-/// Nothing but the middle of the picture's far wall shines, and no reflection is seen.
+/// A scene in which only a wall at `z` emits light, and reflections see only the black environment.
 fn wall(z: f32) -> Scene {
     let mut scene = scene();
     scene.environment = Environment::Constant(Vec3::ZERO);
@@ -116,7 +119,7 @@ fn wall(z: f32) -> Scene {
     scene
 }
 
-/// 300 particles as a file might have them: a body with a rough surface, and spray.
+/// 300 particles like those of a file: a body with a rough surface, and spray.
 fn cloud(settings: &Scene) -> Splats {
     let mut seed = 5;
     let positions = (0..300)
@@ -129,7 +132,7 @@ fn cloud(settings: &Scene) -> Splats {
     classify(&particles, 0.06, &settings.settings.classify)
 }
 
-/// A scene for the cloud: a checkered floor, a sky, absorption, the default settings.
+/// A scene for the cloud: checkered floor, sky, absorption, default settings.
 fn tank() -> Scene {
     Scene::around(DVec3::splat(-0.8), DVec3::splat(0.8), 0.06)
 }
@@ -139,14 +142,14 @@ fn above() -> Camera {
     Camera { eye, target: DVec3::ZERO, up: Vec3::Y, fov_y: 40.0, near: None }
 }
 
-/// Through a ball, every pixel more than two inside the rim: the length of its chord, and the
-/// directions in which light enters, leaves and is reflected, by a sky that shows them.
+/// Through a ball, all pixels at least two from the rim have the analytic chord length, and the analytic
+/// directions of refracted and reflected rays, which the environment encodes.
 ///
-/// The layer has one plane per pixel: over half a pixel, R/90 here, the sphere falls from it by
-/// 1e-4 R, and its normal turns by 0.01, of which refraction passes half on. With pixels half as
-/// large that must halve.
+/// The layer has one plane per pixel: over half a pixel, R/90 here, the sphere deviates from it by
+/// 1e-4 R, and its normal by 0.01, half of which remains after refraction. With half the pixel size the
+/// error must halve.
 #[test]
-fn ball_refracts_as_snell_says() {
+fn ball_refracts_by_snells_law() {
     let Some(mut stage) = stage() else { return };
     let camera = on_axis(8.0, 20.0);
     let ball = sphere(Vec3::new(0.1, -0.05, 0.0), 1.0);
@@ -199,18 +202,18 @@ fn ball_refracts_as_snell_says() {
     }
 }
 
-/// The ray half a radius off a ball's axis: chord 1.85329 R, deviation 15.8352°.
+/// A ray at half a radius from a ball's axis has a chord of 1.85329 R and a deviation of 15.8352°.
 #[test]
 fn ray_at_half_the_radius() {
     let Some(mut stage) = stage() else { return };
-    // A pixel is R/250: the exit's normal is known to 0.1°.
+    // A pixel is R/250: the exit normal is accurate to 0.1°.
     let camera = on_axis(8.0, 3.466);
     let view = View::new(&camera, SIZE);
     let ball = sphere(Vec3::new(0.5, 0.0, 0.0), 1.0);
     let body = Ellipsoid::new(&view, &ball);
     let expected =
         through(&body, view.through(MIDDLE), DVec3::ZERO, compass_radiance).expect("a hit");
-    // The truth itself, against the figures.
+    // The reference itself against the published figures.
     let deviation = expected.out.angle_between(DVec3::NEG_Z).to_degrees();
     assert!((deviation - 15.8352).abs() < 1e-4 && (expected.inside - 1.85329).abs() < 1e-5);
     let mut scene = scene();
@@ -220,7 +223,7 @@ fn ray_at_half_the_radius() {
         scene.settings.refract.solver = solver;
         let shot = stage.shoot(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
         let inside = shot.at("inside", MIDDLE);
-        // What is left of the radiance once the reflections are taken off is the sky at the end.
+        // The radiance without the reflections encodes the direction of the transmitted ray.
         let out = (shot.radiance(MIDDLE) - expected.reflected) / expected.weight - 1.0;
         let deviation = out.angle_between(DVec3::NEG_Z).to_degrees();
         println!("{solver:?}: chord {inside}, deviation {deviation}°, |out| {}", out.length());
@@ -230,8 +233,8 @@ fn ray_at_half_the_radius() {
     }
 }
 
-/// Beer's law over the chord, between the two reflections: F₁ + (1 − F₁) e^(−σl) under a white
-/// sky, for what the far side reflects inwards sees the sky too.
+/// Absorption follows Beer's law over the chord: F₁ + (1 − F₁) e^(−σl) under a white sky, which the ray
+/// reflected at the far side sees too.
 #[test]
 fn ball_absorbs_by_its_chord() {
     let Some(mut stage) = stage() else { return };
@@ -260,7 +263,7 @@ fn ball_absorbs_by_its_chord() {
     assert!(worst < 1e-3, "{worst}");
 }
 
-/// A slab of 0.2 m so wide that it is flat, over a checkered floor that alone shines.
+/// A slab of 0.2 m, wide enough to be flat, over a checkered floor, the only emitter.
 fn slab_over_floor() -> (Scene, Splats) {
     let mut scene = wall(0.0);
     scene.solids = vec![Solid {
@@ -272,16 +275,16 @@ fn slab_over_floor() -> (Scene, Splats) {
     (scene, splats(&[slab], &[], 0.01))
 }
 
-/// Straight down at the slab, and at 45°.
+/// Views of the slab from straight above and at 45°.
 fn at_the_slab() -> [Camera; 2] {
     let camera = Camera { eye: DVec3::Y * 2.0, up: Vec3::NEG_Z, ..on_axis(0.0, 35.0) };
     [camera, Camera { eye: DVec3::new(0.0, 2.0, 2.0), up: Vec3::Y, ..camera }]
 }
 
-/// A flat slab displaces an inclined ray by `t sin(θ − θ_t) / cos θ_t` and does not turn it: where
-/// each pixel lands on a checkered floor tells, to a fiftieth of a tile.
+/// A flat slab displaces an inclined ray by `t sin(θ − θ_t) / cos θ_t` without changing its direction,
+/// tested by the position on a checkered floor to a fiftieth of a tile.
 #[test]
-fn slab_displaces_without_turning() {
+fn slab_displaces_rays_without_deviation() {
     let Some(mut stage) = stage() else { return };
     let (scene, drawn) = slab_over_floor();
     let in_tiles = |x: DVec3| x / f64::from(0.2f32);
@@ -305,8 +308,8 @@ fn slab_displaces_without_turning() {
         for p in shot.pixels() {
             let ray = view.through(p);
             let light = through(&body, ray, DVec3::ZERO, |_| DVec3::ZERO).expect("it is wide");
-            assert!(light.out.angle_between(ray) < 1e-3, "the truth itself turns");
-            // A ray that leaves by a point that the picture does not show cannot be right.
+            assert!(light.out.angle_between(ray) < 1e-3, "the reference deviates");
+            // Rays that exit outside of the picture cannot be exact.
             let at = view.pixel(light.exit);
             if at.min_element() < 0.0 || (at - SIZE.as_dvec2()).max_element() > 0.0 {
                 beyond += 1;
@@ -328,14 +331,14 @@ fn slab_displaces_without_turning() {
         println!("    length {inside}");
         assert!((inside - 0.2 / theta_t.cos()).abs() < 1e-5, "{inside}");
         assert!(wrong == 0 && compared > 15_000, "{wrong} of {compared}");
-        assert!(theta == 0.0 || wrong_if_straight * 5 > compared, "the test has no teeth");
+        assert!(theta == 0.0 || wrong_if_straight * 5 > compared, "the test is not sensitive");
     }
 }
 
-/// Along the axis of balls in a row: how many interfaces, and what length of liquid, for every
-/// order of the classes. The wall behind shines through with T at each interface.
+/// A ray along the axis of balls in a row crosses the expected number of interfaces and length of liquid,
+/// for every order of the classes, with the transmittance T at each interface.
 #[test]
-fn balls_in_a_row() {
+fn balls_in_a_row_form_unions_of_intervals() {
     let Some(mut stage) = stage() else { return };
     let camera = on_axis(8.0, 20.0);
     let ball = |z: f32, radius: f32| sphere(Vec3::Z * z, radius);
@@ -374,9 +377,9 @@ fn balls_in_a_row() {
     assert!((straight() - 0.97994).abs() < 1e-5);
 }
 
-/// A ray is followed through as many interfaces as asked for; then it sees what is ahead.
+/// A ray is traced through the requested number of interfaces, then sees what is ahead.
 #[test]
-fn interfaces_are_followed_as_far_as_asked() {
+fn interfaces_are_limited_to_the_requested_number() {
     let Some(mut stage) = stage() else { return };
     let camera = on_axis(8.0, 20.0);
     let mut scene = wall(-5.0);
@@ -393,8 +396,8 @@ fn interfaces_are_followed_as_far_as_asked() {
     }
 }
 
-/// The white furnace: where all surroundings shine alike and nothing is absorbed, liquid is
-/// invisible. Every split of a ray, every bounce, every ray that is given up must keep the sum.
+/// White furnace test: in uniform surroundings and without absorption, liquid is invisible. Every split,
+/// bounce and terminated ray must conserve energy.
 #[test]
 fn white_furnace() {
     let Some(mut stage) = stage() else { return };
@@ -419,16 +422,16 @@ fn white_furnace() {
             assert!(worst < 1e-5, "{worst}");
         }
     }
-    // Nothing shines: nothing is seen.
+    // Without emitters the picture is black.
     scene.environment = Environment::Constant(Vec3::ZERO);
     let shot = stage.shoot(&scene, &above(), &cloud(&scene), SIZE);
     assert!(shot.pixels().all(|p| shot.radiance(p) == DVec3::ZERO));
 }
 
-/// Radiance is η² times as large inside the liquid, so that is what an eye in it sees of a white
-/// sky, also by total reflection; without the scaling, 1.
+/// Radiance is η² times as large inside the liquid: an eye in it sees a white sky as η², also by total
+/// reflection; without radiance scaling, as 1.
 #[test]
-fn eye_in_the_liquid_sees_the_sky_squeezed() {
+fn eye_in_the_liquid_sees_scaled_radiance() {
     let Some(mut stage) = stage() else { return };
     let ball = splats(&[sphere(Vec3::ZERO, 1.0)], &[], 0.1);
     let camera =
@@ -447,10 +450,10 @@ fn eye_in_the_liquid_sees_the_sky_squeezed() {
     }
 }
 
-/// As above where the near plane cuts the surface: at each pixel the ray starts inside or enters,
-/// and smoothing does not blur the one into the other.
+/// Where the near plane cuts the surface, each pixel's ray starts inside or enters, and smoothing does
+/// not blend the two cases.
 #[test]
-fn smoothing_keeps_where_rays_start_inside() {
+fn smoothing_preserves_rays_that_start_inside() {
     let Some(mut stage) = stage() else { return };
     let ball = sphere(Vec3::ZERO, 1.0);
     let camera = Camera { near: Some(0.104), ..on_axis(1.1, 90.0) };
@@ -474,10 +477,10 @@ fn smoothing_keeps_where_rays_start_inside() {
     }
 }
 
-/// Liquid that rests near a solid wets it: no interface there, and the ray ends on the solid,
-/// unscaled by what a way out would have given back. Without contact there is a film of air.
+/// Liquid near a solid wets it: there is no interface, and the ray ends on the solid without the radiance
+/// scaling of an exit. Without contact there is a film of air.
 #[test]
-fn contact_wets_what_liquid_rests_on() {
+fn contact_wets_solids() {
     let Some(mut stage) = stage() else { return };
     let (r, half) = (0.05f32, 0.2f32);
     let gap = 1.5 * r;
@@ -518,9 +521,9 @@ fn contact_wets_what_liquid_rests_on() {
     }
 }
 
-/// A solid hides the liquid behind it and ends the ray inside it.
+/// A solid hides the liquid behind it, and a submerged solid ends the ray.
 #[test]
-fn solids_hide_and_end() {
+fn solids_hide_liquid_and_end_rays() {
     let Some(mut stage) = stage() else { return };
     let camera = on_axis(8.0, 20.0);
     let ball = splats(&[sphere(Vec3::ZERO, 1.0)], &[], 0.1);
@@ -553,7 +556,7 @@ fn solids_hide_and_end() {
     }
 }
 
-/// The paper's solver gives up on rays, but never NaN; on a ball's axis its tangent plane is exact.
+/// `newton` fails for some rays but never yields NaN; on a ball's axis its tangent plane is exact.
 #[test]
 fn newton_is_finite_and_right_where_it_converges() {
     let Some(mut stage) = stage() else { return };
@@ -574,7 +577,7 @@ fn newton_is_finite_and_right_where_it_converges() {
     let shot = stage.shoot(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
     shot.assert_finite();
     assert!((shot.at("inside", MIDDLE) - 2.0).abs() < 1e-4);
-    // Over the ball's inner half, where four iterations reach the 1-pixel test.
+    // Over the ball's inner half, where four iterations pass the 1-pixel test.
     let mut worst = 0f64;
     for p in shot.pixels() {
         let ray = view.through(p);
@@ -587,11 +590,11 @@ fn newton_is_finite_and_right_where_it_converges() {
     assert!(worst < 0.02, "{worst}");
 }
 
-/// `guarded` strides over what `march` visits texel by texel. On a body's smoothed surface they
-/// must agree: a length differs where the ray passes a dent narrower than a stride. Spray and
-/// rough surfaces are such dents, and bounces multiply them: there only the mean is bounded.
+/// `guarded`, which takes strides, agrees with `march`, which visits every texel, on a body's smoothed
+/// surface: lengths differ only where the ray passes a dent narrower than a stride. Spray and rough
+/// surfaces have many such dents, and bounces multiply them: there only the mean is bounded.
 #[test]
-fn guarded_sees_what_march_sees() {
+fn guarded_agrees_with_march() {
     let Some(mut stage) = stage() else { return };
     let mut scene = tank();
     let all = cloud(&scene);
@@ -614,11 +617,10 @@ fn guarded_sees_what_march_sees() {
     }
 }
 
-/// Samples see the same layers from other points of the pixel. Where the layers are planes, that
-/// is what a picture of four times the size sees: more samples come closer to the mean of its 16
-/// pixels, by any even pattern.
+/// Samples intersect the same layers from different points of the pixel. On planar layers, more samples
+/// converge to the mean of the 16 pixels of a picture of four times the size.
 #[test]
-fn samples_average() {
+fn samples_converge_to_the_pixel_mean() {
     let Some(mut stage) = stage() else { return };
     let (mut scene, slab) = slab_over_floor();
     let camera = at_the_slab()[1];
@@ -641,10 +643,10 @@ fn samples_average() {
     assert!(four < 0.6 * one && seven < 0.6 * one && sixteen < 0.6 * one);
 }
 
-/// Protects edges beside the liquid: a pixel of the floor's pattern is the mean over its area, also
-/// with one sample per pixel, and the same in tiles that liquid covers in part.
+/// Edges in the background are antialiased even with one sample per pixel, also in tiles that liquid
+/// partly covers.
 #[test]
-fn edges_of_the_background_are_smooth() {
+fn background_edges_are_antialiased() {
     let Some(mut stage) = stage() else { return };
     let (mut scene, _) = slab_over_floor();
     let camera = at_the_slab()[1];
@@ -674,10 +676,10 @@ fn edges_of_the_background_are_smooth() {
     }
 }
 
-/// Solids looked up in the G-buffer are those that are there, to a texel: every pixel shows what
-/// it or a neighbour shows with exact solids. Tiles are several texels wide to the horizon.
+/// Solids from the G-buffer match the exact ones within a texel: every pixel equals itself or a neighbour
+/// with exact solids. Tiles are several texels wide up to the horizon.
 #[test]
-fn solids_on_the_screen_are_the_solids() {
+fn screen_solids_match_exact_solids() {
     let Some(mut stage) = stage() else { return };
     let mut scene = scene();
     scene.solids = vec![Solid {
@@ -687,7 +689,7 @@ fn solids_on_the_screen_are_the_solids() {
     }];
     scene.settings.refract.contact = 0.0;
     scene.settings.refract.internal_bounces = 0;
-    // A lens: a ball would show half the room in its outermost pixel.
+    // A lens: a ball would compress half of the scene into its outermost pixels.
     let lens = ellipsoid(Vec3::Y * 0.1, Vec3::new(0.9, 0.15, 0.9), Quat::IDENTITY);
     let drawn = splats(&[lens], &[], 0.06);
     let exact = stage.shoot(&scene, &above(), &drawn, SIZE);
@@ -704,14 +706,14 @@ fn solids_on_the_screen_are_the_solids() {
     let equal = liquid.iter().filter(|&&p| off(p, p) < 0.01).count();
     println!("of {}: {equal} equal, {unlike} unlike any neighbour", liquid.len());
     assert!(liquid.len() > 3000 && unlike * 100 < liquid.len() && equal * 10 > liquid.len() * 9);
-    // Beside the liquid too.
+    // Pixels beside the liquid do not change.
     let beside = exact.pixels().filter(|&p| exact.at("interfaces", p) == 0.0);
     let changed = beside.filter(|&p| off(p, p) > 1e-6).count();
     println!("{changed} pixels of the background changed");
     assert!(changed * 200 < (SIZE.x * SIZE.y) as usize, "{changed}");
 }
 
-/// Whatever the splats, radiance is finite: in none, in all, in each other.
+/// Radiance is finite and not negative for random splats and eyes.
 #[test]
 fn random_clouds_are_finite() {
     let Some(mut stage) = stage() else { return };
@@ -733,8 +735,8 @@ fn random_clouds_are_finite() {
     }
 }
 
-/// Beer's law at half the radius, for a ball of radius 1 and an absorption of 1: the ray keeps
-/// e^(−1.85329) = 0.156721 of what refraction lets through.
+/// At half a radius from the axis of a ball of radius 1 with an absorption of 1, the transmittance of the
+/// chord is e^(−1.85329) = 0.156721.
 #[test]
 fn chord_at_half_the_radius_absorbs() {
     let Some(mut stage) = stage() else { return };
@@ -770,11 +772,10 @@ fn disc_without_thickness_absorbs_nothing() {
     }
 }
 
-/// Two drops one after the other, in every order of the classes, the same class twice included:
-/// the ray that the first turns by 15.8352° meets the second, which stands beside it in the
-/// picture, near its middle, and crosses four interfaces in all.
+/// A ray deviated by 15.8352° in a first drop hits a second drop, which is beside the first in the
+/// picture, near its centre, and crosses four interfaces in total, for all combinations of classes.
 #[test]
-fn second_drops_are_met_in_every_order() {
+fn second_drops_are_hit_for_all_classes() {
     let Some(mut stage) = stage() else { return };
     let camera = on_axis(8.0, 40.0);
     let size = UVec2::new(641, 481);
@@ -797,7 +798,8 @@ fn second_drops_are_met_in_every_order() {
         let (interfaces, inside) = (shot.at("interfaces", size / 2), shot.at("inside", size / 2));
         println!("splash {a}, then {b}: {interfaces} interfaces, {inside} m");
         assert_eq!(interfaces, 4.0, "splash {a}, then {b}");
-        // The first exit's normal is that of a texel of R/80: the second middle is missed by 0.2.
+        // The normal of the first exit is that of a texel of R/80, so the ray misses the second centre by
+        // 0.2.
         assert!((inside - 1.85329 - 2.0).abs() < 0.1, "splash {a}, then {b}: {inside}");
     }
 }

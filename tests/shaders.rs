@@ -1,5 +1,5 @@
-//! The shader files: all are known, all roots are valid WGSL for the device that limpid requests,
-//! and for every way in which pipelines specialise them. No adapter is needed.
+//! Static checks of the shader files: all are embedded, and all roots are valid WGSL for the features
+//! that limpid requests, in every specialisation. No adapter is needed.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -12,10 +12,10 @@ use naga::back::{glsl, hlsl, msl, spv};
 use naga::proc::BoundsCheckPolicies;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
-/// A root of the report that imports an intersector.
+/// The benchmark root that imports an intersector.
 const MEASURED: &str = "report/intersect.wgsl";
 
-/// The variant by which roots are tested; the intersector is that of the defaults.
+/// The variant for tests of roots, with the default intersector.
 const GUARDED: Variant = Variant {
     intersector: Some("refract/guarded.wgsl"),
     early_depth: None,
@@ -26,10 +26,10 @@ fn source(root: &str) -> String {
     shader::source(root, GUARDED)
 }
 
-/// limpid requests no optional feature that WGSL can see.
+/// limpid requests no optional feature that affects WGSL.
 const REQUESTED: Capabilities = Capabilities::empty();
 
-/// Parses and validates one text; a failure is naga's excerpt of it.
+/// Parses and validates a source text; a failure is naga's excerpt.
 fn check(name: &str, text: &str) -> Result<(naga::Module, ModuleInfo), String> {
     let module =
         naga::front::wgsl::parse_str(text).map_err(|e| e.emit_to_string_with_path(text, name))?;
@@ -39,7 +39,7 @@ fn check(name: &str, text: &str) -> Result<(naga::Module, ModuleInfo), String> {
     Ok((module, info))
 }
 
-/// The values that a pipeline may give to a constant: both of a switch, and ends of a count.
+/// Values to test for a pipeline constant: both of a switch, and the ends of a range.
 fn values(module: &naga::Module, constant: &naga::Override) -> &'static [f64] {
     match (constant.name.as_deref(), &module.types[constant.ty].inner) {
         (_, naga::TypeInner::Scalar(naga::Scalar::BOOL)) => &[0.0, 1.0],
@@ -58,8 +58,8 @@ fn values(module: &naga::Module, constant: &naga::Override) -> &'static [f64] {
     }
 }
 
-/// The sets of constants to specialise by: each value of each constant alone, and last all of them at
-/// their first and at their last value.
+/// Sets of constants to specialise by: each value of each constant alone, then all constants at their
+/// first and at their last value.
 fn specialisations(module: &naga::Module) -> Vec<Vec<(String, f64)>> {
     let constants: Vec<_> = module
         .overrides
@@ -77,7 +77,7 @@ fn specialisations(module: &naga::Module) -> Vec<Vec<(String, f64)>> {
     alone.chain([first, last]).collect()
 }
 
-/// Specialises every entry point in every way. Returns how many specialisations there were.
+/// Specialises every entry point with every set of constants. Returns the number of specialisations.
 fn specialise(name: &str, module: &naga::Module, info: &ModuleInfo) -> Result<usize, String> {
     let sets = specialisations(module);
     for entry in &module.entry_points {
@@ -90,9 +90,8 @@ fn specialise(name: &str, module: &naga::Module, info: &ModuleInfo) -> Result<us
     Ok(sets.len() * module.entry_points.len())
 }
 
-/// What the drivers are given on each platform, for an entry point without open constants: SPIR-V for
-/// Vulkan, MSL 2.0 for Metal, HLSL 5.1 for DirectX 12, GLSL ES 3.1 for OpenGL. Returns their sizes in
-/// bytes.
+/// Translates a fully specialised entry point for every platform: SPIR-V for Vulkan, MSL 2.0 for Metal,
+/// HLSL 5.1 for DirectX 12, GLSL ES 3.1 for OpenGL. Returns the sizes in bytes.
 fn translate(
     module: &naga::Module,
     info: &ModuleInfo,
@@ -108,19 +107,19 @@ fn translate(
 
     let options = msl::Options { lang_version: (2, 0), ..Default::default() };
     let pipeline = msl::PipelineOptions { entry_point: entry(), ..Default::default() };
-    let (metal, told) =
+    let (metal, translation) =
         msl::write_string(module, info, &options, &pipeline).map_err(|e| format!("MSL: {e}"))?;
-    // What cannot be bound is told here, not by an error of the writer.
-    for translated in told.entry_point_names {
+    // Binding errors are reported here, not by the writer.
+    for translated in translation.entry_point_names {
         translated.map_err(|e| format!("MSL: {e}"))?;
     }
 
     let (mut direct_x, options) = (String::new(), hlsl::Options::default());
     let pipeline = hlsl::PipelineOptions { entry_point: entry() };
-    let told = hlsl::Writer::new(&mut direct_x, &options, &pipeline)
+    let translation = hlsl::Writer::new(&mut direct_x, &options, &pipeline)
         .write(module, info, None)
         .map_err(|e| format!("HLSL: {e}"))?;
-    for translated in told.entry_point_names {
+    for translated in translation.entry_point_names {
         translated.map_err(|e| format!("HLSL: {e}"))?;
     }
 
@@ -136,8 +135,8 @@ fn translate(
     Ok([4 * spirv.len(), metal.len(), direct_x.len(), open_gl.len()])
 }
 
-/// Translates every entry point, with all constants at their first and all at their last value: every
-/// branch that they choose, and every one that they leave out.
+/// Translates every entry point with all constants at their first and all at their last values, which
+/// includes and excludes every conditional branch.
 fn translate_all(name: &str, text: &str) -> Result<usize, String> {
     let (module, info) = check(name, text)?;
     let sets = specialisations(&module);
@@ -168,7 +167,7 @@ fn files_below(folder: &Path, prefix: &str, found: &mut BTreeSet<String>) {
     }
 }
 
-/// The files that a root pastes, itself among them.
+/// The files that a root imports, including itself.
 fn pasted(root: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     shader::resolve(root, GUARDED, &mut |path| {
@@ -178,10 +177,9 @@ fn pasted(root: &str) -> BTreeSet<String> {
     found
 }
 
-/// Protects the table of embedded files: one that is forgotten there cannot be imported, one that
-/// is listed twice hides a mistake.
+/// `FILES` lists every file of the shader folder exactly once.
 #[test]
-fn the_table_has_every_file_of_the_folder() {
+fn table_lists_every_shader_file_once() {
     let mut folder = BTreeSet::new();
     files_below(&Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders"), "", &mut folder);
     let table: BTreeSet<_> = FILES.iter().map(|(name, _)| (*name).to_owned()).collect();
@@ -189,8 +187,8 @@ fn the_table_has_every_file_of_the_folder() {
     assert_eq!(table.len(), FILES.len(), "a file is in the table twice");
 }
 
-/// Protects every pipeline from a shader that does not compile on the device that limpid asks
-/// for, and reports all broken ones at once.
+/// Every root validates in every specialisation with the features that limpid requests. Reports all
+/// failures at once.
 #[test]
 fn every_root_is_valid() {
     let broken: Vec<_> = ROOTS
@@ -198,7 +196,7 @@ fn every_root_is_valid() {
         .filter_map(|root| {
             let text = source(root);
             let stored = shader::source(root, Variant { stored_uniforms: true, ..GUARDED });
-            // A new one is put here, or among those that decide branches.
+            // A new uniform must be added here or become `$branching`.
             let plain = ["camera", "scene", "solids", "params", "absorptions"];
             for (_, uniform) in
                 stored.match_indices("var<uniform>").map(|(at, _)| stored.split_at(at))
@@ -219,10 +217,9 @@ fn every_root_is_valid() {
     assert!(broken.is_empty(), "{} broken roots:\n{}", broken.len(), broken.join("\n"));
 }
 
-/// Protects devices that leave out hidden fragments early: what they are given is valid there, and
-/// promises something.
+/// Variants with early depth tests are valid with that capability, and only with it.
 #[test]
-fn promised_depths_are_valid() {
+fn early_depth_variants_are_valid() {
     for root in ["splat.wgsl", "cull/draw.wgsl"] {
         for side in [EarlyDepth::LessEqual, EarlyDepth::GreaterEqual] {
             let text = shader::source(root, Variant { early_depth: Some(side), ..GUARDED });
@@ -232,15 +229,14 @@ fn promised_depths_are_valid() {
                 Validator::new(ValidationFlags::all(), capabilities).validate(&module).is_ok()
             };
             assert!(is_valid(Capabilities::EARLY_DEPTH_TEST), "{root}");
-            assert!(!is_valid(REQUESTED), "{root}: nothing is promised");
+            assert!(!is_valid(REQUESTED), "{root} has no early depth test");
         }
     }
 }
 
-/// Protects Metal, DirectX 12 and OpenGL, of which none may be here: every shader becomes what their
-/// drivers are given.
+/// Every shader translates to SPIR-V, MSL, HLSL and GLSL.
 #[test]
-fn every_shader_can_be_translated_for_every_platform() {
+fn every_shader_translates_for_every_platform() {
     let roots = ROOTS.iter().map(|root| (*root, source(root)));
     let broken: Vec<_> = roots
         .filter_map(|(name, text)| match translate_all(name, &text) {
@@ -254,11 +250,12 @@ fn every_shader_can_be_translated_for_every_platform() {
     assert!(broken.is_empty(), "{} broken:\n{}", broken.len(), broken.join("\n"));
 }
 
-/// Protects the measurements: whatever supplies an intersector can be measured.
+/// The benchmark root is valid with every intersector.
 #[test]
-fn every_intersector_can_be_measured() {
-    let supplies = |root: &&&str| root.starts_with("refract/") || **root == "report/nothing.wgsl";
-    let roots: Vec<_> = ROOTS.iter().filter(supplies).collect();
+fn benchmark_is_valid_with_every_intersector() {
+    let is_intersector =
+        |root: &&&str| root.starts_with("refract/") || **root == "report/nothing.wgsl";
+    let roots: Vec<_> = ROOTS.iter().filter(is_intersector).collect();
     assert!(roots.len() >= 8, "{roots:?}");
     for root in roots {
         let text = shader::source(MEASURED, Variant::of(root));
@@ -267,9 +264,9 @@ fn every_intersector_can_be_measured() {
     }
 }
 
-/// Protects against dead files: what no root pastes is never compiled, and so never checked.
+/// There are no dead files, which would never be compiled or checked.
 #[test]
-fn every_file_is_a_root_or_pasted_by_one() {
+fn every_file_is_a_root_or_imported_by_one() {
     let used: BTreeSet<_> = ROOTS.iter().flat_map(|root| pasted(root)).collect();
     for (name, _) in FILES {
         assert!(used.contains(*name), "{name} is neither a root nor imported by one");
@@ -279,8 +276,7 @@ fn every_file_is_a_root_or_pasted_by_one() {
     }
 }
 
-/// Protects the one feature that limpid adds to WGSL: a file is pasted once however often it is
-/// imported, also in a circle, and a missing one is named.
+/// A file is pasted once even if imported repeatedly or in a cycle, and a missing file is named.
 #[test]
 fn imports_are_pasted_once_and_missing_ones_are_named() {
     let files = [
@@ -298,7 +294,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
     assert!(message.contains("nowhere.wgsl"), "{message}");
 }
 
-/// Every loop of every shader: its file, its function, how it begins, and what bounds its turns.
+/// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
 const LOOPS: [(&str, &str, &str, &str); 72] = [
     ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
@@ -313,21 +309,21 @@ const LOOPS: [(&str, &str, &str, &str); 72] = [
     ("caustics/deposit.wgsl", "deposit", "for (var k = 0; k < SIDE * SIDE; k++)", "a constant"),
     ("caustics/deposit.wgsl", "patch_point", "for (var j = 0; j < SIDE; j++)", "a constant"),
     ("caustics/deposit.wgsl", "patch_point", "for (var i = 0; i < SIDE; i++)", "a constant"),
-    ("caustics/deposit.wgsl", "lay_patch", "for (var j = 0; j < parts; j++)", "caustics.subdivide, 8 at most"),
-    ("caustics/deposit.wgsl", "lay_patch", "for (var i = 0; i < parts; i++)", "caustics.subdivide, 8 at most"),
-    ("caustics/deposit.wgsl", "torn", "for (var j = 0; j < PARTS; j++)", "a constant"),
-    ("caustics/deposit.wgsl", "torn", "for (var i = 0; i < 2 * (PARTS - j) - 1; i++)", "a constant"),
-    ("caustics/deposit.wgsl", "lay", "for (var i = 0; i < SPECKS * SPECKS; i++)", "a constant"),
-    ("caustics/deposit.wgsl", "lay", "for (var y = low.y; y < high.y; y += 1.0)", "LARGEST_BOX texels of the map together"),
-    ("caustics/deposit.wgsl", "lay", "for (var x = low.x; x < high.x; x += 1.0)", "LARGEST_BOX texels of the map together"),
-    ("caustics/deposit.wgsl", "add", "for (var i = 0u; i < 3u; i++)", "a constant"),
+    ("caustics/deposit.wgsl", "deposit_patch", "for (var j = 0; j < parts; j++)", "caustics.subdivide, 8 at most"),
+    ("caustics/deposit.wgsl", "deposit_patch", "for (var i = 0; i < parts; i++)", "caustics.subdivide, 8 at most"),
+    ("caustics/deposit.wgsl", "deposit_in_parts", "for (var j = 0; j < PARTS; j++)", "a constant"),
+    ("caustics/deposit.wgsl", "deposit_in_parts", "for (var i = 0; i < 2 * (PARTS - j) - 1; i++)", "a constant"),
+    ("caustics/deposit.wgsl", "add_triangle", "for (var i = 0; i < SPECKS * SPECKS; i++)", "a constant"),
+    ("caustics/deposit.wgsl", "add_triangle", "for (var y = low.y; y < high.y; y += 1.0)", "LARGEST_BOX texels of the map together"),
+    ("caustics/deposit.wgsl", "add_triangle", "for (var x = low.x; x < high.x; x += 1.0)", "LARGEST_BOX texels of the map together"),
+    ("caustics/deposit.wgsl", "add_to_texel", "for (var i = 0u; i < 3u; i++)", "a constant"),
     ("caustics/gather.wgsl", "line_pixel", "for (var k = 0; k < 5; k++)", "a constant"),
     ("caustics/grid.wgsl", "grid_vertices", "for (var i = 0; i < 4; i++)", "a constant"),
     ("classify/eigen.wgsl", "eigen", "for (var i = 0u; i < ROTATIONS; i++)", "a constant"),
     ("classify/moments.wgsl", "moments", "for (var z = first.z; z <= last.z; z++)", "cells within the support, 10 radii at most, and the grid"),
     ("classify/moments.wgsl", "moments", "for (var y = first.y; y <= last.y; y++)", "cells within the support, 10 radii at most, and the grid"),
-    ("classify/moments.wgsl", "moments", "for (var slot = begin; slot < end; slot++)", "the particles of a run of cells; crowds are the processor's"),
-    ("classify/order.wgsl", "arrange", "for (var other = begin; other < end; other++)", "the particles of a cell; crowds are the processor's"),
+    ("classify/moments.wgsl", "moments", "for (var slot = begin; slot < end; slot++)", "the particles of a run of cells; crowds are left to the CPU"),
+    ("classify/order.wgsl", "arrange", "for (var other = begin; other < end; other++)", "the particles of a cell; crowds are left to the CPU"),
     ("classify/scan.wgsl", "sum_before", "for (var stride = 1u; stride < THREADS; stride *= 2u)", "log2 of the workgroup's threads"),
     ("classify/scan.wgsl", "sum_squares", "for (var stride = THREADS / 2u; stride > 0u; stride /= 2u)", "log2 of the workgroup's threads"),
     ("classify/scan.wgsl", "add_blocks", "for (var k = 0u; k < EACH; k++)", "a constant"),
@@ -375,11 +371,10 @@ const LOOPS: [(&str, &str, &str, &str); 72] = [
     ("tiles.wgsl", "sort", "for (var i = 0u; i < TILE * TILE && !covered; i++)", "a constant"),
 ];
 
-/// A loop as the table has it, without its bound.
+/// File, function and header of a loop.
 type Loop = (String, String, String);
 
-/// The loops of a shader's text; or one that cannot be bounded by its first line, which is then no counted
-/// loop with a condition.
+/// Lists the loops of a shader. Fails for a loop whose header is not a counted loop with a condition.
 fn loops(file: &str, text: &str) -> Result<Vec<Loop>, String> {
     let mut function = "";
     let mut found = Vec::new();
@@ -406,9 +401,8 @@ fn loops(file: &str, text: &str) -> Result<Vec<Loop>, String> {
     Ok(found)
 }
 
-/// Protects frames from loops that the device does not end within seconds, in which no signal is heard: each
-/// is bounded by the picture, the map, the scene or a constant. A new one is put into the table with its
-/// bound.
+/// Every loop is bounded by the picture, the map, the scene or a constant: the program cannot react to
+/// signals while the device is stuck in a loop. New loops must be added to the table with their bound.
 #[test]
 fn every_loop_is_bounded() {
     let mut found: Vec<Loop> = FILES
@@ -424,9 +418,9 @@ fn every_loop_is_bounded() {
     known.sort();
     let new: Vec<_> = found.iter().filter(|one| !known.contains(one)).collect();
     assert!(new.is_empty(), "not in the table: {new:#?}");
-    assert_eq!(found, known, "gone, or more often than in the table");
+    assert_eq!(found, known, "loops are gone, or occur more often than in the table");
 
-    // What it must find.
+    // Planted errors.
     for planted in ["loop {", "while x < 1.0 {", "for (var i = 0; ; i++) {", "for (; i < 9; i++) {"]
     {
         let problem = loops("planted.wgsl", &format!("fn endless() {{\n    {planted}\n}}"));
@@ -437,34 +431,34 @@ fn every_loop_is_bounded() {
     assert_eq!(own, Ok(vec![("planted.wgsl".into(), "new".into(), header.into())]));
 }
 
-/// Protects this file's checks from passing for the wrong reason: each is shown what it must find.
+/// Negative test: each check of this file finds planted errors.
 #[test]
-fn the_checks_find_planted_errors() {
+fn checks_find_planted_errors() {
     let entry = |body: &str| format!("@compute @workgroup_size(1) fn main() {{ {body} }}");
     let problem = |text: &str| check("planted.wgsl", text).err().unwrap_or_default();
 
-    assert_eq!(problem(&entry("let x = 1.0;")), "", "the frame of the planted errors is valid");
-    // The parser's error, with an excerpt of the text.
+    assert_eq!(problem(&entry("let x = 1.0;")), "", "the shell of the planted errors is valid");
+    // A parser error, with an excerpt of the source.
     let unknown = problem(&entry("let x = nonsense;"));
     assert!(unknown.contains("planted.wgsl:1") && unknown.contains("nonsense"), "{unknown}");
-    // The validator's: it parses, and is not allowed.
+    // A validation error: it parses, but is invalid.
     let text = format!("@group(0) @binding(0) var<uniform> x: bool;\n{}", entry("let y = x;"));
     assert!(problem(&text).contains("planted.wgsl"), "{}", problem(&text));
     // A feature that limpid does not request.
     assert_ne!(problem(&entry("let x = 1.0lf;")), "", "64-bit floats are not requested");
 
-    // One value of one constant of one entry point.
+    // An error for a single value of a constant.
     let divide = entry("let bad = 1u / select(1u, 0u, SWITCH);");
     let text = format!("override SWITCH: bool = false;\n{divide}");
     let (module, info) = check("planted.wgsl", &text).expect("valid as it stands");
     let problem = specialise("planted.wgsl", &module, &info);
     assert!(problem.as_ref().is_err_and(|e| e.contains("SWITCH\", 1.0")), "{problem:?}");
 
-    // What no platform can be given: a constant that is still open.
+    // A constant without a value cannot be translated.
     let (module, info) = check("planted.wgsl", &text).expect("valid as it stands");
     let problem = translate(&module, &info, naga::ShaderStage::Compute, "main");
     assert!(problem.as_ref().is_err_and(|e| e.contains("SPIR-V")), "{problem:?}");
-    // And one specialisation that cannot be made.
+    // An invalid specialisation.
     let problem = translate_all("planted.wgsl", &text);
     assert!(problem.as_ref().is_err_and(|e| e.contains("SWITCH\", 1.0")), "{problem:?}");
 }

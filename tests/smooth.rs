@@ -1,5 +1,5 @@
-//! Smoothing of layers whose smoothed form is known: planes stay, spheres recede by a closed form,
-//! gaps stay sharp; and where other filters than the plane fit depart from that, by how much.
+//! Smoothing of layers with a known result: planes stay, spheres recede by a closed form, gaps stay
+//! sharp; and the known deviations of filters other than the plane fit.
 
 #[path = "support/frames.rs"]
 mod frames;
@@ -13,51 +13,51 @@ use limpid::settings::{Filter, Unit};
 
 const SIZE: UVec2 = UVec2::new(160, 120);
 
-/// The paper's fit: a window of `taps` pixels, all of them sampled.
+/// The paper's plane fit: a fully sampled window of `taps` pixels.
 fn fitting(taps: u32, iterations: u32) -> Scene {
     let mut scene = scene();
     let smooth = &mut scene.settings.smooth;
     (smooth.unit, smooth.taps, smooth.window) = (Unit::Pixel, taps, taps as f32);
     (smooth.iterations, smooth.sigma) = (iterations, 5.3);
-    // Only the layers are looked at: the cheapest light.
+    // The cheapest refraction, as only the layers are tested.
     scene.settings.refract.interfaces = 1;
     scene
 }
 
 const FILTERS: [Filter; 3] = [Filter::PlaneFit, Filter::Bilateral, Filter::NarrowRange];
 
-/// As [`fitting`], by another filter.
+/// As [`fitting`], with another filter.
 fn filtering(filter: Filter, taps: u32, iterations: u32) -> Scene {
     let mut scene = fitting(taps, iterations);
     scene.settings.smooth.filter = filter;
     scene
 }
 
-/// The weight on the screen of a tap of `bilateral` and `narrow-range`: σ is a quarter of the
-/// window, and the outermost of `taps` are two of it from the middle.
+/// Screen-space weight of a tap of `bilateral` and `narrow-range`: σ is a quarter of the window, and the
+/// outermost taps are at 2 σ.
 fn weight(taps: i32, x: i32, y: i32) -> f64 {
     let sigma = f64::from(taps / 2) / 2.0;
     (-f64::from(x * x + y * y) / (2.0 * sigma * sigma)).exp()
 }
 
-/// The variance of these weights along an axis, in pixels².
+/// Variance of these weights along an axis, in pixels².
 fn variance(taps: i32) -> f64 {
     let reach = -(taps / 2)..=taps / 2;
     let moment = |n| reach.clone().map(|x| f64::from(x).powi(n) * weight(taps, x, 0)).sum::<f64>();
     moment(2) / moment(0)
 }
 
-/// A disc so flat that it is a plane: 500 km radius of curvature.
+/// A disc that is flat enough for a plane: 500 km radius of curvature.
 fn sheet(centre: Vec3, turn: Quat) -> Splat {
     ellipsoid(centre, Vec3::new(500.0, 500.0, 0.5), turn)
 }
 
-/// The largest change of a layer's depth, and where.
+/// Largest change of a layer's depth, and its pixel.
 fn largest_change(shot: &Shot, side: &str, within: impl Fn(UVec2) -> bool) -> (f64, UVec2) {
     let change = |p| {
         let before = shot.at(&format!("depth.aggregate_{side}"), p);
         let after = shot.at(&format!("smooth_depth.aggregate_{side}"), p);
-        assert_eq!(before > 0.0, after > 0.0, "{side} at {p}: smoothing moved the outline");
+        assert_eq!(before > 0.0, after > 0.0, "{side} at {p}: smoothing changed the outline");
         ((after - before).abs(), p)
     };
     let none = (0.0, UVec2::ZERO);
@@ -75,8 +75,8 @@ fn draw(stage: &mut Stage, scene: &Scene, camera: &Camera, splats: &Splats) -> S
 
 /// A plane is a fixed point up to the picture's borders, at any tilt, for both window units.
 ///
-/// The tolerance is rounding: eq. 5 divides an error of 1e-7 of the depth by the cosine, and the
-/// plane is bent by 1e-4 m at its visible corners.
+/// The tolerance covers rounding: eq. 5 divides an error of 1e-7 of the depth by the cosine, and the
+/// plane is curved by 1e-4 m at its visible corners.
 #[test]
 fn plane_is_a_fixed_point() {
     let Some(mut stage) = stage() else { return };
@@ -91,13 +91,13 @@ fn plane_is_a_fixed_point() {
             let shot = draw(&mut stage, &scene, &camera, &drawn);
             let (change, at) = largest_change(&shot, "front", |_| true);
             println!("{tilt}°: front moves by {change} at {at}");
-            // Farther parts of the tilted plane are 3 times as deep.
+            // The far parts of the tilted plane are 3 times as deep.
             assert!(change < tolerance * 3.0, "{tilt}°: {change} at {at}");
         }
     }
 }
 
-/// Seen at 89° a fit would divide by nothing: the depth stays, as eq. 5 says it must on a plane.
+/// A plane seen at 89°, where the fit would divide by almost 0, keeps its depth, as in eq. 5.
 #[test]
 fn plane_seen_edge_on_is_kept() {
     let Some(mut stage) = stage() else { return };
@@ -112,11 +112,11 @@ fn plane_seen_edge_on_is_kept() {
     assert!(change < 1e-4, "{change} at {at}");
 }
 
-/// Fitted planes cut the cap off a sphere: it recedes by (s² − 1) a² / (12 R) per iteration, a
-/// being the pixel's footprint. The 5 % are the window's perspective and the second iteration's
-/// flatter cap; a wrong weight or a window of the wrong size is off by 20 % and more.
+/// Fitted planes flatten a sphere: it recedes by (s² − 1) a² / (12 R) per iteration, with the pixel
+/// footprint a. The tolerance of 5 % covers perspective in the window and the flatter cap in later
+/// iterations; a wrong weight or window size is off by 20 % or more.
 #[test]
-fn sphere_recedes_as_the_closed_form_says() {
+fn sphere_recedes_by_the_closed_form() {
     let Some(mut stage) = stage() else { return };
     let camera = on_axis(21.0, 3.4);
     let footprint = 20.0 * View::new(&camera, SIZE).footprint();
@@ -134,7 +134,7 @@ fn sphere_recedes_as_the_closed_form_says() {
                     - shot.at(&format!("depth.aggregate_{side}"), p)
             };
             let mean = sign * middle().map(moved).sum::<f64>() / middle().count() as f64;
-            // The back is 22/20 as far, and so is its footprint as wide.
+            // The back is 22/20 as far away, and its footprint is as much wider.
             let footprint_ratio = if side == "back" { (22.0f64 / 20.0).powi(2) } else { 1.0 };
             let expected = f64::from(iterations) * per_iteration * footprint_ratio;
             println!("{taps} taps, {iterations} times, {side}: {mean:e} of {expected:e}");
@@ -143,8 +143,8 @@ fn sphere_recedes_as_the_closed_form_says() {
     }
 }
 
-/// Layers 20 r apart do not see each other (σ = 5.3 r gives a weight of 1e-6), and a border of a
-/// layer does not warp: neither the empty side nor the far one pulls at its depth or its normal.
+/// Layers 20 r apart do not affect each other (σ = 5.3 r gives a weight of 1e-6), and the border of a
+/// layer does not warp: neither an empty nor a far neighbour affects its depth or normal.
 #[test]
 fn gaps_stay_sharp() {
     let Some(mut stage) = stage() else { return };
@@ -163,7 +163,7 @@ fn gaps_stay_sharp() {
     }
 }
 
-/// A pixel without neighbours has nothing to be fitted to.
+/// A pixel without neighbours does not change.
 #[test]
 fn lone_pixel_is_unchanged() {
     let Some(mut stage) = stage() else { return };
@@ -193,7 +193,7 @@ fn lone_pixel_is_unchanged() {
     }
 }
 
-/// A heap of ellipsoids: curved, with gaps and an outline.
+/// A heap of ellipsoids, with curvature, gaps and an outline.
 fn heap() -> Splats {
     let mut seed = 11;
     let aggregates: Vec<_> = (0..120)
@@ -206,7 +206,7 @@ fn heap() -> Splats {
     splats(&aggregates, &[sphere(Vec3::new(0.3, 0.3, 0.8), 0.1)], 0.08)
 }
 
-/// Without iterations the layers are the splatted ones, to the bit, whatever was drawn before.
+/// Without iterations the smoothed layers equal the splatted ones bit by bit, whatever was drawn before.
 #[test]
 fn no_iterations_change_nothing() {
     let Some(mut stage) = stage() else { return };
@@ -223,7 +223,7 @@ fn no_iterations_change_nothing() {
     }
 }
 
-/// Only bodies are smoothed: droplets are spheres, and stay as they were splatted.
+/// Only aggregates are smoothed: splashes stay as splatted.
 #[test]
 fn splashes_are_not_smoothed() {
     let Some(mut stage) = stage() else { return };
@@ -233,7 +233,7 @@ fn splashes_are_not_smoothed() {
     for name in ["depth.splash_front", "depth.splash_back", "normal.splash_front.X"] {
         assert_eq!(rough.channel(name), smoothed.channel(name), "{name}");
     }
-    // The splash alone: its light too.
+    // A splash alone also keeps its radiance.
     let alone = splats(&[], &heap().splashes, 0.08);
     let rough = draw(&mut stage, &scene(), &camera, &alone);
     let mut scene = scene();
@@ -242,8 +242,8 @@ fn splashes_are_not_smoothed() {
     assert_eq!(rough.channel("radiance.R"), smoothed.channel("radiance.R"));
 }
 
-/// A smoothed texel's plane is the one through its depth and its neighbours': unit normal, and the
-/// slope of the disparity that central differences show.
+/// A smoothed texel's plane fits its depth and those of its neighbours: unit normal, and the disparity
+/// slope of central differences.
 #[test]
 fn smoothed_normals_fit_smoothed_depths() {
     let Some(mut stage) = stage() else { return };
@@ -264,7 +264,7 @@ fn smoothed_normals_fit_smoothed_depths() {
             }
             let [left, right] = [p - UVec2::X, p + UVec2::X];
             let [above, below] = [p - UVec2::Y, p + UVec2::Y];
-            // Neither a gap nor a crease, where one side's slope is taken.
+            // Excludes gaps and creases, where the slope is one-sided.
             let smooth = |a, b| {
                 let both = depth(a) > 0.0 && depth(b) > 0.0;
                 both && (depth(a) + depth(b) - 2.0 * depth(p)).abs() < 0.1 * 0.08
@@ -274,7 +274,7 @@ fn smoothed_normals_fit_smoothed_depths() {
                 continue;
             }
             let slope = |a, b| 0.5 * (depth(b).recip() - depth(a).recip()) / view.footprint();
-            // D(u) = π·ω(u), and ω changes by the footprint per pixel: right, and down.
+            // D(u) = π·ω(u), and ω changes by the footprint per pixel, to the right and down.
             let (x, y) = (slope(left, right), -slope(above, below));
             let omega = view.through(p);
             let z = x * omega.x + y * omega.y - depth(p).recip();
@@ -290,10 +290,9 @@ fn smoothed_normals_fit_smoothed_depths() {
     }
 }
 
-/// What faces the eye squarely has one depth, and no filter makes another of it, up to the
-/// picture's borders.
+/// A surface of constant depth is a fixed point of every filter, up to the picture's borders.
 #[test]
-fn one_depth_is_a_fixed_point_of_every_filter() {
+fn constant_depth_is_a_fixed_point_of_every_filter() {
     let Some(mut stage) = stage() else { return };
     let drawn = splats(&[sheet(Vec3::NEG_Z * 0.5, Quat::IDENTITY)], &[], 0.05);
     for filter in FILTERS {
@@ -306,14 +305,14 @@ fn one_depth_is_a_fixed_point_of_every_filter() {
     }
 }
 
-/// On a slope a mean of depths is drawn to the nearer half of what the picture shows, and at the
-/// picture's border to the only half: Imai et al. (2016), figure 3. Planes that are fitted are not;
-/// narrow ranges leave a tap out if the one opposite to it is missing.
+/// On a slope, a mean of depths is biased at the picture's border, where half of the window is missing:
+/// Imai et al. (2016), figure 3. Plane fits are not; narrow ranges skip a tap if the opposite one is
+/// missing.
 ///
-/// In the interior the depth's curvature along the row remains, z″ = 2 z′²/z: a drift of its half
+/// In the interior, the curvature of depth along the column remains, z″ = 2 z′²/z: a drift of half of it
 /// times the window's variance.
 #[test]
-fn slopes_stay_in_the_interior_and_warp_at_borders_where_depths_are_averaged() {
+fn averaged_depths_drift_on_slopes_and_warp_at_borders() {
     let Some(mut stage) = stage() else { return };
     let taps = 9;
     let turn = Quat::from_rotation_x(30f32.to_radians());
@@ -345,8 +344,8 @@ fn slopes_stay_in_the_interior_and_warp_at_borders_where_depths_are_averaged() {
     }
 }
 
-/// Means of depths cut the cap off a sphere as planes do, by their own window's variance: m₂ a² / R
-/// per iteration, where the plane fit's square of s × s has m₂ = (s² − 1)/12.
+/// Means of depths flatten a sphere like planes do, by the variance of their window: m₂ a² / R per
+/// iteration, where the s × s window of the plane fit has m₂ = (s² − 1)/12.
 #[test]
 fn sphere_recedes_by_the_variance_of_the_window() {
     let Some(mut stage) = stage() else { return };
@@ -375,11 +374,11 @@ fn sphere_recedes_by_the_variance_of_the_window() {
     }
 }
 
-/// Two surfaces more than δ apart: the farther one does not see the nearer. The nearer one's edge is
-/// rounded, as if nothing were behind it: by μ times the weight of what is not its own. Backs are
-/// the same, seen from behind.
+/// With two surfaces more than δ apart, the nearer one does not affect the farther one. The edge of the
+/// nearer one is rounded as if nothing were behind it, by μ times the weight of the other taps. The same
+/// holds for backs, seen from behind.
 #[test]
-fn a_narrow_range_keeps_surfaces_apart_and_rounds_edges() {
+fn narrow_range_separates_surfaces_and_rounds_edges() {
     let Some(mut stage) = stage() else { return };
     let (r, taps) = (0.05f32, 9);
     let disc = ellipsoid(Vec3::new(0.1, 0.05, 0.0), Vec3::new(0.5, 0.5, 1e-4), Quat::IDENTITY);
@@ -408,20 +407,20 @@ fn a_narrow_range_keeps_surfaces_apart_and_rounds_edges() {
                 continue;
             }
             let expected = if on_disc(p) { sign * f64::from(r) * other / total } else { 0.0 };
-            // The disc's rim is not quite of one depth.
+            // The disc's rim is not exactly at constant depth.
             assert!((moved - expected).abs() < 1e-4, "{side} at {p}: {moved}, not {expected}");
             rounded += u32::from(expected != 0.0);
         }
         println!("{side}: {rounded} rounded");
         assert!(rounded > 500);
     }
-    // Within δ they are one surface, and mix.
+    // Within δ they are one surface and mix.
     scene.settings.smooth.delta = 30.0;
     let shot = draw(&mut stage, &scene, &on_axis(2.0, 40.0), &apart);
     assert!(largest_change(&shot, "front", |_| true).0 > 0.3);
 }
 
-/// Each iteration of each filter leaves less of the bumps that particles make on a plane.
+/// Each iteration of each filter reduces the bumps that particles make on a plane.
 #[test]
 fn bumps_decrease_with_every_iteration() {
     let Some(mut stage) = stage() else { return };
@@ -452,13 +451,13 @@ fn bumps_decrease_with_every_iteration() {
     }
 }
 
-/// Where the ray starts in the liquid the front is a mark, not a depth: no filter moves it, or lets
-/// it pull at a neighbour.
+/// Where the ray starts in the liquid, the front is a mark instead of a depth: no filter changes it or
+/// uses it as a tap.
 #[test]
-fn marks_that_the_ray_starts_inside_are_kept() {
+fn marks_of_rays_that_start_inside_are_kept() {
     let Some(mut stage) = stage() else { return };
     let camera = Camera { near: Some(0.045), ..on_axis(2.0, 40.0) };
-    // Beside the eye: its near side is before the near plane, its limb beyond.
+    // Beside the eye: its near side is in front of the near plane, its limb beyond.
     let beside = sphere(Vec3::new(0.11, 0.0, 1.95), 0.1);
     let drawn = splats(&[beside, sheet(Vec3::NEG_Z * 0.5, Quat::IDENTITY)], &[], 0.05);
     for filter in FILTERS {
@@ -478,7 +477,7 @@ fn marks_that_the_ray_starts_inside_are_kept() {
         }
         println!("{filter:?}: {marks} marks, {beyond} beside them");
         assert!(marks > 100 && beyond > 100);
-        // The sheet is far enough from both.
+        // The sheet is too far from both to change.
         let far = |p| shot.at("depth.aggregate_front", p) > 2.0;
         let (change, at) = largest_change(&shot, "front", far);
         assert!(change < 1e-5, "{filter:?}: {change} at {at}");

@@ -1,4 +1,4 @@
-//! Splatted layers against the same ellipsoids in 64 bits: depth, normal and the covered pixels.
+//! Splatted layers against the same ellipsoids in 64 bits: depth, normal and coverage.
 
 #[path = "support/frames.rs"]
 mod frames;
@@ -18,18 +18,18 @@ const SIZE: UVec2 = UVec2::new(160, 120);
 struct Texel {
     depth: f64,
     normal: DVec3,
-    /// |n·v|, small at the rim.
+    /// |n·v|, which is small at the rim.
     cosine: f64,
 }
 
-/// The texel of all splats' layer in 64 bits, and whether rounding decides if it is covered.
+/// Texel of the layer of all splats in 64 bits, and whether rounding decides its coverage.
 fn truth(view: &View, bodies: &[Ellipsoid], p: UVec2, back: bool) -> (Option<Texel>, bool) {
     let omega = view.through(p);
     let mut nearest: Option<(f64, DVec3)> = None;
     let mut on_a_rim = false;
     for body in bodies {
-        // A thousandth of a pixel; farther than 300 radii the rounding of the camera's
-        // rotation moves a whole outline by more.
+        // A thousandth of a pixel; beyond 300 radii, rounding of the camera rotation displaces the
+        // outline by more.
         let in_radii = body.centre.length() / body.radius;
         on_a_rim |= rim_distance(view, body, p) < 1e-3f64.max(3e-6 * in_radii);
         let Some([front, end]) = body.hits(DVec3::ZERO, omega) else { continue };
@@ -51,7 +51,7 @@ fn truth(view: &View, bodies: &[Ellipsoid], p: UVec2, back: bool) -> (Option<Tex
     (texel, on_a_rim)
 }
 
-/// Pixels from the middle of p to the ellipsoid's outline, near it.
+/// Distance in pixels from the centre of p to a nearby ellipsoid outline.
 fn rim_distance(view: &View, body: &Ellipsoid, p: UVec2) -> f64 {
     const STEP: f64 = 1e-4;
     let u = p.as_dvec2() + 0.5;
@@ -63,19 +63,19 @@ fn rim_distance(view: &View, body: &Ellipsoid, p: UVec2) -> f64 {
     at(0.0, 0.0).abs() / (slope.length() / (2.0 * STEP)).max(1e-30)
 }
 
-/// The largest errors of a frame's layers of one class. Near the rim, where n·v < 0.3, the root of
-/// a small discriminant multiplies rounding errors, in any arithmetic: counted apart.
+/// Largest errors of the layers of one class. Errors near the rim, where n·v < 0.3, are separate: there
+/// the root of a small discriminant amplifies rounding in any arithmetic.
 #[derive(Default, Debug)]
 struct Errors {
-    /// Texels compared.
+    /// Number of compared texels.
     texels: usize,
-    /// Of depth, relative to it.
+    /// Relative error of depth.
     depth: f64,
     rim_depth: f64,
-    /// Of the unit normal.
+    /// Error of the unit normal.
     normal: f64,
     rim_normal: f64,
-    /// Of back minus front, m.
+    /// Error of back minus front, m.
     thickness: f64,
     rim_thickness: f64,
 }
@@ -132,8 +132,8 @@ fn askew() -> Camera {
     Camera { eye, target, up: Vec3::new(0.3, 1.0, 0.2), fov_y: 30.0, near: None }
 }
 
-/// Every covered pixel has the exact root, front and back, seen from an oblique camera. 32-bit
-/// floats give a depth to 1e-6; a normal loses to the rim what its cosine is small by.
+/// Every covered pixel has the exact front and back root in an oblique view. Depth is accurate to 1e-6 in
+/// 32-bit floats; normals lose accuracy towards the rim in proportion to the cosine.
 #[test]
 fn sphere_and_ellipsoid_match_their_rays() {
     let Some(mut stage) = stage() else { return };
@@ -142,7 +142,7 @@ fn sphere_and_ellipsoid_match_their_rays() {
     let shapes = [
         (sphere(Vec3::new(0.15, 0.1, -0.2), 0.5), 1e-5),
         (ellipsoid(centre, Vec3::new(0.2, 0.4, 0.8), turn), 3e-5),
-        // A disc: along its edge the normal turns by 1e-4 within 1e-6 m.
+        // A disc: along its edge the normal changes by 1e-4 within 1e-6 m.
         (ellipsoid(centre, Vec3::new(0.05, 0.7, 0.7), turn), 1e-3),
     ];
     for (splat, tolerance) in shapes {
@@ -158,10 +158,10 @@ fn sphere_and_ellipsoid_match_their_rays() {
     }
 }
 
-/// Where a ray only just touches, the normal is at right angles to it: not NaN, and not thrown
-/// towards the eye by an amplified rounding error.
+/// At the silhouette the normal is perpendicular to the ray: not NaN, and not turned towards the eye by
+/// amplified rounding.
 #[test]
-fn normals_at_the_silhouette_are_at_right_angles() {
+fn silhouette_normals_are_perpendicular_to_the_ray() {
     let Some(mut stage) = stage() else { return };
     let camera = on_axis(5.0, 20.0);
     let view = View::new(&camera, SIZE);
@@ -172,7 +172,7 @@ fn normals_at_the_silhouette_are_at_right_angles() {
         .iter()
         .enumerate()
         .map(|(i, depth)| {
-            // Moved sideways from the pixel's ray until it enters by `depth` of the radius.
+            // Displaced from the pixel's ray so that the ray enters by `depth` of the radius.
             let omega = view.through(touched(i));
             let side = omega.cross(DVec3::X).normalize();
             let centre = 5.0 * omega + side * f64::from(radius) * (1.0 - depth);
@@ -189,18 +189,18 @@ fn normals_at_the_silhouette_are_at_right_angles() {
                 assert!(*depth < 1e-5, "{side} misses a chord of {depth}");
                 continue;
             }
-            // √(2 depth) for the sphere, 1e-3 for the least slope that a plane is given.
+            // √(2 depth) for the sphere, plus the minimum cosine of a plane, 1e-3.
             let cosine = sign * normal.dot(ray);
             assert!((0.0..=(2.0 * depth).sqrt() * 1.2 + 1e-3).contains(&cosine), "{cosine}");
         }
     }
 }
 
-/// The quadric keeps its digits when it is far: the naive discriminant has lost half of the
-/// thickness at a distance of 1e3 radii, and all of it at 1e4. What remains is the rounding of the
-/// camera's rotation, which moves the whole ellipsoid, and at 1e4 the depth's last digit.
+/// Distant ellipsoids keep their precision: the naive discriminant loses half of the thickness at a
+/// distance of 1e3 radii, and all of it at 1e4. The remaining error is the rounding of the camera
+/// rotation, which displaces the whole ellipsoid, and at 1e4 the last digit of depth.
 #[test]
-fn distance_costs_no_digits() {
+fn distant_splats_keep_their_precision() {
     let Some(mut stage) = stage() else { return };
     for (distance, tolerance) in [(1e3, 3e-4), (1e4, 5e-3)] {
         let camera = Camera {
@@ -223,9 +223,8 @@ fn distance_costs_no_digits() {
     }
 }
 
-/// The screen bound never cuts a pixel off and the fragment stage never adds one, whatever the
-/// ellipsoid: small, long, cut by the picture's border, by the near plane, or around the eye.
-/// `errors` fails at any pixel farther than 1e-3 of one from an outline.
+/// Coverage is exact for any ellipsoid: small, long, cut by the picture's border or the near plane, or
+/// around the eye. `errors` fails for any wrong pixel farther than 1e-3 pixels from an outline.
 #[test]
 fn coverage_is_exact_for_any_ellipsoid() {
     let Some(mut stage) = stage() else { return };
@@ -239,7 +238,7 @@ fn coverage_is_exact_for_any_ellipsoid() {
             near: Some(0.05),
         };
         let view = View::new(&camera, SIZE);
-        // From the picture's middle to beyond its borders, from around the eye to far away.
+        // From the picture's centre to beyond its borders, and from around the eye to far away.
         let depth = 4.0 * noise(&mut seed);
         let sideways = 1.3 * noise_vector(&mut seed).as_dvec3();
         let place = DVec3::new(sideways.x * view.tangent.x, sideways.y * view.tangent.y, -1.0);
@@ -253,7 +252,7 @@ fn coverage_is_exact_for_any_ellipsoid() {
     }
 }
 
-/// Of many splats the nearest front and the farthest back remain: the depth tests, both senses.
+/// Of overlapping splats, the nearest front and the farthest back remain.
 #[test]
 fn nearest_fronts_and_farthest_backs_remain() {
     let Some(mut stage) = stage() else { return };
@@ -271,7 +270,7 @@ fn nearest_fronts_and_farthest_backs_remain() {
         let found = errors(&shot, &camera, "aggregate", drawn);
         println!("{found:?}");
         assert!(found.depth < 1e-5 && found.normal < 3e-4, "{found:?}");
-        // Whatever the order in the list.
+        // In any order.
         let turned: Vec<_> = drawn.iter().rev().copied().collect();
         let again = stage.shoot(&scene(), &camera, &splats(&turned, &[], 0.1), SIZE);
         for name in ["depth.aggregate_front", "depth.aggregate_back"] {
@@ -280,10 +279,10 @@ fn nearest_fronts_and_farthest_backs_remain() {
     }
 }
 
-/// An eye in the liquid sees no front: the near plane marks where the ray starts, and the back is
-/// the ellipsoid's. An eye that only just leaves it sees both, at their pixels.
+/// For an eye in the liquid, the front is a mark at the near plane, and the back is the ellipsoid's. If
+/// the near plane cuts the surface, both kinds of front occur at their pixels.
 #[test]
-fn eye_in_the_liquid_starts_at_the_near_plane() {
+fn rays_of_an_eye_in_the_liquid_start_at_the_near_plane() {
     let Some(mut stage) = stage() else { return };
     let turn = Quat::from_rotation_y(0.6);
     let drawn = [ellipsoid(Vec3::ZERO, Vec3::new(0.5, 1.0, 2.0), turn)];
@@ -301,7 +300,7 @@ fn eye_in_the_liquid_starts_at_the_near_plane() {
         assert!(errors.depth < 2e-6 && errors.normal < 3e-5, "{errors:?}");
         assert!(shot.channel("depth.aggregate_front").iter().all(|&z| z == 0.01));
     }
-    // The eye before the long axis' end, the near plane behind it: pixels of both kinds.
+    // The eye in front of the long axis' tip, the near plane behind the tip: pixels of both kinds.
     let tip = turn * Vec3::Z * 2.0;
     let camera = looking(1.1 * tip, -tip, 0.25);
     let shot = stage.shoot(&scene(), &camera, &splats(&drawn, &[], 0.1), SIZE);
@@ -310,18 +309,18 @@ fn eye_in_the_liquid_starts_at_the_near_plane() {
     let started = fronts.iter().filter(|&&z| z == 0.25).count();
     let entered = fronts.iter().filter(|&&z| z > 0.25).count();
     println!("{errors:?}, {started} start inside, {entered} enter");
-    // The depths are a tenth of the ellipsoid's length, so it has a digit less of them.
+    // The depths are a tenth of the ellipsoid's length, so their relative precision is a digit less.
     assert!(errors.depth < 1e-5 && errors.normal < 1e-4, "{errors:?}");
     assert!(errors.rim_depth < 2e-4, "{errors:?}");
     assert!(started > 500 && entered > 500, "{started} start inside, {entered} enter");
 }
 
-/// Liquid that the eye is outside of is seen from outside, however low the eye and far the target: a
-/// pool 1 cm below an eye whose target is 100 m away looks as with a near plane of 1 mm. The default
-/// one would be at 10 cm, and the eye in the pool. It is there still where the eye is in the liquid,
-/// also in a gap between particles, and where no liquid is near: to the last bit.
+/// An eye outside of the liquid stays outside, however low it is and however far the target: a pool 1 cm
+/// below an eye whose target is 100 m away looks as with a near plane of 1 mm, while the default near
+/// plane of 10 cm would put the eye in the pool. The default still applies bit by bit if the eye is in
+/// the liquid, also in a gap between particles, and if no liquid is near.
 #[test]
-fn a_low_eye_with_a_far_target_is_outside_of_the_pool() {
+fn low_eye_with_a_far_target_is_outside_of_the_pool() {
     let Some(mut stage) = stage() else { return };
     let spacing = 0.02;
     let pool = (0..4).flat_map(|y| (0..40).flat_map(move |x| (0..50).map(move |z| (x, y, z))));
@@ -352,7 +351,7 @@ fn a_low_eye_with_a_far_target_is_outside_of_the_pool() {
         mean_difference(&cut, &expected)
     );
     assert!(error < 1e-3, "off by {error:e}");
-    assert!(mean_difference(&cut, &expected) > 0.02, "the near plane does not matter");
+    assert!(mean_difference(&cut, &expected) > 0.02, "the near plane has no effect");
 
     let inside = DVec3::new(0.0, -0.04, -0.31);
     for (what, eye, drawn) in [
@@ -365,7 +364,7 @@ fn a_low_eye_with_a_far_target_is_outside_of_the_pool() {
     }
 }
 
-/// What is behind the eye is not seen, however large or close; nor is what is beside the picture.
+/// Splats behind the eye, however large or close, and splats beside the picture are not drawn.
 #[test]
 fn nothing_behind_the_eye_is_drawn() {
     let Some(mut stage) = stage() else { return };
@@ -388,7 +387,7 @@ fn nothing_behind_the_eye_is_drawn() {
     }
 }
 
-/// A frame without liquid is its background, to the bit, at any size.
+/// A frame without liquid equals the background bit by bit, at any size.
 #[test]
 fn no_particles_leave_the_background() {
     let Some(mut stage) = stage() else { return };
@@ -408,7 +407,7 @@ fn no_particles_leave_the_background() {
     }
 }
 
-/// Pictures need not be whole tiles, nor have a middle.
+/// Picture sizes need not be multiples of the tile size.
 #[test]
 fn odd_sizes_are_drawn_to_their_borders() {
     let Some(mut stage) = stage() else { return };
@@ -418,16 +417,16 @@ fn odd_sizes_are_drawn_to_their_borders() {
         let shot = stage.shoot(&scene(), &camera, &splats(&drawn, &[], 0.1), size);
         let errors = errors(&shot, &camera, "aggregate", &drawn);
         assert!(errors.texels > 0 && errors.depth < 2e-6, "{size}: {errors:?}");
-        // White surroundings: the liquid is in every one of its pixels and nothing else is.
+        // Exactly the covered pixels have interfaces.
         let interfaces = shot.channel("interfaces");
         let fronts = shot.channel("depth.aggregate_front");
         assert!(interfaces.iter().zip(fronts).all(|(&n, &z)| (n > 0.0) == (z > 0.0)), "{size}");
     }
 }
 
-/// Each class has its own layers: neither hides the other, and without splashes theirs are absent.
+/// Each class has its own layers: neither hides the other, and splash layers are absent without splashes.
 #[test]
-fn splashes_and_aggregates_are_apart() {
+fn splashes_and_aggregates_have_separate_layers() {
     let Some(mut stage) = stage() else { return };
     let camera = on_axis(6.0, 30.0);
     let aggregates = [sphere(Vec3::new(-0.2, 0.0, -1.0), 0.8)];
@@ -443,10 +442,10 @@ fn splashes_and_aggregates_are_apart() {
     assert_eq!(one.channel("depth.aggregate_front"), both.channel("depth.aggregate_front"));
 }
 
-/// A scale at which 32-bit floats hold the squares of areas gives the same picture as any other, and
-/// one beyond is refused: no picture without the liquid.
+/// All scales at which 32-bit floats represent squared areas give the same picture; other scales are
+/// refused instead of drawn without the liquid.
 #[test]
-fn a_scale_is_drawn_or_refused() {
+fn extreme_scales_are_drawn_or_refused() {
     let Some(mut stage) = stage() else { return };
     let mut seed = 5;
     let body: Vec<_> = (0..40)
@@ -467,7 +466,7 @@ fn a_scale_is_drawn_or_refused() {
         stage.renderer.render(&scene(), &camera, &splats, &view, Picture::FORMAT, SIZE).err()
     };
     for scale in [3e9, 3e-10] {
-        let error = refused(scale).expect("beyond").to_string();
+        let error = refused(scale).expect("the scale is refused").to_string();
         assert!(error.contains("unit of length"), "{error}");
     }
     let mut picture = |scale: f32| {

@@ -1,4 +1,5 @@
-// The map of a light that is not a point: a Gaussian along one axis, among texels of one receiver.
+// Blur of the caustic map, which approximates an area light: a Gaussian along one axis over texels of
+// the same receiver.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
@@ -9,9 +10,10 @@
 @group(1) @binding(2) var receivers: texture_2d<f32>;
 @group(1) @binding(3) var blurred: texture_storage_2d<rgba32float, write>;
 
+// Axis: vertical if true.
 override DOWN: bool = false;
 
-// A receiver is the same as long as its planes miss each other by no more than this, in texels.
+// Largest distance between the planes of two texels on the same receiver, in texels.
 const SAME_RECEIVER: f32 = 1.0;
 
 @compute @workgroup_size(8, 8)
@@ -26,7 +28,7 @@ fn blur(@builtin(global_invocation_id) id: vec3u) {
     let texel = 2.0 * camera.tangent.x / camera.size.x * select(dot(own, omega), 1.0, ORTHOGRAPHIC);
     let slope = plane_slope(own);
     let axis = select(vec2i(1, 0), vec2i(0, 1), DOWN);
-    // Not beyond the map, which a wide blur may be many times as wide as.
+    // Limited to the map, which may be much smaller than the kernel.
     let along = select(p.x, p.y, DOWN);
     let last = select(size.x, size.y, DOWN) - 1;
     let reach = i32(min(ceil(3.0 * caustics.blur), f32(last)));

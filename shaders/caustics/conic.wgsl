@@ -1,12 +1,12 @@
-// The path from a point in the liquid through its front to the light, by a walk along the curve of
-// points that refract in the plane of the point, the light and their own normal.
+// Finds the path from a point in the liquid through its front to the light, by walking along the curve
+// of points that refract in the plane of the point, the light and their own normal.
 //
-// After Granizo-Hidalgo and Holzschuch (2024), as `src/reference/conic.rs`, which says what is
-// different and why it is right. Positions are counted from the receiver: at a distance from the
-// origin 32 bits have no digits left for the angles that matter.
+// After Granizo-Hidalgo and Holzschuch (2024), as `crates/limpid-lab/src/reference/conic.rs`, which
+// explains and justifies the differences. Positions are relative to the receiver: relative to a
+// distant origin, 32-bit floats cannot resolve the relevant angles.
 //
-// The file that pastes this one supplies
-//     fn grid_vertex(at: vec2i) -> GridVertex      with valid = NONE outside the grid too
+// A file that imports this one defines
+//     fn grid_vertex(at: vec2i) -> GridVertex      with valid = NONE outside of the grid
 
 #import caustics/params.wgsl
 
@@ -20,22 +20,22 @@ struct Sight {
 
 struct ConicPath {
     found: bool,
-    position: vec3f,    // from the receiver
+    position: vec3f,    // relative to the receiver
     normal: vec3f,      // interpolated, unit, out of the liquid
     to_receiver: vec3f, // unit
     to_light: vec3f,    // unit
     spread: f32,        // D: m2/sr at a point light, 1 at a sun
-    steps: u32,         // triangles walked through
+    steps: u32,         // triangles walked
 }
 
-// Of g, the sine of the angle by which refracted light misses.
+// Bounds on the residual g, the sine of the angular error of the refracted light.
 const CONIC_CLOSE: f32 = 1e-6;
 const CONIC_ACCEPTED: f32 = 1e-4;
-// How far outside its triangle a point may be, in barycentric coordinates.
+// Tolerance for points outside of their triangle, in barycentric coordinates.
 const CONIC_OUTSIDE: f32 = 1e-2;
-// As near, a point is on an edge, and an arc that starts there may leave at once.
+// Distance at which a point counts as on an edge, so that an arc that starts there may leave at once.
 const CONIC_EDGE: f32 = 1e-3;
-// Of the interpolation between an arc's ends: bisections, if it comes to the worst.
+// Iterations of the interpolation between the ends of an arc, which degrades to bisection at worst.
 const CONIC_ROUNDS: u32 = 20u;
 
 struct Corner {
@@ -44,25 +44,25 @@ struct Corner {
     normal: vec3f,
 }
 
-// The quadratic form of coplanar points in barycentric coordinates: of a vertex and its own
-// normal, and of the edges' ends mixed. A point is (x, y), the coordinates of q and r.
+// A triangle, with the quadratic form in barycentric coordinates whose zeros are the coplanar points.
+// A point is (x, y), the coordinates of q and r.
 struct Triangle {
     p: Corner,
     q: Corner,
     r: Corner,
-    own: vec3f,   // p, q, r
-    mixed: vec3f, // pq, pr, qr
+    own: vec3f,   // diagonal coefficients: p, q, r
+    mixed: vec3f, // off-diagonal coefficients: pq, pr, qr
 }
 
-// Where the curve leaves a triangle.
+// Point at which the curve leaves a triangle.
 struct Exit {
     found: bool,
     edge: u32,    // 0 to 2: pq, pr, qr
     s: f32,       // from the edge's first end to its second
-    rising: bool, // the form along the edge
+    rising: bool, // whether the form rises along the edge
 }
 
-// An end of an arc, and the residual there.
+// End of an arc, and the residual there.
 struct End {
     x: vec2f,
     g: f32,
@@ -70,8 +70,8 @@ struct End {
 
 const NO_CROSSING: f32 = -1.0;
 
-// Where a (1-s)^2 + 2 h s (1-s) + b s^2 rises, or falls, through 0; 0 counts as positive. Roots by
-// that form of s / (1 - s) which adds and never subtracts.
+// Root s at which a (1-s)^2 + 2 h s (1-s) + b s^2 rises, or falls, through 0; 0 counts as positive.
+// Computes s / (1 - s) by the formula without cancellation.
 fn edge_crossing(a: f32, h: f32, b: f32, rising: bool) -> f32 {
     let discriminant = h * h - a * b;
     if discriminant <= 0.0 && (a < 0.0) == (b < 0.0) {
@@ -139,8 +139,8 @@ fn exit_point(exit: Exit) -> vec2f {
     return select(select(vec2f(1.0 - s, s), vec2f(0.0, s), exit.edge == 1u), vec2f(s, 0.0), exit.edge == 0u);
 }
 
-// Where the arc from x leaves the triangle, followed with the form's positive side on its right or,
-// for `along` = -1, on its left. Not found: it closes inside.
+// Exit of the arc from x, followed with the positive side of the form on its right or, for
+// `along` = -1, on its left. Not found if the curve is closed inside the triangle.
 fn conic_exit(triangle: Triangle, x: vec2f, along: f32) -> Exit {
     let own = triangle.own;
     let mixed = triangle.mixed;
@@ -158,8 +158,8 @@ fn conic_exit(triangle: Triangle, x: vec2f, along: f32) -> Exit {
     return Exit(any(there), edge, s[edge], select(!up, up, edge == 1u));
 }
 
-// Of several, the one that the arc comes to first: a line through x, turned from the tangent in the
-// way that the arc bends, comes to them in this order.
+// First of several exits along the arc: a line through x that turns from the tangent in the direction
+// in which the arc bends meets them in the same order.
 fn conic_first_exit(triangle: Triangle, x: vec2f, along: f32, s: vec3f) -> u32 {
     let gradient = unit_or_zero(conic_gradient(triangle, x));
     let tangent = along * left_of(gradient);
@@ -172,7 +172,7 @@ fn conic_first_exit(triangle: Triangle, x: vec2f, along: f32, s: vec3f) -> u32 {
         }
         let to = exit_point(Exit(true, edge, s[edge], false)) - x;
         let length = length(to);
-        // Touching the edge it came through, or at once over another.
+        // An exit at x: on the entry edge it comes last, on another edge first.
         var turn = select(2.0, -2.0, edge == 0u && x.y == 0.0);
         if length > 1e-5 {
             turn = dot(to, tangent) / length * select(1.0, -1.0, dot(to, bend) < -1e-4 * length);
@@ -183,7 +183,7 @@ fn conic_first_exit(triangle: Triangle, x: vec2f, along: f32, s: vec3f) -> u32 {
     return first;
 }
 
-// A point of the arc from a to b, about at w of the way.
+// Point of the arc from a to b at about the fraction w.
 fn conic_arc_point(triangle: Triangle, a: vec2f, b: vec2f, along: f32, w: f32) -> vec2f {
     let at_a = conic_gradient(triangle, a);
     let across_a = unit_or_zero(at_a);
@@ -192,7 +192,7 @@ fn conic_arc_point(triangle: Triangle, a: vec2f, b: vec2f, along: f32, w: f32) -
     let chord = b - a;
     let on = a + w * chord;
     if dot(across_a, across_b) > 0.5 && dot(tangent, chord) > 0.0 {
-        // Little bent: across the chord. The form vanishes at both ends of it.
+        // Slightly bent: intersects perpendicular to the chord, at whose ends the form vanishes.
         let across = normalize(across_a + across_b);
         let polar = dot(conic_barycentric(a), conic_times(triangle, conic_barycentric(b)));
         let form = 2.0 * w * (1.0 - w) * polar;
@@ -201,7 +201,7 @@ fn conic_arc_point(triangle: Triangle, a: vec2f, b: vec2f, along: f32, w: f32) -
         let divisor = half + select(root, -root, half < 0.0);
         return on - select(0.0, form / divisor, divisor != 0.0) * across;
     }
-    // Much bent: on the line through a between the tangent and the chord.
+    // Strongly bent: on the line through a that bisects the tangent and the chord.
     let bend = -sign(conic_quadratic(triangle, tangent)) * across_a;
     let between = tangent + unit_or_zero(chord);
     let line = select(bend, between, any(chord != vec2f(0.0)) && dot(between, between) > 1e-6);
@@ -227,8 +227,8 @@ fn sight_to_light(sight: Sight, x: vec3f) -> vec3f {
     return normalize(sight.distance * sight.towards - x);
 }
 
-// How much Snell's law is violated along the surface at x, in the plane through the receiver and
-// the light on whose side `forward` is where the walk began, going forward (way = 1) or back (-1).
+// Residual of Snell's law along the surface at x, in the plane through the receiver and the light. The
+// plane is oriented by `forward` at the start of the walk, which goes forward (way = 1) or back (-1).
 fn conic_residual(triangle: Triangle, sight: Sight, x: vec2f, forward: vec3f, way: f32) -> f32 {
     let position = conic_position(triangle, x);
     let to_receiver = -normalize(position);
@@ -238,7 +238,7 @@ fn conic_residual(triangle: Triangle, sight: Sight, x: vec2f, forward: vec3f, wa
     return dot(sight_to_light(sight, position) + sight.ior * to_receiver, along) / length;
 }
 
-// Where on the arc from a to b the residual is 0, given that its signs there differ.
+// Point on the arc from a to b at which the residual is 0, given that its signs at the ends differ.
 fn conic_solve(
     triangle: Triangle, sight: Sight, one: End, other: End, along: f32, forward: vec3f, way: f32,
 ) -> vec2f {
@@ -252,7 +252,7 @@ fn conic_solve(
         if abs(g) < CONIC_CLOSE {
             return x;
         }
-        // An end that stays twice counts half (the Illinois rule).
+        // Halves the residual of an end that is kept twice (Illinois method).
         if (g < 0.0) == (a.g < 0.0) {
             a = End(x, g);
             b.g *= select(1.0, 0.5, last == 1);
@@ -270,7 +270,7 @@ fn no_path(steps: u32) -> ConicPath {
     return ConicPath(false, vec3f(0.0), vec3f(0.0), vec3f(0.0), vec3f(0.0), 0.0, steps);
 }
 
-// The path through a point of a triangle, if light takes it.
+// The path through a point of a triangle, if it is valid.
 fn conic_path(triangle: Triangle, sight: Sight, x: vec2f, steps: u32) -> ConicPath {
     if min(min(x.x, x.y), 1.0 - x.x - x.y) < -CONIC_OUTSIDE {
         return no_path(steps);
@@ -292,7 +292,7 @@ fn conic_path(triangle: Triangle, sight: Sight, x: vec2f, steps: u32) -> ConicPa
     if !(inside && outside && length(bent - bend * normal) < CONIC_ACCEPTED) {
         return no_path(steps);
     }
-    // Two turns of the ray about the receiver, and what becomes of them at the light.
+    // Ray differentials: two rotations of the ray about the receiver, propagated to the light.
     let u = normalize(cross(to_receiver, select(vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), abs(to_receiver.x) > 0.7)));
     let v = cross(to_receiver, u);
     let du = conic_spread(triangle, sight, position, raw, plane, to_receiver, to_light, u);
@@ -300,7 +300,7 @@ fn conic_path(triangle: Triangle, sight: Sight, x: vec2f, steps: u32) -> ConicPa
     return ConicPath(true, position, normal, to_receiver, to_light, length(cross(du, dv)), steps);
 }
 
-// The change at the light of the ray that turns about the receiver by `turn`.
+// Ray differential at the light for a rotation of the ray about the receiver by `turn`.
 fn conic_spread(
     triangle: Triangle, sight: Sight, position: vec3f, raw: vec3f, plane: vec3f,
     to_receiver: vec3f, to_light: vec3f, turn: vec3f,
@@ -309,7 +309,7 @@ fn conic_spread(
     let normal = raw / scale;
     let depth = length(position);
     let moved = -depth * (turn - dot(turn, plane) / dot(to_receiver, plane) * to_receiver);
-    // The step in barycentric coordinates, by the edges' reciprocal vectors.
+    // The displacement in barycentric coordinates, by the reciprocal vectors of the edges.
     let e1 = triangle.q.position - triangle.p.position;
     let e2 = triangle.r.position - triangle.p.position;
     let across = cross(e1, e2);
@@ -334,10 +334,10 @@ fn conic_corner(sight: Sight, at: vec2i, vertex: GridVertex) -> Corner {
     return Corner(at, vertex.position - sight.receiver, vertex.normal);
 }
 
-// Where a walk starts: a triangle, and the point in it that the straight line to the light passes.
+// Start of a walk: a triangle, and its intersection with the straight line to the light.
 struct Beginning {
     found: bool,
-    sure: bool, // the curve goes on in this triangle
+    sure: bool, // whether the curve continues in this triangle
     triangle: Triangle,
     x: vec2f,
     ahead: Exit,
@@ -391,7 +391,7 @@ fn conic_beginning(sight: Sight, at: vec2f, cells: vec2i) -> Beginning {
     beginning.found = true;
     beginning.triangle = start;
     beginning.x = x;
-    // On an edge: one that the curve goes into, and does not only cut a corner off.
+    // A point on an edge qualifies if the curve enters the triangle and does not just cut off a corner.
     let ahead = conic_exit(start, x, 1.0);
     let behind = conic_exit(start, x, -1.0);
     let near_ahead = ahead.found && distance(exit_point(ahead), x) < 10.0 * CONIC_EDGE;
@@ -403,18 +403,18 @@ fn conic_beginning(sight: Sight, at: vec2f, cells: vec2i) -> Beginning {
     return beginning;
 }
 
-// The first path that a walk of at most `steps` triangles either way comes to; `at` is where the
-// light sees the receiver, in units of the grid's cells, of which there are `cells`.
+// First path found by a walk of at most `steps` triangles in either direction. `at` is the intersection
+// of the line to the light with the grid, in cells; `cells` is the size of the grid.
 fn conic_walk(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPath {
     var beginning = conic_beginning(sight, at, cells);
-    // Where the line meets the surface is known only about, unless the view is along the line.
+    // The start is only approximate, unless the view is along the line.
     for (var k = 0; k < 4 && beginning.found && conic_is_outside(beginning.x); k++) {
         let triangle = beginning.triangle;
         let p = vec2f(triangle.p.at);
         let edges = mat2x2f(vec2f(triangle.q.at) - p, vec2f(triangle.r.at) - p);
         beginning = conic_beginning(sight, p + edges * beginning.x, cells);
     }
-    // Where triangles meet, the curve may pass through another one than that which `at` is in.
+    // On an edge or vertex, the curve may pass through another triangle than that of `at`.
     for (var k = 0u; k < 6u && !beginning.sure; k++) {
         let first = select(vec2f(1.0), vec2f(2.0, -1.0), k % 3u == 1u);
         let nudge = select(first, vec2f(1.0, -2.0), k % 3u == 2u) * select(1.0, -1.0, k >= 3u);
@@ -428,7 +428,7 @@ fn conic_walk(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPath {
     }
     let start = beginning.triangle;
     let x = beginning.x;
-    // Light along the normal goes straight on.
+    // Light along the normal is not refracted.
     let straight = conic_path(start, sight, x, 0u);
     if straight.found {
         return straight;
@@ -436,13 +436,13 @@ fn conic_walk(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPath {
     let slope = left_of(conic_gradient(start, x));
     let tangent = slope.x * (start.q.position - start.p.position) + slope.y * (start.r.position - start.p.position);
     let forward = cross(sight.towards, tangent / max(length(tangent), 1e-20));
-    // In the limit at the line itself the plane is `forward`'s either way.
+    // On the line itself, `forward` determines the plane for both directions.
     let begin = End(x, conic_residual(start, sight, x, 1e8 * forward, 0.0));
 
     let ahead = beginning.ahead;
     let behind = beginning.behind;
     if !ahead.found && !behind.found {
-        // The whole curve is in this triangle; once around it, the plane has turned over.
+        // The curve is closed inside this triangle; after a full turn the plane is flipped.
         let opposite = conic_arc_point(start, x, x, 1.0, 0.5);
         let half = End(opposite, conic_residual(start, sight, opposite, forward, 1.0));
         let first = (half.g < 0.0) != (begin.g < 0.0);
@@ -454,7 +454,7 @@ fn conic_walk(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPath {
         }
         return conic_path(start, sight, conic_solve(start, sight, a, b, 1.0, forward, 1.0), 0u);
     }
-    // First where the residual falls more, or changes sign already.
+    // Starts in the direction in which the residual falls faster or changes sign.
     let sign = select(1.0, -1.0, begin.g < 0.0);
     let ahead_g = conic_residual(start, sight, exit_point(ahead), forward, 1.0);
     let behind_g = conic_residual(start, sight, exit_point(behind), forward, -1.0);
@@ -474,11 +474,11 @@ fn conic_walk(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPath {
     return no_path(walked);
 }
 
-// Triangles that are looked through for the curve, near where it is expected.
+// Largest number of triangles searched for the curve near its expected position.
 const CONIC_SEARCHED: u32 = 32u;
 
-// As `conic_walk`, from `at` in the grid: where light of still water would come from, beside which
-// the curve and most often the path is.
+// As `conic_walk`, but `at` is where still water would refract the light, near which the curve and
+// usually the path lie.
 fn conic_walk_near(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPath {
     if any(at < vec2f(0.0)) || any(at > vec2f(cells)) {
         return no_path(0u);
@@ -496,7 +496,7 @@ fn conic_walk_near(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPa
     triangle.own = vec3f(
         conic_own(sight, triangle.p), conic_own(sight, triangle.q), conic_own(sight, triangle.r),
     );
-    // Across the edge that lies towards the curve, until the form changes sign in the triangle.
+    // Crosses edges towards the curve until the form changes sign in the triangle.
     var crossed = false;
     for (var k = 0u; k < CONIC_SEARCHED; k++) {
         let negative = triangle.own < vec3f(0.0);
@@ -506,7 +506,7 @@ fn conic_walk_near(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPa
         }
         let size = abs(triangle.own);
         let third = triangle.p.at + triangle.q.at + triangle.r.at;
-        // The vertex farthest from the curve gives way to its image on the other side.
+        // Replaces the vertex farthest from the curve by its mirror image.
         if size.z >= max(size.x, size.y) {
             let to = third - 2 * triangle.r.at;
             triangle.r = conic_corner(sight, to, grid_vertex(to));
@@ -537,7 +537,7 @@ fn conic_walk_near(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPa
         conic_mixed(sight, triangle.p, triangle.r),
         conic_mixed(sight, triangle.q, triangle.r),
     );
-    // From one of the curve's ends in this triangle, through it and then the other way.
+    // Walks from one end of the curve in this triangle through the other, then in reverse.
     let centre = vec2f(1.0 / 3.0);
     var walked = 0u;
     let none = vec3f(0.0);
@@ -548,7 +548,7 @@ fn conic_walk_near(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPa
     }
     let a = End(exit_point(ahead), conic_residual(triangle, sight, exit_point(ahead), none, 1.0));
     let b = End(exit_point(behind), conic_residual(triangle, sight, exit_point(behind), none, 1.0));
-    // First where the residual is smaller.
+    // Starts towards the smaller residual.
     let first = select(-1.0, 1.0, abs(a.g) < abs(b.g));
     for (var turn = 0; turn < 2; turn++) {
         let way = select(-first, first, turn == 0);
@@ -566,8 +566,8 @@ fn conic_walk_near(sight: Sight, at: vec2f, cells: vec2i, steps: u32) -> ConicPa
     return no_path(walked);
 }
 
-// The first path on the curve from `begin` in a triangle, through `first_exit` and on, for at most
-// `steps` triangles; `along` and `way` as for `conic_exit` and `conic_residual`.
+// First path on the curve from `begin` in a triangle, through `first_exit` and on, for at most `steps`
+// triangles; `first_along` and `way` as for `conic_exit` and `conic_residual`.
 fn conic_follow(
     sight: Sight, start: Triangle, begin: End, first_exit: Exit, first_along: f32, forward: vec3f,
     way: f32, steps: u32, walked: ptr<function, u32>,
@@ -590,8 +590,8 @@ fn conic_follow(
             break;
         }
         *walked += 1u;
-        // Into the neighbour: that edge in the same direction, then the new vertex. The two
-        // triangles of any edge of the grid are a parallelogram.
+        // Enters the neighbour: the shared edge in the same direction, then the new vertex. The two
+        // triangles of any grid edge form a parallelogram.
         var next: Triangle;
         var opposite = triangle.r.at;
         next.p = triangle.p;

@@ -1,8 +1,8 @@
-// Lays light onto the map: that of each triangle of the grid, where its corners landed.
+// Deposits the light of each grid triangle in the map, between the landing points of its corners.
 //
-// A triangle's light is its share of the view, and goes to each texel by the exact area that the two
-// have in common: nothing is lost between sample points, folds of either sign add, and the sum over
-// the map is the light that was sent. Sums are integers, so that their order does not matter.
+// A triangle carries the light of its area in the view and distributes it to texels by exact overlap
+// area: no light is lost between sample points, folds of either sign add up, and the map's total is
+// the emitted light. Sums are integers and thus independent of order.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
@@ -19,33 +19,33 @@
 // Red, green and blue of each texel, two words each, the lower first.
 @group(1) @binding(4) var<storage, read_write> light_sums: array<atomic<u32>>;
 
-// No semi-axis of a triangle's light is shorter than this, pixels: light in focus is spread, not
-// missed, and areas keep their digits.
+// Shortest semi-axis of a deposited triangle, pixels: spreads focused light instead of missing it, and
+// keeps areas accurate.
 const LEAST_EXTENT: f32 = 0.02;
 
-// Two corners are on one surface if each lies this near the other's plane, as a share of their
-// distance plus a texel: steeper is a step from one surface to another.
+// Two corners are on one surface if each lies this close to the other's plane, as a share of their
+// distance plus a texel; steeper is a step between surfaces.
 const TORN: f32 = 0.5;
 
-// Light spread over a larger box of texels than this is laid in SPECKS squared spots instead.
+// Triangles with a larger bounding box, in texels, are deposited as SPECKS squared points instead.
 const LARGEST_BOX: f32 = 4096.0;
 const SPECKS: i32 = 6;
 
-fn together(a: Landing, b: Landing, texel: f32) -> bool {
+// Whether two landing points are on one surface.
+fn on_one_surface(a: Landing, b: Landing, texel: f32) -> bool {
     let apart = distance(a.position, b.position) + texel;
     let off_a = abs(dot(unpack_unit(a.normal), b.position - a.position));
     let off_b = abs(dot(unpack_unit(b.normal), a.position - b.position));
     return a.state >= LANDED && b.state >= LANDED && max(off_a, off_b) <= TORN * apart;
 }
 
-// Where light lands changes smoothly with where it comes from: between the vertices of a cell whose
-// neighbours' light fell on the same surface it is interpolated by cubics through four of them each
-// way, and the cell is laid in parts.
-const SIDE: i32 = 4; // vertices of a patch along a side
+// Landing points vary smoothly over the grid. If the light of a cell and its neighbours falls on one
+// surface, they are interpolated by bicubics through 4 x 4 vertices, and the cell is subdivided.
+const SIDE: i32 = 4; // vertices along the side of a patch
 
 struct Patch {
-    at: array<vec2f, 16>,     // pixel positions
-    passed: array<vec3f, 4>,  // of the cell's own corners: linear is enough
+    at: array<vec2f, 16>,     // pixel positions of the landing points
+    passed: array<vec3f, 4>,  // light at the cell's corners; bilinear interpolation suffices
 }
 
 // One thread per cell.
@@ -75,20 +75,20 @@ fn deposit(@builtin(global_invocation_id) thread: vec3u) {
         for (var k = 0; k < SIDE * SIDE; k++) {
             let offset = vec2i(k % SIDE, k / SIDE) - 1;
             let there = landings[i32(first) + offset.y * i32(row) + offset.x];
-            smooth_there = smooth_there && together(a, there, texel);
+            smooth_there = smooth_there && on_one_surface(a, there, texel);
             patch_of.at[k] = camera_pixel(there.position);
         }
         if smooth_there {
-            lay_patch(&patch_of, cell);
+            deposit_patch(&patch_of, cell);
             return;
         }
     }
-    triangle(Corners(a, b, c, first, first + 1u, first + row), cell);
-    triangle(Corners(d, c, b, first + row + 1u, first + row, first + 1u), -cell);
+    deposit_triangle(Corners(a, b, c, first, first + 1u, first + row), cell);
+    deposit_triangle(Corners(d, c, b, first + row + 1u, first + row, first + 1u), -cell);
 }
 
-// Weights of Lagrange's cubic through -1, 0, 1 and 2.
-fn cubic(t: f32) -> vec4f {
+// Weights of the Lagrange cubic through -1, 0, 1 and 2.
+fn cubic_weights(t: f32) -> vec4f {
     return vec4f(
         -t * (t - 1.0) * (t - 2.0) / 6.0,
         (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0,
@@ -98,8 +98,8 @@ fn cubic(t: f32) -> vec4f {
 }
 
 fn patch_point(patch_of: ptr<function, Patch>, t: vec2f) -> vec2f {
-    let across = cubic(t.x);
-    let down = cubic(t.y);
+    let across = cubic_weights(t.x);
+    let down = cubic_weights(t.y);
     var sum = vec2f(0.0);
     for (var j = 0; j < SIDE; j++) {
         var line = vec2f(0.0);
@@ -111,7 +111,7 @@ fn patch_point(patch_of: ptr<function, Patch>, t: vec2f) -> vec2f {
     return sum;
 }
 
-fn lay_patch(patch_of: ptr<function, Patch>, cell: vec2f) {
+fn deposit_patch(patch_of: ptr<function, Patch>, cell: vec2f) {
     let parts = i32(caustics.subdivide);
     let step = 1.0 / f32(parts);
     let share = 0.5 * cell.x * cell.y * step * step;
@@ -124,15 +124,15 @@ fn lay_patch(patch_of: ptr<function, Patch>, cell: vec2f) {
             let next_q = patch_point(patch_of, vec2f(vec2i(i + 1, j + 1)) * step);
             let middle = (vec2f(vec2i(i, j)) + 0.5) * step;
             let light = share * mix(mix(passed[0], passed[1], middle.x), mix(passed[2], passed[3], middle.x), middle.y);
-            lay(p, next_p, q, light);
-            lay(next_q, q, next_p, light);
+            add_triangle(p, next_p, q, light);
+            add_triangle(next_q, q, next_p, light);
             p = next_p;
             q = next_q;
         }
     }
 }
 
-// Of a triangle: where its light landed, and its vertices.
+// Landing points and vertex indices of a triangle.
 struct Corners {
     a: Landing,
     b: Landing,
@@ -142,7 +142,7 @@ struct Corners {
     vertex_c: u32,
 }
 
-fn triangle(corners: Corners, cell: vec2f) {
+fn deposit_triangle(corners: Corners, cell: vec2f) {
     let a = corners.a;
     let b = corners.b;
     let c = corners.c;
@@ -151,31 +151,32 @@ fn triangle(corners: Corners, cell: vec2f) {
     if all(lit == vec3f(0.0)) {
         return;
     }
-    // To each corner a third of what a pixel of the view would bring.
+    // Each corner contributes a third of the triangle's light.
     let third = cell.x * cell.y / 6.0;
     let light = third * (lit.x * a.passed + lit.y * b.passed + lit.z * c.passed);
     let texel = camera_pixel_side(a.position);
-    let whole = together(a, b, texel) && together(b, c, texel) && together(c, a, texel);
+    let whole = on_one_surface(a, b, texel) && on_one_surface(b, c, texel) && on_one_surface(c, a, texel);
     if whole && all(lit == vec3f(1.0)) {
-        lay(camera_pixel(a.position), camera_pixel(b.position), camera_pixel(c.position), light);
+        add_triangle(camera_pixel(a.position), camera_pixel(b.position), camera_pixel(c.position), light);
     } else if all(states != vec3u(NO_PATH)) {
         let count = lit.x + lit.y + lit.z;
-        torn(corners, cell, light / count * 3.0);
+        deposit_in_parts(corners, cell, light / count * 3.0);
     } else {
-        // At the liquid's border: the light stays as wide as it was, around the corners that it has.
+        // At the liquid's border: the triangle keeps its size in the view, centred on the corners that
+        // landed.
         let at = select(vec2f(0.0), camera_pixel(a.position), lit.x > 0.0)
             + select(vec2f(0.0), camera_pixel(b.position), lit.y > 0.0)
             + select(vec2f(0.0), camera_pixel(c.position), lit.z > 0.0);
         let first = at / (lit.x + lit.y + lit.z) - cell / 3.0;
-        lay(first, first + vec2f(cell.x, 0.0), first + vec2f(0.0, cell.y), light);
+        add_triangle(first, first + vec2f(cell.x, 0.0), first + vec2f(0.0, cell.y), light);
     }
 }
 
-// Parts along the side of a triangle whose light does not fall on one surface, or is not all lit.
+// Parts along the side of a triangle that spans several surfaces or a shadow edge.
 const PARTS: i32 = 4;
 
-// Each part by a ray of its own through the solids themselves, where the view shows what it meets.
-fn torn(corners: Corners, cell: vec2f, light: vec3f) {
+// Deposits each part of a triangle by its own ray against the solids, if the view shows the hit.
+fn deposit_in_parts(corners: Corners, cell: vec2f, light: vec3f) {
     let a = corners.a;
     let b = corners.b;
     let c = corners.c;
@@ -188,7 +189,7 @@ fn torn(corners: Corners, cell: vec2f, light: vec3f) {
     let part = light / f32(PARTS * PARTS);
     let side = cell / f32(PARTS);
     for (var j = 0; j < PARTS; j++) {
-        // Upright parts, and turned ones between them.
+        // Alternates upright and inverted parts.
         for (var i = 0; i < 2 * (PARTS - j) - 1; i++) {
             let turned = select(1.0, -1.0, (i & 1) == 1);
             let corner = vec2f(f32((i + 1) / 2), f32(j + (i & 1)));
@@ -201,16 +202,21 @@ fn torn(corners: Corners, cell: vec2f, light: vec3f) {
             let d = normalize(directions * weights);
             let hit = scene_trace(camera_world_point(start), camera_world_direction(d));
             let x = start + hit.t * d;
-            if hit.t < NOTHING && shown(x) {
+            if hit.t < NOTHING && is_shown(x) {
                 let first = camera_pixel(x) - turned * side / 3.0;
-                lay(first, first + turned * vec2f(side.x, 0.0), first + turned * vec2f(0.0, side.y), part);
+                add_triangle(
+                    first,
+                    first + turned * vec2f(side.x, 0.0),
+                    first + turned * vec2f(0.0, side.y),
+                    part,
+                );
             }
         }
     }
 }
 
-// Whether the view shows a point: its texel's plane passes within a texel of it.
-fn shown(x: vec3f) -> bool {
+// Whether the view shows a point: its texel's plane passes within a texel side of it.
+fn is_shown(x: vec3f) -> bool {
     let u = camera_pixel(x);
     if any(u < vec2f(0.0)) || any(u >= camera.size) {
         return false;
@@ -222,13 +228,13 @@ fn shown(x: vec3f) -> bool {
 
 const HALF_ROOT_3: f32 = 0.8660254;
 
-// Lays light onto a triangle.
-fn lay(pa: vec2f, pb: vec2f, pc: vec2f, light: vec3f) {
+// Deposits light uniformly over a triangle.
+fn add_triangle(pa: vec2f, pb: vec2f, pc: vec2f, light: vec3f) {
     let centre = (pa + pb + pc) / 3.0;
-    // The image of an equilateral triangle of circumradius 1.
+    // Map from an equilateral triangle of circumradius 1.
     let e1 = pb - pa;
     let e2 = pc - pa;
-    let m = held(mat2x2f((2.0 * e1 - e2) / 3.0, e2 / sqrt(3.0)));
+    let m = with_min_extent(mat2x2f((2.0 * e1 - e2) / 3.0, e2 / sqrt(3.0)));
     let a = centre + m * vec2f(-0.5, -HALF_ROOT_3);
     let b = centre + m * vec2f(1.0, 0.0);
     let c = centre + m * vec2f(-0.5, HALF_ROOT_3);
@@ -237,15 +243,15 @@ fn lay(pa: vec2f, pb: vec2f, pc: vec2f, light: vec3f) {
     let high = min(ceil(max(a, max(b, c))), camera.size);
     let box = max(high - low, vec2f(0.0));
     if box.x * box.y > LARGEST_BOX {
-        // Too dim to matter where exactly, but not to be lost.
+        // Too dim for exact placement to matter, but its energy must not be lost.
         let speck = light / f32(SPECKS * SPECKS);
         for (var i = 0; i < SPECKS * SPECKS; i++) {
-            // From a square to the triangle, areas kept (Shirley and Chiu 1997).
+            // Area-preserving map from a square to the triangle (Shirley and Chiu 1997).
             let s = (f32(i % SPECKS) + 0.5) / f32(SPECKS);
             let t = sqrt((f32(i / SPECKS) + 0.5) / f32(SPECKS));
             let at = vec2i(floor(mix(a, mix(b, c, s), t)));
             if all(at >= vec2i(0)) && all(at < vec2i(camera.size)) {
-                add(at, speck);
+                add_to_texel(at, speck);
             }
         }
         return;
@@ -256,15 +262,15 @@ fn lay(pa: vec2f, pb: vec2f, pc: vec2f, light: vec3f) {
             let overlap = abs(area_under(a - corner, b - corner)
                 + area_under(b - corner, c - corner) + area_under(c - corner, a - corner));
             if overlap > 0.0 {
-                add(vec2i(corner), overlap * density);
+                add_to_texel(vec2i(corner), overlap * density);
             }
         }
     }
 }
 
-// The map with its singular values raised to LEAST_EXTENT.
-fn held(m: mat2x2f) -> mat2x2f {
-    // m = turn(phi) diag(s) turn(theta) (Blinn, Consider the Lowly 2x2 Matrix, 1996).
+// A matrix with its singular values raised to at least LEAST_EXTENT.
+fn with_min_extent(m: mat2x2f) -> mat2x2f {
+    // m = rotation(phi) diag(s) rotation(theta) (Blinn, Consider the Lowly 2x2 Matrix, 1996).
     let e = 0.5 * (m[0].x + m[1].y);
     let f = 0.5 * (m[0].x - m[1].y);
     let g = 0.5 * (m[0].y + m[1].x);
@@ -277,18 +283,18 @@ fn held(m: mat2x2f) -> mat2x2f {
     let a1 = select(atan2(g, f), 0.0, r == 0.0);
     let a2 = select(atan2(h, e), 0.0, q == 0.0);
     let s = max(vec2f(q + r, abs(q - r)), vec2f(LEAST_EXTENT)) * vec2f(1.0, select(-1.0, 1.0, q >= r));
-    let left = turn(0.5 * (a2 + a1));
-    return mat2x2f(left[0] * s.x, left[1] * s.y) * turn(0.5 * (a2 - a1));
+    let left = rotation(0.5 * (a2 + a1));
+    return mat2x2f(left[0] * s.x, left[1] * s.y) * rotation(0.5 * (a2 - a1));
 }
 
-fn turn(angle: f32) -> mat2x2f {
+fn rotation(angle: f32) -> mat2x2f {
     let c = cos(angle);
     let s = sin(angle);
     return mat2x2f(vec2f(c, s), vec2f(-s, c));
 }
 
-// Area between an edge and y = 0 within the unit square, signed by the edge's direction: summed
-// around a polygon, its overlap with the square.
+// Area between an edge and y = 0 within the unit square, signed by the edge's direction. Summed around
+// a polygon it is the overlap with the square.
 fn area_under(p: vec2f, q: vec2f) -> f32 {
     let x0 = clamp(p.x, 0.0, 1.0);
     let x1 = clamp(q.x, 0.0, 1.0);
@@ -310,7 +316,8 @@ fn clamped_integral(y: f32) -> f32 {
     return 0.5 * within * within + max(y - 1.0, 0.0);
 }
 
-fn add(texel: vec2i, light: vec3f) {
+// Adds light to a texel atomically, in 64-bit fixed point.
+fn add_to_texel(texel: vec2i, light: vec3f) {
     let word = 6u * u32(texel.y * i32(camera.size.x) + texel.x);
     let amount = vec3u(round(min(light * UNIT, vec3f(4e9))));
     for (var i = 0u; i < 3u; i++) {

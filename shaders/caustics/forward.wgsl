@@ -1,9 +1,9 @@
-// Forward caustics: light through each vertex of the grid, refracted where it enters the liquid and
-// where it leaves it, to the solid that it lights.
+// Forward caustics: traces light through each grid vertex, refracted on entering and leaving the liquid,
+// to its receiver.
 //
 // After Wallace (Rendering realtime caustics in WebGL, 2016), Renou (Real-time rendering of water
-// caustics, 2020) and Mayer, Assarsson and Sintorn (2026), section 2.2. `deposit.wgsl` then lays the light between three vertices
-// onto the map.
+// caustics, 2020) and Mayer, Assarsson and Sintorn (2026), section 2.2. `deposit.wgsl` then deposits
+// the light between three vertices in the map.
 
 #import $intersector
 #import caustics/landing.wgsl
@@ -15,12 +15,12 @@
 @group(3) @binding(1) var<storage, read> grid: array<GridVertex>;
 @group(3) @binding(2) var<storage, read_write> landings: array<Landing>;
 
-// The first solid that the light's view shows along a ray of light.
+// First solid along a light ray that the light's view shows.
 fn light_receiver(ray: ScreenRay) -> Interface {
     return front_entry(OPAQUE, ray);
 }
 
-// Whether liquid that ends at x reaches the solid that the light is heading for.
+// Whether liquid that ends at x wets the receiver ahead.
 fn wets(receiver: Interface, x: vec3f) -> bool {
     return CONTACT && abs(dot(plane_normal(receiver.plane), x - receiver.position)) <= params.contact;
 }
@@ -38,8 +38,8 @@ fn light_path(vertex: GridVertex) -> Landing {
     if vertex.valid == NONE || cos_theta_i <= 0.0 || cos_theta_t < 0.0 {
         return no_path();
     }
-    // Light by the surface, over what the view's own rays would bring: cosines, and for a point
-    // light also squared distances and what a pixel of the view stands for.
+    // Light on the surface relative to that along the view's rays: the ratio of cosines, and for a point
+    // light also of squared distances and of the solid angles of pixels.
     let omega = camera_omega_of(o);
     var share = cos_theta_i / max(-dot(camera_ray_direction(omega), n), 1e-3);
     if !ORTHOGRAPHIC {
@@ -49,7 +49,7 @@ fn light_path(vertex: GridVertex) -> Landing {
     var passed = vec3f(share * (1.0 - reflectance(cos_theta_i, cos_theta_t, params.ior)));
     var start = o;
     var d = optics_refract(-to_light, n, cos_theta_i, cos_theta_t, params.ior);
-    // Where light would land that is in shadow shapes the shadow's edge.
+    // Shadowed vertices are traced too: their landing points define the shadow's edge.
     var state = select(DARK, LANDED, vertex.valid == LIT);
     let inside = screen_ray(o, d, NOTHING);
     var receiver = light_receiver(inside);

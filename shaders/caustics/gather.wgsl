@@ -1,11 +1,11 @@
-// The caustic map by gathering: for every texel's receiver, the path through the liquid's front to
-// the light.
+// Caustics by gathering: for each texel's receiver, finds the path through the liquid's front to the
+// light.
 //
 // After Granizo-Hidalgo and Holzschuch (2024). In a view along the light, the straight line from
-// receiver to light passes through the grid at the texel itself; in one along refracted light, a few
-// tangent planes lead there. Either way the walk begins without a ray being traced. One path per
-// receiver is found: where light comes to it by several, between the folds of a caustic, the map is
-// too dark.
+// receiver to light passes through the grid at the texel itself; in a view along refracted light, a
+// few tangent-plane steps lead there. Either way the walk needs no ray tracing to start. Only one path
+// per receiver is found: between the folds of a caustic, where several paths meet, the map is too
+// dark.
 //
 // The layers are those of the light's view.
 
@@ -19,16 +19,16 @@
 @group(3) @binding(2) var caustic_map: texture_storage_2d<rgba32float, write>; // irradiance, state
 
 // States of a texel.
-const NOT_INSIDE: f32 = 0.0; // no liquid, or the receiver is not in the first liquid that light meets
+const NOT_INSIDE: f32 = 0.0; // no liquid, or the receiver is not in the liquid that light enters first
 const SOLVED: f32 = 1.0;     // a path was found; it may be shadowed
-const UNSOLVED: f32 = 2.0;   // the walk came to no path
+const UNSOLVED: f32 = 2.0;   // no path was found
 
-// Cells around the grid on which level liquid is taken to go on.
+// Cells around the grid by which level liquid is extended.
 fn border() -> vec2i {
     return select(vec2i(0), vec2i(caustics.cells) / 4, any(caustics.level.xyz != vec3f(0.0)));
 }
 
-// A vertex of the grid with its border.
+// Vertex of the grid extended by its border.
 fn grid_vertex(at: vec2i) -> GridVertex {
     let cells = vec2i(caustics.cells);
     let inner = at - border();
@@ -47,8 +47,8 @@ fn grid_vertex(at: vec2i) -> GridVertex {
     return vertex;
 }
 
-// The share of light at a point of the grid, between its vertices in shadow and those lit; none
-// beyond the liquid.
+// Lit share at a point of the grid, interpolated between shadowed and lit vertices; 0 beyond the
+// liquid.
 fn lit_share(at: vec2f) -> f32 {
     let cell = vec2i(floor(at));
     let f = at - floor(at);
@@ -65,7 +65,7 @@ fn lit_share(at: vec2f) -> f32 {
     return dot(weights, select(vec3f(0.0), vec3f(1.0), valid == vec3u(LIT)));
 }
 
-// The pixel position at which the line from a receiver towards the light passes through the front.
+// Pixel position at which the line from a receiver towards the light passes through the front.
 fn line_pixel(receiver: vec3f, towards: vec3f, u0: vec2f) -> vec2f {
     var u = u0;
     for (var k = 0; k < 5; k++) {
@@ -86,7 +86,7 @@ fn line_pixel(receiver: vec3f, towards: vec3f, u0: vec2f) -> vec2f {
     return u;
 }
 
-// Where the ray o + t d meets a texel's plane.
+// Parameter t at which the ray o + t d meets a texel's plane.
 fn plane_along(pi: vec3f, o: vec3f, d: vec3f) -> f32 {
     if ORTHOGRAPHIC {
         return (camera_disparity(o) - dot(pi, vec3f(o.xy, -1.0))) / (dot(pi.xy, d.xy) - d.z);
@@ -94,18 +94,18 @@ fn plane_along(pi: vec3f, o: vec3f, d: vec3f) -> f32 {
     return (1.0 - dot(pi, o)) / dot(pi, d);
 }
 
-// A class's interval at a texel, by disparity, and whether a receiver lies in it.
+// Disparity interval of one class at a texel, and whether a receiver lies in it.
 struct Interval {
     front: f32,
     back: f32,
     inside: bool,
 }
 
-// The receiver is the point at `disparity`, with unit normal `normal`. Liquid wets a solid that is
-// within `contact` of its back, as in `refract`.
+// Interval for the receiver at `disparity` with unit normal `normal`. Liquid wets a solid within
+// `contact` of its back, as in `refract`.
 fn interval(front: vec3f, back: vec3f, omega: vec3f, disparity: f32, normal: vec3f) -> Interval {
     if caustics.interfaces == 1u {
-        // Solids bound the liquid: what is behind its front is in it.
+        // Solids bound the liquid: everything behind its front is inside.
         let at = dot(front, omega);
         return Interval(at, 0.0, at > disparity);
     }
@@ -118,8 +118,8 @@ fn interval(front: vec3f, back: vec3f, omega: vec3f, disparity: f32, normal: vec
     return Interval(ends.x, ends.y, ends.x > disparity && (ends.y <= disparity || wet));
 }
 
-// Whether the receiver is in the liquid that light enters first: not behind a gap between splashes
-// and the rest.
+// Whether the receiver is in the liquid that light enters first, not behind a gap between splashes and
+// aggregates.
 fn in_first_liquid(texel: vec2i, omega: vec3f, disparity: f32, normal: vec3f) -> bool {
     let slabs = load_slabs(texel);
     let aggregate = interval(slabs.aggregate_front, slabs.aggregate_back, omega, disparity, normal);
@@ -132,8 +132,8 @@ fn in_first_liquid(texel: vec2i, omega: vec3f, disparity: f32, normal: vec3f) ->
     return aggregate_first || splash_first;
 }
 
-// Whether a solid is between a point of the front and the receiver, where `cosine` is that of the
-// receiver to the light's view: what is seen slanting is known worse.
+// Whether a solid lies between a point of the front and the receiver. `cosine` is that between the
+// receiver's normal and the view: receivers seen at a slant are less accurate.
 fn receiver_is_shadowed(x: vec3f, receiver: vec3f, cosine: f32) -> bool {
     let to = receiver - x;
     let length = length(to);
@@ -142,11 +142,10 @@ fn receiver_is_shadowed(x: vec3f, receiver: vec3f, cosine: f32) -> bool {
     return hit.found && distance(x, hit.position) < length - slack;
 }
 
-// On a caustic a point's irradiance is infinite, its mean over a texel is not. At a fold the mean
-// magnification is sqrt(2 b / a), a the texel's side and b the distance over which the waves' focus
-// changes by as much as itself. No wave that the picture shows is longer than the picture, so
-// b / a is at most about its size over 2 pi, and the bound grows as texels shrink just as the
-// mean does.
+// On a caustic the irradiance of a point is infinite, but its mean over a texel is finite. At a fold
+// the mean magnification is sqrt(2 b / a), with the texel side a and the distance b over which the
+// focus of the waves changes by as much as itself. No visible wave is longer than the image, so b / a
+// is at most about the image size over 2 pi, and the bound grows with resolution as the mean does.
 fn largest_magnification() -> f32 {
     return sqrt(max(camera.size.x, camera.size.y));
 }

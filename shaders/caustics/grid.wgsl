@@ -1,7 +1,5 @@
-// A regular grid over the light's view of the liquid: where each of its rays meets the liquid
-// first.
-//
-// The layers and the intersector are those of the light's view.
+// Regular grid over the light's view: the first point of liquid on each of its rays. The layers are
+// those of the light's view.
 
 #import $intersector
 #import caustics/light.wgsl
@@ -10,12 +8,12 @@
 @group(3) @binding(0) var<$branching> caustics: CausticParams;
 @group(3) @binding(1) var<storage, read_write> grid_out: array<GridVertex>;
 
-// The pixel position of a vertex.
+// Pixel position of a vertex.
 fn grid_pixel(vertex: vec2u) -> vec2f {
     return vec2f(vertex) * camera.size / vec2f(caustics.cells);
 }
 
-// The nearest front at a texel, of either class.
+// Nearest front at a texel among both classes.
 fn nearest_front(texel: vec2i, omega: vec3f) -> vec3f {
     let aggregate = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
     if SPLASH {
@@ -25,11 +23,11 @@ fn nearest_front(texel: vec2i, omega: vec3f) -> vec3f {
     return aggregate;
 }
 
-// By how much the planes of neighbouring texels of one surface may differ where they meet, in
-// texels: curvature and noise, but no step from one surface to another.
+// Largest difference, in texels, between the planes of neighbouring texels of one surface: allows for
+// curvature and noise, but not for a step to another surface.
 const SAME_SURFACE: f32 = 1.0;
 
-// What stands for disparity changes so much over a texel of a surface across the view.
+// Change of disparity over a depth difference of one texel side.
 fn disparity_per_texel(disparity: f32) -> f32 {
     return 2.0 * camera.tangent.x / camera.size.x * select(disparity, 1.0, ORTHOGRAPHIC);
 }
@@ -47,7 +45,8 @@ fn grid_vertices(@builtin(global_invocation_id) thread: vec3u) {
     let own = clamp(vec2i(floor(u)), vec2i(0), last);
     let plane = nearest_front(own, omega);
     let disparity = dot(plane, omega);
-    // Planes of the four texels around, so that normals are continuous whatever the grid's pitch.
+    // Blends the planes of the four surrounding texels, so that normals are continuous for any grid
+    // spacing.
     let base = floor(u - 0.5);
     let f = u - 0.5 - base;
     let slope = plane_slope(plane);
@@ -65,7 +64,7 @@ fn grid_vertices(@builtin(global_invocation_id) thread: vec3u) {
         }
     }
     var vertex = GridVertex(vec3f(0.0), NONE, vec3f(0.0));
-    // Not where the view starts in the liquid.
+    // Excludes rays that start in the liquid.
     let before_near = !ORTHOGRAPHIC && disparity >= 1.0 / camera.near;
     if !plane_is_empty(plane) && weight > 0.0 && !before_near {
         let blended = sum / weight;

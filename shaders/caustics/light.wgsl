@@ -1,11 +1,11 @@
-// The light, as the kernels that follow it see it: `caustics` is the root's.
+// Light direction and shadowing for the caustic kernels. The root declares `caustics`.
 
-// The unit direction towards the light, whose view is orthographic if it is a sun.
+// Unit direction towards the light. A sun's view is orthographic.
 fn caustics_to_light(x: vec3f) -> vec3f {
     return select(normalize(caustics.light - x), caustics.light, ORTHOGRAPHIC);
 }
 
-// Whether a solid is between the light and a point of the liquid.
+// Whether a solid shadows a point of the liquid from the light.
 fn shadowed(x: vec3f) -> bool {
     let d = caustics_to_light(x);
     let far = select(distance(caustics.light, x), NOTHING, ORTHOGRAPHIC);

@@ -1,9 +1,9 @@
-// Light as it is added up: integers, and by what a pixel of the view carries.
+// Fixed-point accumulation of light, relative to the light of an undisturbed pixel.
 
-// Of a texel's undisturbed light.
+// Integer value of a texel's undisturbed light.
 const UNIT: f32 = 1048576.0;
 
-// Light that a pixel's worth of the view carries, as a share of that in its middle.
+// Light per pixel of the view, relative to that at its centre.
 fn view_power(omega: vec3f) -> f32 {
     return select(pow(dot(omega, omega), -1.5), 1.0, ORTHOGRAPHIC);
 }

@@ -1,6 +1,5 @@
-// The map of one light: what each texel's receiver gets of it.
-//
-// The layers are those of the light's view.
+// Resolves the caustic map of one light: irradiance on each texel's receiver. The layers are those of
+// the light's view.
 
 #import $intersector
 #import caustics/light_sums.wgsl
@@ -18,21 +17,21 @@ const STRAIGHT: u32 = 0u;
 const FORWARD: u32 = 1u;
 const GATHER: u32 = 2u;
 
-// Transmittance of what lies in the view before a receiver: in by the front, and out by the back where
-// that is before the receiver.
+// Transmittance of unrefracted light to a receiver: in through the front, and out through the back if
+// that is in front of the receiver.
 fn straight(slabs: Slabs, receiver: vec3f, omega: vec3f) -> vec3f {
     let d = camera_ray_direction(omega);
     let end = camera_point(omega, dot(receiver, omega));
     let n_r = plane_normal(receiver);
     let wet = caustics.wet == 1u;
-    var passed = class_straight(slabs.aggregate_front, slabs.aggregate_back, omega, d, end, n_r, wet);
+    var passed = class_transmittance(slabs.aggregate_front, slabs.aggregate_back, omega, d, end, n_r, wet);
     if SPLASH {
-        passed *= class_straight(slabs.splash_front, slabs.splash_back, omega, d, end, n_r, false);
+        passed *= class_transmittance(slabs.splash_front, slabs.splash_back, omega, d, end, n_r, false);
     }
     return passed;
 }
 
-fn class_straight(
+fn class_transmittance(
     front: vec3f,
     back: vec3f,
     omega: vec3f,
@@ -58,7 +57,7 @@ fn class_straight(
     if dot(back, omega) <= camera_disparity(end) || wet {
         to_point = end;
     } else {
-        // Straight on, by the angle that it has inside if both faces are parallel.
+        // The angle inside is the one for parallel faces.
         let cos_out = abs(dot(d, plane_normal(back)));
         passed *= 1.0 - reflectance(cos_out, optics_cos_transmitted(cos_out, params.ior), params.ior);
     }
@@ -83,7 +82,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
     }
     let covered = nearest > dot(plane.xyz, omega);
 
-    // Irradiance by what a pixel of the view would bring.
+    // Irradiance of the receiver by light along the view's rays.
     let x = camera_point(omega, dot(plane.xyz, omega));
     let cos_theta = dot(plane_normal(plane.xyz), camera_ray_direction(omega));
     let distance2 = select(dot(x, x), 1.0, ORTHOGRAPHIC);

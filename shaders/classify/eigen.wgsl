@@ -1,5 +1,5 @@
-// Eigenvalues and eigenvectors of a symmetric matrix: cyclic Jacobi rotations, which stay exact
-// where eigenvalues coincide, and in liquid nearly all of them do.
+// Eigenvalues and eigenvectors of a symmetric matrix by cyclic Jacobi rotations, which stay exact for
+// coincident eigenvalues, the common case in liquid.
 
 // A symmetric matrix.
 struct Symmetric {
@@ -7,16 +7,16 @@ struct Symmetric {
     off_diagonal: vec3f, // xy, xz, yz
 }
 
-// The vectors are orthonormal; in no order, as the values.
+// Eigenvalues, unsorted, and orthonormal eigenvectors in the same order.
 struct Eigen {
     values: vec3f,
     vectors: mat3x3f,
 }
 
-// Six sweeps over the three entries beside the diagonal: convergence is quadratic.
+// Six sweeps over the three off-diagonal entries: convergence is quadratic.
 const ROTATIONS: u32 = 18u;
 
-// Of the trace: an entry below that is 0 to 32-bit floats.
+// Off-diagonal entries below this share of the trace are 0 in 32-bit floats.
 const NEGLIGIBLE: f32 = 1e-9;
 
 fn eigen(matrix: Symmetric) -> Eigen {
@@ -31,7 +31,7 @@ fn eigen(matrix: Symmetric) -> Eigen {
             break;
         }
         if abs(off.x) > scale {
-            // The smaller of the two angles that make xy vanish, as its tangent.
+            // Tangent of the smaller of the two angles that annihilate xy.
             let cotangent = (d.y - d.x) / (2.0 * off.x);
             let size = 1.0 / (abs(cotangent) + sqrt(cotangent * cotangent + 1.0));
             let t = select(size, -size, cotangent < 0.0);
@@ -43,7 +43,7 @@ fn eigen(matrix: Symmetric) -> Eigen {
             v = s * u + c * v;
             u = turned;
         }
-        // y, z and x are the next x, y and z.
+        // Rotates the axes: y, z and x become x, y and z.
         d = d.yzx;
         off = off.zxy;
         let first = u;
@@ -54,7 +54,7 @@ fn eigen(matrix: Symmetric) -> Eigen {
     return Eigen(d, mat3x3f(u, v, w));
 }
 
-// The matrix of these eigenvalues and orthonormal eigenvectors.
+// Matrix with these eigenvalues and orthonormal eigenvectors.
 fn compose(values: vec3f, vectors: mat3x3f) -> Symmetric {
     let u = vectors[0];
     let v = vectors[1];

@@ -1,24 +1,25 @@
-// Weighted sums over a member's neighbourhood, in units of h.
+// Weighted moments of a member's neighbourhood, in units of h.
 
 #import classify/params.wgsl
 #import classify/eigen.wgsl
 
 @group(0) @binding(1) var<storage, read> starts: array<u32>;
-@group(0) @binding(2) var<storage, read> sorted: array<vec4f>; // place and radius, m
+@group(0) @binding(2) var<storage, read> sorted: array<vec4f>; // position and radius, m
 
-// A neighbour's distance may be so many h, squared: on a lattice many are at h itself, where they
-// weigh nothing, and whether they are counted is not to depend on rounding.
+// Largest squared distance of a neighbour, in h^2. On a lattice many neighbours are at distance h,
+// where their weight is 0; the margin makes their count independent of rounding.
 const WITHIN: f32 = 1.00002;
 
-// Cells are a little wider than h of the median radius: rounding takes nobody further.
+// Safety factor for the reach in cells: cells are slightly wider than h of the median radius, so
+// rounding moves no neighbour further.
 const ROUNDING: f32 = 1.001;
 
 struct Moments {
-    count: u32,         // members within h, itself among them
-    weight: f32,        // sum of w, with the volumes in that of the member
-    first: vec3f,       // of w x, x being counted from a point near the member
-    diagonal: vec3f,    // of w x^2, y^2, z^2
-    off_diagonal: vec3f // of w xy, xz, yz
+    count: u32,         // members within h, including the member itself
+    weight: f32,        // sum of w, which includes the volume relative to the member's
+    first: vec3f,       // sum of w x, x relative to a point near the member
+    diagonal: vec3f,    // sums of w x^2, y^2, z^2
+    off_diagonal: vec3f // sums of w xy, xz, yz
 }
 
 // Yu and Turk's weight 1 - (d/h)^3 of a neighbour, from the square of d/h.
@@ -26,8 +27,8 @@ fn weight(square: f32) -> f32 {
     return max(1.0 - square * sqrt(square), 0.0);
 }
 
-// Those of the member whose place and radius are `own`, in this cell, about a point that is this far
-// from it.
+// Moments of the member with position and radius `own` in `cell`, about the point at offset `point`
+// from the member, in h.
 fn moments(own: vec4f, cell: u32, point: vec3f) -> Moments {
     let h = params.support * own.w;
     let reach = vec3u(u32(ceil(h * params.per_cell * ROUNDING)));
@@ -39,13 +40,13 @@ fn moments(own: vec4f, cell: u32, point: vec3f) -> Moments {
     var all = Moments();
     for (var z = first.z; z <= last.z; z++) {
         for (var y = first.y; y <= last.y; y++) {
-            // Cells beside each other are one run. It is summed by itself: short sums lose less.
+            // A row of cells is one run of members. Each run is summed separately for precision.
             let begin = starts[cell_index(vec3u(first.x, y, z))];
             let end = starts[cell_index(vec3u(last.x, y, z)) + 1u];
             var run = Moments();
             for (var slot = begin; slot < end; slot++) {
                 let other = sorted[slot];
-                // Halves cannot overflow, and what is far off is as good as twice h away.
+                // Halves cannot overflow; distant members are clamped to twice h.
                 let offset = clamp(0.5 * other.xyz - 0.5 * own.xyz, vec3f(-h), vec3f(h)) * (2.0 / h);
                 let square = dot(offset, offset);
                 if square > WITHIN {

@@ -1,24 +1,24 @@
-// What all of a classification's kernels are told, and how their threads are counted.
+// Parameters of the classification kernels.
 
 #import common/groups.wgsl
 
 struct Params {
-    least: vec3f,          // the grid's corners, m
-    per_cell: f32,         // 1/m
-    greatest: vec3f,
-    members: u32,
+    least: vec3f,          // minimum corner of the grid, m
+    per_cell: f32,         // inverse cell width, 1/m
+    greatest: vec3f,       // maximum corner of the grid, m
+    members: u32,          // number of members
     counts: vec3u,         // cells along each axis
-    cells: u32,
+    cells: u32,            // number of cells
     support: f32,          // h, in r
-    least_weight: f32,     // below this summed weight it is splash
-    density_at_rest: f32,  // the summed weight inside a body at rest
+    least_weight: f32,     // summed weight below which a member is a splash
+    density_at_rest: f32,  // summed weight inside a body at rest
     smoothing: f32,        // lambda
     max_ratio: f32,        // k_r
-    volume_kernel: u32,    // 0: the short axis is held; 1: the volume is
-    short_axis: f32,       // of the former, in r
-    long_axis: f32,
+    volume_kernel: u32,    // 0: fixed short axis; 1: fixed volume
+    short_axis: f32,       // short semi-axis of the former, in r
+    long_axis: f32,        // its longest semi-axis, in r
     splash_radius: f32,    // in r
-    most_squares: f32,     // of the cells' counts, summed: more is a crowd
+    most_squares: f32,     // sum of squared cell counts above which the members are a crowd
 }
 
 // Storage, not a uniform: its values decide branches.

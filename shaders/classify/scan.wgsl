@@ -1,5 +1,5 @@
-// Counting sort, second part: where each cell's members begin. An exclusive prefix sum over the
-// cells' counts in three steps, by blocks of 2048 cells.
+// Counting sort, second part: the first sorted index of each cell, by an exclusive prefix sum over the
+// cell counts in three steps, in blocks of 2048 cells.
 
 #import classify/sums.wgsl
 
@@ -17,7 +17,7 @@ fn count_of(cell: u32) -> u32 {
     return 0u;
 }
 
-// What the threads before this one have, summed (Hillis and Steele, Data Parallel Algorithms,
+// Exclusive prefix sum over the workgroup (Hillis and Steele, Data Parallel Algorithms,
 // Communications of the ACM 29(12), 1986).
 fn sum_before(local: u32, count: u32) -> u32 {
     shared_counts[local] = count;
@@ -34,7 +34,7 @@ fn sum_before(local: u32, count: u32) -> u32 {
     return shared_counts[local] - count;
 }
 
-// What all threads have, summed, in an order that is always the same.
+// Sum over the workgroup, in a deterministic order.
 fn sum_squares(local: u32, squares: f32) -> f32 {
     shared_squares[local] = squares;
     workgroupBarrier();
@@ -47,7 +47,7 @@ fn sum_squares(local: u32, squares: f32) -> f32 {
     return shared_squares[0];
 }
 
-// The sums of each block.
+// Sums of each block.
 @compute @workgroup_size(256)
 fn add_blocks(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
     let block = group_index(group);
@@ -65,7 +65,7 @@ fn add_blocks(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
     }
 }
 
-// The sums of all blocks before each, by one workgroup.
+// Prefix sums over the blocks, by one workgroup.
 @compute @workgroup_size(256)
 fn add_sums(@builtin(local_invocation_index) local: u32) {
     let each = (blocks() + THREADS - 1u) / THREADS;
@@ -89,7 +89,7 @@ fn add_sums(@builtin(local_invocation_index) local: u32) {
     }
 }
 
-// Where each cell begins.
+// First sorted index of each cell.
 @compute @workgroup_size(256)
 fn begin_cells(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
     let block = group_index(group);

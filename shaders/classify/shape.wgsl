@@ -1,39 +1,39 @@
-// Splash or aggregate, and what each member is drawn as: `src/passes/classify/shape.rs` on the
-// device. One thread for each member, those of a cell side by side.
+// Class and shape of each member: `src/liquid/classify/shape.rs` on the device. One thread per member,
+// in sorted order.
 
 #import classify/sums.wgsl
 #import classify/eigen.wgsl
 #import classify/moments.wgsl
 
-// What is told of a member; the host adds what it knows itself.
+// Result for one member, from which the host builds its splat.
 struct Shaped {
-    offset: vec3f,       // of the centre from the member, m
-    density: f32,        // share of that inside a body at rest
+    offset: vec3f,       // of the splat centre from the member, m
+    density: f32,        // relative to that inside a body at rest
     diagonal: vec3f,     // A_xx, A_yy, A_zz, m
-    flags: u32,
+    flags: u32,          // SPLASH, SURROUNDED
     off_diagonal: vec3f, // A_xy, A_xz, A_yz, m
-    count: u32,          // members within h, itself among them
+    count: u32,          // members within h, including itself
 }
 
 const SPLASH: u32 = 1u;
 const SURROUNDED: u32 = 2u;
 
-// As in `src/passes/classify/moments.rs`.
+// As in `src/liquid/classify/moments.rs`.
 const DENSITY_AROUND: f32 = 0.85;
 const OFFSET_AROUND: f32 = 0.06;
 
 @group(0) @binding(3) var<storage, read> order: array<vec2u>; // member and cell
 @group(0) @binding(4) var<storage, read> sums: array<Sum>;
-@group(0) @binding(5) var<storage, read_write> shaped: array<Shaped>; // as in the file
+@group(0) @binding(5) var<storage, read_write> shaped: array<Shaped>; // in file order
 
-// Eigenvalues below this, in h^2, are one point and rounding errors.
+// Eigenvalues of the covariance below this, in h^2, are rounding errors of coincident neighbours.
 const COINCIDENT_SQUARED: f32 = 1e-8;
 
-// Below this many neighbours the papers draw a sphere.
+// With fewer neighbours the papers draw a sphere.
 const FEW_NEIGHBOURS: u32 = 25u;
 
-// Where the trace of the covariance is less than so many squares of the mean, as of small members
-// beside large ones, their difference has lost digits: sums are taken anew, about the mean.
+// Ratio of the covariance's trace to the squared mean below which the one-pass covariance has lost
+// precision, as for small members beside large ones. The sums are then repeated about the mean.
 const FAR_MEAN: f32 = 0.25;
 
 // Longest semi-axis of a volume-preserving kernel, in r (Imai et al. 2016).
@@ -71,15 +71,15 @@ fn shape(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
     shaped[member.x] = result;
 }
 
-// A neighbourhood's kernel, in r: what has the covariance's eigenvectors, and the semi-axes for
-// eigenvalues.
+// Kernel of a neighbourhood, in r: the matrix with the eigenvectors of the covariance and the
+// semi-axes as eigenvalues.
 fn kernel(covariance: Symmetric, neighbours: u32) -> Symmetric {
     let found = eigen(covariance);
     return compose(semi_axes(found.values, neighbours), found.vectors);
 }
 
-// Semi-axes in r, from the eigenvalues of the covariance in h^2: they themselves, not their roots,
-// are the relative axes, as in Yu and Turk 2013.
+// Semi-axes in r, from the eigenvalues of the covariance in h^2. The eigenvalues themselves, not their
+// square roots, are the relative axes, as in Yu and Turk 2013.
 fn semi_axes(spread: vec3f, neighbours: u32) -> vec3f {
     let longest = max(max(spread.x, spread.y), spread.z);
     var relative = vec3f(1.0);
@@ -94,7 +94,7 @@ fn semi_axes(spread: vec3f, neighbours: u32) -> vec3f {
         return vec3f(1.0);
     }
     let volume = relative.x * relative.y * relative.z;
-    // A step of Newton's method: powers are not exact.
+    // Refines the inexact power by a step of Newton's method.
     var edge = pow(volume, 1.0 / 3.0);
     edge = (2.0 * edge + volume / (edge * edge)) / 3.0;
     return min(relative / edge, vec3f(VOLUME_CAP));

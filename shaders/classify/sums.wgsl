@@ -1,22 +1,24 @@
-// What a block of cells holds, and whether the members crowd a few cells.
+// Sums over blocks of cells, and the test for crowds.
 
 #import classify/params.wgsl
 
-// Threads that sum a block, and cells of each.
+// Threads per block.
 const THREADS: u32 = 256u;
+// Cells per thread.
 const EACH: u32 = 8u;
 
+// Sums over a block; the entry after the last block holds the totals.
 struct Sum {
-    count: u32,   // of the block's cells; then of all blocks before
-    squares: f32, // of the cells' counts; behind the last block, of all cells
+    count: u32,   // members in the block; after `add_sums`, in all preceding blocks
+    squares: f32, // sum of the squared cell counts
 }
 
-// One count more than there are cells, 0, gets the number of all members.
+// Number of blocks. The scan has one entry more than there are cells, for the end of the last cell.
 fn blocks() -> u32 {
     return params.cells / (THREADS * EACH) + 1u;
 }
 
-// Whether so many are in the same places that looking at all neighbours would take hours.
+// Whether particles are so crowded that visiting all neighbours would take hours.
 fn crowded(all: Sum) -> bool {
     return all.squares > params.most_squares;
 }

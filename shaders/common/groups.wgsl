@@ -1,9 +1,9 @@
-// Dispatches of more workgroups than one row holds: the last row may be too long.
+// Workgroup indices in dispatches of several rows. The last row may have excess workgroups.
 
-// Workgroups in a row; below the 65535 that every adapter allows.
+// Workgroups in a row; below the limit of 65535 that every adapter supports.
 const ROW: u32 = 32768u;
 
-// The number of a workgroup, from 0.
+// Linear index of a workgroup.
 fn group_index(group: vec3u) -> u32 {
     return group.x + ROW * group.y;
 }

@@ -1,55 +1,56 @@
-// Lights, and what the liquid lets through of them: the caustic maps.
+// Lights and caustic maps.
 //
-// A texel of a map stands for the patch of a solid that the light's view shows there, the liquid
-// left out. It holds the irradiance there by light that came through liquid (rgb, W/m²).
+// A texel of a caustic map corresponds to the patch of a solid that the light's view shows there
+// without the liquid. It holds the irradiance of light that passed through liquid (rgb, W/m²).
 
 const SUN: u32 = 0u;
 const POINT: u32 = 1u;
 
 struct Light {
-    place: vec3f,       // a sun's direction towards it, or a point light's position
-    kind: u32,
-    power: vec3f,       // a sun's irradiance, or a point light's radiant intensity
-    straight: u32,      // views along the light itself: 0 if the map's is one, 1, or the CUBE's faces
-    map: u32,           // 1 if it has a caustic map
+    place: vec3f,       // direction towards a sun, or position of a point light
+    kind: u32,          // SUN or POINT
+    power: vec3f,       // irradiance of a sun, or radiant intensity of a point light
+    straight: u32,      // views along the unrefracted light: 0 if the map's view is one, 1 or CUBE
+    map: u32,           // 1 if the light has a caustic map
 }
 
-// A light's view, of which a part of the maps was made; of no texels where there is none.
+// A light's view and its region of the maps; of width 0 if the view does not exist.
 struct LightView {
-    right: vec3f,       // its axes
+    right: vec3f,       // x axis
     half_width: f32,    // m for a sun, tangents for a point light
-    up: vec3f,
+    up: vec3f,          // y axis
     half_height: f32,
-    back: vec3f,        // against the view
+    back: vec3f,        // z axis, against the view direction
     far: f32,           // depth of a sun's far plane, m
     origin: vec3f,
     width: f32,         // texels
-    corner: vec2u,      // where they begin in the maps
-    height: f32,
-    layer: u32,
+    corner: vec2u,      // first texel of the region
+    height: f32,        // texels
+    layer: u32,         // of the maps
 }
 
+// Cube faces around a point light in the liquid.
 const CUBE: u32 = 6u;
-// The caustic map's view, then those along the light itself.
+// Views per light: that of the caustic map, then those along the unrefracted light.
 const VIEWS: u32 = 1u + CUBE;
 
 const MAX_LIGHTS: u32 = 16u;
 const MAX_LIGHT_VIEWS: u32 = 112u; // MAX_LIGHTS * VIEWS
 
-// 0 as well where nothing is lit.
+// Number of lights; 0 also if no solid is lit.
 override LIGHTS: u32 = 0u;
-// Whether any has views along the light itself beside its map's.
+// Whether any light has views along the unrefracted light besides its map's view.
 override STRAIGHT_VIEWS: bool = false;
 
 @group(2) @binding(2) var<$branching> lights: array<Light, MAX_LIGHTS>;
 @group(2) @binding(4) var caustic_maps: texture_2d_array<f32>;
-@group(2) @binding(5) var caustic_receivers: texture_2d_array<f32>; // planes; disparity of the liquid's front
+@group(2) @binding(5) var caustic_receivers: texture_2d_array<f32>; // plane; disparity of the liquid's front
 @group(2) @binding(6) var<$branching> light_views: array<LightView, MAX_LIGHT_VIEWS>;
 
 struct ToLight {
     direction: vec3f, // unit
-    distance: f32,    // m; beyond everything for a sun
-    distance2: f32,   // its square; 1 for a sun, so that one formula serves both
+    distance: f32,    // m; 1e30 for a sun
+    distance2: f32,   // squared distance; 1 for a sun, so that one formula covers both
 }
 
 fn light_from(light: Light, x: vec3f) -> ToLight {
@@ -63,20 +64,20 @@ fn light_from(light: Light, x: vec3f) -> ToLight {
     );
 }
 
-// Share of a texel, and of what the receiver's slope explains across it, by which a texel's plane
-// may miss a point and still be of the same surface.
+// Largest distance of a point from a texel's plane at which both are on one surface, as a share of
+// a texel and of the receiver's slope across it.
 const SAME_RECEIVER: f32 = 0.5;
 
-// What a view tells of a point: the share of direct light that no liquid is in the way of, and the
-// irradiance, over pi, that the map has.
+// Lookup of a point in a light's view.
 struct Passed {
-    dry: f32,
-    by_map: vec3f,
+    dry: f32,      // share of direct light that no liquid blocks
+    by_map: vec3f, // irradiance of the map over pi
 }
 
-// Irradiance, over pi, at x on a surface of normal n, of a light whose direct irradiance there is
-// `direct`: what meets liquid comes by the map instead. Whether it meets liquid is told by a view along
-// the light itself: that of the map may look along refracted light, and under bodies without walls.
+// Irradiance over pi at x on a surface of normal n, for a light whose direct irradiance over pi there
+// is `direct`. The map replaces direct light that liquid blocks. Blocking is tested in a view along
+// the unrefracted light: the map's view may look along refracted light, and below bodies without
+// walls.
 fn light_with_liquid(index: u32, x: vec3f, n: vec3f, direct: vec3f) -> vec3f {
     let sun = lights[index].kind == SUN;
     if !STRAIGHT_VIEWS {
@@ -95,7 +96,7 @@ fn light_with_liquid(index: u32, x: vec3f, n: vec3f, direct: vec3f) -> vec3f {
     return passed.dry * direct + passed.by_map;
 }
 
-// The face of a cube that a direction points at: +x, -x, +y, -y, +z, -z.
+// Cube face that a direction points at: +x, -x, +y, -y, +z, -z.
 fn cube_face(d: vec3f) -> u32 {
     let a = abs(d);
     let along = select(select(2u, 1u, a.y >= a.z), 0u, a.x >= max(a.y, a.z));
@@ -118,7 +119,7 @@ fn passed_by_view(index: u32, sun: bool, x: vec3f, n: vec3f) -> Passed {
     let omega = vec3f(across, -1.0);
     let towards = select(-from_origin, light.back, sun);
     let faces = dot(n, towards) > 0.0;
-    // What stands for disparity changes so much over a texel of a receiver across the view.
+    // Change of disparity over a depth difference of one texel side.
     let texel = 2.0 * half.x / light.width * select(disparity, 1.0, sun);
     let base = floor(u - 0.5);
     let f = u - 0.5 - base;

@@ -1,13 +1,13 @@
-// Light at an interface and inside the liquid. Directions are unit vectors; `n` is the unit
-// normal on the incident side, so cos_theta_i = -dot(d, n) >= 0; eta = n_transmitted / n_incident.
+// Refraction, reflectance and absorption. Directions are unit vectors; `n` is the unit normal on the
+// incident side, so cos_theta_i = -dot(d, n) >= 0; eta = n_transmitted / n_incident.
 
-// Cosine of the transmitted angle by Snell's law, negative for total internal reflection.
+// Cosine of the transmitted angle by Snell's law; negative for total internal reflection.
 fn optics_cos_transmitted(cos_theta_i: f32, eta: f32) -> f32 {
     let sin2_theta_t = (1.0 - cos_theta_i * cos_theta_i) / (eta * eta);
     return select(sqrt(max(1.0 - sin2_theta_t, 0.0)), -1.0, sin2_theta_t > 1.0);
 }
 
-// The refracted direction, given the transmitted cosine from above (not negative).
+// Refracted direction, given the (non-negative) transmitted cosine.
 fn optics_refract(d: vec3f, n: vec3f, cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> vec3f {
     return normalize(d / eta + (cos_theta_i / eta - cos_theta_t) * n);
 }
@@ -17,14 +17,14 @@ fn optics_fresnel(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
     if cos_theta_t < 0.0 {
         return 1.0;
     }
-    // Grazing light between equal media: 0/0, and nothing is reflected.
+    // Avoids 0/0 for grazing light between equal media, where nothing is reflected.
     let r_parl = (eta * cos_theta_i - cos_theta_t) / max(eta * cos_theta_i + cos_theta_t, 1e-20);
     let r_perp = (cos_theta_i - eta * cos_theta_t) / max(cos_theta_i + eta * cos_theta_t, 1e-20);
     return 0.5 * (r_parl * r_parl + r_perp * r_perp);
 }
 
-// Schlick's approximation (1994). From the denser side the cosine is the transmitted one, or the
-// approximation would miss the critical angle.
+// Schlick's approximation (1994). From the denser side it uses the transmitted cosine, to reproduce
+// the critical angle.
 fn optics_schlick(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
     if cos_theta_t < 0.0 {
         return 1.0;

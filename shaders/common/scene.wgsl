@@ -1,13 +1,12 @@
-// What surrounds the liquid: solids, lights and the environment. All along the world's axes, with
-// positions seen from the eye.
+// Solids, lighting and the environment, in world axes relative to the eye.
 
 #import common/lights.wgsl
 
 struct Scene {
-    zenith: vec3f,  // radiance straight up; everywhere if constant
+    zenith: vec3f,  // radiance straight up, or in all directions of a constant environment
     horizon: vec3f,
     nadir: vec3f,
-    ambient: vec3f, // mean radiance: lights lit solids evenly
+    ambient: vec3f, // mean radiance, the ambient light on lit solids
 }
 
 const ENVIRONMENT_CONSTANT: u32 = 0u;
@@ -19,25 +18,25 @@ const BOX: u32 = 1u;
 const SPHERE: u32 = 2u;
 
 struct Solid {
-    origin: vec3f,      // a point of the plane; the centre of a box or sphere
-    shape: u32,
+    origin: vec3f,      // centre of the square, box or sphere
+    shape: u32,         // PLANE, BOX or SPHERE
     extent: vec3f,      // a plane's normal, a box's half sides, a sphere's radius in x
     half_extent: f32,   // half the side of a plane's square
     even: vec3f,        // colour; with tile > 0, of even tiles
-    tile: f32,          // side of a checker's tiles, m; 0 for one colour
-    odd: vec3f,
-    lit: u32,           // 0: the colour is radiance; 1: albedo under the lights
-    phase: vec3f,       // where the eye is in the checker, in tiles modulo 2
+    tile: f32,          // side of a checker's tiles, m; 0 for a single colour
+    odd: vec3f,         // colour of odd tiles
+    lit: u32,           // 0: the colour is emitted radiance; 1: the albedo under the lights
+    phase: vec3f,       // position of the eye in the checker, in tiles modulo 2
 }
 
 @group(2) @binding(0) var<uniform> scene: Scene;
-// Uniform memory, and what is known of it when the pipeline is made: a software adapter unrolls the
-// loops over it, which is worth more there than anything else in this file. No branch depends on the
-// solids alone (`uniforms_are_stored` in src/gpu.rs says why): what a scene lacks is left out by SHAPES
-// and ANY_LIT, the rest is selected.
-override SOLIDS: u32 = 0u;
-override SHAPES: u32 = 7u;      // of the solids, 1 << PLANE and so on
-override ANY_LIT: bool = true;      // whether any is lit
+// Pipeline constants that describe the solids in uniform memory, so that a software adapter unrolls
+// the loops over them: the most effective optimisation in this file there. No branch depends on the
+// solids' data (for the reason see `uniforms_are_stored` in src/gpu.rs): SHAPES and ANY_LIT compile
+// out what a scene lacks, the rest uses `select`.
+override SOLIDS: u32 = 0u;      // number of solids
+override SHAPES: u32 = 7u;      // bit set of the solids' shapes, 1 << PLANE and so on
+override ANY_LIT: bool = true;  // whether any solid is lit
 override ENVIRONMENT: u32 = 0u; // one of ENVIRONMENT_*
 
 const MAX_SOLIDS: u32 = 512u;
@@ -45,6 +44,7 @@ const MAX_SOLIDS: u32 = 512u;
 @group(2) @binding(1) var<uniform> solids: array<Solid, MAX_SOLIDS>;
 @group(2) @binding(3) var environment_map: texture_2d<f32>;
 
+// Ray parameter of a miss.
 const NOTHING: f32 = 1e30;
 
 struct SolidHit {
@@ -53,7 +53,7 @@ struct SolidHit {
     normal: vec3f,
 }
 
-// The nearest solid along o + t d, t > 0, d a unit vector.
+// Nearest solid along o + t d, t > 0, with a unit vector d.
 fn scene_trace(o: vec3f, d: vec3f) -> SolidHit {
     var hit = SolidHit(NOTHING, 0u, vec3f(0.0));
     for (var i = 0u; i < SOLIDS; i++) {
@@ -69,7 +69,7 @@ fn scene_trace(o: vec3f, d: vec3f) -> SolidHit {
     return hit;
 }
 
-// Whether any solid is on o + t d, 0 < t < far.
+// Whether any solid intersects o + t d, 0 < t < far.
 fn scene_blocks(o: vec3f, d: vec3f, far: f32) -> bool {
     var nearest = NOTHING;
     for (var i = 0u; i < SOLIDS; i++) {
@@ -79,13 +79,13 @@ fn scene_blocks(o: vec3f, d: vec3f, far: f32) -> bool {
     return nearest < min(far, NOTHING);
 }
 
-// The shape, by a condition that looks as if it depended on a point or direction: else a software
-// adapter takes what is selected by it for a branch on uniform memory.
+// The solid's shape, made to appear dependent on a point or direction. Otherwise a software adapter
+// turns a `select` on the shape into a branch on uniform memory.
 fn shape_of(solid: Solid, x: vec3f) -> u32 {
     return select(solid.shape, 3u, x.x > 3e38);
 }
 
-fn has(shape: u32) -> bool {
+fn has_shape(shape: u32) -> bool {
     return (SHAPES & (1u << shape)) != 0u;
 }
 
@@ -93,13 +93,13 @@ fn solid_trace(solid: Solid, o: vec3f, d: vec3f) -> f32 {
     let from_origin = o - solid.origin;
     let shape = shape_of(solid, d);
     var t = NOTHING;
-    if has(PLANE) {
+    if has_shape(PLANE) {
         t = select(t, plane_trace(solid, from_origin, d), shape == PLANE);
     }
-    if has(BOX) {
+    if has_shape(BOX) {
         t = select(t, box_trace(solid, from_origin, d), shape == BOX);
     }
-    if has(SPHERE) {
+    if has_shape(SPHERE) {
         t = select(t, sphere_trace(solid, from_origin, d), shape == SPHERE);
     }
     return t;
@@ -115,7 +115,7 @@ fn plane_trace(solid: Solid, from_origin: vec3f, d: vec3f) -> f32 {
 }
 
 fn box_trace(solid: Solid, from_origin: vec3f, d: vec3f) -> f32 {
-    // Never 1/0: infinity minus infinity would be a hit.
+    // Avoids 1/0: infinity minus infinity would count as a hit.
     let slope = 1.0 / select(d, vec3f(1e-20), abs(d) < vec3f(1e-20));
     let middle = -from_origin * slope;
     let half = abs(slope) * solid.extent;
@@ -125,7 +125,7 @@ fn box_trace(solid: Solid, from_origin: vec3f, d: vec3f) -> f32 {
 }
 
 fn sphere_trace(solid: Solid, from_origin: vec3f, d: vec3f) -> f32 {
-    // Perpendicular to the ray before squaring, so that far spheres keep their digits.
+    // Projects perpendicular to the ray before squaring, so that far spheres keep their precision.
     let along = -dot(from_origin, d);
     let f = from_origin + along * d;
     let radius = solid.extent.x;
@@ -139,68 +139,68 @@ fn solid_normal(solid: Solid, x: vec3f) -> vec3f {
     let from_origin = x - solid.origin;
     let shape = shape_of(solid, x);
     var normal = solid.extent;
-    if has(BOX) {
+    if has_shape(BOX) {
         let face = abs(from_origin) - solid.extent;
         let largest = max(max(face.x, face.y), face.z);
         let box_normal = normalize(sign(from_origin) * step(vec3f(largest), face));
         normal = select(normal, box_normal, shape == BOX);
     }
-    if has(SPHERE) {
+    if has_shape(SPHERE) {
         normal = select(normal, normalize(from_origin), shape == SPHERE);
     }
     return normal;
 }
 
-// Distance from x to the solid's surface along its normal there; large beside a plane's square.
+// Signed distance from x to the solid's surface, unsigned for a plane; NOTHING beside a plane's square.
 fn solid_distance(solid: Solid, x: vec3f) -> f32 {
     let from_origin = x - solid.origin;
     let shape = shape_of(solid, x);
     var nearest = NOTHING;
-    if has(PLANE) {
+    if has_shape(PLANE) {
         let within = plane_coordinates(solid.extent, from_origin);
         let above = abs(dot(from_origin, solid.extent));
         let on = (shape == PLANE) & all(abs(within) <= vec2f(solid.half_extent));
         nearest = select(nearest, above, on);
     }
-    if has(BOX) {
+    if has_shape(BOX) {
         let face = abs(from_origin) - solid.extent;
         let distance = length(max(face, vec3f(0.0))) + min(max(max(face.x, face.y), face.z), 0.0);
         nearest = select(nearest, distance, shape == BOX);
     }
-    if has(SPHERE) {
+    if has_shape(SPHERE) {
         nearest = select(nearest, length(from_origin) - solid.extent.x, shape == SPHERE);
     }
     return nearest;
 }
 
-// Coordinates in a plane through the origin: (x, z) if it is horizontal.
+// Coordinates in the plane of normal n: drops the axis closest to n, (x, z) for a horizontal plane.
 fn plane_coordinates(n: vec3f, x: vec3f) -> vec2f {
     let a = abs(n);
     return select(select(x.xy, x.zy, a.x >= a.z), x.xz, a.y >= max(a.x, a.z));
 }
 
-// Checker tiles are counted from the world's origin, so that neighbouring solids match.
+// Colour of a solid. Checkers are aligned with the world origin, so that adjacent solids match.
 fn solid_color(solid: Solid, x: vec3f, normal: vec3f) -> vec3f {
     let plain = solid.tile <= 0.0;
     let at = x / select(solid.tile, 1.0, plain) + solid.phase;
     let tile = floor(plane_coordinates(normal, at));
     var parity = tile.x + tile.y;
-    if has(SPHERE) {
+    if has_shape(SPHERE) {
         let cell = floor(at);
         parity = select(parity, cell.x + cell.y + cell.z, shape_of(solid, x) == SPHERE);
     }
     return select(solid.odd, solid.even, plain | (parity - 2.0 * floor(0.5 * parity) < 0.5));
 }
 
-// Whether a solid is between x, on a surface with normal n, and a light.
+// Whether a solid shadows x, on a surface with normal n, from a light.
 fn in_shadow(x: vec3f, n: vec3f, to_light: ToLight) -> bool {
-    // Off the surface by more than rounding.
+    // Offset from the surface beyond rounding errors.
     let start = x + 1e-5 * length(x) * n;
     return scene_blocks(start, to_light.direction, to_light.distance);
 }
 
-// Radiance that leaves the solid at x towards the side from which `d` arrives: its colour, or
-// Lambert's reflection of the lights and of the ambient radiance, of which the share `ambient` gets there.
+// Radiance from the solid at x along -d: its colour, or the Lambertian reflection of the lights and
+// of the share `ambient` of the ambient light.
 fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f, ambient: vec3f) -> vec3f {
     let solid = solids[index];
     let color = solid_color(solid, x, normal);
@@ -232,8 +232,8 @@ fn environment_radiance(d: vec3f) -> vec3f {
     return environment_lookup(d);
 }
 
-// Equirectangular: the centre of the map is -z, its top row +y. Bilinear by hand: filtering of
-// 32-bit floats is not in every adapter.
+// Lookup in an equirectangular map, with -z at its centre and +y in its top row. Bilinear filtering
+// by hand: not every adapter can filter 32-bit floats.
 fn environment_lookup(d: vec3f) -> vec3f {
     let size = vec2f(textureDimensions(environment_map));
     let longitude = atan2(d.x, -d.z) / 6.28318531 + 0.5;

@@ -1,26 +1,26 @@
-// A ray in screen space, clipped once to the picture and to positive depth.
+// A ray in screen space, clipped once to the picture and to the near plane.
 //
-// Parametrised by tau in [0, 1], linear on the screen; then the ray's disparity is exactly linear
-// too, and so is its residual against any plane. States behind the eye cannot be written down.
+// The parameter tau in [0, 1] is linear in screen space; the ray's disparity is then exactly linear
+// in tau, and so is its residual against any plane. Points behind the eye cannot be represented.
 
 struct ScreenRay {
-    u: vec2f,        // pixel position at tau = 0
-    du: vec2f,       // and its change to tau = 1
-    omega: vec3f,    // camera_omega(u)
-    d_omega: vec3f,
-    disparity: f32,  // 1/m
-    d_disparity: f32,
+    u: vec2f,           // pixel position at tau = 0
+    du: vec2f,          // its change from tau = 0 to 1
+    omega: vec3f,       // camera_omega(u)
+    d_omega: vec3f,     // its change from tau = 0 to 1
+    disparity: f32,     // at tau = 0, 1/m
+    d_disparity: f32,   // its change from tau = 0 to 1
     tau_per_pixel: f32,
-    direction: vec3f, // unit, view space
+    direction: vec3f,   // unit, view space
 }
 
-// Beyond every tau.
+// Beyond every tau: no intersection.
 const NEVER: f32 = 1e30;
 
-// The view-space ray o + t d, 0 <= t <= t_max, from a point on the screen.
+// Screen ray of the view-space ray o + t d, 0 <= t <= t_max, from a point inside the picture.
 fn screen_ray(o: vec3f, d: vec3f, t_max: f32) -> ScreenRay {
     let z = -o.z;
-    // Half-spaces, each f(t) = at + t * rate >= 0: left, right, bottom, top, near.
+    // Clips against half-spaces at + t * rate >= 0: left, right, bottom, top, near (orthographic: far).
     var t = min(t_max, 1e5 * z / max(-d.z, 1e-3));
     if ORTHOGRAPHIC {
         t = clip(t, camera.tangent.x + o.x, d.x);
@@ -43,7 +43,7 @@ fn screen_ray(o: vec3f, d: vec3f, t_max: f32) -> ScreenRay {
     ray.omega = camera_omega_of(o);
     ray.d_omega = vec3f(camera_omega_of(end).xy - ray.omega.xy, 0.0);
     ray.disparity = camera_disparity(o);
-    // Of depths first: disparities of far points agree in most digits.
+    // Difference of depths first: disparities of far points cancel.
     ray.d_disparity = select((z + end.z) / (z * -end.z), t * d.z, ORTHOGRAPHIC);
     ray.direction = d;
     ray.tau_per_pixel = 1.0 / max(length(ray.du), 1e-6);
@@ -58,7 +58,7 @@ fn screen_ray_texel(ray: ScreenRay, tau: f32) -> vec2i {
     return clamp(vec2i(floor(ray.u + tau * ray.du)), vec2i(0), vec2i(camera.size) - 1);
 }
 
-// The view-space point at tau.
+// View-space point at tau.
 fn screen_ray_point(ray: ScreenRay, tau: f32) -> vec3f {
     return camera_point(ray.omega + tau * ray.d_omega, ray.disparity + tau * ray.d_disparity);
 }

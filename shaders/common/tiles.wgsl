@@ -1,7 +1,7 @@
 // Lists of 8 x 8 pixel tiles: those that liquid covers, and the rest.
 //
-// Work on the liquid is dispatched over its tiles alone. Order in a list is not defined; every
-// pixel is in one tile of one list, so pictures do not depend on it.
+// Liquid passes are dispatched over covered tiles only. The order within a list is undefined, but
+// every pixel is in exactly one tile of one list, so pictures do not depend on it.
 
 #import common/groups.wgsl
 
@@ -17,7 +17,7 @@ fn tiles_across(width: u32) -> u32 {
     return (width + TILE - 1u) / TILE;
 }
 
-// The pixel of thread `local` in a packed tile.
+// Pixel of thread `local` in a packed tile.
 fn tile_pixel(tile: u32, local: vec2u) -> vec2i {
     return vec2i(vec2u(tile & 0xffffu, tile >> 16u) * TILE + local);
 }

@@ -1,16 +1,16 @@
-// Of each 8 x 8 tile, between which depths a splat lies hidden: behind all fronts and before all
-// backs that are drawn.
+// Depth range per 8 x 8 tile in which splats are hidden: behind all fronts and in front of all backs
+// drawn so far.
 
 #import common/tiles.wgsl
 
-// Deeper than all depths.
+// Beyond all depths.
 const NOWHERE: f32 = 3e38;
 
 // Fronts, backs.
 @group(0) @binding(0) var layers: texture_2d_array<f32>;
 @group(0) @binding(1) var<storage, read_write> depths: array<vec2f>;
 
-// Without backs fronts alone hide.
+// Whether backs are drawn; without them, fronts alone hide splats.
 override BACKS: bool = true;
 
 @compute @workgroup_size(8, 8)
@@ -21,10 +21,10 @@ fn reduce(@builtin(global_invocation_id) id: vec3u) {
     }
     var between = vec2f(0.0, NOWHERE);
     for (var i = 0u; i < TILE * TILE; i++) {
-        // A pixel that is counted twice changes nothing.
+        // Clamping repeats border pixels, which does not affect the extrema.
         let p = min(id.xy * TILE + vec2u(i % TILE, i / TILE), size - 1u);
         let front = textureLoad(layers, p, 0, 0).w;
-        // Nothing is hidden where nothing is.
+        // Empty pixels hide nothing.
         between.x = max(between.x, select(NOWHERE, front, front > 0.0));
         if BACKS {
             between.y = min(between.y, textureLoad(layers, p, 1, 0).w);

@@ -1,4 +1,4 @@
-// Draws those splats that a list names.
+// Draws the splats in a list.
 
 #import splat.wgsl
 

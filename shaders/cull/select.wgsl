@@ -1,9 +1,9 @@
-// Which splats may show, in their own order: of equal depths the first drawn stays, so that order is
-// part of the picture.
+// Selects potentially visible splats, in order: at equal depths the first one drawn wins, so the order
+// affects the picture.
 //
-// Splats off the screen never do. Those that liquid surrounds do where a tile that they touch has a
-// front behind them or a back before them: N. Greene, M. Kass and G. Miller, Hierarchical Z-Buffer
-// Visibility (1993), with a level of one size for splats of a few pixels.
+// Splats off the screen are invisible. Splats surrounded by liquid are potentially visible if a tile
+// that they touch has a front behind them or a back in front of them: N. Greene, M. Kass and G. Miller,
+// Hierarchical Z-Buffer Visibility (1993), with a single level for splats of a few pixels.
 
 #import splat.wgsl
 #import common/tiles.wgsl
@@ -19,14 +19,14 @@ struct Draw {
 }
 
 @group(2) @binding(0) var<storage, read> depths: array<vec2f>;
-// A bit for each splat.
+// One bit per splat.
 @group(2) @binding(1) var<storage, read_write> masks: array<u32>;
-// Of each block: how many show, then how many of those before it do.
+// Visible splats per block; after `arrange`, in all preceding blocks.
 @group(2) @binding(2) var<storage, read_write> counts: array<u32>;
 @group(2) @binding(3) var<storage, read_write> visible: array<u32>;
 @group(2) @binding(4) var<storage, read_write> draws: Draw;
 
-// Which are looked at: those that liquid surrounds, or all others.
+// Whether the splats surrounded by liquid are tested, or all others.
 override SURROUNDED: bool = false;
 
 fn may_show(index: u32) -> bool {
@@ -46,7 +46,7 @@ fn may_show(index: u32) -> bool {
     return !SURROUNDED || !is_hidden(placed, low, high);
 }
 
-// Splats over more tiles are drawn unasked.
+// Splats that touch more tiles are drawn without a test.
 const MOST_TILES: u32 = 64u;
 
 fn is_hidden(placed: Placed, low: vec2f, high: vec2f) -> bool {
@@ -62,7 +62,7 @@ fn is_hidden(placed: Placed, low: vec2f, high: vec2f) -> bool {
     }
     let half_depth = length(placed.rows[2]);
     let middle = -placed.centre.z;
-    // Beyond what rounding may change, of the depth buffer too in an orthographic view.
+    // Covers rounding errors, in an orthographic view also those of the depth buffer.
     let margin = depth_margin(middle, half_depth) + select(0.0, 1e-6 * camera.far, ORTHOGRAPHIC);
     let nearest = middle - half_depth - margin;
     let farthest = middle + half_depth + margin;
@@ -79,7 +79,7 @@ fn is_hidden(placed: Placed, low: vec2f, high: vec2f) -> bool {
 
 var<workgroup> mask: array<atomic<u32>, WORDS>;
 
-// A workgroup takes a block of splats.
+// Marks the visible splats of a block per workgroup.
 @compute @workgroup_size(BLOCK)
 fn mark(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
     let block = group_index(group);
@@ -108,7 +108,7 @@ fn mark(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lo
 
 var<workgroup> sums: array<u32, BLOCK>;
 
-// One workgroup: a run of blocks for each thread.
+// Prefix sums over the blocks by one workgroup, with a run of blocks per thread.
 @compute @workgroup_size(BLOCK)
 fn arrange(@builtin(local_invocation_index) local: u32) {
     let blocks = arrayLength(&counts);
@@ -135,7 +135,7 @@ fn arrange(@builtin(local_invocation_index) local: u32) {
     }
 }
 
-// The list, in the order of the splats.
+// Writes the list of visible splats, in splat order.
 @compute @workgroup_size(BLOCK)
 fn list(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
     let block = group_index(group);

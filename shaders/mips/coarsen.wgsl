@@ -1,12 +1,12 @@
-// Mip levels of layers, for the intersectors that read filtered planes.
+// Mip levels of plane layers, for intersectors that read filtered planes.
 //
-// Disparity is linear in a plane's pi, so the mean of four pi is the plane of mean disparity and
-// mean slope. Only planes of the nearest surface among the four are averaged: across a silhouette
-// the mean would be a plane that is nowhere.
+// Disparity is linear in a plane's pi, so the mean of four pi is the plane of mean disparity and mean
+// slope. Only planes of the nearest surface among the four are averaged: across a silhouette the mean
+// would lie on no surface.
 //
-// The root that imports this has the textures: finer, coarser, finer_texel() and store_coarser().
+// The root that imports this file defines finer, coarser, finer_texel() and store_coarser().
 
-// Relative depth and angle by which two texels of one surface may differ.
+// Largest relative depth difference and angle between texels of one surface.
 const SAME_DEPTH: f32 = 0.02;
 const SAME_ANGLE: f32 = 0.5;
 

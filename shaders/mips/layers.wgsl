@@ -1,4 +1,4 @@
-// Mip levels of a texture with layers.
+// Mip levels of an array texture.
 
 #import mips/coarsen.wgsl
 

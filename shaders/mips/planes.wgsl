@@ -1,4 +1,4 @@
-// Mip levels of a texture without layers, which OpenGL cannot read as an array.
+// Mip levels of a single-layer texture, which OpenGL cannot read as an array.
 
 #import mips/coarsen.wgsl
 

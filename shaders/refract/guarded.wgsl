@@ -1,22 +1,22 @@
-// `guarded`: Newton's method on layer disparity minus ray disparity, kept inside a bracket.
+// `guarded`: bracketed Newton's method on layer disparity minus ray disparity.
 //
-// A texel is a plane and the ray is linear in tau, so one fetch predicts the root; the step is
-// taken in bounded strides until the state changes, then between the bracket's ends, by
-// prediction where that helps and by bisection where it does not.
+// A texel is a plane and the ray is linear in tau, so one fetch predicts the root. Steps are limited to
+// a stride until the inside/outside state changes; then the root is bracketed and found by prediction
+// where that converges, by bisection elsewhere.
 
 #import refract/interfaces.wgsl
 
-// A prediction this close to the texel it was read from is the root.
+// Convergence threshold: distance, in pixels, between a predicted root and its sample.
 const CLOSE_PIXELS: f32 = 0.25;
 const EXIT_STEPS: u32 = 256u;
-// In small pictures a share of the height is less than a pixel: never less than this, in pixels.
+// Lower bounds on the stride in pixels, for small pictures, where the share of the height is tiny.
 const LEAST_STRIDE: f32 = 4.0;
 const LEAST_REACH: f32 = 8.0;
 const ENTRY_STEPS: u32 = 192u;
 
 fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     let close = CLOSE_PIXELS * ray.tau_per_pixel;
-    // Longest step that is not looked at from inside: shorter gaps between liquid are missed.
+    // Longest unchecked step: narrower gaps in the liquid are missed.
     let stride = max(params.reach * camera.size.y, LEAST_STRIDE) * ray.tau_per_pixel;
     var inside_tau = 0.0;
     var inside_texel = texel;
@@ -24,7 +24,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     if !inside.inside {
         return no_interface();
     }
-    // The other end of the bracket, once a step has left the liquid.
+    // Outer end of the bracket, once a step has left the liquid.
     var outside_tau = NEVER;
     var outside_texel = texel;
     var outside = inside;
@@ -39,7 +39,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
                 return interface_at(ray, outside.tau, outside.plane, outside_texel);
             }
             if outside_tau - inside_tau <= close {
-                // A silhouette: the last plane inside gives the normal.
+                // A silhouette: uses the normal of the last plane inside.
                 return interface_at(ray, inside_tau, inside.plane, inside_texel);
             }
             let halved = outside_tau - inside_tau <= 0.5 * width;
@@ -68,10 +68,10 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     return interface_at(ray, inside_tau, inside.plane, inside_texel);
 }
 
-// How a ray stands to one front layer.
+// State of a ray relative to a front layer at a sample.
 struct Approach {
     behind: bool,
-    tau: f32,      // where the texel's plane says that the ray meets it, NEVER if it does not
+    tau: f32,      // predicted intersection with the texel's plane, NEVER if there is none
     plane: vec3f,
     texel: vec2i,
 }
@@ -97,7 +97,7 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     }
     let close = CLOSE_PIXELS * ray.tau_per_pixel;
     let longest = max(params.reach * camera.size.y, LEAST_REACH) * ray.tau_per_pixel;
-    // Short steps first: a ray that has just left may enter again within a pixel or two.
+    // Starts with short steps: a ray that just left may re-enter within a pixel or two.
     var stride = 0.5 * ray.tau_per_pixel;
     var tau = 0.0;
     var here = approach(layer_class, ray, tau);
@@ -108,7 +108,7 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
         var next = min(min(tau + stride, 1.0), select(here.tau, NEVER, here.behind || here.tau <= tau));
         var there = approach(layer_class, ray, next);
         if there.behind && !here.behind {
-            // The ray passed the surface, or slipped behind an edge in front of it.
+            // The ray crossed the surface, or passed behind an edge in front of it.
             var low = tau;
             for (var k = 0u; k < 8u; k++) {
                 if there.tau >= low && next - there.tau <= close {
@@ -145,12 +145,13 @@ fn entry_at(ray: ScreenRay, at: Approach) -> Interface {
 }
 
 const OPAQUE_STEPS: u32 = 128u;
-// Bisections without a prediction inside the bracket, after which it holds an edge and no surface.
+// Bisections without a prediction inside the bracket, after which it is taken to hold an edge instead
+// of a surface.
 const BLIND_BISECTIONS: u32 = 2u;
 
-// The opaque scene is seen from in front all along the ray, so the first prediction may be taken at
-// once; what it stepped over is looked at afterwards, every `reach`. A ray that only slips
-// behind an edge on its way keeps the hit that it had.
+// The ray starts in front of the opaque scene, so the first prediction may be taken at once; the skipped
+// part is checked afterwards in steps of `reach`. A ray that only passes behind an edge on its way keeps
+// its hit.
 fn opaque_entry(ray: ScreenRay) -> Interface {
     let close = CLOSE_PIXELS * ray.tau_per_pixel;
     let reach = max(params.reach * camera.size.y, LEAST_REACH) * ray.tau_per_pixel;
@@ -159,7 +160,7 @@ fn opaque_entry(ray: ScreenRay) -> Interface {
     var blind = 0u;
     var hit_tau = NEVER;
     var hit_plane = vec3f(0.0);
-    // The first prediction is that of the texel behind the start.
+    // First prediction, from the texel behind the start.
     let seed = class_plane(OPAQUE, FRONT, screen_ray_texel(ray, 0.0));
     let seed_rate = dot(seed, ray.d_omega) - ray.d_disparity;
     let seed_root = (ray.disparity - dot(seed, ray.omega)) / seed_rate;
@@ -183,7 +184,7 @@ fn opaque_entry(ray: ScreenRay) -> Interface {
             let behind = at + tau * rate > 0.0;
             high = select(high, tau, behind);
             low = select(tau, low, behind);
-            // A hit that nothing was found in front of stays.
+            // Keeps a hit with nothing in front of it.
             next = select(root, low + reach, hit_tau < NEVER && !behind);
             if hit_tau < NEVER && !behind && next >= hit_tau || low >= 1.0 || high - low <= close {
                 break;

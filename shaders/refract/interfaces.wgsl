@@ -1,14 +1,15 @@
-// Light through the layers: up to four interfaces, internal bounces, absorption, contact.
+// Ray tracing through the layers: refraction at several interfaces, internal reflection, absorption and
+// wetting.
 //
-// After Imai, Kanamori and Mitani (2016), section 4, with these differences: the liquid at a pixel
-// is the union of the intervals of its layers; strong internal reflections are followed; the
-// liquid wets solids it touches; radiance is scaled by the square of the index.
+// After Imai, Kanamori and Mitani (2016), section 4, with these differences: the liquid at a pixel is
+// the union of the intervals of its layers; strong internal reflections are followed; liquid wets the
+// solids that it touches; radiance is scaled by the squared index of refraction.
 //
-// A root file imports this one and supplies the intersector:
-//     fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface  inside the liquid, where it ends;
-//                                     `texel` is that whose planes the ray starts between
-//     fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface   outside, where it comes from in
-//                                     front of a class of layers, or of the opaque scene
+// A root imports this file and defines the intersector:
+//     fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface
+//         Exit of a ray inside the liquid, which starts between the planes of `texel`.
+//     fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface
+//         Entry of a ray through the fronts of a class of layers, or its hit on the opaque scene.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
@@ -18,28 +19,28 @@
 #import common/tiles.wgsl
 
 struct Params {
-    absorption: vec3f,     // 1/m; of several fluids, the largest component, three times
-    ior: f32,              // of the liquid, relative to what surrounds it
-    contact: f32,          // m
-    interfaces: u32,
-    internal_bounces: u32,
-    reach: f32,            // share of the height that `guarded` may step over unseen
-    ambient_shares: vec2f, // of the ambient light that level liquid lets in, by two paths
-    ambient_paths: vec2f,  // their metres per metre of depth
-    eye_depth: f32,        // of the eye below the liquid's surface, m; 0 outside of it
+    absorption: vec3f,     // 1/m; for several fluids the largest component, in all three channels
+    ior: f32,              // of the liquid, relative to the surrounding medium
+    contact: f32,          // largest distance of a wetted solid, m
+    interfaces: u32,       // largest number of interfaces per ray
+    internal_bounces: u32, // largest number of internal reflections per ray
+    reach: f32,            // longest unchecked step of `guarded`, as a share of the height
+    ambient_shares: vec2f, // shares of ambient light that enter level liquid by two paths
+    ambient_paths: vec2f,  // lengths of these paths per metre of depth
+    eye_depth: f32,        // depth of the eye below the liquid's surface, m; 0 outside
 }
 
 override SPLASH: bool = false;            // the frame has splash layers
-override ABSORPTION: bool = true;         // any component of it is above 0
+override ABSORPTION: bool = true;         // any absorption component is above 0
 override MIXTURE: bool = false;           // there are fluids of different absorption
-override SCHLICK: bool = false;
-override RADIANCE_SCALING: bool = true;
+override SCHLICK: bool = false;           // Schlick's approximation instead of Fresnel's equations
+override RADIANCE_SCALING: bool = true;   // scale radiance by the squared index
 override CONTACT: bool = true;            // there are solids, and contact > 0
-override SCREEN_SOLIDS: bool = false;     // look solids up in the G-buffer first
+override SCREEN_SOLIDS: bool = false;     // look up solids in the G-buffer first
 override REFLECT_SOLIDS: bool = true;     // reflections see the solids
 override COUNT: bool = false;             // write the diagnostics
-override SAMPLES: u32 = 1u;
-override EDGE_SAMPLES: u32 = 16u;         // where there is no liquid
+override SAMPLES: u32 = 1u;               // rays per pixel
+override EDGE_SAMPLES: u32 = 16u;         // rays per edge pixel without liquid
 override ITERATIONS: u32 = 4u;            // of `newton` and `secant`
 
 @group(1) @binding(0) var<uniform> params: Params;
@@ -47,42 +48,42 @@ override ITERATIONS: u32 = 4u;            // of `newton` and `secant`
 @group(1) @binding(2) var splash_layers: texture_2d_array<f32>;
 @group(1) @binding(3) var gbuffer_planes: texture_2d<f32>;
 @group(1) @binding(4) var mixture: texture_2d<f32>; // absorption times length, length: mixture.wgsl
-@group(1) @binding(5) var gbuffer_surfaces: texture_2d<f32>; // world normal, number of the solid
+@group(1) @binding(5) var gbuffer_surfaces: texture_2d<f32>; // world normal, solid index
 @group(1) @binding(6) var radiance: texture_storage_2d<rgba32float, write>;
-// interfaces, length inside (m), solver iterations, solver failures; means over the samples
+// Interfaces, length inside (m), solver iterations and solver failures: means over the samples.
 @group(1) @binding(7) var diagnostics: texture_storage_2d<rgba32float, write>;
-// The tiles that an entry point draws: those of the liquid, or the others.
+// Tiles of the entry point: those with liquid, or the others.
 @group(1) @binding(8) var<storage, read> tiles: TileList;
 
-// Pixels without liquid that have an edge in them: left by the other entry points to `edge_pixels`, so
-// that their many rays do not run beside pixels of one.
+// Pixels without liquid that contain an edge. The other entry points defer them to `edge_pixels`, so
+// that their many rays do not diverge from pixels with a single ray.
 struct Edges {
     count: atomic<u32>,
     pixels: array<u32>, // x + 65536 y
 }
 
 @group(3) @binding(0) var<storage, read_write> edges: Edges;
-// The dispatch of `edge_pixels`: groups of EDGE_GROUP in x.
+// Indirect dispatch size of `edge_pixels` in x: groups of EDGE_GROUP pixels.
 @group(3) @binding(1) var<storage, read_write> edge_groups: atomic<u32>;
 
 const EDGE_GROUP: u32 = 64u;
 
-// As many as the list holds, in as many groups as every adapter dispatches; edges beyond those are
-// drawn where they are found.
+// Capacity: that of the list, and of the largest dispatch that every adapter supports. Further edge
+// pixels are drawn where they are found.
 fn most_edges() -> u32 {
     return min(65535u * EDGE_GROUP, arrayLength(&edges.pixels));
 }
 
-// Reflectance above which an internal reflection is followed and the transmitted light looked up.
+// Reflectance above which an internal reflection is followed and the transmitted ray is only looked up.
 const STRONG: f32 = 0.3;
 
-// What the liquid leaves of light from `o` to `x`.
+// Transmittance of the liquid from `o` to `x`.
 fn transmittance_between(o: vec3f, x: vec3f) -> vec3f {
     return optics_transmittance(absorption_between(o, x), distance(o, x));
 }
 
-// Several fluids are taken as mixed along the rays of the pixels where the light's own way begins and
-// ends.
+// Absorption between two points. Several fluids are approximated by the mean of the mixtures at the
+// pixels of the end points.
 fn absorption_between(o: vec3f, x: vec3f) -> vec3f {
     var absorption = params.absorption;
     if MIXTURE {
@@ -91,7 +92,7 @@ fn absorption_between(o: vec3f, x: vec3f) -> vec3f {
     return absorption;
 }
 
-// What the liquid leaves of the ambient light at x, `depth` below its surface.
+// Transmittance for ambient light at x, `depth` below the liquid's surface.
 fn ambient_at(x: vec3f, depth: f32) -> vec3f {
     let up = camera_view_direction(vec3f(0.0, 1.0, 0.0));
     let absorption = absorption_between(x, x + depth * up);
@@ -106,19 +107,19 @@ fn mixture_at(x: vec3f) -> vec3f {
     return sums.rgb / max(sums.a, 1e-3);
 }
 
-// Where a ray meets a boundary of the liquid, or the opaque scene.
+// Intersection of a ray with a boundary of the liquid or the opaque scene.
 struct Interface {
     found: bool,
-    position: vec3f,  // view space; with an empty plane, unknown
-    plane: vec3f,     // pi of the surface there
-    texel: vec2i,     // that it was read from
+    position: vec3f,  // view space; undefined with an empty plane
+    plane: vec3f,     // pi of the surface
+    texel: vec2i,     // that the plane was read from
 }
 
 struct Diagnostics {
-    interfaces: f32,
-    inside: f32,
-    iterations: f32,       // evaluations of a layer
-    failures: f32,
+    interfaces: f32,       // interfaces crossed
+    inside: f32,           // length inside the liquid, m
+    iterations: f32,       // layer evaluations
+    failures: f32,         // intersector failures
     fetches: f32,          // texels read
 }
 
@@ -132,7 +133,7 @@ fn interface_at(ray: ScreenRay, tau: f32, plane: vec3f, texel: vec2i) -> Interfa
     return Interface(true, screen_ray_point(ray, tau), plane, texel);
 }
 
-// A ray that leaves the picture while inside: nothing is found, but the last planes go on.
+// Result for a ray that leaves the picture while inside: not found, but extrapolated on the last plane.
 fn beyond_picture(ray: ScreenRay, leave: Leave, texel: vec2i) -> Interface {
     if ray.disparity + leave.tau * ray.d_disparity <= 0.0 || leave.tau >= NEVER {
         return no_interface();
@@ -140,7 +141,7 @@ fn beyond_picture(ray: ScreenRay, leave: Leave, texel: vec2i) -> Interface {
     return Interface(false, screen_ray_point(ray, leave.tau), leave.plane, texel);
 }
 
-// The planes of one texel: front and back of both classes.
+// Planes of a texel: front and back of both classes.
 struct Slabs {
     aggregate_front: vec3f,
     aggregate_back: vec3f,
@@ -161,18 +162,20 @@ fn load_slabs(texel: vec2i) -> Slabs {
     return slabs;
 }
 
-// Relative disparity by which a point may miss its interval and still be inside: rounding, and at
-// the start of a ray the distance between the planes of two neighbouring texels.
+// Relative disparity by which a point outside of its interval still counts as inside: rounding, and at
+// the start of a ray the distance between the planes of neighbouring texels.
 const ROUNDING: f32 = 1e-6;
 const AT_START: f32 = 2e-3;
 
-// One class's interval along the ray, seen from tau: whether tau is inside, and where the planes
-// of this texel say that the ray leaves (from inside) or crossed (from outside).
+// State of a ray at a sample relative to the liquid interval of a texel: whether it is inside, and
+// where it leaves (from inside) or crossed (from outside) the texel's planes.
 struct Leave {
     inside: bool,
-    tau: f32,      // NEVER if the planes do not say
+    tau: f32,      // NEVER if there is no intersection
     plane: vec3f,
 }
+
+// `Leave` of one class.
 
 fn slab_leave(front: vec3f, back: vec3f, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
     if plane_is_empty(front) || plane_is_empty(back) {
@@ -197,14 +200,14 @@ fn slab_leave(front: vec3f, back: vec3f, ray: ScreenRay, tau: f32, slack: f32) -
     return Leave(true, back_tau, back);
 }
 
-// The union of both classes: inside if in either; left where the last of them is left.
+// `Leave` of the union of both classes: inside if in either, left where the last of them is left.
 fn slabs_leave(slabs: Slabs, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
     let aggregate = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, tau, slack);
     if !SPLASH {
         return aggregate;
     }
     let splash = slab_leave(slabs.splash_front, slabs.splash_back, ray, tau, slack);
-    // From inside one, the other may begin before it ends.
+    // The other class may begin before the current one ends.
     if aggregate.inside && !splash.inside && aggregate.tau < NEVER {
         let there = slab_leave(slabs.splash_front, slabs.splash_back, ray, aggregate.tau, ROUNDING);
         if there.inside {
@@ -223,7 +226,7 @@ fn slabs_leave(slabs: Slabs, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
         }
         return splash;
     }
-    // Outside both, a class that says nothing is no answer.
+    // Outside of both, ignores a class without an intersection.
     let silent = !aggregate.inside && aggregate.tau >= NEVER;
     if splash.tau >= NEVER && !splash.inside || aggregate.tau >= splash.tau && !silent {
         return aggregate;
@@ -240,8 +243,8 @@ fn slabs_leave_at_start(slabs: Slabs, ray: ScreenRay) -> Leave {
     return crossed_slabs_leave(slabs, ray);
 }
 
-// Smoothing may leave a front behind its back, at rims above all: there is no liquid between them, and
-// a ray that starts on such a front leaves at once, by the back.
+// Smoothing may move a front behind its back, mostly at rims: there is no liquid between them, and a ray
+// that starts on such a front leaves at once through the back.
 fn crossed_slabs_leave(slabs: Slabs, ray: ScreenRay) -> Leave {
     let aggregate = crossed_leave(slabs.aggregate_front, slabs.aggregate_back, ray);
     if !SPLASH || aggregate.inside {
@@ -257,7 +260,7 @@ fn crossed_leave(front: vec3f, back: vec3f, ray: ScreenRay) -> Leave {
     if plane_is_empty(front) || plane_is_empty(back) || to_front > slack || to_back <= slack {
         return Leave(false, NEVER, vec3f(0.0));
     }
-    // Behind the front by more than rounding: else the ray would enter here again.
+    // Moves behind the front by more than rounding, or the ray would re-enter here.
     let slope = screen_ray_residual_slope(ray, front);
     let tau = select(0.0, 4.0 * ROUNDING * ray.disparity / slope, slope > 0.0);
     return Leave(true, min(tau, 1.0), back);
@@ -267,7 +270,7 @@ const AGGREGATE: i32 = 0;
 const SPLASHES: i32 = 1;
 const OPAQUE: i32 = 2;
 
-// A plane of one class of layers at a mip level; the opaque scene has no backs.
+// Plane of a class of layers at a mip level; the opaque scene has no backs.
 fn class_plane_at(layer_class: i32, side: i32, texel: vec2i, level: i32) -> vec3f {
     if layer_class == OPAQUE && side == BACK {
         return vec3f(0.0);
@@ -290,7 +293,7 @@ fn class_plane(layer_class: i32, side: i32, texel: vec2i) -> vec3f {
     return class_plane_at(layer_class, side, texel, 0);
 }
 
-// Outside the liquid, where a ray enters it again.
+// Entry of a ray from outside into the liquid.
 fn liquid_entry(ray: ScreenRay) -> Interface {
     let aggregate = front_entry(AGGREGATE, ray);
     if !SPLASH {
@@ -312,19 +315,19 @@ fn reflectance(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
     return optics_fresnel(cos_theta_i, cos_theta_t, eta);
 }
 
-// The solid that the ray meets; its t is NOTHING if none.
+// Solid that the ray hits; t is NOTHING if none.
 fn solid_ahead(o: vec3f, d: vec3f) -> SolidHit {
     return scene_trace(camera_world_point(o), camera_world_direction(d));
 }
 
-// A ray that is not followed further: what it sees counts by `weight`.
+// A terminated ray, whose radiance is looked up and weighted by `weight`.
 struct Look {
     o: vec3f,
     d: vec3f,
     solid: SolidHit,
     weight: vec3f,
-    screen: bool,    // solids may be looked up in the G-buffer first
-    ambient: vec3f,  // the share of ambient light that reaches the solid
+    screen: bool,    // whether solids may be looked up in the G-buffer first
+    ambient: vec3f,  // share of ambient light that reaches the solid
 }
 
 fn look(ray: Look) -> vec3f {
@@ -337,7 +340,7 @@ fn look(ray: Look) -> vec3f {
     return ray.weight * radiance_of(ray.solid, ray.o, ray.d, ray.ambient);
 }
 
-// The radiance of the solid that the eye sees in a texel's centre.
+// Radiance of the solid at the centre of a G-buffer texel.
 fn texel_radiance(texel: vec2i, ambient: vec3f) -> vec3f {
     let omega = camera_omega(vec2f(texel) + 0.5);
     let plane = textureLoad(gbuffer_planes, texel, 0).xyz;
@@ -346,7 +349,7 @@ fn texel_radiance(texel: vec2i, ambient: vec3f) -> vec3f {
     return solid_radiance(u32(surface.w), x, surface.xyz, camera_world_direction(normalize(omega)), ambient);
 }
 
-// The radiance of the solid that the ray meets, or of the environment.
+// Radiance of the solid that the ray hits, or of the environment.
 fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f, ambient: vec3f) -> vec3f {
     let world_d = camera_world_direction(d);
     if solid.t >= NOTHING {
@@ -375,7 +378,7 @@ fn covered(x: vec3f) -> bool {
     return dot(front, camera_omega(u)) > 1.0 / -x.z;
 }
 
-// Whether a solid that the ray is heading for is within `contact` of x: then the liquid wets it.
+// Whether the solid ahead of the ray is within `contact` of x, so that the liquid wets it.
 fn touches(solid: SolidHit, x: vec3f) -> bool {
     if !CONTACT || solid.t >= NOTHING {
         return false;
@@ -383,12 +386,12 @@ fn touches(solid: SolidHit, x: vec3f) -> bool {
     return abs(solid_distance(solids[solid.index], camera_world_point(x))) <= params.contact;
 }
 
-// Follows the light that arrives at the eye through pixel position `u`.
+// Traces the ray through pixel position `u` and returns its radiance.
 //
-// One turn of the loop is one event for every ray, whichever side of the liquid it is on: the way to
-// the next interface, what is seen along the direction that is not followed, and the direction that
-// is. So the long parts stand here once, for rays that run side by side. A ray that ends at a wet, lit
-// solid has one turn more: straight up to the surface, for the ambient light on its way down.
+// Each loop iteration handles one event, for rays on either side of the liquid: intersects the next
+// interface, looks up one of the reflected and refracted rays, and follows the other. The expensive
+// parts thus appear only once and divergent rays share them. A ray that ends on a wet, lit solid takes
+// another iteration straight up to the surface, for the attenuation of ambient light.
 fn trace(u: vec2f, texel: vec2i) -> vec3f {
     let omega = camera_omega(u);
     var o = vec3f(0.0);
@@ -411,7 +414,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
     var start = texel;
     let scale = select(1.0, params.ior * params.ior, RADIANCE_SCALING);
 
-    // The first interface, unless a solid is in front of it or the eye is in the liquid.
+    // First interface, unless a solid is in front of it or the eye is in the liquid.
     var hit = Interface(disparity > 0.0 && solid.t > t_front, omega / disparity, front, texel);
     var inside = hit.found && disparity >= 1.0 / camera.near;
     var eye = true;
@@ -419,17 +422,18 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
         o = omega * camera.near;
     }
 
-    // What is seen at the end, kept for the turn in which its depth is found.
+    // The terminated ray, kept until its depth below the surface is known.
     var seen: Look;
+    // Whether this iteration traces upwards for the ambient light.
     var rises = false;
     let up = camera_view_direction(vec3f(0.0, 1.0, 0.0));
-    // Of the last interface: the surface is at least that high, where the picture does not show it or
-    // the way up runs beside a wall.
+    // Height of the last interface: a lower bound on the surface where the picture does not show it or
+    // the upward ray runs along a wall.
     var height = params.eye_depth;
 
-    // At most 8 interfaces and 8 bounces, each a turn of its own, the turn that ends, and the one up.
+    // At most 8 interfaces, 8 bounces, the final event and the upward ray.
     for (var event = 0u; event < 18u; event++) {
-        // What ends the way: no more liquid, a solid, or the picture's border.
+        // The path ends without more liquid, on a solid, or at the picture's border.
         var ends = rises || !inside && !hit.found;
         var end_scale = 1.0;
         var screen = !eye;
@@ -447,7 +451,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
                     hit.found = !plane_is_empty(hit.plane);
                 }
                 to_hit = distance(hit.position, o);
-                // The liquid reaches the solid.
+                // Whether the liquid reaches the solid.
                 wet = !rises && solid.t < NOTHING
                     && (!hit.found || solid.t <= to_hit || touches(solid, hit.position));
             }
@@ -456,7 +460,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
                 seen.ambient = ambient_at(o, max(depth, select(0.0, to_hit, hit.found)));
             } else if !ends {
                 ends = wet || !hit.found;
-                // Out of the picture while inside, and no plane to go by: the environment.
+                // Left the picture while inside, without a plane to extrapolate: the environment.
                 end_scale = select(scale, 1.0, wet);
                 solid.t = select(solid.t, NOTHING, ends && !wet);
                 screen = false;
@@ -489,12 +493,12 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
                 transmitted = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
             }
             let through = (1.0 - f) * select(1.0 / scale, scale, inside);
-            // Inside, a strong reflection is followed, and what goes out is looked up.
+            // Inside, a strong reflection is followed, and the transmitted ray is looked up.
             let bounce = inside && f > STRONG && bounces < params.internal_bounces;
             bounces += select(0u, 1u, bounce);
             interfaces += select(1u, 0u, bounce);
             diagnosed.interfaces += select(1.0, 0.0, bounce);
-            // What is looked up from inside is scaled as if it came out.
+            // Lookups from inside are scaled as if the ray had left the liquid.
             let out = select(1.0, scale, inside);
             seen.o = o;
             seen.d = select(reflected, transmitted, bounce);
@@ -504,8 +508,8 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             if bounce || REFLECT_SOLIDS {
                 seen.solid = solid_ahead(o, seen.d);
             }
-            // A reflection off the outside is not followed either. A solid that liquid covers in this
-            // view is seen through the liquid: without that, crests would mirror a dry floor.
+            // External reflections are not followed. A solid that liquid covers in this view is shaded as
+            // seen through the liquid; otherwise crests would mirror a dry floor.
             height = dot(o, up);
             if REFLECT_SOLIDS && seen.solid.t < NOTHING && (!inside || ANY_LIT) {
                 let x = o + seen.solid.t * seen.d;
@@ -517,10 +521,10 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             }
             weight *= select(through, f, bounce);
             d = select(transmitted, reflected, bounce);
-            // Total reflection that is not followed.
+            // Ends on total reflection beyond the bounce limit.
             ends = !bounce && f >= 1.0;
             if !bounce && inside {
-                // Out of the liquid, perhaps into it again.
+                // Leaves the liquid and may enter it again.
                 inside = false;
                 solid = solid_ahead(o, d);
                 hit = no_interface();
@@ -532,7 +536,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             }
         }
         if ANY_LIT && wet {
-            // From where the layers have liquid: the solid may be a little beyond it.
+            // Starts within the layers' liquid: the solid may be slightly beyond it.
             o += min(solid.t, select(NOTHING, to_hit, hit.found)) * d;
             rises = ABSORPTION && solids[solid.index].lit == 1u && in_picture(o);
             if rises {
@@ -552,8 +556,8 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
     return result;
 }
 
-// Where in the pixel sample `index` of `count` lies: a square grid where there is one, sheared so
-// that no two samples share a row or a column; otherwise the R2 sequence.
+// Offset of sample `index` of `count` in the pixel: for square counts a regular grid, sheared so that no
+// two samples share a row or a column; otherwise the R2 sequence.
 fn sample_offset(index: u32, count: u32) -> vec2f {
     let side = u32(sqrt(f32(count)) + 0.5);
     if side * side != count {
@@ -564,7 +568,7 @@ fn sample_offset(index: u32, count: u32) -> vec2f {
     return (cell + within) / f32(side);
 }
 
-// Difference of radiance, relative, that tells an edge from shading.
+// Relative difference of radiance that distinguishes an edge from shading.
 const EDGE: f32 = 0.02;
 
 fn background_ray(u: vec2f) -> vec3f {
@@ -581,9 +585,9 @@ fn background_mean(p: vec2i, count: u32) -> vec3f {
     return sum / f32(count);
 }
 
-// Draws what is seen where there is no liquid. Where the pixel's corners and centre disagree there is
-// an edge in it (T. Whitted, An Improved Illumination Model for Shaded Display, 1980), and it is worth
-// many rays: they are short, and few pixels have one.
+// Draws a pixel without liquid. If its corners and centre differ, it contains an edge (T. Whitted, An
+// Improved Illumination Model for Shaded Display, 1980) and gets many rays, which is affordable: they
+// are short, and few pixels contain edges.
 fn draw_background(p: vec2i) {
     if COUNT {
         textureStore(diagnostics, p, vec4f(0.0));
@@ -634,8 +638,8 @@ fn has_liquid(texel: vec2i) -> bool {
     return covered;
 }
 
-// Whether solids hide the liquid all over the pixel: at its centre and at its corners. The front's plane
-// may be steep at a rim; what is behind its depth at the centre counts as hidden too.
+// Whether solids hide the liquid over the whole pixel, tested at its centre and corners. The front's
+// plane may be steep at a rim, so a solid in front of its depth at the centre suffices.
 fn is_hidden(p: vec2i) -> bool {
     if SOLIDS == 0u {
         return false;
@@ -668,7 +672,7 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    // A solid in front is drawn as it is without the liquid.
+    // A solid in front of the liquid is drawn like one without liquid.
     if !has_liquid(p) || is_hidden(p) {
         draw_background(p);
         return;

@@ -1,26 +1,26 @@
-// `march`: every texel that the ray crosses, in order; exact for the layers as they are.
+// `march`: visits every texel that the ray crosses, in order; exact for the given layers.
 //
-// After McGuire and Mara, Efficient GPU Screen-Space Ray Tracing (2014), with texel (i, j)
-// covering [i, i + 1), and with each texel's plane intersected instead of its depth compared. With
-// a STRIDE above 1 only every so manyth pixel is read, as theirs does to be faster.
+// After McGuire and Mara, Efficient GPU Screen-Space Ray Tracing (2014), with texel (i, j) covering
+// [i, i + 1), and intersecting each texel's plane instead of comparing its depth. With a STRIDE above 1
+// it samples every STRIDE-th pixel, like their faster variant.
 
 #import refract/interfaces.wgsl
 
 override STRIDE: u32 = 1u;
 
-// No line through the picture enters more texels; twice as many, against rounding.
+// Upper bound on the texels that a line through the picture crosses, doubled against rounding.
 fn most_texels() -> u32 {
     let size = textureDimensions(aggregate_layers);
     return 2u * (size.x + size.y);
 }
 
-// Steps through the texels along the ray.
+// Grid traversal along the ray.
 struct Walk {
     texel: vec2i,
     step: vec2i,
-    next: vec2f,    // tau at which the ray leaves the texel, by axis
-    delta: vec2f,   // tau per texel
-    tau: f32,
+    next: vec2f,    // tau at which the ray leaves the texel along each axis
+    delta: vec2f,   // tau per texel along each axis
+    tau: f32,       // at which the ray entered the texel
 }
 
 fn walk_start(ray: ScreenRay) -> Walk {
@@ -34,7 +34,7 @@ fn walk_start(ray: ScreenRay) -> Walk {
     return walk;
 }
 
-// The tau at which the ray leaves the present texel.
+// Tau at which the ray leaves the current texel.
 fn walk_end(walk: Walk) -> f32 {
     return min(min(walk.next.x, walk.next.y), 1.0);
 }
@@ -66,7 +66,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
             if plane_is_empty(plane) {
                 return no_interface();
             }
-            // A silhouette, or a step between texels: the last plane inside gives the normal.
+            // A silhouette, or a step between texels: uses the normal of the last plane inside.
             return interface_at(ray, walk.tau, plane, last);
         }
         plane = leave.plane;
@@ -88,7 +88,7 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
         return strided_entry(layer_class, ray);
     }
     var walk = walk_start(ray);
-    // Whether the ray was in front of the layer, or beside it, when it came to this texel.
+    // Whether the ray entered this texel in front of the layer, or over an empty texel.
     var ahead = false;
     for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++) {
         diagnosed.iterations += 1.0;
@@ -107,7 +107,7 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
                     return interface_at(ray, tau, front, walk.texel);
                 }
             } else if screen_ray_residual(ray, back, walk.tau) <= 0.0 {
-                // Behind the front: a step no larger than its slope over a texel was crossed.
+                // Just behind the front: crossed a step no larger than its slope over a texel.
                 if ahead && slope > 0.0 && residual <= slope * ray.tau_per_pixel {
                     return interface_at(ray, walk.tau, front, walk.texel);
                 }
@@ -119,7 +119,7 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     return no_interface();
 }
 
-// tau between two samples: STRIDE pixels along the axis on which the ray is longer.
+// Change of tau between samples: STRIDE pixels along the ray's major axis.
 fn strided_step(ray: ScreenRay) -> f32 {
     return f32(STRIDE) / max(max(abs(ray.du.x), abs(ray.du.y)), 1e-6);
 }
@@ -143,7 +143,7 @@ fn strided_exit(ray: ScreenRay, texel: vec2i) -> Interface {
         let there = screen_ray_texel(ray, next);
         let beyond = slabs_leave(load_slabs(there), ray, next, ROUNDING);
         if !beyond.inside {
-            // Left since the last sample: where this texel's plane says, if it is there.
+            // Left since the last sample: at the root of this texel's plane if it lies in between.
             if beyond.tau >= tau && beyond.tau <= next {
                 return interface_at(ray, beyond.tau, beyond.plane, there);
             }
@@ -181,7 +181,7 @@ fn strided_entry(layer_class: i32, ray: ScreenRay) -> Interface {
             texel = there;
         } else {
             if ahead && screen_ray_residual(ray, back, tau) <= 0.0 {
-                // Passed since the last sample, by this texel's plane or by the last one's.
+                // Crossed since the last sample, by this texel's plane or by the last one's.
                 if own >= tau - step {
                     return interface_at(ray, own, front, there);
                 }

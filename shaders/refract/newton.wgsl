@@ -1,10 +1,9 @@
 // `newton`: a fixed number of tangent-plane iterations, tested once at the end.
 //
-// Mayer, Assarsson and Sintorn, refractions and caustics by Newton's method (2026). As there, the
-// first plane is that behind the ray's start, and a ray fails whose last sample is not within one
-// pixel of it. With FILTER, planes are read from the mip level that covers half the last step, as
-// the paper's text has it; the last two are read unfiltered, so that the fixed point is that of
-// the layer itself.
+// Mayer, Assarsson and Sintorn, refractions and caustics by Newton's method (2026). As there, the first
+// plane is the one behind the ray's start, and a ray fails if its last sample is more than one pixel
+// from it. With FILTER, planes are read from the mip level that matches half the last step, as in the
+// paper's text; the last two are read unfiltered, so that the fixed point is that of the layer itself.
 
 #import refract/one_layer.wgsl
 
@@ -13,7 +12,7 @@ override FILTER: bool = false;
 fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
     var tau = 0.0;
     var level = 0;
-    // One evaluation more than iterations: the last one is the test.
+    // One evaluation more than iterations, for the final test.
     for (var i = 0u; i <= ITERATIONS; i++) {
         let texel = screen_ray_texel(ray, tau);
         var plane: vec3f;

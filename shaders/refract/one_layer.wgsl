@@ -1,8 +1,8 @@
-// What the intersectors of the source papers share: each knows one layer of one class at a time.
+// Base of the published intersectors, which intersect one layer of one class at a time.
 //
-// A root imports this file and supplies
+// A root imports this file and defines
 //     fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface
-// A ray that it does not solve falls back, inside the liquid, on `single`.
+// Inside the liquid, `single` is the fallback for rays without an intersection.
 
 #import refract/interfaces.wgsl
 
@@ -10,8 +10,8 @@ fn clamped_texel(u: vec2f) -> vec2i {
     return clamp(vec2i(floor(u)), vec2i(0), vec2i(camera.size) - 1);
 }
 
-// Whether tau is a point of the picture, perhaps beyond the solid that ends the ray: what lies there
-// is an answer too.
+// Whether the point at tau is in the picture. It may lie beyond the solid that ends the ray, which is a
+// valid result too.
 fn on_ray(ray: ScreenRay, tau: f32) -> bool {
     let u = ray.u + tau * ray.du;
     return tau >= 0.0 && ray.disparity + tau * ray.d_disparity > 0.0
@@ -23,11 +23,11 @@ fn plane_at(layer_class: i32, side: i32, u: vec2f) -> vec3f {
     return class_plane(layer_class, side, clamped_texel(u));
 }
 
-// Offset of the lookup per unit normal and unit thickness (Sousa; the value in Mayer's code).
+// Offset of the lookup per unit normal and unit thickness (Sousa; value from Mayer's code).
 const SINGLE_OFFSET: f32 = 0.15;
 
-// One lookup, offset by the surface's normal (Sousa, Generic Refraction Simulation, GPU Gems 2,
-// 2005), here scaled by the thickness on the screen; where that finds nothing, straight behind.
+// One lookup, offset by the surface normal (Sousa, Generic Refraction Simulation, GPU Gems 2, 2005),
+// here scaled by the thickness on the screen; without offset if the offset texel is empty.
 fn single(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
     var normal_plane = plane_at(AGGREGATE, FRONT, ray.u);
     if SPLASH {
@@ -60,7 +60,7 @@ fn class_exit(layer_class: i32, ray: ScreenRay) -> Interface {
         return hit;
     }
     let guess = single(layer_class, BACK, ray);
-    // One that is not even guessed is counted by the caller.
+    // The caller counts rays without a guess.
     diagnosed.failures += select(0.0, 1.0, guess.found);
     return guess;
 }
@@ -98,7 +98,7 @@ fn union_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     return hit;
 }
 
-// Accepts only a hit from in front of the layer, and not the surface that the ray has just left.
+// Accepts only hits from the front of the layer, and not on the surface that the ray just left.
 fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     let hit = intersect(layer_class, FRONT, ray);
     let ahead = dot(hit.plane, ray.direction) > 0.0;

@@ -1,4 +1,4 @@
-// `plane`: the layer is taken for its tangent plane behind the ray's start.
+// `plane`: approximates the layer by its tangent plane behind the ray's start.
 //
 // Mayer and Assarsson, constant-time refraction, poster, method 1 ("normal-based").
 

@@ -1,8 +1,8 @@
-// `plane3`: the layer is taken for the plane through three of its depths.
+// `plane3`: approximates the layer by the plane through three of its depths.
 //
-// Mayer and Assarsson, constant-time refraction, poster, method 2 ("depth-based"): W is the ray's
-// start, B the layer behind it, then the layer at the point that |BW| along the ray leads to, and
-// a neighbour of B across the ray; all from the mip level that covers what the three span.
+// Mayer and Assarsson, constant-time refraction, poster, method 2 ("depth-based"). With the ray's start
+// W, the three points are the layer B behind W, the layer at distance |BW| along the ray, and a
+// neighbour of B perpendicular to the ray; all from the mip level that matches their spacing.
 
 #import refract/one_layer.wgsl
 

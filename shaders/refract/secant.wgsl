@@ -1,8 +1,8 @@
 // `secant`: a fixed number of secant steps on layer disparity minus ray disparity.
 //
-// Imai, Kanamori and Mitani (2016), section 4.4, and Imai et al. (2014). Unstated there and chosen
-// here: the second point is as far along the ray as the layer lies behind its start, and a ray is
-// solved if its last step is within a pixel.
+// Imai, Kanamori and Mitani (2016), section 4.4, and Imai et al. (2014). They do not state the second
+// point, here as far along the ray as the layer lies behind its start, and the success criterion, here
+// a last step of at most one pixel.
 
 #import refract/one_layer.wgsl
 
@@ -16,7 +16,7 @@ fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
     let far = o + distance(o, ray.omega / disparity) * ray.direction;
     var tau0 = 0.0;
     var residual0 = screen_ray_residual(ray, behind, 0.0);
-    // Where the disparity of a point at that distance is the ray's.
+    // Parameter tau of the point at that distance, from its disparity.
     var tau = select(1.0, (1.0 / -far.z - ray.disparity) / ray.d_disparity, far.z < -camera.near);
     if abs(ray.d_disparity) < 1e-6 * ray.disparity {
         tau = distance(camera_pixel(far), ray.u) * ray.tau_per_pixel;

@@ -1,4 +1,4 @@
-// `single`: one lookup, offset by the surface's normal.
+// `single`: one lookup, offset by the surface normal.
 
 #import refract/one_layer.wgsl
 

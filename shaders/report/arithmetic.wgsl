@@ -1,15 +1,14 @@
-// Multiplications with additions, and nothing else: what the adapter computes. Sixteen chains that
-// do not wait for each other.
+// Arithmetic throughput benchmark: only multiply-adds, in sixteen independent chains.
 
 @group(0) @binding(0) var<storage, read_write> result: array<vec4f>;
 
-// Rounds of each thread: `src/report/rates.rs` knows what it does.
+// Rounds per thread, as in `crates/limpid-lab/src/report/rates.rs`.
 const ROUNDS: u32 = 32u;
 
 const FACTOR = vec4f(0.999, 0.998, 0.997, 0.996);
 const TERM = vec4f(1e-3, 2e-3, 3e-3, 4e-3);
 
-// Eight of a chain: a loop costs more than one of them.
+// Eight multiply-adds of a chain, unrolled: a loop iteration costs more than one of them.
 fn eight(start: vec4f) -> vec4f {
     var x = start * FACTOR + TERM;
     x = x * FACTOR + TERM;
@@ -33,7 +32,7 @@ fn arithmetic(@builtin(global_invocation_id) id: vec3u) {
         c = eight(c);
         d = eight(d);
     }
-    // Never: but the compiler cannot know.
+    // Never true, but the compiler cannot know: keeps the computation.
     let sum = a + b + c + d;
     if sum.x < 0.0 {
         result[0] = sum;

@@ -1,6 +1,6 @@
-// One intersection per pixel, for measuring an intersector: the eye ray enters the liquid at the
-// pixel's front layer, and the refracted ray is intersected once.
-//
+// Intersector benchmark, one intersection per pixel: the eye ray enters the liquid at the pixel's front
+// layer, and the refracted ray is intersected once.
+
 #import $intersector
 
 @group(3) @binding(0) var hits: texture_storage_2d<rgba32float, write>;    // u (px), depth (m), state
@@ -10,7 +10,7 @@ const NO_LIQUID: f32 = -1.0;
 const MISSED: f32 = 0.0;
 const FOUND: f32 = 1.0;
 
-// Whether the ray is intersected with the opaque scene, or with the liquid that it is in.
+// Whether the ray is intersected with the opaque scene instead of the surrounding liquid.
 override TO_SOLIDS: bool = false;
 
 @compute @workgroup_size(8, 8)
@@ -50,7 +50,7 @@ fn intersect_pixels(@builtin(global_invocation_id) id: vec3u) {
     let found = hit.found && diagnosed.failures == 0.0 && -hit.position.z > 0.0;
     let u = camera_pixel(hit.position);
     textureStore(hits, p, select(vec4f(0.0, 0.0, 0.0, MISSED), vec4f(u, -hit.position.z, FOUND), found));
-    // Which classes the ray enters by and leaves by, 0 for aggregates and 1 for splashes.
+    // Entry class plus twice the exit class: 0 for aggregates, 1 for splashes.
     var order = 0.0;
     if SPLASH && !TO_SOLIDS {
         let leaves_splash = all(hit.plane == textureLoad(splash_layers, hit.texel, BACK, 0).xyz)

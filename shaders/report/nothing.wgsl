@@ -1,4 +1,4 @@
-// No intersector: what a measurement costs besides.
+// Null intersector, which measures the overhead of the benchmark.
 
 #import refract/interfaces.wgsl
 

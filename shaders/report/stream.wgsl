@@ -1,9 +1,9 @@
-// One buffer copied into another: what the adapter's memory moves.
+// Memory bandwidth benchmark: copies one buffer into another.
 
 @group(0) @binding(0) var<storage, read> source: array<vec4f>;
 @group(0) @binding(1) var<storage, read_write> copied: array<vec4f>;
 
-// Each workgroup copies four rows of as many as it has threads: `src/report/rates.rs` knows.
+// Workgroup size. Each thread copies four elements, as in `crates/limpid-lab/src/report/rates.rs`.
 const THREADS: u32 = 256u;
 
 @compute @workgroup_size(THREADS)

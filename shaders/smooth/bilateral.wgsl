@@ -1,13 +1,12 @@
-// `bilateral`: the bilateral filter on depth of screen-space fluids (Green, Screen Space Fluid
-// Rendering for Games, 2010), iterated as by Imai, Kanamori, Fukui and Mitani (2014); over the
-// whole window, not one axis after the other.
+// `bilateral`: bilateral depth filter (Green, Screen Space Fluid Rendering for Games, 2010), iterated
+// as in Imai, Kanamori, Fukui and Mitani (2014); over the full window, not separably.
 
 #import smooth/iterate.wgsl
 
 fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
     let stride = tap_stride(z_i);
     var sum_w = 0.0;
-    // Relative to the centre: sums of depths would lose digits at a distance.
+    // Relative to the centre, for precision at large depths.
     var sum_dz = 0.0;
     for (var y = -TAPS; y <= TAPS; y++) {
         for (var x = -TAPS; x <= TAPS; x++) {

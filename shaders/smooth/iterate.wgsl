@@ -1,11 +1,11 @@
-// Smoothing of the aggregate layers, iterated.
+// Iterated smoothing of the aggregate layers.
 //
-// `prepare` turns planes into the state (unsmoothed normal, depth), so that a tap is one fetch;
-// `iterate` is one iteration, from one state to another; `planes` turns the smoothed depths back
-// into planes. The filter, `smoothed`, is the root's.
+// `prepare` converts planes to the state (unsmoothed normal, depth), so that a tap is one fetch;
+// `iterate` runs one iteration, from one state texture to the other; `planes` converts the smoothed
+// depths back to planes. The root defines the filter, `smoothed`.
 //
-// A normal packed into 32 bits would halve the state, and a plane would be no fixed point any more:
-// 5e-5 of its depth off at 60 degrees.
+// Packing the normal into 32 bits would halve the state, but planes would no longer be fixed points:
+// at 60 degrees the error is 5e-5 of the depth.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
@@ -15,12 +15,12 @@ struct Params {
     stride: f32,      // distance between taps: pixels, or particle radii with IN_RADII
     radius: f32,      // particle radius, m
     inv_sigma2: f32,  // 1 / sigma^2, 1/m^2
-    delta: f32,       // half the range of depths that are one surface, m
-    mu: f32,          // how far behind the centre what is out of that range is taken to be, m
+    delta: f32,       // half the depth range of one surface, m
+    mu: f32,          // assumed depth behind the centre of taps beyond that range, m
 }
 
-override TAPS: i32 = 2;           // to each side of the centre; known, so that loops unroll
-override IN_RADII: bool = true;
+override TAPS: i32 = 2;           // taps to each side of the centre; constant, so that loops unroll
+override IN_RADII: bool = true;   // whether `stride` is in particle radii
 
 @group(1) @binding(0) var<uniform> params: Params;
 @group(1) @binding(1) var source: texture_2d_array<f32>;
@@ -29,9 +29,9 @@ override IN_RADII: bool = true;
 @group(1) @binding(4) var unsmoothed: texture_2d_array<f32>;
 @group(1) @binding(5) var<storage, read> liquid: TileList;
 
-// A tap: the normal, and the depth, which is 0 where it is empty or outside of the picture.
+// Tap: normal and depth, which is 0 for empty texels and outside of the picture.
 fn state_at(q: vec2i, layer: i32) -> vec4f {
-    // Negative coordinates are large ones.
+    // As unsigned numbers, negative coordinates are large.
     let inside = all(vec2u(q) < vec2u(camera.size));
     let texel = textureLoad(source, q, layer, 0);
     return vec4f(texel.xyz, select(0.0, texel.w, inside));
@@ -68,7 +68,7 @@ fn iterate(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
         return;
     }
     var state = textureLoad(source, p, layer, 0);
-    // Empty, or a mark that the ray starts inside: kept, and no neighbour's tap.
+    // Empty texels and marks of rays that start inside are kept, and excluded from taps.
     if state.w > camera.near {
         state.w = smoothed(p, layer, state.w);
     }
@@ -86,8 +86,8 @@ fn tap_stride(z: f32) -> i32 {
     return clamp(stride, 1, i32(max(camera.size.x, camera.size.y)));
 }
 
-// Weight of a tap by its distance from the centre, in taps: a Gaussian whose sigma is half of the
-// way to the window's edge.
+// Gaussian weight of a tap by its distance from the centre, in taps. Its sigma is half the distance to
+// the window's edge.
 fn tap_weight(offset: vec2i) -> f32 {
     let reach = f32(TAPS);
     return exp(-2.0 * f32(dot(offset, offset)) / (reach * reach));
@@ -113,7 +113,7 @@ fn planes(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loc
     let disparity = camera_disparity(vec3f(0.0, 0.0, -z));
     let omega = camera_omega(vec2f(p) + 0.5);
     var pi = plane_from_normal(omega, z, here.xyz);
-    // The slope that the unsmoothed normal had, to judge sides by.
+    // Slope of the unsmoothed normal, for the choice of a side.
     let expected = plane_slope(pi);
     let x = difference(p, vec2i(1, 0), layer, z, expected.x);
     let y = difference(p, vec2i(0, 1), layer, z, expected.y);
@@ -130,15 +130,16 @@ struct Difference {
     known: bool,
 }
 
-// The disparity's slope along `axis`: central, or one-sided where the other side is empty or lies
-// across a gap. There the two sides disagree, and the unsmoothed normal tells which one is ours.
+// Slope of the disparity along `axis`: a central difference, or a one-sided one if the other side is
+// empty or across a gap. At a gap the two sides disagree, and the one closer to the unsmoothed normal
+// is used.
 fn difference(p: vec2i, axis: vec2i, layer: i32, z: f32, expected: f32) -> Difference {
     let size = vec2i(camera.size);
     let q0 = clamp(p - axis, vec2i(0), size - 1);
     let q1 = clamp(p + axis, vec2i(0), size - 1);
     let z0 = textureLoad(source, q0, layer, 0).w;
     let z1 = textureLoad(source, q1, layer, 0).w;
-    // Differences of depth first: disparities of a far surface agree in most digits.
+    // Differences of depth first: disparities of a far surface cancel.
     let s0 = (z0 - z) / select(z * max(z0, 1e-20), 1.0, ORTHOGRAPHIC);
     let s1 = (z - z1) / select(z * max(z1, 1e-20), 1.0, ORTHOGRAPHIC);
     let has0 = z0 > 0.0 && any(q0 != p);
@@ -151,5 +152,5 @@ fn difference(p: vec2i, axis: vec2i, layer: i32, z: f32, expected: f32) -> Diffe
     return Difference(select(s1, s0, has0), has0 || has1);
 }
 
-// Bend over two pixels, in particle radii, beyond which a surface is taken for two.
+// Second difference of depth, in particle radii, beyond which there is a gap.
 const GAP: f32 = 0.2;

@@ -1,11 +1,11 @@
-// `narrow-range`: Truong and Yuksel, A Narrow-Range Filter for Screen-Space Fluid Rendering
-// (2018), over the whole window.
+// `narrow-range`: Truong and Yuksel, A Narrow-Range Filter for Screen-Space Fluid Rendering (2018),
+// over the full window.
 //
-// Depths within delta of the centre's are averaged. What is farther behind, nothing at all
-// included, counts as mu behind the centre, so that edges are round; what is nearer is another
-// surface and has no weight, nor has the tap opposite to it, whose pull would have no counterpart.
-// Surfaces may leave the range gradually: each accepted tap widens it for those farther out.
-// For backs, which the paper does not treat, behind is towards the eye.
+// Averages depths within delta of the centre. Taps farther behind, and empty taps, count as mu behind
+// the centre, which rounds edges. Nearer taps belong to another surface and have no weight; nor has the
+// tap opposite, whose pull would be unbalanced. Surfaces may leave the range gradually: each accepted
+// tap widens it for taps farther out. For backs, which the paper does not treat, "behind" is towards
+// the eye.
 
 #import smooth/iterate.wgsl
 
@@ -16,10 +16,10 @@ fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
     var sum_dz = 0.0;
     var alone = true;
     var range = vec2f(-params.delta, params.delta);
-    // Outwards in square rings, so that the range grows alike on all sides.
+    // Outwards in square rings, so that the range grows symmetrically.
     for (var ring = 1; ring <= TAPS; ring++) {
         var widened = range;
-        // Half of the ring's 8 `ring` taps, each with the one opposite to it.
+        // Half of the ring's 8 * ring taps, each paired with the opposite one.
         for (var i = 0; i < 4 * ring; i++) {
             let offset = select(vec2i(ring, i - 3 * ring), vec2i(i - ring, -ring), i < 2 * ring);
             let a = tap(p + offset * stride, layer, z_i, behind, range);
@@ -38,14 +38,14 @@ fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
         range = widened;
     }
     let z = z_i + behind * sum_dz / sum_w;
-    // A pixel on its own has no shape to be smoothed, and the near plane is no place to move to.
+    // Keeps isolated pixels, and depths that would pass the near plane.
     return select(z, z_i, alone || z <= camera.near);
 }
 
 struct Tap {
-    dz: f32,        // how far behind the centre, m
-    counts: bool,   // not of a nearer surface
-    in_range: bool, // of the centre's surface
+    dz: f32,        // depth behind the centre, m
+    counts: bool,   // not on a nearer surface
+    in_range: bool, // on the centre's surface
 }
 
 fn tap(q: vec2i, layer: i32, z_i: f32, behind: f32, range: vec2f) -> Tap {

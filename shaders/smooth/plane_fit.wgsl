@@ -1,13 +1,13 @@
-// `plane-fit`: Imai, Kanamori and Mitani, Real-Time Screen-Space Liquid Rendering with Complex
-// Refractions (2016), eqs. 1 to 5.
+// `plane-fit`: plane fit of Imai, Kanamori and Mitani, Real-Time Screen-Space Liquid Rendering with
+// Complex Refractions (2016), eqs. 1 to 5.
 
 #import smooth/iterate.wgsl
 
 fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
     let stride = tap_stride(z_i);
 
-    // Weighted sums of eqs. 2 to 4. The mean point is kept relative to the centre, in units of
-    // the tap: sums of absolute positions would lose digits at a distance.
+    // Weighted sums of eqs. 2 to 4. The mean point is relative to the centre, in units of the tap
+    // spacing, for precision at large depths.
     let per_tap = f32(stride) * vec2f(2.0, -2.0) * camera.tangent / camera.size;
     // The view ray per unit of depth.
     let ray = select(camera_omega(vec2f(p) + 0.5), vec3f(0.0, 0.0, -1.0), ORTHOGRAPHIC);
@@ -15,7 +15,7 @@ fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
     var sum_n = vec3f(0.0);
     var sum_dz = 0.0;
     var sum_xy = vec2f(0.0);
-    // No branches: where tens of lanes run them, both sides are run.
+    // Branchless: over tens of lanes, both sides of a branch would run anyway.
     for (var y = -TAPS; y <= TAPS; y++) {
         for (var x = -TAPS; x <= TAPS; x++) {
             let tap = state_at(p + vec2i(x, y) * stride, layer);
@@ -33,8 +33,8 @@ fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
     let n = sum_n / max(n_length, 1e-20);
     let slope = dot(n, ray) / length(ray);
     let dz = dot(n, sum_p) / (sum_w * dot(n, ray));
-    // Keep the depth where the fit says nothing: opposing normals, a plane seen edge-on, a step
-    // larger than the weights' own reach, or one past the near plane.
+    // Keeps the depth where the fit is unreliable: opposing normals, a plane seen edge-on, a step beyond
+    // the range of the weights, or one past the near plane.
     let keep = n_length < 1e-3 * sum_w || abs(slope) < 0.02 || !(dz * dz * params.inv_sigma2 < 1.0)
         || z_i + dz <= camera.near;
     return select(z_i + dz, z_i, keep);

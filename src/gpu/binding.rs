@@ -1,9 +1,9 @@
-//! Bind group layouts, one line per binding, in binding order.
+//! Bind group layouts: one binding type per binding, in binding order.
 
 use super::Gpu;
 
 impl Gpu {
-    /// A layout of `bindings` 0, 1, … visible to `stages`.
+    /// Creates a layout of bindings 0, 1, … visible to `stages`.
     pub fn layout(
         &self,
         label: &str,
@@ -25,13 +25,13 @@ impl Gpu {
         })
     }
 
-    /// As [`uniform`], of what decides branches; see [`Gpu::uniforms_are_stored`].
+    /// As [`uniform`], for values that decide branches; see [`Gpu::uniforms_are_stored`].
     pub fn branching<T>(&self) -> wgpu::BindingType {
         if self.uniforms_are_stored() { storage_of(size_of::<T>() as u64) } else { uniform::<T>() }
     }
 }
 
-/// `var<uniform> x: T`; the size is checked when the pipeline is made.
+/// `var<uniform> x: T`; pipeline creation checks the size.
 pub fn uniform<T>() -> wgpu::BindingType {
     buffer::<T>(wgpu::BufferBindingType::Uniform)
 }

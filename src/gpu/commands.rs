@@ -1,7 +1,7 @@
-//! A frame's commands, in as many submissions as their work asks for.
+//! Command recording that divides long work into several submissions.
 //!
-//! Many systems reset a graphics card whose work takes longer than two seconds or so, and nobody else gets a
-//! turn until it ends. So passes that may take long tell how much they have to do, and do it in parts.
+//! Many systems reset a GPU whose work takes longer than about two seconds, and other programs cannot use
+//! it meanwhile. Passes that may take long therefore announce their work and record it in parts.
 
 use std::collections::VecDeque;
 
@@ -9,35 +9,34 @@ use glam::UVec2;
 
 use super::{Gpu, Span, TILE};
 
-/// Most work of one submission: evaluations of a layer, or what takes as long. Slow graphics cards do as
-/// many in a second; ordinary frames have less in all.
+/// Largest work of one submission, in layer evaluations or equivalents. A slow GPU does this many per
+/// second; an ordinary frame has fewer in total.
 pub const MOST_WORK: u64 = 1 << 30;
 
-/// Submissions that may wait for the device: more would only take memory.
-const WAITING: usize = 3;
+/// Largest number of submissions in flight: more would only take memory.
+const MAX_IN_FLIGHT: usize = 3;
 
-/// Commands on their way to the device.
+/// The commands of a frame, recorded and submitted in parts.
 pub struct Commands<'a> {
-    /// The device that gets the commands.
+    /// The device that the commands are submitted to.
     pub gpu: &'a Gpu,
-    /// Takes what is recorded next.
+    /// Encoder of the next submission.
     pub encoder: wgpu::CommandEncoder,
-    /// That the encoder holds.
+    /// Work recorded in the encoder.
     work: u64,
-    waiting: VecDeque<wgpu::SubmissionIndex>,
-    /// How often commands have gone to the device.
+    in_flight: VecDeque<wgpu::SubmissionIndex>,
+    /// Number of submissions so far.
     pub submissions: u32,
 }
 
 impl<'a> Commands<'a> {
-    /// Nothing recorded yet.
+    /// Starts without recorded commands.
     pub fn new(gpu: &'a Gpu) -> Self {
         let encoder = gpu.device.create_command_encoder(&Default::default());
-        Self { gpu, encoder, work: 0, waiting: VecDeque::new(), submissions: 0 }
+        Self { gpu, encoder, work: 0, in_flight: VecDeque::new(), submissions: 0 }
     }
 
-    /// Announces work. What was recorded before goes to the device if it is too much for one submission
-    /// together.
+    /// Announces work. Submits the commands recorded so far if both together exceed one submission.
     pub fn reserve(&mut self, work: u64) {
         if self.work > 0 && self.work.saturating_add(work) > self.gpu.most_work {
             self.submit();
@@ -45,21 +44,22 @@ impl<'a> Commands<'a> {
         self.work = self.work.saturating_add(work);
     }
 
-    /// Gives the device what was recorded.
+    /// Submits the recorded commands.
     pub fn submit(&mut self) {
         let next = self.gpu.device.create_command_encoder(&Default::default());
         let commands = std::mem::replace(&mut self.encoder, next).finish();
-        self.waiting.push_back(self.gpu.queue.submit([commands]));
+        self.in_flight.push_back(self.gpu.queue.submit([commands]));
         self.work = 0;
         self.submissions += 1;
-        if self.waiting.len() > WAITING {
-            let submission_index = self.waiting.pop_front();
-            // A device that is lost meanwhile tells so when the frame ends.
+        if self.in_flight.len() > MAX_IN_FLIGHT {
+            let submission_index = self.in_flight.pop_front();
+            // A device loss is reported at the end of the frame.
             let _ = self.gpu.poll(wgpu::PollType::Wait { submission_index, timeout: None });
         }
     }
 
-    /// Records `parts` with their work in one compute pass, or in several of as many submissions as it takes.
+    /// Records `parts`, each with its work, in one compute pass, or in several passes and submissions if
+    /// they exceed one submission.
     pub fn compute<T>(
         &mut self,
         label: &str,
@@ -87,7 +87,7 @@ impl<'a> Commands<'a> {
     }
 }
 
-/// A rectangle of a dispatch's threads, in whole workgroups.
+/// A rectangle of a dispatch's threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Piece {
     /// The first thread along each axis.
@@ -96,8 +96,8 @@ pub struct Piece {
     pub size: UVec2,
 }
 
-/// Divides a dispatch of `extent` threads in workgroups of 8 × 8, each of which does `each` work, into
-/// pieces of at most `most`: one, if it fits, and none less than a workgroup.
+/// Divides a dispatch of `extent` threads, each with `each` work, into pieces of at most `most` work, in
+/// whole workgroups of 8 × 8: a single piece if it fits, and none smaller than a workgroup.
 pub fn pieces(extent: UVec2, each: u64, most: u64) -> Vec<Piece> {
     let whole = |threads: u64, limit: u32| {
         let groups = (threads / u64::from(TILE)).clamp(1, u64::from(limit.div_ceil(TILE)));

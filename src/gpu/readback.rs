@@ -1,9 +1,9 @@
-//! From the device back to memory.
+//! Readback of buffers and textures.
 
 use super::Gpu;
 use crate::error::{Error, Result};
 
-/// Reads a buffer that has `COPY_SRC`, waiting for the device.
+/// Reads a buffer that has `COPY_SRC` usage, waiting for the device.
 pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
     let staging = staging(gpu, buffer.size());
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
@@ -13,8 +13,8 @@ pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
     Reading { staging, padded_row: row, row, submission }.wait(gpu)
 }
 
-/// Rows of a texture, or a buffer as one row, on their way to memory: what is told to the device
-/// meanwhile comes after them.
+/// A pending readback of the rows of a texture, or of a buffer as one row. Later submissions do not
+/// affect it.
 #[derive(Debug)]
 pub struct Reading {
     staging: wgpu::Buffer,
@@ -23,12 +23,12 @@ pub struct Reading {
     submission: wgpu::SubmissionIndex,
 }
 
-/// Reads one layer of a texture that has `COPY_SRC`, rows packed without padding.
+/// Reads one layer of a texture that has `COPY_SRC` usage, as rows without padding.
 pub fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<u8>> {
     begin_reading(gpu, texture, layer).wait(gpu)
 }
 
-/// As [`read_texture`], without waiting for it.
+/// Starts [`read_texture`] without waiting for it.
 pub fn begin_reading(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Reading {
     let texel = texture.format().block_copy_size(None).expect("colour formats have a texel size");
     let row = u64::from(texture.width()) * u64::from(texel);
@@ -60,7 +60,7 @@ pub fn begin_reading(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Reading 
     Reading { staging, padded_row, row, submission }
 }
 
-/// The bytes from the beginning of one row to the next, where a copy may put them.
+/// Row pitch that a texture copy requires, bytes.
 pub(super) fn padded(row: u64) -> u64 {
     row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT.into())
 }
@@ -74,8 +74,8 @@ fn staging(gpu: &Gpu, size: u64) -> wgpu::Buffer {
     })
 }
 
-/// What `act` makes of the first `size` bytes of a buffer that has `MAP_READ` and that `submission`
-/// fills, which alone is waited for.
+/// Maps the first `size` bytes of a buffer that has `MAP_READ` usage and passes them to `act`. Waits only
+/// for `submission`, which fills the buffer.
 pub fn read_mapped<T>(
     gpu: &Gpu,
     staging: &wgpu::Buffer,
@@ -83,7 +83,7 @@ pub fn read_mapped<T>(
     submission: wgpu::SubmissionIndex,
     act: impl FnOnce(&[u8]) -> T,
 ) -> Result<T> {
-    // Nothing is asked of a buffer that is not there.
+    // The buffer may not exist after an earlier failure.
     gpu.check()?;
     staging.map_async(wgpu::MapMode::Read, ..size, |_| ());
     let waited =
@@ -99,7 +99,7 @@ pub fn read_mapped<T>(
 }
 
 impl Reading {
-    /// Waits for these rows, not for what the device was told after them.
+    /// Waits for the readback, not for later submissions.
     pub fn wait(self, gpu: &Gpu) -> Result<Vec<u8>> {
         let Self { staging, padded_row, row, submission } = self;
         let bytes = read_mapped(gpu, &staging, staging.size(), submission, |mapped| {

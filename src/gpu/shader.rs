@@ -1,16 +1,15 @@
-//! WGSL files, and what WGSL lacks: `#import path`, pasted once, and `$word`, replaced by the
-//! [`Variant`].
+//! WGSL preprocessor: `#import path` pastes a file once, `$word` is replaced by the [`Variant`].
 //!
-//! A root file is a pipeline's shader; it imports what it needs at its top, one file per line.
-//! Order does not matter to WGSL, so a root may supply a function that an imported body calls:
-//! that is how the intersectors of `refract` and the filters of `smooth` are chosen.
+//! A root file is a pipeline's shader; its imports are at its top, one file per line. Since WGSL does not
+//! depend on declaration order, a root may define a function that an imported file calls: this selects
+//! the intersector of `refract` and the filter of `smooth`.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
 
 use super::Gpu;
 
-/// Every WGSL file by its path in `shaders/`. A test compares the table with the folder.
+/// Every WGSL file with its path in `shaders/`. A test compares the table with the folder.
 pub const FILES: &[(&str, &str)] = &[
     ("common/camera.wgsl", include_str!("../../shaders/common/camera.wgsl")),
     ("common/layers.wgsl", include_str!("../../shaders/common/layers.wgsl")),
@@ -69,7 +68,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("report/arithmetic.wgsl", include_str!("../../shaders/report/arithmetic.wgsl")),
 ];
 
-/// The files that are compiled as they are; the others are imported by them.
+/// The files that are compiled as shaders; they import the others.
 pub const ROOTS: &[&str] = &[
     "classify/count.wgsl",
     "classify/scan.wgsl",
@@ -107,20 +106,20 @@ pub const ROOTS: &[&str] = &[
     "report/arithmetic.wgsl",
 ];
 
-/// What the files of a root leave open, each a word that begins with `$`.
+/// Values of the placeholders in a root and its imports, words that begin with `$`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Variant {
-    /// `$intersector`: the file of `refract/` that the root imports.
+    /// `$intersector`: the file of `refract/` to import.
     pub intersector: Option<&'static str>,
     /// `$early_depth`: fragments promise to write no depth beyond that of `depth_bound`.
     pub early_depth: Option<EarlyDepth>,
-    /// `$branching`: uniforms that decide branches are read-only storage. Software Vulkan compiles
-    /// each of them anew for every frame otherwise; it reads storage lane by lane, so all other
+    /// `$branching`: uniforms that decide branches are bound as read-only storage. Otherwise software
+    /// Vulkan recompiles the shader in every frame. It reads storage lane by lane, so all other
     /// uniforms stay uniforms.
     pub stored_uniforms: bool,
 }
 
-/// To which side of `depth_bound` fragments write.
+/// On which side of `depth_bound` fragments write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EarlyDepth {
     /// Smaller depths: fronts.
@@ -130,12 +129,12 @@ pub enum EarlyDepth {
 }
 
 impl Variant {
-    /// The variant that imports this intersector.
+    /// Selects an intersector.
     pub fn of(intersector: &'static str) -> Self {
         Self { intersector: Some(intersector), ..Self::default() }
     }
 
-    /// The text of a word without its `$`.
+    /// Replacement of a word, given without its `$`.
     fn value(self, word: &str) -> Option<&'static str> {
         match word {
             "intersector" => self.intersector,
@@ -149,10 +148,10 @@ impl Variant {
         }
     }
 
-    /// A line with its words replaced.
+    /// Replaces the words of a line.
     ///
     /// # Panics
-    /// If it has a word without a value.
+    /// If a word has no value.
     fn fill<'a>(self, line: &'a str) -> Cow<'a, str> {
         if !line.contains('$') || line.trim_start().starts_with("//") {
             return line.into();
@@ -169,17 +168,16 @@ impl Variant {
     }
 }
 
-/// The text of a root with its imports pasted, each once, as this variant.
+/// Source of a root with its imports pasted, each once, for a variant.
 ///
 /// # Panics
-/// If a file is not in [`FILES`] or the variant lacks what it leaves open: a defect that the shader
-/// tests find.
+/// If a file is not in [`FILES`] or the variant lacks a value: bugs that the shader tests find.
 pub fn source(root: &str, variant: Variant) -> String {
     let find = |path: &str| FILES.iter().find(|(name, _)| *name == path).map(|(_, text)| *text);
     resolve(root, variant, &mut { find })
 }
 
-/// As [`source`], with the files that `find` supplies.
+/// As [`source`], with files supplied by `find`.
 ///
 /// # Panics
 /// As [`source`].
@@ -215,13 +213,13 @@ pub fn resolve<'a>(
     out
 }
 
-/// The module of a root, as this variant on this device.
+/// Creates the shader module of a root for a variant on a device.
 pub fn module(gpu: &Gpu, root: &str, variant: Variant) -> wgpu::ShaderModule {
     let variant = Variant { stored_uniforms: gpu.uniforms_are_stored(), ..variant };
     gpu.module(root, source(root, variant))
 }
 
-/// The value of a constant that a shader has, by its text: for tests of what Rust has too.
+/// Parses the value of a constant in a shader, for tests that compare it with Rust.
 #[cfg(test)]
 pub fn constant(root: &str, name: &str) -> f64 {
     let source = source(root, Variant::of("refract/guarded.wgsl"));

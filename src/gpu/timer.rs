@@ -1,28 +1,28 @@
-//! Milliseconds per pass, from the device's own timestamps.
+//! Pass times from device timestamps.
 
 use serde::Serialize;
 
 use super::{Gpu, read_buffer};
 use crate::error::Result;
 
-/// What one pass took on the device.
+/// Device time of one pass.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PassTime {
-    /// The pass's name: that of its file, settings and shader.
+    /// Name of the pass, which is also that of its file, settings and shader.
     pub name: &'static str,
     /// Duration in milliseconds.
     pub ms: f64,
 }
 
-/// Two timestamps per span; a pass of several device passes is one span from the first's
-/// beginning to the last's end.
+/// Timestamp queries, two per span. A pass that consists of several device passes is one span, from the
+/// beginning of the first to the end of the last.
 #[derive(Debug)]
 pub struct Timer {
     queries: Option<wgpu::QuerySet>,
     names: Vec<&'static str>,
 }
 
-/// Timestamps to hand to a device pass: at its beginning, at its end, or both.
+/// Timestamps for a device pass: at its beginning, at its end, or both.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Span<'a> {
     queries: Option<&'a wgpu::QuerySet>,
@@ -30,11 +30,11 @@ pub struct Span<'a> {
     end: Option<u32>,
 }
 
-/// The camera's passes, and seven for each of the seven views of 16 lights.
+/// The camera's passes, and seven passes for each of the seven views of 16 lights.
 const MAX_SPANS: u32 = 16 + 7 * 7 * 16;
 
 impl Timer {
-    /// Measures if it is wanted and the device can.
+    /// Creates a timer, which measures only if `enabled` and if the device supports timestamps.
     pub fn new(gpu: &Gpu, enabled: bool) -> Self {
         let enabled = enabled && gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
         let queries = enabled.then(|| {
@@ -54,7 +54,7 @@ impl Timer {
         Span { queries: self.queries.as_ref(), begin: Some(index), end: Some(index + 1) }
     }
 
-    /// Adds the copy of all timestamps to `encoder`; read them with [`Timer::read`].
+    /// Records the resolution of all timestamps into a buffer for [`Timer::read`].
     pub fn resolve(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Option<wgpu::Buffer> {
         let queries = self.queries.as_ref()?;
         let count = 2 * self.names.len() as u32;
@@ -84,22 +84,22 @@ impl Timer {
 }
 
 impl<'a> Span<'a> {
-    /// The span's beginning, for the first of several device passes.
+    /// Keeps only the beginning, for the first of several device passes.
     pub fn first(self) -> Self {
         Self { end: None, ..self }
     }
 
-    /// The span's end, for the last of several device passes.
+    /// Keeps only the end, for the last of several device passes.
     pub fn last(self) -> Self {
         Self { begin: None, ..self }
     }
 
-    /// Of several device passes, for the first, the last, or one between.
+    /// Keeps the beginning if `first` and the end if `last`, for one of several device passes.
     pub fn part(self, first: bool, last: bool) -> Self {
         Self { begin: self.begin.filter(|_| first), end: self.end.filter(|_| last), ..self }
     }
 
-    /// For a render pass.
+    /// Timestamp writes for a render pass.
     pub fn render(self) -> Option<wgpu::RenderPassTimestampWrites<'a>> {
         (self.begin.is_some() || self.end.is_some()).then_some(wgpu::RenderPassTimestampWrites {
             query_set: self.queries?,
@@ -108,7 +108,7 @@ impl<'a> Span<'a> {
         })
     }
 
-    /// For a compute pass.
+    /// Timestamp writes for a compute pass.
     pub fn compute(self) -> Option<wgpu::ComputePassTimestampWrites<'a>> {
         (self.begin.is_some() || self.end.is_some()).then_some(wgpu::ComputePassTimestampWrites {
             query_set: self.queries?,

@@ -269,7 +269,7 @@ impl<'a> Motion<'a> {
         self.too_few || self.median_deviation <= tolerance
     }
 
-    /// Whether a particle deviates too far from its predicted position to have displacement there.
+    /// Whether a particle deviates too far from its predicted position to have moved there.
     fn is_jump(&self, i: usize, j: usize, displacement: DVec3) -> bool {
         let own = match self.velocities {
             Some([from, to]) if self.duration > 0.0 => {

@@ -1,19 +1,20 @@
-//! Light through the liquid onto what it lights: `shaders/caustics/`.
+//! Caustics, the light that reaches solids through the liquid: `shaders/caustics/`.
 //!
-//! A light's own view of the liquid is drawn as the camera's is. From its layers a map is made:
-//! for each texel, the irradiance by light through the liquid on the solid that the light's straight
-//! ray through the texel meets. The camera pass looks it up wherever it sees a lit solid.
+//! A light has a view of the liquid, drawn like the camera's. A map is made from its layers: each texel
+//! holds the irradiance through the liquid on the solid that the light's straight ray through the texel
+//! hits. The camera pass looks the map up wherever it sees a lit solid.
 //!
 //! - `forward` (E. Wallace, Rendering realtime caustics in WebGL, 2016; M. Renou, Real-time rendering
-//!   of water caustics, 2020; Mayer, Assarsson and Sintorn 2026): a grid over the liquid's front, each
-//!   vertex refracted and intersected, the light of each cell laid onto the map where its corners
-//!   landed. Ours conserves light: by exact areas, folds of both signs, and cells at edges in parts.
-//! - `gather` (Granizo-Hidalgo and Holzschuch 2024): for each texel the point of the surface that
-//!   sends light there, by a walk over the same grid. As published it starts from a ray traced
-//!   against a mesh of the pool; here the first triangle is one lookup, because the straight line
-//!   from a receiver to the light is a texel of the light's view: no mesh and no ray tracing
+//!   of water caustics, 2020; Mayer, Assarsson and Sintorn 2026): a grid over the liquid's front; each
+//!   vertex is refracted and traced, and the light of each cell is deposited on the map where its
+//!   corners land. This version conserves light: it uses exact areas and folds of both signs, and
+//!   splits cells at edges.
+//! - `gather` (Granizo-Hidalgo and Holzschuch 2024): for each texel, a walk over the same grid finds the
+//!   point of the surface that sends light there. The published method starts from a ray traced
+//!   against a mesh of the pool; here one lookup gives the first triangle, because the straight line
+//!   from a receiver to the light is a texel of the light's view: it needs no mesh and no ray tracing
 //!   hardware.
-//! - `straight`: no refraction, but what the liquid reflects and absorbs is missing.
+//! - `straight`: no refraction, but the light loses what the liquid reflects and absorbs.
 
 use std::collections::HashMap;
 
@@ -36,43 +37,43 @@ use crate::settings::{self, Method, Solids, Solver};
 pub struct Params {
     /// A sun's irradiance, or a point light's radiant intensity.
     pub power: [f32; 3],
-    /// Triangles that `gather` walks at most.
+    /// Most triangles that `gather` walks.
     pub steps: u32,
-    /// The direction towards a sun, or a point light's position, in the view's space.
+    /// Direction towards a sun, or a point light's position, in view space.
     pub light: [f32; 3],
-    /// Interfaces that light is followed through.
+    /// Number of interfaces that light is followed through.
     pub interfaces: u32,
-    /// Cells of the grid.
+    /// Grid cells along each side.
     pub cells: [u32; 2],
-    /// Light on a level surface over that on a surface across the view.
+    /// Light on a level surface over that on a surface perpendicular to the view.
     pub gain: f32,
     /// Standard deviation of the blur, texels.
     pub blur: f32,
-    /// The plane on which level liquid would go on, n·x = w in the view's space; else 0.
+    /// The plane that extends a level surface, n·x = w in view space; 0 if there is none.
     pub level: [f32; 4],
-    /// Parts along the side of a cell whose light is laid.
+    /// Subdivisions of a cell's side for depositing its light.
     pub subdivide: u32,
-    /// 1 if the light is in the liquid.
+    /// 1 if the light is inside the liquid.
     pub wet: u32,
-    /// The first thread of a piece of a dispatch.
+    /// Offset of the threads of this piece of a dispatch.
     pub first: [u32; 2],
-    /// Where the view's texels begin in the maps.
+    /// Offset of the view's texels in the maps.
     pub corner: [u32; 2],
-    /// Alignment.
+    /// Padding.
     pub pad: [u32; 2],
 }
 
 impl Params {
     /// The parameters for a light and its view.
     pub fn new(light: &Light, view: &LightView, settings: &settings::Caustics) -> Self {
-        // Of a point light's view a texel has no size in metres.
+        // A texel of a point light's view has no size in metres.
         let texel = 2.0 * view.half_extent.x / f64::from(view.size.x);
         let blur = if view.orthographic { f64::from(settings.blur) / texel } else { 0.0 };
         let back = view.view_from_world.transpose().z_axis;
         let (place, power, gain) = match *light {
             Light::Sun { direction, irradiance } => {
                 let towards = -direction.as_dvec3().normalize();
-                // Still water under a light that is refracted on entering; 1 if the view is along it.
+                // For still water, which refracts the light; 1 if the view is along the light.
                 let gain = if towards.distance(back) < 1e-9 { 1.0 } else { towards.y / back.y };
                 (view.view_from_world * towards, irradiance, gain)
             }
@@ -103,18 +104,18 @@ impl Params {
     }
 }
 
-/// Cells of a grid that has so many along the longer side of a view.
+/// Cells of a grid with `grid` cells along the longer side of a view.
 pub fn cells(size: UVec2, grid: u32) -> UVec2 {
     let pitch = f64::from(size.max_element()) / f64::from(grid);
     (size.as_dvec2() / pitch).round().as_uvec2().max(UVec2::ONE)
 }
 
-/// Bytes of a `GridVertex`, of a `Landing`, and of a texel's sums.
+/// Sizes of a `GridVertex`, a `Landing` and a texel's sums, bytes.
 const VERTEX: u64 = 32;
 const LANDING: u64 = 48;
 const LIGHT_SUMS: u64 = 24;
 
-/// What the pipelines are specialised for.
+/// Specialisation of the pipelines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Key {
     variant: Variant,
@@ -124,13 +125,13 @@ struct Key {
 
 #[derive(Debug)]
 struct Pipelines {
-    follow: Follow,
+    tracing: MethodPipelines,
     resolve: wgpu::ComputePipeline,
 }
 
-/// What a method runs before its map is resolved, in this order.
+/// Kernels that a method runs before its map is resolved, in order.
 #[derive(Debug)]
-enum Follow {
+enum MethodPipelines {
     Straight,
     Forward {
         grid: wgpu::ComputePipeline,
@@ -143,14 +144,14 @@ enum Follow {
     },
 }
 
-/// Makes the maps of lights that share a kind of view.
+/// Draws the maps of lights whose views share a projection.
 #[derive(Debug)]
 pub struct Caustics {
     pipelines: HashMap<Key, Pipelines>,
-    /// Across, then down.
+    /// Horizontal, then vertical.
     blur: [wgpu::ComputePipeline; 2],
     layouts: Layouts,
-    sized: Option<Buffers>,
+    buffers: Option<Buffers>,
 }
 
 #[derive(Debug)]
@@ -164,7 +165,7 @@ struct Layouts {
     blur: wgpu::BindGroupLayout,
 }
 
-/// What lies between the kernels.
+/// Intermediate results of the kernels.
 #[derive(Debug)]
 struct Buffers {
     size: UVec2,
@@ -173,11 +174,11 @@ struct Buffers {
     landings: wgpu::Buffer,
     sums: wgpu::Buffer,
     gathered: wgpu::Texture,
-    /// The map before it is blurred, and blurred across; none if it is not.
+    /// The map before the blur and after its horizontal pass; `None` without blur.
     blur: Option<[wgpu::Texture; 2]>,
 }
 
-/// A light's view as its map is made from it.
+/// Inputs of a light's map.
 #[derive(Debug, Clone, Copy)]
 pub struct Inputs<'a> {
     pub camera: &'a CameraBinding,
@@ -185,25 +186,24 @@ pub struct Inputs<'a> {
     pub aggregate: &'a Layers,
     pub splash: Option<&'a Layers>,
     pub gbuffer: &'a GBufferImages,
-    /// Of fluids of different absorption.
+    /// The mixture, if the fluids differ in absorption.
     pub mixture: Option<&'a wgpu::TextureView>,
-    /// How light is followed.
     pub method: Method,
     pub params: &'a Params,
 }
 
-/// What a light's map is made for.
+/// Configuration of a light's map.
 #[derive(Debug, Clone, Copy)]
 pub struct MapConfig<'a> {
-    /// Those of the light's view, which need not be the scene's.
+    /// Settings for the light's view, which may differ from the scene's.
     pub settings: &'a settings::Caustics,
     /// The frame has splashes.
     pub splash: bool,
-    /// Texels.
+    /// Size in texels.
     pub size: UVec2,
 }
 
-/// Where a light's map goes: one layer of both textures.
+/// Destination of a light's map: one layer of both textures.
 #[derive(Debug, Clone, Copy)]
 pub struct Output<'a> {
     pub map: &'a wgpu::Texture,
@@ -212,7 +212,7 @@ pub struct Output<'a> {
 }
 
 impl Caustics {
-    /// Makes the layouts; pipelines are compiled when a frame first needs them.
+    /// Creates the layouts; pipelines are compiled on first use.
     pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let compute = wgpu::ShaderStages::COMPUTE;
         let params = || gpu.branching::<Params>();
@@ -266,10 +266,10 @@ impl Caustics {
             let constants = [&constants[..], &[("DOWN", down)]].concat();
             pipeline("caustics/blur.wgsl", "blur", &layouts.blur, &constants)
         });
-        Self { pipelines: HashMap::new(), blur, layouts, sized: None }
+        Self { pipelines: HashMap::new(), blur, layouts, buffers: None }
     }
 
-    /// Makes room for a view's map, and compiles what a frame needs if it is new.
+    /// Allocates the buffers for a view's map and compiles missing pipelines.
     ///
     /// # Errors
     /// [`Error::Limit`] for a map or a grid that the adapter cannot hold.
@@ -305,13 +305,13 @@ impl Caustics {
         }
         let blur = settings.blur > 0.0;
         let fit = |b: &Buffers| (b.size, b.cells, b.blur.is_some()) == (size, cells, blur);
-        if !self.sized.as_ref().is_some_and(fit) {
-            self.sized = Some(Buffers::new(gpu, size, cells, blur));
+        if !self.buffers.as_ref().is_some_and(fit) {
+            self.buffers = Some(Buffers::new(gpu, size, cells, blur));
         }
         let key = Key::new(scene, bound, settings.method, splash);
         let layouts = &self.layouts;
         self.pipelines.entry(key).or_insert_with(|| {
-            let pipeline = |file: &str, entry: &str, own, constants: &[(&'static str, f64)]| {
+            let pipeline = |file: &str, entry: &str, layout, constants: &[(&'static str, f64)]| {
                 let intersector = gpu::shader::Variant::of(key.variant.shader());
                 let module = gpu::shader::module(gpu, file, intersector);
                 let all = [
@@ -320,13 +320,13 @@ impl Caustics {
                     &camera.constants(),
                     constants,
                 ];
-                let groups = [&camera.layout, &layouts.inputs, &bound.layout, own];
+                let groups = [&camera.layout, &layouts.inputs, &bound.layout, layout];
                 gpu::module_pipeline(gpu, file, &module, entry, &groups, &all.concat())
             };
             let method = [("METHOD", f64::from(key.method as u32))];
             let grid = || pipeline("caustics/grid.wgsl", "grid_vertices", &layouts.grid, &[]);
-            let follow = || match key.method {
-                Method::Straight => Follow::Straight,
+            let tracing = || match key.method {
+                Method::Straight => MethodPipelines::Straight,
                 Method::Forward => {
                     let trace =
                         || pipeline("caustics/forward.wgsl", "trace_light", &layouts.forward, &[]);
@@ -338,23 +338,23 @@ impl Caustics {
                     };
                     let (trace, (grid, deposit)) =
                         rayon::join(trace, || rayon::join(grid, deposit));
-                    Follow::Forward { grid, trace, deposit }
+                    MethodPipelines::Forward { grid, trace, deposit }
                 }
                 Method::Gather => {
                     let walk = || pipeline("caustics/gather.wgsl", "gather", &layouts.gather, &[]);
                     let (walk, grid) = rayon::join(walk, grid);
-                    Follow::Gather { grid, walk }
+                    MethodPipelines::Gather { grid, walk }
                 }
             };
             let resolve =
                 || pipeline("caustics/resolve.wgsl", "resolve", &layouts.resolve, &method);
-            let (follow, resolve) = rayon::join(follow, resolve);
-            Pipelines { follow, resolve }
+            let (tracing, resolve) = rayon::join(tracing, resolve);
+            Pipelines { tracing, resolve }
         });
         Ok(())
     }
 
-    /// Makes the map of a light whose view was given to [`Caustics::prepare`].
+    /// Records the map of a light whose view was passed to [`Caustics::prepare`].
     pub fn record(
         &self,
         commands: &mut Commands<'_>,
@@ -364,7 +364,7 @@ impl Caustics {
         output: Output<'_>,
         span: Span<'_>,
     ) {
-        let Some(buffers) = &self.sized else { return };
+        let Some(buffers) = &self.buffers else { return };
         let (gpu, params) = (commands.gpu, inputs.params);
         let key = Key::new(scene, inputs.scene, inputs.method, inputs.splash.is_some());
         let pipelines = &self.pipelines[&key];
@@ -393,7 +393,7 @@ impl Caustics {
         let gathered = view(&buffers.gathered);
         let blur = buffers.blur.as_ref().filter(|_| params.blur > 0.0);
         let blur = blur.map(|between| between.each_ref().map(view));
-        // A layer of the maps is written one by one, but never read so: OpenGL has no such view.
+        // Layers of the maps are written one at a time but never read that way: OpenGL lacks such views.
         let unblurred = blur.as_ref().map_or(&map, |[unblurred, _]| unblurred);
 
         commands.encoder.clear_buffer(&buffers.sums, 0, None);
@@ -404,22 +404,22 @@ impl Caustics {
         let resources = vec![grid.as_entire_binding()];
         let start = |pipeline| Step {
             pipeline,
-            own_at: 3,
+            group_index: 3,
             layout: &layouts.grid,
             resources,
             extent: vertices,
             work: work.grid,
         };
         let mut steps = Vec::new();
-        match &pipelines.follow {
-            Follow::Straight => {}
-            Follow::Forward { grid: first, trace, deposit } => {
+        match &pipelines.tracing {
+            MethodPipelines::Straight => {}
+            MethodPipelines::Forward { grid: first, trace, deposit } => {
                 steps.push(start(first));
                 let resources = vec![grid.as_entire_binding(), landings.as_entire_binding()];
                 let layout = &layouts.forward;
                 steps.push(Step {
                     pipeline: trace,
-                    own_at: 3,
+                    group_index: 3,
                     layout,
                     resources,
                     extent: vertices,
@@ -434,20 +434,20 @@ impl Caustics {
                 let (layout, cells) = (&layouts.deposit, vertices - 1);
                 steps.push(Step {
                     pipeline: deposit,
-                    own_at: 1,
+                    group_index: 1,
                     layout,
                     resources,
                     extent: cells,
                     work: work.deposit,
                 });
             }
-            Follow::Gather { grid: first, walk } => {
+            MethodPipelines::Gather { grid: first, walk } => {
                 steps.push(start(first));
                 let resources = vec![grid.as_entire_binding(), texture(&gathered)];
                 let layout = &layouts.gather;
                 steps.push(Step {
                     pipeline: walk,
-                    own_at: 3,
+                    group_index: 3,
                     layout,
                     resources,
                     extent: buffers.size,
@@ -464,7 +464,7 @@ impl Caustics {
         let (resolve, layout) = (&pipelines.resolve, &layouts.resolve);
         steps.push(Step {
             pipeline: resolve,
-            own_at: 3,
+            group_index: 3,
             layout,
             resources,
             extent: buffers.size,
@@ -476,7 +476,7 @@ impl Caustics {
                 let layout = &layouts.blur;
                 steps.push(Step {
                     pipeline: blur,
-                    own_at: 1,
+                    group_index: 1,
                     layout,
                     resources,
                     extent: buffers.size,
@@ -495,27 +495,27 @@ impl Caustics {
             pass.set_pipeline(step.pipeline);
             pass.set_bind_group(0, &inputs.camera.group, &[]);
             pass.set_bind_group(2, &inputs.scene.group, &[]);
-            if step.own_at == 3 {
+            if step.group_index == 3 {
                 pass.set_bind_group(1, &light_view, &[]);
             }
-            let own = gpu::bind_group(gpu, "caustics", step.layout, &all);
-            pass.set_bind_group(step.own_at, &own, &[]);
+            let group = gpu::bind_group(gpu, "caustics", step.layout, &all);
+            pass.set_bind_group(step.group_index, &group, &[]);
             let (x, y) = gpu::workgroups(piece.size);
             pass.dispatch_workgroups(x, y, 1);
         });
     }
 
-    /// What `gather` found for the last light: irradiance and state.
+    /// Output of `gather` for the last light: irradiance and state.
     pub fn gathered(&self) -> Option<&wgpu::Texture> {
-        self.sized.as_ref().map(|buffers| &buffers.gathered)
+        self.buffers.as_ref().map(|buffers| &buffers.gathered)
     }
 }
 
-/// A kernel of a map, over `extent` threads that each do so much `work`.
+/// A kernel over `extent` threads, each with `work` layer evaluations.
 struct Step<'a> {
     pipeline: &'a wgpu::ComputePipeline,
-    /// The group of what is below: its parameters, and then these.
-    own_at: u32,
+    /// Index of the bind group that holds the parameters and `resources`.
+    group_index: u32,
     layout: &'a wgpu::BindGroupLayout,
     resources: Vec<wgpu::BindingResource<'a>>,
     extent: UVec2,
@@ -523,7 +523,7 @@ struct Step<'a> {
 }
 
 impl<'a> Step<'a> {
-    /// What it is done in, each with its work.
+    /// Splits the dispatch into pieces of at most `most` work, each with its work.
     fn pieces(&self, most: u64) -> impl Iterator<Item = ((&Self, Piece), u64)> {
         let pieces = gpu::pieces(self.extent, self.work, most);
         pieces.into_iter().map(move |piece| {
@@ -533,25 +533,25 @@ impl<'a> Step<'a> {
     }
 }
 
-/// What one thread of each kernel does, in evaluations of a layer.
+/// Work of one thread of each kernel, in layer evaluations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Work {
-    /// A vertex: four planes, and whether a solid is before it.
+    /// Per vertex: four planes, and a test for solids in front of it.
     pub grid: u64,
-    /// A path: the walks to where it leaves the liquid and to what it lights.
+    /// Per path: the walks to its exit from the liquid and to its receiver.
     pub trace: u64,
-    /// A cell: its parts; where its light is torn, rays of their own.
+    /// Per cell: its parts, and additional rays where its light is torn apart.
     pub deposit: u64,
-    /// A texel: its triangles.
+    /// Per texel: its triangles.
     pub gather: u64,
-    /// A texel.
+    /// Per texel.
     pub resolve: u64,
-    /// A texel: those within three standard deviations.
+    /// Per texel: its neighbours within three standard deviations.
     pub blur: u64,
 }
 
 impl Work {
-    /// The work for a map of `size` texels, blurred by `blur` texels, in a scene of so many solids.
+    /// The work for a map of `size` texels, blurred by `blur` texels, in a scene with `solids` solids.
     pub fn new(settings: &settings::Caustics, size: UVec2, blur: f32, solids: usize) -> Self {
         let solids = solids as u64;
         let reach = (3.0 * blur).min(size.max_element() as f32) as u64;
@@ -570,7 +570,7 @@ impl Key {
     fn new(scene: &Scene, bound: &SceneBinding, method: Method, splash: bool) -> Self {
         let exact = Variant::new(scene, splash, false);
         let variant = Variant { solver: Solver::Guarded, filter: false, stride: 1, ..exact };
-        // What the kernels do not read shall not make a variant of them.
+        // Settings that the kernels do not read must not create variants.
         let variant = Variant { solids: Solids::Exact, iterations: 0, ..variant };
         let variant = Variant { samples: 1, edge_samples: 1, ..variant };
         let scene_variant = SceneVariant { lights: 0, environment: 0, lit: false, ..bound.variant };
@@ -607,23 +607,24 @@ impl Buffers {
     }
 }
 
-/// One light's map.
+/// The caustic map of a light.
 #[derive(Debug, Clone)]
 pub struct CausticMap {
     /// The light's view.
     pub view: LightView,
-    /// Irradiance on the receivers by light through liquid (W/m², red, green, blue), and whether
-    /// liquid leaves the direct light alone (1 or 0): layer [`CausticMap::layer`], as many texels from its corner as the view has.
+    /// Irradiance on the receivers through the liquid (W/m², red, green, blue), and whether the direct
+    /// light bypasses the liquid (1 or 0): in layer [`CausticMap::layer`], at its corner, at the view's
+    /// size.
     pub map: wgpu::Texture,
-    /// Planes of the receivers, in the light's view, and the disparity of the liquid's front.
+    /// Planes of the receivers in the light's view, and the disparity of the liquid's front.
     pub receivers: wgpu::Texture,
-    /// The light's number.
+    /// Layer of both textures.
     pub layer: u32,
 }
 
 impl CausticMap {
-    /// Reads it back, row by row from the top left: irradiance (W/m²) and whether liquid leaves
-    /// the direct light alone; depth of the receiver, m, 0 where there is none.
+    /// Reads the map back, row by row from the top left: irradiance (W/m²) and whether the direct light
+    /// bypasses the liquid; depth of the receiver, m, 0 where there is none.
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].

@@ -1,9 +1,9 @@
-//! Which splats may show: `shaders/cull/`.
+//! Culling of hidden splats: `shaders/cull/`.
 //!
-//! Nearly all particles of a large body are hidden inside it. Those at its surface are drawn first;
-//! then, of those that liquid surrounds, the ones that the layers drawn so far do not hide for sure
+//! Nearly all particles of a large body are hidden inside it. The ones at its surface are drawn first;
+//! then, of those surrounded by liquid, the ones that the layers drawn so far do not certainly hide
 //! (two phases: U. Haar and S. Aaltonen, "GPU-Driven Rendering Pipelines", SIGGRAPH 2015 courses).
-//! The layers come out as if all were drawn in that order.
+//! The layers are the same as if all splats were drawn in that order.
 
 use glam::UVec2;
 use rayon::prelude::*;
@@ -14,20 +14,19 @@ use super::{CameraBinding, Layers};
 use crate::gpu::{self, Gpu, Span, TILE};
 use crate::liquid::classify::Splats;
 
-/// Splats that a workgroup takes.
+/// Splats per workgroup.
 pub const BLOCK: u32 = 256;
 
-/// Words of 32 bits that say of each splat of a block whether it shows.
+/// 32-bit words of a block's visibility mask.
 const WORDS: u32 = BLOCK / 32;
 
-/// Fewer surrounded splats than these are drawn faster than they are told apart.
+/// Least number of surrounded splats for which culling is faster than drawing them.
 pub const LEAST: usize = 1 << 16;
 
-/// The same where the processor draws.
+/// The same for software adapters.
 const LEAST_IN_SOFTWARE: usize = 1 << 14;
 
-/// Whether splats of a frame are to be told apart by whether they show: so many are surrounded, and the
-/// device has what it takes.
+/// Whether culling pays for a frame: enough splats are surrounded, and the device supports it.
 pub fn pays(gpu: &Gpu, splats: &Splats) -> bool {
     let limits = gpu.device.limits();
     if limits.max_storage_buffers_per_shader_stage < 8
@@ -37,21 +36,21 @@ pub fn pays(gpu: &Gpu, splats: &Splats) -> bool {
     }
     let software = gpu.device.adapter_info().device_type == wgpu::DeviceType::Cpu;
     let least = if software { LEAST_IN_SOFTWARE } else { LEAST };
-    // More than there are need not be counted.
+    // Skip the count if there are too few splats altogether.
     splats.aggregates.len() >= least
         && splats.aggregates.par_iter().filter(|splat| splat.is_buried()).count() >= least
 }
 
-/// Which splats are looked at.
+/// Which splats are tested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// All but those that liquid surrounds.
+    /// Splats that liquid does not surround.
     Surface,
-    /// Those that liquid surrounds.
+    /// Splats that liquid surrounds.
     Surrounded,
 }
 
-/// Lists the splats that show in one view.
+/// Lists the visible splats of one view.
 #[derive(Debug)]
 pub struct Cull {
     mark: [wgpu::ComputePipeline; 2],
@@ -61,31 +60,31 @@ pub struct Cull {
     select_layout: wgpu::BindGroupLayout,
     depths_layout: wgpu::BindGroupLayout,
     visible_layout: wgpu::BindGroupLayout,
-    /// Two numbers for each tile.
+    /// A pair of depths for each tile.
     tiles: wgpu::Buffer,
     size: UVec2,
-    /// One for each of the splats' chunks.
+    /// One for each chunk of the splats.
     lists: Vec<List>,
 }
 
-/// Splats of one chunk, told apart.
+/// The visible splats of one chunk.
 #[derive(Debug)]
 struct List {
     splats: u32,
-    /// Masks, counts, the list: room for as many splats, or for more.
+    /// Masks, counts and list, with room for at least `splats`.
     buffers: [wgpu::Buffer; 3],
     draw: wgpu::Buffer,
     select: wgpu::BindGroup,
     drawn: wgpu::BindGroup,
 }
 
-/// Group 2 of `cull/draw.wgsl`.
+/// The layout of group 2 of `cull/draw.wgsl`.
 pub(super) fn visible_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     gpu.layout("visible splats", wgpu::ShaderStages::VERTEX, &[gpu::storage::<u32>()])
 }
 
 impl Cull {
-    /// Compiles the pipelines; [`Cull::prepare`] makes room for a frame's lists.
+    /// Compiles the pipelines; [`Cull::prepare`] allocates a frame's lists.
     pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let compute = wgpu::ShaderStages::COMPUTE;
         let bindings = [
@@ -122,7 +121,7 @@ impl Cull {
         }
     }
 
-    /// Makes room for what is told of these splats in a view of `size` pixels.
+    /// Allocates the lists for these splats in a view of `size` pixels.
     pub fn prepare(&mut self, gpu: &Gpu, splats: &SplatBuffers, size: UVec2) {
         if self.size != size {
             self.tiles = tiles(gpu, size);
@@ -136,9 +135,9 @@ impl Cull {
         }
     }
 
-    /// A list for so many splats, in the buffers of an `old` one that is large enough.
+    /// Creates a list for `splats` splats, in the buffers of `old` if they are large enough.
     fn list(&self, gpu: &Gpu, splats: u32, old: Option<List>) -> List {
-        // For masks, counts and the list of so many blocks.
+        // Words of the masks, the counts and the list.
         let words = |blocks: u64| [u64::from(WORDS) * blocks, blocks, u64::from(BLOCK) * blocks];
         let blocks = u64::from(splats.div_ceil(BLOCK));
         let bytes = words(blocks).map(|words| 4 * words);
@@ -147,14 +146,14 @@ impl Cull {
             Some(List { buffers, draw, .. }) => (buffers, draw),
             None => {
                 let storage = wgpu::BufferUsages::STORAGE;
-                // Some more, for frames that grow.
+                // With spare room, for frames that grow.
                 let room = words(blocks + blocks / 8);
                 let buffers = room.map(|words| buffer(gpu, "cull", 4 * words, storage));
                 (buffers, buffer(gpu, "cull draw", 16, storage | wgpu::BufferUsages::INDIRECT))
             }
         };
-        let of = |i: usize| gpu::first_bytes(&buffers[i], bytes[i]);
-        let [masks, counts, visible] = [0, 1, 2].map(of);
+        let binding = |i: usize| gpu::first_bytes(&buffers[i], bytes[i]);
+        let [masks, counts, visible] = [0, 1, 2].map(binding);
         let tiles = self.tiles.as_entire_binding();
         let resources = [tiles, masks, counts, visible.clone(), draw.as_entire_binding()];
         let select = gpu::bind_group(gpu, "cull", &self.select_layout, &resources);
@@ -162,7 +161,7 @@ impl Cull {
         List { splats, buffers, draw, select, drawn }
     }
 
-    /// Lists those of `phase` that may show.
+    /// Records the tests of the splats of `phase`, which list the visible ones.
     pub fn select(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -189,7 +188,7 @@ impl Cull {
         }
     }
 
-    /// Reduces what is drawn to a pair of depths for each tile, with `backs` or by fronts alone.
+    /// Records the reduction of the layers, fronts alone without `backs`, to a pair of depths per tile.
     pub fn reduce(
         &self,
         gpu: &Gpu,
@@ -210,7 +209,7 @@ impl Cull {
         pass.dispatch_workgroups(x, y, 1);
     }
 
-    /// Draws what was listed last, with the pipeline that is set.
+    /// Draws the splats listed last, with the current pipeline.
     pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, splats: &SplatBuffers) {
         for (chunk, list) in splats.chunks().zip(&self.lists) {
             pass.set_bind_group(1, &chunk.group, &[]);

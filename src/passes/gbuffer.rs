@@ -1,4 +1,4 @@
-//! The opaque scene: `shaders/gbuffer.wgsl`, and what all passes see of it,
+//! The G-buffer of the opaque scene: `shaders/gbuffer.wgsl`, and the scene's bind group for all passes:
 //! `shaders/common/scene.wgsl`.
 
 use std::collections::HashMap;
@@ -20,19 +20,19 @@ use crate::scene::{Light, MAX_LIGHTS, MAX_SOLIDS, Scene, Shape, Solid, Surface};
 pub struct SceneUniform {
     /// Radiance straight up.
     pub zenith: [f32; 3],
-    /// Alignment.
+    /// Padding.
     pub pad_zenith: u32,
     /// Radiance of the horizon.
     pub horizon: [f32; 3],
-    /// Alignment.
+    /// Padding.
     pub pad_horizon: u32,
     /// Radiance straight down.
     pub nadir: [f32; 3],
-    /// Alignment.
+    /// Padding.
     pub pad_nadir: u32,
     /// Mean radiance.
     pub ambient: [f32; 3],
-    /// Alignment.
+    /// Padding.
     pub pad_ambient: u32,
 }
 
@@ -40,7 +40,7 @@ pub struct SceneUniform {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct SolidData {
-    /// A point of the plane; the centre of a box or sphere, m, seen from the eye.
+    /// A point of the plane, or the centre of a box or sphere, relative to the eye, m.
     pub origin: [f32; 3],
     /// 0 plane, 1 box, 2 sphere.
     pub shape: u32,
@@ -48,7 +48,7 @@ pub struct SolidData {
     pub extent: [f32; 3],
     /// Half the side of a plane's square, m.
     pub half_extent: f32,
-    /// Colour, or that of even tiles.
+    /// Colour, or the colour of even tiles.
     pub even: [f32; 3],
     /// Side of a tile, m; 0 for one colour.
     pub tile: f32,
@@ -56,9 +56,9 @@ pub struct SolidData {
     pub odd: [f32; 3],
     /// 1 if the colour is an albedo.
     pub lit: u32,
-    /// Where the eye is in the checker, in tiles modulo 2.
+    /// Position of the eye in the checker, in tiles modulo 2.
     pub phase: [f32; 3],
-    /// Alignment.
+    /// Padding.
     pub pad: u32,
 }
 
@@ -66,17 +66,17 @@ pub struct SolidData {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct LightData {
-    /// A sun's direction towards it, or a point light's position seen from the eye, m.
+    /// Direction towards a sun, or a point light's position relative to the eye, m.
     pub place: [f32; 3],
     /// 0 sun, 1 point.
     pub kind: u32,
     /// Irradiance or radiant intensity.
     pub power: [f32; 3],
-    /// Views along the light itself beside its map's: 0, 1, or the 6 faces of a cube.
+    /// Number of views along the unrefracted light besides the map's: 0, 1, or 6 for the faces of a cube.
     pub straight: u32,
     /// 1 if it has a caustic map.
     pub map: u32,
-    /// Alignment.
+    /// Padding.
     pub pad: [u32; 3],
 }
 
@@ -84,45 +84,45 @@ pub struct LightData {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct LightViewData {
-    /// Its axis to the right.
+    /// Axis to the right.
     pub right: [f32; 3],
-    /// Half its width: m for a sun, tangents for a point light.
+    /// Half the width: m for a sun, a tangent for a point light.
     pub half_width: f32,
-    /// Its axis upwards.
+    /// Axis upwards.
     pub up: [f32; 3],
-    /// Half its height.
+    /// Half the height.
     pub half_height: f32,
-    /// Its axis towards the light.
+    /// Axis towards the light.
     pub back: [f32; 3],
     /// Depth of a sun's far plane, m.
     pub far: f32,
-    /// Its origin seen from the eye, m.
+    /// Origin relative to the eye, m.
     pub origin: [f32; 3],
-    /// Texels across.
+    /// Width in texels.
     pub width: f32,
-    /// Where its texels begin in the maps.
+    /// Offset of its texels in the maps.
     pub corner: [u32; 2],
-    /// Texels down.
+    /// Height in texels.
     pub height: f32,
-    /// Layer of the maps.
+    /// Its layer of the maps.
     pub layer: u32,
 }
 
-/// Views that a light can have: its map's, then the faces of a cube around it.
+/// Most views of a light: its map's, then the faces of a cube around it.
 pub const LIGHT_VIEWS: usize = 1 + CUBE;
 
-/// What pipelines that see the scene are specialised for: the constants of `common/scene.wgsl`.
+/// Specialisation of pipelines that use the scene: the constants of `common/scene.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct SceneVariant {
     /// Number of solids.
     pub solids: u32,
-    /// Which shapes they have: 1 plane, 2 box, 4 sphere.
+    /// Bit mask of their shapes: 1 plane, 2 box, 4 sphere.
     pub shapes: u32,
     /// Whether any is lit.
     pub lit: bool,
     /// Number of lights.
     pub lights: u32,
-    /// Whether any light has views beside its map's.
+    /// Whether any light has views besides its map's.
     pub straight_views: bool,
     /// 0 constant, 1 gradient, 2 map.
     pub environment: u32,
@@ -139,7 +139,7 @@ impl SceneVariant {
         let solids = scene.solids.len() as u32;
         let lights = if scene.is_lit() { scene.lights.len() as u32 } else { 0 };
         let shapes =
-            scene.solids.iter().fold(0, |shapes, solid| shapes | 1 << number(&solid.shape));
+            scene.solids.iter().fold(0, |shapes, solid| shapes | 1 << shape_code(&solid.shape));
         let lit = scene.solids.iter().any(|solid| solid.lit);
         Self { solids, shapes, lit, lights, straight_views: false, environment }
     }
@@ -157,12 +157,12 @@ impl SceneVariant {
     }
 }
 
-/// The scene as passes bind it: group 2.
+/// The scene's bind group, group 2 of all passes.
 #[derive(Debug)]
 pub struct SceneBinding {
     pub layout: wgpu::BindGroupLayout,
     pub group: wgpu::BindGroup,
-    /// What pipelines are specialised for.
+    /// Specialisation of the pipelines.
     pub variant: SceneVariant,
     solids: wgpu::Buffer,
     lights: wgpu::Buffer,
@@ -204,8 +204,8 @@ impl SceneBinding {
         Self { layout, group, variant, solids, lights, light_views, environment, maps: None }
     }
 
-    /// Uploads a scene's solids and lights as `eye` sees them, its environment if it is new, and
-    /// the lights' views.
+    /// Uploads a scene's solids and lights relative to `eye`, the lights' views, and the environment if it
+    /// has changed.
     pub fn upload(
         &mut self,
         gpu: &Gpu,
@@ -275,10 +275,12 @@ fn bind(
         map.size(),
     );
     let layers = gpu::array_layers(gpu, 1);
-    let none = |label| gpu::texture(gpu, label, UVec2::ONE, layers, format, usage);
+    let placeholder = |label| gpu::texture(gpu, label, UVec2::ONE, layers, format, usage);
     let [maps, receivers] = match light_maps {
         Some(light_maps) => [&light_maps.maps, &light_maps.receivers].map(gpu::array_view),
-        None => ["no caustic maps", "no receivers"].map(|label| gpu::array_view(&none(label))),
+        None => {
+            ["no caustic maps", "no receivers"].map(|label| gpu::array_view(&placeholder(label)))
+        }
     };
     let resources = [
         uniform.as_entire_binding(),
@@ -292,8 +294,8 @@ fn bind(
     gpu::bind_group(gpu, "scene", layout, &resources)
 }
 
-/// What `common/scene.wgsl` calls the shape.
-fn number(shape: &Shape) -> u32 {
+/// The shape's code in `common/scene.wgsl`.
+fn shape_code(shape: &Shape) -> u32 {
     match shape {
         Shape::Plane { .. } => 0,
         Shape::Box { .. } => 1,
@@ -306,7 +308,7 @@ fn solid_data(solid: &Solid, eye: DVec3) -> SolidData {
         Shape::Plane { origin, normal, half_extent } if half_extent < f32::INFINITY => {
             (origin - eye, normal, half_extent)
         }
-        // A whole plane goes by its point nearest to the eye, which has the most digits.
+        // An infinite plane is given by its point nearest to the eye, which is the most precise.
         Shape::Plane { origin, normal, .. } => {
             ((origin - eye).project_onto(normal.as_dvec3()), normal, 1e30)
         }
@@ -317,14 +319,14 @@ fn solid_data(solid: &Solid, eye: DVec3) -> SolidData {
         Surface::Color(color) => (color, 0.0, color),
         Surface::Checker { tile, even, odd } => (even, tile, odd),
     };
-    // Tiles are counted from the world's origin, wherever that is.
+    // Tiles are counted from the world's origin.
     let phase = match tile {
         0.0 => DVec3::ZERO,
         tile => (eye / f64::from(tile)).rem_euclid(DVec3::splat(2.0)),
     };
     SolidData {
         origin: origin.as_vec3().to_array(),
-        shape: number(&solid.shape),
+        shape: shape_code(&solid.shape),
         extent: extent.to_array(),
         half_extent,
         even: even.to_array(),
@@ -373,12 +375,12 @@ pub struct GBuffer {
 }
 
 impl GBuffer {
-    /// Makes the layout; a pipeline is compiled when a scene first needs it.
+    /// Creates the layout; pipelines are compiled on first use.
     pub fn new(gpu: &Gpu) -> Self {
         let bindings =
             [gpu::storage_texture(Layers::FORMAT, D2), gpu::storage_texture(Layers::FORMAT, D2)];
         let layout = gpu.layout("gbuffer", wgpu::ShaderStages::COMPUTE, &bindings);
-        Self { images: sized(gpu, UVec2::ONE, 1), pipelines: HashMap::new(), layout }
+        Self { images: create_images(gpu, UVec2::ONE, 1), pipelines: HashMap::new(), layout }
     }
 
     /// Compiles the pipeline for the bound scene if it is new.
@@ -390,12 +392,12 @@ impl GBuffer {
         });
     }
 
-    /// Replaces the images, the planes by ones of so many mip levels.
+    /// Replaces the images; the planes get `levels` mip levels.
     pub fn resize(&mut self, gpu: &Gpu, size: UVec2, levels: u32) {
-        self.images = sized(gpu, size, levels);
+        self.images = create_images(gpu, size, levels);
     }
 
-    /// Draws the solids as the camera sees them.
+    /// Records the solids as the camera sees them.
     pub fn record(
         &self,
         gpu: &Gpu,
@@ -422,7 +424,7 @@ impl GBuffer {
     }
 }
 
-fn sized(gpu: &Gpu, size: UVec2, levels: u32) -> GBufferImages {
+fn create_images(gpu: &Gpu, size: UVec2, levels: u32) -> GBufferImages {
     let usage = wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;

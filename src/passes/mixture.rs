@@ -1,9 +1,9 @@
-//! What the liquid at each pixel is mixed of: `shaders/mixture.wgsl`.
+//! The mixture of fluids at each pixel: `shaders/mixture.wgsl`.
 //!
-//! Several fluids share the layers, for light is not bent where they meet. What differs is what they
-//! absorb: this pass adds up, over all splats that a pixel's ray passes, length and absorption times
-//! length. Where light runs inside the liquid it is absorbed as that mixture does: exact for light
-//! that is not bent, whatever the fluids' order. Only fluids of different absorption need it.
+//! Several fluids share the layers, because light is not refracted where they meet. They differ in
+//! absorption: this pass sums length, and absorption times length, over all splats along a pixel's ray.
+//! Inside the liquid, the mixture absorbs the light: this is exact for unrefracted light, whatever the
+//! order of the fluids. Only fluids of different absorption need the pass.
 
 use glam::{UVec2, Vec4};
 
@@ -12,21 +12,21 @@ use super::splat_buffers::{self, SplatBuffers};
 use crate::gpu::{self, Gpu, Span};
 use crate::scene::{MAX_FLUIDS, Scene};
 
-/// Sums over splats: half floats are the only ones that every adapter adds up, and a share of two
-/// thousandths is nothing against what a ray's bending changes.
+/// Format of the sums over splats: 16-bit floats are the only ones that every adapter can blend, and an
+/// error of two thousandths is negligible against the effect of refraction.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
 /// Draws the mixture of a view.
 #[derive(Debug)]
 pub struct Mixture {
-    /// Output: absorption times length, as a share of [`strongest`], and length; one pixel if there is
-    /// nothing to tell apart.
+    /// Output: absorption times length, as a share of [`strongest`], and length; one pixel if the
+    /// fluids do not differ.
     pub view: wgpu::TextureView,
     pipeline: Option<wgpu::RenderPipeline>,
     absorptions: wgpu::Buffer,
     layout: wgpu::BindGroupLayout,
     group: wgpu::BindGroup,
-    orthographic: [(&'static str, f64); 1],
+    constants: [(&'static str, f64); 1],
 }
 
 /// Whether a scene has fluids of different absorption.
@@ -40,29 +40,29 @@ pub fn strongest(scene: &Scene) -> f32 {
 }
 
 impl Mixture {
-    /// Makes the layout; the pipeline is compiled when a frame first needs it.
+    /// Creates the layout; the pipeline is compiled on first use.
     pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let binding = gpu::uniform::<[Vec4; MAX_FLUIDS]>();
         let layout = gpu.layout("fluids", wgpu::ShaderStages::FRAGMENT, &[binding]);
         let absorptions = gpu::uniform_buffer::<[Vec4; MAX_FLUIDS]>(gpu, "fluids");
         let group = gpu::bind_group(gpu, "fluids", &layout, &[absorptions.as_entire_binding()]);
-        let orthographic = camera.constants();
+        let constants = camera.constants();
         Self {
-            view: sized(gpu, UVec2::ONE),
+            view: create_view(gpu, UVec2::ONE),
             pipeline: None,
             absorptions,
             layout,
             group,
-            orthographic,
+            constants,
         }
     }
 
-    /// Replaces the picture.
+    /// Replaces the output.
     pub fn resize(&mut self, gpu: &Gpu, size: UVec2) {
-        self.view = sized(gpu, size);
+        self.view = create_view(gpu, size);
     }
 
-    /// Uploads what the fluids absorb, for particles of `radius` (m), and compiles the pipeline if it is not there.
+    /// Uploads the fluids' absorption for particles of `radius` (m), and compiles the pipeline on first use.
     pub fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, scene: &Scene, radius: f32) {
         let strongest = strongest(scene).max(f32::MIN_POSITIVE);
         let mut shares = [Vec4::ZERO; MAX_FLUIDS];
@@ -83,10 +83,8 @@ impl Mixture {
             bind_group_layouts: &[Some(&camera.layout), Some(&splats), Some(&self.layout)],
             immediate_size: 0,
         });
-        let compilation_options = wgpu::PipelineCompilationOptions {
-            constants: &self.orthographic,
-            ..Default::default()
-        };
+        let compilation_options =
+            wgpu::PipelineCompilationOptions { constants: &self.constants, ..Default::default() };
         let add = wgpu::BlendComponent {
             src_factor: wgpu::BlendFactor::One,
             dst_factor: wgpu::BlendFactor::One,
@@ -122,7 +120,7 @@ impl Mixture {
         })
     }
 
-    /// Adds all splats up; [`Mixture::prepare`] comes first.
+    /// Records the sum over all splats; requires [`Mixture::prepare`].
     pub fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -154,7 +152,7 @@ impl Mixture {
     }
 }
 
-fn sized(gpu: &Gpu, size: UVec2) -> wgpu::TextureView {
+fn create_view(gpu: &Gpu, size: UVec2) -> wgpu::TextureView {
     let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
     gpu::texture(gpu, "mixture", size, 1, FORMAT, usage).create_view(&Default::default())
 }

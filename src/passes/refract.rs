@@ -1,7 +1,7 @@
-//! Light through the layers: `shaders/refract/`.
+//! Refraction of light through the layers: `shaders/refract/`.
 //!
-//! The shader is specialised for what the frame has (splashes, absorption, solids to touch), for
-//! the chosen intersector and for all counts that loops run to; specialisations are compiled once and kept.
+//! The shader is specialised for the frame's features (splashes, absorption, solids that liquid can wet),
+//! for the intersector and for all loop counts; each specialisation is compiled once and kept.
 
 use std::collections::HashMap;
 
@@ -23,7 +23,7 @@ use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Params {
-    /// Absorption, 1/m; of several fluids, what the mixture's is a share of.
+    /// Absorption, 1/m; with several fluids, the scale of the mixture's absorption.
     pub absorption: [f32; 3],
     /// Index of refraction.
     pub ior: f32,
@@ -33,19 +33,19 @@ pub struct Params {
     pub interfaces: u32,
     /// Strong internal reflections followed per ray.
     pub internal_bounces: u32,
-    /// Share of the picture's height that `guarded` may step over unseen.
+    /// Share of the picture's height that `guarded` may step over without testing it.
     pub reach: f32,
-    /// What level liquid leaves of the ambient light: see [`EvenLight`].
+    /// Shares of the ambient light that level liquid transmits: see [`EvenLight`].
     pub ambient_shares: [f32; 2],
-    /// Metres per metre of depth, of each of these shares.
+    /// Path lengths of these shares, in metres per metre of depth.
     pub ambient_paths: [f32; 2],
     /// Depth of the eye below the liquid's surface, m; 0 outside of it.
     pub eye_depth: f32,
-    /// Uniforms come in blocks of 16 bytes.
+    /// Padding: uniforms come in blocks of 16 bytes.
     pub pad_eye_depth: [u32; 3],
 }
 
-/// What one specialisation of the shader is made for.
+/// One specialisation of the shader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Variant {
     /// The intersector.
@@ -54,17 +54,17 @@ pub struct Variant {
     pub filter: bool,
     /// Pixels between samples of `march`.
     pub stride: u32,
-    /// Of `newton` and `secant`.
+    /// Iterations of `newton` and `secant`.
     pub iterations: u32,
     /// Rays per pixel.
     pub samples: u32,
-    /// Rays per pixel of background with an edge in it.
+    /// Rays per background pixel that contains an edge.
     pub edge_samples: u32,
     /// The frame has splashes.
     pub splash: bool,
     /// The liquid absorbs.
     pub absorption: bool,
-    /// Fluids of different absorption.
+    /// The fluids differ in absorption.
     pub mixture: bool,
     /// The reflectance formula.
     pub fresnel: Fresnel,
@@ -74,20 +74,20 @@ pub struct Variant {
     pub contact: bool,
     /// How rays outside the liquid find the solids.
     pub solids: Solids,
-    /// What reflections see.
+    /// What reflected rays hit.
     pub reflections: Reflections,
     /// Write the diagnostics.
     pub count: bool,
 }
 
 impl Variant {
-    /// The smallest variant that draws a frame.
+    /// The variant with the fewest features that draws a frame.
     pub fn new(scene: &Scene, splash: bool, count: bool) -> Self {
         let settings = &scene.settings.refract;
         let iterates = matches!(settings.solver, Solver::Newton | Solver::Secant);
         Self {
             solver: settings.solver,
-            // What other intersectors do not read shall not make a variant of them.
+            // Settings that an intersector does not read must not create variants of it.
             filter: settings.filter && settings.solver == Solver::Newton,
             stride: if settings.solver == Solver::March { settings.stride } else { 1 },
             iterations: if iterates { settings.iterations } else { 0 },
@@ -151,7 +151,7 @@ impl Variant {
     }
 }
 
-/// Edges that a workgroup draws.
+/// Edge pixels per workgroup.
 const EDGE_GROUP: u64 = 64;
 
 #[derive(Debug)]
@@ -161,7 +161,7 @@ struct Pipelines {
     edges: wgpu::ComputePipeline,
 }
 
-/// Pixels of the background with an edge in them, gathered to be drawn together.
+/// Background pixels that contain an edge, gathered to be drawn together.
 #[derive(Debug)]
 struct Edges {
     /// Count, then pixels.
@@ -172,7 +172,7 @@ struct Edges {
     draw: wgpu::BindGroup,
 }
 
-/// Draws the liquid and what is seen through and beside it.
+/// Draws the liquid, and everything visible through and beside it.
 #[derive(Debug)]
 pub struct Refract {
     /// Output.
@@ -187,7 +187,7 @@ pub struct Refract {
 }
 
 impl Refract {
-    /// Makes the layout; pipelines are compiled when a frame first needs them.
+    /// Creates the layout; pipelines are compiled on first use.
     pub fn new(gpu: &Gpu) -> Self {
         let bindings = [
             gpu::uniform::<Params>(),
@@ -201,13 +201,13 @@ impl Refract {
             gpu::storage_of(8),
         ];
         let layout = gpu.layout("refract", wgpu::ShaderStages::COMPUTE, &bindings);
-        // A dispatch must not be bound where it is used, so what draws edges has the list alone.
+        // Indirect arguments must not be bound where they are used, so drawing edges binds the list alone.
         let edge_bindings = [gpu::storage_read_write(8), gpu::storage_read_write(4)];
         let edge_layouts = [&edge_bindings[..], &edge_bindings[..1]]
             .map(|bindings| gpu.layout("edges", wgpu::ShaderStages::COMPUTE, bindings));
         Self {
-            radiance: Radiance { texture: picture(gpu, "radiance", UVec2::ONE) },
-            diagnostics: picture(gpu, "diagnostics", UVec2::ONE),
+            radiance: Radiance { texture: create_texture(gpu, "radiance", UVec2::ONE) },
+            diagnostics: create_texture(gpu, "diagnostics", UVec2::ONE),
             pipelines: HashMap::new(),
             params: gpu::uniform_buffer::<Params>(gpu, "refract"),
             layout,
@@ -216,15 +216,15 @@ impl Refract {
         }
     }
 
-    /// Replaces the pictures; without `count` the diagnostics take no memory.
+    /// Replaces the textures; without `count` the diagnostics are one pixel.
     pub fn resize(&mut self, gpu: &Gpu, size: UVec2, count: bool) {
-        self.radiance = Radiance { texture: picture(gpu, "radiance", size) };
+        self.radiance = Radiance { texture: create_texture(gpu, "radiance", size) };
         self.edges = Edges::new(gpu, &self.edge_layouts, size);
         let size = if count { size } else { UVec2::ONE };
-        self.diagnostics = picture(gpu, "diagnostics", size);
+        self.diagnostics = create_texture(gpu, "diagnostics", size);
     }
 
-    /// Whether `variant` was compiled for the bound scene: it takes longer than all else together.
+    /// Whether `variant` is compiled for the bound scene: it takes longer than all other pipelines together.
     pub fn is_compiled(&self, variant: Variant, scene: &SceneBinding) -> bool {
         self.pipelines.contains_key(&(variant, scene.variant))
     }
@@ -259,8 +259,8 @@ impl Refract {
         });
     }
 
-    /// Draws the picture with a variant that [`Refract::prepare`] was given, whose pixels take so much
-    /// [`work`].
+    /// Records the picture with a variant that was passed to [`Refract::prepare`] and takes
+    /// [`work`] per pixel.
     pub fn record(
         &self,
         gpu: &Gpu,
@@ -317,18 +317,18 @@ impl Refract {
     }
 }
 
-/// The most that a pixel of a picture of `size` takes, in evaluations of a layer, in a scene of so many
-/// solids and of so many lights that light something.
+/// The most work of a pixel, in layer evaluations: in a picture of `size` and a scene with `solids` solids
+/// and `lights` lights, 0 if nothing is lit.
 pub fn work(settings: &settings::Refract, size: UVec2, solids: usize, lights: usize) -> u64 {
     let walk = match settings.solver {
         Solver::March => (size.x + size.y).div_ceil(settings.stride),
-        // What is usual, by estimate; its own bounds are higher.
+        // An estimate of the usual count; the solver's bounds are higher.
         Solver::Guarded => 32,
         Solver::Newton | Solver::Secant => settings.iterations + 1,
         Solver::Plane | Solver::Plane3 | Solver::Single => 2,
     };
     let solids = (solids * (1 + lights)) as u64;
-    // One more, up from a wet solid.
+    // One more for the ray up from a wet solid.
     let turns = u64::from(settings.interfaces + settings.internal_bounces + 1);
     let liquid = u64::from(settings.samples) * turns * (u64::from(walk) + solids);
     let background = u64::from(settings.samples.max(settings.edge_samples)) * (1 + solids);
@@ -337,7 +337,7 @@ pub fn work(settings: &settings::Refract, size: UVec2, solids: usize, lights: us
 
 impl Edges {
     fn new(gpu: &Gpu, [gather, draw]: &[wgpu::BindGroupLayout; 2], size: UVec2) -> Self {
-        /// `most_edges` of the shader.
+        /// As `most_edges` of the shader.
         const MOST: u64 = 65535 * EDGE_GROUP;
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
         let pixels = u64::from(size.x) * u64::from(size.y);
@@ -381,7 +381,7 @@ impl Params {
     }
 }
 
-fn picture(gpu: &Gpu, label: &str, size: UVec2) -> wgpu::Texture {
+fn create_texture(gpu: &Gpu, label: &str, size: UVec2) -> wgpu::Texture {
     let usage = wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
@@ -392,7 +392,7 @@ fn picture(gpu: &Gpu, label: &str, size: UVec2) -> wgpu::Texture {
 mod tests {
     use super::*;
 
-    /// Protects edges from being forgotten: the list is as long as the shader takes it for.
+    /// Guards against lost edge pixels: the shader assumes a list of the same length.
     #[test]
     fn edge_groups_are_those_of_the_shader() {
         let group = gpu::shader::constant("refract/interfaces.wgsl", "EDGE_GROUP");

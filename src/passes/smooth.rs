@@ -11,7 +11,7 @@ use super::{CameraBinding, Layers};
 use crate::gpu::{self, Commands, Gpu, Span};
 use crate::settings::{self, Filter};
 
-/// One iteration's parameters, as `smooth/iterate.wgsl` has them.
+/// Parameters of one iteration, as in `smooth/iterate.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Params {
@@ -35,7 +35,7 @@ impl Params {
         let stride = window / (settings.taps - 1) as f32;
         (0..settings.iterations)
             .map(|i| Self {
-                // With gaps between taps, each iteration looks half as far as the one before.
+                // Taps have gaps, so each iteration reaches half as far as the one before.
                 stride: stride * 0.5f32.powi(i as i32),
                 radius,
                 inv_sigma2: (settings.sigma * radius).powi(-2),
@@ -46,7 +46,7 @@ impl Params {
     }
 }
 
-/// What one specialisation of `iterate` is made for.
+/// One specialisation of `iterate`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Variant {
     filter: Filter,
@@ -82,26 +82,26 @@ pub struct Smooth {
     iterate: HashMap<Variant, wgpu::ComputePipeline>,
     planes: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
-    // Normal and depth, written alternately.
+    /// Normal and depth, written alternately.
     states: [Layers; 2],
     splatted: Layers,
     frame: Frame,
 }
 
-/// One frame's smoothing.
+/// Configuration of one frame's smoothing.
 #[derive(Debug)]
 struct Frame {
     variant: Variant,
     iterations: Vec<Params>,
     /// Backs are smoothed as well as fronts.
     backs: bool,
-    /// Of an iteration at a pixel.
+    /// Work of an iteration per pixel, in layer evaluations.
     work: u64,
 }
 
 impl Smooth {
-    /// Compiles what all filters share, and a filter when a frame first needs it; `splatted` is
-    /// what it will smooth.
+    /// Compiles the kernels that all filters share; a filter is compiled on first use. `splatted` is
+    /// the input.
     pub fn new(gpu: &Gpu, camera: &CameraBinding, splatted: &Layers) -> Self {
         let bindings = [
             gpu::uniform::<Params>(),
@@ -117,7 +117,7 @@ impl Smooth {
             let shader = "smooth/plane_fit.wgsl";
             gpu::compute_pipeline(gpu, shader, entry, &layouts, &camera.constants())
         };
-        let (layers, states) = sized(gpu, splatted);
+        let (layers, states) = create_layers(gpu, splatted);
         Self {
             prepare: pipeline("prepare"),
             iterate: HashMap::new(),
@@ -135,14 +135,14 @@ impl Smooth {
         }
     }
 
-    /// Replaces the layers by ones of the size and mip levels of `splatted`.
+    /// Replaces the layers to match the size and mip levels of `splatted`.
     pub fn resize(&mut self, gpu: &Gpu, splatted: &Layers) {
-        (self.layers, self.states) = sized(gpu, splatted);
+        (self.layers, self.states) = create_layers(gpu, splatted);
         self.splatted = splatted.clone();
     }
 
-    /// Takes the frame's iterations, of the front alone or of the back too, and compiles the filter
-    /// with these settings if it is new.
+    /// Sets the frame's iterations, for the front alone without `backs`, and compiles the filter on first
+    /// use.
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
@@ -161,7 +161,7 @@ impl Smooth {
         });
     }
 
-    /// Smooths the splatted layers into [`Smooth::layers`] as [`Smooth::prepare`] was told to.
+    /// Records the smoothing of the splatted layers into [`Smooth::layers`]; requires [`Smooth::prepare`].
     pub fn record(
         &self,
         gpu: &Gpu,
@@ -171,7 +171,7 @@ impl Smooth {
         span: Span<'_>,
     ) {
         let Frame { variant, iterations, backs, work } = &self.frame;
-        // Only the liquid's tiles are written, and taps read beyond them.
+        // Only the liquid's tiles are written, but taps read beyond them.
         let [first, second] = &self.states;
         let mut begin = span.first();
         for texture in [&first.texture, &second.texture, &self.layers.texture] {
@@ -186,7 +186,7 @@ impl Smooth {
         let mut steps = vec![(&self.prepare, last)];
         steps.extend(iterations.iter().map(|params| (iterate, params)));
         steps.push((&self.planes, last));
-        // A buffer per iteration: a uniform written twice holds the last value for the frame.
+        // One buffer per iteration: a uniform written twice holds its last value for the whole frame.
         let buffer = |params: &Params| gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);
         let steps = (0..).zip(steps).map(|(i, (pipeline, params))| (i, pipeline, buffer(params)));
         let steps: Vec<(usize, &wgpu::ComputePipeline, wgpu::Buffer)> = steps.collect();
@@ -221,12 +221,12 @@ impl Smooth {
     }
 }
 
-/// The work of an iteration at a pixel, in evaluations of a layer.
+/// The work of an iteration per pixel, in layer evaluations.
 pub fn work(settings: &settings::Smooth) -> u64 {
     2 * u64::from(settings.taps).pow(2)
 }
 
-fn sized(gpu: &Gpu, splatted: &Layers) -> (Layers, [Layers; 2]) {
+fn create_layers(gpu: &Gpu, splatted: &Layers) -> (Layers, [Layers; 2]) {
     let size = UVec2::new(splatted.texture.width(), splatted.texture.height());
     let usage = wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::RENDER_ATTACHMENT

@@ -1,6 +1,6 @@
-//! Splats into layers: `shaders/splat.wgsl`.
+//! Splatting of particles into layers: `shaders/splat.wgsl`.
 //!
-//! One instance of the pass draws one class of particles, front and back. Depth is reversed
+//! One instance of the pass draws one class of particles, fronts and backs. Depth is reversed
 //! (near / z), so that 32-bit floats resolve far surfaces as well as near ones.
 
 use glam::UVec2;
@@ -18,14 +18,14 @@ const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 pub struct Splat {
     /// Output: unsmoothed planes.
     pub layers: Layers,
-    /// Of fronts and backs; one for both, unless both are drawn twice.
+    /// Depth buffers of fronts and backs; one shared buffer unless both are drawn twice.
     depths: Vec<wgpu::TextureView>,
     pipelines: [wgpu::RenderPipeline; 2],
-    /// Compiled when a frame first needs it.
+    /// Compiled on first use.
     culled: Option<Culled>,
 }
 
-/// What it takes to draw those splats alone that may show.
+/// Culling, and the pipelines that draw the visible splats.
 #[derive(Debug)]
 struct Culled {
     cull: Cull,
@@ -33,29 +33,28 @@ struct Culled {
 }
 
 impl Splat {
-    /// Compiles both pipelines; [`Splat::resize`] gives the pass its layers.
+    /// Compiles both pipelines; [`Splat::resize`] allocates the layers.
     pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let layouts = [Some(&camera.layout), Some(&layout(gpu))];
         let pipelines = pipelines(gpu, camera, "splat.wgsl", "vertex", &layouts);
-        let (layers, depths) = sized(gpu, UVec2::ONE, 1, 1);
+        let (layers, depths) = create_layers(gpu, UVec2::ONE, 1, 1);
         Self { layers, depths, pipelines, culled: None }
     }
 
-    /// As this one, with layers of its own: nothing is compiled again.
+    /// Creates another instance with the same pipelines and its own layers.
     pub fn another(&self, gpu: &Gpu) -> Self {
-        let (layers, depths) = sized(gpu, UVec2::ONE, 1, 1);
+        let (layers, depths) = create_layers(gpu, UVec2::ONE, 1, 1);
         Self { layers, depths, pipelines: self.pipelines.clone(), culled: None }
     }
 
-    /// Replaces the layers by ones of so many mip levels, into which all splats are drawn, or those
-    /// alone that are not `culled`.
+    /// Replaces the layers, with `levels` mip levels; `culled` adds the second depth buffer that culling
+    /// needs.
     pub fn resize(&mut self, gpu: &Gpu, size: UVec2, levels: u32, culled: bool) {
         let depths = if culled { 2 } else { 1 };
-        (self.layers, self.depths) = sized(gpu, size, levels, depths);
+        (self.layers, self.depths) = create_layers(gpu, size, levels, depths);
     }
 
-    /// Compiles what it takes to leave out hidden splats, if it is not there, and makes room for the
-    /// frame's.
+    /// Compiles the culling pipelines on first use, and allocates the frame's lists.
     pub fn prepare_culled(&mut self, gpu: &Gpu, camera: &CameraBinding, splats: &SplatBuffers) {
         let culled = self.culled.get_or_insert_with(|| {
             let visible = cull::visible_layout(gpu);
@@ -67,7 +66,7 @@ impl Splat {
         culled.cull.prepare(gpu, splats, size);
     }
 
-    /// Clears both layers and draws the splats into them, or into the front alone.
+    /// Records both layers: clears them and draws the splats, into the front alone without `backs`.
     pub fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -83,7 +82,7 @@ impl Splat {
         });
     }
 
-    /// As [`Splat::record`], without those that are hidden; [`Splat::prepare_culled`] comes first.
+    /// As [`Splat::record`], without hidden splats; requires [`Splat::prepare_culled`].
     pub fn record_culled(
         &self,
         gpu: &Gpu,
@@ -106,7 +105,7 @@ impl Splat {
         self.sides(encoder, camera, backs, false, [none, span.last()], draw);
     }
 
-    /// A device pass for the fronts, and one for the backs.
+    /// Records one render pass for the fronts and one for the backs.
     fn sides(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -119,7 +118,7 @@ impl Splat {
         let sides = [Layers::FRONT, Layers::BACK].into_iter().zip([0.0, 1.0]);
         for ((side, farthest), span) in sides.zip(spans) {
             let depth = self.depths.get(side as usize).unwrap_or(&self.depths[0]);
-            // What nothing is drawn after is not kept.
+            // The last depths are not kept.
             let kept = clear && self.depths.len() > 1;
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("splat"),
@@ -158,7 +157,7 @@ impl Splat {
     }
 }
 
-/// The pipelines of fronts and backs, by a file's own vertex stage.
+/// The pipelines of fronts and backs, with the file's vertex stage `vertex`.
 fn pipelines(
     gpu: &Gpu,
     camera: &CameraBinding,
@@ -218,7 +217,12 @@ fn pipelines(
     ]
 }
 
-fn sized(gpu: &Gpu, size: UVec2, levels: u32, depths: usize) -> (Layers, Vec<wgpu::TextureView>) {
+fn create_layers(
+    gpu: &Gpu,
+    size: UVec2,
+    levels: u32,
+    depths: usize,
+) -> (Layers, Vec<wgpu::TextureView>) {
     let usage = wgpu::TextureUsages::RENDER_ATTACHMENT
         | wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::TEXTURE_BINDING

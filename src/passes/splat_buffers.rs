@@ -3,30 +3,30 @@
 use crate::gpu::{self, Gpu};
 use crate::liquid::classify::Splat as SplatData;
 
-/// Splats that one binding holds.
+/// Splats of one binding.
 #[derive(Debug)]
 pub(super) struct Chunk {
     buffer: wgpu::Buffer,
-    /// Group 1 of `splat.wgsl`: so many splats.
+    /// Group 1 of `splat.wgsl`: `count` splats.
     pub(super) group: wgpu::BindGroup,
     pub(super) count: u32,
 }
 
-/// One class of a frame's splats, uploaded: every view draws the same.
+/// One class of a frame's splats on the device; all views can share it.
 #[derive(Debug)]
 pub struct SplatBuffers {
     layout: wgpu::BindGroupLayout,
-    // As many as one binding holds, then the next: the depth test does not mind.
+    // Each as large as one binding allows; the depth test makes the split irrelevant.
     chunks: Vec<Chunk>,
 }
 
 impl SplatBuffers {
-    /// Nothing to draw yet.
+    /// Creates an empty list.
     pub fn new(gpu: &Gpu) -> Self {
         Self { layout: layout(gpu), chunks: Vec::new() }
     }
 
-    /// Draws all of them with the pipeline that is set; they are its group 1.
+    /// Draws all splats, as group 1, with the current pipeline.
     pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
         for chunk in &self.chunks {
             pass.set_bind_group(1, &chunk.group, &[]);
@@ -34,7 +34,7 @@ impl SplatBuffers {
         }
     }
 
-    /// The splats, as they are bound.
+    /// The bindings of the splats.
     pub(super) fn chunks(&self) -> impl Iterator<Item = &Chunk> {
         self.chunks.iter()
     }
@@ -72,7 +72,7 @@ impl SplatBuffers {
     }
 }
 
-/// Group 1 of `splat.wgsl`.
+/// The layout of group 1 of `splat.wgsl`.
 pub(super) fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let stages = wgpu::ShaderStages::VERTEX | wgpu::ShaderStages::COMPUTE;
     gpu.layout("splats", stages, &[gpu::storage::<SplatData>()])

@@ -1,7 +1,7 @@
-//! Which tiles of the picture liquid covers: `shaders/tiles.wgsl`.
+//! The tiles of the picture that liquid covers: `shaders/tiles.wgsl`.
 //!
-//! Later passes are dispatched over those alone. On a software adapter, which runs both sides of
-//! every branch, this is what makes the empty part of a picture cheap.
+//! Later passes are dispatched over these tiles alone. On a software adapter, which executes both sides
+//! of every branch, this makes the empty part of a picture cheap.
 
 use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
@@ -10,7 +10,7 @@ use wgpu::TextureViewDimension::D2Array;
 use super::Layers;
 use crate::gpu::{self, Gpu, Span, TILE};
 
-/// Sorts tiles into those that liquid covers and the rest.
+/// Sorts tiles into liquid and background.
 #[derive(Debug)]
 pub struct Tiles {
     /// Output.
@@ -20,44 +20,44 @@ pub struct Tiles {
     layout: wgpu::BindGroupLayout,
 }
 
-/// The tiles, as buffers.
+/// The lists of tiles on the device.
 #[derive(Debug, Clone)]
 pub struct TileLists {
     /// Count, then the tiles that liquid covers: x + 65536 y.
     pub liquid: wgpu::Buffer,
     /// Count, then all others.
     pub background: wgpu::Buffer,
-    /// Arguments of indirect dispatches, at [`TileLists::LIQUID`] and its like.
+    /// Arguments of indirect dispatches, at offsets such as [`TileLists::LIQUID`].
     pub dispatches: wgpu::Buffer,
     size: UVec2,
     sections: Sections,
     sections_buffer: wgpu::Buffer,
 }
 
-/// `Sections` of `tiles.wgsl`: how lists are divided.
+/// `Sections` of `tiles.wgsl`: the division of the lists.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Sections {
-    /// Tiles of a section.
+    /// Tiles per section.
     pub tiles: u32,
-    /// Words of its list.
+    /// 32-bit words per section in a list.
     pub words: u32,
-    /// Sections of a view.
+    /// Number of sections.
     pub count: u32,
 }
 
 impl Sections {
-    /// The sections of a view of `size` pixels on this device, in whose slowest pass a pixel takes `each`
-    /// work.
+    /// The sections of a view of `size` pixels on this device, for `each` work per pixel in the slowest
+    /// pass.
     pub fn for_work(gpu: &Gpu, size: UVec2, each: u64) -> Self {
         let limits = gpu.device.limits();
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         Self::new(size, each, gpu.most_work(), limits.min_storage_buffer_offset_alignment, bytes)
     }
 
-    /// The sections of a view of `size` pixels in whose slowest pass a pixel takes `each` work: of at most
-    /// `most` work, and of one tile at least. Lists begin at multiples of `alignment` bytes and have at most
-    /// `bytes` together.
+    /// The sections of a view of `size` pixels, for `each` work per pixel in the slowest pass: a section has
+    /// at most `most` work, but at least one tile. Its lists begin at multiples of `alignment` bytes and
+    /// take at most `bytes` in total.
     pub fn new(size: UVec2, each: u64, most: u64, alignment: u32, bytes: u64) -> Self {
         let all = size.map(|n| n.div_ceil(TILE)).element_product();
         let fit = most / each.saturating_mul(u64::from(TILE * TILE)).max(1);
@@ -71,47 +71,47 @@ impl Sections {
         let sections = aligned(fit.max(1) as u32);
         match 4 * u64::from(sections.words) * u64::from(sections.count) <= bytes {
             true => sections,
-            // Without gaps.
+            // Fill the padding with tiles.
             false => aligned(sections.words - 1),
         }
     }
 }
 
 impl TileLists {
-    /// Dispatch over the liquid's tiles.
+    /// Offset of the dispatch over the liquid's tiles.
     pub const LIQUID: u64 = 0;
-    /// Dispatch over the liquid's tiles, z being front and back.
+    /// Offset of the dispatch over the liquid's tiles with front and back in z.
     pub const LIQUID_LAYERS: u64 = 16;
-    /// Dispatch over the other tiles.
+    /// Offset of the dispatch over the background's tiles.
     pub const BACKGROUND: u64 = 32;
-    /// From one section's dispatches to the next one's.
-    const DISPATCHES: u64 = 48;
+    /// Bytes from one section's dispatches to the next.
+    const DISPATCH_STRIDE: u64 = 48;
 
-    /// The sections of the lists.
+    /// Indices of the sections.
     pub fn sections(&self) -> std::ops::Range<u32> {
         0..self.sections.count
     }
 
-    /// Pixels of a section.
+    /// Pixels per section.
     pub fn pixels(&self) -> u64 {
         u64::from(self.sections.tiles) * u64::from(TILE * TILE)
     }
 
-    /// A section of `list`.
+    /// The binding of a section of `list`.
     pub fn section<'a>(&self, list: &'a wgpu::Buffer, section: u32) -> wgpu::BindingResource<'a> {
         let bytes = 4 * u64::from(self.sections.words);
         let (offset, size) = (u64::from(section) * bytes, wgpu::BufferSize::new(bytes));
         wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: list, offset, size })
     }
 
-    /// Where the arguments of a section's dispatch are.
+    /// Byte offset of the arguments of a section's dispatch.
     pub fn dispatch(&self, which: u64, section: u32) -> u64 {
-        Self::DISPATCHES * u64::from(section) + which
+        Self::DISPATCH_STRIDE * u64::from(section) + which
     }
 }
 
 impl Tiles {
-    /// Compiles the pipelines; [`Tiles::resize`] gives the pass its lists.
+    /// Compiles the pipelines; [`Tiles::resize`] allocates the lists.
     pub fn new(gpu: &Gpu) -> Self {
         let bindings = [
             gpu::sampled(D2Array),
@@ -126,7 +126,7 @@ impl Tiles {
             gpu::compute_pipeline(gpu, "tiles.wgsl", entry, &[&layout], constants)
         };
         Self {
-            lists: sized(gpu, UVec2::ONE, Sections { tiles: 1, words: 2, count: 1 }),
+            lists: create_lists(gpu, UVec2::ONE, Sections { tiles: 1, words: 2, count: 1 }),
             sort: [0.0, 1.0].map(|splash| pipeline("sort", &[("SPLASH", splash)])),
             arrange: pipeline("arrange", &[]),
             layout,
@@ -135,10 +135,10 @@ impl Tiles {
 
     /// Replaces the lists.
     pub fn resize(&mut self, gpu: &Gpu, size: UVec2, sections: Sections) {
-        self.lists = sized(gpu, size, sections);
+        self.lists = create_lists(gpu, size, sections);
     }
 
-    /// Sorts the tiles by the splatted layers.
+    /// Records the sorting of the tiles by the splatted layers.
     pub fn record(
         &self,
         gpu: &Gpu,
@@ -149,7 +149,7 @@ impl Tiles {
     ) {
         let TileLists { liquid, background, dispatches, size, sections, sections_buffer } =
             &self.lists;
-        // The counts.
+        // Clear the counts, one at the start of each section.
         let cleared = (sections.count == 1).then_some(4);
         encoder.clear_buffer(liquid, 0, cleared);
         encoder.clear_buffer(background, 0, cleared);
@@ -175,7 +175,7 @@ impl Tiles {
     }
 }
 
-fn sized(gpu: &Gpu, size: UVec2, sections: Sections) -> TileLists {
+fn create_lists(gpu: &Gpu, size: UVec2, sections: Sections) -> TileLists {
     let (words, count) = (u64::from(sections.words), u64::from(sections.count));
     let buffer = |label: &str, size: u64, usage: wgpu::BufferUsages| {
         gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -191,7 +191,7 @@ fn sized(gpu: &Gpu, size: UVec2, sections: Sections) -> TileLists {
         background: list("background tiles"),
         dispatches: buffer(
             "tile dispatches",
-            TileLists::DISPATCHES * count,
+            TileLists::DISPATCH_STRIDE * count,
             wgpu::BufferUsages::INDIRECT,
         ),
         size,

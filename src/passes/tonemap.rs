@@ -1,4 +1,4 @@
-//! Radiance to display: `shaders/tonemap.wgsl`.
+//! Tone mapping of radiance for display: `shaders/tonemap.wgsl`.
 
 use std::collections::HashMap;
 
@@ -17,18 +17,18 @@ pub struct Params {
     pub gain: f32,
     /// 0 none, 1 filmic.
     pub curve: u32,
-    /// 1 if the target stores values as they are written, so that the shader encodes sRGB.
+    /// 1 if the shader must encode sRGB, because the target's format does not.
     pub encode: u32,
 }
 
-/// Linear light, 0 to 1, in 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
+/// Encodes linear light, 0 to 1, as 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
 pub fn srgb_byte(c: f64) -> u8 {
     let c = c.clamp(0.0, 1.0);
     let encoded = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
     (255.0 * encoded).round() as u8
 }
 
-/// Draws a radiance picture into a caller's view.
+/// Tone-maps radiance into a caller's texture view.
 #[derive(Debug)]
 pub struct Tonemap {
     pipelines: HashMap<wgpu::TextureFormat, wgpu::RenderPipeline>,
@@ -37,7 +37,7 @@ pub struct Tonemap {
 }
 
 impl Tonemap {
-    /// Makes the layout; a pipeline is compiled for each target format that is drawn to.
+    /// Creates the layout; a pipeline is compiled for each target format on first use.
     pub fn new(gpu: &Gpu) -> Self {
         let bindings = [gpu::sampled(D2), gpu.branching::<Params>()];
         Self {
@@ -66,7 +66,7 @@ impl Tonemap {
         self.pipelines.entry(format).or_insert_with(|| pipeline(gpu, &self.layout, format));
     }
 
-    /// Draws `radiance` into `target`, a view of the same size in a prepared format.
+    /// Records the tone mapping of `radiance` into `target`, a view of the same size in a prepared format.
     pub fn record(
         &self,
         gpu: &Gpu,

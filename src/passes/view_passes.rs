@@ -1,6 +1,6 @@
-//! What one view sees: the liquid's layers, splatted and smoothed, and the opaque scene.
+//! The passes of one view: the liquid's layers, splatted and smoothed, and the opaque scene.
 //!
-//! The same passes draw it for the camera and for each light.
+//! The camera and each light use the same passes.
 
 use glam::{DVec3, UVec2};
 
@@ -27,7 +27,7 @@ pub struct SplatSet {
 }
 
 impl SplatSet {
-    /// Nothing to draw yet.
+    /// Creates empty lists.
     pub fn new(gpu: &Gpu) -> Self {
         Self { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) }
     }
@@ -39,18 +39,18 @@ impl SplatSet {
     }
 }
 
-/// One frame's input to the views.
+/// Inputs of a frame to its views.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameInputs<'a> {
     pub scene: &'a Scene,
     pub splats: &'a Splats,
-    /// The same on the device.
+    /// The same splats on the device.
     pub splat_set: &'a SplatSet,
-    /// The iterations of smoothing.
+    /// Parameters of each smoothing iteration.
     pub fits: &'a [smooth::Params],
 }
 
-/// A view's passes up to the point where light is followed, and their outputs.
+/// A view's passes before light is traced, and their outputs.
 #[derive(Debug)]
 pub struct ViewPasses {
     pub camera: CameraBinding,
@@ -63,28 +63,28 @@ pub struct ViewPasses {
     pub gbuffer: GBuffer,
     config: ViewConfig,
     smoothed: bool,
-    /// The splats of this view alone, where it looks at walls from behind.
-    own: Option<SplatSet>,
+    /// Splats of this view alone, if it sees walls from behind.
+    own_splats: Option<SplatSet>,
 }
 
-/// What a view's textures are made for.
+/// Configuration of a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewConfig {
-    /// Pixels.
+    /// Size in pixels.
     pub size: UVec2,
     /// The frame has splashes.
     pub splash: bool,
-    /// Fluids of different absorption are to be told apart.
+    /// Draw the mixture, because the fluids differ in absorption.
     pub mixture: bool,
-    /// The opaque scene is to be drawn.
+    /// Draw the opaque scene.
     pub gbuffer: bool,
     /// Mip levels.
     pub levels: u32,
-    /// Light goes out of the liquid as well as in: backs are drawn.
+    /// Draw backs, because light leaves the liquid as well as enters it.
     pub backs: bool,
-    /// So many aggregates are hidden that they are left out.
+    /// Cull hidden aggregates, because there are many.
     pub culled: bool,
-    /// How the lists of tiles are divided.
+    /// Division of the lists of tiles.
     pub sections: Sections,
 }
 
@@ -123,11 +123,11 @@ impl ViewPasses {
             gbuffer,
             config,
             smoothed: false,
-            own: None,
+            own_splats: None,
         }
     }
 
-    /// Gives each pass what it needs at this size, and one pixel to those that do not run.
+    /// Resizes the textures of each pass, to one pixel for passes that do not run.
     pub fn resize(&mut self, gpu: &Gpu, config: ViewConfig) {
         let textures = |config: ViewConfig| ViewConfig { backs: true, ..config };
         let same = textures(config) == textures(self.config);
@@ -146,8 +146,8 @@ impl ViewPasses {
         self.gbuffer.resize(gpu, size, levels);
     }
 
-    /// Uploads the splats as the view is to see them, where they are not to be seen through walls; of
-    /// what has not moved since they are there.
+    /// Uploads splats for this view alone, if some of the shared ones would show through a wall seen from
+    /// behind.
     pub fn look_past_walls(
         &mut self,
         gpu: &Gpu,
@@ -156,18 +156,18 @@ impl ViewPasses {
         eye: DVec3,
         splats: &Splats,
     ) {
-        // The third row of the rotation into view space points at an orthographic view's eye.
+        // The third row of the rotation into view space points towards an orthographic view's eye.
         let [x, y, z] = camera.view_from_world.map(|column| f64::from(column[2]));
         let from = if camera.far > 0.0 { Eye::Towards(DVec3::new(x, y, z)) } else { Eye::At(eye) };
-        self.own = seen_past_walls(splats, &scene.solids, from).map(|seen| {
-            let mut own = self.own.take().unwrap_or_else(|| SplatSet::new(gpu));
+        self.own_splats = seen_past_walls(splats, &scene.solids, from).map(|seen| {
+            let mut own = self.own_splats.take().unwrap_or_else(|| SplatSet::new(gpu));
             own.upload(gpu, &seen);
             own
         });
     }
 
-    /// Uploads the view and the scene as it sees it, with the lights' own views and maps, and
-    /// compiles what is new.
+    /// Uploads the view, and the scene relative to it with the lights' views and maps, and compiles
+    /// missing pipelines.
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
@@ -179,7 +179,7 @@ impl ViewPasses {
     ) {
         let FrameInputs { scene, splats, splat_set, fits } = frame;
         self.camera.write(gpu, camera);
-        let splat_set = self.own.as_ref().unwrap_or(splat_set);
+        let splat_set = self.own_splats.as_ref().unwrap_or(splat_set);
         if self.config.culled {
             self.aggregate.prepare_culled(gpu, &self.camera, &splat_set.aggregates);
         }
@@ -197,7 +197,7 @@ impl ViewPasses {
         }
     }
 
-    /// Draws all of it.
+    /// Records all passes of the view.
     pub fn record(
         &self,
         gpu: &Gpu,
@@ -208,7 +208,7 @@ impl ViewPasses {
     ) {
         let encoder = &mut commands.encoder;
         let camera = &self.camera;
-        let liquid = self.own.as_ref().unwrap_or(frame.splat_set);
+        let liquid = self.own_splats.as_ref().unwrap_or(frame.splat_set);
         let backs = self.config.backs;
         let (aggregates, span) = (&liquid.aggregates, timer.span(splat));
         if self.config.culled {
@@ -241,7 +241,7 @@ impl ViewPasses {
         }
     }
 
-    /// What the liquid is drawn from: smoothed, if anything was.
+    /// The layers that the liquid is drawn from: smoothed, if there was smoothing.
     pub fn aggregate_layers(&self) -> &Layers {
         if self.smoothed { &self.smooth.layers } else { &self.aggregate.layers }
     }
@@ -251,7 +251,7 @@ impl ViewPasses {
         self.config.splash.then_some(&self.splash.layers)
     }
 
-    /// Whether the opaque scene is drawn.
+    /// Whether the G-buffer is drawn.
     pub fn has_gbuffer(&self) -> bool {
         self.config.gbuffer
     }

@@ -1,4 +1,4 @@
-//! `camera.wgsl`: view space, its rays and its pixels.
+//! `camera.wgsl`: view space, rays and pixel positions.
 
 use glam::{DVec2, DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
@@ -6,8 +6,8 @@ use limpid::camera::Camera;
 use super::support::{Kernel, Random, gpu, uniform};
 use super::view::{View, assert_near, case, number, vec3};
 
-/// Protects the conventions of view space: pixel positions and view rays are inverse to each other,
-/// pixels count from the top left, and `Camera::uniform` agrees with a view built by hand.
+/// Pixel positions and view rays are inverse to each other, pixels start at the top left, and
+/// `Camera::uniform` agrees with a hand-built view.
 #[test]
 fn camera_rays_and_pixels_are_inverse() {
     let Some(gpu) = gpu() else { return };
@@ -48,7 +48,7 @@ fn camera_rays_and_pixels_are_inverse() {
         let cases: Vec<[f32; 6]> = (0..5000)
             .map(|_| {
                 let u = random.pixel(size);
-                // A world point in front of the eye, on and around the picture.
+                // A world point in front of the eye, inside and around the picture.
                 let slope = (DVec2::new(random.unit(), random.unit()) - 0.5) * 4.0 * tangent;
                 let world = eye
                     + random.magnitude(0.1, 100.0) * (forward + slope.x * right + slope.y * upward);
@@ -71,8 +71,8 @@ fn camera_rays_and_pixels_are_inverse() {
                 let offset = world - eye;
                 (offset.dot(right), offset.dot(upward), offset.dot(forward))
             };
-            // The kernel's points are counted from the world's origin, so errors are of the eye's
-            // distance to it.
+            // The kernel's points are relative to the world origin, so errors scale with the eye's
+            // distance from it.
             let rounding = 1e-6 * (world.length() + eye.length());
             assert_near(number(result, 7), z, rounding, "depth");
             let expected =

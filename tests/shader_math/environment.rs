@@ -1,4 +1,4 @@
-//! The environments of `scene.wgsl`: what is seen in each direction.
+//! The environments of `scene.wgsl`.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,8 +8,8 @@ use limpid::wgpu;
 use super::support::{Kernel, Random, gpu, texture, uniform};
 use super::view::{assert_near, case, vec3};
 
-/// Protects the map's orientation: its middle is -z, right of it +x, its top +y, and it closes
-/// behind without a seam; texel centres come out exactly, places between them in proportion.
+/// The environment map has -z at its centre, +x to the right of it and +y at the top, and wraps without a
+/// seam; lookups are exact at texel centres and bilinear between them.
 #[test]
 fn environment_map_directions() {
     let Some(gpu) = gpu() else { return };
@@ -31,7 +31,7 @@ fn environment_map_directions() {
         let (w, h) = (i64::from(size.x), i64::from(size.y));
         vec3(&texels[(y.clamp(0, h - 1) * w + x.rem_euclid(w)) as usize][..3])
     };
-    // A place of the map, in texels, and the direction that it shows.
+    // Direction of a map position in texels.
     let shown = |u: f64, v: f64| {
         let (turn, tilt) = ((u / 16.0 - 0.5) * TAU, (0.5 - v / 8.0) * PI);
         DVec3::new(tilt.cos() * turn.sin(), tilt.sin(), -tilt.cos() * turn.cos())
@@ -46,10 +46,10 @@ fn environment_map_directions() {
         mean(&[(3, 3), (4, 3), (3, 4), (4, 4)]),
     ];
     let poles = expected.len();
-    // What a pole's longitude is, nobody can say; its row is.
+    // The longitude of a pole is undefined, but its row is known.
     expected.extend([DVec3::ZERO; 2]);
     for _ in 0..5000 {
-        // The seam at the back is within; rows beyond the first and last centres repeat them.
+        // Includes the seam; rows beyond the first and last centres repeat them.
         let (u, v) = (random.range(-1.0, 17.0), random.range(0.01, 7.99));
         let (x, y) = ((u - 0.5).floor(), (v - 0.5).floor());
         let (fx, fy) = (u - 0.5 - x, v - 0.5 - y);
@@ -73,14 +73,15 @@ fn environment_map_directions() {
             continue;
         }
         // WGSL allows angles an error of 4096 units in the last place, 1e-3 of a radian: 2e-3 of a
-        // texel here. Towards the poles, the longitude of a rounded direction is no better.
+        // texel here. Towards the poles, rounding of the direction affects the longitude as well.
         let direction = vec3(&cases[k]);
         let tolerance = 6e-3 + 1e-5 / direction.x.hypot(direction.z);
         assert_near(got.distance(*expected), 0.0, tolerance, &format!("towards {direction}"));
     }
 }
 
-/// Protects the other two environments, and that the constant chooses among the three.
+/// The constant `ENVIRONMENT` selects among the three environments, and constant and gradient match their
+/// formulas.
 #[test]
 fn environment_constant_and_gradient() {
     let Some(gpu) = gpu() else { return };

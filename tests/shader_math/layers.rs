@@ -1,12 +1,12 @@
-//! `layers.wgsl`: the planes that texels stand for.
+//! `layers.wgsl`: encoding of planes in texels.
 
 use glam::DVec2;
 
 use super::support::{Kernel, Random, gpu, uniform};
 use super::view::{View, assert_near, case, vec3};
 
-/// Protects the meaning of a texel: the plane through a point with a normal has the point's
-/// disparity at its pixel, faces away from the eye, and keeps the normal, edge-on to 1e-3.
+/// The plane through a point with a normal has the point's disparity at its pixel, faces away from the
+/// eye, and keeps the normal, down to an edge-on cosine of 1e-3.
 #[test]
 fn layers_planes_from_normals() {
     let Some(gpu) = gpu() else { return };
@@ -26,7 +26,7 @@ fn layers_planes_from_normals() {
         .map(|i| {
             let omega = view.omega(random.pixel(view.pixels()));
             let mut n = random.direction();
-            // Edge-on ones in every second case: off the edge by 1e-9 to 0.1, to either side.
+            // Every second case is edge-on: off by 1e-9 to 0.1, to either side.
             if i % 2 == 0 {
                 let ray = omega.normalize();
                 let across = n.cross(ray).normalize();
@@ -43,17 +43,17 @@ fn layers_planes_from_normals() {
         let ray = omega.normalize();
         let cosine = n.dot(ray);
         assert!(pi.is_finite() && pi.dot(omega) > 0.0, "{x:?} gives {pi}");
-        // Of a plane seen at a slant, the disparity is a small difference of large numbers.
+        // For a plane seen at a slant, disparity is a small difference of large numbers.
         let slant = cosine.abs().max(1e-3);
         assert_near(z * pi.dot(omega), 1.0, 6e-7 / slant, "disparity at the pixel");
-        // Within rounding of the edge, either side is as good.
+        // Within rounding of edge-on, either sign is correct.
         let angle = pi.normalize().distance(n).min(pi.normalize().distance(-n));
         let turned = (1e-3 - cosine.abs()).max(0.0);
         assert_near(angle, 0.0, turned + 1e-6, "direction");
     }
 }
 
-/// Protects smoothing's last step: a plane is rebuilt from its disparities at neighbouring pixels.
+/// A plane is rebuilt from its disparities at neighbouring pixels, as in the last step of smoothing.
 #[test]
 fn layers_planes_from_gradients() {
     let Some(gpu) = gpu() else { return };

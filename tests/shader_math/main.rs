@@ -1,8 +1,8 @@
-//! The mathematics of the shaders, run on the device against closed forms in 64 bits.
+//! Mathematical functions of the shaders on the device, against closed forms in 64 bits.
 //!
-//! References are computed from the 32-bit values that the device was given, so that tolerances
-//! speak of the shaders' own rounding alone: 2^-24 = 6e-8 per operation, and for division, square
-//! roots and the like the few units in the last place that WGSL allows.
+//! References are computed from the 32-bit inputs of the device, so that tolerances cover only the
+//! shaders' own rounding: 2^-24 = 6e-8 per operation, and for division, square roots and the like the
+//! few units in the last place that WGSL allows.
 
 mod camera;
 mod environment;

@@ -1,4 +1,4 @@
-//! `optics.wgsl`: refraction, reflection and absorption at and behind an interface.
+//! `optics.wgsl`: refraction, reflectance and absorption.
 
 use glam::DVec3;
 use limpid::gpu::Gpu;
@@ -6,7 +6,7 @@ use limpid::gpu::Gpu;
 use super::support::{Kernel, Random, gpu};
 use super::view::{assert_near, case, number, vec3};
 
-/// Cosine of the transmitted angle, reflectance, Schlick's reflectance.
+/// Computes the transmitted cosine, the Fresnel reflectance and Schlick's reflectance on the device.
 fn interface(gpu: &Gpu, cases: &[[f32; 2]]) -> Vec<[f32; 3]> {
     let kernel = Kernel {
         imports: &["common/optics.wgsl"],
@@ -20,8 +20,7 @@ fn interface(gpu: &Gpu, cases: &[[f32; 2]]) -> Vec<[f32; 3]> {
     kernel.run(gpu, cases)
 }
 
-/// Unpolarised reflectance from the angles (Fresnel's sine and tangent laws); 1 beyond the
-/// critical angle.
+/// Unpolarised reflectance by Fresnel's sine and tangent laws; 1 beyond the critical angle.
 fn fresnel(sin2_i: f64, sin2_t: f64, eta: f64) -> f64 {
     if sin2_t >= 1.0 {
         return 1.0;
@@ -35,8 +34,8 @@ fn fresnel(sin2_i: f64, sin2_t: f64, eta: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-/// Protects the textbook's numbers: Snell's angles, the critical angle between water and air to a
-/// ten-thousandth of a degree, Fresnel's and Schlick's reflectances.
+/// Textbook values: Snell's angles, the critical angle between water and air to a ten-thousandth of a
+/// degree, Fresnel's and Schlick's reflectances.
 #[test]
 fn optics_known_angles() {
     let Some(gpu) = gpu() else { return };
@@ -57,7 +56,7 @@ fn optics_known_angles() {
     let [cos_t, reflectance, schlick] = [0, 1, 2].map(|i| move |r: [f32; 3]| number(r, i));
     assert_near(cos_t(results[0]).acos().to_degrees(), 22.0824, 5e-5, "refracted angle");
     for normal in &results[1..3] {
-        assert_near(cos_t(*normal), 1.0, 1e-7, "straight through");
+        assert_near(cos_t(*normal), 1.0, 1e-7, "cosine at normal incidence");
         // 0.33^2 / 2.33^2, from either side.
         assert_near(reflectance(*normal), 0.020_059, 5e-7, "reflectance at normal incidence");
         assert_near(schlick(*normal), 0.020_059, 5e-7, "Schlick at normal incidence");
@@ -65,9 +64,9 @@ fn optics_known_angles() {
     assert_near(reflectance(results[3]), 0.13419, 5e-6, "water to air at 45 degrees");
     assert_near(schlick(results[3]), 0.14285, 5e-6, "Schlick with the transmitted cosine");
     // The critical angle is 48.75347 degrees; a ten-thousandth of a degree is 3e-6 in the squared
-    // sine, ten times what rounding does to it.
+    // sine, ten times its rounding error.
     assert!(cos_t(results[4]) >= 0.0 && reflectance(results[4]) < 1.0, "transmits: {results:?}");
-    // Light along the surface: all of it is reflected, what is left goes in at the critical angle.
+    // Grazing incidence: all light is reflected, and the refracted angle is the critical angle.
     assert_near(cos_t(results[7]).acos().to_degrees(), 48.7535, 1e-4, "grazing");
     assert_near(reflectance(results[7]), 1.0, 1e-6, "grazing reflectance");
     for total in &results[5..7] {
@@ -76,22 +75,22 @@ fn optics_known_angles() {
     }
 }
 
-/// Protects Snell's and Fresnel's laws at every angle and index, the critical angle included.
+/// Snell's and Fresnel's laws hold at all angles and indices, including the critical angle.
 #[test]
 fn optics_match_closed_forms() {
     let Some(gpu) = gpu() else { return };
     let mut random = Random(1);
     let cases: Vec<_> = (0..20_000)
         .map(|i| {
-            // A third of the cosines is small: grazing.
+            // A third of the cosines are small (grazing).
             let cosine = if i % 3 == 0 { random.magnitude(1e-9, 1.0) } else { random.unit() };
             let eta = random.range(1.02, 3.0);
             [cosine as f32, if i % 2 == 0 { eta } else { 1.0 / eta } as f32]
         })
         .collect();
     // Rounding of the squared transmitted sine: four operations on numbers of about 1, and the
-    // division. Near the critical angle its root amplifies it, so results are held against what
-    // this uncertainty allows.
+    // division. Near the critical angle the root amplifies it, so results are compared with the
+    // interval that this uncertainty spans.
     const ROUNDING: f64 = 5e-7;
     for (x, result) in cases.iter().zip(interface(gpu, &cases)) {
         let (cos_i, eta) = (f64::from(x[0]), f64::from(x[1]));
@@ -110,12 +109,12 @@ fn optics_match_closed_forms() {
         let (low, high) = (near.min(far) - 2e-6, near.max(far) + 2e-6);
         assert!((low..=high).contains(&reflectance), "{x:?} reflects {reflectance}, not {near}");
         for share in [reflectance, schlick] {
-            assert!((0.0..=1.0).contains(&share), "{x:?}: a share of {share}");
+            assert!((0.0..=1.0).contains(&share), "{x:?}: a reflectance of {share}");
         }
     }
 }
 
-/// Protects Helmholtz's reciprocity: an interface reflects as much from either side of a path.
+/// Helmholtz reciprocity: an interface has the same reflectance from either side of a path.
 #[test]
 fn optics_are_reciprocal() {
     let Some(gpu) = gpu() else { return };
@@ -127,15 +126,15 @@ fn optics_are_reciprocal() {
     let back: Vec<_> = cases.iter().zip(&there).map(|(x, r)| [r[0], 1.0 / x[1]]).collect();
     for ((x, there), back) in cases.iter().zip(&there).zip(interface(gpu, &back)) {
         let cos_i = number(*x, 0);
-        // The way back has the first angle, as far as the rounding of its square lets it.
-        assert_near(number(back, 0), cos_i, 1e-6 / cos_i + 1e-6, "the way back");
-        // A reflectance falls from 1 at grazing by at most about 4 eta per cosine.
+        // The reverse path has the original angle, up to rounding of its squared cosine.
+        assert_near(number(back, 0), cos_i, 1e-6 / cos_i + 1e-6, "cosine of the reverse path");
+        // Near grazing, reflectance falls from 1 by at most about 4 eta per cosine.
         let tolerance = 4.0 * number(*x, 1) * 1e-6 / cos_i + 2e-6;
-        assert_near(number(back, 1), number(*there, 1), tolerance, "the reflectance back");
+        assert_near(number(back, 1), number(*there, 1), tolerance, "reverse reflectance");
     }
 }
 
-/// Protects against NaN where ratios have no limit: grazing rays, and a liquid without contrast.
+/// Grazing rays, for which ratios approach 0/0, yield finite results.
 #[test]
 fn optics_are_finite_at_grazing() {
     let Some(gpu) = gpu() else { return };
@@ -150,25 +149,25 @@ fn optics_are_finite_at_grazing() {
             assert!(shares.iter().all(|s| (0.0..=1.0).contains(s)), "{x:?} gives {shares:?}");
         }
         let [_, reflectance, schlick] = interface(gpu, &cases(eta))[0];
-        assert_eq!([reflectance, schlick], [1.0, 1.0], "all is reflected at 90 degrees");
+        assert_eq!([reflectance, schlick], [1.0, 1.0], "total reflectance at 90 degrees");
     }
 }
 
-/// Protects the same for an index of exactly 1, which scenes may have: nothing is there to reflect.
+/// An index of exactly 1, which scenes may have, yields finite results and no reflection.
 #[test]
-fn optics_without_contrast_are_finite() {
+fn optics_of_index_one_are_finite() {
     let Some(gpu) = gpu() else { return };
     for cosine in [1.0, 0.5, 1e-2, 0.0] {
         let [cos_t, reflectance, _] = interface(gpu, &[[cosine, 1.0]])[0];
         assert!(cos_t.is_finite() && reflectance.is_finite(), "{cosine}: {cos_t} {reflectance}");
         if cosine > 0.0 {
-            assert_near(reflectance.into(), 0.0, 1e-6, "no contrast, no reflection");
+            assert_near(reflectance.into(), 0.0, 1e-6, "reflectance at index 1");
         }
     }
 }
 
-/// Protects refracted directions: unit, in the plane of incidence, on the far side, at Snell's
-/// angle, from normal to grazing incidence and up to the critical angle.
+/// Refracted directions are unit vectors in the plane of incidence, on the far side, at Snell's angle,
+/// from normal to grazing incidence and up to the critical angle.
 #[test]
 fn optics_refract_directions() {
     let Some(gpu) = gpu() else { return };
@@ -210,8 +209,8 @@ fn optics_refract_directions() {
         assert!(cos_t > 0.0, "{x:?} must transmit");
         let expected =
             (sin_t * along.normalize_or_zero() - (1.0 - sin_t * sin_t).sqrt() * n).normalize();
-        // The transmitted cosine is the root of a number known to 5e-7; the inputs are unit
-        // vectors to 1e-7.
+        // The transmitted cosine is the root of a number accurate to 5e-7; the inputs are unit
+        // vectors up to 1e-7.
         let tolerance = 2e-6 + 1e-6 / (1.0 - sin_t * sin_t).sqrt();
         assert_near(out.distance(expected), 0.0, tolerance, "refracted direction");
         assert_near(out.length(), 1.0, 3e-7, "unit vector");
@@ -220,7 +219,7 @@ fn optics_refract_directions() {
     assert_near((-down.y).acos().to_degrees(), 48.7535, 5e-5, "90 degrees, below the normal");
 }
 
-/// Protects absorption: Beer and Lambert's law per channel, from a drop to an ocean.
+/// Transmittance follows the Beer-Lambert law per channel, from a drop to an ocean.
 #[test]
 fn optics_transmittance_is_exponential() {
     let Some(gpu) = gpu() else { return };
@@ -240,13 +239,13 @@ fn optics_transmittance_is_exponential() {
             case(&[&sigma.to_array(), &[random.magnitude(1e-4, 1e4)]])
         })
         .collect();
-    // The middle ray of a ball in water, as long as the literature's check has it.
+    // The published chord through a ball of water.
     cases.push([1.0, 0.0, 1e30, 1.85329]);
     let results: Vec<[f32; 3]> = kernel.run(gpu, &cases);
     for (x, result) in cases.iter().zip(&results) {
         for channel in 0..3 {
             let depth = f64::from(x[channel]) * f64::from(x[3]);
-            // The exponent is rounded: an absolute error in it is a relative one of the result.
+            // An absolute rounding error of the exponent is a relative error of the result.
             let tolerance = 1e-6 + 2e-6 * depth * (-depth).exp();
             assert_near(number(*result, channel), (-depth).exp(), tolerance, "transmittance");
         }

@@ -1,4 +1,4 @@
-//! `screen_ray.wgsl`: rays as the picture has them, on which all intersectors rest.
+//! `screen_ray.wgsl`: screen-space rays, the basis of all intersectors.
 
 use glam::{DVec2, DVec3};
 use limpid::gpu::Gpu;
@@ -6,7 +6,7 @@ use limpid::gpu::Gpu;
 use super::support::{Kernel, Random, gpu, uniform};
 use super::view::{NOTHING, View, assert_near, case, distance_to_line, round3, vec3};
 
-/// What the device makes of a ray.
+/// A screen ray as computed on the device, with derived quantities.
 struct Ray {
     start: DVec2,
     end: DVec2,
@@ -20,7 +20,7 @@ struct Ray {
     tau_per_pixel: f64,
 }
 
-/// Cases are origin, direction, reach, plane, tau.
+/// Computes screen rays on the device. Cases hold origin, direction, reach, plane and tau.
 fn screen_rays(gpu: &Gpu, view: &View, cases: &[[f32; 11]]) -> Vec<Ray> {
     let buffer = uniform(gpu, &view.uniform);
     let kernel = Kernel {
@@ -65,8 +65,8 @@ fn ray_case(o: DVec3, d: DVec3, reach: f64, pi: DVec3, tau: f64) -> [f32; 11] {
     case(&[&o.to_array(), &d.to_array(), &[reach], &pi.to_array(), &[tau]])
 }
 
-/// A direction of one of the kinds that rays have: any; towards or away from the eye, exactly or
-/// by less than a pixel; across the view.
+/// A random direction, or one towards or away from the eye, exactly or within a pixel, or perpendicular
+/// to the view ray.
 fn awkward_direction(random: &mut Random, o: DVec3, kind: usize) -> DVec3 {
     let away = o.normalize();
     match kind % 6 {
@@ -78,9 +78,8 @@ fn awkward_direction(random: &mut Random, o: DVec3, kind: usize) -> DVec3 {
     }
 }
 
-/// Protects the parametrisation on which all intersectors rest: every tau is a point of the ray,
-/// in front of the eye and in the picture, whatever the direction and at any distance; and the
-/// residual against a plane is linear.
+/// For any direction and distance, every tau is a point of the ray, in front of the eye and in the
+/// picture, and the residual against a plane is linear in tau.
 #[test]
 fn screen_ray_points_lie_on_the_ray() {
     let Some(gpu) = gpu() else { return };
@@ -100,18 +99,18 @@ fn screen_ray_points_lie_on_the_ray() {
         let tau = f64::from(x[10]);
         for point in [ray.at, ray.end_point] {
             assert!(point.is_finite() && point.z < 0.0, "{x:?} passes {point}");
-            // Of a ray that comes near the eye, the last digits are those of where it started.
+            // Near the eye, precision is limited by the rounding of the ray's origin.
             let tolerance = 1e-4 * point.length() + 2e-7 * o.length();
             assert_near(distance_to_line(point, o, d), 0.0, tolerance, "distance to the ray");
         }
-        // The same digits, at the end's depth, in pixels.
+        // The same rounding error at the end's depth, in pixels.
         let blur = 4e-7 * o.length() / -ray.end_point.z * view.size.y / (2.0 * view.tangent.y);
         for (u, blur) in [(ray.start, 0.0), (ray.end, blur)] {
             let outside = (-u).max(u - view.size).max_element();
             assert!(outside <= 0.02 + blur, "{x:?} goes to {u}, {outside} px out of the picture");
         }
         assert!(ray.tau_per_pixel.is_finite() && ray.tau_per_pixel > 0.0, "{x:?}");
-        // Each residual is a difference of numbers of this size.
+        // Each residual is a difference of numbers of this magnitude.
         let size =
             pi.length() * view.omega(ray.start).length() + 1.0 / -ray.end_point.z - 1.0 / o.z;
         let line = ray.residuals[0] + tau * (ray.residuals[2] - ray.residuals[0]);
@@ -120,8 +119,8 @@ fn screen_ray_points_lie_on_the_ray() {
     }
 }
 
-/// Protects Newton's one step: the residual's root is where the ray meets the plane, within the
-/// reach of the ray, for planes at any distance along it.
+/// The root of the residual is the intersection of ray and plane, for planes at any distance within the
+/// reach of the ray.
 #[test]
 fn screen_ray_roots_are_intersections() {
     let Some(gpu) = gpu() else { return };
@@ -138,7 +137,7 @@ fn screen_ray_roots_are_intersections() {
             continue;
         }
         let n = random.direction();
-        // A plane that the ray or the eye sees edge-on has no well-defined intersection.
+        // The intersection with a plane edge-on to the ray or the eye is ill-conditioned.
         if n.dot(d).abs() < 0.05 || n.dot(hit.normalize()).abs() < 0.05 {
             continue;
         }
@@ -153,8 +152,8 @@ fn screen_ray_roots_are_intersections() {
     }
 }
 
-/// Protects the clipping: a ray that ends one pixel inside a border is whole, one that ends a
-/// pixel outside ends on the border, and one towards the eye ends at the near plane.
+/// A ray that ends one pixel inside a border is not clipped, one that ends a pixel outside is clipped to
+/// the border, and one towards the eye to the near plane.
 #[test]
 fn screen_ray_is_clipped_at_every_border() {
     let Some(gpu) = gpu() else { return };
@@ -173,7 +172,7 @@ fn screen_ray_is_clipped_at_every_border() {
                     2 => (DVec2::new(along.x, -outside), DVec2::new(f64::NAN, 0.0)),
                     _ => (DVec2::new(along.x, 480.0 + outside), DVec2::new(f64::NAN, 480.0)),
                 };
-                // On the screen the ray is a straight line: it is cut where that meets the edge.
+                // On the screen the ray is a straight line, clipped where it crosses the edge.
                 let share = if outside < 0.0 {
                     1.0
                 } else if edge.x.is_nan() {
@@ -189,11 +188,11 @@ fn screen_ray_is_clipped_at_every_border() {
         }
     }
     for ((x, ray), end) in cases.iter().zip(screen_rays(gpu, &view, &cases)).zip(&expected) {
-        // A rounded direction misses by 1e-7 of the ray's length: up to 100 times the depth at its
-        // end, of which a pixel is 1/600.
+        // A rounded direction is off by 1e-7 of the ray's length, which is up to 100 times the depth at
+        // its end; a pixel is 1/600 of that depth.
         assert_near(ray.end.distance(*end), 0.0, 0.02, &format!("end of {x:?} in px"));
         let inside = ray.texel.clamp(DVec2::ZERO, view.size - 1.0);
-        assert_eq!(ray.texel, inside, "texels are in the picture");
+        assert_eq!(ray.texel, inside, "the texel is in the picture");
     }
 
     // Towards the eye, and past it on either side.
@@ -206,12 +205,12 @@ fn screen_ray_is_clipped_at_every_border() {
         .collect();
     for (x, ray) in cases.iter().zip(screen_rays(gpu, &view, &cases)) {
         let depth = -ray.end_point.z;
-        // Relative to the ray's length, of which the near plane is a small part.
+        // Relative to the ray's length, of which the near plane is a small fraction.
         let tolerance = 3e-7 * f64::from(-x[2]) + 1e-6 * view.near;
         assert!(depth >= view.near - tolerance, "{x:?} ends at depth {depth}");
         let on_screen = ray.end.clamp(DVec2::ZERO, view.size).distance(ray.end);
         if view.pixel(vec3(&x[..3])).distance(ray.end) < 200.0 {
-            assert_near(depth, view.near, tolerance, "the near plane ends it");
+            assert_near(depth, view.near, tolerance, "depth of the clipped end");
         }
         assert!(on_screen < 1.0, "{x:?} ends at {}", ray.end);
     }

@@ -1,4 +1,4 @@
-//! The solids of `scene.wgsl`: where rays hit them, how far they are, and their checkers.
+//! The solids of `scene.wgsl`: intersection, distance and checkers.
 
 use glam::{DVec2, DVec3};
 use limpid::gpu::Gpu;
@@ -6,7 +6,7 @@ use limpid::gpu::Gpu;
 use super::support::{Kernel, Random, gpu};
 use super::view::{NOTHING, assert_near, case, number, round3, vec3};
 
-/// A solid's form, in 64 bits; numbered as in `common/scene.wgsl`.
+/// A solid's shape in 64 bits, numbered as in `common/scene.wgsl`.
 #[derive(Debug, Clone, Copy)]
 enum Form {
     Plane { normal: DVec3, half_extent: f64 },
@@ -15,7 +15,7 @@ enum Form {
 }
 
 impl Form {
-    /// Shape, extent, half extent.
+    /// Shape, extent and half extent.
     fn numbers(self) -> [f64; 5] {
         match self {
             Self::Plane { normal: n, half_extent } => [0.0, n.x, n.y, n.z, half_extent],
@@ -34,7 +34,7 @@ impl Form {
         }
     }
 
-    /// The nearest hit along o + t d, t > 0, seen from the solid's origin, and the normal there.
+    /// Nearest hit along o + t d, t > 0, relative to the solid's origin, and the normal there.
     fn trace(self, o: DVec3, d: DVec3) -> Option<(f64, DVec3)> {
         let mut hits = Vec::new();
         match self {
@@ -87,7 +87,7 @@ impl Form {
     }
 }
 
-/// A plane's own coordinates: the two axes other than the one its normal is closest to.
+/// Coordinates in a plane: drops the axis closest to the normal.
 fn in_plane(normal: DVec3, x: DVec3) -> DVec2 {
     let a = normal.abs();
     if a.y >= a.x && a.y >= a.z {
@@ -99,7 +99,7 @@ fn in_plane(normal: DVec3, x: DVec3) -> DVec2 {
     }
 }
 
-/// A random solid of about unit size, kinds in turn.
+/// A random solid of about unit size; `kind` cycles through the shapes.
 fn random_form(random: &mut Random, kind: usize) -> Form {
     match kind % 4 {
         0 => Form::Plane { normal: random.direction(), half_extent: random.magnitude(0.1, 10.0) },
@@ -115,8 +115,8 @@ const SOLID_KERNEL: &str = "
             vec3f(1.0), x[11], vec3f(0.0), 0u, phase);
     }";
 
-/// Distance along the ray, distance of the origin from the surface, normal at the hit. Cases are
-/// the solid's origin and numbers, then the ray.
+/// Computes distance along the ray, distance of its origin from the surface, and normal at the hit on the
+/// device. Cases hold the solid's origin and numbers, then the ray.
 fn trace_solids(gpu: &Gpu, cases: &[[f32; 14]]) -> Vec<[f32; 5]> {
     let body = format!(
         "{SOLID_KERNEL}
@@ -134,7 +134,7 @@ fn trace_solids(gpu: &Gpu, cases: &[[f32; 14]]) -> Vec<[f32; 5]> {
     kernel.run(gpu, cases)
 }
 
-/// The form and ray of a case as the device has them, seen from the solid's origin.
+/// Shape and ray of a case at device precision, relative to the solid's origin.
 fn solid_and_ray(x: &[f32; 14]) -> (Form, DVec3, DVec3) {
     let extent = vec3(&x[4..7]);
     let form = match x[3] {
@@ -145,9 +145,9 @@ fn solid_and_ray(x: &[f32; 14]) -> (Form, DVec3, DVec3) {
     (form, vec3(&x[8..11]) - vec3(&x[..3]), vec3(&x[11..14]))
 }
 
-/// Holds the device's answers against those for solids that are larger and smaller by what rounding
-/// may do at this distance: between the two, and a miss only where one of them is missed. Returns
-/// how many cases were sharp: both hit or both missed.
+/// Checks that the device's hits lie between those for solids enlarged and shrunk by the rounding error
+/// at their distance, and that it misses only if one of these is missed. Returns the number of sharp
+/// cases, in which both are hit or both are missed.
 fn check_traces(gpu: &Gpu, cases: &[[f32; 14]]) -> usize {
     let results = trace_solids(gpu, cases);
     let checked = || cases.iter().zip(&results).map(|(x, result)| check_trace(x, *result));
@@ -158,7 +158,7 @@ fn check_traces(gpu: &Gpu, cases: &[[f32; 14]]) -> usize {
 
 fn check_trace(x: &[f32; 14], result: [f32; 5]) -> Result<bool, String> {
     let (form, o, d) = solid_and_ray(x);
-    // An origin and a direction are known to 6e-8, and so is where the ray passes.
+    // Origin and direction are accurate to 6e-8, which limits the accuracy of the ray.
     let rounding = 4e-7 * o.length() + 1e-6;
     let hits = [rounding, -rounding].map(|by| form.grown(by).trace(o, d));
     let t = f64::from(result[0]);
@@ -172,7 +172,7 @@ fn check_trace(x: &[f32; 14], result: [f32; 5]) -> Result<bool, String> {
     };
     let slack = 1e-6 * (a.0 + o.length());
     let (slack, radius) = match form {
-        // A plane met at a slant: its distance is rounded, and divided by the cosine.
+        // A plane at a slant: the rounding error of its distance is divided by the cosine.
         Form::Plane { .. } => (slack / a.1.dot(d).abs(), NOTHING),
         Form::Box { .. } => (slack, NOTHING),
         Form::Sphere { radius } => (slack, radius),
@@ -181,7 +181,7 @@ fn check_trace(x: &[f32; 14], result: [f32; 5]) -> Result<bool, String> {
     if !found || !(low..=high).contains(&t) {
         return Err(format!("{form:?} from {o} along {d} must be hit at {low} to {high}, not {t}"));
     }
-    // Which face an edge belongs to, rounding decides.
+    // At an edge, rounding decides the face.
     let off = vec3(&result[2..]).distance(a.1);
     if a.1.distance(b.1) < 1e-2 && off > 1e-2 + 2.0 * rounding / radius {
         return Err(format!(
@@ -193,7 +193,7 @@ fn check_trace(x: &[f32; 14], result: [f32; 5]) -> Result<bool, String> {
     Ok(true)
 }
 
-/// Protects what rays see: hits of planes, boxes and spheres from anywhere, inside them too.
+/// Rays hit planes, boxes and spheres from any origin, including inside.
 #[test]
 fn solids_are_traced() {
     let Some(gpu) = gpu() else { return };
@@ -210,11 +210,11 @@ fn solids_are_traced() {
         })
         .collect();
     let sharp = check_traces(gpu, &cases);
-    assert!(sharp > 39_000, "only {sharp} cases say anything");
+    assert!(sharp > 39_000, "only {sharp} sharp cases");
 }
 
-/// Protects axis-parallel rays, which straight cameras and level water have whole lines of, with
-/// origins in the planes of faces too.
+/// Axis-parallel rays, which are common with axis-aligned cameras and level water, are traced correctly,
+/// also with origins in the planes of faces.
 #[test]
 fn solids_are_traced_along_axes() {
     let Some(gpu) = gpu() else { return };
@@ -240,8 +240,8 @@ fn solids_are_traced_along_axes() {
     check_traces(gpu, &cases);
 }
 
-/// Protects far spheres: a ten-thousandth of the distance wide, hit and missed as they should be.
-/// The textbook's discriminant has no digits left there.
+/// Spheres at a distance of 10⁴ radii are hit and missed correctly, where the textbook discriminant has
+/// no precision left.
 #[test]
 fn solids_are_traced_far_away() {
     let Some(gpu) = gpu() else { return };
@@ -258,10 +258,10 @@ fn solids_are_traced_far_away() {
         })
         .collect();
     let sharp = check_traces(gpu, &cases);
-    assert!(sharp > 9500, "only {sharp} cases say anything");
+    assert!(sharp > 9500, "only {sharp} sharp cases");
 }
 
-/// Protects contact: the distance of a point from a solid, negative inside, none beside a square.
+/// The distance of a point from a solid is exact, negative inside, and `NOTHING` beside a plane's square.
 #[test]
 fn solids_have_distances() {
     let Some(gpu) = gpu() else { return };
@@ -276,7 +276,7 @@ fn solids_have_distances() {
     for (x, result) in cases.iter().zip(trace_solids(gpu, &cases)) {
         let (form, o, _) = solid_and_ray(x);
         let expected = form.distance(o);
-        // A point in line with a square's border may count to either side.
+        // A point above a square's border may count as either side.
         if expected.max(form.grown(1e-5).distance(o)) < NOTHING || result[1] < 1e30 {
             if form.grown(-1e-5).distance(o) >= NOTHING && expected < NOTHING {
                 continue;
@@ -288,8 +288,8 @@ fn solids_have_distances() {
     }
 }
 
-/// Protects checkers: tiles are counted from the world's origin without a double or missing one at
-/// zero, on floors, walls and balls alike, wherever the eye is; the tile at the origin is even.
+/// Checkers alternate through the world origin without a double or missing tile, on floors, walls and
+/// balls, for any eye position; the tile at the origin is even.
 #[test]
 fn checkers_alternate_through_zero() {
     let Some(gpu) = gpu() else { return };

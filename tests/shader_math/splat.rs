@@ -1,4 +1,4 @@
-//! `splat.wgsl`: ellipsoids as maps to the unit sphere, and the depths that they are drawn at.
+//! `splat.wgsl`: maps to the unit sphere, depth bounds and bounding rectangles of ellipsoids.
 
 use glam::{DMat3, DVec2, DVec3, UVec2, Vec2, Vec3};
 use limpid::camera::{Camera, CameraUniform};
@@ -6,20 +6,20 @@ use limpid::camera::{Camera, CameraUniform};
 use super::support::{Kernel, Random, gpu, uniform};
 use super::view::case;
 
-/// A rotation to anywhere.
+/// A random rotation.
 fn turn(random: &mut Random) -> DMat3 {
     let x = random.direction();
     let y = x.cross(random.direction()).normalize();
     DMat3::from_cols(x, y, x.cross(y))
 }
 
-/// The six entries of a symmetric matrix, as a splat has them.
+/// The six entries of a symmetric matrix, in a splat's order.
 fn entries(m: DMat3) -> [f64; 6] {
     [m.x_axis.x, m.y_axis.y, m.z_axis.z, m.x_axis.y, m.x_axis.z, m.y_axis.z]
 }
 
-/// Protects splats: the map to the unit sphere is the inverse of the ellipsoid's axes, from drops
-/// of micrometres to boulders, round to flat.
+/// The map to the unit sphere is the inverse of the ellipsoid's axes matrix, from micrometre drops to
+/// boulders, round to flat.
 #[test]
 fn splat_matrices_are_inverted() {
     let Some(gpu) = gpu() else { return };
@@ -36,7 +36,7 @@ fn splat_matrices_are_inverted() {
     let cases: Vec<[f32; 6]> = (0..20_000)
         .map(|i| {
             let turn = turn(&mut random);
-            // `max_ratio` goes to 100 for eigenvalues of the covariance: 10 for the axes.
+            // `max_ratio` is at most 100 for eigenvalues of the covariance: 10 for the axes.
             let flat = if i % 3 == 0 { 1.0 } else { random.magnitude(1.0, 10.0) };
             let axes = DVec3::new(1.0, random.range(1.0 / flat, 1.0), 1.0 / flat);
             let m =
@@ -51,18 +51,17 @@ fn splat_matrices_are_inverted() {
         let inverse = DMat3::from_cols_array(&result.map(f64::from));
         let off = (m * inverse - DMat3::IDENTITY).to_cols_array();
         let worst = off.iter().fold(0.0, |worst: f64, e| worst.max(e.abs()));
-        // Cofactors are differences of products: up to 100 times smaller than these at a ratio of
-        // 10, so their rounding is that much larger; and again in the product above.
+        // Cofactors are differences of products that are up to 100 times larger at a ratio of 10, which
+        // amplifies rounding by as much; and again in the product above.
         assert!(worst < 2e-4, "{x:?}: inverse off by {worst:e}");
     }
 }
 
-/// Protects the fragments that devices leave out early: none writes a depth beyond the bound that it was
-/// promised to keep, nearer for fronts, farther for backs, from drops of millimetres near by to
-/// boulders far off and across the near plane, in perspective and in a sun's view; and the bound is no
-/// further off than the ellipsoid is deep.
+/// No fragment writes a depth beyond the bound that devices use for early depth tests, nearer for fronts,
+/// farther for backs, from nearby millimetre drops to distant boulders and across the near plane, in
+/// perspective and orthographic views; and the bound is tight to about the depth extent of the ellipsoid.
 #[test]
-fn depths_keep_within_their_bound() {
+fn depths_are_within_their_bound() {
     let Some(gpu) = gpu() else { return };
     let camera = Camera {
         eye: DVec3::ZERO,
@@ -114,7 +113,7 @@ fn depths_keep_within_their_bound() {
         let results: Vec<[f32; 4]> = kernel.run(gpu, &cases);
         let mut hits = 0;
         for (x, [hit, depth, bound, other_end]) in cases.iter().zip(results) {
-            // What lies beyond the far end is clipped.
+            // Depths beyond the far plane are clipped.
             if hit == 0.0 || !(0.0..=1.0).contains(&depth) {
                 continue;
             }
@@ -124,16 +123,16 @@ fn depths_keep_within_their_bound() {
             let across = (bound - other_end).abs();
             assert!(
                 (bound - depth).abs() <= 2.0 * across + 1e-3 * bound + 2e-6,
-                "{x:?}: {bound} is far"
+                "{x:?}: the bound {bound} is not tight"
             );
         }
         assert!(hits > 5000, "{hits} rays hit");
     }
 }
 
-/// Protects pictures beside and inside of liquid from splats as large as the picture: of an ellipsoid that
-/// the near plane cuts, the rectangle holds every pixel whose ray meets what is left of it, and is no larger
-/// than the picture of that by more than a part of a pixel.
+/// The bounding rectangle of an ellipsoid that the near plane cuts contains every pixel whose ray hits the
+/// remaining part, and exceeds it by at most a fraction of a pixel. Looser rectangles would fill the
+/// picture when the eye is near or inside liquid.
 #[test]
 fn rectangles_of_cut_splats_are_tight() {
     let Some(gpu) = gpu() else { return };
@@ -214,12 +213,12 @@ fn rectangles_of_cut_splats_are_tight() {
     assert!(cut > 2900 && wide < cut / 2 && pixels > 100_000, "{cut}, {wide}, {pixels}");
 }
 
-/// The least and the greatest slope, along x or y, of what the near plane leaves of the ellipsoid: by
-/// bisection, for a line through the eye bounds it if the farthest point beyond the line is on it.
+/// Smallest and largest slope, along x or y, of the part of the ellipsoid beyond the near plane, by
+/// bisection: a line through the eye bounds the part if the part's farthest point is on the line.
 fn cut_slopes(m: DMat3, centre: DVec3, axis: usize, near: f64) -> [f64; 2] {
     let (a, g) = (m.row(axis), -m.row(2));
     let (x, depth) = (centre[axis], -centre.z);
-    // Ends of the cut.
+    // Ends of the cut by the near plane.
     let along = (near - depth) / g.length_squared();
     let half = (1.0 - along * along * g.length_squared()).sqrt() * a.cross(g).length() / g.length();
     let reaches = |sign: f64, slope: f64| {

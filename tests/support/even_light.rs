@@ -1,15 +1,14 @@
-//! The closed form of even light below level liquid.
+//! Numerical reference for uniform sky light below level liquid.
 
 use glam::DVec3;
 use limpid_lab::reference::optics::{fresnel, transmittance};
 
-/// The share of the light of an even sky that falls on a level patch `depth` metres below the surface
-/// of liquid of index `ior`: the mean over the sky, by the square of the sine, of what gets in and is
-/// not absorbed on its way.
+/// Share of uniform sky light that reaches a level patch `depth` metres below the surface of liquid of
+/// index `ior`: the transmitted and not absorbed light, averaged over the squared sine of the sky angle.
 pub(crate) fn even_light(ior: f64, absorption: DVec3, depth: f64) -> DVec3 {
     const STEPS: u32 = 4000;
     let step = |i: u32| {
-        // By the cosine in the air, c: the measure is 2 c dc.
+        // Integrates over the cosine c in air: the measure is 2 c dc.
         let c = (f64::from(i) + 0.5) / f64::from(STEPS);
         let cos = (1.0 - (1.0 - c * c) / (ior * ior)).sqrt();
         let in_liquid = transmittance(absorption, depth / cos);

@@ -1,4 +1,4 @@
-//! What the tests of drawn frames share: splats by hand, one renderer, its images by name, and
+//! Support for tests of rendered frames: hand-made splats, a shared renderer, its images by name, and
 //! the same geometry in 64 bits.
 
 #![allow(dead_code, reason = "each test uses a part")]
@@ -18,16 +18,16 @@ use limpid::renderer::Renderer;
 use limpid::scene::{Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::Settings;
 
-/// A device and a renderer that counts.
+/// A device and a renderer with diagnostics.
 pub(crate) struct Stage {
     pub(crate) gpu: Gpu,
     pub(crate) renderer: Renderer,
 }
 
-/// The one renderer of a test program: a software adapter takes seconds to compile each variant.
-/// That its frames do not depend on those of other tests is itself under test, in `frames.rs`.
+/// The renderer shared by all tests of a program, since a software adapter takes seconds to compile each
+/// variant. `frames.rs` tests that frames do not depend on earlier ones.
 ///
-/// Without an adapter this is `None`, unless the environment demands one.
+/// `None` without an adapter, unless the environment requires one.
 pub(crate) fn stage() -> Option<MutexGuard<'static, Stage>> {
     static STAGE: OnceLock<Option<Mutex<Stage>>> = OnceLock::new();
     let open = || {
@@ -36,12 +36,12 @@ pub(crate) fn stage() -> Option<MutexGuard<'static, Stage>> {
         renderer.diagnose = true;
         Some(Mutex::new(Stage { gpu, renderer }))
     };
-    // A test that failed leaves nothing behind that the next frame does not replace.
+    // A poisoned lock is harmless: the next frame replaces all state of a failed test.
     let stage = STAGE.get_or_init(open).as_ref()?;
     Some(stage.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// A device of the test's own, under the same condition.
+/// A new device, under the same condition.
 pub(crate) fn gpu() -> Option<Gpu> {
     let set = |name: &str, value: &str| std::env::var(name).is_ok_and(|v| v == value);
     match Gpu::headless() {
@@ -126,7 +126,7 @@ impl Shot {
         (0..size.y).flat_map(move |y| (0..size.x).map(move |x| UVec2::new(x, y)))
     }
 
-    /// NaN and ∞ are never values: in no image, at no pixel.
+    /// No image has a NaN or infinite value.
     #[track_caller]
     pub(crate) fn assert_finite(&self) {
         for (name, values) in &self.channels {
@@ -138,13 +138,13 @@ impl Shot {
     }
 }
 
-/// Mean absolute difference of two frames' radiance.
+/// Mean absolute difference of radiance between two frames.
 pub(crate) fn mean_difference(a: &Shot, b: &Shot) -> f64 {
     let total: f64 = a.pixels().map(|p| (a.radiance(p) - b.radiance(p)).abs().element_sum()).sum();
     total / (3 * a.size.x * a.size.y) as f64
 }
 
-/// An ellipsoid with semi-axes `axes` along the turned x, y and z.
+/// An ellipsoid with semi-axes `axes` along the rotated x, y and z.
 pub(crate) fn ellipsoid(centre: Vec3, axes: Vec3, turn: Quat) -> Splat {
     let turn = Mat3::from_quat(turn).as_dmat3();
     let a = turn * DMat3::from_diagonal(axes.as_dvec3()) * turn.transpose();
@@ -172,7 +172,7 @@ pub(crate) fn splats(aggregates: &[Splat], splashes: &[Splat], r: f32) -> Splats
     }
 }
 
-/// Clear water under a white sky, unsmoothed, so that the layers are the ellipsoids themselves.
+/// Clear water under a white sky, without smoothing, so that the layers hold the exact ellipsoids.
 pub(crate) fn scene() -> Scene {
     let mut settings = Settings::default();
     settings.smooth.iterations = 0;
@@ -190,7 +190,7 @@ pub(crate) fn glowing(shape: Shape, color: Vec3) -> Solid {
     Solid { shape, surface: Surface::Color(color), lit: false }
 }
 
-/// A camera at `distance` on the z axis that looks at the origin: view space is the world, moved.
+/// A camera at `distance` on the z axis that looks at the origin: view space is a translated world space.
 pub(crate) fn on_axis(distance: f32, fov_y: f32) -> Camera {
     let eye = DVec3::Z * f64::from(distance);
     Camera { eye, target: DVec3::ZERO, up: Vec3::Y, fov_y, near: None }
@@ -222,18 +222,18 @@ impl View {
         }
     }
 
-    /// The ray through pixel position `u`, of unit depth.
+    /// Ray of unit depth through pixel position `u`.
     pub(crate) fn omega(&self, u: DVec2) -> DVec3 {
         let ndc = 2.0 * u / self.size - 1.0;
         DVec3::new(ndc.x * self.tangent.x, -ndc.y * self.tangent.y, -1.0)
     }
 
-    /// The ray through the middle of pixel p.
+    /// Ray of unit depth through the centre of pixel p.
     pub(crate) fn through(&self, p: UVec2) -> DVec3 {
         self.omega(p.as_dvec2() + 0.5)
     }
 
-    /// The pixel position of a point in front of the eye.
+    /// Pixel position of a point in front of the eye.
     pub(crate) fn pixel(&self, x: DVec3) -> DVec2 {
         let ndc = x.truncate() / (-x.z * self.tangent);
         (DVec2::new(ndc.x, -ndc.y) * 0.5 + 0.5) * self.size
@@ -282,14 +282,14 @@ impl Ellipsoid {
         }
     }
 
-    /// 1 − f², f being the line's distance from the centre where the ellipsoid is the unit sphere:
-    /// positive where the line meets it.
+    /// 1 − f² with the line's distance f from the centre in the space where the ellipsoid is the unit
+    /// sphere: positive if the line hits the ellipsoid.
     pub(crate) fn discriminant(&self, o: DVec3, d: DVec3) -> f64 {
         let (start, d) = (self.to_sphere * (o - self.centre), self.to_sphere * d);
         1.0 - (start - start.dot(d) / d.length_squared() * d).length_squared()
     }
 
-    /// Where the line o + t d enters and leaves.
+    /// Parameters t at which the line o + t d enters and leaves.
     pub(crate) fn hits(&self, o: DVec3, d: DVec3) -> Option<[f64; 2]> {
         let discriminant = self.discriminant(o, d);
         let (start, d) = (self.to_sphere * (o - self.centre), self.to_sphere * d);
@@ -315,7 +315,7 @@ pub(crate) fn noise_vector(seed: &mut u64) -> Vec3 {
     Vec3::from_array([(); 3].map(|()| 2.0 * noise(seed) - 1.0))
 }
 
-/// A turn about a random axis by a random angle.
+/// A rotation about a random axis by a random angle.
 pub(crate) fn noise_turn(seed: &mut u64) -> Quat {
     Quat::from_axis_angle(noise_vector(seed).normalize_or(Vec3::X), 6.3 * noise(seed))
 }

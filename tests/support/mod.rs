@@ -1,4 +1,4 @@
-//! Functions of the shaders, run on the device over arrays of cases.
+//! Runs shader functions on the device over arrays of test cases.
 
 use std::env;
 use std::sync::OnceLock;
@@ -8,10 +8,10 @@ use limpid::gpu::Gpu;
 use limpid::gpu::shader;
 use limpid::wgpu;
 
-/// The adapter's device, shared by a file's tests; `None`, after saying why, if there is none.
+/// A device shared by all tests of a program. Without an adapter, prints the reason and returns `None`.
 ///
 /// # Panics
-/// If there is none and `LIMPID_REQUIRE_GPU=1` or `CI=true` says that there should be.
+/// If there is no adapter and `LIMPID_REQUIRE_GPU=1` or `CI=true` requires one.
 pub(crate) fn gpu() -> Option<&'static Gpu> {
     static GPU: OnceLock<Result<Gpu, String>> = OnceLock::new();
     match GPU.get_or_init(|| Gpu::headless().map_err(|e| e.to_string())) {
@@ -40,7 +40,7 @@ impl Random {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform in the logarithm: every magnitude as often.
+    /// Uniform in the logarithm.
     pub(crate) fn magnitude(&mut self, low: f64, high: f64) -> f64 {
         self.range(low.ln(), high.ln()).exp()
     }
@@ -58,8 +58,8 @@ impl Random {
     }
 }
 
-/// A function of the shaders: `fn test(x: array<f32, I>) -> array<f32, O>` in `body`, which may
-/// call whatever the files named in `imports` define.
+/// A test kernel: `fn test(x: array<f32, I>) -> array<f32, O>` in `body`, which may call functions of the
+/// files in `imports`.
 pub(crate) struct Kernel<'a> {
     pub(crate) imports: &'a [&'a str],
     pub(crate) body: &'a str,
@@ -69,11 +69,11 @@ pub(crate) struct Kernel<'a> {
     pub(crate) resources: &'a [(u32, u32, wgpu::BindingResource<'a>)],
 }
 
-/// Where no shader file has bindings.
+/// A bind group without bindings in the shader files.
 const OWN_GROUP: u32 = 3;
 
 impl Kernel<'_> {
-    /// The results of all cases, in their order.
+    /// Runs all cases and returns their results, in order.
     pub(crate) fn run<const I: usize, const O: usize>(
         &self,
         gpu: &Gpu,

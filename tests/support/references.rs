@@ -1,10 +1,10 @@
-//! Where the pictures are that other software made of the same particles.
+//! Location of reference pictures that other software rendered from the same particles.
 
 use std::path::PathBuf;
 
-/// The folder that `LIMPID_REFERENCE` names, with `scenes/NAME.toml` and `pictures/NAME.png`; they are not
-/// part of what a user clones. Without it the test says that it is skipped, which
-/// `LIMPID_REQUIRE_REFERENCE` forbids.
+/// The folder in `LIMPID_REFERENCE`, with `scenes/NAME.toml` and `pictures/NAME.png`, which are not part
+/// of the repository. Without it the test is skipped with a message, or fails if
+/// `LIMPID_REQUIRE_REFERENCE` is set.
 pub(crate) fn references() -> Option<PathBuf> {
     if let Some(folder) = std::env::var_os("LIMPID_REFERENCE") {
         let folder = PathBuf::from(folder);

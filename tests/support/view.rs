@@ -1,14 +1,14 @@
-//! View space in 64 bits, and cases for the device.
+//! View space in 64 bits, and test cases for the device.
 
 #![allow(dead_code, reason = "no test file uses all of it")]
 
 use glam::{DVec2, DVec3, UVec2, Vec3};
 use limpid::camera::{Camera, CameraUniform};
 
-/// Beyond every distance, as in `common/scene.wgsl`.
+/// Ray parameter of a miss, as in `common/scene.wgsl`.
 pub(crate) const NOTHING: f64 = 1e30;
 
-/// The nearest vector that the device can be given.
+/// Rounds a vector to 32-bit floats.
 pub(crate) fn round3(x: DVec3) -> DVec3 {
     x.as_vec3().as_dvec3()
 }
@@ -17,7 +17,7 @@ pub(crate) fn vec3(x: &[f32]) -> DVec3 {
     DVec3::new(x[0].into(), x[1].into(), x[2].into())
 }
 
-/// Joins numbers and vectors into one case.
+/// Concatenates numbers and vectors into a case.
 pub(crate) fn case<const N: usize>(parts: &[&[f64]]) -> [f32; N] {
     let numbers: Vec<f32> = parts.concat().into_iter().map(|x| x as f32).collect();
     numbers.try_into().expect("as many numbers as the kernel takes")
@@ -51,7 +51,7 @@ impl View {
         }
     }
 
-    /// 45 degrees, wherever it is.
+    /// A view with a field of view of 45 degrees at an arbitrary position.
     pub(crate) fn of_size(width: u32, height: u32, near: f32) -> Self {
         let camera = Camera {
             eye: DVec3::new(1.0, 2.0, 3.0),
@@ -67,7 +67,7 @@ impl View {
         self.size.as_uvec2()
     }
 
-    /// The ray of unit depth through a pixel position.
+    /// Ray of unit depth through a pixel position.
     pub(crate) fn omega(&self, u: DVec2) -> DVec3 {
         let x = (u.x / self.size.x - 0.5) * 2.0 * self.tangent.x;
         let y = (0.5 - u.y / self.size.y) * 2.0 * self.tangent.y;
@@ -82,7 +82,7 @@ impl View {
         )
     }
 
-    /// The plane whose disparity at `u` is `disparity`, with its slope per pixel.
+    /// Plane with disparity `disparity` at `u` and the given slope per pixel.
     pub(crate) fn plane(&self, u: DVec2, disparity: f64, slope: DVec2) -> DVec3 {
         let omega = self.omega(u);
         let x = slope.x * self.size.x / (2.0 * self.tangent.x);

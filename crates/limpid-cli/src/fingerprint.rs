@@ -1,9 +1,10 @@
 //! Fingerprints: hashes of everything that a picture was made from, stored in the picture.
 //!
-//! A resumed run skips the pictures that it would draw the same way. A [`Fingerprint`] covers everything
-//! that determines the pixels: the resolved scene with its settings and its environment, the camera, the
-//! size, the frame time, the origin of the particles, and limpid's version. Particle files are identified
-//! by path, length and modification time, since reading all of them would take as long as drawing them.
+//! A resumed run skips the pictures that it would draw the same way. A [`Fingerprint`] covers
+//! everything that determines the pixels: the resolved scene with its settings and its environment, the
+//! camera, the size, the frame time, the origin of the particles, and limpid's version. Particle files
+//! are identified by path, length and modification time, since reading all of them would take as long
+//! as drawing them.
 //!
 //! It does not cover the adapter, since the machines of a farm share their work.
 
@@ -30,8 +31,8 @@ const PIXELS: &str = "limpid:pixels";
 
 /// A 128-bit hash of everything that a picture is made from; see [the module](self).
 ///
-/// Computed by `SipHash`-2-4 (Aumasson and Bernstein 2012), which is fast and the same on every platform;
-/// it detects mistakes, not forgeries.
+/// Computed by `SipHash`-2-4 (Aumasson and Bernstein 2012), which is fast and the same on every
+/// platform; it detects mistakes, not forgeries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Fingerprint(u128);
 

@@ -1,7 +1,7 @@
 //! Compiled pipelines, kept in the user's cache folder so that the next run does not compile them again.
 //!
 //! Vulkan drivers return them as opaque bytes, and trust the bytes that they are given back. So a file
-//! begins with a checksum of its data and of the name of what compiled them; a file with another checksum
+//! begins with a checksum of its data and of the identity of their compiler; a file with another checksum
 //! is ignored and replaced. No failure is an error: a run without the cache takes longer.
 
 use std::fs;

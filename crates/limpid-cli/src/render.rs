@@ -137,8 +137,8 @@ pub(crate) struct Args {
     /// Particle radius in metres, if the files have none.
     #[arg(long)]
     radius: Option<f32>,
-    /// Use a published method: limpid, imai2014, imai2016 or mayer2026. Replaces all of the scene's
-    /// settings except tone mapping; --set is applied afterwards.
+    /// Use a published method: limpid, imai2014, imai2016 or mayer2026. Replaces the scene's settings
+    /// except caustics and tone mapping; --set is applied afterwards.
     #[arg(long, value_name = "NAME", value_parser = overrides::preset)]
     preset: Option<Preset>,
     /// Replace a setting: refract.solver=march; or the liquid: liquid.ior=1.4,

@@ -1,5 +1,5 @@
-//! Suites: that right frames pass, that wrong ones fail whatever is wrong with them, and limpid's
-//! own golden frames.
+//! Suites of frame tests: correct frames pass, wrong frames fail by the right measure; and limpid's own
+//! golden frames.
 
 #[expect(dead_code, reason = "what this file does not use of it")]
 #[path = "../../../tests/support/mod.rs"]
@@ -22,7 +22,7 @@ use limpid_lab::check::{Adapter, Report, Suite, Verdict};
 use limpid_lab::compare::load_picture;
 use tempfile::TempDir;
 
-/// A small liquid over a checker: edges, reflections and something to refract.
+/// A small body of liquid over a checker: edges, reflections and refraction.
 const SCENE: &str = r#"
 [recipe]
 kind = "ball"
@@ -42,8 +42,8 @@ half_extent = 20.0
 checker = { tile = 0.25, even = [0.85, 0.80, 0.70], odd = [0.15, 0.20, 0.30] }
 "#;
 
-/// A folder with `ball.toml` and a suite of it.
-fn bench(suite: &str) -> (TempDir, PathBuf) {
+/// A folder with `ball.toml` and `suite.toml`; returns the suite's path too.
+fn suite_folder(suite: &str) -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("ball.toml"), SCENE).expect("written");
     let path = folder.path().join("suite.toml");
@@ -51,7 +51,7 @@ fn bench(suite: &str) -> (TempDir, PathBuf) {
     (folder, path)
 }
 
-/// Frames of the ball, all alike but for their names and what `keys` adds.
+/// A suite of equal frames of the ball with these names and additional keys.
 fn frames(names: &[&str], keys: &str) -> String {
     let mut suite = "size = [64, 48]\n[tolerance]\nmax_channel_error = 40\n".to_owned();
     for name in names {
@@ -69,7 +69,7 @@ fn run_some(gpu: &Gpu, path: &Path, filter: &[&str]) -> Report {
     Suite::load(path).and_then(|suite| suite.run(gpu, &filter, |_| ())).expect("a suite that runs")
 }
 
-/// Draws a suite and makes what is drawn the expectation.
+/// Draws a suite and blesses all of it.
 fn bless(gpu: &Gpu, path: &Path) {
     let mut report = run(gpu, path);
     report.bless().expect("expectations are written");
@@ -77,28 +77,28 @@ fn bless(gpu: &Gpu, path: &Path) {
     assert_eq!(report.count(Verdict::Blessed), report.outcomes.len());
 }
 
-/// The verdict, and the reasons in one text.
+/// The verdict of an entry, and its reasons as one text.
 #[track_caller]
-fn of(report: &Report, name: &str) -> (Verdict, String) {
+fn verdict(report: &Report, name: &str) -> (Verdict, String) {
     let outcome = report.outcomes.iter().find(|outcome| outcome.name == name).expect("an entry");
     (outcome.verdict(), outcome.reasons().join("\n"))
 }
 
 #[track_caller]
-fn assert_verdict(report: &Report, name: &str, verdict: Verdict, parts: &[&str]) {
-    let (found, reasons) = of(report, name);
-    assert_eq!(found, verdict, "{name}: {reasons}");
+fn assert_verdict(report: &Report, name: &str, expected: Verdict, parts: &[&str]) {
+    let (found, reasons) = verdict(report, name);
+    assert_eq!(found, expected, "{name}: {reasons}");
     for part in parts {
         assert!(reasons.contains(part), "{name}: `{part}` is not in: {reasons}");
     }
 }
 
-/// Protects the life of an expectation: missing it fails (never passes) and names the file; blessed
-/// it passes; blessing again writes nothing at all; the record says what it was drawn with.
+/// A missing expectation fails and names the file; a blessed one passes; blessing passed entries writes
+/// nothing; the record contains the adapter and the settings.
 #[test]
-fn missing_blessed_passed() {
+fn blessing_creates_expectations() {
     let Some(gpu) = support::gpu() else { return };
-    let (folder, path) = bench(&frames(&["one", "two.b"], ""));
+    let (folder, path) = suite_folder(&frames(&["one", "two.b"], ""));
     let expected = folder.path().join("suite/one.png");
     let mut report = run(gpu, &path);
     assert_eq!((report.exit_code(), report.count(Verdict::Failed)), (1, 2));
@@ -117,7 +117,7 @@ fn missing_blessed_passed() {
     assert_eq!(one["refract"]["solver"].as_str(), Some("guarded"));
     assert!(record.contains_key("two.b"));
 
-    // One of them fails now: only that one is written.
+    // Now one entry fails, and only its picture is written.
     let other = folder.path().join("suite/two.b.png");
     write_png(&other, &RgbImage::new(64, 48)).unwrap();
     let before = (fs::read(&expected).unwrap(), fs::metadata(&expected).unwrap().modified().ok());
@@ -126,21 +126,21 @@ fn missing_blessed_passed() {
     assert_verdict(&report, "two.b", Verdict::Failed, &["mean FLIP"]);
     report.bless().expect("written");
     let after = (fs::read(&expected).unwrap(), fs::metadata(&expected).unwrap().modified().ok());
-    assert!(before == after, "what passes stays as it is, to the byte");
+    assert!(before == after, "the picture of a passed entry was written");
     let report = run(gpu, &path);
     assert_eq!((report.exit_code(), report.count(Verdict::Passed)), (0, 2));
     assert!(report.outcomes.iter().all(|outcome| outcome.blessing.is_empty()));
 }
 
-/// Protects everyone who trusts a pass: a picture that is shifted by a pixel, off in a channel,
-/// noisy or wrong at one pixel fails, each by the measure that is made for it; what cannot be
-/// compared is an error, of which the first gives the exit code; blessing mends them all.
+/// A picture shifted by a pixel, off in a channel, noisy, or wrong at one pixel fails by the measure for
+/// that fault; pictures that cannot be compared are errors, of which the first gives the exit code;
+/// blessing repairs all of them.
 #[test]
 fn wrong_pictures_fail() {
     let Some(gpu) = support::gpu() else { return };
     let names =
         ["same", "shifted", "channel", "hot", "noise", "size", "damaged", "text", "transparent"];
-    let (folder, path) = bench(&frames(&names, ""));
+    let (folder, path) = suite_folder(&frames(&names, ""));
     bless(gpu, &path);
     let file = |name: &str| folder.path().join(format!("suite/{name}.png"));
     let good = load_picture(&file("same")).expect("a picture");
@@ -168,18 +168,18 @@ fn wrong_pictures_fail() {
     assert_verdict(&report, "channel", Verdict::Failed, &["mean FLIP"]);
     assert_verdict(&report, "noise", Verdict::Failed, &["mean FLIP"]);
     assert_verdict(&report, "hot", Verdict::Failed, &["greatest channel error", "at most 40"]);
-    let (_, hot) = of(&report, "hot");
-    assert!(!hot.contains("mean FLIP"), "one pixel in 3072 is not seen in the mean: {hot}");
+    let (_, hot) = verdict(&report, "hot");
+    assert!(!hot.contains("mean FLIP"), "one pixel in 3072 shows in the mean: {hot}");
     assert_verdict(&report, "size", Verdict::Error, &["size.png", "32x24", "64x48"]);
     assert_verdict(&report, "damaged", Verdict::Error, &["damaged.png: byte "]);
     assert_verdict(&report, "text", Verdict::Error, &["text.png: not a PNG"]);
     assert_verdict(&report, "transparent", Verdict::Error, &["transparent at pixel"]);
-    // The first error is that of the size.
+    // The exit code is that of the first error, the size.
     assert_eq!(report.exit_code(), 3);
     assert_eq!(run_some(gpu, &path, &["damaged"]).exit_code(), 4);
     assert_eq!(run_some(gpu, &path, &["hot", "same"]).exit_code(), 1);
 
-    // What is no picture is nobody's to replace, and then none is.
+    // A file that is not a picture is not replaced, and then no other file is.
     let before = fs::read(file("hot")).unwrap();
     let error = report.bless().expect_err("a text in a picture's place").to_string();
     assert!(error.contains("text.png: this file is not a picture"), "{error}");
@@ -191,9 +191,8 @@ fn wrong_pictures_fail() {
     assert_eq!(run(gpu, &path).count(Verdict::Passed), names.len());
 }
 
-/// Protects those who test the way to a picture: depth off by a hundredth, normals that look
-/// inwards, a count off by one, an outline that moved, a layer too few or too many, NaN, another
-/// size and damage are all found, and named by image.
+/// In intermediate images, depth off by 1 %, inward normals, a count off by one, a moved outline, a
+/// missing or additional layer, NaN, another size and damage are detected and named by image.
 #[test]
 fn wrong_images_fail() {
     let Some(gpu) = support::gpu() else { return };
@@ -203,17 +202,16 @@ fn wrong_images_fail() {
         "same", "depth", "normal", "count", "outline", "fewer", "more", "nan", "size", "parts",
         "damaged", "missing",
     ];
-    let (folder, path) = bench(&frames(&names, aov));
+    let (folder, path) = suite_folder(&frames(&names, aov));
     bless(gpu, &path);
     let file = |name: &str| folder.path().join(format!("suite/{name}.exr"));
     let change = |name: &str, change: &dyn Fn(&mut Part)| {
-        let mut parts = exr::load(&file(name)).expect("the images that were blessed");
+        let mut parts = exr::load(&file(name)).expect("the blessed images");
         change(&mut parts[0]);
         exr::write(&file(name), parts).unwrap();
     };
     let each = |part: &mut Part, prefix: &str, change: &dyn Fn(usize, f32) -> f32| {
-        let chosen = part.channels.iter_mut().filter(|c| c.name.starts_with(prefix));
-        for channel in chosen {
+        for channel in part.channels.iter_mut().filter(|c| c.name.starts_with(prefix)) {
             let values = channel.values.iter_mut().enumerate();
             values.for_each(|(i, value)| *value = change(i, *value));
         }
@@ -239,8 +237,8 @@ fn wrong_images_fail() {
         part.size.y -= 1;
         part.channels.iter_mut().for_each(|c| c.values.truncate(64 * 47));
     });
-    // One channel of three in a part of its own, which is smaller.
-    let mut parts = exr::load(&file("parts")).expect("the images that were blessed");
+    // One channel of three in a separate, smaller part.
+    let mut parts = exr::load(&file("parts")).expect("the blessed images");
     let x = |channel: &aov::Channel| channel.name == "normal.aggregate_front.X";
     let at = parts[0].channels.iter().position(x).expect("a normal");
     let mut channel = parts[0].channels.remove(at);
@@ -268,20 +266,20 @@ fn wrong_images_fail() {
     assert_verdict(&report, "parts", Verdict::Error, &["parts.exr", differ]);
     assert_verdict(&report, "damaged", Verdict::Error, &["damaged.exr"]);
     assert_verdict(&report, "missing", Verdict::Failed, &["missing.exr: no expected images"]);
-    // The pictures are as they were: only images are to be blessed, and shown.
+    // The pictures are unchanged: only the images are blessed and shown.
     for outcome in report.outcomes.iter().filter(|outcome| outcome.name != "same") {
         let blessing: Vec<_> = outcome.blessing.iter().map(|(path, _)| path.clone()).collect();
         assert_eq!(blessing, [file(&outcome.name)]);
     }
-    let exhibited = report.outcomes.iter().find(|o| o.name == "depth").unwrap();
-    assert_eq!(exhibited.exhibits.len(), 1);
-    assert_eq!(exhibited.exhibits[0].panels.len(), 3);
+    let failed = report.outcomes.iter().find(|o| o.name == "depth").unwrap();
+    assert_eq!(failed.exhibits.len(), 1);
+    assert_eq!(failed.exhibits[0].panels.len(), 3);
     report.bless().expect("written");
     assert_eq!(run(gpu, &path).count(Verdict::Passed), names.len());
 }
 
-/// Protects against expectations that were damaged on the way: an EXR with any byte changed, or cut
-/// anywhere, is read or refused, never a panic or a vast allocation.
+/// An OpenEXR file with any byte changed or truncated anywhere is read or refused, without a panic or a
+/// huge allocation.
 #[test]
 fn damaged_exr() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -308,8 +306,8 @@ fn damaged_exr() {
     assert!(refused > 100, "{refused}");
 }
 
-/// Protects films: a sequence whose every frame is within its tolerance, but which flickers where
-/// the one expected drifts, fails by how much it changes; one that stands still fails too.
+/// A sequence whose frames are all within tolerance, but which flickers where the expected one drifts,
+/// fails by its change from frame to frame; so does one that does not change.
 #[test]
 fn flicker_fails() {
     let Some(gpu) = support::gpu() else { return };
@@ -326,11 +324,11 @@ fn flicker_fails() {
         radius = 0.05
         frames = "1-6"
     "#;
-    let (folder, path) = bench(suite);
+    let (folder, path) = suite_folder(suite);
     let all = folder.path().join("all.toml");
     fs::write(&all, suite.replace("frames = \"1-6\"", "expected = \"suite/drift/####.png\""))
         .unwrap();
-    // The scene is taken for its camera and floor.
+    // Only the camera and the floor of the scene are used.
     let scene = SCENE.split_once("[camera]").expect("a camera").1;
     fs::write(folder.path().join("ball.toml"), format!("[camera]{scene}")).unwrap();
     let grid = || (0..512).map(|i| Vec3::new((i % 8) as f32, (i / 8 % 8) as f32, (i / 64) as f32));
@@ -360,7 +358,7 @@ fn flicker_fails() {
     only_temporal(&report, "(at most 1.2 times");
     let exhibit = &report.outcomes[0].exhibits[0];
     assert!(exhibit.title.contains("of 255"), "{}", exhibit.title);
-    // They change together, so they are blessed together.
+    // The frames of a sequence are blessed together.
     assert_eq!(report.outcomes[0].blessing.len(), 6);
     (1..=6).for_each(|n| write(n, 0.0035));
     only_temporal(&run(gpu, &path), "(at least 0.833 times");
@@ -370,19 +368,19 @@ fn flicker_fails() {
     let report = run(gpu, &path);
     assert_verdict(&report, "drift", Verdict::Error, &["drift_{}.bgeo", "missing: 4"]);
     assert_eq!(report.exit_code(), 4);
-    assert!(report.outcomes[0].blessing.is_empty(), "half a sequence is not to be blessed");
-    // Of all frames there are none missing, but those that are expected.
+    assert!(report.outcomes[0].blessing.is_empty(), "an incomplete sequence would be blessed");
+    // A sequence of all existing frames has no missing one, but lacks expected ones.
     fs::remove_file(folder.path().join("drift_6.bgeo")).unwrap();
     let report = run(gpu, &all);
     let lost = ["frame 4: expected, but the input has none", "frame 6: expected"];
     assert_verdict(&report, "drift", Verdict::Failed, &lost);
-    assert!(report.outcomes[0].blessing.is_empty(), "half a sequence is not to be blessed");
+    assert!(report.outcomes[0].blessing.is_empty(), "an incomplete sequence would be blessed");
 }
 
-/// Protects from a neighbour's picture: a frame that a suite names and the input has lost is an
-/// error that names it, within the sequence, beyond its end, and between frames.
+/// A frame or time that the input does not have, within the sequence or beyond its end, is an error that
+/// names it; no other frame is drawn in its place.
 #[test]
-fn lost_frames_are_errors() {
+fn missing_frames_are_errors() {
     let Some(gpu) = support::gpu() else { return };
     let mut suite = String::new();
     for (name, key) in [
@@ -398,7 +396,7 @@ fn lost_frames_are_errors() {
              size = [32, 24]\n{key}\n"
         );
     }
-    let (folder, path) = bench(&suite);
+    let (folder, path) = suite_folder(&suite);
     for number in [2, 3, 5] {
         fs::write(folder.path().join(format!("f_{number}.xyz")), "0 0 0\n0.1 0 0\n").unwrap();
     }
@@ -410,10 +408,10 @@ fn lost_frames_are_errors() {
     assert_verdict(&report, "beyond", Verdict::Error, &["5.5", "from 2 to 5"]);
 }
 
-/// Protects expectations from the results, where both are in one folder and named alike: they are
-/// neither removed as what an earlier run wrote nor written over.
+/// Expectations in the results' folder with the names of results are neither removed as those of an
+/// earlier run nor overwritten.
 #[test]
-fn results_leave_expectations_alone() {
+fn results_do_not_replace_expectations() {
     let Some(gpu) = support::gpu() else { return };
     let entry = |name: &str, file: &str| {
         frames(&[name], &format!("expected = \"out/{file}\"\n"))
@@ -424,13 +422,13 @@ fn results_leave_expectations_alone() {
     let suite = "size = [64, 48]\n".to_owned()
         + &entry("a", "a.expected.png")
         + &entry("b", "b.actual.png");
-    let (folder, path) = bench(&suite);
+    let (folder, path) = suite_folder(&suite);
     bless(gpu, &path);
     let out = folder.path().join("out");
     let expected = [out.join("a.expected.png"), out.join("b.actual.png")];
     let bytes = || expected.each_ref().map(|path| fs::read(path).expect("it is still there"));
     let before = bytes();
-    // By another path to it.
+    // By another path to the same folder.
     let report = run(gpu, &path);
     report.write(&folder.path().join("out/../out")).expect("written");
     assert!(bytes() == before);
@@ -441,12 +439,12 @@ fn results_leave_expectations_alone() {
     assert!(bytes() == before);
 }
 
-/// Protects the other entries from a device that is lost: only the one in hand is an error, and the
-/// next ones are drawn with another device.
+/// If the device is lost, only the present entry is an error, and the next ones are drawn on another
+/// device.
 #[test]
 fn a_lost_device_costs_one_entry() {
     let Some(gpu) = support::gpu() else { return };
-    let (_folder, path) = bench(&frames(&["one", "two", "three"], ""));
+    let (_folder, path) = suite_folder(&frames(&["one", "two", "three"], ""));
     bless(gpu, &path);
     let lost = Gpu::headless().expect("an adapter");
     lost.device.destroy();
@@ -457,10 +455,10 @@ fn a_lost_device_costs_one_entry() {
     assert_eq!(report.exit_code(), 6);
 }
 
-/// Protects whoever writes a suite: each mistake is refused before anything is drawn, with the
-/// place, the key and the nearest right one.
+/// An error in a suite is refused before anything is drawn, with its line, the key and the nearest valid
+/// one.
 #[test]
-fn mistakes_in_suites() {
+fn errors_in_suites() {
     let frame = "[[frame]]\nname = \"a\"\ninput = \"b.toml\"\n";
     let cases: &[(&str, &[&str])] = &[
         ("", &["nothing to check", "[[frame]]"]),
@@ -517,10 +515,10 @@ fn mistakes_in_suites() {
     assert_eq!(missing.category(), Category::Data);
 }
 
-/// Protects whose tolerance holds: the entry's for an adapter, the entry's, the suite's for the
-/// adapter, the suite's, the default.
+/// Precedence of tolerances: the entry's for the adapter, the entry's, the suite's for the adapter, the
+/// suite's, the default.
 #[test]
-fn tolerances_by_adapter() {
+fn precedence_of_tolerances() {
     let suite = r#"
         [tolerance]
         mean_flip = 0.1
@@ -558,7 +556,7 @@ fn tolerances_by_adapter() {
     assert_eq!(tolerance(1, "NVIDIA GeForce RTX", "580").mean_flip, 0.3);
 }
 
-/// Runs the program in `folder`: exit code, standard output, standard error.
+/// Runs `limpid check` in `folder`; returns exit code, stdout and stderr.
 fn program(folder: &Path, args: &[&str]) -> (i32, String, String) {
     let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_limpid"));
     let output = command.current_dir(folder).arg("check").args(args).output().expect("it starts");
@@ -566,15 +564,14 @@ fn program(folder: &Path, args: &[&str]) -> (i32, String, String) {
     (output.status.code().expect("not killed"), text(output.stdout), text(output.stderr))
 }
 
-/// Protects scripts and CI: exit codes, what is printed, the files of results; that an input that
-/// cannot be read does not keep the others from being drawn; that the command which is printed
-/// blesses; and that no result of an earlier run is left among those of a later one.
+/// `limpid check`: exit codes, printed text and result files. An unreadable input does not prevent the
+/// other entries, the printed command blesses, and results of an earlier run are removed.
 #[test]
-fn program_from_outside() {
+fn command_line() {
     let Some(_) = support::gpu() else { return };
     let mut suite = frames(&["good", "bad"], "");
     suite += "[[frame]]\nname = \"gone\"\ninput = \"gone.bgeo\"\n";
-    let (folder, _) = bench(&suite);
+    let (folder, _) = suite_folder(&suite);
     let folder = folder.path();
     let (code, out, err) = program(folder, &["suite.toml", "--junit", "ci.xml"]);
     assert_eq!((code, err.as_str()), (4, ""), "{out}");
@@ -596,7 +593,7 @@ fn program_from_outside() {
     let (code, out, _) = program(folder, &["suite.toml", "--filter", "good", "--filter", "bad"]);
     assert_eq!(code, 1, "{out}");
     assert!(out.contains("1 passed, 1 failed"), "{out}");
-    assert!(!result("good.actual.png").exists(), "good has passed since");
+    assert!(!result("good.actual.png").exists(), "a result of the earlier run is left");
 
     fs::copy(folder.join("suite/good.png"), folder.join("suite/bad.png")).unwrap();
     write_png(&folder.join("suite/good.png"), &RgbImage::new(64, 48)).unwrap();
@@ -611,7 +608,7 @@ fn program_from_outside() {
         assert!(folder.join(format!("results/good.{kind}.png")).exists(), "{kind}");
     }
     let page = fs::read_to_string(folder.join("results/index.html")).expect("a page");
-    // Three pictures, and the one to enlarge them in.
+    // Three pictures, and the element that enlarges them.
     assert_eq!(page.matches("src=\"data:").count(), 4);
 
     let (code, _, err) = program(folder, &["suite.toml", "--filter", "none"]);
@@ -624,13 +621,12 @@ fn program_from_outside() {
     assert_eq!((code, err.contains("line 1")), (2, true), "{err}");
 }
 
-/// The suite of limpid's own frames.
+/// Path of limpid's own suite.
 fn golden() -> PathBuf {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("tests/golden/limpid.toml")
 }
 
-/// Protects every picture that limpid draws of the scenes it comes with, against changes that
-/// nobody meant. What failed is in `target/golden/index.html`.
+/// The scenes of `sims/` are drawn as expected. Failures are in `target/golden/index.html`.
 #[test]
 fn golden_frames() {
     let Some(gpu) = support::gpu() else { return };
@@ -642,8 +638,7 @@ fn golden_frames() {
     assert_eq!(report.exit_code(), 0, "see {}", results.join("index.html").display());
 }
 
-/// Protects scenes from being forgotten: each file of `sims/` has an entry, and all pictures
-/// together stay small.
+/// Every scene of `sims/` has a golden frame, and all pictures together have less than 2 MB.
 #[test]
 fn golden_frames_are_complete_and_small() {
     let suite = Suite::load(&golden()).expect("the suite");
@@ -654,8 +649,8 @@ fn golden_frames_are_complete_and_small() {
         .map(|name| name.to_string_lossy().into_owned())
         .filter(|name| name.ends_with(".toml"))
         .collect();
-    let forgotten: Vec<_> = scenes.difference(&drawn).collect();
-    assert!(forgotten.is_empty(), "{forgotten:?} have no golden frame");
+    let missing: Vec<_> = scenes.difference(&drawn).collect();
+    assert!(missing.is_empty(), "{missing:?} have no golden frame");
     assert!(size(&golden().with_extension("")) < 2_000_000);
 }
 
@@ -663,7 +658,7 @@ fn file_name(path: &str) -> String {
     Path::new(path).file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Bytes of all files in a folder.
+/// Total size of the files below a folder, bytes.
 fn size(folder: &Path) -> u64 {
     let files = fs::read_dir(folder).unwrap().map(|file| file.unwrap());
     files
@@ -674,17 +669,17 @@ fn size(folder: &Path) -> u64 {
         .sum()
 }
 
-/// Protects the golden frames' worth: faults of the size that slips in (an index of refraction a
-/// little off, a missing bounce, a filter that smooths less) fail them, on the adapter that they
-/// are from and with the wider tolerance for all others.
+/// The golden frames detect small faults (a slightly wrong index of refraction, a missing bounce, fewer
+/// smoothing iterations), both with the tolerance for the adapter of the frames and with the wider one
+/// for all others.
 #[test]
-fn golden_frames_find_faults() {
+fn golden_frames_detect_faults() {
     let Some(gpu) = support::gpu() else { return };
     let text = fs::read_to_string(golden()).unwrap();
-    let everywhere = text.replace("name = \"llvmpipe\"", "name = \"no such adapter\"");
-    assert_ne!(text, everywhere);
+    let wide = text.replace("name = \"llvmpipe\"", "name = \"no such adapter\"");
+    assert_ne!(text, wide);
     for fault in ["liquid.ior=1.31", "refract.internal_bounces=0", "smooth.iterations=2"] {
-        for text in [&text, &everywhere] {
+        for text in [&text, &wide] {
             let text = format!("set = [\"{fault}\"]\n{text}");
             let suite = Suite::parse(&text, &golden()).expect("a suite");
             let report = suite.run(gpu, &["drop".into(), "slab".into()], |_| ()).expect("it runs");

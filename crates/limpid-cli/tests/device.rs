@@ -1,6 +1,6 @@
-//! Failures of the device: a device lost before, between and during frames, exhausted memory, and pictures
-//! beyond the adapter's limits end in an error that names the cause, never in a panic or a wrong picture,
-//! and another device draws the same.
+//! Failures of the device: a device lost before, between and during frames, exhausted memory, and
+//! pictures beyond the adapter's limits end in an error that names the cause, never in a panic or a
+//! wrong picture, and another device draws the same.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -92,8 +92,8 @@ fn is_lost<T: std::fmt::Debug>(outcome: limpid::Result<T>, reason: &str) {
     assert!(error.to_string().contains(reason), "{error}");
 }
 
-/// On a lost device every creation of pipelines, textures, buffers and commands and every readback returns
-/// the error, repeatedly, and a new device draws.
+/// On a lost device every creation of pipelines, textures, buffers and commands and every readback
+/// returns the error, repeatedly, and a new device draws.
 #[test]
 fn device_lost_before_the_first_frame() {
     let gpu = Gpu::headless().expect("an adapter");
@@ -202,8 +202,8 @@ fn exhausted_memory_is_an_error() {
     );
 }
 
-/// Commands that validation refuses, a defect of limpid, are an error too, neither a panic nor a loss that
-/// may be retried.
+/// Commands that validation refuses, a defect of limpid, are an error too, neither a panic nor a loss
+/// that may be retried.
 #[test]
 fn refused_commands_are_a_defect() {
     let gpu = Gpu::headless().expect("an adapter");
@@ -234,8 +234,8 @@ fn limited(lower: impl Fn(&mut wgpu::Limits)) -> (Gpu, Arc<Mutex<Vec<String>>>) 
     (Gpu::from_device(device, queue), errors)
 }
 
-/// With each limit lowered, a picture of any size is drawn without a validation error, or refused with the
-/// limit's name and a remedy.
+/// With each limit lowered, a picture of any size is drawn without a validation error, or refused with
+/// the limit's name and a remedy.
 #[test]
 fn pictures_beyond_a_limit_are_refused() {
     type Lower = fn(&mut wgpu::Limits);
@@ -332,8 +332,8 @@ fn particles_are_drawn_in_parts_that_fit() {
     }
 }
 
-/// Device memory per pixel is as documented in `docs/devices.md`: for a plain picture, with splashes, and
-/// with the intermediate images. Skipped if the device does not report its allocations.
+/// Device memory per pixel is as documented in `docs/devices.md`: for a plain picture, with splashes,
+/// and with the intermediate images. Skipped if the device does not report its allocations.
 #[test]
 fn memory_per_pixel_is_as_documented() {
     let (mut scene, camera, loaded) = frame();
@@ -387,8 +387,8 @@ fn render_without_enough_memory_is_retryable() {
     }
 }
 
-/// A frame divided into many submissions, so that none exceeds a driver's timeout, is bit-identical to the
-/// undivided frame, for every expensive method.
+/// A frame divided into many submissions, so that none exceeds a driver's timeout, is bit-identical to
+/// the undivided frame, for every expensive method.
 #[test]
 fn divided_frames_are_identical() {
     let gpu = Gpu::headless().expect("an adapter");
@@ -420,8 +420,8 @@ fn divided_frames_are_identical() {
     }
 }
 
-/// With every setting at its maximum, no submission of a picture or a map of 8192 × 8192 pixels exceeds the
-/// allowed work unless it is a single tile, and ordinary frames are not divided.
+/// With every setting at its maximum, no submission of a picture or a map of 8192 × 8192 pixels exceeds
+/// the allowed work unless it is a single tile, and ordinary frames are not divided.
 #[test]
 fn submissions_are_bounded() {
     let size = UVec2::splat(8192);

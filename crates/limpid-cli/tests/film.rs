@@ -117,8 +117,8 @@ fn difference(a: &RgbImage, b: &RgbImage) -> f64 {
 
 // ------------------------------------------------------------------------- GIF and APNG
 
-/// An APNG preserves its pictures bit-exactly, and has the right number of frames, known only at the end,
-/// and the right delays.
+/// An APNG preserves its pictures bit-exactly, and has the right number of frames, known only at the
+/// end, and the right delays.
 #[test]
 fn an_apng_is_lossless_and_exactly_timed() {
     let folder = folder();
@@ -455,8 +455,8 @@ fn a_film_has_the_pictures_of_its_frames() {
     }
 }
 
-/// `--camera-path` and `--turntable` move the camera over a single frame and over a sequence, in pictures
-/// and in films.
+/// `--camera-path` and `--turntable` move the camera over a single frame and over a sequence, in
+/// pictures and in films.
 #[test]
 fn the_camera_moves() {
     if !adapter() {
@@ -572,8 +572,8 @@ fn an_interrupted_film_leaves_nothing() {
     }
 }
 
-/// If ffmpeg fails, at the start, in the middle or at the end, its last message is quoted, and there is no
-/// film.
+/// If ffmpeg fails, at the start, in the middle or at the end, its last message is quoted, and there is
+/// no film.
 #[cfg(unix)]
 #[test]
 fn a_failing_ffmpeg_is_quoted() {

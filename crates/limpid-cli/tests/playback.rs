@@ -201,8 +201,8 @@ fn particles_with_reused_ids_jump() {
     }
 }
 
-/// Without ids, particles are matched by order only where their motion is plausible; a shuffled file shows
-/// the nearer frame.
+/// Without ids, particles are matched by order only where their motion is plausible; a shuffled file
+/// shows the nearer frame.
 #[test]
 fn shuffled_files_are_held() {
     let a = Particles { ids: None, ..block(Vec3::new(0.3, -0.2, 0.1)) };

@@ -1,5 +1,4 @@
-//! Presets: each is in range, keeps its name and its settings through a file, and gives way to what
-//! a scene or the command line says.
+//! Presets: valid settings, round trips through files, and overrides by scenes and the command line.
 
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
@@ -29,7 +28,7 @@ fn settings(text: &str, overrides: &[&str]) -> Settings {
     parse(text, overrides).unwrap_or_else(|e| panic!("{e}\n{text}")).settings
 }
 
-/// Protects the names: each preset is found by its own, is in range, and can be written down.
+/// Each preset is found by its name, is in range, and survives a round trip through a scene file.
 #[test]
 fn every_preset_survives_a_round_trip() {
     for preset in Preset::ALL {
@@ -39,7 +38,7 @@ fn every_preset_survives_a_round_trip() {
         let expected = preset.settings();
         expected.check().unwrap_or_else(|e| panic!("{name}: {e}"));
 
-        // By its name, by its tables, and by both.
+        // Given by its name, by its tables, and by its tables over another preset.
         let named = format!("[settings]\npreset = \"{name}\"\n");
         let table = toml::Table::try_from(&expected).unwrap();
         let tables =
@@ -53,9 +52,9 @@ fn every_preset_survives_a_round_trip() {
     assert_eq!(Preset::Limpid.settings(), Settings::default());
 }
 
-/// Protects what each paper says from being changed with the defaults.
+/// The presets have the parameters of their papers, independent of the defaults.
 #[test]
-fn presets_are_what_the_papers_say() {
+fn presets_match_their_papers() {
     let later = Preset::Imai2016.settings();
     let (c, s, r) = (&later.classify, &later.smooth, &later.refract);
     assert_eq!((c.kernel, c.max_ratio, c.smoothing), (Kernel::Volume, 4.0, 0.9));
@@ -77,8 +76,8 @@ fn presets_are_what_the_papers_say() {
     assert_eq!(newton.classify, Settings::default().classify);
 }
 
-/// Imai et al. (2014) know neither splashes nor ellipsoids: every particle, also one on its own, is
-/// a sphere of radius r where it is, in the one pair of layers.
+/// Imai et al. (2014) have neither splashes nor ellipsoids: every particle, also an isolated one, is a
+/// sphere of radius r at its position, in a single pair of layers.
 #[test]
 fn imai2014_draws_spheres() {
     let r = 0.1;
@@ -95,12 +94,12 @@ fn imai2014_draws_spheres() {
         assert!(splat.diagonal.iter().all(|a| (a - r).abs() < 1e-5), "{splat:?}");
         assert!(splat.off_diagonal.iter().all(|a| a.abs() < 1e-5), "{splat:?}");
     }
-    // The later paper tells the one on its own apart.
+    // The later paper classifies the isolated particle as a splash.
     let drawn = classify(&particles, r, &Preset::Imai2016.settings().classify);
     assert_eq!((drawn.aggregates.len(), drawn.splashes.len()), (125, 1));
 }
 
-/// A scene's keys hold before its preset, each alone: those beside them are the preset's.
+/// Each key of a scene overrides its preset; the other keys of the table are the preset's.
 #[test]
 fn a_scene_overrides_its_preset() {
     let text = r#"
@@ -118,19 +117,19 @@ fn a_scene_overrides_its_preset() {
     let mut expected = Preset::Imai2016.settings();
     expected.classify.support = 3.0;
     expected.refract.solver = Solver::March;
-    // A default that is given is given.
+    // A key that is set to the default overrides the preset too.
     expected.refract.internal_bounces = Settings::default().refract.internal_bounces;
     expected.tonemap.curve = Curve::Aces;
     assert_eq!(settings(text, &[]), expected);
-    // Wherever the keys are written.
+    // The order of the keys does not matter.
     let inline = "settings = { refract = { samples = 4 }, preset = \"imai2014\" }";
     let mut expected = Preset::Imai2014.settings();
     expected.refract.samples = 4;
     assert_eq!(settings(inline, &[]), expected);
 }
 
-/// A preset on the command line is the method as published, whatever the scene says of it; caustics
-/// and tone mapping are the picture's and stay. Single overrides come after.
+/// A preset on the command line replaces the scene's settings except caustics and tone mapping, which
+/// belong to the picture. Overrides of single settings are applied afterwards.
 #[test]
 fn the_command_line_overrides_the_scene() {
     let text = r#"
@@ -150,11 +149,11 @@ fn the_command_line_overrides_the_scene() {
     assert_eq!(settings(text, &[" preset = \"mayer2026\" "]), expected);
     expected.refract.iterations = 3;
     assert_eq!(settings(text, &["preset=mayer2026", "refract.iterations=3"]), expected);
-    // In order: what comes later holds.
+    // In order: later overrides replace earlier ones.
     expected.refract.iterations = 5;
     assert_eq!(settings(text, &["refract.iterations=3", "preset=mayer2026"]), expected);
 
-    // The program puts --preset before --set, in whichever order they are typed.
+    // The program applies --preset before --set, in whichever order they are given.
     let folder = tempfile::tempdir().unwrap();
     let run = |args: &[&str]| {
         let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_limpid"));
@@ -170,9 +169,9 @@ fn the_command_line_overrides_the_scene() {
     assert!(message.contains("--preset") && message.contains("did you mean `imai201"), "{message}");
 }
 
-/// Protects the one who mistypes: the file's line, what was written, and what may have been meant.
+/// An unknown preset is reported with the line of the file and the nearest known name.
 #[test]
-fn an_unknown_preset_names_the_nearest() {
+fn an_unknown_preset_is_reported_with_the_nearest() {
     for (wrong, right) in
         [("mayer2025", "mayer2026"), ("Limpid", "limpid"), ("imai-2016", "imai2016")]
     {
@@ -190,7 +189,7 @@ fn an_unknown_preset_names_the_nearest() {
             assert!(message.contains(&format!("did you mean `{right}`")), "{message}");
         }
     }
-    // A preset belongs to all passes, not to one; and errors beside it keep their line.
+    // A preset is not a key of a single pass, and errors in other keys keep their line.
     let inside = parse("[settings.smooth]\npreset = \"limpid\"", &[]).unwrap_err().to_string();
     assert!(inside.contains("line 2") && inside.contains("`preset`"), "{inside}");
     let beside = "[settings]\npreset = \"imai2016\"\n[settings.smooth]\ntips = 3";
@@ -198,7 +197,7 @@ fn an_unknown_preset_names_the_nearest() {
     assert!(beside.contains("line 4") && beside.contains("did you mean `taps`"), "{beside}");
 }
 
-/// Every preset draws: finite, and not as another does.
+/// Every preset draws finite pictures, which differ from those of the others.
 #[test]
 fn every_preset_draws() {
     let Some(mut stage) = stage() else { return };
@@ -212,14 +211,14 @@ fn every_preset_draws() {
         .collect();
     let drawn = splats(&body, &[sphere(Vec3::new(0.3, 0.3, 0.8), 0.1)], 0.08);
     let mut scene = Scene::around(-DVec3::ONE, DVec3::ONE, 0.08);
-    let shots = Preset::ALL.map(|preset| {
+    let pictures = Preset::ALL.map(|preset| {
         scene.settings = preset.settings();
-        let shot = stage.shoot(&scene, &on_axis(3.0, 40.0), &drawn, UVec2::new(96, 72));
-        shot.assert_finite();
-        shot
+        let picture = stage.shoot(&scene, &on_axis(3.0, 40.0), &drawn, UVec2::new(96, 72));
+        picture.assert_finite();
+        picture
     });
-    for (i, a) in shots.iter().enumerate() {
-        for b in &shots[..i] {
+    for (i, a) in pictures.iter().enumerate() {
+        for b in &pictures[..i] {
             assert!(frames::mean_difference(a, b) > 1e-4);
         }
     }

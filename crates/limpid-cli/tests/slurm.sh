@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# A real Slurm on this machine alone: a job array draws a sequence with docs/farm.sbatch, one of its
-# tasks is killed and another is requeued in the middle, and every frame must be there once, the
-# same to the bit as in a single run.
+# Tests docs/farm.sbatch with a real Slurm on this machine alone: a job array draws a sequence, one of
+# its tasks is killed and another is requeued while running, and every frame must be drawn once,
+# bit-identical to a single run.
 #
-# Without slurmctld and munged it installs them (Debian, Ubuntu, as root), or says so and passes;
-# LIMPID_REQUIRE_SLURM=1 makes it fail then. Its daemons talk over the loopback with a key of their
-# own, keep all their files in a temporary folder, and are gone when it ends.
+# Without slurmctld and munged it installs them (Debian, Ubuntu, as root), or prints a message and passes;
+# with LIMPID_REQUIRE_SLURM=1 it then fails. Its daemons communicate over the loopback with their own key,
+# keep all files in a temporary folder, and are stopped at the end.
 #
 #     crates/limpid-cli/tests/slurm.sh [target/release/limpid]
 set -euo pipefail
@@ -26,7 +26,7 @@ lacks_slurm() {
 }
 if lacks_slurm && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
     export DEBIAN_FRONTEND=noninteractive
-    # Only this test's daemons are wanted.
+    # Prevents the packages from starting their own daemons.
     policy=/usr/sbin/policy-rc.d
     [ -e $policy ] || { printf '#!/bin/sh\nexit 101\n' >$policy && chmod +x $policy && made=$policy; }
     { apt-get update && apt-get install -y --no-install-recommends slurm-wlm munge; } >&2 || true
@@ -45,10 +45,10 @@ finish() {
     local code=$? pid
     trap - EXIT
     if [ $code -ne 0 ]; then
-        echo "--- what the daemons and the tasks said" >&2
+        echo "--- logs of the daemons and the tasks" >&2
         tail -n 15 "$work"/*.log "$work"/project/*.log >&2 || true
     fi
-    # Jobs have keepers of their own, which outlive slurmd.
+    # Each job has a slurmstepd, which outlives slurmd.
     [ ! -e "$work/slurm.conf" ] || [ $code -eq 0 ] || end_jobs
     for pid in "${daemons[@]}"; do kill "$pid" 2>/dev/null || true; done
     for pid in "${daemons[@]}"; do wait "$pid" 2>/dev/null || true; done
@@ -66,7 +66,7 @@ free_port() {
     return 1
 }
 
-# Waits for what is to become true.
+# Waits until a command succeeds, at most two minutes.
 await() {
     local what=$1
     shift
@@ -96,7 +96,7 @@ SlurmUser=$(id -un)
 SlurmdUser=$(id -un)
 AuthType=auth/munge
 CredType=cred/munge
-# A task that is requeued waits until its credentials have expired.
+# A requeued task waits until its credentials have expired.
 AuthInfo=socket=$work/munge.socket,cred_expire=5
 SlurmctldPort=$(free_port)
 SlurmdPort=$(free_port)
@@ -138,7 +138,7 @@ project=$work/project
 mkdir "$project" "$project/water"
 cd "$project"
 for frame in $(seq $frames); do
-    # A block of liquid that moves on from frame to frame.
+    # A block of liquid that moves from frame to frame.
     awk -v offset="$(((frame * 37) % 100))" 'BEGIN {
         for (i = 0; i < 480; i++)
             print (i % 12) * 0.05 + offset / 1000, int(i / 12) % 5 * 0.05, int(i / 60) * 0.05
@@ -155,8 +155,8 @@ echo "job array $id: $tasks tasks, $frames frames"
 
 drawn() { find array -name '*.png' 2>/dev/null | wc -l; }
 
-# One process dies without a word; its task is requeued, as after a node's failure. It is let run
-# in slices, so that it is caught in the middle however fast the machine is.
+# One process is killed and its task requeued, as after a node's failure. The process is stopped and
+# continued in short slices, so that the kill interrupts it on any machine.
 victim() { pgrep -f -- "^$limpid render .*--shard 2/$tasks" | head -n 1; }
 running() { [ -n "$(victim)" ]; }
 await "task 2" running
@@ -171,23 +171,23 @@ echo "task 2 killed with $(drawn) frames drawn"
 failed() { [ "$(squeue --noheader --array --format=%T --jobs="${id}_2")" != RUNNING ]; }
 await "the end of task 2" failed
 scontrol requeue "${id}_2"
-# Another is requeued while it runs: it is asked to end, and begins anew.
+# Another task is requeued while it runs: it receives SIGTERM, and starts again.
 state=$(squeue --noheader --array --format=%T --jobs="${id}_3" 2>/dev/null || true)
 echo "task 3 (${state:-done}) requeued with $(drawn) frames drawn"
 scontrol requeue "${id}_3"
 await "the end of all tasks" no_jobs
 
-# --------------------------------------------------------------------------- what is there now
+# -------------------------------------------------------------------------------- the pictures
 ls single >expected
 ls -A array >found
 diff expected found
 for picture in single/*.png; do
     cmp "$picture" "array/${picture#single/}"
 done
-# What the tasks say of the frames: each drawn once, and those that were there left alone.
-told() { grep -o "\"frame\":[0-9]*,\"file\":\"[^\"]*\",\"status\":\"$1\"" "$manifest" | cut -d, -f1 | sort; }
-twice=$(told done | uniq -d)
-kept=$(told skipped | wc -l)
+# The manifest: each frame is drawn once, and existing ones are skipped.
+frames_with() { grep -o "\"frame\":[0-9]*,\"file\":\"[^\"]*\",\"status\":\"$1\"" "$manifest" | cut -d, -f1 | sort; }
+twice=$(frames_with done | uniq -d)
+kept=$(frames_with skipped | wc -l)
 [ -z "$twice" ] || { echo "drawn twice: $twice" >&2 && exit 1; }
 [ "$kept" -gt 0 ] || { echo "the restarted tasks found nothing to skip: they were not interrupted" >&2 && exit 1; }
 echo "all $frames frames are there once, the same as in a single run; restarted tasks kept $kept of them"

@@ -55,8 +55,8 @@ fn draw(offscreen: &mut Offscreen, scene: &Scene, droplet: bool) {
         .expect("the frame is drawn");
 }
 
-/// Only pipelines that a frame has needed are compiled, and none is compiled or parsed twice: not for the
-/// next frame, nor for the layers of splashes, nor for another renderer.
+/// Only pipelines that a frame has needed are compiled, and none is compiled or parsed twice: not for
+/// the next frame, nor for the layers of splashes, nor for another renderer.
 #[test]
 fn pipelines_are_compiled_once_when_needed() {
     if gpu().is_none() {

@@ -130,8 +130,8 @@ impl Window {
         let start = Instant::now();
         loop {
             let events = self.events();
-            let new = events.iter().enumerate().skip(self.seen);
-            let found = new.into_iter().find(|(_, event)| condition(event));
+            let mut new = events.iter().enumerate().skip(self.seen);
+            let found = new.find(|(_, event)| condition(event));
             if let Some((i, event)) = found {
                 self.seen = i + 1;
                 return event.clone();

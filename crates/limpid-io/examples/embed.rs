@@ -1,26 +1,25 @@
-//! Drawing limpid's liquid into a texture of your own wgpu program.
+//! Draws limpid's liquid into a texture of a wgpu program.
 //!
 //! ```sh
 //! cargo run --release --example embed                      # the built-in demo
 //! cargo run --release --example embed -- water_0020.bgeo   # a particle file
 //! ```
 //!
-//! A program that draws with wgpu already has a device, a queue and something to draw into.
-//! limpid takes all three as they are:
+//! A program that draws with wgpu already has a device, a queue and a target. limpid uses all three:
 //!
-//! 1. the program opens its device and makes its texture;
+//! 1. the program opens its device and creates its texture;
 //! 2. [`Gpu::from_device`] wraps the device for limpid, [`Renderer::new`] compiles the passes;
 //! 3. [`Renderer::render`] draws a frame into the program's view, on the program's queue;
-//! 4. the program goes on with its texture: here it reads it back and saves `embed.png`.
+//! 4. the program uses the texture: here it reads it back and saves `embed.png`.
 //!
-//! A window works the same way: hand `render` the view of the surface's current texture, and
-//! present afterwards. limpid never looks for a window system itself.
+//! A window works the same way: pass the view of the surface's current texture to `render`, and present
+//! it afterwards. limpid itself never uses a window system.
 
 use limpid::glam::UVec2;
 use limpid::gpu::Gpu;
 use limpid::renderer::Renderer;
 
-// limpid re-exports the wgpu it was built with. Use it, and the types are certain to match.
+// limpid re-exports the wgpu it was built with, so that the types match.
 use limpid::wgpu;
 
 use limpid_io::input::Input;
@@ -32,8 +31,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let (device, queue) = pollster::block_on(open_device())?;
 
-    // Any 8-bit colour format will do. With an sRGB one the hardware encodes what limpid writes;
-    // with others limpid does.
+    // Any 8-bit colour format works. With an sRGB format the hardware encodes the colours, with others
+    // limpid does.
     let texture = device.create_texture(&wgpu::TextureDescriptor {
         label: Some("the program's picture"),
         size: extent(),
@@ -47,29 +46,29 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     });
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
 
-    // ---- 2. limpid on the program's device. Handles of wgpu are counted references: cheap.
+    // ---- 2. limpid on the program's device. wgpu handles are reference-counted and cheap to clone.
 
     let gpu = Gpu::from_device(device.clone(), queue.clone());
-    // Once per program: this compiles the passes.
+    // Once per program, since it compiles the passes.
     let mut renderer = Renderer::new(&gpu);
 
-    // ---- 3. One frame. In a loop, repeat this part; the renderer keeps its memory.
+    // ---- 3. One frame. A loop repeats this part; the renderer keeps its memory.
 
     let input = match std::env::args().nth(1) {
         Some(path) => Input::open(&path)?,
         None => Input::demo()?,
     };
-    // The scene of the input, or for bare particles one that is made around them. To build one in
-    // code instead, fill in a `limpid::scene::Scene`: all its fields are public.
+    // The scene of the input, or a default one around bare particles. To build one in code instead, fill
+    // in a `limpid::scene::Scene`: all its fields are public.
     let (input, project) = input.resolve()?;
     let frame = &input.sequence.frames[0];
-    // Particles become ellipsoids on the CPU, or with `Input::classified` on the device; this may as
-    // well run on a thread of its own.
+    // Particles are classified on the CPU, or with `Input::classified` on the device; this may also run
+    // on another thread.
     let loaded = input.load(frame, &project.scene)?;
     let camera = project.camera_for(loaded.bulk.bounds);
     renderer.render(&project.scene, &camera, &loaded.splats, &view, texture.format(), SIZE)?;
 
-    // ---- 4. The program's own again. The queue keeps the order: this copy comes after the frame.
+    // ---- 4. The program's own part again. The queue executes this copy after the frame.
 
     let pixels = read_back(&device, &queue, &texture)?;
     let picture = image::RgbaImage::from_raw(SIZE.x, SIZE.y, pixels).expect("four bytes per pixel");
@@ -86,8 +85,8 @@ async fn open_device() -> Result<(wgpu::Device, wgpu::Queue), Box<dyn std::error
     let (device, queue) = adapter
         .request_device(&wgpu::DeviceDescriptor {
             label: Some("the program's device"),
-            // With wgpu's default limits limpid works too, up to their picture size. To have
-            // passes timed, ask for `TIMESTAMP_QUERY` here.
+            // limpid works with wgpu's default limits, up to their picture size. To time the passes,
+            // request `TIMESTAMP_QUERY` here.
             required_features: wgpu::Features::empty(),
             ..Default::default()
         })
@@ -96,13 +95,13 @@ async fn open_device() -> Result<(wgpu::Device, wgpu::Queue), Box<dyn std::error
     Ok((device, queue))
 }
 
-/// Copies the texture to memory, rows packed.
+/// Copies the texture to memory with packed rows.
 fn read_back(
     device: &wgpu::Device,
     queue: &wgpu::Queue,
     texture: &wgpu::Texture,
 ) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
-    // wgpu wants every row of a copy to begin at a multiple of 256 bytes.
+    // wgpu requires every row of a copy to begin at a multiple of 256 bytes.
     let row = 4 * SIZE.x;
     let padded_row = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let buffer = device.create_buffer(&wgpu::BufferDescriptor {
@@ -126,7 +125,7 @@ fn read_back(
     );
     queue.submit([encoder.finish()]);
 
-    // Mapping ends once the device has done all that was submitted.
+    // The buffer is mapped once the device has finished all submitted work.
     buffer.map_async(wgpu::MapMode::Read, .., |result| result.expect("the buffer can be mapped"));
     device.poll(wgpu::PollType::wait_indefinitely())?;
     let padded = buffer.get_mapped_range(..)?;

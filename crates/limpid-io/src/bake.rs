@@ -1,4 +1,4 @@
-//! Simulations as files: the frames of a scene's `[simulation]`, made once and read from then on.
+//! Baking: simulating the frames of a scene's `[simulation]` into files.
 
 mod record;
 
@@ -15,42 +15,40 @@ use crate::error::{Error, Result};
 use crate::output;
 use crate::particles;
 
-/// How far a bake has come.
+/// The progress of a bake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// Frames that are on disk.
+    /// Number of frames on disk.
     pub done: u32,
-    /// Frames that there will be.
+    /// Number of all frames.
     pub frames: u32,
 }
 
-/// Where the frames of a scene file are baked to if nothing else is said: `sims/baked/dam_break`
-/// for `sims/dam_break.toml`.
+/// Default folder for the frames of a scene file: `sims/baked/dam_break` for `sims/dam_break.toml`.
 pub fn folder(scene_file: &Path) -> PathBuf {
     let name = scene_file.file_stem().unwrap_or_default();
     scene_file.parent().unwrap_or(Path::new("")).join("baked").join(name)
 }
 
-/// The file of a frame.
+/// Path of a frame's file.
 pub fn frame_path(folder: &Path, name: &str, number: u32) -> PathBuf {
     folder.join(format!("{name}_{number:04}.bgeo"))
 }
 
-/// The pattern of all frames' files.
+/// Pattern of all frames' files.
 pub fn frame_pattern(folder: &Path, name: &str) -> String {
     folder.join(format!("{name}_{{}}.bgeo")).to_string_lossy().into_owned()
 }
 
-/// Makes the frames of a simulation among `solids` that are not in `folder` yet.
+/// Simulates the frames that are missing in `folder`, with `solids` as obstacles.
 ///
-/// `progress` is told of each frame that is on disk, also of those found there, in order, and ends
-/// the bake by [`ControlFlow::Break`]; what is there then is whole, and the next bake goes on
-/// from it.
+/// `progress` is called for each frame on disk in order, including existing ones, and may end the bake
+/// by [`ControlFlow::Break`]. The frames on disk are then complete, and the next bake continues from
+/// them.
 ///
 /// # Errors
-/// As [`Simulation::check`]; [`Error::Io`] if
-/// the folder cannot be written, [`Error::OtherBake`] if it holds frames of this name that other
-/// parameters made.
+/// As [`Simulation::check`]; [`Error::Io`] if the folder cannot be written; [`Error::OtherBake`] if it
+/// contains frames of this name with other parameters, [`Error::UnknownBake`] if these have no record.
 pub fn bake(
     simulation: &Simulation,
     solids: &[Solid],
@@ -62,7 +60,7 @@ pub fn bake(
     let frames = simulation.frames;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
     record::keep(simulation, solids, name, folder)?;
-    let (found, last) = found(simulation, name, folder)?;
+    let (found, last) = existing(simulation, name, folder)?;
     for done in 1..=found {
         if progress(Progress { done, frames }).is_break() {
             return Ok(());
@@ -75,38 +73,38 @@ pub fn bake(
     memory::probe(simulation.memory(last.as_ref()), name)?;
 
     std::thread::scope(|scope| {
-        // A frame is written while the next one is made.
-        let (made, to_write) = sync_channel::<(u32, Particles)>(1);
-        let (wrote, written) = channel();
+        // A thread writes each frame while the next one is simulated.
+        let (frame_sender, frames_to_write) = sync_channel::<(u32, Particles)>(1);
+        let (outcome_sender, outcomes) = channel();
         let write = move || {
-            for (number, particles) in to_write {
+            for (number, particles) in frames_to_write {
                 let outcome = particles::write(&particles, &frame_path(folder, name, number))
                     .map(|()| number);
                 let failed = outcome.is_err();
-                if wrote.send(outcome).is_err() || failed {
+                if outcome_sender.send(outcome).is_err() || failed {
                     return;
                 }
             }
         };
         std::thread::Builder::new().spawn_scoped(scope, write).map_err(Error::Threads)?;
-        let mut frame = Solver::new(simulation, solids, last);
-        let mut tell =
+        let mut solver = Solver::new(simulation, solids, last);
+        let mut report =
             |outcome: Result<u32>| outcome.map(|done| progress(Progress { done, frames }));
         for number in found + 1..=frames {
-            // The writer is gone once it has failed; why is among what it said.
-            let gone = made.send((number, frame.make(number))).is_err();
-            for outcome in written.try_iter() {
-                if tell(outcome)?.is_break() {
+            // A failed writer has closed the channel; its error is among the outcomes.
+            let closed = frame_sender.send((number, solver.make(number))).is_err();
+            for outcome in outcomes.try_iter() {
+                if report(outcome)?.is_break() {
                     return Ok(());
                 }
             }
-            if gone {
+            if closed {
                 break;
             }
         }
-        drop(made);
-        for outcome in written {
-            if tell(outcome)?.is_break() {
+        drop(frame_sender);
+        for outcome in outcomes {
+            if report(outcome)?.is_break() {
                 break;
             }
         }
@@ -114,11 +112,11 @@ pub fn bake(
     })
 }
 
-/// Removes a bake's frames and its record, so that the next one begins anew.
+/// Removes a bake's frames and its record, so that the next bake starts from the beginning.
 ///
 /// # Errors
 /// [`Error::Io`] naming the file that could not be removed; [`Error::UnknownBake`] for frames without a
-/// record, which may be another program's.
+/// record, which may belong to another program.
 pub fn clear(name: &str, folder: &Path) -> Result<()> {
     let remove = |path: &Path| std::fs::remove_file(path).map_err(|e| Error::io(path, "remove", e));
     let (frames, record) = (frames_in(folder, name)?, record::path(folder, name));
@@ -128,14 +126,14 @@ pub fn clear(name: &str, folder: &Path) -> Result<()> {
     if record.exists() {
         output::FileKind::BAKE_RECORD.check(&record)?;
     }
-    // The record last: without it the frames that are left would be nobody's.
+    // The record is removed last, since frames without it would be unknown.
     for path in frames {
         remove(&path)?;
     }
     if record.exists() { remove(&record) } else { Ok(()) }
 }
 
-/// The frames of this name that are there, whatever their numbers.
+/// Paths of all frames of this name in a folder, in any order and with any numbers.
 fn frames_in(folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
     let fail = |e| Error::io(folder, "list", e);
     let entries = match std::fs::read_dir(folder) {
@@ -153,13 +151,13 @@ fn frames_in(folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
     Ok(frames?.into_iter().filter(is_frame).collect())
 }
 
-/// The number of whole frames that are there without a gap, and the particles of the last.
+/// Counts the complete frames without a gap from the first, and reads the state of the last.
 ///
 /// # Errors
-/// [`Error::Io`], [`limpid::Error::Memory`]: the frame may be whole.
-fn found(simulation: &Simulation, name: &str, folder: &Path) -> Result<(u32, Option<State>)> {
-    let there = |number: &u32| frame_path(folder, name, *number).exists();
-    let mut found = (1..=simulation.frames).take_while(there).count() as u32;
+/// [`Error::Io`] or [`limpid::Error::Memory`] for a frame that cannot be read, but may be complete.
+fn existing(simulation: &Simulation, name: &str, folder: &Path) -> Result<(u32, Option<State>)> {
+    let exists = |number: &u32| frame_path(folder, name, *number).exists();
+    let mut found = (1..=simulation.frames).take_while(exists).count() as u32;
     while found > 0 {
         let path = frame_path(folder, name, found);
         let last = match particles::read(&path) {
@@ -170,8 +168,8 @@ fn found(simulation: &Simulation, name: &str, folder: &Path) -> Result<(u32, Opt
         if last.is_some() {
             return Ok((found, last));
         }
-        // By the record it is this bake's, but it is no particle file, which would be replaced. That it
-        // cannot be removed is an error once it is written.
+        // A frame of this bake that is not a particle file: removed, since only particle files are
+        // replaced. A failure is reported when the frame is written.
         let _ = std::fs::remove_file(path);
         found -= 1;
     }

@@ -6,7 +6,7 @@ use limpid::gpu::Gpu;
 
 use crate::error::{Error, Result};
 
-/// As [`Gpu::headless`], where the system has as many threads as drivers start.
+/// As [`Gpu::headless`], after checking that the system can start the threads of a driver.
 ///
 /// # Errors
 /// As [`Gpu::headless`]; [`Error::Threads`] if the system starts fewer.
@@ -15,25 +15,25 @@ pub fn open() -> Result<Gpu> {
     Ok(Gpu::headless()?)
 }
 
-/// Fails where the system does not start as many threads as drivers do: Mesa's software one then waits
-/// for ever for those that it did not get.
+/// Fails if the system cannot start as many threads as a driver does: Mesa's software driver would wait
+/// for ever for those that it could not start.
 fn check_threads() -> Result<()> {
-    const MORE: usize = 8;
+    /// Number of threads beyond one per core.
+    const ADDITIONAL: usize = 8;
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let threads: Vec<_> = std::iter::repeat_with(|| Builder::new().spawn(std::thread::park))
-        .take(cores + MORE)
+        .take(cores + ADDITIONAL)
         .collect();
-    // All at once, and none for longer.
-    let mut checked = Ok(());
+    // All threads existed at once; now they end.
+    let mut result = Ok(());
     for thread in threads {
         match thread {
             Ok(thread) => {
                 thread.thread().unpark();
-                // It has nothing to tell.
                 let _ = thread.join();
             }
-            Err(error) => checked = Err(Error::Threads(error)),
+            Err(error) => result = Err(Error::Threads(error)),
         }
     }
-    checked
+    result
 }

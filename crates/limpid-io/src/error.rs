@@ -1,8 +1,8 @@
-//! Everything that can go wrong with files and frames, as one type.
+//! The error type of files and frames.
 //!
-//! An error names the file, the location in it and the cause, and carries them as data. How a program
-//! lets its user remedy it, by a flag or a button, is the program's to say. Errors are not logged: the
-//! caller reports each once.
+//! An error contains the file, the location in it and the cause as data. Remedies depend on the program,
+//! which has flags or buttons for them, and are worded by the program. Errors are not logged: the caller
+//! reports each once.
 
 use std::fmt;
 use std::io;
@@ -14,12 +14,12 @@ pub use limpid::error::printable;
 /// Shorthand for results of this library.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Where in a file a problem was found.
+/// The location of a problem in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Location {
-    /// Offset from the start of the (decompressed) contents, in bytes.
+    /// Offset from the start of the (decompressed) contents, bytes.
     Byte(u64),
-    /// Line number, counted from 1.
+    /// Line number, from 1.
     Line(u64),
 }
 
@@ -32,7 +32,7 @@ impl fmt::Display for Location {
     }
 }
 
-/// What the library reports instead of panicking.
+/// An error of this library.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -41,17 +41,17 @@ pub enum Error {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was tried: `read`, `write`, `list`.
+        /// The failed action: `read`, `write`, `list`.
         action: &'static str,
         /// The operating system's reason.
         source: io::Error,
     },
-    /// The contents of a file contradict its format: truncated, a wrong count, a NaN position.
+    /// A file that violates its format: truncated, a wrong count, a NaN position.
     #[error("{}: {location}: {problem}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// Where in it.
+        /// The location in it.
         location: Location,
         /// What was found and what was expected.
         problem: String,
@@ -63,19 +63,19 @@ pub enum Error {
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// Where in it.
+        /// The location in it.
         location: Location,
         /// `file` or `array`.
         what: &'static str,
-        /// What it may unpack to, bytes.
+        /// The limit of its unpacked size, bytes.
         limit: u64,
     },
-    /// A file of another kind than expected, or of a kind that limpid does not know.
+    /// A file of another format than expected, or of an unknown one.
     #[error("{}: {problem}", path.display())]
     Format {
         /// The file.
         path: PathBuf,
-        /// What it seems to be, what can be read, and the remedy.
+        /// The format that it seems to have, the readable formats, and the remedy.
         problem: String,
     },
     /// A scene file, a setting or a camera that cannot be used.
@@ -83,15 +83,15 @@ pub enum Error {
     Scene {
         /// The scene file, or the option that set the value.
         origin: String,
-        /// What is wrong with which key.
+        /// The key and its problem.
         problem: String,
     },
-    /// A value that is to be replaced by name: [`crate::project::Project::set`].
+    /// An invalid override of a value by name: [`crate::project::Project::set`].
     #[error("{text}: {problem}")]
     Override {
         /// The override.
         text: String,
-        /// What is wrong with it.
+        /// Its problem.
         problem: String,
     },
     /// No file matches a pattern, or frames of a range are missing.
@@ -102,7 +102,7 @@ pub enum Error {
         /// What was not found.
         problem: String,
     },
-    /// A frame that a sequence lacks.
+    /// A missing frame of a sequence.
     #[error("{pattern}: frame {frame} is missing")]
     MissingFrame {
         /// The pattern or folder as given.
@@ -110,13 +110,13 @@ pub enum Error {
         /// The frame's number.
         frame: i64,
     },
-    /// A scene with a simulation whose frames have not been made.
+    /// A scene with a simulation that has not been baked.
     #[error("{scene}: not simulated yet")]
     NotBaked {
         /// The scene file.
         scene: String,
     },
-    /// Frames in a folder that another simulation made.
+    /// Frames in a folder that were baked with other parameters.
     #[error(
         "{}: the frames {name}_*.bgeo here were made from other parameters{difference}",
         folder.display()
@@ -124,12 +124,12 @@ pub enum Error {
     OtherBake {
         /// The folder.
         folder: PathBuf,
-        /// What the frames' names begin with.
+        /// Prefix of the frames' names.
         name: String,
         /// The first parameter that differs, in parentheses.
         difference: String,
     },
-    /// Frames in a folder that nothing is known of.
+    /// Frames in a folder without a bake record.
     #[error(
         "{}: the frames {name}_*.bgeo here have no {name}.bake.json, so they may be another program's",
         folder.display()
@@ -137,10 +137,10 @@ pub enum Error {
     UnknownBake {
         /// The folder.
         folder: PathBuf,
-        /// What the frames' names begin with.
+        /// Prefix of the frames' names.
         name: String,
     },
-    /// Particles without radii, and too few to estimate one from their spacing.
+    /// Particles without radii, and too few to estimate a radius from their spacing.
     #[error("{origin}: no radii, and no spacing to estimate one from")]
     UnknownRadius {
         /// Their file.
@@ -149,45 +149,46 @@ pub enum Error {
     /// Two pictures that cannot be compared.
     #[error("{0}")]
     Mismatch(String),
-    /// A request outside what can be done (a size of 0, a range that is empty).
+    /// An invalid request (a size of 0, an empty range).
     #[error("{0}")]
     Usage(String),
     /// A frame that could not be drawn or written.
     #[error("frame {frame}: {source}")]
     Frame {
-        /// Its number, as its picture is numbered.
+        /// Its number, which is that of its picture.
         frame: i64,
-        /// Why.
+        /// The cause.
         source: Box<Self>,
     },
-    /// An error that several see: of a frame that a [`crate::frame_cache::FrameCache`] could not load.
+    /// An error with several receivers: of a frame that a [`crate::frame_cache::FrameCache`] could not
+    /// load.
     #[error(transparent)]
     Shared(#[from] Arc<Self>),
-    /// No window can be shown.
+    /// A window that cannot be shown.
     #[error("no window: {0}")]
     Window(String),
-    /// The system starts no more threads, or no thread with the stack it needs.
+    /// A thread that the system cannot start, or not with the required stack.
     #[error("the system gives no more threads ({0})")]
     Threads(io::Error),
-    /// What drawing reports.
+    /// An error of the renderer.
     #[error(transparent)]
     Render(#[from] limpid::Error),
 }
 
-/// Kinds of errors, numbered as programs tell them.
+/// Categories of errors, numbered by exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Category {
-    /// limpid itself is wrong.
+    /// A defect of limpid.
     Defect = 1,
-    /// The request cannot be met: an argument, a scene, a setting.
+    /// An invalid argument, scene or setting.
     Request,
-    /// A file of another kind, or two that do not belong together.
+    /// A file of another format, or two files that do not match.
     Format,
-    /// A file that cannot be read or written, or that is damaged.
+    /// A file that cannot be read or written, or is damaged.
     Data,
-    /// No graphics device, or one that cannot do it.
+    /// No graphics device, or one without the required limits.
     Device,
-    /// It may succeed if it is tried again.
+    /// A failure that a retry may avoid.
     Temporary,
 }
 
@@ -206,7 +207,7 @@ impl From<&limpid::Error> for Category {
 }
 
 impl Error {
-    /// What kind of error it is: whose fault, and whether to try again.
+    /// The category of the error.
     pub fn category(&self) -> Category {
         match self {
             Self::Usage(_)
@@ -216,7 +217,7 @@ impl Error {
             | Self::UnknownBake { .. }
             | Self::UnknownRadius { .. } => Category::Request,
             Self::Mismatch(_) | Self::Format { .. } => Category::Format,
-            // The system's own word for no memory.
+            // The system is out of memory.
             Self::Io { source, .. } if source.kind() == io::ErrorKind::OutOfMemory => {
                 Category::Temporary
             }
@@ -234,29 +235,30 @@ impl Error {
         }
     }
 
-    /// The same error, of a frame.
+    /// Adds the frame's number to the error.
     #[must_use]
     pub fn of_frame(self, frame: i64) -> Self {
         Self::Frame { frame, source: self.into() }
     }
 
-    /// A file or folder that cannot be used: `action` is `read`, `write`, `list`.
+    /// The error of a file or folder; `action` is `read`, `write`, `list`.
     pub fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
         Self::Io { path: path.to_owned(), action, source }
     }
 
-    /// A file that contradicts its format at `place`.
+    /// The error of a file that violates its format at `location`.
     pub fn malformed(path: &Path, location: Location, problem: impl Into<String>) -> Self {
         Self::Malformed { path: path.to_owned(), location, problem: printable(problem.into()) }
     }
 
-    /// A file of another kind than expected.
+    /// The error of a file of another format than expected.
     pub fn format(path: &Path, problem: impl Into<String>) -> Self {
         Self::Format { path: path.to_owned(), problem: printable(problem.into()) }
     }
 }
 
-/// One message for a TOML error: the line, the problem and, for an unknown key, the nearest.
+/// Converts a TOML error to one with the line, the problem and, for an unknown key, the nearest known
+/// one.
 pub fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> Error {
     let mut problem = error.message().trim().to_owned();
     if let Some(nearest) = nearest_key(&problem) {
@@ -273,8 +275,8 @@ pub fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> Error {
     Error::Scene { origin, problem: printable(problem) }
 }
 
-/// The key most like the unknown one, from serde's message (the first name in backquotes is the
-/// unknown key, the rest are those that exist) or from toml's own about tables in arrays.
+/// The known key most similar to the unknown one, from the message of serde (the first name in
+/// backquotes is the unknown key, the others are the known ones) or of toml for tables in arrays.
 fn nearest_key(message: &str) -> Option<&str> {
     let names: Vec<&str> = match message.strip_prefix("unexpected keys in table: ") {
         Some(rest) => {

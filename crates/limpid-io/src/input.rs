@@ -1,4 +1,5 @@
-//! From what a user names to frames that can be drawn.
+//! Particle frames of an input: files, recipes, simulations and the demo, read, interpolated and
+//! classified.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -27,13 +28,13 @@ use limpid_sim::recipe::Recipe;
 pub struct Input {
     /// The project; `None` for bare particle files, which get one from [`Input::resolve`].
     pub project: Option<Project>,
-    /// The frames; of several fluids, those that any of them has.
+    /// The frames; with several fluids, those of any fluid.
     pub sequence: Sequence,
-    /// The frame that the scene names.
+    /// The frame selected by the scene.
     pub frame: Option<i64>,
-    /// What stands for a frame that is not there.
+    /// Treatment of missing frames.
     pub missing: Missing,
-    /// What classifies the particles; opening takes it from the project.
+    /// The processor that classifies the particles; initially the project's.
     processor: Processor,
     classifier: SharedClassifier,
     fps: Option<f64>,
@@ -41,7 +42,7 @@ pub struct Input {
     fluids: Vec<Fluid>,
 }
 
-/// Where the radius of particles is from, the surest first.
+/// The origin of a particle radius, the most reliable first.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum RadiusFrom {
     /// Their file has radii.
@@ -55,38 +56,38 @@ pub enum RadiusFrom {
     Guess,
 }
 
-/// Where the particles of one fluid come from.
+/// The frames of one fluid.
 #[derive(Debug, Clone)]
 struct Fluid {
     sequence: Sequence,
     radius: Option<f32>,
-    /// Where that is from; without one, a guess.
+    /// Origin of the radius; a guess without one.
     radius_from: RadiusFrom,
     up: Up,
     options: ReadOptions,
     source: Source,
 }
 
-/// Where the particles of a fluid's frames are.
+/// The source of a fluid's particles.
 #[derive(Debug, Clone)]
 enum Source {
-    /// In the files that the frames name.
+    /// The files of the frames.
     Files,
-    /// In the program: the demo's.
+    /// Data in the program: the demo's.
     Embedded(&'static [u8]),
-    /// Nowhere yet.
+    /// A recipe, which generates them.
     Recipe(Recipe),
 }
 
-/// What stands for a frame that is not there.
+/// The treatment of missing frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Missing {
-    /// Nothing: it is an error.
+    /// An error.
     #[default]
     Error,
     /// A frame without particles.
     Empty,
-    /// The last frame before it; before the first, one without particles.
+    /// The previous frame; before the first, one without particles.
     Hold,
 }
 
@@ -105,23 +106,23 @@ impl FromStr for Missing {
     }
 }
 
-/// Where the particles of one fluid come from at one frame.
+/// The origin of one fluid's particles in one frame.
 #[derive(Debug)]
 pub struct Origin<'a> {
-    /// The file; none for a frame without particles, and for those that are made.
+    /// The file; `None` for an empty or generated frame.
     pub file: Option<&'a Path>,
-    /// What they are made from.
+    /// The recipe of generated particles.
     pub made: Option<&'a Recipe>,
-    /// Particle radius, m, where the file has none.
+    /// Particle radius if the file has none, m.
     pub radius: Option<f32>,
-    /// Which axis points up.
+    /// The axis that points up.
     pub up: Up,
-    /// Which arrays attributes are read from.
+    /// The arrays from which attributes are read.
     pub map: &'a AttributeMap,
 }
 
-/// The contents of a regular file of at most `limit` bytes; pipes, devices and folders are refused
-/// without waiting for them.
+/// Reads a regular file of at most `limit` bytes; pipes, devices and folders are refused without
+/// blocking.
 ///
 /// # Errors
 /// [`Error::Io`], or [`Error::Format`] for a longer file.
@@ -131,8 +132,8 @@ pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The files that an input names, as far as they can be found: a scene with its environment map, and
-/// all particle files. What is wrong with them, opening tells.
+/// Lists the files of an input as far as they can be found: a scene with its environment map, and all
+/// particle files. Errors are ignored here; opening reports them.
 pub fn files_of(input: &str) -> Vec<PathBuf> {
     let path = Path::new(input);
     if !is_scene_file(path) {
@@ -171,24 +172,24 @@ fn sequence_files(input: &str) -> Vec<PathBuf> {
     files.collect()
 }
 
-/// A moment of a sequence: a frame, or a point between two.
+/// A time in a sequence: a frame, or a time between two frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameTime {
-    /// The frame, or the one before.
+    /// The frame, or the previous one.
     pub frame: i64,
-    /// The one after it; the same at a frame.
+    /// The next frame; at a frame, the same.
     pub next: i64,
-    /// How far from the one to the other: 0 at a frame, always below 1.
+    /// Fraction of the interval between them: 0 at a frame, always below 1.
     pub fraction: f64,
 }
 
 impl FrameTime {
-    /// The moment of a frame.
+    /// The time of a frame.
     pub fn at(frame: i64) -> Self {
         Self { frame, next: frame, fraction: 0.0 }
     }
 
-    /// Its time, counted as the frames are: 12.25 is a quarter of the way from frame 12 to 13.
+    /// The time in frames: 12.25 is a quarter of the way from frame 12 to 13.
     pub fn time(self) -> f64 {
         self.frame as f64 + self.fraction * self.next.abs_diff(self.frame) as f64
     }
@@ -203,27 +204,27 @@ impl From<&Frame> for FrameTime {
 /// A frame of particles, ready to draw.
 #[derive(Debug, Clone, Default)]
 pub struct Loaded {
-    /// Its number; of a moment between two frames, that of the first.
+    /// Number of the frame; between two frames, of the previous one.
     pub number: i64,
     /// Number of particles in the file.
     pub particles: usize,
-    /// What they are drawn as.
+    /// The classified particles.
     pub splats: Splats,
-    /// Where their radius is from; of several fluids, the least sure.
+    /// Origin of the radius; with several fluids, the least reliable.
     pub radius_from: RadiusFrom,
-    /// Corners of the box around all centres; both 0 without particles.
+    /// Bounds of all centres; both 0 without particles.
     pub bounds: (DVec3, DVec3),
-    /// What their files hold besides the places, and what is used of it; see [`Contents::arrays`].
+    /// Arrays of the files other than the positions, used or ignored; see [`Contents::arrays`].
     pub arrays: Vec<Array>,
-    /// Cells of meshes in their files; see [`Contents::cells`].
+    /// Cells of meshes in the files; see [`Contents::cells`].
     pub cells: usize,
-    /// The box around the bulk of them, for cameras, and how many lie outside; all 0 without
+    /// Bounds of the bulk of the particles, for cameras, and the number outside; all 0 without
     /// particles.
     pub bulk: Bulk,
 }
 
 impl Loaded {
-    /// Memory that it takes, bytes.
+    /// Memory of the frame, bytes.
     pub fn bytes(&self) -> u64 {
         let splats = self.splats.aggregates.capacity() + self.splats.splashes.capacity();
         (size_of::<Self>() + splats * size_of::<Splat>()) as u64
@@ -245,8 +246,8 @@ impl Input {
         Ok(Self::of(None, Fluid::of_files(sequence, None, Up::Y, AttributeMap::default()), None))
     }
 
-    /// As [`Input::open`], for who wants to know what is there and not to draw it: an environment map is
-    /// checked by its header, and its pixels are left out.
+    /// As [`Input::open`], for descriptions instead of drawing: of an environment map only the header is
+    /// read.
     ///
     /// # Errors
     /// As [`Input::open`].
@@ -261,7 +262,7 @@ impl Input {
     /// The built-in demo: a frame of a double dam break, simulated with SPlisHSPlasH.
     ///
     /// # Errors
-    /// None that a test does not find.
+    /// None: a test loads the demo.
     pub fn demo() -> Result<Self> {
         let text = include_str!("../../../sims/demo.toml");
         let project = Project::parse(text, "demo", Path::new(""))?;
@@ -279,7 +280,7 @@ impl Input {
         Ok(Self::of(Some(project), fluid, Some(0)))
     }
 
-    /// One fluid.
+    /// An input with one fluid.
     fn of(project: Option<Project>, fluid: Fluid, frame: Option<i64>) -> Self {
         let sequence = fluid.sequence.clone();
         Self {
@@ -294,8 +295,8 @@ impl Input {
         }
     }
 
-    /// The same frames in another scene. Where its file names particles of its own, their radius, axis
-    /// and map of attributes hold for these.
+    /// Replaces the scene. If its file has particles too, their radius, up axis and attribute map apply
+    /// to these frames.
     #[must_use]
     pub fn with_project(mut self, project: Project) -> Self {
         if let Some(simulation) = project.source.simulation() {
@@ -319,10 +320,10 @@ impl Input {
         Self { processor: project.processor, project: Some(project), ..self }
     }
 
-    /// The same frames with a particle radius in metres where the files have none.
+    /// Sets the particle radius for files without one, m.
     ///
     /// # Errors
-    /// [`Error::Usage`] unless a 32-bit float holds the radius' cube.
+    /// [`Error::Usage`] unless the cube of the radius fits a 32-bit float.
     pub fn with_radius(mut self, radius: f32) -> Result<Self> {
         if !drawable(radius) {
             let problem = format!("a particle radius of {radius}: 1e-12 to 1e12 m expected");
@@ -335,20 +336,20 @@ impl Input {
         Ok(self)
     }
 
-    /// The same frames, classified there; otherwise on the CPU.
+    /// Sets the classifier; without one, particles are classified on the CPU.
     #[must_use]
     pub fn classified(self, classifier: SharedClassifier) -> Self {
         Self { classifier, ..self }
     }
 
-    /// The same frames, classified by this one.
+    /// Sets the processor that classifies the particles.
     #[must_use]
     pub fn processed_by(self, processor: Processor) -> Self {
         Self { processor, ..self }
     }
 
-    /// The same frames, whose files are read like this. A map of attributes replaces the scene's,
-    /// unless it is empty.
+    /// Sets the options for reading the files. An attribute map replaces the scene's, unless it is
+    /// empty.
     #[must_use]
     pub fn with_options(mut self, options: &ReadOptions) -> Self {
         for fluid in &mut self.fluids {
@@ -358,7 +359,7 @@ impl Input {
         self
     }
 
-    /// As [`Input::open`], of a project that is at hand.
+    /// As [`Input::open`], for a project that is already loaded.
     ///
     /// # Errors
     /// As [`Input::open`].
@@ -399,9 +400,9 @@ impl Input {
         let sequence = fluids[1..]
             .iter()
             .fold(first.sequence.clone(), |all, fluid| all.joined(&fluid.sequence));
-        // One file is the frame, whatever digits its name holds.
-        let lone = sources.iter().all(|particles| Path::new(&particles.source).is_file());
-        let frame = sources.iter().find_map(|particles| particles.frame).filter(|_| !lone);
+        // A single file is the frame, whatever number its name contains.
+        let single = sources.iter().all(|particles| Path::new(&particles.source).is_file());
+        let frame = sources.iter().find_map(|particles| particles.frame).filter(|_| !single);
         let fps = sources.iter().find_map(|particles| particles.fps);
         Ok(Self {
             processor: project.processor,
@@ -415,15 +416,15 @@ impl Input {
         })
     }
 
-    /// Frames per second of the simulation, where the scene says it.
+    /// Frames per second of the simulation, if the scene has them.
     pub fn fps(&self) -> Option<f64> {
         self.fps
     }
 
-    /// Fails unless every fluid has these frames, or may lack them.
+    /// Fails if a fluid lacks one of these frames and missing frames are errors.
     ///
     /// # Errors
-    /// [`Error::Sequence`] naming the fluid's files and the first frame that they lack.
+    /// [`Error::MissingFrame`] naming the fluid's files and their first missing frame.
     pub fn check_frames(&self, numbers: &[i64]) -> Result<()> {
         let lacks = |fluid: &Fluid, number: i64| {
             self.missing == Missing::Error && fluid.frame(number, self.missing).is_none()
@@ -432,11 +433,11 @@ impl Input {
         let found = fluids.find_map(|fluid| {
             numbers.iter().find(|&&number| lacks(fluid, number)).map(|&number| (fluid, number))
         });
-        found.map_or(Ok(()), |(fluid, number)| Err(fluid.lacks(number)))
+        found.map_or(Ok(()), |(fluid, number)| Err(fluid.missing_frame(number)))
     }
 
-    /// Every `step` frames from the first of `numbers`, which ascend, to the last. A frame is as long as
-    /// the sequence's [stride](Sequence::stride).
+    /// Frame times at steps of `step` frames from the first of the ascending `numbers` to the last. A
+    /// frame has the length of the sequence's [stride](Sequence::stride).
     pub fn frame_times(&self, numbers: &[i64], step: f64) -> Vec<FrameTime> {
         let (Some(&first), Some(&last)) = (numbers.first(), numbers.last()) else {
             return Vec::new();
@@ -449,8 +450,8 @@ impl Input {
         (0..=count).map(|k| after(numbers, k as f64 * step)).collect()
     }
 
-    /// The moment at `time`, counted as the frames are, whose `numbers` ascend: 12.25 is a quarter
-    /// of the way from frame 12 to 13.
+    /// The frame time at `time`, in frames, among the ascending `numbers`: 12.25 is a quarter of the way
+    /// from frame 12 to 13.
     ///
     /// # Errors
     /// [`Error::Sequence`] for a time before the first frame or after the last.
@@ -470,30 +471,31 @@ impl Input {
         }
     }
 
-    /// Reads or makes the particles of a moment, y up. Between frames those of each fluid are
+    /// Reads or generates the particles at a frame time, y up. Between frames those of each fluid are
     /// interpolated, see [`Particles::between`].
     ///
     /// # Errors
-    /// As [`Contents::read`] and [`Recipe::particles`]; [`Error::Sequence`] for a frame that is
-    /// not there, as [`Input::missing`] says.
+    /// As [`Contents::read`] and [`Recipe::particles`]; [`Error::MissingFrame`] for a missing frame, if
+    /// [`Input::missing`] makes it an error.
     pub fn particles(&self, at: impl Into<FrameTime>) -> Result<Particles> {
         self.contents(at).map(|contents| contents.particles)
     }
 
-    /// As [`Input::particles`], with what the files hold besides; between frames, the one before.
+    /// As [`Input::particles`], with the arrays and cells of the files; between frames, those of the
+    /// previous one.
     ///
     /// # Errors
     /// As [`Input::particles`].
     pub fn contents(&self, at: impl Into<FrameTime>) -> Result<Contents> {
         let at = at.into();
         if let [fluid] = self.fluids.as_slice() {
-            return fluid.moment(at, self.missing);
+            return fluid.contents_at(at, self.missing);
         }
         let (mut fluids, mut arrays, mut cells) = (Vec::new(), Vec::new(), 0_usize);
         for fluid in &self.fluids {
-            let contents = fluid.moment(at, self.missing)?;
+            let contents = fluid.contents_at(at, self.missing)?;
             let mut particles = contents.particles;
-            // Each fluid's own radius, whatever the others'.
+            // Each fluid keeps its own radius.
             if particles.radii.is_none() {
                 let radius = fluid.radius_of(at.frame, &particles)?;
                 let radii = std::iter::repeat_n(radius, particles.len());
@@ -508,7 +510,7 @@ impl Input {
         Ok(Contents { particles: Particles::mixed(&fluids), arrays, cells })
     }
 
-    /// Where the particles of a moment come from: of each fluid the frame and, between two, the next.
+    /// Origins of the particles at a frame time: for each fluid the frame and, between frames, the next.
     pub fn origins(&self, at: FrameTime) -> Vec<Origin<'_>> {
         let numbers = if at.fraction == 0.0 { vec![at.frame] } else { vec![at.frame, at.next] };
         let fluids = self.fluids.iter();
@@ -517,7 +519,7 @@ impl Input {
             .collect()
     }
 
-    /// Reads and classifies a moment as `scene` says.
+    /// Reads and classifies the particles at a frame time, with the settings of `scene`.
     ///
     /// # Errors
     /// As [`Input::particles`] and [`Input::prepare`].
@@ -527,10 +529,10 @@ impl Input {
         Ok(Loaded { arrays, cells, ..self.prepare(at, &particles, scene)? })
     }
 
-    /// Classifies a frame's particles as `scene` says.
+    /// Classifies a frame's particles with the settings of `scene`.
     ///
     /// # Errors
-    /// [`Error::UnknownRadius`] if there is no way to know a radius; as [`SharedClassifier::classify`].
+    /// [`Error::UnknownRadius`] if the radius cannot be determined; as [`SharedClassifier::classify`].
     pub fn prepare(
         &self,
         at: impl Into<FrameTime>,
@@ -554,8 +556,8 @@ impl Input {
         })
     }
 
-    /// Where the radius of a frame's particles is from; of several fluids, the least sure. A
-    /// guess holds for a sequence once [`Input::resolve`] has settled it.
+    /// Origin of the radius of a frame's particles; with several fluids, the least reliable. After
+    /// [`Input::resolve`] a guess applies to the whole sequence.
     pub fn radius_from(&self, particles: &Particles) -> RadiusFrom {
         match self.fluids.as_slice() {
             [_] if particles.radii.is_some() => RadiusFrom::File,
@@ -563,23 +565,24 @@ impl Input {
         }
     }
 
-    /// Median radius of a frame's particles, m: their own, or as given, or estimated from the spacing.
+    /// Median radius of a frame's particles, m: the file's, the given one, or an estimate from the
+    /// spacing.
     ///
     /// # Errors
-    /// [`Error::UnknownRadius`] if there is no way to know one; [`limpid::Error::Memory`].
+    /// [`Error::UnknownRadius`] if it cannot be determined; [`limpid::Error::Memory`].
     pub fn radius(&self, at: impl Into<FrameTime>, particles: &Particles) -> Result<f32> {
         let default = self.fluids[0].radius_of(at.into().frame, particles)?;
         Ok(classify::median_radius(particles, default)?)
     }
 
-    /// Settles what neither files nor scene say, by the first frame that has particles: the radius
-    /// of each fluid, and for a scene without a camera the view, of the
-    /// [bulk](Bulk) of the particles. Bare files get a scene of their own. So a sequence has one
-    /// radius and one view, however it is shared among machines.
+    /// Resolves values that neither files nor scene have from the first frame with particles: the
+    /// radius of each fluid, and the camera, which is fitted to the [bulk](Bulk) of the particles. Bare
+    /// files get a default scene. So a sequence has one radius and one view, however it is shared among
+    /// machines.
     ///
-    /// A file named alone that is one of a sequence has that one's radius: a guess from its first
-    /// frame with particles, unless the two guesses differ by more than a tenth, for then
-    /// the files are not of one simulation, though their names look so.
+    /// A single file that belongs to a sequence gets the sequence's radius: the guess from its first
+    /// frame with particles. If the two guesses differ by more than 10 %, the files are taken to be of
+    /// different simulations despite their names, and the file keeps its own guess.
     ///
     /// # Errors
     /// As [`crate::particles::read`].
@@ -591,43 +594,43 @@ impl Input {
             let project = project.clone();
             return Ok((self, project));
         }
-        let mut around: Option<(DVec3, DVec3)> = None;
+        let mut bounds: Option<(DVec3, DVec3)> = None;
         let mut radius = 0.0_f32;
         for fluid in &mut self.fluids {
             for number in fluid.sequence.frames.iter().map(|frame| frame.number) {
                 let particles = fluid.contents(number, Missing::Error)?.particles;
                 let Some(Bulk { bounds: (min, max), .. }) = particles.bulk() else { continue };
-                // One particle has no spacing; a frame after it may.
+                // A single particle has no spacing, but a later frame may have more.
                 let last = fluid.sequence.frames.last().is_none_or(|frame| frame.number == number);
-                let settled = match fluid.resolved_radius(number, &particles) {
+                let resolved = match fluid.resolved_radius(number, &particles) {
                     Err(Error::UnknownRadius { .. }) if !last => continue,
-                    settled => settled?,
+                    resolved => resolved?,
                 };
-                around = Some(around.map_or((min, max), |(a, b)| (a.min(min), b.max(max))));
-                radius = radius.max(settled);
-                if settled > 0.0 && fluid.radius.is_none() {
+                bounds = Some(bounds.map_or((min, max), |(a, b)| (a.min(min), b.max(max))));
+                radius = radius.max(resolved);
+                if resolved > 0.0 && fluid.radius.is_none() {
                     let own = particles.radii.is_some();
                     fluid.radius_from = if own { RadiusFrom::File } else { RadiusFrom::Guess };
-                    fluid.radius = Some(settled);
+                    fluid.radius = Some(resolved);
                 }
                 break;
             }
         }
-        let (min, max) = around.unwrap_or((-DVec3::ONE, DVec3::ONE));
-        let around = || Project::from(Scene::around(min, max, radius));
-        let mut project = self.project.clone().unwrap_or_else(around);
+        let (min, max) = bounds.unwrap_or((-DVec3::ONE, DVec3::ONE));
+        let default = || Project::from(Scene::around(min, max, radius));
+        let mut project = self.project.clone().unwrap_or_else(default);
         let margin = f64::from(radius);
         project.camera.get_or_insert_with(|| Camera::fit(min - margin, max + margin));
         Ok((self, project))
     }
 }
 
-/// The moment so much after the first of `numbers`, of which there is one; the last one holds.
+/// The frame time at `time` after the first of the ascending `numbers`; beyond the last, the last.
 fn after(numbers: &[i64], time: f64) -> FrameTime {
     let Some(&first) = numbers.first() else { return FrameTime::at(0) };
-    // From the first frame, so that large numbers lose no digits.
+    // Relative to the first frame, so that large numbers lose no digits.
     let since = |number: i64| number.abs_diff(first) as f64;
-    // A frame's own time is not to be missed by a rounding error.
+    // A rounding error must not miss a frame's own time.
     let near = time.round();
     let time = if (time - near).abs() < 1e-9 * near.abs().max(1.0) { near } else { time };
     let after = numbers.partition_point(|&number| since(number) <= time);
@@ -648,8 +651,8 @@ impl Fluid {
         Self { sequence, radius, radius_from, up, options, source: Source::Files }
     }
 
-    /// The particles of a moment, y up.
-    fn moment(&self, at: FrameTime, missing: Missing) -> Result<Contents> {
+    /// The contents at a frame time, y up.
+    fn contents_at(&self, at: FrameTime, missing: Missing) -> Result<Contents> {
         let contents = self.contents(at.frame, missing)?;
         if at.fraction == 0.0 {
             return Ok(contents);
@@ -661,17 +664,17 @@ impl Fluid {
         Ok(Contents { particles, ..contents })
     }
 
-    fn lacks(&self, number: i64) -> Error {
+    fn missing_frame(&self, number: i64) -> Error {
         Error::MissingFrame { pattern: self.sequence.pattern.clone(), frame: number }
     }
 
-    /// The particles of a frame, y up.
+    /// The contents of a frame, y up.
     fn contents(&self, number: i64, missing: Missing) -> Result<Contents> {
         let Some(frame) = self.frame(number, missing) else {
             if missing != Missing::Error {
                 return Ok(Contents::default());
             }
-            return Err(self.lacks(number));
+            return Err(self.missing_frame(number));
         };
         let mut contents = match self.source {
             Source::Files => Contents::read(&frame.path, &self.options)?,
@@ -682,7 +685,7 @@ impl Fluid {
         Ok(contents)
     }
 
-    /// The frame that is shown as this number, if there is one.
+    /// The frame to draw for a number, if there is one.
     fn frame(&self, number: i64, missing: Missing) -> Option<&Frame> {
         let frames = &self.sequence.frames;
         let after = frames.partition_point(|frame| frame.number <= number);
@@ -690,7 +693,7 @@ impl Fluid {
         before.filter(|frame| frame.number == number || missing == Missing::Hold)
     }
 
-    /// Where the particles of a frame come from.
+    /// The origin of a frame's particles.
     fn origin(&self, number: i64, missing: Missing) -> Origin<'_> {
         let frame = self.frame(number, missing);
         let (file, made) = match &self.source {
@@ -701,11 +704,10 @@ impl Fluid {
         Origin { file, made, radius: self.radius, up: self.up, map: &self.options.map }
     }
 
-    /// The radius for all frames: as [`Fluid::radius_of`], or of a lone file that of the sequence
-    /// that it is of.
+    /// The radius for all frames: as [`Fluid::radius_of`], or, for a single file, that of its sequence.
     fn resolved_radius(&self, number: i64, particles: &Particles) -> Result<f32> {
-        /// Guesses of one sequence differ by less than this share.
-        const SAME: f32 = 0.1;
+        /// Largest relative difference of guesses for frames of one simulation.
+        const TOLERANCE: f32 = 0.1;
         let own = self.radius_of(number, particles)?;
         let guessed = self.radius.is_none() && particles.radii.is_none();
         let (Source::Files, [frame], true) = (&self.source, &*self.sequence.frames, guessed) else {
@@ -715,7 +717,7 @@ impl Fluid {
         for sibling in siblings.iter().take_while(|sibling| sibling.number < frame.number) {
             let first = match Contents::read(&sibling.path, &self.options) {
                 Ok(contents) => contents.particles,
-                // Not of one simulation.
+                // Not a frame of the same simulation.
                 Err(Error::Malformed { .. } | Error::TooLarge { .. } | Error::Format { .. }) => {
                     break;
                 }
@@ -726,18 +728,18 @@ impl Fluid {
             }
             if first.radii.is_none() {
                 let theirs = match self.radius_of(sibling.number, &first) {
-                    // One particle has no spacing.
+                    // A single particle has no spacing.
                     Err(Error::UnknownRadius { .. }) => continue,
                     theirs => theirs?,
                 };
-                return Ok(if (theirs - own).abs() <= SAME * own { theirs } else { own });
+                return Ok(if (theirs - own).abs() <= TOLERANCE * own { theirs } else { own });
             }
             break;
         }
         Ok(own)
     }
 
-    /// The radius for particles without one of their own: as given, or from their spacing.
+    /// The radius for particles without radii: the given one, or an estimate from their spacing.
     fn radius_of(&self, number: i64, particles: &Particles) -> Result<f32> {
         let radius = match self.radius {
             Some(radius) => radius,

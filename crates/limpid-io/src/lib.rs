@@ -1,7 +1,7 @@
 //! Files for [`limpid`]: particle formats, sequences, scenes, pictures and films.
 //!
-//! [`open::Request`] opens what a user names, [`input::Input`] loads its frames,
-//! [`frame_cache::FrameCache`] loads them ahead of playback, [`output`] and [`film::Film`] write what was drawn.
+//! [`open::Request`] opens an input, [`input::Input`] loads its frames, [`frame_cache::FrameCache`]
+//! loads them ahead of playback, and [`output`] and [`film::Film`] write pictures and films.
 //!
 //! ```no_run
 //! use limpid::offscreen::Offscreen;
@@ -15,8 +15,8 @@
 //! let camera = project.camera_for(loaded.bulk.bounds);
 //! let mut offscreen = Offscreen::new(&device::open()?);
 //! let size = limpid::glam::UVec2::new(1024, 768);
-//! let shot = offscreen.draw(&project.scene, &camera, &loaded.splats, size)?;
-//! output::write_png("water.png".as_ref(), &shot.picture)?;
+//! let drawn = offscreen.draw(&project.scene, &camera, &loaded.splats, size)?;
+//! output::write_png("water.png".as_ref(), &drawn.picture)?;
 //! # Ok(())
 //! # }
 //! ```

@@ -1,5 +1,5 @@
-//! What is worth knowing of a run besides its pictures: nothing is wrong for certain, but it may be
-//! why a picture is not what was meant. Whoever draws decides whether to say it.
+//! Notices: conditions that are no errors, but likely reasons for an unexpected picture. The program
+//! decides whether to show them.
 
 use std::fmt;
 
@@ -12,36 +12,36 @@ use limpid::liquid::Particles;
 use limpid::liquid::classify::{self, Splat};
 use limpid::scene::Scene;
 
-/// One such remark. Its text is one line, without a remedy in terms of any program's options.
+/// A notice. Its text is one line, without a remedy in terms of a program's options.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Notice {
-    /// Numbers between the frames of a sequence that no file has, as ranges, and what stands for them
-    /// in pictures.
+    /// Ranges of missing numbers within a sequence, and the treatment of missing frames.
     Gaps(Vec<(i64, i64)>, Option<Missing>),
-    /// Nothing says how many frames a second a sequence has; so many are taken for it.
+    /// The frame rate of the sequence is unknown and assumed to be this, frames per second.
     Rate(f64),
-    /// Lights shine on nothing that shows it.
+    /// The scene has lights, but no lit solid.
     Unlit,
-    /// The particles are the corners of a mesh of so many cells.
+    /// The particles are the vertices of a mesh with this number of cells.
     Mesh(usize),
-    /// So many particles are far from all others.
+    /// Number of particles far from all others.
     Lost(usize),
-    /// An array that is ignored may be what the radius was guessed for.
+    /// An ignored array that may contain the radius, which was guessed.
     MaybeRadius(String),
     /// The particles are much closer together than their radius, m.
     Crowded(f32),
-    /// Hardly any light comes through so many metres of this liquid: perhaps they are millimetres.
+    /// The liquid is so large that it is nearly opaque: its unit may be millimetres.
     Opaque {
         /// The longest side of the box around the bulk of the particles, m.
         extent: f64,
         /// Absorption coefficient, 1/m.
         absorption: Vec3,
     },
-    /// No liquid is in a picture of so many particles.
+    /// None of this number of particles is in the picture.
     Unseen(usize),
-    /// So many of the particles of a picture are beside it or behind the camera.
+    /// Number of particles outside the picture or behind the camera, and number of all particles.
     Outside(usize, usize),
-    /// Lights, by their numbers from 0, have no caustics: [`limpid::renderer::Renderer::lights_without_caustics`].
+    /// Lights without caustics, by their numbers from 0:
+    /// [`limpid::renderer::Renderer::lights_without_caustics`].
     Straight(Vec<usize>),
 }
 
@@ -120,7 +120,7 @@ impl fmt::Display for Notice {
     }
 }
 
-/// A number with commas between its thousands: `40,368`.
+/// Formats a number with thousands separators: `40,368`.
 pub fn thousands(number: usize) -> String {
     let digits = number.to_string();
     let comma = |at: usize| at > 0 && (digits.len() - at).is_multiple_of(3);
@@ -128,18 +128,18 @@ pub fn thousands(number: usize) -> String {
     digits.chars().enumerate().flat_map(digit).collect()
 }
 
-/// Of a sequence, all of whose frames are drawn.
+/// The notice about a sequence of which all frames are drawn.
 pub fn of_sequence(input: &Input) -> Option<Notice> {
     let gaps = input.sequence.gaps();
     (!gaps.is_empty()).then_some(Notice::Gaps(gaps, Some(input.missing)))
 }
 
-/// Of a scene, whatever particles are drawn in it.
+/// The notice about a scene, independent of its particles.
 pub fn of_scene(scene: &Scene) -> Option<Notice> {
     (!scene.lights.is_empty() && !scene.is_lit()).then_some(Notice::Unlit)
 }
 
-/// Of a frame of particles, wherever it is seen from.
+/// Notices about a frame of particles, independent of the camera.
 pub fn of_frame(loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
     let mut notices = Vec::new();
     if loaded.cells > 0 {
@@ -160,29 +160,31 @@ pub fn of_frame(loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
     notices
 }
 
+/// Whether the radius is far too large for the spacing of the particles.
 fn crowded(loaded: &Loaded) -> Option<Notice> {
-    /// No method has a radius so many times that by the spacing: three at most, and centres that are
-    /// smoothed over such a crowd are up to twice as close.
+    /// Ratio of the radius to the estimate from the spacing that no simulation method has: at most
+    /// three, and smoothing of the centres halves the spacing of such particles at most.
     const TOO_LARGE: f32 = 8.0;
-    /// More particles take too long to look at for a word.
-    const MOST: usize = 2_000_000;
+    /// Largest number of particles to check, which takes long.
+    const MAX_CHECKED: usize = 2_000_000;
     let splats = &loaded.splats;
     let all = || splats.aggregates.iter().chain(&splats.splashes).filter(|splat| !splat.is_copy());
-    if loaded.radius_from == RadiusFrom::Guess || all().count() > MOST {
+    if loaded.radius_from == RadiusFrom::Guess || all().count() > MAX_CHECKED {
         return None;
     }
-    // Not worth an end for want of memory.
+    // A lack of memory skips the notice.
     classify::probe_memory(splats.aggregates.len() + splats.splashes.len(), "a notice").ok()?;
-    let places = all().map(|splat| Vec3::from_array(splat.centre)).collect();
-    let spaced = classify::estimate_radius(&Particles::from_positions(places));
-    let crowded = spaced > 0.0 && splats.radius > TOO_LARGE * spaced;
+    let positions = all().map(|splat| Vec3::from_array(splat.centre)).collect();
+    let estimate = classify::estimate_radius(&Particles::from_positions(positions));
+    let crowded = estimate > 0.0 && splats.radius > TOO_LARGE * estimate;
     crowded.then_some(Notice::Crowded(splats.radius))
 }
 
+/// Whether the liquid within these bounds is unusually large and nearly opaque.
 fn opaque((min, max): (DVec3, DVec3), scene: &Scene) -> Option<Notice> {
-    /// Metres, beyond which a simulation is unusual.
+    /// Extent beyond which a simulation is unusual, m.
     const LARGE: f64 = 100.0;
-    /// Of the light of the least absorbed colour, e⁻¹⁰ is left.
+    /// Optical depth of the least absorbed colour, of which e⁻¹⁰ is transmitted.
     const DEPTH: f64 = 10.0;
     let extent = (max - min).max_element();
     let mut absorptions = scene.absorptions().into_iter();
@@ -191,14 +193,15 @@ fn opaque((min, max): (DVec3, DVec3), scene: &Scene) -> Option<Notice> {
     Some(Notice::Opaque { extent, absorption })
 }
 
-/// Of a picture of `size` pixels: whether the particles are in it. What solids hide counts as seen.
+/// The notice about a picture of `size` pixels: whether the particles are in it. Particles hidden by
+/// solids count as visible.
 pub fn of_view(loaded: &Loaded, camera: &Camera, size: UVec2) -> Option<Notice> {
     let splats = &loaded.splats;
     let view = camera.uniform(size, splats.origin);
     let turn = Mat3::from_cols_array_2d(&view.view_from_world.map(|[x, y, z, _]| [x, y, z]));
-    // How far a sphere of radius 1 reaches over the planes through the picture's edges.
+    // Reach of a unit sphere beyond the planes through the picture's edges, measured along x and y.
     let slant = (view.tangent * view.tangent + 1.0).map(f32::sqrt);
-    let seen = |splat: &Splat| {
+    let visible = |splat: &Splat| {
         let x = turn * (Vec3::from_array(splat.centre) + view.origin);
         let reach = splat.longest() as f32;
         let depth = -x.z;
@@ -208,7 +211,7 @@ pub fn of_view(loaded: &Loaded, camera: &Camera, size: UVec2) -> Option<Notice> 
     };
     let count = splats.aggregates.len() + splats.splashes.len();
     let all = splats.aggregates.par_iter().chain(&splats.splashes).with_min_len(4096);
-    let outside = count - all.filter(|splat| seen(splat)).count();
+    let outside = count - all.filter(|splat| visible(splat)).count();
     if count == 0 {
         None
     } else if outside == count {

@@ -1,4 +1,4 @@
-//! From what a user names to frames that can be drawn: the one way that all programs go.
+//! Opening of inputs: from a path or pattern to frames that can be drawn, shared by all programs.
 
 use std::path::PathBuf;
 
@@ -9,43 +9,43 @@ use crate::project::{Project, overrides};
 use limpid::camera::Camera;
 use limpid::settings::Settings;
 
-/// What to open, and what to replace in it.
+/// An input to open, with overrides.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Request {
     /// A scene or a recipe (`.toml`), a particle file, a pattern or a folder; `None` is the demo.
     pub input: Option<String>,
     /// A scene file to draw the input's particles in.
     pub scene: Option<PathBuf>,
-    /// Particle radius where the files have none, m.
+    /// Particle radius if the files have none, m.
     pub radius: Option<f32>,
-    /// Values to replace: [`Project::set`].
+    /// Overrides of values: [`Project::set`].
     pub overrides: Vec<String>,
     /// The camera, instead of the scene's.
     pub camera: Option<Camera>,
-    /// What stands for a frame that is not there.
+    /// Treatment of missing frames.
     pub missing: Missing,
-    /// How particle files are read.
+    /// Options for reading particle files.
     pub options: ReadOptions,
 }
 
-/// A project that is ready to be drawn.
+/// A project ready to be drawn.
 #[derive(Debug, Clone)]
 pub struct Opened {
-    /// Its frames; every fluid has a radius, where there are particles.
+    /// Its frames; every fluid with particles has a radius.
     pub input: Input,
-    /// The project without the overrides and the other camera; it has a camera.
+    /// The project without the overrides and the request's camera; it has a camera.
     pub plain: Project,
-    /// The project with them.
+    /// The project with the overrides and the request's camera.
     pub project: Project,
 }
 
 impl Request {
-    /// Opens it. This may read the first frame that has particles.
+    /// Opens the input. This may read the frames up to the first one with particles.
     ///
     /// # Errors
     /// As [`Input::open`], [`Project::load`], [`Input::resolve`] and [`Project::set`].
     pub fn open(&self) -> Result<Opened> {
-        // Before anything is read that may take long.
+        // Settings are checked before anything is read, which may take long.
         let settings: Vec<String> = (self.overrides.iter())
             .filter(|text| {
                 !["liquid.", "fluid.", "classify.on"].iter().any(|of| text.starts_with(of))
@@ -60,7 +60,7 @@ impl Request {
         self.open_from(input)
     }
 
-    /// As [`Request::open`], of an input that is open already.
+    /// As [`Request::open`], for an input that is already open.
     ///
     /// # Errors
     /// As [`Request::open`].

@@ -1,8 +1,8 @@
-//! Particle files: the formats that hold one frame of particles, read and written.
+//! Readers and writers of particle files, each with one frame of particles.
 //!
-//! Each format has a file of its own. They share a `Cursor` that never leaves the file, and a
-//! `Table` that turns records of any layout into attributes. A count in a header is a claim, not a
-//! length: it is held against the bytes that are left before anything is allocated.
+//! Each format has its own module. They share a `Cursor`, which never reads beyond the file, and a
+//! `Table`, which decodes records of any layout to attributes. Counts in headers are checked against the
+//! remaining bytes before anything is allocated.
 
 mod arrays;
 mod bgeo;
@@ -36,7 +36,7 @@ use crate::{files, output};
 
 pub use arrays::{Array, AttributeMap, Contents};
 
-/// What particles may have besides their places.
+/// An attribute of particles besides their positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Attribute {
@@ -55,7 +55,7 @@ pub enum Attribute {
 impl Attribute {
     const ALL: [Self; 5] = [Self::Velocity, Self::Density, Self::Radius, Self::Id, Self::Ellipsoid];
 
-    /// Its name, as limpid writes it.
+    /// The name that limpid writes.
     pub fn name(self) -> &'static str {
         match self {
             Self::Velocity => "velocity",
@@ -66,7 +66,7 @@ impl Attribute {
         }
     }
 
-    /// The attribute that simulators call `name`.
+    /// The attribute for which simulators use this name, in any case.
     fn called(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
             "velocity" | "velocities" | "vel" | "v" => Self::Velocity,
@@ -78,7 +78,7 @@ impl Attribute {
         })
     }
 
-    /// Bytes that it takes for each particle once it is read.
+    /// Memory of the attribute per particle, bytes.
     fn bytes(self) -> u64 {
         let bytes = match self {
             Self::Velocity => size_of::<Vec3>(),
@@ -89,7 +89,7 @@ impl Attribute {
         bytes as u64
     }
 
-    /// All names, for messages.
+    /// Lists all names for messages.
     fn list() -> String {
         Self::ALL.map(Self::name).join(", ")
     }
@@ -101,30 +101,29 @@ impl fmt::Display for Attribute {
     }
 }
 
-/// How particle files are read.
+/// Options for reading particle files.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// Bytes that a file may unpack to: a few bytes of a compressed file can claim any amount of
-    /// memory. Without a limit that is a hundred times the file's length, but at least 1 GiB and at
-    /// most 16.
+    /// Limit of the unpacked size, bytes, since a small compressed file can claim any amount of memory.
+    /// By default 100 times the file's length, but at least 1 GiB and at most 16 GiB.
     pub max_unpacked: Option<u64>,
-    /// Arrays that attributes are read from, where they go by other names than simulators' usual ones.
+    /// The arrays of attributes with other than the usual names.
     pub map: AttributeMap,
 }
 
-/// [`ReadOptions`], settled for a file.
+/// [`ReadOptions`], resolved for a file.
 #[derive(Clone, Copy)]
 struct Reading<'a> {
-    /// Bytes that the file may unpack to.
+    /// Limit of the unpacked size, bytes.
     limit: u64,
     map: &'a AttributeMap,
 }
 
-/// Reads one frame. The extension names the format, and the contents must confirm it:
+/// Reads one frame. The extension selects the format, which the contents must match:
 ///
 /// | extension | format | [written](write()) with |
 /// |---|---|---|
-/// | `.bgeo`, `.bgeo.gz`, `.bhclassic` | Houdini's classic geometry, version 5, plain or gzip | all, 32-bit places and ids |
+/// | `.bgeo`, `.bgeo.gz`, `.bhclassic` | Houdini's classic geometry, version 5, plain or gzip | all, 32-bit positions and ids |
 /// | `.vtk` | legacy VTK up to 5.1, binary or ASCII: unstructured grids and polygonal data | all |
 /// | `.vtu` | VTK's XML, unstructured grids: ASCII, base64 or raw, zlib or not, in pieces | all |
 /// | `.vtp` | the same, polygonal data | not written |
@@ -133,25 +132,25 @@ struct Reading<'a> {
 /// | `.npz` | an archive of such arrays, stored or deflated | all |
 /// | `.xyz` | positions: raw little-endian 32-bit floats, or text with one particle a line | positions, 32-bit |
 /// | `.pos` | Truong and Yuksel's frames: positions and one radius; ellipsoids from the `.ani` beside it | positions, 32-bit; one radius; ellipsoids |
-/// | `.csv` | text with a line a particle, columns named or x, y, z | all |
+/// | `.csv` | text with one particle per line, columns named or x, y, z | all |
 ///
-/// Attributes go by the names that simulators write, in any case: `velocity`, `velocities`,
-/// `vel`, `v`; `density`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`; and
-/// `ellipsoid`, of the six numbers of [`Ellipsoid`]. The first of several wins; all others are
-/// ignored, as [`Contents::read`] tells. Positions are what the format says they are; in `.npz` they are called
-/// `positions`, `position`, `pos`, `x`, `points` or `arr_0`, or are the only array of shape
-/// (n, 3); in `.csv` the columns are `x`, `px`, `Points:0`, `Points_0`, `Pos.x` and so on.
+/// Attributes have the usual names of simulators, in any case: `velocity`, `velocities`, `vel`, `v`;
+/// `density`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`; and `ellipsoid`, with the
+/// six numbers of [`Ellipsoid`]. The first of several is used, and all other arrays are ignored
+/// ([`Contents::arrays`] lists them). The format determines the positions; in `.npz` they are called
+/// `positions`, `position`, `pos`, `x`, `points` or `arr_0`, or are the only array of shape (n, 3); in
+/// `.csv` the columns are `x`, `px`, `Points:0`, `Points_0`, `Pos.x` and so on.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be read, [`Error::Format`] if it is of another kind, and
-/// [`Error::Malformed`] if it contradicts itself or holds a value that is not finite.
+/// [`Error::Io`] if the file cannot be read, [`Error::Format`] if it has another format, and
+/// [`Error::Malformed`] if it violates its format or contains a value that is not finite.
 pub fn read(path: &Path) -> Result<Particles> {
     Contents::read(path, &ReadOptions::default()).map(|contents| contents.particles)
 }
 
-/// Like [`read()`], with the contents at hand; `path` gives the format and stands in
-/// messages. Nothing beside it is looked for.
+/// Like [`read()`], for contents in memory; `path` selects the format and appears in messages. No
+/// accompanying file is read.
 ///
 /// # Errors
 ///
@@ -160,18 +159,17 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Particles> {
     Contents::parse(path, bytes, &ReadOptions::default()).map(|contents| contents.particles)
 }
 
-/// Writes one frame, whole or not at all, in the format that the extension names; see
-/// [`read()`]. What it holds is read back to the bit; what it does not hold is left
-/// out, as [`lost`] tells. `.bgeo` and `.bgeo.gz` are gzip, as simulators write
-/// them, `.bhclassic` is not. Places with an [origin](Particles::origin) are written as 64-bit
-/// floats if the format has them.
+/// Writes one frame atomically in the format of the extension; see [`read()`]. Attributes that the
+/// format can store are read back bit-exactly; [`lost`] lists the others. `.bgeo` and `.bgeo.gz` are
+/// compressed by gzip, as simulators write them, `.bhclassic` is not. Positions with an
+/// [origin](Particles::origin) are written as 64-bit floats if the format has them.
 ///
-/// Ellipsoids of a `.pos` go to the `.ani` beside it; one that is there is removed if there
-/// are none.
+/// The ellipsoids of a `.pos` are written to the `.ani` beside it; without ellipsoids an existing
+/// `.ani` is removed.
 ///
 /// # Errors
-/// [`Error::Format`] for a format that limpid does not write, [`Error::Io`] if the file cannot
-/// be written, or has no room for so many particles or such large ids.
+/// [`Error::Format`] for a format that limpid does not write, [`Error::Io`] if the file cannot be
+/// written, or if the format cannot store the number of particles or an id.
 pub fn write(particles: &Particles, path: &Path) -> Result<()> {
     let (format, write) = writable(path)?;
     FILE_KIND.check(path)?;
@@ -181,7 +179,7 @@ pub fn write(particles: &Particles, path: &Path) -> Result<()> {
     output::write_atomically(path, FILE_KIND, |file| write(particles, file))
 }
 
-/// What a file of this name could not hold of these particles: names of attributes, and
+/// Lists what the format of this name cannot store of these particles: names of attributes, and
 /// `64-bit places`.
 ///
 /// # Errors
@@ -199,18 +197,18 @@ pub fn lost(particles: &Particles, path: &Path) -> Result<Vec<&'static str>> {
     Ok(lost)
 }
 
-/// The names of the attributes that are present, in the order of files.
+/// Names of the present attributes, in the order in which they are written.
 pub fn attribute_names(particles: &Particles) -> impl Iterator<Item = &'static str> {
     attributes(particles).into_iter().map(|(name, _)| name)
 }
 
 impl Contents {
-    /// As [`read()`], with what the file holds besides.
+    /// As [`read()`], with the list of all arrays.
     ///
     /// # Errors
     ///
-    /// As [`read()`]; [`Error::Malformed`] for a file that unpacks to more than it may, and
-    /// [`Error::Format`] if an array that the options name is not there.
+    /// As [`read()`]; [`Error::TooLarge`] for a file beyond the limit of its unpacked size, and
+    /// [`Error::Format`] if an array of the attribute map is missing.
     pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
         let format = format_for(path)?;
         if format.extension == ".xyz"
@@ -226,7 +224,7 @@ impl Contents {
         let mut bytes = BUFFER.take();
         let read = files::contents(path, &file, &metadata, limit, &mut bytes);
         let contents = read.and_then(|()| format.parse(path, &bytes, &reading));
-        if bytes.capacity() <= BUFFERED {
+        if bytes.capacity() <= MAX_BUFFER {
             BUFFER.set(bytes);
         }
         let mut contents = contents?;
@@ -236,7 +234,7 @@ impl Contents {
         Ok(contents)
     }
 
-    /// As [`Contents::read`], with the contents at hand; see [`parse`].
+    /// As [`Contents::read`], for contents in memory; see [`parse`].
     ///
     /// # Errors
     ///
@@ -248,8 +246,7 @@ impl Contents {
     }
 }
 
-/// What is written besides the positions, under the names that `SPlisHSPlasH` gives it where
-/// it has one.
+/// The present attributes with their written names, which are those of SPlisHSPlasH if it has them.
 fn attributes(particles: &Particles) -> Vec<(&'static str, Values<'_>)> {
     let Particles { velocities, densities, radii, ids, ellipsoids, .. } = particles;
     let attributes = [
@@ -263,24 +260,24 @@ fn attributes(particles: &Particles) -> Vec<(&'static str, Values<'_>)> {
 }
 
 thread_local! {
-    /// The bytes of the file that a thread has read last. Memory that is used again costs nothing;
-    /// new memory costs longer than the rest of reading, for the system hands it out page by page.
+    /// A thread's buffer for the bytes of a file, reused since the page faults of new memory take longer
+    /// than the rest of reading.
     static BUFFER: Cell<Vec<u8>> = const { Cell::new(Vec::new()) };
 }
 
-/// Buffers of more bytes than this are not kept: those of about a million particles are.
-const BUFFERED: usize = 64 << 20;
+/// Capacity of the largest buffer that is kept, bytes: enough for about a million particles.
+const MAX_BUFFER: usize = 64 << 20;
 
-/// Bytes that a particle's position takes once it is read.
+/// Memory of a particle's position, bytes.
 const POSITION_BYTES: u64 = size_of::<Vec3>() as u64;
 
-/// Particles, in the format that the file's name says.
+/// The kind of particle files, each in the format of its extension.
 pub const FILE_KIND: FileKind =
     FileKind::new("a particle file of the format that its name says", |file| {
         is_of_its_format(file.path, &file.head, file.length)
     });
 
-/// The ellipsoids beside a `.pos`.
+/// The kind of the `.ani` file beside a `.pos`, with its ellipsoids.
 pub const ELLIPSOIDS_KIND: FileKind = FileKind::new("the ellipsoids of a .pos file", |file| {
     pos::check_ellipsoids_length(file.path, &file.head, file.length).is_ok()
 });
@@ -288,13 +285,14 @@ pub const ELLIPSOIDS_KIND: FileKind = FileKind::new("the ellipsoids of a .pos fi
 type Reader = fn(&Path, &[u8], &Reading<'_>) -> Result<Contents>;
 type Writer = fn(&Particles, &mut BufWriter<&File>) -> io::Result<()>;
 
+/// A particle format.
 struct Format {
     extension: &'static str,
     read: Reader,
     write: Option<Writer>,
-    /// The attributes that it has room for.
+    /// The attributes that it can store.
     holds: &'static [&'static str],
-    /// Whether it has room for 64-bit places.
+    /// Whether it can store 64-bit positions.
     wide: bool,
 }
 
@@ -327,7 +325,7 @@ const FORMATS: [Format; 12] = {
 };
 
 impl Format {
-    /// Fails too if an array is not there that the options name.
+    /// Parses a file, and checks that the arrays of the attribute map exist.
     fn parse(&self, path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
         let contents = (self.read)(path, bytes, reading)?;
         match contents.unread(reading.map) {
@@ -336,8 +334,8 @@ impl Format {
         }
     }
 
-    /// Fails if the beginning of a large file or its length tells that it is of another kind:
-    /// gigabytes of nothing need not be read to say so.
+    /// Fails if the start or the length of a large file shows that it has another format, without
+    /// reading all of it.
     fn probe(&self, path: &Path, file: &File, length: u64) -> Result<()> {
         const LARGE: u64 = 64 << 20;
         const START: u64 = 64 << 10;
@@ -348,7 +346,7 @@ impl Format {
         files::read_at(file, &mut start, 0).map_err(|source| Error::io(path, "read", source))?;
         let reading = Reading { limit: LARGE, map: &AttributeMap::default() };
         match ((self.read)(path, &start, &reading), self.extension) {
-            // All others may come from the cut.
+            // All other errors may be due to the truncation.
             (Err(error @ Error::Format { .. }), _) => Err(error),
             (_, ".xyz") => xyz::check_length(path, &start, length),
             (_, ".pos") => pos::check_length(path, &start, length),
@@ -357,34 +355,35 @@ impl Format {
     }
 }
 
-/// Whether a file that begins like this, of this length, is of the format that its name says.
+/// Whether a file with this start and length has the format of its extension.
 fn is_of_its_format(path: &Path, head: &[u8], length: u64) -> bool {
     let Ok(format) = format_for(path) else { return false };
-    let whole = head.len() as u64 == length;
+    let complete = head.len() as u64 == length;
     let reading = Reading { limit: files::unpacked_limit(length), map: &AttributeMap::default() };
     match format.extension {
-        // Without a mark of its own: what is read of it must be sound.
+        // Formats without a magic: the particles must be valid.
         ".xyz" => xyz::is_sound(path, head, length, &reading),
         ".pos" => pos::check_length(path, head, length).is_ok(),
         _ => match (format.read)(path, head, &reading) {
             Err(Error::Format { .. }) => false,
-            // One that is cut off is of its format still.
-            Err(_) => !whole || known_magic(head).is_some(),
+            // A truncated file still has its format.
+            Err(_) => !complete || known_magic(head).is_some(),
             Ok(_) => true,
         },
     }
 }
 
-/// The extensions that can be read, as a list for messages.
+/// Lists the readable extensions for messages.
 pub(crate) fn extensions() -> String {
     FORMATS.map(|format| format.extension).join(", ")
 }
 
-/// A file name without its extension, if that is one of a format that can be read.
+/// A file name without its extension, if that is of a readable format.
 pub(crate) fn readable_stem(name: &str) -> Option<&str> {
     format_of(name).map(|(stem, _)| stem)
 }
 
+/// Finds the format of a file name; returns its stem too.
 fn format_of(name: &str) -> Option<(&str, Format)> {
     FORMATS.into_iter().find_map(|format| {
         let extension = format.extension;
@@ -423,7 +422,7 @@ fn unknown_kind(path: &Path, name: &str) -> Error {
     Error::format(path, format!("{kind}; can be read: {}", extensions()))
 }
 
-/// Says what a file that lacks the magic of its format looks like instead.
+/// The error of a file without the magic of its format, with the format that it seems to have.
 fn foreign(path: &Path, bytes: &[u8], expected: &str) -> Error {
     let found = match known_magic(bytes) {
         Some(kind) => kind,
@@ -434,7 +433,7 @@ fn foreign(path: &Path, bytes: &[u8], expected: &str) -> Error {
 }
 
 fn known_magic(bytes: &[u8]) -> Option<&'static str> {
-    // At least four bytes each: two could well begin a float of an .xyz file.
+    // At least four bytes each, since shorter ones may occur in the first float of an .xyz file.
     const MAGIC: [(&[u8], &str); 16] = [
         (b"\x7fNSJ", "Houdini's new geometry format (save as .bhclassic)"),
         (b"BgeoV", "a BGEO file"),
@@ -459,7 +458,7 @@ fn known_magic(bytes: &[u8]) -> Option<&'static str> {
     MAGIC.iter().find(|(magic, _)| bytes.starts_with(magic)).map(|&(_, kind)| kind)
 }
 
-/// The values of an attribute, as writers take them.
+/// The values of an attribute, for writers.
 #[derive(Clone, Copy)]
 enum Values<'a> {
     Integers(&'a [i64]),
@@ -469,7 +468,7 @@ enum Values<'a> {
 }
 
 impl<'a> Values<'a> {
-    /// How many numbers a particle has.
+    /// Number of values per particle.
     fn size(self) -> usize {
         match self {
             Self::Integers(_) | Self::Floats(_) => 1,
@@ -478,7 +477,7 @@ impl<'a> Values<'a> {
         }
     }
 
-    /// What the columns of an attribute of this name are called where each number has its own.
+    /// Column names of an attribute, for formats with one column per number.
     fn column_names(self, name: &str) -> Vec<String> {
         match self {
             Self::Integers(_) | Self::Floats(_) => vec![name.into()],
@@ -487,7 +486,7 @@ impl<'a> Values<'a> {
         }
     }
 
-    /// All floats, particle by particle; none of integers.
+    /// All floats, particle by particle; empty for integers.
     fn floats(self) -> &'a [f32] {
         match self {
             Self::Integers(_) => &[],
@@ -503,7 +502,7 @@ impl<'a> Values<'a> {
     }
 }
 
-/// What the numbers of an [`Ellipsoid`] are called where each has a column of its own.
+/// Column names of the numbers of an [`Ellipsoid`].
 const ELLIPSOID_COLUMNS: [&str; 6] = [
     "ellipsoid_xx",
     "ellipsoid_yy",
@@ -513,20 +512,20 @@ const ELLIPSOID_COLUMNS: [&str; 6] = [
     "ellipsoid_xz",
 ];
 
-/// The columns of a vector whose names begin with one of `bases`, among names in lower case: `vx`,
+/// Finds the columns of a vector whose names begin with one of `bases`, among names in lower case: `vx`,
 /// `Points:0`, `Points_0`, `Pos.x` and so on.
 fn vector_among(names: &[String], bases: &[&str]) -> Option<Vec<usize>> {
-    let find = |wanted: &str| names.iter().position(|name| name == wanted);
+    let find = |column: &str| names.iter().position(|name| name == column);
     let mut spellings = bases.iter().flat_map(|base| {
-        ["", ":", "_", "."].into_iter().flat_map(move |between| {
+        ["", ":", "_", "."].into_iter().flat_map(move |separator| {
             [["x", "y", "z"], ["0", "1", "2"]]
-                .map(|axes| axes.map(|axis| format!("{base}{between}{axis}")))
+                .map(|axes| axes.map(|axis| format!("{base}{separator}{axis}")))
         })
     });
     spellings.find_map(|names| names.iter().map(|name| find(name)).collect())
 }
 
-/// The columns of the velocities.
+/// Finds the columns of the velocities.
 fn velocity_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
     match map.array_of(Attribute::Velocity) {
         Some(name) => vector_among(names, &[&name]),
@@ -534,24 +533,24 @@ fn velocity_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
     }
 }
 
-/// The columns of the ellipsoids.
+/// Finds the columns of the ellipsoids.
 fn ellipsoid_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
     let base = map.array_of(Attribute::Ellipsoid).unwrap_or_else(|| "ellipsoid".into());
-    let find = |wanted: &String| names.iter().position(|name| name == wanted);
-    let spelt = |between: &str| [0, 1, 2, 3, 4, 5].map(|k| format!("{base}{between}{k}"));
-    let letters = ELLIPSOID_COLUMNS.map(|name| name.replacen("ellipsoid", &base, 1));
-    let spellings = [letters, spelt(":"), spelt("_")];
+    let find = |column: &String| names.iter().position(|name| name == column);
+    let numbered = |separator: &str| [0, 1, 2, 3, 4, 5].map(|k| format!("{base}{separator}{k}"));
+    let lettered = ELLIPSOID_COLUMNS.map(|name| name.replacen("ellipsoid", &base, 1));
+    let spellings = [lettered, numbered(":"), numbered("_")];
     spellings.iter().find_map(|names| names.iter().map(find).collect())
 }
 
-/// The length of a file that begins like this if it is binary STL. That has no magic, but its
-/// length follows from its count of triangles.
+/// The length of a file with this start if it is binary STL, which has no magic, but a length
+/// determined by its number of triangles.
 fn stl_length(start: &[u8]) -> Option<u64> {
     let triangles = start.get(80..)?.first_chunk().map(|&count| u32::from_le_bytes(count))?;
     Some(84 + 50 * u64::from(triangles))
 }
 
-/// Writes numbers in blocks: a call for each would take longer than the writing.
+/// Writes numbers in blocks, since a call per number would dominate the time.
 fn write_numbers<T: Copy, const N: usize>(
     numbers: &[T],
     bytes: impl Fn(T) -> [u8; N],
@@ -566,7 +565,7 @@ fn write_numbers<T: Copy, const N: usize>(
     Ok(())
 }
 
-/// Ids as the 32-bit integers that some formats are limited to.
+/// Converts an id for a format with 32-bit ids.
 fn narrow_id(id: i64, format: &str) -> io::Result<i32> {
     i32::try_from(id).map_err(|_| too_large(&format!("{format} holds 32-bit ids, not {id}")))
 }

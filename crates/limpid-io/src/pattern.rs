@@ -1,6 +1,6 @@
-//! File names with a place for the frame number: `{}`, `####`, `%04d`, `$F4`.
+//! File names with a placeholder for the frame number: `{}`, `####`, `%04d`, `$F4`.
 
-/// Where the first place for a number begins, its length, and the least number of digits.
+/// Offset and length of the first placeholder, and its minimum number of digits.
 pub(crate) fn placeholder(name: &str) -> Option<(usize, usize, usize)> {
     name.char_indices().find_map(|(at, _)| {
         let rest = &name[at..];
@@ -21,7 +21,7 @@ pub(crate) fn placeholder(name: &str) -> Option<(usize, usize, usize)> {
     })
 }
 
-/// The length and the value of the `digits` that `text` begins with; without any, 1.
+/// Length and value of the `digits` leading digits of `text`; the value is 1 without any.
 fn width(text: &str, digits: usize) -> Option<(usize, usize)> {
     let value = if digits == 0 { 1 } else { text[..digits].parse().ok()? };
     Some((digits, value))

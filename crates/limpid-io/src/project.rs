@@ -1,4 +1,4 @@
-//! A scene and what it is made from: particles, their view, and how the work is done.
+//! Projects: a scene with the source of its particles, its cameras, and the processor that classifies.
 
 mod file;
 pub mod overrides;
@@ -18,34 +18,34 @@ use limpid::scene::Scene;
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
 
-/// A scene file: what the picture shows, and what it is made from.
+/// The contents of a scene file: a scene, the source of its particles, and its views.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Project {
-    /// What the picture shows.
+    /// The scene.
     pub scene: Scene,
-    /// Where the particles come from.
+    /// The source of the particles.
     pub source: LiquidSource,
-    /// The view; `None` fits one to the particles.
+    /// The camera; `None` fits one to the particles.
     pub camera: Option<Camera>,
-    /// Further views of interest, by name; a report measures them too.
+    /// Further named views, which a report measures too.
     pub views: Vec<NamedView>,
-    /// What classifies the particles.
+    /// The processor that classifies the particles.
     pub processor: Processor,
 }
 
-/// Where the particles of a scene come from.
+/// The source of a scene's particles.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum LiquidSource {
-    /// The caller has them.
+    /// Particles given by the caller.
     #[default]
     Unspecified,
-    /// From a file or a sequence.
+    /// A file or a sequence.
     File(ParticleSource),
-    /// Of several fluids, one for each of [`Scene::fluids`].
+    /// Several fluids, one for each of [`Scene::fluids`].
     Fluids(Vec<ParticleSource>),
-    /// Made from parameters.
+    /// A recipe, which generates them from parameters.
     Recipe(Recipe),
-    /// Simulated, and read from the frames that were baked: [`crate::bake::bake`].
+    /// A simulation, whose baked frames are read: [`crate::bake::bake`].
     Simulation(Simulation),
 }
 
@@ -59,7 +59,7 @@ impl LiquidSource {
         }
     }
 
-    /// As [`LiquidSource::files`], to change them.
+    /// As [`LiquidSource::files`], mutable.
     pub fn files_mut(&mut self) -> &mut [ParticleSource] {
         match self {
             Self::File(file) => slice::from_mut(file),
@@ -78,32 +78,32 @@ impl LiquidSource {
         if let Self::Simulation(simulation) = self { Some(simulation) } else { None }
     }
 
-    /// As [`LiquidSource::simulation`], to change it.
+    /// As [`LiquidSource::simulation`], mutable.
     pub fn simulation_mut(&mut self) -> Option<&mut Simulation> {
         if let Self::Simulation(simulation) = self { Some(simulation) } else { None }
     }
 }
 
-/// A particle file or sequence, as a scene names it.
+/// A particle file or sequence of a scene.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParticleSource {
     /// A file, a pattern or a folder, relative to the scene file.
     pub source: String,
-    /// The frame to draw when no other is asked for.
+    /// The frame drawn by default.
     #[serde(default)]
     pub frame: Option<i64>,
-    /// Particle radius, m, where the file has none; estimated from the spacing if absent.
+    /// Particle radius if the file has none, m; if absent too, estimated from the spacing.
     #[serde(default)]
     pub radius: Option<f32>,
-    /// Which axis of the file points up.
+    /// The axis of the file that points up.
     #[serde(default)]
     pub up: Up,
-    /// Frames per second of the simulation, above 0, for slow motion and films; if absent, that of
+    /// Frames per second of the simulation, above 0, for slow motion and films; if absent, those of
     /// the film.
     #[serde(default)]
     pub fps: Option<f64>,
-    /// Which arrays attributes are read from, where they go by other names than the usual ones.
+    /// The arrays of attributes with other than the usual names.
     #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
     pub map: AttributeMap,
 }
@@ -128,7 +128,7 @@ impl Project {
     /// Checks all values against their ranges.
     ///
     /// # Errors
-    /// [`limpid::Error::Invalid`] naming the first value that is out of its range.
+    /// [`limpid::Error::Invalid`] naming the first value out of range.
     pub fn check(&self) -> Result<()> {
         match &self.source {
             LiquidSource::Recipe(recipe) => recipe.check()?,
@@ -140,7 +140,7 @@ impl Project {
         Ok(self.scene.check()?)
     }
 
-    /// The camera, or one that fits `bounds`.
+    /// The camera, or one fitted to `bounds`.
     pub fn camera_for(&self, bounds: (glam::DVec3, glam::DVec3)) -> Camera {
         self.camera.unwrap_or_else(|| Camera::fit(bounds.0, bounds.1))
     }
@@ -148,7 +148,7 @@ impl Project {
     /// The simulation.
     ///
     /// # Errors
-    /// [`Error::Scene`] of `origin` if there is none.
+    /// [`Error::Scene`] naming `origin` if there is none.
     pub fn simulation_mut(&mut self, origin: &str) -> Result<&mut Simulation> {
         self.source.simulation_mut().ok_or_else(|| Error::Scene {
             origin: origin.into(),

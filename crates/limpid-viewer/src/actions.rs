@@ -1,4 +1,4 @@
-//! What keys, buttons and menus do.
+//! Actions of keys, buttons and menus.
 
 use eframe::egui;
 use serde_json::json;
@@ -12,7 +12,7 @@ use crate::{Compare, Viewer, camera_controls};
 use limpid::camera::Camera;
 
 impl Viewer {
-    /// Files that were dropped on the window.
+    /// Opens a file that was dropped on the window.
     pub(crate) fn take_files(&mut self, ctx: &egui::Context) {
         let dropped = ctx.input(|input| input.raw.dropped_files.clone());
         if let Some(file) = dropped.first() {
@@ -21,7 +21,7 @@ impl Viewer {
     }
 
     pub(crate) fn take_keys(&mut self, ctx: &egui::Context) {
-        // Somebody may be typing a number or a path.
+        // The user may be typing a number or a path.
         if self.interface.dialog.is_some() || ctx.text_edit_focused() {
             return;
         }
@@ -33,7 +33,7 @@ impl Viewer {
                 }
                 _ => None,
             });
-            // W, A, S, D, Q and E fly then.
+            // W, A, S, D, Q and E then fly the camera.
             if flying { Vec::new() } else { keys.collect::<Vec<_>>() }
         });
         for action in pressed {
@@ -41,7 +41,7 @@ impl Viewer {
         }
     }
 
-    /// Does what a key, a button or a menu asks for.
+    /// Performs the action of a key, a button or a menu.
     pub(crate) fn act(&mut self, ctx: &egui::Context, action: Action) {
         match action {
             Action::Open => self.interface.dialog = Some(Dialog::open()),
@@ -112,7 +112,7 @@ impl Viewer {
 
     pub(crate) fn set_speed(&mut self, speed: Speed) {
         let Some(document) = &self.opened.document else { return };
-        // Where frames are missing, frame times of one time have different places in the two.
+        // With missing frames, the same time may have different indices at the two speeds.
         let seconds = self.moment().map_or(0.0, |at| document.seconds(at));
         self.opened.frame_times = document.frame_times(speed).into();
         let index = document.nearest(&self.opened.frame_times, seconds);
@@ -134,7 +134,7 @@ impl Viewer {
     }
 
     pub(crate) fn set_camera(&mut self, camera: Camera) {
-        // A camera that sees nothing is not gone to.
+        // Invalid cameras are ignored.
         if camera != self.eye.camera && camera.check().is_ok() {
             self.eye.camera = camera;
             self.eye.follow = false;

@@ -1,18 +1,18 @@
-//! How large a picture is drawn while things move, so that a slow machine stays responsive.
+//! The resolution of pictures while things move, chosen so that a slow machine stays responsive.
 
 use glam::UVec2;
 
-/// What a draft may take, ms.
-const AIM: f64 = 50.0;
+/// Target time of a draft, ms.
+const TARGET_MS: f64 = 50.0;
 
-/// Shares of the full width and height that drafts are drawn at, the largest first: few, because
-/// each change of size makes new textures.
+/// Scales of width and height for drafts, largest first: few, because each change of size creates new
+/// textures.
 const SCALES: [f64; 7] = [1.0, 0.75, 0.5, 0.375, 0.25, 0.1875, 0.125];
 
-/// The scale before anything is known.
+/// Index of the scale that is used before any measurement.
 const START: usize = 4;
 
-/// What is drawn at a moment, from moving to long at rest.
+/// Quality of a picture, from moving to long at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
     /// A lower resolution, one ray per pixel.
@@ -23,32 +23,34 @@ pub enum Level {
     Fine,
 }
 
-/// Chooses the resolution of drafts by the times that pictures have taken.
+/// Chooses the resolution of drafts from measured times.
 ///
-/// A picture's time has a part that does not depend on its size, so what one scale takes says
-/// little of another: each is known by itself, and guessed from its neighbours until it has been
-/// tried.
+/// Part of a picture's time does not depend on its size, so the time at one scale predicts little about
+/// another: each scale is measured by itself, and estimated from its neighbours until then.
 #[derive(Debug, Clone, Default)]
 pub struct AdaptiveResolution {
-    /// Times by scale, ms.
+    /// Measured times by scale, ms.
     known: [Option<f64>; SCALES.len()],
     full: UVec2,
 }
 
 impl AdaptiveResolution {
-    /// A picture of `size` took so long, where the window's has `full` pixels.
+    /// Records that a picture of `size` took `ms`, in a window of `full` pixels.
     pub fn measured(&mut self, size: UVec2, full: UVec2, ms: f64) {
         if size.min_element() == 0 || full.min_element() == 0 || !ms.is_finite() {
             return;
         }
         self.resize(full);
         let scale = f64::from(size.y) / f64::from(full.y);
-        let off = |i: &usize| (SCALES[*i].ln() - scale.ln()).abs();
-        let Some(i) = (0..SCALES.len()).min_by(|a, b| off(a).total_cmp(&off(b))) else { return };
-        // What was slow once, because something was compiled, is forgotten sooner.
+        let difference = |i: &usize| (SCALES[*i].ln() - scale.ln()).abs();
+        let Some(i) = (0..SCALES.len()).min_by(|a, b| difference(a).total_cmp(&difference(b)))
+        else {
+            return;
+        };
+        // Slow outliers, such as frames that compiled pipelines, are forgotten sooner.
         let mean = |old: f64| if ms < old { 0.25 * old + 0.75 * ms } else { 0.5 * (old + ms) };
         self.known[i] = Some(self.known[i].map_or(ms, mean));
-        // Liquid and settings change: what was too slow once is tried again some day.
+        // Liquid and settings change, so scales that were too slow are eventually tried again.
         for slower in self.known[..i].iter_mut().flatten() {
             *slower *= 0.995;
         }
@@ -64,7 +66,7 @@ impl AdaptiveResolution {
         self.full = full;
     }
 
-    /// What a picture at a scale should take, ms.
+    /// Expected time of a picture at a scale, ms.
     fn expected(&self, i: usize) -> Option<f64> {
         let area = |i: usize| SCALES[i] * SCALES[i];
         let at = |j: usize| self.known[j].map(|ms| (area(j), ms));
@@ -75,7 +77,7 @@ impl AdaptiveResolution {
         match (at(i), larger, smaller) {
             (Some((_, ms)), ..) => Some(ms),
             (_, Some((a, x)), Some((b, y))) => Some(y + (x - y) * (here - b) / (a - b)),
-            // A part is the same whatever the size.
+            // Part of the time does not depend on the size.
             (_, Some((a, x)), None) => Some(x * (0.1 + 0.9 * here / a)),
             (_, None, Some((b, y))) => Some(match still_smaller {
                 Some((c, z)) => y + ((y - z) / (b - c)).max(0.0) * (here - b),
@@ -85,14 +87,16 @@ impl AdaptiveResolution {
         }
     }
 
-    /// The share of the full width and height for drafts: 1/8 to 1.
+    /// The scale of width and height for drafts: 1/8 to 1.
     pub fn scale(&self) -> f64 {
         if self.known.iter().all(Option::is_none) {
             return SCALES[START];
         }
         let last = SCALES.len() - 1;
-        // Where the size matters little, coarse pictures would be coarse for nothing.
-        let limit = self.expected(last).map_or(AIM, |least| AIM.max((1.4 * least).min(4.0 * AIM)));
+        // If the size affects the time little, a coarse draft gains nothing.
+        let limit = self
+            .expected(last)
+            .map_or(TARGET_MS, |least| TARGET_MS.max((1.4 * least).min(4.0 * TARGET_MS)));
         let fits = |i: &usize| self.expected(*i).is_some_and(|ms| ms <= limit);
         SCALES[(0..SCALES.len()).find(fits).unwrap_or(last)]
     }

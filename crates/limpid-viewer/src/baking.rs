@@ -1,5 +1,4 @@
-//! Simulated scenes: frames that are not there yet are made on a thread while those that are there
-//! play.
+//! Simulated scenes: a thread simulates missing frames while finished ones play.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -17,23 +16,23 @@ use limpid_io::project::Project;
 use limpid_io::{output, project};
 use limpid_sim::sim::Simulation;
 
-/// The scene that is shown without any other.
+/// The scene that is shown if no other is given.
 const BUILT_IN: &str = include_str!("../../../sims/dam_break.toml");
 
-/// What is open or being opened; on dropping this, its bake ends with the frame in hand.
+/// A source that is open or being opened; dropping this stops its bake after the current frame.
 #[derive(Debug)]
 pub(crate) struct Opening {
     pub(crate) number: u64,
     pub(crate) source: Source,
-    /// Whether it has not been read yet.
+    /// Whether it is still to be read.
     pub(crate) pending: bool,
-    /// Whether it has been read and is what is open.
+    /// Whether it has been read and is the open document.
     opened: bool,
-    /// How far its bake has come, if one is needed and has not ended.
+    /// Progress of its bake; `None` if none is needed or it has ended.
     pub(crate) progress: Option<Progress>,
-    /// Whether frames that have been added are being looked for,
+    /// Whether the folder is being searched for new frames.
     pub(crate) growing: bool,
-    /// and whether there have been more since.
+    /// Whether more frames have been baked since that search began.
     again: bool,
     stop: Arc<AtomicBool>,
 }
@@ -45,16 +44,16 @@ impl Drop for Opening {
 }
 
 impl Source {
-    /// A dam that breaks, as a scene file in the user's cache folder, beside which its frames go.
+    /// A dam break, as a scene file in the user's cache folder; its frames are stored beside it.
     ///
     /// # Errors
     /// [`Error::Io`] naming what cannot be written.
     pub fn built_in() -> Result<Self> {
-        let path = cache().join("limpid").join("dam_break.toml");
+        let path = cache_folder().join("limpid").join("dam_break.toml");
         let folder = path.parent().unwrap_or(Path::new(""));
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
         if files::read_text(&path).ok().as_deref() != Some(BUILT_IN) {
-            // Frames of an older version are another liquid's.
+            // Frames of an older version show another liquid.
             bake::clear("dam_break", &bake::folder(&path))?;
             output::write_atomically(&path, project::FILE_KIND, |file| {
                 std::io::Write::write_all(file, BUILT_IN.as_bytes())
@@ -64,8 +63,8 @@ impl Source {
     }
 }
 
-/// Where programs keep what they can make again.
-fn cache() -> PathBuf {
+/// The folder for data that programs can regenerate.
+fn cache_folder() -> PathBuf {
     let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     folder("XDG_CACHE_HOME")
         .or_else(|| folder("LOCALAPPDATA"))
@@ -74,8 +73,8 @@ fn cache() -> PathBuf {
 }
 
 impl Viewer {
-    /// Opens a source in place of what is open, once it has been read: until then, and if it cannot
-    /// be, a bake of what is open goes on.
+    /// Opens a source in place of the current one, once it has been read. Until then, and if reading
+    /// fails, a bake of the current one continues.
     pub fn open(&mut self, source: Source) {
         self.opened.openings += 1;
         let number = self.opened.openings;
@@ -86,7 +85,7 @@ impl Viewer {
         }
         self.opened.before = self.opened.before.take().filter(kept);
         let stop = Arc::new(AtomicBool::new(false));
-        let (post, given, stopped) = (self.jobs.post.clone(), source.clone(), stop.clone());
+        let (post, requested, stopped) = (self.jobs.post.clone(), source.clone(), stop.clone());
         self.opened.opening = Some(Opening {
             number,
             source,
@@ -98,17 +97,19 @@ impl Viewer {
             stop,
         });
         std::thread::spawn(move || {
-            let told = |document| post.send(Message::Opened(number, Box::new(document)));
-            let Some(project) = simulated(&given) else { return told(Document::open(&given)) };
+            let report = |document| post.send(Message::Opened(number, Box::new(document)));
+            let Some(project) = simulated(&requested) else {
+                return report(Document::open(&requested));
+            };
             let Some(simulation) = project.source.simulation() else { return };
-            let mut open = Document::open(&given).map(|document| told(Ok(document))).is_ok();
-            let baked = bake(simulation, &project.scene.solids, &given, |progress| {
+            let mut open = Document::open(&requested).map(|document| report(Ok(document))).is_ok();
+            let baked = bake(simulation, &project.scene.solids, &requested, |progress| {
                 if !open {
-                    // The frames that were asked for may be those that come last.
-                    let document = Document::open(&given);
+                    // The requested frames may be the last to be baked.
+                    let document = Document::open(&requested);
                     if document.is_ok() || progress.done == progress.frames {
                         open = true;
-                        told(document);
+                        report(document);
                     }
                 }
                 post.send(Message::Baked(number, progress));
@@ -119,7 +120,7 @@ impl Viewer {
             });
             match baked {
                 Err(error) if open => post.send(Message::NotBaked(number, error)),
-                Err(error) => told(Err(error)),
+                Err(error) => report(Err(error)),
                 Ok(()) => {}
             }
         });
@@ -144,13 +145,13 @@ impl Viewer {
         }
     }
 
-    /// What was opened or is being opened with a number, unless it has been let go.
+    /// The opening with this number, unless it has been dropped.
     pub(crate) fn numbered(&mut self, number: u64) -> Option<&mut Opening> {
         let all = [&mut self.opened.opening, &mut self.opened.before];
         all.into_iter().flatten().find(|opening| opening.number == number)
     }
 
-    /// A frame has been added to what is open.
+    /// Handles the progress of a bake.
     pub(crate) fn take_progress(&mut self, number: u64, progress: Progress) {
         let known =
             self.opened.document.as_ref().map_or(0, |open| open.input.sequence.frames.len());
@@ -160,7 +161,7 @@ impl Viewer {
         let ended = progress.done == progress.frames;
         opening.progress = (!ended).then_some(progress);
         let known = if opening.opened { known } else { 0 };
-        // Rings begin anew with each number of frames, so they grow by half at a time.
+        // Frame caches restart when the number of frames changes, so it grows by half at a time.
         let least = if ended { known } else { known + known / 2 };
         if opening.pending || progress.done as usize <= least {
             return;
@@ -172,7 +173,7 @@ impl Viewer {
         }
     }
 
-    /// Looks for frames that have been added.
+    /// Searches for new frames on a thread.
     fn grow(&mut self, number: u64) {
         let Some(opening) = self.numbered(number) else { return };
         (opening.growing, opening.again) = (true, false);
@@ -182,7 +183,7 @@ impl Viewer {
         });
     }
 
-    /// What is open has more frames; all else stays.
+    /// Replaces the document by one with more frames; all other state stays.
     pub(crate) fn take_grown(&mut self, number: u64, document: Result<Document>) {
         let Some(opening) = self.numbered(number) else {
             return;
@@ -209,8 +210,8 @@ impl Viewer {
     }
 }
 
-/// The scene of a source that is simulated; `None` for all others, and for what cannot be read,
-/// which opening tells.
+/// The project of a simulated source; `None` for all others, and for unreadable ones, whose error is
+/// reported by opening them.
 fn simulated(source: &Source) -> Option<Project> {
     let path = Path::new(&source.input);
     let scene = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));

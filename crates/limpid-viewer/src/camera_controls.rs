@@ -1,48 +1,48 @@
-//! How the pointer and the keys move a camera: all in proportion to what is looked at, so that a
-//! drop of a millimetre and a bay of ten kilometres feel the same.
+//! Camera controls for pointer and keys: all moves are in proportion to the view, so that a drop of a
+//! millimetre and a bay of ten kilometres feel the same.
 
 use glam::{DQuat, DVec2, DVec3};
 
 use limpid::camera::Camera;
 
-/// An orbit stops this near to looking straight along `up`, radians.
-const POLE: f64 = 0.01;
+/// Least angle between the view direction and `up`, radians.
+const MIN_POLE_ANGLE: f64 = 0.01;
 
-/// Distances of eye and target, m: what 32-bit depths and 64-bit places can hold.
+/// Range of the distance from eye to target, m, for 32-bit depths and 64-bit positions.
 const DISTANCE: std::ops::RangeInclusive<f64> = 1e-5..=1e7;
 
 /// The axes of a camera's picture: right, up, and back towards the eye.
 pub fn axes(camera: &Camera) -> [DVec3; 3] {
     let back = (camera.eye - camera.target).normalize_or(DVec3::Z);
-    let right = upright(camera).cross(back).normalize_or(back.any_orthonormal_vector());
+    let right = unit_up(camera).cross(back).normalize_or(back.any_orthonormal_vector());
     [right, back.cross(right), back]
 }
 
-/// Turns the eye about the target: `angles` to the right and up, radians. The distance stays, and
-/// the horizon; over the poles it does not go.
+/// Rotates the eye about the target by `angles` to the right and up, radians. Distance and horizon do not
+/// change, and the eye stops at the poles.
 #[must_use]
 pub fn orbit(camera: &Camera, angles: DVec2) -> Camera {
-    let offset = turned(camera, camera.eye - camera.target, angles);
+    let offset = rotated(camera, camera.eye - camera.target, angles);
     Camera { eye: camera.target + offset, ..*camera }
 }
 
-/// Turns the view about the eye: `angles` to the right and up, radians.
+/// Rotates the view about the eye by `angles` to the right and up, radians.
 #[must_use]
 pub fn look(camera: &Camera, angles: DVec2) -> Camera {
-    let offset = turned(camera, camera.eye - camera.target, -angles);
+    let offset = rotated(camera, camera.eye - camera.target, -angles);
     Camera { target: camera.eye - offset, ..*camera }
 }
 
-/// Moves eye and target along the picture, by `shift` of the picture's height to the right and up
+/// Moves eye and target parallel to the picture, by `shift` of its height to the right and up, measured
 /// at the target's distance.
 #[must_use]
 pub fn pan(camera: &Camera, shift: DVec2) -> Camera {
     let [right, up, _] = axes(camera);
-    moved(camera, 2.0 * half_height(camera) * (shift.x * right + shift.y * up))
+    translated(camera, 2.0 * half_height(camera) * (shift.x * right + shift.y * up))
 }
 
-/// Moves nearer by `amount` e-foldings, negative away, to what is at `cursor` at the target's
-/// distance: offset from the picture's middle in its half heights, right and up.
+/// Moves the camera by `amount` e-foldings towards, or if negative away from, the point under `cursor` at
+/// the target's distance. `cursor` is relative to the picture's centre, in half heights, right and up.
 #[must_use]
 pub fn zoom(camera: &Camera, amount: f64, cursor: DVec2) -> Camera {
     let [right, up, _] = axes(camera);
@@ -56,15 +56,15 @@ pub fn zoom(camera: &Camera, amount: f64, cursor: DVec2) -> Camera {
     }
 }
 
-/// Moves eye and target by `distance` right, up and ahead, m.
+/// Moves eye and target by `distance` to the right, up and ahead, m.
 #[must_use]
 pub fn fly(camera: &Camera, distance: DVec3) -> Camera {
     let [right, up, back] = axes(camera);
-    moved(camera, distance.x * right + distance.y * up - distance.z * back)
+    translated(camera, distance.x * right + distance.y * up - distance.z * back)
 }
 
-/// Moves eye and target so that a box fills the picture, seen from where it is seen now. `aspect`
-/// is width over height.
+/// Moves eye and target so that a box fills the picture, with the same view direction. `aspect` is width
+/// over height.
 #[must_use]
 pub fn fit(camera: &Camera, (min, max): (DVec3, DVec3), aspect: f64) -> Camera {
     let [right, up, back] = axes(camera);
@@ -83,24 +83,24 @@ pub fn fit(camera: &Camera, (min, max): (DVec3, DVec3), aspect: f64) -> Camera {
     Camera { eye: target + distance * back, target, ..*camera }
 }
 
-fn turned(camera: &Camera, offset: DVec3, angles: DVec2) -> DVec3 {
-    let up = upright(camera);
+fn rotated(camera: &Camera, offset: DVec3, angles: DVec2) -> DVec3 {
+    let up = unit_up(camera);
     let length = offset.length();
     let height = (offset.dot(up) / length).clamp(-1.0, 1.0).asin();
     let level = offset - offset.dot(up) * up;
-    // Straight above: any direction is as good.
+    // Straight above or below, any direction will do.
     let level = level.try_normalize().unwrap_or(up.any_orthonormal_vector());
     let level = DQuat::from_axis_angle(up, angles.x) * level;
-    let limit = std::f64::consts::FRAC_PI_2 - POLE;
+    let limit = std::f64::consts::FRAC_PI_2 - MIN_POLE_ANGLE;
     let (sin, cos) = (height + angles.y).clamp(-limit, limit).sin_cos();
     length * (cos * level + sin * up)
 }
 
-fn moved(camera: &Camera, by: DVec3) -> Camera {
+fn translated(camera: &Camera, by: DVec3) -> Camera {
     Camera { eye: camera.eye + by, target: camera.target + by, ..*camera }
 }
 
-fn upright(camera: &Camera) -> DVec3 {
+fn unit_up(camera: &Camera) -> DVec3 {
     camera.up.as_dvec3().normalize_or(DVec3::Y)
 }
 
@@ -108,7 +108,7 @@ fn tangent(camera: &Camera) -> f64 {
     (0.5 * f64::from(camera.fov_y)).to_radians().tan()
 }
 
-/// Half the height of what the picture shows at the target's distance, m.
+/// Half the height of the view at the target's distance, m.
 fn half_height(camera: &Camera) -> f64 {
     camera.eye.distance(camera.target) * tangent(camera)
 }

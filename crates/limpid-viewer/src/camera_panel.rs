@@ -1,4 +1,4 @@
-//! The camera by its numbers, and its key frames.
+//! The camera panel: the camera's parameters and its key frames.
 
 use eframe::egui;
 
@@ -19,7 +19,10 @@ impl Viewer {
                 for axis in 0..3 {
                     let shown = rounded(place[axis], 4);
                     let drag = egui::DragValue::new(&mut place[axis]).speed(speed).suffix(" m");
-                    ui.add(drag.custom_formatter(|x, _| rounded(x, 4)).custom_parser(other(shown)));
+                    ui.add(
+                        drag.custom_formatter(|x, _| rounded(x, 4))
+                            .custom_parser(edited_number(shown)),
+                    );
                 }
                 ui.end_row();
             }
@@ -27,7 +30,9 @@ impl Viewer {
             for axis in 0..3 {
                 let shown = rounded(camera.up[axis].into(), 3);
                 let drag = egui::DragValue::new(&mut camera.up[axis]).speed(0.01);
-                ui.add(drag.custom_formatter(|x, _| rounded(x, 3)).custom_parser(other(shown)));
+                ui.add(
+                    drag.custom_formatter(|x, _| rounded(x, 3)).custom_parser(edited_number(shown)),
+                );
             }
             ui.end_row();
         });
@@ -36,7 +41,8 @@ impl Viewer {
             let shown = rounded(camera.fov_y.into(), 2);
             let slider = egui::Slider::new(&mut camera.fov_y, 1.0..=150.0).suffix("°");
             let slider = slider.clamping(egui::SliderClamping::Edits);
-            let slider = slider.custom_formatter(|x, _| rounded(x, 2)).custom_parser(other(shown));
+            let slider =
+                slider.custom_formatter(|x, _| rounded(x, 2)).custom_parser(edited_number(shown));
             ui.add(slider).labelled_by(label.id);
         });
         self.set_camera(camera);
@@ -73,16 +79,16 @@ impl Viewer {
             ui.weak("No keys. A camera path of keys can be followed here, and rendered with `limpid render --camera-path`.");
             return;
         }
-        let (mut going, mut removed) = (None, None);
+        let (mut selected, mut removed) = (None, None);
         egui::Grid::new("keys").num_columns(4).striped(true).show(ui, |ui| {
             for (i, key) in self.eye.path.keys.iter_mut().enumerate() {
                 ui.label(format!("{}", i + 1));
                 let shown = format!("{:.2}", key.time);
                 let drag = egui::DragValue::new(&mut key.time).speed(0.05).suffix(" s");
                 let drag = drag.range(0.0..=1e6).clamp_existing_to_range(false);
-                ui.add(drag.fixed_decimals(2).custom_parser(other(shown)));
+                ui.add(drag.fixed_decimals(2).custom_parser(edited_number(shown)));
                 if ui.button("Go to").clicked() {
-                    going = Some(*key);
+                    selected = Some(*key);
                 }
                 let name = format!("Delete key {}", i + 1);
                 if icons::button(ui, Sign::Cross, &name, &name, false).clicked() {
@@ -91,7 +97,7 @@ impl Viewer {
                 ui.end_row();
             }
         });
-        if let Some(key) = going {
+        if let Some(key) = selected {
             self.go_to(key);
         }
         if let Some(i) = removed {
@@ -101,7 +107,7 @@ impl Viewer {
         self.order_keys(ui.input(|input| input.pointer.any_down()));
     }
 
-    /// Keys ascend; two at one time are one. While one is dragged past another they wait.
+    /// Sorts the keys and removes duplicate times, but not while a key is dragged past another.
     fn order_keys(&mut self, dragging: bool) {
         if !dragging {
             self.eye.path.keys.sort_by(|a, b| a.time.total_cmp(&b.time));
@@ -109,7 +115,7 @@ impl Viewer {
         }
     }
 
-    /// Adds the camera at the present time; of a still, a second after the last key.
+    /// Adds a key at the current time, or for a still one second after the last key.
     pub(crate) fn add_key(&mut self) {
         let still = self.playback.count() < 2;
         let after = self.eye.path.keys.last().map_or(0.0, |key| key.time + 1.0);
@@ -126,13 +132,13 @@ impl Viewer {
         self.seek(document.nearest(&self.opened.frame_times, key.time));
     }
 
-    /// The key frames.
+    /// The camera path of key frames.
     pub fn path(&self) -> &limpid_io::camera_path::CameraPath {
         &self.eye.path
     }
 }
 
-/// A number as it is shown: with so many decimals, without those that are 0.
+/// Formats a number with `decimals` decimals, without trailing zeros.
 fn rounded(x: f64, decimals: usize) -> String {
     let text = format!("{x:.decimals$}");
     let text =
@@ -140,8 +146,8 @@ fn rounded(x: f64, decimals: usize) -> String {
     text.to_owned()
 }
 
-/// Reads a number that is typed. What is `shown` is none: a field that is entered and left keeps the
+/// Parses a number, but rejects the text that is `shown`: entering and leaving a field must not drop the
 /// decimals that it does not show.
-fn other(shown: String) -> impl Fn(&str) -> Option<f64> {
+fn edited_number(shown: String) -> impl Fn(&str) -> Option<f64> {
     move |text| text.trim().parse().ok().filter(|_| text.trim() != shown)
 }

@@ -1,4 +1,4 @@
-//! The command that draws what is seen, without a window.
+//! The command that draws the current view without a window.
 
 use glam::{UVec2, Vec3};
 
@@ -9,8 +9,8 @@ use limpid::scene::Scene;
 use limpid_io::input::{FrameTime, Missing};
 use limpid_io::shared_classifier::Processor;
 
-/// `limpid render` with all that it takes to draw `scene` at a moment, seen from `camera`, into
-/// `output`: for a POSIX shell, to be run in the folder that the input was named in.
+/// The `limpid render` command that draws `scene` at a frame time from `camera` into `output`: for a POSIX
+/// shell, in the folder that the input's path is relative to.
 pub fn command_line(
     document: &Document,
     (scene, processor): (&Scene, Processor),
@@ -40,7 +40,7 @@ pub fn command_line(
         Missing::Hold => option("missing", "hold".into()),
     }
     if at.fraction > 0.0 {
-        // Between these two, whatever other frames there are.
+        // Interpolate between these two frames, whatever others exist.
         option("frames", format!("{},{}", at.frame, at.next));
         option("at", at.time().to_string());
     } else {
@@ -75,7 +75,7 @@ fn vector(v: Vec3) -> String {
     format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z)
 }
 
-/// A word for a POSIX shell.
+/// Quotes a word for a POSIX shell.
 pub fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "._-+/=:,@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

@@ -1,5 +1,5 @@
-//! Every setting as the panel shows it: its name, unit, range and what it does. One table, which
-//! the panel, the tests and the command line read.
+//! The table of settings with the name, unit, range and description of each, for the panel, the tests
+//! and the command line.
 
 use limpid::settings::{Settings, Unit};
 use limpid_io::project::overrides::replaced;
@@ -7,19 +7,19 @@ use limpid_io::project::overrides::replaced;
 /// A setting.
 #[derive(Debug, Clone, Copy)]
 pub struct Control {
-    /// The table of `[settings]` that it is in: the name of its pass.
+    /// Its table in `[settings]`: the name of its pass.
     pub pass: &'static str,
-    /// Its name there.
+    /// Its key in that table.
     pub key: &'static str,
-    /// Its name in words.
+    /// Its label in the panel.
     pub label: &'static str,
-    /// What it takes.
+    /// The type and range of its value.
     pub kind: Kind,
-    /// What it does.
+    /// Its description.
     pub help: &'static str,
 }
 
-/// What a setting takes.
+/// The type and range of a setting's value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// A number from low to high, in a unit.
@@ -28,26 +28,26 @@ pub enum Kind {
     Whole(u32, u32, &'static str),
     /// As [`Kind::Whole`], odd numbers only.
     Odd(u32, u32, &'static str),
-    /// Yes or no.
+    /// On or off.
     Toggle,
-    /// One of these.
+    /// One of these names.
     Choice(&'static [&'static str]),
 }
 
 /// A setting's value.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
-    /// Of a [`Kind::Number`].
+    /// The value of a [`Kind::Number`].
     Number(f32),
-    /// Of a [`Kind::Whole`].
+    /// The value of a [`Kind::Whole`] or a [`Kind::Odd`].
     Whole(u32),
-    /// Of a [`Kind::Toggle`].
+    /// The value of a [`Kind::Toggle`].
     Toggle(bool),
-    /// Of a [`Kind::Choice`].
+    /// The value of a [`Kind::Choice`].
     Choice(String),
 }
 
-/// The passes that have settings: the name of the table, and in words what the pass does.
+/// The passes that have settings: the name of the table, and a title.
 pub const PASSES: [(&str, &str); 5] = [
     ("classify", "Particles to splats"),
     ("smooth", "Smoothing of the surface"),
@@ -68,7 +68,7 @@ const fn control(
 
 use Kind::{Choice, Number, Odd, Toggle, Whole};
 
-/// All settings, in the order of the panel.
+/// All settings, in the panel's order.
 pub const CONTROLS: [Control; 41] = [
     control(
         "classify",
@@ -330,12 +330,12 @@ pub const CONTROLS: [Control; 41] = [
 ];
 
 impl Control {
-    /// `pass.key`, as `--set` and error messages name it.
+    /// The setting's name in `--set` and error messages: `pass.key`.
     pub fn path(&self) -> String {
         format!("{}.{}", self.pass, self.key)
     }
 
-    /// The unit of its value, which may depend on another setting; empty for numbers without.
+    /// The unit of its value, which may depend on another setting; empty if there is none.
     pub fn unit(&self, settings: &Settings) -> &'static str {
         match self.kind {
             _ if self.key == "window" && settings.smooth.unit == Unit::Pixel => "px",
@@ -356,11 +356,11 @@ impl Control {
             toml::Value::Integer(n) => Value::Whole(*n as u32),
             toml::Value::Boolean(yes) => Value::Toggle(*yes),
             toml::Value::String(name) => Value::Choice(name.clone()),
-            other => unreachable!("a setting is no {}", other.type_str()),
+            other => unreachable!("a setting cannot be a {}", other.type_str()),
         }
     }
 
-    /// Replaces its value. A value of another kind changes nothing.
+    /// Replaces its value; a value of another kind has no effect.
     pub fn set(&self, settings: &mut Settings, value: &Value) {
         if let Ok(changed) = replaced(settings, &[format!("{}={value}", self.path())]) {
             *settings = changed;
@@ -369,10 +369,10 @@ impl Control {
 }
 
 impl std::fmt::Display for Value {
-    /// As `--set` takes it: the shortest number that is exactly this one.
+    /// Formats the value for `--set`: numbers as the shortest text that parses to the same value.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            // With a point: a whole number would be an integer.
+            // With a decimal point: TOML reads a number without one as an integer.
             Self::Number(x) => write!(f, "{x:?}"),
             Self::Whole(n) => write!(f, "{n}"),
             Self::Toggle(yes) => write!(f, "{yes}"),
@@ -381,14 +381,14 @@ impl std::fmt::Display for Value {
     }
 }
 
-/// The settings in which `to` differs from `from`.
+/// The settings of `to` that differ from `from`.
 pub fn differences(from: &Settings, to: &Settings) -> Vec<(&'static Control, Value)> {
     let (from, to) = (table(from), table(to));
     let values = CONTROLS.iter().map(|control| (control, control.of(&to)));
     values.filter(|(control, value)| control.of(&from) != *value).collect()
 }
 
-/// Settings as a scene file has them: a table of each pass.
+/// Settings as in a scene file: one table for each pass.
 pub fn table(settings: &Settings) -> toml::Table {
-    toml::Table::try_from(settings).expect("settings are a table of tables")
+    toml::Table::try_from(settings).expect("settings serialize to a table")
 }

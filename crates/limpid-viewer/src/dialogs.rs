@@ -1,5 +1,5 @@
-//! What is asked before something is opened or saved: a path, typed or chosen in the system's
-//! dialog, which has a thread of its own.
+//! Dialogs for opening and saving: the path is typed, or chosen in the system's file dialog, which runs
+//! on its own thread.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -13,8 +13,8 @@ use crate::messages::Message;
 use crate::shortcuts::{POINTER, SHORTCUTS};
 use limpid_io::camera_path::CameraPath;
 
-/// A dialog that answers sooner than this has not been seen.
-const UNSEEN: Duration = Duration::from_millis(400);
+/// A file dialog that returns sooner than this was never shown.
+const MIN_DIALOG_TIME: Duration = Duration::from_millis(400);
 
 /// An open dialog.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,7 +74,7 @@ impl Dialog {
         Self { purpose, path: path.into(), size: UVec2::ZERO, samples: 1 }
     }
 
-    /// Asks what to open.
+    /// The dialog for opening a source.
     pub(crate) fn open() -> Self {
         Self::new(Purpose::Open, "")
     }
@@ -153,7 +153,7 @@ impl Viewer {
         }
     }
 
-    /// Does what the dialog is for.
+    /// Carries out the dialog's purpose.
     fn finish(&mut self, dialog: &Dialog) {
         let path = PathBuf::from(&dialog.path);
         match dialog.purpose {
@@ -174,7 +174,7 @@ impl Viewer {
         }
     }
 
-    /// Shows the system's dialog on a thread of its own.
+    /// Shows the system's file dialog on its own thread.
     fn browse(&mut self, dialog: &Dialog) {
         self.interface.browsing = true;
         let (purpose, path, post) = (dialog.purpose, dialog.path.clone(), self.jobs.post.clone());
@@ -197,7 +197,7 @@ impl Viewer {
         self.interface.browsing = false;
         match (path, &mut self.interface.dialog) {
             (Some(path), Some(dialog)) => dialog.path = path.to_string_lossy().into_owned(),
-            (None, _) if waited < UNSEEN => self.say(
+            (None, _) if waited < MIN_DIALOG_TIME => self.say(
                 "this system shows no file dialogs (no desktop portal): type the path, or drop \
                  the file on the window"
                     .into(),

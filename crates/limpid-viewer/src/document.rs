@@ -1,4 +1,4 @@
-//! What is open: an input that is ready to be loaded, and the scene that it came with.
+//! The open document: an input that is ready to be loaded, and its scene.
 
 use std::path::{Path, PathBuf};
 
@@ -16,42 +16,42 @@ use limpid_io::particles::{AttributeMap, ReadOptions};
 use limpid_io::project;
 use limpid_io::project::{LiquidSource, ParticleSource, Project};
 
-/// What to open, as the command line names it.
+/// A source to open, as on the command line.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Source {
     /// A scene, a recipe, a particle file, a pattern or a folder.
     pub input: String,
-    /// Draw its particles in this scene.
+    /// The scene in which its particles are drawn.
     pub scene: Option<PathBuf>,
-    /// Particle radius where the files have none, m.
+    /// Particle radius for files that have none, m.
     pub radius: Option<f32>,
-    /// Settings to replace, as `--set` takes them.
+    /// Overridden settings, as for `--set`.
     pub overrides: Vec<String>,
     /// The frames; all if absent.
     pub frames: Option<FrameSpec>,
-    /// What stands for a frame that is not there.
+    /// How missing frames are replaced.
     pub missing: Missing,
     /// How particle files are read.
     pub options: ReadOptions,
 }
 
-/// What is open.
+/// An open document.
 #[derive(Debug, Clone)]
 pub struct Document {
-    /// What it was opened as.
+    /// The source that it was opened from.
     pub source: Source,
-    /// Where the particles come from.
+    /// The source of the particles.
     pub input: Input,
-    /// The scene as `limpid render` would draw it without further arguments.
+    /// The scene as `limpid render` draws it without further arguments.
     pub plain: Scene,
-    /// The project with what the command line replaced.
+    /// The project with the overrides of the command line.
     pub project: Project,
-    /// Numbers of its frames, ascending; at least one.
+    /// Frame numbers, ascending; at least one.
     pub numbers: Vec<i64>,
 }
 
 impl Source {
-    /// A file by itself.
+    /// A source without options.
     pub fn new(input: impl Into<String>) -> Self {
         Self { input: input.into(), ..Self::default() }
     }
@@ -84,7 +84,7 @@ impl Document {
         self.input.frame_times(&self.numbers, speed.step())
     }
 
-    /// Seconds from the first frame to a moment.
+    /// Seconds from the first frame to a frame time.
     pub fn seconds(&self, at: FrameTime) -> f64 {
         let first = self.numbers.first().copied().unwrap_or(at.frame);
         let part = at.fraction * at.next.abs_diff(at.frame) as f64;
@@ -92,10 +92,12 @@ impl Document {
         since / (self.input.sequence.stride() as f64 * self.fps())
     }
 
-    /// The place in `frame_times` of the one nearest to a time, s; 0 in none.
+    /// Index of the frame time nearest to a time, s; 0 if there are none.
     pub fn nearest(&self, frame_times: &[FrameTime], seconds: f64) -> usize {
-        let away = |at: usize| (self.seconds(frame_times[at]) - seconds).abs();
-        (0..frame_times.len()).min_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or_default()
+        let distance = |at: usize| (self.seconds(frame_times[at]) - seconds).abs();
+        (0..frame_times.len())
+            .min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
+            .unwrap_or_default()
     }
 
     /// Frames per second.
@@ -109,8 +111,8 @@ impl Document {
         input.rsplit('/').next().unwrap_or(input)
     }
 
-    /// Fails if what is saved to `path` would take the place of what is open: of its file, its
-    /// environment map or its particles, or of a file of another kind.
+    /// Fails if saving to `path` would overwrite the document's file, its environment map or its
+    /// particles, or a file of another kind.
     ///
     /// # Errors
     /// As [`Files::writes`].
@@ -123,7 +125,7 @@ impl Document {
         files.writes(path, kind)
     }
 
-    /// As [`Document::check_output`], of a scene and the environment map beside it.
+    /// As [`Document::check_output`], for a scene and the environment map beside it.
     ///
     /// # Errors
     /// As [`Files::writes`].
@@ -132,12 +134,12 @@ impl Document {
         self.check_output(path, project::FILE_KIND)
     }
 
-    /// A scene as it is to be saved: with the particles that are drawn, wherever they came from.
+    /// The project to save for a scene, with the particles that are drawn, whatever their source.
     pub fn saved(&self, scene: Scene, camera: Camera, at: FrameTime) -> Project {
         let camera = Some(camera);
         let mut project = Project { scene, camera, ..self.project.clone() };
         if let LiquidSource::Simulation(simulation) = &project.source {
-            // Its frames lie beside the file that was opened, not beside the one that is saved.
+            // The frames are stored beside the opened file, not beside the saved one.
             let opened = Path::new(&self.source.input);
             let name = opened.file_stem().unwrap_or_default().to_string_lossy();
             project.source = LiquidSource::File(ParticleSource {

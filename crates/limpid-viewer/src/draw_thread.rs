@@ -1,7 +1,7 @@
-//! The thread that draws: a [`Offscreen`] of its own, the code that `limpid render` runs too.
+//! The draw thread, with its own [`Offscreen`] renderer: the same code as in `limpid render`.
 //!
-//! The interface asks and never waits. Of pictures to look at only the newest request counts, older
-//! ones are dropped; pictures to save and to measure are all drawn, one after the other.
+//! The interface sends requests and never blocks. Of pictures for the screen only the newest request
+//! counts, and older ones are dropped; pictures to save and to measure are all drawn, in order.
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -27,29 +27,29 @@ use limpid_io::input::Loaded;
 use limpid_io::output::{self, FileKind, PictureFormat};
 use limpid_lab::compare::{PIXELS_PER_DEGREE, flip};
 
-/// A picture: everything that it depends on.
+/// The inputs of a picture.
 #[derive(Debug, Clone)]
 pub struct Pane {
-    /// What is around the liquid, and every setting.
+    /// Everything around the liquid, and all settings.
     pub scene: Arc<Scene>,
-    /// From where.
+    /// The camera.
     pub camera: Camera,
     /// The liquid.
     pub loaded: Arc<Loaded>,
-    /// Pixels.
+    /// Size in pixels.
     pub size: UVec2,
 }
 
-/// Pictures to look at: one, or two to compare.
+/// A request for the screen: one picture, or two to compare.
 #[derive(Debug, Clone)]
 pub struct Request {
-    /// Tells requests apart.
+    /// Identifies the request.
     pub number: u64,
-    /// What to draw.
+    /// The pictures to draw.
     pub panes: Vec<Pane>,
-    /// How well it is meant to be.
+    /// Their quality.
     pub level: Level,
-    /// What of it to show.
+    /// The view mode.
     pub view: View,
 }
 
@@ -60,53 +60,53 @@ pub struct Drawn {
     pub number: u64,
     /// The request's level.
     pub level: Level,
-    /// One for each pane.
+    /// One picture for each pane.
     pub panes: Vec<Shown>,
 }
 
-/// A picture as it is shown.
+/// A picture ready for the screen.
 #[derive(Debug)]
 pub struct Shown {
-    /// What to show.
+    /// The image to show.
     pub image: ColorImage,
-    /// What its colours mean.
+    /// The meaning of its colours.
     pub legend: Legend,
-    /// What its colours stand for at each pixel; none for a picture.
+    /// The values behind its colours; `None` for a picture.
     pub values: Option<Values>,
     /// The time of each pass.
     pub passes: Vec<PassTime>,
     /// Time from the request to the picture in memory, ms.
     pub ms: f64,
-    /// Pixels.
+    /// Size in pixels.
     pub size: UVec2,
     /// Rays per pixel.
     pub samples: u32,
 }
 
-/// Something to do.
+/// A task that is never replaced by a newer one.
 #[derive(Debug)]
 pub(crate) enum Job {
-    /// Opens a device, if there is none: particles are to be classified on it.
+    /// Opens a device if there is none, to classify particles on it.
     Open,
-    /// Draws a picture and writes it, unless that would replace a part of what is open.
+    /// Draws a picture and writes it, unless it would overwrite part of the open document.
     Save(Pane, PathBuf, Option<Arc<Document>>),
-    /// Draws a picture and compares it with the truth.
+    /// Draws a picture and compares it with the ground truth.
     Measure(Pane, Arc<Truth>),
 }
 
-/// How far a picture is from which truth.
+/// The error of a picture against a ground truth.
 #[derive(Debug)]
 pub struct Measured {
     pub(crate) truth: Arc<Truth>,
     pub(crate) point: Point,
 }
 
-/// What the thread has to say.
+/// A message from the draw thread.
 #[derive(Debug)]
 pub enum Answer {
     /// A device has been opened: its adapter's name.
     Adapter(String),
-    /// The device has been lost, for this reason; another is opened for what was asked.
+    /// The device has been lost, for this reason; another one is opened for the request.
     Lost(String),
     /// A request's pictures.
     Drawn(Drawn),
@@ -114,11 +114,11 @@ pub enum Answer {
     NotDrawn(u64, Error),
     /// A picture has been written.
     Saved(Result<PathBuf>),
-    /// What some settings draw has been compared with the truth.
+    /// A picture has been compared with the ground truth.
     Measured(Result<Measured>),
 }
 
-/// The thread, while this lives.
+/// A handle to the thread, which ends when this is dropped.
 #[derive(Debug)]
 pub struct DrawThread {
     shared: Arc<Shared>,
@@ -127,12 +127,12 @@ pub struct DrawThread {
 
 #[derive(Debug, Default)]
 struct Shared {
-    wanted: Mutex<Wanted>,
-    come: Condvar,
+    queue: Mutex<Queue>,
+    changed: Condvar,
 }
 
 #[derive(Debug, Default)]
-struct Wanted {
+struct Queue {
     newest: Option<Request>,
     jobs: VecDeque<Job>,
     closed: bool,
@@ -143,51 +143,51 @@ enum Next {
     Job(Job),
 }
 
-/// Devices that are opened for one thing to do, before it is given up.
+/// Number of devices to try for one request before it fails.
 const ATTEMPTS: usize = 3;
 
-/// From a loss to the next device: a driver that has been reset takes a moment.
+/// Delay between a loss and the next device, while the driver resets.
 const PAUSE: Duration = Duration::from_millis(100);
 
 impl DrawThread {
-    /// Starts the thread. `open` opens a device on it, at the first request and whenever one is lost;
-    /// `answer` is called on it.
+    /// Starts the thread, which calls `open` for a device at the first request and after each loss, and
+    /// `answer` with each message.
     pub fn new(
         open: impl FnMut() -> Result<Gpu> + Send + 'static,
         answer: impl Fn(Answer) + Send + 'static,
     ) -> Self {
         let shared = Arc::new(Shared::default());
-        let queue = shared.clone();
+        let worker_shared = shared.clone();
         let thread = std::thread::spawn(move || {
             let mut worker = Worker { open, answer, offscreen: None };
-            while let Some(next) = queue.next() {
+            while let Some(next) = worker_shared.next() {
                 worker.act(next);
             }
         });
         Self { shared, thread: Some(thread) }
     }
 
-    /// Asks for pictures to look at, in place of any that were asked for and not begun.
+    /// Requests pictures for the screen, in place of a request that has not begun.
     pub fn request(&self, request: Request) {
-        self.shared.wanted.lock().expect("no panic holds this lock").newest = Some(request);
-        self.shared.come.notify_one();
+        self.shared.queue.lock().expect("no thread panics with this lock").newest = Some(request);
+        self.shared.changed.notify_one();
     }
 
-    /// Asks for something that is not dropped.
+    /// Queues a task.
     pub(crate) fn job(&self, job: Job) {
-        self.shared.wanted.lock().expect("no panic holds this lock").jobs.push_back(job);
-        self.shared.come.notify_one();
+        self.shared.queue.lock().expect("no thread panics with this lock").jobs.push_back(job);
+        self.shared.changed.notify_one();
     }
 }
 
 impl Drop for DrawThread {
-    /// Waits for the picture in hand, for a device is not to be left while it draws, and for those
-    /// that are to be saved.
+    /// Waits for the current picture, because a device must not be released while it draws, and for
+    /// pictures to be saved.
     fn drop(&mut self) {
-        self.shared.wanted.lock().expect("no panic holds this lock").closed = true;
-        self.shared.come.notify_one();
+        self.shared.queue.lock().expect("no thread panics with this lock").closed = true;
+        self.shared.changed.notify_one();
         if let Some(thread) = self.thread.take() {
-            // It has panicked only if the device has; there is nothing left to say then.
+            // The thread panics only if the device does, and then there is nothing to report.
             let _ = thread.join();
         }
     }
@@ -195,28 +195,28 @@ impl Drop for DrawThread {
 
 impl Shared {
     fn next(&self) -> Option<Next> {
-        let mut wanted = self.wanted.lock().expect("no panic holds this lock");
+        let mut queue = self.queue.lock().expect("no thread panics with this lock");
         loop {
-            if wanted.closed {
-                // Only what is to stay.
-                let mut jobs = std::mem::take(&mut wanted.jobs).into_iter();
+            if queue.closed {
+                // Finish the pictures to be saved, and nothing else.
+                let mut jobs = std::mem::take(&mut queue.jobs).into_iter();
                 let save = jobs.find(|job| matches!(job, Job::Save(..)));
-                wanted.jobs = jobs.collect();
+                queue.jobs = jobs.collect();
                 return save.map(Next::Job);
             }
-            // What is looked at comes first.
-            if let Some(request) = wanted.newest.take() {
+            // Pictures for the screen have priority.
+            if let Some(request) = queue.newest.take() {
                 return Some(Next::Request(request));
             }
-            if let Some(job) = wanted.jobs.pop_front() {
+            if let Some(job) = queue.jobs.pop_front() {
                 return Some(Next::Job(job));
             }
-            wanted = self.come.wait(wanted).expect("no panic holds this lock");
+            queue = self.changed.wait(queue).expect("no thread panics with this lock");
         }
     }
 }
 
-/// What the thread works with.
+/// The state of the thread.
 struct Worker<O, A> {
     open: O,
     answer: A,
@@ -231,7 +231,7 @@ impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
                 Err(error) => Answer::NotDrawn(request.number, error),
             },
             Next::Job(Job::Open) => {
-                // Why there is none is told when a picture is wanted.
+                // The next picture reports why there is no device.
                 let _ = catch_unwind(AssertUnwindSafe(|| self.offscreen().map(|_| ())));
                 return;
             }
@@ -250,10 +250,10 @@ impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
         (self.answer)(answer);
     }
 
-    /// Does something in the offscreen; if its device is lost, again in another one.
+    /// Runs `act` on the offscreen renderer; if its device is lost, again on another one.
     fn attempt<T>(&mut self, act: impl Fn(&mut Offscreen) -> Result<T>) -> Result<T> {
         for left in (0..ATTEMPTS).rev() {
-            // Whoever waits for an answer must get one, even of a defect.
+            // Every request must get an answer, even after a panic.
             let done = catch_unwind(AssertUnwindSafe(|| act(self.offscreen()?)));
             let defect = |_| Err(Error::from(Defect("a picture could not be drawn".into())));
             match done.unwrap_or_else(defect) {
@@ -274,7 +274,7 @@ impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
         unreachable!("the last attempt returns")
     }
 
-    /// The offscreen, on a device that is opened for it if there is none.
+    /// The offscreen renderer; opens a device if there is none.
     fn offscreen(&mut self) -> Result<&mut Offscreen> {
         let offscreen = match self.offscreen.take() {
             Some(offscreen) => offscreen,
@@ -304,11 +304,11 @@ fn draw(offscreen: &mut Offscreen, request: &Request) -> Result<Drawn> {
     offscreen.renderer.diagnose = view != View::Picture;
     let panes = panes.iter().map(|pane| {
         let begun = Instant::now();
-        let RenderedFrame { picture: shot, passes } = picture(offscreen, pane)?;
+        let RenderedFrame { picture: rendered, passes } = picture(offscreen, pane)?;
         let (image, legend, values) = match view.aov() {
             None => {
-                let size = [shot.width() as usize, shot.height() as usize];
-                (ColorImage::from_rgb(size, shot.as_raw()), Legend::Picture, None)
+                let size = [rendered.width() as usize, rendered.height() as usize];
+                (ColorImage::from_rgb(size, rendered.as_raw()), Legend::Picture, None)
             }
             Some(aov) => view.shown(&offscreen.images(&[aov])?, pane.size),
         };
@@ -321,20 +321,20 @@ fn draw(offscreen: &mut Offscreen, request: &Request) -> Result<Drawn> {
 
 fn save(offscreen: &mut Offscreen, pane: &Pane, path: &Path) -> Result<()> {
     offscreen.renderer.diagnose = false;
-    let shot = picture(offscreen, pane)?;
+    let rendered = picture(offscreen, pane)?;
     match PictureFormat::of(path)? {
         PictureFormat::Exr => limpid_io::exr::write(path, vec![offscreen.radiance()?]),
-        _ => output::write_picture(path, &shot.picture, &[]),
+        _ => output::write_picture(path, &rendered.picture, &[]),
     }
 }
 
 fn measure(offscreen: &mut Offscreen, pane: &Pane, truth: &Truth) -> Result<Point> {
     offscreen.renderer.diagnose = false;
-    // The first may compile pipelines; it is not counted.
+    // The first picture may compile pipelines, so it is not timed.
     picture(offscreen, pane)?;
     offscreen.renderer.forget();
-    let shot = picture(offscreen, pane)?;
-    let ms = shot.passes.iter().map(|pass| pass.ms).sum();
-    let flip = flip(&truth.picture, &shot.picture, PIXELS_PER_DEGREE)?.mean();
+    let rendered = picture(offscreen, pane)?;
+    let ms = rendered.passes.iter().map(|pass| pass.ms).sum();
+    let flip = flip(&truth.picture, &rendered.picture, PIXELS_PER_DEGREE)?.mean();
     Ok(Point::new(&pane.scene.settings, ms, flip))
 }

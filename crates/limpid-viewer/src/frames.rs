@@ -1,4 +1,4 @@
-//! The frames of both settings that can be compared, loaded ahead in caches.
+//! The frame caches of both settings that can be compared.
 
 use std::sync::Arc;
 
@@ -10,49 +10,48 @@ use limpid_io::input::FrameTime;
 use limpid_io::shared_classifier::Processor;
 use limpid_io::shared_classifier::SharedClassifier;
 
-/// What a cache's frames depend on besides the document.
+/// The inputs of a cache's frames besides the document.
 #[derive(Debug, Clone, PartialEq)]
 struct Key {
     classify: Classify,
     processor: Processor,
-    /// Frames from moment to moment.
+    /// Frames from one frame time to the next.
     step: f64,
     count: usize,
     budget: u64,
 }
 
-/// Frees what may be large on a thread of its own, for that takes longer than the interface may
-/// work.
+/// Drops a possibly large value on a thread, because that can take too long for the interface.
 pub(crate) fn let_go(what: impl Send + 'static) {
     std::thread::spawn(move || drop(what));
 }
 
-/// One cache for each different way of classifying that is looked at.
+/// One cache for each distinct classification on screen.
 #[derive(Debug)]
 pub(crate) struct Frames {
     caches: Vec<(Key, FrameCache)>,
     /// Memory for all caches, bytes.
     budget: u64,
     classifier: SharedClassifier,
-    /// What classifies the frames.
+    /// The processor that classifies the frames.
     pub(crate) processor: Processor,
 }
 
 impl Frames {
-    /// None yet; they will be classified there.
+    /// Creates no caches yet; `classifier` will classify their frames.
     pub(crate) fn new(budget: u64, classifier: SharedClassifier) -> Self {
         Self { caches: Vec::new(), budget, classifier, processor: Processor::default() }
     }
 
-    /// Lets go of all.
+    /// Drops all caches.
     pub(crate) fn clear(&mut self) {
         let_go(std::mem::take(&mut self.caches));
     }
 
-    /// Sees to it that there is a cache for each of `scenes`, and no other.
+    /// Ensures that there is a cache for each of `scenes`, and no other.
     ///
-    /// `hold` keeps the caches as they are until one of them has frame `at`: a slider that is dragged
-    /// changes faster than frames are classified.
+    /// `hold` keeps the current caches until they have frame `at`: a dragged slider changes faster than
+    /// frames are classified.
     pub(crate) fn prepare(
         &mut self,
         document: &Arc<Document>,
@@ -103,15 +102,15 @@ impl Frames {
         let_go(old);
     }
 
-    /// Says where playback is and where it goes.
+    /// Sets the position and direction of playback in all caches.
     pub(crate) fn aim(&self, at: usize, step: isize, looped: bool) {
         for (_, cache) in &self.caches {
             cache.aim(at, step, looped);
         }
     }
 
-    /// A moment's particles, if they have come, and whether they are as the scene classifies them:
-    /// while a slider is dragged there may be others.
+    /// The particles of a frame time, if they are loaded, and whether they are classified as in `scene`:
+    /// while a slider is dragged they may not be.
     pub(crate) fn get(&self, scene: &Scene, i: usize) -> Option<(Outcome, bool)> {
         let fits = |key: &Key| {
             (&key.classify, key.processor) == (&scene.settings.classify, self.processor)
@@ -120,12 +119,12 @@ impl Frames {
         Some((cache.get(i)?, fits(key)))
     }
 
-    /// Whether all caches have a moment, loaded or failed.
+    /// Whether all caches have a frame time, loaded or failed.
     pub(crate) fn have(&self, i: usize) -> bool {
         !self.caches.is_empty() && self.caches.iter().all(|(_, cache)| cache.get(i).is_some())
     }
 
-    /// What the first cache holds, and the bytes of all.
+    /// The state of the first cache, with the bytes and the frames being loaded of all.
     pub(crate) fn state(&self) -> CacheState {
         let mut states = self.caches.iter().map(|(_, cache)| cache.state());
         let first = states.next().unwrap_or_default();

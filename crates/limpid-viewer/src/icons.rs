@@ -1,10 +1,10 @@
-//! The signs on buttons, drawn as shapes: fonts differ in which of them they have.
+//! Icons on buttons, drawn as shapes because fonts differ in the icons that they have.
 
 use eframe::egui::{
     Color32, Painter, Pos2, Rect, Response, Role, Shape, Stroke, Ui, Vec2, WidgetInfo, pos2, vec2,
 };
 
-/// A sign.
+/// An icon.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Sign {
     First,
@@ -22,7 +22,7 @@ pub(crate) enum Sign {
     Help,
 }
 
-/// A button with a sign; `name` is what it is called, `hint` what is told of it.
+/// A button with an icon, an accessible `name` and a tooltip `hint`.
 pub(crate) fn button(ui: &mut Ui, sign: Sign, name: &str, hint: &str, on: bool) -> Response {
     let (rect, response) = ui.allocate_exact_size(vec2(28.0, 24.0), eframe::egui::Sense::click());
     let enabled = ui.is_enabled();
@@ -34,7 +34,7 @@ pub(crate) fn button(ui: &mut Ui, sign: Sign, name: &str, hint: &str, on: bool) 
     response.on_hover_text(hint)
 }
 
-/// Draws a sign of about 12 by 12 points.
+/// Draws an icon of about 12 by 12 points.
 fn draw(painter: &Painter, sign: Sign, at: Pos2, color: Color32) {
     let line = Stroke::new(1.5, color);
     let triangle = |at: Pos2, way: f32| {
@@ -103,7 +103,7 @@ fn draw(painter: &Painter, sign: Sign, at: Pos2, color: Color32) {
             }
         }
         Sign::Moon => {
-            // The rim of a disc, and back along that of the disc before it.
+            // The rim of a disc, and back along the rim of a disc that covers it.
             let tip = 5.5 * Vec2::angled(-1.9);
             let rim = (0..=20).map(|i| 5.5 * Vec2::angled(-1.9 + 3.8 * i as f32 / 20.0));
             let hollow = (1..20).rev().map(|i| {

@@ -1,12 +1,12 @@
-//! The window of `limpid view`: look at liquid, tune it, save what is seen.
+//! The window of `limpid view`: inspect liquids, tune settings, save pictures.
 //!
-//! Four kinds of threads. The interface's own never waits: it says what it wants and shows what has
-//! come. One thread draws ([`draw_thread`]), with the code that `limpid render` runs. The workers of
-//! a [`limpid_io::frame_cache::FrameCache`] read and classify frames ahead. What else takes time (opening, simulating,
-//! dialogs, ground truth) has a thread while it lasts. All of them report to the interface, and a
-//! report wakes it; nothing else does but input and playback.
+//! There are four kinds of threads. The interface's thread never blocks: it sends requests and shows
+//! results. The draw thread ([`draw_thread`]) runs the code of `limpid render`. The workers of a
+//! [`limpid_io::frame_cache::FrameCache`] load and classify frames ahead. Other long tasks (opening,
+//! simulating, dialogs, ground truth) each have a temporary thread. All of them send messages to the
+//! interface, which wake it; nothing else does except input and playback.
 //!
-//! [`Viewer::ui`] is a frame of the interface on one page.
+//! [`Viewer::ui`] is one frame of the interface.
 
 mod actions;
 pub mod adaptive_resolution;
@@ -69,16 +69,16 @@ pub use window::run;
 /// Rays per pixel of a picture at rest.
 pub const FINE_SAMPLES: u32 = 4;
 
-/// How the viewer starts.
+/// Startup options.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// What to open.
+    /// The source to open.
     pub source: Option<Source>,
     /// Size of the window, points.
     pub window: UVec2,
-    /// Memory for frames that are loaded ahead, bytes.
+    /// Memory for frames loaded ahead, bytes.
     pub memory: u64,
-    /// Where to log what happens.
+    /// The file for the event log.
     pub log: Option<PathBuf>,
 }
 
@@ -88,10 +88,10 @@ impl Default for Options {
     }
 }
 
-/// One or two settings on the screen.
+/// How settings A and B are compared on screen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Compare {
-    /// The settings that are edited.
+    /// Only the settings being edited.
     #[default]
     Off,
     /// A on the left of a line, B on its right.
@@ -112,7 +112,7 @@ impl Compare {
     }
 }
 
-/// What the panel on the right shows.
+/// A tab of the side panel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Tab {
     #[default]
@@ -121,12 +121,12 @@ enum Tab {
     Times,
 }
 
-/// A line for the user.
+/// A notice to the user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Notice {
-    /// What it says.
+    /// Its text.
     pub text: String,
-    /// Whether something went wrong; it then stays until it is dismissed.
+    /// Whether it is an error, which stays until it is dismissed.
     pub error: bool,
     since: Instant,
 }
@@ -145,19 +145,19 @@ pub struct Viewer {
 }
 
 impl Drop for Viewer {
-    /// Waits for the files that are being written and for particles on the device; the thread that
-    /// draws waits for its own.
+    /// Waits for files being written and particles being classified on the device; [`DrawThread`] waits for
+    /// its own work.
     fn drop(&mut self) {
         self.jobs.classifier.close();
         for writer in self.jobs.writers.drain(..) {
-            // It has panicked: there is nobody left to tell.
+            // A panic of the writer can no longer be reported.
             let _ = writer.join();
         }
     }
 }
 
 impl Viewer {
-    /// Ready to be shown; opens what the options name.
+    /// Creates the viewer and opens the options' source.
     ///
     /// # Errors
     /// [`limpid_io::Error::Io`] if the log cannot be written.
@@ -165,8 +165,8 @@ impl Viewer {
         Self::with_devices(options, limpid_io::device::open)
     }
 
-    /// As [`Viewer::new`], drawing with devices that `open` opens: one at the first picture, and
-    /// another whenever one is lost.
+    /// As [`Viewer::new`], with devices from `open`: one for the first picture, and another after each
+    /// loss.
     ///
     /// # Errors
     /// As [`Viewer::new`].
@@ -180,17 +180,17 @@ impl Viewer {
         let open = {
             let (mut open, classifier) = (open, classifier.clone());
             move || {
-                // Whoever waits for a device must hear that there is none, even of a defect.
+                // Threads that wait for a device must learn that there is none, even after a panic.
                 let opened = catch_unwind(AssertUnwindSafe(&mut open));
                 classifier.set(opened.as_ref().ok().and_then(|opened| opened.as_ref().ok()));
-                opened.unwrap_or_else(|defect| resume_unwind(defect))
+                opened.unwrap_or_else(|panic| resume_unwind(panic))
             }
         };
         let drawing = {
             let post = post.clone();
             DrawThread::new(open, move |answer| post.send(Message::Drawing(answer)))
         };
-        let nothing = Scene::around(-glam::DVec3::ONE, glam::DVec3::ONE, 0.0);
+        let empty = Scene::around(-glam::DVec3::ONE, glam::DVec3::ONE, 0.0);
         let camera = Camera::fit(-glam::DVec3::ONE, glam::DVec3::ONE);
         let now = Instant::now();
         let log = Log::new(options.log.as_deref())?;
@@ -218,7 +218,7 @@ impl Viewer {
                 failed: BTreeSet::new(),
             },
             editing: Editing {
-                scenes: [nothing.clone(), nothing],
+                scenes: [empty.clone(), empty],
                 edited: 0,
                 compare: Compare::Off,
                 wipe: 0.5,
@@ -271,7 +271,7 @@ impl Viewer {
         Ok(viewer)
     }
 
-    /// A frame of the interface.
+    /// Runs one frame of the interface.
     pub fn ui(&mut self, ui: &mut egui::Ui) {
         let begun = Instant::now();
         let ctx = ui.ctx().clone();
@@ -302,7 +302,7 @@ impl Viewer {
         self.jobs.log.worked(begun, again);
     }
 
-    /// Ready for another window, where nothing has been drawn yet; the last one failed for a `reason`.
+    /// Prepares for another window, where nothing has been drawn yet; the last one failed for `reason`.
     fn moved(&mut self, reason: &str) {
         self.jobs.post.leave();
         for side in &mut self.editing.sides {
@@ -326,7 +326,7 @@ impl Viewer {
         self.playback.looped = looped;
         if let Some(named) = document.input.frame
             && let Some(at) =
-                self.opened.frame_times.iter().position(|moment| moment.frame == named)
+                self.opened.frame_times.iter().position(|frame_time| frame_time.frame == named)
         {
             self.playback.seek(at);
         }
@@ -345,12 +345,12 @@ impl Viewer {
         self.measured.tracing = false;
         self.measured.points.clear();
         self.measured.history = times::History::default();
-        // A simulation is there to be seen moving.
+        // Simulations start playing.
         self.playback.playing = document.project.source.simulation().is_some();
         self.opened.document = Some(document);
     }
 
-    /// Lets time pass.
+    /// Advances playback and the camera path.
     fn play(&mut self, ctx: &egui::Context) {
         let now = Instant::now();
         let passed =
@@ -364,7 +364,7 @@ impl Viewer {
         if self.playback.count() > 1 {
             let (frames, caught_up) = (&self.opened.frames, self.is_caught_up());
             self.playback.advance(passed, |i| caught_up && frames.have(i));
-            // If it waits for a frame, the news of that wakes it.
+            // If it waits for a frame, the message of its arrival wakes the interface.
             ctx.request_repaint_after(self.playback.remaining());
         } else if self.eye.follow {
             let length = self.eye.path.duration().max(f64::MIN_POSITIVE);
@@ -378,12 +378,12 @@ impl Viewer {
         }
     }
 
-    /// The present moment.
+    /// The current frame time.
     fn moment(&self) -> Option<FrameTime> {
         self.opened.frame_times.get(self.playback.index()).copied()
     }
 
-    /// Its time, s.
+    /// The current time of playback, or along the camera path of a still, s.
     fn seconds(&self) -> f64 {
         match (&self.opened.document, self.moment()) {
             (Some(document), Some(at)) if self.playback.count() > 1 => document.seconds(at),
@@ -391,27 +391,27 @@ impl Viewer {
         }
     }
 
-    /// Size of the picture on the screen, pixels.
+    /// Size of the viewport, pixels.
     pub fn picture_size(&self) -> UVec2 {
         self.picture.viewport_size
     }
 
-    /// What the notice line says, the newest last.
+    /// The notices to the user, newest last.
     pub fn notices(&self) -> &[Notice] {
         &self.interface.notices
     }
 
-    /// Settings A and B, with what surrounds them.
+    /// Settings A and B, as scenes.
     pub fn scenes(&self) -> &[Scene; 2] {
         &self.editing.scenes
     }
 
-    /// What is shown of a frame.
+    /// The view mode.
     pub fn view(&self) -> View {
         self.picture.view
     }
 
-    /// Where playback is.
+    /// The state of playback.
     pub fn playback(&self) -> &Playback {
         &self.playback
     }

@@ -1,7 +1,7 @@
-//! `--log FILE`: what happens in the window, one JSON object a line, for tests and bug reports.
+//! The event log of `--log FILE`: one JSON object per line, for tests and bug reports.
 //!
-//! Each has `t`, seconds since the start, and `event`. Events that tell of pictures have the time
-//! that the interface's own work took at most since the last one, `ui_ms`.
+//! Each object has `t`, seconds since the start, and `event`. Picture events also have `ui_ms`, the
+//! longest time that the interface's own work took since the last one.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -11,21 +11,21 @@ use serde_json::{Value, json};
 use limpid_io::error::Result;
 use limpid_io::output::{FileKind, Stream};
 
-/// The log; or none, which takes everything and keeps nothing.
+/// The event log; without a file, it discards all events.
 #[derive(Debug)]
 pub(crate) struct Log {
     file: Option<Stream>,
     start: Instant,
-    /// When the interface last finished its work, if it then asked to be called again at once.
+    /// When the interface last finished its work, if it requested another frame at once.
     pending: Option<Instant>,
-    /// Longest work of the interface, and longest wait until it was called again as it had asked.
+    /// Longest work of the interface, and longest wait for a frame that it requested.
     longest: [Duration; 2],
-    /// The same since the last event.
+    /// The same since the last call of [`Log::recent`].
     recent: [Duration; 2],
 }
 
 impl Log {
-    /// Writes into a new file at `path`.
+    /// Creates the log, with a new file at `path`.
     ///
     /// # Errors
     /// As [`Stream::create`].
@@ -40,23 +40,23 @@ impl Log {
         })
     }
 
-    /// Whether anybody listens.
+    /// Whether events are written.
     pub(crate) fn is_on(&self) -> bool {
         self.file.is_some()
     }
 
-    /// Something happened: `event`, and `fields`, an object, of it.
+    /// Writes an event with its `fields`, an object.
     pub(crate) fn event(&mut self, event: &str, fields: Value) {
         let Some(file) = &mut self.file else { return };
         let mut line = json!({ "t": self.start.elapsed().as_secs_f64(), "event": event });
         if let (Some(line), Value::Object(fields)) = (line.as_object_mut(), fields) {
             line.extend(fields);
         }
-        // A full disk is no reason to stop looking at a liquid.
+        // A full disk must not stop the viewer.
         let _ = file.write(format!("{line}\n").into_bytes());
     }
 
-    /// The interface has worked since `begun`; `again` if it wants to be called at once.
+    /// Records the interface's work since `begun`; `again` if it requests another frame at once.
     pub(crate) fn worked(&mut self, begun: Instant, again: bool) {
         let gap = self.pending.map_or(Duration::ZERO, |ended| begun.duration_since(ended));
         for (i, time) in [begun.elapsed(), gap].into_iter().enumerate() {
@@ -66,13 +66,13 @@ impl Log {
         self.pending = again.then(Instant::now);
     }
 
-    /// Longest work and wait since this was last asked, as fields of an event, ms.
+    /// Longest work and wait since the last call, as fields of an event, ms.
     pub(crate) fn recent(&mut self) -> Value {
         let recent = std::mem::take(&mut self.recent);
         times("", recent)
     }
 
-    /// The last event.
+    /// Writes the last event.
     pub(crate) fn close(&mut self) {
         let longest = times("longest_", self.longest);
         self.event("close", longest);

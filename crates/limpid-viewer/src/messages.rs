@@ -1,4 +1,4 @@
-//! What threads tell the interface, and what it makes of that.
+//! Messages from threads to the interface, and their handling.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, mpsc};
@@ -16,10 +16,10 @@ use limpid_io::bake::Progress;
 use limpid_io::camera_path::CameraPath;
 use limpid_io::error::{Error, Result};
 
-/// Notices that are kept at most.
+/// Most notices that are kept.
 const MOST_NOTICES: usize = 50;
 
-/// What threads report to the interface. Numbers tell what they were asked for with.
+/// A message from a thread to the interface. Numbers identify the request.
 pub(crate) enum Message {
     Opened(u64, Box<Result<Document>>),
     Baked(u64, Progress),
@@ -33,51 +33,51 @@ pub(crate) enum Message {
     Path(PathBuf, Result<CameraPath>),
 }
 
-/// The way to the interface, for threads.
+/// Sends messages from threads to the interface.
 #[derive(Clone)]
 pub(crate) struct Post {
-    news: mpsc::Sender<Message>,
-    // Known from the first frame of the interface on, which looks for news anyway.
+    sender: mpsc::Sender<Message>,
+    // Set in the first frame of the interface, which reads messages anyway.
     context: Arc<Mutex<Option<egui::Context>>>,
 }
 
 impl Post {
-    pub(crate) fn new(news: mpsc::Sender<Message>) -> Self {
-        Self { news, context: Arc::default() }
+    pub(crate) fn new(sender: mpsc::Sender<Message>) -> Self {
+        Self { sender, context: Arc::default() }
     }
 
-    pub(crate) fn send(&self, news: Message) {
-        // Once the viewer is gone nobody wants to know.
-        if self.news.send(news).is_ok()
+    pub(crate) fn send(&self, message: Message) {
+        // Sending fails once the viewer is gone, when messages no longer matter.
+        if self.sender.send(message).is_ok()
             && let Some(context) = self.context()
         {
             context.request_repaint();
         }
     }
 
-    /// The interface is in a window, which news is to wake; whether it has just come there.
+    /// Sets the window that messages wake, if there is none; returns whether there was none.
     pub(crate) fn enter(&self, context: &egui::Context) -> bool {
-        let mut present = self.context.lock().expect("no panic holds this lock");
+        let mut present = self.context.lock().expect("no thread panics with this lock");
         let new = present.is_none();
         present.get_or_insert_with(|| context.clone());
         new
     }
 
-    /// That window is gone.
+    /// Clears the window after it has closed.
     pub(crate) fn leave(&self) {
-        *self.context.lock().expect("no panic holds this lock") = None;
+        *self.context.lock().expect("no thread panics with this lock") = None;
     }
 
     /// The window's context.
     pub(crate) fn context(&self) -> Option<egui::Context> {
-        self.context.lock().expect("no panic holds this lock").clone()
+        self.context.lock().expect("no thread panics with this lock").clone()
     }
 }
 
 impl Viewer {
     pub(crate) fn take_news(&mut self) {
-        while let Ok(news) = self.jobs.messages.try_recv() {
-            match news {
+        while let Ok(message) = self.jobs.messages.try_recv() {
+            match message {
                 Message::Opened(number, document) => self.take_opened(number, *document),
                 Message::Baked(number, progress) => self.take_progress(number, progress),
                 Message::NotBaked(number, error) => {
@@ -88,7 +88,7 @@ impl Viewer {
                 }
                 Message::Grown(number, document) => self.take_grown(number, *document),
                 Message::Drawing(answer) => self.take_answer(answer),
-                // The cache is asked in each frame anyway.
+                // Each frame queries the cache anyway.
                 Message::Loaded => {}
                 Message::Chosen(path, waited) => self.chosen(path, waited),
                 Message::Traced(number, truth) => self.take_truth(number, *truth),
@@ -115,8 +115,8 @@ impl Viewer {
             Answer::Drawn(drawn) => self.show(drawn),
             Answer::NotDrawn(number, error) => {
                 self.picture.answered = self.picture.answered.max(number);
-                // Neither this one again, nor the next of a sequence that would fail alike, until
-                // something changes.
+                // Until something changes, do not retry this picture, nor play on to frames that would
+                // fail alike.
                 if number == self.picture.asked {
                     self.picture.asked_level = Level::Fine;
                     self.picture.undrawn = true;
@@ -129,7 +129,7 @@ impl Viewer {
         }
     }
 
-    /// A device is lost, and another will take its classifier.
+    /// Reports a lost device; another one takes over.
     pub(crate) fn lose(&mut self, reason: &str) {
         self.jobs.log.event("lost", json!({ "reason": reason }));
         let text = format!("the graphics device failed ({reason}); another one takes over");
@@ -160,7 +160,7 @@ impl Viewer {
     fn notice(&mut self, text: String, error: bool) {
         let notice = Notice { text, error, since: Instant::now() };
         match self.interface.notices.last_mut() {
-            // Told once, however often it happens.
+            // Show repeated notices once.
             Some(last) if last.text == notice.text => *last = notice,
             _ => self.interface.notices.push(notice),
         }

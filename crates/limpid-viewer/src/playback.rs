@@ -1,31 +1,31 @@
-//! Which moment of a sequence is shown, and when the next one is.
+//! Playback: the frame time of a sequence that is shown, and when the next one is due.
 
 use std::time::Duration;
 
-/// Playback over `count` frame times.
+/// Playback of `count` frame times.
 ///
-/// It shows every moment in turn and waits for one that is not loaded yet, so a slow machine plays
-/// slowly and leaves nothing out. At speeds above 1 it takes several frames at a time.
+/// It shows every frame time in order and waits for those that are not loaded yet, so a slow machine
+/// plays slowly and skips nothing. At speeds above 1 it advances several frames at a time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Playback {
-    /// Whether time runs.
+    /// Whether playback is running.
     pub playing: bool,
-    /// Whether it runs towards the first moment.
+    /// Whether it runs towards the first frame time.
     pub backwards: bool,
-    /// Whether it goes on at the other end.
+    /// Whether it continues at the other end.
     pub looped: bool,
     /// Frames of the sequence per second at speed 1.
     pub fps: f64,
     speed: Speed,
     index: usize,
     count: usize,
-    /// The share of the present moment's time that has passed, up to 1.
+    /// Elapsed share of the current frame time's duration, up to 1.
     phase: f64,
 }
 
-/// How fast a sequence is played.
+/// Speed of playback.
 ///
-/// Below 1 are slow motions, for which frame times between the frames are interpolated.
+/// Slow motion, below 1, interpolates frame times between the frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Speed {
     /// One eighth.
@@ -34,7 +34,7 @@ pub enum Speed {
     Quarter,
     /// One half.
     Half,
-    /// As the simulation ran.
+    /// The speed of the simulation.
     #[default]
     Real,
     /// Every second frame.
@@ -44,12 +44,11 @@ pub enum Speed {
 }
 
 impl Speed {
-    /// All of them, the slowest first.
+    /// All speeds, slowest first.
     pub const ALL: [Self; 6] =
         [Self::Eighth, Self::Quarter, Self::Half, Self::Real, Self::Double, Self::Quadruple];
 
-    /// Frames of the sequence from one moment to the next: 1, or less where frame times between are
-    /// interpolated.
+    /// Frames of the sequence from one frame time to the next: 1, or less in slow motion.
     pub fn step(self) -> f64 {
         match self {
             Self::Eighth => 0.125,
@@ -59,7 +58,7 @@ impl Speed {
         }
     }
 
-    /// Moments that playback goes on by at a time.
+    /// Frame times that playback advances at a time.
     pub fn stride(self) -> usize {
         match self {
             Self::Double => 2,
@@ -68,7 +67,7 @@ impl Speed {
         }
     }
 
-    /// As it is shown.
+    /// Display name.
     pub fn label(self) -> &'static str {
         match self {
             Self::Eighth => "1/8 ×",
@@ -80,7 +79,7 @@ impl Speed {
         }
     }
 
-    /// The next in [`Speed::ALL`], or the one before; the ends stay.
+    /// The next or previous speed in [`Speed::ALL`], clamped to its ends.
     #[must_use]
     pub fn next(self, faster: bool) -> Self {
         let at = Self::ALL.iter().position(|&speed| speed == self).unwrap_or_default();
@@ -90,7 +89,7 @@ impl Speed {
 }
 
 impl Playback {
-    /// Paused at the first of `count` frame times of a sequence with `fps` frames per second.
+    /// Creates playback paused at the first of `count` frame times, for `fps` frames per second.
     pub fn new(count: usize, fps: f64) -> Self {
         Self {
             playing: false,
@@ -104,34 +103,34 @@ impl Playback {
         }
     }
 
-    /// The moment shown.
+    /// Index of the frame time shown.
     pub fn index(&self) -> usize {
         self.index
     }
 
-    /// The number of frame times.
+    /// Number of frame times.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// How fast it plays.
+    /// Speed of playback.
     pub fn speed(&self) -> Speed {
         self.speed
     }
 
-    /// What playback goes on by, as a cache wants to know it.
+    /// Signed step between successive frame times, for the frame caches.
     pub fn step(&self) -> isize {
         let stride = self.speed.stride() as isize;
         if self.backwards { -stride } else { stride }
     }
 
-    /// Goes to a moment; one beyond the last is the last.
+    /// Goes to a frame time, at most the last.
     pub fn seek(&mut self, index: usize) {
         self.index = index.min(self.count.saturating_sub(1));
         self.phase = 0.0;
     }
 
-    /// Goes on by one moment, or back, and pauses.
+    /// Goes forwards or backwards by one frame time, and pauses.
     pub fn step_by(&mut self, forwards: bool) {
         self.playing = false;
         let to = match forwards {
@@ -141,20 +140,20 @@ impl Playback {
         self.seek(to.unwrap_or(0));
     }
 
-    /// Replaces the frame times by those of another speed, of which `index` is then shown.
+    /// Replaces the frame times by those of another speed, and shows `index`.
     pub fn set_speed(&mut self, speed: Speed, count: usize, index: usize) {
         self.speed = speed;
         self.count = count;
         self.seek(index);
     }
 
-    /// The number of frame times is another one: a sequence that grows.
+    /// Changes the number of frame times, for a growing sequence.
     pub fn set_count(&mut self, count: usize) {
         self.count = count;
         self.index = self.index.min(count.saturating_sub(1));
     }
 
-    /// The moment after the present one, none at the end of what is not looped.
+    /// The frame time after the current one; `None` at the end unless looped.
     pub fn following(&self) -> Option<usize> {
         let stride = self.speed.stride();
         let last = self.count.checked_sub(1)?;
@@ -167,20 +166,20 @@ impl Playback {
         }
     }
 
-    /// Seconds that each moment is shown: a frame's time at every speed. Slow motion has more
-    /// frame times, fast motion leaves frames out.
+    /// Seconds that each frame time is shown: the duration of a frame at every speed, because slow motion
+    /// has more frame times and fast motion skips frames.
     pub fn duration(&self) -> f64 {
         self.fps.recip()
     }
 
-    /// Time until the next moment is due.
+    /// Time until the next frame time is due.
     pub fn remaining(&self) -> Duration {
         Duration::from_secs_f64((self.duration() * (1.0 - self.phase)).clamp(0.001, 1.0))
     }
 
-    /// Lets `seconds` pass. The next moment is gone to when its time has come and it is `there`;
-    /// whether one was.
-    pub fn advance(&mut self, seconds: f64, there: impl Fn(usize) -> bool) -> bool {
+    /// Advances by `seconds`, to the next frame time once it is due and loaded. Returns whether the frame
+    /// time changed.
+    pub fn advance(&mut self, seconds: f64, is_loaded: impl Fn(usize) -> bool) -> bool {
         if !self.playing {
             return false;
         }
@@ -192,7 +191,7 @@ impl Playback {
                 self.phase = 0.0;
                 break;
             };
-            if !there(next) {
+            if !is_loaded(next) {
                 self.phase = 1.0;
                 break;
             }

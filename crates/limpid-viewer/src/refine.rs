@@ -1,4 +1,4 @@
-//! Which picture should be seen: a draft while things move, better ones at rest.
+//! Refinement of the picture: a draft while things move, better pictures at rest.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,28 +23,28 @@ use limpid_io::notice;
 use limpid_io::project::Project;
 use limpid_io::shared_classifier::Processor;
 
-/// Most rays per pixel with an edge while things move.
+/// Most rays per edge pixel in drafts.
 const DRAFT_EDGE_SAMPLES: u32 = 4;
 
-/// So long after the last change a picture is at rest.
+/// Time from the last change until a picture is at rest.
 const REST: Duration = Duration::from_millis(150);
 
-/// What one of the two settings draws.
+/// The state of one of the two settings.
 #[derive(Debug, Default)]
 pub(crate) struct Side {
     pub(crate) loaded: Option<Arc<Loaded>>,
-    /// The moment that was last taken from a cache, loaded or failed; none while it is not there.
+    /// Index of the frame time last taken from a cache, loaded or failed; `None` while it is missing.
     pub(crate) at: Option<usize>,
-    /// Whether `loaded` is that moment, as the settings classify it.
+    /// Whether `loaded` is that frame time, classified by the current settings.
     pub(crate) fits: bool,
     pub(crate) picture: Picture,
 }
 
-/// What the picture that was last asked for depends on, its level apart.
+/// The inputs of the last requested picture, except its level.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Subject {
     scenes: Vec<Scene>,
-    /// Which particles: their addresses, for each load has its own.
+    /// Addresses that identify the particles: each load has its own.
     loaded: Vec<usize>,
     camera: Camera,
     sizes: Vec<UVec2>,
@@ -53,19 +53,19 @@ pub(crate) struct Subject {
 }
 
 impl Viewer {
-    /// The settings that are on the screen.
+    /// Indices of the settings on screen.
     pub(crate) fn visible(&self) -> Vec<usize> {
         if self.editing.compare == Compare::Off { vec![self.editing.edited] } else { vec![0, 1] }
     }
 
-    /// Whether what is shown is the moment that playback is at.
+    /// Whether the current frame time is shown.
     pub(crate) fn is_caught_up(&self) -> bool {
         let index = Some(self.playback.index());
         let taken = self.visible().into_iter().all(|i| self.editing.sides[i].at == index);
         taken && self.picture.answered == self.picture.asked
     }
 
-    /// Takes the present moment from the caches, and says what is wanted next.
+    /// Takes the current frame time from the caches, and updates their playback position.
     pub(crate) fn load(&mut self) {
         let Some(document) = &self.opened.document else { return };
         let visible = self.visible();
@@ -73,7 +73,7 @@ impl Viewer {
         let index = self.playback.index();
         let dragging =
             self.jobs.post.context().is_some_and(|ctx| ctx.input(|input| input.pointer.any_down()));
-        // The first picture, for which a device is opened, needs its particles first.
+        // The first picture opens a device, but it needs its particles first.
         let on_device = self.opened.frames.processor == Processor::Gpu;
         if on_device && !self.jobs.device_asked {
             self.jobs.device_asked = true;
@@ -111,7 +111,7 @@ impl Viewer {
                 Some((Err(error), _)) => {
                     let side = &mut self.editing.sides[side];
                     (side.at, side.fits) = (Some(index), false);
-                    // Told once; playback goes on.
+                    // Report the error once; playback continues.
                     if self.opened.failed.insert(index) {
                         self.fail(&error);
                     }
@@ -124,7 +124,7 @@ impl Viewer {
         }
     }
 
-    /// Says what is worth knowing of the first frame of what was opened.
+    /// Shows the notices on the first frame of the document.
     fn say_notices(&mut self, loaded: &Loaded, side: usize) {
         let Some(document) = &self.opened.document else { return };
         let scene = &self.editing.scenes[side];
@@ -136,13 +136,13 @@ impl Viewer {
         }
     }
 
-    /// Asks for the picture that should be seen, if it has not been asked for.
+    /// Requests the picture that should be shown, unless it has been requested.
     pub(crate) fn ask(&mut self, ctx: &egui::Context) {
         let visible = self.visible();
         let loaded: Option<Vec<Arc<Loaded>>> =
             visible.iter().map(|&i| self.editing.sides[i].loaded.clone()).collect();
         let full = self.full_size();
-        // Nothing to draw, or nowhere: a minimised window.
+        // There is nothing to draw, or the window is minimised.
         let Some(loaded) = loaded.filter(|_| full.min_element() > 0) else { return };
         let subject = Subject {
             scenes: visible.iter().map(|&i| self.editing.scenes[i].clone()).collect(),
@@ -158,7 +158,7 @@ impl Viewer {
             self.picture.changed = now;
             Level::Draft
         } else if self.picture.answered < self.picture.asked {
-            // One thing after the other.
+            // A request is in progress.
             return;
         } else if self.playback.playing
             || self.picture.dragging
@@ -181,8 +181,8 @@ impl Viewer {
             Level::Draft | Level::Full => 1,
             Level::Fine => self.fine_samples(scene),
         };
-        let alike = visible.iter().all(|&i| self.fine_samples(&self.editing.scenes[i]) == 1);
-        if level == Level::Fine && alike && self.picture.asked_level == Level::Full {
+        let fine_is_full = visible.iter().all(|&i| self.fine_samples(&self.editing.scenes[i]) == 1);
+        if level == Level::Fine && fine_is_full && self.picture.asked_level == Level::Full {
             self.picture.asked_level = Level::Fine;
             return;
         }
@@ -209,7 +209,7 @@ impl Viewer {
         });
     }
 
-    /// Size of a picture on the screen, pixels.
+    /// Size of one picture on screen, pixels.
     pub(crate) fn full_size(&self) -> UVec2 {
         match self.editing.compare {
             Compare::SideBySide => {
@@ -232,7 +232,7 @@ impl Viewer {
         scene
     }
 
-    /// The command that draws the picture at rest without a window; none if nothing is open.
+    /// The command that draws the picture at rest without a window; `None` if nothing is open.
     pub fn command_line(&self, output: &str) -> Option<String> {
         let document = self.opened.document.as_ref()?;
         let (scene, at) = (self.fine_scene(), self.moment()?);
@@ -241,9 +241,9 @@ impl Viewer {
         Some(command_line(document, (&scene, processor), &self.eye.camera, at, size, output))
     }
 
-    /// Draws the picture at rest in `size` pixels and writes it in the format that the name says, as
-    /// soon as it can. What is shown in place of a frame that is not loaded is not saved under its
-    /// name.
+    /// Draws the picture at rest at `size` pixels and writes it in the format of the extension, in the
+    /// background. Fails if the current frame is not loaded, because the one shown instead must not be
+    /// saved under its name.
     pub fn save_picture(&mut self, path: PathBuf, size: UVec2, samples: u32) {
         let side = &self.editing.sides[self.editing.edited];
         let present = side.fits && side.at == Some(self.playback.index());
@@ -257,21 +257,21 @@ impl Viewer {
         self.jobs.drawing.job(Job::Save(pane, path, self.opened.document.clone()));
     }
 
-    /// Writes the scene that is edited, seen as it is seen now, as soon as it can.
+    /// Writes the edited scene with the current camera, in the background.
     pub fn save_scene(&mut self, path: PathBuf) {
         let (Some(document), Some(at)) = (self.opened.document.clone(), self.moment()) else {
             return;
         };
         let (scene, camera, processor) =
             (self.fine_scene(), self.eye.camera, self.opened.frames.processor);
-        // An environment is a picture, which takes its time.
+        // Writing an environment map takes time.
         self.write(path, move |path| {
             document.check_scene_output(path)?;
             Project { processor, ..document.saved(scene, camera, at) }.save(path)
         });
     }
 
-    /// Writes a file on a thread of its own, which the viewer waits for at its end.
+    /// Writes a file on its own thread, which the viewer joins when it is dropped.
     pub(crate) fn write(
         &mut self,
         path: PathBuf,
@@ -283,7 +283,7 @@ impl Viewer {
         self.jobs.writers.push(std::thread::spawn(writer));
     }
 
-    /// Whether the picture at rest is on the screen: of the present moment, as it is set.
+    /// Whether the picture at rest is on screen, for the current frame time and settings.
     pub fn is_at_rest(&self) -> bool {
         self.opened.document.is_some()
             && self.opened.opening.as_ref().is_none_or(|opening| !opening.pending)

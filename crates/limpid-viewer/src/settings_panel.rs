@@ -1,4 +1,4 @@
-//! The panel on the right: settings of every pass, the camera, the times.
+//! The side panel: settings of every pass, the camera, the times.
 
 use eframe::egui;
 use eframe::egui::SliderClamping::Edits;
@@ -12,8 +12,8 @@ use limpid::settings::{Preset, Settings};
 use limpid_io::project::overrides::replaced;
 use limpid_io::shared_classifier::Processor;
 
-/// Sliders end here where the range goes on: beyond lies what nobody drags to, but may type.
-const FAR: f64 = 1e6;
+/// End of sliders with a larger range: larger values can only be typed.
+const SLIDER_END: f64 = 1e6;
 
 impl Viewer {
     pub(crate) fn side_panel(&mut self, ui: &mut egui::Ui) {
@@ -118,14 +118,14 @@ impl Viewer {
     }
 }
 
-/// Replaces all but what belongs to the picture, as `--preset` does.
+/// Applies a preset as `--preset` does: to all settings except those of the picture.
 pub(crate) fn take_preset(settings: &mut Settings, preset: Preset) {
     if let Ok(changed) = replaced(settings, &[format!("preset={preset}")]) {
         *settings = changed;
     }
 }
 
-/// The preset that these are, but for what belongs to the picture and not to the method.
+/// Name of the preset that matches the settings of the method; those of the picture do not count.
 fn preset_of(settings: &Settings) -> String {
     let fits = |preset: &Preset| {
         let all = preset.settings();
@@ -135,7 +135,7 @@ fn preset_of(settings: &Settings) -> String {
     Preset::ALL.iter().find(|p| fits(p)).map_or("custom".into(), Preset::to_string)
 }
 
-/// Names on the left, values over the rest of the panel.
+/// A grid with names on the left and values over the rest of the panel.
 fn grid(ui: &mut egui::Ui, id: &str, rows: impl FnOnce(&mut egui::Ui)) {
     const NAMES: f32 = 124.0;
     const NUMBERS: f32 = 92.0;
@@ -160,7 +160,7 @@ fn reset(ui: &mut egui::Ui, what: &str, act: impl FnOnce()) {
     }
 }
 
-/// A setting: its name, its `old` value in its unit and range.
+/// A row for a setting: its name, and its `old` value with unit and range.
 fn row(ui: &mut egui::Ui, control: &Control, old: &Value, settings: &mut Settings) {
     let hint = |ui: &mut egui::Ui| _ = ui.label(hint(control, settings));
     let label = ui.label(control.label).on_hover_ui(hint);
@@ -207,7 +207,7 @@ fn row(ui: &mut egui::Ui, control: &Control, old: &Value, settings: &mut Setting
     }
 }
 
-/// What classifies the particles.
+/// A row for the processor that classifies the particles.
 fn computed_on(ui: &mut egui::Ui, processor: &mut Processor) {
     const NAME: &str = "Computed on";
     const HINT: &str =
@@ -236,15 +236,16 @@ fn hint(control: &Control, settings: &Settings) -> String {
     format!("{}{}\ndefault {default}\n{}", control.help, range.trim_end(), control.path())
 }
 
-/// A slider over a range, logarithmic where that is wide. To show a number does not change it, be
-/// it finer than a step of the slider or outside of the range.
+/// A slider over a range, logarithmic if the range is wide. Showing a number does not change it, even if
+/// it is finer than a step of the slider or outside the range.
 fn number_slider(x: &mut f32, low: f64, high: f64) -> egui::Slider<'_> {
     let wide = high - low > 50.0;
     let symmetric = low < 0.0;
-    let slider =
-        egui::Slider::new(x, low as f32..=high.min(FAR) as f32).clamping(Edits).smart_aim(true);
-    // As it is written, not as 32 bits hold it: 0.12, not 0.119999997. All of its digits, for what
-    // is shown is what is read again when a field is left.
+    let slider = egui::Slider::new(x, low as f32..=high.min(SLIDER_END) as f32)
+        .clamping(Edits)
+        .smart_aim(true);
+    // Format it as f32: 0.12, not 0.119999997. Show all digits, because leaving the field parses the text
+    // again.
     let slider = slider.custom_formatter(|x, _| (x as f32).to_string());
     match wide {
         true if !symmetric => slider.logarithmic(true).smallest_positive(low.max(1e-3)),
@@ -270,7 +271,7 @@ fn liquid(ui: &mut egui::Ui, scene: &mut Scene) {
     });
 }
 
-/// Absorption of red, green and blue light.
+/// Rows for the absorption of red, green and blue light.
 fn absorption(ui: &mut egui::Ui, name: &str, sigma: &mut glam::Vec3) {
     for (axis, color) in ["red", "green", "blue"].into_iter().enumerate() {
         let label = ui.label(format!("{name}, {color}"));

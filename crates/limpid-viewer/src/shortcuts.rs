@@ -1,39 +1,39 @@
-//! The keys. One table: what is pressed is looked up in it, and `?` shows it.
+//! Keyboard shortcuts: one table, which handles key presses and which `?` shows.
 
 use eframe::egui::{Key, Modifiers};
 
-/// What a key does.
+/// The action of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
     /// Play or pause.
     Play,
     /// Play forwards or backwards.
     Reverse,
-    /// One moment on.
+    /// Go to the next frame time.
     Next,
-    /// One moment back.
+    /// Go to the previous frame time.
     Previous,
-    /// To the first moment.
+    /// Go to the first frame time.
     First,
-    /// To the last.
+    /// Go to the last frame time.
     Last,
-    /// Loop or not.
+    /// Loop or play once.
     Loop,
-    /// Faster.
+    /// Play faster.
     Faster,
-    /// Slower.
+    /// Play slower.
     Slower,
     /// Fit the view to the liquid.
     Fit,
-    /// The scene's own camera.
+    /// Go to the scene's own camera.
     Home,
     /// Add a key frame of the camera.
     AddKey,
-    /// The next view mode.
+    /// Show the next view mode.
     NextView,
-    /// The picture, or the view mode last chosen.
+    /// Show the picture, or the last view mode.
     Picture,
-    /// One picture, wipe, side by side.
+    /// Switch between one picture, wipe and side by side.
     Compare,
     /// Edit the other of the two settings.
     Swap,
@@ -47,28 +47,28 @@ pub enum Action {
     Copy,
     /// Show or hide the panels.
     Panels,
-    /// Dark or light.
+    /// Switch between dark and light.
     Theme,
     /// Show the keys.
     Help,
-    /// Close what is open on top.
+    /// Close the list of keys and the notices.
     Close,
     /// Close the window.
     Quit,
 }
 
-/// A key and what it does.
+/// A key and its action.
 #[derive(Debug, Clone, Copy)]
 pub struct Shortcut {
-    /// What it does.
+    /// Its action.
     pub action: Action,
     /// The key.
     pub key: Key,
     /// With Ctrl (⌘ on a Mac).
     pub command: bool,
-    /// As it is shown.
+    /// Its name in the interface.
     pub shown: &'static str,
-    /// What it does, in words.
+    /// A description of the action.
     pub help: &'static str,
 }
 
@@ -85,7 +85,7 @@ const fn with_command(
     Shortcut { action, key, command: true, shown, help }
 }
 
-/// All of them, in the order of the list.
+/// All shortcuts, in display order.
 pub const SHORTCUTS: [Shortcut; 25] = [
     plain(Action::Play, Key::Space, "Space", "play or pause"),
     plain(Action::Previous, Key::ArrowLeft, "Left", "one moment back"),
@@ -114,7 +114,7 @@ pub const SHORTCUTS: [Shortcut; 25] = [
     with_command(Action::Quit, Key::Q, "Ctrl Q", "close the window"),
 ];
 
-/// What the pointer does, for the same list.
+/// Actions of the pointer, for the same list.
 pub const POINTER: [(&str, &str); 6] = [
     ("Drag", "orbit"),
     ("Shift drag, or middle button", "pan"),
@@ -129,14 +129,14 @@ pub fn of(action: Action) -> &'static Shortcut {
     SHORTCUTS.iter().find(|s| s.action == action).unwrap_or(&SHORTCUTS[0])
 }
 
-/// What a key press does.
+/// The action of a key press.
 pub fn action(key: Key, modifiers: Modifiers) -> Option<Action> {
     let plain = !(modifiers.command || modifiers.ctrl || modifiers.alt);
     let fits = |s: &&Shortcut| {
         let with = if s.command { modifiers.command && !modifiers.alt } else { plain };
         s.key == key && with
     };
-    // `?` is Shift and a key that differs between keyboards.
+    // `?` is Shift with a key that differs between keyboards.
     let help = key == Key::Slash && modifiers.shift && plain;
     let found = if help { Some(of(Action::Help)) } else { SHORTCUTS.iter().find(fits) };
     found.map(|s| s.action)

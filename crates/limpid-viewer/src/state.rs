@@ -1,4 +1,4 @@
-//! The viewer's state, by who changes it.
+//! The viewer's state, grouped by the component that changes it.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, mpsc};
@@ -31,22 +31,22 @@ pub(crate) struct Jobs {
     pub(crate) messages: mpsc::Receiver<Message>,
     pub(crate) log: Log,
     pub(crate) drawing: DrawThread,
-    /// Where particles are classified.
+    /// The classifier of the particles.
     pub(crate) classifier: SharedClassifier,
-    /// The thread that draws has been told to open a device for them.
+    /// Whether the draw thread has been asked to open a device for them.
     pub(crate) device_asked: bool,
-    /// What writes files.
+    /// Threads that write files.
     pub(crate) writers: Vec<JoinHandle<()>>,
     pub(crate) adapter: Option<String>,
 }
 
-/// What is open, and its frames. Opening changes it, and a simulation that grows.
+/// The open document and its frames. Opening and growing simulations change it.
 pub(crate) struct OpenDocument {
     pub(crate) document: Option<Arc<Document>>,
     pub(crate) opening: Option<Opening>,
-    /// What is open while something else is being opened.
+    /// The previous opening while another source is being opened.
     pub(crate) before: Option<Opening>,
-    /// How many have been opened.
+    /// Number of openings so far.
     pub(crate) openings: u64,
     pub(crate) frame_times: Arc<[FrameTime]>,
     pub(crate) frames: Frames,
@@ -71,7 +71,7 @@ pub(crate) struct CameraState {
     pub(crate) path_seconds: f64,
 }
 
-/// What was asked of the thread that draws, and how. The refinement changes it.
+/// The view mode and the requests to the draw thread. The refinement changes it.
 pub(crate) struct PictureState {
     pub(crate) dragging: bool,
     pub(crate) view: View,
@@ -83,17 +83,17 @@ pub(crate) struct PictureState {
     pub(crate) asked: u64,
     pub(crate) asked_level: Level,
     pub(crate) answered: u64,
-    /// The picture that was last asked for could not be drawn.
+    /// The last requested picture could not be drawn.
     pub(crate) undrawn: bool,
-    /// No picture has come from the device yet: the first takes longer.
+    /// The device has not drawn a picture yet: the first takes longer.
     pub(crate) fresh_device: bool,
     pub(crate) viewport_size: UVec2,
 }
 
-/// Ground truth, and the errors and times measured beside it. The times panel changes it.
+/// Ground truth, and the errors and times measured against it. The times panel changes it.
 pub(crate) struct Measurements {
     pub(crate) truth: Option<Arc<Truth>>,
-    /// How many have been asked for; what is another's is not taken.
+    /// Number of traces requested; results of earlier ones are discarded.
     pub(crate) traces: u64,
     pub(crate) tracing: bool,
     pub(crate) measuring: bool,
@@ -101,7 +101,7 @@ pub(crate) struct Measurements {
     pub(crate) history: times::History,
 }
 
-/// The state of panels, dialogs and messages to the user.
+/// The state of panels, dialogs and notices.
 pub(crate) struct Interface {
     pub(crate) notices: Vec<Notice>,
     pub(crate) tab: Tab,

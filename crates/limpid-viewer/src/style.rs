@@ -1,10 +1,10 @@
-//! How the window looks, dark and light.
+//! The style of the window, dark and light.
 
 use eframe::egui::{
     self, Color32, CornerRadius, FontFamily, FontId, Stroke, TextStyle, Theme, Visuals,
 };
 
-/// What is chosen, plays or is drawn on.
+/// The accent colour, for selections, loaded frames and handles.
 pub(crate) fn accent(ui: &egui::Ui) -> Color32 {
     match ui.visuals().dark_mode {
         true => Color32::from_rgb(64, 156, 214),
@@ -12,7 +12,7 @@ pub(crate) fn accent(ui: &egui::Ui) -> Color32 {
     }
 }
 
-/// Sets both themes up, and shows the dark one.
+/// Sets up both themes and shows the dark one.
 pub(crate) fn apply(ctx: &egui::Context) {
     for theme in [Theme::Dark, Theme::Light] {
         ctx.style_mut_of(theme, |style| {
@@ -44,7 +44,7 @@ fn colors(visuals: &mut Visuals, theme: Theme) {
     visuals.selection.bg_fill = accent;
     visuals.selection.stroke = Stroke::new(1.0, on_accent);
     visuals.slider_trailing_fill = true;
-    // A gray of the dark theme and one of the light.
+    // Gray levels of the dark and the light theme.
     let gray = |dark, light| Color32::from_gray(if theme == Theme::Dark { dark } else { light });
     visuals.panel_fill = gray(30, 246);
     visuals.window_fill = gray(34, 252);
@@ -69,7 +69,7 @@ fn colors(visuals: &mut Visuals, theme: Theme) {
     visuals.window_corner_radius = CornerRadius::same(8);
 }
 
-/// A whole number with its thousands set apart: 1,056,000.
+/// Formats a whole number with thousands separators: 1,056,000.
 pub(crate) fn thousands(number: usize) -> String {
     let digits = number.to_string();
     let mut text = String::new();
@@ -82,7 +82,7 @@ pub(crate) fn thousands(number: usize) -> String {
     text
 }
 
-/// A number as people write it: three digits that count, no exponent unless it is far from 1.
+/// Formats a number with three significant digits, and with an exponent only if it is far from 1.
 pub(crate) fn number(value: f32) -> String {
     let size = value.abs();
     match size {

@@ -1,4 +1,4 @@
-//! The bars at the bottom: playback, what is loaded, what is shown.
+//! The bars at the bottom: playback, loaded frames, status and notices.
 
 use eframe::egui::{self, Color32, Rect, Sense, Stroke, StrokeKind, pos2, vec2};
 
@@ -33,7 +33,7 @@ impl Viewer {
 
     fn transport(&mut self, ui: &mut egui::Ui, document: &Document, ahead: &CacheState) {
         let ctx = ui.ctx().clone();
-        let mut wanted = None;
+        let mut chosen = None;
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 3.0;
             let playing = self.playback.playing;
@@ -53,7 +53,7 @@ impl Viewer {
                 let key = shortcuts::of(action);
                 let hint = format!("{} ({})", key.help, key.shown);
                 if icons::button(ui, sign, name, &hint, on).clicked() {
-                    wanted = Some(action);
+                    chosen = Some(action);
                 }
             }
             ui.add_space(4.0);
@@ -81,13 +81,12 @@ impl Viewer {
                 ui.monospace(format!("{frame:>6} / {last}  {seconds:6.2} s"));
             }
         });
-        if let Some(action) = wanted {
+        if let Some(action) = chosen {
             self.act(&ctx, action);
         }
     }
 
-    /// The bar to scrub on: what is loaded, loading and failed, the camera's keys, and where
-    /// playback is.
+    /// The scrub bar: loaded, loading and failed frames, the camera's keys and the playhead.
     fn track(&mut self, ui: &mut egui::Ui, width: f32, document: &Document, ahead: &CacheState) {
         let (outer, mut response) =
             ui.allocate_exact_size(vec2(width, 24.0), Sense::click_and_drag());
@@ -169,14 +168,16 @@ impl Viewer {
         });
     }
 
-    /// What went wrong, or was done; nothing if nothing is to be told.
+    /// The line with the newest notice, if there is one.
     pub(crate) fn notice_line(&mut self, ui: &mut egui::Ui) {
-        // What went well is told for a while.
-        const WHILE: std::time::Duration = std::time::Duration::from_secs(6);
-        self.interface.notices.retain(|notice| notice.error || notice.since.elapsed() < WHILE);
+        // How long notices other than errors are shown.
+        const NOTICE_TIME: std::time::Duration = std::time::Duration::from_secs(6);
+        self.interface
+            .notices
+            .retain(|notice| notice.error || notice.since.elapsed() < NOTICE_TIME);
         let Some(notice) = self.interface.notices.last().cloned() else { return };
         if !notice.error {
-            ui.ctx().request_repaint_after(WHILE.saturating_sub(notice.since.elapsed()));
+            ui.ctx().request_repaint_after(NOTICE_TIME.saturating_sub(notice.since.elapsed()));
         }
         let color = match notice.error {
             true => ui.visuals().error_fg_color,

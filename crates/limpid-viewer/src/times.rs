@@ -1,4 +1,4 @@
-//! Milliseconds per pass as they run, and time against error where the truth is cheap.
+//! The times panel: milliseconds per pass, and time against error where ground truth is cheap.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -13,16 +13,16 @@ use crate::{Tab, Viewer};
 use limpid::gpu::PassTime;
 use limpid_io::error::Result;
 
-/// Pictures that the plot goes back.
+/// Number of pictures in the plot.
 const LENGTH: usize = 240;
 
-/// Pictures over which the table's times are averaged.
+/// Number of pictures that the table averages.
 const RECENT: usize = 16;
 
-/// Times of the last pictures.
+/// Pass times of the last pictures.
 #[derive(Debug, Default)]
 pub(crate) struct History {
-    /// By pass, in the order of the passes; NaN for a picture without it.
+    /// Times by pass, in the order of the passes; NaN for a picture without the pass.
     passes: Vec<(&'static str, VecDeque<f64>)>,
     pictures: usize,
 }
@@ -37,7 +37,7 @@ impl History {
         }
         self.pictures += 1;
         for (name, series) in &mut self.passes {
-            // A pass may come several times, once for each light.
+            // A pass may run several times, once for each light.
             let of_pass = times.iter().filter(|time| time.name == *name);
             let ms = of_pass.map(|time| time.ms).reduce(|a, b| a + b).unwrap_or(f64::NAN);
             series.push_back(ms);
@@ -167,7 +167,7 @@ impl Viewer {
         }
     }
 
-    /// Traces the present view on a thread of its own; the points of another view are forgotten.
+    /// Traces the current view on its own thread, and discards the points of the previous one.
     fn trace(&mut self) {
         let (Some(document), Some(at)) = (self.opened.document.clone(), self.moment()) else {
             return;
@@ -195,7 +195,7 @@ impl Viewer {
         }
     }
 
-    /// Draws what is on the screen once more, small, if there is a truth to compare it with.
+    /// Measures the current settings on a small picture, if there is a ground truth for the view.
     pub(crate) fn compare_with_truth(&mut self) {
         if self.interface.tab != Tab::Times || self.measured.measuring || !self.is_at_rest() {
             return;
@@ -225,7 +225,7 @@ impl Viewer {
                 }
             }
             Err(error) => {
-                // What cannot be measured now cannot be measured in the next frame either.
+                // Drop the truth: the next frame would fail again.
                 self.measured.truth = None;
                 self.fail(&error);
             }

@@ -1,4 +1,4 @@
-//! The bar at the top: files, what is shown, how it is compared.
+//! The toolbar at the top: files, view mode, comparison.
 
 use eframe::egui;
 
@@ -11,7 +11,7 @@ impl Viewer {
     pub(crate) fn toolbar(&mut self, ui: &mut egui::Ui) {
         let ctx = ui.ctx().clone();
         let open = self.opened.document.is_some();
-        let mut wanted = None;
+        let mut action_chosen = None;
         let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
         egui::Panel::top("toolbar").frame(bar).show(ui, |ui| {
             ui.horizontal(|ui| {
@@ -19,7 +19,7 @@ impl Viewer {
                     let key = shortcuts::of(action);
                     let hint = format!("{} ({})", key.help, key.shown);
                     if ui.button(text).on_hover_text(hint).clicked() {
-                        wanted = Some(action);
+                        action_chosen = Some(action);
                     }
                 };
                 button(ui, "Open…", Action::Open);
@@ -37,7 +37,7 @@ impl Viewer {
                         let key = shortcuts::of(action);
                         let hint = format!("{} ({})", key.help, key.shown);
                         if icons::button(ui, sign, name, &hint, on).clicked() {
-                            wanted = Some(action);
+                            action_chosen = Some(action);
                         }
                     };
                     button(ui, Sign::Help, "Keys", Action::Help, self.interface.help);
@@ -49,7 +49,7 @@ impl Viewer {
                 });
             });
         });
-        if let Some(action) = wanted {
+        if let Some(action) = action_chosen {
             self.act(&ctx, action);
         }
     }
@@ -102,7 +102,7 @@ impl Viewer {
     }
 }
 
-/// What a choice is called, for those who do not see it and for tests.
+/// Sets the name of a combo box for accessibility and tests.
 pub(crate) fn named(response: &egui::Response, name: &str) {
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name));
 }

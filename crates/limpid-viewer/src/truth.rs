@@ -1,4 +1,4 @@
-//! Ground truth for small pictures, and how far what was drawn is from it.
+//! Ground truth for small pictures, and the error of drawn pictures against it.
 
 use glam::{UVec2, Vec3};
 use image::RgbImage;
@@ -17,36 +17,36 @@ use limpid_lab::reference::mesh::{Mesh, Reconstruction};
 use limpid_lab::reference::trace::{MAX_DEPTH, trace};
 use limpid_sim::recipe::Recipe;
 
-/// Size of the pictures that are compared.
+/// Size of the compared pictures.
 pub(crate) const SIZE: UVec2 = UVec2::new(160, 120);
 
-/// Rays per pixel of the truth.
+/// Rays per pixel of the ground truth.
 const SAMPLES: u32 = 4;
 
-/// More particles are too many to make a mesh from while somebody waits.
-const MOST: usize = 60_000;
+/// Most particles that can be meshed while the user waits.
+const MAX_PARTICLES: usize = 60_000;
 
-/// A traced picture, and of what.
+/// A traced picture and its inputs.
 #[derive(Debug, Clone)]
 pub(crate) struct Truth {
-    /// The view.
+    /// The camera.
     pub(crate) camera: Camera,
-    /// The moment.
+    /// The frame time.
     pub(crate) at: FrameTime,
-    /// What the liquid does to light.
+    /// Optical properties of the liquid.
     liquid: Liquid,
-    /// What each of several liquids does.
+    /// Absorption of each of several fluids.
     fluids: Vec<Vec3>,
     /// The picture.
     pub(crate) picture: RgbImage,
 }
 
-/// What was drawn with some settings.
+/// A measurement of some settings.
 #[derive(Debug, Clone)]
 pub(crate) struct Point {
     /// The settings.
     pub(crate) settings: Settings,
-    /// How they differ from the defaults, in a few words.
+    /// Some settings that differ from the defaults, as text.
     pub(crate) description: String,
     /// Time of all passes, ms.
     pub(crate) ms: f64,
@@ -55,15 +55,15 @@ pub(crate) struct Point {
 }
 
 impl Truth {
-    /// Whether it is that of a scene seen from a camera at a moment.
+    /// Whether it is the truth of a scene seen from a camera at a frame time.
     pub(crate) fn fits(&self, scene: &Scene, camera: &Camera, at: Option<FrameTime>) -> bool {
-        let of = (&self.camera, Some(self.at), &self.liquid, &self.fluids);
-        of == (camera, at, &scene.liquid, &scene.fluids)
+        let inputs = (&self.camera, Some(self.at), &self.liquid, &self.fluids);
+        inputs == (camera, at, &scene.liquid, &scene.fluids)
     }
 }
 
 impl Point {
-    /// What was measured of `settings`.
+    /// Creates the measurement of `settings`.
     pub(crate) fn new(settings: &Settings, ms: f64, flip: f64) -> Self {
         let changed = controls::differences(&Settings::default(), settings);
         let words: Vec<String> = changed
@@ -76,7 +76,7 @@ impl Point {
     }
 }
 
-/// Why a scene has no cheap truth, if it has none.
+/// Why a scene has no cheap ground truth; `None` if it has one.
 pub(crate) fn missing(
     document: &Document,
     scene: &Scene,
@@ -86,14 +86,14 @@ pub(crate) fn missing(
         Some("Scenes in which light falls through the liquid have no cheap truth.")
     } else if scene.fluids.len() > 1 {
         Some("Scenes with several liquids have no cheap truth.")
-    } else if analytic(document).is_none() && particles > MOST {
+    } else if analytic(document).is_none() && particles > MAX_PARTICLES {
         Some("So many particles have no cheap truth.")
     } else {
         None
     }
 }
 
-/// The body that the recipe says, where it has a closed form.
+/// The recipe's body, if it has a closed form.
 fn analytic(document: &Document) -> Option<Box<dyn reference::Liquid>> {
     match *document.project.source.recipe()? {
         Recipe::Ball { center, radius, .. } => Some(Box::new(Ball { center, radius })),
@@ -106,7 +106,7 @@ fn analytic(document: &Document) -> Option<Box<dyn reference::Liquid>> {
     }
 }
 
-/// Traces a view of a moment: the exact body, or a mesh of the particles where there is none.
+/// Traces a view at a frame time: the exact body if there is one, otherwise a mesh of the particles.
 ///
 /// # Errors
 /// As [`limpid_io::input::Input::particles`] and [`Mesh::reconstruct`].
@@ -120,7 +120,7 @@ pub(crate) fn of(
         Some(liquid) => liquid,
         None => {
             let particles = document.input.particles(at)?;
-            // The radius alone is wanted, which needs no device.
+            // Only the radius is needed, which takes no device.
             let on_cpu = document.input.clone().processed_by(Processor::Cpu);
             let radius = on_cpu.prepare(at, &particles, scene)?.splats.radius;
             let how = Reconstruction::among(&scene.solids);

@@ -1,4 +1,4 @@
-//! The middle of the window: the picture, its legend, and the pointer on it.
+//! The viewport: the picture, its legend and pointer input.
 
 use eframe::egui::{
     self, Align2, Color32, FontId, Key, PointerButton, Rect, Sense, Stroke, StrokeKind,
@@ -21,7 +21,7 @@ pub(crate) struct Picture {
     pub(crate) shown: Option<Facts>,
 }
 
-/// What is known of it.
+/// Properties of the picture shown.
 #[derive(Debug)]
 pub(crate) struct Facts {
     pub(crate) size: UVec2,
@@ -37,22 +37,22 @@ impl std::fmt::Debug for Picture {
     }
 }
 
-/// Radians for a drag over the picture's height.
+/// Rotation for a drag over the picture's height, radians.
 const TURN: f64 = std::f64::consts::PI;
 
-/// E-foldings per point of the wheel.
+/// Zoom per point of the wheel, e-foldings.
 const ZOOM: f64 = 0.003;
 
-/// Extents of the liquid per second, flying.
+/// Speed of flight, extents of the liquid per second.
 const FLIGHT: f64 = 0.4;
 
 impl Viewer {
-    /// Puts pictures that have come on the screen.
+    /// Shows finished pictures.
     pub(crate) fn show(&mut self, drawn: Drawn) {
         let Drawn { number, level, panes } = drawn;
         self.picture.answered = self.picture.answered.max(number);
         let visible = self.visible();
-        // Drawn for two when there is one, or the other way round: it is out of date.
+        // The comparison mode has changed since the request.
         if visible.len() != panes.len() {
             return;
         }
@@ -71,9 +71,9 @@ impl Viewer {
                 "gap_ms": recent["gap_ms"],
             }),
         );
-        // The first picture is that of a device being opened.
+        // The first picture's time includes opening the device.
         let first = std::mem::take(&mut self.picture.fresh_device);
-        // Nor that of one in which little had changed since the last.
+        // A picture that reused passes of the last one says nothing about the full time.
         let whole = panes.iter().all(|shown| {
             shown.passes.is_empty() || shown.passes.iter().any(|pass| pass.name == "splat")
         });
@@ -120,9 +120,9 @@ impl Viewer {
                 self.welcome(ui, rect);
                 return;
             }
-            let stage = ui.interact(rect, ui.scope_id().with("stage"), Sense::click_and_drag());
-            stage.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Picture"));
-            self.pointer(ui, &stage, rect);
+            let viewport = ui.interact(rect, ui.scope_id().with("stage"), Sense::click_and_drag());
+            viewport.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Picture"));
+            self.pointer(ui, &viewport, rect);
             self.pictures(ui, rect);
             let side = &self.editing.sides[self.editing.edited];
             if side.picture.shown.is_none() {
@@ -131,7 +131,7 @@ impl Viewer {
                 let color = ui.visuals().weak_text_color();
                 ui.painter().text(rect.center(), Align2::CENTER_CENTER, what, font, color);
             }
-            self.legend(ui, &stage, rect);
+            self.legend(ui, &viewport, rect);
         });
     }
 
@@ -155,23 +155,23 @@ impl Viewer {
         });
     }
 
-    fn pointer(&mut self, ui: &egui::Ui, stage: &egui::Response, rect: Rect) {
-        self.picture.dragging = stage.is_pointer_button_down_on();
+    fn pointer(&mut self, ui: &egui::Ui, viewport: &egui::Response, rect: Rect) {
+        self.picture.dragging = viewport.is_pointer_button_down_on();
         let height = f64::from(rect.height());
-        let moved = stage.drag_motion();
+        let moved = viewport.drag_motion();
         let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y)) / height;
         let shift = ui.input(|input| input.modifiers.shift);
-        let panning = stage.dragged_by(PointerButton::Middle)
-            || (shift && stage.dragged_by(PointerButton::Primary));
+        let panning = viewport.dragged_by(PointerButton::Middle)
+            || (shift && viewport.dragged_by(PointerButton::Primary));
         let mut camera = self.eye.camera;
         if panning {
             camera = camera_controls::pan(&camera, DVec2::new(-moved.x, moved.y));
-        } else if stage.dragged_by(PointerButton::Primary) {
+        } else if viewport.dragged_by(PointerButton::Primary) {
             camera = camera_controls::orbit(&camera, TURN * DVec2::new(-moved.x, moved.y));
-        } else if stage.dragged_by(PointerButton::Secondary) {
+        } else if viewport.dragged_by(PointerButton::Secondary) {
             camera = camera_controls::look(&camera, 0.5 * TURN * DVec2::new(moved.x, -moved.y));
         }
-        if let Some(at) = stage.hover_pos() {
+        if let Some(at) = viewport.hover_pos() {
             let (wheel, pinch) =
                 ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
             let amount = ZOOM * f64::from(wheel) + f64::from(pinch.ln());
@@ -181,19 +181,20 @@ impl Viewer {
                 camera = camera_controls::zoom(&camera, amount, cursor);
             }
         }
-        if stage.is_pointer_button_down_on() && ui.input(|input| input.pointer.secondary_down()) {
+        if viewport.is_pointer_button_down_on() && ui.input(|input| input.pointer.secondary_down())
+        {
             camera = self.flown(ui, camera, shift);
         }
         if camera != self.eye.camera {
             self.jobs.log.event("camera", json!({ "eye": camera.eye.to_array() }));
             self.set_camera(camera);
         }
-        if stage.double_clicked() {
+        if viewport.double_clicked() {
             self.fit();
         }
     }
 
-    /// The camera where W, A, S, D, Q and E take it.
+    /// The camera moved by the keys W, A, S, D, Q and E.
     fn flown(
         &self,
         ui: &egui::Ui,
@@ -268,7 +269,7 @@ impl Viewer {
         }
     }
 
-    fn legend(&self, ui: &mut egui::Ui, stage: &egui::Response, rect: Rect) {
+    fn legend(&self, ui: &mut egui::Ui, viewport: &egui::Response, rect: Rect) {
         let Some(facts) = &self.editing.sides[self.editing.edited].picture.shown else { return };
         if self.picture.view == View::Picture {
             return;
@@ -284,7 +285,7 @@ impl Viewer {
                 ui.set_width(230.0);
                 legend(ui, &facts.legend);
                 if let Some(text) = facts.values.as_ref().and_then(|values| {
-                    let at = (stage.hover_pos()? - rect.min) / rect.size();
+                    let at = (viewport.hover_pos()? - rect.min) / rect.size();
                     let texts: Vec<_> = values.at(at.x, at.y)?.into_iter().map(number).collect();
                     Some(texts.join(", "))
                 }) {

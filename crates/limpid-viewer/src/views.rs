@@ -1,4 +1,4 @@
-//! Intermediate images as pictures, and what their colours mean.
+//! View modes: intermediate images as pictures, and their legends.
 
 use eframe::egui::{Color32, ColorImage};
 use glam::UVec2;
@@ -6,59 +6,59 @@ use glam::UVec2;
 use limpid::aov::{Aov, Part};
 use limpid::passes::tonemap::srgb_byte;
 
-/// What is shown of a frame.
+/// A view mode: what is shown of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum View {
     /// The picture.
     #[default]
     Picture,
-    /// An intermediate image, and which of its layers or lights: an index into [`View::layers`].
+    /// An intermediate image and the index of its layer in [`View::layers`].
     Image(Aov, usize),
 }
 
-/// What colours mean.
+/// The meaning of a picture's colours.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum Legend {
-    /// Themselves.
+    /// The picture itself.
     #[default]
     Picture,
-    /// A number from low to high, in a unit.
+    /// A quantity from low to high.
     Scale {
-        /// What it is.
+        /// The quantity.
         title: &'static str,
-        /// At the lower end.
+        /// Value at the lower end.
         low: f32,
-        /// At the upper end.
+        /// Value at the upper end.
         high: f32,
-        /// Of both.
+        /// Unit of both.
         unit: &'static str,
     },
     /// The components of a direction.
     Normal,
-    /// Linear light, as much as a display can show.
+    /// Linear light, up to a white level.
     Light {
-        /// What it is.
+        /// The quantity.
         title: &'static str,
-        /// What is shown white.
+        /// The value shown as white.
         white: f32,
-        /// Of that.
+        /// Its unit.
         unit: &'static str,
     },
     /// The frame has no such image, for this reason.
     Nothing(&'static str),
 }
 
-/// The numbers behind a picture's colours.
+/// The values behind a picture's colours.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Values {
-    /// Pixels.
+    /// Size in pixels.
     pub size: UVec2,
-    /// Rows from the top, one or three for each pixel.
+    /// One or three channels, in rows from the top.
     pub channels: Vec<Vec<f32>>,
 }
 
 impl Values {
-    /// Those at a place in the picture, both coordinates from 0 to 1.
+    /// The values at a position in the picture, both coordinates from 0 to 1.
     pub fn at(&self, x: f32, y: f32) -> Option<Vec<f32>> {
         let column = (x * self.size.x as f32) as usize;
         let row = (y * self.size.y as f32) as usize;
@@ -68,7 +68,7 @@ impl Values {
     }
 }
 
-/// What is empty or outside.
+/// Colour of empty pixels.
 const EMPTY: Color32 = Color32::from_gray(40);
 
 impl View {
@@ -77,7 +77,7 @@ impl View {
         std::iter::once(Self::Picture).chain(Aov::ALL.map(|aov| Self::Image(aov, 0)))
     }
 
-    /// The intermediate image that is needed for it.
+    /// The intermediate image that it shows.
     pub fn aov(self) -> Option<Aov> {
         match self {
             Self::Picture => None,
@@ -85,7 +85,7 @@ impl View {
         }
     }
 
-    /// Its name in words.
+    /// Display name.
     pub fn label(self) -> &'static str {
         match self.aov() {
             None => "Picture",
@@ -103,7 +103,7 @@ impl View {
         }
     }
 
-    /// What there is to choose from: layers, or for each light its irradiance and its depth.
+    /// Names of its layers, or for each light, of its irradiance and its depth.
     pub fn layers(self, lights: usize) -> Vec<String> {
         let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect();
         match self.aov() {
@@ -120,7 +120,7 @@ impl View {
         }
     }
 
-    /// The names of its channels in the parts that [`limpid::aov::read`] gives, and of the part.
+    /// Names of its part of the images from [`limpid::aov::read`], and of the part's channels.
     fn channels(self) -> (String, Vec<String>) {
         let Self::Image(aov, layer) = self else { return Default::default() };
         let classes = ["aggregate_front", "aggregate_back", "splash_front", "splash_back"];
@@ -145,13 +145,16 @@ impl View {
         (part, channels)
     }
 
-    /// The image as a picture with its legend; without one in `parts`, an empty picture of `size`.
+    /// The image as a picture with its legend; an empty picture of `size` if it is not in `parts`.
     pub fn shown(self, parts: &[Part], size: UVec2) -> (ColorImage, Legend, Option<Values>) {
-        let (name, wanted) = self.channels();
+        let (name, channel_names) = self.channels();
         let part = parts.iter().find(|part| part.name == name);
         let channels = part.and_then(|part| {
             let find = |name: &String| part.channels.iter().find(|c| c.name == *name);
-            wanted.iter().map(|name| Some(find(name)?.values.clone())).collect::<Option<Vec<_>>>()
+            channel_names
+                .iter()
+                .map(|name| Some(find(name)?.values.clone()))
+                .collect::<Option<Vec<_>>>()
         });
         let (Some(part), Some(channels)) = (part, channels.filter(|c| !c.is_empty())) else {
             let empty = ColorImage::filled([size.x as usize, size.y as usize], EMPTY);
@@ -168,7 +171,7 @@ impl View {
                 }
                 _ => (normals(x, y, z), Legend::Normal),
             },
-            _ => unreachable!("one channel, or three"),
+            _ => unreachable!("an image has one or three channels"),
         };
         let image = ColorImage::new([part.size.x as usize, part.size.y as usize], pixels);
         (image, legend, Some(Values { size: part.size, channels }))
@@ -183,9 +186,9 @@ impl View {
         }
     }
 
-    /// One number per pixel, in the colours of [`viridis`].
+    /// Maps one value per pixel to the colours of [`viridis`].
     fn scale(self, values: &[f32]) -> (Vec<Color32>, Legend) {
-        // Depths of 0 are empty; counts and lengths of 0 are what they are.
+        // A depth of 0 is empty; a count or length of 0 is a value.
         let (title, unit, depth, whole) = match self.aov() {
             Some(Aov::Interfaces) => ("Interfaces", "", false, true),
             Some(Aov::Inside) => ("Length inside", "m", false, false),
@@ -210,7 +213,7 @@ impl View {
     }
 }
 
-/// Directions as colours: each component from −1 to 1 becomes 0 to 255.
+/// Maps directions to colours: each component from −1 to 1 becomes 0 to 255.
 fn normals(x: &[f32], y: &[f32], z: &[f32]) -> Vec<Color32> {
     let byte = |c: f32| (127.5 * (c + 1.0)).round() as u8;
     let pixels = x.iter().zip(y).zip(z);
@@ -236,9 +239,9 @@ fn light(
     (pixels.collect(), Legend::Light { title, white, unit })
 }
 
-/// The value that this share of all does not exceed; 0 of none.
+/// The value that this share of all values does not exceed; 0 if there are none.
 fn percentile(values: &[f32], share: f32) -> f32 {
-    // Every so many: a percentile of a picture needs no more.
+    // A subset is enough for a percentile of a picture.
     let every = (values.len() / 20_000).max(1);
     let mut some: Vec<f32> = values.iter().copied().step_by(every).collect();
     if some.is_empty() {
@@ -248,8 +251,8 @@ fn percentile(values: &[f32], share: f32) -> f32 {
     *some.select_nth_unstable_by(at, f32::total_cmp).1
 }
 
-/// Dark blue over green to yellow, evenly seen: after the map of van der Walt and Smith (2015), at
-/// nine points.
+/// A perceptually uniform colour map from dark blue over green to yellow: nine points of the map of van
+/// der Walt and Smith (2015).
 pub fn viridis(t: f32) -> Color32 {
     const POINTS: [[f32; 3]; 9] = [
         [68.0, 1.0, 84.0],

@@ -1,8 +1,8 @@
-//! The real window, and another one when its device is lost.
+//! The window, and its replacement if its device is lost.
 //!
-//! egui draws the interface with a device of its own, which eframe opens and has no way to replace.
-//! When it is lost, the window is closed and opened again around the same viewer: what is open, the
-//! settings, the camera and playback stay.
+//! egui draws the interface with its own device, which eframe opens and cannot replace. If that device
+//! is lost, the window is closed and opened again with the same viewer: the document, the settings, the
+//! camera and playback stay.
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -15,23 +15,23 @@ use eframe::egui;
 use crate::{Options, Viewer};
 use limpid_io::error::{Error, Result};
 
-/// Windows that are opened one soon after the other, before it is given up.
+/// Number of windows opened in quick succession before an error.
 const ATTEMPTS: usize = 3;
 
-/// A window that was there for so long is not lost *again*.
+/// A window that was open for longer resets the attempts.
 const STEADY: Duration = Duration::from_secs(60);
 
 /// The viewer in a window.
 struct Window {
     viewer: Rc<RefCell<Viewer>>,
-    /// Why its device is gone.
+    /// The reason for the loss of its device.
     lost: Arc<OnceLock<String>>,
 }
 
 impl eframe::App for Window {
     fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
         if self.lost.get().is_some() {
-            // Nothing can be drawn with it any more, so nothing is given to it.
+            // The lost device can no longer draw.
             ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);
             return;
         }
@@ -49,7 +49,7 @@ impl eframe::App for Window {
 ///
 /// # Errors
 /// [`Error::Io`] if the log cannot be written, [`Error::Window`] if there is no window system,
-/// [`limpid::Error::DeviceLost`] if the window's device is lost again and again.
+/// [`limpid::Error::DeviceLost`] if the window's device is lost repeatedly.
 pub fn run(options: Options) -> Result<()> {
     let size = options.window.as_vec2();
     let viewer = Rc::new(RefCell::new(Viewer::new(options)?));
@@ -58,19 +58,19 @@ pub fn run(options: Options) -> Result<()> {
         let begun = Instant::now();
         let lost = Arc::<OnceLock<String>>::default();
         let shown = catch_unwind(AssertUnwindSafe(|| show(viewer.clone(), size, lost.clone())));
-        let because = lost.get().map(|because| format!("of the window: {because}"));
-        match (shown, because) {
+        let reason = lost.get().map(|reason| format!("of the window: {reason}"));
+        match (shown, reason) {
             (Ok(ended), None) => return ended,
-            (Ok(_), Some(because)) => {
+            (Ok(_), Some(reason)) => {
                 left = if begun.elapsed() > STEADY { ATTEMPTS } else { left - 1 };
                 if left == 0 {
-                    return Err(limpid::Error::DeviceLost(because).into());
+                    return Err(limpid::Error::DeviceLost(reason).into());
                 }
-                viewer.borrow_mut().moved(&because);
+                viewer.borrow_mut().moved(&reason);
             }
-            // egui_wgpu panics if it is lost while a frame is drawn, and winit's loop does not run
-            // again after that.
-            (Err(_), Some(because)) => return Err(limpid::Error::DeviceLost(because).into()),
+            // egui_wgpu panics if the device is lost while a frame is drawn, and winit's event loop does
+            // not run again after that.
+            (Err(_), Some(reason)) => return Err(limpid::Error::DeviceLost(reason).into()),
             (Err(panic), None) => resume_unwind(panic),
         }
     }
@@ -99,11 +99,11 @@ fn show(viewer: Rc<RefCell<Viewer>>, size: glam::Vec2, lost: Arc<OnceLock<String
         .map_err(|e| Error::Window(e.to_string()))
 }
 
-/// Has `lost` know why the device fails, and the window look.
+/// Records in `lost` why the device fails, and repaints the window.
 fn watch(device: &limpid::wgpu::Device, ctx: &egui::Context, lost: &Arc<OnceLock<String>>) {
     let (seen, context) = (lost.clone(), ctx.clone());
     device.set_device_lost_callback(move |reason, text| {
-        // A window that is closed destroys its device itself.
+        // Closing a window destroys its device.
         if reason != limpid::wgpu::DeviceLostReason::Destroyed {
             seen.get_or_init(|| text);
         }

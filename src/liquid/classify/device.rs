@@ -1,13 +1,13 @@
 //! Classification on the device: `shaders/classify/`.
 //!
-//! The same uniform grid as on the CPU, by a counting sort; a thread for each member sums over its
-//! neighbours, finds the eigenvectors of their covariance by Jacobi rotations, and writes what the
-//! member is drawn as. The result comes back through memory. Within a cell members are ordered as in
-//! the file, so that the result does not depend on scheduling.
+//! A counting sort builds the same uniform grid as on the CPU. Then one thread per member sums over its
+//! neighbours, finds the eigenvectors of their covariance by Jacobi rotations, and writes the member's
+//! shape, which is read back. Within a cell members keep file order, so that the result does not depend
+//! on scheduling.
 //!
-//! All sums are of 32 bits, relative to the member and in units of h. Against the tree, whose sums
-//! have 64, centres and axes are within 10⁻⁴ r, and who is splash differs only where the density is
-//! within 10⁻⁵ of the threshold.
+//! Sums have 32 bits, relative to the member and in units of h. Compared with the tree's 64-bit sums,
+//! centres and axes are within 10⁻⁴ r, and the class differs only where the density is within 10⁻⁵ of
+//! the threshold.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -22,25 +22,25 @@ use crate::gpu::{self, Gpu};
 use crate::liquid::particles::Particles;
 use crate::settings::{Classify, Kernel};
 
-/// Threads of a workgroup that sorts, as in the shaders.
+/// Workgroup size of the sorting kernels, as in the shaders.
 pub const SORTING: u32 = 256;
-/// Threads of a workgroup that shapes, as in `classify/shape.wgsl`.
+/// Workgroup size of `classify/shape.wgsl`.
 const SHAPING: u32 = 64;
-/// Cells of a block of the prefix sum, as in `classify/sums.wgsl`.
+/// Cells per block of the prefix sum, as in `classify/sums.wgsl`.
 pub const BLOCK: u32 = 2048;
 
-/// Most bytes of a frame's results for which its buffers are kept for the next.
+/// Largest size of a frame's results, bytes, at which its buffers are kept for the next frame.
 const KEPT: u64 = 256 << 20;
 
 /// `Params` of `shaders/classify/params.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct Params {
-    /// The grid's least corner, m.
+    /// Minimum corner of the grid, m.
     pub least: [f32; 3],
-    /// Cells in a metre.
+    /// Inverse cell width, 1/m.
     pub per_cell: f32,
-    /// The grid's greatest corner, m.
+    /// Maximum corner of the grid, m.
     pub greatest: [f32; 3],
     /// Number of members.
     pub members: u32,
@@ -48,11 +48,11 @@ pub struct Params {
     pub counts: [u32; 3],
     /// Number of cells.
     pub cells: u32,
-    /// Neighbourhood h, in r.
+    /// Neighbourhood radius h, in r.
     pub support: f32,
-    /// Below this summed weight a member is splash.
+    /// Summed weight below which a member is a splash.
     pub least_weight: f32,
-    /// The summed weight inside a body at rest.
+    /// Summed weight inside a body at rest.
     pub density_at_rest: f32,
     /// λ.
     pub smoothing: f32,
@@ -66,19 +66,19 @@ pub struct Params {
     pub long_axis: f32,
     /// Radius of a splash, in r.
     pub splash_radius: f32,
-    /// The cells' counts, squared and summed: more is a crowd.
+    /// Sum of the squared cell counts above which the members are a crowd.
     pub most_squares: f32,
-    /// To a multiple of 16 bytes.
+    /// Padding to a multiple of 16 bytes.
     pub pad: [u32; 2],
 }
 
-/// `Shaped` of `shaders/classify/shape.wgsl`: what the device finds out about a member.
+/// `Shaped` of `shaders/classify/shape.wgsl`: the device's result for one member.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct Shaped {
-    /// Of the centre from the member, m.
+    /// Offset of the splat centre from the member, m.
     pub offset: [f32; 3],
-    /// Share of the density inside a body at rest.
+    /// Density relative to that inside a body at rest.
     pub density: f32,
     /// `A_xx, A_yy, A_zz`, m.
     pub diagonal: [f32; 3],
@@ -86,14 +86,14 @@ pub struct Shaped {
     pub flags: u32,
     /// `A_xy, A_xz, A_yz`, m.
     pub off_diagonal: [f32; 3],
-    /// Members within h, itself among them.
+    /// Members within h, including itself.
     pub count: u32,
 }
 
 impl Shaped {
-    /// Splash, not aggregate.
+    /// Flag: the member is a splash.
     pub const SPLASH: u32 = 1;
-    /// Liquid is all round it.
+    /// Flag: the member is surrounded by liquid.
     pub const SURROUNDED: u32 = 2;
 }
 
@@ -101,13 +101,13 @@ impl Shaped {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct Sum {
-    /// Members in a block of cells, then in all blocks before.
+    /// Members in a block of cells; after the scan, members in all preceding blocks.
     pub count: u32,
-    /// Squares of the cells' counts.
+    /// Sum of the squared cell counts.
     pub squares: f32,
 }
 
-/// Classifies on a device; any thread may ask it to, one is served at a time.
+/// Classification on a device. Threads may share it; it serves one call at a time.
 #[derive(Debug)]
 pub struct Classifier {
     gpu: Gpu,
@@ -116,7 +116,7 @@ pub struct Classifier {
     order: [wgpu::ComputePipeline; 2],
     shape: wgpu::ComputePipeline,
     params: wgpu::Buffer,
-    /// Those of the largest frame so far.
+    /// Buffers of the largest frame so far.
     buffers: Mutex<Option<Buffers>>,
 }
 
@@ -170,8 +170,8 @@ impl Classifier {
 
     /// As [`super::classify`], on the device.
     ///
-    /// What no grid serves is left to the CPU ([`Cloud::has_grid`]), and so is a frame that the
-    /// device does not hold: at 48 bytes a particle in one binding, 128 MiB are 2.8 million.
+    /// Falls back to the CPU for frames without a grid ([`Cloud::has_grid`]) and for frames that exceed
+    /// the device's limits: at 48 bytes per particle in one binding, 128 MiB hold 2.8 million.
     ///
     /// # Errors
     /// As [`Gpu::check`].
@@ -195,7 +195,7 @@ impl Classifier {
         }
     }
 
-    /// What the device makes of each member, in their order; none if it does not serve them.
+    /// Returns the result for each member, in order; `None` if the device cannot classify the cloud.
     ///
     /// # Errors
     /// As [`Gpu::check`].
@@ -216,12 +216,12 @@ impl Classifier {
             .map(|m| [m.position[0], m.position[1], m.position[2], m.radius])
             .collect();
 
-        // Nothing is shared out among threads while this is locked: one of them might come here too.
+        // No rayon call while this is locked: it might run another task that locks it too.
         let mut kept = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
         let old = kept.take();
         let (most_members, most_cells) = old.as_ref().map_or((0, 0), |b| (b.members, b.cells));
         let old = old.filter(|b| b.members >= members && b.cells >= cells);
-        // The next frame may have a few more.
+        // Spare room, as the next frame may have slightly more.
         let room = |count: u64, bytes: u64| (count + count / 8).min(most / bytes - 1);
         let (each, cell) = (size_of::<Shaped>() as u64, size_of::<u32>() as u64);
         let new = || {
@@ -237,12 +237,12 @@ impl Classifier {
                 let all: Sum = bytemuck::pod_read_unaligned(all);
                 (bytemuck::pod_collect_to_vec::<u8, Shaped>(shaped), all)
             })?;
-        // Drawing needs the device's memory too.
+        // Large buffers are released, for drawing needs device memory too.
         *kept = Some(buffers).filter(|buffers| buffers.members * each <= KEPT);
         Ok((all.squares <= params.most_squares).then_some(shaped))
     }
 
-    /// Records and submits all kernels, and the copy of what they find.
+    /// Records and submits all kernels and the copy of their results.
     fn submit(
         &self,
         buffers: &Buffers,
@@ -295,7 +295,7 @@ impl Classifier {
     }
 }
 
-/// Blocks of the prefix sum: of one count more than there are cells.
+/// Blocks of the prefix sum, which has one entry more than there are cells.
 fn blocks(cells: u64) -> u64 {
     cells / u64::from(BLOCK) + 1
 }
@@ -326,7 +326,7 @@ fn params(layout: &Layout, cloud: &Cloud, settings: &Classify) -> Params {
 }
 
 impl Cloud {
-    /// Splats of what the device has found; given shapes are put in their place here.
+    /// Builds splats from the device's results; shapes from the file replace computed ones.
     fn splats_of(&self, shaped: &[Shaped], settings: &Classify) -> Splats {
         use rayon::iter::Either;
         let splat = |(member, shaped): (&super::Member, &Shaped)| {
@@ -349,37 +349,38 @@ impl Cloud {
     }
 }
 
-/// What a frame is classified in: 100 bytes a member and 8 a cell on the device, and 48 a member in
-/// memory that it shares.
+/// Buffers for one frame: 100 bytes per member and 8 per cell on the device, and 48 per member in
+/// host-visible memory.
 #[derive(Debug)]
 struct Buffers {
-    /// For so many, and so many cells.
+    /// Capacity in members.
     members: u64,
+    /// Capacity in cells.
     cells: u64,
-    /// Place and radius of each member.
+    /// Position and radius of each member.
     places: wgpu::Buffer,
-    /// The cell of each, and how many came there before.
+    /// Cell of each member, and its arrival rank in the cell.
     cell_of: wgpu::Buffer,
     /// Members in each cell.
     counts: wgpu::Buffer,
-    /// [`Sum`] of each block of cells, and one of all.
+    /// [`Sum`] of each block of cells, then the total.
     sums: wgpu::Buffer,
-    /// Where each cell's members begin.
+    /// First sorted index of each cell.
     starts: wgpu::Buffer,
-    /// Members by cell, as they came there.
+    /// Members by cell, in arrival order.
     came: wgpu::Buffer,
-    /// Members by cell, as in the file, with their cells.
+    /// Members by cell, in file order, with their cells.
     order: wgpu::Buffer,
-    /// Their places and radii.
+    /// Positions and radii by cell, in file order.
     sorted: wgpu::Buffer,
-    /// What they are drawn as, in the order of the file.
+    /// Results, in file order.
     shaped: wgpu::Buffer,
-    /// The [`Sum`] of all, and `shaped`.
+    /// Readback of the total [`Sum`] and of `shaped`.
     staging: wgpu::Buffer,
 }
 
 impl Buffers {
-    /// None if the device has no memory for them.
+    /// Allocates the buffers; `None` if the device is out of memory.
     fn new(gpu: &Gpu, members: u64, cells: u64) -> Option<Self> {
         let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let of = |label: &str, size: u64, usage: wgpu::BufferUsages| {
@@ -411,7 +412,7 @@ impl Buffers {
         pollster::block_on(scope.pop()).is_none().then_some(buffers)
     }
 
-    /// Bytes that are read back for so many members.
+    /// Bytes read back for this many members.
     fn read_bytes(members: u64) -> u64 {
         size_of::<Sum>() as u64 + size_of::<Shaped>() as u64 * members
     }

@@ -1,4 +1,4 @@
-//! What a particle is drawn as.
+//! Splat shapes.
 
 use glam::{DMat3, DVec3};
 
@@ -40,20 +40,20 @@ impl Member {
     }
 }
 
-/// Neighbours spread by less than the root of this, in h, are one point and rounding errors.
+/// Eigenvalues of the covariance below this, in h², are rounding errors of coincident neighbours.
 const COINCIDENT_SQUARED: f64 = 1e-8;
 
-/// Below this many neighbours the papers draw a sphere.
+/// With fewer neighbours the papers draw a sphere.
 const FEW_NEIGHBOURS: u32 = 25;
 
 /// Longest semi-axis of a volume-preserving kernel, in r (Imai et al. 2016).
 const VOLUME_CAP: f64 = 1.2;
 
-/// A neighbourhood's kernel, in r: what has the covariance's eigenvectors, and the [`semi_axes`] for
-/// eigenvalues.
+/// Kernel of a neighbourhood, in r: the matrix with the eigenvectors of the covariance and the
+/// [`semi_axes`] as eigenvalues.
 fn kernel(covariance: DMat3, neighbours: u32, settings: &Classify) -> DMat3 {
-    // Inside a body no axis is clamped: all are the same multiple of the eigenvalues, so that the
-    // kernel is that multiple of the covariance, and nobody needs to know its directions.
+    // Inside a body no axis is clamped: all axes are the same multiple of the eigenvalues, so the kernel
+    // is that multiple of the covariance, and no eigenvectors are needed.
     let spread = eigenvalues(covariance);
     if spread.min_element() > COINCIDENT_SQUARED {
         let scale = semi_axes(spread, neighbours, settings) / spread;
@@ -68,8 +68,8 @@ fn kernel(covariance: DMat3, neighbours: u32, settings: &Classify) -> DMat3 {
 
 /// Semi-axes in r, from the eigenvalues of the covariance in h².
 ///
-/// The eigenvalues themselves, not their roots, are the relative axes, as in Yu and Turk 2013. The
-/// clamp from below is what keeps sheets, lines and points finite.
+/// The eigenvalues themselves, not their square roots, are the relative axes, as in Yu and Turk 2013. The
+/// lower clamp keeps sheets, lines and points finite.
 fn semi_axes(spread: DVec3, neighbours: u32, settings: &Classify) -> DVec3 {
     let longest = spread.max_element();
     let relative = if longest > COINCIDENT_SQUARED {
@@ -109,10 +109,10 @@ fn eigenvalues(matrix: DMat3) -> DVec3 {
 
 /// Eigenvalues of a symmetric matrix, unsorted, and the orthonormal eigenvectors as columns.
 ///
-/// Cyclic Jacobi rotations: unlike the closed form through arc cosines they stay exact where
-/// eigenvalues coincide, and in liquid nearly all of them do.
+/// Uses cyclic Jacobi rotations: unlike the closed form with arc cosines they stay exact for coincident
+/// eigenvalues, which are the common case in liquid.
 fn eigen(matrix: DMat3) -> (DVec3, DMat3) {
-    /// Convergence is quadratic, six sweeps suffice for any input; the rest is margin.
+    /// Convergence is quadratic: six sweeps suffice for any input, the rest is margin.
     const SWEEPS: usize = 12;
 
     let mut a = matrix.to_cols_array_2d();
@@ -126,7 +126,7 @@ fn eigen(matrix: DMat3) -> (DVec3, DMat3) {
             if a[p][q] == 0.0 {
                 continue;
             }
-            // The smaller of the two angles that make a[p][q] vanish, as its tangent.
+            // Tangent of the smaller of the two angles that annihilate a[p][q].
             let cotangent = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
             let t = cotangent.signum() / (cotangent.abs() + (cotangent * cotangent + 1.0).sqrt());
             let c = 1.0 / (t * t + 1.0).sqrt();
@@ -152,9 +152,9 @@ mod tests {
     use super::*;
     use crate::liquid::classify::tests::noise;
 
-    /// Protects the shapes that the device makes: its constants are these.
+    /// The shape constants are the same in Rust and WGSL.
     #[test]
-    fn constants_are_those_of_the_shader() {
+    fn constants_match_the_shader() {
         let shader = |name| crate::gpu::shader::constant("classify/shape.wgsl", name);
         assert_eq!(shader("COINCIDENT_SQUARED"), COINCIDENT_SQUARED);
         assert_eq!(shader("FEW_NEIGHBOURS"), f64::from(FEW_NEIGHBOURS));
@@ -165,17 +165,17 @@ mod tests {
         (a - b).to_cols_array().into_iter().fold(0.0, |most, x| x.abs().max(most))
     }
 
-    /// The shapes rest on it: any symmetric matrix is the product of what `eigen` returns.
+    /// Any symmetric matrix is recomposed from its eigenvalues and eigenvectors.
     #[test]
     fn eigen_recomposes_symmetric_matrices() {
         let mut seed = 1;
         let mut random = || DVec3::from_array([(); 3].map(|()| noise(&mut seed)));
         let mut matrices: Vec<_> = (0..1000).map(|_| symmetric(random(), random())).collect();
-        // Where closed forms lose digits: equal, vanishing and nearly equal eigenvalues.
+        // Cases where closed forms lose precision: equal, vanishing and nearly equal eigenvalues.
         for values in [[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [1.0, 1.0 + 1e-9, 1e-17]]
         {
-            let (_, turn) = eigen(symmetric(random(), random()));
-            matrices.push(turn * DMat3::from_diagonal(values.into()) * turn.transpose());
+            let (_, rotation) = eigen(symmetric(random(), random()));
+            matrices.push(rotation * DMat3::from_diagonal(values.into()) * rotation.transpose());
             matrices.push(DMat3::from_diagonal(values.into()));
         }
         for matrix in matrices {
@@ -189,15 +189,15 @@ mod tests {
         }
     }
 
-    /// Protects the way around the eigenvectors: wherever it is taken, and wherever not, the kernel is
-    /// the one that they give.
+    /// The kernel equals its eigendecomposition, both with and without the shortcut that skips the
+    /// eigenvectors.
     #[test]
-    fn kernels_without_directions_equal_those_with_them() {
+    fn kernel_shortcut_equals_eigendecomposition() {
         let mut seed = 3;
-        let (mut around, mut through) = (0, 0);
+        let (mut shortcuts, mut decompositions) = (0, 0);
         for round in 0..3000 {
             let mut random = || DVec3::from_array([(); 3].map(|()| noise(&mut seed)));
-            // From spheres to flat and long shapes, with pairs of equal eigenvalues between.
+            // From spheres to flat and long shapes, some with pairs of equal eigenvalues.
             let (_, turn) = eigen(symmetric(random(), random()));
             let mut values = 0.15 * (DVec3::ONE + f64::from(round % 5) * 0.2 * random());
             if round % 3 == 0 {
@@ -214,13 +214,16 @@ mod tests {
                 assert!(difference(found, expected) < 1e-7, "{found}, not {expected}");
                 let scale = axes / spread;
                 let clamped = scale.max_element() > 1.0001 * scale.min_element();
-                *if clamped { &mut through } else { &mut around } += 1;
+                *if clamped { &mut decompositions } else { &mut shortcuts } += 1;
             }
         }
-        assert!(around > 500 && through > 500, "{around} around, {through} through");
+        assert!(
+            shortcuts > 500 && decompositions > 500,
+            "{shortcuts} shortcuts, {decompositions} decompositions"
+        );
     }
 
-    /// Coincident eigenvalues are told apart from a vanishing one to the last digits.
+    /// A sheet has two equal eigenvalues and one zero to the last digits.
     #[test]
     fn eigenvalues_of_a_sheet_are_exact() {
         let (_, turn) = eigen(symmetric(DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.3, 0.2, 0.1)));

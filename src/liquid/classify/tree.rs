@@ -1,4 +1,4 @@
-//! Neighbours by a k-d tree: whatever the particles' places and sizes.
+//! Neighbour search by a k-d tree, for any positions and radii.
 
 use std::num::NonZero;
 
@@ -9,21 +9,20 @@ use super::moments::{EDGE, Moments};
 use super::{Cloud, Member, distinct};
 use crate::liquid::particles::{Particles, drawable};
 
-/// A radius for files that have none: half the distance of neighbours where the particles are dense.
+/// Estimates the radius for files without radii: half the spacing where the particles are dense.
 ///
-/// A particle's spacing is the median distance to its six nearest neighbours: 2 r exactly in a cubic
-/// lattice, in sheets of one or two of its layers and in a packing of spheres that touch, and on
-/// average in SPH at rest, where each particle has (2 r)³. The nearest neighbour alone is up to a
-/// quarter nearer there. Of at most 2,000 particles spread through the file, 22 % are spaced more
-/// closely than the guess and the rest less: so spray, where particles have nobody near, does not
-/// matter, and frames of a sequence agree. How far it is off: docs/radius.md.
+/// The spacing of a particle is the median distance to its six nearest neighbours: exactly 2 r in a cubic
+/// lattice, in sheets of one or two lattice layers and in a packing of touching spheres, and on average
+/// in SPH at rest, where each particle occupies (2 r)³. The nearest neighbour alone is up to a quarter
+/// closer there. The estimate is the 22nd percentile of at most 2,000 particles spread through the file,
+/// so that isolated spray particles have no influence and the frames of a sequence agree. For its error
+/// see docs/radius.md.
 ///
-/// 0 without two distinct particles, or if those are so near or far that nothing of that radius
-/// can be drawn.
+/// Returns 0 without two distinct particles, or if the radius is too small or too large to be drawn.
 pub fn estimate_radius(particles: &Particles) -> f32 {
-    // Radii do not matter here, but a particle without a usable one would be left out.
+    // Any drawable radius: particles without one would be skipped.
     let cloud = Cloud::new(&Particles::from_positions(particles.positions.clone()), 1.0);
-    // Particles in one place have no distance, and a tree of very many takes minutes.
+    // Coincident particles have no spacing, and a tree of very many of them takes minutes.
     let (mut places, _) = distinct(&cloud.members);
     places.sort_unstable_by_key(|member| member.particle);
     let places: Vec<Member> = places.into_iter().copied().collect();
@@ -33,7 +32,7 @@ pub fn estimate_radius(particles: &Particles) -> f32 {
         .iter()
         .step_by(step)
         .filter_map(|member| {
-            // The nearest is the particle itself.
+            // Seven, because the nearest is the particle itself.
             let query = tree.query(&member.position);
             let nearest = query.nearest_n::<SquaredEuclidean<f64>>(NonZero::new(7)?).execute();
             let near = nearest.iter().map(|found| found.distance.sqrt());
@@ -51,10 +50,10 @@ pub fn estimate_radius(particles: &Particles) -> f32 {
     if drawable(radius) { radius } else { 0.0 }
 }
 
-/// The members of a cloud, and the tree that finds neighbours among them.
+/// A k-d tree over the members of a cloud.
 pub(super) struct Tree<'a> {
     members: &'a [Member],
-    /// Of every `stride`-th member.
+    /// Tree of every `stride`-th member.
     tree: ImmutableKdTree<f32, 3>,
     stride: usize,
 }
@@ -64,47 +63,48 @@ impl<'a> Tree<'a> {
         Self { members, tree: tree(members, 1), stride: 1 }
     }
 
-    /// The same tree; where the particles overlap so much that nearly all are neighbours of each
-    /// other, those that stand for the rest. A radius of the wrong unit, or a file of one place over
-    /// and over, would otherwise take hours, for the visits grow as the square of the particles.
+    /// Subsamples the tree if nearly all particles are neighbours of each other. With a radius in the
+    /// wrong unit, or a file of coincident particles, the search would otherwise take hours, since
+    /// visits grow with the square of the particle count.
     pub(super) fn thinned(mut self, support: f64) -> Self {
-        /// Neighbours that a particle may have, however many there are: SPH has about 30 to 200.
-        const MOST: usize = 4096;
-        /// Visits in all that take no more than seconds.
-        const FEW: usize = 1 << 31;
+        /// Neighbours per particle that are always allowed: SPH has about 30 to 200.
+        const MAX_NEIGHBOURS: usize = 4096;
+        /// Total visits that take a few seconds.
+        const MAX_VISITS: usize = 1 << 31;
         const SAMPLES: usize = 256;
-        /// Neighbours that are enough for a shape.
-        const ENOUGH: usize = 1024;
-        const LEAST: usize = 64;
-        if self.members.len() <= MOST {
+        /// Neighbours that suffice for a shape.
+        const TARGET_NEIGHBOURS: usize = 1024;
+        const MIN_NEIGHBOURS: usize = 64;
+        if self.members.len() <= MAX_NEIGHBOURS {
             return self;
         }
         let (mut count, mut visits) = (0, 0);
         for member in self.members.iter().step_by(self.members.len().div_ceil(SAMPLES)) {
             visits += self.moments(member, support).count as usize;
             count += 1;
-            // A few of a large crowd tell as much as all.
-            if visits > FEW / 8 {
+            // Fewer samples suffice for a large crowd.
+            if visits > MAX_VISITS / 8 {
                 break;
             }
         }
         let neighbours = visits / count;
-        if neighbours > MOST && neighbours.saturating_mul(self.members.len()) > FEW {
-            // Of the largest crowds fewer do, for as few visits.
-            let enough = ENOUGH.min(FEW / self.members.len()).max(LEAST);
-            self.stride = neighbours / enough;
+        let too_many_visits = neighbours.saturating_mul(self.members.len()) > MAX_VISITS;
+        if neighbours > MAX_NEIGHBOURS && too_many_visits {
+            // Fewer neighbours in the largest crowds, to bound the visits.
+            let target = TARGET_NEIGHBOURS.min(MAX_VISITS / self.members.len()).max(MIN_NEIGHBOURS);
+            self.stride = neighbours / target;
             self.tree = tree(self.members, self.stride);
         }
         self
     }
 
-    /// Whether some members stand for the rest.
+    /// Whether the tree holds only a subset of the members.
     pub(super) fn is_thinned(&self) -> bool {
         self.stride > 1
     }
 
-    /// Gathers the neighbourhood of a particle, itself included. 64-bit distances take no time that
-    /// can be measured, and do not overflow however far a stray particle has flown.
+    /// Computes the moments of a particle's neighbourhood, itself included. 64-bit distances have no
+    /// measurable cost, and do not overflow for distant stray particles.
     pub(super) fn moments(&self, member: &Member, support: f64) -> Moments {
         let h = support * f64::from(member.radius);
         let per_h = 1.0 / h;
@@ -119,7 +119,7 @@ impl<'a> Tree<'a> {
                 let volume = f64::from(other.radius / member.radius).powi(3) * self.stride as f64;
                 moments.add((other.position().as_dvec3() - centre) * per_h, volume);
             });
-        // One that the tree leaves out may have nobody near.
+        // A member missing from a thinned tree may have no neighbours.
         if moments.count == 0 {
             moments.add(DVec3::ZERO, 1.0);
         }
@@ -127,9 +127,8 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// The tree of every `stride`-th member.
+/// Builds the tree of every `stride`-th member.
 fn tree(members: &[Member], stride: usize) -> ImmutableKdTree<f32, 3> {
     let points: Vec<_> = members.iter().step_by(stride).map(|m| m.position).collect();
-    ImmutableKdTree::new_from_slice(&points)
-        .expect("particles are counted in 32 bits, as the tree's items are")
+    ImmutableKdTree::new_from_slice(&points).expect("particle indices fit in 32 bits")
 }

@@ -1,4 +1,4 @@
-//! Liquid at walls: where it wets them, and that it does not come out of their other side.
+//! Liquid at walls: wetting, and keeping splats from showing through thin walls.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -6,12 +6,12 @@ use rayon::prelude::*;
 use super::{Splat, Splats};
 use crate::scene::{Shape, Solid};
 
-/// Lets aggregates wet the solids they rest on: a splat whose centre is within `reach` radii of a
-/// solid is drawn a second time, moved along the solid's normal onto its surface. Planes are wet from
-/// either side.
+/// Makes aggregates wet the solids that they rest on: for each splat whose centre is within `reach` radii
+/// of a solid, adds a copy moved along the solid's normal onto its surface. Planes are wetted from both
+/// sides.
 ///
-/// SPH boundaries hold liquid a particle's spacing off a wall. Without the copies a gap shows
-/// between the two, and in it light is totally reflected that in a real tank never meets air.
+/// SPH boundaries keep liquid one particle spacing off a wall. Without the copies there is a visible
+/// gap, with total reflection that a real tank does not have.
 pub fn wet(splats: &mut Splats, solids: &[Solid], reach: f32) {
     let origin = splats.origin;
     let touching = |splat: &Splat, number: u32, solid: &Solid| {
@@ -36,8 +36,8 @@ pub fn wet(splats: &mut Splats, solids: &[Solid], reach: f32) {
     splats.aggregates.extend(copies);
 }
 
-/// Distance from a solid, negative inside, and the unit normal towards `x`: a plane's from the side
-/// that `x` is on.
+/// Distance from a solid, negative inside, and the unit normal there. A plane's normal points to the
+/// side of `x`.
 fn beside(shape: &Shape, x: DVec3) -> (f64, DVec3) {
     let (distance, normal) = shape.distance(x);
     match shape {
@@ -46,24 +46,24 @@ fn beside(shape: &Shape, x: DVec3) -> (f64, DVec3) {
     }
 }
 
-/// What tells of a copy on a plane from which side it came: its place no longer does.
+/// Tag bits that record the plane of a copy and its original side, which its position no longer tells.
 fn wall(number: u32, shape: &Shape, towards: DVec3) -> u32 {
     let Shape::Plane { normal, .. } = shape else { return 0 };
     let behind = normal.as_dvec3().dot(towards) < 0.0;
     number << Splat::WALL | if behind { Splat::WALL_FROM_BEHIND } else { 0 }
 }
 
-/// Where a view looks from.
+/// The eye of a view.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Eye {
-    /// From a point, m.
+    /// At a point, m (perspective).
     At(DVec3),
-    /// From far away, in this direction.
+    /// Infinitely far away in this direction (orthographic).
     Towards(DVec3),
 }
 
 impl Eye {
-    /// Towards the eye from a point, of any length.
+    /// Direction from a point towards the eye, of any length.
     fn direction(self, x: DVec3) -> DVec3 {
         match self {
             Self::At(eye) => eye - x,
@@ -72,12 +72,11 @@ impl Eye {
     }
 }
 
-/// Splats as a view is to see them that looks at thin solids from behind; none if all stay as they
-/// are.
+/// Returns the splats adjusted for a view that sees thin solids from behind, or `None` if none changes.
 ///
-/// A splat at a wall reaches into it by its own size, which a plane or a thin box does not hide from
-/// the other side. From there it is moved back until nothing of it comes out of the wall; the wall
-/// hides that it was. From the liquid's own side nothing changes.
+/// A splat at a wall penetrates it by its own size, and would show on the far side of a plane or a thin
+/// box. If the eye is on that side, the splat is moved back until it no longer protrudes; the wall hides
+/// the displacement. Views from the liquid's side do not change.
 pub(crate) fn seen_past_walls(splats: &Splats, solids: &[Solid], eye: Eye) -> Option<Splats> {
     if solids.is_empty() {
         return None;
@@ -91,7 +90,7 @@ pub(crate) fn seen_past_walls(splats: &Splats, solids: &[Solid], eye: Eye) -> Op
     if walls.is_empty() {
         return None;
     }
-    // Smoothing moves surfaces a little; the default contact bridges twice as much.
+    // Smoothing moves surfaces slightly; the default contact distance is twice this margin.
     let margin = 0.25 * f64::from(splats.radius);
     let moved = |splat: &Splat| {
         let mut centre = splats.origin + Vec3::from_array(splat.centre).as_dvec3();
@@ -130,16 +129,17 @@ pub(crate) fn seen_past_walls(splats: &Splats, solids: &[Solid], eye: Eye) -> Op
     Some(seen)
 }
 
-/// A solid that splats may reach through.
+/// A solid that splats may penetrate.
 struct Wall<'a> {
-    /// From 1.
+    /// Number of the solid, from 1.
     number: u32,
     shape: &'a Shape,
-    /// The normal of the one side of a plane that liquid is on, but for particles that leak through it.
+    /// Normal towards the liquid, for a plane with liquid on one side only, leaked particles aside.
     side: Option<DVec3>,
 }
 
-/// Of the particles at a plane, at most one in so many leaks through it.
+/// Smallest ratio between the particles on the two sides of a plane at which the minority counts as
+/// leaked.
 const LEAKS: usize = 20;
 
 impl<'a> Wall<'a> {
@@ -166,8 +166,8 @@ impl<'a> Wall<'a> {
         Self { number, shape, side }
     }
 
-    /// As [`beside`], from the side that a splat belongs to: a copy on a plane to that which it came
-    /// from, and one that leaks to that of the others.
+    /// As [`beside`], but relative to the side that the splat belongs to: for a copy on a plane its
+    /// original side, for a leaked particle the side of the others.
     fn to(&self, splat: &Splat, centre: DVec3) -> (f64, DVec3) {
         let (mut distance, mut towards) = beside(self.shape, centre);
         if let Shape::Plane { normal, .. } = self.shape
@@ -186,12 +186,12 @@ impl<'a> Wall<'a> {
     }
 }
 
-/// How far a splat reaches from its centre in the direction of a unit vector, m.
+/// Extent of a splat from its centre in the direction of a unit vector, m.
 fn reach_along(splat: &Splat, n: DVec3) -> f64 {
     (splat.axes() * n).length()
 }
 
-/// A solid's extent along a unit normal, m.
+/// Extent of a solid along a unit normal, m.
 fn thickness(shape: &Shape, normal: DVec3) -> f64 {
     match *shape {
         Shape::Plane { .. } => 0.0,
@@ -200,7 +200,7 @@ fn thickness(shape: &Shape, normal: DVec3) -> f64 {
     }
 }
 
-/// The box around the centres of a frame's splats, m, and how far any reaches from its own.
+/// Bounding box of the splat centres, m, and the largest splat extent.
 struct Extent {
     min: DVec3,
     max: DVec3,
@@ -222,7 +222,7 @@ impl Extent {
         min.is_finite().then(|| Self { min: place(min), max: place(max), reach })
     }
 
-    /// Whether a splat may reach through a solid, towards the eye.
+    /// Whether a splat may protrude from a solid towards the eye.
     fn may_pass(&self, shape: &Shape, eye: Eye) -> bool {
         match *shape {
             Shape::Plane { origin, normal, .. } => {
@@ -231,7 +231,7 @@ impl Extent {
                     if eye.direction(origin).dot(normal) < 0.0 { -normal } else { normal };
                 let middle = (0.5 * (self.min + self.max) - origin).dot(towards);
                 let nearest = middle - towards.abs().dot(0.5 * (self.max - self.min));
-                // Copies are on the plane but for rounding.
+                // Ignores copies, which lie on the plane up to rounding.
                 nearest < -1e-4 * self.reach
             }
             Shape::Box { min, max } => {

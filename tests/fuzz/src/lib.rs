@@ -1,4 +1,4 @@
-//! What each fuzz target does with its bytes, and what must hold whatever they are.
+//! Fuzz targets: how each interprets its bytes, and the properties that must hold for any input.
 
 use std::alloc::System;
 use std::path::{Path, PathBuf};
@@ -25,14 +25,15 @@ use limpid_lab::compare;
 #[global_allocator]
 static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
 
-/// Runs `read` with memory for what is compressed in so many bytes, and no more: an allocation
-/// beyond that ends the process, which the fuzzer reports.
+/// Runs `read` with memory limited to what decompressing `bytes` bytes can need. An allocation beyond the
+/// limit aborts the process, which the fuzzer reports.
 fn within_memory<T>(bytes: usize, read: impl FnOnce() -> T) -> T {
-    /// Deflate makes 1032 bytes of one; each may pass through a few buffers.
+    /// Deflate expands a byte to at most 1032; each may pass through a few buffers.
     const PER_BYTE: usize = 8 * 1032;
-    const ALWAYS: usize = 48 << 20;
-    let limit = MEMORY.allocated() + ALWAYS + bytes * PER_BYTE;
-    MEMORY.set_limit(limit).expect("the limit is above what is allocated");
+    /// Allowance that does not depend on the input.
+    const BASE: usize = 48 << 20;
+    let limit = MEMORY.allocated() + BASE + bytes * PER_BYTE;
+    MEMORY.set_limit(limit).expect("the limit exceeds the allocated memory");
     let result = read();
     MEMORY.set_limit(usize::MAX).expect("there is no limit");
     result
@@ -61,7 +62,7 @@ fn check_particles(particles: &Particles) {
     assert!(particles.ellipsoids.as_ref().is_none_or(|ellipsoids| ellipsoids.len() == n));
 }
 
-/// A file of particles.
+/// Parses a particle file.
 pub fn particles(extension: &str, bytes: &[u8]) {
     let path = PathBuf::from(format!("fuzzed{extension}"));
     match within_memory(bytes.len(), || files::parse(&path, bytes)) {
@@ -70,7 +71,7 @@ pub fn particles(extension: &str, bytes: &[u8]) {
     }
 }
 
-/// An `.ani` beside a `.pos` of two particles.
+/// Reads an `.ani` file next to a `.pos` file of two particles.
 pub fn ellipsoids(bytes: &[u8]) {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {
@@ -88,7 +89,7 @@ pub fn ellipsoids(bytes: &[u8]) {
     }
 }
 
-/// A scene file.
+/// Parses a scene file; valid scenes survive a round trip.
 pub fn scene(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let parse = || Project::parse(text, "fuzzed", Path::new("/nowhere"));
@@ -96,13 +97,13 @@ pub fn scene(bytes: &[u8]) {
         Ok(scene) => {
             let written = scene.to_toml(None).expect("a scene without a map can be written");
             let again = Project::parse(&written, "written", Path::new(""));
-            assert_eq!(again.expect("what is written can be read"), scene);
+            assert_eq!(again.expect("a written scene can be read"), scene);
         }
         Err(error) => check_error(&error, "", &[2, 3, 4]),
     }
 }
 
-/// A suite of `limpid check`.
+/// Parses a suite of `limpid check`.
 pub fn suite(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     if let Err(error) = within_memory(bytes.len(), || Suite::parse(text, Path::new("fuzzed"))) {
@@ -110,7 +111,7 @@ pub fn suite(bytes: &[u8]) {
     }
 }
 
-/// A camera path.
+/// Parses a camera path; valid paths yield valid cameras.
 pub fn camera_path(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match within_memory(bytes.len(), || CameraPath::parse(text, "fuzzed")) {
@@ -119,18 +120,18 @@ pub fn camera_path(bytes: &[u8]) {
             let (first, last) = (path.keys[0].time, path.duration());
             let between = (0..=16).map(|i| first + f64::from(i) / 16.0 * (last - first));
             for time in times.chain(between) {
-                path.at(time).check().expect("a camera that can be used");
+                path.at(time).check().expect("a valid camera");
             }
         }
         Err(error) => check_error(&error, "fuzzed", &[2]),
     }
 }
 
-/// Values of options; the first byte chooses which.
+/// Parses a value of an option, which the first byte chooses.
 pub fn arguments(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Some((kind, text)) = text.split_at_checked(1) else { return };
-    // Ten million frames are allowed, but take a second.
+    // Excludes millions of frames, which are valid but take a second.
     let long =
         text.split(|c: char| !c.is_ascii_digit()).any(|digits| (5..16).contains(&digits.len()));
     let error = match kind {
@@ -138,10 +139,10 @@ pub fn arguments(bytes: &[u8]) {
         "s" => text.parse::<Shard>().err(),
         "c" => {
             let camera = text.parse::<Camera>();
-            camera.inspect(|c| c.check().expect("a camera that can be used")).err().map(Error::from)
+            camera.inspect(|c| c.check().expect("a valid camera")).err().map(Error::from)
         }
         "S" => replaced(&Settings::default(), &[text.into()])
-            .inspect(|settings| settings.check().expect("settings that can be used"))
+            .inspect(|settings| settings.check().expect("valid settings"))
             .err(),
         "l" => Project::from(Scene::around(-DVec3::ONE, DVec3::ONE, 0.1)).set(&[text.into()]).err(),
         "a" => aov::parse_list(text).err().map(Error::from),
@@ -154,7 +155,7 @@ pub fn arguments(bytes: &[u8]) {
     }
 }
 
-/// A picture around a scene.
+/// Parses an environment map.
 pub fn environment(bytes: &[u8]) {
     match within_memory(bytes.len(), || maps::parse(Path::new("fuzzed.exr"), bytes)) {
         Ok(environment) => assert!(environment.mean().is_finite()),
@@ -162,7 +163,7 @@ pub fn environment(bytes: &[u8]) {
     }
 }
 
-/// A picture to compare.
+/// Parses a picture for comparison.
 pub fn picture(bytes: &[u8]) {
     let parse = || compare::parse_picture(Path::new("fuzzed.png"), bytes);
     if let Err(error) = within_memory(bytes.len(), parse) {
@@ -170,7 +171,7 @@ pub fn picture(bytes: &[u8]) {
     }
 }
 
-/// Particles of any floats, as readers may hand them on, to splats.
+/// Interpolates and classifies particles with arbitrary finite floats, as readers may return them.
 pub fn classify(bytes: &[u8]) {
     let records = bytes.as_chunks::<20>().0;
     let number = |record: &[u8; 20], at: usize| {

@@ -4,8 +4,8 @@ use std::fs;
 
 use super::{adapter, assert_tells, folder, run};
 
-/// Errors are reproducible, although times are not; an increased error is reported by name with exit code
-/// 1; a file that is not a report is refused before anything is measured.
+/// Errors are reproducible, although times are not; an increased error is reported by name with exit
+/// code 1; a file that is not a report is refused before anything is measured.
 #[test]
 fn increased_errors_are_reported() {
     if !adapter() {

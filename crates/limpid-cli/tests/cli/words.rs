@@ -1,5 +1,5 @@
-//! Messages of `render` on standard error: a line for the input, one for the output, and notices of likely
-//! mistakes.
+//! Messages of `render` on standard error: a line for the input, one for the output, and notices of
+//! likely mistakes.
 
 use std::fs;
 use std::path::Path;

@@ -1,11 +1,11 @@
-//! A shared folder without a server.
+//! Claims: sharing a folder without a server.
 
 use super::*;
 
-/// Two and four processes that are started alike, at once, draw each frame once between them, to the
-/// same files as a single run; they share a manifest, and leave no claim.
+/// Two or four processes started alike at once draw each frame exactly once, to the same files as a
+/// single run; they share a manifest, and leave no claims.
 #[test]
-fn claims_share_out_the_frames() {
+fn claims_partition_the_frames() {
     if !adapter() {
         return;
     }
@@ -30,22 +30,22 @@ fn claims_share_out_the_frames() {
             }
         }
         assert!(drawn.keys().copied().eq(1..=12) && drawn.values().all(|&n| n == 1), "{drawn:?}");
-        // Each process says what became of each frame.
+        // Each process records every frame.
         assert_eq!(lines.len(), 12 * count);
     }
 }
 
-/// The claim of a dead process is taken over; what it has left is gone in the end. The frame of one
-/// that lives is waited for, and drawn by whoever is left if that process gives it up.
+/// Claims of dead processes are taken over and removed. A frame claimed by a live process is waited for,
+/// and drawn after the claim is released.
 #[test]
-fn claims_of_the_dead_are_taken_over() {
+fn claims_of_dead_processes_are_taken_over() {
     if !adapter() {
         return;
     }
     let project = Project::new(3);
     project.render(&["-o", "single/"]);
     fs::create_dir(project.path("f")).unwrap();
-    // Claimed by dead processes: before its picture, after it, and twice.
+    // Stale claims: one on a finished picture, and two on an unfinished one.
     let claim = |name: &str| {
         let file = File::create(project.path("f").join(name)).unwrap();
         file.set_modified(SystemTime::now() - Duration::from_hours(1)).unwrap();
@@ -56,10 +56,10 @@ fn claims_of_the_dead_are_taken_over() {
     }
     let living = Claims::new("a test".into(), Duration::from_secs(60));
     let third = project.path("f/frame_0003.png");
-    let held = living.take(&third).unwrap().expect("nobody has it");
+    let held = living.take(&third).unwrap().expect("it is free");
     let mut child = project.start(&["--claim", "-o", "f/", "--manifest=m.jsonl"]);
     until("the second frame", || project.path("f/frame_0002.png").exists());
-    assert!(child.try_wait().unwrap().is_none() && !third.exists(), "it waits");
+    assert!(child.try_wait().unwrap().is_none() && !third.exists(), "it does not wait");
     drop(held);
     assert_success(child.wait_with_output().unwrap());
     assert_same(&project.files("f"), &project.files("single"));
@@ -68,10 +68,10 @@ fn claims_of_the_dead_are_taken_over() {
     assert_eq!(statuses, [SKIPPED, DONE, DONE]);
 }
 
-/// A claim is one process's; a stale one is taken over by one of all that try, while its owner may
-/// only seem to be dead.
+/// A claim has one owner; a stale claim is taken over by exactly one of several processes, also if its
+/// owner is still alive.
 #[test]
-fn a_claim_is_one_owners() {
+fn a_claim_has_one_owner() {
     let folder = tempfile::tempdir().unwrap();
     let names = || {
         let entries = fs::read_dir(folder.path()).unwrap();
@@ -80,7 +80,7 @@ fn a_claim_is_one_owners() {
     };
     let claims = |seconds| Claims::new("a test\n".into(), Duration::from_secs(seconds));
     let picture = folder.path().join("frame_0001.png");
-    // At once, by many: one has it.
+    // Several threads claim at once, and one succeeds.
     let race = |claims: &Claims| {
         let start = Barrier::new(8);
         std::thread::scope(|scope| {
@@ -103,22 +103,22 @@ fn a_claim_is_one_owners() {
             fs::read_to_string(folder.path().join("frame_0001.png.claim1")).unwrap(),
             "a test\n"
         );
-        // It hangs, and others take it for dead.
+        // The owner hangs, so that its claim becomes stale.
         let hanging = winners.remove(0);
         let file = File::options().write(true).open(folder.path().join("frame_0001.png.claim1"));
         file.unwrap().set_modified(SystemTime::now() - Duration::from_hours(1)).unwrap();
         let mut winners = race(&claims(60));
         assert_eq!(winners.len(), 1, "a stale claim is taken over once");
         let taken = winners.remove(0);
-        // It wakes up, and ends: the frame is still the other's.
+        // The first owner wakes up and ends: the frame still belongs to the second.
         drop(hanging);
         assert!(race(&claims(60)).is_empty());
         drop(taken);
         assert!(names().is_empty(), "{:?}", names());
     }
 
-    // While its owner lives, it does not age; the heart beats every sixth of the time.
-    let alive = claims(1).take(&picture).unwrap().expect("nobody has it");
+    // A live owner rewrites its claim every sixth of the timeout, so that it does not become stale.
+    let alive = claims(1).take(&picture).unwrap().expect("it is free");
     for _ in 0..8 {
         std::thread::sleep(Duration::from_millis(200));
         assert!(claims(1).take(&picture).unwrap().is_none());
@@ -129,30 +129,31 @@ fn a_claim_is_one_owners() {
     assert!(error.contains("nowhere") && error.contains("claim"), "{error}");
 }
 
-/// A claim that says nothing of its age is not believed for ever: one that another user has closed to
-/// this one, and one from the future, as after the server's clock was set back.
+/// A claim from the future, as after the server's clock was set back, is stale once it has not changed
+/// for the timeout.
 #[test]
-fn claims_are_stale_whatever_they_hide() {
+fn claims_from_the_future_become_stale() {
     let folder = tempfile::tempdir().unwrap();
     let picture = folder.path().join("frame_0001.png");
     let claims = Claims::new("a test".into(), Duration::from_secs(1));
     let claim = File::create(folder.path().join("frame_0001.png.claim1")).unwrap();
     claim.set_modified(SystemTime::now() + Duration::from_hours(48)).unwrap();
-    assert!(claims.take(&picture).unwrap().is_none(), "it may be alive");
+    assert!(claims.take(&picture).unwrap().is_none(), "its owner may be alive");
     std::thread::sleep(Duration::from_millis(600));
-    // It is: it changes.
+    // A live owner's claim changes.
     claim.set_modified(SystemTime::now() + Duration::from_hours(47)).unwrap();
     assert!(claims.take(&picture).unwrap().is_none());
     std::thread::sleep(Duration::from_millis(600));
     assert!(claims.take(&picture).unwrap().is_none());
     std::thread::sleep(Duration::from_millis(600));
-    assert!(claims.take(&picture).unwrap().is_some(), "nobody writes to it");
+    assert!(claims.take(&picture).unwrap().is_some(), "it is stale");
 }
 
-/// As above, of another user's claim: who may do anything can read it, so this is somebody else.
+/// A stale claim of another user that cannot be read is taken over. The program runs as an unprivileged
+/// user, since root can read it.
 #[test]
 #[cfg(target_os = "linux")]
-fn the_claim_of_a_dead_stranger_is_taken_over() {
+fn unreadable_stale_claims_are_taken_over() {
     if !adapter() {
         return;
     }
@@ -170,11 +171,11 @@ fn the_claim_of_a_dead_stranger_is_taken_over() {
     assert_eq!(project.files("f").into_keys().collect::<Vec<_>>(), ["frame_0001.png"]);
 }
 
-/// What is no claim but has its name is an error that says so; with --keep-going the other frames are
-/// drawn. It was waited for, for ever and in silence.
+/// A link, a pipe or a folder with a claim's name is an error of its frame, not a silent endless wait;
+/// with `--keep-going` the other frames are drawn.
 #[test]
 #[cfg(unix)]
-fn what_is_no_claim_is_not_waited_for() {
+fn invalid_claims_are_errors() {
     if !adapter() {
         return;
     }
@@ -186,27 +187,27 @@ fn what_is_no_claim_is_not_waited_for() {
     fs::create_dir(claim(3)).unwrap();
     let mut command = assert_cmd::Command::from_std(project.limpid(&["--claim", "-o", "f/"]));
     let ended = command.arg("--keep-going").timeout(Duration::from_secs(60)).output().unwrap();
-    let told = String::from_utf8_lossy(&ended.stderr);
-    assert_eq!(ended.status.code(), Some(1), "{told}");
+    let stderr = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(1), "{stderr}");
     for frame in 1..=3 {
         let expected =
             format!("limpid: frame {frame}: f/frame_000{frame}.png.claim1: cannot claim: this is");
-        assert!(told.lines().any(|line| line.starts_with(&expected)), "{told}");
+        assert!(stderr.lines().any(|line| line.starts_with(&expected)), "{stderr}");
     }
-    assert!(told.ends_with("3 of 4 frames failed: 1-3\n"), "{told}");
+    assert!(stderr.ends_with("3 of 4 frames failed: 1-3\n"), "{stderr}");
     assert!(project.path("f/frame_0004.png").is_file());
 }
 
-/// A process that waits says after a time for what, and for whom.
+/// A process that waits reports after a time the frames, the owner and its claim.
 #[test]
-fn waiting_is_said() {
+fn waits_are_reported() {
     if !adapter() {
         return;
     }
     let project = Project::new(1);
     fs::create_dir(project.path("f")).unwrap();
     let claims = Claims::new("somebody on a far machine\n".into(), Duration::from_secs(1));
-    let held = claims.take(&project.path("f/frame_0001.png")).unwrap().expect("nobody has it");
+    let held = claims.take(&project.path("f/frame_0001.png")).unwrap().expect("it is free");
     let mut child = project.start(&["--claim", "--claim-timeout=1", "-o", "f/"]);
     let mut line = String::new();
     BufReader::new(child.stderr.take().unwrap()).read_line(&mut line).unwrap();
@@ -218,21 +219,21 @@ fn waiting_is_said() {
     assert!(child.wait().unwrap().success());
 }
 
-/// A process holds two claims at most: of the frame that it draws, and of the one that it loads.
+/// A process holds at most two claims: on the frame being drawn, and on the one being loaded.
 #[test]
-fn a_process_holds_two_claims() {
+fn a_process_holds_at_most_two_claims() {
     if !adapter() {
         return;
     }
     let project = Project::new(6);
     let mut child = project.start(&["--samples=64", "--claim", "-o", "f/"]);
-    let mut most = 0;
+    let mut max = 0;
     while child.try_wait().unwrap().is_none() {
         let names = fs::read_dir(project.path("f")).into_iter().flatten().flatten();
         let claims = names.filter(|entry| entry.path().extension().is_some_and(|e| e == "claim1"));
-        most = most.max(claims.count());
+        max = max.max(claims.count());
         std::thread::sleep(Duration::from_millis(1));
     }
-    assert!((1..=2).contains(&most), "{most} claims");
+    assert!((1..=2).contains(&max), "{max} claims");
     assert_eq!(project.files("f").len(), 6);
 }

@@ -1,9 +1,9 @@
-//! Frames that fail, manifests, and films.
+//! Failed frames, manifests, and films.
 
 use super::*;
 
-/// One broken file costs one frame: it is reported with its number, the others are drawn, and the
-/// exit code says that not all is well. Without --keep-going it ends the run with its own code.
+/// With `--keep-going` a damaged file fails one frame: it is reported with its number, the others are
+/// drawn, and the exit code is 1. Without it the run ends with the error's own code.
 #[test]
 fn keep_going_draws_the_others() {
     if !adapter() {
@@ -15,10 +15,10 @@ fn keep_going_draws_the_others() {
         let ended = project.limpid(more).output().unwrap();
         (ended.status.code().unwrap(), String::from_utf8(ended.stderr).unwrap())
     };
-    let (code, told) = render(&["-o", "f/", "--keep-going", "--manifest=m.jsonl"]);
-    let told: Vec<&str> = told.lines().collect();
-    assert_eq!(code, 1, "{told:?}");
-    let [error, summary] = told[..] else { panic!("{told:?}") };
+    let (code, stderr) = render(&["-o", "f/", "--keep-going", "--manifest=m.jsonl"]);
+    let messages: Vec<&str> = stderr.lines().collect();
+    assert_eq!(code, 1, "{messages:?}");
+    let [error, summary] = messages[..] else { panic!("{messages:?}") };
     assert!(error.starts_with("limpid: frame 2: water/block_2.xyz: line 1"), "{error}");
     assert_eq!(summary, "limpid: 1 of 4 frames failed: 2");
     let names: Vec<_> = project.files("f").into_keys().collect();
@@ -28,19 +28,19 @@ fn keep_going_draws_the_others() {
     assert_eq!((failed["frame"].as_i64(), failed["code"].as_i64()), (Some(2), Some(4)));
     assert_eq!(format!("limpid: {}", text(failed, "error")), error);
 
-    let (code, told) = render(&["-o", "g/", "--manifest=n.jsonl"]);
-    assert_eq!(code, 4, "{told}");
-    assert_eq!(told.lines().collect::<Vec<_>>(), [error]);
+    let (code, stderr) = render(&["-o", "g/", "--manifest=n.jsonl"]);
+    assert_eq!(code, 4, "{stderr}");
+    assert_eq!(stderr.lines().collect::<Vec<_>>(), [error]);
     assert_eq!(project.files("g").into_keys().collect::<Vec<_>>(), ["frame_0001.png"]);
-    // Repaired, what is missing is drawn.
+    // After a repair, a resumed run draws the missing frame.
     project.write_water(2, 0.06);
-    let (code, told) = render(&["-o", "f/", "--keep-going", "--skip-existing"]);
-    assert_eq!((code, told.as_str()), (0, ""));
+    let (code, stderr) = render(&["-o", "f/", "--keep-going", "--skip-existing"]);
+    assert_eq!((code, stderr.as_str()), (0, ""));
     assert_eq!(project.files("f").len(), 4);
 }
 
-/// Three processes add to one manifest, each line whole and with everything that was promised; a
-/// line that a full disk once cut off spoils no other.
+/// Three processes append complete lines with all documented fields to one manifest, also after a line
+/// that a full disk has truncated.
 #[test]
 fn a_manifest_may_be_shared() {
     if !adapter() {
@@ -54,9 +54,9 @@ fn a_manifest_may_be_shared() {
     for share in shares {
         assert_success(share.wait_with_output().unwrap());
     }
-    let text_of = fs::read_to_string(&manifest).unwrap();
-    let (torn, rest) = text_of.split_once('\n').unwrap();
-    assert_eq!(torn, "{\"frame\":7,\"sta");
+    let contents = fs::read_to_string(&manifest).unwrap();
+    let (truncated, rest) = contents.split_once('\n').unwrap();
+    assert_eq!(truncated, "{\"frame\":7,\"sta");
     fs::write(&manifest, rest).unwrap();
     let lines = lines(&manifest);
     assert_eq!(lines.len(), 6);
@@ -77,25 +77,25 @@ fn a_manifest_may_be_shared() {
     assert!(frames.into_iter().eq(1..=6));
 }
 
-/// A film is one file: what concerns pictures is refused before anything is drawn.
+/// Options for separate pictures are refused for a film before anything is drawn.
 #[test]
-fn films_are_not_shared_out() {
+fn films_cannot_be_shared() {
     let project = Project::new(2);
     for option in ["--claim", "--keep-going", "--manifest=m.jsonl"] {
         let ended = project.limpid(&["-o", "film.apng", option]).output().unwrap();
-        let told = String::from_utf8(ended.stderr).unwrap();
-        assert_eq!(ended.status.code(), Some(2), "{told}");
+        let stderr = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(2), "{stderr}");
         let name = option.split('=').next().unwrap();
-        assert!(told.contains("film.apng") && told.contains(name), "{told}");
+        assert!(stderr.contains("film.apng") && stderr.contains(name), "{stderr}");
     }
     assert!(!project.path("film.apng").exists() && !project.path("m.jsonl").exists());
 }
 
-/// Messages may be lost, work not: with a full disk behind standard error the other frames are drawn,
-/// and the exit code is what it would be.
+/// If messages cannot be written, as with stderr on a full disk, the other frames are still drawn, and
+/// the exit code is unchanged.
 #[test]
 #[cfg(target_os = "linux")]
-fn messages_that_cannot_be_written_cost_nothing() {
+fn unwritable_messages_do_not_end_the_run() {
     if !adapter() {
         return;
     }
@@ -107,10 +107,10 @@ fn messages_that_cannot_be_written_cost_nothing() {
     assert_eq!(project.files("f").len(), 4);
     let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
     assert_eq!(command.args(["info", "nosuch"]).stderr(full()).status().unwrap().code(), Some(4));
-    // What was asked for is work: that it cannot be written is an error.
+    // Results that cannot be written are an error.
     let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
     let ended = command.arg("info").arg(project.water(1)).stdout(full()).output().unwrap();
-    let told = String::from_utf8_lossy(&ended.stderr);
-    assert_eq!(ended.status.code(), Some(4), "{told}");
-    assert!(told.starts_with("limpid: standard output: cannot write: "), "{told}");
+    let stderr = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(4), "{stderr}");
+    assert!(stderr.starts_with("limpid: standard output: cannot write: "), "{stderr}");
 }

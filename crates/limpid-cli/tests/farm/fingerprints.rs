@@ -1,4 +1,4 @@
-//! What `--skip-existing` takes for the same picture.
+//! The pictures that `--skip-existing` skips.
 
 use super::*;
 
@@ -6,9 +6,9 @@ fn all(status: &str) -> BTreeMap<i64, String> {
     [(1, status.to_owned()), (2, status.to_owned())].into()
 }
 
-/// A picture is kept only if this run would draw the same: other settings, another size, camera,
-/// radius or scene, other particles and other images beside it are drawn again; other numbers of
-/// machines and other reports are not.
+/// A picture is kept only if the run would draw the same one: a change of settings, size, camera,
+/// radius, scene, particles or intermediate images draws it again; a change of shares or reports does
+/// not.
 #[test]
 fn only_the_same_picture_is_skipped() {
     if !adapter() {
@@ -32,7 +32,7 @@ fn only_the_same_picture_is_skipped() {
     assert_eq!(run(&[]), all(DONE));
     assert_eq!(run(&[]), all(SKIPPED));
 
-    // What does not change the picture: not the order either, and not the way there.
+    // Options that do not change the picture: also the order of frames, and other paths to the inputs.
     assert_eq!(run(&["--stats=s.json", "--memory=1", "--frames=2,1", "--claim"]), all(SKIPPED));
     let absolute = project.path("water").display().to_string();
     let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
@@ -44,7 +44,7 @@ fn only_the_same_picture_is_skipped() {
         assert_eq!(text(&line, "status"), SKIPPED);
     }
 
-    // What does, there and back.
+    // Options that do change it, each applied and reverted.
     let others: [&[&str]; 7] = [
         &["--samples=2"],
         &["--size=40x30"],
@@ -55,7 +55,7 @@ fn only_the_same_picture_is_skipped() {
         &["--radius=0.03"],
     ];
     for other in others {
-        // The last of two says which size and radius.
+        // An option may be given only once.
         let mut args: Vec<&str> = base.to_vec();
         args.retain(|arg| !(arg.starts_with("--radius") && other[0].starts_with("--radius")));
         args.extend(other);
@@ -73,7 +73,7 @@ fn only_the_same_picture_is_skipped() {
     scene("[0.5, 0.6, 0.8]");
     assert_eq!(run(&[]), all(DONE), "another environment");
 
-    // Other particles: of another length, and of the same written later.
+    // Other particles: files of another length or modification time.
     project.write_water(1, 10.0);
     let expected: BTreeMap<_, _> = [(1, DONE.to_owned()), (2, SKIPPED.to_owned())].into();
     assert_eq!(run(&[]), expected, "a longer file");
@@ -81,7 +81,7 @@ fn only_the_same_picture_is_skipped() {
     file.set_modified(SystemTime::now() + Duration::from_secs(1)).unwrap();
     assert_eq!(run(&[]), expected, "a later file");
     assert_eq!(run(&[]), all(SKIPPED));
-    // The same name, length and time elsewhere.
+    // The same name, length and time in another folder.
     fs::rename(project.path("water"), project.path("moved")).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
     command
@@ -93,10 +93,10 @@ fn only_the_same_picture_is_skipped() {
     }
 }
 
-/// A picture that is not whole, that another program has touched or made, and one whose images
-/// beside it are missing, damaged or of another run, is drawn again.
+/// A picture that is incomplete or was changed or made by another program, or whose intermediate images
+/// are missing, damaged or of another run, is drawn again.
 #[test]
-fn only_whole_pictures_are_skipped() {
+fn only_complete_pictures_are_skipped() {
     if !adapter() {
         return;
     }
@@ -113,11 +113,11 @@ fn only_whole_pictures_are_skipped() {
         bytes[at] ^= 1;
         bytes
     };
-    // What another program makes of it, with the texts that it has found.
+    // A picture edited by another program, which keeps the text chunks.
     let mut retouched = image::load_from_memory(&good).unwrap().into_rgb8();
     retouched.get_pixel_mut(7, 7).0[1] ^= 1;
-    let mut touched = Vec::new();
-    let mut encoder = png::Encoder::new(&mut touched, 48, 36);
+    let mut edited = Vec::new();
+    let mut encoder = png::Encoder::new(&mut edited, 48, 36);
     encoder.set_color(png::ColorType::Rgb);
     let decoder = png::Decoder::new(std::io::Cursor::new(&good)).read_info().unwrap();
     let texts = decoder.info().uncompressed_latin1_text.clone();
@@ -130,13 +130,13 @@ fn only_whole_pictures_are_skipped() {
     retouched.write_to(&mut plain, image::ImageFormat::Png).unwrap();
     let damaged = [
         ("empty", Vec::new()),
-        ("only a head", good[..60].to_vec()),
+        ("only a header", good[..60].to_vec()),
         ("half", good[..good.len() / 2].to_vec()),
         ("without its end", good[..good.len() - 5].to_vec()),
-        ("a bit of its head", flipped(20)),
-        ("a bit of its pixels", flipped(good.len() / 2)),
-        ("another's", plain.into_inner()),
-        ("touched up", touched),
+        ("a flipped bit in the header", flipped(20)),
+        ("a flipped bit in the pixels", flipped(good.len() / 2)),
+        ("another program's", plain.into_inner()),
+        ("edited", edited),
     ];
     for (what, bytes) in damaged {
         fs::write(&path, bytes).unwrap();
@@ -146,7 +146,7 @@ fn only_whole_pictures_are_skipped() {
     assert_eq!(run(&[]), SKIPPED);
 
     let aov = "--aov=depth";
-    assert_eq!(run(&[aov]), DONE, "no images beside it");
+    assert_eq!(run(&[aov]), DONE, "no intermediate images");
     let images = project.path("f/frame_0001.aov.exr");
     let good = fs::read(&images).unwrap();
     assert_eq!(run(&[aov]), SKIPPED);
@@ -157,7 +157,7 @@ fn only_whole_pictures_are_skipped() {
         assert_eq!(run(&[aov]), DONE, "{} of {} bytes", bytes.len(), good.len());
         assert!(fs::read(&images).unwrap() == good);
     }
-    // Killed between the images and the picture of another run.
+    // A run with other settings was killed between writing the images and the picture.
     assert_eq!(run(&["--samples=2", aov]), DONE);
     let other = fs::read(&images).unwrap();
     assert_eq!(run(&[aov]), DONE);

@@ -1,8 +1,6 @@
-//! Farms: many processes, on one machine or on several, that draw one sequence into one folder.
-//!
-//! Protects what a farm relies on: that no frame is lost, none is half-written, none is taken for
-//! what it is not, and that the pictures do not depend on who drew them, or on how often that
-//! process was killed.
+//! Farms: several processes, on one machine or many, draw one sequence into one folder. No frame is lost
+//! or incomplete, no existing picture is mistaken for another, and the pictures depend neither on the
+//! process that draws them nor on how often it was killed.
 
 mod claims;
 mod failures;
@@ -29,11 +27,11 @@ use limpid_io::claim::Claims;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// What a manifest says of a frame.
+/// Statuses in a manifest.
 const DONE: &str = "done";
 const SKIPPED: &str = "skipped";
 
-/// Whether pictures can be drawn here; with `LIMPID_REQUIRE_GPU` or `CI` they must.
+/// Whether there is an adapter; with `LIMPID_REQUIRE_GPU` or `CI` a missing one fails the test.
 fn adapter() -> bool {
     static FOUND: OnceLock<Result<(), String>> = OnceLock::new();
     let found = FOUND.get_or_init(|| Gpu::headless().map(|_| ()).map_err(|e| e.to_string()));
@@ -45,7 +43,7 @@ fn adapter() -> bool {
     false
 }
 
-/// A folder with the frames `water/block_1.xyz` and so on: a block of liquid that moves.
+/// A folder with the frames `water/block_1.xyz` and so on: a moving block of liquid.
 struct Project(TempDir);
 
 impl Project {
@@ -82,14 +80,14 @@ impl Project {
         command
     }
 
-    /// The program in the project's folder as a user who may do nothing in particular, and whom nobody
-    /// else is, started by a `wrapper`; `None` where one cannot become another user.
+    /// The program in the project's folder, run by an unprivileged and otherwise unused user through
+    /// `wrapper`; `None` if the user cannot be changed.
     #[cfg(target_os = "linux")]
     fn limpid_as_nobody(&self, wrapper: &[&str]) -> Option<assert_cmd::Command> {
         const USER: &str = "54321";
         let mut command = assert_cmd::Command::new("setpriv");
         command.args(["--reuid", USER, "--regid", USER, "--clear-groups"]);
-        // The one that was built may lie in a folder of somebody's own.
+        // A copy, since that user may not be able to access the build folder.
         let program = self.path("limpid");
         fs::copy(env!("CARGO_BIN_EXE_limpid"), &program).unwrap();
         fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
@@ -101,7 +99,7 @@ impl Project {
         if probe.output().is_ok_and(|ended| ended.status.success()) {
             return Some(command);
         }
-        eprintln!("skipped: one cannot become another user here");
+        eprintln!("skipped: the user cannot be changed here");
         None
     }
 
@@ -109,13 +107,13 @@ impl Project {
         self.limpid(args).spawn().expect("the program starts")
     }
 
-    /// Runs what must succeed without a word.
+    /// Runs `render`, which must succeed without any output.
     #[track_caller]
     fn render(&self, args: &[&str]) {
         assert_success(self.limpid(args).output().expect("the program starts"));
     }
 
-    /// Runs it, and returns what became of each frame.
+    /// Runs `render`, and returns the status of each frame.
     #[track_caller]
     fn statuses(&self, args: &[&str]) -> BTreeMap<i64, String> {
         let manifest = self.path("statuses.jsonl");
@@ -126,7 +124,7 @@ impl Project {
         lines.map(|line| (line["frame"].as_i64().unwrap(), text(&line, "status"))).collect()
     }
 
-    /// The files in a folder, hidden ones included, with their contents.
+    /// Reads the files in a folder, including hidden ones.
     fn files(&self, folder: &str) -> BTreeMap<String, Vec<u8>> {
         let entries = fs::read_dir(self.path(folder)).into_iter().flatten();
         let file = |entry: fs::DirEntry| {
@@ -144,7 +142,7 @@ fn assert_success(output: Output) {
     assert!(status.success() && stdout.is_empty() && stderr.is_empty(), "{status}: {stderr}");
 }
 
-/// The lines of a manifest, every one of them whole.
+/// Parses the lines of a manifest, all of which must be complete.
 #[track_caller]
 fn lines(manifest: &Path) -> Vec<Value> {
     let text = fs::read_to_string(manifest).unwrap();
@@ -158,7 +156,7 @@ fn text(line: &Value, key: &str) -> String {
     line[key].as_str().unwrap_or_else(|| panic!("no {key} in {line}")).to_owned()
 }
 
-/// Fails unless both hold the same files, to the byte.
+/// Fails unless both have the same files with the same bytes.
 #[track_caller]
 fn assert_same(found: &BTreeMap<String, Vec<u8>>, expected: &BTreeMap<String, Vec<u8>>) {
     let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
@@ -174,11 +172,11 @@ fn signal(child: &Child, name: &str) {
     assert!(status.expect("there is a `kill`").success());
 }
 
-/// Waits until something is there that is to come.
-fn until(what: &str, mut there: impl FnMut() -> bool) {
-    let begun = Instant::now();
-    while !there() {
-        assert!(begun.elapsed() < Duration::from_secs(120), "{what} does not come");
+/// Waits for a condition, at most two minutes.
+fn until(what: &str, mut condition: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !condition() {
+        assert!(start.elapsed() < Duration::from_secs(120), "not in time: {what}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }

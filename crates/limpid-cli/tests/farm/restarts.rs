@@ -1,24 +1,23 @@
-//! Runs that were killed, and what they leave.
+//! Killed runs: completion by a restart, and their temporary files.
 
 use super::*;
 
-/// Killed without a chance to tidy up, at any moment, a run leaves nothing under a picture's name
-/// that is not that picture; started again it completes the sequence, to the byte as if nothing had
-/// happened. Ten times here; `LIMPID_KILLS` says otherwise.
+/// A run killed by SIGKILL at any time leaves only complete pictures, and a restart completes the
+/// sequence bit-identically. Repeated ten times, or `LIMPID_KILLS` times.
 #[test]
-fn killed_at_any_moment_and_restarted() {
+fn killed_at_any_time_and_restarted() {
     if !adapter() {
         return;
     }
     let kills = std::env::var("LIMPID_KILLS").map_or(10, |text| text.parse().expect("a number"));
     let project = Project::new(8);
     let aovs = "--aov=depth,inside";
-    let begun = Instant::now();
+    let start = Instant::now();
     project.render(&[aovs, "-o", "single/"]);
-    let whole_run = begun.elapsed();
+    let whole_run = start.elapsed();
     let single = project.files("single");
     assert_eq!(single.len(), 16);
-    // Any frame times will do; `LIMPID_SEED` chooses others.
+    // Pseudorandom times of the kills; `LIMPID_SEED` selects others.
     let seed = std::env::var("LIMPID_SEED").map_or(1, |text| text.parse().expect("a number"));
     let mut noise: u64 = seed;
     let mut unfinished = 0;
@@ -36,7 +35,7 @@ fn killed_at_any_moment_and_restarted() {
         left.retain(|name, _| !name.starts_with(".limpid-"));
         unfinished += usize::from(left.len() < single.len());
         for (name, bytes) in &left {
-            assert!(bytes == &single[name], "{name} was half-written");
+            assert!(bytes == &single[name], "{name} is incomplete");
         }
 
         project.render(&args);
@@ -49,31 +48,31 @@ fn killed_at_any_moment_and_restarted() {
     assert!(unfinished > 0, "the kills came too late");
 }
 
-/// What killed runs have left is removed when it is old; what may be another run's is not.
+/// Old temporary files of killed runs are removed; recent ones, which may belong to another run, are
+/// not.
 #[test]
-fn old_temporary_files_are_swept_up() {
+fn old_temporary_files_are_removed() {
     if !adapter() {
         return;
     }
     let project = Project::new(1);
     // Beside a picture and beside a film.
     for output in ["a.png", "a.gif"] {
-        for (name, hours) in [(".limpid-old", 25), (".limpid-young", 1), (".other-old", 25)] {
+        for (name, hours) in [(".limpid-old", 25), (".limpid-recent", 1), (".other-old", 25)] {
             let file = File::create(project.path(name)).unwrap();
             file.set_modified(SystemTime::now() - Duration::from_hours(hours)).unwrap();
         }
         project.render(&["-o", output]);
         assert!(!project.path(".limpid-old").exists());
-        assert!(project.path(".limpid-young").exists() && project.path(".other-old").exists());
+        assert!(project.path(".limpid-recent").exists() && project.path(".other-old").exists());
     }
 }
 
-/// A machine whose clock is two days ahead does not take another's film for abandoned: ages are told by
-/// the file system's clock. Only where `faketime` is installed, or `LIMPID_REQUIRE_FAKETIME=1` says that
-/// it must run.
+/// A machine whose clock is two days ahead removes no recent temporary files, since ages are measured by
+/// the file system's clock. Skipped without `faketime`, unless `LIMPID_REQUIRE_FAKETIME=1` is set.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_clock_that_is_ahead_sweeps_nothing_up() {
+fn a_fast_clock_removes_no_recent_files() {
     let required = std::env::var("LIMPID_REQUIRE_FAKETIME").is_ok_and(|value| value == "1");
     let installed = Command::new("faketime").arg("--version").output().is_ok();
     if !adapter() || !(installed || required) {
@@ -81,11 +80,11 @@ fn a_clock_that_is_ahead_sweeps_nothing_up() {
         return;
     }
     let project = Project::new(1);
-    File::create(project.path(".limpid-young")).unwrap();
+    File::create(project.path(".limpid-recent")).unwrap();
     let mut command = Command::new("faketime");
     command.args(["+2 days", env!("CARGO_BIN_EXE_limpid"), "render", "water", "--size=48x36"]);
-    // The program's clock alone: what the file system says is as it is.
+    // Only the program's clock is changed, not the file times.
     command.args(["--quiet", "-o", "a.png"]).env("NO_FAKE_STAT", "1").current_dir(project.0.path());
     assert_success(command.output().unwrap());
-    assert!(project.path(".limpid-young").exists());
+    assert!(project.path(".limpid-recent").exists());
 }

@@ -1,11 +1,11 @@
-//! Shards: their union is a single run.
+//! Shards: their union equals a single run.
 
 use super::*;
 
-/// The shares of 1, 2, 3 and 7 machines are disjoint, complete, and the same files as one
-/// machine's; a share may be empty.
+/// The shards of 1, 2, 3 and 7 machines are disjoint and complete, and have the files of a single run; a
+/// shard may be empty.
 #[test]
-fn shards_are_a_single_run() {
+fn shards_equal_a_single_run() {
     if !adapter() {
         return;
     }
@@ -15,25 +15,25 @@ fn shards_are_a_single_run() {
     assert_eq!(single.len(), 6);
     for count in [1, 2, 3, 7] {
         let mut union = BTreeMap::new();
-        let shares: Vec<_> = (1..=count)
+        let shards: Vec<_> = (1..=count)
             .map(|index| {
                 let (shard, folder) = (format!("{index}/{count}"), format!("{count}_{index}/"));
                 project.start(&["--shard", &shard, "-o", &folder])
             })
             .collect();
-        for (index, share) in (1..=count).zip(shares) {
-            assert_success(share.wait_with_output().unwrap());
+        for (index, process) in (1..=count).zip(shards) {
+            assert_success(process.wait_with_output().unwrap());
             for (name, bytes) in project.files(&format!("{count}_{index}")) {
-                assert!(union.insert(name, bytes).is_none(), "a frame is in two of {count} shares");
+                assert!(union.insert(name, bytes).is_none(), "a frame is in two of {count} shards");
             }
         }
         assert_same(&union, &single);
     }
 }
 
-/// Numbered names do not depend on how many of the frames are this share's.
+/// Pictures have numbered names even if the shard has a single frame.
 #[test]
-fn a_share_of_one_frame_has_its_number() {
+fn pictures_of_a_one_frame_shard_are_numbered() {
     if !adapter() {
         return;
     }
@@ -41,5 +41,5 @@ fn a_share_of_one_frame_has_its_number() {
     project.render(&["--shard", "2/2"]);
     assert!(project.path("limpid_0002.png").exists());
     let one_name = project.limpid(&["--shard", "1/2", "-o", "one.png"]).output().unwrap();
-    assert_eq!(one_name.status.code(), Some(2), "both shares would have one name");
+    assert_eq!(one_name.status.code(), Some(2), "both shards would have one name");
 }

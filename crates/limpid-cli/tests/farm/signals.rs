@@ -1,12 +1,12 @@
-//! SIGINT, SIGTERM, SIGHUP and SIGQUIT.
+//! Handling of SIGINT, SIGTERM, SIGHUP and SIGQUIT.
 
 use super::*;
 
-/// The first signal finishes the frame in hand, gives the others up and says by the exit code that
-/// not all is done; what is there is whole, and the next run completes it.
+/// After the first signal the current frame is finished, the other claims are released, and the exit
+/// code is the signal's; the existing pictures are complete, and the next run draws the others.
 #[test]
 #[cfg(unix)]
-fn signals_finish_the_frame_in_hand() {
+fn the_first_signal_finishes_the_current_frame() {
     if !adapter() {
         return;
     }
@@ -27,7 +27,7 @@ fn signals_finish_the_frame_in_hand() {
         signal(&child, name);
         let ended = child.wait_with_output().unwrap();
         let left = project.files(folder);
-        // A machine may be so fast that nothing is left to give up.
+        // A fast machine may have drawn all frames.
         let code = if left.len() == single.len() { 0 } else { code };
         assert_eq!(ended.status.code(), Some(code));
         assert!(ended.stderr.is_empty(), "{}", String::from_utf8_lossy(&ended.stderr));
@@ -39,20 +39,20 @@ fn signals_finish_the_frame_in_hand() {
     }
 }
 
-/// The second signal ends it at once: no temporary file and no claim is left.
+/// The second signal ends the process at once, without temporary files and claims.
 #[test]
 #[cfg(unix)]
-fn the_second_signal_leaves_nothing_behind() {
+fn the_second_signal_leaves_no_files() {
     if !adapter() {
         return;
     }
     let project = Project::new(2);
-    // Frames that take far longer than this test, where the machine is not too fast.
+    // Frames that take far longer than this test, except on a very fast machine.
     let mut command = Command::new(env!("CARGO_BIN_EXE_limpid"));
     command.args(["render", "water", "--size=1600x1200", "--samples=64", "--claim", "-o", "f/"]);
     command.current_dir(project.0.path()).stderr(Stdio::piped());
     let child = command.spawn().unwrap();
-    // Until it draws: the second frame is claimed then.
+    // The second frame is claimed once the first is being drawn.
     until("another claim", || {
         let names = ["f/frame_0002.png.claim1", "f/frame_0002.png"];
         names.iter().any(|name| project.path(name).exists())
@@ -70,16 +70,16 @@ fn the_second_signal_leaves_nothing_behind() {
     );
 }
 
-/// SIGQUIT ends it at once as the system would, but without temporary files and claims.
+/// SIGQUIT ends the process at once by its default action, but without temporary files and claims.
 #[test]
 #[cfg(unix)]
-fn quitting_leaves_nothing_behind() {
+fn sigquit_leaves_no_files() {
     if !adapter() {
         return;
     }
     let project = Project::new(2);
     let mut command = Command::new("sh");
-    // Without a memory dump.
+    // Without a core dump.
     command.args(["-c", "ulimit -c 0; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_limpid"), "render"]);
     command.args(["water", "--size=1600x1200", "--samples=64", "--claim", "-o", "f/"]);
     let mut child = command.current_dir(project.0.path()).spawn().unwrap();
@@ -90,10 +90,10 @@ fn quitting_leaves_nothing_behind() {
     assert!(project.files("f").is_empty(), "{:?}", project.files("f").keys());
 }
 
-/// What `nohup` has started goes on when its terminal is closed.
+/// A run started by `nohup` continues when its terminal is closed.
 #[test]
 #[cfg(target_os = "linux")]
-fn what_ignores_hangups_still_does() {
+fn ignored_hangups_stay_ignored() {
     if !adapter() {
         return;
     }
@@ -108,7 +108,7 @@ fn what_ignores_hangups_still_does() {
     assert_eq!(project.files("f").len(), 4);
 }
 
-/// A check that simulates leaves no frames in the system's temporary folder, however it is ended.
+/// An interrupted `limpid check` leaves no simulated frames in the temporary folder.
 #[test]
 #[cfg(unix)]
 fn an_interrupted_check_leaves_no_simulation() {

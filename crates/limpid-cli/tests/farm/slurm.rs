@@ -1,9 +1,9 @@
-//! A real job array.
+//! A job array of Slurm.
 
 use super::*;
 
-/// A real Slurm runs the job array of the documentation, with one task killed and one requeued in
-/// the middle. Only where Slurm is installed, or `LIMPID_REQUIRE_SLURM=1` says that it must run.
+/// A real Slurm runs the documented job array, with one task killed and one requeued in the middle.
+/// Skipped without Slurm, unless `LIMPID_REQUIRE_SLURM=1` is set.
 #[test]
 #[cfg(target_os = "linux")]
 fn slurm_draws_every_frame_once() {
@@ -18,7 +18,7 @@ fn slurm_draws_every_frame_once() {
     let script = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
         .join("crates/limpid-cli/tests/slurm.sh");
     let ended = Command::new(script).arg(env!("CARGO_BIN_EXE_limpid")).output().unwrap();
-    let told = String::from_utf8_lossy(&ended.stdout);
-    assert!(ended.status.success(), "{told}{}", String::from_utf8_lossy(&ended.stderr));
-    println!("{told}");
+    let stdout = String::from_utf8_lossy(&ended.stdout);
+    assert!(ended.status.success(), "{stdout}{}", String::from_utf8_lossy(&ended.stderr));
+    println!("{stdout}");
 }

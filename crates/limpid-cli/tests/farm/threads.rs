@@ -1,9 +1,9 @@
-//! Too few threads, and too little stack.
+//! Limits on threads and stack size.
 
 use super::*;
 
-/// A user who may start only so many threads gets a picture, or one line and code 6, which farms
-/// repeat: no panic, and no waiting for a driver that waits for its threads.
+/// With a limit on the number of threads, a run succeeds or ends with one line and code 6, which farms
+/// retry, without a panic or a deadlock in the driver.
 #[test]
 #[cfg(target_os = "linux")]
 fn too_few_threads_are_an_error() {
@@ -14,25 +14,25 @@ fn too_few_threads_are_an_error() {
     fs::create_dir(project.path("f")).unwrap();
     fs::set_permissions(project.path("f"), Permissions::from_mode(0o777)).unwrap();
     let mut codes = BTreeSet::new();
-    for most in [1, 3, 6, 8, 10, 40] {
-        let most = format!("--nproc={most}");
-        let Some(mut command) = project.limpid_as_nobody(&["prlimit", &most]) else { return };
+    for limit in [1, 3, 6, 8, 10, 40] {
+        let limit = format!("--nproc={limit}");
+        let Some(mut command) = project.limpid_as_nobody(&["prlimit", &limit]) else { return };
         command.args(["render", "water", "--size=48x36", "-o", "f/"]).env("RAYON_NUM_THREADS", "4");
         let ended = command.timeout(Duration::from_secs(60)).output().unwrap();
-        let told = String::from_utf8_lossy(&ended.stderr);
+        let stderr = String::from_utf8_lossy(&ended.stderr);
         let code = ended.status.code();
-        assert!(matches!(code, Some(0 | 6)), "{most}: {code:?}: {told}");
-        let refused = told.lines().count() == 1 && told.contains("no more threads");
-        assert!(code == Some(0) || refused, "{most}: {told}");
+        assert!(matches!(code, Some(0 | 6)), "{limit}: {code:?}: {stderr}");
+        let refused = stderr.lines().count() == 1 && stderr.contains("no more threads");
+        assert!(code == Some(0) || refused, "{limit}: {stderr}");
         codes.extend(code);
     }
-    assert_eq!(codes, [0, 6].into(), "neither too few nor enough");
+    assert_eq!(codes, [0, 6].into(), "the limits cover success and failure");
 }
 
-/// The first thread's stack, which the system limits, is not the one that anything runs on.
+/// The program runs on a thread of its own, not on the first thread with its limited stack.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_small_stack_does() {
+fn a_small_stack_limit_is_sufficient() {
     let project = Project::new(1);
     let mut command = Command::new("prlimit");
     command.args(["--stack=32768", env!("CARGO_BIN_EXE_limpid"), "info"]).arg(project.water(1));

@@ -1,5 +1,4 @@
-//! What is done to the program, and how it must end: the list of which `docs/hostile.md` is the
-//! table.
+//! The list of hostile inputs and their expected outcomes, shown as the table in `docs/hostile.md`.
 
 use std::fs;
 use std::os::unix::ffi::OsStringExt as _;
@@ -12,33 +11,35 @@ use super::prepare::{
     nothing, pipe, shared_pieces, sparse, two_pictures, write,
 };
 
-/// One thing that is done to the program, and how it must end.
+/// A run of the program and its expected outcome.
 pub(crate) struct Case {
+    /// The case in words, for the table.
     pub(crate) what: &'static str,
-    /// The arguments, as a shell splits them.
+    /// The arguments; quotes keep blanks.
     pub(crate) arguments: &'static str,
-    /// What is there.
+    /// Writes the files.
     pub(crate) prepare: fn(&Path),
-    /// How it is run.
+    /// The environment of the run.
     pub(crate) way: Way,
     pub(crate) code: i32,
-    /// Standard error without `limpid: `; anything may stand for `…`.
+    /// Standard error without `limpid: `; `…` matches any text.
     pub(crate) message: &'static str,
 }
 
+/// The environment of a run.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Way {
-    /// With at most 3 GiB of address space.
+    /// At most 3 GiB of address space.
     Small,
-    /// As it is: drivers need space, and an adapter.
+    /// No limits, since drivers need more address space; needs an adapter.
     Drawing,
-    /// As a user who may do nothing.
+    /// An unprivileged user.
     Nobody,
-    /// Where no file may be longer than 4 KiB.
+    /// A limit of 4 KiB on the length of files.
     Short,
-    /// On a disk of 4 KiB.
+    /// A disk of 4 KiB.
     Full,
-    /// The same, drawing.
+    /// A disk of 4 KiB; needs an adapter.
     FullDrawing,
 }
 

@@ -1,8 +1,8 @@
-//! Valid files with bits, numbers, pieces changed, as they come from broken disks, writers that
-//! disagree, and people who want to see what happens.
+//! Valid files with changed bits, numbers and pieces, as from broken disks, incompatible writers and
+//! attackers.
 //!
-//! The same cases on every machine. `LIMPID_HOSTILE_ROUNDS=1000000` tries more of them than seconds
-//! allow; `LIMPID_HOSTILE_SEEDS=FOLDER` writes the valid files for `cargo fuzz` to begin with.
+//! The cases are the same on every machine. `LIMPID_HOSTILE_ROUNDS=1000000` tries more of them, which
+//! takes longer; `LIMPID_HOSTILE_SEEDS=FOLDER` writes the valid files as seeds for `cargo fuzz`.
 
 use std::alloc::System;
 use std::panic;
@@ -29,41 +29,41 @@ use limpid_lab::compare;
 
 use super::files;
 
-/// Counts what is allocated.
+/// Counts allocated memory.
 #[global_allocator]
 static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
 
-/// Held while memory is counted: all tests share it.
+/// Locks the allocation counter, which all tests of the process share.
 pub(crate) fn counting() -> MutexGuard<'static, ()> {
-    static TURN: Mutex<()> = Mutex::new(());
-    // With RUST_BACKTRACE set, a decoder's panic that limpid survives would load all debug symbols,
-    // and be taken for memory that reading took.
+    static LOCK: Mutex<()> = Mutex::new(());
+    // With RUST_BACKTRACE set, a caught panic of a decoder would load all debug symbols, which would
+    // count as memory of the reader.
     static NO_BACKTRACES: Once = Once::new();
     NO_BACKTRACES.call_once(|| panic::set_hook(Box::new(|panic| eprintln!("{panic}"))));
-    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+    LOCK.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Fails if reading took more memory than deflate can pack into so many bytes.
+/// Fails if reading `bytes` bytes needs more memory than deflate can pack into them.
 #[track_caller]
 fn within_memory<T>(what: &str, bytes: usize, read: impl FnOnce() -> T) -> T {
-    /// Deflate makes 1032 bytes of one; each may pass through a few buffers.
+    /// Deflate expands a byte to at most 1032; each of these may pass through a few buffers.
     const PER_BYTE: usize = 4 * 1032;
-    /// Other tests run beside this one.
-    const ALWAYS: usize = 64 << 20;
-    within(what, ALWAYS + PER_BYTE * bytes, read)
+    /// Memory of tests that run in parallel.
+    const BASE: usize = 64 << 20;
+    within(what, BASE + PER_BYTE * bytes, read)
 }
 
-/// Fails if something took more than `most` bytes of memory.
+/// Fails if `act` needs more than `limit` bytes of memory.
 #[track_caller]
-pub(crate) fn within<T>(what: &str, most: usize, act: impl FnOnce() -> T) -> T {
-    let most = MEMORY.max_allocated().max(MEMORY.allocated() + most);
+pub(crate) fn within<T>(what: &str, limit: usize, act: impl FnOnce() -> T) -> T {
+    let limit = MEMORY.max_allocated().max(MEMORY.allocated() + limit);
     let result = act();
-    let taken = MEMORY.max_allocated();
-    assert!(taken <= most, "{what}: took {} MiB, at most {} expected", taken >> 20, most >> 20);
+    let used = MEMORY.max_allocated();
+    assert!(used <= limit, "{what}: used {} MiB, at most {} expected", used >> 20, limit >> 20);
     result
 }
 
-/// What is read as `name` of these bytes, by its extension.
+/// Reads these bytes by the extension of `name`, and checks the result.
 fn read(name: &str, bytes: &[u8]) -> Result<()> {
     let path = Path::new(name);
     let text = || String::from_utf8_lossy(bytes);
@@ -76,7 +76,7 @@ fn read(name: &str, bytes: &[u8]) -> Result<()> {
         Some("scene") => Project::parse(&text(), name, Path::new("/nowhere")).map(|scene| {
             let written = scene.to_toml(None).expect("it has no map");
             let again = Project::parse(&written, "written", Path::new(""));
-            assert_eq!(again.expect("what is written can be read"), scene, "{name}");
+            assert_eq!(again.expect("a written scene can be read"), scene, "{name}");
         }),
         Some("suite") => Suite::parse(&text(), path).map(drop),
         Some("path") => CameraPath::parse(&text(), name).map(|path| {
@@ -96,7 +96,7 @@ fn environment(path: &Path, bytes: &[u8]) -> Result<()> {
         .map(|environment| assert!(environment.mean().is_finite()))
 }
 
-/// What readers promise of particles.
+/// Checks the guarantees of the particle readers.
 pub(crate) fn check(name: &str, particles: &Particles) {
     let n = particles.len();
     let finite = |of: &[Vec3]| of.len() == n && of.iter().all(|v| v.is_finite());
@@ -110,16 +110,16 @@ pub(crate) fn check(name: &str, particles: &Particles) {
     assert!(particles.ellipsoids.as_ref().is_none_or(|all| all.len() == n), "{name}");
 }
 
-/// Reads what may be damaged: it is refused as it should be, or sound.
+/// Reads a file that may be damaged: it must be valid, or refused by one line that names it.
 #[track_caller]
 fn survive(name: &str, bytes: &[u8]) {
     let result = within_memory(name, bytes.len(), || read(name, bytes));
     let Err(error) = result else { return };
     let (code, message) = (error.category() as u8, error.to_string());
-    let own = [".scene", ".path", ".suite"].iter().any(|kind| name.ends_with(kind));
-    let codes: &[u8] = if own { &[2, 3, 4] } else { &[3, 4] };
+    let is_text = [".scene", ".path", ".suite"].iter().any(|kind| name.ends_with(kind));
+    let codes: &[u8] = if is_text { &[2, 3, 4] } else { &[3, 4] };
     assert!(codes.contains(&code), "{name}: exit code {code}: {message}");
-    assert!(message.starts_with(name) || own, "{name} is not named: {message}");
+    assert!(message.starts_with(name) || is_text, "{name} is not named: {message}");
     assert!(!message.contains('\n') && message.len() < 3000, "{name}: {message}");
 }
 
@@ -127,20 +127,20 @@ fn survive(name: &str, bytes: &[u8]) {
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    /// 0 or more, below `end`; 0 if that is 0.
+    /// A number from 0 to `end` − 1; 0 if `end` is 0.
     pub(crate) fn below(&mut self, end: usize) -> usize {
         self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         ((self.0 >> 33) as usize).checked_rem(end).unwrap_or(0)
     }
 
-    /// A part of what is `length` long.
+    /// A range of at most 64 within `length`.
     fn part(&mut self, length: usize) -> std::ops::Range<usize> {
         let start = self.below(length);
         start..start + self.below((length - start).min(64) + 1)
     }
 }
 
-/// What counts and offsets in headers must not be.
+/// Extreme values for counts and offsets in headers.
 const EXTREMES: [u64; 12] = [
     0,
     1,
@@ -156,6 +156,7 @@ const EXTREMES: [u64; 12] = [
     u64::MAX,
 ];
 
+/// Extreme values for numbers in texts.
 const NUMBERS: [&str; 12] = [
     "0",
     "-1",
@@ -171,7 +172,7 @@ const NUMBERS: [&str; 12] = [
     "99999999999999999999999999",
 ];
 
-/// One change of a kind that damage comes in.
+/// Applies one random change, which may insert a part of `other`.
 fn damage(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     let at = random.below(bytes.len());
     match random.below(9) {
@@ -202,7 +203,7 @@ fn damage(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
             bytes.splice(at..at, other[part].iter().copied());
         }
         7 => {
-            // The next number of a text.
+            // Replaces the next number of a text.
             let digits = |byte: &u8| byte.is_ascii_digit();
             let start = at + bytes[at..].iter().take_while(|byte| !digits(byte)).count();
             let end = start + bytes[start..].iter().take_while(|byte| digits(byte)).count();
@@ -220,11 +221,11 @@ fn all_files() -> Vec<files::Contents> {
     [files::particles(), files::pictures(), files::texts()].concat()
 }
 
-/// Protects every reader from files that end anywhere, and from any bit that has turned.
+/// Every reader handles files truncated anywhere and files with a flipped bit.
 #[test]
-fn truncated_files_and_turned_bits_are_refused_or_read() {
-    let _turn = counting();
-    seeds();
+fn truncated_files_and_flipped_bits_are_refused_or_read() {
+    let _lock = counting();
+    write_seeds();
     for (name, bytes) in all_files() {
         read(&name, &bytes).expect("the file is valid");
         for end in (0..bytes.len()).step_by(1 + bytes.len() / 3000) {
@@ -239,11 +240,11 @@ fn truncated_files_and_turned_bits_are_refused_or_read() {
     }
 }
 
-/// Protects every reader from all else: counts that are lies, pieces that are missing, come twice
-/// or from another file, numbers that are none.
+/// Every reader handles wrong counts, pieces that are missing, repeated or from another file, and
+/// invalid numbers.
 #[test]
 fn mutated_files_are_refused_or_read() {
-    let _turn = counting();
+    let _lock = counting();
     let rounds = std::env::var("LIMPID_HOSTILE_ROUNDS").ok().and_then(|rounds| rounds.parse().ok());
     let files = all_files();
     for round in 0..rounds.unwrap_or(1500) {
@@ -259,10 +260,10 @@ fn mutated_files_are_refused_or_read() {
     }
 }
 
-/// Protects what fuzzing has found once, in `tests/data/hostile`: the extension tells the reader.
+/// The files found by fuzzing, in `tests/data/hostile`; the extension selects the reader.
 #[test]
-fn what_fuzzing_found_stays_found() {
-    let _turn = counting();
+fn files_found_by_fuzzing_are_refused_or_read() {
+    let _lock = counting();
     let folder =
         Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("tests/data/hostile");
     let mut count = 0;
@@ -275,11 +276,11 @@ fn what_fuzzing_found_stays_found() {
     assert!(count >= 5, "{count} files");
 }
 
-/// Protects time: a file that repeats what may be repeated is read in time that grows with its
-/// length, not with its square. At half a megabyte the square takes minutes.
+/// A file with many repeated sections is read in time proportional to its length, not to its square,
+/// which would take minutes for half a megabyte.
 #[test]
-fn repeated_sections_take_no_longer_than_they_are() {
-    let _turn = counting();
+fn repeated_sections_are_read_in_linear_time() {
+    let _lock = counting();
     let n = 40_000;
     let many = |start: &str, part: &dyn Fn(usize) -> String, end: &str| {
         let mut text = start.to_owned();
@@ -368,11 +369,11 @@ fn repeated_sections_take_no_longer_than_they_are() {
     survive("attributes.bhclassic", &attributes);
 }
 
-/// Protects the program from values of options.
+/// Values of options are accepted or refused with code 2.
 #[test]
-fn any_value_of_an_option_is_taken_or_refused() {
-    let _turn = counting();
-    let around = || Project::from(Scene::around(-DVec3::ONE, DVec3::ONE, 0.1));
+fn any_value_of_an_option_is_accepted_or_refused() {
+    let _lock = counting();
+    let project = || Project::from(Scene::around(-DVec3::ONE, DVec3::ONE, 0.1));
     let parse = |kind: usize, text: &str| match kind {
         0 => text.parse::<FrameSpec>().map(drop),
         1 => text.parse::<Shard>().map(drop),
@@ -382,7 +383,7 @@ fn any_value_of_an_option_is_taken_or_refused() {
         }
         3 => replaced(&Settings::default(), &[text.into()])
             .and_then(|settings| Ok(settings.check()?)),
-        4 => around().set(&[text.into()]),
+        4 => project().set(&[text.into()]),
         5 => aov::parse_list(text).map(drop).map_err(Error::from),
         6 => OutputNames::parse(text, 2).map(|names| drop(names.path(i64::MIN))),
         _ => text.parse::<Missing>().map(drop),
@@ -424,8 +425,8 @@ fn any_value_of_an_option_is_taken_or_refused() {
     }
 }
 
-/// Writes the valid files for `cargo fuzz` to begin with, where the environment asks for it.
-fn seeds() {
+/// Writes the valid files as seeds for `cargo fuzz`, if `LIMPID_HOSTILE_SEEDS` is set.
+fn write_seeds() {
     let Some(corpus) = std::env::var_os("LIMPID_HOSTILE_SEEDS").map(PathBuf::from) else { return };
     for (name, bytes) in all_files() {
         let targets: &[&str] = match name.rsplit('.').next().unwrap_or_default() {

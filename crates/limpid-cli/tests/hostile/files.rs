@@ -1,4 +1,4 @@
-//! Valid files of every kind, small: what damage starts from.
+//! Small valid files of every kind, from which damaged files are made.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -8,7 +8,7 @@ use flate2::write::{GzEncoder, ZlibEncoder};
 use limpid::glam::{DVec3, Vec3};
 use limpid::liquid::{Ellipsoid, Particles};
 
-/// A file's name, whose extension tells its kind, and its contents.
+/// A file's name, whose extension selects the reader, and its contents.
 pub(crate) type Contents = (String, Vec<u8>);
 
 /// A few particles with every attribute.
@@ -25,7 +25,7 @@ pub(crate) fn water() -> Particles {
     }
 }
 
-/// What the writers write, and what only others write.
+/// Particle files by limpid's writers, and with features that only other programs write.
 pub(crate) fn particles() -> Vec<Contents> {
     let far: Vec<_> = (0..3).map(|i| DVec3::new(1e7 + 0.1 * f64::from(i), 0.2, 0.3)).collect();
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -81,12 +81,12 @@ pub(crate) fn particles() -> Vec<Contents> {
     files
 }
 
-/// VTK's XML in the encodings that our writer does not use.
+/// VTK XML files in encodings that limpid does not write.
 fn xml() -> Vec<Contents> {
-    let places = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes).concat();
+    let positions = [0.0_f32, 0.0, 0.0, 1.0, 1.0, 1.0].map(f32::to_le_bytes).concat();
     let words =
         |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<_>>();
-    let packed = zlib(&places);
+    let packed = zlib(&positions);
     let header = words(&[1, 24, 0, packed.len() as u32]);
     let base64 = |bytes: &[u8]| BASE64_STANDARD.encode(bytes);
     let document = |attributes: &str, data: &str| {
@@ -107,10 +107,10 @@ fn xml() -> Vec<Contents> {
     let mut raw = document("", "format=\"appended\" offset=\"0\">");
     raw.extend(b"<AppendedData encoding=\"raw\">_");
     raw.extend(words(&[24]));
-    raw.extend(&places);
+    raw.extend(&positions);
     raw.extend(b"</AppendedData></VTKFile>");
     vec![
-        ("plain.vtu".into(), inline("", base64(&[words(&[24]), places.clone()].concat()))),
+        ("plain.vtu".into(), inline("", base64(&[words(&[24]), positions.clone()].concat()))),
         (
             "packed.vtu".into(),
             inline(" compressor=\"vtkZLibDataCompressor\"", base64(&header) + &base64(&packed)),
@@ -119,7 +119,7 @@ fn xml() -> Vec<Contents> {
     ]
 }
 
-/// Pictures: around a scene, and to compare.
+/// Pictures for environment maps and comparisons.
 pub(crate) fn pictures() -> Vec<Contents> {
     use exr::prelude::*;
     use image::{DynamicImage, ImageFormat};
@@ -160,7 +160,7 @@ pub(crate) fn pictures() -> Vec<Contents> {
     files
 }
 
-/// A scene that says everything.
+/// A scene with nearly every key.
 pub(crate) const SCENE: &str = r#"
 [particles]
 source = "water.xyz"
@@ -224,7 +224,7 @@ eye = [1, 1, 1]
 target = [0, 0, 0]
 ";
 
-/// The scenes that come with limpid, one that says everything, and a camera path.
+/// Scenes of `sims/`, the golden suite, [`SCENE`] and [`PATH`].
 pub(crate) fn texts() -> Vec<Contents> {
     let sims = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("sims");
     let names = ["demo.toml", "vase.toml", "cascade.toml"];

@@ -1,9 +1,6 @@
-//! Files and arguments that want to do harm, by accident or not.
-//!
-//! Protects whoever runs limpid on files of others: whatever a file holds, reading it ends with
-//! particles that are sound or with one message that names the file and the place in it. It never
-//! panics, never hangs, and allocates no more than the file's length warrants. `docs/hostile.md`
-//! tells the outcome of each case.
+//! Damaged and malicious files and arguments. Reading any file gives valid particles or a single error
+//! that names the file and the location, never a panic or an endless loop, with no more memory than the
+//! file's length justifies. `docs/hostile.md` lists the outcome of each case.
 
 mod cases;
 mod damage;

@@ -1,7 +1,5 @@
-//! Too little memory.
-//!
-//! Protects farms: where the system gives no more, a command ends with the exit code that says that
-//! it may be tried again, however far it has come, and leaves nothing behind.
+//! Limits on memory: if memory runs out at any point, a command ends with the exit code of a retryable
+//! error and leaves no files.
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +10,8 @@ use limpid::liquid::Particles;
 
 use super::damage::Random;
 
-/// Runs `limpid` with so many KiB of address space. It either does its work or ends as it should.
+/// Runs `limpid` with `kib` KiB of address space. It must succeed, or fail with code 6 and without
+/// files.
 #[track_caller]
 fn limited(folder: &Path, kib: usize, arguments: &[&str]) {
     let out = folder.join("out");
@@ -29,24 +28,25 @@ fn limited(folder: &Path, kib: usize, arguments: &[&str]) {
     fs::remove_dir_all(out).expect("it is ours");
 }
 
-/// Protects farms from frames that are given up for good where memory was short for a while.
+/// A command without enough memory has the exit code of a retryable error, so that farms retry the
+/// frame.
 #[test]
-fn no_memory_is_told_by_its_exit_code() {
+fn exhausted_memory_has_its_own_exit_code() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let place = |i: usize| Vec3::new((i % 100) as f32, (i / 100 % 50) as f32, (i / 5000) as f32);
-    let particles = Particles::from_positions((0..200_000).map(place).collect());
+    let position = |i: usize| Vec3::new((i % 100) as f32, (i / 100 % 50) as f32, (i / 5000) as f32);
+    let particles = Particles::from_positions((0..200_000).map(position).collect());
     limpid_io::particles::write(&particles, &folder.path().join("a.xyz"))
         .expect("it can be written");
     let mut random = Random(21);
-    let mut codes_of = |arguments: &[&str], low: usize, high: usize| {
+    let mut run_between = |arguments: &[&str], low: usize, high: usize| {
         for _ in 0..4 {
             limited(folder.path(), low + random.below(high - low), arguments);
         }
     };
-    codes_of(&["info", "a.xyz"], 60_000, 200_000);
-    codes_of(&["convert", "a.xyz", "out/a.vtu"], 60_000, 120_000);
-    codes_of(&["convert", "a.xyz", "out/a.csv"], 60_000, 120_000);
-    // A graphics driver takes most of it.
+    run_between(&["info", "a.xyz"], 60_000, 200_000);
+    run_between(&["convert", "a.xyz", "out/a.vtu"], 60_000, 120_000);
+    run_between(&["convert", "a.xyz", "out/a.csv"], 60_000, 120_000);
+    // A graphics driver needs most of the memory.
     let draw = ["render", "a.xyz", "--radius=0.5", "--size=80x60", "-o", "out/a.png"];
-    codes_of(&draw, 700_000, 1_700_000);
+    run_between(&draw, 700_000, 1_700_000);
 }

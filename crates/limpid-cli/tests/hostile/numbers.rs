@@ -1,4 +1,4 @@
-//! Particles whose numbers are at the end of what floats hold: they are drawn as finite splats.
+//! Particles with extreme floats, which must become finite splats.
 
 use limpid::glam::Vec3;
 use limpid::liquid::classify::{classify, estimate_radius};
@@ -7,11 +7,11 @@ use limpid::settings::Classify;
 
 use super::damage::Random;
 
-/// Finite numbers that arithmetic in 32 bits does not survive, and ordinary ones.
+/// Ordinary numbers, and finite ones that overflow or underflow in 32-bit arithmetic.
 const NUMBERS: [f32; 13] =
     [0.0, -0.0, 1.0, -1.0, 0.1, 0.2, 1e30, -1e30, f32::MAX, f32::MIN, 1e-45, -1e-40, 1e19];
 
-fn any(random: &mut Random, n: usize) -> Particles {
+fn random_particles(random: &mut Random, n: usize) -> Particles {
     let mut number = || NUMBERS[random.below(NUMBERS.len())];
     let mut vectors =
         || (0..n).map(|_| Vec3::new(number(), number(), number())).collect::<Vec<_>>();
@@ -28,14 +28,13 @@ fn any(random: &mut Random, n: usize) -> Particles {
     }
 }
 
-/// Protects pictures from NaN and ∞: whatever finite numbers a frame has, and between two frames
-/// too, each splat is finite.
+/// Frames of any finite numbers, and interpolations between them, become finite splats.
 #[test]
 fn any_finite_particles_become_finite_splats() {
     let mut random = Random(1);
     for round in 0..300 {
         let n = 1 + random.below(24);
-        let (a, b) = (any(&mut random, n), any(&mut random, n));
+        let (a, b) = (random_particles(&mut random, n), random_particles(&mut random, n));
         let mut between = Particles::between(&a, &b, 0.3);
         between.to_y_up(Up::Z);
         for mut particles in [a, b, between] {
@@ -51,17 +50,17 @@ fn any_finite_particles_become_finite_splats() {
     }
 }
 
-/// Protects time and sense: where all particles are neighbours of each other, those that stand for
-/// the rest give the shapes that all would, in seconds instead of hours.
+/// If all particles are neighbours of each other, shapes are computed from a sample of them, in seconds
+/// instead of hours and with the same result.
 #[test]
-fn a_crowd_is_drawn_from_a_sample() {
+fn crowded_particles_are_sampled() {
     let n = 60_000;
     let mut random = Random(2);
     let mut number = || random.below(1 << 20) as f32 / (1 << 20) as f32;
     let positions = (0..n).map(|_| Vec3::new(number(), number(), number())).collect();
     let splats = classify(&Particles::from_positions(positions), 10.0, &Classify::default());
     assert_eq!((splats.aggregates.len(), splats.splashes.len()), (n, 0));
-    // All in one place, seen from so far: spheres around the middle.
+    // Within such a large radius all have the same neighbours: spheres around the middle.
     for splat in &splats.aggregates {
         let middle = splats.origin + Vec3::from_array(splat.centre).as_dvec3();
         assert!((middle - 0.5).length() < 0.2, "{splat:?}");

@@ -1,4 +1,4 @@
-//! The files that the cases begin with.
+//! Preparation of the files for the cases.
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
@@ -19,11 +19,12 @@ pub(crate) fn write(path: impl AsRef<Path>, bytes: impl AsRef<[u8]>) {
     fs::write(path, bytes).expect("a file for a case");
 }
 
+/// Writes a sparse file of 4 GiB of zeros.
 pub(crate) fn sparse(path: impl AsRef<Path>) {
     File::create(path).and_then(|file| file.set_len(FOUR_GIB)).expect("a file for a case");
 }
 
-/// A block of water of 12 × 5 × 8 particles.
+/// Writes `water.xyz`, a block of 12 × 5 × 8 particles.
 pub(crate) fn block(folder: &Path) {
     let mut text = String::new();
     for i in 0..12 * 5 * 8 {
@@ -33,7 +34,7 @@ pub(crate) fn block(folder: &Path) {
     write(folder.join("water.xyz"), text);
 }
 
-/// The block with one more line.
+/// Writes the block with an additional line.
 pub(crate) fn block_and(folder: &Path, line: &str) {
     block(folder);
     let path = folder.join("water.xyz");
@@ -51,16 +52,16 @@ pub(crate) fn two_pictures(folder: &Path) {
     }
 }
 
-/// A chain of gzip members, each of 16 MiB of nothing: 1.25 GiB.
+/// A chain of 80 gzip members, each of 16 MiB of zeros: 1.25 GiB.
 pub(crate) fn bomb() -> Vec<u8> {
     files::gzip(&vec![0; 16 << 20]).repeat(80)
 }
 
-/// Many pieces of a VTU file that share one block of 4 MiB of nothing.
+/// A VTU file whose many pieces share one block of 4 MiB of zeros.
 pub(crate) fn shared_pieces() -> Vec<u8> {
-    let places = vec![0; 12 * 350_000];
-    let packed = files::zlib(&places);
-    let header = [1, places.len() as u32, 0, packed.len() as u32].map(u32::to_le_bytes).concat();
+    let positions = vec![0; 12 * 350_000];
+    let packed = files::zlib(&positions);
+    let header = [1, positions.len() as u32, 0, packed.len() as u32].map(u32::to_le_bytes).concat();
     let piece = "<Piece NumberOfPoints=\"350000\"><Points><DataArray type=\"Float32\" \
                  NumberOfComponents=\"3\" format=\"appended\" offset=\"0\"/></Points></Piece>";
     let start = "<VTKFile type=\"PolyData\" compressor=\"vtkZLibDataCompressor\"><PolyData>";
@@ -68,7 +69,7 @@ pub(crate) fn shared_pieces() -> Vec<u8> {
     [start.as_bytes(), piece.repeat(1000).as_bytes(), end.as_bytes(), &header, &packed].concat()
 }
 
-/// An archive whose one member is longer than its directory says.
+/// An archive whose only member is longer than its directory states.
 pub(crate) fn lying_archive() -> Vec<u8> {
     use std::io::Write as _;
     let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
@@ -84,7 +85,8 @@ pub(crate) fn lying_archive() -> Vec<u8> {
     bytes
 }
 
-/// Particles in one place, with every attribute that takes no room when it is packed.
+/// Writes `count` equal particles, which compress extremely well; as `.npz` with velocities and
+/// densities.
 pub(crate) fn many(folder: &Path, count: usize, name: &str) {
     let particles = Particles {
         velocities: name.ends_with(".npz").then(|| vec![Vec3::ZERO; count]),
@@ -94,7 +96,7 @@ pub(crate) fn many(folder: &Path, count: usize, name: &str) {
     limpid_io::particles::write(&particles, &folder.join(name)).expect("it can be written");
 }
 
-/// `blank.png`, a black square, packed as well as deflate can.
+/// Writes `blank.png`, a black square, which compresses extremely well.
 pub(crate) fn blank(folder: &Path, side: u32) {
     let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
     let mut chunk = |name: &[u8], contents: &[u8]| {
@@ -112,7 +114,7 @@ pub(crate) fn blank(folder: &Path, side: u32) {
     write(folder.join("blank.png"), png);
 }
 
-/// `a.toml`, the block of water in front of `blank.png`.
+/// Writes `a.toml`, the block of water with the environment map `blank.png`.
 pub(crate) fn blank_surroundings(folder: &Path) {
     block(folder);
     blank(folder, 12_000);
@@ -128,13 +130,13 @@ pub(crate) fn forbid(path: &Path) {
     fs::set_permissions(path, fs::Permissions::from_mode(0o000)).expect("it is ours");
 }
 
-/// What fuzzing has found.
+/// Copies a file found by fuzzing.
 pub(crate) fn found(folder: &Path, name: &str) {
     let data = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("tests/data/hostile");
     fs::copy(data.join(name), folder.join(name)).expect("it is there");
 }
 
-/// A small simulation.
+/// Copies a small simulation to `dam.toml`.
 pub(crate) fn dam(folder: &Path) {
     let sims = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("sims");
     fs::copy(sims.join("dam_break.toml"), folder.join("dam.toml")).expect("it is there");

@@ -1,7 +1,5 @@
-//! The program from outside.
-//!
-//! Protects whoever runs it on what others made: each case of the list is run, and ends as it says;
-//! and `docs/hostile.md` has the list as its table.
+//! Runs the program on each case of the list and checks its outcome, and compares the list with the
+//! table in `docs/hostile.md`.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -15,7 +13,7 @@ use rayon::prelude::*;
 
 use super::cases::{CASES, Case, Way};
 
-/// The words of a command line; quotes keep blanks.
+/// Splits a command line into words; quoted words may contain blanks.
 fn words(line: &str) -> Vec<String> {
     line.split('"').enumerate().fold(Vec::new(), |mut words, (k, part)| {
         if k % 2 == 1 {
@@ -27,7 +25,7 @@ fn words(line: &str) -> Vec<String> {
     })
 }
 
-/// Whether `text` is `pattern`, with anything for each `…`.
+/// Whether `text` matches `pattern`, where `…` matches any text.
 fn matches(pattern: &str, text: &str) -> bool {
     let parts: Vec<&str> = pattern.split('…').collect();
     let (first, last) = (parts[0], parts[parts.len() - 1]);
@@ -46,19 +44,22 @@ fn matches(pattern: &str, text: &str) -> bool {
     })
 }
 
-/// Whether a program runs and succeeds here.
-fn can(program: &str, arguments: &[&str]) -> bool {
+/// Whether a command succeeds on this machine.
+fn succeeds(program: &str, arguments: &[&str]) -> bool {
     Command::new(program).args(arguments).output().is_ok_and(|output| output.status.success())
 }
 
-/// Runs a case; what is wrong with its end, if something is.
+/// Runs a case.
+///
+/// # Errors
+/// A description of its outcome, if that is not the expected one.
 fn run(case: &Case, limpid: &Path) -> Result<(), String> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).expect("it is ours");
     let out = folder.path().join("out");
     fs::create_dir(&out).expect("a folder");
     (case.prepare)(folder.path());
-    // A full disk is a file system of its own, gone with the process.
+    // A full disk is a file system that is mounted for the process alone.
     let shell = match case.way {
         Way::Small => "ulimit -v 3145728; exec \"$0\" \"$@\"",
         Way::Drawing => "exec \"$0\" \"$@\"",
@@ -78,7 +79,7 @@ fn run(case: &Case, limpid: &Path) -> Result<(), String> {
         _ => assert_cmd::Command::new("sh"),
     };
     command.args(["-c", shell]).arg(limpid).args(words(case.arguments));
-    // What is said beside an error is no part of the table.
+    // The table has errors only.
     if case.arguments.starts_with("render") {
         command.arg("--quiet");
     }
@@ -97,20 +98,21 @@ fn run(case: &Case, limpid: &Path) -> Result<(), String> {
     let left: Vec<_> = left.iter().map(|name| name.to_string_lossy()).collect();
     let expected = |name: &str| name.ends_with("bake.json") || case.code == 0 && name == "a.png";
     match left.iter().find(|name| !expected(name)) {
-        Some(name) => Err(format!("{name} is left behind")),
+        Some(name) => Err(format!("{name} is left")),
         None => Ok(()),
     }
 }
 
-/// Protects whoever runs the program on what others made: each case ends as the table says.
+/// Each case has the listed exit code and message.
 #[test]
-fn every_case_ends_as_the_table_says() {
+fn every_case_has_its_listed_outcome() {
     let limpid = Path::new(env!("CARGO_BIN_EXE_limpid"));
     let adapter = Gpu::headless().is_ok();
     let quoted = limpid.to_string_lossy();
-    let drop = ["--reuid", "65534", "--regid", "65534", "--clear-groups", &quoted, "--version"];
-    let nobody = can("setpriv", &drop);
-    let mount = can("unshare", &["--mount", "true"]);
+    let drop_privileges =
+        ["--reuid", "65534", "--regid", "65534", "--clear-groups", &quoted, "--version"];
+    let nobody = succeeds("setpriv", &drop_privileges);
+    let mount = succeeds("unshare", &["--mount", "true"]);
     let possible = |case: &&Case| match case.way {
         Way::Small | Way::Short => true,
         Way::Drawing => adapter,
@@ -128,10 +130,9 @@ fn every_case_ends_as_the_table_says() {
     assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), cases.len(), wrong.join("\n"));
 }
 
-/// Protects the table in the docs from saying what is not tested, and the other way round.
-/// `LIMPID_WRITE_TABLE=1` writes it.
+/// The table in `docs/hostile.md` matches the list of cases; `LIMPID_WRITE_TABLE=1` writes it.
 #[test]
-fn the_table_in_the_docs_is_the_list_of_cases() {
+fn the_documented_table_matches_the_cases() {
     const START: &str = "<!-- cases -->\n";
     const END: &str = "<!-- end of cases -->";
     let mut table = "| case | command | exit code | message |\n|---|---|---|---|\n".to_owned();
@@ -163,9 +164,9 @@ fn the_table_in_the_docs_is_the_list_of_cases() {
     }
 }
 
-/// Protects the tests above: a pattern that matches anything would.
+/// Patterns match only what they should.
 #[test]
-fn patterns_match_what_they_say() {
+fn patterns() {
     for (pattern, text, expected) in [
         ("a", "a", true),
         ("a", "ab", false),

@@ -1,7 +1,5 @@
-//! Recipes and simulations whose numbers are anything.
-//!
-//! Protects whoever opens a scene of others: it is made, or refused by a message that names a key;
-//! neither takes more memory than its particles, nor as long as its emptiness is wide.
+//! Recipes and simulations with extreme numbers: they are generated, or refused by an error that names a
+//! key, with time and memory in proportion to their particles, not to the extent of empty space.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -35,11 +33,11 @@ const SIMULATIONS: [&str; 4] = [
      [[simulation.block]]\nmin = [0.0, 0.0, 0.0]\nmax = [1.0, 0.3, 0.5]\n",
 ];
 
-/// So small, or so large, that what is made is as good as nothing, or far too much.
+/// Values so small or so large that almost no particles are generated, or far too many.
 const NUMBERS: [&str; 12] =
     ["0.0", "-1.0", "1e-300", "1e-9", "1e-6", "1e-3", "1e3", "1e4", "1e9", "1e300", "inf", "nan"];
 
-/// The text with some of its decimal numbers replaced. Whole numbers stay: they count particles.
+/// Replaces some decimal numbers of a text. Integers, which are counts of particles, are kept.
 fn mutated(text: &str, random: &mut Random) -> String {
     let mut text = text.to_owned();
     for _ in 0..=random.below(3) {
@@ -47,11 +45,11 @@ fn mutated(text: &str, random: &mut Random) -> String {
         let points: Vec<usize> =
             text.match_indices('.').filter(decimal).map(|(at, _)| at).collect();
         let Some(&point) = points.get(random.below(points.len())) else { return text };
-        let part = |c: char| c.is_ascii_digit() || c == '-';
-        let start = text[..point].rfind(|c| !part(c)).map_or(0, |at| at + 1);
+        let in_number = |c: char| c.is_ascii_digit() || c == '-';
+        let start = text[..point].rfind(|c| !in_number(c)).map_or(0, |at| at + 1);
         let after = &text[point + 1..];
         let end = point + 1 + after.find(|c: char| !c.is_ascii_digit()).unwrap_or(after.len());
-        // What is not a number alone is the name of a key, or a power of ten.
+        // Numbers with an exponent are kept.
         if !after[end - point - 1..].starts_with('e') {
             text.replace_range(start..end, NUMBERS[random.below(NUMBERS.len())]);
         }
@@ -59,7 +57,7 @@ fn mutated(text: &str, random: &mut Random) -> String {
     text
 }
 
-/// The message of what is refused names a key, on one line.
+/// Fails unless the error is a usage error of one line.
 #[track_caller]
 fn refused(text: &str, error: &Error) {
     let message = error.to_string();
@@ -67,20 +65,21 @@ fn refused(text: &str, error: &Error) {
     assert!(!message.contains('\n') && message.len() < 600, "{message}\n{text}");
 }
 
-const MOST: usize = 192 << 20;
+/// Memory limit of a recipe or simulation, bytes.
+const MAX_MEMORY: usize = 192 << 20;
 
 #[test]
-fn mutated_recipes_are_made_or_refused() {
-    let _turn = counting();
+fn mutated_recipes_are_generated_or_refused() {
+    let _lock = counting();
     let mut random = Random(15);
     for round in 0..48 {
         let recipe = mutated(RECIPES[round % RECIPES.len()], &mut random);
         let text = format!("[recipe]\n{recipe}");
-        let made = within(&text, MOST, || -> limpid_io::Result<_> {
+        let result = within(&text, MAX_MEMORY, || -> limpid_io::Result<_> {
             let project = Project::parse(&text, "a.toml", Path::new(""))?;
             Ok(project.source.recipe().expect("it has one").particles()?)
         });
-        match made {
+        match result {
             Ok(particles) => {
                 assert!(particles.len() < 3000, "{}: {text}", particles.len());
                 assert!(particles.positions.iter().all(|x| x.is_finite()), "{text}");
@@ -92,23 +91,23 @@ fn mutated_recipes_are_made_or_refused() {
 
 #[test]
 fn mutated_simulations_are_baked_or_refused() {
-    let _turn = counting();
+    let _lock = counting();
     let mut random = Random(16);
     for round in 0..48 {
         let simulation = mutated(SIMULATIONS[round % SIMULATIONS.len()], &mut random);
-        // A million particles may be meant, and are too many to wait for.
+        // Avoids numbers that give millions of valid particles, which take too long here.
         let text = format!("[simulation]\n{simulation}");
         let text = text.replace("radius = 1e-3", "radius = 1e-9");
         let text = text.replace("1e3", "1e5").replace("1e4", "1e5");
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let baked = within(&text, MOST, || {
+        let baked = within(&text, MAX_MEMORY, || {
             let mut project = Project::parse(&text, "a.toml", Path::new(""))?;
             let simulation = project.simulation_mut("a")?.clone();
-            let two = |progress: bake::Progress| match progress.done {
+            let two_frames = |progress: bake::Progress| match progress.done {
                 2.. => ControlFlow::Break(()),
                 _ => ControlFlow::Continue(()),
             };
-            bake::bake(&simulation, &project.scene.solids, "a", folder.path(), two)
+            bake::bake(&simulation, &project.scene.solids, "a", folder.path(), two_frames)
         });
         if let Err(error) = baked {
             refused(&text, &error);

@@ -23,8 +23,8 @@ fn close(a: DVec3, b: DVec3, scale: f64) -> bool {
     (a - b).length() <= 1e-9 * scale
 }
 
-/// An orbit keeps distance and target, a full turn is the identity, small turns add up, and the view does
-/// not flip at the poles.
+/// An orbit keeps distance and target, a full turn is the identity, small turns add up, and the view
+/// does not flip at the poles.
 #[test]
 fn orbit_keeps_distance_and_horizon() {
     for camera in cameras() {

@@ -60,8 +60,8 @@ fn panels_change_nothing_by_being_shown() {
     }
 }
 
-/// The traced truth applies only to the view, the frame time and the liquid that it was traced for: after
-/// a change of the liquid it must be traced again.
+/// The traced truth applies only to the view, the frame time and the liquid that it was traced for:
+/// after a change of the liquid it must be traced again.
 #[test]
 fn truth_applies_only_to_its_own_liquid() {
     let scene =

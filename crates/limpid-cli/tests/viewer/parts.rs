@@ -108,8 +108,8 @@ fn drafts_are_as_large_as_time_allows() {
     assert_eq!(resolution.draft(UVec2::ONE), UVec2::ONE);
 }
 
-/// A legend has the range of its colours, normals are shown as colours, and an image missing from a frame
-/// is reported.
+/// A legend has the range of its colours, normals are shown as colours, and an image missing from a
+/// frame is reported.
 #[test]
 fn legends_match_their_views() {
     use limpid::aov::{Aov, Channel, Part};

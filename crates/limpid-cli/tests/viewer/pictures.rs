@@ -1,5 +1,5 @@
-//! The viewer's pictures are bit-identical to those of the offscreen renderer, of the copied command line
-//! and of the saved scene.
+//! The viewer's pictures are bit-identical to those of the offscreen renderer, of the copied command
+//! line and of the saved scene.
 
 use std::sync::{Arc, mpsc};
 
@@ -69,8 +69,8 @@ fn draw_thread_and_offscreen_draw_the_same_bits() {
     assert!((1..pictures.len()).all(|i| pictures[i] != pictures[i - 1]));
 }
 
-/// The copied command line, run by a shell, writes the picture that the viewer saves, here with a changed
-/// setting, liquid and view, between two frames.
+/// The copied command line, run by a shell, writes the picture that the viewer saves, here with a
+/// changed setting, liquid and view, between two frames.
 #[test]
 fn copied_command_line_writes_what_the_viewer_saves() {
     let mut source = sequence();

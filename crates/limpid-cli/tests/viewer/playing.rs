@@ -117,8 +117,8 @@ fn simulation_runs_during_playback() {
     assert_eq!((harness.state().playback().count(), made(7)), (7, before));
 }
 
-/// Selected frames of a simulated scene are opened as soon as they exist, also if they are the last ones,
-/// without notices of missing frames, and are not reopened later.
+/// Selected frames of a simulated scene are opened as soon as they exist, also if they are the last
+/// ones, without notices of missing frames, and are not reopened later.
 #[test]
 fn selected_frames_of_a_simulation_are_opened_once() {
     for (frames, count) in [("1-3", 3), ("5-7", 3)] {
@@ -195,8 +195,8 @@ fn failure_to_open_is_reported() {
     assert!(harness.state().command_line("x").is_some());
 }
 
-/// A window without area, as when minimised, draws nothing without an error, and the picture returns with
-/// the window's size.
+/// A window without area, as when minimised, draws nothing without an error, and the picture returns
+/// with the window's size.
 #[test]
 fn window_without_size_draws_nothing() {
     let mut harness = harness(sequence(), [700.0, 400.0]);

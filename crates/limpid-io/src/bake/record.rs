@@ -1,4 +1,4 @@
-//! What made the frames in a folder, so that no bake goes on with another's.
+//! Bake records: the parameters of the frames in a folder, so that no bake continues those of another.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -13,19 +13,19 @@ use crate::error::{Error, Result};
 use crate::output::FileKind;
 use crate::{files, output};
 
-/// To be counted up when the same parameters no longer make the same frames.
+/// Version of the solver, to be incremented when the same parameters give other frames.
 const SOLVER: u32 = 2;
 
-/// The record's file.
+/// Path of the record.
 pub(super) fn path(folder: &Path, name: &str) -> PathBuf {
     folder.join(format!("{name}.bake.json"))
 }
 
-/// Writes the record of a simulation beside the frames to come, or finds it there.
+/// Writes the record of a simulation beside its frames, or checks an existing one.
 ///
 /// # Errors
-/// [`Error::Usage`] if frames are there that other parameters made, [`Error::Io`] if the record
-/// cannot be read or written.
+/// [`Error::OtherBake`] if frames with other parameters exist, [`Error::UnknownBake`] if frames without
+/// a record do; [`Error::Format`] for an invalid record, [`Error::Io`] if it cannot be read or written.
 pub(super) fn keep(
     simulation: &Simulation,
     solids: &[Solid],
@@ -65,7 +65,7 @@ pub(super) fn keep(
     output::write_atomically(&path, FileKind::BAKE_RECORD, |file| writeln!(file, "{text}"))
 }
 
-/// All that frames depend on; their number is not among it.
+/// The record of a simulation: everything that its frames depend on, which excludes their number.
 fn of(simulation: &Simulation, solids: &[Solid]) -> Value {
     let mut record = json!({
         "solver": SOLVER,
@@ -75,11 +75,11 @@ fn of(simulation: &Simulation, solids: &[Solid]) -> Value {
     if let Some(simulation) = record["simulation"].as_object_mut() {
         simulation.remove("frames");
     }
-    // As it will be read: what JSON cannot hold is lost on both sides.
+    // Parsed again, so that values that JSON cannot represent are lost on both sides of a comparison.
     serde_json::from_str(&record.to_string()).unwrap_or(record)
 }
 
-/// The first key whose values differ, as a part of a sentence.
+/// Describes the first key whose values differ, in parentheses.
 fn difference(known: &Value, record: &Value) -> Option<String> {
     let (known, record) = (known.get("simulation")?, record.get("simulation")?);
     let (key, value) =

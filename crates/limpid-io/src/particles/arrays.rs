@@ -1,4 +1,4 @@
-//! Which arrays of a file are read as which attributes.
+//! The arrays of a particle file, and their assignment to attributes.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,37 +10,37 @@ use super::table::{Column, Table};
 use super::{Attribute, Particles};
 use crate::error::{Error, Result, printable};
 
-/// More arrays than this are not listed.
+/// Largest number of listed arrays.
 pub(super) const MOST_LISTED: usize = 1024;
 
 /// An array of a particle file, other than the positions.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Array {
-    /// Its name in the file; of columns that make one attribute, all their names.
+    /// Its name in the file; if several columns form the attribute, all their names.
     pub name: String,
-    /// Its size along each axis, particles first, as `NumPy` has it.
+    /// Its size along each axis, particles first, as in `NumPy`.
     pub shape: Vec<usize>,
     /// The attribute that it is read as; `None` if it is ignored.
     pub used_as: Option<Attribute>,
 }
 
 impl fmt::Display for Array {
-    /// `U (4732, 3)`.
+    /// Formats name and shape: `U (4732, 3)`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let shape: Vec<String> = self.shape.iter().map(usize::to_string).collect();
         write!(f, "{} ({})", self.name, shape.join(", "))
     }
 }
 
-/// A particle file as it was read.
+/// The contents of a particle file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Contents {
     /// The particles.
     pub particles: Particles,
-    /// All arrays but the positions, in the order of the file; the first 1024 of them.
+    /// The first 1024 arrays other than the positions, in the order of the file.
     pub arrays: Vec<Array>,
-    /// Triangles, polygons and other cells of more than a point: the file holds a mesh, of which
-    /// the corners are read as particles.
+    /// Number of triangles, polygons and other cells with several points. Above 0 the file is a mesh,
+    /// whose vertices are read as particles.
     pub cells: usize,
 }
 
@@ -51,7 +51,7 @@ impl From<Particles> for Contents {
 }
 
 impl Contents {
-    /// Reads an array as the attribute that it is, if it is one that the particles do not have yet.
+    /// Reads an array as the attribute of its name, if there is one and the particles lack it.
     pub(super) fn take(
         &mut self,
         map: &AttributeMap,
@@ -66,7 +66,7 @@ impl Contents {
         self.take_as(map.attribute_of(name), name, &shape, table, columns)
     }
 
-    /// As [`Contents::take`], of an array that is known to be an attribute, or none.
+    /// As [`Contents::take`], for an array with a known attribute or none.
     pub(super) fn take_as(
         &mut self,
         attribute: Option<Attribute>,
@@ -83,8 +83,8 @@ impl Contents {
         Ok(())
     }
 
-    /// Keeps an attribute that it does not have yet, if it is of so many numbers, and of radii any is
-    /// above 0; whether it did.
+    /// Stores an attribute; returns whether it did. An attribute that the particles have already, one
+    /// with another number of columns, and radii that are all 0 are not stored.
     fn attach(
         &mut self,
         attribute: Attribute,
@@ -109,7 +109,7 @@ impl Contents {
                     let problem = format!("particle {i}: radius {}, 0 or more expected", radii[i]);
                     return Err(table.error(i, column, problem));
                 }
-                // Never filled in: not known, as 0 is elsewhere.
+                // An array that was never filled in: the radius is unknown.
                 if radii.iter().all(|&r| r == 0.0) {
                     return Ok(false);
                 }
@@ -148,7 +148,7 @@ impl Contents {
         }
     }
 
-    /// What is wrong if an array that the map names has not been read.
+    /// Describes the problem if an array of the map was not read.
     pub(super) fn unread(&self, map: &AttributeMap) -> Option<String> {
         if self.particles.is_empty() {
             return None;
@@ -160,22 +160,22 @@ impl Contents {
             Attribute::Ellipsoid => "6 numbers",
             Attribute::Density | Attribute::Radius | Attribute::Id => "one number",
         };
-        let there: Vec<String> = self.arrays.iter().take(12).map(Array::to_string).collect();
-        let there = if there.is_empty() { "none".into() } else { there.join(", ") };
+        let arrays: Vec<String> = self.arrays.iter().take(12).map(Array::to_string).collect();
+        let arrays = if arrays.is_empty() { "none".into() } else { arrays.join(", ") };
         Some(format!(
-            "{attribute}={name}: no array `{name}` of {numbers} a particle; there are: {there}"
+            "{attribute}={name}: no array `{name}` of {numbers} a particle; there are: {arrays}"
         ))
     }
 }
 
-/// Which arrays some attributes are read from, whatever else a file has: written
-/// `velocity=U,radius=h`. Case does not matter.
+/// The arrays from which some attributes are read, instead of those with the usual names. Its text is
+/// `velocity=U,radius=h`; case does not matter.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct AttributeMap(BTreeMap<Attribute, String>);
 
 impl AttributeMap {
-    /// Whether it says nothing.
+    /// Whether it has no entries.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -187,14 +187,14 @@ impl AttributeMap {
         mapped.map(|(attribute, _)| *attribute).or_else(usual)
     }
 
-    /// The array that an attribute is to be read from, in lower case.
+    /// The array from which an attribute must be read, in lower case.
     pub(super) fn array_of(&self, attribute: Attribute) -> Option<String> {
         self.0.get(&attribute).map(|name| name.to_ascii_lowercase())
     }
 }
 
 impl fmt::Display for AttributeMap {
-    /// As it is parsed.
+    /// Writes the text that parses to the same map.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let pairs: Vec<String> = self.0.iter().map(|(a, name)| format!("{a}={name}")).collect();
         f.write_str(&pairs.join(","))

@@ -1,18 +1,17 @@
-//! BGEO version 5, Houdini's classic binary geometry, as Partio writes it, and through it the
-//! simulator `SPlisHSPlasH` (Walt Disney Animation Studios, Partio, `BGEO.cpp`).
+//! BGEO version 5, Houdini's classic binary geometry, as written by Partio (Walt Disney Animation
+//! Studios, `BGEO.cpp`) and by the simulator SPlisHSPlasH, which uses it.
 //!
-//! Everything is big-endian, and the whole file may be gzip:
+//! All numbers are big-endian, and the whole file may be compressed by gzip:
 //!
 //! ```text
 //! "Bgeo" 'V'  i32 version = 5
 //! i32 points, primitives, point groups, primitive groups,
 //!     point attributes, vertex attributes, primitive attributes, detail attributes
 //! each point attribute: u16 length, name, u16 size, i32 type, defaults
-//! each point: f32 x, y, z, w, then size × 4 bytes an attribute
+//! each point: f32 x, y, z, w, then size × 4 bytes per attribute
 //! ```
 //!
-//! Primitives, groups and detail attributes come after the points and are not read; a file that
-//! limpid writes has none.
+//! Primitives, groups and detail attributes follow the points and are not read; limpid writes none.
 
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind, Read, Write};
@@ -38,7 +37,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
 }
 
 fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
-    // What the file says of its length, as far as deflate can keep it, spares growing step by step.
+    // Reserves the length stated in the file, as far as deflate can reach it, to avoid reallocations.
     let length = bytes.last_chunk().map_or(0, |&length| u64::from(u32::from_le_bytes(length)));
     let length = length.min(DEFLATE_RATIO.saturating_mul(bytes.len() as u64)).min(limit);
     let mut unpacked = memory::reserve(usize::try_from(length).unwrap_or(0), path.display())?;
@@ -98,8 +97,9 @@ fn encode(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
     let mut record = Vec::new();
     for i in 0..particles.len() {
         record.clear();
-        let place = particles.single_place(i);
-        record.extend([place.x, place.y, place.z, 1.0].map(f32::to_be_bytes).as_flattened());
+        let position = particles.single_place(i);
+        let point = [position.x, position.y, position.z, 1.0];
+        record.extend(point.map(f32::to_be_bytes).as_flattened());
         for &(_, values) in &attributes {
             match values {
                 Values::Integers(ids) => record.extend(narrow_id(ids[i], "BGEO")?.to_be_bytes()),
@@ -112,7 +112,7 @@ fn encode(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
     out.write_all(&[0x00, 0xff])
 }
 
-/// Reads what, with the particles that it holds, takes at most `limit` bytes.
+/// Parses an unpacked file; `limit` is that of its size together with the particles', bytes.
 fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -> Result<Contents> {
     if !bytes.starts_with(b"BgeoV") {
         return Err(foreign(path, bytes, "a BGEO file of version 5"));
@@ -175,7 +175,7 @@ fn skip_defaults(file: &mut Cursor<'_>, size: usize) -> Result<usize> {
     Ok(size)
 }
 
-/// The strings that an attribute's entries are indices into.
+/// Skips the table of strings to which an attribute's entries are indices.
 fn skip_strings(file: &mut Cursor<'_>) -> Result<()> {
     for _ in 0..count(file, "an attribute's number of strings")? {
         let length = file.array("an attribute's strings").map(u16::from_be_bytes)?;
@@ -197,7 +197,7 @@ fn count(file: &mut Cursor<'_>, what: &str) -> Result<usize> {
 mod tests {
     use super::*;
 
-    /// Protects memory from a small file that unpacks to a huge one.
+    /// A small file that unpacks to a huge one is refused at the limit.
     #[test]
     fn unpacking_stops_at_the_limit() {
         let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());

@@ -1,10 +1,10 @@
-//! Text with a line a particle, as `ParaView`, `DualSPHysics` and spreadsheets write it. The
-//! delimiter is the one of comma, semicolon and tab that the first line has most of.
+//! CSV: text with one particle per line, as written by `ParaView`, `DualSPHysics` and spreadsheets. The
+//! delimiter is the most frequent of comma, semicolon and tab in the first line.
 //!
-//! The first line may name the columns. A vector's are told by its name, perhaps a `:`, `_` or `.`,
-//! and `x`, `y`, `z` or `0`, `1`, `2`: `x`, `px`, `Points:0`, `Points_0`, `Pos.x [m]`. Without such
-//! a line the first three columns are x, y and z. Lines that begin with `#` are left out, but for
-//! one before the numbers that names as many columns as they have.
+//! The first line may name the columns. Those of a vector have its name, optionally `:`, `_` or `.`,
+//! and `x`, `y`, `z` or `0`, `1`, `2`: `x`, `px`, `Points:0`, `Points_0`, `Pos.x [m]`. Without such a
+//! line the first three columns are x, y and z. Lines that begin with `#` are comments, except one
+//! before the numbers that names as many columns as they have.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -21,7 +21,7 @@ use super::{
 use crate::error::{Error, Result};
 use limpid::memory;
 
-/// What positions are called before the axis.
+/// Names of positions, before the axis.
 const POSITION: [&str; 9] =
     ["", "p", "points", "point", "pos", "position", "positions", "coord", "coordinates"];
 
@@ -43,13 +43,13 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         .from_reader(text);
     let mut record = ByteRecord::new();
     let mut next = |record: &mut ByteRecord| -> Result<Option<usize>> {
-        let there = records.read_byte_record(record).map_err(|error| {
+        let found = records.read_byte_record(record).map_err(|error| {
             let offset = error.position().map_or(0, |position| position.byte() as usize);
             file.source.error(skipped + offset, format!("not a table: {error}"))
         })?;
         let start = skipped + record.position().map_or(0, |position| position.byte() as usize);
         let blank = |byte: &&u8| byte.is_ascii_whitespace();
-        Ok(there.then(|| start + bytes[start.min(bytes.len())..].iter().take_while(blank).count()))
+        Ok(found.then(|| start + bytes[start.min(bytes.len())..].iter().take_while(blank).count()))
     };
 
     let mut start = next(&mut record)?;
@@ -64,18 +64,18 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     if start.is_none() {
         return Ok(Contents::default());
     }
-    let wanted = Wanted::among(path, labels, reading.map)?;
+    let layout = Layout::among(path, labels, reading.map)?;
     if named {
         start = next(&mut record)?;
     }
 
-    let stride = wanted.fields().count() * Scalar::F64.size();
+    let stride = layout.fields().count() * Scalar::F64.size();
     let (mut numbers, mut starts) = (Vec::new(), Vec::new());
     while let Some(offset) = start {
         let row = starts.len();
         memory::grow(&mut numbers, stride, path.display())?;
         memory::grow(&mut starts, 1, path.display())?;
-        for (name, field, integer) in wanted.fields() {
+        for (name, field, integer) in layout.fields() {
             let problem = |found: &str| {
                 let problem =
                     format!("particle {row}: a number for {name} expected, found {found}");
@@ -99,10 +99,10 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         big_endian: false,
         starts: Some(starts),
     };
-    wanted.contents(&table)
+    layout.contents(&table)
 }
 
-/// The lines before the first one that is no comment, and the delimiter of that.
+/// The comments before the first other line, and the delimiter of that line.
 fn beginning(text: &[u8]) -> (Vec<&[u8]>, u8) {
     let mut comments = Vec::new();
     let mut first: &[u8] = &[];
@@ -117,11 +117,11 @@ fn beginning(text: &[u8]) -> (Vec<&[u8]>, u8) {
         }
     }
     let count = |delimiter: &u8| first.iter().filter(|&byte| byte == delimiter).count();
-    // The last of those that are equal: comma, if there is none.
+    // The last of equally frequent ones, which is the comma without any delimiter.
     (comments, [b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b','))
 }
 
-/// The names of so many columns that a comment gives, as `NumPy` writes them.
+/// The names of all columns in a comment, as written by `NumPy`.
 fn commented(comments: &[&[u8]], delimiter: u8, columns: usize) -> Option<Vec<String>> {
     comments.iter().rev().find_map(|comment| {
         let mut line = ReaderBuilder::new()
@@ -133,8 +133,8 @@ fn commented(comments: &[&[u8]], delimiter: u8, columns: usize) -> Option<Vec<St
         line.read_byte_record(&mut record).ok()?;
         let labels: Vec<String> = record.iter().map(label).collect();
         let names: Vec<String> = labels.iter().map(|label| canonical(label)).collect();
-        let names_all = names.len() == columns && vector_among(&names, &POSITION).is_some();
-        names_all.then_some(labels)
+        let complete = names.len() == columns && vector_among(&names, &POSITION).is_some();
+        complete.then_some(labels)
     })
 }
 
@@ -142,7 +142,7 @@ fn label(field: &[u8]) -> String {
     String::from_utf8_lossy(field).trim().to_owned()
 }
 
-/// A column's name without case and unit, as `Rhop [kg/m^3]` has one.
+/// A column's name in lower case, without a unit as in `Rhop [kg/m^3]`.
 fn canonical(label: &str) -> String {
     let name = label.to_ascii_lowercase();
     name.split(" [").next().unwrap_or_default().trim().to_owned()
@@ -152,7 +152,7 @@ fn float(field: &[u8]) -> Option<f64> {
     std::str::from_utf8(field).ok()?.parse().ok()
 }
 
-/// An integer that may be written as a float.
+/// Parses an integer, which may be written as a float; returns its bytes.
 fn integer_bytes(field: &[u8]) -> Option<[u8; 8]> {
     let exact = || {
         let number = float(field)?;
@@ -163,24 +163,25 @@ fn integer_bytes(field: &[u8]) -> Option<[u8; 8]> {
     Some(integer.to_le_bytes())
 }
 
-/// The columns of positions and attributes, and what they are.
-struct Wanted {
-    /// Of all columns, as the file has them.
+/// The assignment of columns to positions and attributes.
+struct Layout {
+    /// Labels of all columns, as in the file.
     labels: Vec<String>,
-    /// Fields of the record.
+    /// Fields of the positions in a record.
     positions: Vec<usize>,
-    /// Those of each attribute, in the order of [`Wanted::among`].
+    /// Fields of each attribute, in the order of [`Layout::among`].
     attributes: Vec<(Attribute, Vec<usize>)>,
 }
 
-impl Wanted {
+impl Layout {
+    /// Finds positions and attributes among the columns.
     fn among(path: &Path, labels: Vec<String>, map: &AttributeMap) -> Result<Self> {
         let names: Vec<String> = labels.iter().map(|label| canonical(label)).collect();
         let Some(positions) = vector_among(&names, &POSITION) else {
-            let there: Vec<&str> = names.iter().take(8).map(String::as_str).collect();
+            let first: Vec<&str> = names.iter().take(8).map(String::as_str).collect();
             let problem = format!(
                 "no columns x, y and z or Points:0 to Points:2; there are: {}",
-                there.join(", ")
+                first.join(", ")
             );
             return Err(Error::format(path, problem));
         };
@@ -195,7 +196,7 @@ impl Wanted {
         Ok(Self { labels, positions, attributes })
     }
 
-    /// Name, field and whether it is an integer, of every number that is read.
+    /// Name and field of every number to read, and whether it is an integer.
     fn fields(&self) -> impl Iterator<Item = (&'static str, usize, bool)> {
         let positions = self.positions.iter().map(|&field| ("position", field, false));
         let attributes = self.attributes.iter().flat_map(|(attribute, fields)| {
@@ -235,12 +236,13 @@ impl Wanted {
     }
 }
 
-/// Writes a line of names and one a particle, with as many digits as tell the numbers apart.
+/// Writes a line of names and one per particle, with the shortest digits that identify each number.
 pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
     let attributes = super::attributes(particles);
-    // A cloud far from 0 is read as 64-bit numbers; with all their digits these are the same.
-    let places = (0..particles.len()).map(|i| particles.place(i));
-    let single = particles.narrow() && limpid::liquid::particles::origin_for(places) == DVec3::ZERO;
+    // Positions far from 0 are read as 64-bit numbers, so they need all digits to read back the same.
+    let positions = (0..particles.len()).map(|i| particles.place(i));
+    let single =
+        particles.narrow() && limpid::liquid::particles::origin_for(positions) == DVec3::ZERO;
     write!(out, "x,y,z")?;
     for &(name, values) in &attributes {
         for column in values.column_names(name) {

@@ -1,16 +1,16 @@
-//! Reading a file from front to end, and naming the places in it.
+//! Sequential reading of a file's bytes, with locations for errors.
 
 use std::borrow::Cow;
 use std::path::Path;
 
 use crate::error::{Error, Location, Result};
 
-/// The bytes of a file, and how its places are told in messages.
+/// The bytes of a file, and the kind of its locations in messages.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a> {
     pub(super) path: &'a Path,
     pub(super) bytes: &'a [u8],
-    /// Name lines rather than bytes.
+    /// Locations are lines instead of bytes.
     pub(super) text: bool,
 }
 
@@ -19,7 +19,7 @@ impl Source<'_> {
         Error::malformed(self.path, self.location(offset), problem)
     }
 
-    /// The error of what unpacks to more than `limit` bytes.
+    /// The error of a file or array that unpacks to more than `limit` bytes.
     pub(super) fn too_large(&self, offset: usize, what: &'static str, limit: u64) -> Error {
         let (path, location) = (self.path.to_owned(), self.location(offset));
         Error::TooLarge { path, location, what, limit }
@@ -35,11 +35,11 @@ impl Source<'_> {
     }
 }
 
-/// Reads a file from front to end and never beyond.
+/// Reads a file sequentially and never beyond its end.
 pub(super) struct Cursor<'a> {
     pub(super) source: Source<'a>,
     pub(super) offset: usize,
-    /// Where the latest read began: the place that `Cursor::error` names.
+    /// Start of the latest read, which is the location of `Cursor::error`.
     pub(super) start: usize,
 }
 
@@ -60,7 +60,7 @@ impl<'a> Cursor<'a> {
         self.take_records(1, length, what)
     }
 
-    /// `rows` records of `stride` bytes.
+    /// Takes `rows` records of `stride` bytes.
     pub(super) fn take_records(
         &mut self,
         rows: usize,
@@ -86,7 +86,7 @@ impl<'a> Cursor<'a> {
         bytes.try_into().map_err(|_| self.error(what))
     }
 
-    /// The next line without its end, or `None` at the end of the file.
+    /// Reads the next line without its terminator; `None` at the end of the file.
     pub(super) fn line(&mut self) -> Option<Cow<'a, str>> {
         self.start = self.offset;
         let rest = self.rest();
@@ -95,7 +95,7 @@ impl<'a> Cursor<'a> {
         Some(String::from_utf8_lossy(line.strip_suffix(b"\r").unwrap_or(line)))
     }
 
-    /// The next line that is not blank.
+    /// Reads the next line that is not blank.
     pub(super) fn filled_line(&mut self) -> Option<Cow<'a, str>> {
         loop {
             let line = self.line()?;
@@ -105,7 +105,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next word between white space.
+    /// Reads the next word, delimited by white space.
     pub(super) fn word(&mut self) -> Option<Cow<'a, str>> {
         let rest = self.rest();
         self.start = self.offset + rest.iter().position(|byte| !byte.is_ascii_whitespace())?;
@@ -115,7 +115,7 @@ impl<'a> Cursor<'a> {
         Some(String::from_utf8_lossy(word))
     }
 
-    /// A number of a header that counts something.
+    /// Parses a count of a header.
     pub(super) fn count(&self, word: Option<&str>, what: &str) -> Result<usize> {
         let word = word.unwrap_or("nothing");
         word.parse().map_err(|_| self.error(format!("{what}: a count expected, found `{word}`")))

@@ -1,6 +1,6 @@
-//! `.npy`, one array of numpy (Robert Kern, "A simple file format for numpy arrays", 2007; and the
-//! module documentation of `numpy.lib.format`): positions as one array of shape (n, 3) of 32- or
-//! 64-bit floats, of either byte order, in C or Fortran order.
+//! `.npy`, an array of numpy (Robert Kern, "A simple file format for numpy arrays", 2007, and the
+//! module documentation of `numpy.lib.format`): positions as an array of shape (n, 3) of 32- or 64-bit
+//! floats, of either byte order, in C or Fortran order.
 //!
 //! ```text
 //! "\x93NUMPY"  u8 major, minor  u16 (major 1) or u32 length, little-endian
@@ -8,8 +8,8 @@
 //! the numbers
 //! ```
 //!
-//! The header is a Python literal. Only those three entries matter, and none can nest, so they
-//! are looked up where they stand instead of parsing Python.
+//! The header is a Python literal. Only these three entries matter, and none can be nested, so they are
+//! found by their names without parsing Python.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -28,9 +28,9 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// What the header of an array says of it.
+/// The header of an array.
 pub(super) struct Header {
-    /// As `numpy` writes it, `<f4`.
+    /// Type of the numbers in numpy's notation, such as `<f4`.
     kind: String,
     columns_first: bool,
     shape: String,
@@ -73,18 +73,18 @@ impl Header {
         self.shape.split(',').map(str::trim).filter(|size| !size.is_empty()).collect()
     }
 
-    /// The sizes along all axes, as far as they are numbers.
+    /// The sizes along all axes, without those that are not numbers.
     pub(super) fn shape(&self) -> Vec<usize> {
         self.sizes().iter().filter_map(|size| size.parse().ok()).collect()
     }
 
-    /// Whether this can be positions.
+    /// Whether the array can be positions.
     pub(super) fn triples(&self) -> bool {
         matches!(self.sizes().as_slice(), [_, "3"])
             && matches!(self.scalar(), Some((_, Scalar::F32 | Scalar::F64)))
     }
 
-    /// Byte order, whether it is big-endian, and type of the numbers, if they are plain ones.
+    /// Whether the numbers are big-endian, and their type, if it is a plain one.
     fn scalar(&self) -> Option<(bool, Scalar)> {
         let (order, kind) = self.kind.split_at_checked(1)?;
         let scalar = match kind {
@@ -122,15 +122,15 @@ impl Header {
         }
     }
 
-    /// The array, one row a particle, if its shape is (n) or (n, k) and it holds plain numbers; of
-    /// one number, shape (), a single row.
+    /// The array with one row per particle, if its shape is (n) or (n, k) and its numbers have a plain
+    /// type; shape (), a single number, is one row.
     pub(super) fn table<'a>(
         &self,
         file: &mut Cursor<'a>,
         what: &str,
     ) -> Result<Option<(Table<'a>, Vec<Column>)>> {
-        /// No attribute has more numbers.
-        const MOST: usize = 6;
+        /// Largest number of values of an attribute.
+        const MAX_SIZE: usize = 6;
         let Some((big_endian, scalar)) = self.scalar() else { return Ok(None) };
         let sizes = self.sizes();
         let (rows, size) = match *sizes.as_slice() {
@@ -140,7 +140,7 @@ impl Header {
             _ => return Ok(None),
         };
         let rows = file.count(Some(rows), "the shape")?;
-        if size == 0 || size > MOST {
+        if size == 0 || size > MAX_SIZE {
             return Ok(None);
         }
         let mut table = file.table(rows, size * scalar.size(), big_endian, what)?;
@@ -170,19 +170,20 @@ pub(super) fn write_positions(particles: &Particles, out: &mut impl Write) -> io
     })
 }
 
-/// The header of an array in C order, of shape (rows) or (rows, size).
+/// Writes the header of an array in C order, of shape (rows) or (rows, size).
 pub(super) fn write_header(
     kind: &str,
     rows: usize,
     size: usize,
     out: &mut impl Write,
 ) -> io::Result<()> {
-    /// What comes before the header, and what the numbers are aligned to.
-    const BEFORE: usize = 10;
+    /// Bytes before the header: magic, version and length.
+    const PREFIX: usize = 10;
+    /// Alignment of the numbers, bytes.
     const ALIGNMENT: usize = 64;
     let shape = if size == 1 { format!("{rows},") } else { format!("{rows}, {size}") };
     let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
-    let length = (BEFORE + header.len() + 1).next_multiple_of(ALIGNMENT) - BEFORE;
+    let length = (PREFIX + header.len() + 1).next_multiple_of(ALIGNMENT) - PREFIX;
     out.write_all(MAGIC)?;
     out.write_all(&[1, 0])?;
     out.write_all(&(length as u16).to_le_bytes())?;

@@ -1,5 +1,5 @@
-//! `.npz`, a zip archive of numpy's arrays (`numpy.savez`, `numpy.savez_compressed`): each
-//! attribute is a member `NAME.npy`, stored or deflated.
+//! `.npz`, a zip archive of numpy arrays (`numpy.savez`, `numpy.savez_compressed`): each attribute is a
+//! member `NAME.npy`, stored or deflated.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read};
@@ -17,7 +17,7 @@ use crate::error::{Error, Location, Result, printable};
 use crate::files::DEFLATE_RATIO;
 use limpid::memory;
 
-/// What positions are called, the likeliest first; numpy calls arrays without a name `arr_0`.
+/// Names of positions, the most likely first; numpy calls the first array without a name `arr_0`.
 const POSITIONS: [&str; 6] = ["positions", "position", "pos", "x", "points", "arr_0"];
 
 type Archive<'a> = ZipArchive<io::Cursor<&'a [u8]>>;
@@ -40,23 +40,23 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     }
     let (limit, map) = (reading.limit, reading.map);
     let packed = bytes.len() as u64;
-    let mut archive = Members { path, archive, packed, limit, taken: 0 };
-    let heads = heads(&mut archive, &arrays)?;
-    let places = positions(path, map, &arrays, &heads)?;
+    let mut archive = Members { path, archive, packed, limit, used: 0 };
+    let headers = headers(&mut archive, &arrays)?;
+    let positions = find_positions(path, map, &arrays, &headers)?;
     let mut contents = {
-        let (index, name) = &arrays[places];
-        let path = archive.named(name);
+        let (index, name) = &arrays[positions];
+        let path = archive.display_path(name);
         let bytes = archive.unpack(*index, name, usize::MAX)?;
-        // No more than the array itself.
-        archive.take(bytes.len() as u64, name)?;
+        // The positions take no more memory than their array.
+        archive.count(bytes.len() as u64, name)?;
         let mut file = Cursor::new(&path, &bytes, false);
         Contents::from(Header::read(&mut file)?.positions(&mut file)?)
     };
-    let others = arrays.iter().zip(&heads).enumerate().filter(|(at, _)| *at != places);
-    for (_, ((index, name), head)) in others {
-        let shape = head.as_ref().map(Header::shape).unwrap_or_default();
+    let others = arrays.iter().zip(&headers).enumerate().filter(|(at, _)| *at != positions);
+    for (_, ((index, name), header)) in others {
+        let shape = header.as_ref().map(Header::shape).unwrap_or_default();
         let attribute = map.attribute_of(name);
-        // The first of several counts, and no other is unpacked.
+        // The first array of an attribute is used, and no other is unpacked.
         let has = |attribute: Attribute| {
             super::attribute_names(&contents.particles).any(|has| has == attribute.name())
         };
@@ -64,22 +64,22 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
             contents.list(name, &shape, None);
             continue;
         };
-        let path = archive.named(name);
+        let path = archive.display_path(name);
         let bytes = archive.unpack(*index, name, usize::MAX)?;
         let mut file = Cursor::new(&path, &bytes, false);
         let Some((table, columns)) = Header::read(&mut file)?.table(&mut file, name)? else {
             contents.list(name, &shape, None);
             continue;
         };
-        let table = for_all(table, &columns, attribute, &shape, contents.particles.len());
-        archive.take(attribute.bytes().saturating_mul(table.rows as u64), name)?;
+        let table = broadcast(table, &columns, attribute, &shape, contents.particles.len());
+        archive.count(attribute.bytes().saturating_mul(table.rows as u64), name)?;
         contents.take_as(Some(attribute), name, &shape, &table, &columns)?;
     }
     Ok(contents)
 }
 
-/// One radius or density that holds for all particles, as one for each.
-fn for_all<'a>(
+/// Repeats a single radius or density for all particles.
+fn broadcast<'a>(
     table: Table<'a>,
     columns: &[Column],
     attribute: Attribute,
@@ -95,27 +95,27 @@ fn for_all<'a>(
     }
 }
 
-/// The headers of all arrays; none of what is no array of plain numbers.
-fn heads(archive: &mut Members<'_>, arrays: &[(usize, String)]) -> Result<Vec<Option<Header>>> {
-    /// Enough for the header of any array of plain numbers.
-    const HEADER: usize = 1 << 12;
-    let mut head = |(index, name): &(usize, String)| {
-        let path = archive.named(name);
-        let start = archive.unpack(*index, name, HEADER)?;
+/// Reads the headers of all arrays; `None` for members without a valid one.
+fn headers(archive: &mut Members<'_>, arrays: &[(usize, String)]) -> Result<Vec<Option<Header>>> {
+    /// Size that suffices for the header of any array of plain numbers, bytes.
+    const MAX_HEADER: usize = 1 << 12;
+    let mut header = |(index, name): &(usize, String)| {
+        let path = archive.display_path(name);
+        let start = archive.unpack(*index, name, MAX_HEADER)?;
         Ok(Header::read(&mut Cursor::new(&path, &start, false)).ok())
     };
-    arrays.iter().map(&mut head).collect()
+    arrays.iter().map(&mut header).collect()
 }
 
-/// Which array holds the positions.
-fn positions(
+/// Finds the array of the positions.
+fn find_positions(
     path: &Path,
     map: &AttributeMap,
     arrays: &[(usize, String)],
-    heads: &[Option<Header>],
+    headers: &[Option<Header>],
 ) -> Result<usize> {
-    let triples = heads.iter().enumerate();
-    let triples = triples.filter(|(_, head)| head.as_ref().is_some_and(Header::triples));
+    let triples = headers.iter().enumerate();
+    let triples = triples.filter(|(_, header)| header.as_ref().is_some_and(Header::triples));
     let triples: Vec<(usize, &str)> = triples.map(|(at, _)| (at, arrays[at].1.as_str())).collect();
     let named = POSITIONS
         .iter()
@@ -125,58 +125,59 @@ fn positions(
         others.next().filter(|_| others.next().is_none())
     };
     named.or_else(other).map(|&(at, _)| at).ok_or_else(|| {
-        let there: Vec<&str> = arrays.iter().take(8).map(|(_, name)| name.as_str()).collect();
+        let names: Vec<&str> = arrays.iter().take(8).map(|(_, name)| name.as_str()).collect();
         let problem = format!(
             "no array `{}` of shape (n, 3) of floats, nor a single other one; there are: {}",
             POSITIONS.join("`, `"),
-            there.join(", ")
+            names.join(", ")
         );
         Error::format(path, problem)
     })
 }
 
+/// An archive, with a limit of its unpacked size.
 struct Members<'a> {
     path: &'a Path,
     archive: Archive<'a>,
-    /// Bytes of the file.
+    /// Size of the file, bytes.
     packed: u64,
-    /// Bytes that all members, and what is read from them, may take.
+    /// Limit of the unpacked members and the attributes read from them, bytes.
     limit: u64,
-    /// Bytes that they have taken.
-    taken: u64,
+    /// Their size so far, bytes.
+    used: u64,
 }
 
 impl Members<'_> {
-    /// How a member is told in messages.
-    fn named(&self, name: &str) -> PathBuf {
+    /// Path of a member for messages.
+    fn display_path(&self, name: &str) -> PathBuf {
         format!("{} ({}.npy)", self.path.display(), printable(name.into())).into()
     }
 
     fn too_large(&self, name: &str, byte: u64) -> Error {
-        let (path, location) = (self.named(name), Location::Byte(byte));
+        let (path, location) = (self.display_path(name), Location::Byte(byte));
         Error::TooLarge { path, location, what: "file", limit: self.limit }
     }
 
-    /// Counts what is read from a member.
-    fn take(&mut self, bytes: u64, name: &str) -> Result<()> {
-        self.taken = self.taken.saturating_add(bytes);
-        if self.taken <= self.limit {
+    /// Counts the bytes read from a member; fails beyond the limit.
+    fn count(&mut self, bytes: u64, name: &str) -> Result<()> {
+        self.used = self.used.saturating_add(bytes);
+        if self.used <= self.limit {
             return Ok(());
         }
         Err(self.too_large(name, 0))
     }
 
-    /// The contents of a member, at most `length` of its bytes.
+    /// Unpacks at most `length` bytes of a member.
     fn unpack(&mut self, index: usize, name: &str, length: usize) -> Result<Vec<u8>> {
-        let path = self.named(name);
+        let path = self.display_path(name);
         let fail = |unpacked: usize, problem: String| {
             Error::malformed(&path, Location::Byte(unpacked as u64), problem)
         };
         let member = self.archive.by_index(index);
         let member = member.map_err(|error| fail(0, format!("cannot be unpacked: {error}")))?;
-        let left = self.limit.saturating_sub(self.taken);
+        let left = self.limit.saturating_sub(self.used);
         let limit = (length as u64).min(left.saturating_add(1));
-        // The sizes are claims; deflate cannot hold more than this.
+        // The stated size may be wrong, but is bounded by the ratio of deflate.
         let claim = member.size().min(self.packed.saturating_mul(DEFLATE_RATIO)).min(limit);
         let mut unpacked = memory::reserve(usize::try_from(claim).unwrap_or(0), path.display())?;
         if let Err(error) = member.take(limit).read_to_end(&mut unpacked) {
@@ -191,9 +192,9 @@ impl Members<'_> {
         if unpacked.len() as u64 > left {
             return Err(self.too_large(name, unpacked.len() as u64 - 1));
         }
-        // Headers that are looked at are gone again.
+        // Headers are not counted, since they are not kept.
         if length == usize::MAX {
-            self.taken += unpacked.len() as u64;
+            self.used += unpacked.len() as u64;
         }
         Ok(unpacked)
     }
@@ -203,10 +204,10 @@ fn damaged(path: &Path, problem: &str) -> Error {
     Error::malformed(path, Location::Byte(0), problem)
 }
 
-/// Writes the positions and all attributes, stored: deflate gains little from floats.
+/// Writes the positions and all attributes without compression, since deflate saves little on floats.
 pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
     let n = particles.len();
-    // Members of more than 4 GiB need another kind of header, from the beginning.
+    // Members of more than 4 GiB need a zip64 header, which is written first.
     let options = SimpleFileOptions::default()
         .compression_method(zip::CompressionMethod::Stored)
         .large_file(n >= u32::MAX as usize / size_of::<[f64; 3]>());
@@ -235,7 +236,7 @@ mod tests {
     use super::*;
     use std::io::Write;
 
-    /// Protects memory from a small archive that unpacks to a huge one.
+    /// A small archive that unpacks to a huge one is refused at the limit.
     #[test]
     fn unpacking_stops_at_the_limit() {
         let mut zip = ZipWriter::new(io::Cursor::new(Vec::new()));
@@ -245,7 +246,7 @@ mod tests {
         let unpack = |limit| {
             let archive = ZipArchive::new(io::Cursor::new(&bytes[..])).unwrap();
             let (path, packed) = (Path::new("bomb.npz"), bytes.len() as u64);
-            Members { path, archive, packed, limit, taken: 0 }.unpack(0, "a", usize::MAX)
+            Members { path, archive, packed, limit, used: 0 }.unpack(0, "a", usize::MAX)
         };
         assert_eq!(unpack(1000).unwrap().len(), 1000);
         let error = unpack(999).unwrap_err().to_string();

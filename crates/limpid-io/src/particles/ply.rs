@@ -1,8 +1,8 @@
-//! PLY (Greg Turk, "The PLY Polygon File Format", 1994): the `vertex` element, in ASCII or binary
-//! of either byte order. Velocities are `vx, vy, vz` or `velocity_x, velocity_y, velocity_z`.
+//! PLY (Greg Turk, "The PLY Polygon File Format", 1994): the `vertex` element, in ASCII or binary of
+//! either byte order. Velocities are `vx, vy, vz` or `velocity_x, velocity_y, velocity_z`.
 //!
-//! Other elements before it are skipped, those after it are not read; other properties, lists
-//! among them, are skipped.
+//! Elements before it are skipped, those after it are not read; other properties, including lists, are
+//! skipped.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -122,7 +122,7 @@ impl Element {
         self.properties.iter().any(|property| matches!(property, Property::List { .. }))
     }
 
-    /// The numbers of a record, lists left out, as [`record`] hands them on.
+    /// Names and columns of the numbers of a record, without lists, in the layout of [`record`].
     fn columns(&self, encoding: Encoding) -> Vec<(&str, Column)> {
         let mut offset = 0;
         let numbers = self.properties.iter().filter_map(|property| match property {
@@ -144,7 +144,7 @@ impl Element {
     }
 }
 
-/// Reads one record and hands on the bytes of its numbers; those of text as little-endian f64.
+/// Reads one record and passes the bytes of its numbers to `keep`; those of text as little-endian f64.
 fn record(
     file: &mut Cursor<'_>,
     element: &Element,
@@ -213,7 +213,7 @@ fn vertices(
             memory::grow(&mut bytes, stride, file.source.path.display())?;
             memory::grow(&mut starts, 1, file.source.path.display())?;
             record(file, element, encoding, &mut |number| bytes.extend_from_slice(number))?;
-            // Blank lines may come before a line of text, so its own start counts.
+            // In text, blank lines may precede the record.
             starts.push(if file.source.text { file.start } else { offset });
         }
         let (bytes, rows, starts) = (Cow::Owned(bytes), starts.len(), Some(starts));
@@ -224,7 +224,7 @@ fn vertices(
 
     let position = [x, y, z];
     let mut contents = Contents::from(table.particles(position.map(|at| columns[at].1))?);
-    let mut taken = position.to_vec();
+    let mut used = position.to_vec();
     let vectors = [
         (Attribute::Velocity, velocity_among(&names, map)),
         (Attribute::Ellipsoid, ellipsoid_among(&names, map)),
@@ -234,10 +234,10 @@ fn vertices(
         let (names, columns): (Vec<&str>, Vec<Column>) = at.iter().map(|&k| columns[k]).unzip();
         let shape = [table.rows, at.len()];
         contents.take_as(Some(attribute), &names.join(" "), &shape, &table, &columns)?;
-        taken.extend(at);
+        used.extend(at);
     }
     for (at, (name, column)) in columns.iter().enumerate() {
-        if !taken.contains(&at) {
+        if !used.contains(&at) {
             contents.take(map, name, &table, &[*column])?;
         }
     }

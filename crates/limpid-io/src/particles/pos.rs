@@ -1,19 +1,20 @@
-//! `.pos` and `.ani`, the frames that belong to N. Truong and C. Yuksel, "A Narrow-Range Filter for
-//! Screen-Space Fluid Rendering", Proceedings of the ACM on Computer Graphics and Interactive
-//! Techniques 1(1), 2018: positions and one radius, and beside them, if the stem is the same,
-//! anisotropic kernels.
+//! `.pos` and `.ani`, the formats of the frames published with N. Truong and C. Yuksel, "A Narrow-Range
+//! Filter for Screen-Space Fluid Rendering", Proceedings of the ACM on Computer Graphics and Interactive
+//! Techniques 1(1), 2018: positions with one radius, and anisotropic kernels in the `.ani` of the same
+//! stem.
 //!
 //! ```text
 //! .pos   u32 n  f32 radius  n × (f32 x, y, z)      all little-endian
 //! .ani   u32 n  n × (f32 G_xx, G_yx, G_zx, G_xy, G_yy, G_zy, G_xz, G_yz, G_zz)
 //! ```
 //!
-//! What the nine numbers mean follows from the authors' renderer (N. Truong,
-//! `RealTimeFluidRendering`, 2018: `DataReader.cpp`, `depth-pass.vs.glsl`): they are the columns
-//! of a matrix G that takes the unit sphere, scaled by the particle's radius, to the ellipsoid
-//! { c + r G·s : |s| ≤ 1 }, with c the position as it is. The generator's G is symmetric with
-//! determinant 1, or a multiple of 1 where there are few neighbours (`AniKernelGenerator`). Their
-//! shader draws such multiples as G = 1; here they are what the file says.
+//! The meaning of the nine numbers follows from the authors' renderer (N. Truong,
+//! `RealTimeFluidRendering`, 2018: `DataReader.cpp`, `depth-pass.vs.glsl`): they are the columns of a
+//! matrix G that maps the unit sphere, scaled by the particle's radius, to the ellipsoid
+//! { c + r G·s : |s| ≤ 1 }, with c the unchanged position. The generator's G is symmetric with
+//! determinant 1, or a multiple of the identity for particles with few neighbours
+//! (`AniKernelGenerator`). Their shader draws such multiples as the identity; limpid uses the values in
+//! the file.
 
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -44,7 +45,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
     let table = file.table(rows, 12, false, "positions")?;
     end(&mut file, "positions (solids have another kind of .pos, with several meshes)")?;
     let mut contents = Contents::from(table.particles(Column::triple(Scalar::F32))?);
-    // 0 stands for a radius that is not known.
+    // 0 means that the radius is unknown.
     if radius > 0.0 {
         let radii = std::iter::repeat_n(radius, rows);
         contents.particles.radii = Some(memory::collect(radii, path.display())?);
@@ -53,22 +54,22 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
     Ok(contents)
 }
 
-/// Fails if a file of this length cannot hold as many particles as its first bytes say.
+/// Fails if a file of this length cannot contain the number of particles in its header.
 pub(crate) fn check_length(path: &Path, start: &[u8], length: u64) -> Result<()> {
     check_size(path, start, length, [8, 12], "particles")
 }
 
-/// Fails if a file of this length cannot hold as many ellipsoids as its first bytes say.
+/// Fails if a file of this length cannot contain the number of ellipsoids in its header.
 pub(crate) fn check_ellipsoids_length(path: &Path, start: &[u8], length: u64) -> Result<()> {
     check_size(path, start, length, [4, 36], "ellipsoids")
 }
 
-/// Of a file with so many bytes before its rows, and in each.
+/// Checks the length of a file; `sizes` are those of its header and of a row, bytes.
 fn check_size(path: &Path, start: &[u8], length: u64, sizes: [u64; 2], what: &str) -> Result<()> {
-    let [head, each] = sizes;
+    let [header, row] = sizes;
     let mut file = Cursor::new(path, start, false);
     let rows = count(&mut file)? as u64;
-    let expected = head + each * rows;
+    let expected = header + row * rows;
     if length == expected {
         return Ok(());
     }
@@ -76,7 +77,7 @@ fn check_size(path: &Path, start: &[u8], length: u64, sizes: [u64; 2], what: &st
     Err(file.error(problem))
 }
 
-/// Reads the ellipsoids that lie beside a file, if they do.
+/// Reads the ellipsoids of the `.ani` beside a file, if there is one.
 pub(super) fn read_ellipsoids(path: &Path, contents: &mut Contents, limit: u64) -> Result<()> {
     let path = path.with_extension("ani");
     let mut bytes = Vec::new();
@@ -113,7 +114,7 @@ fn count(file: &mut Cursor<'_>) -> Result<usize> {
     file.array("the number of particles").map(|count| u32::from_le_bytes(count) as usize)
 }
 
-/// The counts of other kinds of `.pos` mean something else, so nothing may follow.
+/// Fails if bytes are left, as in other formats named `.pos`, whose counts have another meaning.
 fn end(file: &mut Cursor<'_>, what: &str) -> Result<()> {
     let left = file.rest().len();
     file.start = file.offset;
@@ -127,15 +128,15 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
     out.write_all(&rows(particles)?.to_le_bytes())?;
     out.write_all(&written_radius(particles).to_le_bytes())?;
     (0..particles.len()).try_for_each(|i| {
-        let place = particles.single_place(i).to_array();
-        out.write_all(place.map(f32::to_le_bytes).as_flattened())
+        let position = particles.single_place(i).to_array();
+        out.write_all(position.map(f32::to_le_bytes).as_flattened())
     })
 }
 
-/// Writes the ellipsoids beside `path`, or removes those of a file that is about to be replaced.
+/// Writes the ellipsoids beside `path`; without ellipsoids, removes those of the file to be replaced.
 pub(crate) fn write_ellipsoids(particles: &Particles, path: &Path) -> Result<()> {
     let path = path.with_extension("ani");
-    // Whether it is replaced or removed.
+    // Checked for replacement and for removal.
     ELLIPSOIDS_KIND.check(&path)?;
     let Some(ellipsoids) = &particles.ellipsoids else {
         return match std::fs::remove_file(&path) {
@@ -162,14 +163,14 @@ fn rows(particles: &Particles) -> io::Result<u32> {
     rows.map_err(|_| too_large(".pos holds at most 4294967295 particles"))
 }
 
-/// The one radius that a file holds, 0 without any; `None` if they differ.
+/// The common radius of all particles, 0 without radii; `None` if they differ.
 pub(crate) fn common_radius(particles: &Particles) -> Option<f32> {
     let radii = particles.radii.as_deref().unwrap_or_default();
     let first = radii.first().copied().unwrap_or(0.0);
     radii.iter().all(|&radius| radius == first).then_some(first)
 }
 
-/// The mean stands for radii that differ.
+/// The radius to write: the common one, or the mean of radii that differ.
 fn written_radius(particles: &Particles) -> f32 {
     common_radius(particles).unwrap_or_else(|| {
         let radii = particles.radii.as_deref().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Records of any layout, decoded to attributes.
+//! Decoding of fixed-size records of any layout to attributes.
 
 use std::borrow::Cow;
 
@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use limpid::camera::is_position;
 use limpid::memory;
 
-/// The types of number that files hold.
+/// Types of numbers in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scalar {
     I8,
@@ -28,7 +28,7 @@ pub(super) enum Scalar {
 }
 
 impl<'a> Cursor<'a> {
-    /// `rows` records of `stride` bytes as a table.
+    /// Takes `rows` records of `stride` bytes as a table.
     pub(super) fn table(
         &mut self,
         rows: usize,
@@ -53,7 +53,7 @@ impl Scalar {
     }
 }
 
-/// One number of each record: where it is, counted from the record's start, and its type.
+/// A column of a table: the offset of a number from the start of each record, and its type.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Column {
     pub(super) offset: usize,
@@ -61,18 +61,18 @@ pub(super) struct Column {
 }
 
 impl Column {
-    /// `count` numbers one after another.
+    /// The columns of `count` consecutive numbers.
     pub(super) fn adjacent(offset: usize, count: usize, scalar: Scalar) -> Vec<Self> {
         (0..count).map(|k| Self { offset: offset + k * scalar.size(), scalar }).collect()
     }
 
-    /// Three of them at the start of the record.
+    /// The columns of three consecutive numbers at the start of a record.
     pub(super) fn triple(scalar: Scalar) -> [Self; 3] {
         [0, 1, 2].map(|k| Self { offset: k * scalar.size(), scalar })
     }
 
-    /// The number's bytes. Readers derive a table's stride from its columns, so they are there;
-    /// if not, the number is 0.
+    /// The bytes of the number. Readers derive a table's stride from its columns, so that no record is
+    /// too short; if one is, the number is 0.
     pub(super) fn bytes<const N: usize>(self, record: &[u8]) -> [u8; N] {
         record.get(self.offset..).and_then(|rest| rest.first_chunk()).map_or([0; N], |b| *b)
     }
@@ -102,7 +102,7 @@ impl Column {
         }
     }
 
-    /// The number if it is an integer, and exact.
+    /// The number as an integer, if it is one exactly.
     pub(super) fn integer(self, record: &[u8], big_endian: bool) -> Option<i64> {
         const EXACT: f64 = 9_007_199_254_740_992.0; // 2⁵³
         match (self.scalar, big_endian) {
@@ -118,23 +118,23 @@ impl Column {
     }
 }
 
-/// Rows that are decoded at a time: few enough to be still in the cache when they are checked.
+/// Number of rows decoded at a time, few enough to stay in the CPU's cache until they are checked.
 const BLOCK: usize = 4096;
 
-/// Records of one size, one a particle. Text is first rewritten as binary numbers, so that one
-/// decoder serves all formats.
+/// Records of equal size, one per particle. Text is first converted to binary numbers, so that all
+/// formats share the decoder.
 pub(super) struct Table<'a> {
     pub(super) source: Source<'a>,
-    /// Where the table begins in the file.
+    /// Offset of the table in the file.
     pub(super) start: usize,
-    /// Holds every column of every row: readers take as many bytes as they claim rows.
+    /// All columns of all rows.
     pub(super) bytes: Cow<'a, [u8]>,
     pub(super) rows: usize,
-    /// From one record to the next, in bytes.
+    /// Distance between consecutive records, bytes.
     pub(super) stride: usize,
     pub(super) big_endian: bool,
-    /// Where each record begins in the file, if not every `stride` bytes; the table's start for
-    /// those that it leaves out.
+    /// Offsets of the records in the file, if not multiples of `stride`; the table's start for those not
+    /// listed.
     pub(super) starts: Option<Vec<usize>>,
 }
 
@@ -147,50 +147,51 @@ impl Table<'_> {
         self.source.error(offset, problem)
     }
 
-    /// Particles at the positions that `columns` hold.
+    /// Decodes `columns` to positions.
     pub(super) fn particles(&self, columns: [Column; 3]) -> Result<Particles> {
         if columns.iter().all(|column| column.scalar == Scalar::F32) {
             let positions = self.vectors(columns, "position")?;
-            self.check_places(columns, positions.iter().map(|x| x.as_dvec3()))?;
+            self.check_positions(columns, positions.iter().map(|x| x.as_dvec3()))?;
             return Ok(Particles::from_positions(positions));
         }
-        let places = self.decode(
+        let positions = self.decode(
             |bytes, rows: &mut [DVec3]| {
-                for (i, place) in rows.iter_mut().enumerate() {
+                for (i, position) in rows.iter_mut().enumerate() {
                     let record = bytes.get(i * self.stride..).unwrap_or_default();
-                    *place = columns.map(|column| column.number(record, self.big_endian)).into();
+                    *position = columns.map(|column| column.number(record, self.big_endian)).into();
                 }
-                rows.iter().all(|place| place.as_vec3().is_finite())
+                rows.iter().all(|position| position.as_vec3().is_finite())
             },
             |record| self.not_finite(columns, "position", record),
         )?;
-        self.check_places(columns, places.iter().copied())?;
-        // Where 32-bit floats have been stored as 64-bit ones, there are no digits to keep.
-        memory::probe(places.len() * size_of::<Vec3>(), self.source.path.display())?;
-        if places.iter().all(|&place| place.as_vec3().as_dvec3() == place) {
-            return Ok(Particles::from_positions(places.iter().map(|p| p.as_vec3()).collect()));
+        self.check_positions(columns, positions.iter().copied())?;
+        // 32-bit floats stored as 64-bit ones need no origin.
+        memory::probe(positions.len() * size_of::<Vec3>(), self.source.path.display())?;
+        if positions.iter().all(|&position| position.as_vec3().as_dvec3() == position) {
+            return Ok(Particles::from_positions(positions.iter().map(|p| p.as_vec3()).collect()));
         }
-        Ok(Particles::from_places(&places))
+        Ok(Particles::from_places(&positions))
     }
 
-    /// Fails at the first place that no picture can show: 32-bit floats do not hold its square.
-    fn check_places(
+    /// Fails at the first position too large to be drawn, whose square does not fit a 32-bit float.
+    fn check_positions(
         &self,
         columns: [Column; 3],
-        mut places: impl Iterator<Item = DVec3> + Clone,
+        mut positions: impl Iterator<Item = DVec3> + Clone,
     ) -> Result<()> {
-        let Some(row) = places.clone().position(|place| !is_position(place)) else { return Ok(()) };
-        let place = places.nth(row).unwrap_or_default().as_vec3().to_array();
-        let problem = format!("particle {row}: position {place:?}, below 1e18 m expected");
+        let invalid = positions.clone().position(|position| !is_position(position));
+        let Some(row) = invalid else { return Ok(()) };
+        let position = positions.nth(row).unwrap_or_default().as_vec3().to_array();
+        let problem = format!("particle {row}: position {position:?}, below 1e18 m expected");
         Err(self.error(row, columns[0], problem))
     }
 
-    /// The numbers of `columns` as vectors, all of them finite.
+    /// Decodes `columns` to vectors, all of them finite.
     pub(super) fn vectors(&self, columns: [Column; 3], name: &str) -> Result<Vec<Vec3>> {
         Ok(bytemuck::allocation::cast_vec(self.floats(columns, name)?))
     }
 
-    /// The numbers of `columns` as 32-bit floats, all of them finite, record by record.
+    /// Decodes `columns` to 32-bit floats, record by record, all of them finite.
     pub(super) fn floats<const N: usize>(
         &self,
         columns: [Column; N],
@@ -202,18 +203,18 @@ impl Table<'_> {
             column.scalar == Scalar::F32 && column.offset == first + k * Scalar::F32.size()
         });
         let (stride, big) = (self.stride, self.big_endian);
-        // Floats side by side are what nearly all files hold, and what must be fast.
-        let side_by_side = adjacent && first + width <= stride;
+        // The fast paths are for adjacent floats, as in nearly all files.
+        let adjacent = adjacent && first + width <= stride;
         let native = big == cfg!(target_endian = "big");
         let fill = |bytes: &[u8], rows: &mut [[f32; N]]| {
             let filled = rows.as_flattened_mut();
-            if side_by_side && stride == width && filled.len() * 4 <= bytes.len() {
+            if adjacent && stride == width && filled.len() * 4 <= bytes.len() {
                 let words: &mut [u8] = bytemuck::cast_slice_mut(filled);
                 words.copy_from_slice(&bytes[..words.len()]);
                 if !native {
                     filled.iter_mut().for_each(|x| *x = f32::from_bits(x.to_bits().swap_bytes()));
                 }
-            } else if side_by_side {
+            } else if adjacent {
                 for (record, row) in bytes.chunks_exact(stride).zip(rows.iter_mut()) {
                     let words = record[first..first + width].as_chunks().0;
                     for (x, word) in row.iter_mut().zip(words) {
@@ -232,14 +233,15 @@ impl Table<'_> {
         self.decode(fill, |record| self.not_finite(columns, name, record))
     }
 
+    /// Decodes a column to integers.
     pub(super) fn integers(&self, column: Column, name: &str) -> Result<Vec<i64>> {
         self.decode(
             |bytes, rows: &mut [i64]| {
-                rows.iter_mut().enumerate().fold(true, |sound, (i, row)| {
+                rows.iter_mut().enumerate().fold(true, |valid, (i, row)| {
                     let record = bytes.get(i * self.stride..).unwrap_or_default();
                     let integer = column.integer(record, self.big_endian);
                     *row = integer.unwrap_or_default();
-                    sound & integer.is_some()
+                    valid & integer.is_some()
                 })
             },
             |record| {
@@ -252,7 +254,7 @@ impl Table<'_> {
         )
     }
 
-    /// The first of a record's numbers that is not finite as a 32-bit float, and what is wrong.
+    /// The column of a record's first number that is not finite as a 32-bit float, and the problem.
     fn not_finite<const N: usize>(
         &self,
         columns: [Column; N],
@@ -260,12 +262,13 @@ impl Table<'_> {
         record: &[u8],
     ) -> Option<(Column, String)> {
         let numbers = columns.map(|column| column.number(record, self.big_endian) as f32);
-        let worst = numbers.iter().position(|number| !number.is_finite())?;
-        Some((columns[worst], format!("{name} {numbers:?}, finite numbers expected")))
+        let first = numbers.iter().position(|number| !number.is_finite())?;
+        Some((columns[first], format!("{name} {numbers:?}, finite numbers expected")))
     }
 
-    /// All rows, block by block on all cores. `fill` decodes the rows that some bytes begin with
-    /// and says whether they are sound; if not, `problem` tells which column of which is to blame.
+    /// Decodes all rows, block by block on all cores. `fill` decodes rows from the start of some bytes
+    /// and returns whether they are valid; if not, `problem` finds a record's invalid column and the
+    /// problem.
     fn decode<T: Zeroable + Clone + Send>(
         &self,
         fill: impl Fn(&[u8], &mut [T]) -> bool + Sync,
@@ -273,14 +276,14 @@ impl Table<'_> {
     ) -> Result<Vec<T>> {
         let from = |row: usize| self.bytes.get(row * self.stride..).unwrap_or_default();
         let mut values: Vec<T> = memory::zeroed(self.rows, self.source.path.display())?;
-        // Waking other threads for a few rows would take longer than decoding them.
-        let sound = if self.rows <= BLOCK {
+        // A few rows are decoded in less time than other threads need to wake up.
+        let valid = if self.rows <= BLOCK {
             fill(from(0), &mut values)
         } else {
             let blocks = values.par_chunks_mut(BLOCK).enumerate();
             blocks.map(|(i, rows)| fill(from(i * BLOCK), rows)).reduce(|| true, |a, b| a & b)
         };
-        if !sound {
+        if !valid {
             for row in 0..self.rows {
                 if let Some((column, problem)) = problem(from(row)) {
                     return Err(self.error(row, column, format!("particle {row}: {problem}")));
@@ -291,7 +294,7 @@ impl Table<'_> {
     }
 }
 
-/// Not `all`, which stops early and so cannot check several at once.
+/// Whether all numbers are finite. Unlike `all`, it does not stop early, so that it can be vectorized.
 pub(super) fn all_finite(numbers: &[f32]) -> bool {
     numbers.iter().fold(true, |finite, x| finite & x.is_finite())
 }

@@ -1,9 +1,9 @@
-//! Legacy VTK, versions 1.0 to 5.1 (Kitware, "VTK File Formats", section "Simple Legacy Formats"),
-//! as `SPlisHSPlasH`, `DualSPHysics` and `ParaView` write it: the points and point data of
-//! unstructured grids and polygonal data, binary (big-endian) or ASCII.
+//! Legacy VTK, versions 1.0 to 5.1 (Kitware, "VTK File Formats", section "Simple Legacy Formats"), as
+//! written by SPlisHSPlasH, `DualSPHysics` and `ParaView`: the points and point data of unstructured
+//! grids and polygonal data, binary (big-endian) or ASCII.
 //!
-//! Keywords are lines of text between blocks of numbers, so each block must be stepped over
-//! exactly, wanted or not.
+//! Keywords are lines of text between blocks of numbers, so the exact length of each block must be
+//! known, whether or not it is used.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -24,14 +24,14 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     Vtk::open(path, bytes, reading.map)?.read()
 }
 
-/// Whether cells of this type are nothing but points.
+/// Whether cells of this type consist of points only.
 pub(super) fn is_point(kind: Option<i64>) -> bool {
     const VERTEX: i64 = 1;
     const POLY_VERTEX: i64 = 2;
     matches!(kind, Some(VERTEX | POLY_VERTEX))
 }
 
-/// What the numbers of an attribute belong to.
+/// The part of the dataset to which attributes belong, with its number of rows.
 #[derive(Clone, Copy)]
 enum Section {
     Dataset,
@@ -41,12 +41,12 @@ enum Section {
 
 struct Vtk<'a> {
     file: Cursor<'a>,
-    /// From version 5 on, cells are stored as offsets and connectivity.
+    /// Cells are stored as offsets and connectivity, as from version 5 on.
     split_cells: bool,
     section: Section,
     map: &'a AttributeMap,
     contents: Option<Contents>,
-    /// Cells of more than a point.
+    /// Number of cells with several points.
     cells: usize,
 }
 
@@ -91,8 +91,8 @@ impl<'a> Vtk<'a> {
         Ok(Contents { cells: self.cells, ..self.contents.ok_or_else(missing)? })
     }
 
-    /// The next line with a keyword. Blank lines and METADATA blocks, which last up to a blank
-    /// line, may stand before any.
+    /// Reads the next line with a keyword. Blank lines and METADATA blocks, which end at a blank line,
+    /// may precede it.
     fn keyword_line(&mut self) -> Option<Cow<'a, str>> {
         loop {
             let line = self.file.filled_line()?;
@@ -103,7 +103,7 @@ impl<'a> Vtk<'a> {
         }
     }
 
-    /// Reads the block of numbers that a line announces.
+    /// Reads the block of numbers that follows a keyword line.
     fn block(&mut self, keyword: &str, words: &[&str]) -> Result<()> {
         let count = |at: usize| self.file.count(words.get(at).copied(), keyword);
         match keyword {
@@ -216,7 +216,7 @@ impl<'a> Vtk<'a> {
         Ok(())
     }
 
-    /// `name size rows type`, then the numbers.
+    /// Reads an array of a field: a line `name size rows type`, then the numbers.
     fn field_array(&mut self) -> Result<()> {
         let line = self.keyword_line().unwrap_or_default();
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
@@ -237,7 +237,7 @@ impl<'a> Vtk<'a> {
         self.values(name, rows, size, scalar)
     }
 
-    /// An attribute whose line begins with a keyword and its name.
+    /// Reads an attribute whose line begins with a keyword and its name.
     fn attribute(&mut self, words: &[&str], size: usize, scalar: Scalar) -> Result<()> {
         let name = words.get(1).copied().unwrap_or_default();
         match self.section {
@@ -252,7 +252,7 @@ impl<'a> Vtk<'a> {
         let table = self.table(rows, size, scalar, name)?;
         let stored = self.stored(scalar);
         match (&mut self.contents, self.section) {
-            // No attribute of ours has more than six numbers; others may claim any size.
+            // No attribute has more than six numbers; ignored arrays may have any size.
             (Some(contents), Section::Points(_)) if size <= 6 => {
                 contents.take(self.map, name, &table, &Column::adjacent(0, size, stored))
             }
@@ -264,14 +264,14 @@ impl<'a> Vtk<'a> {
         }
     }
 
-    /// The `rows` × `size` numbers that follow.
+    /// Reads a table of `rows` × `size` numbers.
     fn table(&mut self, rows: usize, size: usize, scalar: Scalar, what: &str) -> Result<Table<'a>> {
         if !self.file.source.text {
             return self.file.table(rows, size.saturating_mul(scalar.size()), true, what);
         }
         let start = self.file.offset;
         let (mut bytes, mut starts) = (Vec::new(), Vec::new());
-        // Grows with what is read, never with what is claimed.
+        // Memory grows with the numbers read, not with the stated count.
         for row in 0..if size == 0 { 0 } else { rows } {
             for column in 0..size {
                 let Some(word) = self.file.word() else {
@@ -297,12 +297,12 @@ impl<'a> Vtk<'a> {
         })
     }
 
-    /// How a table holds numbers of this type.
+    /// The type in which a table stores numbers of this type.
     fn stored(&self, scalar: Scalar) -> Scalar {
         if self.file.source.text { Scalar::F64 } else { scalar }
     }
 
-    /// `SCALARS` is followed by the name of its colour table, which some writers leave out.
+    /// Skips the name of the colour table after `SCALARS`, which some programs do not write.
     fn skip_table_name(&mut self) {
         let rest = self.file.rest();
         let rest = if self.file.source.text { rest.trim_ascii_start() } else { rest };
@@ -318,7 +318,7 @@ impl<'a> Vtk<'a> {
             "unsigned_char" | "vtktypeuint8" => Scalar::U8,
             "short" | "vtktypeint16" => Scalar::I16,
             "unsigned_short" | "vtktypeuint16" => Scalar::U16,
-            // VTK writes its own index type as 32 bits in legacy files, whatever it is in memory.
+            // In legacy files VTK's index type always has 32 bits.
             "int" | "vtktypeint32" | "vtkidtype" => Scalar::I32,
             "unsigned_int" | "vtktypeuint32" => Scalar::U32,
             "long" | "long_long" | "vtktypeint64" => Scalar::I64,
@@ -333,14 +333,14 @@ impl<'a> Vtk<'a> {
     }
 }
 
-/// Enough of a word or line to recognise it; where numbers are taken for text it may be long.
+/// The start of a word or line for messages, since binary numbers read as text may be long.
 fn shorten(text: &str) -> String {
     text.chars().take(40).map(|c| if c.is_control() { '?' } else { c }).collect()
 }
 
-/// Writes an unstructured grid of vertices as `SPlisHSPlasH` does: version 4.1, binary, ids as
-/// scalars, all else as field data. Ids that are not of 32 bits without sign are 64-bit integers
-/// by the name that newer versions have for them.
+/// Writes an unstructured grid of vertices as SPlisHSPlasH does: version 4.1, binary, ids as scalars,
+/// the other attributes as field data. Ids beyond unsigned 32 bits are written as 64-bit integers, with
+/// the type name of newer versions.
 pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
     let n = particles.len();
     write!(out, "# vtk DataFile Version 4.1\nparticles\nBINARY\nDATASET UNSTRUCTURED_GRID\n")?;

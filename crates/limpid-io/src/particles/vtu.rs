@@ -1,15 +1,15 @@
-//! VTK's XML formats (Kitware, "VTK File Formats", section "XML File Formats"): the points and
-//! point data of unstructured grids (`.vtu`) and polygonal data (`.vtp`), in one piece or several.
-//! Arrays are ASCII, base64 in place, or appended as base64 or raw; perhaps in blocks that zlib
-//! has compressed.
+//! VTK's XML formats (Kitware, "VTK File Formats", section "XML File Formats"): the points and point
+//! data of unstructured grids (`.vtu`) and polygonal data (`.vtp`), in one piece or several. Arrays are
+//! ASCII, inline base64, or appended as base64 or raw data, optionally in blocks compressed by zlib.
 //!
 //! ```text
 //! uncompressed   length, bytes
 //! compressed     blocks, bytes of a block, of the last or 0, compressed bytes of each; blocks
 //! ```
 //!
-//! These headers are of `header_type` and in `byte_order`. In base64 a length is encoded in one
-//! with its bytes by VTK, apart from them by others; the header of compressed blocks always apart.
+//! These headers have the type `header_type` and the `byte_order`. In base64, VTK encodes a length
+//! together with its bytes, other programs separately; the header of compressed blocks is always
+//! separate.
 //!
 //! Raw appended data is not XML, so the document is read as a stream up to it.
 
@@ -41,8 +41,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     let (limit, map) = (reading.limit, reading.map);
     let document = Document::read(source, map)?;
     let mut merged: Vec<Merged<'_>> = Vec::new();
-    // Arrays may share their bytes, so their sum is bounded by nothing in the file. What is read from
-    // them counts as well.
+    // The size of the unpacked arrays and of the attributes read from them. Arrays may share their
+    // bytes, so nothing in the file bounds the sum.
     let mut unpacked = 0_u64;
     for array in &document.arrays {
         let (scalar, data) = document.decode(array, limit)?;
@@ -50,7 +50,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         if unpacked > limit {
             return Err(source.too_large(array.start, "file", limit));
         }
-        // A piece has one array of points, whatever it is called.
+        // A piece has one array of points, which may have any name.
         let same =
             |m: &&mut Merged<'_>| m.points == array.points && (m.points || m.name == array.name);
         match merged.iter_mut().find(same) {
@@ -77,7 +77,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
 
     let mut contents: Option<Contents> = None;
     let order = |m: &Merged<'_>| !m.points;
-    merged.sort_by_key(order); // Points may come after their attributes.
+    merged.sort_by_key(order); // Points may follow their attributes.
     for array in merged {
         let (rows, size, scalar) = (array.rows, array.size, array.scalar);
         let table = Table {
@@ -87,7 +87,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
             rows,
             stride: size * scalar.size(),
             big_endian: document.big_endian,
-            // Most encodings keep no row at a place of its own.
+            // In most encodings rows have no offset of their own.
             starts: Some(Vec::new()),
         };
         let columns = Column::adjacent(0, size, scalar);
@@ -116,7 +116,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     }
 }
 
-/// An array of all pieces.
+/// An array, merged from all pieces.
 struct Merged<'a> {
     name: &'a str,
     points: bool,
@@ -127,49 +127,50 @@ struct Merged<'a> {
     data: Cow<'a, [u8]>,
 }
 
-/// What the XML says.
+/// The parsed XML.
 struct Document<'a> {
     source: Source<'a>,
     big_endian: bool,
-    /// Of a number in the headers of arrays: 4 or 8 bytes.
+    /// Size of a number in the headers of arrays: 4 or 8 bytes.
     word: usize,
     compressed: bool,
-    /// Points of all pieces.
+    /// Number of points of all pieces.
     rows: usize,
     arrays: Vec<Array>,
-    /// Names and shapes of the points' other arrays.
+    /// Names and shapes of ignored point data.
     ignored: Vec<(String, [usize; 2])>,
-    /// Lines, strips and polygons.
+    /// Number of lines, strips and polygons.
     cells: usize,
-    /// The types of cells, a piece each.
+    /// The types of cells, one array per piece.
     types: Vec<Array>,
-    /// The appended data, and whether it is base64.
+    /// Offset of the appended data, and whether it is base64.
     appended: Option<(usize, bool)>,
-    /// Where the XML, as far as it was read, ends.
+    /// End of the XML read so far.
     end: usize,
 }
 
 /// An array of a piece.
 struct Array {
     name: String,
-    /// Positions, not an attribute.
+    /// Whether it contains the positions.
     points: bool,
     scalar: Scalar,
     size: usize,
     rows: usize,
-    /// Where its element begins.
+    /// Offset of its element.
     start: usize,
     data: Data,
 }
 
+/// The location of an array's numbers.
 enum Data {
     Ascii(Range<usize>),
     Base64(Range<usize>),
-    /// So far from the start of the appended data.
+    /// Offset from the start of the appended data.
     Appended(usize),
 }
 
-/// Which of a piece's arrays those to come are.
+/// The part of a piece to which arrays belong.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Section {
     Points,
@@ -180,7 +181,7 @@ enum Section {
 
 impl<'a> Document<'a> {
     fn read(source: Source<'a>, map: &AttributeMap) -> Result<Self> {
-        // The XML reader counts from behind a byte order mark.
+        // The XML reader counts from the end of a byte order mark.
         let bytes = source.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source.bytes);
         let source = Source { bytes, ..source };
         let mut document = Self {
@@ -202,8 +203,8 @@ impl<'a> Document<'a> {
         loop {
             let start = xml.buffer_position() as usize;
             let event = xml.read_event().map_err(|error| {
-                let place = xml.error_position() as usize;
-                source.error(place, format!("not XML: {error}"))
+                let offset = xml.error_position() as usize;
+                source.error(offset, format!("not XML: {error}"))
             })?;
             document.end = start;
             let element = match &event {
@@ -220,7 +221,7 @@ impl<'a> Document<'a> {
                 _ => continue,
             };
             let empty = matches!(event, Event::Empty(_));
-            let at = Place { source, start, element };
+            let at = Element { source, start, element };
             match element.name().as_ref() {
                 b"VTKFile" => {
                     document.open(at)?;
@@ -241,14 +242,14 @@ impl<'a> Document<'a> {
                 b"Cells" if !empty => section = Section::Cells,
                 b"DataArray" if section != Section::Other => {
                     let name = at.attribute("Name")?.unwrap_or_default();
-                    let wanted = match section {
+                    let used = match section {
                         Section::Points => true,
                         Section::PointData => map.attribute_of(&name).is_some(),
                         Section::Cells | Section::Other => name == "types",
                     };
                     let rows = if section == Section::Cells { cells } else { rows };
                     let size = at.count("NumberOfComponents")?.unwrap_or(1);
-                    let read = wanted.then(|| at.array(name.clone(), section, size, rows));
+                    let read = used.then(|| at.array(name.clone(), section, size, rows));
                     let array = read.transpose()?.flatten();
                     let text = if empty { start..start } else { text_of(&mut xml, source)? };
                     match (array, section) {
@@ -293,7 +294,8 @@ impl<'a> Document<'a> {
         Err(foreign(source.path, source.bytes, "VTK's XML format"))
     }
 
-    fn open(&mut self, at: Place<'_, '_>) -> Result<()> {
+    /// Reads the attributes of the element `VTKFile`.
+    fn open(&mut self, at: Element<'_, '_>) -> Result<()> {
         let format = |problem: String| Error::format(self.source.path, problem);
         let kind = at.attribute("type")?.unwrap_or_default();
         if !matches!(&*kind, "UnstructuredGrid" | "PolyData") {
@@ -321,7 +323,7 @@ impl<'a> Document<'a> {
         Ok(())
     }
 
-    /// Notes an array that is not read; those of other pieces with this name belong to it.
+    /// Lists an array that is not read, together with those of the same name in other pieces.
     fn ignore(&mut self, name: String, [rows, size]: [usize; 2]) {
         if let Some((_, shape)) = self.ignored.iter_mut().find(|(known, _)| *known == name) {
             shape[0] = shape[0].saturating_add(rows);
@@ -330,7 +332,8 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// Cells of more than a point, by their types. What cannot be decoded is no concern of particles.
+    /// Counts the cells with several points by their types. Types that cannot be decoded are ignored,
+    /// since the particles do not depend on them.
     fn cells_by_type(&self, limit: u64) -> usize {
         // Pieces may share their bytes.
         let mut left = limit;
@@ -348,7 +351,7 @@ impl<'a> Document<'a> {
         others.fold(0, usize::saturating_add)
     }
 
-    /// An array's numbers as the file's byte order has them, and their type.
+    /// Decodes an array to numbers in the file's byte order, and their type.
     fn decode(&self, array: &Array, limit: u64) -> Result<(Scalar, Cow<'a, [u8]>)> {
         let error = |problem: String| {
             self.source.error(array.start, format!("array {}: {problem}", array.name))
@@ -373,7 +376,7 @@ impl<'a> Document<'a> {
         if length == 0 {
             return Ok((array.scalar, Cow::Borrowed(&[])));
         }
-        // What base64 decodes to.
+        // The memory of the decoded base64.
         memory::probe(length.min(encoded.bytes.len()), self.source.path.display())?;
         let data = if self.compressed {
             let packed = self.packed(encoded, length).map_err(error)?;
@@ -384,7 +387,7 @@ impl<'a> Document<'a> {
             packed.inflate(&mut unpacked).map_err(error)?;
             Cow::Owned(unpacked)
         } else {
-            self.copied(encoded, length).map_err(error)?
+            self.uncompressed(encoded, length).map_err(error)?
         };
         Ok((array.scalar, data))
     }
@@ -419,7 +422,7 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// The words that a header begins with.
+    /// Decodes the words of a header.
     fn words(&self, bytes: &[u8]) -> Vec<u64> {
         let word = |bytes: &[u8]| {
             let digits = bytes.iter().map(|&byte| u64::from(byte));
@@ -429,13 +432,14 @@ impl<'a> Document<'a> {
         bytes.chunks_exact(self.word).map(word).collect()
     }
 
-    fn copied(&self, encoded: Encoded<'a>, length: usize) -> Result<Cow<'a, [u8]>, String> {
-        let (head, apart) = encoded.take(self.word)?;
+    /// The `length` bytes of an uncompressed array.
+    fn uncompressed(&self, encoded: Encoded<'a>, length: usize) -> Result<Cow<'a, [u8]>, String> {
+        let (head, separate) = encoded.take(self.word)?;
         let found = self.words(&head).first().copied().unwrap_or_default();
         if found != length as u64 {
             return Err(format!("{length} bytes expected, {found} announced"));
         }
-        if apart {
+        if separate {
             return encoded.after(self.word).take(length).map(|(data, _)| data);
         }
         let (mut data, _) = encoded.take(self.word.checked_add(length).ok_or("too long")?)?;
@@ -446,7 +450,7 @@ impl<'a> Document<'a> {
         Ok(data)
     }
 
-    /// The blocks that `length` bytes are packed in.
+    /// The compressed blocks of `length` bytes.
     fn packed(&self, encoded: Encoded<'a>, length: usize) -> Result<Packed<'a>, String> {
         let (head, _) = encoded.take(3 * self.word)?;
         let &[blocks, size, last] = self.words(&head).as_slice() else {
@@ -473,12 +477,12 @@ impl<'a> Document<'a> {
     }
 }
 
-/// Blocks that zlib has compressed.
+/// Blocks compressed by zlib.
 struct Packed<'a> {
     data: Cow<'a, [u8]>,
-    /// Compressed bytes of each.
+    /// Compressed size of each block, bytes.
     sizes: Vec<u64>,
-    /// Bytes of each, but for the last.
+    /// Unpacked size of each block except the last, bytes.
     block: usize,
 }
 
@@ -499,7 +503,7 @@ impl Packed<'_> {
     }
 }
 
-/// Bytes as they stand in the file.
+/// Encoded bytes of the file.
 #[derive(Clone, Copy)]
 struct Encoded<'a> {
     base64: bool,
@@ -507,46 +511,47 @@ struct Encoded<'a> {
 }
 
 impl<'a> Encoded<'a> {
-    /// The first `length` bytes, and whether their encoding ends with them.
+    /// Decodes the first `length` bytes; returns also whether their base64 ends with them.
     fn take(self, length: usize) -> Result<(Cow<'a, [u8]>, bool), String> {
-        let there = self.bytes.len();
+        let available = self.bytes.len();
         let short = || format!("{length} bytes expected, the file ends before them");
         if !self.base64 {
             let bytes = self.bytes.get(..length).ok_or_else(short)?;
             return Ok((Cow::Borrowed(bytes), false));
         }
-        let letters =
-            Self::letters(length).filter(|&letters| letters <= there).ok_or_else(short)?;
-        let letters = &self.bytes[..letters];
-        let mut bytes = BASE64_STANDARD.decode(letters).map_err(|error| error.to_string())?;
-        let apart = letters.ends_with(b"=");
+        let encoded = Self::encoded_length(length).filter(|&encoded| encoded <= available);
+        let encoded = &self.bytes[..encoded.ok_or_else(short)?];
+        let mut bytes = BASE64_STANDARD.decode(encoded).map_err(|error| error.to_string())?;
+        let separate = encoded.ends_with(b"=");
         if bytes.len() < length {
             return Err(format!("{length} bytes expected, the base64 ends after {}", bytes.len()));
         }
         bytes.truncate(length);
-        Ok((Cow::Owned(bytes), apart))
+        Ok((Cow::Owned(bytes), separate))
     }
 
-    /// What comes after `length` bytes that were encoded apart.
+    /// The rest after `length` bytes that were encoded separately.
     fn after(self, length: usize) -> Self {
-        let taken = if self.base64 { Self::letters(length).unwrap_or(usize::MAX) } else { length };
-        Self { bytes: self.bytes.get(taken..).unwrap_or_default(), ..self }
+        let encoded = Self::encoded_length(length).unwrap_or(usize::MAX);
+        let skipped = if self.base64 { encoded } else { length };
+        Self { bytes: self.bytes.get(skipped..).unwrap_or_default(), ..self }
     }
 
-    fn letters(length: usize) -> Option<usize> {
+    /// Length of the base64 of `length` bytes, characters.
+    fn encoded_length(length: usize) -> Option<usize> {
         length.div_ceil(3).checked_mul(4)
     }
 }
 
-/// An element, and where it is.
+/// An XML element and its offset.
 #[derive(Clone, Copy)]
-struct Place<'a, 'b> {
+struct Element<'a, 'b> {
     source: Source<'a>,
     start: usize,
     element: &'b BytesStart<'a>,
 }
 
-impl Place<'_, '_> {
+impl Element<'_, '_> {
     fn error(&self, problem: &str) -> Error {
         let name = self.element.name();
         let name = String::from_utf8_lossy(name.as_ref());
@@ -569,7 +574,7 @@ impl Place<'_, '_> {
         self.attribute(name)?.map(|text| text.parse().map_err(|_| problem(&text))).transpose()
     }
 
-    /// The array that this element is, if it is one of ours.
+    /// Reads the element of an array; `None` if it cannot be an attribute.
     fn array(
         &self,
         name: String,
@@ -577,13 +582,13 @@ impl Place<'_, '_> {
         size: usize,
         rows: usize,
     ) -> Result<Option<Array>> {
-        /// No attribute has more numbers.
-        const MOST: usize = 6;
+        /// Largest number of values of an attribute.
+        const MAX_SIZE: usize = 6;
         let points = section == Section::Points;
         if points && size != 3 {
             return Err(self.error(&format!("points of {size} numbers, 3 expected")));
         }
-        if !points && !(1..=MOST).contains(&size) {
+        if !points && !(1..=MAX_SIZE).contains(&size) {
             return Ok(None);
         }
         let scalar = match self.attribute("type")?.unwrap_or_default().as_str() {
@@ -620,7 +625,7 @@ impl Place<'_, '_> {
 }
 
 impl Array {
-    /// Bytes that it takes once it is read as positions or an attribute.
+    /// Memory of the positions or the attribute read from it, bytes.
     fn read_bytes(&self, map: &AttributeMap) -> u64 {
         let attribute = map.attribute_of(&self.name).map_or(0, Attribute::bytes);
         let bytes = if self.points { POSITION_BYTES } else { attribute };
@@ -636,15 +641,15 @@ impl Array {
     }
 }
 
-/// Reads to the end of an array's element, past what `ParaView` tells of it in elements of its own.
-/// The first text that is not blank is the array's.
+/// Reads to the end of an array's element, and returns its first text that is not blank. `ParaView` adds
+/// nested elements with information, which are skipped.
 fn text_of(xml: &mut Reader<&[u8]>, source: Source<'_>) -> Result<Range<usize>> {
     let (mut depth, mut text) = (0_usize, 0..0);
     loop {
         let start = xml.buffer_position() as usize;
         let event = xml.read_event().map_err(|error| {
-            let place = xml.error_position() as usize;
-            source.error(place, format!("not XML: {error}"))
+            let offset = xml.error_position() as usize;
+            source.error(offset, format!("not XML: {error}"))
         })?;
         match event {
             Event::Start(_) => depth += 1,

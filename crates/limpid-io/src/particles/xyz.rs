@@ -1,8 +1,8 @@
-//! `.xyz`: positions and nothing else, without a header. Two kinds go by this name:
-//! raw little-endian f32 triples, as splashsurf reads and writes them, and text with the three
-//! coordinates of one particle a line, as point-cloud tools write it.
+//! `.xyz`: positions only, without a header. Two formats have this name: raw little-endian f32 triples,
+//! as read and written by splashsurf, and text with the three coordinates of one particle per line, as
+//! written by point-cloud tools.
 //!
-//! A file whose first kilobyte is printable ASCII is text: floats almost never are.
+//! A file whose first kilobyte is printable ASCII is text, which floats almost never are.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -20,10 +20,10 @@ use crate::files;
 use limpid::camera::is_position;
 use limpid::memory;
 
-/// Reads raw floats from the file to where they stay, half the work of reading its bytes first:
-/// `None` if that does not go well. [`read`] tells why.
+/// Reads raw floats directly into the positions, in half the time of reading the bytes first. `None` on
+/// any failure, which [`read`] then reports.
 pub(crate) fn read_raw(path: &Path, limit: Option<u64>) -> Option<Particles> {
-    /// Few enough to be still in the cache when they are checked.
+    /// Number of positions per block, few enough to stay in the CPU's cache until they are checked.
     const BLOCK: usize = 1 << 14;
     let (file, metadata) = files::open(path).ok()?;
     let length = metadata.len();
@@ -31,7 +31,7 @@ pub(crate) fn read_raw(path: &Path, limit: Option<u64>) -> Option<Particles> {
         return None;
     }
     let mut start = Vec::new();
-    (&file).take(TEXT as u64).read_to_end(&mut start).ok()?;
+    (&file).take(TEXT_SAMPLE as u64).read_to_end(&mut start).ok()?;
     let foreign = known_magic(&start).is_some() || stl_length(&start) == Some(length);
     if length % 12 != 0 || foreign || is_text(&start) || cfg!(target_endian = "big") {
         return None;
@@ -39,17 +39,17 @@ pub(crate) fn read_raw(path: &Path, limit: Option<u64>) -> Option<Particles> {
     let rows = usize::try_from(length / 12).ok()?;
     let mut positions: Vec<Vec3> = bytemuck::allocation::try_zeroed_vec(rows).ok()?;
     let blocks = positions.par_chunks_mut(BLOCK).enumerate();
-    let sound = blocks.map(|(i, block)| {
+    let valid = blocks.map(|(i, block)| {
         let offset = (i * BLOCK * size_of::<Vec3>()) as u64;
         files::read_at(&file, bytemuck::cast_slice_mut(block), offset).is_ok()
             && block.iter().all(|x| is_position(x.as_dvec3()))
     });
-    let sound = sound.reduce(|| true, |a, b| a & b);
-    let sound = sound && files::unchanged(path, &file, &metadata).is_ok();
-    sound.then(|| Particles::from_positions(positions))
+    let valid = valid.reduce(|| true, |a, b| a & b);
+    let valid = valid && files::unchanged(path, &file, &metadata).is_ok();
+    valid.then(|| Particles::from_positions(positions))
 }
 
-/// Fails if raw floats that begin like this cannot be of this length.
+/// Fails if a file of raw floats with this start cannot have this length.
 pub(crate) fn check_length(path: &Path, start: &[u8], length: u64) -> Result<()> {
     let left = length % 12;
     if is_text(start) || left == 0 {
@@ -59,7 +59,7 @@ pub(crate) fn check_length(path: &Path, start: &[u8], length: u64) -> Result<()>
     Err(Error::malformed(path, Location::Byte(length - left), problem))
 }
 
-/// Whether a file that begins like this, of this length, holds positions as far as that tells.
+/// Whether a file with this start and length appears to contain positions.
 pub(super) fn is_sound(path: &Path, head: &[u8], length: u64, reading: &Reading<'_>) -> bool {
     let last = |is_end: fn(&u8) -> bool| head.iter().rposition(is_end).map_or(0, |at| at + 1);
     let end = match (head.len() as u64 == length, is_text(head)) {
@@ -70,12 +70,12 @@ pub(super) fn is_sound(path: &Path, head: &[u8], length: u64, reading: &Reading<
     check_length(path, head, length).is_ok() && read(path, &head[..end], reading).is_ok()
 }
 
-/// So many bytes tell text from floats.
-const TEXT: usize = 1024;
+/// Number of bytes by which text is distinguished from floats.
+const TEXT_SAMPLE: usize = 1024;
 
 fn is_text(bytes: &[u8]) -> bool {
     let printable = |byte: &u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace();
-    !bytes.is_empty() && bytes.iter().take(TEXT).all(printable)
+    !bytes.is_empty() && bytes.iter().take(TEXT_SAMPLE).all(printable)
 }
 
 pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Contents> {
@@ -103,8 +103,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
 /// Writes raw floats.
 pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
     (0..particles.len()).try_for_each(|i| {
-        let place = particles.single_place(i).to_array();
-        out.write_all(place.map(f32::to_le_bytes).as_flattened())
+        let position = particles.single_place(i).to_array();
+        out.write_all(position.map(f32::to_le_bytes).as_flattened())
     })
 }
 

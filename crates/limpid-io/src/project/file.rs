@@ -1,5 +1,4 @@
-//! Scene files: their TOML, its meaning, and how a project is written so that it reads as the same
-//! again.
+//! Scene files: parsing and validation of their TOML, and writing that reads back as the same project.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -24,7 +23,7 @@ use limpid::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, To
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
 
-// The file as it is written; `Project` is its meaning.
+// The file's structure; `Project` is the validated form.
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -134,20 +133,20 @@ struct CheckerFile {
     odd: Vec3,
 }
 
-/// How an environment map is read.
+/// Reads an environment map.
 type LoadMap = fn(&Path) -> Result<Environment>;
 
 impl Project {
-    /// Reads a scene file. Paths in it are relative to it.
+    /// Reads a scene file. Its paths are relative to its folder.
     ///
     /// # Errors
-    /// [`Error::Io`], or [`Error::Scene`] naming the line, the key and, for an unknown one, the
-    /// nearest that exists.
+    /// [`Error::Io`], or [`Error::Scene`] naming the line, the key and, for an unknown one, the nearest
+    /// known one.
     pub fn load(path: &Path) -> Result<Self> {
         Self::read(path, environment::load)
     }
 
-    /// As [`Project::load`], with an environment map's size alone.
+    /// As [`Project::load`], but reads only the size of an environment map.
     ///
     /// # Errors
     /// As [`Project::load`].
@@ -213,10 +212,10 @@ impl Project {
             _ if !sources.is_empty() => LiquidSource::Fluids(sources),
             _ => LiquidSource::Unspecified,
         };
-        let lone = matches!(source, LiquidSource::File(_));
+        let single = matches!(source, LiquidSource::File(_));
         for (number, p) in (1..).zip(source.files_mut()) {
             let table =
-                if lone { "[particles]".to_owned() } else { format!("[[fluid]] {number}:") };
+                if single { "[particles]".to_owned() } else { format!("[[fluid]] {number}:") };
             if let Some(radius) = p.radius.filter(|&radius| !drawable(radius)) {
                 let problem = format!("{table} radius is {radius:?}, expected 1e-12 to 1e12 m");
                 return Err(fail(problem));
@@ -240,9 +239,8 @@ impl Project {
         Ok(project)
     }
 
-    /// The text of a scene file, which [`Project::parse`] reads as the same project, to the last bit.
-    /// Paths are as the project has them. An environment map is in a file of its own, which
-    /// is given.
+    /// Writes the text of a scene file, which [`Project::parse`] reads back as the same project,
+    /// bit-exactly. Paths are written as the project has them; `map` is the file of an environment map.
     ///
     /// # Errors
     /// [`Error::Usage`] for an environment map without a file.
@@ -250,7 +248,7 @@ impl Project {
         let environment = EnvironmentFile::of(&self.scene.environment, map)?;
         let Self { scene, source, camera, views, processor } = self;
         let recipe = source.recipe().copied();
-        // Reading adds the recipe's solids again.
+        // The solids of the recipe are left out, since reading adds them again.
         let own = recipe.map_or(0, |recipe| recipe.solids().len());
         let own = scene.solids.len().saturating_sub(own);
         let (mut particles, mut fluid) = (None, Vec::new());
@@ -283,18 +281,19 @@ impl Project {
         toml::to_string(&file).map_err(|e| fail(&e))
     }
 
-    /// Writes a scene file that draws alike wherever it lies: particle files in its folder by their
-    /// name, others by their whole path, an environment map beside it as `NAME.environment.exr`.
+    /// Writes a scene file that is valid in any folder: particle files below its folder by their
+    /// relative path, others by their absolute path, an environment map beside it as
+    /// `NAME.environment.exr`.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the file; nothing is left half-written.
+    /// [`Error::Io`] naming the file; no unfinished file is left.
     pub fn save(&self, path: &Path) -> Result<()> {
-        // Before its map is written.
+        // Checked before the map is written.
         FILE_KIND.check(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut project = self.clone();
         for particles in project.source.files_mut() {
-            particles.source = seen_from(folder, &particles.source);
+            particles.source = relative_to(folder, &particles.source);
         }
         let map = path.with_extension("environment.exr");
         if let Environment::Map { size, pixels } = &project.scene.environment {
@@ -313,19 +312,19 @@ impl Project {
     }
 }
 
-/// A scene file.
+/// The kind of scene files.
 pub const FILE_KIND: FileKind =
     FileKind::new("a scene", |file| files::read_text(file.path).is_ok_and(|text| is_scene(&text)));
 
-/// Whether a text is that of a scene file, whatever the files that it names hold.
+/// Whether a text is a scene file, independent of the files that it refers to.
 fn is_scene(text: &str) -> bool {
     let Ok(mut table) = DeTable::parse(text) else { return false };
     take_processor(table.get_mut()).is_ok()
         && SceneFile::deserialize(toml::Deserializer::from(table)).is_ok()
 }
 
-/// Removes `classify.on` from the file's `[settings]`: it says how the work is done, not how a picture
-/// looks.
+/// Removes `classify.on` from the file's `[settings]`, since it selects a processor and does not change
+/// the picture.
 fn take_processor(file: &mut DeTable<'_>) -> Result<Processor, toml::de::Error> {
     fn table<'a, 'i>(of: &'a mut DeTable<'i>, name: &str) -> Option<&'a mut DeTable<'i>> {
         if let DeValue::Table(table) = of.get_mut(name)?.get_mut() { Some(table) } else { None }
@@ -337,7 +336,7 @@ fn take_processor(file: &mut DeTable<'_>) -> Result<Processor, toml::de::Error> 
     }
 }
 
-/// Adds what [`take_processor`] removes.
+/// Adds `classify.on`, which [`take_processor`] removes.
 fn put_processor(file: &mut toml::Table, processor: Processor) {
     let classify = ["settings", "classify"].into_iter().fold(file, |table, name| {
         let inner = table.entry(name).or_insert_with(|| toml::Table::new().into());
@@ -347,7 +346,7 @@ fn put_processor(file: &mut toml::Table, processor: Processor) {
     classify.insert("on".into(), on);
 }
 
-/// An error of a part of the file, with the file's name.
+/// Adds the file's name to an error of a part of the file.
 fn in_file(error: Error, fail: &dyn Fn(String) -> Error) -> Error {
     match error {
         Error::Render(limpid::Error::Invalid { part, problem }) => {
@@ -357,16 +356,17 @@ fn in_file(error: Error, fail: &dyn Fn(String) -> Error) -> Error {
     }
 }
 
-/// A path that was relative to the working directory, for a file in `folder`.
-fn seen_from(folder: &Path, source: &str) -> String {
+/// Converts a path relative to the working directory to one relative to `folder`, or to an absolute path
+/// if it is outside.
+fn relative_to(folder: &Path, source: &str) -> String {
     let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let here = if folder == Path::new("") { PathBuf::from(".") } else { folder.to_owned() };
     let source = absolute(Path::new(source));
-    let seen = source.strip_prefix(absolute(&here)).unwrap_or(&source);
-    seen.to_string_lossy().into_owned()
+    let relative = source.strip_prefix(absolute(&here)).unwrap_or(&source);
+    relative.to_string_lossy().into_owned()
 }
 
-/// The absorption that a file gives, as such or as the colour that a metre leaves of white light.
+/// The absorption in a file, given directly or as the colour of white light after a metre.
 fn absorption(absorption: Option<Vec3>, color: Option<Vec3>) -> Result<Option<Vec3>, String> {
     match (absorption, color) {
         (Some(_), Some(_)) => Err("takes one of absorption and color".into()),
@@ -465,20 +465,20 @@ impl SettingsFile {
         Self { preset: None, classify, smooth, refract, caustics, tonemap }
     }
 
-    /// What the file gives, and the preset where it gives nothing.
+    /// The settings of the file; those that it does not have are the preset's.
     fn validated(self, text: &str) -> Result<Settings, toml::de::Error> {
         let Self { preset, classify, smooth, refract, caustics, tonemap } = self;
         let Some(preset) = preset else {
             return Ok(Settings { classify, smooth, refract, caustics, tonemap });
         };
-        // The structs do not tell what was given from what is a default; the text does.
+        // The text is read again, since the structs do not distinguish given values from defaults.
         let file: toml::Table = text.parse()?;
         let given = file.get("settings").and_then(toml::Value::as_table);
         overlaid(&preset.settings(), given.unwrap_or(&toml::Table::new()))
     }
 }
 
-/// Settings with those replaced that a file's `[settings]` gives.
+/// Replaces the settings that a file's `[settings]` has.
 fn overlaid(settings: &Settings, file: &toml::Table) -> Result<Settings, toml::de::Error> {
     let mut all = toml::Table::try_from(settings).expect("settings are a table of tables");
     for (pass, settings) in &mut all {
@@ -569,9 +569,10 @@ impl SolidFile {
     }
 }
 
-/// The unit vector of a direction, and itself of one: what was written reads as the same again.
+/// Normalizes a direction; a unit vector is returned unchanged, so that a written one reads back the
+/// same.
 fn unit(direction: Vec3) -> Option<Vec3> {
-    /// Of a length, where three 32-bit floats have been rounded.
+    /// Error of a unit vector's length by the rounding of three 32-bit floats.
     const ROUNDING: f64 = 2e-7;
     let direction64 = direction.as_dvec3();
     if (direction64.length() - 1.0).abs() < ROUNDING {
@@ -580,7 +581,8 @@ fn unit(direction: Vec3) -> Option<Vec3> {
     direction64.try_normalize().map(|unit| unit.as_vec3())
 }
 
-/// Fails for a vector of too many numbers, of which the first would be taken: commas for points.
+/// Fails for a vector with too many numbers, as by decimal commas; deserialization would silently use
+/// the first ones.
 fn check_vectors(key: &str, value: &toml::Value) -> Result<(), String> {
     let inner = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
     match value {
@@ -589,12 +591,12 @@ fn check_vectors(key: &str, value: &toml::Value) -> Result<(), String> {
         }
         toml::Value::Array(values) => {
             let pair = ["wavelengths", "half_extent"].iter().any(|name| key.ends_with(name));
-            let most = if pair { 2 } else { 3 };
+            let limit = if pair { 2 } else { 3 };
             let numbers = values.iter().all(|v| v.is_integer() || v.is_float());
-            if numbers && values.len() > most {
+            if numbers && values.len() > limit {
                 let count = values.len();
                 return Err(format!(
-                    "{key} has {count} numbers, {most} expected; decimals have points, not commas"
+                    "{key} has {count} numbers, {limit} expected; decimals have points, not commas"
                 ));
             }
             values.iter().try_for_each(|value| check_vectors(key, value))

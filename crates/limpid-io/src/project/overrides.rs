@@ -1,4 +1,4 @@
-//! Values of a project that are replaced by name: `refract.samples=4`, `liquid.ior=1.4`.
+//! Overrides: values of a project replaced by name, such as `refract.samples=4` or `liquid.ior=1.4`.
 
 use glam::Vec3;
 use serde::Deserialize as _;
@@ -56,7 +56,7 @@ impl Project {
     }
 }
 
-/// Settings with some replaced, as by [`Project::set`].
+/// Returns the settings with overrides applied, as by [`Project::set`].
 ///
 /// # Errors
 /// [`Error::Override`] naming the override, and the nearest key for an unknown one.
@@ -69,7 +69,7 @@ pub fn replaced(settings: &Settings, overrides: &[String]) -> Result<Settings> {
     Ok(settings)
 }
 
-/// The preset of a name.
+/// Finds a preset by name.
 ///
 /// # Errors
 /// [`Error::Usage`] naming the nearest preset for an unknown one.
@@ -91,7 +91,7 @@ fn with_one(settings: &Settings, text: &str) -> Result<Settings, String> {
         .or_insert_with(|| toml::Value::Table(toml::Table::new()))
         .as_table_mut()
         .ok_or("expected pass.name=value")?;
-    // An integer is a number too.
+    // An integer is valid for a float.
     let value = match (pass.get(name), value(given)) {
         (Some(toml::Value::Float(_)), toml::Value::Integer(i)) => toml::Value::Float(i as f64),
         (_, value) => value,
@@ -110,7 +110,7 @@ fn toml_value(text: &str) -> Option<toml::Value> {
     format!("v = {text}").parse::<toml::Table>().ok().and_then(|mut table| table.remove("v"))
 }
 
-/// A bare word is a string: `refract.solver=march` needs no quotes.
+/// Parses a TOML value; a bare word is a string, so that `refract.solver=march` needs no quotes.
 fn value(text: &str) -> toml::Value {
     toml_value(text).unwrap_or_else(|| toml::Value::String(text.trim().to_owned()))
 }
@@ -120,7 +120,7 @@ fn number(text: &str) -> Result<toml::Value, String> {
 }
 
 fn vector(value: toml::Value) -> Result<Vec3, toml::de::Error> {
-    // The first three of more would be taken.
+    // Deserialization would silently use the first three of more numbers.
     if let Some(count) = value.as_array().map(Vec::len).filter(|&count| count != 3) {
         return Err(serde::de::Error::custom(format!("3 numbers expected, found {count}")));
     }

@@ -1,4 +1,4 @@
-//! Writing VTU.
+//! Writer of VTU files.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -8,8 +8,8 @@ use base64::write::EncoderWriter;
 
 use crate::particles::{Particles, Values, write_numbers};
 
-/// Writes an unstructured grid of vertices in one piece, arrays appended as base64: unlike raw
-/// data that is XML, which all readers take.
+/// Writes an unstructured grid of vertices in one piece, with arrays appended as base64, which is valid
+/// XML for all readers, unlike raw data.
 pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
     let n = particles.len();
     let mut appended = Appended { xml: String::new(), length: 0 };
@@ -43,8 +43,8 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
         }
     }
     if wide {
-        let places: Vec<_> = (0..n).flat_map(|i| particles.place(i).to_array()).collect();
-        base64(&places, f64::to_le_bytes, out)?;
+        let positions: Vec<_> = (0..n).flat_map(|i| particles.place(i).to_array()).collect();
+        base64(&positions, f64::to_le_bytes, out)?;
     } else {
         base64(bytemuck::cast_slice(&particles.positions), f32::to_le_bytes, out)?;
     }
@@ -54,10 +54,10 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
     write!(out, "\n</AppendedData>\n</VTKFile>\n")
 }
 
-/// The elements of arrays that are appended one after another.
+/// The XML elements of appended arrays.
 struct Appended {
     xml: String,
-    /// Letters so far.
+    /// Length of the appended base64 so far, characters.
     length: usize,
 }
 
@@ -84,7 +84,7 @@ impl Appended {
     }
 }
 
-/// Appends an array: its length in bytes and the numbers, encoded in one.
+/// Writes the base64 of an array: its length in bytes and its numbers, encoded together.
 fn base64<T: Copy, const N: usize>(
     numbers: &[T],
     bytes: impl Fn(T) -> [u8; N],
