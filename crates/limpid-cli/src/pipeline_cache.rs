@@ -99,7 +99,8 @@ fn create(device: &wgpu::Device, data: Option<&[u8]>) -> Option<wgpu::PipelineCa
 
 /// Reads the data of a file whose checksum matches `compiler` and the data.
 fn read(path: &Path, compiler: &str) -> Option<Vec<u8>> {
-    let bytes = limpid_io::input::read(path, MAX_BYTES + CHECKSUM as u64).ok()?;
+    let mut bytes = Vec::new();
+    limpid_io::files::read(path, |_| MAX_BYTES + CHECKSUM as u64, &mut bytes).ok()?;
     let (sum, data) = bytes.split_first_chunk::<CHECKSUM>()?;
     (checksum(compiler, data).to_le_bytes() == *sum).then(|| data.to_vec())
 }

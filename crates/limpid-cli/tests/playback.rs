@@ -294,7 +294,7 @@ fn a_constant_stride_is_one_frame() {
 fn times_beyond_the_frames_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let input = open(folder.path(), &[3, 4, 6]);
-    let at = |time| input.moment(&[3, 4, 6], time);
+    let at = |time| input.frame_time(&[3, 4, 6], time);
     assert_eq!(at(6.0).unwrap(), FrameTime::at(6));
     assert_eq!(at(5.0).unwrap(), FrameTime { frame: 4, next: 6, fraction: 0.5 });
     for time in [2.9, 6.1, f64::NAN, f64::INFINITY, -1e300] {
@@ -321,7 +321,7 @@ fn frame_numbers_may_be_extreme() {
     let input = open(folder.path(), &apart);
     assert_eq!(input.sequence.gaps(), [(min + 1, -1), (1, max - 1)]);
     assert!(FrameSpec::All.numbers(&input.sequence, Missing::Hold).is_err());
-    let middle = input.moment(&apart, 2f64.powi(62)).unwrap();
+    let middle = input.frame_time(&apart, 2f64.powi(62)).unwrap();
     assert!(middle.frame == 0 && (middle.fraction - 0.5).abs() < 1e-9);
 }
 

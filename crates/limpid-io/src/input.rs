@@ -1,19 +1,20 @@
 //! Particle frames of an input: files, recipes, simulations and the demo, read, interpolated and
 //! classified.
 
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
+mod files;
+mod fluid;
+mod frame_time;
+
+use std::path::Path;
 
 use glam::DVec3;
 
 use crate::bake;
 use crate::error::{Error, Result};
-use crate::files;
 use crate::particles::{Array, AttributeMap, Contents, ReadOptions};
 use crate::project::{LiquidSource, ParticleSource, Project};
 use crate::sequence::{Frame, Sequence};
-use crate::shared_classifier::Processor;
-use crate::shared_classifier::SharedClassifier;
+use crate::shared_classifier::{Processor, SharedClassifier};
 use limpid::camera::Camera;
 use limpid::liquid::bulk::Bulk;
 use limpid::liquid::classify::{self, Splat, Splats};
@@ -21,7 +22,13 @@ use limpid::liquid::particles::drawable;
 use limpid::liquid::{Particles, Up};
 use limpid::memory;
 use limpid::scene::Scene;
-use limpid_sim::recipe::Recipe;
+
+use self::files::is_scene_file;
+use self::fluid::{Fluid, Source};
+
+pub use self::files::files_of;
+pub use self::fluid::{Missing, Origin};
+pub use self::frame_time::FrameTime;
 
 /// A project with its particle frames.
 #[derive(Debug, Clone)]
@@ -54,151 +61,6 @@ pub enum RadiusFrom {
     Scene,
     /// Their spacing: [`classify::estimate_radius`].
     Guess,
-}
-
-/// The frames of one fluid.
-#[derive(Debug, Clone)]
-struct Fluid {
-    sequence: Sequence,
-    radius: Option<f32>,
-    /// Origin of the radius; a guess without one.
-    radius_from: RadiusFrom,
-    up: Up,
-    options: ReadOptions,
-    source: Source,
-}
-
-/// The source of a fluid's particles.
-#[derive(Debug, Clone)]
-enum Source {
-    /// The files of the frames.
-    Files,
-    /// Data in the program: the demo's.
-    Embedded(&'static [u8]),
-    /// A recipe, which generates them.
-    Recipe(Recipe),
-}
-
-/// The treatment of missing frames.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Missing {
-    /// An error.
-    #[default]
-    Error,
-    /// A frame without particles.
-    Empty,
-    /// The previous frame; before the first, one without particles.
-    Hold,
-}
-
-impl FromStr for Missing {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "error" => Ok(Self::Error),
-            "empty" => Ok(Self::Empty),
-            "hold" => Ok(Self::Hold),
-            _ => Err(Error::Usage(format!(
-                "missing frames: `{text}`; error, empty or hold expected"
-            ))),
-        }
-    }
-}
-
-/// The origin of one fluid's particles in one frame.
-#[derive(Debug)]
-pub struct Origin<'a> {
-    /// The file; `None` for an empty or generated frame.
-    pub file: Option<&'a Path>,
-    /// The recipe of generated particles.
-    pub made: Option<&'a Recipe>,
-    /// Particle radius if the file has none, m.
-    pub radius: Option<f32>,
-    /// The axis that points up.
-    pub up: Up,
-    /// The arrays from which attributes are read.
-    pub map: &'a AttributeMap,
-}
-
-/// Reads a regular file of at most `limit` bytes; pipes, devices and folders are refused without
-/// blocking.
-///
-/// # Errors
-/// [`Error::Io`], or [`Error::Format`] for a longer file.
-pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    files::read(path, |_| limit, &mut bytes)?;
-    Ok(bytes)
-}
-
-/// Lists the files of an input as far as they can be found: a scene with its environment map, and all
-/// particle files. Errors are ignored here; opening reports them.
-pub fn files_of(input: &str) -> Vec<PathBuf> {
-    let path = Path::new(input);
-    if !is_scene_file(path) {
-        return sequence_files(input);
-    }
-    let mut all = vec![path.to_owned()];
-    let text = files::read_text(path).unwrap_or_default();
-    let table: toml::Table = text.parse().unwrap_or_default();
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let named = |table: Option<&toml::Value>, key: &str| -> Option<String> {
-        Some(folder.join(table?.get(key)?.as_str()?).to_string_lossy().into_owned())
-    };
-    all.extend(named(table.get("environment"), "map").map(PathBuf::from));
-    let fluids = table.get("fluid").and_then(toml::Value::as_array);
-    let mixed = fluids.into_iter().flatten();
-    let sources = mixed.chain(table.get("particles")).filter_map(|of| named(Some(of), "source"));
-    all.extend(sources.flat_map(|source| sequence_files(&source)));
-    if table.contains_key("simulation") {
-        all.extend(sequence_files(&bake::folder(path).to_string_lossy()));
-    }
-    all
-}
-
-fn is_scene_file(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
-}
-
-/// The particle files of a sequence, and the ellipsoids beside them.
-fn sequence_files(input: &str) -> Vec<PathBuf> {
-    let frames = Sequence::open(input).map(|sequence| sequence.frames).unwrap_or_default();
-    let files = frames.into_iter().flat_map(|frame| {
-        let pos = frame.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("pos"));
-        let ellipsoids = pos.then(|| frame.path.with_extension("ani"));
-        [Some(frame.path), ellipsoids].into_iter().flatten()
-    });
-    files.collect()
-}
-
-/// A time in a sequence: a frame, or a time between two frames.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameTime {
-    /// The frame, or the previous one.
-    pub frame: i64,
-    /// The next frame; at a frame, the same.
-    pub next: i64,
-    /// Fraction of the interval between them: 0 at a frame, always below 1.
-    pub fraction: f64,
-}
-
-impl FrameTime {
-    /// The time of a frame.
-    pub fn at(frame: i64) -> Self {
-        Self { frame, next: frame, fraction: 0.0 }
-    }
-
-    /// The time in frames: 12.25 is a quarter of the way from frame 12 to 13.
-    pub fn time(self) -> f64 {
-        self.frame as f64 + self.fraction * self.next.abs_diff(self.frame) as f64
-    }
-}
-
-impl From<&Frame> for FrameTime {
-    fn from(frame: &Frame) -> Self {
-        Self::at(frame.number)
-    }
 }
 
 /// A frame of particles, ready to draw.
@@ -447,7 +309,7 @@ impl Input {
         }
         let step = step * self.sequence.stride() as f64;
         let count = (last.abs_diff(first) as f64 / step * (1.0 + 1e-12)).floor() as usize;
-        (0..=count).map(|k| after(numbers, k as f64 * step)).collect()
+        (0..=count).map(|k| FrameTime::after(numbers, k as f64 * step)).collect()
     }
 
     /// The frame time at `time`, in frames, among the ascending `numbers`: 12.25 is a quarter of the way
@@ -455,13 +317,13 @@ impl Input {
     ///
     /// # Errors
     /// [`Error::Sequence`] for a time before the first frame or after the last.
-    pub fn moment(&self, numbers: &[i64], time: f64) -> Result<FrameTime> {
+    pub fn frame_time(&self, numbers: &[i64], time: f64) -> Result<FrameTime> {
         let fail = |problem| Error::Sequence { pattern: self.sequence.pattern.clone(), problem };
         match numbers {
             [first, .., last] | [first @ last]
                 if (*first as f64..=*last as f64).contains(&time) =>
             {
-                Ok(after(numbers, time - *first as f64))
+                Ok(FrameTime::after(numbers, time - *first as f64))
             }
             [first, .., last] => {
                 Err(fail(format!("time {time} is not in its frames, from {first} to {last}")))
@@ -475,7 +337,7 @@ impl Input {
     /// interpolated, see [`Particles::between`].
     ///
     /// # Errors
-    /// As [`Contents::read`] and [`Recipe::particles`]; [`Error::MissingFrame`] for a missing frame, if
+    /// As [`Contents::read`] and [`limpid_sim::recipe::Recipe::particles`]; [`Error::MissingFrame`] for a missing frame, if
     /// [`Input::missing`] makes it an error.
     pub fn particles(&self, at: impl Into<FrameTime>) -> Result<Particles> {
         self.contents(at).map(|contents| contents.particles)
@@ -622,139 +484,5 @@ impl Input {
         let margin = f64::from(radius);
         project.camera.get_or_insert_with(|| Camera::fit(min - margin, max + margin));
         Ok((self, project))
-    }
-}
-
-/// The frame time at `time` after the first of the ascending `numbers`; beyond the last, the last.
-fn after(numbers: &[i64], time: f64) -> FrameTime {
-    let Some(&first) = numbers.first() else { return FrameTime::at(0) };
-    // Relative to the first frame, so that large numbers lose no digits.
-    let since = |number: i64| number.abs_diff(first) as f64;
-    // A rounding error must not miss a frame's own time.
-    let near = time.round();
-    let time = if (time - near).abs() < 1e-9 * near.abs().max(1.0) { near } else { time };
-    let after = numbers.partition_point(|&number| since(number) <= time);
-    let frame = numbers.get(after.saturating_sub(1)).copied().unwrap_or(first);
-    match numbers.get(after) {
-        Some(&next) if time > since(frame) => {
-            let fraction = (time - since(frame)) / (since(next) - since(frame));
-            FrameTime { frame, next, fraction }
-        }
-        _ => FrameTime::at(frame),
-    }
-}
-
-impl Fluid {
-    fn of_files(sequence: Sequence, radius: Option<f32>, up: Up, map: AttributeMap) -> Self {
-        let options = ReadOptions { map, ..ReadOptions::default() };
-        let radius_from = radius.map_or(RadiusFrom::Guess, |_| RadiusFrom::Scene);
-        Self { sequence, radius, radius_from, up, options, source: Source::Files }
-    }
-
-    /// The contents at a frame time, y up.
-    fn contents_at(&self, at: FrameTime, missing: Missing) -> Result<Contents> {
-        let contents = self.contents(at.frame, missing)?;
-        if at.fraction == 0.0 {
-            return Ok(contents);
-        }
-        let next = self.contents(at.next, missing)?.particles;
-        let count = contents.particles.len() + next.len();
-        memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
-        let particles = Particles::between(&contents.particles, &next, at.fraction);
-        Ok(Contents { particles, ..contents })
-    }
-
-    fn missing_frame(&self, number: i64) -> Error {
-        Error::MissingFrame { pattern: self.sequence.pattern.clone(), frame: number }
-    }
-
-    /// The contents of a frame, y up.
-    fn contents(&self, number: i64, missing: Missing) -> Result<Contents> {
-        let Some(frame) = self.frame(number, missing) else {
-            if missing != Missing::Error {
-                return Ok(Contents::default());
-            }
-            return Err(self.missing_frame(number));
-        };
-        let mut contents = match self.source {
-            Source::Files => Contents::read(&frame.path, &self.options)?,
-            Source::Embedded(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
-            Source::Recipe(recipe) => return Ok(recipe.particles()?.into()),
-        };
-        contents.particles.to_y_up(self.up);
-        Ok(contents)
-    }
-
-    /// The frame to draw for a number, if there is one.
-    fn frame(&self, number: i64, missing: Missing) -> Option<&Frame> {
-        let frames = &self.sequence.frames;
-        let after = frames.partition_point(|frame| frame.number <= number);
-        let before = after.checked_sub(1).and_then(|at| frames.get(at));
-        before.filter(|frame| frame.number == number || missing == Missing::Hold)
-    }
-
-    /// The origin of a frame's particles.
-    fn origin(&self, number: i64, missing: Missing) -> Origin<'_> {
-        let frame = self.frame(number, missing);
-        let (file, made) = match &self.source {
-            Source::Files => (frame.map(|frame| frame.path.as_path()), None),
-            Source::Embedded(_) => (None, None),
-            Source::Recipe(recipe) => (None, frame.map(|_| recipe)),
-        };
-        Origin { file, made, radius: self.radius, up: self.up, map: &self.options.map }
-    }
-
-    /// The radius for all frames: as [`Fluid::radius_of`], or, for a single file, that of its sequence.
-    fn resolved_radius(&self, number: i64, particles: &Particles) -> Result<f32> {
-        /// Largest relative difference of guesses for frames of one simulation.
-        const TOLERANCE: f32 = 0.1;
-        let own = self.radius_of(number, particles)?;
-        let guessed = self.radius.is_none() && particles.radii.is_none();
-        let (Source::Files, [frame], true) = (&self.source, &*self.sequence.frames, guessed) else {
-            return Ok(own);
-        };
-        let siblings = Sequence::around(&frame.path).map_or(Vec::new(), |all| all.frames);
-        for sibling in siblings.iter().take_while(|sibling| sibling.number < frame.number) {
-            let first = match Contents::read(&sibling.path, &self.options) {
-                Ok(contents) => contents.particles,
-                // Not a frame of the same simulation.
-                Err(Error::Malformed { .. } | Error::TooLarge { .. } | Error::Format { .. }) => {
-                    break;
-                }
-                Err(error) => return Err(error),
-            };
-            if first.is_empty() {
-                continue;
-            }
-            if first.radii.is_none() {
-                let theirs = match self.radius_of(sibling.number, &first) {
-                    // A single particle has no spacing.
-                    Err(Error::UnknownRadius { .. }) => continue,
-                    theirs => theirs?,
-                };
-                return Ok(if (theirs - own).abs() <= TOLERANCE * own { theirs } else { own });
-            }
-            break;
-        }
-        Ok(own)
-    }
-
-    /// The radius for particles without radii: the given one, or an estimate from their spacing.
-    fn radius_of(&self, number: i64, particles: &Particles) -> Result<f32> {
-        let radius = match self.radius {
-            Some(radius) => radius,
-            None => {
-                classify::probe_memory(particles.len(), &self.sequence.pattern)?;
-                classify::estimate_radius(particles)
-            }
-        };
-        if radius > 0.0 || particles.is_empty() || particles.radii.is_some() {
-            return Ok(radius);
-        }
-        let origin = match self.sequence.frame(number) {
-            Some(frame) => frame.path.display().to_string(),
-            None => self.sequence.pattern.clone(),
-        };
-        Err(Error::UnknownRadius { origin })
     }
 }

@@ -113,7 +113,7 @@ impl Viewer {
     pub(crate) fn set_speed(&mut self, speed: Speed) {
         let Some(document) = &self.opened.document else { return };
         // With missing frames, the same time may have different indices at the two speeds.
-        let seconds = self.moment().map_or(0.0, |at| document.seconds(at));
+        let seconds = self.frame_time().map_or(0.0, |at| document.seconds(at));
         self.opened.frame_times = document.frame_times(speed).into();
         let index = document.nearest(&self.opened.frame_times, seconds);
         for side in &mut self.editing.sides {

@@ -379,13 +379,13 @@ impl Viewer {
     }
 
     /// The current frame time.
-    fn moment(&self) -> Option<FrameTime> {
+    fn frame_time(&self) -> Option<FrameTime> {
         self.opened.frame_times.get(self.playback.index()).copied()
     }
 
     /// The current time of playback, or along the camera path of a still, s.
     fn seconds(&self) -> f64 {
-        match (&self.opened.document, self.moment()) {
+        match (&self.opened.document, self.frame_time()) {
             (Some(document), Some(at)) if self.playback.count() > 1 => document.seconds(at),
             _ => self.eye.path_seconds,
         }

@@ -235,7 +235,7 @@ impl Viewer {
     /// The command that draws the picture at rest without a window; `None` if nothing is open.
     pub fn command_line(&self, output: &str) -> Option<String> {
         let document = self.opened.document.as_ref()?;
-        let (scene, at) = (self.fine_scene(), self.moment()?);
+        let (scene, at) = (self.fine_scene(), self.frame_time()?);
         let size = self.picture.viewport_size.max(UVec2::ONE);
         let processor = self.opened.frames.processor;
         Some(command_line(document, (&scene, processor), &self.eye.camera, at, size, output))
@@ -259,7 +259,7 @@ impl Viewer {
 
     /// Writes the edited scene with the current camera, in the background.
     pub fn save_scene(&mut self, path: PathBuf) {
-        let (Some(document), Some(at)) = (self.opened.document.clone(), self.moment()) else {
+        let (Some(document), Some(at)) = (self.opened.document.clone(), self.frame_time()) else {
             return;
         };
         let (scene, camera, processor) =

@@ -72,7 +72,7 @@ impl Viewer {
             ui.add_space(4.0);
             let width = (ui.available_width() - 190.0).max(60.0);
             self.track(ui, width, document, ahead);
-            if let Some(at) = self.moment() {
+            if let Some(at) = self.frame_time() {
                 ui.add_space(6.0);
                 let last = document.numbers.last().copied().unwrap_or_default();
                 let time = at.time();

@@ -130,7 +130,11 @@ impl Viewer {
             ui.weak("Each of your settings then becomes a point: its time, and its mean FLIP to the truth.");
             return;
         };
-        if !truth.fits(&self.editing.scenes[self.editing.edited], &self.eye.camera, self.moment()) {
+        if !truth.fits(
+            &self.editing.scenes[self.editing.edited],
+            &self.eye.camera,
+            self.frame_time(),
+        ) {
             ui.weak("View or liquid have changed: trace the truth again to measure here.");
         }
         let present = self.fine_scene().settings;
@@ -169,7 +173,7 @@ impl Viewer {
 
     /// Traces the current view on its own thread, and discards the points of the previous one.
     fn trace(&mut self) {
-        let (Some(document), Some(at)) = (self.opened.document.clone(), self.moment()) else {
+        let (Some(document), Some(at)) = (self.opened.document.clone(), self.frame_time()) else {
             return;
         };
         let (scene, camera, post) = (self.fine_scene(), self.eye.camera, self.jobs.post.clone());
@@ -200,7 +204,7 @@ impl Viewer {
         if self.interface.tab != Tab::Times || self.measured.measuring || !self.is_at_rest() {
             return;
         }
-        let (scene, at) = (self.fine_scene(), self.moment());
+        let (scene, at) = (self.fine_scene(), self.frame_time());
         let truth =
             self.measured.truth.as_ref().filter(|truth| truth.fits(&scene, &self.eye.camera, at));
         let known = self.measured.points.iter().any(|point| point.settings == scene.settings);

@@ -69,7 +69,7 @@ fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>,
     film::check_fps(fps)?;
     if let Some(time) = args.at {
         frames.sort_unstable();
-        let frame_time = input.moment(&frames, time)?;
+        let frame_time = input.frame_time(&frames, time)?;
         return Ok((vec![frame_time], vec![frame_time.frame], fps));
     }
     let speed = args.speed.unwrap_or(1.0);

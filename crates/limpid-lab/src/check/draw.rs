@@ -96,7 +96,7 @@ impl<'a> Source<'a> {
                 FrameTime::at(frame)
             }
             (Some(at), ..) => {
-                let frame_time = self.input.moment(&numbers, at)?;
+                let frame_time = self.input.frame_time(&numbers, at)?;
                 if frame_time.fraction == 0.0 {
                     return Err(fail(format!(
                         "time {at} is not between frames; {}",

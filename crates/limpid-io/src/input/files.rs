@@ -1,0 +1,47 @@
+//! The files of an input.
+
+use std::path::{Path, PathBuf};
+
+use crate::bake;
+use crate::files;
+use crate::sequence::Sequence;
+
+/// Lists the files of an input as far as they can be found: a scene with its environment map, and all
+/// particle files. Errors are ignored here; opening reports them.
+pub fn files_of(input: &str) -> Vec<PathBuf> {
+    let path = Path::new(input);
+    if !is_scene_file(path) {
+        return sequence_files(input);
+    }
+    let mut all = vec![path.to_owned()];
+    let text = files::read_text(path).unwrap_or_default();
+    let table: toml::Table = text.parse().unwrap_or_default();
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let named = |table: Option<&toml::Value>, key: &str| -> Option<String> {
+        Some(folder.join(table?.get(key)?.as_str()?).to_string_lossy().into_owned())
+    };
+    all.extend(named(table.get("environment"), "map").map(PathBuf::from));
+    let fluids = table.get("fluid").and_then(toml::Value::as_array);
+    let mixed = fluids.into_iter().flatten();
+    let sources = mixed.chain(table.get("particles")).filter_map(|of| named(Some(of), "source"));
+    all.extend(sources.flat_map(|source| sequence_files(&source)));
+    if table.contains_key("simulation") {
+        all.extend(sequence_files(&bake::folder(path).to_string_lossy()));
+    }
+    all
+}
+
+pub(super) fn is_scene_file(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+/// The particle files of a sequence, and the ellipsoids beside them.
+fn sequence_files(input: &str) -> Vec<PathBuf> {
+    let frames = Sequence::open(input).map(|sequence| sequence.frames).unwrap_or_default();
+    let files = frames.into_iter().flat_map(|frame| {
+        let pos = frame.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("pos"));
+        let ellipsoids = pos.then(|| frame.path.with_extension("ani"));
+        [Some(frame.path), ellipsoids].into_iter().flatten()
+    });
+    files.collect()
+}

@@ -1,0 +1,199 @@
+//! The particles of one fluid: their frames, their files and their radius.
+
+use std::path::Path;
+use std::str::FromStr;
+
+use crate::error::{Error, Result};
+use crate::particles::{AttributeMap, Contents, ReadOptions};
+use crate::sequence::{Frame, Sequence};
+use limpid::liquid::classify;
+use limpid::liquid::{Particles, Up};
+use limpid::memory;
+use limpid_sim::recipe::Recipe;
+
+use super::{FrameTime, RadiusFrom};
+
+/// The frames of one fluid.
+#[derive(Debug, Clone)]
+pub(super) struct Fluid {
+    pub(super) sequence: Sequence,
+    pub(super) radius: Option<f32>,
+    /// Origin of the radius; a guess without one.
+    pub(super) radius_from: RadiusFrom,
+    pub(super) up: Up,
+    pub(super) options: ReadOptions,
+    pub(super) source: Source,
+}
+
+/// The source of a fluid's particles.
+#[derive(Debug, Clone)]
+pub(super) enum Source {
+    /// The files of the frames.
+    Files,
+    /// Data in the program: the demo's.
+    Embedded(&'static [u8]),
+    /// A recipe, which generates them.
+    Recipe(Recipe),
+}
+
+/// The treatment of missing frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Missing {
+    /// An error.
+    #[default]
+    Error,
+    /// A frame without particles.
+    Empty,
+    /// The previous frame; before the first, one without particles.
+    Hold,
+}
+
+impl FromStr for Missing {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "error" => Ok(Self::Error),
+            "empty" => Ok(Self::Empty),
+            "hold" => Ok(Self::Hold),
+            _ => Err(Error::Usage(format!(
+                "missing frames: `{text}`; error, empty or hold expected"
+            ))),
+        }
+    }
+}
+
+/// The origin of one fluid's particles in one frame.
+#[derive(Debug)]
+pub struct Origin<'a> {
+    /// The file; `None` for an empty or generated frame.
+    pub file: Option<&'a Path>,
+    /// The recipe of generated particles.
+    pub made: Option<&'a Recipe>,
+    /// Particle radius if the file has none, m.
+    pub radius: Option<f32>,
+    /// The axis that points up.
+    pub up: Up,
+    /// The arrays from which attributes are read.
+    pub map: &'a AttributeMap,
+}
+
+impl Fluid {
+    pub(super) fn of_files(
+        sequence: Sequence,
+        radius: Option<f32>,
+        up: Up,
+        map: AttributeMap,
+    ) -> Self {
+        let options = ReadOptions { map, ..ReadOptions::default() };
+        let radius_from = radius.map_or(RadiusFrom::Guess, |_| RadiusFrom::Scene);
+        Self { sequence, radius, radius_from, up, options, source: Source::Files }
+    }
+
+    /// The contents at a frame time, y up.
+    pub(super) fn contents_at(&self, at: FrameTime, missing: Missing) -> Result<Contents> {
+        let contents = self.contents(at.frame, missing)?;
+        if at.fraction == 0.0 {
+            return Ok(contents);
+        }
+        let next = self.contents(at.next, missing)?.particles;
+        let count = contents.particles.len() + next.len();
+        memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
+        let particles = Particles::between(&contents.particles, &next, at.fraction);
+        Ok(Contents { particles, ..contents })
+    }
+
+    pub(super) fn missing_frame(&self, number: i64) -> Error {
+        Error::MissingFrame { pattern: self.sequence.pattern.clone(), frame: number }
+    }
+
+    /// The contents of a frame, y up.
+    pub(super) fn contents(&self, number: i64, missing: Missing) -> Result<Contents> {
+        let Some(frame) = self.frame(number, missing) else {
+            if missing != Missing::Error {
+                return Ok(Contents::default());
+            }
+            return Err(self.missing_frame(number));
+        };
+        let mut contents = match self.source {
+            Source::Files => Contents::read(&frame.path, &self.options)?,
+            Source::Embedded(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
+            Source::Recipe(recipe) => return Ok(recipe.particles()?.into()),
+        };
+        contents.particles.to_y_up(self.up);
+        Ok(contents)
+    }
+
+    /// The frame to draw for a number, if there is one.
+    pub(super) fn frame(&self, number: i64, missing: Missing) -> Option<&Frame> {
+        let frames = &self.sequence.frames;
+        let after = frames.partition_point(|frame| frame.number <= number);
+        let before = after.checked_sub(1).and_then(|at| frames.get(at));
+        before.filter(|frame| frame.number == number || missing == Missing::Hold)
+    }
+
+    /// The origin of a frame's particles.
+    pub(super) fn origin(&self, number: i64, missing: Missing) -> Origin<'_> {
+        let frame = self.frame(number, missing);
+        let (file, made) = match &self.source {
+            Source::Files => (frame.map(|frame| frame.path.as_path()), None),
+            Source::Embedded(_) => (None, None),
+            Source::Recipe(recipe) => (None, frame.map(|_| recipe)),
+        };
+        Origin { file, made, radius: self.radius, up: self.up, map: &self.options.map }
+    }
+
+    /// The radius for all frames: as [`Fluid::radius_of`], or, for a single file, that of its sequence.
+    pub(super) fn resolved_radius(&self, number: i64, particles: &Particles) -> Result<f32> {
+        /// Largest relative difference of guesses for frames of one simulation.
+        const TOLERANCE: f32 = 0.1;
+        let own = self.radius_of(number, particles)?;
+        let guessed = self.radius.is_none() && particles.radii.is_none();
+        let (Source::Files, [frame], true) = (&self.source, &*self.sequence.frames, guessed) else {
+            return Ok(own);
+        };
+        let siblings = Sequence::around(&frame.path).map_or(Vec::new(), |all| all.frames);
+        for sibling in siblings.iter().take_while(|sibling| sibling.number < frame.number) {
+            let first = match Contents::read(&sibling.path, &self.options) {
+                Ok(contents) => contents.particles,
+                // Not a frame of the same simulation.
+                Err(Error::Malformed { .. } | Error::TooLarge { .. } | Error::Format { .. }) => {
+                    break;
+                }
+                Err(error) => return Err(error),
+            };
+            if first.is_empty() {
+                continue;
+            }
+            if first.radii.is_none() {
+                let theirs = match self.radius_of(sibling.number, &first) {
+                    // A single particle has no spacing.
+                    Err(Error::UnknownRadius { .. }) => continue,
+                    theirs => theirs?,
+                };
+                return Ok(if (theirs - own).abs() <= TOLERANCE * own { theirs } else { own });
+            }
+            break;
+        }
+        Ok(own)
+    }
+
+    /// The radius for particles without radii: the given one, or an estimate from their spacing.
+    pub(super) fn radius_of(&self, number: i64, particles: &Particles) -> Result<f32> {
+        let radius = match self.radius {
+            Some(radius) => radius,
+            None => {
+                classify::probe_memory(particles.len(), &self.sequence.pattern)?;
+                classify::estimate_radius(particles)
+            }
+        };
+        if radius > 0.0 || particles.is_empty() || particles.radii.is_some() {
+            return Ok(radius);
+        }
+        let origin = match self.sequence.frame(number) {
+            Some(frame) => frame.path.display().to_string(),
+            None => self.sequence.pattern.clone(),
+        };
+        Err(Error::UnknownRadius { origin })
+    }
+}
