@@ -5,7 +5,9 @@ mod frames;
 
 use std::collections::HashSet;
 
-use frames::{Shot, Stage, gpu, noise_vector, on_axis, scene, shoot, sphere, splats, stage};
+use frames::{
+    FrameImages, Harness, gpu, harness, noise_vector, on_axis, render, scene, sphere, splats,
+};
 use glam::{DVec3, UVec2, Vec3};
 use image::RgbaImage;
 use limpid::camera::Camera;
@@ -61,18 +63,18 @@ fn views() -> [Camera; 6] {
     ]
 }
 
-fn picture(stage: &mut Stage, scene: &Scene, camera: &Camera, splats: &Splats) -> RgbaImage {
-    let target = Picture::new(&stage.gpu, SIZE).expect("a picture");
+fn picture(harness: &mut Harness, scene: &Scene, camera: &Camera, splats: &Splats) -> RgbaImage {
+    let target = Picture::new(&harness.gpu, SIZE).expect("a picture");
     let view = target.view();
-    stage
+    harness
         .renderer
         .render(scene, camera, splats, &view, Picture::FORMAT, SIZE)
         .expect("the frame is drawn");
-    target.read(&stage.gpu).expect("the picture is read")
+    target.read(&harness.gpu).expect("the picture is read")
 }
 
 #[track_caller]
-fn assert_same(a: &Shot, b: &Shot, what: &str) {
+fn assert_same(a: &FrameImages, b: &FrameImages, what: &str) {
     for (name, values) in &a.channels {
         let differ = values.iter().zip(b.channel(name)).filter(|(x, y)| x.to_bits() != y.to_bits());
         assert_eq!(differ.count(), 0, "{what}: values of {name} differ");
@@ -83,12 +85,12 @@ fn assert_same(a: &Shot, b: &Shot, what: &str) {
 /// Culling does not change any image, in any view.
 #[test]
 fn culling_does_not_change_images() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (scene, marked) = (scene(), body());
     let all = unmarked(&marked);
     for (i, camera) in views().iter().enumerate() {
-        let culled = stage.shoot(&scene, camera, &marked, SIZE);
-        let drawn = stage.shoot(&scene, camera, &all, SIZE);
+        let culled = harness.render(&scene, camera, &marked, SIZE);
+        let drawn = harness.render(&scene, camera, &all, SIZE);
         assert_same(&culled, &drawn, &format!("view {i}"));
         let covered = culled.channel("depth.aggregate_front").iter().filter(|&&z| z > 0.0).count();
         assert!(covered > 2000, "view {i} shows {covered} pixels of liquid");
@@ -98,7 +100,7 @@ fn culling_does_not_change_images() {
 /// Culling is exact in successive frames with more or fewer particles or another size.
 #[test]
 fn culling_is_exact_when_counts_and_sizes_change() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (scene, marked) = (scene(), body());
     let camera = &views()[1];
     // Includes counts just above a block, within the spare room of the first frame.
@@ -106,8 +108,8 @@ fn culling_is_exact_when_counts_and_sizes_change() {
         [(67_328, SIZE), (75_700, SIZE), (60_000, SIZE), (75_700, SIZE / 2), (97_000, SIZE)];
     for (count, size) in frames {
         let part = Splats { aggregates: marked.aggregates[..count].to_vec(), ..marked.clone() };
-        let culled = stage.shoot(&scene, camera, &part, size);
-        let drawn = stage.shoot(&scene, camera, &unmarked(&part), size);
+        let culled = harness.render(&scene, camera, &part, size);
+        let drawn = harness.render(&scene, camera, &unmarked(&part), size);
         assert_same(&culled, &drawn, &format!("{count} in {size}"));
     }
 }
@@ -132,7 +134,7 @@ fn culling_in_chunks_is_exact() {
     let [parts, at_once] = [&small, &whole].map(|gpu| {
         let mut renderer = Renderer::new(gpu);
         renderer.diagnose = true;
-        shoot(gpu, &mut renderer, &scene, &views()[1], &marked, SIZE)
+        render(gpu, &mut renderer, &scene, &views()[1], &marked, SIZE)
     });
     assert_same(&parts, &at_once, "in chunks");
 }
@@ -140,10 +142,10 @@ fn culling_in_chunks_is_exact() {
 /// Wrong marks do not change depths: marks determine only which splats are drawn first.
 #[test]
 fn wrong_marks_do_not_change_depths() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (scene, marked) = (scene(), body());
     let camera = &views()[1];
-    let drawn = stage.shoot(&scene, camera, &unmarked(&marked), SIZE);
+    let drawn = harness.render(&scene, camera, &unmarked(&marked), SIZE);
     // Marks on all splats, on most regardless of position, and on many at the surface.
     let rules: [fn(usize, &Splat) -> bool; 3] =
         [|_, _| true, |i, _| i % 7 < 5, |i, splat| splat.is_buried() || i % 2 == 0];
@@ -154,7 +156,7 @@ fn wrong_marks_do_not_change_depths() {
         }
         assert!(wrong.aggregates.iter().filter(|splat| splat.is_buried()).count() >= cull::LEAST);
         // Splats at equal depths may be drawn in another order, so planes may differ there.
-        let culled = stage.shoot(&scene, camera, &wrong, SIZE);
+        let culled = harness.render(&scene, camera, &wrong, SIZE);
         for name in ["depth.aggregate_front", "depth.aggregate_back"] {
             assert_eq!(culled.channel(name), drawn.channel(name), "rule {rule}: {name}");
         }
@@ -164,7 +166,7 @@ fn wrong_marks_do_not_change_depths() {
 /// Culling is exact in the orthographic views of lights, and in frames that draw only fronts.
 #[test]
 fn culling_is_exact_for_lights_and_for_fronts_alone() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut lit = scene();
     lit.environment = Environment::Constant(Vec3::splat(0.5));
     let floor = Shape::Box { min: DVec3::new(-3.0, -1.5, -3.0), max: DVec3::new(3.0, -1.2, 3.0) };
@@ -183,29 +185,29 @@ fn culling_is_exact_for_lights_and_for_fronts_alone() {
     let all = unmarked(&marked);
     let camera = &views()[1];
     // With diagnostics, frames always draw backs.
-    stage.renderer.diagnose = false;
+    harness.renderer.diagnose = false;
     for (name, scene) in [("lit", &lit), ("fronts", &fronts)] {
         let [culled, drawn] =
-            [&marked, &all].map(|splats| picture(&mut stage, scene, camera, splats));
+            [&marked, &all].map(|splats| picture(&mut harness, scene, camera, splats));
         assert_eq!(culled, drawn, "{name}");
         // The picture is not uniform.
         let seen: HashSet<_> = culled.pixels().collect();
         assert!(seen.len() > 50, "{name} has {} colours", seen.len());
     }
-    stage.renderer.diagnose = true;
+    harness.renderer.diagnose = true;
 }
 
 /// Negative test: the comparison detects a single missing splat.
 #[test]
 fn missing_splat_is_detected() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (scene, marked) = (scene(), body());
     let camera = &views()[0];
-    let whole = stage.shoot(&scene, camera, &marked, SIZE);
+    let whole = harness.render(&scene, camera, &marked, SIZE);
     let mut without = marked;
     // In the middle of the visible face.
     without.aggregates.remove((SIDE - 1) * SIDE * SIDE + (SIDE / 2) * SIDE + SIDE / 2);
-    let holed = stage.shoot(&scene, camera, &without, SIZE);
+    let holed = harness.render(&scene, camera, &without, SIZE);
     assert_ne!(whole.channel("depth.aggregate_front"), holed.channel("depth.aggregate_front"));
 }
 

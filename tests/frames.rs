@@ -5,8 +5,8 @@
 mod frames;
 
 use frames::{
-    Shot, Stage, ellipsoid, glowing, gpu, mean_difference, noise_vector, on_axis, scene, shoot,
-    sphere, splats, stage,
+    FrameImages, Harness, ellipsoid, glowing, gpu, harness, mean_difference, noise_vector, on_axis,
+    render, scene, sphere, splats,
 };
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
@@ -45,8 +45,8 @@ fn tank_of(count: usize) -> (Scene, Camera, Splats) {
 
 /// All images of both frames are bitwise equal.
 #[track_caller]
-fn assert_same(a: &Shot, b: &Shot, why: &str) {
-    let names = |shot: &Shot| {
+fn assert_same(a: &FrameImages, b: &FrameImages, why: &str) {
+    let names = |shot: &FrameImages| {
         let mut names: Vec<_> = shot.channels.keys().cloned().collect();
         names.sort();
         names
@@ -86,7 +86,7 @@ fn pipelined_pictures_equal_single_pictures() {
 }
 
 /// Largest difference of radiance between two frames.
-fn largest_difference(a: &Shot, b: &Shot) -> f64 {
+fn largest_difference(a: &FrameImages, b: &FrameImages) -> f64 {
     let off = |p| (a.radiance(p) - b.radiance(p)).abs().max_element();
     a.pixels().map(off).fold(0.0, f64::max)
 }
@@ -117,7 +117,7 @@ fn frames_do_not_depend_on_each_other() {
     ];
     let draw = |renderer: &mut Renderer,
                 (_, scene, drawn, size): (&str, &Scene, &Splats, UVec2)| {
-        let shot = shoot(&gpu, renderer, scene, &camera, drawn, size);
+        let shot = render(&gpu, renderer, scene, &camera, drawn, size);
         shot.assert_finite();
         shot
     };
@@ -149,15 +149,15 @@ fn frames_do_not_depend_on_each_other() {
 /// which rounding decides the path of a ray.
 #[test]
 fn unused_features_do_not_change_the_picture() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (mut scene, camera, mut drawn) = tank();
     drawn.splashes.clear();
     scene.solids.clear();
     scene.liquid.absorption = Vec3::ZERO;
-    let plain = stage.shoot(&scene, &camera, &drawn, SIZE);
+    let plain = harness.render(&scene, &camera, &drawn, SIZE);
     plain.assert_finite();
     let mut check = |name: &str, scene: &Scene, drawn: &Splats| {
-        let shot = stage.shoot(scene, &camera, drawn, SIZE);
+        let shot = harness.render(scene, &camera, drawn, SIZE);
         shot.assert_finite();
         let (mean, most) = (mean_difference(&plain, &shot), largest_difference(&plain, &shot));
         println!("{name}: mean {mean:.2e}, most {most:.2e}");
@@ -182,12 +182,12 @@ fn unused_features_do_not_change_the_picture() {
     // An environment of another kind.
     let mut constant = scene.clone();
     constant.environment = limpid::environment::Environment::Constant(Vec3::splat(0.4));
-    let constant = stage.shoot(&constant, &camera, &drawn, SIZE);
+    let constant = harness.render(&constant, &camera, &drawn, SIZE);
     let mut map = scene.clone();
     let pixels = vec![[0.4, 0.4, 0.4, 1.0]; 8];
     map.environment =
         limpid::environment::Environment::Map { size: UVec2::new(4, 2), pixels: pixels.into() };
-    let map = stage.shoot(&map, &camera, &drawn, SIZE);
+    let map = harness.render(&map, &camera, &drawn, SIZE);
     let mean = mean_difference(&constant, &map);
     println!("map: {mean:.2e}");
     assert!(mean < 1e-4, "{mean}");
@@ -245,8 +245,8 @@ fn bytes(
 /// The device encodes sRGB formats, limpid all others: the bytes agree up to rounding.
 #[test]
 fn srgb_targets_show_the_same() {
-    let Some(mut stage) = stage() else { return };
-    let Stage { gpu, renderer } = &mut *stage;
+    let Some(mut harness) = harness() else { return };
+    let Harness { gpu, renderer } = &mut *harness;
     let (scene, camera, drawn) = tank();
     let mut draw = |format| bytes(gpu, renderer, format, (&scene, &camera, &drawn));
     let plain = draw(wgpu::TextureFormat::Rgba8Unorm);
@@ -264,7 +264,7 @@ fn srgb_targets_show_the_same() {
 /// One stop doubles the linear values of the picture and does not affect the radiance.
 #[test]
 fn one_stop_of_exposure_doubles_the_picture() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (mut scene, camera, drawn) = tank();
     let linear = |byte: u8| {
         let c = f64::from(byte) / 255.0;
@@ -272,7 +272,7 @@ fn one_stop_of_exposure_doubles_the_picture() {
     };
     let mut at = |exposure| {
         scene.settings.tonemap.exposure = exposure;
-        stage.shoot(&scene, &camera, &drawn, SIZE)
+        harness.render(&scene, &camera, &drawn, SIZE)
     };
     let [dark, bright] = [at(-2.0), at(-1.0)];
     assert_eq!(dark.channel("radiance.G"), bright.channel("radiance.G"));
@@ -293,7 +293,7 @@ fn one_stop_of_exposure_doubles_the_picture() {
 /// Coplanar, collinear, coincident, single and widely scattered particles are drawn and finite.
 #[test]
 fn degenerate_particles_are_drawn() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (scene, camera, _) = tank();
     let cells = |n: i32| (0..n * n).map(move |i| Vec3::new((i % n) as f32, 0.0, (i / n) as f32));
     let clouds: [(&str, Vec<Vec3>); 6] = [
@@ -312,7 +312,7 @@ fn degenerate_particles_are_drawn() {
         for (name, positions) in &clouds {
             let particles = Particles { positions: positions.clone(), ..Default::default() };
             let drawn = classify(&particles, 0.06, &settings);
-            let shot = stage.shoot(&scene, &camera, &drawn, SIZE);
+            let shot = harness.render(&scene, &camera, &drawn, SIZE);
             shot.assert_finite();
             let covered = shot.channel("interfaces").iter().filter(|&&n| n > 0.0).count();
             println!("{name}: {covered} pixels");
@@ -325,7 +325,7 @@ fn degenerate_particles_are_drawn() {
 /// at the eye, coincident), each alone and all together, yield finite images.
 #[test]
 fn adversarial_splats_are_finite() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (scene, camera, _) = tank();
     let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.3, 0.9, 2.1);
     let eye = camera.eye.as_vec3();
@@ -350,7 +350,7 @@ fn adversarial_splats_are_finite() {
     let mut finite = |aggregates: &[_], splashes: &[_], smoothed: bool| {
         let mut scene = scene.clone();
         scene.settings.smooth.iterations = if smoothed { 5 } else { 0 };
-        let shot = stage.shoot(&scene, &camera, &splats(aggregates, splashes, 0.06), SIZE);
+        let shot = harness.render(&scene, &camera, &splats(aggregates, splashes, 0.06), SIZE);
         shot.assert_finite();
         assert!(shot.pixels().all(|p| shot.radiance(p).cmpge(DVec3::ZERO).all()));
     };
@@ -368,12 +368,12 @@ fn adversarial_splats_are_finite() {
 /// rounding and the rays that it decides. Detects hidden constants in metres.
 #[test]
 fn scale_does_not_change_the_picture() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut scene = scene();
     scene.settings.smooth.iterations = 5;
     scene.liquid.absorption = Vec3::new(3.0, 1.0, 0.3);
     let (_, camera, drawn) = tank();
-    let metres = stage.shoot(&scene, &camera, &drawn, SIZE);
+    let metres = harness.render(&scene, &camera, &drawn, SIZE);
     for scale in [1e-4f32, 1e-2, 1e3] {
         let splat = |splat: &limpid::liquid::classify::Splat| {
             let scaled = |v: [f32; 3]| v.map(|x| x * scale);
@@ -394,7 +394,7 @@ fn scale_does_not_change_the_picture() {
         let mut scene = scene.clone();
         scene.liquid.absorption /= scale;
         let camera = Camera { eye: camera.eye * f64::from(scale), ..camera };
-        let shot = stage.shoot(&scene, &camera, &scaled, SIZE);
+        let shot = harness.render(&scene, &camera, &scaled, SIZE);
         shot.assert_finite();
         let mean = mean_difference(&metres, &shot);
         println!("{scale}: {mean:.2e}");
@@ -437,6 +437,6 @@ fn splats_beyond_one_binding_are_drawn_in_parts() {
     let (scene, camera, drawn) = tank_of(2500);
     assert!(drawn.aggregates.len() > 2000, "{} aggregates", drawn.aggregates.len());
     let [whole, parts] = [whole, parts]
-        .map(|gpu| shoot(&gpu, &mut Renderer::new(&gpu), &scene, &camera, &drawn, SIZE));
+        .map(|gpu| render(&gpu, &mut Renderer::new(&gpu), &scene, &camera, &drawn, SIZE));
     assert!(whole.picture == parts.picture);
 }

@@ -7,8 +7,8 @@ mod frames;
 use std::f64::consts::{PI, TAU};
 
 use frames::{
-    Ellipsoid, Shot, View, ellipsoid, glowing, mean_difference, noise, noise_vector, on_axis,
-    scene, sphere, splats, stage,
+    Ellipsoid, FrameImages, View, ellipsoid, glowing, harness, mean_difference, noise,
+    noise_vector, on_axis, scene, sphere, splats,
 };
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
@@ -150,7 +150,7 @@ fn above() -> Camera {
 /// error must halve.
 #[test]
 fn ball_refracts_by_snells_law() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(8.0, 20.0);
     let ball = sphere(Vec3::new(0.1, -0.05, 0.0), 1.0);
     let mut scene = scene();
@@ -172,7 +172,7 @@ fn ball_refracts_by_snells_law() {
             true => splats(&[], &[ball], 0.1),
             false => splats(&[ball], &[], 0.1),
         };
-        let shot = stage.shoot(&scene, &camera, &drawn, size);
+        let shot = harness.render(&scene, &camera, &drawn, size);
         shot.assert_finite();
         let (mut pixels, mut long, mut total) = (0, 0, 0.0);
         let (mut longest, mut widest) = (0f64, 0f64);
@@ -205,7 +205,7 @@ fn ball_refracts_by_snells_law() {
 /// A ray at half a radius from a ball's axis has a chord of 1.85329 R and a deviation of 15.8352°.
 #[test]
 fn ray_at_half_the_radius() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     // A pixel is R/250: the exit normal is accurate to 0.1°.
     let camera = on_axis(8.0, 3.466);
     let view = View::new(&camera, SIZE);
@@ -221,7 +221,7 @@ fn ray_at_half_the_radius() {
     scene.settings.refract.internal_bounces = 0;
     for solver in [Solver::Guarded, Solver::March] {
         scene.settings.refract.solver = solver;
-        let shot = stage.shoot(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+        let shot = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
         let inside = shot.at("inside", MIDDLE);
         // The radiance without the reflections encodes the direction of the transmitted ray.
         let out = (shot.radiance(MIDDLE) - expected.reflected) / expected.weight - 1.0;
@@ -237,7 +237,7 @@ fn ray_at_half_the_radius() {
 /// reflected at the far side sees too.
 #[test]
 fn ball_absorbs_by_its_chord() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(8.0, 20.0);
     let view = View::new(&camera, SIZE);
     let ball = sphere(Vec3::ZERO, 1.0);
@@ -246,7 +246,7 @@ fn ball_absorbs_by_its_chord() {
     scene.liquid.absorption = Vec3::new(1.0, 0.3, 0.01);
     scene.settings.refract.internal_bounces = 0;
     let sigma = scene.liquid.absorption.as_dvec3();
-    let shot = stage.shoot(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+    let shot = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
     let middle = through(&body, view.through(MIDDLE), sigma, |_| DVec3::ONE).expect("a hit");
     let f = 1.0 - straight();
     assert!((middle.radiance.x - (f + (1.0 - f) * (-2f64).exp())).abs() < 1e-9);
@@ -285,7 +285,7 @@ fn at_the_slab() -> [Camera; 2] {
 /// tested by the position on a checkered floor to a fiftieth of a tile.
 #[test]
 fn slab_displaces_rays_without_deviation() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (scene, drawn) = slab_over_floor();
     let in_tiles = |x: DVec3| x / f64::from(0.2f32);
     let even = |x: DVec3| {
@@ -299,7 +299,7 @@ fn slab_displaces_rays_without_deviation() {
     for camera in at_the_slab() {
         let view = View::new(&camera, SIZE);
         let body = Ellipsoid::new(&view, &drawn.aggregates[0]);
-        let shot = stage.shoot(&scene, &camera, &drawn, SIZE);
+        let shot = harness.render(&scene, &camera, &drawn, SIZE);
         let land = |from: DVec3, d: DVec3| {
             let (from, d) = (view.world_point(from), view.world_vector(d));
             from + (-1.0 - from.y) / d.y * d
@@ -339,7 +339,7 @@ fn slab_displaces_rays_without_deviation() {
 /// for every order of the classes, with the transmittance T at each interface.
 #[test]
 fn balls_in_a_row_form_unions_of_intervals() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(8.0, 20.0);
     let ball = |z: f32, radius: f32| sphere(Vec3::Z * z, radius);
     let none: &[_] = &[];
@@ -360,7 +360,7 @@ fn balls_in_a_row_form_unions_of_intervals() {
     for solver in [Solver::Guarded, Solver::March] {
         scene.settings.refract.solver = solver;
         for (name, aggregates, splashes, interfaces, length) in cases {
-            let shot = stage.shoot(&scene, &camera, &splats(aggregates, splashes, 0.1), SIZE);
+            let shot = harness.render(&scene, &camera, &splats(aggregates, splashes, 0.1), SIZE);
             shot.assert_finite();
             let transmitted = straight().powi(interfaces);
             println!(
@@ -380,13 +380,13 @@ fn balls_in_a_row_form_unions_of_intervals() {
 /// A ray is traced through the requested number of interfaces, then sees what is ahead.
 #[test]
 fn interfaces_are_limited_to_the_requested_number() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(8.0, 20.0);
     let mut scene = wall(-5.0);
     let drawn = splats(&[sphere(Vec3::NEG_Z, 1.0)], &[sphere(Vec3::Z * 1.5, 0.5)], 0.1);
     for (asked, length) in [(1, 0.0), (2, 1.0), (3, 1.0), (4, 3.0), (8, 3.0)] {
         scene.settings.refract.interfaces = asked;
-        let shot = stage.shoot(&scene, &camera, &drawn, SIZE);
+        let shot = harness.render(&scene, &camera, &drawn, SIZE);
         shot.assert_finite();
         let crossed = asked.min(4);
         assert_eq!(shot.at("interfaces", MIDDLE), f64::from(crossed));
@@ -400,7 +400,7 @@ fn interfaces_are_limited_to_the_requested_number() {
 /// bounce and terminated ray must conserve energy.
 #[test]
 fn white_furnace() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut scene = scene();
     let mut smoothed = scene.clone();
     smoothed.settings.smooth.iterations = 5;
@@ -414,7 +414,7 @@ fn white_furnace() {
         for (bounces, interfaces) in [(4, 4), (0, 4), (8, 8), (4, 1)] {
             scene.settings.refract.internal_bounces = bounces;
             scene.settings.refract.interfaces = interfaces;
-            let shot = stage.shoot(&scene, &camera, drawn, SIZE);
+            let shot = harness.render(&scene, &camera, drawn, SIZE);
             shot.assert_finite();
             let off = |p| (shot.radiance(p) - 1.0).abs().max_element();
             let worst = shot.pixels().map(off).fold(0.0, f64::max);
@@ -424,7 +424,7 @@ fn white_furnace() {
     }
     // Without emitters the picture is black.
     scene.environment = Environment::Constant(Vec3::ZERO);
-    let shot = stage.shoot(&scene, &above(), &cloud(&scene), SIZE);
+    let shot = harness.render(&scene, &above(), &cloud(&scene), SIZE);
     assert!(shot.pixels().all(|p| shot.radiance(p) == DVec3::ZERO));
 }
 
@@ -432,7 +432,7 @@ fn white_furnace() {
 /// reflection; without radiance scaling, as 1.
 #[test]
 fn eye_in_the_liquid_sees_scaled_radiance() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let ball = splats(&[sphere(Vec3::ZERO, 1.0)], &[], 0.1);
     let camera =
         Camera { eye: DVec3::new(0.3, 0.6, 0.2), target: DVec3::NEG_Z, ..on_axis(0.0, 60.0) };
@@ -440,7 +440,7 @@ fn eye_in_the_liquid_sees_scaled_radiance() {
     for (scaled, iterations) in [(true, 0), (true, 5), (false, 0)] {
         scene.settings.refract.radiance_scaling = scaled;
         scene.settings.smooth.iterations = iterations;
-        let shot = stage.shoot(&scene, &camera, &ball, SIZE);
+        let shot = harness.render(&scene, &camera, &ball, SIZE);
         shot.assert_finite();
         let expected = if scaled { ETA * ETA } else { 1.0 };
         let off = |p| (shot.radiance(p) - expected).abs().max_element();
@@ -454,13 +454,13 @@ fn eye_in_the_liquid_sees_scaled_radiance() {
 /// not blend the two cases.
 #[test]
 fn smoothing_preserves_rays_that_start_inside() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let ball = sphere(Vec3::ZERO, 1.0);
     let camera = Camera { near: Some(0.104), ..on_axis(1.1, 90.0) };
     let mut scene = scene();
     for iterations in [0, 5] {
         scene.settings.smooth.iterations = iterations;
-        let shot = stage.shoot(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+        let shot = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
         shot.assert_finite();
         let (mut started, mut wrong) = (0, Vec::new());
         for p in shot.pixels() {
@@ -481,7 +481,7 @@ fn smoothing_preserves_rays_that_start_inside() {
 /// scaling of an exit. Without contact there is a film of air.
 #[test]
 fn contact_wets_solids() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (r, half) = (0.05f32, 0.2f32);
     let gap = 1.5 * r;
     let pool = ellipsoid(Vec3::Y * (gap + half), Vec3::new(2.0, half, 2.0), Quat::IDENTITY);
@@ -503,7 +503,7 @@ fn contact_wets_solids() {
     let sky = f64::from(sky);
     for contact in [2.0, 1.0, 0.0] {
         scene.settings.refract.contact = contact;
-        let shot = stage.shoot(&scene, &camera, &splats(&[pool], &[], r), SIZE);
+        let shot = harness.render(&scene, &camera, &splats(&[pool], &[], r), SIZE);
         for (i, color) in ["R", "G", "B"].into_iter().enumerate() {
             let sigma = f64::from(scene.liquid.absorption[i]);
             let absorbed = |length: f32| (-sigma * f64::from(length)).exp();
@@ -524,7 +524,7 @@ fn contact_wets_solids() {
 /// A solid hides the liquid behind it, and a submerged solid ends the ray.
 #[test]
 fn solids_hide_liquid_and_end_rays() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(8.0, 20.0);
     let ball = splats(&[sphere(Vec3::ZERO, 1.0)], &[], 0.1);
     let color = Vec3::new(0.2, 0.4, 0.6);
@@ -535,14 +535,14 @@ fn solids_hide_liquid_and_end_rays() {
     for solver in [Solver::Guarded, Solver::March] {
         scene.settings.refract.solver = solver;
         scene.solids = vec![glowing(before, color)];
-        let shot = stage.shoot(&scene, &camera, &ball, SIZE);
+        let shot = harness.render(&scene, &camera, &ball, SIZE);
         shot.assert_finite();
         assert_eq!(shot.radiance(MIDDLE), color.as_dvec3());
         assert_eq!(shot.at("interfaces", MIDDLE), 0.0);
         assert!(shot.at("interfaces", MIDDLE + UVec2::new(25, 0)) > 0.0);
 
         scene.solids = vec![glowing(cube, color)];
-        let shot = stage.shoot(&scene, &camera, &ball, SIZE);
+        let shot = harness.render(&scene, &camera, &ball, SIZE);
         shot.assert_finite();
         let f = 1.0 - straight();
         let sigma = scene.liquid.absorption.as_dvec3();
@@ -559,12 +559,12 @@ fn solids_hide_liquid_and_end_rays() {
 /// `newton` fails for some rays but never yields NaN; on a ball's axis its tangent plane is exact.
 #[test]
 fn newton_is_finite_and_right_where_it_converges() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut tank = tank();
     tank.settings.refract.solver = Solver::Newton;
     for iterations in [0, 1, 4, 20] {
         tank.settings.refract.iterations = iterations;
-        stage.shoot(&tank, &above(), &cloud(&tank), SIZE).assert_finite();
+        harness.render(&tank, &above(), &cloud(&tank), SIZE).assert_finite();
     }
     let camera = on_axis(8.0, 20.0);
     let view = View::new(&camera, SIZE);
@@ -574,7 +574,7 @@ fn newton_is_finite_and_right_where_it_converges() {
     scene.environment = compass();
     scene.settings.refract.solver = Solver::Newton;
     scene.settings.refract.internal_bounces = 0;
-    let shot = stage.shoot(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+    let shot = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
     shot.assert_finite();
     assert!((shot.at("inside", MIDDLE) - 2.0).abs() < 1e-4);
     // Over the ball's inner half, where four iterations pass the 1-pixel test.
@@ -595,7 +595,7 @@ fn newton_is_finite_and_right_where_it_converges() {
 /// surfaces have many such dents, and bounces multiply them: there only the mean is bounded.
 #[test]
 fn guarded_agrees_with_march() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut scene = tank();
     let all = cloud(&scene);
     assert!(all.splashes.len() > 20 && all.aggregates.len() > 150);
@@ -604,7 +604,7 @@ fn guarded_agrees_with_march() {
         scene.settings.refract.internal_bounces = bounces;
         let [guarded, march] = [Solver::Guarded, Solver::March].map(|solver| {
             scene.settings.refract.solver = solver;
-            let shot = stage.shoot(&scene, &above(), drawn, SIZE);
+            let shot = harness.render(&scene, &above(), drawn, SIZE);
             shot.assert_finite();
             shot
         });
@@ -621,10 +621,10 @@ fn guarded_agrees_with_march() {
 /// converge to the mean of the 16 pixels of a picture of four times the size.
 #[test]
 fn samples_converge_to_the_pixel_mean() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (mut scene, slab) = slab_over_floor();
     let camera = at_the_slab()[1];
-    let fine = stage.shoot(&scene, &camera, &slab, SIZE * 4);
+    let fine = harness.render(&scene, &camera, &slab, SIZE * 4);
     let means: Vec<_> = (0..SIZE.x * SIZE.y)
         .map(|i| {
             let p = 4 * UVec2::new(i % SIZE.x, i / SIZE.x);
@@ -634,7 +634,7 @@ fn samples_converge_to_the_pixel_mean() {
         .collect();
     let [one, four, seven, sixteen] = [1, 4, 7, 16].map(|samples| {
         scene.settings.refract.samples = samples;
-        let shot = stage.shoot(&scene, &camera, &slab, SIZE);
+        let shot = harness.render(&scene, &camera, &slab, SIZE);
         shot.assert_finite();
         let off = shot.pixels().zip(&means).map(|(p, mean)| (shot.radiance(p).x - mean).abs());
         off.sum::<f64>() / means.len() as f64
@@ -647,13 +647,13 @@ fn samples_converge_to_the_pixel_mean() {
 /// partly covers.
 #[test]
 fn background_edges_are_antialiased() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (mut scene, _) = slab_over_floor();
     let camera = at_the_slab()[1];
     let none = splats(&[], &[], 0.01);
     scene.settings.refract.samples = 16;
     scene.settings.refract.edge_samples = 1;
-    let fine = stage.shoot(&scene, &camera, &none, SIZE * 4);
+    let fine = harness.render(&scene, &camera, &none, SIZE * 4);
     let mean = |p: UVec2| {
         let within = (0..16).map(|k| 4 * p + UVec2::new(k % 4, k / 4));
         within.map(|q| fine.radiance(q).x).sum::<f64>() / 16.0
@@ -661,14 +661,15 @@ fn background_edges_are_antialiased() {
     scene.settings.refract.samples = 1;
     let [hard, smooth] = [1, 16].map(|edge_samples| {
         scene.settings.refract.edge_samples = edge_samples;
-        stage.shoot(&scene, &camera, &none, SIZE)
+        harness.render(&scene, &camera, &none, SIZE)
     });
-    let off =
-        |shot: &Shot| shot.pixels().map(|p| (shot.radiance(p).x - mean(p)).abs()).sum::<f64>();
+    let off = |shot: &FrameImages| {
+        shot.pixels().map(|p| (shot.radiance(p).x - mean(p)).abs()).sum::<f64>()
+    };
     println!("off the mean: {:.1} without, {:.1} with edge samples", off(&hard), off(&smooth));
     assert!(off(&smooth) < 0.15 * off(&hard));
 
-    let ball = stage.shoot(&scene, &camera, &splats(&[sphere(Vec3::ZERO, 0.3)], &[], 0.1), SIZE);
+    let ball = harness.render(&scene, &camera, &splats(&[sphere(Vec3::ZERO, 0.3)], &[], 0.1), SIZE);
     let liquid = |p: &UVec2| ball.at("interfaces", *p) > 0.0;
     assert!(ball.pixels().filter(liquid).count() > 100);
     for p in ball.pixels().filter(|p| !liquid(p)) {
@@ -680,7 +681,7 @@ fn background_edges_are_antialiased() {
 /// with exact solids. Tiles are several texels wide up to the horizon.
 #[test]
 fn screen_solids_match_exact_solids() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut scene = scene();
     scene.solids = vec![Solid {
         shape: Shape::Plane { origin: DVec3::NEG_Y * 0.8, normal: Vec3::Y, half_extent: 2.0 },
@@ -692,9 +693,9 @@ fn screen_solids_match_exact_solids() {
     // A lens: a ball would compress half of the scene into its outermost pixels.
     let lens = ellipsoid(Vec3::Y * 0.1, Vec3::new(0.9, 0.15, 0.9), Quat::IDENTITY);
     let drawn = splats(&[lens], &[], 0.06);
-    let exact = stage.shoot(&scene, &above(), &drawn, SIZE);
+    let exact = harness.render(&scene, &above(), &drawn, SIZE);
     scene.settings.refract.solids = Solids::Screen;
-    let screen = stage.shoot(&scene, &above(), &drawn, SIZE);
+    let screen = harness.render(&scene, &above(), &drawn, SIZE);
     screen.assert_finite();
     let off = |p: UVec2, q: UVec2| (screen.radiance(p) - exact.radiance(q)).abs().max_element();
     let around = |p: UVec2| {
@@ -716,7 +717,7 @@ fn screen_solids_match_exact_solids() {
 /// Radiance is finite and not negative for random splats and eyes.
 #[test]
 fn random_clouds_are_finite() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut seed = 23;
     let scene = tank();
     for _ in 0..6 {
@@ -729,7 +730,7 @@ fn random_clouds_are_finite() {
         let (aggregates, splashes) = drawn.split_at(60);
         let eye = 1.5 * noise_vector(&mut seed).as_dvec3();
         let camera = Camera { eye, ..above() };
-        let shot = stage.shoot(&scene, &camera, &splats(aggregates, splashes, 0.06), SIZE);
+        let shot = harness.render(&scene, &camera, &splats(aggregates, splashes, 0.06), SIZE);
         shot.assert_finite();
         assert!(shot.pixels().all(|p| shot.radiance(p).min_element() >= 0.0));
     }
@@ -739,7 +740,7 @@ fn random_clouds_are_finite() {
 /// chord is e^(−1.85329) = 0.156721.
 #[test]
 fn chord_at_half_the_radius_absorbs() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(8.0, 3.466);
     let view = View::new(&camera, SIZE);
     let ball = sphere(Vec3::new(0.5, 0.0, 0.0), 1.0);
@@ -748,7 +749,7 @@ fn chord_at_half_the_radius_absorbs() {
     scene.liquid.absorption = Vec3::ONE;
     scene.settings.refract.internal_bounces = 0;
     let clear = through(&body, view.through(MIDDLE), DVec3::ZERO, |_| DVec3::ZERO).expect("a hit");
-    let shot = stage.shoot(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+    let shot = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
     let kept = shot.radiance(MIDDLE).x / clear.weight.x;
     println!("kept {kept}");
     assert!((kept - 0.156_721).abs() < 2e-5, "{kept}");
@@ -757,14 +758,14 @@ fn chord_at_half_the_radius_absorbs() {
 /// A disc of no thickness transmits at both its faces, and absorbs nothing.
 #[test]
 fn disc_without_thickness_absorbs_nothing() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(8.0, 20.0);
     let mut scene = wall(-5.0);
     scene.liquid.absorption = Vec3::splat(10.0);
     let disc = ellipsoid(Vec3::ZERO, Vec3::new(1.0, 1.0, 1e-6), Quat::IDENTITY);
     for solver in [Solver::Guarded, Solver::March] {
         scene.settings.refract.solver = solver;
-        let shot = stage.shoot(&scene, &camera, &splats(&[disc], &[], 0.1), SIZE);
+        let shot = harness.render(&scene, &camera, &splats(&[disc], &[], 0.1), SIZE);
         shot.assert_finite();
         println!("{solver:?}: {}", shot.radiance(MIDDLE).x);
         assert!((shot.radiance(MIDDLE).x - straight().powi(2)).abs() < 1e-3);
@@ -776,7 +777,7 @@ fn disc_without_thickness_absorbs_nothing() {
 /// picture, near its centre, and crosses four interfaces in total, for all combinations of classes.
 #[test]
 fn second_drops_are_hit_for_all_classes() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(8.0, 40.0);
     let size = UVec2::new(641, 481);
     let view = View::new(&camera, size);
@@ -793,7 +794,7 @@ fn second_drops_are_hit_for_all_classes() {
         let ((mut aggregates, mut splashes), (more, spray)) = (of(a, first), of(b, second));
         aggregates.extend(more);
         splashes.extend(spray);
-        let shot = stage.shoot(&scene, &camera, &splats(&aggregates, &splashes, 0.1), size);
+        let shot = harness.render(&scene, &camera, &splats(&aggregates, &splashes, 0.1), size);
         shot.assert_finite();
         let (interfaces, inside) = (shot.at("interfaces", size / 2), shot.at("inside", size / 2));
         println!("splash {a}, then {b}: {interfaces} interfaces, {inside} m");

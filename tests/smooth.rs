@@ -4,7 +4,7 @@
 #[path = "support/frames.rs"]
 mod frames;
 
-use frames::{Shot, Stage, View, ellipsoid, on_axis, scene, sphere, splats, stage};
+use frames::{FrameImages, Harness, View, ellipsoid, harness, on_axis, scene, sphere, splats};
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::liquid::classify::{Splat, Splats};
@@ -53,7 +53,7 @@ fn sheet(centre: Vec3, turn: Quat) -> Splat {
 }
 
 /// Largest change of a layer's depth, and its pixel.
-fn largest_change(shot: &Shot, side: &str, within: impl Fn(UVec2) -> bool) -> (f64, UVec2) {
+fn largest_change(shot: &FrameImages, side: &str, within: impl Fn(UVec2) -> bool) -> (f64, UVec2) {
     let change = |p| {
         let before = shot.at(&format!("depth.aggregate_{side}"), p);
         let after = shot.at(&format!("smooth_depth.aggregate_{side}"), p);
@@ -67,8 +67,8 @@ fn largest_change(shot: &Shot, side: &str, within: impl Fn(UVec2) -> bool) -> (f
         .fold(none, |a, b| if b.0 > a.0 { b } else { a })
 }
 
-fn draw(stage: &mut Stage, scene: &Scene, camera: &Camera, splats: &Splats) -> Shot {
-    let shot = stage.shoot(scene, camera, splats, SIZE);
+fn draw(harness: &mut Harness, scene: &Scene, camera: &Camera, splats: &Splats) -> FrameImages {
+    let shot = harness.render(scene, camera, splats, SIZE);
     shot.assert_finite();
     shot
 }
@@ -79,7 +79,7 @@ fn draw(stage: &mut Stage, scene: &Scene, camera: &Camera, splats: &Splats) -> S
 /// plane is curved by 1e-4 m at its visible corners.
 #[test]
 fn plane_is_a_fixed_point() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(2.0, 40.0);
     let mut radii = fitting(5, 5);
     radii.settings.smooth.unit = Unit::Radius;
@@ -88,7 +88,7 @@ fn plane_is_a_fixed_point() {
         let turn = Quat::from_rotation_x(tilt.to_radians());
         let drawn = splats(&[sheet(turn * Vec3::NEG_Z * 0.5, turn)], &[], 0.05);
         for scene in [fitting(9, 5), fitting(3, 5), radii.clone()] {
-            let shot = draw(&mut stage, &scene, &camera, &drawn);
+            let shot = draw(&mut harness, &scene, &camera, &drawn);
             let (change, at) = largest_change(&shot, "front", |_| true);
             println!("{tilt}°: front moves by {change} at {at}");
             // The far parts of the tilted plane are 3 times as deep.
@@ -100,11 +100,11 @@ fn plane_is_a_fixed_point() {
 /// A plane seen at 89°, where the fit would divide by almost 0, keeps its depth, as in eq. 5.
 #[test]
 fn plane_seen_edge_on_is_kept() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(2.0, 1.0);
     let turn = Quat::from_rotation_x(89f32.to_radians());
     let drawn = splats(&[sheet(turn * Vec3::NEG_Z * 0.5, turn)], &[], 0.05);
-    let shot = draw(&mut stage, &fitting(9, 5), &camera, &drawn);
+    let shot = draw(&mut harness, &fitting(9, 5), &camera, &drawn);
     let covered = shot.channel("depth.aggregate_front").iter().filter(|&&z| z > 0.0).count();
     let (change, at) = largest_change(&shot, "front", |_| true);
     println!("89°: moves by {change} at {at}, {covered} pixels");
@@ -117,12 +117,12 @@ fn plane_seen_edge_on_is_kept() {
 /// iterations; a wrong weight or window size is off by 20 % or more.
 #[test]
 fn sphere_recedes_by_the_closed_form() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(21.0, 3.4);
     let footprint = 20.0 * View::new(&camera, SIZE).footprint();
     let drawn = splats(&[sphere(Vec3::ZERO, 1.0)], &[], 1.0);
     for (taps, iterations) in [(3, 4), (5, 1), (5, 4), (9, 1), (9, 3)] {
-        let shot = draw(&mut stage, &fitting(taps, iterations), &camera, &drawn);
+        let shot = draw(&mut harness, &fitting(taps, iterations), &camera, &drawn);
         let side = f64::from(taps);
         let per_iteration = (side * side - 1.0) * footprint * footprint / 12.0;
         for (side, sign) in [("front", 1.0), ("back", -1.0)] {
@@ -147,12 +147,12 @@ fn sphere_recedes_by_the_closed_form() {
 /// layer does not warp: neither an empty nor a far neighbour affects its depth or normal.
 #[test]
 fn gaps_stay_sharp() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (r, camera) = (0.05f32, on_axis(2.0, 40.0));
     let disc = ellipsoid(Vec3::new(0.1, 0.05, 0.0), Vec3::new(0.5, 0.5, 1e-4), Quat::IDENTITY);
     let behind = sheet(Vec3::NEG_Z * (0.5 + 20.0 * r), Quat::IDENTITY);
     for drawn in [splats(&[disc, behind], &[], r), splats(&[disc], &[], r)] {
-        let shot = draw(&mut stage, &fitting(9, 5), &camera, &drawn);
+        let shot = draw(&mut harness, &fitting(9, 5), &camera, &drawn);
         let (change, at) = largest_change(&shot, "front", |_| true);
         println!("across the gap: {change} at {at}");
         assert!(change < 1e-3 * f64::from(r), "{change} at {at}");
@@ -166,7 +166,7 @@ fn gaps_stay_sharp() {
 /// A pixel without neighbours does not change.
 #[test]
 fn lone_pixel_is_unchanged() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(2.0, 40.0);
     let view = View::new(&camera, SIZE);
     let p = UVec2::new(43, 71);
@@ -177,7 +177,7 @@ fn lone_pixel_is_unchanged() {
     for scene in scenes.as_flattened_mut() {
         scene.settings.smooth.unit =
             if scene.settings.smooth.taps == 5 { Unit::Radius } else { Unit::Pixel };
-        let shot = draw(&mut stage, scene, &camera, &drawn);
+        let shot = draw(&mut harness, scene, &camera, &drawn);
         let covered = shot.channel("depth.aggregate_front").iter().filter(|&&z| z > 0.0).count();
         assert_eq!(covered, 1);
         for side in ["front", "back"] {
@@ -209,10 +209,10 @@ fn heap() -> Splats {
 /// Without iterations the smoothed layers equal the splatted ones bit by bit, whatever was drawn before.
 #[test]
 fn no_iterations_change_nothing() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(3.0, 40.0);
-    draw(&mut stage, &fitting(9, 5), &camera, &heap());
-    let shot = draw(&mut stage, &scene(), &camera, &heap());
+    draw(&mut harness, &fitting(9, 5), &camera, &heap());
+    let shot = draw(&mut harness, &scene(), &camera, &heap());
     for image in ["depth", "normal"] {
         for name in shot.channels.keys().filter(|name| name.starts_with(&format!("{image}.agg"))) {
             let (splatted, smoothed) =
@@ -226,19 +226,19 @@ fn no_iterations_change_nothing() {
 /// Only aggregates are smoothed: splashes stay as splatted.
 #[test]
 fn splashes_are_not_smoothed() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(3.0, 40.0);
-    let rough = draw(&mut stage, &scene(), &camera, &heap());
-    let smoothed = draw(&mut stage, &fitting(9, 5), &camera, &heap());
+    let rough = draw(&mut harness, &scene(), &camera, &heap());
+    let smoothed = draw(&mut harness, &fitting(9, 5), &camera, &heap());
     for name in ["depth.splash_front", "depth.splash_back", "normal.splash_front.X"] {
         assert_eq!(rough.channel(name), smoothed.channel(name), "{name}");
     }
     // A splash alone also keeps its radiance.
     let alone = splats(&[], &heap().splashes, 0.08);
-    let rough = draw(&mut stage, &scene(), &camera, &alone);
+    let rough = draw(&mut harness, &scene(), &camera, &alone);
     let mut scene = scene();
     scene.settings.smooth.iterations = 5;
-    let smoothed = draw(&mut stage, &scene, &camera, &alone);
+    let smoothed = draw(&mut harness, &scene, &camera, &alone);
     assert_eq!(rough.channel("radiance.R"), smoothed.channel("radiance.R"));
 }
 
@@ -246,10 +246,10 @@ fn splashes_are_not_smoothed() {
 /// slope of central differences.
 #[test]
 fn smoothed_normals_fit_smoothed_depths() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(3.0, 40.0);
     let view = View::new(&camera, SIZE);
-    let shot = draw(&mut stage, &fitting(9, 3), &camera, &heap());
+    let shot = draw(&mut harness, &fitting(9, 3), &camera, &heap());
     for (side, away) in [("front", -1.0), ("back", 1.0)] {
         let depth = |p: UVec2| shot.at(&format!("smooth_depth.aggregate_{side}"), p);
         let (mut compared, mut worst) = (0, (0f64, UVec2::ZERO));
@@ -293,10 +293,10 @@ fn smoothed_normals_fit_smoothed_depths() {
 /// A surface of constant depth is a fixed point of every filter, up to the picture's borders.
 #[test]
 fn constant_depth_is_a_fixed_point_of_every_filter() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let drawn = splats(&[sheet(Vec3::NEG_Z * 0.5, Quat::IDENTITY)], &[], 0.05);
     for filter in FILTERS {
-        let shot = draw(&mut stage, &filtering(filter, 9, 5), &on_axis(2.0, 40.0), &drawn);
+        let shot = draw(&mut harness, &filtering(filter, 9, 5), &on_axis(2.0, 40.0), &drawn);
         for side in ["front", "back"] {
             let (change, at) = largest_change(&shot, side, |_| true);
             println!("{filter:?}: {side} moves by {change} at {at}");
@@ -313,15 +313,15 @@ fn constant_depth_is_a_fixed_point_of_every_filter() {
 /// times the window's variance.
 #[test]
 fn averaged_depths_drift_on_slopes_and_warp_at_borders() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let taps = 9;
     let turn = Quat::from_rotation_x(30f32.to_radians());
     let drawn = splats(&[sheet(turn * Vec3::NEG_Z * 0.5, turn)], &[], 0.05);
     let [fit, bilateral, narrow] = FILTERS.map(|filter| {
-        draw(&mut stage, &filtering(filter, taps as u32, 1), &on_axis(2.0, 40.0), &drawn)
+        draw(&mut harness, &filtering(filter, taps as u32, 1), &on_axis(2.0, 40.0), &drawn)
     });
     let before = |y: i32| fit.at("depth.aggregate_front", UVec2::new(80, y as u32));
-    let moved = |shot: &Shot, y: i32| {
+    let moved = |shot: &FrameImages, y: i32| {
         shot.at("smooth_depth.aggregate_front", UVec2::new(80, y as u32)) - before(y)
     };
     for y in [20, 60, 100] {
@@ -348,13 +348,13 @@ fn averaged_depths_drift_on_slopes_and_warp_at_borders() {
 /// iteration, where the s × s window of the plane fit has m₂ = (s² − 1)/12.
 #[test]
 fn sphere_recedes_by_the_variance_of_the_window() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(21.0, 8.0);
     let footprint = 20.0 * View::new(&camera, SIZE).footprint();
     let drawn = splats(&[sphere(Vec3::ZERO, 1.0)], &[], 1.0);
     for filter in [Filter::Bilateral, Filter::NarrowRange] {
         for (taps, iterations) in [(5, 1), (5, 4), (9, 2)] {
-            let shot = draw(&mut stage, &filtering(filter, taps, iterations), &camera, &drawn);
+            let shot = draw(&mut harness, &filtering(filter, taps, iterations), &camera, &drawn);
             for (side, sign, distance) in [("front", 1.0, 1.0), ("back", -1.0, 1.1f64)] {
                 let near_middle =
                     |p: &UVec2| p.as_ivec2().distance_squared((SIZE / 2).as_ivec2()) < 64;
@@ -379,7 +379,7 @@ fn sphere_recedes_by_the_variance_of_the_window() {
 /// holds for backs, seen from behind.
 #[test]
 fn narrow_range_separates_surfaces_and_rounds_edges() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (r, taps) = (0.05f32, 9);
     let disc = ellipsoid(Vec3::new(0.1, 0.05, 0.0), Vec3::new(0.5, 0.5, 1e-4), Quat::IDENTITY);
     let behind = sheet(Vec3::NEG_Z * (0.5 + 20.0 * r), Quat::IDENTITY);
@@ -388,7 +388,7 @@ fn narrow_range_separates_surfaces_and_rounds_edges() {
     for (drawn, side, sign) in
         [(&apart, "front", 1.0), (&alone, "front", 1.0), (&alone, "back", -1.0)]
     {
-        let shot = draw(&mut stage, &scene, &on_axis(2.0, 40.0), drawn);
+        let shot = draw(&mut harness, &scene, &on_axis(2.0, 40.0), drawn);
         let before = |p| shot.at(&format!("depth.aggregate_{side}"), p);
         let on_disc = |p| before(p) > 0.0 && before(p) < 2.1;
         let mut rounded = 0;
@@ -416,14 +416,14 @@ fn narrow_range_separates_surfaces_and_rounds_edges() {
     }
     // Within δ they are one surface and mix.
     scene.settings.smooth.delta = 30.0;
-    let shot = draw(&mut stage, &scene, &on_axis(2.0, 40.0), &apart);
+    let shot = draw(&mut harness, &scene, &on_axis(2.0, 40.0), &apart);
     assert!(largest_change(&shot, "front", |_| true).0 > 0.3);
 }
 
 /// Each iteration of each filter reduces the bumps that particles make on a plane.
 #[test]
 fn bumps_decrease_with_every_iteration() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut seed = 7;
     let bumps: Vec<_> = (0..24 * 32)
         .map(|i| {
@@ -436,7 +436,7 @@ fn bumps_decrease_with_every_iteration() {
     for filter in FILTERS {
         let roughness = [0, 1, 2, 4, 8].map(|iterations| {
             let shot =
-                draw(&mut stage, &filtering(filter, 5, iterations), &on_axis(2.0, 35.0), &drawn);
+                draw(&mut harness, &filtering(filter, 5, iterations), &on_axis(2.0, 35.0), &drawn);
             let depth = |p| shot.at("smooth_depth.aggregate_front", p);
             let inner =
                 |p: &UVec2| (16..SIZE.x - 16).contains(&p.x) && (16..SIZE.y - 16).contains(&p.y);
@@ -455,13 +455,13 @@ fn bumps_decrease_with_every_iteration() {
 /// uses it as a tap.
 #[test]
 fn marks_of_rays_that_start_inside_are_kept() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = Camera { near: Some(0.045), ..on_axis(2.0, 40.0) };
     // Beside the eye: its near side is in front of the near plane, its limb beyond.
     let beside = sphere(Vec3::new(0.11, 0.0, 1.95), 0.1);
     let drawn = splats(&[beside, sheet(Vec3::NEG_Z * 0.5, Quat::IDENTITY)], &[], 0.05);
     for filter in FILTERS {
-        let shot = draw(&mut stage, &filtering(filter, 9, 5), &camera, &drawn);
+        let shot = draw(&mut harness, &filtering(filter, 9, 5), &camera, &drawn);
         let near = f64::from(camera.near());
         let (mut marks, mut beyond) = (0, 0);
         for p in shot.pixels() {

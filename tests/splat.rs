@@ -4,8 +4,8 @@
 mod frames;
 
 use frames::{
-    Ellipsoid, Shot, View, ellipsoid, mean_difference, noise, noise_turn, noise_vector, on_axis,
-    scene, sphere, splats, stage,
+    Ellipsoid, FrameImages, View, ellipsoid, harness, mean_difference, noise, noise_turn,
+    noise_vector, on_axis, scene, sphere, splats,
 };
 use glam::{DVec3, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
@@ -80,7 +80,7 @@ struct Errors {
     rim_thickness: f64,
 }
 
-fn errors(shot: &Shot, camera: &Camera, class: &str, drawn: &[Splat]) -> Errors {
+fn errors(shot: &FrameImages, camera: &Camera, class: &str, drawn: &[Splat]) -> Errors {
     shot.assert_finite();
     let view = View::new(camera, shot.size);
     let bodies: Vec<_> = drawn.iter().map(|splat| Ellipsoid::new(&view, splat)).collect();
@@ -136,7 +136,7 @@ fn askew() -> Camera {
 /// 32-bit floats; normals lose accuracy towards the rim in proportion to the cosine.
 #[test]
 fn sphere_and_ellipsoid_match_their_rays() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let turn = Quat::from_euler(glam::EulerRot::XYZ, 0.5, 1.1, -0.4);
     let centre = Vec3::new(0.1, 0.25, -0.3);
     let shapes = [
@@ -147,7 +147,7 @@ fn sphere_and_ellipsoid_match_their_rays() {
     ];
     for (splat, tolerance) in shapes {
         let drawn = [splat];
-        let shot = stage.shoot(&scene(), &askew(), &splats(&drawn, &[], 0.1), SIZE);
+        let shot = harness.render(&scene(), &askew(), &splats(&drawn, &[], 0.1), SIZE);
         let errors = errors(&shot, &askew(), "aggregate", &drawn);
         println!("{errors:?}");
         assert!(errors.texels > 4000, "{errors:?}");
@@ -162,7 +162,7 @@ fn sphere_and_ellipsoid_match_their_rays() {
 /// amplified rounding.
 #[test]
 fn silhouette_normals_are_perpendicular_to_the_ray() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(5.0, 20.0);
     let view = View::new(&camera, SIZE);
     let radius = 0.05;
@@ -179,7 +179,7 @@ fn silhouette_normals_are_perpendicular_to_the_ray() {
             sphere(view.world_point(centre).as_vec3(), radius)
         })
         .collect();
-    let shot = stage.shoot(&scene(), &camera, &splats(&drawn, &[], radius), SIZE);
+    let shot = harness.render(&scene(), &camera, &splats(&drawn, &[], radius), SIZE);
     shot.assert_finite();
     for (i, depth) in depths.iter().enumerate() {
         let ray = view.through(touched(i)).normalize();
@@ -201,7 +201,7 @@ fn silhouette_normals_are_perpendicular_to_the_ray() {
 /// rotation, which displaces the whole ellipsoid, and at 1e4 the last digit of depth.
 #[test]
 fn distant_splats_keep_their_precision() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     for (distance, tolerance) in [(1e3, 3e-4), (1e4, 5e-3)] {
         let camera = Camera {
             eye: DVec3::new(0.6, 0.0, 0.8) * distance,
@@ -214,7 +214,7 @@ fn distant_splats_keep_their_precision() {
             [sphere(Vec3::new(0.1, -0.1, 0.0), 1.0)],
             [ellipsoid(Vec3::ZERO, Vec3::new(0.3, 0.6, 1.2), Quat::from_rotation_z(0.7))],
         ] {
-            let shot = stage.shoot(&scene(), &camera, &splats(&drawn, &[], 1.0), SIZE);
+            let shot = harness.render(&scene(), &camera, &splats(&drawn, &[], 1.0), SIZE);
             let errors = errors(&shot, &camera, "aggregate", &drawn);
             println!("{distance}: {errors:?}");
             assert!(errors.texels > 2000 && errors.thickness < tolerance, "{errors:?}");
@@ -227,7 +227,7 @@ fn distant_splats_keep_their_precision() {
 /// around the eye. `errors` fails for any wrong pixel farther than 1e-3 pixels from an outline.
 #[test]
 fn coverage_is_exact_for_any_ellipsoid() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut seed = 7;
     for i in 0..40 {
         let camera = Camera {
@@ -245,7 +245,7 @@ fn coverage_is_exact_for_any_ellipsoid() {
         let centre = view.world_point(place * f64::from(depth)).as_vec3();
         let axes = Vec3::from_array([(); 3].map(|()| (4.0 * noise(&mut seed) - 3.5).exp()));
         let drawn = [ellipsoid(centre, axes, noise_turn(&mut seed))];
-        let shot = stage.shoot(&scene(), &camera, &splats(&drawn, &[], 0.1), SIZE);
+        let shot = harness.render(&scene(), &camera, &splats(&drawn, &[], 0.1), SIZE);
         let errors = errors(&shot, &camera, "aggregate", &drawn);
         println!("{i} at {depth} of {axes}: {errors:?}");
         assert!(errors.depth < 1e-5 && errors.rim_depth < 1e-4, "{i}: {errors:?}");
@@ -255,7 +255,7 @@ fn coverage_is_exact_for_any_ellipsoid() {
 /// Of overlapping splats, the nearest front and the farthest back remain.
 #[test]
 fn nearest_fronts_and_farthest_backs_remain() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(6.0, 30.0);
     let pair = [sphere(Vec3::ZERO, 0.8), sphere(Vec3::new(0.5, 0.2, -0.7), 0.8)];
     let mut seed = 3;
@@ -266,13 +266,13 @@ fn nearest_fronts_and_farthest_backs_remain() {
         })
         .collect();
     for drawn in [&pair[..], &cloud] {
-        let shot = stage.shoot(&scene(), &camera, &splats(drawn, &[], 0.1), SIZE);
+        let shot = harness.render(&scene(), &camera, &splats(drawn, &[], 0.1), SIZE);
         let found = errors(&shot, &camera, "aggregate", drawn);
         println!("{found:?}");
         assert!(found.depth < 1e-5 && found.normal < 3e-4, "{found:?}");
         // In any order.
         let turned: Vec<_> = drawn.iter().rev().copied().collect();
-        let again = stage.shoot(&scene(), &camera, &splats(&turned, &[], 0.1), SIZE);
+        let again = harness.render(&scene(), &camera, &splats(&turned, &[], 0.1), SIZE);
         for name in ["depth.aggregate_front", "depth.aggregate_back"] {
             assert_eq!(shot.channel(name), again.channel(name));
         }
@@ -283,7 +283,7 @@ fn nearest_fronts_and_farthest_backs_remain() {
 /// the near plane cuts the surface, both kinds of front occur at their pixels.
 #[test]
 fn rays_of_an_eye_in_the_liquid_start_at_the_near_plane() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let turn = Quat::from_rotation_y(0.6);
     let drawn = [ellipsoid(Vec3::ZERO, Vec3::new(0.5, 1.0, 2.0), turn)];
     let looking = |eye: Vec3, along: Vec3, near: f32| Camera {
@@ -295,7 +295,7 @@ fn rays_of_an_eye_in_the_liquid_start_at_the_near_plane() {
     };
     for eye in [Vec3::ZERO, Vec3::new(0.2, -0.3, 0.4)] {
         let camera = looking(eye, Vec3::new(0.3, 0.2, -1.0), 0.01);
-        let shot = stage.shoot(&scene(), &camera, &splats(&drawn, &[], 0.1), SIZE);
+        let shot = harness.render(&scene(), &camera, &splats(&drawn, &[], 0.1), SIZE);
         let errors = errors(&shot, &camera, "aggregate", &drawn);
         assert!(errors.depth < 2e-6 && errors.normal < 3e-5, "{errors:?}");
         assert!(shot.channel("depth.aggregate_front").iter().all(|&z| z == 0.01));
@@ -303,7 +303,7 @@ fn rays_of_an_eye_in_the_liquid_start_at_the_near_plane() {
     // The eye in front of the long axis' tip, the near plane behind the tip: pixels of both kinds.
     let tip = turn * Vec3::Z * 2.0;
     let camera = looking(1.1 * tip, -tip, 0.25);
-    let shot = stage.shoot(&scene(), &camera, &splats(&drawn, &[], 0.1), SIZE);
+    let shot = harness.render(&scene(), &camera, &splats(&drawn, &[], 0.1), SIZE);
     let errors = errors(&shot, &camera, "aggregate", &drawn);
     let fronts = shot.channel("depth.aggregate_front");
     let started = fronts.iter().filter(|&&z| z == 0.25).count();
@@ -321,7 +321,7 @@ fn rays_of_an_eye_in_the_liquid_start_at_the_near_plane() {
 /// the liquid, also in a gap between particles, and if no liquid is near.
 #[test]
 fn low_eye_with_a_far_target_is_outside_of_the_pool() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let spacing = 0.02;
     let pool = (0..4).flat_map(|y| (0..40).flat_map(move |x| (0..50).map(move |z| (x, y, z))));
     let pool: Vec<_> = pool
@@ -341,7 +341,7 @@ fn low_eye_with_a_far_target_is_outside_of_the_pool() {
     };
     let mut shot = |camera: Camera, near: Option<f32>, drawn: &[Splat]| {
         let camera = Camera { near, ..camera };
-        stage.shoot(&scene(), &camera, &splats(drawn, &[], 0.5 * spacing), SIZE)
+        harness.render(&scene(), &camera, &splats(drawn, &[], 0.5 * spacing), SIZE)
     };
     let low = eye_at(DVec3::new(0.0, top + 0.01, -0.3));
     let [found, expected, cut] = [None, Some(1e-3), Some(0.1)].map(|near| shot(low, near, &full));
@@ -367,7 +367,7 @@ fn low_eye_with_a_far_target_is_outside_of_the_pool() {
 /// Splats behind the eye, however large or close, and splats beside the picture are not drawn.
 #[test]
 fn nothing_behind_the_eye_is_drawn() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(0.0, 60.0);
     let camera = Camera { target: -DVec3::Z, near: Some(0.1), ..camera };
     let behind = [
@@ -379,7 +379,7 @@ fn nothing_behind_the_eye_is_drawn() {
         sphere(Vec3::new(40.0, 0.0, -5.0), 1.0),
     ];
     for splat in behind {
-        let shot = stage.shoot(&scene(), &camera, &splats(&[splat], &[splat], 0.1), SIZE);
+        let shot = harness.render(&scene(), &camera, &splats(&[splat], &[splat], 0.1), SIZE);
         shot.assert_finite();
         for name in ["aggregate_front", "aggregate_back", "splash_front", "splash_back"] {
             assert!(shot.channel(&format!("depth.{name}")).iter().all(|&z| z == 0.0), "{splat:?}");
@@ -390,12 +390,12 @@ fn nothing_behind_the_eye_is_drawn() {
 /// A frame without liquid equals the background bit by bit, at any size.
 #[test]
 fn no_particles_leave_the_background() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut scene = scene();
     let sky = Vec3::new(0.25, 0.5, 0.75);
     scene.environment = limpid::environment::Environment::Constant(sky);
     for size in [SIZE, UVec2::ONE, UVec2::new(17, 13), UVec2::new(1, 40)] {
-        let shot = stage.shoot(&scene, &on_axis(3.0, 40.0), &splats(&[], &[], 0.1), size);
+        let shot = harness.render(&scene, &on_axis(3.0, 40.0), &splats(&[], &[], 0.1), size);
         shot.assert_finite();
         for name in ["depth.aggregate_front", "depth.aggregate_back", "interfaces", "inside"] {
             assert!(shot.channel(name).iter().all(|&v| v == 0.0), "{name}");
@@ -410,11 +410,11 @@ fn no_particles_leave_the_background() {
 /// Picture sizes need not be multiples of the tile size.
 #[test]
 fn odd_sizes_are_drawn_to_their_borders() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let drawn = [sphere(Vec3::new(0.2, 0.1, 0.0), 1.0)];
     for size in [UVec2::ONE, UVec2::new(17, 13), UVec2::new(3, 50), UVec2::new(161, 9)] {
         let camera = on_axis(3.0, 45.0);
-        let shot = stage.shoot(&scene(), &camera, &splats(&drawn, &[], 0.1), size);
+        let shot = harness.render(&scene(), &camera, &splats(&drawn, &[], 0.1), size);
         let errors = errors(&shot, &camera, "aggregate", &drawn);
         assert!(errors.texels > 0 && errors.depth < 2e-6, "{size}: {errors:?}");
         // Exactly the covered pixels have interfaces.
@@ -427,18 +427,18 @@ fn odd_sizes_are_drawn_to_their_borders() {
 /// Each class has its own layers: neither hides the other, and splash layers are absent without splashes.
 #[test]
 fn splashes_and_aggregates_have_separate_layers() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = on_axis(6.0, 30.0);
     let aggregates = [sphere(Vec3::new(-0.2, 0.0, -1.0), 0.8)];
     let splashes = [sphere(Vec3::new(0.3, 0.1, 1.0), 0.4), sphere(Vec3::new(0.8, 0.6, 0.5), 0.2)];
-    let both = stage.shoot(&scene(), &camera, &splats(&aggregates, &splashes, 0.1), SIZE);
+    let both = harness.render(&scene(), &camera, &splats(&aggregates, &splashes, 0.1), SIZE);
     for (class, drawn) in [("aggregate", &aggregates[..]), ("splash", &splashes)] {
         let errors = errors(&both, &camera, class, drawn);
         assert!(errors.texels > 1000 && errors.depth < 2e-6 && errors.normal < 5e-5, "{errors:?}");
     }
-    let one = stage.shoot(&scene(), &camera, &splats(&aggregates, &[], 0.1), SIZE);
+    let one = harness.render(&scene(), &camera, &splats(&aggregates, &[], 0.1), SIZE);
     assert!(!one.has("depth.splash_front") && !one.has("normal.splash_back.X"));
-    assert!(stage.renderer.images().splash.is_none());
+    assert!(harness.renderer.images().splash.is_none());
     assert_eq!(one.channel("depth.aggregate_front"), both.channel("depth.aggregate_front"));
 }
 
@@ -446,7 +446,7 @@ fn splashes_and_aggregates_have_separate_layers() {
 /// refused instead of drawn without the liquid.
 #[test]
 fn extreme_scales_are_drawn_or_refused() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut seed = 5;
     let body: Vec<_> = (0..40)
         .map(|_| (0.5 * noise_vector(&mut seed), Vec3::splat(0.2), noise_turn(&mut seed)))
@@ -461,9 +461,9 @@ fn extreme_scales_are_drawn_or_refused() {
     };
     let mut refused = |scale: f32| {
         let (camera, splats) = scaled(scale);
-        let frame = Picture::new(&stage.gpu, SIZE).unwrap();
+        let frame = Picture::new(&harness.gpu, SIZE).unwrap();
         let view = frame.view();
-        stage.renderer.render(&scene(), &camera, &splats, &view, Picture::FORMAT, SIZE).err()
+        harness.renderer.render(&scene(), &camera, &splats, &view, Picture::FORMAT, SIZE).err()
     };
     for scale in [3e9, 3e-10] {
         let error = refused(scale).expect("the scale is refused").to_string();
@@ -471,7 +471,7 @@ fn extreme_scales_are_drawn_or_refused() {
     }
     let mut picture = |scale: f32| {
         let (camera, splats) = scaled(scale);
-        stage.shoot(&scene(), &camera, &splats, SIZE)
+        harness.render(&scene(), &camera, &splats, SIZE)
     };
     let one = picture(1.0);
     for scale in [0.9e9, 1e4, 1e-4, 1.1e-9] {

@@ -19,7 +19,7 @@ use limpid::scene::{Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::Settings;
 
 /// A device and a renderer with diagnostics.
-pub(crate) struct Stage {
+pub(crate) struct Harness {
     pub(crate) gpu: Gpu,
     pub(crate) renderer: Renderer,
 }
@@ -28,17 +28,17 @@ pub(crate) struct Stage {
 /// variant. `frames.rs` tests that frames do not depend on earlier ones.
 ///
 /// `None` without an adapter, unless the environment requires one.
-pub(crate) fn stage() -> Option<MutexGuard<'static, Stage>> {
-    static STAGE: OnceLock<Option<Mutex<Stage>>> = OnceLock::new();
+pub(crate) fn harness() -> Option<MutexGuard<'static, Harness>> {
+    static HARNESS: OnceLock<Option<Mutex<Harness>>> = OnceLock::new();
     let open = || {
         let gpu = gpu()?;
         let mut renderer = Renderer::new(&gpu);
         renderer.diagnose = true;
-        Some(Mutex::new(Stage { gpu, renderer }))
+        Some(Mutex::new(Harness { gpu, renderer }))
     };
     // A poisoned lock is harmless: the next frame replaces all state of a failed test.
-    let stage = STAGE.get_or_init(open).as_ref()?;
-    Some(stage.lock().unwrap_or_else(PoisonError::into_inner))
+    let harness = HARNESS.get_or_init(open).as_ref()?;
+    Some(harness.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
 /// A new device, under the same condition.
@@ -54,28 +54,28 @@ pub(crate) fn gpu() -> Option<Gpu> {
     }
 }
 
-impl Stage {
+impl Harness {
     /// Draws a frame and reads all its images back.
-    pub(crate) fn shoot(
+    pub(crate) fn render(
         &mut self,
         scene: &Scene,
         camera: &Camera,
         splats: &Splats,
         size: UVec2,
-    ) -> Shot {
-        shoot(&self.gpu, &mut self.renderer, scene, camera, splats, size)
+    ) -> FrameImages {
+        render(&self.gpu, &mut self.renderer, scene, camera, splats, size)
     }
 }
 
 /// Draws a frame and reads all its images back.
-pub(crate) fn shoot(
+pub(crate) fn render(
     gpu: &Gpu,
     renderer: &mut Renderer,
     scene: &Scene,
     camera: &Camera,
     splats: &Splats,
     size: UVec2,
-) -> Shot {
+) -> FrameImages {
     let frame = Picture::new(gpu, size).expect("a frame");
     renderer
         .render(scene, camera, splats, &frame.view(), Picture::FORMAT, size)
@@ -88,17 +88,17 @@ pub(crate) fn shoot(
     for values in channels.values() {
         assert_eq!(values.len(), (size.x * size.y) as usize);
     }
-    Shot { size, channels, picture }
+    FrameImages { size, channels, picture }
 }
 
 /// A frame's images.
-pub(crate) struct Shot {
+pub(crate) struct FrameImages {
     pub(crate) size: UVec2,
     pub(crate) channels: HashMap<String, Vec<f32>>,
     pub(crate) picture: RgbaImage,
 }
 
-impl Shot {
+impl FrameImages {
     pub(crate) fn channel(&self, name: &str) -> &[f32] {
         self.channels.get(name).unwrap_or_else(|| panic!("no channel {name}"))
     }
@@ -139,7 +139,7 @@ impl Shot {
 }
 
 /// Mean absolute difference of radiance between two frames.
-pub(crate) fn mean_difference(a: &Shot, b: &Shot) -> f64 {
+pub(crate) fn mean_difference(a: &FrameImages, b: &FrameImages) -> f64 {
     let total: f64 = a.pixels().map(|p| (a.radiance(p) - b.radiance(p)).abs().element_sum()).sum();
     total / (3 * a.size.x * a.size.y) as f64
 }

@@ -65,7 +65,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     let gaps = sequence.gaps();
     if args.frames.is_none() && !gaps.is_empty() {
-        crate::terminal::complain(remedy::of_notice(&Notice::Gaps(gaps, None)));
+        crate::terminal::warn(remedy::of_notice(&Notice::Gaps(gaps, None)));
     }
     let bar = crate::terminal::progress(todo.len());
     let (mut lost, mut ignored) = (Vec::new(), Vec::new());
@@ -86,15 +86,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     bar.finish_and_clear();
     if !lost.is_empty() {
-        crate::terminal::complain(format!(
-            "{output}: this format has no room for {}",
-            lost.join(", ")
-        ));
+        crate::terminal::warn(format!("{output}: this format has no room for {}", lost.join(", ")));
     }
     if !ignored.is_empty() {
         let (arrays, verb) = (ignored.join(", "), if ignored.len() > 1 { "are" } else { "is" });
         let remedy = "--map reads attributes from arrays of other names";
-        crate::terminal::complain(format!("{}: {arrays} {verb} left out; {remedy}", args.input));
+        crate::terminal::warn(format!("{}: {arrays} {verb} left out; {remedy}", args.input));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -44,7 +44,7 @@ fn run() -> ExitCode {
 
 /// Prints an error and returns its exit code.
 fn report_failure(error: &anyhow::Error) -> ExitCode {
-    terminal::complain(error_line(error));
+    terminal::warn(error_line(error));
     // An interrupted run ends with the signal's code.
     if let Some(code) = cli::signal() {
         return ExitCode::from(code);

@@ -36,7 +36,7 @@ pub(crate) struct PipelineCache {
 /// As [`limpid_io::device::open`].
 pub(crate) fn open_adapter() -> limpid_io::Result<(Gpu, Option<PipelineCache>)> {
     let gpu = limpid_io::device::open()?;
-    match folder().and_then(|folder| PipelineCache::open(&gpu.device, &folder)) {
+    match output::cache_folder().and_then(|folder| PipelineCache::open(&gpu.device, &folder)) {
         Some(cache) => Ok((gpu.with_pipeline_cache(cache.cache.clone()), Some(cache))),
         None => Ok((gpu, None)),
     }
@@ -120,16 +120,4 @@ fn create_folder(folder: &Path) -> std::io::Result<()> {
     #[cfg(unix)]
     std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
     builder.recursive(true).create(folder)
-}
-
-/// Path of `limpid` in the user's cache folder: `$XDG_CACHE_HOME`, `~/.cache`, or on Windows
-/// `%LOCALAPPDATA%`.
-fn folder() -> Option<PathBuf> {
-    let variable = |name: &str| std::env::var_os(name).map(PathBuf::from);
-    // Relative paths must be ignored (XDG Base Directory Specification).
-    let absolute = |path: &PathBuf| path.is_absolute();
-    let cache = variable("XDG_CACHE_HOME").filter(absolute);
-    let cache = cache.or_else(|| variable("LOCALAPPDATA").filter(absolute));
-    let cache = cache.or_else(|| Some(variable("HOME").filter(absolute)?.join(".cache")));
-    Some(cache?.join("limpid"))
 }

@@ -263,7 +263,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let failed = log.failed;
     let numbers: Vec<i64> = stats.frames.iter().map(|frame| frame.frame).collect();
     let others = requested.saturating_sub(numbers.len() + failed.len());
-    let summary = output.told(&numbers, others);
+    let summary = output.summary(&numbers, others);
     output.finish()?;
     console.end();
     console.line(&summary);
@@ -276,7 +276,7 @@ fn exit_code(failed: Vec<i64>, all: usize) -> ExitCode {
     if failed.is_empty() {
         return ExitCode::SUCCESS;
     }
-    crate::terminal::complain(format!(
+    crate::terminal::warn(format!(
         "{} of {all} frames failed: {}",
         failed.len(),
         FrameSpec::List(failed)
@@ -469,7 +469,7 @@ fn offscreen(args: &Args, gpu: &Gpu, at_rest: bool) -> Offscreen {
 /// The output file, if it is a film.
 fn film_path(args: &Args) -> Option<&Path> {
     let path = Path::new(args.output.as_ref()?);
-    film::Kind::of(path).filter(|_| !path.is_dir()).map(|_| path)
+    film::FilmFormat::of(path).filter(|_| !path.is_dir()).map(|_| path)
 }
 
 fn parse_time(text: &str) -> Result<f64, &'static str> {

@@ -8,7 +8,7 @@ use limpid_io::device;
 use limpid_io::input;
 use limpid_io::output::{self, FileKind, Files};
 use limpid_lab::report::against::Measured;
-use limpid_lab::report::{self, Kind, Options};
+use limpid_lab::report::{self, Options, RowKind};
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -30,7 +30,7 @@ pub(crate) struct Args {
     /// Measurements: intersect, smooth, caustics, picture (with its passes), passes, elisions
     /// [default: all].
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_kind)]
-    kinds: Vec<Kind>,
+    kinds: Vec<RowKind>,
     /// Measure only the time of each pass against its budget: --kinds passes.
     #[arg(long)]
     passes: bool,
@@ -47,14 +47,14 @@ pub(crate) struct Args {
     curve: Option<PathBuf>,
 }
 
-fn parse_kind(text: &str) -> Result<Kind, String> {
+fn parse_kind(text: &str) -> Result<RowKind, String> {
     match text {
-        "intersect" => Ok(Kind::Intersect),
-        "smooth" => Ok(Kind::Smooth),
-        "caustics" => Ok(Kind::Caustics),
-        "picture" => Ok(Kind::Picture),
-        "passes" => Ok(Kind::Pass),
-        "elisions" => Ok(Kind::Elision),
+        "intersect" => Ok(RowKind::Intersect),
+        "smooth" => Ok(RowKind::Smooth),
+        "caustics" => Ok(RowKind::Caustics),
+        "picture" => Ok(RowKind::Picture),
+        "passes" => Ok(RowKind::Pass),
+        "elisions" => Ok(RowKind::Elision),
         _ => Err("there are intersect, smooth, caustics, picture, passes and elisions".into()),
     }
 }
@@ -88,7 +88,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let earlier = args.against.as_deref().map(Measured::read).transpose()?;
     check_outputs(args, &json)?;
     let gpu = device::open()?;
-    let mut progress = |step: &str| crate::terminal::tell(&format!("report: {step}"));
+    let mut progress = |step: &str| crate::terminal::print_line(&format!("report: {step}"));
     let write = |path: &Path, kind: FileKind, text: &str| {
         output::write_atomically(path, kind, |file| file.write_all(text.as_bytes()))
     };
@@ -99,8 +99,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let (scenes, mut kinds) = (args.scenes.clone(), args.kinds.clone());
-    kinds.extend(args.passes.then_some(Kind::Pass));
-    kinds.extend(args.elisions.then_some(Kind::Elision));
+    kinds.extend(args.passes.then_some(RowKind::Pass));
+    kinds.extend(args.elisions.then_some(RowKind::Elision));
     let options = Options { quick: args.quick, width: args.width, scenes, kinds };
     let report = report::measure(&gpu, &options, &mut progress)?;
     write(&json, FileKind::MEASUREMENTS, &serde_json::to_string_pretty(&report)?)?;

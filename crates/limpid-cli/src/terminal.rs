@@ -10,9 +10,9 @@ fn without_controls(line: &str) -> String {
 }
 
 /// Prints a message on standard error, on one line that begins with the program's name.
-pub(crate) fn complain(problem: impl std::fmt::Display) {
+pub(crate) fn warn(problem: impl std::fmt::Display) {
     let words: Vec<String> = problem.to_string().split(' ').map(shortened).collect();
-    tell(&format!("limpid: {}", words.join(" ")));
+    print_line(&format!("limpid: {}", words.join(" ")));
 }
 
 /// Removes the middle of a very long word, such as a wrong argument quoted in full, which would make the
@@ -30,7 +30,7 @@ fn shortened(word: &str) -> String {
 
 /// Writes one line to standard error. Unlike `eprintln!`, it does not panic: a message that cannot be
 /// written (a full disk, a closed pipe) must not end the run.
-pub(crate) fn tell(line: &str) {
+pub(crate) fn print_line(line: &str) {
     let line = without_controls(line) + "\n";
     let _ = io::stderr().write_all(line.as_bytes());
 }

@@ -581,7 +581,7 @@ fn command_line() {
     assert!(out.contains("2 failed, 1 could not be compared in "), "{out}");
     assert!(out.contains("see limpid-check/index.html"), "{out}");
     let xml = fs::read_to_string(folder.join("ci.xml")).expect("a JUnit file");
-    assert!(xml.contains("tests=\"3\" failures=\"2\" errors=\"1\""), "{xml}");
+    assert!(xml.contains("tests=\"3\" skipped=\"0\" failures=\"2\" errors=\"1\""), "{xml}");
     let result = |name: &str| folder.join("limpid-check").join(name);
     assert!(result("bad.actual.png").exists() && !result("bad.expected.png").exists());
 

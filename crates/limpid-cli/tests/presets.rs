@@ -5,7 +5,7 @@ mod frames;
 
 use std::path::Path;
 
-use frames::{ellipsoid, on_axis, sphere, splats, stage};
+use frames::{ellipsoid, harness, on_axis, sphere, splats};
 use glam::{DVec3, UVec2, Vec3};
 use limpid::liquid::Particles;
 use limpid::liquid::classify::classify;
@@ -200,7 +200,7 @@ fn an_unknown_preset_is_reported_with_the_nearest() {
 /// Every preset draws finite pictures, which differ from those of the others.
 #[test]
 fn every_preset_draws() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut seed = 5;
     let body: Vec<_> = (0..60)
         .map(|_| {
@@ -213,7 +213,7 @@ fn every_preset_draws() {
     let mut scene = Scene::around(-DVec3::ONE, DVec3::ONE, 0.08);
     let pictures = Preset::ALL.map(|preset| {
         scene.settings = preset.settings();
-        let picture = stage.shoot(&scene, &on_axis(3.0, 40.0), &drawn, UVec2::new(96, 72));
+        let picture = harness.render(&scene, &on_axis(3.0, 40.0), &drawn, UVec2::new(96, 72));
         picture.assert_finite();
         picture
     });

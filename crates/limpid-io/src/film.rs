@@ -99,7 +99,7 @@ pub fn check_fps(fps: f64) -> Result<()> {
 
 /// The film formats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum FilmFormat {
     /// H.264 in MPEG-4 (`.mp4`), which plays nearly anywhere; written by `ffmpeg`.
     Mp4,
     /// VP9 in WebM (`.webm`), for the web; written by `ffmpeg`.
@@ -110,7 +110,7 @@ pub enum Kind {
     Apng,
 }
 
-impl Kind {
+impl FilmFormat {
     /// The format of a file's extension, if it is that of a film.
     pub fn of(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
@@ -156,22 +156,22 @@ impl Film {
     pub fn create(path: &Path, size: UVec2, fps: f64) -> Result<Self> {
         let name = path.display();
         let usage = |problem: String| Err(Error::Usage(format!("{name}: {problem}")));
-        let Some(kind) = Kind::of(path) else {
+        let Some(kind) = FilmFormat::of(path) else {
             return usage("a film ends in .mp4, .webm, .gif or .apng".into());
         };
         check_fps(fps)?;
         let UVec2 { x, y } = size;
         match kind {
-            Kind::Mp4 | Kind::Webm if x % 2 + y % 2 > 0 => {
+            FilmFormat::Mp4 | FilmFormat::Webm if x % 2 + y % 2 > 0 => {
                 let (x2, y2) = (x.next_multiple_of(2), y.next_multiple_of(2));
                 return usage(format!(
                     "video of {x}x{y} pixels needs an even width and height; {x2}x{y2} is nearest"
                 ));
             }
-            Kind::Gif if size.max_element() > u32::from(u16::MAX) => {
+            FilmFormat::Gif if size.max_element() > u32::from(u16::MAX) => {
                 return usage(format!("{x}x{y} pixels; a GIF has at most 65535 a side"));
             }
-            Kind::Gif if fps > MAX_GIF_FPS => {
+            FilmFormat::Gif if fps > MAX_GIF_FPS => {
                 return usage(format!(
                     "GIFs of more than {MAX_GIF_FPS} frames per second are slowed down by most \
                      viewers; write an .apng, or fewer than {fps}"
@@ -189,17 +189,17 @@ impl Film {
         let file = Temporary::beside(path)?;
         let buffer = || file.as_file().try_clone().map(BufWriter::new).map_err(fail);
         let encoder = match kind {
-            Kind::Mp4 | Kind::Webm => Encoder::Ffmpeg(
+            FilmFormat::Mp4 | FilmFormat::Webm => Encoder::Ffmpeg(
                 Ffmpeg::start(kind, file.path(), size, fraction(fps)).map_err(fail)?,
             ),
-            Kind::Gif => {
+            FilmFormat::Gif => {
                 let (x, y) = (x as u16, y as u16);
                 let mut encoder = gif::Encoder::new(buffer()?, x, y, &[])
                     .map_err(|e| fail(io::Error::other(e)))?;
                 encoder.set_repeat(gif::Repeat::Infinite).map_err(|e| fail(io::Error::other(e)))?;
                 Encoder::Gif(Box::new(encoder))
             }
-            Kind::Apng => {
+            FilmFormat::Apng => {
                 let encoder = apng(buffer()?, size, fps).map_err(|e| fail(io::Error::other(e)))?;
                 Encoder::Apng(Box::new(encoder))
             }

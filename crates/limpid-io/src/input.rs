@@ -24,7 +24,7 @@ use limpid::memory;
 use limpid::scene::Scene;
 
 use self::files::is_scene_file;
-use self::fluid::{Fluid, Source};
+use self::fluid::{Fluid, FluidSource};
 
 pub use self::files::files_of;
 pub use self::fluid::{Missing, Origin};
@@ -137,7 +137,7 @@ impl Input {
             radius_from: RadiusFrom::Scene,
             up: particles.up,
             options: ReadOptions::default(),
-            source: Source::Embedded(include_bytes!("../../../sims/demo.bgeo")),
+            source: FluidSource::Embedded(include_bytes!("../../../sims/demo.bgeo")),
         };
         Ok(Self::of(Some(project), fluid, Some(0)))
     }
@@ -234,7 +234,7 @@ impl Input {
                 radius_from: RadiusFrom::Scene,
                 up: Up::Y,
                 options: ReadOptions::default(),
-                source: Source::Recipe(recipe),
+                source: FluidSource::Recipe(recipe),
             };
             return Ok(Self::of(Some(project), fluid, Some(0)));
         }

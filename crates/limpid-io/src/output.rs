@@ -34,6 +34,12 @@ const STALE_AFTER: Duration = Duration::from_hours(24);
 /// Files and folders to remove, with their contents, when the process ends.
 static CLEANUP: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
+/// The folder `limpid` in the user's cache folder, which may not exist yet: on Linux `$XDG_CACHE_HOME`
+/// or `~/.cache`, on macOS `~/Library/Caches`, on Windows `%LOCALAPPDATA%`. `None` if there is no home.
+pub fn cache_folder() -> Option<PathBuf> {
+    Some(dirs::cache_dir()?.join("limpid"))
+}
+
 /// Writes a temporary file beside `path`, then renames it. Pipes and devices are written directly.
 ///
 /// # Errors

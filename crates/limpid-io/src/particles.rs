@@ -28,7 +28,7 @@ use limpid::liquid::{Ellipsoid, Particles};
 use serde::{Deserialize, Serialize};
 
 use self::arrays::MOST_LISTED;
-use self::cursor::{Cursor, Source};
+use self::cursor::{Cursor, FileBytes};
 use self::table::{Column, Scalar, Table};
 use crate::error::{Error, Result};
 use crate::output::FileKind;

@@ -4,7 +4,7 @@
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
 
-use frames::{Stage, glowing, on_axis, scene, sphere, splats, stage};
+use frames::{Harness, glowing, harness, on_axis, scene, sphere, splats};
 use glam::{DVec3, UVec2, Vec3};
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{Splat, Splats};
@@ -37,8 +37,8 @@ fn assert_close(found: DVec3, expected: DVec3, what: &str) {
     assert!(found.abs_diff_eq(expected, 3e-3), "{what}: {found}, {expected} expected");
 }
 
-fn draw(stage: &mut Stage, scene: &Scene, splats: &Splats) -> frames::Shot {
-    let shot = stage.shoot(scene, &on_axis(6.0, 30.0), splats, SIZE);
+fn draw(harness: &mut Harness, scene: &Scene, splats: &Splats) -> frames::FrameImages {
+    let shot = harness.render(scene, &on_axis(6.0, 30.0), splats, SIZE);
     shot.assert_finite();
     shot
 }
@@ -55,12 +55,12 @@ fn chord(p: UVec2, centre: DVec3, radius: f64) -> f64 {
 /// Fluids side by side each have their own colour, as splashes and as aggregates.
 #[test]
 fn fluids_side_by_side() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (left, right) = (Vec3::new(-0.8, 0.0, 0.0), Vec3::new(0.8, 0.0, 0.0));
     let claret = of_fluid(sphere(left, 0.5), 0);
     let ink = of_fluid(sphere(right, 0.5), 1);
     for both in [splats(&[claret, ink], &[], 0.1), splats(&[ink], &[claret], 0.1)] {
-        let shot = draw(&mut stage, &fluids(&[CLARET, INK]), &both);
+        let shot = draw(&mut harness, &fluids(&[CLARET, INK]), &both);
         let mut seen = [0; 2];
         for p in shot.pixels() {
             for (i, (centre, absorption)) in [(left, CLARET), (right, INK)].into_iter().enumerate()
@@ -84,19 +84,19 @@ fn fluids_side_by_side() {
 /// Fluids one behind the other both absorb, each over its own path length, in either order.
 #[test]
 fn fluids_one_behind_the_other() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (near, far) = (sphere(Vec3::Z, 0.75), sphere(Vec3::new(0.0, 0.0, -0.25), 0.5));
     let middle = SIZE / 2;
     let expected = transmittance(CLARET, 1.5) * transmittance(INK, 1.0);
     let shot = draw(
-        &mut stage,
+        &mut harness,
         &fluids(&[CLARET, INK]),
         &splats(&[of_fluid(near, 0), of_fluid(far, 1)], &[], 0.1),
     );
     assert_close(shot.radiance(middle), expected, "claret in front");
     let expected = transmittance(INK, 1.5) * transmittance(CLARET, 1.0);
     let shot = draw(
-        &mut stage,
+        &mut harness,
         &fluids(&[INK, CLARET]),
         &splats(&[of_fluid(far, 1), of_fluid(near, 0)], &[], 0.1),
     );
@@ -106,8 +106,8 @@ fn fluids_one_behind_the_other() {
 /// Elision: fluids of equal colour are one fluid, with a bit-identical picture and no mixture pass.
 #[test]
 fn fluids_of_equal_colour_need_no_mixture_pass() {
-    let Some(mut stage) = stage() else { return };
-    stage.renderer.timing = true;
+    let Some(mut harness) = harness() else { return };
+    harness.renderer.timing = true;
     let camera = on_axis(6.0, 30.0);
     let two = splats(
         &[of_fluid(sphere(Vec3::X, 0.5), 0), of_fluid(sphere(Vec3::NEG_X, 0.5), 1)],
@@ -117,11 +117,11 @@ fn fluids_of_equal_colour_need_no_mixture_pass() {
     let mut single = scene();
     single.liquid.ior = 1.0;
     single.liquid.absorption = CLARET;
-    let picture = draw(&mut stage, &single, &two).picture;
-    assert_eq!(draw(&mut stage, &fluids(&[CLARET, CLARET]), &two).picture, picture);
-    assert_ne!(draw(&mut stage, &fluids(&[CLARET, INK]), &two).picture, picture);
+    let picture = draw(&mut harness, &single, &two).picture;
+    assert_eq!(draw(&mut harness, &fluids(&[CLARET, CLARET]), &two).picture, picture);
+    assert_ne!(draw(&mut harness, &fluids(&[CLARET, INK]), &two).picture, picture);
     for (absorptions, expected) in [([CLARET, CLARET], false), ([CLARET, INK], true)] {
-        let Stage { gpu, renderer } = &mut *stage;
+        let Harness { gpu, renderer } = &mut *harness;
         let target = limpid::offscreen::Picture::new(gpu, SIZE).unwrap();
         let format = limpid::offscreen::Picture::FORMAT;
         let passes = renderer
@@ -130,13 +130,13 @@ fn fluids_of_equal_colour_need_no_mixture_pass() {
         let mixes = passes.iter().any(|pass| pass.name == "mixture");
         assert_eq!(mixes, expected && !passes.is_empty());
     }
-    stage.renderer.timing = false;
+    harness.renderer.timing = false;
 }
 
 /// Caustics of light through a fluid have the fluid's colour.
 #[test]
 fn caustics_have_the_colour_of_their_fluid() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let floor =
         Shape::Plane { origin: DVec3::new(0.0, -1.0, 0.0), normal: Vec3::Y, half_extent: 9.0 };
     let both = [
@@ -157,9 +157,9 @@ fn caustics_have_the_colour_of_their_fluid() {
         target: DVec3::new(0.0, -1.0, 0.0),
         ..on_axis(6.0, 40.0)
     };
-    stage.shoot(&scene, &camera, &both, SIZE).assert_finite();
-    let map = stage.renderer.images().caustics[0].clone().expect("a map");
-    let (texels, _) = map.read(&stage.gpu).unwrap();
+    harness.render(&scene, &camera, &both, SIZE).assert_finite();
+    let map = harness.renderer.images().caustics[0].clone().expect("a map");
+    let (texels, _) = map.read(&harness.gpu).unwrap();
     // The texels below the balls' centres.
     for (centre, absorption) in [(-1.0, CLARET), (1.0, INK)] {
         let size = map.view.size.as_dvec2();

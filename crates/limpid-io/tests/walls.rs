@@ -5,7 +5,7 @@ mod frames;
 
 use std::path::Path;
 
-use frames::{Stage, stage};
+use frames::{Harness, harness};
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::liquid::classify::Splats;
@@ -47,10 +47,10 @@ fn from(eye: DVec3) -> Camera {
 }
 
 /// Number of pixels that the liquid changes.
-fn changed(stage: &mut Stage, scene: &Scene, camera: &Camera, splats: &Splats) -> usize {
+fn changed(harness: &mut Harness, scene: &Scene, camera: &Camera, splats: &Splats) -> usize {
     let without = Splats { aggregates: Vec::new(), splashes: Vec::new(), ..splats.clone() };
     let [with, without] =
-        [splats, &without].map(|splats| stage.shoot(scene, camera, splats, SIZE).picture);
+        [splats, &without].map(|splats| harness.render(scene, camera, splats, SIZE).picture);
     with.pixels().zip(without.pixels()).filter(|(a, b)| a != b).count()
 }
 
@@ -59,7 +59,7 @@ fn changed(stage: &mut Stage, scene: &Scene, camera: &Camera, splats: &Splats) -
 /// through the wall.
 #[test]
 fn walls_occlude_the_liquid_behind_them() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let thin = Shape::Box { min: DVec3::new(-0.01, -0.5, -1.2), max: DVec3::new(0.0, 1.0, 1.2) };
     let walls = [
         plane(Vec3::X, f32::INFINITY),
@@ -76,11 +76,11 @@ fn walls_occlude_the_liquid_behind_them() {
         };
         for eye in [DVec3::new(-1.5, 0.3, 0.1), DVec3::new(-0.5, 0.7, 1.2)] {
             for splats in [&splats, &spray] {
-                let seen = changed(&mut stage, &scene, &from(eye), splats);
+                let seen = changed(&mut harness, &scene, &from(eye), splats);
                 assert_eq!(seen, 0, "{wall:?} from {eye}");
             }
         }
-        let seen = changed(&mut stage, &scene, &from(DVec3::new(1.5, 0.7, 0.6)), &splats);
+        let seen = changed(&mut harness, &scene, &from(DVec3::new(1.5, 0.7, 0.6)), &splats);
         assert!(seen > 1000, "{wall:?}: the liquid covers {seen} pixels");
     }
 }
@@ -88,11 +88,11 @@ fn walls_occlude_the_liquid_behind_them() {
 /// A wall is wetted and looks the same whichever way its normal points.
 #[test]
 fn planes_are_wetted_on_both_sides() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let camera = from(DVec3::new(1.5, 0.7, 0.6));
     let [a, b] = [Vec3::X, Vec3::NEG_X].map(|normal| {
         let (scene, splats) = block(plane(normal, f32::INFINITY));
-        let shot = stage.shoot(&scene, &camera, &splats, SIZE);
+        let shot = harness.render(&scene, &camera, &splats, SIZE);
         (splats, shot.picture)
     });
     assert_eq!(a.0.aggregates.len(), b.0.aggregates.len());
@@ -109,7 +109,7 @@ fn planes_are_wetted_on_both_sides() {
 /// A particle slightly beyond a wall stays connected to the others: the picture hardly changes.
 #[test]
 fn slight_leaks_do_not_change_the_picture() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (scene, mut splats) = block(plane(Vec3::X, f32::INFINITY));
     let move_outermost = |splats: &mut Splats, x: f32| {
         let nearest =
@@ -122,9 +122,9 @@ fn slight_leaks_do_not_change_the_picture() {
     let radius = splats.radius;
     let camera = from(DVec3::new(1.5, 0.7, 0.6));
     move_outermost(&mut splats, 0.0);
-    let before = stage.shoot(&scene, &camera, &splats, SIZE).picture;
+    let before = harness.render(&scene, &camera, &splats, SIZE).picture;
     move_outermost(&mut splats, -1e-3 * radius);
-    let after = stage.shoot(&scene, &camera, &splats, SIZE).picture;
+    let after = harness.render(&scene, &camera, &splats, SIZE).picture;
     let off = before
         .pixels()
         .zip(after.pixels())

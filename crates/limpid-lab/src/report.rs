@@ -36,7 +36,7 @@ pub mod subjects;
 pub use html::html;
 pub use markdown::markdown;
 pub use plot::pareto;
-pub use rows::{ErrorKind, Figure, Kind, Orders, Row, Stress};
+pub use rows::{ErrorKind, Figure, Orders, Row, RowKind, Stress};
 
 use elisions::{Elision, Frame};
 use limpid::gpu::Gpu;
@@ -58,7 +58,7 @@ pub struct Options {
     /// Names of scenes; all if empty.
     pub scenes: Vec<String>,
     /// Kinds of rows; all if empty.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<RowKind>,
 }
 
 /// The measurements made on each scene: intersections, smoothing, caustics, pictures.
@@ -131,11 +131,11 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
     let mut renderer = Renderer::new(gpu);
     for name in &options.scenes {
         // Unknown names are reported before an hour of measuring.
-        if options.kinds != [Kind::Pass] || !subjects::is_file(name) {
+        if options.kinds != [RowKind::Pass] || !subjects::is_file(name) {
             subjects::check(name)?;
         }
     }
-    let asked = |kind: Kind| options.kinds.contains(&kind);
+    let asked = |kind: RowKind| options.kinds.contains(&kind);
     let all = options.scenes.is_empty() && options.kinds.is_empty();
     for (name, [intersect, smooth, caustics, picture]) in SCENES {
         if !options.scenes.is_empty() && !options.scenes.iter().any(|wanted| wanted == name) {
@@ -145,12 +145,12 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
         let short = options.quick && options.scenes.is_empty();
         let picture = picture && !(short && caustics && name != "cascade");
         let caustics = caustics && !(short && name != "pool");
-        let wanted = |kind: Kind| options.kinds.is_empty() || options.kinds.contains(&kind);
+        let wanted = |kind: RowKind| options.kinds.is_empty() || options.kinds.contains(&kind);
         let [intersect, smooth, caustics, picture] = [
-            intersect && wanted(Kind::Intersect),
-            smooth && wanted(Kind::Smooth),
-            caustics && wanted(Kind::Caustics),
-            picture && wanted(Kind::Picture),
+            intersect && wanted(RowKind::Intersect),
+            smooth && wanted(RowKind::Smooth),
+            caustics && wanted(RowKind::Caustics),
+            picture && wanted(RowKind::Picture),
         ];
         if !(intersect || smooth || caustics || picture) {
             continue;
@@ -176,7 +176,7 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
             report.figures.push(figure);
         }
     }
-    if all || asked(Kind::Pass) {
+    if all || asked(RowKind::Pass) {
         progress("rates");
         report.rates = rates::measure(gpu)?;
         let scenes: Vec<&str> = match (&options.scenes[..], options.quick) {
@@ -192,7 +192,7 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
             report.budgets.extend(budgets);
         }
     }
-    if all && !options.quick || asked(Kind::Elision) {
+    if all && !options.quick || asked(RowKind::Elision) {
         progress("what is left out");
         let (_, project, loaded) = subjects::load("demo")?;
         let scene = project.scene.clone();

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
 use frames::{
-    ellipsoid, gpu, noise, noise_turn, noise_vector, on_axis, scene, shoot, sphere, splats,
+    ellipsoid, gpu, noise, noise_turn, noise_vector, on_axis, render, scene, sphere, splats,
 };
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
@@ -100,7 +100,7 @@ fn coverage_matches_rendered_pixels() {
     let many = splats(&ellipsoids(40), &ellipsoids(5), 0.1);
     let camera = on_axis(4.0, 40.0);
     let counts = eye_counts(&scene(), &camera, &many, SIZE);
-    let shot = shoot(&gpu, &mut renderer, &scene(), &camera, &many, SIZE);
+    let shot = render(&gpu, &mut renderer, &scene(), &camera, &many, SIZE);
     let drawn = |class: &str| {
         let depths = shot.channel(&format!("depth.{class}_front"));
         depths.iter().filter(|&&depth| depth > 0.0).count() as f64
@@ -118,7 +118,7 @@ fn coverage_matches_rendered_pixels() {
     let near = splats(&beside, &[], 0.1);
     let camera = Camera { near: Some(0.5), ..on_axis(4.0, 70.0) };
     let counts = eye_counts(&scene(), &camera, &near, SIZE);
-    let shot = shoot(&gpu, &mut renderer, &scene(), &camera, &near, SIZE);
+    let shot = render(&gpu, &mut renderer, &scene(), &camera, &near, SIZE);
     let depths = shot.channel("depth.aggregate_front");
     let drawn = depths.iter().filter(|&&depth| depth > 0.0).count() as f64;
     let cut = depths.iter().filter(|&&depth| depth > 0.0 && depth <= 0.50001).count() as f64;

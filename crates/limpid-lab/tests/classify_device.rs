@@ -21,7 +21,7 @@ use limpid_io::shared_classifier::Processor;
 use limpid_io::shared_classifier::SharedClassifier;
 use limpid_lab::compare::{PIXELS_PER_DEGREE, flip};
 
-use frames::{gpu, noise, noise_vector, on_axis, stage};
+use frames::{gpu, harness, noise, noise_vector, on_axis};
 
 const R: f32 = 0.025;
 
@@ -389,10 +389,10 @@ fn settings_choose_the_processor() {
 
 fn picture(splats: &Splats) -> Option<RgbImage> {
     const SIZE: UVec2 = UVec2::new(160, 120);
-    let mut stage = stage()?;
+    let mut harness = harness()?;
     let scene = Scene::around(DVec3::splat(-0.5), DVec3::splat(0.5), R);
     let camera = Camera { eye: DVec3::new(0.6, 0.8, 1.8), ..on_axis(0.0, 35.0) };
-    let shot = stage.shoot(&scene, &camera, splats, SIZE);
+    let shot = harness.render(&scene, &camera, splats, SIZE);
     Some(DynamicImage::ImageRgba8(shot.picture).into_rgb8())
 }
 

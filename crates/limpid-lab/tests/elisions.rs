@@ -140,19 +140,19 @@ fn changed_inputs_rerun_their_passes() {
         ("no light", |f| f.scene.lights.clear(), RAYS),
     ];
     let target = Picture::new(&gpu, SIZE).expect("a picture");
-    let shoot = |renderer: &mut Renderer, Frame { scene, camera, splats }: &Frame| {
+    let render = |renderer: &mut Renderer, Frame { scene, camera, splats }: &Frame| {
         let view = target.view();
         let times = renderer.render(scene, camera, splats, &view, Picture::FORMAT, SIZE);
         (times.expect("drawn"), target.read(&gpu).expect("read"))
     };
     let mut frame = tank();
-    shoot(&mut renderer, &frame);
+    render(&mut renderer, &frame);
     let mut last = None;
     for (what, change, drawn) in changes {
         change(&mut frame);
-        let (times, picture) = shoot(&mut renderer, &frame);
+        let (times, picture) = render(&mut renderer, &frame);
         renderer.forget();
-        assert!(shoot(&mut renderer, &frame).1 == picture, "{what}");
+        assert!(render(&mut renderer, &frame).1 == picture, "{what}");
         assert!(what == "nothing" || last.as_ref() != Some(&picture), "{what}: no change");
         last = Some(picture);
         for name in ALL.iter().filter(|_| !times.is_empty()) {
@@ -176,17 +176,17 @@ fn failed_frames_are_not_reused() {
     broken.scene.settings.caustics.resolution = 8192;
     broken.scene.settings.caustics.grid = 8192;
     let target = Picture::new(&gpu, SIZE).expect("a picture");
-    let mut shoot = |Frame { scene, camera, splats }: &Frame| {
+    let mut render = |Frame { scene, camera, splats }: &Frame| {
         renderer.render(scene, camera, splats, &target.view(), Picture::FORMAT, SIZE)?;
         target.read(&gpu)
     };
-    let expected = shoot(&frame).expect("drawn");
+    let expected = render(&frame).expect("drawn");
     let mut fewer = frame.clone();
     fewer.splats.aggregates.truncate(60);
-    assert!(shoot(&broken).is_err(), "no buffer of the device holds the grid");
-    let after = shoot(&frame).expect("drawn");
+    assert!(render(&broken).is_err(), "no buffer of the device holds the grid");
+    let after = render(&frame).expect("drawn");
     assert!(after == expected);
-    assert!(shoot(&fewer).expect("drawn") != expected);
+    assert!(render(&fewer).expect("drawn") != expected);
 }
 
 /// A device of the adapter with buffers of 16 MiB at most.

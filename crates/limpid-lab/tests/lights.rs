@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use even_light::even_light;
-use frames::{Shot, Stage, View, gpu, scene, shoot, splats, stage};
+use frames::{FrameImages, Harness, View, gpu, harness, render, scene, splats};
 use glam::{DVec2, DVec3, UVec2, Vec3, Vec3Swizzles as _};
 use image::DynamicImage;
 use limpid::camera::Camera;
@@ -132,12 +132,12 @@ fn assert_close(got: DVec3, expected: DVec3, tolerance: f64, what: &str) {
 /// sky lights the floor, around it also the sun by its cosine, at every pixel.
 #[test]
 fn box_shadows_have_their_closed_form() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let stand =
         lit(Shape::Box { min: DVec3::new(-0.5, 0.0, -0.5), max: DVec3::new(0.5, 1.0, 0.5) });
     let scene = dry(&[floor(), stand], &[sun(Vec3::new(1.0, -1.0, 0.0))]);
     let camera = camera(DVec3::new(1.5, 5.0, 3.0), DVec3::new(0.7, 0.0, 0.0), 40.0);
-    let shot = stage.shoot(&scene, &camera, &nothing(), SIZE);
+    let shot = harness.render(&scene, &camera, &nothing(), SIZE);
     let view = View::new(&camera, SIZE);
     let surroundings = Surroundings::new(&scene);
     let mut seen = [0, 0];
@@ -162,7 +162,7 @@ fn box_shadows_have_their_closed_form() {
 /// Pixels on an edge are skipped.
 #[test]
 fn solids_do_not_shadow_themselves() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     for (scale, moved, afar) in
         [(1.0, 0.0, 1.0), (1.0, 1e6, 1.0), (1e-3, 0.0, 1.0), (1.0, 0.0, 100.0), (1e3, 0.0, 1.0)]
     {
@@ -184,7 +184,7 @@ fn solids_do_not_shadow_themselves() {
         let scene = dry(&solids.map(lit), &lights);
         let eye = at(0.0, 0.3, 0.0) + afar * scale * DVec3::new(1.0, 2.5, 4.0);
         let camera = camera(eye, at(0.0, 0.3, 0.0), 45.0 / afar as f32);
-        let shot = stage.shoot(&scene, &camera, &nothing(), SIZE);
+        let shot = harness.render(&scene, &camera, &nothing(), SIZE);
         let view = View::new(&camera, SIZE);
         let surroundings = Surroundings::new(&scene);
         let (mut compared, mut off) = (0, Vec::new());
@@ -213,7 +213,7 @@ fn solids_do_not_shadow_themselves() {
 /// none of a solid behind the light.
 #[test]
 fn point_lights_follow_the_inverse_square() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let position = DVec3::new(0.3, 1.2, -0.2);
     let lights = [Light::Point { position, intensity: Vec3::new(4.0, 2.0, 1.0) }];
     let ball = |y: f64, radius| lit(Shape::Sphere { center: position.with_y(y), radius });
@@ -226,7 +226,7 @@ fn point_lights_follow_the_inverse_square() {
         (vec![floor(), ball(0.6, 0.1)], 0.1),
     ] {
         let scene = dry(&solids, &lights);
-        let shot = stage.shoot(&scene, &camera, &nothing(), SIZE);
+        let shot = harness.render(&scene, &camera, &nothing(), SIZE);
         let surroundings = Surroundings::new(&scene);
         // The shadow of a ball halfway to the floor is a disc.
         let shadow = 1.2 * f64::tan(f64::asin(radius / 0.6));
@@ -253,8 +253,8 @@ fn point_lights_follow_the_inverse_square() {
 /// there is no map; and a light without lit solids changes no bit of the picture.
 #[test]
 fn unlit_scenes_skip_light_passes() {
-    let Some(mut stage) = stage() else { return };
-    let Stage { gpu, renderer } = &mut *stage;
+    let Some(mut harness) = harness() else { return };
+    let Harness { gpu, renderer } = &mut *harness;
     let (lit, drop) = drop(&[sun(Vec3::new(0.3, -1.0, 0.2))]);
     let dark = Scene { lights: Vec::new(), ..lit.clone() };
     let mut glowing = lit.clone();
@@ -272,15 +272,16 @@ fn unlit_scenes_skip_light_passes() {
         let names: Vec<_> = times.iter().map(|time| time.name).collect();
         let of_light = names.iter().any(|n| n.starts_with("light ") || *n == "caustics");
         let maps = renderer.images().caustics;
-        (of_light, names.is_empty(), maps, shoot(gpu, renderer, scene, &camera, &drop, SIZE))
+        (of_light, names.is_empty(), maps, render(gpu, renderer, scene, &camera, &drop, SIZE))
     };
     let (of_light, untimed, maps, _) = draw(&lit);
     assert!(of_light || untimed);
     assert!(maps.len() == 1 && maps[0].is_some());
-    let same = |a: &Shot, b: &Shot| {
+    let same = |a: &FrameImages, b: &FrameImages| {
         a.channels.keys().all(|name| {
-            let bits =
-                |shot: &Shot| shot.channel(name).iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+            let bits = |shot: &FrameImages| {
+                shot.channel(name).iter().map(|v| v.to_bits()).collect::<Vec<_>>()
+            };
             bits(a) == bits(b)
         })
     };
@@ -306,12 +307,12 @@ fn entering(cos_theta_i: f64) -> (f64, f64) {
 /// light is that of `even_light`; and the floor next to the block does not change.
 #[test]
 fn the_floor_under_a_slab_has_its_closed_form() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let direction = Vec3::new(0.3, -1.0, 0.2);
     let (mut scene, slab) = slab(&[sun(direction)]);
     let camera = camera(DVec3::new(0.0, 6.0, 1.0), DVec3::ZERO, 36.0);
     let view = View::new(&camera, SIZE);
-    let alone = stage.shoot(&scene, &camera, &Splats { radius: slab.radius, ..nothing() }, SIZE);
+    let alone = harness.render(&scene, &camera, &Splats { radius: slab.radius, ..nothing() }, SIZE);
     let height = 0.4;
     let absorption = DVec3::X;
     let cos_theta_i = -direction.as_dvec3().normalize().y;
@@ -320,7 +321,7 @@ fn the_floor_under_a_slab_has_its_closed_form() {
     let mut means = Vec::new();
     for method in Method::ALL {
         scene.settings.caustics.method = method;
-        let shot = stage.shoot(&scene, &camera, &slab, SIZE);
+        let shot = harness.render(&scene, &camera, &slab, SIZE);
         shot.assert_finite();
         let (mut sum, mut expected, mut spread, mut count) = (DVec3::ZERO, DVec3::ZERO, 0.0, 0);
         for p in shot.pixels() {
@@ -361,13 +362,13 @@ fn the_floor_under_a_slab_has_its_closed_form() {
 /// more light than without the plate.
 #[test]
 fn straight_light_is_attenuated_by_a_plate() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let at = "kind = \"slab\"\nmin = [-1.0, 1.0, -1.0]\nmax = [1.0, 1.3, 1.0]\ncount = 15000";
     let (mut scene, plate) = wet(at, &[floor()], &[sun(Vec3::NEG_Y)]);
     scene.settings.caustics.method = Method::Straight;
     let camera = camera(DVec3::new(0.0, 0.7, 7.0), DVec3::new(0.0, 0.2, 0.0), 30.0);
     let view = View::new(&camera, SIZE);
-    let shot = stage.shoot(&scene, &camera, &plate, SIZE);
+    let shot = harness.render(&scene, &camera, &plate, SIZE);
     let (transmitted, _) = entering(1.0);
     let passed = transmitted * transmitted * (-0.3 * DVec3::X).exp();
     let (mut sum, mut count) = (DVec3::ZERO, 0);
@@ -395,16 +396,17 @@ fn straight_light_is_attenuated_by_a_plate() {
 /// alone, although it is far beyond the focus.
 #[test]
 fn a_drop_transmits_its_light() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (mut scene, drop) = drop(&[sun(Vec3::NEG_Y)]);
     // Enough samples not to miss the spot.
     scene.settings.refract.samples = 16;
     let camera = camera(DVec3::new(0.0, 0.9, 4.0), DVec3::new(0.0, 0.1, 0.0), 46.0);
     let size = UVec2::new(200, 150);
     let view = View::new(&camera, size);
-    let with = stage.shoot(&scene, &camera, &drop, size);
-    let map = stage.renderer.images().caustics[0].clone().expect("a map");
-    let without = stage.shoot(&scene, &camera, &Splats { radius: drop.radius, ..nothing() }, size);
+    let with = harness.render(&scene, &camera, &drop, size);
+    let map = harness.renderer.images().caustics[0].clone().expect("a map");
+    let without =
+        harness.render(&scene, &camera, &Splats { radius: drop.radius, ..nothing() }, size);
     let (mut missing, mut brightest) = (DVec3::ZERO, 0.0f64);
     for p in with.pixels() {
         let Some(x) = on_floor(&camera, &view, p) else { continue };
@@ -451,7 +453,7 @@ fn a_drop_transmits_its_light() {
 /// contributions of the single lights.
 #[test]
 fn contributions_of_lights_add() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let lights = [
         sun(Vec3::new(0.5, -1.0, 0.1)),
         Light::Point {
@@ -465,8 +467,8 @@ fn contributions_of_lights_add() {
     let camera = camera(DVec3::new(0.5, 2.5, 5.0), DVec3::new(0.0, 0.7, 0.0), 40.0);
     let mut draw = |lights: &[Light]| {
         let scene = Scene { lights: lights.to_vec(), ..scene.clone() };
-        let shot = stage.shoot(&scene, &camera, &drop, SIZE);
-        (shot, stage.renderer.images().caustics.iter().flatten().count())
+        let shot = harness.render(&scene, &camera, &drop, SIZE);
+        (shot, harness.renderer.images().caustics.iter().flatten().count())
     };
     let (both, maps) = draw(&lights);
     assert_eq!(maps, 2);
@@ -509,7 +511,7 @@ fn lit_frames_are_independent() {
     let camera = camera(DVec3::new(0.5, 2.5, 5.0), DVec3::new(0.0, 0.7, 0.0), 40.0);
     let size = UVec2::new(80, 60);
     let draw = |renderer: &mut Renderer, (scene, drawn): (&Scene, &Splats)| {
-        let shot = shoot(&gpu, renderer, scene, &camera, drawn, size);
+        let shot = render(&gpu, renderer, scene, &camera, drawn, size);
         let maps = renderer.images().caustics;
         let maps: Vec<_> = maps.iter().flatten().map(|m| m.read(&gpu).expect("a map")).collect();
         let texels = maps.iter().flat_map(|(map, depth)| map.as_flattened().iter().chain(depth));
@@ -532,15 +534,15 @@ fn lit_frames_are_independent() {
 /// slab's width changes no view, and a drop above a lamp leaves the lamp a map of the slab.
 #[test]
 fn stray_splashes_do_not_change_the_maps() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let lamp = Light::Point { position: DVec3::new(0.0, 1.6, 0.0), intensity: Vec3::ONE };
     let (scene, whole) = slab(&[sun(Vec3::new(0.3, -1.0, 0.2)), lamp]);
     let camera = camera(DVec3::new(0.0, 2.0, 4.0), DVec3::ZERO, 40.0);
     let mut views = |splash: Option<Vec3>| -> Vec<LightView> {
         let mut splats = whole.clone();
         splats.splashes.extend(splash.map(|at| frames::sphere(at, whole.radius)));
-        stage.shoot(&scene, &camera, &splats, UVec2::new(16, 12));
-        let maps = stage.renderer.images().caustics;
+        harness.render(&scene, &camera, &splats, UVec2::new(16, 12));
+        let maps = harness.renderer.images().caustics;
         maps.into_iter().map(|map| map.expect("a map").view).collect()
     };
     let alone = views(None);
@@ -556,14 +558,14 @@ fn stray_splashes_do_not_change_the_maps() {
 /// the map keeps its light, to 2 %.
 #[test]
 fn blur_has_its_width_and_keeps_light() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (mut scene, drop) = drop(&[sun(Vec3::NEG_Y)]);
     let camera = camera(DVec3::new(0.0, 2.5, 5.0), DVec3::Y, 40.0);
     let mut measure = |blur: f32| {
         scene.settings.caustics.blur = blur;
-        stage.shoot(&scene, &camera, &drop, UVec2::new(32, 24));
-        let map = stage.renderer.images().caustics[0].clone().expect("a map");
-        let (irradiance, _) = map.read(&stage.gpu).expect("a map");
+        harness.render(&scene, &camera, &drop, UVec2::new(32, 24));
+        let map = harness.renderer.images().caustics[0].clone().expect("a map");
+        let (irradiance, _) = map.read(&harness.gpu).expect("a map");
         let size = map.view.size;
         let (mut sum, mut moment, mut most) = (0.0, 0.0, 0.0f64);
         for (e, i) in irradiance.iter().zip(0..) {
@@ -590,7 +592,7 @@ fn blur_has_its_width_and_keeps_light() {
 /// above, along the floor, below it; with a liquid of no particle, one and many.
 #[test]
 fn unusual_lights_give_finite_pictures() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let point =
         |x, y, z| Light::Point { position: DVec3::new(x, y, z), intensity: Vec3::splat(5.0) };
     let lights = [
@@ -627,14 +629,14 @@ fn unusual_lights_give_finite_pictures() {
                 if drawn.aggregates.len() < 2 && method != Method::Forward {
                     continue;
                 }
-                let shot = stage.shoot(&scene, &camera, drawn, size);
+                let shot = harness.render(&scene, &camera, drawn, size);
                 shot.assert_finite();
                 let name = format!("{method:?}, {light:?}");
                 let least =
                     shot.pixels().map(|p| shot.radiance(p).min_element()).fold(1.0, f64::min);
                 assert!(least >= 0.0, "{name}: {least}");
-                for map in stage.renderer.images().caustics.iter().flatten() {
-                    let (irradiance, depths) = map.read(&stage.gpu).expect("a map");
+                for map in harness.renderer.images().caustics.iter().flatten() {
+                    let (irradiance, depths) = map.read(&harness.gpu).expect("a map");
                     let good = |v: &f32| v.is_finite() && *v >= 0.0;
                     assert!(irradiance.as_flattened().iter().all(good), "{name}: map");
                     assert!(depths.iter().all(|d| d.is_finite()), "{name}: depths");
@@ -648,10 +650,10 @@ fn unusual_lights_give_finite_pictures() {
 /// the camera, and finite everywhere.
 #[test]
 fn the_floor_is_lit_for_a_submerged_camera() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let (mut scene, slab) = slab(&[sun(Vec3::NEG_Y)]);
     let camera = camera(DVec3::new(0.0, 0.25, 0.3), DVec3::new(0.0, 0.0, 0.0), 40.0);
-    let mut draw = |scene: &Scene| stage.shoot(scene, &camera, &slab, SIZE);
+    let mut draw = |scene: &Scene| harness.render(scene, &camera, &slab, SIZE);
     let lit = draw(&scene);
     lit.assert_finite();
     scene.lights.clear();
@@ -676,7 +678,7 @@ fn the_floor_is_lit_for_a_submerged_camera() {
 /// particles' surface may be up to a radius below the block's.
 #[test]
 fn ambient_light_is_attenuated_with_depth() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let absorption = DVec3::new(1.0, 0.3, 0.0);
     for depth in [0.2, 1.0, 4.0] {
         let (side, bottom) = (4.0 * depth, DVec3::new(0.0, -depth, 0.0));
@@ -700,7 +702,7 @@ fn ambient_light_is_attenuated_with_depth() {
             let eye = depth * DVec3::from_array(eye);
             let camera = camera(eye, DVec3::new(0.0, target * depth, 0.0), 36.0);
             let view = View::new(&camera, SIZE);
-            let shots = scenes.each_ref().map(|s| stage.shoot(s, &camera, &drawn, SIZE));
+            let shots = scenes.each_ref().map(|s| harness.render(s, &camera, &drawn, SIZE));
             let (mut sums, mut count) = ([DVec3::ZERO; 3], 0);
             for p in shots[0].pixels() {
                 let ray = ray(&camera, &view, p.as_dvec2() + 0.5);
@@ -725,10 +727,10 @@ fn ambient_light_is_attenuated_with_depth() {
 
 /// Finds the end of the shadow on the floor next to a block that extends to x = 0.6 m, under a sun
 /// at 45 degrees from −x, by the share of dark pixels between 0.8 and 1.6 m.
-fn shadow_end(stage: &mut Stage, scene: &Scene, drawn: &Splats) -> f64 {
+fn shadow_end(harness: &mut Harness, scene: &Scene, drawn: &Splats) -> f64 {
     let camera = camera(DVec3::new(1.2, 5.0, 0.0), DVec3::new(1.2, 0.0, 0.01), 26.0);
     let view = View::new(&camera, SIZE);
-    let shot = stage.shoot(scene, &camera, drawn, SIZE);
+    let shot = harness.render(scene, &camera, drawn, SIZE);
     let half_lit = 0.5 * (SKY + 0.5 * 2.0 * 0.5f64.sqrt() / PI);
     let (mut dark, mut seen) = (0.0, 0.0);
     for p in shot.pixels() {
@@ -747,11 +749,11 @@ fn shadow_end(stage: &mut Stage, scene: &Scene, drawn: &Splats) -> f64 {
 /// from the edge that casts the shadow, does not move its end.
 #[test]
 fn a_block_of_liquid_casts_a_straight_shadow() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let at = "kind = \"slab\"\nmin = [-0.6, 0.0, -0.6]\nmax = [0.6, 0.6, 0.6]\ncount = 15000";
     let (scene, block) = wet(at, &[floor()], &[sun(Vec3::new(1.0, -1.0, 0.0))]);
-    let level = shadow_end(&mut stage, &scene, &block);
-    assert!(stage.renderer.images().caustics[0].as_ref().is_some_and(|m| m.view.level.is_some()));
+    let level = shadow_end(&mut harness, &scene, &block);
+    assert!(harness.renderer.images().caustics[0].as_ref().is_some_and(|m| m.view.level.is_some()));
     let mut bumped = block.clone();
     for splat in &block.aggregates {
         let [x, y, z] = splat.centre.map(f64::from);
@@ -760,8 +762,8 @@ fn a_block_of_liquid_casts_a_straight_shadow() {
             bumped.aggregates.push(limpid::liquid::classify::Splat { centre, ..*splat });
         }
     }
-    let bump = shadow_end(&mut stage, &scene, &bumped);
-    assert!(stage.renderer.images().caustics[0].as_ref().is_some_and(|m| m.view.level.is_none()));
+    let bump = shadow_end(&mut harness, &scene, &bumped);
+    assert!(harness.renderer.images().caustics[0].as_ref().is_some_and(|m| m.view.level.is_none()));
     println!("the shadow ends at {level} m, {bump} m with a bump");
     // The block's edge is rounded by about a particle.
     assert!((level - 1.2).abs() < 0.04, "{level}, not 1.2 m");
@@ -773,16 +775,16 @@ fn a_block_of_liquid_casts_a_straight_shadow() {
 /// line.
 #[test]
 fn a_lamp_close_to_a_pool_is_absorbed() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let position = DVec3::new(0.1, 0.55, 0.05);
     let lamp = Light::Point { position, intensity: Vec3::splat(3.0) };
     let (mut scene, slab) = slab(&[lamp]);
     let camera = camera(DVec3::new(0.0, 3.0, 0.2), DVec3::ZERO, 30.0);
-    let lit = stage.shoot(&scene, &camera, &slab, SIZE);
+    let lit = harness.render(&scene, &camera, &slab, SIZE);
     lit.assert_finite();
-    assert_eq!(stage.renderer.lights_without_caustics(), [0]);
+    assert_eq!(harness.renderer.lights_without_caustics(), [0]);
     scene.lights.clear();
-    let dark = stage.shoot(&scene, &camera, &slab, SIZE);
+    let dark = harness.render(&scene, &camera, &slab, SIZE);
     let view = View::new(&camera, SIZE);
     let mut shares: [Vec<DVec3>; 3] = Default::default();
     for p in lit.pixels() {
@@ -815,7 +817,7 @@ fn a_lamp_close_to_a_pool_is_absorbed() {
 /// Each pass of each view of lamps in the liquid is timed.
 #[test]
 fn passes_of_many_lamps_are_timed() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let lamp = |i: i32| Light::Point {
         position: DVec3::new(0.3 * f64::from(i % 3 - 1), 0.2, 0.3 * f64::from(i / 3 - 1)),
         intensity: Vec3::splat(1.0),
@@ -823,7 +825,7 @@ fn passes_of_many_lamps_are_timed() {
     let lamps: Vec<_> = (0..6).map(lamp).collect();
     let (mut scene, slab) = slab(&lamps);
     scene.settings.caustics.resolution = 48;
-    let Stage { gpu, renderer } = &mut *stage;
+    let Harness { gpu, renderer } = &mut *harness;
     renderer.timing = true;
     let camera = camera(DVec3::new(0.0, 6.0, 1.0), DVec3::ZERO, 36.0);
     let frame = Picture::new(gpu, SIZE).expect("a frame");
@@ -838,12 +840,12 @@ fn passes_of_many_lamps_are_timed() {
 /// one face; a lamp at the bottom of a block by exp(−σ d) alone.
 #[test]
 fn a_lamp_in_the_liquid_is_absorbed() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let lamp = |position| Light::Point { position, intensity: Vec3::splat(3.0) };
     let (scene, drop) = drop(&[lamp(DROP.center)]);
     let outside = camera(DVec3::new(0.0, 0.9, 4.0), DVec3::new(0.0, 0.1, 0.0), 40.0);
     let view = View::new(&outside, SIZE);
-    let shot = stage.shoot(&scene, &outside, &drop, SIZE);
+    let shot = harness.render(&scene, &outside, &drop, SIZE);
     let (mut sum, mut count) = (DVec3::ZERO, 0);
     for p in shot.pixels() {
         let Some(x) = on_floor(&outside, &view, p).filter(|x| x.length() < 1.2) else { continue };
@@ -861,9 +863,9 @@ fn a_lamp_in_the_liquid_is_absorbed() {
     let (mut scene, slab) = slab(&[lamp(position)]);
     let diver = camera(DVec3::new(0.0, 0.25, 0.3), DVec3::new(0.0, 0.0, 0.0), 40.0);
     let view = View::new(&diver, SIZE);
-    let lit = stage.shoot(&scene, &diver, &slab, SIZE);
+    let lit = harness.render(&scene, &diver, &slab, SIZE);
     scene.lights.clear();
-    let dark = stage.shoot(&scene, &diver, &slab, SIZE);
+    let dark = harness.render(&scene, &diver, &slab, SIZE);
     let (mut sum, mut count) = (DVec3::ZERO, 0);
     for p in lit.pixels() {
         let Some(x) = on_floor(&diver, &view, p).filter(|x| x.abs().max_element() < 0.5) else {
@@ -885,7 +887,7 @@ fn a_lamp_in_the_liquid_is_absorbed() {
 /// Mean FLIP of the picture against one traced in f64 through the true surface, lit by true maps;
 /// and of the picture without caustics against the same.
 fn against_truth(
-    stage: &mut Stage,
+    harness: &mut Harness,
     scene: &Scene,
     drawn: &Splats,
     liquid: &dyn Liquid,
@@ -895,8 +897,8 @@ fn against_truth(
     let mut draw = |method| {
         let mut scene = scene.clone();
         scene.settings.caustics.method = method;
-        let shot = stage.shoot(&scene, camera, drawn, SIZE);
-        (DynamicImage::ImageRgba8(shot.picture).into_rgb8(), stage.renderer.images().caustics)
+        let shot = harness.render(&scene, camera, drawn, SIZE);
+        (DynamicImage::ImageRgba8(shot.picture).into_rgb8(), harness.renderer.images().caustics)
     };
     let (straight, _) = draw(Method::Straight);
     let (picture, maps) = draw(Method::Forward);
@@ -911,7 +913,7 @@ fn against_truth(
 /// The whole lit picture of a drop over a checkered floor under a sun and a point light.
 #[test]
 fn a_lit_drop_matches_the_truth() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let point = Light::Point { position: DVec3::new(-1.5, 5.0, 1.0), intensity: Vec3::splat(15.0) };
     let (mut scene, drawn) = drop(&[sun(Vec3::new(0.3, -1.0, -0.2)), point]);
     scene.settings.refract.samples = 4;
@@ -919,7 +921,7 @@ fn a_lit_drop_matches_the_truth() {
     scene.solids[0].surface = Surface::Checker { tile: 0.25, even, odd };
     let bounds = (DROP.center - DROP.radius, DROP.center + DROP.radius);
     let camera = camera(DVec3::new(0.7, 2.0, 5.0), DVec3::new(0.0, 0.8, 0.0), 36.0);
-    let [forward, straight] = against_truth(&mut stage, &scene, &drawn, &DROP, bounds, &camera);
+    let [forward, straight] = against_truth(&mut harness, &scene, &drawn, &DROP, bounds, &camera);
     println!("FLIP {forward}, without caustics {straight}");
     assert!(forward < 0.045 && forward < straight, "{forward}, {straight}");
 }
@@ -927,7 +929,7 @@ fn a_lit_drop_matches_the_truth() {
 /// The whole lit picture of a walled pool with waves, seen from above.
 #[test]
 fn a_lit_pool_matches_the_truth() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let at = "kind = \"pool\"\nhalf_extent = [2.0, 2.0]\ndepth = 1.0\nhull = 0.25\ncount = 25000\n\
               waves = { count = 6, wavelengths = [0.8, 2.0], rms_slope = 0.07, seed = 4 }";
     let wall = |x0, z0, x1, z1| {
@@ -956,7 +958,7 @@ fn a_lit_pool_matches_the_truth() {
     };
     let bounds = (DVec3::new(-2.0, -1.0, -2.0), DVec3::new(2.0, liquid.waves.bound(), 2.0));
     let camera = camera(DVec3::new(0.5, 4.5, 3.0), DVec3::new(0.0, -0.6, 0.0), 36.0);
-    let [forward, straight] = against_truth(&mut stage, &scene, &drawn, &liquid, bounds, &camera);
+    let [forward, straight] = against_truth(&mut harness, &scene, &drawn, &liquid, bounds, &camera);
     println!("FLIP {forward}, without caustics {straight}");
     assert!(forward < 0.065 && forward < 0.8 * straight, "{forward}, {straight}");
 }

@@ -6,7 +6,9 @@ mod frames;
 
 use std::path::Path;
 
-use frames::{Ellipsoid, Shot, Stage, View, ellipsoid, noise, noise_turn, noise_vector, stage};
+use frames::{
+    Ellipsoid, FrameImages, Harness, View, ellipsoid, harness, noise, noise_turn, noise_vector,
+};
 use glam::{DVec2, DVec3, UVec2, Vec3};
 use image::buffer::ConvertBuffer;
 use limpid::camera::Camera;
@@ -110,16 +112,16 @@ fn tank(place: Place) -> (Scene, Camera, Splats) {
     (scene, camera, splats)
 }
 
-fn draw(stage: &mut Stage, place: Place) -> Shot {
+fn draw(harness: &mut Harness, place: Place) -> FrameImages {
     let (scene, camera, splats) = tank(place);
-    let shot = stage.shoot(&scene, &camera, &splats, SIZE);
+    let shot = harness.render(&scene, &camera, &splats, SIZE);
     shot.assert_finite();
     shot
 }
 
 /// Mean FLIP, the largest difference of any 8-bit channel, and the share of pixels that differ by
 /// more than one level.
-fn difference(a: &Shot, b: &Shot) -> (f64, u8, f64) {
+fn difference(a: &FrameImages, b: &FrameImages) -> (f64, u8, f64) {
     let (comparison, _) = compare(&a.picture.convert(), &b.picture.convert()).expect("one size");
     let off = |(a, b): (&image::Rgba<u8>, &image::Rgba<u8>)| {
         a.0.iter().zip(b.0).map(|(a, b)| a.abs_diff(b)).max().unwrap_or(0)
@@ -133,8 +135,8 @@ fn difference(a: &Shot, b: &Shot) -> (f64, u8, f64) {
 /// sideways, because the floor's pattern is counted from the world's origin.
 #[test]
 fn pictures_are_invariant_under_translation() {
-    let Some(mut stage) = stage() else { return };
-    let here = draw(&mut stage, HERE);
+    let Some(mut harness) = harness() else { return };
+    let here = draw(&mut harness, HERE);
     for (offset, baked) in [
         // Exact in 32 bits, together with the particles' digits.
         (DVec3::new(1024.0, -512.0, 2048.0), true),
@@ -143,7 +145,7 @@ fn pictures_are_invariant_under_translation() {
         (DVec3::new(98765.5, 4321.987654321, -54321.0), false),
         (DVec3::new(-1e5, -1e5 / 3.0, 1e5), false),
     ] {
-        let there = draw(&mut stage, Place { offset, baked, ..HERE });
+        let there = draw(&mut harness, Place { offset, baked, ..HERE });
         let (flip, most, changed) = difference(&here, &there);
         println!("{offset}: mean FLIP {flip:.2e}, at most {most}, {changed:.2e} of the pixels");
         // A ray or two may cross a threshold, such as that of a strong reflection: FLIP spreads
@@ -156,10 +158,10 @@ fn pictures_are_invariant_under_translation() {
 /// the pictures are bit-identical if no constant is in metres.
 #[test]
 fn pictures_are_invariant_under_scaling() {
-    let Some(mut stage) = stage() else { return };
-    let here = draw(&mut stage, HERE);
+    let Some(mut harness) = harness() else { return };
+    let here = draw(&mut harness, HERE);
     for scale in [1.0 / 1024.0, 8192.0, 1e-3, 1e4] {
-        let there = draw(&mut stage, Place { scale, ..HERE });
+        let there = draw(&mut harness, Place { scale, ..HERE });
         let (flip, most, changed) = difference(&here, &there);
         println!("{scale}: mean FLIP {flip:.2e}, at most {most}, {changed:.2e} of the pixels");
         if scale.log2().fract() == 0.0 {
@@ -391,12 +393,12 @@ fn stress(seed: &mut u64) -> (Scene, Camera, Splats, Truth) {
 /// ray that leaves at a slant may hit the neighbouring plane: 3 % of the pixels may differ.
 #[test]
 fn drops_anywhere_match_the_tracer() {
-    let Some(mut stage) = stage() else { return };
+    let Some(mut harness) = harness() else { return };
     let mut seed = 77;
     let (mut liquid, mut all_wrong) = (0, 0);
     for case in 0..24 {
         let (scene, camera, splats, truth) = stress(&mut seed);
-        let shot = stage.shoot(&scene, &camera, &splats, SIZE);
+        let shot = harness.render(&scene, &camera, &splats, SIZE);
         let what = format!(
             "case {case}: scale {:.3}, {} from the origin, fov {:.1}, ior {:.4}",
             truth.tile, splats.origin, camera.fov_y, truth.ior
@@ -428,7 +430,7 @@ fn drops_anywhere_match_the_tracer() {
         let mut full = scene;
         full.settings = Settings::default();
         full.liquid.absorption = Vec3::splat(0.5 / truth.tile as f32);
-        let shot = stage.shoot(&full, &camera, &splats, SIZE);
+        let shot = harness.render(&full, &camera, &splats, SIZE);
         shot.assert_finite();
         assert!(shot.pixels().all(|p| shot.radiance(p).min_element() >= 0.0), "{what}");
     }

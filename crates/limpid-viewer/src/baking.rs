@@ -1,7 +1,7 @@
 //! Simulated scenes: a thread simulates missing frames while finished ones play.
 
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -49,9 +49,9 @@ impl Source {
     /// # Errors
     /// [`Error::Io`] naming what cannot be written.
     pub fn built_in() -> Result<Self> {
-        let path = cache_folder().join("limpid").join("dam_break.toml");
-        let folder = path.parent().unwrap_or(Path::new(""));
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
+        let folder = output::cache_folder().unwrap_or_else(|| std::env::temp_dir().join("limpid"));
+        let path = folder.join("dam_break.toml");
+        std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, "create", e))?;
         if files::read_text(&path).ok().as_deref() != Some(BUILT_IN) {
             // Frames of an older version show another liquid.
             bake::clear("dam_break", &bake::folder(&path))?;
@@ -61,15 +61,6 @@ impl Source {
         }
         Ok(Self::new(path.to_string_lossy()))
     }
-}
-
-/// The folder for data that programs can regenerate.
-fn cache_folder() -> PathBuf {
-    let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-    folder("XDG_CACHE_HOME")
-        .or_else(|| folder("LOCALAPPDATA"))
-        .or_else(|| folder("HOME").map(|home| home.join(".cache")))
-        .unwrap_or_else(std::env::temp_dir)
 }
 
 impl Viewer {

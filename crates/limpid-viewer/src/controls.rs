@@ -14,19 +14,19 @@ pub struct Control {
     /// Its label in the panel.
     pub label: &'static str,
     /// The type and range of its value.
-    pub kind: Kind,
+    pub kind: ControlKind,
     /// Its description.
     pub help: &'static str,
 }
 
 /// The type and range of a setting's value.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Kind {
+pub enum ControlKind {
     /// A number from low to high, in a unit.
     Number(f64, f64, &'static str),
     /// A whole number from low to high, in a unit.
     Whole(u32, u32, &'static str),
-    /// As [`Kind::Whole`], odd numbers only.
+    /// As [`ControlKind::Whole`], odd numbers only.
     Odd(u32, u32, &'static str),
     /// On or off.
     Toggle,
@@ -37,13 +37,13 @@ pub enum Kind {
 /// A setting's value.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
-    /// The value of a [`Kind::Number`].
+    /// The value of a [`ControlKind::Number`].
     Number(f32),
-    /// The value of a [`Kind::Whole`] or a [`Kind::Odd`].
+    /// The value of a [`ControlKind::Whole`] or a [`ControlKind::Odd`].
     Whole(u32),
-    /// The value of a [`Kind::Toggle`].
+    /// The value of a [`ControlKind::Toggle`].
     Toggle(bool),
-    /// The value of a [`Kind::Choice`].
+    /// The value of a [`ControlKind::Choice`].
     Choice(String),
 }
 
@@ -60,13 +60,13 @@ const fn control(
     pass: &'static str,
     key: &'static str,
     label: &'static str,
-    kind: Kind,
+    kind: ControlKind,
     help: &'static str,
 ) -> Control {
     Control { pass, key, label, kind, help }
 }
 
-use Kind::{Choice, Number, Odd, Toggle, Whole};
+use ControlKind::{Choice, Number, Odd, Toggle, Whole};
 
 /// All settings, in the panel's order.
 pub const CONTROLS: [Control; 41] = [

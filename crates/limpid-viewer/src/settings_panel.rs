@@ -4,7 +4,7 @@ use eframe::egui;
 use eframe::egui::SliderClamping::Edits;
 use serde_json::json;
 
-use crate::controls::{self, CONTROLS, Control, Kind, PASSES, Value};
+use crate::controls::{self, CONTROLS, Control, ControlKind, PASSES, Value};
 use crate::toolbar::named;
 use crate::{Tab, Viewer};
 use limpid::scene::Scene;
@@ -171,14 +171,14 @@ fn row(ui: &mut egui::Ui, control: &Control, old: &Value, settings: &mut Setting
     };
     let mut value = old.clone();
     let response = match (control.kind, &mut value) {
-        (Kind::Number(low, high, _), Value::Number(x)) => {
+        (ControlKind::Number(low, high, _), Value::Number(x)) => {
             ui.add(number_slider(x, low, high).suffix(unit))
         }
-        (Kind::Whole(low, high, _), Value::Whole(n)) => {
+        (ControlKind::Whole(low, high, _), Value::Whole(n)) => {
             let slider = egui::Slider::new(n, low..=high).suffix(unit).clamping(Edits);
             ui.add(slider.logarithmic(high / low.max(1) > 64))
         }
-        (Kind::Odd(low, high, _), Value::Whole(n)) => {
+        (ControlKind::Odd(low, high, _), Value::Whole(n)) => {
             let before = *n;
             let slider = egui::Slider::new(n, low..=high).suffix(unit).clamping(Edits);
             let response = ui.add(slider.step_by(2.0));
@@ -187,8 +187,8 @@ fn row(ui: &mut egui::Ui, control: &Control, old: &Value, settings: &mut Setting
             }
             response
         }
-        (Kind::Toggle, Value::Toggle(yes)) => ui.checkbox(yes, ""),
-        (Kind::Choice(names), Value::Choice(name)) => {
+        (ControlKind::Toggle, Value::Toggle(yes)) => ui.checkbox(yes, ""),
+        (ControlKind::Choice(names), Value::Choice(name)) => {
             let choice = egui::ComboBox::from_id_salt(control.path()).selected_text(name.as_str());
             let response = choice.show_ui(ui, |ui| {
                 for &option in names {
@@ -227,10 +227,10 @@ fn computed_on(ui: &mut egui::Ui, processor: &mut Processor) {
 fn hint(control: &Control, settings: &Settings) -> String {
     let unit = control.unit(settings);
     let range = match control.kind {
-        Kind::Number(low, high, _) => format!("\n{low} to {high} {unit}"),
-        Kind::Whole(low, high, _) => format!("\n{low} to {high} {unit}"),
-        Kind::Odd(low, high, _) => format!("\n{low} to {high}, odd"),
-        Kind::Toggle | Kind::Choice(_) => String::new(),
+        ControlKind::Number(low, high, _) => format!("\n{low} to {high} {unit}"),
+        ControlKind::Whole(low, high, _) => format!("\n{low} to {high} {unit}"),
+        ControlKind::Odd(low, high, _) => format!("\n{low} to {high}, odd"),
+        ControlKind::Toggle | ControlKind::Choice(_) => String::new(),
     };
     let default = control.get(&Settings::default());
     format!("{}{}\ndefault {default}\n{}", control.help, range.trim_end(), control.path())

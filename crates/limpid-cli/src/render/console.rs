@@ -29,7 +29,7 @@ impl Console {
 
     pub(super) fn line(&self, line: &str) {
         if !self.quiet {
-            self.bar.suspend(|| crate::terminal::complain(line));
+            self.bar.suspend(|| crate::terminal::warn(line));
         }
     }
 

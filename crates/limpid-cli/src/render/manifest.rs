@@ -86,7 +86,7 @@ impl Manifest {
 
 impl Log {
     /// Records a frame that this process does not draw.
-    pub(super) fn tell(
+    pub(super) fn record(
         &mut self,
         shot: &Shot,
         fingerprint: Fingerprint,
@@ -115,15 +115,15 @@ impl Log {
         if !self.keep_going {
             return Err(error);
         }
-        self.complain(remedy::with_remedy(&error));
+        self.warn(remedy::with_remedy(&error));
         self.failed.push(shot.number);
         self.bar.inc(1);
         Ok(())
     }
 
     /// Prints a message above the progress bar.
-    pub(super) fn complain(&self, message: impl std::fmt::Display) {
-        self.bar.suspend(|| crate::terminal::complain(message));
+    pub(super) fn warn(&self, message: impl std::fmt::Display) {
+        self.bar.suspend(|| crate::terminal::warn(message));
     }
 
     /// Appends a line to the manifest, if there is one.

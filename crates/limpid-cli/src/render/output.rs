@@ -124,7 +124,7 @@ impl Output {
 
     /// Describes what was written, such as `wrote a.png`: the pictures with these `numbers`, and the
     /// number of others that existed already.
-    pub(super) fn told(&self, numbers: &[i64], others: usize) -> String {
+    pub(super) fn summary(&self, numbers: &[i64], others: usize) -> String {
         let count = numbers.len();
         let existing = match others {
             0 => String::new(),

@@ -28,7 +28,7 @@ pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid_io::Result<Option<Pic
     if let Some(Picked { choice: Choice { set, error_px, flip, .. }, ms }) = &picked {
         let set = set.join(" ");
         if !args.quiet {
-            crate::terminal::complain(format!(
+            crate::terminal::warn(format!(
                 "picked {set}: {error_px} px, FLIP {flip}, {ms:.3} ms a frame"
             ));
         }

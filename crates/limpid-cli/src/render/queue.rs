@@ -71,9 +71,9 @@ impl Queue {
                 && let Err(error) = claims.take(&pictures.path(&shot))
             {
                 // Not fatal: the picture is complete.
-                log.complain(format!("the claim on it is left: {error}"));
+                log.warn(format!("the claim on it is left: {error}"));
             }
-            log.tell(&shot, self.fingerprint(&shot), Status::Skipped)?;
+            log.record(&shot, self.fingerprint(&shot), Status::Skipped)?;
         }
         Ok(())
     }
@@ -106,7 +106,7 @@ impl Queue {
                 Ok(Availability::Free(job)) => return Ok(Some(*job)),
                 Ok(Availability::Claimed) => self.others.push_back(shot),
                 Ok(Availability::Done) => {
-                    log.tell(&shot, self.fingerprint(&shot), Status::Claimed)?;
+                    log.record(&shot, self.fingerprint(&shot), Status::Claimed)?;
                 }
                 Err(error) => log.fail(&shot, self.fingerprint(&shot), error)?,
             }
@@ -131,7 +131,7 @@ impl Queue {
                 let holder = Claims::holder(&pictures.path(shot));
                 let (count, frame) = (self.others.len(), shot.number);
                 let frames = if count == 1 { "a frame" } else { &*format!("{count} frames") };
-                log.complain(format!("waiting for {frames} of others: {frame} of {holder}"));
+                log.warn(format!("waiting for {frames} of others: {frame} of {holder}"));
                 report_delay *= 2;
             }
             std::thread::sleep(interval);

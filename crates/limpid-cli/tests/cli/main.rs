@@ -93,7 +93,7 @@ fn one_line(args: &[&str], code: i32, outcome: Outcome) -> String {
 
 /// Fails unless `line` contains all of `parts`.
 #[track_caller]
-fn assert_tells(line: &str, parts: &[&str]) {
+fn assert_contains(line: &str, parts: &[&str]) {
     for part in parts {
         assert!(line.contains(part), "`{part}` is missing in: {line}");
     }

@@ -4,7 +4,7 @@ use eframe::egui::accesskit::Role;
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use limpid::settings::Preset;
-use limpid_viewer::controls::{CONTROLS, Control, Kind, Value, differences};
+use limpid_viewer::controls::{CONTROLS, Control, ControlKind, Value, differences};
 use limpid_viewer::document::Source;
 use limpid_viewer::shortcuts::{POINTER, SHORTCUTS};
 use limpid_viewer::{Options, Viewer};
@@ -112,9 +112,9 @@ fn index_among_equal_labels(control: &Control) -> usize {
 
 fn role(control: &Control) -> Role {
     match control.kind {
-        Kind::Number(..) | Kind::Whole(..) | Kind::Odd(..) => Role::Slider,
-        Kind::Toggle => Role::CheckBox,
-        Kind::Choice(_) => Role::ComboBox,
+        ControlKind::Number(..) | ControlKind::Whole(..) | ControlKind::Odd(..) => Role::Slider,
+        ControlKind::Toggle => Role::CheckBox,
+        ControlKind::Choice(_) => Role::ComboBox,
     }
 }
 
@@ -132,18 +132,18 @@ fn every_control_changes_only_its_setting() {
         };
         let node = node().unwrap_or_else(|| panic!("no control for {path}"));
         match control.kind {
-            Kind::Number(low, high, _) => {
+            ControlKind::Number(low, high, _) => {
                 node.set_value_accesskit(0.25 * low + 0.05 * high.min(99.0) + 0.01);
             }
-            Kind::Whole(low, high, _) => {
+            ControlKind::Whole(low, high, _) => {
                 node.set_value_accesskit(f64::from(if low + 1 == high { low } else { low + 2 }));
             }
-            Kind::Odd(..) => node.set_value_accesskit(9.0),
-            Kind::Toggle => node.click_accesskit(),
-            Kind::Choice(_) => node.click_accesskit(),
+            ControlKind::Odd(..) => node.set_value_accesskit(9.0),
+            ControlKind::Toggle => node.click_accesskit(),
+            ControlKind::Choice(_) => node.click_accesskit(),
         }
         harness.step();
-        if let Kind::Choice(names) = control.kind {
+        if let ControlKind::Choice(names) = control.kind {
             let Value::Choice(present) = control.get(&opened) else { unreachable!() };
             let other = names.iter().find(|name| **name != present).expect("there are several");
             harness.step();

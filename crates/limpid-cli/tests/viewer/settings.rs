@@ -10,7 +10,7 @@ use limpid_io::input::FrameTime;
 use limpid_io::project::overrides::replaced;
 use limpid_io::shared_classifier::Processor;
 use limpid_viewer::command_line::{command_line, quoted};
-use limpid_viewer::controls::{CONTROLS, Control, Kind, PASSES, Value, differences};
+use limpid_viewer::controls::{CONTROLS, Control, ControlKind, PASSES, Value, differences};
 use limpid_viewer::document::Document;
 
 use super::sequence;
@@ -40,7 +40,7 @@ fn controls_match_the_settings() {
         };
         let path = control.path();
         match control.kind {
-            Kind::Number(low, high, _) => {
+            ControlKind::Number(low, high, _) => {
                 let (low, high) = (low as f32, high as f32);
                 assert!(
                     with(format!("{low:?}")).is_ok() && with(format!("{high:?}")).is_ok(),
@@ -50,19 +50,19 @@ fn controls_match_the_settings() {
                 assert!(with(format!("{below:?}")).is_err(), "{path} below {low}");
                 assert!(with(format!("{above:?}")).is_err(), "{path} above {high}");
             }
-            Kind::Whole(low, high, _) | Kind::Odd(low, high, _) => {
+            ControlKind::Whole(low, high, _) | ControlKind::Odd(low, high, _) => {
                 assert!(with(low.to_string()).is_ok() && with(high.to_string()).is_ok(), "{path}");
                 assert!(low == 0 || with((low - 1).to_string()).is_err(), "{path} below {low}");
                 assert!(with((high + 1).to_string()).is_err(), "{path} above {high}");
-                let odd = matches!(control.kind, Kind::Odd(..));
+                let odd = matches!(control.kind, ControlKind::Odd(..));
                 assert_eq!(with((low + 1).to_string()).is_err(), odd, "{path}: odd numbers only");
             }
-            Kind::Toggle => {
+            ControlKind::Toggle => {
                 let Value::Toggle(_) = control.get(&Settings::default()) else {
                     panic!("{path} is not a toggle")
                 };
             }
-            Kind::Choice(names) => {
+            ControlKind::Choice(names) => {
                 for name in names {
                     let settings = with((*name).to_owned()).expect("a choice");
                     assert_eq!(control.get(&settings), Value::Choice((*name).to_owned()));

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use glam::UVec2;
 
-use super::Kind;
+use super::FilmFormat;
 use crate::output;
 
 /// Constant rate factors of x264 and libvpx, which hold the quality at any bit rate. Lower is better;
@@ -29,7 +29,7 @@ pub(super) struct Ffmpeg {
 impl Ffmpeg {
     /// Starts the `ffmpeg` on `PATH` for pictures of `size` at `frames / seconds` per second.
     pub(super) fn start(
-        kind: Kind,
+        kind: FilmFormat,
         file: &Path,
         size: UVec2,
         (frames, seconds): (u16, u16),
@@ -48,7 +48,7 @@ impl Ffmpeg {
         command.args(["-colorspace", "bt709", "-color_primaries", "bt709"]);
         command.args(["-color_trc", "bt709", "-color_range", "tv"]);
         match kind {
-            Kind::Webm => {
+            FilmFormat::Webm => {
                 command.args(["-c:v", "libvpx-vp9", "-crf", CRF_VP9, "-b:v", "0"]);
                 command.args(["-cpu-used", "2", "-row-mt", "1", "-f", "webm"]);
                 // No random ids of the segment and its tracks, so that equal films are equal files.

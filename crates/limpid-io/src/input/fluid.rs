@@ -22,12 +22,12 @@ pub(super) struct Fluid {
     pub(super) radius_from: RadiusFrom,
     pub(super) up: Up,
     pub(super) options: ReadOptions,
-    pub(super) source: Source,
+    pub(super) source: FluidSource,
 }
 
 /// The source of a fluid's particles.
 #[derive(Debug, Clone)]
-pub(super) enum Source {
+pub(super) enum FluidSource {
     /// The files of the frames.
     Files,
     /// Data in the program: the demo's.
@@ -87,7 +87,7 @@ impl Fluid {
     ) -> Self {
         let options = ReadOptions { map, ..ReadOptions::default() };
         let radius_from = radius.map_or(RadiusFrom::Guess, |_| RadiusFrom::Scene);
-        Self { sequence, radius, radius_from, up, options, source: Source::Files }
+        Self { sequence, radius, radius_from, up, options, source: FluidSource::Files }
     }
 
     /// The contents at a frame time, y up.
@@ -116,9 +116,9 @@ impl Fluid {
             return Err(self.missing_frame(number));
         };
         let mut contents = match self.source {
-            Source::Files => Contents::read(&frame.path, &self.options)?,
-            Source::Embedded(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
-            Source::Recipe(recipe) => return Ok(recipe.particles()?.into()),
+            FluidSource::Files => Contents::read(&frame.path, &self.options)?,
+            FluidSource::Embedded(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
+            FluidSource::Recipe(recipe) => return Ok(recipe.particles()?.into()),
         };
         contents.particles.to_y_up(self.up);
         Ok(contents)
@@ -136,9 +136,9 @@ impl Fluid {
     pub(super) fn origin(&self, number: i64, missing: Missing) -> Origin<'_> {
         let frame = self.frame(number, missing);
         let (file, made) = match &self.source {
-            Source::Files => (frame.map(|frame| frame.path.as_path()), None),
-            Source::Embedded(_) => (None, None),
-            Source::Recipe(recipe) => (None, frame.map(|_| recipe)),
+            FluidSource::Files => (frame.map(|frame| frame.path.as_path()), None),
+            FluidSource::Embedded(_) => (None, None),
+            FluidSource::Recipe(recipe) => (None, frame.map(|_| recipe)),
         };
         Origin { file, made, radius: self.radius, up: self.up, map: &self.options.map }
     }
@@ -149,7 +149,8 @@ impl Fluid {
         const TOLERANCE: f32 = 0.1;
         let own = self.radius_of(number, particles)?;
         let guessed = self.radius.is_none() && particles.radii.is_none();
-        let (Source::Files, [frame], true) = (&self.source, &*self.sequence.frames, guessed) else {
+        let (FluidSource::Files, [frame], true) = (&self.source, &*self.sequence.frames, guessed)
+        else {
             return Ok(own);
         };
         let siblings = Sequence::around(&frame.path).map_or(Vec::new(), |all| all.frames);

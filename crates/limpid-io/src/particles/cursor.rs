@@ -7,14 +7,14 @@ use crate::error::{Error, Location, Result};
 
 /// The bytes of a file, and the kind of its locations in messages.
 #[derive(Clone, Copy)]
-pub(super) struct Source<'a> {
+pub(super) struct FileBytes<'a> {
     pub(super) path: &'a Path,
     pub(super) bytes: &'a [u8],
     /// Locations are lines instead of bytes.
     pub(super) text: bool,
 }
 
-impl Source<'_> {
+impl FileBytes<'_> {
     pub(super) fn error(&self, offset: usize, problem: impl Into<String>) -> Error {
         Error::malformed(self.path, self.location(offset), problem)
     }
@@ -37,7 +37,7 @@ impl Source<'_> {
 
 /// Reads a file sequentially and never beyond its end.
 pub(super) struct Cursor<'a> {
-    pub(super) source: Source<'a>,
+    pub(super) source: FileBytes<'a>,
     pub(super) offset: usize,
     /// Start of the latest read, which is the location of `Cursor::error`.
     pub(super) start: usize,
@@ -45,7 +45,7 @@ pub(super) struct Cursor<'a> {
 
 impl<'a> Cursor<'a> {
     pub(super) fn new(path: &'a Path, bytes: &'a [u8], text: bool) -> Self {
-        Self { source: Source { path, bytes, text }, offset: 0, start: 0 }
+        Self { source: FileBytes { path, bytes, text }, offset: 0, start: 0 }
     }
 
     pub(super) fn error(&self, problem: impl Into<String>) -> Error {

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::Particles;
-use super::cursor::{Cursor, Source};
+use super::cursor::{Cursor, FileBytes};
 use crate::error::{Error, Result};
 use limpid::camera::is_position;
 use limpid::memory;
@@ -124,7 +124,7 @@ const BLOCK: usize = 4096;
 /// Records of equal size, one per particle. Text is first converted to binary numbers, so that all
 /// formats share the decoder.
 pub(super) struct Table<'a> {
-    pub(super) source: Source<'a>,
+    pub(super) source: FileBytes<'a>,
     /// Offset of the table in the file.
     pub(super) start: usize,
     /// All columns of all rows.

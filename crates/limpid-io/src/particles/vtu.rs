@@ -27,8 +27,8 @@ use rayon::prelude::*;
 
 use super::vtk::is_point;
 use super::{
-    Attribute, AttributeMap, Column, Contents, MOST_LISTED, POSITION_BYTES, Reading, Scalar,
-    Source, Table, foreign,
+    Attribute, AttributeMap, Column, Contents, FileBytes, MOST_LISTED, POSITION_BYTES, Reading,
+    Scalar, Table, foreign,
 };
 use crate::error::{Error, Result};
 use crate::files::DEFLATE_RATIO;
@@ -37,7 +37,7 @@ use limpid::memory;
 pub(crate) use write::write;
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
-    let source = Source { path, bytes, text: false };
+    let source = FileBytes { path, bytes, text: false };
     let (limit, map) = (reading.limit, reading.map);
     let document = Document::read(source, map)?;
     let mut merged: Vec<Merged<'_>> = Vec::new();
@@ -129,7 +129,7 @@ struct Merged<'a> {
 
 /// The parsed XML.
 struct Document<'a> {
-    source: Source<'a>,
+    source: FileBytes<'a>,
     big_endian: bool,
     /// Size of a number in the headers of arrays: 4 or 8 bytes.
     word: usize,
@@ -180,10 +180,10 @@ enum Section {
 }
 
 impl<'a> Document<'a> {
-    fn read(source: Source<'a>, map: &AttributeMap) -> Result<Self> {
+    fn read(source: FileBytes<'a>, map: &AttributeMap) -> Result<Self> {
         // The XML reader counts from the end of a byte order mark.
         let bytes = source.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source.bytes);
-        let source = Source { bytes, ..source };
+        let source = FileBytes { bytes, ..source };
         let mut document = Self {
             source,
             big_endian: false,
@@ -546,7 +546,7 @@ impl<'a> Encoded<'a> {
 /// An XML element and its offset.
 #[derive(Clone, Copy)]
 struct Element<'a, 'b> {
-    source: Source<'a>,
+    source: FileBytes<'a>,
     start: usize,
     element: &'b BytesStart<'a>,
 }
@@ -643,7 +643,7 @@ impl Array {
 
 /// Reads to the end of an array's element, and returns its first text that is not blank. `ParaView` adds
 /// nested elements with information, which are skipped.
-fn text_of(xml: &mut Reader<&[u8]>, source: Source<'_>) -> Result<Range<usize>> {
+fn text_of(xml: &mut Reader<&[u8]>, source: FileBytes<'_>) -> Result<Range<usize>> {
     let (mut depth, mut text) = (0_usize, 0..0);
     loop {
         let start = xml.buffer_position() as usize;

@@ -88,7 +88,7 @@ fn scene(text: &str) -> Scene {
 }
 
 #[track_caller]
-fn assert_tells(message: &str, parts: &[&str]) {
+fn assert_contains(message: &str, parts: &[&str]) {
     for part in parts {
         assert!(message.contains(part), "`{part}` is missing in: {message}");
     }

@@ -29,7 +29,7 @@ struct Baked {
 }
 
 /// An opened entry: its particles and its scene.
-pub(super) struct Source<'a> {
+pub(super) struct OpenedEntry<'a> {
     entry: &'a Entry,
     input: Input,
     pub(super) scene: Scene,
@@ -39,7 +39,7 @@ pub(super) struct Source<'a> {
     _baked: Option<Baked>,
 }
 
-impl<'a> Source<'a> {
+impl<'a> OpenedEntry<'a> {
     /// Opens the entry as `limpid render` would with the same options, baking its simulation first
     /// if requested.
     pub(super) fn open(entry: &'a Entry) -> Result<Self> {

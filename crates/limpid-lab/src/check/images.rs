@@ -26,7 +26,7 @@ struct Image<'a> {
 
 /// The meaning of an image's pixels.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum ImageKind {
     /// 0 where empty.
     Depth,
     /// 0 where empty, else of length 1.
@@ -37,7 +37,7 @@ enum Kind {
     Light,
 }
 
-impl Kind {
+impl ImageKind {
     fn of(aov: Aov) -> Self {
         match aov {
             Aov::Depth | Aov::SmoothDepth | Aov::SolidDepth => Self::Depth,
@@ -168,7 +168,7 @@ fn compare(
                 format!("{path}: {name}: {}, the frame has {}", what(expected), what(image));
             return Err(Error::Mismatch(problem));
         }
-        let kind = Kind::of(image.aov);
+        let kind = ImageKind::of(image.aov);
         let limits = limits[&image.aov];
         let errors = errors(kind, expected, image);
         let before = outcome.problems.len();
@@ -208,13 +208,13 @@ impl Image<'_> {
 
 /// The error of each pixel in the image's unit: ∞ if only one image covers it, `None` if neither
 /// does.
-fn errors(kind: Kind, expected: &Image<'_>, actual: &Image<'_>) -> Vec<Option<f32>> {
+fn errors(kind: ImageKind, expected: &Image<'_>, actual: &Image<'_>) -> Vec<Option<f32>> {
     let error = |pixel| {
         let (e, a) = (expected.vector(pixel), actual.vector(pixel));
-        let sparse = matches!(kind, Kind::Depth | Kind::Normal);
+        let sparse = matches!(kind, ImageKind::Depth | ImageKind::Normal);
         match (sparse && e == Vec3::ZERO, sparse && a == Vec3::ZERO) {
             (true, true) => None,
-            (false, false) if kind == Kind::Normal => Some(e.angle_between(a).to_degrees()),
+            (false, false) if kind == ImageKind::Normal => Some(e.angle_between(a).to_degrees()),
             (false, false) => Some((e - a).abs().max_element()),
             _ => Some(f32::INFINITY),
         }
@@ -223,7 +223,7 @@ fn errors(kind: Kind, expected: &Image<'_>, actual: &Image<'_>) -> Vec<Option<f3
 }
 
 fn measures(
-    kind: Kind,
+    kind: ImageKind,
     name: &str,
     errors: &[Option<f32>],
     limits: AovTolerance,
@@ -254,7 +254,7 @@ fn measures(
 /// The expected image, the rendered one and the error in false colours.
 fn exhibit(
     entry: &str,
-    kind: Kind,
+    kind: ImageKind,
     expected: &Image<'_>,
     actual: &Image<'_>,
     errors: &[Option<f32>],
@@ -268,7 +268,7 @@ fn exhibit(
     let (a, b) = (range(expected), range(actual));
     let (low, high) = (a.0.min(b.0), a.1.max(b.1));
     let picture = |image: &Image<'_>| -> RgbImage {
-        if kind == Kind::Normal {
+        if kind == ImageKind::Normal {
             return RgbImage::from_fn(size.0, size.1, |x, y| {
                 let normal = image.vector((y * size.0 + x) as usize);
                 let level = if normal == Vec3::ZERO { Vec3::ZERO } else { 0.5 + 0.5 * normal };
@@ -276,7 +276,7 @@ fn exhibit(
             });
         }
         // Covered pixels are never quite black, to stand out from empty ones.
-        let base = if kind == Kind::Depth { low - 0.25 * (high - low).max(1e-6) } else { 0.0 };
+        let base = if kind == ImageKind::Depth { low - 0.25 * (high - low).max(1e-6) } else { 0.0 };
         let value = |pixel| {
             let value = image.vector(pixel).max_element();
             if value == 0.0 { 0.0 } else { value - base }
@@ -289,7 +289,7 @@ fn exhibit(
     let difference = false_colour(size, &values, largest);
     let name = &actual.name;
     let unit = kind.unit();
-    let scale = if high > 0.0 && kind != Kind::Normal {
+    let scale = if high > 0.0 && kind != ImageKind::Normal {
         format!(", {low:.3} to {high:.3} {unit}")
     } else {
         String::new()

@@ -6,7 +6,7 @@ use std::path::Path;
 use image::RgbImage;
 use toml::{Table, Value};
 
-use super::draw::Source;
+use super::draw::OpenedEntry;
 use super::exhibit::{Exhibit, false_colour, png};
 use super::suite::{AovTolerance, Content, Entry, Suite, Tolerance};
 use super::{Adapter, Measure, Outcome, images};
@@ -38,7 +38,7 @@ pub(super) fn judge(
 ) -> Outcome {
     let tolerance = suite.tolerance(entry, adapter);
     let mut outcome = Outcome::new(&entry.name);
-    let judged = Source::open(entry).and_then(|source| {
+    let judged = OpenedEntry::open(entry).and_then(|source| {
         let source = source.classified_on(offscreen.gpu());
         let frame_times = source.frame_times()?;
         outcome.drawn = drawn(entry, &source, &frame_times)?;
@@ -62,7 +62,11 @@ pub(super) fn judge(
 }
 
 /// Returns the settings that an entry was rendered with, for the record.
-fn drawn(entry: &Entry, source: &Source<'_>, frame_times: &[(i64, FrameTime)]) -> Result<Table> {
+fn drawn(
+    entry: &Entry,
+    source: &OpenedEntry<'_>,
+    frame_times: &[(i64, FrameTime)],
+) -> Result<Table> {
     let defect = |e: toml::ser::Error| limpid::Error::Defect(format!("recording settings: {e}"));
     let mut table = Table::new();
     table.insert("size".into(), Value::try_from(entry.size).map_err(defect)?);
@@ -139,7 +143,7 @@ impl Compared {
 /// Compares one frame and its intermediate images.
 fn frame(
     outcome: &mut Outcome,
-    source: &Source<'_>,
+    source: &OpenedEntry<'_>,
     frame_time: FrameTime,
     offscreen: &mut Offscreen,
     tolerance: &Tolerance,
@@ -170,7 +174,7 @@ fn frame(
 /// Compares the pictures of a sequence, each by itself and their frame-to-frame change.
 fn sequence(
     outcome: &mut Outcome,
-    source: &Source<'_>,
+    source: &OpenedEntry<'_>,
     frame_times: &[(i64, FrameTime)],
     offscreen: &mut Offscreen,
     tolerance: &Tolerance,

@@ -1,95 +1,58 @@
 //! The check report as `JUnit` XML, in the subset that CI systems (GitHub, `GitLab`, Jenkins,
 //! Azure) share.
 
-use std::borrow::Cow;
-use std::io;
+use std::time::Duration;
 
-use quick_xml::Writer;
-use quick_xml::events::{BytesDecl, BytesText, Event};
+use quick_junit::{NonSuccessKind, TestCase, TestCaseStatus, TestSuite, XmlString};
 
 use super::{Outcome, Report, Verdict};
 
 /// Renders the report as `JUnit` XML.
 pub(super) fn junit(report: &Report) -> String {
-    let mut writer = Writer::new_with_indent(Vec::new(), b' ', 2);
-    write(&mut writer, report).expect("memory takes what is written");
-    String::from_utf8_lossy(&writer.into_inner()).into_owned() + "\n"
-}
-
-fn write(writer: &mut Writer<Vec<u8>>, report: &Report) -> io::Result<()> {
-    let count = |verdict| report.count(verdict).to_string();
-    let (failures, errors) = (count(Verdict::Failed), count(Verdict::Error));
-    let tests = report.outcomes.len().to_string();
-    let time = format!("{:.3}", report.seconds);
-    let suite = plain(&report.suite.display().to_string()).into_owned();
-    let name = report.suite.file_stem().unwrap_or_default().to_string_lossy();
-    let name = plain(&name);
-    let totals =
-        [("tests", tests.as_str()), ("failures", &failures), ("errors", &errors), ("time", &time)];
     let adapter = &report.adapter;
-    let properties = [
-        ("suite", suite.as_str()),
+    let name = report.suite.file_stem().unwrap_or_default().to_string_lossy();
+    let mut suite = TestSuite::new(valid(&name));
+    suite.set_time(Duration::from_secs_f64(report.seconds));
+    for (name, value) in [
+        ("suite", &*report.suite.to_string_lossy()),
         ("limpid", env!("CARGO_PKG_VERSION")),
         ("adapter", &adapter.name),
         ("driver", &adapter.driver),
         ("backend", &adapter.backend),
-    ];
-    writer.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-    let all = writer.create_element("testsuites").with_attribute(("name", "limpid check"));
-    all.with_attributes(totals).write_inner_content(|writer| {
-        let suite = writer.create_element("testsuite").with_attribute(("name", &*name));
-        suite.with_attributes(totals).write_inner_content(|writer| {
-            writer.create_element("properties").write_inner_content(|writer| {
-                for (name, value) in properties {
-                    let property = writer.create_element("property").with_attribute(("name", name));
-                    property.with_attribute(("value", &*plain(value))).write_empty()?;
-                }
-                Ok(())
-            })?;
-            report.outcomes.iter().try_for_each(|outcome| case(writer, &name, outcome))
-        })?;
-        Ok(())
-    })?;
-    Ok(())
-}
-
-fn case(writer: &mut Writer<Vec<u8>>, suite: &str, outcome: &Outcome) -> io::Result<()> {
-    let time = format!("{:.3}", outcome.seconds);
-    let attributes =
-        [("name", outcome.name.as_str()), ("classname", suite), ("time", time.as_str())];
-    let case = writer.create_element("testcase").with_attributes(attributes);
-    let reasons = outcome.reasons();
-    let kind = match outcome.verdict() {
-        Verdict::Failed => "failure",
-        Verdict::Error => "error",
-        Verdict::Passed | Verdict::Blessed => "",
-    };
-    let measures: Vec<String> = outcome.measures.iter().map(ToString::to_string).collect();
-    case.write_inner_content(|writer| {
-        if !kind.is_empty() {
-            let message = reasons.first().map_or("", String::as_str);
-            let element = writer.create_element(kind).with_attribute(("message", &*plain(message)));
-            let text = reasons.join("\n");
-            let element = element.with_attribute(("type", kind));
-            element.write_text_content(BytesText::new(&plain(&text)))?;
-        }
-        if !measures.is_empty() {
-            let text = measures.join("\n");
-            let text = BytesText::new(&plain(&text)).into_owned();
-            writer.create_element("system-out").write_text_content(text)?;
-        }
-        Ok(())
-    })?;
-    Ok(())
-}
-
-/// Replaces the characters that XML 1.0 does not allow, even escaped.
-fn plain(text: &str) -> Cow<'_, str> {
-    let is_allowed = |c: char| matches!(c, '\t' | '\n' | '\r' | ' '..='\u{d7ff}' | '\u{e000}'..='\u{fffd}' | '\u{10000}'..);
-    match text.chars().all(is_allowed) {
-        true => text.into(),
-        false => text.chars().map(|c| if is_allowed(c) { c } else { '\u{fffd}' }).collect(),
+    ] {
+        suite.add_property((XmlString::new(name), valid(value)));
     }
+    suite.add_test_cases(report.outcomes.iter().map(|outcome| case(&name, outcome)));
+    let mut suites = quick_junit::Report::new("limpid check");
+    suites.set_time(Duration::from_secs_f64(report.seconds)).add_test_suite(suite);
+    suites.to_string().expect("a String takes all that is written")
+}
+
+fn case(suite: &str, outcome: &Outcome) -> TestCase {
+    let unsuccessful = |kind, name| {
+        let reasons = outcome.reasons();
+        let mut status = TestCaseStatus::non_success(kind);
+        status.set_type(name).set_description(valid(&reasons.join("\n")));
+        status.set_message(valid(reasons.first().map_or("", String::as_str)));
+        status
+    };
+    let status = match outcome.verdict() {
+        Verdict::Failed => unsuccessful(NonSuccessKind::Failure, "failure"),
+        Verdict::Error => unsuccessful(NonSuccessKind::Error, "error"),
+        Verdict::Passed | Verdict::Blessed => TestCaseStatus::success(),
+    };
+    let mut case = TestCase::new(valid(&outcome.name), status);
+    case.set_classname(valid(suite)).set_time(Duration::from_secs_f64(outcome.seconds));
+    let measures: Vec<String> = outcome.measures.iter().map(ToString::to_string).collect();
+    if !measures.is_empty() {
+        case.set_system_out(valid(&measures.join("\n")));
+    }
+    case
+}
+
+/// Removes the two noncharacters that XML 1.0 forbids and [`XmlString`] keeps.
+fn valid(text: &str) -> XmlString {
+    XmlString::new(text.replace(['\u{fffe}', '\u{ffff}'], ""))
 }
 
 #[cfg(test)]
@@ -133,7 +96,7 @@ mod tests {
         assert_eq!((count("testsuites"), count("testsuite"), count("properties")), (1, 1, 1));
         assert_eq!(count("testcase"), report.outcomes.len());
         assert_eq!((count("failure"), count("error")), (1, 1));
-        assert!(xml.contains("tests=\"3\" failures=\"1\" errors=\"1\""), "{xml}");
+        assert!(xml.contains("tests=\"3\" skipped=\"0\" failures=\"1\" errors=\"1\""), "{xml}");
         assert!(xml.contains("&lt;a href") && xml.contains("\u{1f4a7}"), "{xml}");
     }
 

@@ -28,7 +28,7 @@ use super::optics;
 
 /// A light source.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Source {
+pub enum LightSource {
     /// At infinity; the unit vector points towards it.
     Sun(DVec3),
     /// A point, m.
@@ -313,10 +313,10 @@ struct Sight {
 }
 
 impl Sight {
-    fn new(source: &Source, receiver: DVec3, ior: f64) -> Option<Self> {
+    fn new(source: &LightSource, receiver: DVec3, ior: f64) -> Option<Self> {
         let (towards, distance) = match *source {
-            Source::Sun(towards) => (towards.try_normalize()?, None),
-            Source::Point(at) => {
+            LightSource::Sun(towards) => (towards.try_normalize()?, None),
+            LightSource::Point(at) => {
                 let to = at - receiver;
                 (to.try_normalize()?, Some(to.length()))
             }
@@ -530,7 +530,7 @@ impl Path {
 /// liquid, without a path, and for a receiver without liquid above it.
 pub fn walk(
     grid: &Grid,
-    source: &Source,
+    source: &LightSource,
     ior: f64,
     receiver: DVec3,
     at: DVec2,
@@ -628,7 +628,7 @@ fn start(grid: &Grid, sight: &Sight, at: DVec2) -> Option<(Triangle, DVec2)> {
 }
 
 /// Finds all paths through the grid, including those that the walk does not reach.
-pub fn paths(grid: &Grid, source: &Source, ior: f64, receiver: DVec3) -> Vec<Path> {
+pub fn paths(grid: &Grid, source: &LightSource, ior: f64, receiver: DVec3) -> Vec<Path> {
     let Some(sight) = Sight::new(source, receiver, ior) else { return Vec::new() };
     let cells = grid.cells.as_ivec2();
     let cells = (0..cells.y).flat_map(|j| (0..cells.x).map(move |i| IVec2::new(i, j)));

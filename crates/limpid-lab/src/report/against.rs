@@ -36,7 +36,7 @@ pub struct Against {
 /// A figure larger than before.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Change {
-    /// Kind, scene, method, settings and measure.
+    /// Kind of row, scene, method, settings and measure.
     pub name: String,
     /// The value in the earlier report.
     pub before: f64,
@@ -148,17 +148,17 @@ impl fmt::Display for Against {
 
 #[cfg(test)]
 mod tests {
-    use super::super::rows::{ErrorKind, Kind};
+    use super::super::rows::{ErrorKind, RowKind};
     use super::*;
 
     fn measured(error: f64, pixels: f64, not_finite: u64) -> Measured {
-        let mut row = Row::new(Kind::Intersect, "pool", "march", "stride=1").with_error(
+        let mut row = Row::new(RowKind::Intersect, "pool", "march", "stride=1").with_error(
             error,
             ErrorKind::RaysWrong,
             "truth",
         );
         row.rms_px = Some(pixels);
-        let flip = Row::new(Kind::Picture, "pool", "limpid", "").with_error(
+        let flip = Row::new(RowKind::Picture, "pool", "limpid", "").with_error(
             0.1,
             ErrorKind::MeanFlip,
             "truth",

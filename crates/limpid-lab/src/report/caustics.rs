@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec2, DVec3, UVec2};
 use rayon::prelude::*;
 
 use super::intersect::{self, Target, ViewLayers, upload};
-use super::rows::{ErrorKind, Kind, Row};
+use super::rows::{ErrorKind, Row, RowKind};
 use super::subjects::Subject;
 use crate::reference::caustics as reference;
 use crate::reference::layers as reference_layers;
@@ -321,7 +321,7 @@ pub fn measure(gpu: &Gpu, subject: &Subject, quick: bool) -> Result<Vec<Row>> {
         for (((method, words, _), run), times) in chosen.iter().zip(&runs).zip(&times) {
             let words = format!("map {resolution} {words}").trim_end().to_owned();
             let error = relative_l1(&run.irradiance, &truth.irradiance, |_| true);
-            let mut row = Row::new(Kind::Caustics, subject.name, method, &words)
+            let mut row = Row::new(RowKind::Caustics, subject.name, method, &words)
                 .timed(times)
                 .with_error(error, ErrorKind::RelativeL1, &truth_name);
             row.light_kept = Some(received(&view, run, &scene).element_sum() / sent);

@@ -11,7 +11,7 @@ use super::markdown::{
     rates, significant, stress,
 };
 use super::plot::{Axis, Plot, Point, escape, svg};
-use super::{ErrorKind, Figure, Kind, Report, Row};
+use super::{ErrorKind, Figure, Report, Row, RowKind};
 use crate::html_shell::page;
 
 const STYLE: &str = "
@@ -89,9 +89,9 @@ the longer of the times that these take at the adapter's best (floor), and the t
 takes. RATES</p>\n";
 
 /// The introduction to the rows of a kind.
-fn reading(kind: Kind) -> &'static str {
+fn reading(kind: RowKind) -> &'static str {
     match kind {
-        Kind::Intersect => {
+        RowKind::Intersect => {
             "<p>At every pixel a ray is refracted where it enters the liquid and followed once, to \
              where it leaves. The last plots show how a method gets there iteration by iteration; \
              their axis tells 99 % from 99.9 %.</p>\n\
@@ -107,13 +107,13 @@ fn reading(kind: Kind) -> &'static str {
              <dt>fetches</dt><dd>texels read per ray, mean</dd>\
              <dt>iterations</dt><dd>evaluations of a layer per ray, mean</dd></dl>\n"
         }
-        Kind::Smooth => {
+        RowKind::Smooth => {
             "<p>The splatted layers are smoothed, all iterations of a filter together, and compared \
              with the true surface at the pixels that both cover. Depths differ most at silhouettes, \
              where a pixel more or less is another surface: their error is told over all pixels, and \
              without the tenth that differs most.</p>\n"
         }
-        Kind::Caustics => {
+        RowKind::Caustics => {
             "<p>The irradiance that light through the liquid brings to the solids, as a map in the \
              light's own view, against light traced in 64 bits through the true surface. Of pools \
              the layers are exact, so that the error is the method's alone; elsewhere they are \
@@ -125,13 +125,13 @@ fn reading(kind: Kind) -> &'static str {
              <dt>solved</dt><dd>texels in liquid for which <code>gather</code> found a path</dd>\
              <dt>grid n/k</dt><dd>n cells along the map, each laid in k × k parts</dd></dl>\n"
         }
-        Kind::Picture => {
+        RowKind::Picture => {
             "<p>Whole frames. Mean FLIP is the difference that is seen when two pictures are \
              alternated, 0 (alike) to 1 (Andersson et al. 2020).</p>\n"
         }
-        Kind::Pass => "<p>Where the time of a frame goes.</p>\n",
+        RowKind::Pass => "<p>Where the time of a frame goes.</p>\n",
         // Elisions are not rows.
-        Kind::Elision => "",
+        RowKind::Elision => "",
     }
 }
 
@@ -338,7 +338,7 @@ fn sections(report: &Report) -> Vec<(&'static str, &'static str, String)> {
         for truth in truths.into_iter().flatten() {
             html += &format!("<p class=\"dim\">Truth: {}.</p>\n", escape(truth));
         }
-        if kind == Kind::Pass {
+        if kind == RowKind::Pass {
             html += &passes(&rows);
         } else {
             let mut plots = speed_plots(&rows);

@@ -9,7 +9,7 @@ use image::{Rgb, RgbImage};
 use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::Report;
-use super::rows::{ErrorKind, Figure, Kind, Orders, Row};
+use super::rows::{ErrorKind, Figure, Orders, Row, RowKind};
 use super::subjects::{Subject, size};
 use crate::reference::layers::View;
 use limpid::camera::{Camera, CameraUniform};
@@ -384,7 +384,7 @@ pub(super) fn rows(
         let pairs = measurement.ms.iter().zip(&measured[0].ms);
         let net: Vec<f64> = pairs.map(|(ms, baseline)| (ms - baseline).max(0.0)).collect();
         let score = score(view, truths, &measurement.answers);
-        let mut row = Row::new(Kind::Intersect, name, &method.name, &method.words)
+        let mut row = Row::new(RowKind::Intersect, name, &method.name, &method.words)
             .timed(&net)
             .with_error(score.rays_wrong(), ErrorKind::RaysWrong, truth);
         row.fetches = Some(measurement.fetches);

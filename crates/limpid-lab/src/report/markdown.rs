@@ -3,7 +3,7 @@
 use super::elisions::Elision;
 use super::passes::Budget;
 use super::rates::Rates;
-use super::{ErrorKind, Kind, Orders, Report, Row, Stress};
+use super::{ErrorKind, Orders, Report, Row, RowKind, Stress};
 
 /// A table: column names, whether columns are numeric, and the rows.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -13,12 +13,12 @@ pub(super) struct Table {
 }
 
 /// Kinds of rows with the id and the title of their section.
-pub(super) const KINDS: [(Kind, &str, &str); 5] = [
-    (Kind::Intersect, "intersectors", "Intersectors"),
-    (Kind::Smooth, "smoothing", "Smoothing"),
-    (Kind::Caustics, "caustics", "Caustics"),
-    (Kind::Picture, "pictures", "Pictures"),
-    (Kind::Pass, "passes", "Passes"),
+pub(super) const KINDS: [(RowKind, &str, &str); 5] = [
+    (RowKind::Intersect, "intersectors", "Intersectors"),
+    (RowKind::Smooth, "smoothing", "Smoothing"),
+    (RowKind::Caustics, "caustics", "Caustics"),
+    (RowKind::Picture, "pictures", "Pictures"),
+    (RowKind::Pass, "passes", "Passes"),
 ];
 
 /// The title of the budgets.
@@ -273,7 +273,8 @@ mod tests {
     #[test]
     fn errors_are_columns() {
         let report = sample();
-        let rows: Vec<&Row> = report.rows.iter().filter(|row| row.kind == Kind::Smooth).collect();
+        let rows: Vec<&Row> =
+            report.rows.iter().filter(|row| row.kind == RowKind::Smooth).collect();
         let table = measurements(&rows, true);
         let names: Vec<&str> = table.head.iter().map(|column| column.0).collect();
         let errors = [

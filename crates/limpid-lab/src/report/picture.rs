@@ -5,7 +5,7 @@ use glam::UVec2;
 use image::RgbImage;
 
 use super::caustics;
-use super::rows::{ErrorKind, Figure, Kind, Row};
+use super::rows::{ErrorKind, Figure, Row, RowKind};
 use super::subjects::{Subject, size};
 use crate::compare::{PIXELS_PER_DEGREE, flip};
 use crate::reference::trace::{MAX_DEPTH, trace_lit};
@@ -122,7 +122,7 @@ pub fn measure(
         let map = flip(&truth, &picture, PIXELS_PER_DEGREE)?;
         let totals: Vec<f64> =
             times.iter().map(|passes| passes.iter().map(|pass| pass.ms).sum()).collect();
-        let row = Row::new(Kind::Picture, subject.name, &method, &settings_text)
+        let row = Row::new(RowKind::Picture, subject.name, &method, &settings_text)
             .timed(&totals)
             .with_error(map.mean(), ErrorKind::MeanFlip, subject.truth);
         if settings_text.is_empty() || settings_text.starts_with("4 samples") {
@@ -148,7 +148,7 @@ fn passes(scene: &str, times: &[Vec<PassTime>]) -> Vec<Row> {
     (0..first.len())
         .map(|i| {
             let of_pass: Vec<f64> = times.iter().map(|passes| passes[i].ms).collect();
-            Row::new(Kind::Pass, scene, first[i].name, "").timed(&of_pass)
+            Row::new(RowKind::Pass, scene, first[i].name, "").timed(&of_pass)
         })
         .collect()
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// The kind of measurement of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum RowKind {
     /// One intersection per pixel.
     Intersect,
     /// A smoothing filter on splatted layers.
@@ -25,7 +25,7 @@ pub enum Kind {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The kind of measurement.
-    pub kind: Kind,
+    pub kind: RowKind,
     /// The scene: a name of `sims/`, with `:view` for a further view.
     pub scene: String,
     /// The method: an intersector, a filter, a preset, a pass.
@@ -102,7 +102,7 @@ pub enum ErrorKind {
 
 impl Row {
     /// Creates a row without figures.
-    pub fn new(kind: Kind, scene: &str, method: &str, settings: &str) -> Self {
+    pub fn new(kind: RowKind, scene: &str, method: &str, settings: &str) -> Self {
         Self {
             kind,
             scene: scene.into(),
@@ -210,7 +210,7 @@ mod tests {
     /// ones.
     #[test]
     fn absent_figures_are_omitted() {
-        let row = Row::new(Kind::Intersect, "pool", "guarded", "")
+        let row = Row::new(RowKind::Intersect, "pool", "guarded", "")
             .timed(&[3.0, 1.0, 2.0])
             .with_error(0.01, ErrorKind::RaysWrong, "exact layers");
         let json = serde_json::to_string(&row).expect("a row is JSON");

@@ -5,7 +5,7 @@ use image::{Rgb, RgbImage};
 use super::elisions::Elision;
 use super::passes::Budget;
 use super::rates::Rates;
-use super::{ErrorKind, Figure, Kind, Orders, Report, Row, Stress};
+use super::{ErrorKind, Figure, Orders, Report, Row, RowKind, Stress};
 
 /// An empty report.
 pub(super) fn empty() -> Report {
@@ -30,7 +30,7 @@ fn intersect(scene: &str, method: &str, settings: &str, ms: f64, missed: f64, wr
         solved_of_all: Some(0.7 * (1.0 - missed)),
         wrong_accepts: Some(wrong),
         rms_px: Some(0.1),
-        ..Row::new(Kind::Intersect, scene, method, settings)
+        ..Row::new(RowKind::Intersect, scene, method, settings)
     }
     .timed(&[0.9 * ms, ms, 1.1 * ms])
     .with_error(
@@ -65,11 +65,11 @@ pub(super) fn sample() -> Report {
             (ErrorKind::DepthRmsAllRadii, 0.05),
             (ErrorKind::DepthRmsNineTenthsRadii, 0.02),
         ] {
-            let row = Row::new(Kind::Smooth, "ball", method, "").timed(&[ms]);
+            let row = Row::new(RowKind::Smooth, "ball", method, "").timed(&[ms]);
             rows.push(row.with_error(times * error, kind, "analytic"));
         }
     }
-    let row = Row::new(Kind::Caustics, "cove", "nearest", "").timed(&[0.4]);
+    let row = Row::new(RowKind::Caustics, "cove", "nearest", "").timed(&[0.4]);
     rows.push(row.with_error(0.12, ErrorKind::RelativeL1, "photons"));
     for (method, ms, error) in [
         ("limpid", 14.0, 0.067),
@@ -77,11 +77,11 @@ pub(super) fn sample() -> Report {
         ("newton", 12.5, 0.074),
         ("<i>", 2.0, 0.15),
     ] {
-        let row = Row::new(Kind::Picture, "front", method, "samples=4").timed(&[ms, 1.1 * ms]);
+        let row = Row::new(RowKind::Picture, "front", method, "samples=4").timed(&[ms, 1.1 * ms]);
         rows.push(row.with_error(error, ErrorKind::MeanFlip, "path traced"));
     }
     for (pass, ms) in [("splat", 1.2), ("smooth", 3.1), ("refract", 4.4), ("tonemap", 0.05)] {
-        rows.push(Row::new(Kind::Pass, "front", pass, "samples=4").timed(&[ms, 1.02 * ms]));
+        rows.push(Row::new(RowKind::Pass, "front", pass, "samples=4").timed(&[ms, 1.02 * ms]));
     }
     let gradient = |blue: u8| {
         RgbImage::from_fn(160, 120, move |x, y| Rgb([(x * 255 / 159) as u8, (2 * y) as u8, blue]))

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::picture::{Effort, draw};
-use super::rows::{ErrorKind, Kind, Row};
+use super::rows::{ErrorKind, Row, RowKind};
 use super::subjects::{Subject, size};
 use crate::compare::{PIXELS_PER_DEGREE, flip};
 use crate::reference::layers::View;
@@ -81,7 +81,7 @@ pub fn measure(
         let errors = surface_errors(&view, &texels, &front.depths, &front.normals);
         let radius = f64::from(loaded.splats.radius);
         let row = || {
-            let mut row = Row::new(Kind::Smooth, subject.name, method, &settings_text);
+            let mut row = Row::new(RowKind::Smooth, subject.name, method, &settings_text);
             row.iterations = Some(settings.smooth.iterations.into());
             row.timed(&of_smooth)
         };

@@ -5,7 +5,7 @@
 
 use glam::{DVec2, DVec3, UVec2};
 use limpid::gpu::Gpu;
-use limpid_lab::reference::conic::{Conic, Grid, Path, Source, Vertex, paths, walk};
+use limpid_lab::reference::conic::{Conic, Grid, LightSource, Path, Vertex, paths, walk};
 
 use super::support::{self, Kernel, Random, gpu};
 use super::{Pool, WATER, assert_near, one_conic, overhead, waves, wavy};
@@ -40,7 +40,7 @@ fn rounded(grid: &Grid) -> Grid {
 struct Start {
     receiver: DVec3,
     at: DVec2,
-    source: Source,
+    source: LightSource,
 }
 
 /// The device's result: whether it found a path, where, D, and the number of triangles visited.
@@ -90,8 +90,8 @@ fn walk_on_device(gpu: &Gpu, grid: &Grid, starts: &[Start], steps: u32) -> Vec<F
         .iter()
         .map(|start| {
             let (light, sun) = match start.source {
-                Source::Sun(to) => (to, 1.0),
-                Source::Point(at) => (at, 0.0),
+                LightSource::Sun(to) => (to, 1.0),
+                LightSource::Point(at) => (at, 0.0),
             };
             let [r, l] = [start.receiver, light].map(|v| v.as_vec3());
             let at = start.at.as_vec2();
@@ -169,8 +169,8 @@ fn device_matches_flat_water() {
     let pool = Pool::flat(16.0, 64);
     let receiver = DVec3::new(0.0, 0.0, -2.0);
     let start = |source| Start { receiver, at: pool.cell(pool.straight(source, receiver)), source };
-    let lamp = Source::Point(DVec3::new(4.0, 0.0, 3.0));
-    let far = Source::Point(DVec3::new(30.0, 3.0, 3.0));
+    let lamp = LightSource::Point(DVec3::new(4.0, 0.0, 3.0));
+    let far = LightSource::Point(DVec3::new(30.0, 3.0, 3.0));
     let starts = [lamp, overhead(3.0), far].map(start);
     let [lamp, overhead, far] = walk_on_device(gpu, &pool.grid, &starts, 200)
         .try_into()
@@ -185,7 +185,7 @@ fn device_matches_flat_water() {
     // Too few steps, a lamp under water, a receiver outside the grid.
     let short = walk_on_device(gpu, &pool.grid, &starts[2..], 10);
     assert!(!short[0].found && short[0].steps <= 20);
-    let below = Start { source: Source::Point(DVec3::new(1.0, 0.2, -0.5)), ..starts[0] };
+    let below = Start { source: LightSource::Point(DVec3::new(1.0, 0.2, -0.5)), ..starts[0] };
     let beside = Start { at: DVec2::new(-0.1, 3.0), ..starts[0] };
     assert!(walk_on_device(gpu, &pool.grid, &[below, beside], 200).iter().all(|path| !path.found));
 }
@@ -204,7 +204,7 @@ fn device_walks_around_circles() {
         let p = DVec2::new(x, y);
         let grid = one_conic(|x| DVec3::new(-(x.y - p.y), x.x - p.x + delta, 1.0));
         let receiver = p.extend(-1.0);
-        let source = Source::Point(receiver + 3.0 * DVec3::Z);
+        let source = LightSource::Point(receiver + 3.0 * DVec3::Z);
         let start = Start { receiver, at: p + 2.0, source };
         let found = &walk_on_device(gpu, &grid, &[start], 100)[0];
         assert!(found.found, "{p} {delta}");
@@ -221,7 +221,7 @@ fn device_finds_existing_paths() {
     let cells = 60;
     let pool = wavy(1.5, cells);
     let grid = rounded(&pool.grid);
-    for source in [Source::Sun(DVec3::Z), Source::Point(DVec3::new(0.0, 0.0, 4.0))] {
+    for source in [LightSource::Sun(DVec3::Z), LightSource::Point(DVec3::new(0.0, 0.0, 4.0))] {
         let mut starts = Vec::new();
         for j in 15..45 {
             for i in 15..45 {
@@ -229,14 +229,14 @@ fn device_finds_existing_paths() {
                 let x = 3.0 * at / f64::from(cells) - 1.5;
                 let above = DVec3::new(x.x, -x.y, 0.0);
                 let receiver = match source {
-                    Source::Sun(to) => above - 1.5 * to,
-                    Source::Point(lamp) => lamp + (5.5 / 4.0) * (above - lamp),
+                    LightSource::Sun(to) => above - 1.5 * to,
+                    LightSource::Point(lamp) => lamp + (5.5 / 4.0) * (above - lamp),
                 };
                 let receiver = receiver.as_vec3().as_dvec3();
                 let at = match source {
-                    Source::Sun(_) => at,
+                    LightSource::Sun(_) => at,
                     // A grid over a height field is not regular in a lamp's view.
-                    Source::Point(_) => pool.cell(pool.straight(source, receiver)),
+                    LightSource::Point(_) => pool.cell(pool.straight(source, receiver)),
                 };
                 starts.push(Start { receiver, at, source });
             }
@@ -448,7 +448,7 @@ fn gathered_map_matches_the_reference() {
     };
 
     let exact = rounded(&grid);
-    let source = Source::Sun(DVec3::Z);
+    let source = LightSource::Sun(DVec3::Z);
     let (mut alike, mut shadowed, mut lit) = (0, 0, 0);
     for (i, [r, g, b, state]) in (0..).zip(gathered(&params_buffer)) {
         let at = DVec2::new(f64::from(i % SIZE), f64::from(i / SIZE)) + 0.5;

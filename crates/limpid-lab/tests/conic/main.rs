@@ -8,7 +8,7 @@ mod reference;
 mod support;
 
 use glam::{DVec2, DVec3, IVec2, UVec2};
-use limpid_lab::reference::conic::{Grid, Path, Source, Vertex, walk};
+use limpid_lab::reference::conic::{Grid, LightSource, Path, Vertex, walk};
 use limpid_sim::waves::{WaveSpectrum, Waves};
 
 const WATER: f64 = 1.33;
@@ -53,21 +53,21 @@ impl Pool {
     }
 
     /// Walks from where the straight line to the light meets the surface, near z = 0.
-    fn walk(&self, source: Source, receiver: DVec3) -> Option<Path> {
+    fn walk(&self, source: LightSource, receiver: DVec3) -> Option<Path> {
         self.walk_within(source, receiver, STEPS)
     }
 
-    fn walk_within(&self, source: Source, receiver: DVec3, steps: u32) -> Option<Path> {
+    fn walk_within(&self, source: LightSource, receiver: DVec3, steps: u32) -> Option<Path> {
         let at = self.cell(self.straight(source, receiver));
         walk(&self.grid, &source, WATER, receiver, at, steps)
     }
 
     /// Finds where the straight line to the light passes through the grid, by bisection on the
     /// triangles' heights.
-    fn straight(&self, source: Source, receiver: DVec3) -> DVec2 {
+    fn straight(&self, source: LightSource, receiver: DVec3) -> DVec2 {
         let to = match source {
-            Source::Sun(to) => to / to.z,
-            Source::Point(at) => (at - receiver) / (at.z - receiver.z),
+            LightSource::Sun(to) => to / to.z,
+            LightSource::Point(at) => (at - receiver) / (at.z - receiver.z),
         };
         let (mut low, mut high) = (-2.0, 2.0);
         for _ in 0..60 {
@@ -100,8 +100,8 @@ impl Pool {
     }
 }
 
-fn overhead(height: f64) -> Source {
-    Source::Point(DVec3::new(0.0, 0.0, height))
+fn overhead(height: f64) -> LightSource {
+    LightSource::Point(DVec3::new(0.0, 0.0, height))
 }
 
 /// A grid of unit cells from -2 to 3 at z = 0 with linear normals: one conic everywhere.

@@ -6,7 +6,7 @@
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3, IVec2};
-use limpid_lab::reference::conic::{Conic, Path, Source, Vertex, paths, walk};
+use limpid_lab::reference::conic::{Conic, LightSource, Path, Vertex, paths, walk};
 use limpid_lab::reference::optics;
 
 use super::support::Random;
@@ -17,7 +17,7 @@ use super::{Pool, STEPS, WATER, assert_near, one_conic, overhead, wavy};
 #[test]
 fn flat_water_matches_its_closed_form() {
     let pool = Pool::flat(8.0, 16);
-    let source = Source::Point(DVec3::new(4.0, 0.0, 3.0));
+    let source = LightSource::Point(DVec3::new(4.0, 0.0, 3.0));
     let path = pool.walk(source, DVec3::new(0.0, 0.0, -2.0)).expect("a path");
     assert_near(path.position.x, 1.196_433_729_8, 1e-9, "x");
     assert_near(path.position.y.abs() + path.position.z.abs(), 0.0, 1e-9, "y and z");
@@ -44,21 +44,21 @@ fn spread_under_flat_water_at_all_angles() {
         let receiver = DVec3::new(random.range(-1.0, 1.0), random.range(-1.0, 1.0), -2.0);
         let to = random.direction();
         let to = to.with_z(to.z.abs() + 0.4).normalize();
-        let lamp = Source::Point(receiver + to * random.range(6.0, 12.0));
+        let lamp = LightSource::Point(receiver + to * random.range(6.0, 12.0));
         let path = pool.walk(lamp, receiver).expect("a path");
         let d_l = match lamp {
-            Source::Point(at) => at.distance(path.position),
-            Source::Sun(_) => unreachable!("a lamp"),
+            LightSource::Point(at) => at.distance(path.position),
+            LightSource::Sun(_) => unreachable!("a lamp"),
         };
         let (c_p, c_l) = (path.to_receiver.z.abs(), path.to_light.z);
         let (d_p, eta) = (path.depth, WATER);
         let d = (d_p + eta * d_l) * (d_p * c_l / c_p + eta * d_l * c_p / c_l);
         assert_near(path.spread / d, 1.0, 1e-9, "D");
 
-        let sun = pool.walk(Source::Sun(to), receiver).expect("a path");
+        let sun = pool.walk(LightSource::Sun(to), receiver).expect("a path");
         assert_near(sun.magnification(), sun.to_light.z / sun.to_receiver.z.abs(), 1e-9, "the sun");
         let far = 1e7;
-        let star = pool.walk(Source::Point(receiver + far * to), receiver).expect("a path");
+        let star = pool.walk(LightSource::Point(receiver + far * to), receiver).expect("a path");
         assert_near(star.spread / (far * far) / sun.spread, 1.0, 1e-6, "the sun's limit");
     }
 }
@@ -169,19 +169,19 @@ fn rough(random: &mut Random, cells: u32, slope: f64) -> Pool {
 }
 
 /// Violation of Snell's law, as a vector along the surface.
-fn violation(pool: &Pool, source: Source, receiver: DVec3, x: DVec2) -> DVec3 {
+fn violation(pool: &Pool, source: LightSource, receiver: DVec3, x: DVec2) -> DVec3 {
     let (height, normal) = pool.surface(x);
     let m = x.extend(height);
     let to_light = match source {
-        Source::Sun(to) => to,
-        Source::Point(at) => (at - m).normalize(),
+        LightSource::Sun(to) => to,
+        LightSource::Point(at) => (at - m).normalize(),
     };
     let sum = WATER * (receiver - m).normalize() + to_light;
     sum - sum.dot(normal) * normal
 }
 
 /// Finds all paths by Newton's method from many points of every triangle, without using the curve.
-fn paths_by_newton(pool: &Pool, source: Source, receiver: DVec3) -> Vec<DVec2> {
+fn paths_by_newton(pool: &Pool, source: LightSource, receiver: DVec3) -> Vec<DVec2> {
     const SEEDS: u32 = 12;
     let cells = pool.grid.cells;
     let side = 2.0 * pool.half / f64::from(cells.x);
@@ -245,7 +245,8 @@ fn enumeration_matches_newton_on_random_meshes() {
         let receiver = DVec3::new(random.range(-0.3, 0.3), random.range(-0.3, 0.3), -1.0);
         let to = random.direction();
         let to = to.with_z(to.z.abs() + 0.8).normalize();
-        let source = if k % 2 == 0 { Source::Sun(to) } else { Source::Point(receiver + 4.0 * to) };
+        let source =
+            if k % 2 == 0 { LightSource::Sun(to) } else { LightSource::Point(receiver + 4.0 * to) };
         let expected = paths_by_newton(&pool, source, receiver);
         // On a rough mesh, triangles may face away from light that their normals let through.
         let found = paths(&pool.grid, &source, WATER, receiver);
@@ -283,7 +284,7 @@ fn walks_around_circles_find_a_path() {
         let p = DVec2::new(x, y);
         let grid = one_conic(|x| DVec3::new(-(x.y - p.y), x.x - p.x + delta, 1.0));
         let receiver = p.extend(-1.0);
-        let source = Source::Point(receiver + 3.0 * DVec3::Z);
+        let source = LightSource::Point(receiver + 3.0 * DVec3::Z);
         let path = walk(&grid, &source, WATER, receiver, p + 2.0, STEPS).expect("a path");
         let centre = p - 0.5 * delta * DVec2::X;
         let radius = path.position.truncate().distance(centre);
@@ -304,7 +305,7 @@ fn walks_stay_on_their_branch() {
         let s = random.range(0.1, 0.6);
         let grid = one_conic(|x| DVec3::new(e.x - s * (x.x - p.x), e.y + s * (x.y - p.y), 1.0));
         let receiver = p.extend(-1.0);
-        let source = Source::Point(receiver + 3.0 * DVec3::Z);
+        let source = LightSource::Point(receiver + 3.0 * DVec3::Z);
         let Some(path) = walk(&grid, &source, WATER, receiver, p + 2.0, STEPS) else { continue };
         let x = path.position.truncate() - p;
         let branch = (2.0 * s * x.x - e.x) * -e.x;
@@ -328,7 +329,7 @@ fn walks_from_a_vertex_agree() {
         let to = random.direction();
         let to = to.with_z(to.z.abs() + 2.0).normalize();
         let receiver = vertex - to;
-        let source = Source::Point(vertex + 2.0 * to);
+        let source = LightSource::Point(vertex + 2.0 * to);
         let found =
             [(0.1, 0.1), (0.1, -0.05), (0.05, -0.1), (-0.1, -0.1), (-0.05, 0.1), (-0.1, 0.05)].map(
                 |(x, y)| {
@@ -349,7 +350,7 @@ fn walks_from_a_vertex_agree() {
 fn walks_pass_total_reflection_and_terminate() {
     let pool = Pool::flat(16.0, 64);
     let receiver = DVec3::new(0.0, 0.0, -2.0);
-    let far = Source::Point(DVec3::new(30.0, 3.0, 3.0));
+    let far = LightSource::Point(DVec3::new(30.0, 3.0, 3.0));
     let begin = pool.straight(far, receiver);
     assert!(begin.length() / 2.0 > 48.76_f64.to_radians().tan(), "total reflection at {begin}");
     let path = pool.walk(far, receiver).expect("a path");
@@ -357,15 +358,16 @@ fn walks_pass_total_reflection_and_terminate() {
     assert_eq!(pool.walk_within(far, receiver, 10), None);
 
     let low = 5.0_f64.to_radians();
-    let sun = Source::Sun(DVec3::new(low.cos(), 0.0, low.sin()));
+    let sun = LightSource::Sun(DVec3::new(low.cos(), 0.0, low.sin()));
     // The straight ray misses the grid; from other starts the walk ends as well.
     assert_eq!(walk(&pool.grid, &sun, WATER, receiver, DVec2::new(77.7, 32.0), STEPS), None);
     for at in [DVec2::ZERO, DVec2::splat(64.0), DVec2::new(63.9, 0.3)] {
         walk(&pool.grid, &sun, WATER, receiver, at, STEPS);
     }
-    for below in
-        [Source::Point(DVec3::new(1.0, 0.2, -0.5)), Source::Sun(DVec3::new(0.6, 0.0, -0.8))]
-    {
+    for below in [
+        LightSource::Point(DVec3::new(1.0, 0.2, -0.5)),
+        LightSource::Sun(DVec3::new(0.6, 0.0, -0.8)),
+    ] {
         for at in [DVec2::splat(32.2), DVec2::new(34.3, 32.1)] {
             assert_eq!(walk(&pool.grid, &below, WATER, receiver, at, STEPS), None);
         }
@@ -374,7 +376,7 @@ fn walks_pass_total_reflection_and_terminate() {
     torn.grid.vertices[32 * 65 + 40] = None;
     torn.grid.vertices[33 * 65 + 40] = None;
     torn.grid.vertices[31 * 65 + 40] = None;
-    let lamp = Source::Point(DVec3::new(12.0, 0.0, 3.0));
+    let lamp = LightSource::Point(DVec3::new(12.0, 0.0, 3.0));
     assert!(pool.walk(lamp, receiver).is_some_and(|path| path.position.x < 2.5));
     let at = pool.cell(pool.straight(lamp, receiver));
     assert_eq!(walk(&torn.grid, &lamp, WATER, receiver, at, STEPS), None);
@@ -384,7 +386,7 @@ fn walks_pass_total_reflection_and_terminate() {
         normal: DVec3::new(0.6, 0.0, 0.8),
     });
     for depth in [1e-2, 1e-3, 1e-4] {
-        let lamp = Source::Point(DVec3::new(6.0, 0.1, depth));
+        let lamp = LightSource::Point(DVec3::new(6.0, 0.1, depth));
         let path = tilted.walk(lamp, DVec3::new(-2.0, 0.0, -depth));
         assert!(path.is_none_or(|path| path.magnification().is_finite()));
     }
@@ -435,16 +437,19 @@ fn spread_matches_finite_differences() {
         let to = random.direction();
         let to = to.with_z(to.z.abs() + 0.8).normalize();
         let sun = checked % 2 == 0;
-        let source = if sun { Source::Sun(to) } else { Source::Point(receiver + 4.0 * to) };
+        let source =
+            if sun { LightSource::Sun(to) } else { LightSource::Point(receiver + 4.0 * to) };
         let Some(path) = pool.walk(source, receiver) else { continue };
         let triangle = Tilted::at(&pool, path.position.truncate());
         let arrive = |d: DVec3| {
             let (m, n) = triangle.meet(receiver, d);
             let out = optics::refract(d, -n, 1.0 / WATER).expect("it leaves");
             match source {
-                Source::Sun(_) => out,
+                LightSource::Sun(_) => out,
                 // The point on the plane through the lamp, perpendicular to the path.
-                Source::Point(at) => m + (at - m).dot(path.to_light) / out.dot(path.to_light) * out,
+                LightSource::Point(at) => {
+                    m + (at - m).dot(path.to_light) / out.dot(path.to_light) * out
+                }
             }
         };
         let (u, v) = path.to_receiver.any_orthonormal_pair();
@@ -479,7 +484,7 @@ fn traced(pool: &Pool, towards: DVec3, path: &Path, receiver: DVec3) -> f64 {
 fn irradiance_under_waves_matches_traced_light() {
     let pool = wavy(3.0, 120);
     let towards = DVec3::new(0.3, 0.2, 1.0).normalize();
-    let source = Source::Sun(towards);
+    let source = LightSource::Sun(towards);
     let mut random = Random(11);
     const RECEIVERS: u32 = 150;
     // Depth; the minimum share of receivers with one path; the minimum share of the light that is
@@ -529,14 +534,14 @@ fn a_lens_conserves_light() {
                 let x = (DVec2::new(f64::from(i), f64::from(j)) + 0.5) * side - 0.5;
                 let receiver = x.extend(-depth);
                 let light = pool
-                    .walk(Source::Sun(DVec3::Z), receiver)
+                    .walk(LightSource::Sun(DVec3::Z), receiver)
                     .map_or(0.0, |path| path.irradiance(DVec3::ONE, DVec3::ZERO, DVec3::Z, 1e3).x);
                 received += light * side * side;
             }
         }
         assert_near(received / sent, 1.0, tolerance, "the share of the light that arrives");
     }
-    let spot = pool.walk(Source::Sun(DVec3::Z), DVec3::new(0.0, 0.0, -focus)).expect("a path");
+    let spot = pool.walk(LightSource::Sun(DVec3::Z), DVec3::new(0.0, 0.0, -focus)).expect("a path");
     let bright = spot.irradiance(DVec3::ONE, DVec3::ZERO, DVec3::Z, 30.0);
     assert!(bright.is_finite() && bright.x <= 30.0 && bright.x > 20.0, "{bright}");
 }
@@ -549,7 +554,7 @@ fn three_paths_exist_behind_a_focus() {
         (amplitude * (k * x.x).cos(), DVec2::new(-amplitude * k * (k * x.x).sin(), 0.0))
     });
     let receiver = DVec3::new(0.011, 0.007, -16.0);
-    let source = Source::Sun(DVec3::Z);
+    let source = LightSource::Sun(DVec3::Z);
     let near: Vec<_> = paths(&pool.grid, &source, WATER, receiver)
         .into_iter()
         .filter(|path| path.position.x.abs() < 1.0)
