@@ -193,8 +193,10 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
                 }
             }
             Aov::Caustics => {
-                for map in images.caustics.iter().flatten() {
-                    maps.push(caustics(gpu, map)?);
+                for (light, map) in (1..).zip(&images.caustics) {
+                    if let Some(map) = map {
+                        maps.push(caustics(gpu, map, light)?);
+                    }
                 }
             }
         }
@@ -221,11 +223,11 @@ pub fn read_radiance(gpu: &Gpu, images: &Images) -> Result<Part> {
     Ok(Part { name: String::new(), size, channels })
 }
 
-/// Reads the caustic map of one light back.
-fn caustics(gpu: &Gpu, map: &CausticMap) -> Result<Part> {
+/// Reads the caustic map of a light back. Lights are numbered from 1.
+fn caustics(gpu: &Gpu, map: &CausticMap, light: usize) -> Result<Part> {
     let size = map.view.size;
     let (irradiance, depth) = map.read(gpu)?;
-    let name = format!("caustics.{}", map.layer + 1);
+    let name = format!("caustics.{light}");
     let mut channels = Vec::new();
     for (i, color) in ["R", "G", "B"].into_iter().enumerate() {
         let values = irradiance.iter().map(|e| e[i]).collect();

@@ -172,24 +172,24 @@ fn ball_refracts_by_snells_law() {
             true => splats(&[], &[ball], 0.1),
             false => splats(&[ball], &[], 0.1),
         };
-        let shot = harness.render(&scene, &camera, &drawn, size);
-        shot.assert_finite();
+        let images = harness.render(&scene, &camera, &drawn, size);
+        images.assert_finite();
         let (mut pixels, mut long, mut total) = (0, 0, 0.0);
         let (mut longest, mut widest) = (0f64, 0f64);
-        for p in shot.pixels() {
+        for p in images.pixels() {
             let ray = view.through(p);
             if 1.0 - off_axis(&body, ray) < 2.0 * pixel {
                 continue;
             }
             let expected = through(&body, ray, DVec3::ZERO, compass_radiance).expect("covered");
-            let length = (shot.at("inside", p) - expected.inside).abs();
-            let off = (shot.radiance(p) - expected.radiance).abs().max_element();
+            let length = (images.at("inside", p) - expected.inside).abs();
+            let off = (images.radiance(p) - expected.radiance).abs().max_element();
             longest = longest.max(length);
             widest = widest.max(off);
             total += off;
             pixels += 1;
             long += u32::from(length > 1e-3);
-            assert_eq!(shot.at("interfaces", p), 2.0, "{p}");
+            assert_eq!(images.at("interfaces", p), 2.0, "{p}");
         }
         let mean = total / f64::from(pixels);
         println!(
@@ -198,7 +198,7 @@ fn ball_refracts_by_snells_law() {
         println!("    direction off by {widest:.2e}, on the average by {mean:.2e}");
         assert!(pixels > 5000 && long * 100 <= pixels, "{long} of {pixels}");
         assert!(widest < 0.06 && mean < 0.33 * pixel, "{widest}, {mean}");
-        assert!(shot.channel("failures").iter().all(|&n| n == 0.0));
+        assert!(images.channel("failures").iter().all(|&n| n == 0.0));
     }
 }
 
@@ -221,10 +221,10 @@ fn ray_at_half_the_radius() {
     scene.settings.refract.internal_bounces = 0;
     for solver in [Solver::Guarded, Solver::March] {
         scene.settings.refract.solver = solver;
-        let shot = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
-        let inside = shot.at("inside", MIDDLE);
+        let images = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+        let inside = images.at("inside", MIDDLE);
         // The radiance without the reflections encodes the direction of the transmitted ray.
-        let out = (shot.radiance(MIDDLE) - expected.reflected) / expected.weight - 1.0;
+        let out = (images.radiance(MIDDLE) - expected.reflected) / expected.weight - 1.0;
         let deviation = out.angle_between(DVec3::NEG_Z).to_degrees();
         println!("{solver:?}: chord {inside}, deviation {deviation}°, |out| {}", out.length());
         assert!((inside - 1.85329).abs() < 1e-4, "{inside}");
@@ -246,20 +246,20 @@ fn ball_absorbs_by_its_chord() {
     scene.liquid.absorption = Vec3::new(1.0, 0.3, 0.01);
     scene.settings.refract.internal_bounces = 0;
     let sigma = scene.liquid.absorption.as_dvec3();
-    let shot = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+    let images = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
     let middle = through(&body, view.through(MIDDLE), sigma, |_| DVec3::ONE).expect("a hit");
     let f = 1.0 - straight();
     assert!((middle.radiance.x - (f + (1.0 - f) * (-2f64).exp())).abs() < 1e-9);
     let mut worst = 0f64;
-    for p in shot.pixels() {
+    for p in images.pixels() {
         let ray = view.through(p);
         let Some(expected) = through(&body, ray, sigma, |_| DVec3::ONE) else { continue };
         if off_axis(&body, ray) < 0.9 {
-            worst = worst.max((shot.radiance(p) - expected.radiance).abs().max_element());
+            worst = worst.max((images.radiance(p) - expected.radiance).abs().max_element());
         }
     }
-    println!("middle {}, worst {worst:.2e}", shot.radiance(MIDDLE));
-    assert!((shot.radiance(MIDDLE) - middle.radiance).abs().max_element() < 1e-4);
+    println!("middle {}, worst {worst:.2e}", images.radiance(MIDDLE));
+    assert!((images.radiance(MIDDLE) - middle.radiance).abs().max_element() < 1e-4);
     assert!(worst < 1e-3, "{worst}");
 }
 
@@ -299,13 +299,13 @@ fn slab_displaces_rays_without_deviation() {
     for camera in at_the_slab() {
         let view = View::new(&camera, SIZE);
         let body = Ellipsoid::new(&view, &drawn.aggregates[0]);
-        let shot = harness.render(&scene, &camera, &drawn, SIZE);
+        let images = harness.render(&scene, &camera, &drawn, SIZE);
         let land = |from: DVec3, d: DVec3| {
             let (from, d) = (view.world_point(from), view.world_vector(d));
             from + (-1.0 - from.y) / d.y * d
         };
         let (mut compared, mut wrong, mut wrong_if_straight, mut beyond) = (0, 0, 0, 0);
-        for p in shot.pixels() {
+        for p in images.pixels() {
             let ray = view.through(p);
             let light = through(&body, ray, DVec3::ZERO, |_| DVec3::ZERO).expect("it is wide");
             assert!(light.out.angle_between(ray) < 1e-3, "the reference deviates");
@@ -321,12 +321,12 @@ fn slab_displaces_rays_without_deviation() {
             }
             let seen = if even(landed) { light.weight.x } else { 0.0 };
             compared += 1;
-            wrong += u32::from((shot.radiance(p).x - seen).abs() > 2e-3);
+            wrong += u32::from((images.radiance(p).x - seen).abs() > 2e-3);
             wrong_if_straight += u32::from(even(land(DVec3::ZERO, ray)) != even(landed));
         }
         let theta = camera.eye.z.atan2(camera.eye.y);
         let theta_t = (theta.sin() / ETA).asin();
-        let inside = shot.at("inside", MIDDLE);
+        let inside = images.at("inside", MIDDLE);
         println!("{wrong} of {compared} wrong, {wrong_if_straight} if straight, {beyond} beyond;");
         println!("    length {inside}");
         assert!((inside - 0.2 / theta_t.cos()).abs() < 1e-5, "{inside}");
@@ -360,18 +360,18 @@ fn balls_in_a_row_form_unions_of_intervals() {
     for solver in [Solver::Guarded, Solver::March] {
         scene.settings.refract.solver = solver;
         for (name, aggregates, splashes, interfaces, length) in cases {
-            let shot = harness.render(&scene, &camera, &splats(aggregates, splashes, 0.1), SIZE);
-            shot.assert_finite();
+            let images = harness.render(&scene, &camera, &splats(aggregates, splashes, 0.1), SIZE);
+            images.assert_finite();
             let transmitted = straight().powi(interfaces);
             println!(
                 "{solver:?}, {name}: {} interfaces, {} m, {}",
-                shot.at("interfaces", MIDDLE),
-                shot.at("inside", MIDDLE),
-                shot.at("radiance.R", MIDDLE)
+                images.at("interfaces", MIDDLE),
+                images.at("inside", MIDDLE),
+                images.at("radiance.R", MIDDLE)
             );
-            assert_eq!(shot.at("interfaces", MIDDLE), f64::from(interfaces), "{name}");
-            assert!((shot.at("inside", MIDDLE) - length).abs() < 1e-4, "{name}");
-            assert!((shot.at("radiance.R", MIDDLE) - transmitted).abs() < 1e-4, "{name}");
+            assert_eq!(images.at("interfaces", MIDDLE), f64::from(interfaces), "{name}");
+            assert!((images.at("inside", MIDDLE) - length).abs() < 1e-4, "{name}");
+            assert!((images.at("radiance.R", MIDDLE) - transmitted).abs() < 1e-4, "{name}");
         }
     }
     assert!((straight() - 0.97994).abs() < 1e-5);
@@ -386,13 +386,13 @@ fn interfaces_are_limited_to_the_requested_number() {
     let drawn = splats(&[sphere(Vec3::NEG_Z, 1.0)], &[sphere(Vec3::Z * 1.5, 0.5)], 0.1);
     for (asked, length) in [(1, 0.0), (2, 1.0), (3, 1.0), (4, 3.0), (8, 3.0)] {
         scene.settings.refract.interfaces = asked;
-        let shot = harness.render(&scene, &camera, &drawn, SIZE);
-        shot.assert_finite();
+        let images = harness.render(&scene, &camera, &drawn, SIZE);
+        images.assert_finite();
         let crossed = asked.min(4);
-        assert_eq!(shot.at("interfaces", MIDDLE), f64::from(crossed));
-        assert!((shot.at("inside", MIDDLE) - length).abs() < 1e-4, "{asked}");
+        assert_eq!(images.at("interfaces", MIDDLE), f64::from(crossed));
+        assert!((images.at("inside", MIDDLE) - length).abs() < 1e-4, "{asked}");
         let expected = straight().powi(crossed as i32);
-        assert!((shot.at("radiance.R", MIDDLE) - expected).abs() < 1e-4, "{asked}");
+        assert!((images.at("radiance.R", MIDDLE) - expected).abs() < 1e-4, "{asked}");
     }
 }
 
@@ -414,18 +414,18 @@ fn white_furnace() {
         for (bounces, interfaces) in [(4, 4), (0, 4), (8, 8), (4, 1)] {
             scene.settings.refract.internal_bounces = bounces;
             scene.settings.refract.interfaces = interfaces;
-            let shot = harness.render(&scene, &camera, drawn, SIZE);
-            shot.assert_finite();
-            let off = |p| (shot.radiance(p) - 1.0).abs().max_element();
-            let worst = shot.pixels().map(off).fold(0.0, f64::max);
+            let images = harness.render(&scene, &camera, drawn, SIZE);
+            images.assert_finite();
+            let off = |p| (images.radiance(p) - 1.0).abs().max_element();
+            let worst = images.pixels().map(off).fold(0.0, f64::max);
             println!("{bounces} bounces, {interfaces} interfaces: {worst:.2e}");
             assert!(worst < 1e-5, "{worst}");
         }
     }
     // Without emitters the picture is black.
     scene.environment = Environment::Constant(Vec3::ZERO);
-    let shot = harness.render(&scene, &above(), &cloud(&scene), SIZE);
-    assert!(shot.pixels().all(|p| shot.radiance(p) == DVec3::ZERO));
+    let images = harness.render(&scene, &above(), &cloud(&scene), SIZE);
+    assert!(images.pixels().all(|p| images.radiance(p) == DVec3::ZERO));
 }
 
 /// Radiance is η² times as large inside the liquid: an eye in it sees a white sky as η², also by total
@@ -440,11 +440,11 @@ fn eye_in_the_liquid_sees_scaled_radiance() {
     for (scaled, iterations) in [(true, 0), (true, 5), (false, 0)] {
         scene.settings.refract.radiance_scaling = scaled;
         scene.settings.smooth.iterations = iterations;
-        let shot = harness.render(&scene, &camera, &ball, SIZE);
-        shot.assert_finite();
+        let images = harness.render(&scene, &camera, &ball, SIZE);
+        images.assert_finite();
         let expected = if scaled { ETA * ETA } else { 1.0 };
-        let off = |p| (shot.radiance(p) - expected).abs().max_element();
-        let worst = shot.pixels().map(off).fold(0.0, f64::max);
+        let off = |p| (images.radiance(p) - expected).abs().max_element();
+        let worst = images.pixels().map(off).fold(0.0, f64::max);
         println!("scaled {scaled}, smoothed {iterations} times: {worst:.2e}");
         assert!(worst < 1e-5, "{worst}");
     }
@@ -460,15 +460,15 @@ fn smoothing_preserves_rays_that_start_inside() {
     let mut scene = scene();
     for iterations in [0, 5] {
         scene.settings.smooth.iterations = iterations;
-        let shot = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
-        shot.assert_finite();
+        let images = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+        images.assert_finite();
         let (mut started, mut wrong) = (0, Vec::new());
-        for p in shot.pixels() {
-            let inside = shot.at("depth.aggregate_front", p) == f64::from(0.104f32);
+        for p in images.pixels() {
+            let inside = images.at("depth.aggregate_front", p) == f64::from(0.104f32);
             let expected = if inside { ETA * ETA } else { 1.0 };
             started += u32::from(inside);
-            if (shot.radiance(p) - expected).abs().max_element() > 1e-4 {
-                wrong.push((p, shot.radiance(p).x, shot.at("smooth_depth.aggregate_front", p)));
+            if (images.radiance(p) - expected).abs().max_element() > 1e-4 {
+                wrong.push((p, images.radiance(p).x, images.at("smooth_depth.aggregate_front", p)));
             }
         }
         println!("smoothed {iterations} times: {} of {started} wrong", wrong.len());
@@ -503,7 +503,7 @@ fn contact_wets_solids() {
     let sky = f64::from(sky);
     for contact in [2.0, 1.0, 0.0] {
         scene.settings.refract.contact = contact;
-        let shot = harness.render(&scene, &camera, &splats(&[pool], &[], r), SIZE);
+        let images = harness.render(&scene, &camera, &splats(&[pool], &[], r), SIZE);
         for (i, color) in ["R", "G", "B"].into_iter().enumerate() {
             let sigma = f64::from(scene.liquid.absorption[i]);
             let absorbed = |length: f32| (-sigma * f64::from(length)).exp();
@@ -512,12 +512,12 @@ fn contact_wets_solids() {
             } else {
                 f * sky + t * absorbed(2.0 * half) * (f * sky + t)
             };
-            let found = shot.at(&format!("radiance.{color}"), MIDDLE);
+            let found = images.at(&format!("radiance.{color}"), MIDDLE);
             println!("contact {contact}, {color}: {found} of {expected}");
             assert!((found - expected).abs() < 1e-4, "contact {contact}: {found} not {expected}");
         }
         let inside = if contact > 1.5 { 2.0 * half + gap } else { 2.0 * half };
-        assert!((shot.at("inside", MIDDLE) - f64::from(inside)).abs() < 1e-4);
+        assert!((images.at("inside", MIDDLE) - f64::from(inside)).abs() < 1e-4);
     }
 }
 
@@ -535,24 +535,24 @@ fn solids_hide_liquid_and_end_rays() {
     for solver in [Solver::Guarded, Solver::March] {
         scene.settings.refract.solver = solver;
         scene.solids = vec![glowing(before, color)];
-        let shot = harness.render(&scene, &camera, &ball, SIZE);
-        shot.assert_finite();
-        assert_eq!(shot.radiance(MIDDLE), color.as_dvec3());
-        assert_eq!(shot.at("interfaces", MIDDLE), 0.0);
-        assert!(shot.at("interfaces", MIDDLE + UVec2::new(25, 0)) > 0.0);
+        let images = harness.render(&scene, &camera, &ball, SIZE);
+        images.assert_finite();
+        assert_eq!(images.radiance(MIDDLE), color.as_dvec3());
+        assert_eq!(images.at("interfaces", MIDDLE), 0.0);
+        assert!(images.at("interfaces", MIDDLE + UVec2::new(25, 0)) > 0.0);
 
         scene.solids = vec![glowing(cube, color)];
-        let shot = harness.render(&scene, &camera, &ball, SIZE);
-        shot.assert_finite();
+        let images = harness.render(&scene, &camera, &ball, SIZE);
+        images.assert_finite();
         let f = 1.0 - straight();
         let sigma = scene.liquid.absorption.as_dvec3();
         let absorbed = DVec3::from_array((-0.8 * sigma).to_array().map(f64::exp));
         let expected = f + (1.0 - f) / (ETA * ETA) * absorbed * color.as_dvec3();
-        let found = shot.radiance(MIDDLE);
+        let found = images.radiance(MIDDLE);
         println!("{solver:?}: submerged {found} of {expected}");
         assert!((found - expected).abs().max_element() < 1e-4, "{found}, not {expected}");
-        assert_eq!(shot.at("interfaces", MIDDLE), 1.0);
-        assert!((shot.at("inside", MIDDLE) - 0.8).abs() < 1e-4);
+        assert_eq!(images.at("interfaces", MIDDLE), 1.0);
+        assert!((images.at("inside", MIDDLE) - 0.8).abs() < 1e-4);
     }
 }
 
@@ -574,16 +574,16 @@ fn newton_is_finite_and_right_where_it_converges() {
     scene.environment = compass();
     scene.settings.refract.solver = Solver::Newton;
     scene.settings.refract.internal_bounces = 0;
-    let shot = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
-    shot.assert_finite();
-    assert!((shot.at("inside", MIDDLE) - 2.0).abs() < 1e-4);
+    let images = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+    images.assert_finite();
+    assert!((images.at("inside", MIDDLE) - 2.0).abs() < 1e-4);
     // Over the ball's inner half, where four iterations pass the 1-pixel test.
     let mut worst = 0f64;
-    for p in shot.pixels() {
+    for p in images.pixels() {
         let ray = view.through(p);
         if off_axis(&body, ray) < 0.5 {
             let expected = through(&body, ray, DVec3::ZERO, compass_radiance).expect("a hit");
-            worst = worst.max((shot.radiance(p) - expected.radiance).abs().max_element());
+            worst = worst.max((images.radiance(p) - expected.radiance).abs().max_element());
         }
     }
     println!("newton: worst {worst:.2e}");
@@ -604,9 +604,9 @@ fn guarded_agrees_with_march() {
         scene.settings.refract.internal_bounces = bounces;
         let [guarded, march] = [Solver::Guarded, Solver::March].map(|solver| {
             scene.settings.refract.solver = solver;
-            let shot = harness.render(&scene, &above(), drawn, SIZE);
-            shot.assert_finite();
-            shot
+            let images = harness.render(&scene, &above(), drawn, SIZE);
+            images.assert_finite();
+            images
         });
         let liquid = march.channel("interfaces").iter().filter(|&&n| n > 0.0).count() as f64;
         let difference = mean_difference(&guarded, &march) * f64::from(SIZE.x * SIZE.y) / liquid;
@@ -634,9 +634,9 @@ fn samples_converge_to_the_pixel_mean() {
         .collect();
     let [one, four, seven, sixteen] = [1, 4, 7, 16].map(|samples| {
         scene.settings.refract.samples = samples;
-        let shot = harness.render(&scene, &camera, &slab, SIZE);
-        shot.assert_finite();
-        let off = shot.pixels().zip(&means).map(|(p, mean)| (shot.radiance(p).x - mean).abs());
+        let images = harness.render(&scene, &camera, &slab, SIZE);
+        images.assert_finite();
+        let off = images.pixels().zip(&means).map(|(p, mean)| (images.radiance(p).x - mean).abs());
         off.sum::<f64>() / means.len() as f64
     });
     println!("off the mean, by samples: 1 {one:.4}, 4 {four:.4}, 7 {seven:.4}, 16 {sixteen:.4}");
@@ -663,8 +663,8 @@ fn background_edges_are_antialiased() {
         scene.settings.refract.edge_samples = edge_samples;
         harness.render(&scene, &camera, &none, SIZE)
     });
-    let off = |shot: &FrameImages| {
-        shot.pixels().map(|p| (shot.radiance(p).x - mean(p)).abs()).sum::<f64>()
+    let off = |images: &FrameImages| {
+        images.pixels().map(|p| (images.radiance(p).x - mean(p)).abs()).sum::<f64>()
     };
     println!("off the mean: {:.1} without, {:.1} with edge samples", off(&hard), off(&smooth));
     assert!(off(&smooth) < 0.15 * off(&hard));
@@ -730,9 +730,9 @@ fn random_clouds_are_finite() {
         let (aggregates, splashes) = drawn.split_at(60);
         let eye = 1.5 * noise_vector(&mut seed).as_dvec3();
         let camera = Camera { eye, ..above() };
-        let shot = harness.render(&scene, &camera, &splats(aggregates, splashes, 0.06), SIZE);
-        shot.assert_finite();
-        assert!(shot.pixels().all(|p| shot.radiance(p).min_element() >= 0.0));
+        let images = harness.render(&scene, &camera, &splats(aggregates, splashes, 0.06), SIZE);
+        images.assert_finite();
+        assert!(images.pixels().all(|p| images.radiance(p).min_element() >= 0.0));
     }
 }
 
@@ -749,8 +749,8 @@ fn chord_at_half_the_radius_absorbs() {
     scene.liquid.absorption = Vec3::ONE;
     scene.settings.refract.internal_bounces = 0;
     let clear = through(&body, view.through(MIDDLE), DVec3::ZERO, |_| DVec3::ZERO).expect("a hit");
-    let shot = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
-    let kept = shot.radiance(MIDDLE).x / clear.weight.x;
+    let images = harness.render(&scene, &camera, &splats(&[ball], &[], 0.1), SIZE);
+    let kept = images.radiance(MIDDLE).x / clear.weight.x;
     println!("kept {kept}");
     assert!((kept - 0.156_721).abs() < 2e-5, "{kept}");
 }
@@ -765,11 +765,11 @@ fn disc_without_thickness_absorbs_nothing() {
     let disc = ellipsoid(Vec3::ZERO, Vec3::new(1.0, 1.0, 1e-6), Quat::IDENTITY);
     for solver in [Solver::Guarded, Solver::March] {
         scene.settings.refract.solver = solver;
-        let shot = harness.render(&scene, &camera, &splats(&[disc], &[], 0.1), SIZE);
-        shot.assert_finite();
-        println!("{solver:?}: {}", shot.radiance(MIDDLE).x);
-        assert!((shot.radiance(MIDDLE).x - straight().powi(2)).abs() < 1e-3);
-        assert!(shot.at("inside", MIDDLE) < 1e-4);
+        let images = harness.render(&scene, &camera, &splats(&[disc], &[], 0.1), SIZE);
+        images.assert_finite();
+        println!("{solver:?}: {}", images.radiance(MIDDLE).x);
+        assert!((images.radiance(MIDDLE).x - straight().powi(2)).abs() < 1e-3);
+        assert!(images.at("inside", MIDDLE) < 1e-4);
     }
 }
 
@@ -794,9 +794,10 @@ fn second_drops_are_hit_for_all_classes() {
         let ((mut aggregates, mut splashes), (more, spray)) = (of(a, first), of(b, second));
         aggregates.extend(more);
         splashes.extend(spray);
-        let shot = harness.render(&scene, &camera, &splats(&aggregates, &splashes, 0.1), size);
-        shot.assert_finite();
-        let (interfaces, inside) = (shot.at("interfaces", size / 2), shot.at("inside", size / 2));
+        let images = harness.render(&scene, &camera, &splats(&aggregates, &splashes, 0.1), size);
+        images.assert_finite();
+        let (interfaces, inside) =
+            (images.at("interfaces", size / 2), images.at("inside", size / 2));
         println!("splash {a}, then {b}: {interfaces} interfaces, {inside} m");
         assert_eq!(interfaces, 4.0, "splash {a}, then {b}");
         // The normal of the first exit is that of a texel of R/80, so the ray misses the second centre by

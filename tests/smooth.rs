@@ -53,24 +53,29 @@ fn sheet(centre: Vec3, turn: Quat) -> Splat {
 }
 
 /// Largest change of a layer's depth, and its pixel.
-fn largest_change(shot: &FrameImages, side: &str, within: impl Fn(UVec2) -> bool) -> (f64, UVec2) {
+fn largest_change(
+    images: &FrameImages,
+    side: &str,
+    within: impl Fn(UVec2) -> bool,
+) -> (f64, UVec2) {
     let change = |p| {
-        let before = shot.at(&format!("depth.aggregate_{side}"), p);
-        let after = shot.at(&format!("smooth_depth.aggregate_{side}"), p);
+        let before = images.at(&format!("depth.aggregate_{side}"), p);
+        let after = images.at(&format!("smooth_depth.aggregate_{side}"), p);
         assert_eq!(before > 0.0, after > 0.0, "{side} at {p}: smoothing changed the outline");
         ((after - before).abs(), p)
     };
     let none = (0.0, UVec2::ZERO);
-    shot.pixels()
+    images
+        .pixels()
         .filter(|&p| within(p))
         .map(change)
         .fold(none, |a, b| if b.0 > a.0 { b } else { a })
 }
 
 fn draw(harness: &mut Harness, scene: &Scene, camera: &Camera, splats: &Splats) -> FrameImages {
-    let shot = harness.render(scene, camera, splats, SIZE);
-    shot.assert_finite();
-    shot
+    let images = harness.render(scene, camera, splats, SIZE);
+    images.assert_finite();
+    images
 }
 
 /// A plane is a fixed point up to the picture's borders, at any tilt, for both window units.
@@ -88,8 +93,8 @@ fn plane_is_a_fixed_point() {
         let turn = Quat::from_rotation_x(tilt.to_radians());
         let drawn = splats(&[sheet(turn * Vec3::NEG_Z * 0.5, turn)], &[], 0.05);
         for scene in [fitting(9, 5), fitting(3, 5), radii.clone()] {
-            let shot = draw(&mut harness, &scene, &camera, &drawn);
-            let (change, at) = largest_change(&shot, "front", |_| true);
+            let images = draw(&mut harness, &scene, &camera, &drawn);
+            let (change, at) = largest_change(&images, "front", |_| true);
             println!("{tilt}°: front moves by {change} at {at}");
             // The far parts of the tilted plane are 3 times as deep.
             assert!(change < tolerance * 3.0, "{tilt}°: {change} at {at}");
@@ -104,9 +109,9 @@ fn plane_seen_edge_on_is_kept() {
     let camera = on_axis(2.0, 1.0);
     let turn = Quat::from_rotation_x(89f32.to_radians());
     let drawn = splats(&[sheet(turn * Vec3::NEG_Z * 0.5, turn)], &[], 0.05);
-    let shot = draw(&mut harness, &fitting(9, 5), &camera, &drawn);
-    let covered = shot.channel("depth.aggregate_front").iter().filter(|&&z| z > 0.0).count();
-    let (change, at) = largest_change(&shot, "front", |_| true);
+    let images = draw(&mut harness, &fitting(9, 5), &camera, &drawn);
+    let covered = images.channel("depth.aggregate_front").iter().filter(|&&z| z > 0.0).count();
+    let (change, at) = largest_change(&images, "front", |_| true);
     println!("89°: moves by {change} at {at}, {covered} pixels");
     assert!(covered > 5000);
     assert!(change < 1e-4, "{change} at {at}");
@@ -122,16 +127,18 @@ fn sphere_recedes_by_the_closed_form() {
     let footprint = 20.0 * View::new(&camera, SIZE).footprint();
     let drawn = splats(&[sphere(Vec3::ZERO, 1.0)], &[], 1.0);
     for (taps, iterations) in [(3, 4), (5, 1), (5, 4), (9, 1), (9, 3)] {
-        let shot = draw(&mut harness, &fitting(taps, iterations), &camera, &drawn);
+        let images = draw(&mut harness, &fitting(taps, iterations), &camera, &drawn);
         let side = f64::from(taps);
         let per_iteration = (side * side - 1.0) * footprint * footprint / 12.0;
         for (side, sign) in [("front", 1.0), ("back", -1.0)] {
             let middle = || {
-                shot.pixels().filter(|p| p.as_ivec2().distance_squared((SIZE / 2).as_ivec2()) < 64)
+                images
+                    .pixels()
+                    .filter(|p| p.as_ivec2().distance_squared((SIZE / 2).as_ivec2()) < 64)
             };
             let moved = |p| {
-                shot.at(&format!("smooth_depth.aggregate_{side}"), p)
-                    - shot.at(&format!("depth.aggregate_{side}"), p)
+                images.at(&format!("smooth_depth.aggregate_{side}"), p)
+                    - images.at(&format!("depth.aggregate_{side}"), p)
             };
             let mean = sign * middle().map(moved).sum::<f64>() / middle().count() as f64;
             // The back is 22/20 as far away, and its footprint is as much wider.
@@ -152,12 +159,12 @@ fn gaps_stay_sharp() {
     let disc = ellipsoid(Vec3::new(0.1, 0.05, 0.0), Vec3::new(0.5, 0.5, 1e-4), Quat::IDENTITY);
     let behind = sheet(Vec3::NEG_Z * (0.5 + 20.0 * r), Quat::IDENTITY);
     for drawn in [splats(&[disc, behind], &[], r), splats(&[disc], &[], r)] {
-        let shot = draw(&mut harness, &fitting(9, 5), &camera, &drawn);
-        let (change, at) = largest_change(&shot, "front", |_| true);
+        let images = draw(&mut harness, &fitting(9, 5), &camera, &drawn);
+        let (change, at) = largest_change(&images, "front", |_| true);
         println!("across the gap: {change} at {at}");
         assert!(change < 1e-3 * f64::from(r), "{change} at {at}");
-        for p in shot.pixels().filter(|&p| shot.at("depth.aggregate_front", p) > 0.0) {
-            let normal = shot.normal("smooth_normal.aggregate_front", p);
+        for p in images.pixels().filter(|&p| images.at("depth.aggregate_front", p) > 0.0) {
+            let normal = images.normal("smooth_normal.aggregate_front", p);
             assert!((normal - DVec3::Z).length() < 0.02, "the normal at {p} is {normal}");
         }
     }
@@ -177,17 +184,17 @@ fn lone_pixel_is_unchanged() {
     for scene in scenes.as_flattened_mut() {
         scene.settings.smooth.unit =
             if scene.settings.smooth.taps == 5 { Unit::Radius } else { Unit::Pixel };
-        let shot = draw(&mut harness, scene, &camera, &drawn);
-        let covered = shot.channel("depth.aggregate_front").iter().filter(|&&z| z > 0.0).count();
+        let images = draw(&mut harness, scene, &camera, &drawn);
+        let covered = images.channel("depth.aggregate_front").iter().filter(|&&z| z > 0.0).count();
         assert_eq!(covered, 1);
         for side in ["front", "back"] {
             let name = format!("aggregate_{side}");
             assert_eq!(
-                shot.at(&format!("smooth_depth.{name}"), p),
-                shot.at(&format!("depth.{name}"), p)
+                images.at(&format!("smooth_depth.{name}"), p),
+                images.at(&format!("depth.{name}"), p)
             );
-            let turned = shot.normal(&format!("smooth_normal.{name}"), p)
-                - shot.normal(&format!("normal.{name}"), p);
+            let turned = images.normal(&format!("smooth_normal.{name}"), p)
+                - images.normal(&format!("normal.{name}"), p);
             assert!(turned.length() < 1e-6, "{side} turned by {turned}");
         }
     }
@@ -212,11 +219,12 @@ fn no_iterations_change_nothing() {
     let Some(mut harness) = harness() else { return };
     let camera = on_axis(3.0, 40.0);
     draw(&mut harness, &fitting(9, 5), &camera, &heap());
-    let shot = draw(&mut harness, &scene(), &camera, &heap());
+    let images = draw(&mut harness, &scene(), &camera, &heap());
     for image in ["depth", "normal"] {
-        for name in shot.channels.keys().filter(|name| name.starts_with(&format!("{image}.agg"))) {
+        for name in images.channels.keys().filter(|name| name.starts_with(&format!("{image}.agg")))
+        {
             let (splatted, smoothed) =
-                (shot.channel(name), shot.channel(&format!("smooth_{name}")));
+                (images.channel(name), images.channel(&format!("smooth_{name}")));
             let differ = splatted.iter().zip(smoothed).filter(|(a, b)| a != b).count();
             assert_eq!(differ, 0, "texels of smooth_{name} differ from {name}");
         }
@@ -249,12 +257,12 @@ fn smoothed_normals_fit_smoothed_depths() {
     let Some(mut harness) = harness() else { return };
     let camera = on_axis(3.0, 40.0);
     let view = View::new(&camera, SIZE);
-    let shot = draw(&mut harness, &fitting(9, 3), &camera, &heap());
+    let images = draw(&mut harness, &fitting(9, 3), &camera, &heap());
     for (side, away) in [("front", -1.0), ("back", 1.0)] {
-        let depth = |p: UVec2| shot.at(&format!("smooth_depth.aggregate_{side}"), p);
+        let depth = |p: UVec2| images.at(&format!("smooth_depth.aggregate_{side}"), p);
         let (mut compared, mut worst) = (0, (0f64, UVec2::ZERO));
-        for p in shot.pixels() {
-            let normal = shot.normal(&format!("smooth_normal.aggregate_{side}"), p);
+        for p in images.pixels() {
+            let normal = images.normal(&format!("smooth_normal.aggregate_{side}"), p);
             let covered = depth(p) > 0.0;
             assert!((normal.length() - f64::from(u8::from(covered))).abs() < 1e-6, "{p}: {normal}");
             // Outward: towards the eye on fronts.
@@ -296,9 +304,9 @@ fn constant_depth_is_a_fixed_point_of_every_filter() {
     let Some(mut harness) = harness() else { return };
     let drawn = splats(&[sheet(Vec3::NEG_Z * 0.5, Quat::IDENTITY)], &[], 0.05);
     for filter in FILTERS {
-        let shot = draw(&mut harness, &filtering(filter, 9, 5), &on_axis(2.0, 40.0), &drawn);
+        let images = draw(&mut harness, &filtering(filter, 9, 5), &on_axis(2.0, 40.0), &drawn);
         for side in ["front", "back"] {
-            let (change, at) = largest_change(&shot, side, |_| true);
+            let (change, at) = largest_change(&images, side, |_| true);
             println!("{filter:?}: {side} moves by {change} at {at}");
             assert!(change < 4e-6, "{filter:?}: {side} by {change} at {at}");
         }
@@ -321,8 +329,8 @@ fn averaged_depths_drift_on_slopes_and_warp_at_borders() {
         draw(&mut harness, &filtering(filter, taps as u32, 1), &on_axis(2.0, 40.0), &drawn)
     });
     let before = |y: i32| fit.at("depth.aggregate_front", UVec2::new(80, y as u32));
-    let moved = |shot: &FrameImages, y: i32| {
-        shot.at("smooth_depth.aggregate_front", UVec2::new(80, y as u32)) - before(y)
+    let moved = |images: &FrameImages, y: i32| {
+        images.at("smooth_depth.aggregate_front", UVec2::new(80, y as u32)) - before(y)
     };
     for y in [20, 60, 100] {
         let slope = 0.5 * (before(y + 1) - before(y - 1));
@@ -354,14 +362,14 @@ fn sphere_recedes_by_the_variance_of_the_window() {
     let drawn = splats(&[sphere(Vec3::ZERO, 1.0)], &[], 1.0);
     for filter in [Filter::Bilateral, Filter::NarrowRange] {
         for (taps, iterations) in [(5, 1), (5, 4), (9, 2)] {
-            let shot = draw(&mut harness, &filtering(filter, taps, iterations), &camera, &drawn);
+            let images = draw(&mut harness, &filtering(filter, taps, iterations), &camera, &drawn);
             for (side, sign, distance) in [("front", 1.0, 1.0), ("back", -1.0, 1.1f64)] {
                 let near_middle =
                     |p: &UVec2| p.as_ivec2().distance_squared((SIZE / 2).as_ivec2()) < 64;
-                let middle: Vec<_> = shot.pixels().filter(near_middle).collect();
+                let middle: Vec<_> = images.pixels().filter(near_middle).collect();
                 let moved = |&p: &UVec2| {
-                    shot.at(&format!("smooth_depth.aggregate_{side}"), p)
-                        - shot.at(&format!("depth.aggregate_{side}"), p)
+                    images.at(&format!("smooth_depth.aggregate_{side}"), p)
+                        - images.at(&format!("depth.aggregate_{side}"), p)
                 };
                 let mean = sign * middle.iter().map(moved).sum::<f64>() / middle.len() as f64;
                 let footprint = footprint * distance;
@@ -388,12 +396,12 @@ fn narrow_range_separates_surfaces_and_rounds_edges() {
     for (drawn, side, sign) in
         [(&apart, "front", 1.0), (&alone, "front", 1.0), (&alone, "back", -1.0)]
     {
-        let shot = draw(&mut harness, &scene, &on_axis(2.0, 40.0), drawn);
-        let before = |p| shot.at(&format!("depth.aggregate_{side}"), p);
+        let images = draw(&mut harness, &scene, &on_axis(2.0, 40.0), drawn);
+        let before = |p| images.at(&format!("depth.aggregate_{side}"), p);
         let on_disc = |p| before(p) > 0.0 && before(p) < 2.1;
         let mut rounded = 0;
-        for p in shot.pixels().filter(|&p| before(p) > 0.0) {
-            let moved = shot.at(&format!("smooth_depth.aggregate_{side}"), p) - before(p);
+        for p in images.pixels().filter(|&p| before(p) > 0.0) {
+            let moved = images.at(&format!("smooth_depth.aggregate_{side}"), p) - before(p);
             let (mut total, mut other, mut cut) = (0.0, 0.0, false);
             for (y, x) in (-4..=4).flat_map(|y| (-4..=4).map(move |x| (y, x))) {
                 let q = p.as_ivec2() + glam::IVec2::new(x, y);
@@ -416,8 +424,8 @@ fn narrow_range_separates_surfaces_and_rounds_edges() {
     }
     // Within δ they are one surface and mix.
     scene.settings.smooth.delta = 30.0;
-    let shot = draw(&mut harness, &scene, &on_axis(2.0, 40.0), &apart);
-    assert!(largest_change(&shot, "front", |_| true).0 > 0.3);
+    let images = draw(&mut harness, &scene, &on_axis(2.0, 40.0), &apart);
+    assert!(largest_change(&images, "front", |_| true).0 > 0.3);
 }
 
 /// Each iteration of each filter reduces the bumps that particles make on a plane.
@@ -435,12 +443,12 @@ fn bumps_decrease_with_every_iteration() {
     let drawn = splats(&bumps, &[], 0.05);
     for filter in FILTERS {
         let roughness = [0, 1, 2, 4, 8].map(|iterations| {
-            let shot =
+            let images =
                 draw(&mut harness, &filtering(filter, 5, iterations), &on_axis(2.0, 35.0), &drawn);
-            let depth = |p| shot.at("smooth_depth.aggregate_front", p);
+            let depth = |p| images.at("smooth_depth.aggregate_front", p);
             let inner =
                 |p: &UVec2| (16..SIZE.x - 16).contains(&p.x) && (16..SIZE.y - 16).contains(&p.y);
-            let inner: Vec<_> = shot.pixels().filter(inner).collect();
+            let inner: Vec<_> = images.pixels().filter(inner).collect();
             assert!(inner.iter().all(|&p| depth(p) > 0.0), "the bumps cover the picture");
             let n = inner.len() as f64;
             let mean = inner.iter().map(|&p| depth(p)).sum::<f64>() / n;
@@ -461,12 +469,12 @@ fn marks_of_rays_that_start_inside_are_kept() {
     let beside = sphere(Vec3::new(0.11, 0.0, 1.95), 0.1);
     let drawn = splats(&[beside, sheet(Vec3::NEG_Z * 0.5, Quat::IDENTITY)], &[], 0.05);
     for filter in FILTERS {
-        let shot = draw(&mut harness, &filtering(filter, 9, 5), &camera, &drawn);
+        let images = draw(&mut harness, &filtering(filter, 9, 5), &camera, &drawn);
         let near = f64::from(camera.near());
         let (mut marks, mut beyond) = (0, 0);
-        for p in shot.pixels() {
-            let before = shot.at("depth.aggregate_front", p);
-            let after = shot.at("smooth_depth.aggregate_front", p);
+        for p in images.pixels() {
+            let before = images.at("depth.aggregate_front", p);
+            let after = images.at("smooth_depth.aggregate_front", p);
             if before <= near {
                 assert_eq!(after, before, "{filter:?} at {p}");
                 marks += 1;
@@ -478,8 +486,8 @@ fn marks_of_rays_that_start_inside_are_kept() {
         println!("{filter:?}: {marks} marks, {beyond} beside them");
         assert!(marks > 100 && beyond > 100);
         // The sheet is too far from both to change.
-        let far = |p| shot.at("depth.aggregate_front", p) > 2.0;
-        let (change, at) = largest_change(&shot, "front", far);
+        let far = |p| images.at("depth.aggregate_front", p) > 2.0;
+        let (change, at) = largest_change(&images, "front", far);
         assert!(change < 1e-5, "{filter:?}: {change} at {at}");
     }
 }

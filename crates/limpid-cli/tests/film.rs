@@ -11,7 +11,7 @@ use glam::UVec2;
 use image::{AnimationDecoder as _, Rgb, RgbImage};
 use limpid::gpu::Gpu;
 use limpid_io::Error;
-use limpid_io::film::{Film, Kind};
+use limpid_io::film::{Film, FilmFormat};
 use tempfile::TempDir;
 
 const SIZE: UVec2 = UVec2::new(160, 120);
@@ -302,7 +302,9 @@ fn an_mp4_begins_with_its_index() {
 #[test]
 fn a_dropped_film_leaves_nothing() {
     for name in ["film.gif", "film.apng", "film.mp4", "film.webm"] {
-        if matches!(Kind::of(Path::new(name)), Some(Kind::Mp4 | Kind::Webm)) && !ffmpeg() {
+        if matches!(FilmFormat::of(Path::new(name)), Some(FilmFormat::Mp4 | FilmFormat::Webm))
+            && !ffmpeg()
+        {
             continue;
         }
         let folder = folder();

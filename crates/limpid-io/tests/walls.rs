@@ -92,8 +92,8 @@ fn planes_are_wetted_on_both_sides() {
     let camera = from(DVec3::new(1.5, 0.7, 0.6));
     let [a, b] = [Vec3::X, Vec3::NEG_X].map(|normal| {
         let (scene, splats) = block(plane(normal, f32::INFINITY));
-        let shot = harness.render(&scene, &camera, &splats, SIZE);
-        (splats, shot.picture)
+        let images = harness.render(&scene, &camera, &splats, SIZE);
+        (splats, images.picture)
     });
     assert_eq!(a.0.aggregates.len(), b.0.aggregates.len());
     let places = |splats: &Splats| splats.aggregates.iter().map(|s| s.centre).collect::<Vec<_>>();

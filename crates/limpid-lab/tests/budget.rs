@@ -100,9 +100,9 @@ fn coverage_matches_rendered_pixels() {
     let many = splats(&ellipsoids(40), &ellipsoids(5), 0.1);
     let camera = on_axis(4.0, 40.0);
     let counts = eye_counts(&scene(), &camera, &many, SIZE);
-    let shot = render(&gpu, &mut renderer, &scene(), &camera, &many, SIZE);
+    let images = render(&gpu, &mut renderer, &scene(), &camera, &many, SIZE);
     let drawn = |class: &str| {
-        let depths = shot.channel(&format!("depth.{class}_front"));
+        let depths = images.channel(&format!("depth.{class}_front"));
         depths.iter().filter(|&&depth| depth > 0.0).count() as f64
     };
     assert!(counts.aggregate_fragments > 1.1 * counts.aggregate_pixels);
@@ -118,8 +118,8 @@ fn coverage_matches_rendered_pixels() {
     let near = splats(&beside, &[], 0.1);
     let camera = Camera { near: Some(0.5), ..on_axis(4.0, 70.0) };
     let counts = eye_counts(&scene(), &camera, &near, SIZE);
-    let shot = render(&gpu, &mut renderer, &scene(), &camera, &near, SIZE);
-    let depths = shot.channel("depth.aggregate_front");
+    let images = render(&gpu, &mut renderer, &scene(), &camera, &near, SIZE);
+    let depths = images.channel("depth.aggregate_front");
     let drawn = depths.iter().filter(|&&depth| depth > 0.0).count() as f64;
     let cut = depths.iter().filter(|&&depth| depth > 0.0 && depth <= 0.50001).count() as f64;
     assert!(cut > 0.1 * drawn && drawn < 0.8 * counts.pixels, "{cut} of {drawn}");

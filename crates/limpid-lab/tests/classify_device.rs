@@ -392,8 +392,8 @@ fn picture(splats: &Splats) -> Option<RgbImage> {
     let mut harness = harness()?;
     let scene = Scene::around(DVec3::splat(-0.5), DVec3::splat(0.5), R);
     let camera = Camera { eye: DVec3::new(0.6, 0.8, 1.8), ..on_axis(0.0, 35.0) };
-    let shot = harness.render(&scene, &camera, splats, SIZE);
-    Some(DynamicImage::ImageRgba8(shot.picture).into_rgb8())
+    let images = harness.render(&scene, &camera, splats, SIZE);
+    Some(DynamicImage::ImageRgba8(images.picture).into_rgb8())
 }
 
 /// Pictures do not visibly depend on where their particles were classified.

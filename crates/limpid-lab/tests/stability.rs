@@ -114,9 +114,9 @@ fn tank(place: Place) -> (Scene, Camera, Splats) {
 
 fn draw(harness: &mut Harness, place: Place) -> FrameImages {
     let (scene, camera, splats) = tank(place);
-    let shot = harness.render(&scene, &camera, &splats, SIZE);
-    shot.assert_finite();
-    shot
+    let images = harness.render(&scene, &camera, &splats, SIZE);
+    images.assert_finite();
+    images
 }
 
 /// Mean FLIP, the largest difference of any 8-bit channel, and the share of pixels that differ by
@@ -398,18 +398,18 @@ fn drops_anywhere_match_the_tracer() {
     let (mut liquid, mut all_wrong) = (0, 0);
     for case in 0..24 {
         let (scene, camera, splats, truth) = stress(&mut seed);
-        let shot = harness.render(&scene, &camera, &splats, SIZE);
+        let images = harness.render(&scene, &camera, &splats, SIZE);
         let what = format!(
             "case {case}: scale {:.3}, {} from the origin, fov {:.1}, ior {:.4}",
             truth.tile, splats.origin, camera.fov_y, truth.ior
         );
-        shot.assert_finite();
+        images.assert_finite();
         let (mut compared, mut wrong, mut worst, mut background, mut stray) = (0, 0, 0f64, 0, 0);
-        for p in shot.pixels() {
+        for p in images.pixels() {
             let Some([least, most]) = truth.pixel(p) else { continue };
-            let found = shot.radiance(p);
+            let found = images.radiance(p);
             let off = (least - found).max(found - most).max_element();
-            if shot.at("interfaces", p) > 0.0 {
+            if images.at("interfaces", p) > 0.0 {
                 compared += 1;
                 wrong += u32::from(off > 3e-3);
                 worst = worst.max(off);
@@ -430,9 +430,9 @@ fn drops_anywhere_match_the_tracer() {
         let mut full = scene;
         full.settings = Settings::default();
         full.liquid.absorption = Vec3::splat(0.5 / truth.tile as f32);
-        let shot = harness.render(&full, &camera, &splats, SIZE);
-        shot.assert_finite();
-        assert!(shot.pixels().all(|p| shot.radiance(p).min_element() >= 0.0), "{what}");
+        let images = harness.render(&full, &camera, &splats, SIZE);
+        images.assert_finite();
+        assert!(images.pixels().all(|p| images.radiance(p).min_element() >= 0.0), "{what}");
     }
     println!("{all_wrong} of {liquid} wrong");
     assert!(all_wrong * 200 <= liquid, "{all_wrong} of {liquid}");
