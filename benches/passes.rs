@@ -141,7 +141,7 @@ impl Subject {
         let camera = project.camera_for(particles.bounds().unwrap_or_default());
         let scene = project.scene;
         let mut splats = classify::classify(&particles, radius, &scene.settings.classify);
-        classify::wet(&mut splats, &scene.solids, scene.settings.classify.wetting);
+        classify::add_wall_contacts(&mut splats, &scene.solids, scene.settings.classify.wetting);
         Ok(Self { name: "swell".into(), particles: particles.len(), scene, camera, splats })
     }
 }

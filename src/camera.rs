@@ -59,7 +59,7 @@ impl FromStr for Camera {
         let (mut eye, mut target, mut fov_y) = (None, None, None);
         let (mut up, mut near) = (Vec3::Y, None);
         for part in text.split_whitespace() {
-            let (key, value) = part.split_once('=').ok_or_else(|| usage("name=value expected"))?;
+            let (key, value) = part.split_once('=').ok_or_else(|| usage("expected name=value"))?;
             let numbers: Vec<&str> = value.split(',').collect();
             let problem = || usage(&format!("`{part}` is not what {key} takes"));
             match (key, numbers.as_slice()) {
@@ -71,7 +71,7 @@ impl FromStr for Camera {
                 ("eye" | "target" | "up" | "fov_y" | "near", _) => return Err(problem()),
                 _ => {
                     let known =
-                        "eye=X,Y,Z target=X,Y,Z fov_y=DEGREES up=X,Y,Z near=METRES expected";
+                        "expected eye=X,Y,Z target=X,Y,Z fov_y=DEGREES up=X,Y,Z near=METRES";
                     return Err(usage(&format!("there is no {key}; {known}")));
                 }
             }

@@ -61,7 +61,7 @@ pub enum Error {
     #[error("the graphics device failed ({0}); the frame may succeed if tried again")]
     DeviceLost(String),
     /// The system is out of memory; the same request may succeed once other memory is freed.
-    #[error("{what}: no memory: {mib} MiB more cannot be had; it may succeed if tried again")]
+    #[error("{what}: out of memory: {mib} MiB cannot be allocated; it may succeed if tried again")]
     Memory {
         /// Purpose of the allocation: a file, a picture, a frame's shapes.
         what: String,
@@ -69,7 +69,7 @@ pub enum Error {
         mib: u64,
     },
     /// A bug in limpid; standard error has the details.
-    #[error("{0}: a defect of limpid, which its authors would like to know of")]
+    #[error("{0}: this is a bug in limpid; please report it")]
     Defect(String),
 }
 

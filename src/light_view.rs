@@ -222,7 +222,7 @@ impl LightView {
     }
 
     /// Whether both views look along the same rays.
-    pub fn looks_as(&self, other: &Self) -> bool {
+    pub fn has_same_rays_as(&self, other: &Self) -> bool {
         let rotation = (self.view_from_world.z_axis - other.view_from_world.z_axis).length()
             + (self.view_from_world.x_axis - other.view_from_world.x_axis).length();
         self.orthographic == other.orthographic

@@ -14,7 +14,7 @@ use crate::passes::gbuffer::LightMaps;
 use crate::passes::mixture;
 use crate::passes::smooth;
 use crate::passes::tiles::Sections;
-use crate::passes::view_passes::{FrameInputs, ViewConfig, ViewPasses};
+use crate::passes::view_passes::{FrameInputs, PassNames, ViewConfig, ViewPasses};
 use crate::scene::{Light, Scene};
 use crate::settings::{self, Method};
 
@@ -95,7 +95,7 @@ impl Lights {
                 ViewConfig { size, splash, mixture, gbuffer, levels: 1, backs, culled, sections };
             surfaces.resize(gpu, config);
             let uniform = view.uniform(splats.origin);
-            surfaces.look_past_walls(gpu, scene, &uniform, view.origin, splats);
+            surfaces.remove_splats_behind_walls(gpu, scene, &uniform, view.origin, splats);
             surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);
             let map_settings = settings_of(placed, settings);
             let (camera, bound) = (&surfaces.camera, &surfaces.scene);
@@ -117,15 +117,7 @@ impl Lights {
         for (placed, passes) in self.views.iter().zip(&self.passes) {
             let Some(maps) = &self.maps else { return };
             let LightPasses { surfaces, caustics, .. } = passes;
-            let names = [
-                "light splat",
-                "light splashes",
-                "light mixture",
-                "light tiles",
-                "light smooth",
-                "light gbuffer",
-            ];
-            surfaces.record(gpu, commands, frame, timer, names);
+            surfaces.record(gpu, commands, frame, timer, PassNames::LIGHT);
             let map_settings = settings_of(placed, &scene.settings.caustics);
             let PlacedView { layer, corner, .. } = *placed;
             let light = &scene.lights[placed.light];
@@ -207,7 +199,7 @@ pub fn light_views(scene: &Scene, splats: &Splats) -> Vec<LightViews> {
         let map = view(bounds, level).or_else(|| view(core, level));
         let along = view(bounds, None);
         let straight = match (map, along) {
-            (Some(map), Some(along)) if map.looks_as(&along) => Vec::new(),
+            (Some(map), Some(along)) if map.has_same_rays_as(&along) => Vec::new(),
             (_, Some(along)) => vec![Some(along)],
             // The faces share a layer, three by two.
             (_, None) => {

@@ -17,7 +17,7 @@ use crate::passes::refract::{self, Refract, Variant};
 use crate::passes::smooth;
 use crate::passes::tiles::Sections;
 use crate::passes::tonemap::Tonemap;
-use crate::passes::view_passes::{FrameInputs, SplatSet, ViewConfig, ViewPasses};
+use crate::passes::view_passes::{FrameInputs, PassNames, SplatSet, ViewConfig, ViewPasses};
 use crate::passes::{GBufferImages, Layers, Radiance};
 use crate::scene::Scene;
 use crate::settings::Solids;
@@ -189,7 +189,13 @@ impl Renderer {
             self.lights.prepare(gpu, inputs, frame.config.culled)?;
         }
         if dirty.surfaces {
-            self.camera_view.look_past_walls(gpu, frame.scene, &frame.uniform, eye, frame.splats);
+            self.camera_view.remove_splats_behind_walls(
+                gpu,
+                frame.scene,
+                &frame.uniform,
+                eye,
+                frame.splats,
+            );
         }
         let (views, maps) = (self.lights.views(), self.lights.maps());
         self.camera_view.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
@@ -210,8 +216,7 @@ impl Renderer {
             self.lights.record(&self.gpu, commands, inputs, timer);
         }
         if dirty.surfaces {
-            let names = ["splat", "splat splashes", "mixture", "tiles", "smooth", "gbuffer"];
-            self.camera_view.record(&self.gpu, commands, inputs, timer, names);
+            self.camera_view.record(&self.gpu, commands, inputs, timer, PassNames::CAMERA);
         }
     }
 
@@ -309,7 +314,7 @@ impl<'a> Frame<'a> {
             gbuffer: screen_solids || diagnose,
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs: settings.refract.interfaces > 1 || diagnose || starts_inside,
-            culled: cull::pays(gpu, splats),
+            culled: cull::is_worthwhile(gpu, splats),
             sections: Sections::for_work(gpu, size, work),
         };
         Self {

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Mat3, Vec3};
 use limpid::liquid::Particles;
-use limpid::liquid::classify::{Cloud, Splat, Splats, classify, wet};
+use limpid::liquid::classify::{Cloud, Splat, Splats, add_wall_contacts, classify};
 use limpid::scene::{Shape, Solid, Surface};
 use limpid::settings::{Classify, Kernel};
 
@@ -207,7 +207,7 @@ fn far_splats_wet_solids() {
     let particles = Particles { origin, ..cloud(sheet) };
     let mut splats = classify(&particles, R, &Classify::default());
     let drawn = splats.aggregates.len();
-    wet(&mut splats, &[Solid { shape, surface, lit: false }], 2.0);
+    add_wall_contacts(&mut splats, &[Solid { shape, surface, lit: false }], 2.0);
     assert_eq!(splats.aggregates.len(), 2 * drawn, "each aggregate has a copy");
     for copy in &splats.aggregates[drawn..] {
         let height = place_of(&splats, copy).y - floor.y;

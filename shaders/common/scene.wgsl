@@ -79,10 +79,13 @@ fn scene_blocks(o: vec3f, d: vec3f, far: f32) -> bool {
     return nearest < min(far, NOTHING);
 }
 
+// A shape that no solid has.
+const NO_SHAPE = 31u;
+
 // The solid's shape, made to appear dependent on a point or direction. Otherwise a software adapter
 // turns a `select` on the shape into a branch on uniform memory.
 fn shape_of(solid: Solid, x: vec3f) -> u32 {
-    return select(solid.shape, 3u, x.x > 3e38);
+    return select(solid.shape, NO_SHAPE, x.x > 3e38);
 }
 
 fn has_shape(shape: u32) -> bool {

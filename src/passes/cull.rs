@@ -27,7 +27,7 @@ pub const LEAST: usize = 1 << 16;
 const LEAST_IN_SOFTWARE: usize = 1 << 14;
 
 /// Whether culling pays for a frame: enough splats are surrounded, and the device supports it.
-pub fn pays(gpu: &Gpu, splats: &Splats) -> bool {
+pub fn is_worthwhile(gpu: &Gpu, splats: &Splats) -> bool {
     let limits = gpu.device.limits();
     if limits.max_storage_buffers_per_shader_stage < 8
         || limits.max_compute_invocations_per_workgroup < BLOCK

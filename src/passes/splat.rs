@@ -42,7 +42,7 @@ impl Splat {
     }
 
     /// Creates another instance with the same pipelines and its own layers.
-    pub fn another(&self, gpu: &Gpu) -> Self {
+    pub fn with_own_layers(&self, gpu: &Gpu) -> Self {
         let (layers, depths) = create_layers(gpu, UVec2::ONE, 1, 1);
         Self { layers, depths, pipelines: self.pipelines.clone(), culled: None }
     }

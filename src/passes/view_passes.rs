@@ -88,8 +88,39 @@ pub struct ViewConfig {
     pub sections: Sections,
 }
 
-/// Names of the passes in the timings: splat, splashes, mixture, tiles, smooth, gbuffer.
-pub type Names = [&'static str; 6];
+/// The names of a view's passes in the timings.
+#[derive(Debug, Clone, Copy)]
+#[expect(missing_docs, reason = "each is the name of a pass")]
+pub struct PassNames {
+    pub splat: &'static str,
+    pub splashes: &'static str,
+    pub mixture: &'static str,
+    pub tiles: &'static str,
+    pub smooth: &'static str,
+    pub gbuffer: &'static str,
+}
+
+impl PassNames {
+    /// The names of the camera's passes.
+    pub const CAMERA: Self = Self {
+        splat: "splat",
+        splashes: "splat splashes",
+        mixture: "mixture",
+        tiles: "tiles",
+        smooth: "smooth",
+        gbuffer: "gbuffer",
+    };
+
+    /// The names of a light's passes.
+    pub const LIGHT: Self = Self {
+        splat: "light splat",
+        splashes: "light splashes",
+        mixture: "light mixture",
+        tiles: "light tiles",
+        smooth: "light smooth",
+        gbuffer: "light gbuffer",
+    };
+}
 
 impl ViewPasses {
     /// Compiles the passes for a perspective or an orthographic view.
@@ -97,7 +128,7 @@ impl ViewPasses {
         let camera = CameraBinding::new(gpu, orthographic);
         let scene = SceneBinding::new(gpu);
         let aggregate = Splat::new(gpu, &camera);
-        let splash = aggregate.another(gpu);
+        let splash = aggregate.with_own_layers(gpu);
         let mixture = Mixture::new(gpu, &camera);
         let tiles = Tiles::new(gpu);
         let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
@@ -148,7 +179,7 @@ impl ViewPasses {
 
     /// Uploads splats for this view alone, if some of the shared ones would show through a wall seen from
     /// behind.
-    pub fn look_past_walls(
+    pub fn remove_splats_behind_walls(
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
@@ -204,40 +235,40 @@ impl ViewPasses {
         commands: &mut Commands<'_>,
         frame: FrameInputs<'_>,
         timer: &mut Timer,
-        [splat, splashes, mixture, tiles, smooth, gbuffer]: Names,
+        names: PassNames,
     ) {
         let encoder = &mut commands.encoder;
         let camera = &self.camera;
         let liquid = self.own_splats.as_ref().unwrap_or(frame.splat_set);
         let backs = self.config.backs;
-        let (aggregates, span) = (&liquid.aggregates, timer.span(splat));
+        let (aggregates, span) = (&liquid.aggregates, timer.span(names.splat));
         if self.config.culled {
             self.aggregate.record_culled(gpu, encoder, camera, aggregates, backs, span);
         } else {
             self.aggregate.record(encoder, camera, aggregates, backs, span);
         }
         if self.config.splash {
-            let span = timer.span(splashes);
+            let span = timer.span(names.splashes);
             self.splash.record(encoder, camera, &liquid.splashes, backs, span);
         }
         if self.config.mixture {
             let classes = [&liquid.aggregates, &liquid.splashes];
-            self.mixture.record(encoder, camera, classes, timer.span(mixture));
+            self.mixture.record(encoder, camera, classes, timer.span(names.mixture));
         }
         self.tiles.record(
             gpu,
             encoder,
             &self.aggregate.layers,
             self.splash_layers(),
-            timer.span(tiles),
+            timer.span(names.tiles),
         );
         if self.smoothed {
             let lists = &self.tiles.lists;
-            self.smooth.record(gpu, commands, camera, lists, timer.span(smooth));
+            self.smooth.record(gpu, commands, camera, lists, timer.span(names.smooth));
         }
         if self.config.gbuffer {
             let encoder = &mut commands.encoder;
-            self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(gbuffer));
+            self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(names.gbuffer));
         }
     }
 

@@ -30,7 +30,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         [&args.reference, &args.test].into_iter().for_each(|path| files.reads(path));
         files.writes(path, FileKind::PICTURE)?;
         if PictureFormat::of(path)? == PictureFormat::Exr {
-            let problem = "differences are an 8-bit picture: .png, .jpg or .webp expected";
+            let problem = "differences are an 8-bit picture: expected .png, .jpg or .webp";
             return Err(limpid_io::Error::Usage(format!("{}: {problem}", path.display())).into());
         }
     }
@@ -59,5 +59,5 @@ fn describe(c: &compare::Comparison) -> String {
 
 fn parse_share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
-    share.ok_or_else(|| "0 to 1 expected".to_owned())
+    share.ok_or_else(|| "expected 0 to 1".to_owned())
 }

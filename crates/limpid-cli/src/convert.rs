@@ -44,7 +44,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let names = OutputNames::parse(&output, frames.len())?;
     // Fails for an unknown format before anything is read.
-    particles::lost(&Particles::default(), Path::new(&output))?;
+    particles::unsupported_attributes(&Particles::default(), Path::new(&output))?;
     if folder {
         output::check_folder(Path::new(&args.output))?;
         let error =
@@ -108,7 +108,10 @@ fn convert(
     particles.to_y_up(args.up);
     particles::write(&particles, path)?;
     let ignored = arrays.into_iter().filter(|array| array.used_as.is_none());
-    Ok((particles::lost(&particles, path)?, ignored.map(|array| array.name).collect()))
+    Ok((
+        particles::unsupported_attributes(&particles, path)?,
+        ignored.map(|array| array.name).collect(),
+    ))
 }
 
 /// Adds the names that are missing.

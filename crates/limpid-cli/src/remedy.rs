@@ -34,7 +34,7 @@ pub(crate) fn of_drawing(error: &limpid::Error) -> String {
 fn of_file(error: &Error) -> Option<String> {
     Some(match error {
         Error::TooLarge { .. } => "--max-unpacked MIB allows more".into(),
-        Error::MissingFrame { .. } => "--missing empty or hold goes on".into(),
+        Error::MissingFrame { .. } => "to continue: --missing empty or hold".into(),
         Error::NotBaked { scene } => format!("run: limpid bake {scene}"),
         Error::OtherBake { .. } => {
             "bake with --restart to replace them, or into another folder with -o".into()
@@ -57,9 +57,9 @@ pub(crate) fn of_notice(notice: &Notice) -> String {
     const VIEW: &str = "--camera moves the view, and a scene without [camera] fits it";
     let remedy = match notice {
         Notice::Gaps(_, Some(Missing::Error)) => "--missing hold or empty fills the gaps".into(),
-        Notice::Rate(_) => "--fps, or fps in the scene's [particles], says them".into(),
+        Notice::Rate(_) => "set them with --fps, or fps in the scene's [particles]".into(),
         Notice::MaybeRadius(array) if array.to_ascii_lowercase().contains("diam") => {
-            "--radius takes half of it".into()
+            "if so, pass half of it as --radius".into()
         }
         Notice::MaybeRadius(array) => format!("if it is the radius: --map radius={array}"),
         Notice::Opaque { absorption, .. } => {

@@ -27,6 +27,7 @@ use limpid::scene::Scene;
 use limpid::settings::Preset;
 use limpid_io::Error;
 use limpid_io::claim::Claims;
+use limpid_io::error::Category;
 use limpid_io::film;
 use limpid_io::frames::{FrameSpec, Shard};
 use limpid_io::input::{Loaded, Missing};
@@ -48,12 +49,6 @@ use queue::{Job, Queue};
 
 /// Exit code if some frames failed and others did not.
 const FAILED_CODE: u8 = 1;
-
-/// Exit code if no adapter can draw the frames.
-const NO_ADAPTER: u8 = 5;
-
-/// Exit code if the device failed.
-const RETRYABLE: u8 = 6;
 
 /// Number of consecutive failures of the device that ends the run.
 const DEVICE_FAILURES: u32 = 3;
@@ -220,7 +215,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     if queue.is_empty() {
         let existing = requested - log.failed.len();
-        console.line(&format!("{existing} of {requested} pictures are there already"));
+        console.line(&format!("{existing} of {requested} pictures already exist"));
         return Ok(exit_code(log.failed, requested));
     }
     log.bar.set_length(queue.len() as u64);
@@ -400,9 +395,9 @@ impl FrameLoop<'_> {
                 log.bar.inc(1);
             }
             Err(error) => {
-                let code = error.category() as u8;
-                self.failures = if code == RETRYABLE { self.failures + 1 } else { 0 };
-                log.keep_going &= code != NO_ADAPTER && self.failures != DEVICE_FAILURES;
+                let category = error.category();
+                self.failures = if category == Category::Temporary { self.failures + 1 } else { 0 };
+                log.keep_going &= category != Category::Device && self.failures != DEVICE_FAILURES;
                 log.fail(&job.shot, job.fingerprint, error)?;
             }
         }

@@ -6,9 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::time::{Duration, Instant};
 
-/// Exit code of failures that a retry may avoid.
 #[cfg(unix)]
-const RETRYABLE: i32 = 6;
+use limpid_io::error::Category;
 
 /// Signals within this time count as one: `timeout` and job schedulers send theirs to a process and to
 /// its group.
@@ -28,7 +27,11 @@ pub(super) fn listen() -> std::io::Result<()> {
         // Libraries and drivers abort if an allocation fails: the exit code is then that of any other
         // lack of memory. Without a memory limit (`ulimit -v`), an abort is a defect.
         let limited = Arc::new(AtomicBool::new(is_memory_limited()));
-        signal_hook::flag::register_conditional_shutdown(SIGABRT, RETRYABLE, limited)?;
+        signal_hook::flag::register_conditional_shutdown(
+            SIGABRT,
+            Category::Temporary as i32,
+            limited,
+        )?;
         // Writing beyond the limit on file sizes (`ulimit -f`) ends the process, unless the signal is
         // handled: then the write fails as on a full disk, and the unfinished file is removed.
         signal_hook::flag::register(SIGXFSZ, Arc::default())?;

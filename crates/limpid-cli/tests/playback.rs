@@ -428,7 +428,7 @@ fn slow_motion_and_gaps_on_the_command_line() {
         assert!(error.contains("expected a time in frames"), "{error}");
     }
     let error = render(&["--speed", "0"]).unwrap_err();
-    assert!(error.contains("--speed 0: 0.001 to 1000 expected"), "{error}");
+    assert!(error.contains("--speed 0: expected 0.001 to 1000"), "{error}");
     let error = render(&["--speed", "0.5", "--frames", "4,1"]).unwrap_err();
     assert!(error.contains("in order"), "{error}");
 }

@@ -132,7 +132,7 @@ impl CameraPath {
         for (number, Key { time, camera }) in (1..).zip(&self.keys) {
             let origin = format!("[[key]] {number}");
             if !time.is_finite() {
-                return fail(origin, format!("a time of {time} s; a finite one expected"));
+                return fail(origin, format!("a time of {time} s; expected a finite one"));
             }
             if *time <= before {
                 let problem = format!("{time} s does not come after the key before, {before} s");

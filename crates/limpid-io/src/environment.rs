@@ -71,7 +71,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Environment> {
         }
     }
     if let Some(c) = pixels.iter().flatten().find(|&&c| !is_radiance(Vec3::splat(c))) {
-        let problem = format!("the environment has a radiance of {c}: 0 to 1e12 expected");
+        let problem = format!("the environment has a radiance of {c}: expected 0 to 1e12");
         return Err(Error::format(path, problem));
     }
     Ok(Environment::Map { size, pixels })

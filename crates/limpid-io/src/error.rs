@@ -168,7 +168,7 @@ pub enum Error {
     #[error("no window: {0}")]
     Window(String),
     /// A thread that the system cannot start, or not with the required stack.
-    #[error("the system gives no more threads ({0})")]
+    #[error("the system cannot start another thread ({0})")]
     Threads(io::Error),
     /// An error of the renderer.
     #[error(transparent)]

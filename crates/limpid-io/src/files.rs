@@ -98,7 +98,7 @@ pub fn decode_picture<R: BufRead + Seek>(
 /// Those of `decode`, and [`Error::Format`].
 pub fn catch_panics<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(decode))
-        .unwrap_or_else(|_| Err(Error::format(path, "damaged: its decoder cannot go on")))
+        .unwrap_or_else(|_| Err(Error::format(path, "damaged: its decoder failed")))
 }
 
 /// As [`read`], for a picture. Of a large file in another format only the beginning is read.
@@ -121,7 +121,7 @@ fn check_palette(bytes: &[u8]) -> Result<(), String> {
     while let Some((&[a, b, c, d, ref name @ ..], after)) = rest.split_first_chunk::<8>() {
         let length = u32::from_be_bytes([a, b, c, d]) as usize;
         if name == b"PLTE" && !length.is_multiple_of(3) {
-            return Err(format!("a palette of {length} bytes; three for each colour expected"));
+            return Err(format!("a palette of {length} bytes; expected three for each colour"));
         }
         // The chunk's contents and checksum.
         rest = after.get(length.saturating_add(4)..).unwrap_or_default();
@@ -154,7 +154,7 @@ pub fn open(path: &Path) -> Result<(File, Metadata)> {
     let metadata = path.metadata().map_err(fail)?;
     if !metadata.is_file() {
         let kind = if metadata.is_dir() { "a folder" } else { "a pipe or device" };
-        return Err(fail(io::Error::other(format!("this is {kind}, a file expected"))));
+        return Err(fail(io::Error::other(format!("this is {kind}, expected a file"))));
     }
     let file = File::open(path).map_err(fail)?;
     Ok((file, metadata))
@@ -179,7 +179,7 @@ pub fn contents(
     let fail = |source| Error::io(path, "read", source);
     if metadata.len() > limit {
         let length = metadata.len();
-        let problem = format!("the file has {length} bytes, at most {limit} expected");
+        let problem = format!("the file has {length} bytes, expected at most {limit}");
         return Err(Error::format(path, problem));
     }
     let length = usize::try_from(metadata.len());

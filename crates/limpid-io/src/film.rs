@@ -59,7 +59,7 @@ pub fn shots(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Resu
     let count = match motion {
         Motion::Path(path) if numbers.len() == 1 => (path.duration() * fps + 1e-6).floor() + 1.0,
         Motion::Turntable(seconds) if !(*seconds > 0.0 && seconds.is_finite()) => {
-            let problem = "above 0 and finite expected";
+            let problem = "expected a finite number above 0";
             return Err(Error::Usage(format!("a turn of {seconds} seconds: {problem}")));
         }
         Motion::Turntable(seconds) if !numbers.is_empty() => (seconds * fps).round().max(1.0),
@@ -67,7 +67,7 @@ pub fn shots(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Resu
     };
     if count > MAX_SHOTS {
         return Err(Error::Usage(format!(
-            "{count:.0} pictures; fewer seconds or frames per second expected"
+            "{count:.0} pictures; expected fewer seconds or frames per second"
         )));
     }
     let count = count as usize;
@@ -94,7 +94,7 @@ pub fn check_fps(fps: f64) -> Result<()> {
     if (0.01..=1000.0).contains(&fps) {
         return Ok(());
     }
-    Err(Error::Usage(format!("{fps} frames per second: between 0.01 and 1000 expected")))
+    Err(Error::Usage(format!("{fps} frames per second: expected between 0.01 and 1000")))
 }
 
 /// The film formats.
@@ -177,7 +177,9 @@ impl Film {
                      viewers; write an .apng, or fewer than {fps}"
                 ));
             }
-            _ if size.min_element() == 0 => return usage(format!("{x}x{y} pixels are none")),
+            _ if size.min_element() == 0 => {
+                return usage(format!("{x}x{y} pixels: expected at least 1x1"));
+            }
             _ => {}
         }
         FileKind::FILM.check(path)?;

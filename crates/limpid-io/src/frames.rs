@@ -179,7 +179,7 @@ enum Order {
 impl Range {
     fn parse(part: &str) -> Result<Self> {
         let usage = |problem: &str| Error::Usage(format!("frames `{part}`: {problem}"));
-        let syntax = || usage("a number, a range `1-10`, steps `1-10x2`, or `1-10@b` expected");
+        let syntax = || usage("expected a number, a range `1-10`, steps `1-10x2`, or `1-10@b`");
         let (first, rest) = number(part).ok_or_else(syntax)?;
         if rest.is_empty() {
             return Ok(Self { first, last: first, order: Order::Step(1) });
@@ -195,7 +195,7 @@ impl Range {
         // A descending range may have a negative step; an ascending one may not.
         let step = if last < first { step.strip_prefix('-').unwrap_or(step) } else { step };
         let order = match step.parse() {
-            Ok(0) => return Err(usage("a step of 1 or more expected")),
+            Ok(0) => return Err(usage("expected a step of 1 or more")),
             Ok(1) if rest.starts_with('y') => return Err(usage("leaves out every frame")),
             Ok(step) if rest.starts_with('y') => Order::Between(step),
             Ok(step) => Order::Step(step),
@@ -264,7 +264,7 @@ impl Shard {
         if (1..=count).contains(&index) {
             return Ok(Self { index, count });
         }
-        Err(Error::Usage(format!("shard {index}/{count}: an index from 1 to the count expected")))
+        Err(Error::Usage(format!("shard {index}/{count}: expected an index from 1 to the count")))
     }
 
     /// The items of this shard, in order.
@@ -288,7 +288,7 @@ impl FromStr for Shard {
             Some((index.trim().parse().ok()?, count.trim().parse().ok()?))
         });
         let (index, count) = parts
-            .ok_or_else(|| Error::Usage(format!("shard `{text}`: `1/4` or the like expected")))?;
+            .ok_or_else(|| Error::Usage(format!("shard `{text}`: expected `1/4` or the like")))?;
         Self::new(index, count)
     }
 }

@@ -188,7 +188,7 @@ impl Input {
     /// [`Error::Usage`] unless the cube of the radius fits a 32-bit float.
     pub fn with_radius(mut self, radius: f32) -> Result<Self> {
         if !drawable(radius) {
-            let problem = format!("a particle radius of {radius}: 1e-12 to 1e12 m expected");
+            let problem = format!("a particle radius of {radius}: expected 1e-12 to 1e12 m");
             return Err(Error::Usage(problem));
         }
         for fluid in &mut self.fluids {
@@ -405,7 +405,7 @@ impl Input {
         let settings = &scene.settings.classify;
         let radius = self.fluids[0].radius_of(number, particles)?;
         let mut splats = self.classifier.classify(particles, radius, settings, self.processor)?;
-        classify::wet(&mut splats, &scene.solids, settings.wetting);
+        classify::add_wall_contacts(&mut splats, &scene.solids, settings.wetting);
         Ok(Loaded {
             number,
             particles: particles.len(),

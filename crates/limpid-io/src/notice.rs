@@ -68,8 +68,8 @@ impl fmt::Display for Notice {
                 "the sequence's frames per second are not known, {fps} assumed"
             ),
             Self::Unlit => f.write_str(
-                "[[light]] lights nothing: no [[solid]] has `lit = true`, and liquid shows no light \
-                 by itself",
+                "[[light]] has no effect: no [[solid]] has `lit = true`, and only lit solids show the \
+                 light",
             ),
             Self::Mesh(cells) => write!(
                 f,
@@ -94,7 +94,7 @@ impl fmt::Display for Notice {
                  blob of them and takes long: their places and their radius may be in different units"
             ),
             Self::Opaque { extent, .. } => {
-                write!(f, "the particles extend over {extent:.0} m, through which no light comes")
+                write!(f, "the particles extend over {extent:.0} m; at this size the liquid is opaque")
             }
             Self::Unseen(particles) => write!(
                 f,

@@ -67,7 +67,7 @@ impl Attribute {
     }
 
     /// The attribute for which simulators use this name, in any case.
-    fn called(name: &str) -> Option<Self> {
+    fn from_alias(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
             "velocity" | "velocities" | "vel" | "v" => Self::Velocity,
             "density" | "rho" | "rhop" => Self::Density,
@@ -184,7 +184,7 @@ pub fn write(particles: &Particles, path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Format`] for a format that limpid does not write.
-pub fn lost(particles: &Particles, path: &Path) -> Result<Vec<&'static str>> {
+pub fn unsupported_attributes(particles: &Particles, path: &Path) -> Result<Vec<&'static str>> {
     let (format, _) = writable(path)?;
     let names = attributes(particles).into_iter().map(|(name, _)| name);
     let mut lost: Vec<_> = names.filter(|name| !format.holds.contains(name)).collect();

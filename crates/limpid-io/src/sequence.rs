@@ -192,7 +192,7 @@ impl<'a> Pattern<'a> {
         let (prefix, rest) = name.split_at(at);
         let (_, suffix) = rest.split_at(length);
         if placeholder(suffix).is_some() {
-            let problem = "the file name has two places for a number, one expected".into();
+            let problem = "the file name has two places for a number, expected one".into();
             return Err(Error::Sequence { pattern: input.into(), problem });
         }
         Ok(Some(Self { folder, prefix, suffix, width }))

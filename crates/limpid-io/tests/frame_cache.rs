@@ -196,7 +196,7 @@ fn a_panic_while_loading_is_an_error() {
         assert!(i != 1, "planted");
         Ok(frame(i, 1))
     });
-    assert!(cache.wait(1).unwrap_err().to_string().contains("a defect of limpid"));
+    assert!(cache.wait(1).unwrap_err().to_string().contains("a bug in limpid"));
     assert_eq!(cache.wait(2).unwrap().number, 2, "the worker continues");
 }
 

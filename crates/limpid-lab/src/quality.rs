@@ -104,7 +104,7 @@ impl Curve {
             let best = all.iter().min_by(exact).map_or(String::new(), |best| {
                 format!("; the least is {} ({})", best.error_px, best.set.join(" "))
             });
-            let problem = format!("max_error {max_error}: no intersector is so exact{best}");
+            let problem = format!("max_error {max_error}: no intersector is that accurate{best}");
             return Err(Error::Usage(problem));
         }
         Ok(exact_enough)

@@ -193,7 +193,7 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
         }
     }
     if all && !options.quick || asked(RowKind::Elision) {
-        progress("what is left out");
+        progress("skipped work");
         let (_, project, loaded) = subjects::load("demo")?;
         let scene = project.scene.clone();
         let (camera, splats) = (project.camera_for(loaded.bulk.bounds), loaded.splats);

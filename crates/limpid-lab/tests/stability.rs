@@ -13,7 +13,7 @@ use glam::{DVec2, DVec3, UVec2, Vec3};
 use image::buffer::ConvertBuffer;
 use limpid::camera::Camera;
 use limpid::environment::Environment;
-use limpid::liquid::classify::{Splats, classify, wet};
+use limpid::liquid::classify::{Splats, add_wall_contacts, classify};
 use limpid::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::{Reflections, Settings};
 use limpid_lab::compare::compare;
@@ -107,7 +107,7 @@ fn tank(place: Place) -> (Scene, Camera, Splats) {
         near: None,
     };
     let mut splats = classify(&particles, place.length(0.025), &scene.settings.classify);
-    wet(&mut splats, &scene.solids, scene.settings.classify.wetting);
+    add_wall_contacts(&mut splats, &scene.solids, scene.settings.classify.wetting);
     assert!(splats.aggregates.len() > 500 && splats.splashes.len() > 10);
     (scene, camera, splats)
 }

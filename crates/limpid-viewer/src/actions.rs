@@ -20,7 +20,7 @@ impl Viewer {
         }
     }
 
-    pub(crate) fn take_keys(&mut self, ctx: &egui::Context) {
+    pub(crate) fn handle_keys(&mut self, ctx: &egui::Context) {
         // The user may be typing a number or a path.
         if self.interface.dialog.is_some() || ctx.text_edit_focused() {
             return;
@@ -92,7 +92,7 @@ impl Viewer {
             Action::Copy => {
                 if let Some(command) = self.command_line("limpid.png") {
                     ctx.copy_text(command.clone());
-                    self.say(format!("copied: {command}"));
+                    self.show_info(format!("copied: {command}"));
                 }
             }
         }

@@ -117,7 +117,7 @@ impl Viewer {
         });
     }
 
-    pub(crate) fn take_opened(&mut self, number: u64, document: Result<Document>) {
+    pub(crate) fn handle_opened(&mut self, number: u64, document: Result<Document>) {
         let Some(opening) = self.opened.opening.as_mut().filter(|opening| opening.number == number)
         else {
             return;
@@ -137,7 +137,7 @@ impl Viewer {
     }
 
     /// The opening with this number, unless it has been dropped.
-    pub(crate) fn numbered(&mut self, number: u64) -> Option<&mut Opening> {
+    pub(crate) fn opening_mut(&mut self, number: u64) -> Option<&mut Opening> {
         let all = [&mut self.opened.opening, &mut self.opened.before];
         all.into_iter().flatten().find(|opening| opening.number == number)
     }
@@ -146,7 +146,7 @@ impl Viewer {
     pub(crate) fn take_progress(&mut self, number: u64, progress: Progress) {
         let known =
             self.opened.document.as_ref().map_or(0, |open| open.input.sequence.frames.len());
-        let Some(opening) = self.numbered(number) else {
+        let Some(opening) = self.opening_mut(number) else {
             return;
         };
         let ended = progress.done == progress.frames;
@@ -166,7 +166,7 @@ impl Viewer {
 
     /// Searches for new frames on a thread.
     fn grow(&mut self, number: u64) {
-        let Some(opening) = self.numbered(number) else { return };
+        let Some(opening) = self.opening_mut(number) else { return };
         (opening.growing, opening.again) = (true, false);
         let (source, post) = (opening.source.clone(), self.jobs.post.clone());
         std::thread::spawn(move || {
@@ -175,8 +175,8 @@ impl Viewer {
     }
 
     /// Replaces the document by one with more frames; all other state stays.
-    pub(crate) fn take_grown(&mut self, number: u64, document: Result<Document>) {
-        let Some(opening) = self.numbered(number) else {
+    pub(crate) fn handle_grown(&mut self, number: u64, document: Result<Document>) {
+        let Some(opening) = self.opening_mut(number) else {
             return;
         };
         opening.growing = false;

@@ -123,7 +123,7 @@ impl Viewer {
         self.eye.path.keys.retain(|key| key.time != time);
         self.eye.path.keys.push(Key { time, camera: self.eye.camera });
         self.order_keys(false);
-        self.say(format!("key {} at {time:.2} s", self.eye.path.keys.len()));
+        self.show_info(format!("key {} at {time:.2} s", self.eye.path.keys.len()));
     }
 
     fn go_to(&mut self, key: Key) {

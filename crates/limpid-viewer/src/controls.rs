@@ -52,7 +52,7 @@ pub const PASSES: [(&str, &str); 5] = [
     ("classify", "Particles to splats"),
     ("smooth", "Smoothing of the surface"),
     ("refract", "Light through the liquid"),
-    ("caustics", "Light from the lights"),
+    ("caustics", "Caustics"),
     ("tonemap", "Radiance to picture"),
 ];
 

@@ -138,7 +138,7 @@ impl Viewer {
             }
             ui.add_space(8.0);
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let word = if purpose.saves() { "Save" } else { "Open it" };
+                let word = if purpose.saves() { "Save" } else { "Open" };
                 done |= ui.add_enabled(!dialog.path.is_empty(), egui::Button::new(word)).clicked();
                 cancelled = ui.button("Cancel").clicked();
             });
@@ -197,7 +197,7 @@ impl Viewer {
         self.interface.browsing = false;
         match (path, &mut self.interface.dialog) {
             (Some(path), Some(dialog)) => dialog.path = path.to_string_lossy().into_owned(),
-            (None, _) if waited < MIN_DIALOG_TIME => self.say(
+            (None, _) if waited < MIN_DIALOG_TIME => self.show_info(
                 "this system shows no file dialogs (no desktop portal): type the path, or drop \
                  the file on the window"
                     .into(),

@@ -22,7 +22,7 @@ struct Key {
 }
 
 /// Drops a possibly large value on a thread, because that can take too long for the interface.
-pub(crate) fn let_go(what: impl Send + 'static) {
+pub(crate) fn drop_in_background(what: impl Send + 'static) {
     std::thread::spawn(move || drop(what));
 }
 
@@ -45,7 +45,7 @@ impl Frames {
 
     /// Drops all caches.
     pub(crate) fn clear(&mut self) {
-        let_go(std::mem::take(&mut self.caches));
+        drop_in_background(std::mem::take(&mut self.caches));
     }
 
     /// Ensures that there is a cache for each of `scenes`, and no other.
@@ -99,7 +99,7 @@ impl Frames {
             let cache = FrameCache::new(key.count, budget, workers, load, move |_| ready());
             self.caches.push((key, cache));
         }
-        let_go(old);
+        drop_in_background(old);
     }
 
     /// Sets the position and direction of playback in all caches.
@@ -120,7 +120,7 @@ impl Frames {
     }
 
     /// Whether all caches have a frame time, loaded or failed.
-    pub(crate) fn have(&self, i: usize) -> bool {
+    pub(crate) fn is_ready(&self, i: usize) -> bool {
         !self.caches.is_empty() && self.caches.iter().all(|(_, cache)| cache.get(i).is_some())
     }
 

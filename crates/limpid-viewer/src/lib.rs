@@ -57,7 +57,7 @@ use limpid_io::shared_classifier::SharedClassifier;
 use adaptive_resolution::{AdaptiveResolution, Level};
 use document::{Document, Source};
 use draw_thread::DrawThread;
-use frames::{Frames, let_go};
+use frames::{Frames, drop_in_background};
 use log::Log;
 use messages::{Message, Post};
 use playback::{Playback, Speed};
@@ -279,9 +279,9 @@ impl Viewer {
             style::apply(&ctx);
             ctx.set_theme(if self.interface.dark { egui::Theme::Dark } else { egui::Theme::Light });
         }
-        self.take_news();
+        self.handle_messages();
         self.take_files(&ctx);
-        self.take_keys(&ctx);
+        self.handle_keys(&ctx);
         self.play(&ctx);
 
         let open = self.opened.document.is_some();
@@ -291,7 +291,7 @@ impl Viewer {
         if self.interface.panels && open {
             self.side_panel(ui);
         }
-        self.stage(ui);
+        self.show_viewport(ui);
         self.help_window(&ctx);
         self.show_dialog(&ctx);
 
@@ -299,17 +299,17 @@ impl Viewer {
         self.ask(&ctx);
         self.compare_with_truth();
         let again = ctx.has_requested_repaint();
-        self.jobs.log.worked(begun, again);
+        self.jobs.log.record_frame(begun, again);
     }
 
     /// Prepares for another window, where nothing has been drawn yet; the last one failed for `reason`.
-    fn moved(&mut self, reason: &str) {
+    fn reset_for_new_window(&mut self, reason: &str) {
         self.jobs.post.leave();
         for side in &mut self.editing.sides {
             side.picture = Default::default();
         }
         self.picture.subject = None;
-        self.lose(reason);
+        self.handle_lost_device(reason);
     }
 
     pub(crate) fn opened(&mut self, document: Document) {
@@ -334,7 +334,7 @@ impl Viewer {
         self.opened.frames.processor = document.project.processor;
         self.editing.edited = 0;
         for side in std::mem::take(&mut self.editing.sides) {
-            let_go(side.loaded);
+            drop_in_background(side.loaded);
         }
         self.eye.camera = document.project.camera_for(Default::default());
         self.eye.path = CameraPath::default();
@@ -363,7 +363,7 @@ impl Viewer {
             .any(|opening| opening.progress.is_some() || opening.growing || opening.pending);
         if self.playback.count() > 1 {
             let (frames, caught_up) = (&self.opened.frames, self.is_caught_up());
-            self.playback.advance(passed, |i| caught_up && frames.have(i));
+            self.playback.advance(passed, |i| caught_up && frames.is_ready(i));
             // If it waits for a frame, the message of its arrival wakes the interface.
             ctx.request_repaint_after(self.playback.remaining());
         } else if self.eye.follow {

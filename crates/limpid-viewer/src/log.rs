@@ -57,7 +57,7 @@ impl Log {
     }
 
     /// Records the interface's work since `begun`; `again` if it requests another frame at once.
-    pub(crate) fn worked(&mut self, begun: Instant, again: bool) {
+    pub(crate) fn record_frame(&mut self, begun: Instant, again: bool) {
         let gap = self.pending.map_or(Duration::ZERO, |ended| begun.duration_since(ended));
         for (i, time) in [begun.elapsed(), gap].into_iter().enumerate() {
             self.longest[i] = self.longest[i].max(time);

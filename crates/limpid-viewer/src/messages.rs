@@ -75,19 +75,19 @@ impl Post {
 }
 
 impl Viewer {
-    pub(crate) fn take_news(&mut self) {
+    pub(crate) fn handle_messages(&mut self) {
         while let Ok(message) = self.jobs.messages.try_recv() {
             match message {
-                Message::Opened(number, document) => self.take_opened(number, *document),
+                Message::Opened(number, document) => self.handle_opened(number, *document),
                 Message::Baked(number, progress) => self.take_progress(number, progress),
                 Message::NotBaked(number, error) => {
-                    if let Some(opening) = self.numbered(number) {
+                    if let Some(opening) = self.opening_mut(number) {
                         opening.progress = None;
                         self.fail(&error);
                     }
                 }
-                Message::Grown(number, document) => self.take_grown(number, *document),
-                Message::Drawing(answer) => self.take_answer(answer),
+                Message::Grown(number, document) => self.handle_grown(number, *document),
+                Message::Drawing(answer) => self.handle_answer(answer),
                 // Each frame queries the cache anyway.
                 Message::Loaded => {}
                 Message::Chosen(path, waited) => self.chosen(path, waited),
@@ -95,7 +95,7 @@ impl Viewer {
                 Message::Saved(saved) => self.take_saved(saved),
                 Message::Path(path, loaded) => match loaded {
                     Ok(keys) => {
-                        self.say(format!("{} keys from {}", keys.keys.len(), path.display()));
+                        self.show_info(format!("{} keys from {}", keys.keys.len(), path.display()));
                         self.eye.path = keys;
                     }
                     Err(error) => self.fail(&error),
@@ -104,14 +104,14 @@ impl Viewer {
         }
     }
 
-    fn take_answer(&mut self, answer: Answer) {
+    fn handle_answer(&mut self, answer: Answer) {
         match answer {
             Answer::Adapter(name) => {
                 self.jobs.log.event("adapter", json!({ "name": name }));
                 self.jobs.adapter = Some(name);
                 self.picture.fresh_device = true;
             }
-            Answer::Lost(reason) => self.lose(&reason),
+            Answer::Lost(reason) => self.handle_lost_device(&reason),
             Answer::Drawn(drawn) => self.show(drawn),
             Answer::NotDrawn(number, error) => {
                 self.picture.answered = self.picture.answered.max(number);
@@ -130,7 +130,7 @@ impl Viewer {
     }
 
     /// Reports a lost device; another one takes over.
-    pub(crate) fn lose(&mut self, reason: &str) {
+    pub(crate) fn handle_lost_device(&mut self, reason: &str) {
         self.jobs.log.event("lost", json!({ "reason": reason }));
         let text = format!("the graphics device failed ({reason}); another one takes over");
         self.notice(text, true);
@@ -140,7 +140,7 @@ impl Viewer {
         match saved {
             Ok(path) => {
                 self.jobs.log.event("saved", json!({ "path": path }));
-                self.say(format!("saved {}", path.display()));
+                self.show_info(format!("saved {}", path.display()));
             }
             Err(error) => self.fail(&error),
         }
@@ -152,7 +152,7 @@ impl Viewer {
         self.notice(text, true);
     }
 
-    pub(crate) fn say(&mut self, text: String) {
+    pub(crate) fn show_info(&mut self, text: String) {
         self.jobs.log.event("said", json!({ "text": text }));
         self.notice(text, false);
     }

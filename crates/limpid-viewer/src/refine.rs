@@ -10,7 +10,7 @@ use glam::UVec2;
 use crate::adaptive_resolution::Level;
 use crate::command_line::command_line;
 use crate::draw_thread::{Job, Pane, Request};
-use crate::frames::let_go;
+use crate::frames::drop_in_background;
 use crate::messages::Message;
 use crate::viewport::Picture;
 use crate::views::View;
@@ -105,7 +105,7 @@ impl Viewer {
                     (side.at, side.fits) = (Some(index), fits);
                     let old = side.loaded.replace(loaded);
                     if let Some(last) = old.filter(|old| Arc::strong_count(old) == 1) {
-                        let_go(last);
+                        drop_in_background(last);
                     }
                 }
                 Some((Err(error), _)) => {
@@ -120,19 +120,19 @@ impl Viewer {
             }
         }
         if let Some((loaded, side)) = first {
-            self.say_notices(&loaded, side);
+            self.show_notices(&loaded, side);
         }
     }
 
     /// Shows the notices on the first frame of the document.
-    fn say_notices(&mut self, loaded: &Loaded, side: usize) {
+    fn show_notices(&mut self, loaded: &Loaded, side: usize) {
         let Some(document) = &self.opened.document else { return };
         let scene = &self.editing.scenes[side];
         let mut notices = notice::of_frame(loaded, scene);
         notices.extend(notice::of_scene(scene));
         notices.extend(notice::of_sequence(&document.input));
         for notice in notices {
-            self.say(notice.to_string());
+            self.show_info(notice.to_string());
         }
     }
 

@@ -72,6 +72,13 @@ pub struct Shortcut {
     pub help: &'static str,
 }
 
+impl Shortcut {
+    /// The help text with the key.
+    pub(crate) fn tooltip(&self) -> String {
+        format!("{} ({})", self.help, self.shown)
+    }
+}
+
 const fn plain(action: Action, key: Key, shown: &'static str, help: &'static str) -> Shortcut {
     Shortcut { action, key, command: false, shown, help }
 }
@@ -88,10 +95,10 @@ const fn with_command(
 /// All shortcuts, in display order.
 pub const SHORTCUTS: [Shortcut; 25] = [
     plain(Action::Play, Key::Space, "Space", "play or pause"),
-    plain(Action::Previous, Key::ArrowLeft, "Left", "one moment back"),
-    plain(Action::Next, Key::ArrowRight, "Right", "one moment on"),
-    plain(Action::First, Key::Home, "Home", "to the first moment"),
-    plain(Action::Last, Key::End, "End", "to the last moment"),
+    plain(Action::Previous, Key::ArrowLeft, "Left", "previous frame"),
+    plain(Action::Next, Key::ArrowRight, "Right", "next frame"),
+    plain(Action::First, Key::Home, "Home", "first frame"),
+    plain(Action::Last, Key::End, "End", "last frame"),
     plain(Action::Reverse, Key::R, "R", "play the other way"),
     plain(Action::Loop, Key::L, "L", "loop or play once"),
     plain(Action::Slower, Key::OpenBracket, "[", "slower"),

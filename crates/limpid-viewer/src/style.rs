@@ -69,19 +69,6 @@ fn colors(visuals: &mut Visuals, theme: Theme) {
     visuals.window_corner_radius = CornerRadius::same(8);
 }
 
-/// Formats a whole number with thousands separators: 1,056,000.
-pub(crate) fn thousands(number: usize) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
 /// Formats a number with three significant digits, and with an exponent only if it is far from 1.
 pub(crate) fn number(value: f32) -> String {
     let size = value.abs();

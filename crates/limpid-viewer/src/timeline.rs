@@ -7,9 +7,10 @@ use crate::document::Document;
 use crate::icons::{self, Sign};
 use crate::playback::Speed;
 use crate::shortcuts::{self, Action};
-use crate::style::{accent, thousands};
+use crate::style::accent;
 use crate::toolbar::named;
 use limpid_io::frame_cache::CacheState;
+use limpid_io::notice::thousands;
 
 impl Viewer {
     pub(crate) fn timeline(&mut self, ui: &mut egui::Ui) {
@@ -50,8 +51,7 @@ impl Viewer {
                 (Sign::Loop, "Loop", Action::Loop, self.playback.looped),
             ];
             for (sign, name, action, on) in all {
-                let key = shortcuts::of(action);
-                let hint = format!("{} ({})", key.help, key.shown);
+                let hint = shortcuts::of(action).tooltip();
                 if icons::button(ui, sign, name, &hint, on).clicked() {
                     chosen = Some(action);
                 }

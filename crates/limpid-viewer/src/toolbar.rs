@@ -16,8 +16,7 @@ impl Viewer {
         egui::Panel::top("toolbar").frame(bar).show(ui, |ui| {
             ui.horizontal(|ui| {
                 let mut button = |ui: &mut egui::Ui, text: &str, action: Action| {
-                    let key = shortcuts::of(action);
-                    let hint = format!("{} ({})", key.help, key.shown);
+                    let hint = shortcuts::of(action).tooltip();
                     if ui.button(text).on_hover_text(hint).clicked() {
                         action_chosen = Some(action);
                     }
@@ -34,8 +33,7 @@ impl Viewer {
                 });
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                     let mut button = |ui: &mut egui::Ui, sign, name, action, on| {
-                        let key = shortcuts::of(action);
-                        let hint = format!("{} ({})", key.help, key.shown);
+                        let hint = shortcuts::of(action).tooltip();
                         if icons::button(ui, sign, name, &hint, on).clicked() {
                             action_chosen = Some(action);
                         }

@@ -76,18 +76,18 @@ impl Point {
     }
 }
 
-/// Why a scene has no cheap ground truth; `None` if it has one.
+/// Why ground truth would take too long for a scene; `None` if it would not.
 pub(crate) fn missing(
     document: &Document,
     scene: &Scene,
     particles: usize,
 ) -> Option<&'static str> {
     if scene.is_lit() {
-        Some("Scenes in which light falls through the liquid have no cheap truth.")
+        Some("Ground truth is not available here for lit scenes.")
     } else if scene.fluids.len() > 1 {
-        Some("Scenes with several liquids have no cheap truth.")
+        Some("Ground truth is not available here for several liquids.")
     } else if analytic(document).is_none() && particles > MAX_PARTICLES {
-        Some("So many particles have no cheap truth.")
+        Some("Ground truth is not available here for so many particles.")
     } else {
         None
     }

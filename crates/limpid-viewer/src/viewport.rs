@@ -99,7 +99,7 @@ impl Viewer {
         }
     }
 
-    pub(crate) fn stage(&mut self, ui: &mut egui::Ui) {
+    pub(crate) fn show_viewport(&mut self, ui: &mut egui::Ui) {
         let fill = match self.interface.dark {
             true => Color32::from_gray(12),
             false => Color32::from_gray(200),

@@ -179,7 +179,7 @@ impl View {
 
     fn nothing(self) -> &'static str {
         match self {
-            Self::Image(Aov::Caustics, _) => "No light falls on anything that shows it.",
+            Self::Image(Aov::Caustics, _) => "No light reaches a lit solid.",
             Self::Image(Aov::SolidDepth, _) => "The scene has no solids.",
             Self::Image(Aov::Depth | Aov::Normal, 2..) => "This frame has no splashes.",
             _ => "This frame has none.",

@@ -66,7 +66,7 @@ pub fn run(options: Options) -> Result<()> {
                 if left == 0 {
                     return Err(limpid::Error::DeviceLost(reason).into());
                 }
-                viewer.borrow_mut().moved(&reason);
+                viewer.borrow_mut().reset_for_new_window(&reason);
             }
             // egui_wgpu panics if the device is lost while a frame is drawn, and winit's event loop does
             // not run again after that.

@@ -12,7 +12,7 @@ use crate::scene::{Shape, Solid};
 ///
 /// SPH boundaries keep liquid one particle spacing off a wall. Without the copies there is a visible
 /// gap, with total reflection that a real tank does not have.
-pub fn wet(splats: &mut Splats, solids: &[Solid], reach: f32) {
+pub fn add_wall_contacts(splats: &mut Splats, solids: &[Solid], reach: f32) {
     let origin = splats.origin;
     let touching = |splat: &Splat, number: u32, solid: &Solid| {
         let centre = Vec3::from_array(splat.centre).as_dvec3();

@@ -128,8 +128,8 @@ impl Output {
         let count = numbers.len();
         let existing = match others {
             0 => String::new(),
-            1 => "; 1 was there already".into(),
-            _ => format!("; {others} were there already"),
+            1 => "; 1 already existed".into(),
+            _ => format!("; {others} already existed"),
         };
         let path = |number: Option<&i64>| match (self, number) {
             (Self::Pictures(pictures), Some(&number)) => {

@@ -74,7 +74,7 @@ fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>,
     }
     let speed = args.speed.unwrap_or(1.0);
     if !(1e-3..=1e3).contains(&speed) {
-        return Err(Error::Usage(format!("--speed {speed}: 0.001 to 1000 expected")));
+        return Err(Error::Usage(format!("--speed {speed}: expected 0.001 to 1000")));
     }
     let step = speed * input.fps().unwrap_or(fps) / fps;
     if step == 1.0 || frames.len() == 1 {
@@ -87,7 +87,7 @@ fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>,
     let stride = input.sequence.stride() as f64;
     let count = frames[frames.len() - 1].abs_diff(frames[0]) as f64 / (stride * step);
     if count > film::MAX_SHOTS {
-        return Err(Error::Usage(format!("{count:.0} pictures; a higher --speed expected")));
+        return Err(Error::Usage(format!("{count:.0} pictures; expected a higher --speed")));
     }
     let frame_times = input.frame_times(&frames, step);
     let numbers = (1..=frame_times.len() as i64).collect();

@@ -50,13 +50,13 @@ fn a_line_for_input_and_one_for_output() {
     let lines = messages(folder.path(), &several);
     assert_eq!(lines[1..], ["wrote 2 pictures, out/frame_0100.png to out/frame_0200.png"]);
     let lines = messages(folder.path(), &[&several[..], &["--skip-existing"]].concat());
-    assert_eq!(lines, ["2 of 2 pictures are there already"]);
+    assert_eq!(lines, ["2 of 2 pictures already exist"]);
     fs::remove_file(folder.path().join("out/frame_0200.png")).unwrap();
     let lines = messages(folder.path(), &[&several[..], &["--skip-existing"]].concat());
-    assert_eq!(lines[1..], ["wrote out/frame_0200.png; 1 was there already"]);
+    assert_eq!(lines[1..], ["wrote out/frame_0200.png; 1 already existed"]);
     // The rate of a film is assumed if it is not given.
     let lines = messages(folder.path(), &["w_{}.csv", "--radius=0.025", "-o", "film.apng"]);
-    assert_contains(&lines[0], &["frames per second are not known, 30 assumed; --fps"]);
+    assert_contains(&lines[0], &["frames per second are not known, 30 assumed; set them with --fps"]);
     assert_eq!(lines[2..], ["wrote film.apng, 2 pictures"]);
     let lines =
         messages(folder.path(), &["w_{}.csv", "--radius=0.025", "-o", "b.apng", "--fps=25"]);
@@ -141,7 +141,7 @@ fn likely_mistakes_are_reported() {
     write("dark.toml", &format!("{floor}{sun}"));
     write("lit.toml", &format!("{floor}lit = true\n{sun}"));
     let line = render(&["a.csv", radius, "--scene=dark.toml"]);
-    assert_contains(&line, &["[[light]] lights nothing", "`lit = true`"]);
+    assert_contains(&line, &["[[light]] has no effect", "`lit = true`"]);
     assert_eq!(render(&["a.csv", radius, "--scene=lit.toml"]), "");
     let lamp = "[[light]]\npoint = { position = [0.12, 0.12, 0.12], intensity = [1, 1, 1] }\n";
     write("lamp.toml", &format!("{floor}lit = true\n{sun}{lamp}"));

@@ -125,7 +125,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| fs::create_dir(f.join("a_1.xyz")).unwrap(),
         Way::Small,
         4,
-        "./a_1.xyz: cannot read: this is a folder, a file expected",
+        "./a_1.xyz: cannot read: this is a folder, expected a file",
     ),
     case(
         "a pipe that nobody writes to",
@@ -133,7 +133,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| pipe(&f.join("a.bgeo")),
         Way::Small,
         4,
-        "a.bgeo: cannot read: this is a pipe or device, a file expected",
+        "a.bgeo: cannot read: this is a pipe or device, expected a file",
     ),
     case(
         "a pipe beside a `.pos`",
@@ -144,7 +144,7 @@ pub(crate) const CASES: &[Case] = &[
         },
         Way::Small,
         4,
-        "a.ani: cannot read: this is a pipe or device, a file expected",
+        "a.ani: cannot read: this is a pipe or device, expected a file",
     ),
     case(
         "a pipe as a scene",
@@ -155,7 +155,7 @@ pub(crate) const CASES: &[Case] = &[
         },
         Way::Small,
         4,
-        "a.toml: cannot read: this is a pipe or device, a file expected",
+        "a.toml: cannot read: this is a pipe or device, expected a file",
     ),
     case(
         "a pipe as a camera path",
@@ -166,7 +166,7 @@ pub(crate) const CASES: &[Case] = &[
         },
         Way::Small,
         4,
-        "a.toml: cannot read: this is a pipe or device, a file expected",
+        "a.toml: cannot read: this is a pipe or device, expected a file",
     ),
     case(
         "a pipe as an environment map",
@@ -177,7 +177,7 @@ pub(crate) const CASES: &[Case] = &[
         },
         Way::Small,
         4,
-        "a.hdr: cannot read: this is a pipe or device, a file expected",
+        "a.hdr: cannot read: this is a pipe or device, expected a file",
     ),
     case(
         "a pipe to compare",
@@ -185,7 +185,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| pipe(&f.join("a.png")),
         Way::Small,
         4,
-        "a.png: cannot read: this is a pipe or device, a file expected",
+        "a.png: cannot read: this is a pipe or device, expected a file",
     ),
     case(
         "a link to `/dev/zero`",
@@ -193,7 +193,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| symlink("/dev/zero", f.join("a.ply")).unwrap(),
         Way::Small,
         4,
-        "a.ply: cannot read: this is a pipe or device, a file expected",
+        "a.ply: cannot read: this is a pipe or device, expected a file",
     ),
     case(
         "a link to a file",
@@ -362,7 +362,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| sparse(f.join("a.xyz")),
         Way::Small,
         4,
-        "a.xyz: byte 4294967292: particle 357913941: 12 bytes expected, 4 are left",
+        "a.xyz: byte 4294967292: particle 357913941: expected 12 bytes, 4 are left",
     ),
     case(
         "4 GiB of nothing as `.pos`",
@@ -378,7 +378,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| sparse(f.join("a.toml")),
         Way::Small,
         3,
-        "a.toml: the file has 4294967296 bytes, at most 67108864 expected",
+        "a.toml: the file has 4294967296 bytes, expected at most 67108864",
     ),
     case(
         "4 GiB of nothing as a suite",
@@ -386,7 +386,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| sparse(f.join("a.toml")),
         Way::Small,
         3,
-        "a.toml: the file has 4294967296 bytes, at most 67108864 expected",
+        "a.toml: the file has 4294967296 bytes, expected at most 67108864",
     ),
     case(
         "a suite that is not text",
@@ -418,7 +418,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| pipe(&f.join("a.toml")),
         Way::Small,
         4,
-        "a.toml: cannot read: this is a pipe or device, a file expected",
+        "a.toml: cannot read: this is a pipe or device, expected a file",
     ),
     case(
         "4 GiB of nothing as a picture",
@@ -565,7 +565,7 @@ pub(crate) const CASES: &[Case] = &[
         },
         Way::Small,
         4,
-        "a.bhclassic: byte 41: points: 2147483647 × 16 bytes expected, 0 are left",
+        "a.bhclassic: byte 41: points: expected 2147483647 × 16 bytes, 0 are left",
     ),
     case(
         "found by fuzzing: `claimed_size.npz`",
@@ -605,7 +605,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| found(f, "palette.png"),
         Way::Small,
         3,
-        "palette.png: a palette of 5 bytes; three for each colour expected",
+        "palette.png: a palette of 5 bytes; expected three for each colour",
     ),
     case(
         "found by fuzzing: `claimed_pixels.hdr`",
@@ -659,7 +659,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| block_and(f, "nan 0 0\n"),
         Way::Small,
         4,
-        "water.xyz: line 481: particle 480: position […], finite numbers expected",
+        "water.xyz: line 481: particle 480: position […], expected finite numbers",
     ),
     case(
         "a position: ∞",
@@ -667,7 +667,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| block_and(f, "0 inf 0\n"),
         Way::Small,
         4,
-        "water.xyz: line 481: particle 480: position […], finite numbers expected",
+        "water.xyz: line 481: particle 480: position […], expected finite numbers",
     ),
     case(
         "a position: beyond 32-bit floats",
@@ -675,7 +675,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| block_and(f, "0 0 1e39\n"),
         Way::Small,
         4,
-        "water.xyz: line 481: particle 480: position […], finite numbers expected",
+        "water.xyz: line 481: particle 480: position […], expected finite numbers",
     ),
     case(
         "`radius`: -1",
@@ -683,7 +683,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| write(f.join("a.csv"), "x,y,z,radius\n0,0,0,-1\n"),
         Way::Small,
         4,
-        "a.csv: line 2: particle 0: radius -1, 0 or more expected",
+        "a.csv: line 2: particle 0: radius -1, expected 0 or more",
     ),
     case(
         "`radius`: nan",
@@ -691,7 +691,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| write(f.join("a.csv"), "x,y,z,radius\n0,0,0,nan\n"),
         Way::Small,
         4,
-        "a.csv: line 2: particle 0: radius [NaN], finite numbers expected",
+        "a.csv: line 2: particle 0: radius [NaN], expected finite numbers",
     ),
     case(
         "`density`: inf",
@@ -699,7 +699,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| write(f.join("a.csv"), "x,y,z,density\n0,0,0,inf\n"),
         Way::Small,
         4,
-        "a.csv: line 2: particle 0: density [inf], finite numbers expected",
+        "a.csv: line 2: particle 0: density [inf], expected finite numbers",
     ),
     case(
         "`id`: 1.5",
@@ -707,7 +707,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| write(f.join("a.csv"), "x,y,z,id\n0,0,0,1.5\n"),
         Way::Small,
         4,
-        "a.csv: line 2: particle 0: a number for id expected, found `1.5`",
+        "a.csv: line 2: particle 0: expected a number for id, found `1.5`",
     ),
     case(
         "`vx,vy,vz`: 0,nan,0",
@@ -715,7 +715,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| write(f.join("a.csv"), "x,y,z,vx,vy,vz\n0,0,0,0,nan,0\n"),
         Way::Small,
         4,
-        "a.csv: line 2: particle 0: velocity [0.0, NaN, 0.0], finite numbers expected",
+        "a.csv: line 2: particle 0: velocity [0.0, NaN, 0.0], expected finite numbers",
     ),
     case(
         "frames with a step of 0",
@@ -723,7 +723,7 @@ pub(crate) const CASES: &[Case] = &[
         block,
         Way::Small,
         2,
-        "…a step of 1 or more expected…",
+        "…expected a step of 1 or more…",
     ),
     case(
         "ten million frames and one",
@@ -747,7 +747,7 @@ pub(crate) const CASES: &[Case] = &[
         block,
         Way::Small,
         2,
-        "…shard 0/4: an index from 1 to the count expected",
+        "…shard 0/4: expected an index from 1 to the count",
     ),
     case(
         "shard 5 of 4",
@@ -755,7 +755,7 @@ pub(crate) const CASES: &[Case] = &[
         block,
         Way::Small,
         2,
-        "…shard 5/4: an index from 1 to the count expected",
+        "…shard 5/4: expected an index from 1 to the count",
     ),
     case(
         "a size of 0",
@@ -774,7 +774,7 @@ pub(crate) const CASES: &[Case] = &[
         block,
         Way::Small,
         2,
-        "a particle radius of NaN: 1e-12 to 1e12 m expected",
+        "a particle radius of NaN: expected 1e-12 to 1e12 m",
     ),
     case(
         "a speed of NaN",
@@ -782,7 +782,7 @@ pub(crate) const CASES: &[Case] = &[
         block,
         Way::Small,
         2,
-        "--speed NaN: 0.001 to 1000 expected",
+        "--speed NaN: expected 0.001 to 1000",
     ),
     case(
         "no memory to unpack to",
@@ -967,7 +967,7 @@ pub(crate) const CASES: &[Case] = &[
         },
         Way::Small,
         2,
-        "a.toml: [[frame]] `a`: expected `../b.png`: a path below the suite's folder expected",
+        "a.toml: [[frame]] `a`: expected `../b.png`: expected a path below the suite's folder",
     ),
     case(
         "a pipe as an earlier report",
@@ -975,7 +975,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| pipe(&f.join("a.json")),
         Way::Small,
         4,
-        "a.json: cannot read: this is a pipe or device, a file expected",
+        "a.json: cannot read: this is a pipe or device, expected a file",
     ),
     case(
         "no particles",
@@ -1015,7 +1015,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| block_and(f, "1e30 0 0\n"),
         Way::Small,
         4,
-        "water.xyz: line 481: particle 480: position …, below 1e18 m expected",
+        "water.xyz: line 481: particle 480: position …, expected less than 1e18 m",
     ),
     case(
         "a stray at 1e17 m",
@@ -1039,7 +1039,7 @@ pub(crate) const CASES: &[Case] = &[
         block,
         Way::Small,
         2,
-        "a particle radius of …: 1e-12 to 1e12 m expected",
+        "a particle radius of …: expected 1e-12 to 1e12 m",
     ),
     case(
         "a radius of 1e-30 m",
@@ -1047,7 +1047,7 @@ pub(crate) const CASES: &[Case] = &[
         block,
         Way::Small,
         2,
-        "a particle radius of …: 1e-12 to 1e12 m expected",
+        "a particle radius of …: expected 1e-12 to 1e12 m",
     ),
     case(
         "a radius of 1e6 m, in a file",

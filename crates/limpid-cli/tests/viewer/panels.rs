@@ -41,7 +41,7 @@ fn panels_change_nothing_by_being_shown() {
             command.split_once("--camera").expect("a camera").1.to_owned()
         };
         let before = drawn(&harness);
-        for title in ["Particles to splats", "Light from the lights", "Radiance to picture"] {
+        for title in ["Particles to splats", "Caustics", "Radiance to picture"] {
             harness.get_by_label(title).click_accesskit();
             harness.step();
             harness.step();
@@ -94,7 +94,7 @@ fn all_settings() -> Harness<'static, Viewer> {
     let scene =
         Source::new(concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/sims/slab.toml"));
     let mut harness = harness(scene, [1000.0, 2400.0]);
-    for title in ["Particles to splats", "Light from the lights", "Radiance to picture"] {
+    for title in ["Particles to splats", "Caustics", "Radiance to picture"] {
         harness.get_by_label(title).click();
         harness.run_ok();
     }

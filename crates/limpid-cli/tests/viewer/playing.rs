@@ -81,7 +81,7 @@ fn likely_mistakes_are_reported() {
     std::fs::write(&path, text).expect("it is written");
     let mut harness = harness(Source::new(path.display().to_string()), [700.0, 400.0]);
     let reported =
-        |viewer: &Viewer| viewer.notices().iter().any(|n| n.text.contains("lights nothing"));
+        |viewer: &Viewer| viewer.notices().iter().any(|n| n.text.contains("has no effect"));
     until(&mut harness, "a notice", reported);
     assert!(harness.state().notices().iter().all(|n| !n.error));
 }

@@ -57,7 +57,7 @@ impl FromStr for Missing {
             "empty" => Ok(Self::Empty),
             "hold" => Ok(Self::Hold),
             _ => Err(Error::Usage(format!(
-                "missing frames: `{text}`; error, empty or hold expected"
+                "missing frames: `{text}`; expected error, empty or hold"
             ))),
         }
     }

@@ -134,7 +134,7 @@ impl FileKind {
     pub fn check(self, path: &Path) -> Result<()> {
         let fail = |problem: String| Err(Error::io(path, "write", io::Error::other(problem)));
         match path.metadata() {
-            Ok(metadata) if metadata.is_dir() => fail("this is a folder, a file expected".into()),
+            Ok(metadata) if metadata.is_dir() => fail("this is a folder, expected a file".into()),
             Ok(metadata) if metadata.is_file() && !self.is_of(path)? => {
                 let (path, name) = (path.display(), self.name);
                 Err(Error::Usage(format!(
@@ -142,7 +142,7 @@ impl FileKind {
                 )))
             }
             Ok(metadata) if !self.devices && !metadata.is_file() => {
-                fail("this is a pipe or device, a file expected".into())
+                fail("this is a pipe or device, expected a file".into())
             }
             Ok(_) => Ok(()),
             Err(e) if e.kind() == io::ErrorKind::NotFound => {

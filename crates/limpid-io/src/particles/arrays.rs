@@ -106,7 +106,7 @@ impl Contents {
                 self.check_rows(name, table)?;
                 let radii = table.floats([column], "radius")?.into_flattened();
                 if let Some(i) = radii.iter().position(|&r| r < 0.0) {
-                    let problem = format!("particle {i}: radius {}, 0 or more expected", radii[i]);
+                    let problem = format!("particle {i}: radius {}, expected 0 or more", radii[i]);
                     return Err(table.error(i, column, problem));
                 }
                 // An array that was never filled in: the radius is unknown.
@@ -183,7 +183,7 @@ impl AttributeMap {
     /// The attribute that an array of this name is read as.
     pub(super) fn attribute_of(&self, array: &str) -> Option<Attribute> {
         let mapped = self.0.iter().find(|(_, name)| name.eq_ignore_ascii_case(array));
-        let usual = || Attribute::called(array).filter(|usual| !self.0.contains_key(usual));
+        let usual = || Attribute::from_alias(array).filter(|usual| !self.0.contains_key(usual));
         mapped.map(|(attribute, _)| *attribute).or_else(usual)
     }
 
@@ -211,10 +211,10 @@ impl FromStr for AttributeMap {
             let pair = pair.split_once('=').map(|(a, name)| (a.trim(), name.trim()));
             let (attribute, name) = pair
                 .filter(|(_, name)| !name.is_empty())
-                .ok_or_else(|| fail("ATTRIBUTE=ARRAY expected, as velocity=U,radius=h"))?;
+                .ok_or_else(|| fail("expected ATTRIBUTE=ARRAY, as in velocity=U,radius=h"))?;
             let unknown =
                 || fail(&format!("no attribute `{attribute}`; there are: {}", Attribute::list()));
-            let attribute = Attribute::called(attribute).ok_or_else(unknown)?;
+            let attribute = Attribute::from_alias(attribute).ok_or_else(unknown)?;
             if map.insert(attribute, name.to_owned()).is_some() {
                 return Err(fail(&format!("{attribute} is given twice")));
             }

@@ -145,7 +145,7 @@ fn parse(path: &Path, bytes: &[u8], map: &AttributeMap, limit: u64) -> Result<Co
             }
             other => {
                 let problem = format!(
-                    "attribute {name} has type {other}; 0 (float), 1 (integer), 4 (string) or 5 (vector) expected"
+                    "attribute {name} has type {other}; expected 0 (float), 1 (integer), 4 (string) or 5 (vector)"
                 );
                 return Err(file.error(problem));
             }
@@ -190,7 +190,7 @@ fn int(file: &mut Cursor<'_>, what: &str) -> Result<i32> {
 
 fn count(file: &mut Cursor<'_>, what: &str) -> Result<usize> {
     let count = int(file, what)?;
-    count.try_into().map_err(|_| file.error(format!("{what}: 0 or more expected, found {count}")))
+    count.try_into().map_err(|_| file.error(format!("{what}: expected 0 or more, found {count}")))
 }
 
 #[cfg(test)]

@@ -78,7 +78,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         for (name, field, integer) in layout.fields() {
             let problem = |found: &str| {
                 let problem =
-                    format!("particle {row}: a number for {name} expected, found {found}");
+                    format!("particle {row}: expected a number for {name}, found {found}");
                 file.source.error(offset, problem)
             };
             let field = record.get(field).ok_or_else(|| problem("no such column"))?;

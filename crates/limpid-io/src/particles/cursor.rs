@@ -75,7 +75,7 @@ impl<'a> Cursor<'a> {
                 Ok(taken)
             }
             None => Err(self.error(format!(
-                "{what}: {rows} × {stride} bytes expected, {} are left",
+                "{what}: expected {rows} × {stride} bytes, {} are left",
                 rest.len()
             ))),
         }
@@ -118,10 +118,10 @@ impl<'a> Cursor<'a> {
     /// Parses a count of a header.
     pub(super) fn count(&self, word: Option<&str>, what: &str) -> Result<usize> {
         let word = word.unwrap_or("nothing");
-        word.parse().map_err(|_| self.error(format!("{what}: a count expected, found `{word}`")))
+        word.parse().map_err(|_| self.error(format!("{what}: expected a count, found `{word}`")))
     }
 
     pub(super) fn number(&self, word: &str) -> Result<f64> {
-        word.parse().map_err(|_| self.error(format!("a number expected, found `{word}`")))
+        word.parse().map_err(|_| self.error(format!("expected a number, found `{word}`")))
     }
 }

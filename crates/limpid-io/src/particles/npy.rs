@@ -110,10 +110,10 @@ impl Header {
     pub(super) fn positions(&self, file: &mut Cursor<'_>) -> Result<Particles> {
         let path = file.source.path;
         if !matches!(self.scalar(), Some((_, Scalar::F32 | Scalar::F64))) {
-            let problem = format!("numbers of type `{}`; 32- or 64-bit floats expected", self.kind);
+            let problem = format!("numbers of type `{}`; expected 32- or 64-bit floats", self.kind);
             return Err(Error::format(path, problem));
         }
-        let problem = || Error::format(path, format!("shape ({}); (n, 3) expected", self.shape));
+        let problem = || Error::format(path, format!("shape ({}); expected (n, 3)", self.shape));
         let &[_, "3"] = self.sizes().as_slice() else { return Err(problem()) };
         let (table, columns) = self.table(file, "positions")?.ok_or_else(problem)?;
         match columns.as_slice() {

@@ -83,7 +83,7 @@ fn header(file: &mut Cursor<'_>) -> Result<(Encoding, Vec<Element>)> {
                     [kind] => {
                         Property::Number { name: (*name).into(), scalar: scalar(file, kind)? }
                     }
-                    _ => return Err(file.error(format!("a property expected, found `{line}`"))),
+                    _ => return Err(file.error(format!("expected a property, found `{line}`"))),
                 };
                 let Some(element) = elements.last_mut() else {
                     return Err(file.error("a property before the first element"));
@@ -181,7 +181,7 @@ fn record(
                 let bytes = file.take(length.size(), name)?;
                 match column.integer(bytes, encoding == Encoding::BigEndian).map(usize::try_from) {
                     Some(Ok(length)) => file.take_records(length, item.size(), name)?,
-                    _ => return Err(file.error("a list's length: 0 or more expected")),
+                    _ => return Err(file.error("a list's length: expected 0 or more")),
                 };
             }
         }

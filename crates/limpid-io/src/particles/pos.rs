@@ -40,7 +40,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
     let rows = count(&mut file)?;
     let radius = file.array("the radius").map(f32::from_le_bytes)?;
     if !(radius.is_finite() && radius >= 0.0) {
-        return Err(file.error(format!("radius {radius}, 0 or more and finite expected")));
+        return Err(file.error(format!("radius {radius}, expected a finite number of 0 or more")));
     }
     let table = file.table(rows, 12, false, "positions")?;
     end(&mut file, "positions (solids have another kind of .pos, with several meshes)")?;

@@ -182,7 +182,7 @@ impl Table<'_> {
         let invalid = positions.clone().position(|position| !is_position(position));
         let Some(row) = invalid else { return Ok(()) };
         let position = positions.nth(row).unwrap_or_default().as_vec3().to_array();
-        let problem = format!("particle {row}: position {position:?}, below 1e18 m expected");
+        let problem = format!("particle {row}: position {position:?}, expected less than 1e18 m");
         Err(self.error(row, columns[0], problem))
     }
 
@@ -249,7 +249,7 @@ impl Table<'_> {
                     return None;
                 }
                 let number = column.number(record, self.big_endian);
-                Some((column, format!("{name} {number}, a 64-bit integer expected")))
+                Some((column, format!("{name} {number}, expected a 64-bit integer")))
             },
         )
     }
@@ -263,7 +263,7 @@ impl Table<'_> {
     ) -> Option<(Column, String)> {
         let numbers = columns.map(|column| column.number(record, self.big_endian) as f32);
         let first = numbers.iter().position(|number| !number.is_finite())?;
-        Some((columns[first], format!("{name} {numbers:?}, finite numbers expected")))
+        Some((columns[first], format!("{name} {numbers:?}, expected finite numbers")))
     }
 
     /// Decodes all rows, block by block on all cores. `fill` decodes rows from the start of some bytes

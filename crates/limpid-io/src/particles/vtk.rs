@@ -72,7 +72,7 @@ impl<'a> Vtk<'a> {
             "ASCII" => true,
             "BINARY" => false,
             _ => {
-                let problem = format!("`ASCII` or `BINARY` expected, found `{encoding}`");
+                let problem = format!("expected `ASCII` or `BINARY`, found `{encoding}`");
                 return Err(file.error(problem));
             }
         };
@@ -110,7 +110,7 @@ impl<'a> Vtk<'a> {
             "DATASET" => match words.get(1).copied().unwrap_or_default() {
                 "UNSTRUCTURED_GRID" | "POLYDATA" => Ok(()),
                 other => {
-                    let problem = format!("dataset `{other}`: unstructured grid or polydata expected");
+                    let problem = format!("dataset `{other}`: expected unstructured grid or polydata");
                     Err(Error::format(self.file.source.path, problem))
                 }
             },
@@ -179,7 +179,7 @@ impl<'a> Vtk<'a> {
                 self.attribute(words, 1, self.scalar(words.get(2))?)
             }
             _ => Err(self.file.error(format!(
-                "a VTK keyword expected, found `{}`; or the block before is not as long as announced",
+                "expected a VTK keyword, found `{}`; or the block before is not as long as announced",
                 shorten(words.first().copied().unwrap_or_default())
             ))),
         }
@@ -207,7 +207,7 @@ impl<'a> Vtk<'a> {
             let scalar = match line.split_ascii_whitespace().collect::<Vec<_>>().as_slice() {
                 [word, kind] if *word == keyword => self.scalar(Some(kind))?,
                 _ => {
-                    let problem = format!("`{keyword}` expected, found `{}`", shorten(&line));
+                    let problem = format!("expected `{keyword}`, found `{}`", shorten(&line));
                     return Err(self.file.error(problem));
                 }
             };
@@ -222,7 +222,7 @@ impl<'a> Vtk<'a> {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         let &[name, size, rows, kind] = words.as_slice() else {
             let problem =
-                format!("a field's name, size, rows, type expected: `{}`", shorten(&line));
+                format!("expected a field's name, size, rows and type: `{}`", shorten(&line));
             return Err(self.file.error(problem));
         };
         let size = self.file.count(Some(size), name)?;
@@ -231,7 +231,7 @@ impl<'a> Vtk<'a> {
         if let Section::Cells(expected) | Section::Points(expected) = self.section
             && rows != expected
         {
-            let problem = format!("attribute {name} has {rows} entries, {expected} expected");
+            let problem = format!("attribute {name} has {rows} entries, expected {expected}");
             return Err(self.file.error(problem));
         }
         self.values(name, rows, size, scalar)
@@ -326,7 +326,7 @@ impl<'a> Vtk<'a> {
             "float" => Scalar::F32,
             "double" => Scalar::F64,
             _ => {
-                let problem = format!("a number type (float, int, ...) expected, found `{name}`");
+                let problem = format!("expected a number type (float, int, ...), found `{name}`");
                 return Err(self.file.error(problem));
             }
         })

@@ -265,7 +265,7 @@ impl<'a> Document<'a> {
                         None | Some("base64") => true,
                         Some(other) => {
                             return Err(
-                                at.error(&format!("encoding `{other}`: raw or base64 expected"))
+                                at.error(&format!("encoding `{other}`: expected raw or base64"))
                             );
                         }
                     };
@@ -274,7 +274,7 @@ impl<'a> Document<'a> {
                     let mark = rest.iter().position(|byte| !byte.is_ascii_whitespace());
                     match mark.filter(|&at| rest[at] == b'_') {
                         Some(mark) => document.appended = Some((from + mark + 1, base64)),
-                        None => return Err(source.error(from, "`_` expected before appended data")),
+                        None => return Err(source.error(from, "expected `_` before appended data")),
                     }
                     break;
                 }
@@ -299,7 +299,7 @@ impl<'a> Document<'a> {
         let format = |problem: String| Error::format(self.source.path, problem);
         let kind = at.attribute("type")?.unwrap_or_default();
         if !matches!(&*kind, "UnstructuredGrid" | "PolyData") {
-            return Err(format(format!("dataset `{kind}`: UnstructuredGrid or PolyData expected")));
+            return Err(format(format!("dataset `{kind}`: expected UnstructuredGrid or PolyData")));
         }
         self.big_endian = match at.attribute("byte_order")?.as_deref() {
             None | Some("LittleEndian") => false,
@@ -316,7 +316,7 @@ impl<'a> Document<'a> {
             Some("vtkZLibDataCompressor") => true,
             Some(other) => {
                 let problem =
-                    format!("compressor {other}: zlib or none expected, as ParaView's default");
+                    format!("compressor {other}: expected zlib or none, as ParaView's default");
                 return Err(format(problem));
             }
         };
@@ -407,7 +407,7 @@ impl<'a> Document<'a> {
             } else {
                 word.parse().ok().map(i64::cast_unsigned)
             };
-            let problem = || error(format!("a number expected, found `{word:.40}`"));
+            let problem = || error(format!("expected a number, found `{word:.40}`"));
             let bytes = bytes.ok_or_else(problem)?;
             memory::grow(&mut data, size_of::<u64>(), self.source.path.display())?;
             data.extend(if self.big_endian { bytes.to_be_bytes() } else { bytes.to_le_bytes() });
@@ -417,7 +417,7 @@ impl<'a> Document<'a> {
             Some(expected) if expected == count => Ok((scalar, data)),
             _ => {
                 let (rows, size) = (array.rows, array.size);
-                Err(error(format!("{rows} × {size} numbers expected, {count} found")))
+                Err(error(format!("expected {rows} × {size} numbers, found {count}")))
             }
         }
     }
@@ -437,7 +437,7 @@ impl<'a> Document<'a> {
         let (head, separate) = encoded.take(self.word)?;
         let found = self.words(&head).first().copied().unwrap_or_default();
         if found != length as u64 {
-            return Err(format!("{length} bytes expected, {found} announced"));
+            return Err(format!("expected {length} bytes, {found} announced"));
         }
         if separate {
             return encoded.after(self.word).take(length).map(|(data, _)| data);
@@ -460,7 +460,7 @@ impl<'a> Document<'a> {
         let unpacked = full.checked_mul(size).and_then(|bytes| bytes.checked_add(last));
         if unpacked != Some(length as u64) || size == 0 || last > size {
             return Err(format!(
-                "{length} bytes expected, {blocks} blocks of {size} and a last of {last} announced"
+                "expected {length} bytes, {blocks} blocks of {size} and a last of {last} announced"
             ));
         }
         let blocks = usize::try_from(blocks).map_err(|_| "too many blocks".to_owned())?;
@@ -514,7 +514,7 @@ impl<'a> Encoded<'a> {
     /// Decodes the first `length` bytes; returns also whether their base64 ends with them.
     fn take(self, length: usize) -> Result<(Cow<'a, [u8]>, bool), String> {
         let available = self.bytes.len();
-        let short = || format!("{length} bytes expected, the file ends before them");
+        let short = || format!("expected {length} bytes, but the file ends before them");
         if !self.base64 {
             let bytes = self.bytes.get(..length).ok_or_else(short)?;
             return Ok((Cow::Borrowed(bytes), false));
@@ -524,7 +524,10 @@ impl<'a> Encoded<'a> {
         let mut bytes = BASE64_STANDARD.decode(encoded).map_err(|error| error.to_string())?;
         let separate = encoded.ends_with(b"=");
         if bytes.len() < length {
-            return Err(format!("{length} bytes expected, the base64 ends after {}", bytes.len()));
+            return Err(format!(
+                "expected {length} bytes, but the base64 ends after {}",
+                bytes.len()
+            ));
         }
         bytes.truncate(length);
         Ok((Cow::Owned(bytes), separate))
@@ -570,7 +573,7 @@ impl Element<'_, '_> {
 
     fn count(&self, name: &str) -> Result<Option<usize>> {
         let problem =
-            |text: &str| self.error(&format!("{name}: a count expected, found `{text:.40}`"));
+            |text: &str| self.error(&format!("{name}: expected a count, found `{text:.40}`"));
         self.attribute(name)?.map(|text| text.parse().map_err(|_| problem(&text))).transpose()
     }
 
@@ -586,7 +589,7 @@ impl Element<'_, '_> {
         const MAX_SIZE: usize = 6;
         let points = section == Section::Points;
         if points && size != 3 {
-            return Err(self.error(&format!("points of {size} numbers, 3 expected")));
+            return Err(self.error(&format!("points of {size} numbers, expected 3")));
         }
         if !points && !(1..=MAX_SIZE).contains(&size) {
             return Ok(None);
@@ -604,7 +607,7 @@ impl Element<'_, '_> {
             "Float64" => Scalar::F64,
             other => {
                 let problem =
-                    format!("a number type (Float32, Int64, ...) expected, found `{other:.40}`");
+                    format!("expected a number type (Float32, Int64, ...), found `{other:.40}`");
                 return Err(self.error(&problem));
             }
         };
@@ -612,11 +615,11 @@ impl Element<'_, '_> {
             None | Some("ascii") => Data::Ascii(0..0),
             Some("binary") => Data::Base64(0..0),
             Some("appended") => {
-                let missing = || self.error("`offset` expected");
+                let missing = || self.error("expected `offset`");
                 Data::Appended(self.count("offset")?.ok_or_else(missing)?)
             }
             Some(other) => {
-                let problem = format!("format `{other:.40}`: ascii, binary or appended expected");
+                let problem = format!("format `{other:.40}`: expected ascii, binary or appended");
                 return Err(self.error(&problem));
             }
         };

@@ -55,7 +55,7 @@ pub(crate) fn check_length(path: &Path, start: &[u8], length: u64) -> Result<()>
     if is_text(start) || left == 0 {
         return Ok(());
     }
-    let problem = format!("particle {}: 12 bytes expected, {left} are left", length / 12);
+    let problem = format!("particle {}: expected 12 bytes, {left} are left", length / 12);
     Err(Error::malformed(path, Location::Byte(length - left), problem))
 }
 
@@ -92,7 +92,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
         let left = file.rest().len();
         if left != 0 {
             file.start = file.offset;
-            let problem = format!("particle {rows}: 12 bytes expected, {left} are left");
+            let problem = format!("particle {rows}: expected 12 bytes, {left} are left");
             return Err(file.error(problem));
         }
         (table, Scalar::F32)
@@ -115,7 +115,7 @@ fn text_table<'a>(file: &mut Cursor<'a>) -> Result<Table<'a>> {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         let &[x, y, z] = words.as_slice() else {
             let problem = format!(
-                "particle {}: x, y and z expected, found {} words",
+                "particle {}: expected x, y and z, found {} words",
                 starts.len(),
                 words.len()
             );

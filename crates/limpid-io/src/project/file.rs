@@ -596,7 +596,7 @@ fn check_vectors(key: &str, value: &toml::Value) -> Result<(), String> {
             if numbers && values.len() > limit {
                 let count = values.len();
                 return Err(format!(
-                    "{key} has {count} numbers, {limit} expected; decimals have points, not commas"
+                    "{key} has {count} numbers, expected {limit}; decimals have points, not commas"
                 ));
             }
             values.iter().try_for_each(|value| check_vectors(key, value))

@@ -48,7 +48,7 @@ impl Project {
                 *fluid.ok_or_else(problem)? = vector(number(given)?).map_err(|e| message(&e))?;
             }
             ["liquid" | "fluid", ..] => {
-                return Err("liquid.ior, liquid.absorption or fluid.N.absorption expected".into());
+                return Err("expected liquid.ior, liquid.absorption or fluid.N.absorption".into());
             }
             _ => scene.settings = with_one(&scene.settings, text)?,
         }
@@ -116,13 +116,13 @@ fn value(text: &str) -> toml::Value {
 }
 
 fn number(text: &str) -> Result<toml::Value, String> {
-    toml_value(text).ok_or_else(|| "a number or three in brackets expected".into())
+    toml_value(text).ok_or_else(|| "expected a number or three in brackets".into())
 }
 
 fn vector(value: toml::Value) -> Result<Vec3, toml::de::Error> {
     // Deserialization would silently use the first three of more numbers.
     if let Some(count) = value.as_array().map(Vec::len).filter(|&count| count != 3) {
-        return Err(serde::de::Error::custom(format!("3 numbers expected, found {count}")));
+        return Err(serde::de::Error::custom(format!("expected 3 numbers, found {count}")));
     }
     Ok(Vec3::from_array(value.try_into()?))
 }

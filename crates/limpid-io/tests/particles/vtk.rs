@@ -164,7 +164,7 @@ fn vtk_malformed() {
     let other = patched(&good, b"POINT_DATA 3", b"POINT_DATA 2");
     check_message("a.vtk", &other, &["byte", "2 points", "3"]);
     let field = patched(&good, b"density 1 3", b"density 1 2");
-    check_message("a.vtk", &field, &["byte", "density", "2 entries, 3 expected"]);
+    check_message("a.vtk", &field, &["byte", "density", "2 entries, expected 3"]);
     let size = patched(&good, b"SCALARS id int 1", b"SCALARS id int 2");
     check_message("a.vtk", &size, &["byte"]);
     let size = patched(&good, b"density 1 3", b"density 9223372036854775807 3");
@@ -178,7 +178,7 @@ fn vtk_malformed() {
         VTK_ASCII.replacen(from, to, 1).into_bytes()
     };
     check_message("a.vtk", &text("-5.75", "nan"), &["line 7", "particle 1", "position", "NaN"]);
-    check_message("a.vtk", &text("-5.75", "x"), &["line 8", "number expected", "`x`"]);
+    check_message("a.vtk", &text("-5.75", "x"), &["line 8", "expected a number", "`x`"]);
     check_message("a.vtk", &text("POINTS 3", "POINTS 2147483647"), &["line 11", "`CELLS`"]);
     check_message("a.vtk", &text("POINTS 3", "POINTS -3"), &["line 6", "-3"]);
     check_message("a.vtk", &text("0.025 0", "0.025 -1"), &["line", "particle 1", "radius -1"]);

@@ -233,7 +233,11 @@ fn vtu_malformed() {
     check("type='Float32'", "type='String'", &["byte", "number type", "`String`"]);
     check("format='ascii'", "format='hex'", &["byte", "`hex`"]);
     check("format='ascii'", "format='appended' offset='9'", &["byte", "no appended data"]);
-    check("type=\"PolyData\"", "type=\"ImageData\"", &["`ImageData`", "PolyData expected"]);
+    check(
+        "type=\"PolyData\"",
+        "type=\"ImageData\"",
+        &["`ImageData`", "expected UnstructuredGrid or PolyData"],
+    );
     check("UInt32", "UInt16", &["byte", "header type `UInt16`"]);
     check("LittleEndian", "Middle", &["byte", "byte order `Middle`"]);
     check("</VTKFile>", "", &["byte", "ends before </VTKFile>"]);
@@ -244,7 +248,7 @@ fn vtu_malformed() {
 
     let raw = |headers: Headers| vtu("UnstructuredGrid", &[3], Stored::AppendedRaw, headers);
     let length = patched(&raw(PLAIN), &[b'_', 36, 0, 0, 0], &[b'_', 37, 0, 0, 0]);
-    check_message("a.vtu", &length, &["byte", "36 bytes expected, 37 announced"]);
+    check_message("a.vtu", &length, &["byte", "expected 36 bytes, 37 announced"]);
     let beyond = patched(&raw(PLAIN), b"offset='0'", b"offset='18446744073709551615'");
     check_message("a.vtu", &beyond, &["byte", "beyond the file"]);
     let zlib = raw(Headers { zlib: Some(36), ..PLAIN });
@@ -261,7 +265,7 @@ fn vtu_malformed() {
     // Declared sizes must agree with each other and be possible.
     let claims = Headers { long: true, zlib: Some(36), ..PLAIN };
     let claims = patched(&raw(claims), b"Points='3'", b"Points='300000000000'");
-    check_message("a.vtu", &claims, &["byte", "velocity", "3600000000000 bytes expected"]);
+    check_message("a.vtu", &claims, &["byte", "velocity", "expected 3600000000000 bytes"]);
     let words = |words: [u64; 3]| [&b"_"[..], words.map(u64::to_le_bytes).as_flattened()].concat();
     let claims = patched(&claims, &words([1, 36, 0]), &words([1, 3_600_000_000_000, 0]));
     check_message("a.vtu", &claims, &["byte", "velocity", "cannot be in"]);

@@ -109,7 +109,7 @@ fn written_files_are_read_back() {
             if extension == "pos" && random.below(2) == 0 {
                 particles.radii = particles.radii.map(|radii| vec![0.25; radii.len()]);
             }
-            let lost = limpid_io::particles::lost(&particles, &path).unwrap();
+            let lost = limpid_io::particles::unsupported_attributes(&particles, &path).unwrap();
             limpid_io::particles::write(&particles, &path).unwrap();
             let mut expected = particles.clone();
             for name in &lost {
@@ -151,7 +151,10 @@ fn positions_far_from_the_origin_round_trip() {
     assert_ne!(particles.origin, DVec3::ZERO);
     for extension in ["vtk", "vtu", "ply", "npy", "npz", "csv"] {
         let path = folder.path().join(format!("a.{extension}"));
-        assert_eq!(limpid_io::particles::lost(&particles, &path).unwrap(), [""; 0]);
+        assert_eq!(
+            limpid_io::particles::unsupported_attributes(&particles, &path).unwrap(),
+            [""; 0]
+        );
         limpid_io::particles::write(&particles, &path).unwrap();
         let read = limpid_io::particles::read(&path).unwrap();
         for (i, place) in places.iter().enumerate() {
@@ -161,7 +164,10 @@ fn positions_far_from_the_origin_round_trip() {
     }
     for extension in ["bgeo", "xyz", "pos"] {
         let path = folder.path().join(format!("a.{extension}"));
-        assert_eq!(limpid_io::particles::lost(&particles, &path).unwrap(), ["64-bit places"]);
+        assert_eq!(
+            limpid_io::particles::unsupported_attributes(&particles, &path).unwrap(),
+            ["64-bit places"]
+        );
         limpid_io::particles::write(&particles, &path).unwrap();
         assert_eq!(limpid_io::particles::read(&path).unwrap().positions[7], places[7].as_vec3());
     }

@@ -230,7 +230,7 @@ impl Suite {
         suite.limits.check().map_err(|e| fail(format!("[tolerance] {e}")))?;
         check_adapters(&suite.adapters).map_err(&fail)?;
         if suite.entries.is_empty() {
-            return Err(fail("nothing to check: a [[frame]] or a [[sequence]] expected".into()));
+            return Err(fail("nothing to check: expected a [[frame]] or a [[sequence]]".into()));
         }
         // On case-insensitive file systems two such entries would share a file.
         let mut names: Vec<_> = suite.entries.iter().map(|e| e.name.to_lowercase()).collect();
@@ -336,10 +336,10 @@ fn expectation(folder: &Path, file: &Path, ending: &str) -> Result<PathBuf, Stri
     let below = |part| matches!(part, Component::Normal(_) | Component::CurDir);
     let name = file.display();
     if !file.components().all(below) {
-        return Err(format!("expected `{name}`: a path below the suite's folder expected"));
+        return Err(format!("expected `{name}`: expected a path below the suite's folder"));
     }
     if !file.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending)) {
-        return Err(format!("expected `{name}`: a name that ends in .{ending} expected"));
+        return Err(format!("expected `{name}`: expected a name that ends in .{ending}"));
     }
     Ok(folder.join(file))
 }

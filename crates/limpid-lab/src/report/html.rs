@@ -357,7 +357,7 @@ fn sections(report: &Report) -> Vec<(&'static str, &'static str, String)> {
                        time with something in it, to no effect, that makes all of it be drawn; both \
                        by turns.</p>\n";
         let html = reading.to_owned() + &table_html("", &elisions(&report.elisions), &[]);
-        sections.push(("elisions", "Left out", html));
+        sections.push(("elisions", "Skipped work", html));
     }
     if !report.orders.is_empty() {
         let reading = "<p>In which order rays meet splashes (S) and aggregates (A) at their first \

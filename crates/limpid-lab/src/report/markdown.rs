@@ -214,7 +214,7 @@ fn tables(report: &Report) -> Vec<(&'static str, Table)> {
     let kinds = KINDS.map(|(kind, _, title)| (title, measurements(&of(kind), true)));
     let others = [
         (BUDGETS, budgets(&report.budgets)),
-        ("Left out", elisions(&report.elisions)),
+        ("Skipped work", elisions(&report.elisions)),
         ("Orders", orders(&report.orders)),
         ("Extreme scenes", stress(&report.stress)),
     ];
