@@ -739,7 +739,7 @@ pub(crate) const CASES: &[Case] = &[
         block,
         Way::Small,
         2,
-        "…expected",
+        "…expected a number, a range …",
     ),
     case(
         "shard 0",

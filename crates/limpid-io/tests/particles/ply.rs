@@ -96,7 +96,7 @@ fn ply_malformed() {
     let lists = patched(&ply_elaborate(), b"strip 2", b"strip 2147483647");
     check_message("a.ply", &lists, &["byte", "strip"]);
     let length = patched(&ply_elaborate(), &[0, 0, 0, 1, 0xff], &[0xff, 0xff, 0xff, 0xff, 0xff]);
-    check_message("a.ply", &length, &["byte", "a list's length: 0 or more"]);
+    check_message("a.ply", &length, &["byte", "a list's length: expected 0 or more"]);
 
     let text = |from: &str, to: &str| {
         assert!(ply_ascii().contains(from));

@@ -225,7 +225,7 @@ fn vtu_malformed() {
     let check = |from: &str, to: &str, fragments: &[&str]| {
         check_message("a.vtp", &with(from, to), fragments);
     };
-    check("Points='3'", "Points='4'", &["byte", "velocity", "4 × 3 numbers", "9 found"]);
+    check("Points='3'", "Points='4'", &["byte", "velocity", "4 × 3 numbers", "found 9"]);
     check("Points='3'", "Points='-3'", &["byte", "NumberOfPoints", "count", "-3"]);
     check("Points='3'", "Points='18446744073709551615'", &["byte", "velocity"]);
     check("0.5 -1.25", "x -1.25", &["byte", "Points", "number", "`x`"]);
