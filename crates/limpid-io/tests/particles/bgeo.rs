@@ -114,7 +114,7 @@ fn invalid_attributes_are_errors() {
         (file("rho", 1, 0, &be([f32::NAN])), "density"),
         (file("radius", 1, 0, &be([-inf])), "radius"),
         (file("radii", 1, 0, &be([-0.5])), "radius -0.5, expected 0 or more"),
-        (file("ids", 1, 0, &be([1.5])), "id 1.5, a 64-bit integer"),
+        (file("ids", 1, 0, &be([1.5])), "id 1.5, expected a 64-bit integer"),
     ];
     for (bytes, fragment) in cases {
         check_message("a.bgeo", &bytes, &["byte", "particle 0", fragment]);
