@@ -56,7 +56,10 @@ fn a_line_for_input_and_one_for_output() {
     assert_eq!(lines[1..], ["wrote out/frame_0200.png; 1 already existed"]);
     // The rate of a film is assumed if it is not given.
     let lines = messages(folder.path(), &["w_{}.csv", "--radius=0.025", "-o", "film.apng"]);
-    assert_contains(&lines[0], &["frames per second are not known, 30 assumed; set them with --fps"]);
+    assert_contains(
+        &lines[0],
+        &["frames per second are not known, 30 assumed; set them with --fps"],
+    );
     assert_eq!(lines[2..], ["wrote film.apng, 2 pictures"]);
     let lines =
         messages(folder.path(), &["w_{}.csv", "--radius=0.025", "-o", "b.apng", "--fps=25"]);
