@@ -62,13 +62,13 @@ impl Splat {
     /// other splats are drawn first, then the marked ones that they do not hide.
     pub const BURIED: u32 = 1 << 16;
 
-    /// Position in [`Splat::tags`] of the ten bits that hold, for a copy that [`wet`] placed on a plane,
+    /// Position in [`Splat::tags`] of the ten bits that hold, for a copy that [`add_wall_contacts`] placed on a plane,
     /// the number of that solid, from 1.
     const WALL: u32 = 17;
     /// Bit of [`Splat::tags`] that marks a copy of liquid behind the plane, opposite to its normal.
     const WALL_FROM_BEHIND: u32 = 1 << 27;
 
-    /// Whether [`wet`] placed the splat on a plane.
+    /// Whether [`add_wall_contacts`] placed the splat on a plane.
     #[doc(hidden)]
     pub fn is_copy(&self) -> bool {
         self.tags >> Self::WALL & 0x3ff != 0
@@ -103,7 +103,7 @@ impl Splat {
     }
 }
 
-/// The splats of a frame. Both lists are in file order; copies made by [`wet`] follow.
+/// The splats of a frame. Both lists are in file order; copies made by [`add_wall_contacts`] follow.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Splats {
     /// Ellipsoids of bodies and sheets.

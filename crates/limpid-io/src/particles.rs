@@ -160,7 +160,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Particles> {
 }
 
 /// Writes one frame atomically in the format of the extension; see [`read()`]. Attributes that the
-/// format can store are read back bit-exactly; [`lost`] lists the others. `.bgeo` and `.bgeo.gz` are
+/// format can store are read back bit-exactly; [`unsupported_attributes`] lists the others. `.bgeo` and `.bgeo.gz` are
 /// compressed by gzip, as simulators write them, `.bhclassic` is not. Positions with an
 /// [origin](Particles::origin) are written as 64-bit floats if the format has them.
 ///
