@@ -103,7 +103,12 @@ impl LastFrame {
 /// The settings of [`crate::passes::refract`] that affect the caustic maps.
 fn light_settings(refract: &Refract) -> Refract {
     let unread = Refract::default();
-    Refract { samples: unread.samples, edge_samples: unread.edge_samples, ..refract.clone() }
+    Refract {
+        samples: unread.samples,
+        edge_samples: unread.edge_samples,
+        filter_patterns: unread.filter_patterns,
+        ..refract.clone()
+    }
 }
 
 fn same_shapes(a: &Scene, b: &Scene) -> bool {

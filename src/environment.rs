@@ -18,6 +18,17 @@ pub enum Environment {
         /// Radiance straight down.
         nadir: Vec3,
     },
+    /// A gradient that is steeper at the horizon, with up to two glows, such as the sun and its aureole.
+    Sky {
+        /// Radiance straight up, without the glows.
+        zenith: Vec3,
+        /// Radiance at the horizon, without the glows.
+        horizon: Vec3,
+        /// Radiance straight down, without the glows.
+        nadir: Vec3,
+        /// Lobes that are added.
+        glows: [Glow; 2],
+    },
     /// An equirectangular map: its centre is −z, its top row +y.
     Map {
         /// Width and height, pixels.
@@ -25,6 +36,37 @@ pub enum Environment {
         /// Rows from the top, linear RGB with alpha 1.
         pixels: Arc<[[f32; 4]]>,
     },
+}
+
+/// A lobe of radiance around a direction: radiance · exp(sharpness · (cos θ − 1)) at the angle θ (a
+/// spherical Gaussian: Wang, Ren, Gong, Snyder and Guo, All-Frequency Rendering of Dynamic, Spatially-Varying
+/// Reflectance, 2009, equation 3).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Glow {
+    /// Unit direction towards its centre.
+    pub direction: Vec3,
+    /// Radiance at its centre.
+    pub radiance: Vec3,
+    /// 0 to 1e6: uniform at 0; half as bright at about 67°/√sharpness from the centre.
+    pub sharpness: f32,
+}
+
+impl Glow {
+    /// No light.
+    pub const NONE: Self = Self { direction: Vec3::Y, radiance: Vec3::ZERO, sharpness: 1.0 };
+
+    /// Mean radiance over all directions.
+    fn mean(&self) -> Vec3 {
+        let k = f64::from(self.sharpness);
+        let share = if k < 1e-6 { 1.0 } else { -(-2.0 * k).exp_m1() / (2.0 * k) };
+        share as f32 * self.radiance
+    }
+
+    fn is_drawable(&self) -> bool {
+        self.direction.is_normalized()
+            && is_radiance(self.radiance)
+            && (0.0..=1e6).contains(&self.sharpness)
+    }
 }
 
 /// Transmission of uniform sky light through level liquid as a function of depth: a sum over two
@@ -95,6 +137,10 @@ impl PartialEq for Environment {
             (Self::Map { size, pixels }, Self::Map { size: of_other, pixels: others }) => {
                 size == of_other && (Arc::ptr_eq(pixels, others) || pixels == others)
             }
+            (
+                Self::Sky { zenith, horizon, nadir, glows },
+                Self::Sky { zenith: z, horizon: h, nadir: n, glows: g },
+            ) => (zenith, horizon, nadir, glows) == (z, h, n, g),
             _ => false,
         }
     }
@@ -131,6 +177,12 @@ impl Environment {
                 horizon: scale * horizon,
                 nadir: scale * nadir,
             },
+            Self::Sky { zenith, horizon, nadir, glows } => Self::Sky {
+                zenith: scale * zenith,
+                horizon: scale * horizon,
+                nadir: scale * nadir,
+                glows: glows.map(|glow| Glow { radiance: scale * glow.radiance, ..glow }),
+            },
             Self::Map { size, pixels } => Self::Map {
                 size,
                 pixels: {
@@ -145,12 +197,27 @@ impl Environment {
         }
     }
 
-    /// Whether every radiance is within 0 to [`MAX_RADIANCE`].
+    /// Turns the glows that point in the direction of the first one, the sun, towards `direction`, a unit
+    /// vector. Other environments do not change.
+    pub fn turn_sun(&mut self, direction: Vec3) {
+        if let Self::Sky { glows, .. } = self {
+            let sun = glows[0].direction;
+            for glow in glows.iter_mut().filter(|glow| glow.direction == sun) {
+                glow.direction = direction.normalize_or(sun);
+            }
+        }
+    }
+
+    /// Whether every radiance is within 0 to [`MAX_RADIANCE`], and every glow a lobe.
     pub fn is_drawable(&self) -> bool {
         match self {
             Self::Constant(c) => is_radiance(*c),
             Self::Gradient { zenith, horizon, nadir } => {
                 [zenith, horizon, nadir].into_iter().all(|c| is_radiance(*c))
+            }
+            Self::Sky { zenith, horizon, nadir, glows } => {
+                [zenith, horizon, nadir].into_iter().all(|c| is_radiance(*c))
+                    && glows.iter().all(Glow::is_drawable)
             }
             // Checked on loading; scanning every pixel in each frame would be slow.
             Self::Map { .. } => true,
@@ -163,6 +230,11 @@ impl Environment {
             Self::Constant(c) => *c,
             // |sin elevation| is uniform in solid angle, so its mean is 1/2.
             Self::Gradient { zenith, horizon, nadir } => 0.5 * *horizon + 0.25 * (*zenith + *nadir),
+            // The mean of s (2 − s) for s uniform in 0 to 1 is 2/3.
+            Self::Sky { zenith, horizon, nadir, glows } => {
+                let gradient = (*horizon + *zenith + *nadir) / 3.0;
+                glows.iter().fold(gradient, |sum, glow| sum + glow.mean())
+            }
             Self::Map { size, pixels } => {
                 let mut sum = glam::DVec3::ZERO;
                 let mut solid_angle = 0.0;

@@ -69,6 +69,7 @@ pub mod light_view;
 #[doc(hidden)]
 pub mod lights;
 pub mod liquid;
+pub mod look;
 #[doc(hidden)]
 pub mod memory;
 #[cfg(feature = "image")]

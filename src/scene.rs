@@ -149,6 +149,18 @@ pub enum Surface {
         /// Colour of the other tiles.
         odd: Vec3,
     },
+    /// A checkerboard that fades into the environment: at the distance d from the solid's origin or
+    /// centre, a share of 1 − exp(−(d/fade)²) of its radiance is the environment's at the horizon.
+    Ground {
+        /// As for [`Surface::Checker`].
+        tile: f32,
+        /// As for [`Surface::Checker`].
+        even: Vec3,
+        /// As for [`Surface::Checker`].
+        odd: Vec3,
+        /// Distance of the fade, m.
+        fade: f32,
+    },
 }
 
 /// A light, which illuminates lit solids.
@@ -285,6 +297,13 @@ impl Solid {
             Surface::Checker { tile, even, odd } => [
                 (tile > 0.0 && tile.is_finite(), "a checker's tile must be above 0"),
                 (is_radiance(even) && is_radiance(odd), "a checker's colours must be 0 to 1e12"),
+            ],
+            Surface::Ground { tile, even, odd, fade } => [
+                (
+                    [tile, fade].iter().all(|&length| length > 0.0 && length.is_finite()),
+                    "a ground's tile and fade must be above 0",
+                ),
+                (is_radiance(even) && is_radiance(odd), "a ground's colours must be 0 to 1e12"),
             ],
         };
         let mut checks = shape.into_iter().chain(surface);

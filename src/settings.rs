@@ -245,6 +245,9 @@ pub struct Refract {
     /// Rays per pixel that has no liquid but an edge of a solid or of its pattern: 1 to 64, default 16.
     /// No effect unless above `samples`.
     pub edge_samples: u32,
+    /// Whether checkers are averaged over the footprint of a ray, so that distant ones neither alias nor
+    /// need many rays.
+    pub filter_patterns: bool,
     /// Reflectance formula.
     pub fresnel: Fresnel,
     /// Distance between a ray's exit point and the solid ahead below which the liquid wets that solid,
@@ -270,6 +273,7 @@ impl Default for Refract {
             internal_bounces: 4,
             samples: 1,
             edge_samples: 16,
+            filter_patterns: false,
             fresnel: Fresnel::Exact,
             contact: 0.5,
             radiance_scaling: true,

@@ -77,7 +77,11 @@ fn wgsl_struct(text: &str, name: &str) -> (Vec<Field>, usize) {
     let (members, span) = module.types.iter().find_map(find).expect("the struct is in the shader");
     let fields = members.into_iter().map(|member| {
         let inner = &module.types[member.ty].inner;
-        let scalar = match *inner {
+        let element = match *inner {
+            TypeInner::Array { base, .. } => &module.types[base].inner,
+            _ => inner,
+        };
+        let scalar = match *element {
             TypeInner::Scalar(scalar)
             | TypeInner::Vector { scalar, .. }
             | TypeInner::Matrix { scalar, .. } => scalar,
@@ -134,6 +138,8 @@ fn shared_structs_agree() {
         pad_nadir,
         ambient,
         pad_ambient,
+        glow_lobes,
+        glow_radiances,
     });
     let solid = rust_struct!(gbuffer::SolidData {
         origin,
@@ -145,6 +151,8 @@ fn shared_structs_agree() {
         odd,
         lit,
         phase,
+        inv_fade2,
+        middle,
         pad,
     });
     let light = rust_struct!(gbuffer::LightData { place, kind, power, straight, map, pad });

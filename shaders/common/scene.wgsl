@@ -7,11 +7,14 @@ struct Scene {
     horizon: vec3f,
     nadir: vec3f,
     ambient: vec3f, // mean radiance, the ambient light on lit solids
+    glow_lobes: array<vec4f, 2>,     // direction towards the centre of a sky's glow, sharpness
+    glow_radiances: array<vec4f, 2>, // radiance at the centre
 }
 
 const ENVIRONMENT_CONSTANT: u32 = 0u;
 const ENVIRONMENT_GRADIENT: u32 = 1u;
 const ENVIRONMENT_MAP: u32 = 2u;
+const ENVIRONMENT_SKY: u32 = 3u;
 
 const PLANE: u32 = 0u;
 const BOX: u32 = 1u;
@@ -27,6 +30,8 @@ struct Solid {
     odd: vec3f,         // colour of odd tiles
     lit: u32,           // 0: the colour is emitted radiance; 1: the albedo under the lights
     phase: vec3f,       // position of the eye in the checker, in tiles modulo 2
+    inv_fade2: f32,     // 1/m², squared: distance over which it fades into the environment; 0 never
+    middle: vec3f,      // the point that it fades around
 }
 
 @group(2) @binding(0) var<uniform> scene: Scene;
@@ -38,6 +43,8 @@ override SOLIDS: u32 = 0u;      // number of solids
 override SHAPES: u32 = 7u;      // bit set of the solids' shapes, 1 << PLANE and so on
 override ANY_LIT: bool = true;  // whether any solid is lit
 override ENVIRONMENT: u32 = 0u; // one of ENVIRONMENT_*
+override FADES: bool = false;   // whether any solid fades into the environment
+override FILTER_PATTERNS: bool = false; // whether patterns are averaged over a ray's footprint
 
 const MAX_SOLIDS: u32 = 512u;
 
@@ -182,10 +189,15 @@ fn plane_coordinates(n: vec3f, x: vec3f) -> vec2f {
     return select(select(x.xy, x.zy, a.x >= a.z), x.xz, a.y >= max(a.x, a.z));
 }
 
-// Colour of a solid. Checkers are aligned with the world origin, so that adjacent solids match.
-fn solid_color(solid: Solid, x: vec3f, normal: vec3f) -> vec3f {
+// Colour of a solid, seen along d by a ray of this width at x. Checkers are aligned with the world
+// origin, so that adjacent solids match.
+fn solid_color(solid: Solid, x: vec3f, normal: vec3f, d: vec3f, width: f32) -> vec3f {
     let plain = solid.tile <= 0.0;
-    let at = x / select(solid.tile, 1.0, plain) + solid.phase;
+    let tile_side = select(solid.tile, 1.0, plain);
+    let at = x / tile_side + solid.phase;
+    if FILTER_PATTERNS {
+        return mix(solid.odd, solid.even, select(even_share(solid, at, normal, d, width / tile_side), 1.0, plain));
+    }
     let tile = floor(plane_coordinates(normal, at));
     var parity = tile.x + tile.y;
     if has_shape(SPHERE) {
@@ -195,6 +207,36 @@ fn solid_color(solid: Solid, x: vec3f, normal: vec3f) -> vec3f {
     return select(solid.odd, solid.even, plain | (parity - 2.0 * floor(0.5 * parity) < 0.5));
 }
 
+// Share of even tiles in the footprint of a ray of this width, in tiles: of the parallelogram around `at`
+// whose sides are the extents of the footprint along the pattern's axes (after I. Quilez, Filtering the
+// checkerboard pattern, 2017).
+fn even_share(solid: Solid, at: vec3f, normal: vec3f, d: vec3f, width: f32) -> f32 {
+    // Along the unit vector a, the ray's disc is cast onto the surface with the extent |a - n (a·d)/(n·d)|.
+    let slope = dot(normal, d);
+    let shear = d / select(slope, 1e-4, abs(slope) < 1e-4);
+    let extent = max(width * sqrt(1.0 + shear * shear), vec3f(SHARPEST));
+    let side = alternation(at, extent);
+    let sides = plane_coordinates(normal, side);
+    var product = sides.x * sides.y;
+    if has_shape(SPHERE) {
+        product = select(product, side.x * side.y * side.z, shape_of(solid, at) == SPHERE);
+    }
+    return 0.5 + 0.5 * product;
+}
+
+// Smallest footprint, tiles: differences of nearby integrals would be rounding errors.
+const SHARPEST: f32 = 0.01;
+
+// Mean of the square wave that is 1 on even and -1 on odd unit intervals, over `extent` around `at`: the
+// difference of its integral, a triangle wave.
+fn alternation(at: vec3f, extent: vec3f) -> vec3f {
+    return (alternation_integral(at + 0.5 * extent) - alternation_integral(at - 0.5 * extent)) / extent;
+}
+
+fn alternation_integral(at: vec3f) -> vec3f {
+    return 1.0 - abs(at - 2.0 * floor(0.5 * at) - 1.0);
+}
+
 // Whether a solid shadows x, on a surface with normal n, from a light.
 fn in_shadow(x: vec3f, n: vec3f, to_light: ToLight) -> bool {
     // Offset from the surface beyond rounding errors.
@@ -202,13 +244,13 @@ fn in_shadow(x: vec3f, n: vec3f, to_light: ToLight) -> bool {
     return scene_blocks(start, to_light.direction, to_light.distance);
 }
 
-// Radiance from the solid at x along -d: its colour, or the Lambertian reflection of the lights and
-// of the share `ambient` of the ambient light.
-fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f, ambient: vec3f) -> vec3f {
+// Radiance from the solid at x along -d, seen by a ray of this width there: its colour, or the Lambertian
+// reflection of the lights and of the share `ambient` of the ambient light.
+fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f, ambient: vec3f, width: f32) -> vec3f {
     let solid = solids[index];
-    let color = solid_color(solid, x, normal);
+    let color = solid_color(solid, x, normal, d, width);
     if !ANY_LIT {
-        return color;
+        return faded(solid, x, d, color);
     }
     let n = select(normal, -normal, dot(d, normal) > 0.0);
     var irradiance_over_pi = ambient * scene.ambient;
@@ -221,7 +263,17 @@ fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f, ambient: vec3f)
         }
         irradiance_over_pi += light_with_liquid(i, x, n, direct);
     }
-    return color * select(vec3f(1.0), irradiance_over_pi, solid.lit == 1u);
+    return faded(solid, x, d, color * select(vec3f(1.0), irradiance_over_pi, solid.lit == 1u));
+}
+
+// Radiance of a solid with its share of the environment at the horizon.
+fn faded(solid: Solid, x: vec3f, d: vec3f, radiance: vec3f) -> vec3f {
+    if !FADES {
+        return radiance;
+    }
+    let offset = x - solid.middle;
+    let level = vec3f(d.x, 0.0, d.z) * inverseSqrt(max(dot(d.xz, d.xz), 1e-20));
+    return mix(environment_radiance(level), radiance, exp(-solid.inv_fade2 * dot(offset, offset)));
 }
 
 fn environment_radiance(d: vec3f) -> vec3f {
@@ -232,7 +284,23 @@ fn environment_radiance(d: vec3f) -> vec3f {
         let end = select(scene.nadir, scene.zenith, d.y > 0.0);
         return mix(scene.horizon, end, abs(d.y));
     }
+    if ENVIRONMENT == ENVIRONMENT_SKY {
+        return sky_radiance(d);
+    }
     return environment_lookup(d);
+}
+
+fn sky_radiance(d: vec3f) -> vec3f {
+    let rise = abs(d.y);
+    let end = select(scene.nadir, scene.zenith, d.y > 0.0);
+    let glows = glow_radiance(0, d) + glow_radiance(1, d);
+    return mix(scene.horizon, end, rise * (2.0 - rise)) + glows;
+}
+
+// A spherical Gaussian.
+fn glow_radiance(i: i32, d: vec3f) -> vec3f {
+    let lobe = scene.glow_lobes[i];
+    return scene.glow_radiances[i].rgb * exp(lobe.w * (dot(lobe.xyz, d) - 1.0));
 }
 
 // Lookup in an equirectangular map, with -z at its centre and +y in its top row. Bilinear filtering

@@ -328,35 +328,42 @@ struct Look {
     weight: vec3f,
     screen: bool,    // whether solids may be looked up in the G-buffer first
     ambient: vec3f,  // share of ambient light that reaches the solid
+    travelled: f32,  // length of the path from the eye to o
 }
 
 fn look(ray: Look) -> vec3f {
     if SCREEN_SOLIDS && ray.screen {
         let hit = front_entry(OPAQUE, screen_ray(ray.o, ray.d, NOTHING));
         if hit.found {
-            return ray.weight * texel_radiance(hit.texel, ray.ambient);
+            return ray.weight * texel_radiance(hit.texel, ray.ambient, ray.travelled);
         }
     }
-    return ray.weight * radiance_of(ray.solid, ray.o, ray.d, ray.ambient);
+    return ray.weight * radiance_of(ray.solid, ray.o, ray.d, ray.ambient, ray.travelled);
+}
+
+// Width of a ray after a path of this length: that of a pixel, shared among its rays, which flat
+// interfaces hardly change.
+fn ray_width(travelled: f32) -> f32 {
+    return travelled * 2.0 * camera.tangent.y / (camera.size.y * sqrt(f32(SAMPLES)));
 }
 
 // Radiance of the solid at the centre of a G-buffer texel.
-fn texel_radiance(texel: vec2i, ambient: vec3f) -> vec3f {
+fn texel_radiance(texel: vec2i, ambient: vec3f, travelled: f32) -> vec3f {
     let omega = camera_omega(vec2f(texel) + 0.5);
     let plane = textureLoad(gbuffer_planes, texel, 0).xyz;
     let surface = textureLoad(gbuffer_surfaces, texel, 0);
     let x = camera_world_point(camera_point(omega, dot(plane, omega)));
-    return solid_radiance(u32(surface.w), x, surface.xyz, camera_world_direction(normalize(omega)), ambient);
+    return solid_radiance(u32(surface.w), x, surface.xyz, camera_world_direction(normalize(omega)), ambient, ray_width(travelled));
 }
 
 // Radiance of the solid that the ray hits, or of the environment.
-fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f, ambient: vec3f) -> vec3f {
+fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f, ambient: vec3f, travelled: f32) -> vec3f {
     let world_d = camera_world_direction(d);
     if solid.t >= NOTHING {
         return environment_radiance(world_d);
     }
     let x = camera_world_point(o) + solid.t * world_d;
-    return solid_radiance(solid.index, x, solid.normal, world_d, ambient);
+    return solid_radiance(solid.index, x, solid.normal, world_d, ambient, ray_width(travelled + solid.t));
 }
 
 fn in_picture(x: vec3f) -> bool {
@@ -418,6 +425,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
     var hit = Interface(disparity > 0.0 && solid.t > t_front, omega / disparity, front, texel);
     var inside = hit.found && disparity >= 1.0 / camera.near;
     var eye = true;
+    var travelled = 0.0;
     if inside {
         o = omega * camera.near;
     }
@@ -474,9 +482,10 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
         }
         eye = false;
         if !rises {
-            seen = Look(o, d, solid, end_scale * weight, screen, vec3f(1.0));
+            seen = Look(o, d, solid, end_scale * weight, screen, vec3f(1.0), travelled);
         }
         if !ends {
+            travelled += distance(o, hit.position);
             o = hit.position;
             start = hit.texel;
             var n = normalize(hit.plane);
@@ -501,6 +510,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             // Lookups from inside are scaled as if the ray had left the liquid.
             let out = select(1.0, scale, inside);
             seen.o = o;
+            seen.travelled = travelled;
             seen.d = select(reflected, transmitted, bounce);
             seen.weight = weight * select(f * out, through, bounce);
             seen.screen = inside && (bounce || REFLECT_SOLIDS);
@@ -568,13 +578,14 @@ fn sample_offset(index: u32, count: u32) -> vec2f {
     return (cell + within) / f32(side);
 }
 
-// Relative difference of radiance that distinguishes an edge from shading.
+// Relative difference of radiance that distinguishes an edge from shading, and from filtered patterns.
 const EDGE: f32 = 0.02;
+const FILTERED_EDGE: f32 = 0.1;
 
 fn background_ray(u: vec2f) -> vec3f {
     let eye = vec3f(0.0);
     let d = normalize(camera_omega(u));
-    return radiance_of(solid_ahead(eye, d), eye, d, vec3f(1.0));
+    return radiance_of(solid_ahead(eye, d), eye, d, vec3f(1.0), 0.0);
 }
 
 fn background_mean(p: vec2i, count: u32) -> vec3f {
@@ -605,7 +616,7 @@ fn draw_background(p: vec2i) {
         low = min(low, centre);
         high = max(high, centre);
     }
-    if all(high - low <= EDGE * high) {
+    if all(high - low <= select(EDGE, FILTERED_EDGE, FILTER_PATTERNS) * high) {
         textureStore(radiance, p, vec4f(centre, 1.0));
         return;
     }

@@ -90,6 +90,22 @@ impl Particles {
         }
     }
 
+    /// Multiplies all lengths by `factor`: positions, velocities and radii, and densities by its inverse
+    /// cube. For files in units other than metres.
+    pub fn scale(&mut self, factor: f64) {
+        if factor == 1.0 {
+            return;
+        }
+        self.origin *= factor;
+        let narrow = factor as f32;
+        for v in self.positions.iter_mut().chain(self.velocities.iter_mut().flatten()) {
+            *v *= narrow;
+        }
+        for radius in self.radii.iter_mut().flatten() {
+            *radius *= narrow;
+        }
+    }
+
     /// World position of particle `i`, m, rounded to 32-bit floats. Unlike the sum it preserves −0.
     pub fn single_place(&self, i: usize) -> Vec3 {
         if self.narrow() { self.positions[i] } else { self.place(i).as_vec3() }

@@ -8,7 +8,7 @@ use glam::{DVec3, UVec2, Vec3};
 use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::{CameraBinding, GBufferImages, Layers};
-use crate::environment::Environment;
+use crate::environment::{Environment, Glow};
 use crate::gpu::{self, Gpu, Span};
 use crate::light_view::CUBE;
 use crate::light_view::PlacedView;
@@ -34,6 +34,10 @@ pub struct SceneUniform {
     pub ambient: [f32; 3],
     /// Padding.
     pub pad_ambient: u32,
+    /// Directions of the glows, and their sharpness.
+    pub glow_lobes: [[f32; 4]; 2],
+    /// Radiance at the centres of the glows, with padding.
+    pub glow_radiances: [[f32; 4]; 2],
 }
 
 /// `Solid` of `common/scene.wgsl`.
@@ -58,6 +62,10 @@ pub struct SolidData {
     pub lit: u32,
     /// Position of the eye in the checker, in tiles modulo 2.
     pub phase: [f32; 3],
+    /// Square of the inverse distance over which it fades, 1/m²; 0 if it does not.
+    pub inv_fade2: f32,
+    /// The point that it fades around, relative to the eye, m.
+    pub middle: [f32; 3],
     /// Padding.
     pub pad: u32,
 }
@@ -124,8 +132,12 @@ pub struct SceneVariant {
     pub lights: u32,
     /// Whether any light has views besides its map's.
     pub straight_views: bool,
-    /// 0 constant, 1 gradient, 2 map.
+    /// 0 constant, 1 gradient, 2 map, 3 sky.
     pub environment: u32,
+    /// Whether any solid fades into the environment.
+    pub fades: bool,
+    /// Whether patterns are filtered over a ray's footprint.
+    pub filter_patterns: bool,
 }
 
 impl SceneVariant {
@@ -135,16 +147,31 @@ impl SceneVariant {
             Environment::Constant(_) => 0,
             Environment::Gradient { .. } => 1,
             Environment::Map { .. } => 2,
+            Environment::Sky { .. } => 3,
         };
+        let patterned = |solid: &Solid| !matches!(solid.surface, Surface::Color(_));
+        let fades =
+            scene.solids.iter().any(|solid| matches!(solid.surface, Surface::Ground { .. }));
+        let filter_patterns =
+            scene.settings.refract.filter_patterns && scene.solids.iter().any(patterned);
         let solids = scene.solids.len() as u32;
         let lights = if scene.is_lit() { scene.lights.len() as u32 } else { 0 };
         let shapes =
             scene.solids.iter().fold(0, |shapes, solid| shapes | 1 << shape_code(&solid.shape));
         let lit = scene.solids.iter().any(|solid| solid.lit);
-        Self { solids, shapes, lit, lights, straight_views: false, environment }
+        Self {
+            solids,
+            shapes,
+            lit,
+            lights,
+            straight_views: false,
+            environment,
+            fades,
+            filter_patterns,
+        }
     }
 
-    pub fn constants(self) -> [(&'static str, f64); 6] {
+    pub fn constants(self) -> [(&'static str, f64); 8] {
         [
             ("SOLIDS", self.solids),
             ("SHAPES", self.shapes),
@@ -152,6 +179,8 @@ impl SceneVariant {
             ("LIGHTS", self.lights),
             ("STRAIGHT_VIEWS", self.straight_views.into()),
             ("ENVIRONMENT", self.environment),
+            ("FADES", self.fades.into()),
+            ("FILTER_PATTERNS", self.filter_patterns.into()),
         ]
         .map(|(name, value)| (name, value.into()))
     }
@@ -246,18 +275,25 @@ fn bind(
     light_maps: Option<&LightMaps>,
 ) -> wgpu::BindGroup {
     let one_pixel = [[0f32; 4]];
-    let ([zenith, horizon, nadir], (size, pixels)) = match environment {
-        Environment::Constant(c) => ([*c; 3], (UVec2::ONE, &one_pixel[..])),
-        Environment::Gradient { zenith, horizon, nadir } => {
-            ([*zenith, *horizon, *nadir], (UVec2::ONE, &one_pixel[..]))
-        }
-        Environment::Map { size, pixels } => ([Vec3::ZERO; 3], (*size, &pixels[..])),
+    let [zenith, horizon, nadir] = match *environment {
+        Environment::Constant(c) => [c; 3],
+        Environment::Gradient { zenith, horizon, nadir }
+        | Environment::Sky { zenith, horizon, nadir, .. } => [zenith, horizon, nadir],
+        Environment::Map { .. } => [Vec3::ZERO; 3],
+    };
+    let glows =
+        if let Environment::Sky { glows, .. } = environment { *glows } else { [Glow::NONE; 2] };
+    let (size, pixels) = match environment {
+        Environment::Map { size, pixels } => (*size, &pixels[..]),
+        _ => (UVec2::ONE, &one_pixel[..]),
     };
     let uniform = SceneUniform {
         zenith: zenith.to_array(),
         horizon: horizon.to_array(),
         nadir: nadir.to_array(),
         ambient: environment.mean().to_array(),
+        glow_lobes: glows.map(|glow| glow.direction.extend(glow.sharpness).to_array()),
+        glow_radiances: glows.map(|glow| glow.radiance.extend(0.0).to_array()),
         ..Zeroable::zeroed()
     };
     let uniform = gpu::buffer_with(gpu, "scene", gpu::UNIFORM, &[uniform]);
@@ -315,9 +351,15 @@ fn solid_data(solid: &Solid, eye: DVec3) -> SolidData {
         Shape::Box { min, max } => (0.5 * (min + max) - eye, (0.5 * (max - min)).as_vec3(), 0.0),
         Shape::Sphere { center, radius } => (center - eye, Vec3::splat(radius), 0.0),
     };
-    let (even, tile, odd) = match solid.surface {
-        Surface::Color(color) => (color, 0.0, color),
-        Surface::Checker { tile, even, odd } => (even, tile, odd),
+    let (even, tile, odd, fade) = match solid.surface {
+        Surface::Color(color) => (color, 0.0, color, f32::INFINITY),
+        Surface::Checker { tile, even, odd } => (even, tile, odd, f32::INFINITY),
+        Surface::Ground { tile, even, odd, fade } => (even, tile, odd, fade),
+    };
+    let middle = match solid.shape {
+        Shape::Plane { origin, .. } => origin,
+        Shape::Box { min, max } => 0.5 * (min + max),
+        Shape::Sphere { center, .. } => center,
     };
     // Tiles are counted from the world's origin.
     let phase = match tile {
@@ -334,6 +376,8 @@ fn solid_data(solid: &Solid, eye: DVec3) -> SolidData {
         odd: odd.to_array(),
         lit: u32::from(solid.lit),
         phase: phase.as_vec3().to_array(),
+        inv_fade2: fade.recip().powi(2),
+        middle: (middle - eye).as_vec3().to_array(),
         pad: 0,
     }
 }

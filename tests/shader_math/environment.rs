@@ -2,11 +2,13 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::{DVec3, UVec2};
+use glam::{DVec3, UVec2, Vec3};
+use limpid::environment::{Environment, Glow};
+use limpid::passes::gbuffer::SceneUniform;
 use limpid::wgpu;
 
 use super::support::{Kernel, Random, gpu, texture, uniform};
-use super::view::{assert_near, case, vec3};
+use super::view::{assert_near, case, round3, vec3};
 
 /// The environment map has -z at its centre, +x to the right of it and +y at the top, and wraps without a
 /// seam; lookups are exact at texel centres and bilinear between them.
@@ -85,7 +87,6 @@ fn environment_map_directions() {
 #[test]
 fn environment_constant_and_gradient() {
     let Some(gpu) = gpu() else { return };
-    use limpid::passes::gbuffer::SceneUniform;
     let (zenith, horizon, nadir) = ([1.0, 2.0, 3.0], [0.5, 0.25, 0.125], [8.0, 4.0, 2.0]);
     let scene = SceneUniform { zenith, horizon, nadir, ..bytemuck::Zeroable::zeroed() };
     let buffer = uniform(gpu, &scene);
@@ -117,4 +118,72 @@ fn environment_constant_and_gradient() {
             assert_near(vec3(&result).distance(expected), 0.0, 4e-6, "radiance");
         }
     }
+}
+
+/// A sky is its gradient and its glows: on the device as by their formulas, and its mean over directions is
+/// [`Environment::mean`], the ambient light.
+#[test]
+fn environment_sky() {
+    let Some(gpu) = gpu() else { return };
+    let (zenith, horizon, nadir) = ([1.0, 2.0, 3.0], [0.5, 0.25, 0.125], [8.0, 4.0, 2.0]);
+    let mut random = Random(17);
+    let mut glow = |sharpness| Glow {
+        direction: random.direction().as_vec3().normalize(),
+        radiance: Vec3::new(5.0, 3.0, 1.0),
+        sharpness,
+    };
+    let glows = [glow(40.0), glow(3.0)];
+    let scene = SceneUniform {
+        zenith,
+        horizon,
+        nadir,
+        glow_lobes: glows.map(|glow| glow.direction.extend(glow.sharpness).to_array()),
+        glow_radiances: glows.map(|glow| glow.radiance.extend(0.0).to_array()),
+        ..bytemuck::Zeroable::zeroed()
+    };
+    let buffer = uniform(gpu, &scene);
+    let map = texture(gpu, UVec2::ONE, &[&[[7.0; 4]]]);
+    let kernel = Kernel {
+        imports: &["common/scene.wgsl"],
+        body: "fn test(x: array<f32, 3>) -> array<f32, 3> {
+            let c = environment_radiance(vec3f(x[0], x[1], x[2]));
+            return array(c.x, c.y, c.z);
+        }",
+        constants: &[("ENVIRONMENT", 3.0)],
+        resources: &[
+            (2, 0, buffer.as_entire_binding()),
+            (2, 3, wgpu::BindingResource::TextureView(&map)),
+        ],
+    };
+    // Evenly distributed over the sphere (a Fibonacci lattice).
+    let count = 20_000;
+    let directions: Vec<DVec3> = (0..count)
+        .map(|i| {
+            let y = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
+            let (sin, cos) = (f64::from(i) * PI * (3.0 - 5f64.sqrt())).sin_cos();
+            round3((1.0 - y * y).sqrt() * DVec3::new(cos, 0.0, sin) + DVec3::Y * y)
+        })
+        .collect();
+    let cases: Vec<[f32; 3]> = directions.iter().map(|d| case(&[&d.to_array()])).collect();
+    let results: Vec<[f32; 3]> = kernel.run(gpu, &cases);
+    let mut sum = DVec3::ZERO;
+    for (d, result) in directions.iter().zip(&results) {
+        let end = if d.y > 0.0 { zenith } else { nadir };
+        let rise = 1.0 - (1.0 - d.y.abs()).powi(2);
+        let gradient = vec3(&horizon).lerp(vec3(&end), rise);
+        let expected = glows.iter().fold(gradient, |sum, glow| {
+            let cosine = glow.direction.as_dvec3().dot(*d);
+            sum + glow.radiance.as_dvec3() * (f64::from(glow.sharpness) * (cosine - 1.0)).exp()
+        });
+        assert_near(vec3(result).distance(expected), 0.0, 2e-5, "radiance");
+        sum += expected / f64::from(count);
+    }
+    let [zenith, horizon, nadir] = [zenith, horizon, nadir].map(Vec3::from_array);
+    let sky = Environment::Sky { zenith, horizon, nadir, glows };
+    assert_near(sky.mean().as_dvec3().distance(sum), 0.0, 1e-3, "mean");
+    // A sharp lobe has the mean of its closed form too.
+    let sun = Glow { direction: Vec3::Y, radiance: Vec3::ONE, sharpness: 1e4 };
+    let [zenith, horizon, nadir] = [Vec3::ZERO; 3];
+    let sky = Environment::Sky { zenith, horizon, nadir, glows: [sun, Glow::NONE] };
+    assert_near(f64::from(sky.mean().x), 0.5e-4, 1e-9, "the mean of a sharp lobe");
 }

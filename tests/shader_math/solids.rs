@@ -112,7 +112,7 @@ fn random_form(random: &mut Random, kind: usize) -> Form {
 const SOLID_KERNEL: &str = "
     fn the_solid(x: array<f32, 14>, phase: vec3f) -> Solid {
         return Solid(vec3f(x[0], x[1], x[2]), u32(x[3]), vec3f(x[4], x[5], x[6]), x[7],
-            vec3f(1.0), x[11], vec3f(0.0), 0u, phase);
+            vec3f(1.0), x[11], vec3f(0.0), 0u, phase, 0.0, vec3f(0.0));
     }";
 
 /// Computes distance along the ray, distance of its origin from the surface, and normal at the hit on the
@@ -297,7 +297,7 @@ fn checkers_alternate_through_zero() {
         "{SOLID_KERNEL}
         fn test(x: array<f32, 14>) -> array<f32, 1> {{
             let solid = the_solid(x, vec3f(x[0], x[1], x[2]));
-            let color = solid_color(solid, vec3f(x[8], x[9], x[10]), vec3f(x[4], x[5], x[6]));
+            let color = solid_color(solid, vec3f(x[8], x[9], x[10]), vec3f(x[4], x[5], x[6]), vec3f(0.0), 0.0);
             return array(color.x);
         }}"
     );
@@ -344,4 +344,58 @@ fn checkers_alternate_through_zero() {
     for ((x, result), even) in cases.iter().zip(results).zip(even) {
         assert_eq!(result[0] == 1.0, even, "{x:?}");
     }
+}
+
+/// Filtered checkers have the share of even tiles in a ray's footprint: the mean over the parallelogram that
+/// contains the ellipse in which a ray of that width meets the plane, within the error of the sum; a narrow
+/// ray gives the tile itself, and one much wider than a tile gives one half.
+#[test]
+fn checkers_are_filtered_over_the_footprint() {
+    let Some(gpu) = gpu() else { return };
+    let body = format!(
+        "{SOLID_KERNEL}
+        fn test(x: array<f32, 14>) -> array<f32, 1> {{
+            let solid = the_solid(x, vec3f(0.0));
+            let d = normalize(vec3f(x[12], -1.0, x[13]));
+            return array(solid_color(solid, vec3f(x[8], 0.0, x[10]), vec3f(0.0, 1.0, 0.0), d, x[9]).x);
+        }}"
+    );
+    let kernel = Kernel {
+        imports: &["common/scene.wgsl"],
+        body: &body,
+        constants: &[("FILTER_PATTERNS", 1.0)],
+        resources: &[],
+    };
+    let mut random = Random(18);
+    let tile = 0.5;
+    let mut cases: Vec<[f32; 14]> = Vec::new();
+    let mut shares = Vec::new();
+    while cases.len() < 3000 {
+        let (x, z) = (random.range(-20.0, 20.0), random.range(-20.0, 20.0));
+        let (tilt_x, tilt_z) = (random.range(-4.0, 4.0), random.range(-4.0, 4.0));
+        let width = random.magnitude(1e-3, 3.0);
+        // d = (tilt_x, −1, tilt_z)/length: the extents along x and z are those of |a − n (a·d)/(n·d)|.
+        // No footprint is smaller than a hundredth of a tile.
+        let extents = [tilt_x, tilt_z].map(|tilt: f64| (width * tilt.hypot(1.0) / tile).max(0.01));
+        let mean = [x, z].into_iter().zip(extents).map(|(at, extent)| {
+            let steps = 4000;
+            let sample = |k: i32| {
+                let offset = (f64::from(k) + 0.5) / f64::from(steps) - 0.5;
+                if (at / tile + offset * extent).floor().rem_euclid(2.0) < 1.0 { 1.0 } else { -1.0 }
+            };
+            (0..steps).map(sample).sum::<f64>() / f64::from(steps)
+        });
+        shares.push(0.5 + 0.5 * mean.product::<f64>());
+        let ray = [x, width, z, tile, tilt_x, tilt_z];
+        cases.push(case(&[&[0.0, 0.0, 0.0, 0.0], &[0.0, 1.0, 0.0, 1e30], &ray]));
+    }
+    let results: Vec<[f32; 1]> = kernel.run(gpu, &cases);
+    let (mut hard, mut soft) = (0, 0);
+    for ((x, result), share) in cases.iter().zip(results).zip(shares) {
+        let width = f64::from(x[9]);
+        assert_near(result[0].into(), share, 0.012, &format!("{x:?}"));
+        hard += usize::from(width < 5e-3 && (result[0] - 0.5).abs() > 0.499);
+        soft += usize::from(width > 2.0 && (f64::from(result[0]) - 0.5).abs() < 0.05);
+    }
+    assert!(hard > 300 && soft > 100, "{hard} {soft}");
 }

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind as Usage;
 use clap::{Parser, Subcommand};
 
-use crate::{bake, check, compare, convert, info, render, report, signals, view};
+use crate::{bake, check, compare, convert, info, render, report, scene, settings, signals, view};
 
 /// Renders clear liquid directly from particles.
 ///
@@ -28,6 +28,10 @@ enum Command {
     Bake(bake::Args),
     /// Open a viewer window: play, orbit, adjust settings, save.
     View(view::Args),
+    /// Print the scene of an input as a file to edit, with the automatic parts filled in.
+    Scene(Box<scene::Args>),
+    /// List all settings with unit, range, default and meaning.
+    Settings(settings::Args),
     /// Describe a particle file or sequence.
     Info(info::Args),
     /// Convert particle files to another format.
@@ -48,6 +52,8 @@ pub(crate) fn run() -> anyhow::Result<ExitCode> {
         Command::Render(args) => render::run(&args),
         Command::Bake(args) => bake::run(&args),
         Command::View(args) => view::run(args),
+        Command::Scene(args) => scene::run(&args),
+        Command::Settings(args) => settings::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Compare(args) => compare::run(&args),

@@ -25,7 +25,7 @@ pub(crate) struct Args {
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
     /// The axis that points up in the input, y or z; the output has y up.
-    #[arg(long, default_value = "y", value_parser = parse_up)]
+    #[arg(long, default_value = "y", value_parser = crate::shared_args::parse_up)]
     up: Up,
     #[command(flatten)]
     reading: crate::shared_args::Reading,
@@ -120,13 +120,5 @@ fn add_missing<T: PartialEq>(names: &mut Vec<T>, more: Vec<T>) {
         if !names.contains(&name) {
             names.push(name);
         }
-    }
-}
-
-fn parse_up(text: &str) -> Result<Up, &'static str> {
-    match text {
-        "y" | "Y" => Ok(Up::Y),
-        "z" | "Z" => Ok(Up::Z),
-        _ => Err("expected y or z"),
     }
 }

@@ -11,6 +11,8 @@ mod pipeline_cache;
 mod remedy;
 mod render;
 mod report;
+mod scene;
+mod settings;
 mod shared_args;
 mod signals;
 mod terminal;

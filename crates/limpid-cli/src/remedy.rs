@@ -62,10 +62,7 @@ pub(crate) fn of_notice(notice: &Notice) -> String {
             "if so, pass half of it as --radius".into()
         }
         Notice::MaybeRadius(array) => format!("if it is the radius: --map radius={array}"),
-        Notice::Opaque { absorption, .. } => {
-            let [r, g, b] = (*absorption / 1000.0).to_array();
-            format!("if these are millimetres: --set 'liquid.absorption=[{r}, {g}, {b}]'")
-        }
+        Notice::Opaque(_) => "if these are millimetres: --scale 0.001".into(),
         Notice::Unseen(_) | Notice::Outside(..) => VIEW.into(),
         _ => return notice.to_string(),
     };

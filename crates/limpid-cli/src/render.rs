@@ -136,7 +136,9 @@ pub(crate) struct Args {
     /// except caustics and tone mapping; --set is applied afterwards.
     #[arg(long, value_name = "NAME", value_parser = overrides::preset)]
     preset: Option<Preset>,
-    /// Replace a setting: refract.solver=march; or the liquid: liquid.ior=1.4,
+    #[command(flatten)]
+    changes: crate::shared_args::SceneChanges,
+    /// Replace a setting (`limpid settings` lists them): refract.solver=march; or the liquid: liquid.ior=1.4,
     /// "liquid.absorption=[1, 0.3, 0.1]", "fluid.2.absorption=[0, 0, 5]".
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     set: Vec<String>,

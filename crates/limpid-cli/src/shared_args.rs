@@ -1,6 +1,9 @@
 //! Options shared by several commands.
 
 use glam::UVec2;
+use limpid::liquid::Up;
+use limpid::look::Look;
+use limpid_io::adjustments::{Adjustments, Floor, Sun, Tint};
 use limpid_io::particles::{AttributeMap, ReadOptions};
 
 // Options of all commands that read particles; a doc comment here would become their help.
@@ -20,6 +23,53 @@ impl Reading {
     pub(crate) fn options(&self) -> ReadOptions {
         let map = self.map.clone().unwrap_or_default();
         ReadOptions { max_unpacked: self.max_unpacked, map }
+    }
+}
+
+// Options that change the scene; a doc comment here would become their help.
+#[derive(clap::Args)]
+pub(crate) struct SceneChanges {
+    /// The look: studio, daylight, pool, night or chart. Replaces sky, light and tone curve, and, unless
+    /// the scene has solids of its own, the ground [default: studio for files and for scenes without an
+    /// [environment]].
+    #[arg(long)]
+    look: Option<Look>,
+    /// Direction of the sun, in degrees: AZIMUTH,ELEVATION, from +z towards +x and above the horizon; or
+    /// none.
+    #[arg(long, allow_hyphen_values = true, value_name = "AZIMUTH,ELEVATION")]
+    sun: Option<Sun>,
+    /// Height of the ground in metres, or none.
+    #[arg(long, allow_hyphen_values = true, value_name = "Y")]
+    floor: Option<Floor>,
+    /// Index of refraction: water 1.33, oil 1.47, an air bubble in water 0.75.
+    #[arg(long, value_name = "N")]
+    ior: Option<f32>,
+    /// Colour of the liquid: that of white light behind as much of it as a cube of its volume is wide, as
+    /// 0.3,0.7,0.9; physical (water, whatever its size); or clear.
+    #[arg(long, value_name = "R,G,B")]
+    tint: Option<Tint>,
+    /// The axis that points up in the files: y or z.
+    #[arg(long, value_parser = parse_up)]
+    up: Option<Up>,
+    /// Length of the files' unit in metres: 0.001 for millimetres.
+    #[arg(long, value_name = "METRES")]
+    scale: Option<f64>,
+}
+
+impl SceneChanges {
+    /// The changes, with the rate of the sequence.
+    pub(crate) fn adjustments(&self, fps: Option<f64>) -> Adjustments {
+        let Self { look, sun, floor, ior, tint, up, scale } = *self;
+        Adjustments { look, sun, floor, ior, tint, up, scale, fps }
+    }
+}
+
+/// Parses the name of an axis.
+pub(crate) fn parse_up(text: &str) -> Result<Up, &'static str> {
+    match text {
+        "y" | "Y" => Ok(Up::Y),
+        "z" | "Z" => Ok(Up::Z),
+        _ => Err("expected y or z"),
     }
 }
 

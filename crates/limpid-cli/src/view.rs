@@ -23,6 +23,11 @@ pub(crate) struct Args {
     /// Start with the settings of a published method: limpid, imai2014, imai2016 or mayer2026.
     #[arg(long, value_name = "NAME", value_parser = overrides::preset)]
     preset: Option<Preset>,
+    #[command(flatten)]
+    changes: crate::shared_args::SceneChanges,
+    /// Frames per second of the sequence [default: the scene's, or 30].
+    #[arg(long, value_name = "F")]
+    fps: Option<f64>,
     /// Start with a setting replaced: refract.solver=march, liquid.ior=1.4.
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     set: Vec<String>,
@@ -65,6 +70,7 @@ pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
         frames: args.frames,
         missing: args.missing,
         options: args.reading.options(),
+        adjustments: args.changes.adjustments(args.fps),
     };
     let memory = args.memory << 20;
     let shown = run(Options { source: Some(source), window: args.size, memory, log: args.log });

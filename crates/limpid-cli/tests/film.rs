@@ -467,7 +467,8 @@ fn the_camera_moves() {
     let folder = water();
     let at = |name: &str| folder.path().join(name);
     fs::write(at("path.toml"), PATH_FILE).unwrap();
-    let moving = ["--camera-path=path.toml", "--fps=10"];
+    // The automatic ground lies below all frames that are drawn.
+    let moving = ["--camera-path=path.toml", "--fps=10", "--floor=none"];
     let one = [&["water_2.xyz"], &moving[..]].concat();
     render(folder.path(), &[&one[..], &["-o", "one/"]].concat(), None).unwrap();
     let numbered: BTreeSet<_> = (1..=4).map(|i| format!("frame_{i:04}.png")).collect();

@@ -9,17 +9,19 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use crate::adjustments::{Adjustments, Tint};
 use crate::bake;
 use crate::error::{Error, Result};
+use crate::film::check_fps;
 use crate::particles::{Array, AttributeMap, Contents, ReadOptions};
-use crate::project::{LiquidSource, ParticleSource, Project};
+use crate::project::{Automatic, LiquidSource, ParticleSource, Project, is_scale};
 use crate::sequence::{Frame, Sequence};
 use crate::shared_classifier::{Processor, SharedClassifier};
-use limpid::camera::Camera;
 use limpid::liquid::bulk::Bulk;
 use limpid::liquid::classify::{self, Splat, Splats};
 use limpid::liquid::particles::drawable;
 use limpid::liquid::{Particles, Up};
+use limpid::look::{Body, Look};
 use limpid::memory;
 use limpid::scene::Scene;
 
@@ -47,6 +49,9 @@ pub struct Input {
     fps: Option<f64>,
     // At least one.
     fluids: Vec<Fluid>,
+    body: Option<Body>,
+    /// Whether the body is measured even if the scene is complete.
+    measured: bool,
 }
 
 /// The origin of a particle radius, the most reliable first.
@@ -136,6 +141,7 @@ impl Input {
             radius: particles.radius,
             radius_from: RadiusFrom::Scene,
             up: particles.up,
+            scale: 1.0,
             options: ReadOptions::default(),
             source: FluidSource::Embedded(include_bytes!("../../../sims/demo.bgeo")),
         };
@@ -154,6 +160,8 @@ impl Input {
             classifier: SharedClassifier::default(),
             fps: None,
             fluids: vec![fluid],
+            body: None,
+            measured: false,
         }
     }
 
@@ -176,6 +184,7 @@ impl Input {
                     fluid.radius_from = RadiusFrom::Scene;
                 }
                 fluid.up = particles.up;
+                fluid.scale = particles.scale.unwrap_or(1.0);
                 fluid.options.map.clone_from(&particles.map);
             }
         }
@@ -233,6 +242,7 @@ impl Input {
                 radius: Some(recipe.particle_radius() as f32),
                 radius_from: RadiusFrom::Scene,
                 up: Up::Y,
+                scale: 1.0,
                 options: ReadOptions::default(),
                 source: FluidSource::Recipe(recipe),
             };
@@ -247,12 +257,18 @@ impl Input {
             return Ok(Self { fps: Some(fps), ..Self::of(Some(project), fluid, None) });
         }
         let sources = project.source.files();
+        if sources.iter().any(|particles| particles.source.is_empty()) {
+            let problem =
+                "[particles] has no source; name the particles there, or draw them in this scene";
+            return Err(Error::Scene { origin: origin.into(), problem: problem.into() });
+        }
         let fluids: Vec<Fluid> = sources
             .iter()
             .map(|particles| {
                 let sequence = Sequence::open(&particles.source)?;
-                let ParticleSource { radius, up, map, .. } = particles;
-                Ok(Fluid::of_files(sequence, *radius, *up, map.clone()))
+                let ParticleSource { radius, up, scale, map, .. } = particles;
+                let scale = scale.unwrap_or(1.0);
+                Ok(Fluid { scale, ..Fluid::of_files(sequence, *radius, *up, map.clone()) })
             })
             .collect::<Result<_>>()?;
         let Some(first) = fluids.first() else {
@@ -275,6 +291,8 @@ impl Input {
             classifier: SharedClassifier::default(),
             fps,
             fluids,
+            body: None,
+            measured: false,
         })
     }
 
@@ -437,10 +455,75 @@ impl Input {
         Ok(classify::median_radius(particles, default)?)
     }
 
-    /// Resolves values that neither files nor scene have from the first frame with particles: the
-    /// radius of each fluid, and the camera, which is fitted to the [bulk](Bulk) of the particles. Bare
-    /// files get a default scene. So a sequence has one radius and one view, however it is shared among
-    /// machines.
+    /// The source of its particles, for a scene file in the working directory.
+    pub fn source(&self) -> LiquidSource {
+        let own = self.project.as_ref().map(|project| &project.source);
+        match own {
+            Some(source) if source.files().is_empty() && *source != LiquidSource::Unspecified => {
+                source.clone()
+            }
+            _ => {
+                let files = self.fluids.iter().map(|fluid| ParticleSource {
+                    source: fluid.sequence.pattern.clone(),
+                    frame: self.frame.filter(|_| fluid.sequence.frames.len() > 1),
+                    radius: fluid.radius,
+                    up: fluid.up,
+                    fps: self.fps,
+                    scale: Some(fluid.scale).filter(|&scale| scale != 1.0),
+                    map: fluid.options.map.clone(),
+                });
+                match files.collect::<Vec<_>>() {
+                    mut files if files.len() == 1 => LiquidSource::File(files.remove(0)),
+                    files => LiquidSource::Fluids(files),
+                }
+            }
+        }
+    }
+
+    /// The body of liquid that [`Input::resolve`] has measured, if it had to.
+    pub fn body(&self) -> Option<&Body> {
+        self.body.as_ref()
+    }
+
+    /// Applies the changes that decide how files are read, and the look.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a scale or a rate out of range.
+    pub(crate) fn with_adjustments(mut self, adjustments: &Adjustments) -> Result<Self> {
+        if let Some(scale) = adjustments.scale {
+            if !is_scale(scale) {
+                let problem = format!("a scale of {scale}: expected 1e-12 to 1e12");
+                return Err(Error::Usage(problem));
+            }
+            self.fluids.iter_mut().for_each(|fluid| fluid.scale = scale);
+        }
+        if let Some(up) = adjustments.up {
+            self.fluids.iter_mut().for_each(|fluid| fluid.up = up);
+        }
+        if let Some(fps) = adjustments.fps {
+            check_fps(fps)?;
+            self.fps = Some(fps);
+        }
+        // A tint is relative to the body.
+        self.measured = matches!(adjustments.tint, Some(Tint::Color(_)));
+        if let Some(look) = adjustments.look {
+            let bare = self.project.is_none();
+            let project = self.project.get_or_insert_default();
+            let own = project.automatic.unwrap_or_else(|| Automatic {
+                absorption: bare,
+                ground: project.scene.solids.is_empty(),
+                ..Automatic::all(look)
+            });
+            let whole = Automatic { environment: true, light: true, tonemap: true, ..own };
+            project.automatic = Some(Automatic { look, ..whole });
+        }
+        Ok(self)
+    }
+
+    /// Resolves values that neither files nor scene have: the radius of each fluid from its first frame
+    /// with particles; the parts of the scene that a look provides; and the camera, which sees the
+    /// [bulk](limpid::liquid::Bulk) of the particles in the first frame, the last one and the one between.
+    /// So a sequence has one radius and one view, however it is shared among machines.
     ///
     /// A single file that belongs to a sequence gets the sequence's radius: the guess from its first
     /// frame with particles. If the two guesses differ by more than 10 %, the files are taken to be of
@@ -449,40 +532,27 @@ impl Input {
     /// # Errors
     /// As [`crate::particles::read`].
     pub fn resolve(mut self) -> Result<(Self, Project)> {
-        let complete = self.project.as_ref().filter(|project| project.camera.is_some());
-        if let Some(project) = complete
-            && self.fluids.iter().all(|fluid| fluid.radius.is_some())
-        {
-            let project = project.clone();
+        let bare =
+            || Project { automatic: Some(Automatic::all(Look::default())), ..Project::default() };
+        let mut project = self.project.clone().unwrap_or_else(bare);
+        let complete = project.camera.is_some() && project.automatic.is_none() && !self.measured;
+        if complete && self.fluids.iter().all(|fluid| fluid.radius.is_some()) {
             return Ok((self, project));
         }
-        let mut bounds: Option<(DVec3, DVec3)> = None;
-        let mut radius = 0.0_f32;
+        let mut body: Option<Body> = None;
         for fluid in &mut self.fluids {
-            for number in fluid.sequence.frames.iter().map(|frame| frame.number) {
-                let particles = fluid.contents(number, Missing::Error)?.particles;
-                let Some(Bulk { bounds: (min, max), .. }) = particles.bulk() else { continue };
-                // A single particle has no spacing, but a later frame may have more.
-                let last = fluid.sequence.frames.last().is_none_or(|frame| frame.number == number);
-                let resolved = match fluid.resolved_radius(number, &particles) {
-                    Err(Error::UnknownRadius { .. }) if !last => continue,
-                    resolved => resolved?,
-                };
-                bounds = Some(bounds.map_or((min, max), |(a, b)| (a.min(min), b.max(max))));
-                radius = radius.max(resolved);
-                if resolved > 0.0 && fluid.radius.is_none() {
-                    let own = particles.radii.is_some();
-                    fluid.radius_from = if own { RadiusFrom::File } else { RadiusFrom::Guess };
-                    fluid.radius = Some(resolved);
-                }
-                break;
-            }
+            let found = fluid.resolve(!complete)?;
+            body = match (body, found) {
+                (Some(a), Some(b)) => Some(a.with(b)),
+                (a, b) => a.or(b),
+            };
         }
-        let (min, max) = bounds.unwrap_or((-DVec3::ONE, DVec3::ONE));
-        let default = || Project::from(Scene::around(min, max, radius));
-        let mut project = self.project.clone().unwrap_or_else(default);
-        let margin = f64::from(radius);
-        project.camera.get_or_insert_with(|| Camera::fit(min - margin, max + margin));
+        let body = body.unwrap_or_else(|| Body::filling(-DVec3::ONE, DVec3::ONE, 0.0));
+        if let Some(automatic) = project.automatic {
+            automatic.complete(&mut project.scene, &body);
+        }
+        project.camera.get_or_insert_with(|| body.camera());
+        self.body = Some(body);
         Ok((self, project))
     }
 }

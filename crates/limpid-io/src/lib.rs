@@ -23,6 +23,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod adjustments;
 pub mod bake;
 pub mod camera_path;
 pub mod claim;

@@ -29,13 +29,9 @@ pub enum Notice {
     MaybeRadius(String),
     /// The particles are much closer together than their radius, m.
     Crowded(f32),
-    /// The liquid is so large that it is nearly opaque: its unit may be millimetres.
-    Opaque {
-        /// The longest side of the box around the bulk of the particles, m.
-        extent: f64,
-        /// Absorption coefficient, 1/m.
-        absorption: Vec3,
-    },
+    /// The liquid is so large that it is nearly opaque: its unit may be millimetres. The longest side of
+    /// the box around the bulk of the particles, m.
+    Opaque(f64),
     /// None of this number of particles is in the picture.
     Unseen(usize),
     /// Number of particles outside the picture or behind the camera, and number of all particles.
@@ -93,7 +89,7 @@ impl fmt::Display for Notice {
                 "the particles are much closer together than their radius of {radius} m, which makes one \
                  blob of them and takes long: their places and their radius may be in different units"
             ),
-            Self::Opaque { extent, .. } => {
+            Self::Opaque(extent) => {
                 write!(f, "the particles extend over {extent:.0} m; at this size the liquid is opaque")
             }
             Self::Unseen(particles) => write!(
@@ -187,10 +183,8 @@ fn opaque((min, max): (DVec3, DVec3), scene: &Scene) -> Option<Notice> {
     /// Optical depth of the least absorbed colour, of which e⁻¹⁰ is transmitted.
     const DEPTH: f64 = 10.0;
     let extent = (max - min).max_element();
-    let mut absorptions = scene.absorptions().into_iter();
     let dark = |absorption: &Vec3| f64::from(absorption.min_element()) * extent > DEPTH;
-    let absorption = absorptions.find(dark).filter(|_| extent > LARGE)?;
-    Some(Notice::Opaque { extent, absorption })
+    (extent > LARGE && scene.absorptions().iter().any(dark)).then_some(Notice::Opaque(extent))
 }
 
 /// The notice about a picture of `size` pixels: whether the particles are in it. Particles hidden by

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::adjustments::Adjustments;
 use crate::error::Result;
 use crate::input::{Input, Missing};
 use crate::particles::ReadOptions;
@@ -26,6 +27,8 @@ pub struct Request {
     pub missing: Missing,
     /// Options for reading particle files.
     pub options: ReadOptions,
+    /// Changes to the scene and to the reading of its files.
+    pub adjustments: Adjustments,
 }
 
 /// A project ready to be drawn.
@@ -72,7 +75,9 @@ impl Request {
             input = input.with_radius(radius)?;
         }
         input.missing = self.missing;
-        let (input, plain) = input.with_options(&self.options).resolve()?;
+        let input = input.with_options(&self.options).with_adjustments(&self.adjustments)?;
+        let (input, mut plain) = input.resolve()?;
+        self.adjustments.apply(&mut plain, input.body())?;
         let mut project = plain.clone();
         project.set(&self.overrides)?;
         project.camera = self.camera.or(project.camera);

@@ -1,9 +1,12 @@
 //! Projects: a scene with the source of its particles, its cameras, and the processor that classifies.
 
+mod commented;
+pub mod controls;
 mod file;
 pub mod overrides;
 
 pub use file::FILE_KIND;
+pub(crate) use file::is_scale;
 
 use std::slice;
 
@@ -14,6 +17,7 @@ use crate::particles::AttributeMap;
 use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
+use limpid::look::{Body, Look};
 use limpid::scene::Scene;
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
@@ -31,6 +35,65 @@ pub struct Project {
     pub views: Vec<NamedView>,
     /// The processor that classifies the particles.
     pub processor: Processor,
+    /// The parts of the scene that a look provides; `None` if the scene is complete.
+    pub automatic: Option<Automatic>,
+}
+
+/// The parts of a scene that come from a [`Look`], because its file does not have them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Automatic {
+    /// The look.
+    pub look: Look,
+    /// Whether it provides the environment.
+    pub environment: bool,
+    /// Whether it provides the ground.
+    pub ground: bool,
+    /// Whether it provides the light.
+    pub light: bool,
+    /// Whether it provides the absorption.
+    pub absorption: bool,
+    /// Whether it provides the tone mapping.
+    pub tonemap: bool,
+    /// Whether it filters patterns.
+    pub patterns: bool,
+}
+
+impl Automatic {
+    /// Everything from a look.
+    pub fn all(look: Look) -> Self {
+        Self {
+            look,
+            environment: true,
+            ground: true,
+            light: true,
+            absorption: true,
+            tonemap: true,
+            patterns: true,
+        }
+    }
+
+    /// Fills in the parts of a scene that shows this body.
+    pub fn complete(&self, scene: &mut Scene, body: &Body) {
+        let look = self.look.scene(body);
+        if self.environment {
+            scene.environment = look.environment;
+        }
+        if self.ground {
+            scene.solids = look.solids;
+        }
+        if self.light {
+            scene.lights = look.lights;
+        }
+        if self.absorption {
+            scene.liquid.absorption = look.liquid.absorption;
+        }
+        if self.tonemap {
+            scene.settings.tonemap = look.settings.tonemap;
+        }
+        if self.patterns {
+            scene.settings.refract.filter_patterns = look.settings.refract.filter_patterns;
+        }
+    }
 }
 
 /// The source of a scene's particles.
@@ -88,7 +151,9 @@ impl LiquidSource {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParticleSource {
-    /// A file, a pattern or a folder, relative to the scene file.
+    /// A file, a pattern or a folder, relative to the scene file; empty if the particles are given
+    /// separately.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub source: String,
     /// The frame drawn by default.
     #[serde(default)]
@@ -103,6 +168,9 @@ pub struct ParticleSource {
     /// the film.
     #[serde(default)]
     pub fps: Option<f64>,
+    /// Length of the file's unit, m: 0.001 for millimetres; 1 if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
     /// The arrays of attributes with other than the usual names.
     #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
     pub map: AttributeMap,

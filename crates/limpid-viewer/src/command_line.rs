@@ -2,11 +2,11 @@
 
 use glam::{UVec2, Vec3};
 
-use crate::controls;
 use crate::document::Document;
 use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::input::{FrameTime, Missing};
+use limpid_io::project::controls;
 use limpid_io::shared_classifier::Processor;
 
 /// The `limpid render` command that draws `scene` at a frame time from `camera` into `output`: for a POSIX
@@ -33,6 +33,9 @@ pub fn command_line(
     }
     if !source.options.map.is_empty() {
         option("map", source.options.map.to_string());
+    }
+    for (name, value) in source.adjustments.arguments() {
+        option(name, value);
     }
     match source.missing {
         Missing::Error => {}

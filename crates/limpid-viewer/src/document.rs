@@ -6,6 +6,7 @@ use crate::playback::Speed;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
 use limpid::scene::Scene;
+use limpid_io::adjustments::Adjustments;
 use limpid_io::bake;
 use limpid_io::error::Result;
 use limpid_io::frames::FrameSpec;
@@ -33,6 +34,8 @@ pub struct Source {
     pub missing: Missing,
     /// How particle files are read.
     pub options: ReadOptions,
+    /// Changes to the scene and to the reading of its files.
+    pub adjustments: Adjustments,
 }
 
 /// An open document.
@@ -71,6 +74,7 @@ impl Document {
             camera: None,
             missing: source.missing,
             options: source.options.clone(),
+            adjustments: source.adjustments.clone(),
         };
         let Opened { input, plain, project } = request.open()?;
         let spec = source.frames.clone().unwrap_or_default();
@@ -148,6 +152,7 @@ impl Document {
                 radius: Some(simulation.particle_radius() as f32),
                 up: Up::Y,
                 fps: Some(simulation.fps),
+                scale: None,
                 map: AttributeMap::default(),
             });
         }
@@ -156,19 +161,24 @@ impl Document {
             LiquidSource::File(file) if self.source.scene.is_some() => Some(file.clone()),
             _ => None,
         };
-        if let Some(ParticleSource { radius, up, fps, map, .. }) = unnamed {
+        if let Some(ParticleSource { radius, up, fps, scale, map, .. }) = unnamed {
             project.source = LiquidSource::File(ParticleSource {
                 source: self.source.input.clone(),
                 frame: None,
                 radius: self.source.radius.or(radius),
                 up,
                 fps,
+                scale,
                 map,
             });
         }
+        let adjusted = &self.source.adjustments;
         for particles in project.source.files_mut() {
             particles.frame = (self.numbers.len() > 1).then_some(at.frame);
             particles.radius = self.source.radius.or(particles.radius);
+            particles.up = adjusted.up.unwrap_or(particles.up);
+            particles.scale = adjusted.scale.or(particles.scale);
+            particles.fps = adjusted.fps.or(particles.fps);
             if !self.source.options.map.is_empty() {
                 particles.map.clone_from(&self.source.options.map);
             }

@@ -14,7 +14,6 @@ mod baking;
 pub mod camera_controls;
 pub mod camera_panel;
 pub mod command_line;
-pub mod controls;
 mod dialogs;
 pub mod document;
 pub mod draw_thread;

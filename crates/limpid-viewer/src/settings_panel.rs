@@ -4,11 +4,11 @@ use eframe::egui;
 use eframe::egui::SliderClamping::Edits;
 use serde_json::json;
 
-use crate::controls::{self, CONTROLS, Control, ControlKind, PASSES, Value};
 use crate::toolbar::named;
 use crate::{Tab, Viewer};
 use limpid::scene::Scene;
 use limpid::settings::{Preset, Settings};
+use limpid_io::project::controls::{self, CONTROLS, Control, ControlKind, PASSES, Value};
 use limpid_io::project::overrides::replaced;
 use limpid_io::shared_classifier::Processor;
 

@@ -3,13 +3,13 @@
 use glam::{UVec2, Vec3};
 use image::RgbImage;
 
-use crate::controls;
 use crate::document::Document;
 use limpid::camera::Camera;
 use limpid::scene::{Liquid, Scene};
 use limpid::settings::Settings;
 use limpid_io::error::Result;
 use limpid_io::input::FrameTime;
+use limpid_io::project::controls;
 use limpid_io::shared_classifier::Processor;
 use limpid_lab::reference;
 use limpid_lab::reference::analytic::{Ball, Block, Pool};

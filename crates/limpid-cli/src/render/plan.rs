@@ -42,6 +42,7 @@ impl Plan {
             camera: args.camera,
             missing: args.missing,
             options: args.reading.options(),
+            adjustments: args.changes.adjustments(None),
         };
         let opened = request.open()?;
         let camera = opened.project.camera_for(Default::default());

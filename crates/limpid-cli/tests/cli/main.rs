@@ -8,6 +8,7 @@ mod info;
 mod outputs;
 mod render;
 mod report;
+mod scenes;
 mod words;
 
 use std::collections::BTreeSet;

@@ -131,13 +131,12 @@ fn likely_mistakes_are_reported() {
     assert_contains(&lines[0], &["m (guessed)", "radius ignored"]);
 
     write("mm.csv", &block(50.0, "", "", [0.0; 3]));
-    let line = render(&["mm.csv", "--radius=25"]);
-    assert_contains(
-        &line,
-        &["extend over 250 m", "--set 'liquid.absorption=[0.0012, 0.00035, 0.00012]'"],
-    );
-    let set = "liquid.absorption=[0.0012, 0.00035, 0.00012]";
-    assert_eq!(render(&["mm.csv", "--radius=25", "--set", set]), "", "the remedy does not help");
+    // A look tints the liquid in proportion to its size; water itself is opaque at that size.
+    assert_eq!(render(&["mm.csv", "--radius=25"]), "");
+    let line = render(&["mm.csv", "--radius=25", "--tint=physical"]);
+    assert_contains(&line, &["extend over 250 m", "--scale 0.001"]);
+    let scaled = ["mm.csv", "--radius=0.025", "--tint=physical", "--scale=0.001"];
+    assert_eq!(render(&scaled), "", "the remedy does not help");
 
     let sun = "[[light]]\nsun = { direction = [0, -1, 0], irradiance = [1, 1, 1] }\n";
     let floor = "[[solid]]\nshape = \"plane\"\norigin = [0, -1, 0]\n";

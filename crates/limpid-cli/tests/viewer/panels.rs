@@ -4,7 +4,7 @@ use eframe::egui::accesskit::Role;
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use limpid::settings::Preset;
-use limpid_viewer::controls::{CONTROLS, Control, ControlKind, Value, differences};
+use limpid_io::project::controls::{CONTROLS, Control, ControlKind, Value, differences};
 use limpid_viewer::document::Source;
 use limpid_viewer::shortcuts::{POINTER, SHORTCUTS};
 use limpid_viewer::{Options, Viewer};

@@ -7,10 +7,10 @@ use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::settings::Settings;
 use limpid_io::input::FrameTime;
+use limpid_io::project::controls::{CONTROLS, Control, ControlKind, PASSES, Value, differences};
 use limpid_io::project::overrides::replaced;
 use limpid_io::shared_classifier::Processor;
 use limpid_viewer::command_line::{command_line, quoted};
-use limpid_viewer::controls::{CONTROLS, Control, ControlKind, PASSES, Value, differences};
 use limpid_viewer::document::Document;
 
 use super::sequence;

@@ -8,6 +8,7 @@ use crate::particles::{AttributeMap, Contents, ReadOptions};
 use crate::sequence::{Frame, Sequence};
 use limpid::liquid::classify;
 use limpid::liquid::{Particles, Up};
+use limpid::look::Body;
 use limpid::memory;
 use limpid_sim::recipe::Recipe;
 
@@ -21,6 +22,8 @@ pub(super) struct Fluid {
     /// Origin of the radius; a guess without one.
     pub(super) radius_from: RadiusFrom,
     pub(super) up: Up,
+    /// Length of the file's unit, m.
+    pub(super) scale: f64,
     pub(super) options: ReadOptions,
     pub(super) source: FluidSource,
 }
@@ -74,6 +77,8 @@ pub struct Origin<'a> {
     pub radius: Option<f32>,
     /// The axis that points up.
     pub up: Up,
+    /// Length of the file's unit, m.
+    pub scale: f64,
     /// The arrays from which attributes are read.
     pub map: &'a AttributeMap,
 }
@@ -87,7 +92,7 @@ impl Fluid {
     ) -> Self {
         let options = ReadOptions { map, ..ReadOptions::default() };
         let radius_from = radius.map_or(RadiusFrom::Guess, |_| RadiusFrom::Scene);
-        Self { sequence, radius, radius_from, up, options, source: FluidSource::Files }
+        Self { sequence, radius, radius_from, up, scale: 1.0, options, source: FluidSource::Files }
     }
 
     /// The contents at a frame time, y up.
@@ -121,6 +126,7 @@ impl Fluid {
             FluidSource::Recipe(recipe) => return Ok(recipe.particles()?.into()),
         };
         contents.particles.to_y_up(self.up);
+        contents.particles.scale(self.scale);
         Ok(contents)
     }
 
@@ -140,7 +146,58 @@ impl Fluid {
             FluidSource::Embedded(_) => (None, None),
             FluidSource::Recipe(recipe) => (None, frame.map(|_| recipe)),
         };
-        Origin { file, made, radius: self.radius, up: self.up, map: &self.options.map }
+        Origin {
+            file,
+            made,
+            radius: self.radius,
+            up: self.up,
+            scale: self.scale,
+            map: &self.options.map,
+        }
+    }
+
+    /// Sets the radius from the first frame with particles, if it is not known, and returns the body of
+    /// liquid in that frame; with `all`, in it, the middle frame and the last one, so that an automatic
+    /// view shows the whole event.
+    pub(super) fn resolve(&mut self, all: bool) -> Result<Option<Body>> {
+        let numbers: Vec<i64> = self.sequence.frames.iter().map(|frame| frame.number).collect();
+        let mut body: Option<Body> = None;
+        let mut first = numbers.len();
+        for (i, &number) in numbers.iter().enumerate() {
+            let particles = self.contents(number, Missing::Error)?.particles;
+            if particles.is_empty() {
+                continue;
+            }
+            // A single particle has no spacing, but a later frame may have more.
+            let resolved = match self.resolved_radius(number, &particles) {
+                Err(Error::UnknownRadius { .. }) if i + 1 < numbers.len() => continue,
+                resolved => resolved?,
+            };
+            if resolved > 0.0 && self.radius.is_none() {
+                let own = particles.radii.is_some();
+                self.radius_from = if own { RadiusFrom::File } else { RadiusFrom::Guess };
+                self.radius = Some(resolved);
+            }
+            let radius = classify::median_radius(&particles, resolved)?;
+            body = Body::new(&particles, radius);
+            first = i;
+            break;
+        }
+        let last = numbers.len().saturating_sub(1);
+        let others = [first + (last.saturating_sub(first)) / 2, last];
+        for (k, &i) in others.iter().enumerate() {
+            if !all || i <= first || others[..k].contains(&i) {
+                continue;
+            }
+            // A damaged frame is an error once it is drawn.
+            let Ok(contents) = self.contents(numbers[i], Missing::Error) else { continue };
+            let radius = body.as_ref().map_or(0.0, |body| body.radius);
+            body = match (body, Body::new(&contents.particles, radius)) {
+                (Some(a), Some(b)) => Some(a.with(b)),
+                (a, b) => a.or(b),
+            };
+        }
+        Ok(body)
     }
 
     /// The radius for all frames: as [`Fluid::radius_of`], or, for a single file, that of its sequence.
@@ -156,7 +213,11 @@ impl Fluid {
         let siblings = Sequence::around(&frame.path).map_or(Vec::new(), |all| all.frames);
         for sibling in siblings.iter().take_while(|sibling| sibling.number < frame.number) {
             let first = match Contents::read(&sibling.path, &self.options) {
-                Ok(contents) => contents.particles,
+                Ok(contents) => {
+                    let mut particles = contents.particles;
+                    particles.scale(self.scale);
+                    particles
+                }
                 // Not a frame of the same simulation.
                 Err(Error::Malformed { .. } | Error::TooLarge { .. } | Error::Format { .. }) => {
                     break;

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
-use super::{LiquidSource, NamedView, ParticleSource, Project};
+use super::{Automatic, LiquidSource, NamedView, ParticleSource, Project};
 use crate::environment;
 use crate::error::{Error, Result, toml_error};
 use crate::files;
@@ -15,9 +15,10 @@ use crate::output::{FileKind, write_atomically};
 use crate::particles::AttributeMap;
 use crate::shared_classifier::Processor;
 use limpid::camera::Camera;
-use limpid::environment::{Environment, MAX_RADIANCE};
+use limpid::environment::{Environment, Glow, MAX_RADIANCE};
 use limpid::liquid::Up;
 use limpid::liquid::particles::drawable;
+use limpid::look::Look;
 use limpid::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
 use limpid::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
 use limpid_sim::recipe::Recipe;
@@ -28,6 +29,8 @@ use limpid_sim::sim::Simulation;
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SceneFile {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    look: Option<Look>,
     particles: Option<ParticleSource>,
     #[serde(default)]
     fluid: Vec<FluidFile>,
@@ -38,8 +41,7 @@ struct SceneFile {
     camera: Option<Camera>,
     #[serde(default)]
     view: Vec<NamedView>,
-    #[serde(default)]
-    environment: EnvironmentFile,
+    environment: Option<EnvironmentFile>,
     #[serde(default)]
     solid: Vec<SolidFile>,
     #[serde(default)]
@@ -65,6 +67,8 @@ struct FluidFile {
     #[serde(default)]
     up: Up,
     fps: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scale: Option<f64>,
     #[serde(default, skip_serializing_if = "AttributeMap::is_empty")]
     map: AttributeMap,
     absorption: Option<Vec3>,
@@ -87,6 +91,7 @@ struct SettingsFile {
 struct EnvironmentFile {
     radiance: Option<Vec3>,
     gradient: Option<GradientFile>,
+    sky: Option<SkyFile>,
     map: Option<PathBuf>,
     scale: Option<f32>,
 }
@@ -97,6 +102,24 @@ struct GradientFile {
     zenith: Vec3,
     horizon: Vec3,
     nadir: Option<Vec3>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SkyFile {
+    zenith: Vec3,
+    horizon: Vec3,
+    nadir: Option<Vec3>,
+    #[serde(default)]
+    glow: Vec<GlowFile>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GlowFile {
+    direction: Vec3,
+    radiance: Vec3,
+    sharpness: f32,
 }
 
 #[derive(Default, Serialize, Deserialize)]
@@ -123,6 +146,7 @@ struct SolidFile {
     #[serde(default)]
     lit: bool,
     checker: Option<CheckerFile>,
+    ground: Option<GroundFile>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -131,6 +155,15 @@ struct CheckerFile {
     tile: f32,
     even: Vec3,
     odd: Vec3,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GroundFile {
+    tile: f32,
+    even: Vec3,
+    odd: Vec3,
+    fade: f32,
 }
 
 /// Reads an environment map.
@@ -175,7 +208,8 @@ impl Project {
         let processor = take_processor(table.get_mut()).map_err(at_line)?;
         let file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(at_line)?;
         let table: toml::Table = text.parse().map_err(at_line)?;
-        check_vectors("", &toml::Value::Table(table)).map_err(fail)?;
+        check_vectors("", &toml::Value::Table(table.clone())).map_err(fail)?;
+        let automatic = automatic(&file, &table);
         let mut solids = Vec::new();
         for (i, solid) in file.solid.into_iter().enumerate() {
             let number = i + 1;
@@ -223,9 +257,15 @@ impl Project {
             if p.fps.is_some_and(|fps| !(fps > 0.0 && fps.is_finite())) {
                 return Err(fail(format!("{table} fps must be above 0")));
             }
-            p.source = folder.join(&p.source).to_string_lossy().into_owned();
+            if p.scale.is_some_and(|scale| !is_scale(scale)) {
+                return Err(fail(format!("{table} scale must be 1e-12 to 1e12")));
+            }
+            if !p.source.is_empty() {
+                p.source = folder.join(&p.source).to_string_lossy().into_owned();
+            }
         }
-        let environment = file.environment.validated(folder, load_map, &fail)?;
+        let environment =
+            file.environment.unwrap_or_default().validated(folder, load_map, &fail)?;
         let settings = file.settings.validated(text).map_err(at_line)?;
         let lights = file.light;
         let project = Self {
@@ -234,6 +274,7 @@ impl Project {
             camera: file.camera,
             views: file.view,
             processor,
+            automatic,
         };
         project.check().map_err(|e| in_file(e, &fail))?;
         Ok(project)
@@ -246,7 +287,7 @@ impl Project {
     /// [`Error::Usage`] for an environment map without a file.
     pub fn to_toml(&self, map: Option<&str>) -> Result<String> {
         let environment = EnvironmentFile::of(&self.scene.environment, map)?;
-        let Self { scene, source, camera, views, processor } = self;
+        let Self { scene, source, camera, views, processor, automatic: _ } = self;
         let recipe = source.recipe().copied();
         // The solids of the recipe are left out, since reading adds them again.
         let own = recipe.map_or(0, |recipe| recipe.solids().len());
@@ -261,6 +302,7 @@ impl Project {
             _ => {}
         }
         let file = SceneFile {
+            look: None,
             particles,
             fluid,
             recipe,
@@ -268,7 +310,7 @@ impl Project {
             liquid: LiquidFile::of(&scene.liquid),
             camera: *camera,
             view: views.clone(),
-            environment,
+            environment: Some(environment),
             solid: scene.solids[..own].iter().map(SolidFile::of).collect(),
             light: scene.lights.clone(),
             settings: SettingsFile::of(&scene.settings),
@@ -321,6 +363,32 @@ fn is_scene(text: &str) -> bool {
     let Ok(mut table) = DeTable::parse(text) else { return false };
     take_processor(table.get_mut()).is_ok()
         && SceneFile::deserialize(toml::Deserializer::from(table)).is_ok()
+}
+
+/// The parts of the scene that a look provides. Without `look`, a scene with an environment is complete.
+fn automatic(file: &SceneFile, table: &toml::Table) -> Option<Automatic> {
+    if file.look.is_none() && file.environment.is_some() {
+        return None;
+    }
+    let settings = table.get("settings").and_then(toml::Value::as_table);
+    let lacks = |pass: &str| settings.is_none_or(|settings| !settings.contains_key(pass));
+    let patterns = settings.and_then(|settings| settings.get("refract")?.get("filter_patterns"));
+    Some(Automatic {
+        look: file.look.unwrap_or_default(),
+        environment: file.environment.is_none(),
+        // A recipe may have solids of its own.
+        ground: file.solid.is_empty()
+            && file.recipe.is_none_or(|recipe| recipe.solids().is_empty()),
+        light: file.light.is_empty(),
+        absorption: file.liquid.absorption.is_none() && file.liquid.color.is_none(),
+        tonemap: lacks("tonemap"),
+        patterns: patterns.is_none(),
+    })
+}
+
+/// Whether a unit's length, m, keeps ordinary positions within the range of 32-bit floats.
+pub(crate) fn is_scale(scale: f64) -> bool {
+    (1e-12..=1e12).contains(&scale)
 }
 
 /// Removes `classify.on` from the file's `[settings]`, since it selects a processor and does not change
@@ -395,15 +463,15 @@ impl LiquidFile {
 
 impl FluidFile {
     fn of(source: &ParticleSource, absorption: Vec3) -> Self {
-        let ParticleSource { source, frame, radius, up, fps, map } = source.clone();
+        let ParticleSource { source, frame, radius, up, fps, scale, map } = source.clone();
         let absorption = Some(absorption);
-        Self { source, frame, radius, up, fps, map, absorption, color: None }
+        Self { source, frame, radius, up, fps, scale, map, absorption, color: None }
     }
 
     fn validated(self, default: Vec3) -> Result<(ParticleSource, Vec3), String> {
-        let Self { source, frame, radius, up, fps, map, absorption: given, color } = self;
+        let Self { source, frame, radius, up, fps, scale, map, absorption: given, color } = self;
         let absorption = absorption(given, color)?.unwrap_or(default);
-        Ok((ParticleSource { source, frame, radius, up, fps, map }, absorption))
+        Ok((ParticleSource { source, frame, radius, up, fps, scale, map }, absorption))
     }
 }
 
@@ -416,6 +484,16 @@ impl EnvironmentFile {
             Environment::Gradient { zenith, horizon, nadir } => {
                 let gradient = GradientFile { zenith, horizon, nadir: Some(nadir) };
                 Ok(Self { gradient: Some(gradient), ..Self::default() })
+            }
+            Environment::Sky { zenith, horizon, nadir, glows } => {
+                let lit = glows.iter().filter(|glow| glow.radiance != Vec3::ZERO);
+                let glow = lit.map(|glow| GlowFile {
+                    direction: glow.direction,
+                    radiance: glow.radiance,
+                    sharpness: glow.sharpness,
+                });
+                let sky = SkyFile { zenith, horizon, nadir: Some(nadir), glow: glow.collect() };
+                Ok(Self { sky: Some(sky), ..Self::default() })
             }
             Environment::Map { .. } => {
                 let problem = || Error::Usage("an environment map needs a file of its own".into());
@@ -434,17 +512,21 @@ impl EnvironmentFile {
         if !(scale >= 0.0 && scale.is_finite()) {
             return Err(fail("[environment] scale must not be negative".into()));
         }
-        let environment = match (self.radiance, self.gradient, self.map) {
-            (None, None, None) => Environment::default(),
-            (Some(radiance), None, None) => Environment::Constant(radiance),
-            (None, Some(g), None) => Environment::Gradient {
+        let environment = match (self.radiance, self.gradient, self.sky, self.map) {
+            (None, None, None, None) => Environment::default(),
+            (Some(radiance), None, None, None) => Environment::Constant(radiance),
+            (None, Some(g), None, None) => Environment::Gradient {
                 zenith: g.zenith,
                 horizon: g.horizon,
                 nadir: g.nadir.unwrap_or(g.horizon),
             },
-            (None, None, Some(map)) => load_map(&folder.join(map))?,
+            (None, None, Some(sky), None) => {
+                sky.validated().map_err(|e| fail(format!("[environment] sky: {e}")))?
+            }
+            (None, None, None, Some(map)) => load_map(&folder.join(map))?,
             _ => {
-                return Err(fail("[environment] takes one of radiance, gradient and map".into()));
+                let problem = "[environment] takes one of radiance, gradient, sky and map";
+                return Err(fail(problem.into()));
             }
         };
         let environment = environment.scaled(scale);
@@ -456,6 +538,21 @@ impl EnvironmentFile {
             }
             _ => Ok(environment),
         }
+    }
+}
+
+impl SkyFile {
+    fn validated(self) -> Result<Environment, String> {
+        let mut glows = [Glow::NONE; 2];
+        if self.glow.len() > glows.len() {
+            return Err(format!("has {} glows, expected at most {}", self.glow.len(), glows.len()));
+        }
+        for (glow, file) in glows.iter_mut().zip(self.glow) {
+            let direction = unit(file.direction).ok_or("a glow's direction must not be zero")?;
+            *glow = Glow { direction, radiance: file.radiance, sharpness: file.sharpness };
+        }
+        let Self { zenith, horizon, nadir, .. } = self;
+        Ok(Environment::Sky { zenith, horizon, nadir: nadir.unwrap_or(horizon), glows })
     }
 }
 
@@ -516,6 +613,9 @@ impl SolidFile {
             Surface::Checker { tile, even, odd } => {
                 file.checker = Some(CheckerFile { tile, even, odd });
             }
+            Surface::Ground { tile, even, odd, fade } => {
+                file.ground = Some(GroundFile { tile, even, odd, fade });
+            }
         }
         file
     }
@@ -559,11 +659,16 @@ impl SolidFile {
                 radius: need(self.radius, "sphere", "radius")?,
             },
         };
-        let surface = match (self.color, self.checker) {
-            (Some(color), None) => Surface::Color(color),
-            (None, Some(CheckerFile { tile, even, odd })) => Surface::Checker { tile, even, odd },
-            (None, None) => Surface::Color(Vec3::splat(0.5)),
-            (Some(_), Some(_)) => return Err("takes one of color and checker".into()),
+        let surface = match (self.color, self.checker, self.ground) {
+            (Some(color), None, None) => Surface::Color(color),
+            (None, Some(CheckerFile { tile, even, odd }), None) => {
+                Surface::Checker { tile, even, odd }
+            }
+            (None, None, Some(GroundFile { tile, even, odd, fade })) => {
+                Surface::Ground { tile, even, odd, fade }
+            }
+            (None, None, None) => Surface::Color(Vec3::splat(0.5)),
+            _ => return Err("takes one of color, checker and ground".into()),
         };
         Ok(Solid { shape, surface, lit: self.lit })
     }

@@ -189,14 +189,22 @@ impl Surroundings {
     ) -> DVec3 {
         let solid = &self.solids[hit.solid];
         let color = solid.color(hit.point, hit.normal);
+        let fade = |radiance| match solid.surface {
+            Surface::Ground { fade, .. } => {
+                let offset = hit.point.distance(solid.form.middle()) / f64::from(fade);
+                let level = direction.with_y(0.0).normalize_or_zero();
+                self.environment(level).lerp(radiance, (-offset * offset).exp())
+            }
+            _ => radiance,
+        };
         if !solid.lit {
-            return color;
+            return fade(color);
         }
         let normal = hit.facing(direction);
         let irradiance: DVec3 = (0..self.lights.len())
             .map(|light| arriving(light, self.direct(light, hit.point, normal).as_ref()))
             .sum();
-        color * (ambient * self.ambient + irradiance / PI)
+        fade(color * (ambient * self.ambient + irradiance / PI))
     }
 
     /// Computes the direct light at a point of a solid whose normal points towards the lit side;
@@ -216,6 +224,15 @@ impl Surroundings {
             Environment::Gradient { zenith, horizon, nadir } => {
                 let end = if direction.y > 0.0 { zenith } else { nadir };
                 wide(*horizon).lerp(wide(*end), direction.y.abs())
+            }
+            Environment::Sky { zenith, horizon, nadir, glows } => {
+                let end = if direction.y > 0.0 { zenith } else { nadir };
+                let rise = direction.y.abs();
+                let gradient = wide(*horizon).lerp(wide(*end), rise * (2.0 - rise));
+                glows.iter().fold(gradient, |sum, glow| {
+                    let cosine = wide(glow.direction).dot(direction);
+                    sum + wide(glow.radiance) * (f64::from(glow.sharpness) * (cosine - 1.0)).exp()
+                })
             }
             Environment::Map { size, pixels } => {
                 let longitude = direction.x.atan2(-direction.z) / TAU + 0.5;
@@ -277,6 +294,15 @@ impl Form {
         }
     }
 
+    /// A plane's origin, or the centre.
+    fn middle(&self) -> DVec3 {
+        match *self {
+            Self::Plane { origin, .. } => origin,
+            Self::Box { min, max } => 0.5 * (min + max),
+            Self::Sphere { center, .. } => center,
+        }
+    }
+
     fn contains(&self, point: DVec3) -> bool {
         match *self {
             Self::Plane { .. } => false,
@@ -303,7 +329,7 @@ impl Solid {
     fn color(&self, point: DVec3, normal: DVec3) -> DVec3 {
         match self.surface {
             Surface::Color(color) => wide(color),
-            Surface::Checker { tile, even, odd } => {
+            Surface::Checker { tile, even, odd } | Surface::Ground { tile, even, odd, .. } => {
                 // Tiles are cubes on a sphere and squares elsewhere, counted from the world's
                 // origin.
                 let tile = f64::from(tile);

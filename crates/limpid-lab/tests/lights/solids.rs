@@ -3,8 +3,10 @@
 use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3, Vec3};
+use limpid::environment::{Environment, Glow};
 use limpid::offscreen::Picture;
-use limpid::scene::{Light, Scene, Shape};
+use limpid::scene::{Light, Scene, Shape, Solid, Surface};
+use limpid_lab::reference::Ray;
 use limpid_lab::reference::surroundings::Surroundings;
 
 use super::frames::{FrameImages, Harness, View, harness, render};
@@ -173,4 +175,64 @@ fn unlit_scenes_skip_light_passes() {
         shot
     });
     assert!(same(&shots[1], &shots[2]), "a light without lit solids changes the picture");
+}
+
+/// An endless ground fades into a sky with glows: at every pixel the radiance is that of the closed form in
+/// 64 bits, near the ground's middle, at the horizon and above it; and the horizon has no edge. Pixels on a
+/// seam of the pattern are skipped.
+#[test]
+fn grounds_fade_into_the_sky() {
+    let Some(mut harness) = harness() else { return };
+    let glow = |direction: Vec3, radiance, sharpness| Glow {
+        direction: direction.normalize(),
+        radiance,
+        sharpness,
+    };
+    let environment = Environment::Sky {
+        zenith: Vec3::new(0.2, 0.4, 0.8),
+        horizon: Vec3::new(0.7, 0.8, 0.9),
+        nadir: Vec3::splat(0.3),
+        glows: [
+            glow(Vec3::new(0.2, 0.3, -1.0), Vec3::new(9.0, 8.0, 6.0), 300.0),
+            glow(Vec3::new(-0.5, 0.6, -1.0), Vec3::splat(0.5), 8.0),
+        ],
+    };
+    let ground = |lit| Solid {
+        shape: Shape::Plane { origin: DVec3::ZERO, normal: Vec3::Y, half_extent: f32::INFINITY },
+        surface: Surface::Ground {
+            tile: 0.5,
+            even: Vec3::new(0.5, 0.45, 0.4),
+            odd: Vec3::splat(0.3),
+            fade: 8.0,
+        },
+        lit,
+    };
+    let camera = camera(DVec3::new(1.0, 2.0, 9.0), DVec3::new(0.0, 1.5, 0.0), 45.0);
+    for lit in [false, true] {
+        let lights = [sun(Vec3::new(0.3, -1.0, 0.2))];
+        let scene = Scene { environment: environment.clone(), ..dry(&[ground(lit)], &lights) };
+        let images = harness.render(&scene, &camera, &nothing(), SIZE);
+        let view = View::new(&camera, SIZE);
+        let surroundings = Surroundings::new(&scene);
+        let (mut on_ground, mut in_sky) = (0, 0);
+        for p in images.pixels() {
+            let at = |dx, dy| ray(&camera, &view, p.as_dvec2() + DVec2::new(dx, dy));
+            let truth = surroundings.radiance(&at(0.5, 0.5));
+            let corners = [(0.4, 0.4), (0.6, 0.4), (0.4, 0.6), (0.6, 0.6)]
+                .map(|(x, y)| surroundings.radiance(&at(x, y)));
+            if corners.iter().any(|c| (c - truth).abs().max_element() > 0.01 * truth.max_element())
+            {
+                continue;
+            }
+            assert_close(images.radiance(p), truth, 1e-3, &format!("{p}, lit {lit}"));
+            let hits = surroundings.hit(&at(0.5, 0.5)).is_some();
+            on_ground += usize::from(hits);
+            in_sky += usize::from(!hits);
+        }
+        assert!(on_ground > 3000 && in_sky > 3000, "{on_ground} {in_sky}");
+        // Straight below and above the horizon.
+        let level = |y| Ray { origin: camera.eye, direction: DVec3::new(0.3, y, -1.0).normalize() };
+        let [below, above] = [-1e-3, 1e-3].map(|y| surroundings.radiance(&level(y)));
+        assert_close(below, above, 2e-3, "the horizon");
+    }
 }

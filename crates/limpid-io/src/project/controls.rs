@@ -1,8 +1,7 @@
-//! The table of settings with the name, unit, range and description of each, for the panel, the tests
-//! and the command line.
+//! The table of settings with the name, unit, range and description of each, for panels, help and tests.
 
+use super::overrides::replaced;
 use limpid::settings::{Settings, Unit};
-use limpid_io::project::overrides::replaced;
 
 /// A setting.
 #[derive(Debug, Clone, Copy)]
@@ -69,7 +68,7 @@ const fn control(
 use ControlKind::{Choice, Number, Odd, Toggle, Whole};
 
 /// All settings, in the panel's order.
-pub const CONTROLS: [Control; 41] = [
+pub const CONTROLS: [Control; 42] = [
     control(
         "classify",
         "support",
@@ -233,6 +232,13 @@ pub const CONTROLS: [Control; 41] = [
         "Edge samples",
         Whole(1, 64, "/px"),
         "Rays per pixel where a solid's edge is in it and no liquid.",
+    ),
+    control(
+        "refract",
+        "filter_patterns",
+        "Filter patterns",
+        Toggle,
+        "Checkers are averaged over a ray's footprint: distant ones do not alias.",
     ),
     control(
         "refract",

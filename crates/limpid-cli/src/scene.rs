@@ -1,0 +1,49 @@
+//! The command `limpid scene`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use limpid_io::input::Missing;
+use limpid_io::open::Request;
+use limpid_io::project::Project;
+
+use crate::terminal;
+
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// A particle file, a pattern such as frame_{}.bgeo, a folder, or a scene to complete.
+    input: String,
+    /// Complete this scene with the input's particles.
+    #[arg(long)]
+    scene: Option<PathBuf>,
+    /// Particle radius in metres, if the files have none.
+    #[arg(long)]
+    radius: Option<f32>,
+    #[command(flatten)]
+    changes: crate::shared_args::SceneChanges,
+    /// Frames per second of the sequence.
+    #[arg(long, value_name = "F")]
+    fps: Option<f64>,
+    /// Replace a setting (`limpid settings` lists them): refract.solver=march.
+    #[arg(long, value_name = "PASS.NAME=VALUE")]
+    set: Vec<String>,
+    #[command(flatten)]
+    reading: crate::shared_args::Reading,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let request = Request {
+        input: Some(args.input.clone()),
+        scene: args.scene.clone(),
+        radius: args.radius,
+        overrides: args.set.clone(),
+        camera: None,
+        missing: Missing::Hold,
+        options: args.reading.options(),
+        adjustments: args.changes.adjustments(args.fps),
+    };
+    let opened = request.open()?;
+    let project = Project { source: opened.input.source(), ..opened.project };
+    terminal::print(project.to_commented_toml(None)?.trim_end())?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,223 @@
+//! The changes to a scene that people make most often, such as another look, sun or tint.
+
+use std::fmt;
+use std::str::FromStr;
+
+use glam::{DVec3, Vec3};
+
+use crate::error::{Error, Result};
+use crate::project::Project;
+use limpid::camera::is_position;
+use limpid::liquid::Up;
+use limpid::look::{Body, Look};
+use limpid::scene::{Light, Liquid, Shape};
+
+/// The changes to a scene that are made most often. Each replaces what the scene has.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Adjustments {
+    /// The look: environment, lights and tone mapping, and, unless the scene has solids or an absorption
+    /// of its own, the ground and the tint.
+    pub look: Option<Look>,
+    /// The sun; adds one to a scene without.
+    pub sun: Option<Sun>,
+    /// The unbounded level ground.
+    pub floor: Option<Floor>,
+    /// The index of refraction.
+    pub ior: Option<f32>,
+    /// The liquid's colour.
+    pub tint: Option<Tint>,
+    /// The axis of the files that points up.
+    pub up: Option<Up>,
+    /// Length of the files' unit, m.
+    pub scale: Option<f64>,
+    /// Frames per second of the sequence.
+    pub fps: Option<f64>,
+}
+
+/// The direction of the sun.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Sun {
+    /// Without any.
+    None,
+    /// At an azimuth, degrees from +z towards +x, and an elevation, degrees above the horizon.
+    At {
+        /// Azimuth.
+        azimuth: f64,
+        /// Elevation, −90 to 90.
+        elevation: f64,
+    },
+}
+
+/// The height of the ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Floor {
+    /// Without any.
+    None,
+    /// At this height, m.
+    At(f64),
+}
+
+/// The colour of the liquid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tint {
+    /// That of water, whatever the liquid's size.
+    Physical,
+    /// None.
+    Clear,
+    /// The colour of white light behind as much liquid as a cube of its volume is wide.
+    Color(Vec3),
+}
+
+impl fmt::Display for Sun {
+    /// Writes what [`Sun::from_str`] parses.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("none"),
+            Self::At { azimuth, elevation } => write!(f, "{azimuth},{elevation}"),
+        }
+    }
+}
+
+impl fmt::Display for Floor {
+    /// Writes what [`Floor::from_str`] parses.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("none"),
+            Self::At(height) => write!(f, "{height}"),
+        }
+    }
+}
+
+impl fmt::Display for Tint {
+    /// Writes what [`Tint::from_str`] parses.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Physical => f.write_str("physical"),
+            Self::Clear => f.write_str("clear"),
+            Self::Color(c) => write!(f, "{},{},{}", c.x, c.y, c.z),
+        }
+    }
+}
+
+impl FromStr for Sun {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "none" {
+            return Ok(Self::None);
+        }
+        let angles = text.split_once(',').and_then(|(a, e)| {
+            let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
+            Some((number(a)?, number(e)?))
+        });
+        match angles {
+            Some((azimuth, elevation)) if elevation.abs() <= 90.0 => {
+                Ok(Self::At { azimuth, elevation })
+            }
+            _ => Err("expected AZIMUTH,ELEVATION in degrees, as 30,45, or none".into()),
+        }
+    }
+}
+
+impl FromStr for Floor {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "none" {
+            return Ok(Self::None);
+        }
+        let height = text.parse::<f64>().ok().filter(|y| is_position(DVec3::splat(*y)));
+        height.map(Self::At).ok_or_else(|| "expected a height in metres, or none".into())
+    }
+}
+
+impl FromStr for Tint {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let color = || {
+            let numbers: Option<Vec<f32>> =
+                text.split(',').map(|c| c.trim().parse().ok()).collect();
+            let [r, g, b] = numbers?.try_into().ok()?;
+            let color = Vec3::new(r, g, b);
+            (color.cmpgt(Vec3::ZERO).all() && color.cmple(Vec3::ONE).all()).then_some(color)
+        };
+        match text {
+            "physical" => Ok(Self::Physical),
+            "clear" => Ok(Self::Clear),
+            _ => color().map(Self::Color).ok_or_else(|| {
+                "expected R,G,B above 0 and at most 1, as 0.3,0.7,0.9; physical; or clear".into()
+            }),
+        }
+    }
+}
+
+impl Adjustments {
+    /// Names and values of the changes that decide the scene and the reading of its files.
+    pub fn arguments(&self) -> Vec<(&'static str, String)> {
+        let up = |up| if up == Up::Z { "z" } else { "y" };
+        let arguments = [
+            ("look", self.look.map(|look| look.name().to_owned())),
+            ("sun", self.sun.map(|sun| sun.to_string())),
+            ("floor", self.floor.map(|floor| floor.to_string())),
+            ("ior", self.ior.map(|ior| ior.to_string())),
+            ("tint", self.tint.map(|tint| tint.to_string())),
+            ("up", self.up.map(|axis| up(axis).to_owned())),
+            ("scale", self.scale.map(|scale| scale.to_string())),
+        ];
+        arguments.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+    }
+
+    /// Changes the optics, the sun and the ground of a resolved project.
+    pub(crate) fn apply(&self, project: &mut Project, body: Option<&Body>) -> Result<()> {
+        let scene = &mut project.scene;
+        if let Some(ior) = self.ior {
+            scene.liquid.ior = ior;
+        }
+        if let Some(tint) = self.tint {
+            let thickness = body.map_or(1.0, Body::thickness) as f32;
+            scene.liquid.absorption = match tint {
+                Tint::Physical => Liquid::default().absorption,
+                Tint::Clear => Vec3::ZERO,
+                Tint::Color(color) => color.map(|c| (-c.ln()).max(0.0)) / thickness,
+            };
+        }
+        match self.sun {
+            None => {}
+            Some(Sun::None) => scene.lights.retain(|light| !matches!(light, Light::Sun { .. })),
+            Some(Sun::At { azimuth, elevation }) => {
+                let (sin, cos) = azimuth.to_radians().sin_cos();
+                let (up, level) = elevation.to_radians().sin_cos();
+                let towards = DVec3::new(level * sin, up, level * cos).as_vec3();
+                let is_sun = |light: &&mut Light| matches!(light, Light::Sun { .. });
+                match scene.lights.iter_mut().find(is_sun) {
+                    Some(Light::Sun { direction, .. }) => *direction = -towards,
+                    _ => scene
+                        .lights
+                        .push(Light::Sun { direction: -towards, irradiance: Vec3::splat(3.0) }),
+                }
+                scene.environment.turn_sun(towards);
+            }
+        }
+        let is_ground = |shape: &Shape| {
+            matches!(shape, Shape::Plane { normal, half_extent, .. }
+                if half_extent.is_infinite() && normal.y.abs() > 0.999)
+        };
+        match self.floor {
+            None => {}
+            Some(Floor::None) => scene.solids.retain(|solid| !is_ground(&solid.shape)),
+            Some(Floor::At(height)) => {
+                let mut solids = scene.solids.iter_mut();
+                let ground = solids.find(|solid| is_ground(&solid.shape));
+                let Some(Shape::Plane { origin, .. }) = ground.map(|ground| &mut ground.shape)
+                else {
+                    let problem =
+                        "the scene has no unbounded level plane whose height could change";
+                    return Err(Error::Usage(problem.into()));
+                };
+                origin.y = height;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,326 @@
+//! Automatic scenes: the surroundings, the light and the camera of particles that come without any.
+
+use std::str::FromStr;
+
+use glam::{DVec2, DVec3, Vec3};
+use serde::{Deserialize, Serialize};
+
+use crate::camera::Camera;
+use crate::environment::{Environment, Glow};
+use crate::liquid::Particles;
+use crate::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
+use crate::settings::Curve;
+
+/// A style of automatic scene. All but [`Look::Chart`] have an endless lit ground, a sky and a light with
+/// caustics, and tint the liquid in proportion to its size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Look {
+    /// A bright seamless backdrop with a large soft light and a key light.
+    #[default]
+    Studio,
+    /// Stone under a blue sky and a warm sun.
+    Daylight,
+    /// The tiles of a swimming pool in the sun.
+    Pool,
+    /// A dark ground in the light of one lamp.
+    Night,
+    /// A high-contrast checkerboard without light, on which refraction is easy to judge; the liquid absorbs
+    /// as water does, whatever its size.
+    Chart,
+}
+
+impl Look {
+    /// All looks.
+    pub const ALL: [Self; 5] = [Self::Studio, Self::Daylight, Self::Pool, Self::Night, Self::Chart];
+
+    /// Its name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Studio => "studio",
+            Self::Daylight => "daylight",
+            Self::Pool => "pool",
+            Self::Night => "night",
+            Self::Chart => "chart",
+        }
+    }
+}
+
+impl FromStr for Look {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let names = || Self::ALL.map(Self::name).join(", ");
+        let found = Self::ALL.into_iter().find(|look| look.name() == name);
+        found.ok_or_else(|| format!("expected one of {}", names()))
+    }
+}
+
+/// The extent of a body of liquid, on which automatic scenes are based.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    /// Minimum and maximum corner of the [bulk](crate::liquid::Bulk) of the particles' centres, m.
+    pub bounds: (DVec3, DVec3),
+    /// Particle radius, m.
+    pub radius: f32,
+    /// Volume of the liquid, m³: a cube of side 2r for each particle.
+    pub volume: f64,
+    /// A sample of the centres in the bulk, m.
+    points: Vec<DVec3>,
+}
+
+impl Body {
+    /// Number of sampled centres of a frame.
+    const SAMPLES: usize = 16384;
+
+    /// The body of some particles with this radius; `None` without particles.
+    pub fn new(particles: &Particles, radius: f32) -> Option<Self> {
+        let bulk = particles.bulk()?;
+        let step = particles.len().div_ceil(Self::SAMPLES);
+        let places = (0..particles.len()).step_by(step).map(|i| particles.place(i));
+        let points: Vec<_> = places.filter(|&x| bulk.holds(x)).collect();
+        let volume = particles.len() as f64 * (2.0 * f64::from(radius)).powi(3);
+        Some(Self { bounds: bulk.bounds, radius, volume, points })
+    }
+
+    /// A body of unknown shape that fills a box.
+    pub fn filling(min: DVec3, max: DVec3, radius: f32) -> Self {
+        let corners = (0..8).map(|i| {
+            let at = |bit: u32| f64::from(i >> bit & 1);
+            min + (max - min) * DVec3::new(at(0), at(1), at(2))
+        });
+        let volume = (max - min).element_product();
+        Self { bounds: (min, max), radius, volume, points: corners.collect() }
+    }
+
+    /// The body of two liquids, or of two frames of one: it covers both.
+    #[must_use]
+    pub fn with(mut self, other: Self) -> Self {
+        let (min, max) = other.bounds;
+        self.bounds = (self.bounds.0.min(min), self.bounds.1.max(max));
+        self.radius = self.radius.max(other.radius);
+        self.volume = self.volume.max(other.volume);
+        self.points.extend(other.points);
+        self
+    }
+
+    /// Longest side, m; above 0.
+    fn size(&self) -> f64 {
+        let size = (self.bounds.1 - self.bounds.0).max_element() + 2.0 * f64::from(self.radius);
+        if size > 0.0 { size } else { 1.0 }
+    }
+
+    /// Side of a cube of the liquid's volume, m; above 0.
+    pub fn thickness(&self) -> f64 {
+        let side = self.volume.cbrt();
+        if side > 0.0 && side.is_finite() { side.min(self.size()) } else { self.size() }
+    }
+
+    /// Height of the ground, m: below every particle of the bulk.
+    pub fn lowest(&self) -> f64 {
+        self.bounds.0.y - f64::from(self.radius)
+    }
+
+    /// Horizontal direction from which the body is seen: across its longer side, turned by 25 degrees.
+    fn front(&self) -> DVec3 {
+        let extent = self.bounds.1 - self.bounds.0;
+        let angle: f64 = if extent.z > 1.25 * extent.x { 65.0 } else { 25.0 };
+        let (sin, cos) = angle.to_radians().sin_cos();
+        DVec3::new(sin, 0.0, cos)
+    }
+
+    /// A camera that sees the whole body, in the middle of a picture that is at least 4/3 as wide as it is
+    /// high, and from higher up the flatter it is.
+    pub fn camera(&self) -> Camera {
+        /// Width over height of the picture.
+        const ASPECT: f64 = 4.0 / 3.0;
+        /// Largest share of the picture's width and height that the body takes.
+        const SHARE: DVec2 = DVec2::new(0.64, 0.66);
+        const FOV_Y: f64 = 34.0;
+        /// Each corrects the distance and the target by what the last one has left.
+        const STEPS: usize = 12;
+
+        let extent = self.bounds.1 - self.bounds.0;
+        let across = extent.x.max(extent.z).max(1e-3 * self.size());
+        let flatness = 1.0 - (extent.y / across).clamp(0.0, 1.0);
+        let (sin, cos) = (10.0 + 18.0 * flatness).to_radians().sin_cos();
+        let back = cos * self.front() + sin * DVec3::Y;
+        let right = DVec3::Y.cross(back).normalize();
+        let up = back.cross(right);
+        let tangent = (0.5 * FOV_Y).to_radians().tan() * DVec2::new(ASPECT, 1.0);
+        let radius = f64::from(self.radius);
+
+        let mut target = 0.5 * (self.bounds.0 + self.bounds.1);
+        // Far enough for the eye and the target to differ in 64-bit floats.
+        let least = (1e-12 * target.abs().max_element()).max(1e-9);
+        let mut distance = (2.0 * self.size() / tangent.y).max(least);
+        for _ in 0..STEPS {
+            let (mut low, mut high) =
+                (DVec2::splat(f64::INFINITY), DVec2::splat(f64::NEG_INFINITY));
+            for &point in &self.points {
+                let offset = point - target;
+                let depth = (distance - offset.dot(back)).max(0.05 * distance);
+                let at = DVec2::new(offset.dot(right), offset.dot(up)) / depth / tangent;
+                let reach = radius / depth / tangent;
+                (low, high) = (low.min(at - reach), high.max(at + reach));
+            }
+            if !(low.is_finite() && high.is_finite()) {
+                break;
+            }
+            let middle = 0.5 * (low + high) * tangent * distance;
+            target += middle.x * right + middle.y * up;
+            let fill = (0.5 * (high - low) / SHARE).max_element();
+            distance = (distance * fill.clamp(0.25, 4.0)).max(least);
+        }
+        let eye = target + distance * back;
+        Camera { eye, target, up: Vec3::Y, fov_y: FOV_Y as f32, near: None }
+    }
+}
+
+/// The light of a look: relative to the direction in which the camera looks.
+struct Lighting {
+    zenith: Vec3,
+    horizon: Vec3,
+    nadir: Vec3,
+    /// Towards the sun: to the right of the camera's view, up, and back towards the camera.
+    towards: Vec3,
+    irradiance: Vec3,
+    /// The sun's disc and aureole, or lamps: towards them, as for the sun, radiance and sharpness.
+    glows: [(Vec3, Vec3, f32); 2],
+    /// Albedos of the ground's tiles.
+    even: Vec3,
+    odd: Vec3,
+    /// Exposure, in stops.
+    exposure: f32,
+}
+
+/// Absorption of a liquid of which a cube of 1 m looks like water, 1/m.
+const TINT: Vec3 = Vec3::new(1.4, 0.38, 0.14);
+
+impl Look {
+    /// The automatic scene of a body.
+    pub fn scene(self, body: &Body) -> Scene {
+        let Some(lighting) = self.lighting() else {
+            return Scene::around(body.bounds.0, body.bounds.1, body.radius);
+        };
+        let size = body.size() as f32;
+        let front = body.front();
+        let world = |v: Vec3| {
+            let right = DVec3::Y.cross(front);
+            let v = v.as_dvec3();
+            (v.x * right + v.y * DVec3::Y + v.z * front).normalize().as_vec3()
+        };
+        let glow = |(towards, radiance, sharpness)| Glow {
+            direction: world(towards),
+            radiance,
+            sharpness,
+        };
+        let centre = 0.5 * (body.bounds.0 + body.bounds.1);
+        let ground = Solid {
+            shape: Shape::Plane {
+                origin: centre.with_y(body.lowest()),
+                normal: Vec3::Y,
+                half_extent: f32::INFINITY,
+            },
+            surface: Surface::Ground {
+                tile: tile(size),
+                even: lighting.even,
+                odd: lighting.odd,
+                fade: 3.0 * size,
+            },
+            lit: true,
+        };
+        let mut scene = Scene {
+            liquid: Liquid { absorption: TINT / body.thickness() as f32, ..Liquid::default() },
+            environment: Environment::Sky {
+                zenith: lighting.zenith,
+                horizon: lighting.horizon,
+                nadir: lighting.nadir,
+                glows: lighting.glows.map(glow),
+            },
+            solids: vec![ground],
+            lights: vec![Light::Sun {
+                direction: -world(lighting.towards),
+                irradiance: lighting.irradiance,
+            }],
+            ..Scene::default()
+        };
+        scene.settings.refract.filter_patterns = true;
+        scene.settings.tonemap.curve = Curve::Aces;
+        scene.settings.tonemap.exposure = lighting.exposure;
+        scene
+    }
+
+    /// Its light; `None` for the chart, which has none.
+    fn lighting(self) -> Option<Lighting> {
+        // Low enough for shadows and caustics to lie beside the body, and from behind it.
+        let sun = Vec3::new(-0.55, 1.0, -0.45);
+        let low = Vec3::new(-0.7, 0.8, -0.6);
+        Some(match self {
+            Self::Studio => Lighting {
+                zenith: Vec3::new(0.42, 0.5, 0.62),
+                horizon: Vec3::new(0.62, 0.65, 0.69),
+                nadir: Vec3::new(0.3, 0.3, 0.32),
+                towards: sun,
+                irradiance: Vec3::new(3.0, 2.85, 2.6),
+                glows: [
+                    (sun, Vec3::new(14.0, 13.4, 12.6), 900.0),
+                    (Vec3::new(0.7, 0.8, 0.5), Vec3::new(1.3, 1.3, 1.3), 14.0),
+                ],
+                even: Vec3::new(0.4, 0.4, 0.395),
+                odd: Vec3::new(0.335, 0.34, 0.345),
+                exposure: -0.3,
+            },
+            Self::Daylight => Lighting {
+                zenith: Vec3::new(0.16, 0.34, 0.8),
+                horizon: Vec3::new(0.62, 0.76, 0.92),
+                nadir: Vec3::new(0.3, 0.28, 0.26),
+                towards: low,
+                irradiance: Vec3::new(4.2, 3.8, 3.1),
+                glows: [
+                    (low, Vec3::new(30.0, 27.0, 22.0), 2500.0),
+                    (low, Vec3::new(0.5, 0.45, 0.36), 10.0),
+                ],
+                even: Vec3::new(0.4, 0.35, 0.29),
+                odd: Vec3::new(0.34, 0.3, 0.25),
+                exposure: -0.4,
+            },
+            Self::Pool => Lighting {
+                zenith: Vec3::new(0.2, 0.42, 0.85),
+                horizon: Vec3::new(0.62, 0.8, 0.92),
+                nadir: Vec3::new(0.25, 0.35, 0.4),
+                towards: sun,
+                irradiance: Vec3::new(3.6, 3.4, 3.0),
+                glows: [
+                    (sun, Vec3::new(26.0, 25.0, 22.0), 2500.0),
+                    (sun, Vec3::new(0.4, 0.4, 0.36), 10.0),
+                ],
+                even: Vec3::new(0.2, 0.46, 0.52),
+                odd: Vec3::new(0.3, 0.56, 0.6),
+                exposure: -0.3,
+            },
+            Self::Night => Lighting {
+                zenith: Vec3::new(0.010, 0.014, 0.030),
+                horizon: Vec3::new(0.035, 0.045, 0.075),
+                nadir: Vec3::new(0.01, 0.01, 0.015),
+                towards: sun,
+                irradiance: Vec3::new(1.5, 1.6, 1.9),
+                glows: [
+                    (sun, Vec3::new(20.0, 21.0, 24.0), 700.0),
+                    (Vec3::new(0.8, 0.5, -0.6), Vec3::new(0.9, 0.5, 0.25), 25.0),
+                ],
+                even: Vec3::new(0.20, 0.20, 0.22),
+                odd: Vec3::new(0.16, 0.16, 0.18),
+                exposure: 0.6,
+            },
+            Self::Chart => return None,
+        })
+    }
+}
+
+/// Side of the ground's tiles, m: 1, 2 or 5 times a power of ten, about eight across the body.
+fn tile(size: f32) -> f32 {
+    let decade = 10f32.powf((size / 8.0).log10().floor());
+    let tile = [5.0, 2.0, 1.0].map(|step| step * decade);
+    tile.into_iter().find(|&tile| tile <= size / 8.0).unwrap_or(decade)
+}
