@@ -1,11 +1,14 @@
 //! Parsing of the command line, and dispatch to the commands.
 
 use std::io;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::error::ErrorKind as Usage;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
+use limpid_io::output::{self, FileKind};
 
+use crate::terminal;
 use crate::{bake, check, compare, convert, info, render, report, scene, settings, signals, view};
 
 /// Renders clear liquid directly from particles.
@@ -23,12 +26,15 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Render frames to pictures or a film, without a window.
+    #[command(after_help = RENDER_EXAMPLES)]
     Render(Box<render::Args>),
     /// Simulate a scene with a [simulation] and write a sequence of BGEO files.
     Bake(bake::Args),
     /// Open a viewer window: play, orbit, adjust settings, save.
+    #[command(after_help = VIEW_EXAMPLES)]
     View(view::Args),
     /// Print the scene of an input as a file to edit, with the automatic parts filled in.
+    #[command(after_help = SCENE_EXAMPLES)]
     Scene(Box<scene::Args>),
     /// List all settings with unit, range, default and meaning.
     Settings(settings::Args),
@@ -42,7 +48,35 @@ enum Command {
     Check(check::Args),
     /// Measure the speed and the error of every method against ground truth.
     Report(report::Args),
+    /// Print the completions of a shell.
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+    /// Write a manual page for each command.
+    Man {
+        /// The folder for the pages.
+        folder: PathBuf,
+    },
 }
+
+const RENDER_EXAMPLES: &str = "Examples:
+  limpid render water.vtu                              one file: limpid.png
+  limpid render 'frames/w_{}.bgeo' -o pictures/        a sequence
+  limpid render frames/ -o water.mp4 --speed 0.25      a film in slow motion
+  limpid render water.csv --look pool --sun 30,50      another look
+  limpid render mm.csv --scale 0.001 --up z            millimetres, z up
+  limpid render water.vtu --scene scene.toml           in a scene of your own";
+
+const VIEW_EXAMPLES: &str = "Examples:
+  limpid view                      a breaking dam
+  limpid view frames/              a sequence
+  limpid view water.vtu --look night";
+
+const SCENE_EXAMPLES: &str = "Examples:
+  limpid scene 'frames/w_{}.bgeo' > scene.toml         write the automatic scene,
+  limpid render scene.toml                             edit it, and draw it
+  limpid scene water.vtu --look daylight --sun 200,15 --tint 0.5,0.8,0.7";
 
 pub(crate) fn run() -> anyhow::Result<ExitCode> {
     let command = parse()?.command;
@@ -59,7 +93,37 @@ pub(crate) fn run() -> anyhow::Result<ExitCode> {
         Command::Compare(args) => compare::run(&args),
         Command::Check(args) => check::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Completions { shell } => print_completions(shell),
+        Command::Man { folder } => write_manual(&folder),
     }
+}
+
+fn print_completions(shell: clap_complete::Shell) -> anyhow::Result<ExitCode> {
+    let mut text = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "limpid", &mut text);
+    terminal::print(String::from_utf8_lossy(&text).trim_end())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes `limpid.1`, `limpid-render.1` and so on.
+fn write_manual(folder: &Path) -> anyhow::Result<ExitCode> {
+    std::fs::create_dir_all(folder).map_err(|source| limpid_io::Error::Io {
+        path: folder.into(),
+        action: "create",
+        source,
+    })?;
+    let mut command = Cli::command();
+    command.build();
+    let pages = std::iter::once(("limpid".to_owned(), command.clone())).chain(
+        command.get_subcommands().map(|sub| (format!("limpid-{}", sub.get_name()), sub.clone())),
+    );
+    for (name, page) in pages {
+        let page = clap_mangen::Man::new(page).title(&name);
+        output::write_atomically(&folder.join(format!("{name}.1")), FileKind::MANUAL, |file| {
+            page.render(file)
+        })?;
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// The exit code for the received signal, if there is one.

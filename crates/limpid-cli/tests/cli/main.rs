@@ -4,6 +4,7 @@
 mod aov;
 mod compare;
 mod exit_codes;
+mod help;
 mod info;
 mod outputs;
 mod render;

@@ -94,6 +94,9 @@ impl FileKind {
     pub const PAGE: Self = Self::new("a page of limpid", |file| {
         file.begins("<!DOCTYPE html>") && file.text().contains("<title>limpid")
     });
+    /// A page of the manual, in roff.
+    pub const MANUAL: Self =
+        Self::new("a manual page of limpid", |file| file.text().contains(".TH limpid"));
     /// The tables of `limpid report`.
     pub const TABLES: Self = Self::new("a report of limpid", |file| file.begins("Measured on "));
     /// The measurements of `limpid report --curve`.
