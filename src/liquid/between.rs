@@ -107,9 +107,20 @@ impl Particles {
         }
     }
 
+    /// Concatenates the parts of one liquid. Keeps the attributes that all parts have.
+    pub fn joined(parts: &[Self]) -> Self {
+        Self { ids: joined(parts, |part| &part.ids), ..Self::concatenated(parts) }
+    }
+
     /// Concatenates several fluids and assigns each particle the index of its fluid. Keeps the attributes
     /// that all fluids have, except ids, which may collide between fluids.
     pub fn mixed(fluids: &[Self]) -> Self {
+        let numbers = (0..).zip(fluids).flat_map(|(k, fluid)| vec![k; fluid.positions.len()]);
+        Self { fluids: Some(numbers.collect()), ..Self::concatenated(fluids) }
+    }
+
+    /// Concatenates everything but ids and fluids.
+    fn concatenated(fluids: &[Self]) -> Self {
         let places = fluids.iter().filter_map(Self::bounds).flat_map(|(min, max)| [min, max]);
         let origin = origin_for(places);
         let filled = || fluids.iter().filter(|fluid| !fluid.is_empty());
@@ -117,11 +128,10 @@ impl Particles {
         let position = |fluid: &Self, x: Vec3| {
             if same { x } else { (fluid.origin - origin + x.as_dvec3()).as_vec3() }
         };
-        let all = fluids.iter();
         Self {
             origin,
-            positions: all
-                .clone()
+            positions: fluids
+                .iter()
                 .flat_map(|fluid| fluid.positions.iter().map(|&x| position(fluid, x)))
                 .collect(),
             velocities: joined(fluids, |fluid| &fluid.velocities),
@@ -129,9 +139,7 @@ impl Particles {
             radii: joined(fluids, |fluid| &fluid.radii),
             ids: None,
             ellipsoids: joined(fluids, |fluid| &fluid.ellipsoids),
-            fluids: Some(
-                (0..).zip(all).flat_map(|(k, fluid)| vec![k; fluid.positions.len()]).collect(),
-            ),
+            fluids: None,
         }
     }
 }

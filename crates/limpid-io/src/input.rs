@@ -137,7 +137,7 @@ impl Input {
         let particles = particles.expect("the demo names its particles");
         let frame = Frame { number: 0, path: particles.source.into() };
         let fluid = Fluid {
-            sequence: Sequence { frames: vec![frame], pattern: "demo".into() },
+            sequence: Sequence { frames: vec![frame], pattern: "demo".into(), fps: None },
             radius: particles.radius,
             radius_from: RadiusFrom::Scene,
             up: particles.up,
@@ -238,7 +238,7 @@ impl Input {
         if let LiquidSource::Recipe(recipe) = project.source {
             let frame = Frame { number: 0, path: origin.into() };
             let fluid = Fluid {
-                sequence: Sequence { frames: vec![frame], pattern: origin.into() },
+                sequence: Sequence { frames: vec![frame], pattern: origin.into(), fps: None },
                 radius: Some(recipe.particle_radius() as f32),
                 radius_from: RadiusFrom::Scene,
                 up: Up::Y,
@@ -296,9 +296,9 @@ impl Input {
         })
     }
 
-    /// Frames per second of the simulation, if the scene has them.
+    /// Frames per second of the simulation, if the scene or a list of the files has them.
     pub fn fps(&self) -> Option<f64> {
-        self.fps
+        self.fps.or_else(|| self.fluids.iter().find_map(|fluid| fluid.sequence.fps))
     }
 
     /// Fails if a fluid lacks one of these frames and missing frames are errors.
@@ -548,7 +548,7 @@ impl Input {
             };
         }
         let body = body.unwrap_or_else(|| Body::filling(-DVec3::ONE, DVec3::ONE, 0.0));
-        if let Some(automatic) = project.automatic {
+        if let Some(automatic) = project.automatic.take() {
             automatic.complete(&mut project.scene, &body);
         }
         project.camera.get_or_insert_with(|| body.camera());

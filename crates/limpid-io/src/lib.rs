@@ -45,5 +45,6 @@ mod pattern;
 pub mod project;
 pub mod sequence;
 pub mod shared_classifier;
+mod vtk_lists;
 
 pub use error::{Error, Result};

@@ -8,8 +8,12 @@ mod arrays;
 mod bgeo;
 mod csv;
 mod cursor;
+mod extxyz;
+mod labelled;
+mod lammps;
 mod npy;
 mod npz;
+mod pieces;
 mod ply;
 mod pos;
 mod table;
@@ -127,10 +131,13 @@ struct Reading<'a> {
 /// | `.vtk` | legacy VTK up to 5.1, binary or ASCII: unstructured grids and polygonal data | all |
 /// | `.vtu` | VTK's XML, unstructured grids: ASCII, base64 or raw, zlib or not, in pieces | all |
 /// | `.vtp` | the same, polygonal data | not written |
+/// | `.pvtu`, `.pvtp`, `.vtm` | the `.vtu`, `.vtp` and `.vtk` files that they list, as one | not written |
 /// | `.ply` | the `vertex` element, ASCII or binary of either byte order | all, 32-bit ids |
 /// | `.npy` | one array of numpy, shape (n, 3), 32- or 64-bit floats: positions | positions |
 /// | `.npz` | an archive of such arrays, stored or deflated | all |
 /// | `.xyz` | positions: raw little-endian 32-bit floats, or text with one particle a line | positions, 32-bit |
+/// | `.xyz`, `.extxyz` | extended XYZ of OVITO and ASE, and element and position per line, with the count first | not written |
+/// | `.lammpstrj`, `.dump` | LAMMPS dumps of one time step, text | not written |
 /// | `.pos` | Truong and Yuksel's frames: positions and one radius; ellipsoids from the `.ani` beside it | positions, 32-bit; one radius; ellipsoids |
 /// | `.csv` | text with one particle per line, columns named or x, y, z | all |
 ///
@@ -298,7 +305,7 @@ struct Format {
 
 const ALL: &[&str] = &["id", "velocity", "density", "radius", "ellipsoid"];
 
-const FORMATS: [Format; 12] = {
+const FORMATS: [Format; 18] = {
     const fn format(
         extension: &'static str,
         read: Reader,
@@ -315,10 +322,16 @@ const FORMATS: [Format; 12] = {
         format(".vtk", vtk::read, vtk::write, ALL, true),
         format(".vtu", vtu::read, vtu::write, ALL, true),
         Format { extension: ".vtp", read: vtu::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".pvtu", read: pieces::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".pvtp", read: pieces::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".vtm", read: pieces::read, write: None, holds: ALL, wide: true },
         format(".ply", ply::read, ply::write, ALL, true),
         format(".npy", npy::read, npy::write, &[], true),
         format(".npz", npz::read, npz::write, ALL, true),
         format(".xyz", xyz::read, xyz::write, &[], false),
+        Format { extension: ".extxyz", read: extxyz::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".lammpstrj", read: lammps::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".dump", read: lammps::read, write: None, holds: ALL, wide: true },
         format(".pos", pos::read, pos::write, &["radius", "ellipsoid"], false),
         format(".csv", csv::read, csv::write, ALL, true),
     ]
@@ -410,8 +423,8 @@ fn writable(path: &Path) -> Result<(Format, Writer)> {
 fn unknown_kind(path: &Path, name: &str) -> Error {
     let remedies = [
         (".sc", "a Blosc-compressed file of Houdini: unpack it with `hsc -d`, save as .bhclassic"),
-        (".pvd", "ParaView's list of files: name the .vtu files, as frame_{}.vtu"),
-        (".pvtu", "a list of .vtu files: name one of these, or save it as one .vtu"),
+        (".pvd", "ParaView's list of files, which is a sequence: give it as the input"),
+        (".series", "a list of files, which is a sequence: give it as the input"),
         (".ani", "the ellipsoids of a .pos file: name that, they are read with it"),
         (".abc", "Alembic: export the points as .bgeo or .ply"),
         (".vdb", "OpenVDB: export the points as .bgeo or .ply"),
@@ -529,7 +542,7 @@ fn vector_among(names: &[String], bases: &[&str]) -> Option<Vec<usize>> {
 fn velocity_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
     match map.array_of(Attribute::Velocity) {
         Some(name) => vector_among(names, &[&name]),
-        None => vector_among(names, &["velocity", "velocities", "vel", "v"]),
+        None => vector_among(names, &["velocity", "velocities", "vel", "velo", "v"]),
     }
 }
 

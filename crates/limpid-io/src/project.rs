@@ -35,7 +35,8 @@ pub struct Project {
     pub views: Vec<NamedView>,
     /// The processor that classifies the particles.
     pub processor: Processor,
-    /// The parts of the scene that a look provides; `None` if the scene is complete.
+    /// The parts of the scene that a look provides once the particles are known; `None` if the scene is
+    /// complete.
     pub automatic: Option<Automatic>,
 }
 

@@ -7,14 +7,17 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::particles::{extensions, readable_stem};
 use crate::pattern::placeholder;
+use crate::{files, vtk_lists};
 
 /// The frames of an input, ordered by their numbers, which are unique.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Sequence {
     /// The frames, by ascending number. Never empty.
     pub frames: Vec<Frame>,
     /// The pattern of the files, with `{}` for the number where limpid has derived it.
     pub pattern: String,
+    /// Frames per second, if a list of the files has their times.
+    pub fps: Option<f64>,
 }
 
 /// One file of a sequence.
@@ -29,7 +32,8 @@ pub struct Frame {
 impl Sequence {
     /// Finds the frames of `input`:
     ///
-    /// - an existing file: one frame, numbered by the last digits in its name, or 0;
+    /// - a time series, `.pvd` or `.series`: the listed files, numbered from 0;
+    /// - another existing file: one frame, numbered by the last digits in its name, or 0;
     /// - an existing folder: the particle files in it, whose names must differ only in the number;
     /// - a pattern, whose file name contains one of `{}`, `%d`, `$F` (a number of any width), `%04d`,
     ///   `$F4`, `####` (a number of at least that many digits). Gaps between numbers are allowed.
@@ -49,11 +53,12 @@ impl Sequence {
         };
         match pattern {
             Some(pattern) => Self::from_pattern(input, &pattern),
+            None if is_series(path) => Self::from_series(path),
             None => {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 let number = split_number(&name).map_or(0, |(_, number, _)| number);
                 let frames = vec![Frame { number, path: path.to_owned() }];
-                Ok(Self { frames, pattern: input.into() })
+                Ok(Self { frames, pattern: input.into(), fps: None })
             }
         }
     }
@@ -109,6 +114,25 @@ impl Sequence {
         self
     }
 
+    fn from_series(path: &Path) -> Result<Self> {
+        /// Largest list, bytes.
+        const MOST: u64 = 256 << 20;
+        let mut bytes = Vec::new();
+        files::read(path, |_| MOST, &mut bytes)?;
+        let listed = match extension(path).as_str() {
+            "pvd" => vtk_lists::parse_xml(path, &bytes)?,
+            _ => vtk_lists::parse_series(path, &bytes)?,
+        };
+        let times: Vec<f64> = listed.iter().filter_map(|file| file.time).collect();
+        if let Some([time, _]) = times.array_windows().find(|[a, b]| a == b) {
+            let problem = format!("several parts at the time {time}; save each time as one file");
+            return Err(Error::format(path, problem));
+        }
+        let fps = vtk_lists::rate(&listed);
+        let frames = (0..).zip(listed).map(|(number, file)| Frame { number, path: file.path });
+        Ok(Self { frames: frames.collect(), pattern: path.display().to_string(), fps })
+    }
+
     fn from_pattern(input: &str, pattern: &Pattern<'_>) -> Result<Self> {
         let folder = pattern.folder;
         let names = file_names(folder)?;
@@ -130,7 +154,12 @@ impl Sequence {
     fn from_folder(folder: &Path) -> Result<Self> {
         let mut stems = BTreeSet::new();
         let mut frames = Vec::new();
-        for name in file_names(folder)?.iter().filter(|name| readable_stem(name).is_some()) {
+        let names = file_names(folder)?;
+        // The pieces of listed frames are no frames of their own.
+        let lists = names.iter().any(|name| is_piece_list(name));
+        let is_frame =
+            |name: &&String| readable_stem(name).is_some() && is_piece_list(name) == lists;
+        for name in names.iter().filter(is_frame) {
             let (stem, number) = match split_number(name) {
                 Some((prefix, number, suffix)) => (format!("{prefix}{{}}{suffix}"), number),
                 None => (name.clone(), 0),
@@ -168,8 +197,22 @@ impl Sequence {
                 return Err(Error::Sequence { pattern, problem });
             }
         }
-        Ok(Self { frames, pattern })
+        Ok(Self { frames, pattern, fps: None })
     }
+}
+
+/// Whether a file lists the frames of a sequence.
+fn is_series(path: &Path) -> bool {
+    ["pvd", "series"].contains(&extension(path).as_str())
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
+}
+
+/// Whether a file lists the pieces of a frame.
+fn is_piece_list(name: &str) -> bool {
+    ["pvtu", "pvtp", "vtm"].contains(&extension(Path::new(name)).as_str())
 }
 
 /// A file name with a placeholder for the number.

@@ -77,6 +77,7 @@ fn likely_mistakes_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("dark.toml");
     let text = "[recipe]\nkind = \"ball\"\ncenter = [0, 0, 0]\nradius = 0.5\ncount = 200\n\
+                [environment]\nradiance = [1, 1, 1]\n\
                 [[light]]\nsun = { direction = [0, -1, 0], irradiance = [1, 1, 1] }\n";
     std::fs::write(&path, text).expect("it is written");
     let mut harness = harness(Source::new(path.display().to_string()), [700.0, 400.0]);

@@ -6,7 +6,6 @@
 //! line the first three columns are x, y and z. Lines that begin with `#` are comments, except one
 //! before the numbers that names as many columns as they have.
 
-use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -14,16 +13,10 @@ use std::path::Path;
 use csv::{ByteRecord, ReaderBuilder, Trim};
 use glam::DVec3;
 
-use super::{
-    Attribute, AttributeMap, Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values,
-    ellipsoid_among, foreign, known_magic, vector_among, velocity_among,
-};
-use crate::error::{Error, Result};
+use super::labelled::{Layout, POSITION, canonical, float};
+use super::{Contents, Cursor, Particles, Reading, Values, foreign, known_magic, vector_among};
+use crate::error::Result;
 use limpid::memory;
-
-/// Names of positions, before the axis.
-const POSITION: [&str; 9] =
-    ["", "p", "points", "point", "pos", "position", "positions", "coord", "coordinates"];
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
@@ -69,37 +62,17 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         start = next(&mut record)?;
     }
 
-    let stride = layout.fields().count() * Scalar::F64.size();
+    let stride = layout.stride();
     let (mut numbers, mut starts) = (Vec::new(), Vec::new());
     while let Some(offset) = start {
         let row = starts.len();
         memory::grow(&mut numbers, stride, path.display())?;
         memory::grow(&mut starts, 1, path.display())?;
-        for (name, field, integer) in layout.fields() {
-            let problem = |found: &str| {
-                let problem =
-                    format!("particle {row}: expected a number for {name}, found {found}");
-                file.source.error(offset, problem)
-            };
-            let field = record.get(field).ok_or_else(|| problem("no such column"))?;
-            let number =
-                if integer { integer_bytes(field) } else { float(field).map(f64::to_le_bytes) };
-            let found = || problem(&format!("`{}`", String::from_utf8_lossy(field)));
-            numbers.extend(number.ok_or_else(found)?);
-        }
+        layout.push_row(file.source, offset, row, |field| record.get(field), &mut numbers)?;
         starts.push(offset);
         start = next(&mut record)?;
     }
-    let table = Table {
-        source: file.source,
-        start: skipped,
-        rows: starts.len(),
-        bytes: Cow::Owned(numbers),
-        stride,
-        big_endian: false,
-        starts: Some(starts),
-    };
-    layout.contents(&table)
+    layout.contents(file.source, skipped, numbers, starts)
 }
 
 /// The comments before the first other line, and the delimiter of that line.
@@ -140,100 +113,6 @@ fn commented(comments: &[&[u8]], delimiter: u8, columns: usize) -> Option<Vec<St
 
 fn label(field: &[u8]) -> String {
     String::from_utf8_lossy(field).trim().to_owned()
-}
-
-/// A column's name in lower case, without a unit as in `Rhop [kg/m^3]`.
-fn canonical(label: &str) -> String {
-    let name = label.to_ascii_lowercase();
-    name.split(" [").next().unwrap_or_default().trim().to_owned()
-}
-
-fn float(field: &[u8]) -> Option<f64> {
-    std::str::from_utf8(field).ok()?.parse().ok()
-}
-
-/// Parses an integer, which may be written as a float; returns its bytes.
-fn integer_bytes(field: &[u8]) -> Option<[u8; 8]> {
-    let exact = || {
-        let number = float(field)?;
-        const EXACT: f64 = 9_007_199_254_740_992.0; // 2⁵³
-        (number.fract() == 0.0 && number.abs() <= EXACT).then_some(number as i64)
-    };
-    let integer = std::str::from_utf8(field).ok()?.parse().ok().or_else(exact)?;
-    Some(integer.to_le_bytes())
-}
-
-/// The assignment of columns to positions and attributes.
-struct Layout {
-    /// Labels of all columns, as in the file.
-    labels: Vec<String>,
-    /// Fields of the positions in a record.
-    positions: Vec<usize>,
-    /// Fields of each attribute, in the order of [`Layout::among`].
-    attributes: Vec<(Attribute, Vec<usize>)>,
-}
-
-impl Layout {
-    /// Finds positions and attributes among the columns.
-    fn among(path: &Path, labels: Vec<String>, map: &AttributeMap) -> Result<Self> {
-        let names: Vec<String> = labels.iter().map(|label| canonical(label)).collect();
-        let Some(positions) = vector_among(&names, &POSITION) else {
-            let first: Vec<&str> = names.iter().take(8).map(String::as_str).collect();
-            let problem = format!(
-                "no columns x, y and z or Points:0 to Points:2; there are: {}",
-                first.join(", ")
-            );
-            return Err(Error::format(path, problem));
-        };
-        let velocity = velocity_among(&names, map).map(|fields| (Attribute::Velocity, fields));
-        let ellipsoid = ellipsoid_among(&names, map).map(|fields| (Attribute::Ellipsoid, fields));
-        let single = names.iter().enumerate().filter_map(|(field, name)| {
-            let attribute = map.attribute_of(name).or_else(|| map.attribute_of(&labels[field]))?;
-            let single = !matches!(attribute, Attribute::Velocity | Attribute::Ellipsoid);
-            single.then(|| (attribute, vec![field]))
-        });
-        let attributes = velocity.into_iter().chain(ellipsoid).chain(single).collect();
-        Ok(Self { labels, positions, attributes })
-    }
-
-    /// Name and field of every number to read, and whether it is an integer.
-    fn fields(&self) -> impl Iterator<Item = (&'static str, usize, bool)> {
-        let positions = self.positions.iter().map(|&field| ("position", field, false));
-        let attributes = self.attributes.iter().flat_map(|(attribute, fields)| {
-            let integer = *attribute == Attribute::Id;
-            fields.iter().map(move |&field| (attribute.name(), field, integer))
-        });
-        positions.chain(attributes)
-    }
-
-    fn contents(&self, table: &Table<'_>) -> Result<Contents> {
-        let columns: Vec<Column> = self
-            .fields()
-            .enumerate()
-            .map(|(k, (_, _, integer))| {
-                let scalar = if integer { Scalar::I64 } else { Scalar::F64 };
-                Column { offset: k * scalar.size(), scalar }
-            })
-            .collect();
-        let (positions, mut rest) = columns.split_at(3);
-        let positions = [positions[0], positions[1], positions[2]];
-        let mut contents = Contents::from(table.particles(positions)?);
-        let mut used = vec![false; self.labels.len()];
-        self.positions.iter().for_each(|&at| used[at] = true);
-        for (attribute, fields) in &self.attributes {
-            let names: Vec<&str> = fields.iter().map(|&at| self.labels[at].as_str()).collect();
-            let shape = [table.rows, fields.len()];
-            let shape = if fields.len() == 1 { &shape[..1] } else { &shape[..] };
-            let columns;
-            (columns, rest) = rest.split_at(fields.len());
-            contents.take_as(Some(*attribute), &names.join(" "), shape, table, columns)?;
-            fields.iter().for_each(|&at| used[at] = true);
-        }
-        for (label, _) in self.labels.iter().zip(used).filter(|(_, used)| !used) {
-            contents.list(label, &[table.rows], None);
-        }
-        Ok(contents)
-    }
 }
 
 /// Writes a line of names and one per particle, with the shortest digits that identify each number.

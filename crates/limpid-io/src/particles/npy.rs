@@ -1,5 +1,5 @@
 //! `.npy`, an array of numpy (Robert Kern, "A simple file format for numpy arrays", 2007, and the
-//! module documentation of `numpy.lib.format`): positions as an array of shape (n, 3) of 32- or 64-bit
+//! module documentation of `numpy.lib.format`): positions as an array of shape (n, 3), or with further columns that are ignored, of 32- or 64-bit
 //! floats, of either byte order, in C or Fortran order.
 //!
 //! ```text
@@ -23,8 +23,20 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
         return Err(foreign(path, bytes, "a NumPy array"));
     }
     let mut file = Cursor::new(path, bytes, false);
-    Header::read(&mut file)?.positions(&mut file).map(Contents::from)
+    let header = Header::read(&mut file)?;
+    let mut contents = Contents::from(header.positions(&mut file)?);
+    if header.further_columns() > 0 {
+        let rows = contents.particles.len();
+        contents.list("columns after the third", &[rows, header.further_columns()], None);
+    }
+    Ok(contents)
 }
+
+/// Largest number of values of an attribute.
+const MAX_SIZE: usize = 6;
+
+/// Largest number of columns beside and including the positions.
+const MAX_COLUMNS: usize = 4096;
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -113,13 +125,22 @@ impl Header {
             let problem = format!("numbers of type `{}`; expected 32- or 64-bit floats", self.kind);
             return Err(Error::format(path, problem));
         }
-        let problem = || Error::format(path, format!("shape ({}); expected (n, 3)", self.shape));
-        let &[_, "3"] = self.sizes().as_slice() else { return Err(problem()) };
-        let (table, columns) = self.table(file, "positions")?.ok_or_else(problem)?;
+        let problem = || {
+            let shape = &self.shape;
+            Error::format(path, format!("shape ({shape}); expected (n, 3), or more columns"))
+        };
+        let [_, _] = *self.sizes() else { return Err(problem()) };
+        let (table, columns) = self.columns(file, "positions", MAX_COLUMNS)?.ok_or_else(problem)?;
         match columns.as_slice() {
-            &[x, y, z] => table.particles([x, y, z]),
+            &[x, y, z, ..] => table.particles([x, y, z]),
             _ => Err(problem()),
         }
+    }
+
+    /// Number of columns after the positions.
+    fn further_columns(&self) -> usize {
+        let columns = self.sizes().get(1).and_then(|size| size.parse::<usize>().ok());
+        columns.unwrap_or(3).saturating_sub(3)
     }
 
     /// The array with one row per particle, if its shape is (n) or (n, k) and its numbers have a plain
@@ -129,8 +150,16 @@ impl Header {
         file: &mut Cursor<'a>,
         what: &str,
     ) -> Result<Option<(Table<'a>, Vec<Column>)>> {
-        /// Largest number of values of an attribute.
-        const MAX_SIZE: usize = 6;
+        self.columns(file, what, MAX_SIZE)
+    }
+
+    /// As [`Header::table`], for up to `most` values of a particle.
+    fn columns<'a>(
+        &self,
+        file: &mut Cursor<'a>,
+        what: &str,
+        most: usize,
+    ) -> Result<Option<(Table<'a>, Vec<Column>)>> {
         let Some((big_endian, scalar)) = self.scalar() else { return Ok(None) };
         let sizes = self.sizes();
         let (rows, size) = match *sizes.as_slice() {
@@ -140,7 +169,7 @@ impl Header {
             _ => return Ok(None),
         };
         let rows = file.count(Some(rows), "the shape")?;
-        if size == 0 || size > MAX_SIZE {
+        if size == 0 || size > most {
             return Ok(None);
         }
         let mut table = file.table(rows, size * scalar.size(), big_endian, what)?;

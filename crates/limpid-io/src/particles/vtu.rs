@@ -1,6 +1,6 @@
 //! VTK's XML formats (Kitware, "VTK File Formats", section "XML File Formats"): the points and point
 //! data of unstructured grids (`.vtu`) and polygonal data (`.vtp`), in one piece or several. Arrays are
-//! ASCII, inline base64, or appended as base64 or raw data, optionally in blocks compressed by zlib.
+//! ASCII, inline base64, or appended as base64 or raw data, optionally in blocks compressed by zlib or LZ4.
 //!
 //! ```text
 //! uncompressed   length, bytes
@@ -133,7 +133,7 @@ struct Document<'a> {
     big_endian: bool,
     /// Size of a number in the headers of arrays: 4 or 8 bytes.
     word: usize,
-    compressed: bool,
+    compressor: Option<Compressor>,
     /// Number of points of all pieces.
     rows: usize,
     arrays: Vec<Array>,
@@ -188,7 +188,7 @@ impl<'a> Document<'a> {
             source,
             big_endian: false,
             word: 4,
-            compressed: false,
+            compressor: None,
             rows: 0,
             arrays: Vec::new(),
             ignored: Vec::new(),
@@ -311,12 +311,14 @@ impl<'a> Document<'a> {
             Some("UInt64") => 8,
             Some(other) => return Err(at.error(&format!("header type `{other}`"))),
         };
-        self.compressed = match at.attribute("compressor")?.as_deref() {
-            None | Some("") => false,
-            Some("vtkZLibDataCompressor") => true,
+        self.compressor = match at.attribute("compressor")?.as_deref() {
+            None | Some("") => None,
+            Some("vtkZLibDataCompressor") => Some(Compressor::Zlib),
+            Some("vtkLZ4DataCompressor") => Some(Compressor::Lz4),
             Some(other) => {
-                let problem =
-                    format!("compressor {other}: expected zlib or none, as ParaView's default");
+                let problem = format!(
+                    "compressor {other}: expected zlib, LZ4 or none; save it again with one of these"
+                );
                 return Err(format(problem));
             }
         };
@@ -378,8 +380,8 @@ impl<'a> Document<'a> {
         }
         // The memory of the decoded base64.
         memory::probe(length.min(encoded.bytes.len()), self.source.path.display())?;
-        let data = if self.compressed {
-            let packed = self.packed(encoded, length).map_err(error)?;
+        let data = if let Some(compressor) = self.compressor {
+            let packed = self.packed(compressor, encoded, length).map_err(error)?;
             if length as u64 > limit {
                 return Err(self.source.too_large(array.start, "array", limit));
             }
@@ -451,7 +453,12 @@ impl<'a> Document<'a> {
     }
 
     /// The compressed blocks of `length` bytes.
-    fn packed(&self, encoded: Encoded<'a>, length: usize) -> Result<Packed<'a>, String> {
+    fn packed(
+        &self,
+        compressor: Compressor,
+        encoded: Encoded<'a>,
+        length: usize,
+    ) -> Result<Packed<'a>, String> {
         let (head, _) = encoded.take(3 * self.word)?;
         let &[blocks, size, last] = self.words(&head).as_slice() else {
             return Err("the header of its blocks is cut off".into());
@@ -468,22 +475,64 @@ impl<'a> Document<'a> {
         let (head, _) = encoded.take(header)?;
         let sizes = self.words(&head).split_off(3);
         let total = sizes.iter().fold(0_u64, |total, &size| total.saturating_add(size));
-        if length as u64 > total.saturating_mul(DEFLATE_RATIO) {
+        if length as u64 > total.saturating_mul(compressor.ratio()) {
             return Err(format!("{length} bytes cannot be in {total} compressed ones"));
         }
         let data = encoded.after(header);
         let (data, _) = data.take(usize::try_from(total).unwrap_or(usize::MAX))?;
-        Ok(Packed { data, sizes, block: size as usize })
+        Ok(Packed { data, sizes, block: size as usize, compressor })
     }
 }
 
-/// Blocks compressed by zlib.
+/// A compression of arrays.
+#[derive(Clone, Copy)]
+enum Compressor {
+    Zlib,
+    /// Blocks without a frame.
+    Lz4,
+}
+
+impl Compressor {
+    /// Largest size of data as a multiple of their compressed size.
+    fn ratio(self) -> u64 {
+        match self {
+            Self::Zlib => DEFLATE_RATIO,
+            // A byte lengthens a match by 255.
+            Self::Lz4 => 256,
+        }
+    }
+
+    fn unpack(self, packed: &[u8], block: &mut [u8]) -> Result<(), String> {
+        let size = block.len();
+        let complete = |unpacked: usize| match unpacked == size {
+            true => Ok(()),
+            false => Err(format!("does not unpack to {size} bytes")),
+        };
+        match self {
+            Self::Zlib => {
+                let mut zlib = Decompress::new(true);
+                match zlib.decompress(packed, block, FlushDecompress::Finish) {
+                    Ok(Status::StreamEnd) => complete(zlib.total_out() as usize),
+                    Ok(_) => complete(0),
+                    Err(error) => Err(format!("is damaged: {error}")),
+                }
+            }
+            Self::Lz4 => match lz4_flex::block::decompress_into(packed, block) {
+                Ok(unpacked) => complete(unpacked),
+                Err(error) => Err(format!("is damaged: {error}")),
+            },
+        }
+    }
+}
+
+/// Compressed blocks.
 struct Packed<'a> {
     data: Cow<'a, [u8]>,
     /// Compressed size of each block, bytes.
     sizes: Vec<u64>,
     /// Unpacked size of each block except the last, bytes.
     block: usize,
+    compressor: Compressor,
 }
 
 impl Packed<'_> {
@@ -493,12 +542,8 @@ impl Packed<'_> {
         let packed: Vec<&[u8]> = self.sizes.iter().map(split).collect();
         let blocks = unpacked.par_chunks_mut(self.block).zip(packed);
         blocks.enumerate().try_for_each(|(i, (block, packed))| {
-            let mut zlib = Decompress::new(true);
-            match zlib.decompress(packed, block, FlushDecompress::Finish) {
-                Ok(Status::StreamEnd) if zlib.total_out() == block.len() as u64 => Ok(()),
-                Ok(_) => Err(format!("block {i} does not unpack to {} bytes", block.len())),
-                Err(error) => Err(format!("block {i} is damaged: {error}")),
-            }
+            let unpacked = self.compressor.unpack(packed, block);
+            unpacked.map_err(|problem| format!("block {i} {problem}"))
         })
     }
 }

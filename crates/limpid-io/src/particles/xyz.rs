@@ -2,6 +2,8 @@
 //! as read and written by splashsurf, and text with the three coordinates of one particle per line, as
 //! written by point-cloud tools.
 //!
+//! Text that begins with the number of particles is extended XYZ: [`super::extxyz`].
+//!
 //! A file whose first kilobyte is printable ASCII is text, which floats almost never are.
 
 use std::borrow::Cow;
@@ -13,7 +15,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{
-    Column, Contents, Cursor, Particles, Reading, Scalar, Table, foreign, known_magic, stl_length,
+    Column, Contents, Cursor, Particles, Reading, Scalar, Table, extxyz, foreign, known_magic,
+    stl_length,
 };
 use crate::error::{Error, Location, Result};
 use crate::files;
@@ -78,11 +81,14 @@ fn is_text(bytes: &[u8]) -> bool {
     !bytes.is_empty() && bytes.iter().take(TEXT_SAMPLE).all(printable)
 }
 
-pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Contents> {
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if known_magic(bytes).is_some() {
         return Err(foreign(path, bytes, "raw or text positions"));
     }
     let text = is_text(bytes);
+    if text && extxyz::is_counted(bytes) {
+        return extxyz::read(path, bytes, reading);
+    }
     let mut file = Cursor::new(path, bytes, text);
     let (table, scalar) = if text {
         (text_table(&mut file)?, Scalar::F64)

@@ -281,13 +281,21 @@ impl Project {
     }
 
     /// Writes the text of a scene file, which [`Project::parse`] reads back as the same project,
-    /// bit-exactly. Paths are written as the project has them; `map` is the file of an environment map.
+    /// bit-exactly; parts that a look provides are left out. Paths are written as the project has them;
+    /// `map` is the file of an environment map.
     ///
     /// # Errors
     /// [`Error::Usage`] for an environment map without a file.
     pub fn to_toml(&self, map: Option<&str>) -> Result<String> {
-        let environment = EnvironmentFile::of(&self.scene.environment, map)?;
-        let Self { scene, source, camera, views, processor, automatic: _ } = self;
+        let Self { scene, source, camera, views, processor, automatic } = self;
+        let provides = |part: fn(&Automatic) -> bool| automatic.as_ref().is_some_and(part);
+        let environment = match provides(|automatic| automatic.environment) {
+            true => None,
+            false => Some(EnvironmentFile::of(&scene.environment, map)?),
+        };
+        let mut liquid = LiquidFile::of(&scene.liquid);
+        liquid.absorption =
+            liquid.absorption.filter(|_| !provides(|automatic| automatic.absorption));
         let recipe = source.recipe().copied();
         // The solids of the recipe are left out, since reading adds them again.
         let own = recipe.map_or(0, |recipe| recipe.solids().len());
@@ -302,15 +310,15 @@ impl Project {
             _ => {}
         }
         let file = SceneFile {
-            look: None,
+            look: automatic.map(|automatic| automatic.look),
             particles,
             fluid,
             recipe,
             simulation: source.simulation().cloned(),
-            liquid: LiquidFile::of(&scene.liquid),
+            liquid,
             camera: *camera,
             view: views.clone(),
-            environment: Some(environment),
+            environment,
             solid: scene.solids[..own].iter().map(SolidFile::of).collect(),
             light: scene.lights.clone(),
             settings: SettingsFile::of(&scene.settings),
@@ -319,6 +327,15 @@ impl Project {
         let mut file = toml::Table::try_from(&file).map_err(|e| fail(&e))?;
         if *processor != Processor::default() {
             put_processor(&mut file, *processor);
+        }
+        if let Some(settings) = file.get_mut("settings").and_then(toml::Value::as_table_mut) {
+            if provides(|automatic| automatic.tonemap) {
+                settings.remove("tonemap");
+            }
+            let refract = settings.get_mut("refract").and_then(toml::Value::as_table_mut);
+            if let Some(refract) = refract.filter(|_| provides(|automatic| automatic.patterns)) {
+                refract.remove("filter_patterns");
+            }
         }
         toml::to_string(&file).map_err(|e| fail(&e))
     }

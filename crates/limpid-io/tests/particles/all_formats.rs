@@ -125,7 +125,7 @@ fn foreign_files_are_identified() {
 
 #[test]
 fn unknown_extensions_are_errors_with_a_remedy() {
-    check_message("a.pvd", b"", &["list of files", "frame_{}.vtu"]);
+    check_message("a.pvd", b"", &["list of files", "sequence"]);
     check_message("a.ani", b"", &["ellipsoids", ".pos"]);
     check_message("a.bgeo.sc", b"", &["hsc -d", ".bhclassic"]);
     check_message("a.stl", b"", &["does not know", ".bgeo", ".npy"]);

@@ -8,6 +8,7 @@ mod bgeo;
 mod csv;
 mod npy;
 mod npz;
+mod other_programs;
 mod places;
 mod ply;
 mod pos;

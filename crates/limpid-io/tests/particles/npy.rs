@@ -1,5 +1,10 @@
 //! Single `NumPy` arrays.
 
+use std::path::Path;
+
+use glam::Vec3;
+use limpid_io::particles::{Contents, ReadOptions};
+
 use super::{POSITIONS, be, check_message, le, patched, positions_only, read};
 
 pub(crate) fn npy(kind: &str, fortran: &str, shape: &str, data: &[u8]) -> Vec<u8> {
@@ -40,6 +45,20 @@ fn npy_variants() {
     assert!(read("a.npy", &npy("<f4", "False", "(0, 3)", &[])).unwrap().is_empty());
 }
 
+/// The first three of more columns are the positions; the others are listed as ignored.
+#[test]
+fn npy_of_more_columns() {
+    let data: Vec<u8> = (0..12).flat_map(|n| (n as f32).to_le_bytes()).collect();
+    let bytes = npy("<f4", "False", "(3, 4)", &data);
+    let contents = Contents::parse(Path::new("a.npy"), &bytes, &ReadOptions::default());
+    let contents = contents.expect("valid");
+    let expected = [[0.0, 1.0, 2.0], [4.0, 5.0, 6.0], [8.0, 9.0, 10.0]].map(Vec3::from);
+    assert_eq!(contents.particles.positions, expected);
+    let arrays: Vec<String> = contents.arrays.iter().map(ToString::to_string).collect();
+    assert_eq!(arrays, ["columns after the third (3, 1)"]);
+    assert!(contents.arrays[0].used_as.is_none());
+}
+
 #[test]
 fn npy_malformed() {
     let data = npy_data();
@@ -48,7 +67,7 @@ fn npy_malformed() {
     check_message("a.npy", &shaped("(2147483647, 3)"), &["byte", "2147483647 × 12"]);
     check_message("a.npy", &shaped("(18446744073709551615, 3)"), &["byte", "are left"]);
     check_message("a.npy", &shaped("(-1, 3)"), &["byte", "count", "-1"]);
-    for shape in ["(3,)", "(9, 1)", "(3, 4)", "(1, 3, 3)", "()"] {
+    for shape in ["(3,)", "(9, 1)", "(3, 2)", "(1, 3, 3)", "()"] {
         check_message("a.npy", &shaped(shape), &[shape, "expected (n, 3)"]);
     }
     check_message("a.npy", &shaped("3"), &["byte", "`shape`"]);

@@ -243,8 +243,8 @@ fn vtu_malformed() {
     check("</VTKFile>", "", &["byte", "ends before </VTKFile>"]);
     check("</Points>", "</Point>", &["byte", "not XML"]);
     check("<VTKFile", "<Html", &["not VTK's"]);
-    let lz4 = with("header_type", "compressor='vtkLZ4DataCompressor' header_type");
-    check_message("a.vtp", &lz4, &["vtkLZ4DataCompressor", "zlib or none"]);
+    let lzma = with("header_type", "compressor='vtkLZMADataCompressor' header_type");
+    check_message("a.vtp", &lzma, &["vtkLZMADataCompressor", "zlib, LZ4 or none"]);
 
     let raw = |headers: Headers| vtu("UnstructuredGrid", &[3], Stored::AppendedRaw, headers);
     let length = patched(&raw(PLAIN), &[b'_', 36, 0, 0, 0], &[b'_', 37, 0, 0, 0]);

@@ -1,0 +1,109 @@
+//! Lists of VTK files: pieces that form one data set (`.pvtu`, `.pvtp`, `.vtm`), and time series (`.pvd` of
+//! `ParaView`, `.series`).
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use quick_xml::Reader;
+use quick_xml::events::Event;
+use serde::Deserialize;
+
+use crate::error::{Error, Location, Result};
+
+/// Largest number of listed files.
+const MOST: usize = 1 << 20;
+
+/// A listed file.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Listed {
+    /// Its path.
+    pub(crate) path: PathBuf,
+    /// Its time, if the list has times.
+    pub(crate) time: Option<f64>,
+}
+
+/// Lists the files of a piece list or a `.pvd`, by the elements `Piece` (with `Source`) and `DataSet` (with
+/// `file` and `timestep`); their paths are relative to the list.
+///
+/// # Errors
+/// [`Error::Malformed`] for XML with errors, and [`Error::Format`] for a list without files, of too many or
+/// of one file twice.
+pub(crate) fn parse_xml(path: &Path, bytes: &[u8]) -> Result<Vec<Listed>> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut xml = Reader::from_reader(bytes);
+    let mut listed = Vec::new();
+    loop {
+        let at = xml.buffer_position();
+        let fail = |at: u64, problem: String| Error::malformed(path, Location::Byte(at), problem);
+        let event = xml.read_event().map_err(|error| fail(at, format!("not XML: {error}")))?;
+        let element = match event {
+            Event::Eof => break,
+            Event::Start(element) | Event::Empty(element) => element,
+            _ => continue,
+        };
+        let attribute = |name: &str| -> Result<Option<String>> {
+            let found = element.try_get_attribute(name);
+            let found = found.map_err(|error| fail(at, error.to_string()))?;
+            Ok(found.map(|value| String::from_utf8_lossy(&value.value).trim().to_owned()))
+        };
+        let key = match element.local_name().as_ref() {
+            b"Piece" => "Source",
+            b"DataSet" => "file",
+            _ => continue,
+        };
+        // Empty blocks name no file.
+        let Some(file) = attribute(key)?.filter(|file| !file.is_empty()) else { continue };
+        let time = attribute("timestep")?.and_then(|text| text.parse::<f64>().ok());
+        listed.push(Listed { path: folder.join(file), time });
+        if listed.len() > MOST {
+            return Err(Error::format(path, format!("more than {MOST} files")));
+        }
+    }
+    checked(path, listed)
+}
+
+/// Lists the files of a `.series`: JSON with the name and the time of each.
+///
+/// # Errors
+/// As [`parse_xml`].
+pub(crate) fn parse_series(path: &Path, bytes: &[u8]) -> Result<Vec<Listed>> {
+    #[derive(Deserialize)]
+    struct Series {
+        files: Vec<File>,
+    }
+    #[derive(Deserialize)]
+    struct File {
+        name: String,
+        time: Option<f64>,
+    }
+    let series: Series = serde_json::from_slice(bytes).map_err(|error| {
+        let line = Location::Line(error.line() as u64);
+        Error::malformed(path, line, format!("not a list of files: {error}"))
+    })?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let file = |file: File| Listed { path: folder.join(file.name), time: file.time };
+    checked(path, series.files.into_iter().map(file).collect())
+}
+
+fn checked(path: &Path, listed: Vec<Listed>) -> Result<Vec<Listed>> {
+    if listed.is_empty() {
+        return Err(Error::format(path, "the list names no files"));
+    }
+    let mut names = BTreeSet::new();
+    match listed.iter().find(|file| !names.insert(&file.path)) {
+        Some(twice) => {
+            Err(Error::format(path, format!("{} is listed twice", twice.path.display())))
+        }
+        None => Ok(listed),
+    }
+}
+
+/// Files per second of a series whose times have one distance, within a thousandth.
+pub(crate) fn rate(listed: &[Listed]) -> Option<f64> {
+    let times: Vec<f64> = listed.iter().map(|file| file.time).collect::<Option<_>>()?;
+    let (first, last) = (*times.first()?, *times.last()?);
+    let step = (last - first) / (times.len().checked_sub(1).filter(|&n| n > 0)? as f64);
+    let even = |pair: &[f64; 2]| ((pair[1] - pair[0]) - step).abs() <= 1e-3 * step;
+    let rate = step.recip();
+    (step > 0.0 && times.array_windows().all(even) && (0.01..=1e5).contains(&rate)).then_some(rate)
+}
