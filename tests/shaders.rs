@@ -296,7 +296,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 72] = [
+const LOOPS: [(&str, &str, &str, &str); 76] = [
     ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
     ("caustics/conic.wgsl", "conic_first_exit", "for (var edge = 0u; edge < 3u; edge++)", "a constant"),
     ("caustics/conic.wgsl", "conic_solve", "for (var i = 0u; i < CONIC_ROUNDS; i++)", "a constant"),
@@ -306,6 +306,8 @@ const LOOPS: [(&str, &str, &str, &str); 72] = [
     ("caustics/conic.wgsl", "conic_walk_near", "for (var k = 0u; k < CONIC_SEARCHED; k++)", "a constant"),
     ("caustics/conic.wgsl", "conic_walk_near", "for (var turn = 0; turn < 2; turn++)", "a constant"),
     ("caustics/conic.wgsl", "conic_follow", "for (var step = 0u; exit.found && step <= steps; step++)", "caustics.steps, 4096 at most"),
+    ("caustics/deposit.wgsl", "deposit", "for (var half = 0; half < 2; half++)", "a constant"),
+    ("caustics/deposit.wgsl", "deposit_patch", "for (var half = 0; half < 2; half++)", "a constant"),
     ("caustics/deposit.wgsl", "deposit", "for (var k = 0; k < SIDE * SIDE; k++)", "a constant"),
     ("caustics/deposit.wgsl", "patch_point", "for (var j = 0; j < SIDE; j++)", "a constant"),
     ("caustics/deposit.wgsl", "patch_point", "for (var i = 0; i < SIDE; i++)", "a constant"),
@@ -351,7 +353,9 @@ const LOOPS: [(&str, &str, &str, &str); 72] = [
     ("refract/guarded.wgsl", "opaque_entry", "for (var i = 0u; i < OPAQUE_STEPS; i++)", "a constant"),
     ("refract/interfaces.wgsl", "trace", "for (var event = 0u; event < 18u; event++)", "a constant"),
     ("refract/interfaces.wgsl", "background_mean", "for (var i = 0u; i < count; i++)", "refract.samples or refract.edge_samples, 64 at most"),
-    ("refract/interfaces.wgsl", "draw_background", "for (var probe = 0; probe < 5; probe++)", "a constant"),
+    ("refract/interfaces.wgsl", "background_pixels", "for (var k = 0; k < 3; k++)", "a constant"),
+    ("refract/interfaces.wgsl", "background_pixels", "for (var k = 0; k < 4; k++)", "a constant"),
+    ("refract/interfaces.wgsl", "draw_background", "for (var probe = 0u; probe < 5u + EDGE_SAMPLES; probe++)", "the setting, 64 at most"),
     ("refract/interfaces.wgsl", "is_hidden", "for (var probe = 0; probe < 5; probe++)", "a constant"),
     ("refract/interfaces.wgsl", "refract_pixels", "for (var i = 0u; i < SAMPLES; i++)", "refract.samples, 64 at most"),
     ("refract/march.wgsl", "liquid_exit", "for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++)", "the picture's sides"),

@@ -83,8 +83,14 @@ fn deposit(@builtin(global_invocation_id) thread: vec3u) {
             return;
         }
     }
-    deposit_triangle(Corners(a, b, c, first, first + 1u, first + row), cell);
-    deposit_triangle(Corners(d, c, b, first + row + 1u, first + row, first + 1u), -cell);
+    // A loop: drivers inline a function where it is called, and compile it as often.
+    for (var half = 0; half < 2; half++) {
+        var corners = Corners(a, b, c, first, first + 1u, first + row);
+        if half == 1 {
+            corners = Corners(d, c, b, first + row + 1u, first + row, first + 1u);
+        }
+        deposit_triangle(corners, select(cell, -cell, half == 1));
+    }
 }
 
 // Weights of the Lagrange cubic through -1, 0, 1 and 2.
@@ -124,8 +130,10 @@ fn deposit_patch(patch_of: ptr<function, Patch>, cell: vec2f) {
             let next_q = patch_point(patch_of, vec2f(vec2i(i + 1, j + 1)) * step);
             let middle = (vec2f(vec2i(i, j)) + 0.5) * step;
             let light = share * mix(mix(passed[0], passed[1], middle.x), mix(passed[2], passed[3], middle.x), middle.y);
-            add_triangle(p, next_p, q, light);
-            add_triangle(next_q, q, next_p, light);
+            for (var half = 0; half < 2; half++) {
+                let other = half == 1;
+                add_triangle(select(p, next_q, other), select(next_p, q, other), select(q, next_p, other), light);
+            }
             p = next_p;
             q = next_q;
         }

@@ -599,6 +599,8 @@ fn background_mean(p: vec2i, count: u32) -> vec3f {
 // Draws a pixel without liquid. If its corners and centre differ, it contains an edge (T. Whitted, An
 // Improved Illumination Model for Shaded Display, 1980) and gets many rays, which is affordable: they
 // are short, and few pixels contain edges.
+//
+// One loop for all rays: drivers inline the shading where it is called, and compile it as often.
 fn draw_background(p: vec2i) {
     if COUNT {
         textureStore(diagnostics, p, vec4f(0.0));
@@ -607,28 +609,48 @@ fn draw_background(p: vec2i) {
         textureStore(radiance, p, vec4f(background_mean(p, SAMPLES), 1.0));
         return;
     }
-    var centre = vec3f(0.0);
     var low = vec3f(NOTHING);
     var high = vec3f(0.0);
-    for (var probe = 0; probe < 5; probe++) {
-        let corner = vec2f(vec2i(probe & 1, probe >> 1u));
-        centre = background_ray(vec2f(p) + select(corner, vec2f(0.5), probe == 4));
-        low = min(low, centre);
-        high = max(high, centre);
+    var sum = vec3f(0.0);
+    for (var probe = 0u; probe < 5u + EDGE_SAMPLES; probe++) {
+        var at = vec2f(vec2u(probe & 1u, probe >> 1u));
+        if probe >= 5u {
+            at = sample_offset(probe - 5u, EDGE_SAMPLES);
+        }
+        let seen = background_ray(vec2f(p) + select(at, vec2f(0.5), probe == 4u));
+        if probe < 5u {
+            low = min(low, seen);
+            high = max(high, seen);
+        } else {
+            sum += seen;
+        }
+        if probe == 4u && (is_flat(p, seen, low, high) || is_deferred(p)) {
+            return;
+        }
     }
-    if all(high - low <= select(EDGE, FILTERED_EDGE, FILTER_PATTERNS) * high) {
+    textureStore(radiance, p, vec4f(sum / f32(EDGE_SAMPLES), 1.0));
+}
+
+// Draws a pixel whose probes hardly differ in the colour of its centre.
+fn is_flat(p: vec2i, centre: vec3f, low: vec3f, high: vec3f) -> bool {
+    let flat = all(high - low <= select(EDGE, FILTERED_EDGE, FILTER_PATTERNS) * high);
+    if flat {
         textureStore(radiance, p, vec4f(centre, 1.0));
-        return;
     }
+    return flat;
+}
+
+// Adds a pixel to the list of `edge_pixels`, unless the list is full.
+fn is_deferred(p: vec2i) -> bool {
     let index = atomicAdd(&edges.count, 1u);
     if index >= most_edges() {
-        textureStore(radiance, p, vec4f(background_mean(p, EDGE_SAMPLES), 1.0));
-        return;
+        return false;
     }
     edges.pixels[index] = u32(p.x) | (u32(p.y) << 16u);
     if index % EDGE_GROUP == 0u {
         atomicAdd(&edge_groups, 1u);
     }
+    return true;
 }
 
 @compute @workgroup_size(64)
@@ -708,8 +730,47 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         return;
     }
     let p = tile_pixel(tiles.tiles[index], local.xy);
+    if EDGE_SAMPLES <= SAMPLES {
+        if all(p < vec2i(camera.size)) {
+            draw_background(p);
+        }
+        return;
+    }
+    // Adjacent pixels share corners: each thread shades one, 17 threads another on the far sides, and each
+    // the centre of its pixel. One loop, as in `draw_background`.
+    let thread = i32(local.y) * 8 + i32(local.x);
+    let first = p - vec2i(local.xy);
+    let far = select(vec2i(8, thread), vec2i(thread - 9, 8), thread >= 9);
+    var centre = vec3f(0.0);
+    for (var k = 0; k < 3; k++) {
+        if k == 1 && thread >= 17 {
+            continue;
+        }
+        let corner = vec2f(select(p, first + far, k == 1));
+        centre = background_ray(corner + select(0.0, 0.5, k == 2));
+        if k < 2 {
+            tile_corners[select(thread + i32(local.y), far.y * 9 + far.x, k == 1)] = centre;
+        }
+    }
+    workgroupBarrier();
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    draw_background(p);
+    if COUNT {
+        textureStore(diagnostics, p, vec4f(0.0));
+    }
+    let at = i32(local.y) * 9 + i32(local.x);
+    var low = centre;
+    var high = centre;
+    for (var k = 0; k < 4; k++) {
+        let corner = tile_corners[at + (k & 1) + 9 * (k >> 1u)];
+        low = min(low, corner);
+        high = max(high, corner);
+    }
+    if !is_flat(p, centre, low, high) && !is_deferred(p) {
+        textureStore(radiance, p, vec4f(background_mean(p, EDGE_SAMPLES), 1.0));
+    }
 }
+
+// Radiance of the background at the corners of a tile's pixels, by rows.
+var<workgroup> tile_corners: array<vec3f, 81>;

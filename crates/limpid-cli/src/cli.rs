@@ -83,7 +83,7 @@ pub(crate) fn run() -> anyhow::Result<ExitCode> {
     signals::listen().map_err(limpid_io::Error::Threads)?;
     start_workers()?;
     match command {
-        Command::Render(args) => render::run(&args),
+        Command::Render(args) => render::run(*args),
         Command::Bake(args) => bake::run(&args),
         Command::View(args) => view::run(args),
         Command::Scene(args) => scene::run(&args),

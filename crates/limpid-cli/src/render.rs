@@ -58,8 +58,10 @@ type AovList = Vec<Aov>;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A scene or recipe (.toml), a particle file, a pattern such as frame_{}.bgeo, or a folder
-    /// [default: the built-in demo].
+    #[command(flatten)]
+    inputs: crate::shared_args::Inputs,
+    /// The input of `inputs`.
+    #[arg(skip)]
     input: Option<String>,
     /// Render the input's particles in this scene.
     #[arg(long)]
@@ -181,7 +183,11 @@ struct FrameStats {
     total_ms: f64,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
+    let (input, frames) = args.inputs.resolve()?;
+    args.input = input;
+    args.frames = args.frames.or(frames);
+    let args = &args;
     let mut plan = Plan::new(args)?;
     output::check(args, &plan.shots)?;
     let picked = pick::pick(args, &mut plan)?;

@@ -11,8 +11,8 @@ use crate::terminal;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A particle file, a pattern such as frame_{}.bgeo, a folder, or a scene to complete.
-    input: String,
+    #[command(flatten)]
+    inputs: crate::shared_args::Inputs,
     /// Complete this scene with the input's particles.
     #[arg(long)]
     scene: Option<PathBuf>,
@@ -33,7 +33,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let request = Request {
-        input: Some(args.input.clone()),
+        input: args.inputs.resolve()?.0,
         scene: args.scene.clone(),
         radius: args.radius,
         overrides: args.set.clone(),

@@ -4,7 +4,9 @@ use glam::UVec2;
 use limpid::liquid::Up;
 use limpid::look::Look;
 use limpid_io::adjustments::{Adjustments, Floor, Sun, Tint};
+use limpid_io::frames::FrameSpec;
 use limpid_io::particles::{AttributeMap, ReadOptions};
+use limpid_io::sequence::Sequence;
 
 // Options of all commands that read particles; a doc comment here would become their help.
 #[derive(clap::Args)]
@@ -23,6 +25,38 @@ impl Reading {
     pub(crate) fn options(&self) -> ReadOptions {
         let map = self.map.clone().unwrap_or_default();
         ReadOptions { max_unpacked: self.max_unpacked, map }
+    }
+}
+
+// The particles of a command; a doc comment here would become their help.
+#[derive(clap::Args)]
+pub(crate) struct Inputs {
+    /// A scene or recipe (.toml), a particle file, a pattern such as frame_{}.bgeo, a folder, a list
+    /// (.pvd, .series), or all files of a sequence, as a shell expands frame_*.bgeo [default: built in].
+    #[arg(value_name = "INPUT")]
+    inputs: Vec<String>,
+    /// Merge the files of several ranks into one frame each: rank{r}_{}.vtu.
+    #[arg(long, value_name = "PATTERN", conflicts_with = "inputs")]
+    merge: Option<String>,
+}
+
+impl Inputs {
+    /// The input, and the frames if they were named one by one.
+    pub(crate) fn resolve(&self) -> limpid_io::Result<(Option<String>, Option<FrameSpec>)> {
+        match (&self.merge, self.inputs.as_slice()) {
+            (Some(pattern), _) if !pattern.contains("{r}") => {
+                let problem = format!(
+                    "--merge {pattern}: expected {{r}} for the rank, as rank{{r}}_{{}}.vtu"
+                );
+                Err(limpid_io::Error::Usage(problem))
+            }
+            (Some(pattern), _) => Ok((Some(pattern.clone()), None)),
+            (None, [] | [_]) => Ok((self.inputs.first().cloned(), None)),
+            (None, files) => {
+                let (pattern, numbers) = Sequence::pattern_of(files)?;
+                Ok((Some(pattern), Some(FrameSpec::List(numbers))))
+            }
+        }
     }
 }
 

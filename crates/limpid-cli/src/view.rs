@@ -11,9 +11,8 @@ use limpid_io::project::overrides;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A scene or recipe (.toml), a particle file, a pattern such as frame_{}.bgeo, or a folder
-    /// [default: a breaking dam].
-    input: Option<String>,
+    #[command(flatten)]
+    inputs: crate::shared_args::Inputs,
     /// Render the input's particles in this scene.
     #[arg(long)]
     scene: Option<PathBuf>,
@@ -58,7 +57,8 @@ pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
 
     let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
     overrides.extend(args.set);
-    let input = match args.input {
+    let (input, frames) = args.inputs.resolve()?;
+    let input = match input {
         Some(input) => Source::new(input),
         None => Source::built_in()?,
     };
@@ -67,7 +67,7 @@ pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
         scene: args.scene,
         radius: args.radius,
         overrides,
-        frames: args.frames,
+        frames: args.frames.or(frames),
         missing: args.missing,
         options: args.reading.options(),
         adjustments: args.changes.adjustments(args.fps),

@@ -135,7 +135,7 @@ impl Input {
         let project = Project::parse(text, "demo", Path::new(""))?;
         let particles = project.source.files().first().cloned();
         let particles = particles.expect("the demo names its particles");
-        let frame = Frame { number: 0, path: particles.source.into() };
+        let frame = Frame::new(0, particles.source.into());
         let fluid = Fluid {
             sequence: Sequence { frames: vec![frame], pattern: "demo".into(), fps: None },
             radius: particles.radius,
@@ -236,7 +236,7 @@ impl Input {
     /// As [`Input::open`].
     pub fn from_project(project: Project, origin: &str) -> Result<Self> {
         if let LiquidSource::Recipe(recipe) = project.source {
-            let frame = Frame { number: 0, path: origin.into() };
+            let frame = Frame::new(0, origin.into());
             let fluid = Fluid {
                 sequence: Sequence { frames: vec![frame], pattern: origin.into(), fps: None },
                 radius: Some(recipe.particle_radius() as f32),

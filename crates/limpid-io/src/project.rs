@@ -53,6 +53,8 @@ pub struct Automatic {
     pub light: bool,
     /// Whether it provides the absorption.
     pub absorption: bool,
+    /// Whether it provides the settings of the caustics.
+    pub caustics: bool,
     /// Whether it provides the tone mapping.
     pub tonemap: bool,
     /// Whether it filters patterns.
@@ -68,6 +70,7 @@ impl Automatic {
             ground: true,
             light: true,
             absorption: true,
+            caustics: true,
             tonemap: true,
             patterns: true,
         }
@@ -87,6 +90,9 @@ impl Automatic {
         }
         if self.absorption {
             scene.liquid.absorption = look.liquid.absorption;
+        }
+        if self.caustics {
+            scene.settings.caustics = look.settings.caustics;
         }
         if self.tonemap {
             scene.settings.tonemap = look.settings.tonemap;

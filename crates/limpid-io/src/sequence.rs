@@ -1,6 +1,6 @@
 //! Sequences: the files of an input, as numbered frames.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -20,13 +20,22 @@ pub struct Sequence {
     pub fps: Option<f64>,
 }
 
-/// One file of a sequence.
+/// One frame of a sequence.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Frame {
     /// The number in the file name.
     pub number: i64,
     /// Path of the file.
     pub path: PathBuf,
+    /// Further files with particles of the frame, as of a simulation on several ranks.
+    pub parts: Vec<PathBuf>,
+}
+
+impl Frame {
+    /// A frame in one file.
+    pub fn new(number: i64, path: PathBuf) -> Self {
+        Self { number, path, parts: Vec::new() }
+    }
 }
 
 impl Sequence {
@@ -36,7 +45,10 @@ impl Sequence {
     /// - another existing file: one frame, numbered by the last digits in its name, or 0;
     /// - an existing folder: the particle files in it, whose names must differ only in the number;
     /// - a pattern, whose file name contains one of `{}`, `%d`, `$F` (a number of any width), `%04d`,
-    ///   `$F4`, `####` (a number of at least that many digits). Gaps between numbers are allowed.
+    ///   `$F4`, `####` (a number of at least that many digits). Gaps between numbers are allowed;
+    /// - a pattern with `*`, which stands for any text: files whose names differ only in the number;
+    /// - a pattern with `{r}` for the number of a rank, and a placeholder for that of the frame: the files
+    ///   of all ranks are one frame.
     ///
     /// # Errors
     ///
@@ -47,6 +59,8 @@ impl Sequence {
         let pattern = match std::fs::metadata(path) {
             Ok(metadata) if metadata.is_dir() => return Self::from_folder(path),
             Ok(_) => None,
+            Err(_) if file_name(path).contains("{r}") => return Self::from_ranks(input),
+            Err(_) if file_name(path).contains('*') => return Self::from_glob(path),
             Err(error) => {
                 Some(Pattern::parse(input)?.ok_or_else(|| Error::io(path, "read", error))?)
             }
@@ -57,7 +71,7 @@ impl Sequence {
             None => {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
                 let number = split_number(&name).map_or(0, |(_, number, _)| number);
-                let frames = vec![Frame { number, path: path.to_owned() }];
+                let frames = vec![Frame::new(number, path.to_owned())];
                 Ok(Self { frames, pattern: input.into(), fps: None })
             }
         }
@@ -68,8 +82,7 @@ impl Sequence {
     pub(crate) fn around(file: &Path) -> Option<Self> {
         let name = file.file_name()?.to_str()?;
         let (prefix, _, suffix) = split_number(name)?;
-        let parent = file.parent().filter(|parent| !parent.as_os_str().is_empty());
-        let folder = parent.unwrap_or(Path::new("."));
+        let folder = folder_of(file);
         let pattern = Pattern { folder, prefix, suffix, width: 1 };
         Self::from_pattern(&file.to_string_lossy(), &pattern).ok()
     }
@@ -129,16 +142,16 @@ impl Sequence {
             return Err(Error::format(path, problem));
         }
         let fps = vtk_lists::rate(&listed);
-        let frames = (0..).zip(listed).map(|(number, file)| Frame { number, path: file.path });
+        let frames = (0..).zip(listed).map(|(number, file)| Frame::new(number, file.path));
         Ok(Self { frames: frames.collect(), pattern: path.display().to_string(), fps })
     }
 
     fn from_pattern(input: &str, pattern: &Pattern<'_>) -> Result<Self> {
         let folder = pattern.folder;
         let names = file_names(folder)?;
-        let matches = names.iter().filter_map(|name| {
-            Some(Frame { number: pattern.number(name)?, path: folder.join(name) })
-        });
+        let matches = names
+            .iter()
+            .filter_map(|name| Some(Frame::new(pattern.number(name)?, folder.join(name))));
         let frames: Vec<Frame> = matches.collect();
         if frames.is_empty() {
             let similar = names.iter().filter(|name| readable_stem(name).is_some());
@@ -152,33 +165,151 @@ impl Sequence {
     }
 
     fn from_folder(folder: &Path) -> Result<Self> {
-        let mut stems = BTreeSet::new();
-        let mut frames = Vec::new();
         let names = file_names(folder)?;
         // The pieces of listed frames are no frames of their own.
         let lists = names.iter().any(|name| is_piece_list(name));
         let is_frame =
-            |name: &&String| readable_stem(name).is_some() && is_piece_list(name) == lists;
-        for name in names.iter().filter(is_frame) {
+            |name: &String| readable_stem(name).is_some() && is_piece_list(name) == lists;
+        let names: Vec<String> = names.into_iter().filter(is_frame).collect();
+        if names.is_empty() {
+            let problem = format!("no particle files ({}) in this folder", extensions());
+            return Err(Error::Sequence { pattern: folder.display().to_string(), problem });
+        }
+        Self::from_names(folder, &names, "in this folder")
+    }
+
+    /// The files that match a name with `*`.
+    fn from_glob(path: &Path) -> Result<Self> {
+        let (folder, name) = (folder_of(path), file_name(path));
+        let parts: Vec<&str> = name.split('*').collect();
+        let matches = |name: &String| {
+            let [first, between @ .., last] = parts.as_slice() else { return false };
+            let Some(rest) = name.strip_prefix(first) else { return false };
+            let Some(mut rest) = rest.strip_suffix(last) else { return false };
+            between.iter().all(|part| match rest.split_once(part) {
+                Some((_, after)) => {
+                    rest = after;
+                    true
+                }
+                None => false,
+            })
+        };
+        let is_frame = |name: &String| readable_stem(name).is_some() && matches(name);
+        let names: Vec<String> = file_names(folder)?.into_iter().filter(is_frame).collect();
+        if names.is_empty() {
+            let problem = format!("no particle file of this name in {}", folder.display());
+            return Err(Error::Sequence { pattern: path.display().to_string(), problem });
+        }
+        Self::from_names(folder, &names, "match")
+    }
+
+    /// The files of several ranks: a name with `{r}` and a placeholder for the frame, in any order.
+    fn from_ranks(input: &str) -> Result<Self> {
+        let path = Path::new(input);
+        let (folder, name) = (folder_of(path), file_name(path));
+        let fail = |problem: String| Error::Sequence { pattern: input.into(), problem };
+        let (before, after) = name.split_once("{r}").unwrap_or((&name, ""));
+        // In place of the rank's number, each of those that occur.
+        let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
+        let of_frame = |text: &str| placeholder(text).is_some();
+        if [before, after].iter().filter(|part| of_frame(part)).count() != 1 {
+            return Err(fail(
+                "expected one place for the frame's number, as rank{r}_{}.vtu".into(),
+            ));
+        }
+        let mut frames: BTreeMap<i64, BTreeMap<i64, PathBuf>> = BTreeMap::new();
+        for file in file_names(folder)? {
+            // The literal text before the rank ends at the first placeholder or at the rank.
+            for at in 0..file.len() {
+                let Some(rest) = file.get(at..) else { continue };
+                let length = digits(rest);
+                if length == 0 || at > 0 && file.as_bytes()[at - 1].is_ascii_digit() {
+                    continue;
+                }
+                let Ok(rank) = rest[..length].parse::<i64>() else { continue };
+                let (left, right) = (&file[..at], &rest[length..]);
+                let number = match of_frame(before) {
+                    true if right == after => {
+                        Pattern::of_name(folder, before).and_then(|p| p.number(left))
+                    }
+                    false if left == before => {
+                        Pattern::of_name(folder, after).and_then(|p| p.number(right))
+                    }
+                    _ => None,
+                };
+                if let Some(number) = number {
+                    frames.entry(number).or_default().insert(rank, folder.join(&file));
+                    break;
+                }
+            }
+        }
+        let ranks: BTreeSet<i64> =
+            frames.values().flat_map(|ranks| ranks.keys().copied()).collect();
+        for (number, of_frame) in &frames {
+            if let Some(missing) = ranks.iter().find(|rank| !of_frame.contains_key(rank)) {
+                return Err(fail(format!("frame {number} lacks the file of rank {missing}")));
+            }
+        }
+        let frame = |(number, ranks): (i64, BTreeMap<i64, PathBuf>)| {
+            let mut paths = ranks.into_values();
+            Some(Frame { number, path: paths.next()?, parts: paths.collect() })
+        };
+        let frames: Vec<Frame> = frames.into_iter().filter_map(frame).collect();
+        if frames.is_empty() {
+            return Err(fail(format!("no file of this name in {}", folder.display())));
+        }
+        Self::sorted(frames, input.into())
+    }
+
+    /// The pattern of several files whose names differ only in the number, and their numbers, ascending:
+    /// of a pattern that a shell has expanded.
+    ///
+    /// # Errors
+    /// [`Error::Sequence`] if they differ in more than the number.
+    pub fn pattern_of(files: &[String]) -> Result<(String, Vec<i64>)> {
+        let mut numbers = BTreeSet::new();
+        let mut pattern: Option<String> = None;
+        for file in files {
+            let path = Path::new(file);
+            let name = file_name(path);
+            let fail = |problem: String| Error::Sequence { pattern: file.clone(), problem };
+            let (prefix, number, suffix) = split_number(&name)
+                .ok_or_else(|| fail("several inputs, but this name has no number".into()))?;
+            let own = path.with_file_name(format!("{prefix}{{}}{suffix}"));
+            let own = own.to_string_lossy().into_owned();
+            match &pattern {
+                Some(first) if *first != own => {
+                    let problem = format!("does not belong to the sequence {first}");
+                    return Err(fail(problem));
+                }
+                _ => pattern = Some(own),
+            }
+            numbers.insert(number);
+        }
+        let pattern = pattern.ok_or_else(|| Error::Usage("expected a file".into()))?;
+        Ok((pattern, numbers.into_iter().collect()))
+    }
+
+    /// Frames of files in a folder whose names differ only in the number; `place` is where they were found.
+    fn from_names(folder: &Path, names: &[String], place: &str) -> Result<Self> {
+        let mut stems = BTreeSet::new();
+        let mut frames = Vec::new();
+        for name in names {
             let (stem, number) = match split_number(name) {
                 Some((prefix, number, suffix)) => (format!("{prefix}{{}}{suffix}"), number),
                 None => (name.clone(), 0),
             };
             stems.insert(stem);
-            frames.push(Frame { number, path: folder.join(name) });
+            frames.push(Frame::new(number, folder.join(name)));
         }
         let count = stems.len();
         let some: Vec<String> = stems.into_iter().take(8).collect();
         match some.as_slice() {
             [stem] => Self::sorted(frames, folder.join(stem).display().to_string()),
-            [] => {
-                let problem = format!("no particle files ({}) in this folder", extensions());
-                Err(Error::Sequence { pattern: folder.display().to_string(), problem })
-            }
             _ => {
                 let more = if count > some.len() { ", ..." } else { "" };
                 let problem = format!(
-                    "{count} sequences in this folder; name one by its pattern: {}{more}",
+                    "{count} sequences {place}; name one by its pattern: {}{more}",
                     some.join(", ")
                 );
                 Err(Error::Sequence { pattern: folder.display().to_string(), problem })
@@ -199,6 +330,16 @@ impl Sequence {
         }
         Ok(Self { frames, pattern, fps: None })
     }
+}
+
+/// The folder of a file: the working directory for a bare name.
+fn folder_of(path: &Path) -> &Path {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    parent.unwrap_or(Path::new("."))
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// Whether a file lists the frames of a sequence.
@@ -229,8 +370,7 @@ impl<'a> Pattern<'a> {
     fn parse(input: &'a str) -> Result<Option<Self>> {
         let path = Path::new(input);
         let Some(name) = path.file_name().and_then(OsStr::to_str) else { return Ok(None) };
-        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-        let folder = parent.unwrap_or(Path::new("."));
+        let folder = folder_of(path);
         let Some((at, length, width)) = placeholder(name) else { return Ok(None) };
         let (prefix, rest) = name.split_at(at);
         let (_, suffix) = rest.split_at(length);
@@ -239,6 +379,12 @@ impl<'a> Pattern<'a> {
             return Err(Error::Sequence { pattern: input.into(), problem });
         }
         Ok(Some(Self { folder, prefix, suffix, width }))
+    }
+
+    /// A part of a file name that contains a placeholder.
+    fn of_name(folder: &'a Path, name: &'a str) -> Option<Self> {
+        let (at, length, width) = placeholder(name)?;
+        Some(Self { folder, prefix: &name[..at], suffix: &name[at + length..], width })
     }
 
     fn number(&self, name: &str) -> Option<i64> {

@@ -6,6 +6,7 @@ mod compare;
 mod exit_codes;
 mod help;
 mod info;
+mod inputs;
 mod outputs;
 mod render;
 mod report;

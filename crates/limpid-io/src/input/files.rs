@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::bake;
 use crate::files;
 use crate::sequence::Sequence;
+use crate::vtk_lists;
 
 /// Lists the files of an input as far as they can be found: a scene with its environment map, and all
 /// particle files. Errors are ignored here; opening reports them.
@@ -35,13 +36,25 @@ pub(super) fn is_scene_file(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
-/// The particle files of a sequence, and the ellipsoids beside them.
+/// The particle files of a sequence, the ellipsoids beside them, and the pieces that they list.
 fn sequence_files(input: &str) -> Vec<PathBuf> {
     let frames = Sequence::open(input).map(|sequence| sequence.frames).unwrap_or_default();
-    let files = frames.into_iter().flat_map(|frame| {
-        let pos = frame.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("pos"));
-        let ellipsoids = pos.then(|| frame.path.with_extension("ani"));
-        [Some(frame.path), ellipsoids].into_iter().flatten()
-    });
-    files.collect()
+    // A list of the frames is a file too.
+    let mut files: Vec<PathBuf> =
+        Path::new(input).is_file().then(|| input.into()).into_iter().collect();
+    for path in frames.into_iter().flat_map(|frame| [vec![frame.path], frame.parts].concat()) {
+        let is =
+            |extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
+        if is("pos") {
+            files.push(path.with_extension("ani"));
+        }
+        if is("pvtu") || is("pvtp") || is("vtm") {
+            let pieces = std::fs::read(&path).ok();
+            let pieces = pieces.and_then(|bytes| vtk_lists::parse_xml(&path, &bytes).ok());
+            files.extend(pieces.into_iter().flatten().map(|piece| piece.path));
+        }
+        files.push(path);
+    }
+    files.dedup();
+    files
 }

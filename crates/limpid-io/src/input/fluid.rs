@@ -1,6 +1,6 @@
 //! The particles of one fluid: their frames, their files and their radius.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
@@ -71,6 +71,8 @@ impl FromStr for Missing {
 pub struct Origin<'a> {
     /// The file; `None` for an empty or generated frame.
     pub file: Option<&'a Path>,
+    /// Further files of the frame.
+    pub parts: &'a [PathBuf],
     /// The recipe of generated particles.
     pub made: Option<&'a Recipe>,
     /// Particle radius if the file has none, m.
@@ -121,12 +123,30 @@ impl Fluid {
             return Err(self.missing_frame(number));
         };
         let mut contents = match self.source {
-            FluidSource::Files => Contents::read(&frame.path, &self.options)?,
+            FluidSource::Files => self.read(frame)?,
             FluidSource::Embedded(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
             FluidSource::Recipe(recipe) => return Ok(recipe.particles()?.into()),
         };
         contents.particles.to_y_up(self.up);
         contents.particles.scale(self.scale);
+        Ok(contents)
+    }
+
+    /// Reads all files of a frame.
+    fn read(&self, frame: &Frame) -> Result<Contents> {
+        let mut contents = Contents::read(&frame.path, &self.options)?;
+        if frame.parts.is_empty() {
+            return Ok(contents);
+        }
+        let mut parts = vec![std::mem::take(&mut contents.particles)];
+        for path in &frame.parts {
+            let part = Contents::read(path, &self.options)?;
+            contents.cells = contents.cells.saturating_add(part.cells);
+            parts.push(part.particles);
+        }
+        let count: usize = parts.iter().map(Particles::len).sum();
+        memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
+        contents.particles = Particles::joined(&parts);
         Ok(contents)
     }
 
@@ -146,8 +166,10 @@ impl Fluid {
             FluidSource::Embedded(_) => (None, None),
             FluidSource::Recipe(recipe) => (None, frame.map(|_| recipe)),
         };
+        let parts = frame.filter(|_| file.is_some()).map_or(&[][..], |frame| &frame.parts);
         Origin {
             file,
+            parts,
             made,
             radius: self.radius,
             up: self.up,

@@ -329,6 +329,9 @@ impl Project {
             put_processor(&mut file, *processor);
         }
         if let Some(settings) = file.get_mut("settings").and_then(toml::Value::as_table_mut) {
+            if provides(|automatic| automatic.caustics) {
+                settings.remove("caustics");
+            }
             if provides(|automatic| automatic.tonemap) {
                 settings.remove("tonemap");
             }
@@ -398,6 +401,7 @@ fn automatic(file: &SceneFile, table: &toml::Table) -> Option<Automatic> {
             && file.recipe.is_none_or(|recipe| recipe.solids().is_empty()),
         light: file.light.is_empty(),
         absorption: file.liquid.absorption.is_none() && file.liquid.color.is_none(),
+        caustics: lacks("caustics"),
         tonemap: lacks("tonemap"),
         patterns: patterns.is_none(),
     })
