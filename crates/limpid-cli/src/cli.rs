@@ -17,10 +17,22 @@ use crate::{bake, check, compare, convert, info, render, report, scene, settings
 /// or format mismatch, 4 missing or unreadable file, 5 no graphics adapter, 6 device lost, or out of
 /// memory or threads (try again).
 #[derive(Parser)]
-#[command(name = "limpid", version, about, long_about)]
+#[command(
+    name = "limpid",
+    about,
+    long_about,
+    arg_required_else_help = true,
+    args_conflicts_with_subcommands = true
+)]
 struct Cli {
+    /// Print the version.
+    #[arg(short = 'V', long)]
+    version: bool,
+    /// With --version: also the commit, the adapter and its driver.
+    #[arg(long, requires = "version")]
+    verbose: bool,
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
 }
 
 #[derive(Subcommand)]
@@ -79,7 +91,8 @@ const SCENE_EXAMPLES: &str = "Examples:
   limpid scene water.vtu --look daylight --sun 200,15 --tint 0.5,0.8,0.7";
 
 pub(crate) fn run() -> anyhow::Result<ExitCode> {
-    let command = parse()?.command;
+    let Cli { verbose, command, .. } = parse()?;
+    let Some(command) = command else { return print_version(verbose) };
     signals::listen().map_err(limpid_io::Error::Threads)?;
     start_workers()?;
     match command {
@@ -96,6 +109,24 @@ pub(crate) fn run() -> anyhow::Result<ExitCode> {
         Command::Completions { shell } => print_completions(shell),
         Command::Man { folder } => write_manual(&folder),
     }
+}
+
+fn print_version(verbose: bool) -> anyhow::Result<ExitCode> {
+    let mut text = format!("limpid {}", env!("CARGO_PKG_VERSION"));
+    if verbose {
+        let adapter = match limpid_io::device::open() {
+            Ok(gpu) => {
+                let info = gpu.device.adapter_info();
+                format!("{}, {} {}, {}", info.name, info.driver, info.driver_info, info.backend)
+            }
+            Err(error) => format!("none: {error}"),
+        };
+        let window = if cfg!(feature = "viewer") { "yes" } else { "no" };
+        let commit = env!("LIMPID_COMMIT");
+        text += &format!("\ncommit {commit}\nadapter {adapter}\nwindow {window}");
+    }
+    terminal::print(&text)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn print_completions(shell: clap_complete::Shell) -> anyhow::Result<ExitCode> {

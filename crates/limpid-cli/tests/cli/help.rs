@@ -41,3 +41,21 @@ fn help_has_examples() {
         assert_contains(&help, &["Examples:", &format!("limpid {command}"), "--look"]);
     }
 }
+
+/// `--version` is one line; with `--verbose` it tells the commit that was built and the adapter.
+#[test]
+fn versions() {
+    let folder = folder();
+    let version = format!("limpid {}", env!("CARGO_PKG_VERSION"));
+    for flag in ["--version", "-V"] {
+        assert_eq!(succeed(folder.path(), &[flag]).trim(), version);
+    }
+    let verbose = succeed(folder.path(), &["--version", "--verbose"]);
+    let lines: Vec<&str> = verbose.lines().collect();
+    assert_eq!((lines.len(), lines[0]), (4, version.as_str()));
+    let commit = lines[1].strip_prefix("commit ").expect("a commit");
+    let is_commit = commit.len() == 12 && commit.chars().all(|c| c.is_ascii_hexdigit());
+    assert!(is_commit || commit == "unknown", "{commit}");
+    assert!(lines[2].starts_with("adapter ") && lines[3].starts_with("window "), "{verbose}");
+    assert_contains(&fail(folder.path(), 2, &["--verbose"]), &["--version"]);
+}
