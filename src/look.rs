@@ -110,10 +110,15 @@ impl Body {
         if size > 0.0 { size } else { 1.0 }
     }
 
-    /// Side of a cube of the liquid's volume, m; above 0.
+    /// Length of liquid that light typically crosses, m; above 0: the geometric mean of the side of a cube of
+    /// its volume and of its mean thickness across its two longer sides. A pond is thinner than a tank of the
+    /// same volume.
     pub fn thickness(&self) -> f64 {
-        let side = self.volume.cbrt();
-        if side > 0.0 && side.is_finite() { side.min(self.size()) } else { self.size() }
+        let mut sides = (self.bounds.1 - self.bounds.0 + 2.0 * f64::from(self.radius)).to_array();
+        sides.sort_by(f64::total_cmp);
+        let across = self.volume / (sides[1] * sides[2]);
+        let length = (self.volume.cbrt() * across).sqrt();
+        if length > 0.0 && length.is_finite() { length.min(self.size()) } else { self.size() }
     }
 
     /// Height of the ground, m: below every particle of the bulk.
@@ -194,8 +199,8 @@ struct Lighting {
     exposure: f32,
 }
 
-/// Absorption of a liquid of which a cube of 1 m looks like water, 1/m.
-const TINT: Vec3 = Vec3::new(1.4, 0.38, 0.14);
+/// Absorption of a liquid that looks like water if it is 1 m thick, 1/m.
+const TINT: Vec3 = Vec3::new(0.95, 0.27, 0.10);
 
 impl Look {
     /// The automatic scene of a body.

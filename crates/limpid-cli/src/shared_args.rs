@@ -78,8 +78,8 @@ pub(crate) struct SceneChanges {
     /// Index of refraction: water 1.33, oil 1.47, an air bubble in water 0.75.
     #[arg(long, value_name = "N")]
     ior: Option<f32>,
-    /// Colour of the liquid: that of white light behind as much of it as a cube of its volume is wide, as
-    /// 0.3,0.7,0.9; physical (water, whatever its size); or clear.
+    /// Colour of the liquid: that of white light behind its typical thickness, as 0.3,0.7,0.9; physical
+    /// (water, whatever its size); or clear.
     #[arg(long, value_name = "R,G,B")]
     tint: Option<Tint>,
     /// The axis that points up in the files: y or z.

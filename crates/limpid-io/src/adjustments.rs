@@ -64,7 +64,7 @@ pub enum Tint {
     Physical,
     /// None.
     Clear,
-    /// The colour of white light behind as much liquid as a cube of its volume is wide.
+    /// The colour of white light behind the [thickness](Body::thickness) of the liquid.
     Color(Vec3),
 }
 
