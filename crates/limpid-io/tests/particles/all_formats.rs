@@ -10,11 +10,18 @@ use super::bgeo::{bgeo, gzip};
 use super::csv::CSV;
 use super::npy::{npy, npy_data, npy_fortran};
 use super::npz::{npz, npz_members};
+use super::other_programs::file;
 use super::ply::{ply_ascii, ply_binary, ply_elaborate};
 use super::pos::pos;
 use super::vtk::{VTK_ASCII, vtk_4_1, vtk_5_1};
 use super::vtu::{Headers, PLAIN, Stored, vtu};
 use super::{all_attributes, check_message, read};
+
+const EXTENDED: &str = "3\nProperties=species:S:1:pos:R:3:velo:R:3:id:I:1\n\
+    O 1 2 3 0 0 1 7\nO 4 5 6 0 0 1 8\nO 7 8 9 0 0 1 9\n";
+
+const DUMP: &str = "ITEM: TIMESTEP\n5\nITEM: NUMBER OF ATOMS\n3\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\n\
+    ITEM: ATOMS id xs ys zs\n1 0.1 0.2 0.3\n2 0.4 0.5 0.6\n3 0.7 0.8 0.9\n";
 
 /// One valid file of each kind.
 fn samples() -> Vec<(&'static str, Vec<u8>)> {
@@ -46,6 +53,10 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
         ("b.npz", npz(&npz_members()[3..], true)),
         ("a.pos", pos(0.25)),
         ("a.csv", CSV.into()),
+        ("a.extxyz", EXTENDED.into()),
+        ("c.xyz", EXTENDED.into()),
+        ("a.lammpstrj", DUMP.into()),
+        ("e.vtu", std::fs::read(file("vtk_lz4_appended.vtu")).expect("a file")),
     ]
 }
 
@@ -59,7 +70,10 @@ fn truncation_is_detected_everywhere() {
                 Ok(particles) if name.ends_with("xyz") || name.ends_with("csv") => {
                     assert!(particles.len() <= 3);
                 }
-                Ok(particles) => assert_eq!(particles.len(), 3, "{name} cut to {length}"),
+                Ok(particles) => {
+                    let count = if name == "e.vtu" { 120 } else { 3 };
+                    assert_eq!(particles.len(), count, "{name} cut to {length}");
+                }
                 Err(error) => assert!(error.to_string().contains(name), "{error}"),
             }
         }

@@ -9,7 +9,7 @@ use limpid_io::sequence::Sequence;
 
 use super::check_message;
 
-fn file(name: &str) -> PathBuf {
+pub(crate) fn file(name: &str) -> PathBuf {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/formats")).join(name)
 }
 
