@@ -467,8 +467,8 @@ fn the_camera_moves() {
     let folder = water();
     let at = |name: &str| folder.path().join(name);
     fs::write(at("path.toml"), PATH_FILE).unwrap();
-    // The automatic ground lies below all frames that are drawn.
-    let moving = ["--camera-path=path.toml", "--fps=10", "--floor=none"];
+    // The automatic ground and tint fit all frames of the sequence.
+    let moving = ["--camera-path=path.toml", "--fps=10", "--floor=none", "--tint=physical"];
     let one = [&["water_2.xyz"], &moving[..]].concat();
     render(folder.path(), &[&one[..], &["-o", "one/"]].concat(), None).unwrap();
     let numbered: BTreeSet<_> = (1..=4).map(|i| format!("frame_{i:04}.png")).collect();
