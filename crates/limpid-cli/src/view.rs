@@ -42,6 +42,9 @@ pub(crate) struct Args {
     /// Memory for frames loaded ahead, MiB.
     #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
     memory: u64,
+    /// Memory for pictures that are kept for playback where drawing is slower than that, MiB; 0 keeps none.
+    #[arg(long, default_value = "1024", value_name = "MIB", value_parser = clap::value_parser!(u64).range(..1 << 40))]
+    flipbook: u64,
     #[command(flatten)]
     reading: crate::shared_args::Reading,
     /// Log events for tests and bug reports: one JSON object per line, with seconds since the start.
@@ -52,18 +55,15 @@ pub(crate) struct Args {
 
 #[cfg(feature = "viewer")]
 pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
+    use limpid_viewer::demos::DEMOS;
     use limpid_viewer::document::Source;
     use limpid_viewer::{Options, run};
 
     let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
     overrides.extend(args.set);
     let (input, frames) = args.inputs.resolve()?;
-    let input = match input {
-        Some(input) => Source::new(input),
-        None => Source::built_in()?,
-    };
     let source = Source {
-        input: input.input,
+        input: input.unwrap_or_default(),
         scene: args.scene,
         radius: args.radius,
         overrides,
@@ -72,8 +72,20 @@ pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
         options: args.reading.options(),
         adjustments: args.changes.adjustments(args.fps),
     };
-    let memory = args.memory << 20;
-    let shown = run(Options { source: Some(source), window: args.size, memory, log: args.log });
+    let source = match source.input.is_empty() {
+        false => Some(source),
+        // The first screen.
+        true if source == Source::default() => None,
+        true => Some(Source { input: DEMOS[0].source()?.input, ..source }),
+    };
+    let shown = run(Options {
+        source,
+        window: args.size,
+        memory: args.memory << 20,
+        flipbook: args.flipbook << 20,
+        recent: limpid_io::output::cache_folder().map(|folder| folder.join("recent.json")),
+        log: args.log,
+    });
     // Removes the temporary files of threads that end with the process.
     limpid_io::output::abandon();
     shown?;

@@ -6,11 +6,10 @@ use std::str::FromStr;
 use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
-use crate::project::Project;
 use limpid::camera::is_position;
 use limpid::liquid::Up;
 use limpid::look::{Body, Look};
-use limpid::scene::{Light, Liquid, Shape};
+use limpid::scene::{Light, Liquid, Scene, Shape, Solid};
 
 /// The changes to a scene that are made most often. Each replaces what the scene has.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -66,6 +65,56 @@ pub enum Tint {
     Clear,
     /// The colour of white light behind the [thickness](Body::thickness) of the liquid.
     Color(Vec3),
+}
+
+impl Sun {
+    /// The direction of a scene's first sun.
+    pub fn of(scene: &Scene) -> Self {
+        let mut suns = scene.lights.iter().filter_map(|light| match light {
+            Light::Sun { direction, .. } => Some(-direction.as_dvec3().normalize_or(DVec3::NEG_Y)),
+            _ => None,
+        });
+        suns.next().map_or(Self::None, |towards| Self::At {
+            azimuth: towards.x.atan2(towards.z).to_degrees(),
+            elevation: towards.y.clamp(-1.0, 1.0).asin().to_degrees(),
+        })
+    }
+
+    /// Turns a scene's first sun, or adds one, with the sky's disc; or removes all suns.
+    pub fn apply(self, scene: &mut Scene) {
+        let is_sun = |light: &Light| matches!(light, Light::Sun { .. });
+        let Self::At { azimuth, elevation } = self else {
+            return scene.lights.retain(|light| !is_sun(light));
+        };
+        let (sin, cos) = azimuth.to_radians().sin_cos();
+        let (up, level) = elevation.to_radians().sin_cos();
+        let towards = DVec3::new(level * sin, up, level * cos).as_vec3();
+        match scene.lights.iter_mut().find(|light| is_sun(light)) {
+            Some(Light::Sun { direction, .. }) => *direction = -towards,
+            _ => {
+                let irradiance = Vec3::splat(3.0);
+                scene.lights.push(Light::Sun { direction: -towards, irradiance });
+            }
+        }
+        scene.environment.turn_sun(towards);
+    }
+}
+
+impl Floor {
+    /// The height of a scene's ground.
+    pub fn of(scene: &Scene) -> Self {
+        let shape = scene.solids.iter().find(|solid| is_ground(solid)).map(|solid| &solid.shape);
+        match shape {
+            Some(Shape::Plane { origin, .. }) => Self::At(origin.y),
+            _ => Self::None,
+        }
+    }
+}
+
+/// Whether a solid is an unbounded level plane.
+fn is_ground(solid: &Solid) -> bool {
+    matches!(solid.shape, Shape::Plane { normal, half_extent, .. }
+        if half_extent.is_infinite() && normal.y.abs() > 0.999)
 }
 
 impl fmt::Display for Sun {
@@ -168,9 +217,11 @@ impl Adjustments {
         arguments.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
     }
 
-    /// Changes the optics, the sun and the ground of a resolved project.
-    pub(crate) fn apply(&self, project: &mut Project, body: Option<&Body>) -> Result<()> {
-        let scene = &mut project.scene;
+    /// Changes the optics, the sun and the ground of a scene; a colour of the liquid is relative to its body.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for the height of a ground that the scene does not have.
+    pub(crate) fn apply(&self, scene: &mut Scene, body: Option<&Body>) -> Result<()> {
         if let Some(ior) = self.ior {
             scene.liquid.ior = ior;
         }
@@ -182,33 +233,14 @@ impl Adjustments {
                 Tint::Color(color) => color.map(|c| (-c.ln()).max(0.0)) / thickness,
             };
         }
-        match self.sun {
-            None => {}
-            Some(Sun::None) => scene.lights.retain(|light| !matches!(light, Light::Sun { .. })),
-            Some(Sun::At { azimuth, elevation }) => {
-                let (sin, cos) = azimuth.to_radians().sin_cos();
-                let (up, level) = elevation.to_radians().sin_cos();
-                let towards = DVec3::new(level * sin, up, level * cos).as_vec3();
-                let is_sun = |light: &&mut Light| matches!(light, Light::Sun { .. });
-                match scene.lights.iter_mut().find(is_sun) {
-                    Some(Light::Sun { direction, .. }) => *direction = -towards,
-                    _ => scene
-                        .lights
-                        .push(Light::Sun { direction: -towards, irradiance: Vec3::splat(3.0) }),
-                }
-                scene.environment.turn_sun(towards);
-            }
+        if let Some(sun) = self.sun {
+            sun.apply(scene);
         }
-        let is_ground = |shape: &Shape| {
-            matches!(shape, Shape::Plane { normal, half_extent, .. }
-                if half_extent.is_infinite() && normal.y.abs() > 0.999)
-        };
         match self.floor {
             None => {}
-            Some(Floor::None) => scene.solids.retain(|solid| !is_ground(&solid.shape)),
+            Some(Floor::None) => scene.solids.retain(|solid| !is_ground(solid)),
             Some(Floor::At(height)) => {
-                let mut solids = scene.solids.iter_mut();
-                let ground = solids.find(|solid| is_ground(&solid.shape));
+                let ground = scene.solids.iter_mut().find(|solid| is_ground(solid));
                 let Some(Shape::Plane { origin, .. }) = ground.map(|ground| &mut ground.shape)
                 else {
                     let problem =

@@ -480,6 +480,12 @@ impl Input {
         }
     }
 
+    /// Whether particles are read from files that the user has given.
+    pub fn has_files(&self) -> bool {
+        let simulated = self.project.as_ref().is_some_and(|p| p.source.simulation().is_some());
+        !simulated && self.fluids.iter().any(|fluid| matches!(fluid.source, FluidSource::Files))
+    }
+
     /// The body of liquid that [`Input::resolve`] has measured, if it had to.
     pub fn body(&self) -> Option<&Body> {
         self.body.as_ref()

@@ -87,7 +87,12 @@ impl Viewer {
                 self.editing.compare = Compare::ALL[(at + 1) % Compare::ALL.len()];
             }
             Action::Swap => self.editing.edited = 1 - self.editing.edited,
-            Action::SavePicture => self.interface.dialog = self.save_picture_dialog(),
+            Action::SavePicture => {
+                // Kept pictures play without their particles, which are loaded once it pauses.
+                self.playback.playing = false;
+                self.interface.dialog = self.save_picture_dialog();
+            }
+            Action::SaveFilm => self.interface.dialog = self.save_film_dialog(),
             Action::SaveScene => self.interface.dialog = self.save_scene_dialog(),
             Action::Copy => {
                 if let Some(command) = self.command_line("limpid.png") {

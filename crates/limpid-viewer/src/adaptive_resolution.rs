@@ -6,11 +6,11 @@ use glam::UVec2;
 const TARGET_MS: f64 = 50.0;
 
 /// Scales of width and height for drafts, largest first: few, because each change of size creates new
-/// textures.
-const SCALES: [f64; 7] = [1.0, 0.75, 0.5, 0.375, 0.25, 0.1875, 0.125];
+/// textures, and none so small that the liquid cannot be recognised.
+const SCALES: [f64; 5] = [1.0, 0.75, 0.5, 0.375, 0.25];
 
 /// Index of the scale that is used before any measurement.
-const START: usize = 4;
+const START: usize = 3;
 
 /// Quality of a picture, from moving to long at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -87,7 +87,12 @@ impl AdaptiveResolution {
         }
     }
 
-    /// The scale of width and height for drafts: 1/8 to 1.
+    /// Expected time of a picture at full size, ms; `None` before any measurement.
+    pub fn full_ms(&self) -> Option<f64> {
+        self.expected(0)
+    }
+
+    /// The scale of width and height for drafts: 1/4 to 1.
     pub fn scale(&self) -> f64 {
         if self.known.iter().all(Option::is_none) {
             return SCALES[START];

@@ -10,20 +10,17 @@ use crate::document::{Document, Source};
 use crate::messages::Message;
 use limpid::scene::Solid;
 use limpid_io::bake::{self, Progress};
-use limpid_io::error::{Error, Result};
-use limpid_io::files;
+use limpid_io::error::Result;
 use limpid_io::project::Project;
-use limpid_io::{output, project};
 use limpid_sim::sim::Simulation;
-
-/// The scene that is shown if no other is given.
-const BUILT_IN: &str = include_str!("../../../sims/dam_break.toml");
 
 /// A source that is open or being opened; dropping this stops its bake after the current frame.
 #[derive(Debug)]
 pub(crate) struct Opening {
     pub(crate) number: u64,
     pub(crate) source: Source,
+    /// Whether it takes the place of the same source with other adjustments.
+    replaces: bool,
     /// Whether it is still to be read.
     pub(crate) pending: bool,
     /// Whether it has been read and is the open document.
@@ -43,30 +40,19 @@ impl Drop for Opening {
     }
 }
 
-impl Source {
-    /// A dam break, as a scene file in the user's cache folder; its frames are stored beside it.
-    ///
-    /// # Errors
-    /// [`Error::Io`] naming what cannot be written.
-    pub fn built_in() -> Result<Self> {
-        let folder = output::cache_folder().unwrap_or_else(|| std::env::temp_dir().join("limpid"));
-        let path = folder.join("dam_break.toml");
-        std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, "create", e))?;
-        if files::read_text(&path).ok().as_deref() != Some(BUILT_IN) {
-            // Frames of an older version show another liquid.
-            bake::clear("dam_break", &bake::folder(&path))?;
-            output::write_atomically(&path, project::FILE_KIND, |file| {
-                std::io::Write::write_all(file, BUILT_IN.as_bytes())
-            })?;
-        }
-        Ok(Self::new(path.to_string_lossy()))
-    }
-}
-
 impl Viewer {
     /// Opens a source in place of the current one, once it has been read. Until then, and if reading
     /// fails, a bake of the current one continues.
     pub fn open(&mut self, source: Source) {
+        self.begin_opening(source, false);
+    }
+
+    /// Opens the current source again, with other adjustments: settings, camera and playback stay.
+    pub(crate) fn reopen(&mut self, source: Source) {
+        self.begin_opening(source, true);
+    }
+
+    fn begin_opening(&mut self, source: Source, again: bool) {
         self.opened.openings += 1;
         let number = self.opened.openings;
         // Two bakes of one scene would write the same files.
@@ -80,6 +66,7 @@ impl Viewer {
         self.opened.opening = Some(Opening {
             number,
             source,
+            replaces: again,
             pending: true,
             opened: false,
             progress: None,
@@ -126,8 +113,12 @@ impl Viewer {
         match document {
             Ok(document) => {
                 opening.opened = true;
+                let replaces = opening.replaces;
                 self.opened.before = None;
-                self.opened(document);
+                match replaces {
+                    true => self.reopened(document),
+                    false => self.opened(document),
+                }
             }
             Err(error) => {
                 self.opened.opening = self.opened.before.take().or(self.opened.opening.take());

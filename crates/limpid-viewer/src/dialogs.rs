@@ -29,6 +29,7 @@ pub(crate) struct Dialog {
 enum Purpose {
     Open,
     Picture,
+    Film,
     Scene,
     LoadPath,
     SavePath,
@@ -39,6 +40,7 @@ impl Purpose {
         match self {
             Self::Open => "Open",
             Self::Picture => "Save picture",
+            Self::Film => "Save film",
             Self::Scene => "Save scene",
             Self::LoadPath => "Load camera path",
             Self::SavePath => "Save camera path",
@@ -46,13 +48,14 @@ impl Purpose {
     }
 
     fn saves(self) -> bool {
-        matches!(self, Self::Picture | Self::Scene | Self::SavePath)
+        matches!(self, Self::Picture | Self::Film | Self::Scene | Self::SavePath)
     }
 
     fn filter(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Open => ("Scenes and particles", &[]),
             Self::Picture => ("Pictures", &["png", "jpg", "webp", "exr"]),
+            Self::Film => ("Films", &["mp4", "webm", "gif", "apng"]),
             Self::Scene | Self::LoadPath | Self::SavePath => ("TOML", &["toml"]),
         }
     }
@@ -63,6 +66,9 @@ impl Purpose {
                 "A scene (.toml), a particle file, a pattern as frame_{}.bgeo, or a folder"
             }
             Self::Picture => "Drawn as `limpid render` does",
+            Self::Film => {
+                "All frames at the speed of playback; .mp4 and .webm need ffmpeg, .gif and .apng nothing"
+            }
             Self::Scene => "What `limpid render` draws alike: particles, camera, every setting",
             Self::LoadPath | Self::SavePath => "Key frames, for `limpid render --camera-path`",
         }
@@ -96,6 +102,12 @@ impl Viewer {
         Some(Dialog { size, samples, ..Dialog::new(Purpose::Picture, "limpid.png") })
     }
 
+    pub(crate) fn save_film_dialog(&self) -> Option<Dialog> {
+        let samples = self.fine_scene().settings.refract.samples;
+        self.opened.document.as_ref()?;
+        Some(Dialog { size: self.film_size(), samples, ..Dialog::new(Purpose::Film, "limpid.mp4") })
+    }
+
     pub(crate) fn save_scene_dialog(&self) -> Option<Dialog> {
         let stem = Path::new(self.opened.document.as_ref()?.name()).file_stem()?.to_string_lossy();
         Some(Dialog::new(Purpose::Scene, format!("{stem}_view.toml")))
@@ -124,7 +136,7 @@ impl Viewer {
                     .add_enabled(!self.interface.browsing, egui::Button::new("Browse…"))
                     .clicked();
             });
-            if purpose == Purpose::Picture {
+            if matches!(purpose, Purpose::Picture | Purpose::Film) {
                 ui.horizontal(|ui| {
                     ui.label("Size");
                     ui.add(egui::DragValue::new(&mut dialog.size.x).range(1..=16384).suffix(" px"));
@@ -159,6 +171,7 @@ impl Viewer {
         match dialog.purpose {
             Purpose::Open => self.open(Source::new(dialog.path.clone())),
             Purpose::Picture => self.save_picture(path, dialog.size, dialog.samples),
+            Purpose::Film => self.save_film(path, dialog.size, dialog.samples),
             Purpose::Scene => self.save_scene(path),
             Purpose::SavePath => {
                 let keys = self.eye.path.clone();

@@ -14,15 +14,21 @@ mod baking;
 pub mod camera_controls;
 pub mod camera_panel;
 pub mod command_line;
+pub mod demos;
 mod dialogs;
 pub mod document;
 pub mod draw_thread;
+mod filming;
+mod first_screen;
+pub mod flipbook;
 mod frames;
 mod icons;
 mod log;
 mod messages;
 pub mod playback;
+mod recent;
 mod refine;
+mod scene_panel;
 mod settings_panel;
 pub mod shortcuts;
 mod state;
@@ -56,10 +62,12 @@ use limpid_io::shared_classifier::SharedClassifier;
 use adaptive_resolution::{AdaptiveResolution, Level};
 use document::{Document, Source};
 use draw_thread::DrawThread;
+use flipbook::Flipping;
 use frames::{Frames, drop_in_background};
 use log::Log;
 use messages::{Message, Post};
 use playback::{Playback, Speed};
+use recent::Recent;
 use state::{CameraState, Editing, Interface, Jobs, Measurements, OpenDocument, PictureState};
 use views::View;
 
@@ -77,13 +85,24 @@ pub struct Options {
     pub window: UVec2,
     /// Memory for frames loaded ahead, bytes.
     pub memory: u64,
+    /// Memory for kept pictures, bytes; 0 keeps none.
+    pub flipbook: u64,
+    /// The file with the list of the sources that were opened last; none keeps no list.
+    pub recent: Option<PathBuf>,
     /// The file for the event log.
     pub log: Option<PathBuf>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { source: None, window: UVec2::new(1280, 800), memory: 1 << 30, log: None }
+        Self {
+            source: None,
+            window: UVec2::new(1280, 800),
+            memory: 1 << 30,
+            flipbook: 1 << 30,
+            recent: None,
+            log: None,
+        }
     }
 }
 
@@ -139,6 +158,7 @@ pub struct Viewer {
     editing: Editing,
     eye: CameraState,
     picture: PictureState,
+    flipping: Flipping,
     measured: Measurements,
     interface: Interface,
 }
@@ -148,6 +168,9 @@ impl Drop for Viewer {
     /// its own work.
     fn drop(&mut self) {
         self.jobs.classifier.close();
+        if let Some(filming) = &self.jobs.filming {
+            filming.stop();
+        }
         for writer in self.jobs.writers.drain(..) {
             // A panic of the writer can no longer be reported.
             let _ = writer.join();
@@ -193,7 +216,9 @@ impl Viewer {
         let camera = Camera::fit(-glam::DVec3::ONE, glam::DVec3::ONE);
         let now = Instant::now();
         let log = Log::new(options.log.as_deref())?;
+        let recent = Recent::load(options.recent.clone());
         let frames = Frames::new(options.memory, classifier.clone());
+        let flipping = Flipping::new(options.flipbook);
         let mut viewer = Self {
             options,
             playback: Playback::new(0, 30.0),
@@ -204,6 +229,7 @@ impl Viewer {
                 drawing,
                 classifier,
                 device_asked: false,
+                filming: None,
                 writers: Vec::new(),
                 adapter: None,
             },
@@ -244,6 +270,7 @@ impl Viewer {
                 fresh_device: true,
                 viewport_size: UVec2::ZERO,
             },
+            flipping,
             measured: Measurements {
                 truth: None,
                 traces: 0,
@@ -259,6 +286,8 @@ impl Viewer {
                 help: false,
                 dialog: None,
                 browsing: false,
+                recent,
+                demos: Vec::new(),
                 dark: true,
                 ticked: now,
             },
@@ -290,6 +319,7 @@ impl Viewer {
         if self.interface.panels && open {
             self.side_panel(ui);
         }
+        self.flip();
         self.show_viewport(ui);
         self.help_window(&ctx);
         self.show_dialog(&ctx);
@@ -308,6 +338,7 @@ impl Viewer {
             side.picture = Default::default();
         }
         self.picture.subject = None;
+        self.flipping.clear();
         self.handle_lost_device(reason);
     }
 
@@ -316,6 +347,10 @@ impl Viewer {
             "opened",
             json!({ "input": document.source.input, "frames": document.numbers.len() }),
         );
+        if let Some(write) = self.interface.recent.add(&document.source.input) {
+            // Without the list the viewer is as good.
+            std::thread::spawn(move || write().ok());
+        }
         let document = Arc::new(document);
         self.opened.frames.clear();
         self.opened.failed.clear();
@@ -339,6 +374,7 @@ impl Viewer {
         self.eye.path = CameraPath::default();
         self.eye.follow = false;
         self.picture.subject = None;
+        self.flipping.clear();
         self.measured.truth = None;
         self.measured.traces += 1;
         self.measured.tracing = false;
@@ -361,8 +397,9 @@ impl Viewer {
         let growing = openings
             .any(|opening| opening.progress.is_some() || opening.growing || opening.pending);
         if self.playback.count() > 1 {
-            let (frames, caught_up) = (&self.opened.frames, self.is_caught_up());
-            self.playback.advance(passed, |i| caught_up && frames.is_ready(i));
+            let (frames, kept) = (&self.opened.frames, self.kept());
+            let caught_up = self.flipping.shown.is_some() || self.is_caught_up();
+            self.playback.advance(passed, |i| kept[i] || (caught_up && frames.is_ready(i)));
             // If it waits for a frame, the message of its arrival wakes the interface.
             ctx.request_repaint_after(self.playback.remaining());
         } else if self.eye.follow {

@@ -30,6 +30,10 @@ pub(crate) enum Message {
     Chosen(Option<PathBuf>, Duration),
     Traced(u64, Box<Result<Truth>>),
     Saved(Result<PathBuf>),
+    /// Finished pictures of the film.
+    Filmed(usize),
+    /// The path of the film; `None` if it was stopped.
+    FilmEnded(Result<Option<PathBuf>>),
     Path(PathBuf, Result<CameraPath>),
 }
 
@@ -93,6 +97,12 @@ impl Viewer {
                 Message::Chosen(path, waited) => self.chosen(path, waited),
                 Message::Traced(number, truth) => self.take_truth(number, *truth),
                 Message::Saved(saved) => self.take_saved(saved),
+                Message::Filmed(done) => {
+                    if let Some(filming) = &mut self.jobs.filming {
+                        filming.done = done;
+                    }
+                }
+                Message::FilmEnded(written) => self.film_ended(written),
                 Message::Path(path, loaded) => match loaded {
                     Ok(keys) => {
                         self.show_info(format!("{} keys from {}", keys.keys.len(), path.display()));
@@ -136,7 +146,7 @@ impl Viewer {
         self.notice(text, true);
     }
 
-    fn take_saved(&mut self, saved: Result<PathBuf>) {
+    pub(crate) fn take_saved(&mut self, saved: Result<PathBuf>) {
         match saved {
             Ok(path) => {
                 self.jobs.log.event("saved", json!({ "path": path }));

@@ -52,6 +52,15 @@ pub(crate) struct Subject {
     refine: bool,
 }
 
+impl Subject {
+    /// Whether another subject differs at most in its frame, and in the camera if that `follows` a path.
+    fn shows(&self, other: &Self, follows: bool) -> bool {
+        self.scenes == other.scenes
+            && (follows || self.camera == other.camera)
+            && (&self.sizes, self.view, self.refine) == (&other.sizes, other.view, other.refine)
+    }
+}
+
 impl Viewer {
     /// Indices of the settings on screen.
     pub(crate) fn visible(&self) -> Vec<usize> {
@@ -63,6 +72,13 @@ impl Viewer {
         let index = Some(self.playback.index());
         let taken = self.visible().into_iter().all(|i| self.editing.sides[i].at == index);
         taken && self.picture.answered == self.picture.asked
+    }
+
+    /// Whether the particles of the current frame time are loaded, classified by the current settings.
+    pub(crate) fn has_particles(&self) -> bool {
+        let index = Some(self.playback.index());
+        let fits = |i: usize| self.editing.sides[i].fits && self.editing.sides[i].at == index;
+        self.visible().into_iter().all(fits)
     }
 
     /// Takes the current frame time from the caches, and updates their playback position.
@@ -93,7 +109,11 @@ impl Viewer {
                 post.send(Message::Loaded);
             },
         );
-        self.opened.frames.aim(index, self.playback.step(), self.playback.looped);
+        // Frames whose pictures are kept need no particles while they play.
+        let wanted = if self.playback.playing { self.first_missing() } else { Some(index) };
+        if let Some(wanted) = wanted {
+            self.opened.frames.aim(wanted, self.playback.step(), self.playback.looped);
+        }
         let mut first = None;
         for side in visible {
             match self.opened.frames.get(&self.editing.scenes[side], index) {
@@ -136,8 +156,13 @@ impl Viewer {
         }
     }
 
-    /// Requests the picture that should be shown, unless it has been requested.
+    /// Requests the picture that should be shown, unless it has been requested, or is kept in the flipbook.
     pub(crate) fn ask(&mut self, ctx: &egui::Context) {
+        self.flip();
+        let kept = self.flipping.shown.is_some();
+        if kept && (self.playback.playing || !self.has_particles()) {
+            return;
+        }
         let visible = self.visible();
         let loaded: Option<Vec<Arc<Loaded>>> =
             visible.iter().map(|&i| self.editing.sides[i].loaded.clone()).collect();
@@ -156,7 +181,19 @@ impl Viewer {
         let changed = self.picture.subject.as_ref() != Some(&subject);
         let level = if changed {
             self.picture.changed = now;
-            Level::Draft
+            if kept {
+                // As if it had just been drawn.
+                self.picture.subject = Some(subject);
+                self.picture.asked_level = Level::Full;
+                ctx.request_repaint_after(REST);
+                return;
+            }
+            let other_frame = self
+                .picture
+                .subject
+                .as_ref()
+                .is_some_and(|last| last.shows(&subject, self.eye.follow));
+            if other_frame && self.fills_flipbook() { Level::Full } else { Level::Draft }
         } else if self.picture.answered < self.picture.asked {
             // A request is in progress.
             return;
@@ -197,6 +234,10 @@ impl Viewer {
             Pane { scene: Arc::new(scene), camera: self.eye.camera, loaded, size }
         });
         let panes = panes.collect();
+        self.flipping.asked = match level {
+            Level::Draft => None,
+            Level::Full | Level::Fine => self.page().filter(|_| self.has_particles()),
+        };
         self.picture.asked += 1;
         self.picture.asked_level = level;
         self.picture.undrawn = false;

@@ -78,6 +78,10 @@ impl Viewer {
             crate::FINE_SAMPLES
         ));
         ui.add_space(4.0);
+        section(ui, "scene", "Scene", |ui| {
+            grid(ui, "scene", |ui| self.scene_rows(ui, &document));
+        });
+        let scene = &mut self.editing.scenes[self.editing.edited];
         section(ui, "liquid", "Liquid", |ui| {
             liquid(ui, scene);
             reset(ui, "liquid", || {
@@ -146,7 +150,7 @@ fn grid(ui: &mut egui::Ui, id: &str, rows: impl FnOnce(&mut egui::Ui)) {
 
 fn section(ui: &mut egui::Ui, id: &str, title: &str, content: impl FnOnce(&mut egui::Ui)) {
     let header = egui::CollapsingHeader::new(egui::RichText::new(title).strong());
-    let open = id == "liquid" || id == "refract" || id == "smooth";
+    let open = ["scene", "liquid", "refract", "smooth"].contains(&id);
     header.id_salt(id).default_open(open).show_unindented(ui, |ui| {
         content(ui);
         ui.add_space(4.0);

@@ -41,6 +41,8 @@ pub enum Action {
     Open,
     /// Save a picture.
     SavePicture,
+    /// Save a film.
+    SaveFilm,
     /// Save the scene.
     SaveScene,
     /// Copy the command line.
@@ -93,7 +95,7 @@ const fn with_command(
 }
 
 /// All shortcuts, in display order.
-pub const SHORTCUTS: [Shortcut; 25] = [
+pub const SHORTCUTS: [Shortcut; 26] = [
     plain(Action::Play, Key::Space, "Space", "play or pause"),
     plain(Action::Previous, Key::ArrowLeft, "Left", "previous frame"),
     plain(Action::Next, Key::ArrowRight, "Right", "next frame"),
@@ -112,6 +114,7 @@ pub const SHORTCUTS: [Shortcut; 25] = [
     plain(Action::Swap, Key::X, "X", "edit the other settings, A or B"),
     with_command(Action::Open, Key::O, "Ctrl O", "open a file"),
     with_command(Action::SavePicture, Key::S, "Ctrl S", "save a picture"),
+    with_command(Action::SaveFilm, Key::M, "Ctrl M", "save a film of what is played"),
     with_command(Action::SaveScene, Key::E, "Ctrl E", "save the scene"),
     with_command(Action::Copy, Key::L, "Ctrl L", "copy the command line of this picture"),
     plain(Action::Panels, Key::Tab, "Tab", "show or hide the panels"),

@@ -5,6 +5,7 @@ use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
+use eframe::egui;
 use glam::UVec2;
 use limpid::camera::Camera;
 use limpid::scene::Scene;
@@ -17,9 +18,11 @@ use crate::baking::Opening;
 use crate::dialogs::Dialog;
 use crate::document::Document;
 use crate::draw_thread::DrawThread;
+use crate::filming::Filming;
 use crate::frames::Frames;
 use crate::log::Log;
 use crate::messages::{Message, Post};
+use crate::recent::Recent;
 use crate::refine::{Side, Subject};
 use crate::truth::{self, Truth};
 use crate::views::View;
@@ -35,6 +38,8 @@ pub(crate) struct Jobs {
     pub(crate) classifier: SharedClassifier,
     /// Whether the draw thread has been asked to open a device for them.
     pub(crate) device_asked: bool,
+    /// The film that is being written.
+    pub(crate) filming: Option<Filming>,
     /// Threads that write files.
     pub(crate) writers: Vec<JoinHandle<()>>,
     pub(crate) adapter: Option<String>,
@@ -109,6 +114,9 @@ pub(crate) struct Interface {
     pub(crate) help: bool,
     pub(crate) dialog: Option<Dialog>,
     pub(crate) browsing: bool,
+    pub(crate) recent: Recent,
+    /// The demos' pictures, once they have been shown.
+    pub(crate) demos: Vec<egui::TextureHandle>,
     pub(crate) dark: bool,
     pub(crate) ticked: Instant,
 }

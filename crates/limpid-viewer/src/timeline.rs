@@ -86,7 +86,7 @@ impl Viewer {
         }
     }
 
-    /// The scrub bar: loaded, loading and failed frames, the camera's keys and the playhead.
+    /// The scrub bar: loaded, loading, failed and, brightest, drawn frames, the camera's keys and the playhead.
     fn track(&mut self, ui: &mut egui::Ui, width: f32, document: &Document, ahead: &CacheState) {
         let (outer, mut response) =
             ui.allocate_exact_size(vec2(width, 24.0), Sense::click_and_drag());
@@ -118,6 +118,11 @@ impl Viewer {
         paint(&ahead.failed, visuals.error_fg_color);
         let known: Vec<usize> = self.opened.failed.iter().copied().collect();
         paint(&known, visuals.error_fg_color);
+        if self.flipping.needed {
+            let kept = self.kept();
+            let kept: Vec<usize> = (0..count).filter(|&i| kept[i]).collect();
+            paint(&kept, accent(ui));
+        }
         painter.rect_stroke(rect, 3, visuals.widgets.noninteractive.bg_stroke, StrokeKind::Outside);
         let length = self.opened.frame_times.last().map_or(0.0, |&at| document.seconds(at));
         for key in &self.eye.path.keys {
@@ -132,7 +137,7 @@ impl Viewer {
         painter.circle_filled(pos2(at, rect.center().y), 4.5, visuals.strong_text_color());
     }
 
-    fn status(&self, ui: &mut egui::Ui, ahead: &CacheState) {
+    fn status(&mut self, ui: &mut egui::Ui, ahead: &CacheState) {
         ui.horizontal(|ui| {
             let side = &self.editing.sides[self.editing.edited];
             let mut facts = Vec::new();
@@ -157,8 +162,17 @@ impl Viewer {
                 let mebi = |bytes: u64| bytes >> 20;
                 facts.push(format!("ahead {} of {} MiB", mebi(ahead.bytes), mebi(ahead.budget)));
             }
+            facts.extend(self.flipbook_status());
+            if let Some(filming) = &self.jobs.filming {
+                facts.push(format!("film {} of {}", filming.done, filming.pictures));
+            }
             ui.small(facts.join("   ·   "));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                if let Some(filming) = &self.jobs.filming
+                    && ui.small_button("Stop film").clicked()
+                {
+                    filming.stop();
+                }
                 if let Some(adapter) = &self.jobs.adapter {
                     ui.add(
                         egui::Label::new(egui::RichText::new(adapter).small().weak()).truncate(),

@@ -24,6 +24,7 @@ impl Viewer {
                 button(ui, "Open…", Action::Open);
                 ui.add_enabled_ui(open, |ui| {
                     button(ui, "Save picture…", Action::SavePicture);
+                    button(ui, "Save film…", Action::SaveFilm);
                     button(ui, "Save scene…", Action::SaveScene);
                     button(ui, "Copy command", Action::Copy);
                     ui.separator();

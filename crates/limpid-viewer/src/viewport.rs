@@ -1,5 +1,7 @@
 //! The viewport: the picture, its legend and pointer input.
 
+use std::sync::Arc;
+
 use eframe::egui::{
     self, Align2, Color32, FontId, Key, PointerButton, Rect, Sense, Stroke, StrokeKind,
     TextureHandle, TextureOptions, pos2, vec2,
@@ -9,16 +11,25 @@ use serde_json::json;
 
 use crate::adaptive_resolution::Level;
 use crate::draw_thread::{Drawn, Shown};
-use crate::shortcuts::Action;
 use crate::style::{accent, number};
 use crate::views::{Legend, Values, View, viridis};
 use crate::{Compare, Viewer, camera_controls};
 
 /// A picture on the screen.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct Picture {
     texture: Option<TextureHandle>,
-    pub(crate) shown: Option<Facts>,
+    pub(crate) shown: Option<Arc<Facts>>,
+}
+
+impl Picture {
+    /// Memory of its pixels and values, bytes.
+    pub(crate) fn bytes(&self) -> u64 {
+        let values = self.shown.as_ref().and_then(|facts| facts.values.as_ref());
+        let values = values.map_or(0, |values| values.channels.iter().map(Vec::len).sum());
+        let pixels = self.texture.as_ref().map_or(0, TextureHandle::byte_size);
+        (pixels + size_of::<f32>() * values) as u64
+    }
 }
 
 /// Properties of the picture shown.
@@ -84,18 +95,26 @@ impl Viewer {
             self.measured.history.push(&first.passes);
         }
         let Some(ctx) = self.jobs.post.context() else { return };
-        for (i, shown) in visible.into_iter().zip(panes) {
+        let pictures = panes.into_iter().map(|shown| {
             let Shown { image, legend, values, ms, size, samples, .. } = shown;
-            let picture = &mut self.editing.sides[i].picture;
             let options = match legend {
                 Legend::Picture => TextureOptions::LINEAR,
                 _ => TextureOptions::NEAREST,
             };
-            match &mut picture.texture {
-                Some(texture) => texture.set(image, options),
-                None => picture.texture = Some(ctx.load_texture("picture", image, options)),
+            // A texture of its own, since the flipbook may keep the last one.
+            let texture = Some(ctx.load_texture("picture", image, options));
+            let shown = Some(Arc::new(Facts { size, samples, ms, legend, values }));
+            Picture { texture, shown }
+        });
+        let pictures: Vec<Picture> = pictures.collect();
+        if number == self.picture.asked {
+            self.keep(pictures.clone());
+        }
+        // Kept pictures on screen are those of the current frame, and at least as good.
+        if self.flipping.shown.is_none() || number == self.picture.asked {
+            for (i, picture) in visible.into_iter().zip(pictures) {
+                self.editing.sides[i].picture = picture;
             }
-            picture.shown = Some(Facts { size, samples, ms, legend, values });
         }
     }
 
@@ -117,7 +136,7 @@ impl Viewer {
                 return;
             }
             if self.opened.document.is_none() {
-                self.welcome(ui, rect);
+                self.first_screen(ui, rect);
                 return;
             }
             let viewport = ui.interact(rect, ui.scope_id().with("stage"), Sense::click_and_drag());
@@ -132,26 +151,7 @@ impl Viewer {
                 ui.painter().text(rect.center(), Align2::CENTER_CENTER, what, font, color);
             }
             self.legend(ui, &viewport, rect);
-        });
-    }
-
-    fn welcome(&mut self, ui: &mut egui::Ui, rect: Rect) {
-        ui.scope_builder(egui::UiBuilder::new().max_rect(rect), |ui| {
-            ui.vertical_centered(|ui| {
-                ui.add_space(0.4 * rect.height());
-                if let Some(opening) =
-                    self.opened.opening.as_ref().filter(|opening| opening.pending)
-                {
-                    ui.spinner();
-                    ui.label(format!("opening {}", opening.source.input));
-                } else {
-                    ui.heading("Drop a scene, a particle file or a folder here");
-                    if ui.button("Open a file…").clicked() {
-                        let ctx = ui.ctx().clone();
-                        self.act(&ctx, Action::Open);
-                    }
-                }
-            });
+            self.flipbook_note(ui, rect);
         });
     }
 

@@ -3,6 +3,7 @@
 
 mod camera_controls;
 mod devices;
+mod first_minutes;
 mod panels;
 mod parts;
 mod pictures;

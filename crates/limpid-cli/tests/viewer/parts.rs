@@ -3,10 +3,14 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use glam::UVec2;
+use glam::{DVec3, UVec2};
+use limpid::camera::Camera;
+use limpid::scene::Scene;
 use limpid_io::input::FrameTime;
+use limpid_io::shared_classifier::Processor;
 use limpid_viewer::adaptive_resolution::AdaptiveResolution;
 use limpid_viewer::document::Document;
+use limpid_viewer::flipbook::{Flipbook, Moment, Subject, Viewpoint};
 use limpid_viewer::playback::{Playback, Speed};
 use limpid_viewer::shortcuts::{SHORTCUTS, action};
 use limpid_viewer::views::{Legend, View, viridis};
@@ -73,8 +77,8 @@ fn speeds_keep_the_time() {
     assert_eq!(nothing.index(), 0);
 }
 
-/// Drafts are small enough to be drawn in time on a slow machine, whatever its cost per pixel, and full
-/// pictures on a fast one; the size does not oscillate.
+/// Drafts are small enough to be drawn in time on a slow machine, whatever its cost per pixel, but no smaller
+/// than a quarter each way, and full pictures on a fast one; the size does not oscillate.
 #[test]
 fn drafts_are_as_large_as_time_allows() {
     let full = UVec2::new(1280, 800);
@@ -84,7 +88,7 @@ fn drafts_are_as_large_as_time_allows() {
         ("fast", |area| 2.0 + 8.0 * area, 1.0),
         ("slow", |area| 5.0 + 400.0 * area, 0.25),
         ("slow whatever the size", |area| 130.0 + area, 1.0),
-        ("very slow", |area| 20_000.0 * area, 0.125),
+        ("very slow", |area| 20_000.0 * area, 0.25),
     ];
     for (name, ms, expected) in machines {
         let mut resolution = AdaptiveResolution::default();
@@ -106,6 +110,45 @@ fn drafts_are_as_large_as_time_allows() {
     resolution.measured(UVec2::ZERO, full, 10.0);
     resolution.measured(full, UVec2::ZERO, 10.0);
     assert_eq!(resolution.draft(UVec2::ONE), UVec2::ONE);
+}
+
+/// A flipbook keeps pictures by subject and moment within its budget: books that were not used lately make room,
+/// and what does not fit is not kept.
+#[test]
+fn flipbook_keeps_within_its_budget() {
+    let camera = Camera::fit(-DVec3::ONE, DVec3::ONE);
+    let subject = |width: u32| Subject {
+        scenes: vec![Scene::default()],
+        size: UVec2::new(width, 1),
+        view: View::Picture,
+        processor: Processor::Cpu,
+        viewpoint: Viewpoint::Fixed(camera),
+    };
+    let at = |frame: i64| Moment::from(FrameTime::at(frame));
+    let held = |book: &Flipbook<u32>, width: u32| -> Vec<bool> {
+        book.holds(&subject(width), (1..=4).map(at)).collect()
+    };
+    let mut book = Flipbook::new(40);
+    for frame in 1..=3 {
+        book.keep(&subject(1), at(frame), frame as u32, 10);
+    }
+    assert_eq!((book.get(&subject(1), at(2)), book.get(&subject(2), at(2))), (Some(&2), None));
+    assert_eq!(held(&book, 1), [true, true, true, false]);
+    // A better picture of the same moment takes the place of the first.
+    book.keep(&subject(1), at(2), 20, 12);
+    assert_eq!((book.get(&subject(1), at(2)), book.bytes()), (Some(&20), 32));
+    // Another subject needs the memory.
+    book.keep(&subject(2), at(1), 5, 30);
+    assert_eq!((held(&book, 1), book.bytes()), (vec![false; 4], 30));
+    book.keep(&subject(2), at(2), 6, 11);
+    assert_eq!(held(&book, 2), [true, false, false, false]);
+    assert!(book.is_full(&subject(2)) && !book.is_full(&subject(1)));
+    let mut none = Flipbook::new(0);
+    none.keep(&subject(1), at(1), 1, 10);
+    assert!(none.is_full(&subject(1)) && none.bytes() == 0);
+    // Between frames, the fraction counts.
+    let between = |fraction| Moment::from(FrameTime { frame: 1, next: 2, fraction });
+    assert_ne!(between(0.25), between(0.5));
 }
 
 /// A legend has the range of its colours, normals are shown as colours, and an image missing from a

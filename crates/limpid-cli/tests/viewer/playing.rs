@@ -8,9 +8,12 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use glam::Vec3;
 use limpid::liquid::Particles;
+use limpid_io::adjustments::Adjustments;
 use limpid_viewer::document::Source;
 use limpid_viewer::views::View;
 use limpid_viewer::{Options, Viewer};
+
+use serde_json::Value;
 
 use super::{harness, sequence, shown, until};
 
@@ -85,6 +88,47 @@ fn likely_mistakes_are_reported() {
         |viewer: &Viewer| viewer.notices().iter().any(|n| n.text.contains("has no effect"));
     until(&mut harness, "a notice", reported);
     assert!(harness.state().notices().iter().all(|n| !n.error));
+}
+
+/// Where drawing is slower than playback, each frame is drawn once at full size, and then plays from memory; another
+/// view is drawn anew, and the first one is still there.
+#[test]
+fn slow_playback_draws_each_frame_once() {
+    use eframe::egui::Key;
+    let folder = tempfile::tempdir().expect("a folder");
+    let log = folder.path().join("log.jsonl");
+    // No device draws a frame in a millisecond.
+    let adjustments = Adjustments { fps: Some(1000.0), ..Default::default() };
+    let source = Source { adjustments, ..sequence() };
+    let options = Options { source: Some(source), log: Some(log.clone()), ..Options::default() };
+    let mut harness = shown(Viewer::new(options).expect("a viewer"), [700.0, 400.0]);
+    until(&mut harness, "a picture at rest", Viewer::is_at_rest);
+    harness.key_press(Key::Space);
+    harness.step();
+    let complete = |viewer: &Viewer| {
+        viewer.flipbook().is_some_and(|progress| progress.drawn == progress.frames)
+    };
+    until(&mut harness, "a full flipbook", complete);
+    let events = |kind: &str| -> Vec<Value> {
+        let text = std::fs::read_to_string(&log).expect("a log");
+        let events = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        events.filter(|event| event["event"] == kind).collect()
+    };
+    let (drawn, flipped) = (events("picture").len(), events("flip").len());
+    until(&mut harness, "three loops", |_| events("flip").len() > flipped + 15);
+    assert_eq!(events("picture").len(), drawn, "kept frames are drawn again");
+    let size = harness.state().picture_size();
+    let whole = |event: &&Value| event["level"] != "draft";
+    let sizes: Vec<_> =
+        events("picture").iter().filter(whole).map(|e| e["width"].clone()).collect();
+    assert!(sizes.len() >= 5 && sizes.iter().all(|width| *width == size.x), "{sizes:?}");
+
+    harness.key_press(Key::V);
+    until(&mut harness, "another view", |viewer| !complete(viewer));
+    harness.key_press(Key::P);
+    harness.step();
+    harness.step();
+    assert!(complete(harness.state()), "{:?}", harness.state().flipbook());
 }
 
 /// Writes a scene with a simulation of seven frames.
