@@ -6,9 +6,12 @@
 
 mod arrays;
 mod bgeo;
+mod bi4;
 mod csv;
 mod cursor;
 mod extxyz;
+mod houdini;
+mod kinds;
 mod labelled;
 mod lammps;
 mod npy;
@@ -16,7 +19,10 @@ mod npz;
 mod pieces;
 mod ply;
 mod pos;
+mod prt;
+mod scf;
 mod table;
+mod uni;
 mod vtk;
 mod vtu;
 mod xyz;
@@ -128,6 +134,7 @@ struct Reading<'a> {
 /// | extension | format | [written](write()) with |
 /// |---|---|---|
 /// | `.bgeo`, `.bgeo.gz`, `.bhclassic` | Houdini's classic geometry, version 5, plain or gzip | all, 32-bit positions and ids |
+/// | `.bgeo`, `.bgeo.gz`, `.bgeo.sc`, `.geo` | Houdini's geometry since version 12, JSON in binary or text, plain, gzip or Blosc | not written |
 /// | `.vtk` | legacy VTK up to 5.1, binary or ASCII: unstructured grids and polygonal data | all |
 /// | `.vtu` | VTK's XML, unstructured grids: ASCII, base64 or raw, zlib or not, in pieces | all |
 /// | `.vtp` | the same, polygonal data | not written |
@@ -140,6 +147,9 @@ struct Reading<'a> {
 /// | `.lammpstrj`, `.dump` | LAMMPS dumps of one time step, text | not written |
 /// | `.pos` | Truong and Yuksel's frames: positions and one radius; ellipsoids from the `.ani` beside it | positions, 32-bit; one radius; ellipsoids |
 /// | `.csv` | text with one particle per line, columns named or x, y, z | all |
+/// | `.bi4` | DualSPHysics' frames: the fluid; half of the spacing as the radius | not written |
+/// | `.prt` | Krakatoa's particles | not written |
+/// | `.uni` | mantaflow's particles: positions, in cells | not written |
 ///
 /// Attributes have the usual names of simulators, in any case: `velocity`, `velocities`, `vel`, `v`;
 /// `density`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`; and `ellipsoid`, with the
@@ -305,7 +315,7 @@ struct Format {
 
 const ALL: &[&str] = &["id", "velocity", "density", "radius", "ellipsoid"];
 
-const FORMATS: [Format; 18] = {
+const FORMATS: [Format; 23] = {
     const fn format(
         extension: &'static str,
         read: Reader,
@@ -319,6 +329,8 @@ const FORMATS: [Format; 18] = {
         format(".bgeo", bgeo::read, bgeo::write_gzip, ALL, false),
         format(".bgeo.gz", bgeo::read, bgeo::write_gzip, ALL, false),
         format(".bhclassic", bgeo::read, bgeo::write, ALL, false),
+        Format { extension: ".bgeo.sc", read: bgeo::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".geo", read: bgeo::read, write: None, holds: ALL, wide: true },
         format(".vtk", vtk::read, vtk::write, ALL, true),
         format(".vtu", vtu::read, vtu::write, ALL, true),
         Format { extension: ".vtp", read: vtu::read, write: None, holds: ALL, wide: true },
@@ -334,6 +346,9 @@ const FORMATS: [Format; 18] = {
         Format { extension: ".dump", read: lammps::read, write: None, holds: ALL, wide: true },
         format(".pos", pos::read, pos::write, &["radius", "ellipsoid"], false),
         format(".csv", csv::read, csv::write, ALL, true),
+        Format { extension: ".bi4", read: bi4::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".prt", read: prt::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".uni", read: uni::read, write: None, holds: &[], wide: false },
     ]
 };
 
@@ -421,17 +436,7 @@ fn writable(path: &Path) -> Result<(Format, Writer)> {
 }
 
 fn unknown_kind(path: &Path, name: &str) -> Error {
-    let remedies = [
-        (".sc", "a Blosc-compressed file of Houdini: unpack it with `hsc -d`, save as .bhclassic"),
-        (".pvd", "ParaView's list of files, which is a sequence: give it as the input"),
-        (".series", "a list of files, which is a sequence: give it as the input"),
-        (".ani", "the ellipsoids of a .pos file: name that, they are read with it"),
-        (".abc", "Alembic: export the points as .bgeo or .ply"),
-        (".vdb", "OpenVDB: export the points as .bgeo or .ply"),
-    ];
-    let name = name.to_ascii_lowercase();
-    let remedy = remedies.iter().find(|(extension, _)| name.ends_with(extension));
-    let kind = remedy.map_or("a kind of file that limpid does not know", |(_, remedy)| remedy);
+    let kind = kinds::remedy(name).unwrap_or("a kind of file that limpid does not know");
     Error::format(path, format!("{kind}; can be read: {}", extensions()))
 }
 
@@ -447,9 +452,11 @@ fn foreign(path: &Path, bytes: &[u8], expected: &str) -> Error {
 
 fn known_magic(bytes: &[u8]) -> Option<&'static str> {
     // At least four bytes each, since shorter ones may occur in the first float of an .xyz file.
-    const MAGIC: [(&[u8], &str); 16] = [
-        (b"\x7fNSJ", "Houdini's new geometry format (save as .bhclassic)"),
+    const MAGIC: [(&[u8], &str); 27] = [
+        (b"\x7fNSJ", "Houdini's new geometry format (call it .bgeo)"),
+        (b"scf1", "a Blosc-compressed file of Houdini (call it .bgeo.sc)"),
         (b"BgeoV", "a BGEO file"),
+        (b"PGEOMETRY", "Houdini's classic geometry in text (save it as .bgeo)"),
         (b"\x1f\x8b\x08\x00", "gzip data (unpack it first)"),
         (b"\x1f\x8b\x08\x08", "gzip data (unpack it first)"),
         (b"# vtk DataFile", "a legacy VTK file"),
@@ -462,6 +469,15 @@ fn known_magic(bytes: &[u8]) -> Option<&'static str> {
         (b"solid ", "an STL mesh, which holds triangles"),
         (b"\x89HDF", "an HDF5 file"),
         (b"Ogawa", "an Alembic file"),
+        (b"PXR-USDC", "a USD file"),
+        (b"#usda", "a USD file"),
+        (b"#FileJBD", "a file of DualSPHysics (call it .bi4)"),
+        (prt::MAGIC, "particles of Krakatoa (call it .prt)"),
+        (b"BLENDER", "a scene of Blender"),
+        (b"glTF", "a glTF mesh"),
+        (b"Kaydara FBX", "an FBX mesh"),
+        (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive (unpack it first)"),
+        (b"PAR1", "an Apache Parquet file"),
         (b"\x89PNG", "a PNG picture"),
         (b"\x76\x2f\x31\x01", "an OpenEXR picture"),
     ];
