@@ -7,7 +7,7 @@ pub(super) fn remedy(name: &str) -> Option<&'static str> {
     KINDS.iter().find(|(extensions, _)| ends(extensions)).map(|(_, remedy)| *remedy)
 }
 
-const KINDS: [(&[&str], &str); 23] = [
+const KINDS: &[(&[&str], &str)] = &[
     (&[".sc"], "a Blosc-compressed file of Houdini: only .bgeo.sc can be read"),
     (&[".pvd"], "ParaView's list of files, which is a sequence: give it as the input"),
     (&[".series"], "a list of files, which is a sequence: give it as the input"),
@@ -36,7 +36,7 @@ const KINDS: [(&[&str], &str); 23] = [
          save them as .bgeo; volumes have no particles",
     ),
     (
-        &[".ffp3", ".ffd", ".wwp", ".wwf", ".wwi", ".bobj"],
+        &[".ffp3", ".ffd", ".wwp", ".bobj"],
         "a cache of FLIP Fluids, which only its add-on reads: in Blender, export the object \
          of its fluid particles as .ply",
     ),
@@ -49,16 +49,16 @@ const KINDS: [(&[&str], &str); 23] = [
         "a mesh, which is a surface; limpid draws particles: export these, as .ply, .vtk or .bgeo",
     ),
     (
-        &[".ptc", ".pdb", ".pda", ".pts", ".ptf", ".mc", ".pc2", ".bin", ".rpc"],
+        &[".ptc", ".pdb", ".pda", ".pdc", ".pts", ".ptf", ".mc", ".bin", ".rpc"],
         "particles of a kind that Partio may read: convert them with `partconv a.KIND a.bgeo`",
     ),
-    (&[".cdb", ".emp"], "a cache of Naiad or Bifrost: export the particles as .prt or .bgeo"),
+    (&[".emp"], "a cache of Naiad: export the particles as .prt or .bgeo"),
     (&[".bif"], "a cache of Bifrost: export the points as .prt or .bgeo"),
     (
         &[".foam"],
         "OpenFOAM's case: write it as VTK with `foamToVTK`, and name the .vtk files of its clouds",
     ),
-    (&[".cas", ".dat", ".msh", ".cgns"], "a mesh of a flow solver, which has no particles"),
+    (&[".cas", ".msh", ".cgns"], "a mesh of a flow solver, which has no particles"),
     (
         &[".tar", ".tar.gz", ".tgz", ".tar.xz", ".tar.zst", ".zip", ".7z", ".rar"],
         "an archive: unpack it first, and name the files in it",
