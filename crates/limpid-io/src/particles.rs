@@ -6,9 +6,12 @@
 
 mod arrays;
 mod bgeo;
+mod bi4;
 mod csv;
 mod cursor;
 mod extxyz;
+mod houdini;
+mod kinds;
 mod labelled;
 mod lammps;
 mod npy;
@@ -16,7 +19,11 @@ mod npz;
 mod pieces;
 mod ply;
 mod pos;
+mod prt;
+mod scf;
 mod table;
+mod uni;
+mod values;
 mod vtk;
 mod vtu;
 mod xyz;
@@ -24,7 +31,7 @@ mod xyz;
 use std::cell::Cell;
 use std::fmt;
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
@@ -34,6 +41,10 @@ use serde::{Deserialize, Serialize};
 use self::arrays::MOST_LISTED;
 use self::cursor::{Cursor, FileBytes};
 use self::table::{Column, Scalar, Table};
+use self::values::{
+    Values, attributes, ellipsoid_among, narrow_id, too_large, vector_among, velocity_among,
+    write_numbers,
+};
 use crate::error::{Error, Result};
 use crate::output::FileKind;
 use crate::{files, output};
@@ -128,6 +139,7 @@ struct Reading<'a> {
 /// | extension | format | [written](write()) with |
 /// |---|---|---|
 /// | `.bgeo`, `.bgeo.gz`, `.bhclassic` | Houdini's classic geometry, version 5, plain or gzip | all, 32-bit positions and ids |
+/// | `.bgeo`, `.bgeo.gz`, `.bgeo.sc`, `.geo` | Houdini's geometry since version 12, JSON in binary or text, plain, gzip or Blosc | not written |
 /// | `.vtk` | legacy VTK up to 5.1, binary or ASCII: unstructured grids and polygonal data | all |
 /// | `.vtu` | VTK's XML, unstructured grids: ASCII, base64 or raw, zlib or not, in pieces | all |
 /// | `.vtp` | the same, polygonal data | not written |
@@ -140,6 +152,9 @@ struct Reading<'a> {
 /// | `.lammpstrj`, `.dump` | LAMMPS dumps of one time step, text | not written |
 /// | `.pos` | Truong and Yuksel's frames: positions and one radius; ellipsoids from the `.ani` beside it | positions, 32-bit; one radius; ellipsoids |
 /// | `.csv` | text with one particle per line, columns named or x, y, z | all |
+/// | `.bi4` | DualSPHysics' frames: the fluid; half of the spacing as the radius | not written |
+/// | `.prt` | Krakatoa's particles | not written |
+/// | `.uni` | mantaflow's particles: positions, in cells | not written |
 ///
 /// Attributes have the usual names of simulators, in any case: `velocity`, `velocities`, `vel`, `v`;
 /// `density`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`; and `ellipsoid`, with the
@@ -253,19 +268,6 @@ impl Contents {
     }
 }
 
-/// The present attributes with their written names, which are those of SPlisHSPlasH if it has them.
-fn attributes(particles: &Particles) -> Vec<(&'static str, Values<'_>)> {
-    let Particles { velocities, densities, radii, ids, ellipsoids, .. } = particles;
-    let attributes = [
-        ("id", ids.as_deref().map(Values::Integers)),
-        ("velocity", velocities.as_deref().map(Values::Vectors)),
-        ("density", densities.as_deref().map(Values::Floats)),
-        ("radius", radii.as_deref().map(Values::Floats)),
-        ("ellipsoid", ellipsoids.as_deref().map(Values::Ellipsoids)),
-    ];
-    attributes.into_iter().filter_map(|(name, values)| Some((name, values?))).collect()
-}
-
 thread_local! {
     /// A thread's buffer for the bytes of a file, reused since the page faults of new memory take longer
     /// than the rest of reading.
@@ -305,7 +307,7 @@ struct Format {
 
 const ALL: &[&str] = &["id", "velocity", "density", "radius", "ellipsoid"];
 
-const FORMATS: [Format; 18] = {
+const FORMATS: [Format; 23] = {
     const fn format(
         extension: &'static str,
         read: Reader,
@@ -319,6 +321,8 @@ const FORMATS: [Format; 18] = {
         format(".bgeo", bgeo::read, bgeo::write_gzip, ALL, false),
         format(".bgeo.gz", bgeo::read, bgeo::write_gzip, ALL, false),
         format(".bhclassic", bgeo::read, bgeo::write, ALL, false),
+        Format { extension: ".bgeo.sc", read: bgeo::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".geo", read: bgeo::read, write: None, holds: ALL, wide: true },
         format(".vtk", vtk::read, vtk::write, ALL, true),
         format(".vtu", vtu::read, vtu::write, ALL, true),
         Format { extension: ".vtp", read: vtu::read, write: None, holds: ALL, wide: true },
@@ -334,6 +338,9 @@ const FORMATS: [Format; 18] = {
         Format { extension: ".dump", read: lammps::read, write: None, holds: ALL, wide: true },
         format(".pos", pos::read, pos::write, &["radius", "ellipsoid"], false),
         format(".csv", csv::read, csv::write, ALL, true),
+        Format { extension: ".bi4", read: bi4::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".prt", read: prt::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".uni", read: uni::read, write: None, holds: &[], wide: false },
     ]
 };
 
@@ -421,17 +428,7 @@ fn writable(path: &Path) -> Result<(Format, Writer)> {
 }
 
 fn unknown_kind(path: &Path, name: &str) -> Error {
-    let remedies = [
-        (".sc", "a Blosc-compressed file of Houdini: unpack it with `hsc -d`, save as .bhclassic"),
-        (".pvd", "ParaView's list of files, which is a sequence: give it as the input"),
-        (".series", "a list of files, which is a sequence: give it as the input"),
-        (".ani", "the ellipsoids of a .pos file: name that, they are read with it"),
-        (".abc", "Alembic: export the points as .bgeo or .ply"),
-        (".vdb", "OpenVDB: export the points as .bgeo or .ply"),
-    ];
-    let name = name.to_ascii_lowercase();
-    let remedy = remedies.iter().find(|(extension, _)| name.ends_with(extension));
-    let kind = remedy.map_or("a kind of file that limpid does not know", |(_, remedy)| remedy);
+    let kind = kinds::remedy(name).unwrap_or("a kind of file that limpid does not know");
     Error::format(path, format!("{kind}; can be read: {}", extensions()))
 }
 
@@ -447,9 +444,11 @@ fn foreign(path: &Path, bytes: &[u8], expected: &str) -> Error {
 
 fn known_magic(bytes: &[u8]) -> Option<&'static str> {
     // At least four bytes each, since shorter ones may occur in the first float of an .xyz file.
-    const MAGIC: [(&[u8], &str); 16] = [
-        (b"\x7fNSJ", "Houdini's new geometry format (save as .bhclassic)"),
+    const MAGIC: [(&[u8], &str); 27] = [
+        (b"\x7fNSJ", "Houdini's new geometry format (call it .bgeo)"),
+        (b"scf1", "a Blosc-compressed file of Houdini (call it .bgeo.sc)"),
         (b"BgeoV", "a BGEO file"),
+        (b"PGEOMETRY", "Houdini's classic geometry in text (save it as .bgeo)"),
         (b"\x1f\x8b\x08\x00", "gzip data (unpack it first)"),
         (b"\x1f\x8b\x08\x08", "gzip data (unpack it first)"),
         (b"# vtk DataFile", "a legacy VTK file"),
@@ -462,6 +461,15 @@ fn known_magic(bytes: &[u8]) -> Option<&'static str> {
         (b"solid ", "an STL mesh, which holds triangles"),
         (b"\x89HDF", "an HDF5 file"),
         (b"Ogawa", "an Alembic file"),
+        (b"PXR-USDC", "a USD file"),
+        (b"#usda", "a USD file"),
+        (b"#FileJBD", "a file of DualSPHysics (call it .bi4)"),
+        (prt::MAGIC, "particles of Krakatoa (call it .prt)"),
+        (b"BLENDER", "a scene of Blender"),
+        (b"glTF", "a glTF mesh"),
+        (b"Kaydara FBX", "an FBX mesh"),
+        (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive (unpack it first)"),
+        (b"PAR1", "an Apache Parquet file"),
         (b"\x89PNG", "a PNG picture"),
         (b"\x76\x2f\x31\x01", "an OpenEXR picture"),
     ];
@@ -471,118 +479,9 @@ fn known_magic(bytes: &[u8]) -> Option<&'static str> {
     MAGIC.iter().find(|(magic, _)| bytes.starts_with(magic)).map(|&(_, kind)| kind)
 }
 
-/// The values of an attribute, for writers.
-#[derive(Clone, Copy)]
-enum Values<'a> {
-    Integers(&'a [i64]),
-    Floats(&'a [f32]),
-    Vectors(&'a [Vec3]),
-    Ellipsoids(&'a [Ellipsoid]),
-}
-
-impl<'a> Values<'a> {
-    /// Number of values per particle.
-    fn size(self) -> usize {
-        match self {
-            Self::Integers(_) | Self::Floats(_) => 1,
-            Self::Vectors(_) => 3,
-            Self::Ellipsoids(_) => 6,
-        }
-    }
-
-    /// Column names of an attribute, for formats with one column per number.
-    fn column_names(self, name: &str) -> Vec<String> {
-        match self {
-            Self::Integers(_) | Self::Floats(_) => vec![name.into()],
-            Self::Vectors(_) => ["x", "y", "z"].map(|axis| format!("{name}_{axis}")).into(),
-            Self::Ellipsoids(_) => ELLIPSOID_COLUMNS.map(String::from).into(),
-        }
-    }
-
-    /// All floats, particle by particle; empty for integers.
-    fn floats(self) -> &'a [f32] {
-        match self {
-            Self::Integers(_) => &[],
-            Self::Floats(floats) => floats,
-            Self::Vectors(vectors) => bytemuck::cast_slice(vectors),
-            Self::Ellipsoids(ellipsoids) => bytemuck::cast_slice(ellipsoids),
-        }
-    }
-
-    /// The floats of particle `i`.
-    fn floats_of(self, i: usize) -> &'a [f32] {
-        &self.floats()[i * self.size()..][..self.size()]
-    }
-}
-
-/// Column names of the numbers of an [`Ellipsoid`].
-const ELLIPSOID_COLUMNS: [&str; 6] = [
-    "ellipsoid_xx",
-    "ellipsoid_yy",
-    "ellipsoid_zz",
-    "ellipsoid_xy",
-    "ellipsoid_yz",
-    "ellipsoid_xz",
-];
-
-/// Finds the columns of a vector whose names begin with one of `bases`, among names in lower case: `vx`,
-/// `Points:0`, `Points_0`, `Pos.x` and so on.
-fn vector_among(names: &[String], bases: &[&str]) -> Option<Vec<usize>> {
-    let find = |column: &str| names.iter().position(|name| name == column);
-    let mut spellings = bases.iter().flat_map(|base| {
-        ["", ":", "_", "."].into_iter().flat_map(move |separator| {
-            [["x", "y", "z"], ["0", "1", "2"]]
-                .map(|axes| axes.map(|axis| format!("{base}{separator}{axis}")))
-        })
-    });
-    spellings.find_map(|names| names.iter().map(|name| find(name)).collect())
-}
-
-/// Finds the columns of the velocities.
-fn velocity_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
-    match map.array_of(Attribute::Velocity) {
-        Some(name) => vector_among(names, &[&name]),
-        None => vector_among(names, &["velocity", "velocities", "vel", "velo", "v"]),
-    }
-}
-
-/// Finds the columns of the ellipsoids.
-fn ellipsoid_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
-    let base = map.array_of(Attribute::Ellipsoid).unwrap_or_else(|| "ellipsoid".into());
-    let find = |column: &String| names.iter().position(|name| name == column);
-    let numbered = |separator: &str| [0, 1, 2, 3, 4, 5].map(|k| format!("{base}{separator}{k}"));
-    let lettered = ELLIPSOID_COLUMNS.map(|name| name.replacen("ellipsoid", &base, 1));
-    let spellings = [lettered, numbered(":"), numbered("_")];
-    spellings.iter().find_map(|names| names.iter().map(find).collect())
-}
-
 /// The length of a file with this start if it is binary STL, which has no magic, but a length
 /// determined by its number of triangles.
 fn stl_length(start: &[u8]) -> Option<u64> {
     let triangles = start.get(80..)?.first_chunk().map(|&count| u32::from_le_bytes(count))?;
     Some(84 + 50 * u64::from(triangles))
-}
-
-/// Writes numbers in blocks, since a call per number would dominate the time.
-fn write_numbers<T: Copy, const N: usize>(
-    numbers: &[T],
-    bytes: impl Fn(T) -> [u8; N],
-    out: &mut impl Write,
-) -> io::Result<()> {
-    let mut block = Vec::new();
-    for numbers in numbers.chunks(4096) {
-        block.clear();
-        block.extend(numbers.iter().flat_map(|&number| bytes(number)));
-        out.write_all(&block)?;
-    }
-    Ok(())
-}
-
-/// Converts an id for a format with 32-bit ids.
-fn narrow_id(id: i64, format: &str) -> io::Result<i32> {
-    i32::try_from(id).map_err(|_| too_large(&format!("{format} holds 32-bit ids, not {id}")))
-}
-
-fn too_large(problem: &str) -> io::Error {
-    io::Error::new(io::ErrorKind::InvalidInput, problem)
 }

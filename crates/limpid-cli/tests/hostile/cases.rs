@@ -568,6 +568,33 @@ pub(crate) const CASES: &[Case] = &[
         "a.bhclassic: byte 41: points: expected 2147483647 × 16 bytes, 0 are left",
     ),
     case(
+        "a billion points of Houdini, all in one place",
+        "info a.geo",
+        |f| {
+            write(
+                f.join("a.geo"),
+                "[\"pointcount\",1000000000,\"attributes\",[\"pointattributes\",[[[\"name\",\"P\"],\
+                 [\"values\",[\"size\",3,\"pagesize\",1000000000,\"constantpageflags\",[[true]],\
+                 \"rawpagedata\",[0,0,0]]]]]]]",
+            );
+        },
+        Way::Small,
+        4,
+        "a.geo: byte 0: 1000000000 points, more than can be in … bytes",
+    ),
+    case(
+        "a Blosc chunk of 16 bytes that claims 1 GiB",
+        "info a.bgeo.sc",
+        |f| {
+            let sizes = [1_u32 << 30, 1 << 30, 16].map(u32::to_le_bytes);
+            let chunk = [&[2, 1, 0, 4], sizes.as_flattened()].concat();
+            write(f.join("a.bgeo.sc"), [&b"scf1"[..], &[0; 8], &chunk, &[0; 8], b"1fcs"].concat());
+        },
+        Way::Small,
+        4,
+        "a.bgeo.sc: byte 12: expected a Blosc chunk",
+    ),
+    case(
         "found by fuzzing: `claimed_size.npz`",
         "info claimed_size.npz",
         |f| found(f, "claimed_size.npz"),

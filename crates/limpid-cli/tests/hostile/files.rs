@@ -78,7 +78,23 @@ pub(crate) fn particles() -> Vec<Contents> {
     };
     files.push(("deflated.npz".into(), zipped));
     files.extend(xml());
+    files.extend(of_other_programs());
     files
+}
+
+/// Files that limpid does not write, of `tests/data/formats`.
+fn of_other_programs() -> Vec<Contents> {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/formats"));
+    let names = [
+        "houdini.bgeo",
+        "houdini.bgeo.sc",
+        "houdini.geo",
+        "Part_0005.bi4",
+        "krakatoa.prt",
+        "mantaflow.uni",
+    ];
+    let read = |name| std::fs::read(folder.join(name)).expect("a file of the repository");
+    names.map(|name| (name.to_owned(), read(name))).into()
 }
 
 /// VTK XML files in encodings that limpid does not write.

@@ -22,21 +22,28 @@ use flate2::{Compression, write::GzEncoder};
 
 use super::{
     Attribute, AttributeMap, Column, Contents, Cursor, POSITION_BYTES, Particles, Reading, Scalar,
-    Values, foreign, narrow_id, too_large,
+    Values, foreign, houdini, narrow_id, scf, too_large,
 };
 use crate::error::{Error, Location, Result};
 use crate::files::DEFLATE_RATIO;
 use limpid::memory;
 
+/// Reads this format, or the one that succeeded it under the same name.
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
+    let parse = |bytes: &[u8], limit| {
+        let parse = if houdini::is_geometry(bytes) { houdini::parse } else { parse };
+        parse(path, bytes, reading.map, limit)
+    };
     if bytes.starts_with(&[0x1f, 0x8b]) {
-        parse(path, &unpack(path, bytes, reading.limit)?, reading.map, reading.limit)
+        parse(&unpack(path, bytes, reading.limit)?, reading.limit)
+    } else if scf::is_container(bytes) {
+        parse(&scf::unpack(path, bytes, reading.limit)?, reading.limit)
     } else {
-        parse(path, bytes, reading.map, u64::MAX)
+        parse(bytes, u64::MAX)
     }
 }
 
-fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
+pub(super) fn unpack(path: &Path, bytes: &[u8], limit: u64) -> Result<Vec<u8>> {
     // Reserves the length stated in the file, as far as deflate can reach it, to avoid reallocations.
     let length = bytes.last_chunk().map_or(0, |&length| u64::from(u32::from_le_bytes(length)));
     let length = length.min(DEFLATE_RATIO.saturating_mul(bytes.len() as u64)).min(limit);

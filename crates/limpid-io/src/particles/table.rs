@@ -23,6 +23,7 @@ pub(super) enum Scalar {
     U32,
     I64,
     U64,
+    F16,
     F32,
     F64,
 }
@@ -46,11 +47,28 @@ impl Scalar {
     pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
+            Self::I16 | Self::U16 | Self::F16 => 2,
             Self::I32 | Self::U32 | Self::F32 => 4,
             Self::I64 | Self::U64 | Self::F64 => 8,
         }
     }
+
+    /// The number at the start of some bytes as the nearest f64.
+    pub(super) fn number(self, bytes: &[u8], big_endian: bool) -> f64 {
+        Column { offset: 0, scalar: self }.number(bytes, big_endian)
+    }
+}
+
+/// The number of IEEE 754's 16-bit format: a sign, 5 bits of exponent, 10 of fraction.
+fn half(bits: u16) -> f64 {
+    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023) / 1024.0);
+    let size = match exponent {
+        0 => fraction * 2_f64.powi(-14),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        _ => (1.0 + fraction) * 2_f64.powi(exponent - 15),
+    };
+    if bits >> 15 == 1 { -size } else { size }
 }
 
 /// A column of a table: the offset of a number from the start of each record, and its type.
@@ -97,6 +115,8 @@ impl Column {
             Scalar::U32 => number!(u32),
             Scalar::I64 => number!(i64),
             Scalar::U64 => number!(u64),
+            Scalar::F16 if big_endian => half(u16::from_be_bytes(self.bytes(record))),
+            Scalar::F16 => half(u16::from_le_bytes(self.bytes(record))),
             Scalar::F32 => number!(f32),
             Scalar::F64 => number!(f64),
         }

@@ -1,4 +1,5 @@
-//! Files that VTK and ASE wrote (`tests/data/formats/make.py`), and the text formats by their documentation.
+//! Files that VTK and ASE wrote (`tests/data/formats/make.py`), files of other programs by the documentation of
+//! their formats (`make_by_documentation.py`), and the text formats by theirs.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -28,6 +29,12 @@ fn files_of_other_programs_have_their_particles() {
         ("vtk_blocks.vtm", &all),
         ("ase.extxyz", &all),
         ("ase_plain.xyz", &[]),
+        ("houdini.bgeo", &all),
+        ("houdini.geo", &all),
+        ("houdini.bgeo.sc", &all),
+        ("Part_0005.bi4", &["velocity", "density", "radius", "id"]),
+        ("krakatoa.prt", &["velocity", "id"]),
+        ("mantaflow.uni", &[]),
     ] {
         let particles = read(&file(name)).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(particles.len(), 120, "{name}");

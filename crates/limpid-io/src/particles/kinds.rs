@@ -1,0 +1,88 @@
+//! Kinds of files that limpid does not read: what they are, and how particles get out of them.
+
+/// What a file of this name is, and what to do.
+pub(super) fn remedy(name: &str) -> Option<&'static str> {
+    let name = name.to_ascii_lowercase();
+    let ends = |extensions: &[&str]| extensions.iter().any(|extension| name.ends_with(extension));
+    KINDS.iter().find(|(extensions, _)| ends(extensions)).map(|(_, remedy)| *remedy)
+}
+
+const KINDS: &[(&[&str], &str)] = &[
+    (&[".sc"], "a Blosc-compressed file of Houdini: only .bgeo.sc can be read"),
+    (&[".pvd"], "ParaView's list of files, which is a sequence: give it as the input"),
+    (&[".series"], "a list of files, which is a sequence: give it as the input"),
+    (&[".ani"], "the ellipsoids of a .pos file: name that, they are read with it"),
+    (
+        &[".ibi4", ".obi4", ".fbi4", ".mbi4"],
+        "a file of DualSPHysics beside its particles: name these, Part_0000.bi4 and so on",
+    ),
+    (
+        &[".abc"],
+        "Alembic: convert each frame, as by Blender: `blender -b --python-expr \"import bpy; \
+         bpy.ops.wm.read_factory_settings(use_empty=True); \
+         bpy.ops.wm.alembic_import(filepath='a.abc', as_background_job=False); \
+         bpy.ops.wm.ply_export(filepath='a.ply')\"`",
+    ),
+    (
+        &[".usd", ".usda", ".usdc", ".usdz"],
+        "USD: write its points as .npy with `pip install usd-core numpy` and `python -c \"import numpy; \
+         from pxr import Usd, UsdGeom; s = Usd.Stage.Open('a.usd'); p = [UsdGeom.Points(x) for x in \
+         s.Traverse() if x.IsA(UsdGeom.Points)]; numpy.save('a.npy', \
+         p[0].GetPointsAttr().Get(Usd.TimeCode.EarliestTime()))\"`",
+    ),
+    (
+        &[".vdb"],
+        "OpenVDB: if it holds points, make them plain ones in Houdini (the node Convert VDB Points) and \
+         save them as .bgeo; volumes have no particles",
+    ),
+    (
+        &[".ffp3", ".ffd", ".wwp", ".bobj"],
+        "a cache of FLIP Fluids, which only its add-on reads: in Blender, export the object \
+         of its fluid particles as .ply",
+    ),
+    (
+        &[".blend"],
+        "a scene of Blender: export the particles as .ply, or bake the fluid and name its .uni files",
+    ),
+    (
+        &[".obj", ".stl", ".glb", ".gltf", ".fbx", ".dae", ".3ds", ".off", ".ctm"],
+        "a mesh, which is a surface; limpid draws particles: export these, as .ply, .vtk or .bgeo",
+    ),
+    (
+        &[".ptc", ".pdb", ".pda", ".pdc", ".pts", ".ptf", ".mc", ".bin", ".rpc"],
+        "particles of a kind that Partio may read: convert them with `partconv a.KIND a.bgeo`",
+    ),
+    (&[".emp"], "a cache of Naiad: export the particles as .prt or .bgeo"),
+    (&[".bif"], "a cache of Bifrost: export the points as .prt or .bgeo"),
+    (
+        &[".foam"],
+        "OpenFOAM's case: write it as VTK with `foamToVTK`, and name the .vtk files of its clouds",
+    ),
+    (&[".cas", ".msh", ".cgns"], "a mesh of a flow solver, which has no particles"),
+    (
+        &[".tar", ".tar.gz", ".tgz", ".tar.xz", ".tar.zst", ".zip", ".7z", ".rar"],
+        "an archive: unpack it first, and name the files in it",
+    ),
+    (&[".gz", ".xz", ".zst", ".bz2"], "a compressed file: unpack it first"),
+    (
+        &[".mat"],
+        "MATLAB's: write it as .npz with `python -c \"import numpy, scipy.io; numpy.savez('a.npz', \
+         **scipy.io.loadmat('a.mat'))\"`",
+    ),
+    (
+        &[".pkl", ".pickle"],
+        "a pickle of Python, which may run any program: save the arrays with `numpy.savez('a.npz', \
+         positions=..., velocity=...)`",
+    ),
+    (
+        &[".parquet"],
+        "Apache Parquet: write it as .csv with `python -c \"import pandas; \
+         pandas.read_parquet('a.parquet').to_csv('a.csv', index=False)\"`",
+    ),
+    (
+        &[".feather", ".arrow"],
+        "Apache Arrow: write it as .csv with `python -c \"import pandas; \
+         pandas.read_feather('a.feather').to_csv('a.csv', index=False)\"`",
+    ),
+    (&[".las", ".laz", ".e57", ".pcd"], "a point cloud of a scanner: convert it to .ply"),
+];

@@ -1,0 +1,56 @@
+//! `.uni`, the particles of mantaflow, also in Blender, by the source of its `fileio`. The whole file is
+//! compressed by gzip, and all numbers are little-endian:
+//!
+//! ```text
+//! "PB02", i32 particles, i32 cells of the grid along x, y and z, i32 type = 0, i32 bytes of a particle = 16,
+//!     256 bytes of text, u64 time; each particle: f32 x, y, z in cells, i32 flags
+//! ```
+//!
+//! Velocities are in a file of their own, and not read. Particles that are to be deleted are left out.
+
+use std::path::Path;
+
+use super::{Column, Contents, Cursor, Reading, Scalar, bgeo, foreign};
+use crate::error::{Error, Result};
+
+pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
+    let unpacked;
+    let bytes = if bytes.starts_with(&[0x1f, 0x8b]) {
+        unpacked = bgeo::unpack(path, bytes, reading.limit / 2)?;
+        &unpacked
+    } else {
+        bytes
+    };
+    let other = match bytes.get(..4) {
+        Some(b"PB02") => None,
+        Some(b"PD01") => Some("one attribute of mantaflow's particles; name the file of positions"),
+        Some(b"MNT1" | b"MNT2" | b"MNT3" | b"M4T3") => Some("a grid of mantaflow, not particles"),
+        _ => return Err(foreign(path, bytes, "particles of mantaflow (PB02)")),
+    };
+    if let Some(other) = other {
+        return Err(Error::format(path, other));
+    }
+    let mut file = Cursor::new(path, bytes, false);
+    file.take(4, "the magic")?;
+    let particles = file.array("the number of particles").map(u32::from_le_bytes)?;
+    file.take(4 * 4, "the header")?;
+    let size = file.array("the size of a particle").map(u32::from_le_bytes)?;
+    if size != 16 {
+        return Err(file.error(format!("expected particles of 16 bytes, found {size}")));
+    }
+    file.take(256 + 8, "the header")?;
+    let table = file.table(particles as usize, 16, false, "particles")?;
+    let particles = table.particles(Column::triple(Scalar::F32))?;
+    /// Flags of particles that are to be deleted, and of those that are gone.
+    const GONE: u32 = 1 << 10 | 1 << 30;
+    let flags = table
+        .bytes
+        .chunks_exact(16)
+        .map(|row| row.last_chunk().map_or(0, |&flags| u32::from_le_bytes(flags)) & GONE == 0);
+    let positions = particles.positions.iter().zip(flags).filter(|(_, stays)| *stays);
+    let mut contents = Contents::from(super::Particles::from_positions(
+        positions.map(|(&position, _)| position).collect(),
+    ));
+    contents.list("flags", &[table.rows], None);
+    Ok(contents)
+}
