@@ -399,7 +399,13 @@ impl Viewer {
         if self.playback.count() > 1 {
             let (frames, kept) = (&self.opened.frames, self.kept());
             let caught_up = self.flipping.shown.is_some() || self.is_caught_up();
-            self.playback.advance(passed, |i| kept[i] || (caught_up && frames.is_ready(i)));
+            // Each frame that has to be drawn is waited for.
+            let (mut waits, needed) = (false, self.flipping.needed);
+            self.playback.advance(passed, |i| {
+                let proceeds = !waits && (kept[i] || (caught_up && frames.is_ready(i)));
+                waits |= needed && !kept[i];
+                proceeds
+            });
             // If it waits for a frame, the message of its arrival wakes the interface.
             ctx.request_repaint_after(self.playback.remaining());
         } else if self.eye.follow {

@@ -179,7 +179,7 @@ impl Playback {
 
     /// Advances by `seconds`, to the next frame time once it is due and loaded. Returns whether the frame
     /// time changed.
-    pub fn advance(&mut self, seconds: f64, is_loaded: impl Fn(usize) -> bool) -> bool {
+    pub fn advance(&mut self, seconds: f64, mut is_loaded: impl FnMut(usize) -> bool) -> bool {
         if !self.playing {
             return false;
         }
