@@ -129,7 +129,7 @@ struct Reading<'a> {
 /// |---|---|---|
 /// | `.bgeo`, `.bgeo.gz`, `.bhclassic` | Houdini's classic geometry, version 5, plain or gzip | all, 32-bit positions and ids |
 /// | `.vtk` | legacy VTK up to 5.1, binary or ASCII: unstructured grids and polygonal data | all |
-/// | `.vtu` | VTK's XML, unstructured grids: ASCII, base64 or raw, zlib or not, in pieces | all |
+/// | `.vtu` | VTK's XML, unstructured grids: ASCII, base64 or raw, zlib, LZ4, LZMA or none, in pieces | all |
 /// | `.vtp` | the same, polygonal data | not written |
 /// | `.pvtu`, `.pvtp`, `.vtm` | the `.vtu`, `.vtp` and `.vtk` files that they list, as one | not written |
 /// | `.ply` | the `vertex` element, ASCII or binary of either byte order | all, 32-bit ids |

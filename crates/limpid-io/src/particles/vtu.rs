@@ -1,6 +1,7 @@
 //! VTK's XML formats (Kitware, "VTK File Formats", section "XML File Formats"): the points and point
 //! data of unstructured grids (`.vtu`) and polygonal data (`.vtp`), in one piece or several. Arrays are
-//! ASCII, inline base64, or appended as base64 or raw data, optionally in blocks compressed by zlib or LZ4.
+//! ASCII, inline base64, or appended as base64 or raw data, optionally in blocks compressed by zlib, LZ4
+//! or LZMA.
 //!
 //! ```text
 //! uncompressed   length, bytes
@@ -313,9 +314,10 @@ impl<'a> Document<'a> {
             None | Some("") => None,
             Some("vtkZLibDataCompressor") => Some(Compressor::Zlib),
             Some("vtkLZ4DataCompressor") => Some(Compressor::Lz4),
+            Some("vtkLZMADataCompressor") => Some(Compressor::Lzma),
             Some(other) => {
                 let problem = format!(
-                    "compressor {other}: expected zlib, LZ4 or none; save it again with one of these"
+                    "compressor {other}: expected zlib, LZ4, LZMA or none; save it again with one of these"
                 );
                 return Err(format(problem));
             }
