@@ -9,6 +9,7 @@ mod bgeo;
 mod csv;
 mod cursor;
 mod extxyz;
+mod hdf5;
 mod labelled;
 mod lammps;
 mod npy;
@@ -74,12 +75,21 @@ impl Attribute {
     fn from_alias(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
             "velocity" | "velocities" | "vel" | "v" => Self::Velocity,
-            "density" | "rho" | "rhop" => Self::Density,
+            "density" | "densities" | "rho" | "rhop" => Self::Density,
             "radius" | "radii" | "pscale" => Self::Radius,
-            "id" | "ids" | "idp" => Self::Id,
+            "id" | "ids" | "idp" | "particleids" => Self::Id,
             "ellipsoid" => Self::Ellipsoid,
             _ => return None,
         })
+    }
+
+    /// Number of numbers per particle.
+    fn width(self) -> usize {
+        match self {
+            Self::Velocity => 3,
+            Self::Density | Self::Radius | Self::Id => 1,
+            Self::Ellipsoid => 6,
+        }
     }
 
     /// Memory of the attribute per particle, bytes.
@@ -138,14 +148,16 @@ struct Reading<'a> {
 /// | `.xyz` | positions: raw little-endian 32-bit floats, or text with one particle a line | positions, 32-bit |
 /// | `.xyz`, `.extxyz` | extended XYZ of OVITO and ASE, and element and position per line, with the count first | not written |
 /// | `.lammpstrj`, `.dump` | LAMMPS dumps of one time step, text | not written |
+/// | `.h5`, `.hdf5`, `.vtkhdf`, `.vtkhdf5` | HDF5 of SWIFT and Gadget (`PartType0`), `PySPH` and VTK, or with arrays as in `.npz` | not written |
 /// | `.pos` | Truong and Yuksel's frames: positions and one radius; ellipsoids from the `.ani` beside it | positions, 32-bit; one radius; ellipsoids |
 /// | `.csv` | text with one particle per line, columns named or x, y, z | all |
 ///
 /// Attributes have the usual names of simulators, in any case: `velocity`, `velocities`, `vel`, `v`;
-/// `density`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`; and `ellipsoid`, with the
+/// `density`, `densities`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`, `ParticleIDs`; and
+/// `ellipsoid`, with the
 /// six numbers of [`Ellipsoid`]. The first of several is used, and all other arrays are ignored
 /// ([`Contents::arrays`] lists them). The format determines the positions; in `.npz` they are called
-/// `positions`, `position`, `pos`, `x`, `points` or `arr_0`, or are the only array of shape (n, 3); in
+/// `positions`, `position`, `pos`, `x`, `points`, `coordinates` or `arr_0`, or are the only array of shape (n, 3); in
 /// `.csv` the columns are `x`, `px`, `Points:0`, `Points_0`, `Pos.x` and so on.
 ///
 /// # Errors
@@ -305,7 +317,7 @@ struct Format {
 
 const ALL: &[&str] = &["id", "velocity", "density", "radius", "ellipsoid"];
 
-const FORMATS: [Format; 18] = {
+const FORMATS: [Format; 22] = {
     const fn format(
         extension: &'static str,
         read: Reader,
@@ -332,6 +344,10 @@ const FORMATS: [Format; 18] = {
         Format { extension: ".extxyz", read: extxyz::read, write: None, holds: ALL, wide: true },
         Format { extension: ".lammpstrj", read: lammps::read, write: None, holds: ALL, wide: true },
         Format { extension: ".dump", read: lammps::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".h5", read: hdf5::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".hdf5", read: hdf5::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".vtkhdf", read: hdf5::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".vtkhdf5", read: hdf5::read, write: None, holds: ALL, wide: true },
         format(".pos", pos::read, pos::write, &["radius", "ellipsoid"], false),
         format(".csv", csv::read, csv::write, ALL, true),
     ]
@@ -460,7 +476,7 @@ fn known_magic(bytes: &[u8]) -> Option<&'static str> {
         (b"\x93NUMPY", "a NumPy array"),
         (b"PK\x03\x04", "a zip or npz archive (call it .npz if NumPy wrote it)"),
         (b"solid ", "an STL mesh, which holds triangles"),
-        (b"\x89HDF", "an HDF5 file"),
+        (b"\x89HDF", "an HDF5 file (call it .h5)"),
         (b"Ogawa", "an Alembic file"),
         (b"\x89PNG", "a PNG picture"),
         (b"\x76\x2f\x31\x01", "an OpenEXR picture"),

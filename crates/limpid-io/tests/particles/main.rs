@@ -6,6 +6,7 @@ mod all_formats;
 mod arrays;
 mod bgeo;
 mod csv;
+mod hdf5;
 mod npy;
 mod npz;
 mod other_programs;

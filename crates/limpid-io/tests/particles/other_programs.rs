@@ -29,6 +29,11 @@ fn files_of_other_programs_have_their_particles() {
         ("vtk_blocks.vtm", &all),
         ("ase.extxyz", &all),
         ("ase_plain.xyz", &[]),
+        ("swift.hdf5", &["velocity", "density", "id"]),
+        ("pysph.hdf5", &["velocity", "density"]),
+        ("vtk_grid.vtkhdf", &all),
+        ("vtk_points.vtkhdf", &all),
+        ("plain.h5", &all),
     ] {
         let particles = read(&file(name)).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(particles.len(), 120, "{name}");
@@ -44,6 +49,7 @@ fn files_of_other_programs_have_their_particles() {
             assert!(velocity.distance(expected) < 1e-5, "{name}: {velocity}");
         }
         assert!(particles.radii.iter().flatten().all(|&r| (r - 0.05).abs() < 1e-7), "{name}");
+        assert!(particles.densities.iter().flatten().all(|&rho| rho == 998.5), "{name}");
         assert!(particles.ids.iter().flatten().zip(1000..).all(|(&id, n)| id == n), "{name}");
     }
     // A compression that is not read is named with those that are.
