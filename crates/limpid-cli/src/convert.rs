@@ -104,7 +104,7 @@ fn convert(
     args: &Args,
 ) -> limpid_io::Result<(Vec<&'static str>, Vec<String>)> {
     let Contents { mut particles, arrays, .. } =
-        Contents::read(&frame.path, &args.reading.options())?;
+        Contents::read_frame(frame, &args.reading.options())?;
     particles.to_y_up(args.up);
     particles::write(&particles, path)?;
     let ignored = arrays.into_iter().filter(|array| array.used_as.is_none());

@@ -18,6 +18,7 @@ mod pieces;
 mod ply;
 mod pos;
 mod table;
+pub(crate) mod trajectory;
 mod vtk;
 mod vtu;
 mod xyz;

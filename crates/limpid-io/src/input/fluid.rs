@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use crate::error::{Error, Result};
 use crate::particles::{AttributeMap, Contents, ReadOptions};
-use crate::sequence::{Frame, Sequence};
+use crate::sequence::{Frame, Section, Sequence};
 use limpid::liquid::classify;
 use limpid::liquid::{Particles, Up};
 use limpid::look::Body;
@@ -73,6 +73,8 @@ pub struct Origin<'a> {
     pub file: Option<&'a Path>,
     /// Further files of the frame.
     pub parts: &'a [PathBuf],
+    /// Its part of the file, if that has several frames.
+    pub section: Option<Section>,
     /// The recipe of generated particles.
     pub made: Option<&'a Recipe>,
     /// Particle radius if the file has none, m.
@@ -123,30 +125,12 @@ impl Fluid {
             return Err(self.missing_frame(number));
         };
         let mut contents = match self.source {
-            FluidSource::Files => self.read(frame)?,
+            FluidSource::Files => Contents::read_frame(frame, &self.options)?,
             FluidSource::Embedded(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
             FluidSource::Recipe(recipe) => return Ok(recipe.particles()?.into()),
         };
         contents.particles.to_y_up(self.up);
         contents.particles.scale(self.scale);
-        Ok(contents)
-    }
-
-    /// Reads all files of a frame.
-    fn read(&self, frame: &Frame) -> Result<Contents> {
-        let mut contents = Contents::read(&frame.path, &self.options)?;
-        if frame.parts.is_empty() {
-            return Ok(contents);
-        }
-        let mut parts = vec![std::mem::take(&mut contents.particles)];
-        for path in &frame.parts {
-            let part = Contents::read(path, &self.options)?;
-            contents.cells = contents.cells.saturating_add(part.cells);
-            parts.push(part.particles);
-        }
-        let count: usize = parts.iter().map(Particles::len).sum();
-        memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
-        contents.particles = Particles::joined(&parts);
         Ok(contents)
     }
 
@@ -170,6 +154,7 @@ impl Fluid {
         Origin {
             file,
             parts,
+            section: frame.and_then(|frame| frame.section),
             made,
             radius: self.radius,
             up: self.up,

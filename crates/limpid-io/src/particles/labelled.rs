@@ -3,12 +3,13 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::cursor::FileBytes;
+use super::cursor::{Cursor, FileBytes};
 use super::{
     Attribute, AttributeMap, Column, Contents, Scalar, Table, ellipsoid_among, vector_among,
     velocity_among,
 };
 use crate::error::{Error, Result};
+use limpid::memory;
 
 /// Names of positions, before the axis.
 pub(super) const POSITION: [&str; 9] =
@@ -105,6 +106,38 @@ impl Layout {
             numbers.extend(number.ok_or_else(found)?);
         }
         Ok(())
+    }
+
+    /// Reads `count` particles of one line each, which end the file. `adjust` may change a particle's numbers,
+    /// the first three of which are its position.
+    pub(super) fn read_lines(
+        &self,
+        file: &mut Cursor<'_>,
+        count: usize,
+        adjust: impl Fn(&mut [[u8; 8]]),
+    ) -> Result<Contents> {
+        let path = file.source.path;
+        let (mut numbers, mut starts) = (Vec::new(), Vec::new());
+        let begin = file.offset;
+        for row in 0..count {
+            let Some(line) = file.line() else {
+                return Err(file.error(format!("particle {row}: expected {count} lines")));
+            };
+            let words: Vec<&[u8]> = line.split_ascii_whitespace().map(str::as_bytes).collect();
+            memory::grow(&mut numbers, self.stride(), path.display())?;
+            memory::grow(&mut starts, 1, path.display())?;
+            let at = numbers.len();
+            let word = |field: usize| words.get(field).copied();
+            self.push_row(file.source, file.start, row, word, &mut numbers)?;
+            adjust(numbers[at..].as_chunks_mut().0);
+            starts.push(file.start);
+        }
+        if file.filled_line().is_some() {
+            let problem =
+                "several frames in one file, which is a sequence of its own: name it alone";
+            return Err(Error::format(path, problem));
+        }
+        self.contents(file.source, begin, numbers, starts)
     }
 
     /// The particles of rows that were added by [`Layout::push_row`]; `starts` are their offsets, and

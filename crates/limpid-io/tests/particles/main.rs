@@ -13,6 +13,7 @@ mod other_programs;
 mod places;
 mod ply;
 mod pos;
+mod trajectories;
 mod vtk;
 mod vtu;
 mod writing;

@@ -86,7 +86,7 @@ fn damaged_blocks_are_refused() {
 }
 
 /// Extended XYZ: columns by `Properties`, quoted or not, in any order; without it an element and the
-/// position. Errors name line and particle, and a file of several frames tells how to split it.
+/// position. Errors name line and particle.
 #[test]
 fn extended_xyz() {
     let parse = |name: &str, text: &str| {
@@ -110,7 +110,7 @@ fn extended_xyz() {
     check_message("a.extxyz", b"1\nProperties=species:S:1\nHe\n", &["no columns x, y and z"]);
     check_message("a.extxyz", b"x y z\n1 2 3\n", &["begins with the number of particles"]);
     let two = b"1\n\nHe 1 2 3\n1\n\nHe 1 2 4\n";
-    check_message("a.extxyz", two, &["several frames", "split -l 3"]);
+    check_message("a.extxyz", two, &["several frames", "name it alone"]);
     // A claimed number of particles allocates nothing.
     check_message("a.xyz", b"99999999999999\n\nHe 1 2 3\n", &["particle 1"]);
 }
@@ -155,7 +155,7 @@ fn lammps_dumps() {
     let tilted = dump("xs ys zs", "0 0 0\n0 0 0\n").replace("0 10\n", "0 10 0.5\n");
     message(&tilted, &["tilted", "dump x y z"]);
     let twice = dump("x y z", "1 2 3\n1 2 4\n") + &dump("x y z", "1 2 3\n1 2 4\n");
-    message(&twice, &["several time steps", "awk"]);
+    message(&twice, &["several frames", "name it alone"]);
 }
 
 /// Lists of VTK files: times become the rate of the sequence, and every list names what is wrong with it.
