@@ -431,6 +431,8 @@ fn write_seeds() {
     for (name, bytes) in all_files() {
         let targets: &[&str] = match name.rsplit('.').next().unwrap_or_default() {
             "bhclassic" => &["bgeo"],
+            "h5" => &["hdf5"],
+            "lammpstrj" => &["lammps"],
             "png" => &["picture", "environment"],
             "hdr" | "exr" => &["environment"],
             "path" => &["camera_path"],
