@@ -148,10 +148,12 @@ struct Reading<'a> {
 /// | `.npz` | an archive of such arrays, stored or deflated | all |
 /// | `.xyz` | positions: raw little-endian 32-bit floats, or text with one particle a line | positions, 32-bit |
 /// | `.xyz`, `.extxyz` | extended XYZ of OVITO and ASE, and element and position per line, with the count first | not written |
-/// | `.lammpstrj`, `.dump` | LAMMPS dumps of one time step, text | not written |
+/// | `.lammpstrj`, `.dump` | LAMMPS dumps, text | not written |
 /// | `.h5`, `.hdf5`, `.vtkhdf`, `.vtkhdf5` | HDF5 of SWIFT and Gadget (`PartType0`), `PySPH` and VTK, or with arrays as in `.npz` | not written |
 /// | `.pos` | Truong and Yuksel's frames: positions and one radius; ellipsoids from the `.ani` beside it | positions, 32-bit; one radius; ellipsoids |
 /// | `.csv` | text with one particle per line, columns named or x, y, z | all |
+///
+/// Of text with several frames [`Contents::read_frame`] reads one at a time.
 ///
 /// Attributes have the usual names of simulators, in any case: `velocity`, `velocities`, `vel`, `v`;
 /// `density`, `densities`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`, `ParticleIDs`; and
@@ -541,37 +543,6 @@ const ELLIPSOID_COLUMNS: [&str; 6] = [
     "ellipsoid_yz",
     "ellipsoid_xz",
 ];
-
-/// Finds the columns of a vector whose names begin with one of `bases`, among names in lower case: `vx`,
-/// `Points:0`, `Points_0`, `Pos.x` and so on.
-fn vector_among(names: &[String], bases: &[&str]) -> Option<Vec<usize>> {
-    let find = |column: &str| names.iter().position(|name| name == column);
-    let mut spellings = bases.iter().flat_map(|base| {
-        ["", ":", "_", "."].into_iter().flat_map(move |separator| {
-            [["x", "y", "z"], ["0", "1", "2"]]
-                .map(|axes| axes.map(|axis| format!("{base}{separator}{axis}")))
-        })
-    });
-    spellings.find_map(|names| names.iter().map(|name| find(name)).collect())
-}
-
-/// Finds the columns of the velocities.
-fn velocity_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
-    match map.array_of(Attribute::Velocity) {
-        Some(name) => vector_among(names, &[&name]),
-        None => vector_among(names, &["velocity", "velocities", "vel", "velo", "v"]),
-    }
-}
-
-/// Finds the columns of the ellipsoids.
-fn ellipsoid_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
-    let base = map.array_of(Attribute::Ellipsoid).unwrap_or_else(|| "ellipsoid".into());
-    let find = |column: &String| names.iter().position(|name| name == column);
-    let numbered = |separator: &str| [0, 1, 2, 3, 4, 5].map(|k| format!("{base}{separator}{k}"));
-    let lettered = ELLIPSOID_COLUMNS.map(|name| name.replacen("ellipsoid", &base, 1));
-    let spellings = [lettered, numbered(":"), numbered("_")];
-    spellings.iter().find_map(|names| names.iter().map(find).collect())
-}
 
 /// The length of a file with this start if it is binary STL, which has no magic, but a length
 /// determined by its number of triangles.

@@ -18,11 +18,12 @@ use std::path::{Path, PathBuf};
 
 use hdf5_pure::{AttrValue, DType, Dataset, Datatype, DatatypeByteOrder, File, FormatError, Group};
 
+use super::labelled::{POSITION, canonical, vector_among};
 use super::npz::positions_among;
 use super::vtk::is_point;
 use super::{
     Attribute, AttributeMap, Column, Contents, FileBytes, Particles, Reading, Scalar, Table,
-    attribute_names, foreign, labelled, vector_among,
+    attribute_names, foreign,
 };
 use crate::error::{Error, Location, Result, printable};
 use crate::files::{self, DEFLATE_RATIO};
@@ -286,7 +287,7 @@ impl Archive<'_> {
         if let Some(at) = positions_among(&triples, self.map) {
             return Some(vec![at]);
         }
-        columns_among(members, &labelled::POSITION)
+        columns_among(members, &POSITION)
     }
 
     /// Reads positions and attributes from the arrays of a group; `velocity` names the columns of the
@@ -506,7 +507,7 @@ fn number_of(dataset: &Dataset) -> Option<(Scalar, bool)> {
 /// Finds the columns of a vector whose names begin with one of `bases`.
 fn columns_among(members: &[Member], bases: &[&str]) -> Option<Vec<usize>> {
     let columns: Vec<_> = (0..members.len()).filter(|&at| members[at].is_column()).collect();
-    let names: Vec<_> = columns.iter().map(|&at| labelled::canonical(&members[at].name)).collect();
+    let names: Vec<_> = columns.iter().map(|&at| canonical(&members[at].name)).collect();
     let found = vector_among(&names, bases)?;
     Some(found.into_iter().map(|k| columns[k]).collect())
 }

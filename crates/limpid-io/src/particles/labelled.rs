@@ -4,10 +4,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::cursor::{Cursor, FileBytes};
-use super::{
-    Attribute, AttributeMap, Column, Contents, Scalar, Table, ellipsoid_among, vector_among,
-    velocity_among,
-};
+use super::{Attribute, AttributeMap, Column, Contents, ELLIPSOID_COLUMNS, Scalar, Table};
 use crate::error::{Error, Result};
 use limpid::memory;
 
@@ -34,6 +31,37 @@ fn integer_bytes(field: &[u8]) -> Option<[u8; 8]> {
     };
     let integer = std::str::from_utf8(field).ok()?.parse().ok().or_else(exact)?;
     Some(integer.to_le_bytes())
+}
+
+/// Finds the columns of a vector whose names begin with one of `bases`, among names in lower case: `vx`,
+/// `Points:0`, `Points_0`, `Pos.x` and so on.
+pub(super) fn vector_among(names: &[String], bases: &[&str]) -> Option<Vec<usize>> {
+    let find = |column: &str| names.iter().position(|name| name == column);
+    let mut spellings = bases.iter().flat_map(|base| {
+        ["", ":", "_", "."].into_iter().flat_map(move |separator| {
+            [["x", "y", "z"], ["0", "1", "2"]]
+                .map(|axes| axes.map(|axis| format!("{base}{separator}{axis}")))
+        })
+    });
+    spellings.find_map(|names| names.iter().map(|name| find(name)).collect())
+}
+
+/// Finds the columns of the velocities.
+pub(super) fn velocity_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
+    match map.array_of(Attribute::Velocity) {
+        Some(name) => vector_among(names, &[&name]),
+        None => vector_among(names, &["velocity", "velocities", "vel", "velo", "v"]),
+    }
+}
+
+/// Finds the columns of the ellipsoids.
+pub(super) fn ellipsoid_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
+    let base = map.array_of(Attribute::Ellipsoid).unwrap_or_else(|| "ellipsoid".into());
+    let find = |column: &String| names.iter().position(|name| name == column);
+    let numbered = |separator: &str| [0, 1, 2, 3, 4, 5].map(|k| format!("{base}{separator}{k}"));
+    let lettered = ELLIPSOID_COLUMNS.map(|name| name.replacen("ellipsoid", &base, 1));
+    let spellings = [lettered, numbered(":"), numbered("_")];
+    spellings.iter().find_map(|names| names.iter().map(find).collect())
 }
 
 /// The assignment of columns to positions and attributes.
