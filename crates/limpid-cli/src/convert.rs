@@ -8,7 +8,7 @@ use limpid_io::frames::FrameSpec;
 use limpid_io::input;
 use limpid_io::notice::Notice;
 
-use crate::remedy;
+use crate::{remedy, standard};
 use limpid_io::output::{self, Files, OutputNames};
 use limpid_io::particles::{self, Contents};
 use limpid_io::sequence::{Frame, Sequence};
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A particle file, a pattern such as frame_{}.vtk, or a folder.
+    /// A particle file, a pattern such as frame_{}.vtk, or a folder; - reads .npz or PLY from standard input.
     input: String,
     /// Output file, whose extension selects the format; for several frames a name with a placeholder
     /// for the number (####, {}, %04d, $F4), or a folder for `frame_####.bgeo`.
@@ -35,7 +35,15 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let sequence = Sequence::open(&args.input)?;
+    let options = args.reading.options();
+    let (sequence, piped) = match args.input.as_str() {
+        standard::DASH => {
+            let (path, bytes) = standard::read(&options)?;
+            let frames = vec![Frame::new(0, path)];
+            (Sequence { frames, pattern: args.input.clone(), fps: None }, Some(bytes))
+        }
+        input => (Sequence::open(input)?, None),
+    };
     let frames = args.frames.clone().unwrap_or_default().select(&sequence)?;
     let folder = args.output.ends_with('/') || Path::new(&args.output).is_dir();
     let output = match folder {
@@ -72,7 +80,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // In chunks, since work stealing would otherwise hold more frames in memory than there are threads.
     for frames in todo.chunks(rayon::current_num_threads()) {
         let convert = |frame: &&Frame| {
-            let converted = convert(frame, &names.path(frame.number), args);
+            let contents = match &piped {
+                Some(bytes) => Contents::parse(&frame.path, bytes, &options),
+                None => Contents::read_frame(frame, &options),
+            };
+            let path = names.path(frame.number);
+            let converted = contents.and_then(|contents| write(contents, &path, args.up));
             bar.inc(1);
             converted
         };
@@ -96,16 +109,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Converts a frame; returns the attributes that the format cannot store, and the names of the ignored
-/// arrays.
-fn convert(
-    frame: &Frame,
+/// Writes a frame; returns the attributes that the format cannot store, and the names of the ignored arrays.
+fn write(
+    contents: Contents,
     path: &Path,
-    args: &Args,
+    up: Up,
 ) -> limpid_io::Result<(Vec<&'static str>, Vec<String>)> {
-    let Contents { mut particles, arrays, .. } =
-        Contents::read(&frame.path, &args.reading.options())?;
-    particles.to_y_up(args.up);
+    let Contents { mut particles, arrays, .. } = contents;
+    particles.to_y_up(up);
     particles::write(&particles, path)?;
     let ignored = arrays.into_iter().filter(|array| array.used_as.is_none());
     Ok((

@@ -175,13 +175,14 @@ fn describe_scene(scene: &Scene) -> (String, &[u8]) {
 
 /// Describes the origin of particles.
 fn describe(origin: &Origin<'_>) -> String {
-    let Origin { file, parts, made, radius, up, scale, map } = origin;
+    let Origin { file, parts, section, memory, made, radius, up, scale, map } = origin;
     // A .pos file has its ellipsoids in a separate file.
     let ellipsoids = file.filter(|path| path.extension().is_some_and(|e| e == "pos"));
     let ellipsoids = ellipsoids.map(|path| path.with_extension("ani"));
     let files = [file.as_deref(), ellipsoids.as_deref()].map(|path| Some(stamp(path?)));
     let parts: Vec<_> = parts.iter().map(|path| stamp(path)).collect();
-    format!("{files:?} {parts:?} {made:?} {radius:?} {up:?} {scale:?} {map}")
+    let memory = memory.map(|bytes| Fingerprint::over([bytes]));
+    format!("{files:?} {parts:?} {section:?} {memory:?} {made:?} {radius:?} {up:?} {scale:?} {map}")
 }
 
 /// Canonical path, length and modification time, ns, of a file that may not exist yet.

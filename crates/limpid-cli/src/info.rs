@@ -8,9 +8,11 @@ use limpid_io::input::Input;
 use limpid_io::particles::{Array, Attribute, Contents, attribute_names};
 use serde::Serialize;
 
+use crate::standard;
+
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A scene or recipe, a particle file, a pattern or a folder.
+    /// A scene or recipe, a particle file, a pattern or a folder; - reads .npz or PLY from standard input.
     input: String,
     /// Frames to describe [default: the first].
     #[arg(long, allow_hyphen_values = true)]
@@ -65,7 +67,12 @@ struct ArrayInfo {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut input = Input::outline(&args.input)?.with_options(&args.reading.options());
+    let options = args.reading.options();
+    let input = match args.input.as_str() {
+        standard::DASH => standard::input(&options)?,
+        input => Input::outline(input)?,
+    };
+    let mut input = input.with_options(&options);
     if let Some(radius) = args.radius {
         input = input.with_radius(radius)?;
     }

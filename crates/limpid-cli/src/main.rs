@@ -15,6 +15,7 @@ mod scene;
 mod settings;
 mod shared_args;
 mod signals;
+mod standard;
 mod terminal;
 mod view;
 

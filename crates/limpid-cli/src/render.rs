@@ -68,7 +68,8 @@ pub(crate) struct Args {
     scene: Option<PathBuf>,
     /// The picture: .png, .jpg, .webp, or .exr for linear radiance; for several frames a name with a
     /// placeholder for the number (####, {}, %04d, $F4), or a folder [default: limpid.png,
-    /// limpid_####.png]. Or a film: .mp4 or .webm, which need ffmpeg, .gif or .apng.
+    /// limpid_####.png]. Or a film: .mp4 or .webm, which need ffmpeg, .gif or .apng. - writes a PNG to
+    /// standard output.
     #[arg(short, long)]
     output: Option<String>,
     /// Width and height in pixels.

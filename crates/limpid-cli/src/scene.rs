@@ -7,7 +7,7 @@ use limpid_io::input::Missing;
 use limpid_io::open::Request;
 use limpid_io::project::Project;
 
-use crate::terminal;
+use crate::{standard, terminal};
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -42,7 +42,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         options: args.reading.options(),
         adjustments: args.changes.adjustments(args.fps),
     };
-    let opened = request.open()?;
+    let opened = standard::open(&request)?;
     let project = Project { source: opened.input.source(), ..opened.project };
     terminal::print(project.to_commented_toml(None)?.trim_end())?;
     Ok(ExitCode::SUCCESS)

@@ -32,7 +32,8 @@ impl Reading {
 #[derive(clap::Args)]
 pub(crate) struct Inputs {
     /// A scene or recipe (.toml), a particle file, a pattern such as frame_{}.bgeo, a folder, a list
-    /// (.pvd, .series), or all files of a sequence, as a shell expands frame_*.bgeo [default: built in].
+    /// (.pvd, .series), or all files of a sequence, as a shell expands frame_*.bgeo; - reads .npz or PLY from
+    /// standard input [default: built in].
     #[arg(value_name = "INPUT")]
     inputs: Vec<String>,
     /// Merge the files of several ranks into one frame each: rank{r}_{}.vtu.

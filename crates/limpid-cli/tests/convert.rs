@@ -188,3 +188,29 @@ fn unknown_formats_are_refused_before_anything_is_read() {
     assert!(line.contains("nothing.vtk"), "{line}");
     assert_eq!(names(folder), before);
 }
+
+/// A trajectory becomes a file for each of its frames, by their time steps, and the files of several ranks one
+/// file with the particles of all.
+#[test]
+fn frames_in_one_file_and_in_several() {
+    let folder = tempfile::tempdir().unwrap();
+    let step = |number: i64| {
+        format!(
+            "ITEM: TIMESTEP\n{number}\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\n\
+             ITEM: ATOMS x y z\n{number} 0 0\n"
+        )
+    };
+    fs::write(folder.path().join("run.lammpstrj"), step(0) + &step(50)).unwrap();
+    succeed(folder.path(), &["run.lammpstrj", "step_####.ply"]);
+    let read = |name: &str| limpid_io::particles::read(&folder.path().join(name)).unwrap();
+    assert_eq!(read("step_0050.ply").positions, [Vec3::new(50.0, 0.0, 0.0)]);
+    succeed(folder.path(), &["run.lammpstrj", "first.ply", "--frames", "0"]);
+    assert_names(folder.path(), &["first.ply", "run.lammpstrj", "step_0000.ply", "step_0050.ply"]);
+
+    for rank in [0, 1] {
+        let name = format!("rank{rank}_7.ply");
+        limpid_io::particles::write(&particles(3 + rank), &folder.path().join(name)).unwrap();
+    }
+    succeed(folder.path(), &["rank{r}_{}.ply", "merged.npz"]);
+    assert_eq!(read("merged.npz").len(), 7);
+}

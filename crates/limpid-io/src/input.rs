@@ -135,17 +135,20 @@ impl Input {
         let project = Project::parse(text, "demo", Path::new(""))?;
         let particles = project.source.files().first().cloned();
         let particles = particles.expect("the demo names its particles");
-        let frame = Frame::new(0, particles.source.into());
+        let demo = include_bytes!("../../../sims/demo.bgeo").as_slice();
         let fluid = Fluid {
-            sequence: Sequence { frames: vec![frame], pattern: "demo".into(), fps: None },
             radius: particles.radius,
             radius_from: RadiusFrom::Scene,
             up: particles.up,
-            scale: 1.0,
-            options: ReadOptions::default(),
-            source: FluidSource::Embedded(include_bytes!("../../../sims/demo.bgeo")),
+            ..Fluid::in_memory(particles.source.as_ref(), "demo", demo.into())
         };
         Ok(Self::of(Some(project), fluid, Some(0)))
+    }
+
+    /// One frame of particles, a file in memory. `path` selects the format and appears in messages; `name`
+    /// stands for the sequence.
+    pub fn from_memory(path: &Path, name: &str, bytes: Vec<u8>) -> Self {
+        Self::of(None, Fluid::in_memory(path, name, bytes.into()), None)
     }
 
     /// An input with one fluid.
@@ -464,7 +467,11 @@ impl Input {
             }
             _ => {
                 let files = self.fluids.iter().map(|fluid| ParticleSource {
-                    source: fluid.sequence.pattern.clone(),
+                    source: match fluid.source {
+                        // A scene names no file then, and `--scene` gives it particles.
+                        FluidSource::Memory(_) => String::new(),
+                        _ => fluid.sequence.pattern.clone(),
+                    },
                     frame: self.frame.filter(|_| fluid.sequence.frames.len() > 1),
                     radius: fluid.radius,
                     up: fluid.up,

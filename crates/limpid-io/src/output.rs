@@ -334,10 +334,13 @@ pub fn write_picture(path: &Path, picture: &RgbImage, notes: &[(&str, String)]) 
     }
 }
 
-/// Encodes a picture with the notes, and without time or machine, so that equal pictures are equal
-/// files.
-fn encode_png(
-    file: &mut BufWriter<&File>,
+/// Encodes a picture with the notes, each a keyword and a text, and without time or machine, so that equal
+/// pictures are equal files.
+///
+/// # Errors
+/// Those of `file`.
+pub fn encode_png(
+    file: impl io::Write,
     picture: &RgbImage,
     notes: &[(&str, String)],
 ) -> io::Result<()> {

@@ -10,6 +10,7 @@ mod bi4;
 mod csv;
 mod cursor;
 mod extxyz;
+mod hdf5;
 mod houdini;
 mod kinds;
 mod labelled;
@@ -22,6 +23,7 @@ mod pos;
 mod prt;
 mod scf;
 mod table;
+pub(crate) mod trajectory;
 mod uni;
 mod values;
 mod vtk;
@@ -41,10 +43,7 @@ use serde::{Deserialize, Serialize};
 use self::arrays::MOST_LISTED;
 use self::cursor::{Cursor, FileBytes};
 use self::table::{Column, Scalar, Table};
-use self::values::{
-    Values, attributes, ellipsoid_among, narrow_id, too_large, vector_among, velocity_among,
-    write_numbers,
-};
+use self::values::{Values, attributes, narrow_id, too_large, write_numbers};
 use crate::error::{Error, Result};
 use crate::output::FileKind;
 use crate::{files, output};
@@ -85,12 +84,21 @@ impl Attribute {
     fn from_alias(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
             "velocity" | "velocities" | "vel" | "v" => Self::Velocity,
-            "density" | "rho" | "rhop" => Self::Density,
+            "density" | "densities" | "rho" | "rhop" => Self::Density,
             "radius" | "radii" | "pscale" => Self::Radius,
-            "id" | "ids" | "idp" => Self::Id,
+            "id" | "ids" | "idp" | "particleids" => Self::Id,
             "ellipsoid" => Self::Ellipsoid,
             _ => return None,
         })
+    }
+
+    /// Number of numbers per particle.
+    fn width(self) -> usize {
+        match self {
+            Self::Velocity => 3,
+            Self::Density | Self::Radius | Self::Id => 1,
+            Self::Ellipsoid => 6,
+        }
     }
 
     /// Memory of the attribute per particle, bytes.
@@ -141,7 +149,7 @@ struct Reading<'a> {
 /// | `.bgeo`, `.bgeo.gz`, `.bhclassic` | Houdini's classic geometry, version 5, plain or gzip | all, 32-bit positions and ids |
 /// | `.bgeo`, `.bgeo.gz`, `.bgeo.sc`, `.geo` | Houdini's geometry since version 12, JSON in binary or text, plain, gzip or Blosc | not written |
 /// | `.vtk` | legacy VTK up to 5.1, binary or ASCII: unstructured grids and polygonal data | all |
-/// | `.vtu` | VTK's XML, unstructured grids: ASCII, base64 or raw, zlib or not, in pieces | all |
+/// | `.vtu` | VTK's XML, unstructured grids: ASCII, base64 or raw, zlib, LZ4, LZMA or none, in pieces | all |
 /// | `.vtp` | the same, polygonal data | not written |
 /// | `.pvtu`, `.pvtp`, `.vtm` | the `.vtu`, `.vtp` and `.vtk` files that they list, as one | not written |
 /// | `.ply` | the `vertex` element, ASCII or binary of either byte order | all, 32-bit ids |
@@ -149,18 +157,22 @@ struct Reading<'a> {
 /// | `.npz` | an archive of such arrays, stored or deflated | all |
 /// | `.xyz` | positions: raw little-endian 32-bit floats, or text with one particle a line | positions, 32-bit |
 /// | `.xyz`, `.extxyz` | extended XYZ of OVITO and ASE, and element and position per line, with the count first | not written |
-/// | `.lammpstrj`, `.dump` | LAMMPS dumps of one time step, text | not written |
+/// | `.lammpstrj`, `.dump` | LAMMPS dumps, text | not written |
+/// | `.h5`, `.hdf5`, `.vtkhdf`, `.vtkhdf5` | HDF5 of SWIFT and Gadget (`PartType0`), `PySPH` and VTK, or with arrays as in `.npz` | not written |
 /// | `.pos` | Truong and Yuksel's frames: positions and one radius; ellipsoids from the `.ani` beside it | positions, 32-bit; one radius; ellipsoids |
 /// | `.csv` | text with one particle per line, columns named or x, y, z | all |
 /// | `.bi4` | DualSPHysics' frames: the fluid; half of the spacing as the radius | not written |
 /// | `.prt` | Krakatoa's particles | not written |
 /// | `.uni` | mantaflow's particles: positions, in cells | not written |
 ///
+/// Of text with several frames [`Contents::read_frame`] reads one at a time.
+///
 /// Attributes have the usual names of simulators, in any case: `velocity`, `velocities`, `vel`, `v`;
-/// `density`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`; and `ellipsoid`, with the
+/// `density`, `densities`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`, `ParticleIDs`; and
+/// `ellipsoid`, with the
 /// six numbers of [`Ellipsoid`]. The first of several is used, and all other arrays are ignored
 /// ([`Contents::arrays`] lists them). The format determines the positions; in `.npz` they are called
-/// `positions`, `position`, `pos`, `x`, `points` or `arr_0`, or are the only array of shape (n, 3); in
+/// `positions`, `position`, `pos`, `x`, `points`, `coordinates` or `arr_0`, or are the only array of shape (n, 3); in
 /// `.csv` the columns are `x`, `px`, `Points:0`, `Points_0`, `Pos.x` and so on.
 ///
 /// # Errors
@@ -307,7 +319,7 @@ struct Format {
 
 const ALL: &[&str] = &["id", "velocity", "density", "radius", "ellipsoid"];
 
-const FORMATS: [Format; 23] = {
+const FORMATS: [Format; 27] = {
     const fn format(
         extension: &'static str,
         read: Reader,
@@ -336,6 +348,10 @@ const FORMATS: [Format; 23] = {
         Format { extension: ".extxyz", read: extxyz::read, write: None, holds: ALL, wide: true },
         Format { extension: ".lammpstrj", read: lammps::read, write: None, holds: ALL, wide: true },
         Format { extension: ".dump", read: lammps::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".h5", read: hdf5::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".hdf5", read: hdf5::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".vtkhdf", read: hdf5::read, write: None, holds: ALL, wide: true },
+        Format { extension: ".vtkhdf5", read: hdf5::read, write: None, holds: ALL, wide: true },
         format(".pos", pos::read, pos::write, &["radius", "ellipsoid"], false),
         format(".csv", csv::read, csv::write, ALL, true),
         Format { extension: ".bi4", read: bi4::read, write: None, holds: ALL, wide: true },
@@ -459,7 +475,7 @@ fn known_magic(bytes: &[u8]) -> Option<&'static str> {
         (b"\x93NUMPY", "a NumPy array"),
         (b"PK\x03\x04", "a zip or npz archive (call it .npz if NumPy wrote it)"),
         (b"solid ", "an STL mesh, which holds triangles"),
-        (b"\x89HDF", "an HDF5 file"),
+        (b"\x89HDF", "an HDF5 file (call it .h5)"),
         (b"Ogawa", "an Alembic file"),
         (b"PXR-USDC", "a USD file"),
         (b"#usda", "a USD file"),

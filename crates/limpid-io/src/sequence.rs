@@ -5,7 +5,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::particles::{extensions, readable_stem};
+use crate::particles::{extensions, readable_stem, trajectory};
 use crate::pattern::placeholder;
 use crate::{files, vtk_lists};
 
@@ -29,12 +29,25 @@ pub struct Frame {
     pub path: PathBuf,
     /// Further files with particles of the frame, as of a simulation on several ranks.
     pub parts: Vec<PathBuf>,
+    /// Its part of the file, if that has several frames.
+    pub section: Option<Section>,
+}
+
+/// A part of a text file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Section {
+    /// Offset, bytes.
+    pub start: u64,
+    /// Length, bytes.
+    pub length: u64,
+    /// Number of lines before it.
+    pub lines: u64,
 }
 
 impl Frame {
     /// A frame in one file.
     pub fn new(number: i64, path: PathBuf) -> Self {
-        Self { number, path, parts: Vec::new() }
+        Self { number, path, parts: Vec::new(), section: None }
     }
 }
 
@@ -42,6 +55,7 @@ impl Sequence {
     /// Finds the frames of `input`:
     ///
     /// - a time series, `.pvd` or `.series`: the listed files, numbered from 0;
+    /// - extended XYZ and LAMMPS dumps with several frames: these, numbered from 0 or by their time steps;
     /// - another existing file: one frame, numbered by the last digits in its name, or 0;
     /// - an existing folder: the particle files in it, whose names must differ only in the number;
     /// - a pattern, whose file name contains one of `{}`, `%d`, `$F` (a number of any width), `%04d`,
@@ -55,6 +69,17 @@ impl Sequence {
     /// [`Error::Io`] if the file or folder does not exist or cannot be listed,
     /// [`Error::Sequence`] if nothing matches or two files have the same number.
     pub fn open(input: &str) -> Result<Self> {
+        let sequence = Self::find(input)?;
+        if let [Frame { path, parts, .. }] = sequence.frames.as_slice()
+            && parts.is_empty()
+            && let Some(frames) = trajectory::frames_of(path)?
+        {
+            return Ok(Self { frames, ..sequence });
+        }
+        Ok(sequence)
+    }
+
+    fn find(input: &str) -> Result<Self> {
         let path = Path::new(input);
         let pattern = match std::fs::metadata(path) {
             Ok(metadata) if metadata.is_dir() => return Self::from_folder(path),
@@ -252,7 +277,8 @@ impl Sequence {
         }
         let frame = |(number, ranks): (i64, BTreeMap<i64, PathBuf>)| {
             let mut paths = ranks.into_values();
-            Some(Frame { number, path: paths.next()?, parts: paths.collect() })
+            let first = Frame::new(number, paths.next()?);
+            Some(Frame { parts: paths.collect(), ..first })
         };
         let frames: Vec<Frame> = frames.into_iter().filter_map(frame).collect();
         if frames.is_empty() {

@@ -13,11 +13,14 @@ use limpid_io::input;
 use limpid_io::output::{self, FileKind, Files, OutputNames, PictureFormat};
 
 use super::{Args, film_path};
+use crate::standard;
 
 /// The destination of the pictures.
 pub(super) enum Output {
     Pictures(Pictures),
     Film(Box<Film>),
+    /// One PNG on standard output.
+    Standard,
 }
 
 /// Pictures in separate files.
@@ -39,6 +42,7 @@ pub(super) fn check(args: &Args, shots: &[Shot]) -> limpid_io::Result<()> {
     }
     args.camera_path.iter().for_each(|path| files.reads(path));
     match film_path(args) {
+        _ if is_standard(args) => check_standard(args, shots.len())?,
         Some(path) => files.writes(path, FileKind::FILM)?,
         None => {
             let pictures = Pictures::new(args, shots.len())?;
@@ -59,6 +63,9 @@ pub(super) fn check(args: &Args, shots: &[Shot]) -> limpid_io::Result<()> {
 impl Output {
     /// Opens the output of a run of `count` pictures, on all machines together.
     pub(super) fn open(args: &Args, count: usize, fps: f64) -> limpid_io::Result<Self> {
+        if is_standard(args) {
+            return Ok(Self::Standard);
+        }
         let Some(path) = film_path(args) else {
             let pictures = Pictures::new(args, count)?;
             output::sweep(folder_of(&pictures.names.path(0)));
@@ -95,7 +102,7 @@ impl Output {
     pub(super) fn pictures(&self) -> Option<&Pictures> {
         match self {
             Self::Pictures(pictures) => Some(pictures),
-            Self::Film(_) => None,
+            Self::Film(_) | Self::Standard => None,
         }
     }
 
@@ -114,6 +121,12 @@ impl Output {
                 output::write_picture(&pictures.path(shot), picture, &fingerprint.notes(picture))
             }
             (Self::Film(film), _) => film.push(picture),
+            (Self::Standard, _) => {
+                let mut bytes = Vec::new();
+                output::encode_png(&mut bytes, picture, &fingerprint.notes(picture))
+                    .map_err(|source| Error::Io { path: "-".into(), action: "write", source })?;
+                standard::write(&bytes)
+            }
         }
     }
 
@@ -137,23 +150,49 @@ impl Output {
             }
             (Self::Pictures(_), None) => String::new(),
             (Self::Film(film), _) => film.path().display().to_string(),
+            (Self::Standard, _) => "standard output".into(),
         };
         let (first, last) = (path(numbers.iter().min()), path(numbers.iter().max()));
         match self {
             Self::Film(_) if count == 1 => format!("wrote {first}, one picture"),
             Self::Film(_) => format!("wrote {first}, {count} pictures"),
-            Self::Pictures(_) if count == 0 => format!("wrote nothing{existing}"),
-            Self::Pictures(_) if count == 1 => format!("wrote {first}{existing}"),
-            Self::Pictures(_) => format!("wrote {count} pictures, {first} to {last}{existing}"),
+            _ if count == 0 => format!("wrote nothing{existing}"),
+            _ if count == 1 => format!("wrote {first}{existing}"),
+            _ => format!("wrote {count} pictures, {first} to {last}{existing}"),
         }
     }
 
     pub(super) fn finish(self) -> limpid_io::Result<()> {
         match self {
-            Self::Pictures(_) => Ok(()),
+            Self::Pictures(_) | Self::Standard => Ok(()),
             Self::Film(film) => film.finish(),
         }
     }
+}
+
+/// Whether the picture goes to standard output.
+fn is_standard(args: &Args) -> bool {
+    args.output.as_deref() == Some(standard::DASH)
+}
+
+/// Fails unless standard output gets one picture, and nothing that goes beside it or depends on its file.
+fn check_standard(args: &Args, count: usize) -> limpid_io::Result<()> {
+    let refused = [
+        (args.shard.is_some(), "--shard"),
+        (args.claim, "--claim"),
+        (args.skip_existing, "--skip-existing"),
+        (args.aov.is_some(), "--aov"),
+        (args.manifest.is_some(), "--manifest"),
+    ];
+    if let Some((_, option)) = refused.into_iter().find(|(given, _)| *given) {
+        return Err(Error::Usage(format!("-o -: {option} needs a file; write .png")));
+    }
+    if count != 1 {
+        let problem =
+            format!("-o -: one picture, not {count}; choose one with --frames, or a folder");
+        return Err(Error::Usage(problem));
+    }
+    standard::check_output()
 }
 
 impl Pictures {

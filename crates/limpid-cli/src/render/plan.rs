@@ -11,6 +11,7 @@ use limpid_io::notice::{self, Notice};
 use limpid_io::open::Request;
 
 use super::{Args, film_path};
+use crate::standard;
 
 /// Frame rate if neither the arguments nor the scene have one, frames per second.
 const DEFAULT_FPS: f64 = 30.0;
@@ -44,7 +45,7 @@ impl Plan {
             options: args.reading.options(),
             adjustments: args.changes.adjustments(None),
         };
-        let opened = request.open()?;
+        let opened = standard::open(&request)?;
         let camera = opened.project.camera_for(Default::default());
         let (input, scene) = (opened.input, opened.project.scene);
         let (frame_times, numbers, fps) = frame_times(args, &input)?;

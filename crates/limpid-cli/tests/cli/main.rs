@@ -11,6 +11,7 @@ mod outputs;
 mod render;
 mod report;
 mod scenes;
+mod standard;
 mod words;
 
 use std::collections::BTreeSet;

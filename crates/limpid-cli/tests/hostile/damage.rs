@@ -433,6 +433,8 @@ fn write_seeds() {
             "bhclassic" => &["bgeo"],
             "geo" => &["bgeo"],
             "sc" => &["scf"],
+            "h5" => &["hdf5"],
+            "lammpstrj" => &["lammps"],
             "png" => &["picture", "environment"],
             "hdr" | "exr" => &["environment"],
             "path" => &["camera_path"],

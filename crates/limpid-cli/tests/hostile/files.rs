@@ -79,6 +79,19 @@ pub(crate) fn particles() -> Vec<Contents> {
     files.push(("deflated.npz".into(), zipped));
     files.extend(xml());
     files.extend(of_other_programs());
+    for (name, text) in [
+        ("text.extxyz", "2\nProperties=pos:R:3:velo:R:3:id:I:1\n0 0 0 1 2 3 4\n1 1 1 1 2 3 5\n"),
+        (
+            "text.lammpstrj",
+            "ITEM: TIMESTEP\n5\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\n\
+             ITEM: ATOMS id xs ys zs\n1 0.1 0.2 0.3\n2 0.4 0.5 0.6\n",
+        ),
+    ] {
+        files.push((name.into(), text.into()));
+    }
+    let packed = include_bytes!("../../../../tests/data/formats/vtk_lzma_appended.vtu");
+    files.push(("lzma.vtu".into(), packed.into()));
+    files.push(("plain.h5".into(), PLAIN_HDF5.into()));
     files
 }
 
@@ -96,6 +109,9 @@ fn of_other_programs() -> Vec<Contents> {
     let read = |name| std::fs::read(folder.join(name)).expect("a file of the repository");
     names.map(|name| (name.to_owned(), read(name))).into()
 }
+
+/// HDF5 by h5py, with four arrays.
+pub(crate) const PLAIN_HDF5: &[u8] = include_bytes!("../../../../tests/data/formats/plain.h5");
 
 /// VTK XML files in encodings that limpid does not write.
 fn xml() -> Vec<Contents> {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::bake;
 use crate::files;
+use crate::particles::trajectory;
 use crate::sequence::Sequence;
 use crate::vtk_lists;
 
@@ -38,6 +39,10 @@ pub(super) fn is_scene_file(path: &Path) -> bool {
 
 /// The particle files of a sequence, the ellipsoids beside them, and the pieces that they list.
 fn sequence_files(input: &str) -> Vec<PathBuf> {
+    // A file with several frames is not scanned for them again.
+    if trajectory::may_have_several(Path::new(input)) && Path::new(input).is_file() {
+        return vec![input.into()];
+    }
     let frames = Sequence::open(input).map(|sequence| sequence.frames).unwrap_or_default();
     // A list of the frames is a file too.
     let mut files: Vec<PathBuf> =

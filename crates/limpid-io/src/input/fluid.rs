@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::particles::{AttributeMap, Contents, ReadOptions};
-use crate::sequence::{Frame, Sequence};
+use crate::sequence::{Frame, Section, Sequence};
 use limpid::liquid::classify;
 use limpid::liquid::{Particles, Up};
 use limpid::look::Body;
@@ -33,8 +34,8 @@ pub(super) struct Fluid {
 pub(super) enum FluidSource {
     /// The files of the frames.
     Files,
-    /// Data in the program: the demo's.
-    Embedded(&'static [u8]),
+    /// A file in memory: the demo's, or one that was read from a pipe.
+    Memory(Arc<[u8]>),
     /// A recipe, which generates them.
     Recipe(Recipe),
 }
@@ -69,10 +70,14 @@ impl FromStr for Missing {
 /// The origin of one fluid's particles in one frame.
 #[derive(Debug)]
 pub struct Origin<'a> {
-    /// The file; `None` for an empty or generated frame.
+    /// The file; `None` for an empty or generated frame, and for one in memory.
     pub file: Option<&'a Path>,
     /// Further files of the frame.
     pub parts: &'a [PathBuf],
+    /// Its part of the file, if that has several frames.
+    pub section: Option<Section>,
+    /// The file, if it is in memory.
+    pub memory: Option<&'a [u8]>,
     /// The recipe of generated particles.
     pub made: Option<&'a Recipe>,
     /// Particle radius if the file has none, m.
@@ -95,6 +100,14 @@ impl Fluid {
         let options = ReadOptions { map, ..ReadOptions::default() };
         let radius_from = radius.map_or(RadiusFrom::Guess, |_| RadiusFrom::Scene);
         Self { sequence, radius, radius_from, up, scale: 1.0, options, source: FluidSource::Files }
+    }
+
+    /// One frame, a file in memory, which messages call `pattern`.
+    pub(super) fn in_memory(path: &Path, pattern: &str, bytes: Arc<[u8]>) -> Self {
+        let frames = vec![Frame::new(0, path.to_owned())];
+        let sequence = Sequence { frames, pattern: pattern.into(), fps: None };
+        let fluid = Self::of_files(sequence, None, Up::Y, AttributeMap::default());
+        Self { source: FluidSource::Memory(bytes), ..fluid }
     }
 
     /// The contents at a frame time, y up.
@@ -122,31 +135,13 @@ impl Fluid {
             }
             return Err(self.missing_frame(number));
         };
-        let mut contents = match self.source {
-            FluidSource::Files => self.read(frame)?,
-            FluidSource::Embedded(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
+        let mut contents = match &self.source {
+            FluidSource::Files => Contents::read_frame(frame, &self.options)?,
+            FluidSource::Memory(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
             FluidSource::Recipe(recipe) => return Ok(recipe.particles()?.into()),
         };
         contents.particles.to_y_up(self.up);
         contents.particles.scale(self.scale);
-        Ok(contents)
-    }
-
-    /// Reads all files of a frame.
-    fn read(&self, frame: &Frame) -> Result<Contents> {
-        let mut contents = Contents::read(&frame.path, &self.options)?;
-        if frame.parts.is_empty() {
-            return Ok(contents);
-        }
-        let mut parts = vec![std::mem::take(&mut contents.particles)];
-        for path in &frame.parts {
-            let part = Contents::read(path, &self.options)?;
-            contents.cells = contents.cells.saturating_add(part.cells);
-            parts.push(part.particles);
-        }
-        let count: usize = parts.iter().map(Particles::len).sum();
-        memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
-        contents.particles = Particles::joined(&parts);
         Ok(contents)
     }
 
@@ -161,15 +156,17 @@ impl Fluid {
     /// The origin of a frame's particles.
     pub(super) fn origin(&self, number: i64, missing: Missing) -> Origin<'_> {
         let frame = self.frame(number, missing);
-        let (file, made) = match &self.source {
-            FluidSource::Files => (frame.map(|frame| frame.path.as_path()), None),
-            FluidSource::Embedded(_) => (None, None),
-            FluidSource::Recipe(recipe) => (None, frame.map(|_| recipe)),
+        let (file, memory, made) = match &self.source {
+            FluidSource::Files => (frame.map(|frame| frame.path.as_path()), None, None),
+            FluidSource::Memory(bytes) => (None, frame.map(|_| &**bytes), None),
+            FluidSource::Recipe(recipe) => (None, None, frame.map(|_| recipe)),
         };
         let parts = frame.filter(|_| file.is_some()).map_or(&[][..], |frame| &frame.parts);
         Origin {
             file,
             parts,
+            section: frame.and_then(|frame| frame.section),
+            memory,
             made,
             radius: self.radius,
             up: self.up,

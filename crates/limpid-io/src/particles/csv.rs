@@ -13,8 +13,8 @@ use std::path::Path;
 use csv::{ByteRecord, ReaderBuilder, Trim};
 use glam::DVec3;
 
-use super::labelled::{Layout, POSITION, canonical, float};
-use super::{Contents, Cursor, Particles, Reading, Values, foreign, known_magic, vector_among};
+use super::labelled::{Layout, POSITION, canonical, float, vector_among};
+use super::{Contents, Cursor, Particles, Reading, Values, foreign, known_magic};
 use crate::error::Result;
 use limpid::memory;
 

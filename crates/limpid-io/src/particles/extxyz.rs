@@ -7,8 +7,7 @@ use std::path::Path;
 
 use super::labelled::Layout;
 use super::{Contents, Cursor, Reading, foreign};
-use crate::error::{Error, Result};
-use limpid::memory;
+use crate::error::Result;
 
 /// Whether a text begins like a file of this format: with a line that is a count.
 pub(super) fn is_counted(bytes: &[u8]) -> bool {
@@ -36,33 +35,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         None => ["species", "x", "y", "z"].map(String::from).to_vec(),
     };
     let layout = Layout::among(path, labels, reading.map)?;
-    let (mut numbers, mut starts) = (Vec::new(), Vec::new());
-    let begin = file.offset;
-    for row in 0..count {
-        let Some(line) = file.line() else {
-            return Err(file.error(format!("particle {row}: expected {count} lines")));
-        };
-        let words: Vec<&[u8]> = line.split_ascii_whitespace().map(str::as_bytes).collect();
-        memory::grow(&mut numbers, layout.stride(), path.display())?;
-        memory::grow(&mut starts, 1, path.display())?;
-        layout.push_row(
-            file.source,
-            file.start,
-            row,
-            |field| words.get(field).copied(),
-            &mut numbers,
-        )?;
-        starts.push(file.start);
-    }
-    if file.filled_line().is_some() {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let problem = format!(
-            "several frames in one file; split it: split -l {} -d -a 4 --additional-suffix=.xyz {name} frame_",
-            count + 2
-        );
-        return Err(Error::format(path, problem));
-    }
-    layout.contents(file.source, begin, numbers, starts)
+    layout.read_lines(&mut file, count, |_| ())
 }
 
 /// The value of a key in the comment line, which may be quoted.

@@ -3,12 +3,11 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::cursor::FileBytes;
-use super::{
-    Attribute, AttributeMap, Column, Contents, Scalar, Table, ellipsoid_among, vector_among,
-    velocity_among,
-};
+use super::cursor::{Cursor, FileBytes};
+use super::values::ELLIPSOID_COLUMNS;
+use super::{Attribute, AttributeMap, Column, Contents, Scalar, Table};
 use crate::error::{Error, Result};
+use limpid::memory;
 
 /// Names of positions, before the axis.
 pub(super) const POSITION: [&str; 9] =
@@ -33,6 +32,37 @@ fn integer_bytes(field: &[u8]) -> Option<[u8; 8]> {
     };
     let integer = std::str::from_utf8(field).ok()?.parse().ok().or_else(exact)?;
     Some(integer.to_le_bytes())
+}
+
+/// Finds the columns of a vector whose names begin with one of `bases`, among names in lower case: `vx`,
+/// `Points:0`, `Points_0`, `Pos.x` and so on.
+pub(super) fn vector_among(names: &[String], bases: &[&str]) -> Option<Vec<usize>> {
+    let find = |column: &str| names.iter().position(|name| name == column);
+    let mut spellings = bases.iter().flat_map(|base| {
+        ["", ":", "_", "."].into_iter().flat_map(move |separator| {
+            [["x", "y", "z"], ["0", "1", "2"]]
+                .map(|axes| axes.map(|axis| format!("{base}{separator}{axis}")))
+        })
+    });
+    spellings.find_map(|names| names.iter().map(|name| find(name)).collect())
+}
+
+/// Finds the columns of the velocities.
+pub(super) fn velocity_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
+    match map.array_of(Attribute::Velocity) {
+        Some(name) => vector_among(names, &[&name]),
+        None => vector_among(names, &["velocity", "velocities", "vel", "velo", "v"]),
+    }
+}
+
+/// Finds the columns of the ellipsoids.
+pub(super) fn ellipsoid_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
+    let base = map.array_of(Attribute::Ellipsoid).unwrap_or_else(|| "ellipsoid".into());
+    let find = |column: &String| names.iter().position(|name| name == column);
+    let numbered = |separator: &str| [0, 1, 2, 3, 4, 5].map(|k| format!("{base}{separator}{k}"));
+    let lettered = ELLIPSOID_COLUMNS.map(|name| name.replacen("ellipsoid", &base, 1));
+    let spellings = [lettered, numbered(":"), numbered("_")];
+    spellings.iter().find_map(|names| names.iter().map(find).collect())
 }
 
 /// The assignment of columns to positions and attributes.
@@ -105,6 +135,38 @@ impl Layout {
             numbers.extend(number.ok_or_else(found)?);
         }
         Ok(())
+    }
+
+    /// Reads `count` particles of one line each, which end the file. `adjust` may change a particle's numbers,
+    /// the first three of which are its position.
+    pub(super) fn read_lines(
+        &self,
+        file: &mut Cursor<'_>,
+        count: usize,
+        adjust: impl Fn(&mut [[u8; 8]]),
+    ) -> Result<Contents> {
+        let path = file.source.path;
+        let (mut numbers, mut starts) = (Vec::new(), Vec::new());
+        let begin = file.offset;
+        for row in 0..count {
+            let Some(line) = file.line() else {
+                return Err(file.error(format!("particle {row}: expected {count} lines")));
+            };
+            let words: Vec<&[u8]> = line.split_ascii_whitespace().map(str::as_bytes).collect();
+            memory::grow(&mut numbers, self.stride(), path.display())?;
+            memory::grow(&mut starts, 1, path.display())?;
+            let at = numbers.len();
+            let word = |field: usize| words.get(field).copied();
+            self.push_row(file.source, file.start, row, word, &mut numbers)?;
+            adjust(numbers[at..].as_chunks_mut().0);
+            starts.push(file.start);
+        }
+        if file.filled_line().is_some() {
+            let problem =
+                "several frames in one file, which is a sequence of its own: name it alone";
+            return Err(Error::format(path, problem));
+        }
+        self.contents(file.source, begin, numbers, starts)
     }
 
     /// The particles of rows that were added by [`Layout::push_row`]; `starts` are their offsets, and

@@ -7,7 +7,6 @@ use std::path::Path;
 use super::labelled::Layout;
 use super::{Contents, Cursor, Reading, foreign};
 use crate::error::{Error, Result};
-use limpid::memory;
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if !bytes.starts_with(b"ITEM:") {
@@ -73,39 +72,9 @@ fn particles(
         let problem = "positions are shares of a tilted or unknown box; dump x y z or xu yu zu";
         return Err(Error::format(path, problem));
     }
-    let (mut numbers, mut starts) = (Vec::new(), Vec::new());
-    let begin = file.offset;
-    for row in 0..count {
-        let Some(line) = file.line() else {
-            return Err(file.error(format!("particle {row}: expected {count} lines")));
-        };
-        let words: Vec<&[u8]> = line.split_ascii_whitespace().map(str::as_bytes).collect();
-        memory::grow(&mut numbers, layout.stride(), path.display())?;
-        memory::grow(&mut starts, 1, path.display())?;
-        let at = numbers.len();
-        layout.push_row(
-            file.source,
-            file.start,
-            row,
-            |field| words.get(field).copied(),
-            &mut numbers,
-        )?;
-        if scaled {
-            // The positions come first.
-            let (shares, _) = numbers[at..].as_chunks_mut::<8>();
-            for (share, [low, high]) in shares.iter_mut().zip(&sides) {
-                *share = (low + f64::from_le_bytes(*share) * (high - low)).to_le_bytes();
-            }
+    layout.read_lines(file, count, |numbers| {
+        for (share, [low, high]) in numbers.iter_mut().zip(&sides).filter(|_| scaled) {
+            *share = (low + f64::from_le_bytes(*share) * (high - low)).to_le_bytes();
         }
-        starts.push(file.start);
-    }
-    if file.filled_line().is_some() {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let problem = format!(
-            "several time steps in one file; split it: awk '/ITEM: TIMESTEP/ {{ n++ }} \
-             {{ print > sprintf(\"frame_%04d.lammpstrj\", n) }}' {name}"
-        );
-        return Err(Error::format(path, problem));
-    }
-    layout.contents(file.source, begin, numbers, starts)
+    })
 }

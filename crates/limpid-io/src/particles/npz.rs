@@ -18,7 +18,8 @@ use crate::files::DEFLATE_RATIO;
 use limpid::memory;
 
 /// Names of positions, the most likely first; numpy calls the first array without a name `arr_0`.
-const POSITIONS: [&str; 6] = ["positions", "position", "pos", "x", "points", "arr_0"];
+const POSITIONS: [&str; 7] =
+    ["positions", "position", "pos", "x", "points", "coordinates", "arr_0"];
 
 type Archive<'a> = ZipArchive<io::Cursor<&'a [u8]>>;
 
@@ -117,14 +118,7 @@ fn find_positions(
     let triples = headers.iter().enumerate();
     let triples = triples.filter(|(_, header)| header.as_ref().is_some_and(Header::triples));
     let triples: Vec<(usize, &str)> = triples.map(|(at, _)| (at, arrays[at].1.as_str())).collect();
-    let named = POSITIONS
-        .iter()
-        .find_map(|known| triples.iter().find(|(_, name)| name.eq_ignore_ascii_case(known)));
-    let other = || {
-        let mut others = triples.iter().filter(|(_, name)| map.attribute_of(name).is_none());
-        others.next().filter(|_| others.next().is_none())
-    };
-    named.or_else(other).map(|&(at, _)| at).ok_or_else(|| {
+    positions_among(&triples, map).ok_or_else(|| {
         let names: Vec<&str> = arrays.iter().take(8).map(|(_, name)| name.as_str()).collect();
         let problem = format!(
             "no array `{}` of shape (n, 3) of floats, nor a single other one; there are: {}",
@@ -133,6 +127,19 @@ fn find_positions(
         );
         Error::format(path, problem)
     })
+}
+
+/// Chooses the positions among arrays of triples, with their numbers: by their name, or the only one that is
+/// no attribute.
+pub(super) fn positions_among(triples: &[(usize, &str)], map: &AttributeMap) -> Option<usize> {
+    let named = POSITIONS
+        .iter()
+        .find_map(|known| triples.iter().find(|(_, name)| name.eq_ignore_ascii_case(known)));
+    let other = || {
+        let mut others = triples.iter().filter(|(_, name)| map.attribute_of(name).is_none());
+        others.next().filter(|_| others.next().is_none())
+    };
+    named.or_else(other).map(|&(at, _)| at)
 }
 
 /// An archive, with a limit of its unpacked size.

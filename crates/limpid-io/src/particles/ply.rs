@@ -9,9 +9,10 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use super::labelled::{ellipsoid_among, velocity_among};
 use super::{
     Attribute, AttributeMap, Column, Contents, Cursor, Particles, Reading, Scalar, Table, Values,
-    ellipsoid_among, foreign, narrow_id, velocity_among,
+    foreign, narrow_id,
 };
 use crate::error::{Error, Result};
 use limpid::memory;

@@ -5,8 +5,6 @@ use std::io::{self, Write};
 use glam::Vec3;
 use limpid::liquid::{Ellipsoid, Particles};
 
-use super::{Attribute, AttributeMap};
-
 /// The present attributes with their written names, which are those of SPlisHSPlasH if it has them.
 pub(super) fn attributes(particles: &Particles) -> Vec<(&'static str, Values<'_>)> {
     let Particles { velocities, densities, radii, ids, ellipsoids, .. } = particles;
@@ -65,7 +63,7 @@ impl<'a> Values<'a> {
 }
 
 /// Column names of the numbers of an [`Ellipsoid`].
-const ELLIPSOID_COLUMNS: [&str; 6] = [
+pub(super) const ELLIPSOID_COLUMNS: [&str; 6] = [
     "ellipsoid_xx",
     "ellipsoid_yy",
     "ellipsoid_zz",
@@ -73,37 +71,6 @@ const ELLIPSOID_COLUMNS: [&str; 6] = [
     "ellipsoid_yz",
     "ellipsoid_xz",
 ];
-
-/// Finds the columns of a vector whose names begin with one of `bases`, among names in lower case: `vx`,
-/// `Points:0`, `Points_0`, `Pos.x` and so on.
-pub(super) fn vector_among(names: &[String], bases: &[&str]) -> Option<Vec<usize>> {
-    let find = |column: &str| names.iter().position(|name| name == column);
-    let mut spellings = bases.iter().flat_map(|base| {
-        ["", ":", "_", "."].into_iter().flat_map(move |separator| {
-            [["x", "y", "z"], ["0", "1", "2"]]
-                .map(|axes| axes.map(|axis| format!("{base}{separator}{axis}")))
-        })
-    });
-    spellings.find_map(|names| names.iter().map(|name| find(name)).collect())
-}
-
-/// Finds the columns of the velocities.
-pub(super) fn velocity_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
-    match map.array_of(Attribute::Velocity) {
-        Some(name) => vector_among(names, &[&name]),
-        None => vector_among(names, &["velocity", "velocities", "vel", "velo", "v"]),
-    }
-}
-
-/// Finds the columns of the ellipsoids.
-pub(super) fn ellipsoid_among(names: &[String], map: &AttributeMap) -> Option<Vec<usize>> {
-    let base = map.array_of(Attribute::Ellipsoid).unwrap_or_else(|| "ellipsoid".into());
-    let find = |column: &String| names.iter().position(|name| name == column);
-    let numbered = |separator: &str| [0, 1, 2, 3, 4, 5].map(|k| format!("{base}{separator}{k}"));
-    let lettered = ELLIPSOID_COLUMNS.map(|name| name.replacen("ellipsoid", &base, 1));
-    let spellings = [lettered, numbered(":"), numbered("_")];
-    spellings.iter().find_map(|names| names.iter().map(find).collect())
-}
 
 /// Writes numbers in blocks, since a call per number would dominate the time.
 pub(super) fn write_numbers<T: Copy, const N: usize>(

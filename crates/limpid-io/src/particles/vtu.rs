@@ -1,6 +1,7 @@
 //! VTK's XML formats (Kitware, "VTK File Formats", section "XML File Formats"): the points and point
 //! data of unstructured grids (`.vtu`) and polygonal data (`.vtp`), in one piece or several. Arrays are
-//! ASCII, inline base64, or appended as base64 or raw data, optionally in blocks compressed by zlib or LZ4.
+//! ASCII, inline base64, or appended as base64 or raw data, optionally in blocks compressed by zlib, LZ4
+//! or LZMA.
 //!
 //! ```text
 //! uncompressed   length, bytes
@@ -13,25 +14,25 @@
 //!
 //! Raw appended data is not XML, so the document is read as a stream up to it.
 
+mod element;
+mod encoded;
 mod write;
 
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
 
-use base64::prelude::{BASE64_STANDARD, Engine as _};
-use flate2::{Decompress, FlushDecompress, Status};
 use quick_xml::Reader;
-use quick_xml::events::{BytesStart, Event};
-use rayon::prelude::*;
+use quick_xml::events::Event;
 
+use self::element::{Element, text_of};
+use self::encoded::{Compressor, Encoded, Packed};
 use super::vtk::is_point;
 use super::{
     Attribute, AttributeMap, Column, Contents, FileBytes, MOST_LISTED, POSITION_BYTES, Reading,
     Scalar, Table, foreign,
 };
 use crate::error::{Error, Result};
-use crate::files::DEFLATE_RATIO;
 use limpid::memory;
 
 pub(crate) use write::write;
@@ -315,9 +316,10 @@ impl<'a> Document<'a> {
             None | Some("") => None,
             Some("vtkZLibDataCompressor") => Some(Compressor::Zlib),
             Some("vtkLZ4DataCompressor") => Some(Compressor::Lz4),
+            Some("vtkLZMADataCompressor") => Some(Compressor::Lzma),
             Some(other) => {
                 let problem = format!(
-                    "compressor {other}: expected zlib, LZ4 or none; save it again with one of these"
+                    "compressor {other}: expected zlib, LZ4, LZMA or none; save it again with one of these"
                 );
                 return Err(format(problem));
             }
@@ -484,194 +486,6 @@ impl<'a> Document<'a> {
     }
 }
 
-/// A compression of arrays.
-#[derive(Clone, Copy)]
-enum Compressor {
-    Zlib,
-    /// Blocks without a frame.
-    Lz4,
-}
-
-impl Compressor {
-    /// Largest size of data as a multiple of their compressed size.
-    fn ratio(self) -> u64 {
-        match self {
-            Self::Zlib => DEFLATE_RATIO,
-            // A byte lengthens a match by 255.
-            Self::Lz4 => 256,
-        }
-    }
-
-    fn unpack(self, packed: &[u8], block: &mut [u8]) -> Result<(), String> {
-        let size = block.len();
-        let complete = |unpacked: usize| match unpacked == size {
-            true => Ok(()),
-            false => Err(format!("does not unpack to {size} bytes")),
-        };
-        match self {
-            Self::Zlib => {
-                let mut zlib = Decompress::new(true);
-                match zlib.decompress(packed, block, FlushDecompress::Finish) {
-                    Ok(Status::StreamEnd) => complete(zlib.total_out() as usize),
-                    Ok(_) => complete(0),
-                    Err(error) => Err(format!("is damaged: {error}")),
-                }
-            }
-            Self::Lz4 => match lz4_flex::block::decompress_into(packed, block) {
-                Ok(unpacked) => complete(unpacked),
-                Err(error) => Err(format!("is damaged: {error}")),
-            },
-        }
-    }
-}
-
-/// Compressed blocks.
-struct Packed<'a> {
-    data: Cow<'a, [u8]>,
-    /// Compressed size of each block, bytes.
-    sizes: Vec<u64>,
-    /// Unpacked size of each block except the last, bytes.
-    block: usize,
-    compressor: Compressor,
-}
-
-impl Packed<'_> {
-    fn inflate(&self, unpacked: &mut [u8]) -> Result<(), String> {
-        let mut rest = &*self.data;
-        let split = |&size: &u64| rest.split_off(..size as usize).unwrap_or_default();
-        let packed: Vec<&[u8]> = self.sizes.iter().map(split).collect();
-        let blocks = unpacked.par_chunks_mut(self.block).zip(packed);
-        blocks.enumerate().try_for_each(|(i, (block, packed))| {
-            let unpacked = self.compressor.unpack(packed, block);
-            unpacked.map_err(|problem| format!("block {i} {problem}"))
-        })
-    }
-}
-
-/// Encoded bytes of the file.
-#[derive(Clone, Copy)]
-struct Encoded<'a> {
-    base64: bool,
-    bytes: &'a [u8],
-}
-
-impl<'a> Encoded<'a> {
-    /// Decodes the first `length` bytes; returns also whether their base64 ends with them.
-    fn take(self, length: usize) -> Result<(Cow<'a, [u8]>, bool), String> {
-        let available = self.bytes.len();
-        let short = || format!("expected {length} bytes, but the file ends before them");
-        if !self.base64 {
-            let bytes = self.bytes.get(..length).ok_or_else(short)?;
-            return Ok((Cow::Borrowed(bytes), false));
-        }
-        let encoded = Self::encoded_length(length).filter(|&encoded| encoded <= available);
-        let encoded = &self.bytes[..encoded.ok_or_else(short)?];
-        let mut bytes = BASE64_STANDARD.decode(encoded).map_err(|error| error.to_string())?;
-        let separate = encoded.ends_with(b"=");
-        if bytes.len() < length {
-            return Err(format!(
-                "expected {length} bytes, but the base64 ends after {}",
-                bytes.len()
-            ));
-        }
-        bytes.truncate(length);
-        Ok((Cow::Owned(bytes), separate))
-    }
-
-    /// The rest after `length` bytes that were encoded separately.
-    fn after(self, length: usize) -> Self {
-        let encoded = Self::encoded_length(length).unwrap_or(usize::MAX);
-        let skipped = if self.base64 { encoded } else { length };
-        Self { bytes: self.bytes.get(skipped..).unwrap_or_default(), ..self }
-    }
-
-    /// Length of the base64 of `length` bytes, characters.
-    fn encoded_length(length: usize) -> Option<usize> {
-        length.div_ceil(3).checked_mul(4)
-    }
-}
-
-/// An XML element and its offset.
-#[derive(Clone, Copy)]
-struct Element<'a, 'b> {
-    source: FileBytes<'a>,
-    start: usize,
-    element: &'b BytesStart<'a>,
-}
-
-impl Element<'_, '_> {
-    fn error(&self, problem: &str) -> Error {
-        let name = self.element.name();
-        let name = String::from_utf8_lossy(name.as_ref());
-        self.source.error(self.start, format!("<{name}>: {problem}"))
-    }
-
-    fn attribute(&self, name: &str) -> Result<Option<String>> {
-        match self.element.try_get_attribute(name) {
-            Ok(found) => {
-                Ok(found
-                    .map(|attribute| String::from_utf8_lossy(&attribute.value).trim().to_owned()))
-            }
-            Err(error) => Err(self.error(&error.to_string())),
-        }
-    }
-
-    fn count(&self, name: &str) -> Result<Option<usize>> {
-        let problem =
-            |text: &str| self.error(&format!("{name}: expected a count, found `{text:.40}`"));
-        self.attribute(name)?.map(|text| text.parse().map_err(|_| problem(&text))).transpose()
-    }
-
-    /// Reads the element of an array; `None` if it cannot be an attribute.
-    fn array(
-        &self,
-        name: String,
-        section: Section,
-        size: usize,
-        rows: usize,
-    ) -> Result<Option<Array>> {
-        /// Largest number of values of an attribute.
-        const MAX_SIZE: usize = 6;
-        let points = section == Section::Points;
-        if points && size != 3 {
-            return Err(self.error(&format!("points of {size} numbers, expected 3")));
-        }
-        if !points && !(1..=MAX_SIZE).contains(&size) {
-            return Ok(None);
-        }
-        let scalar = match self.attribute("type")?.unwrap_or_default().as_str() {
-            "Int8" => Scalar::I8,
-            "UInt8" => Scalar::U8,
-            "Int16" => Scalar::I16,
-            "UInt16" => Scalar::U16,
-            "Int32" => Scalar::I32,
-            "UInt32" => Scalar::U32,
-            "Int64" => Scalar::I64,
-            "UInt64" => Scalar::U64,
-            "Float32" => Scalar::F32,
-            "Float64" => Scalar::F64,
-            other => {
-                let problem =
-                    format!("expected a number type (Float32, Int64, ...), found `{other:.40}`");
-                return Err(self.error(&problem));
-            }
-        };
-        let data = match self.attribute("format")?.as_deref() {
-            None | Some("ascii") => Data::Ascii(0..0),
-            Some("binary") => Data::Base64(0..0),
-            Some("appended") => {
-                let missing = || self.error("expected `offset`");
-                Data::Appended(self.count("offset")?.ok_or_else(missing)?)
-            }
-            Some(other) => {
-                let problem = format!("format `{other:.40}`: expected ascii, binary or appended");
-                return Err(self.error(&problem));
-            }
-        };
-        Ok(Some(Array { name, points, scalar, size, rows, start: self.start, data }))
-    }
-}
-
 impl Array {
     /// Memory of the positions or the attribute read from it, bytes.
     fn read_bytes(&self, map: &AttributeMap) -> u64 {
@@ -686,30 +500,5 @@ impl Array {
             Data::Appended(_) => {}
         }
         self
-    }
-}
-
-/// Reads to the end of an array's element, and returns its first text that is not blank. `ParaView` adds
-/// nested elements with information, which are skipped.
-fn text_of(xml: &mut Reader<&[u8]>, source: FileBytes<'_>) -> Result<Range<usize>> {
-    let (mut depth, mut text) = (0_usize, 0..0);
-    loop {
-        let start = xml.buffer_position() as usize;
-        let event = xml.read_event().map_err(|error| {
-            let offset = xml.error_position() as usize;
-            source.error(offset, format!("not XML: {error}"))
-        })?;
-        match event {
-            Event::Start(_) => depth += 1,
-            Event::End(_) if depth == 0 => return Ok(text),
-            Event::End(_) => depth -= 1,
-            Event::Text(found)
-                if depth == 0 && text.is_empty() && !found.trim_ascii().is_empty() =>
-            {
-                text = start..xml.buffer_position() as usize;
-            }
-            Event::Eof => return Err(source.error(start, "the file ends in an array")),
-            _ => {}
-        }
     }
 }

@@ -63,6 +63,7 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
         ("a.bi4", std::fs::read(file("Part_0005.bi4")).expect("a file")),
         ("a.prt", std::fs::read(file("krakatoa.prt")).expect("a file")),
         ("a.uni", std::fs::read(file("mantaflow.uni")).expect("a file")),
+        ("a.h5", std::fs::read(file("plain.h5")).expect("a file")),
     ]
 }
 
@@ -77,8 +78,16 @@ fn truncation_is_detected_everywhere() {
                     assert!(particles.len() <= 3);
                 }
                 Ok(particles) => {
-                    let by_others =
-                        ["e.vtu", "c.bgeo", "a.bgeo.sc", "a.geo", "a.bi4", "a.prt", "a.uni"];
+                    let by_others = [
+                        "e.vtu",
+                        "c.bgeo",
+                        "a.bgeo.sc",
+                        "a.geo",
+                        "a.bi4",
+                        "a.prt",
+                        "a.uni",
+                        "a.h5",
+                    ];
                     let count = if by_others.contains(&name) { 120 } else { 3 };
                     assert_eq!(particles.len(), count, "{name} cut to {length}");
                 }
