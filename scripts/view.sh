@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# From a fresh clone to a playing liquid: installs what is missing, builds the window, and shows it.
-# Arguments are those of `limpid view`.
+# From a fresh clone to a playing liquid: installs what is missing, builds the window, and shows it, with demos on
+# its first screen. Arguments are those of `limpid view`.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
