@@ -7,7 +7,9 @@ pub mod classify;
 pub mod counting_sort;
 mod ellipsoid;
 pub mod particles;
+mod up;
 
 pub use bulk::Bulk;
 pub use ellipsoid::Ellipsoid;
 pub use particles::{Particles, Up};
+pub use up::likely_up;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::environment::{Environment, Glow};
-use crate::liquid::Particles;
+use crate::liquid::{Particles, Up};
 use crate::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
 use crate::settings::Curve;
 
@@ -101,6 +101,18 @@ impl Body {
         self.radius = self.radius.max(other.radius);
         self.volume = self.volume.max(other.volume);
         self.points.extend(other.points);
+        self
+    }
+
+    /// The body in a world of y up, if this axis points up in its own.
+    #[must_use]
+    pub fn to_y_up(mut self, up: Up) -> Self {
+        if up == Up::Z {
+            let turned = |x: DVec3| DVec3::new(x.x, x.z, -x.y);
+            let (a, b) = (turned(self.bounds.0), turned(self.bounds.1));
+            self.bounds = (a.min(b), a.max(b));
+            self.points.iter_mut().for_each(|x| *x = turned(*x));
+        }
         self
     }
 

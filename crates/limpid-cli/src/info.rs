@@ -33,6 +33,8 @@ struct Info {
     frames: usize,
     first: i64,
     last: i64,
+    /// Whether z is guessed to point up in the files; what is described has y up.
+    turned: bool,
     described: Vec<FrameInfo>,
 }
 
@@ -92,6 +94,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         frames: frames.len(),
         first: frames.first().map_or(0, |frame| frame.number),
         last: frames.last().map_or(0, |frame| frame.number),
+        turned: input.is_turned(),
         described: Vec::new(),
     };
     for frame in chosen {
@@ -147,6 +150,9 @@ fn shortest(x: f64) -> f64 {
 fn describe(info: &Info) -> String {
     let mut lines =
         vec![format!("{}: {} frames, {} to {}", info.pattern, info.frames, info.first, info.last)];
+    if info.turned {
+        lines.push("z seems to point up in the files, which are turned to y up".to_owned());
+    }
     for frame in &info.described {
         let attributes = match frame.attributes.as_slice() {
             [] => "positions only".to_owned(),

@@ -79,6 +79,8 @@ pub struct Loaded {
     pub splats: Splats,
     /// Origin of the radius; with several fluids, the least reliable.
     pub radius_from: RadiusFrom,
+    /// Whether z is guessed to point up in the files.
+    pub turned: bool,
     /// Bounds of all centres; both 0 without particles.
     pub bounds: (DVec3, DVec3),
     /// Arrays of the files other than the positions, used or ignored; see [`Contents::arrays`].
@@ -110,7 +112,8 @@ impl Input {
             return Self::from_project(Project::load(path)?, input);
         }
         let sequence = Sequence::open(input)?;
-        Ok(Self::of(None, Fluid::of_files(sequence, None, Up::Y, AttributeMap::default()), None))
+        let fluid = Fluid::of_files(sequence, None, Up::Y, AttributeMap::default());
+        Ok(Self::of(None, Fluid { guess_up: true, ..fluid }, None))
     }
 
     /// As [`Input::open`], for descriptions instead of drawing: of an environment map only the header is
@@ -172,6 +175,7 @@ impl Input {
     /// to these frames.
     #[must_use]
     pub fn with_project(mut self, project: Project) -> Self {
+        self.fluids.iter_mut().for_each(|fluid| fluid.guess_up = false);
         if let Some(simulation) = project.source.simulation() {
             self.fps = Some(simulation.fps);
             for fluid in &mut self.fluids {
@@ -245,6 +249,7 @@ impl Input {
                 radius: Some(recipe.particle_radius() as f32),
                 radius_from: RadiusFrom::Scene,
                 up: Up::Y,
+                guess_up: false,
                 scale: 1.0,
                 options: ReadOptions::default(),
                 source: FluidSource::Recipe(recipe),
@@ -432,6 +437,7 @@ impl Input {
             particles: particles.len(),
             splats,
             radius_from: self.radius_from(particles),
+            turned: self.is_turned(),
             bounds: particles.bounds().unwrap_or_default(),
             arrays: Vec::new(),
             cells: 0,
@@ -446,6 +452,12 @@ impl Input {
             [_] if particles.radii.is_some() => RadiusFrom::File,
             fluids => fluids.iter().map(|fluid| fluid.radius_from).max().unwrap_or_default(),
         }
+    }
+
+    /// Whether z is guessed to point up in the files, as the surface of the liquid shows; see
+    /// [`limpid::liquid::likely_up`]. Known after [`Input::resolve`], of bare particle files.
+    pub fn is_turned(&self) -> bool {
+        self.fluids.iter().any(|fluid| fluid.guess_up && fluid.up == Up::Z)
     }
 
     /// Median radius of a frame's particles, m: the file's, the given one, or an estimate from the
@@ -511,7 +523,9 @@ impl Input {
             self.fluids.iter_mut().for_each(|fluid| fluid.scale = scale);
         }
         if let Some(up) = adjustments.up {
-            self.fluids.iter_mut().for_each(|fluid| fluid.up = up);
+            for fluid in &mut self.fluids {
+                (fluid.up, fluid.guess_up) = (up, false);
+            }
         }
         if let Some(fps) = adjustments.fps {
             check_fps(fps)?;
@@ -534,7 +548,7 @@ impl Input {
     }
 
     /// Resolves values that neither files nor scene have: the radius of each fluid from its first frame
-    /// with particles; the parts of the scene that a look provides; and the camera, which sees the
+    /// with particles; for files without a scene the axis that points up; the parts of the scene that a look provides; and the camera, which sees the
     /// [bulk](limpid::liquid::Bulk) of the particles in the first frame, the last one and the one between.
     /// So a sequence has one radius and one view, however it is shared among machines.
     ///

@@ -9,9 +9,11 @@ use std::path::Path;
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use limpid::camera::CameraUniform;
-use limpid::liquid::Particles;
+use limpid::liquid::{Particles, Up};
 use limpid_io::Error;
-use limpid_io::input::Input;
+use limpid_io::adjustments::Adjustments;
+use limpid_io::input::{FrameTime, Input};
+use limpid_io::open::Request;
 use limpid_io::project::Project;
 use support::Random;
 use tempfile::TempDir;
@@ -180,4 +182,36 @@ fn an_escaped_particle_does_not_change_view_and_floor() {
     assert_eq!((escaped.0.bulk.outside, whole.0.bulk.outside), (1, 0));
     assert_eq!(escaped.0.bulk.bounds, whole.0.bounds);
     assert_eq!(escaped.0.bounds.0.y, -1e6);
+}
+
+/// Text of a body of 20 × 8 × 12 particles on the level z = 0, which ends at a height; z is up.
+fn z_up(height: impl Fn(f32, f32) -> f32) -> String {
+    let all = (0..20 * 8 * 12).map(|i| [i % 20, i / 20 % 8, i / 160].map(|i| i as f32 + 0.5));
+    let within = all.filter(|&[x, y, z]| z < height(x, y));
+    within.map(|[x, y, z]| format!("{x} {y} {z}\n")).collect()
+}
+
+/// Without a scene z is up if a frame shows that, be it a later one; the view follows. `--up` and a scene
+/// decide against it.
+#[test]
+fn the_axis_that_points_up_is_guessed() {
+    let wave = z_up(|x, y| 6.0 + 4.0 * (0.4 * x).sin() + (0.9 * y).cos());
+    let folder = frames(&[&z_up(|_, _| 9.0), &wave]);
+    let (input, project) = open(&folder).resolve().unwrap();
+    assert!(input.is_turned());
+    let top = input.particles(FrameTime::at(0)).unwrap().bounds().unwrap().1;
+    assert_eq!(top, DVec3::new(19.5, 8.5, -0.5), "the first frame is turned too");
+    let camera = project.camera.unwrap();
+    assert!(camera.target.z < 0.0 && camera.eye.y > camera.target.y, "{camera:?}");
+    let loaded = input.load(FrameTime::at(1), &project.scene).unwrap();
+    assert!(loaded.turned);
+
+    let name = Some(folder.path().join("w_{}.xyz").to_str().unwrap().to_owned());
+    let adjustments = Adjustments { up: Some(Up::Y), ..Adjustments::default() };
+    let opened = Request { input: name, adjustments, ..Request::default() }.open().unwrap();
+    assert!(!opened.input.is_turned());
+    let scene = Project::parse("", "empty", Path::new(".")).unwrap();
+    assert!(!open(&folder).with_project(scene).resolve().unwrap().0.is_turned());
+    let calm = frames(&[&z_up(|_, _| 9.0)]);
+    assert!(!open(&calm).resolve().unwrap().0.is_turned());
 }

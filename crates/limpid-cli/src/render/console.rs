@@ -83,6 +83,9 @@ fn describe(loaded: &Loaded, adapter: &str) -> String {
     };
     let (particles, radius) = (thousands(loaded.particles), loaded.splats.radius);
     let mut text = format!("{particles} particles, radius {radius} m ({from})");
+    if loaded.turned {
+        text += ", z up (guessed, or else --up y)";
+    }
     for (used, word) in [(true, "used"), (false, "ignored")] {
         let arrays = loaded.arrays.iter().filter(|array| array.used_as.is_some() == used);
         if let Some(names) = listed(arrays) {

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::particles::{AttributeMap, Contents, ReadOptions};
 use crate::sequence::{Frame, Section, Sequence};
 use limpid::liquid::classify;
-use limpid::liquid::{Particles, Up};
+use limpid::liquid::{Particles, Up, likely_up};
 use limpid::look::Body;
 use limpid::memory;
 use limpid_sim::recipe::Recipe;
@@ -23,6 +23,8 @@ pub(super) struct Fluid {
     /// Origin of the radius; a guess without one.
     pub(super) radius_from: RadiusFrom,
     pub(super) up: Up,
+    /// Whether the axis is unknown, and guessed from the first frames.
+    pub(super) guess_up: bool,
     /// Length of the file's unit, m.
     pub(super) scale: f64,
     pub(super) options: ReadOptions,
@@ -99,7 +101,16 @@ impl Fluid {
     ) -> Self {
         let options = ReadOptions { map, ..ReadOptions::default() };
         let radius_from = radius.map_or(RadiusFrom::Guess, |_| RadiusFrom::Scene);
-        Self { sequence, radius, radius_from, up, scale: 1.0, options, source: FluidSource::Files }
+        Self {
+            sequence,
+            radius,
+            radius_from,
+            up,
+            guess_up: false,
+            scale: 1.0,
+            options,
+            source: FluidSource::Files,
+        }
     }
 
     /// One frame, a file in memory, which messages call `pattern`.
@@ -175,10 +186,11 @@ impl Fluid {
         }
     }
 
-    /// Sets the radius from the first frame with particles, if it is not known, and returns the body of
-    /// liquid in that frame; with `all`, in it, the middle frame and the last one, so that an automatic
-    /// view shows the whole event.
+    /// Sets the radius from the first frame with particles and the axis that points up, if they are not
+    /// known, and returns the body of liquid in that frame; with `all`, in it, the middle frame and the last
+    /// one, so that an automatic view shows the whole event. The first of these that shows the axis tells it.
     pub(super) fn resolve(&mut self, all: bool) -> Result<Option<Body>> {
+        let mut up = (!self.guess_up).then_some(Up::Y);
         let numbers: Vec<i64> = self.sequence.frames.iter().map(|frame| frame.number).collect();
         let mut body: Option<Body> = None;
         let mut first = numbers.len();
@@ -198,6 +210,7 @@ impl Fluid {
                 self.radius = Some(resolved);
             }
             let radius = classify::median_radius(&particles, resolved)?;
+            up = up.or_else(|| likely_up(&particles, radius));
             body = Body::new(&particles, radius);
             first = i;
             break;
@@ -211,10 +224,16 @@ impl Fluid {
             // A damaged frame is an error once it is drawn.
             let Ok(contents) = self.contents(numbers[i], Missing::Error) else { continue };
             let radius = body.as_ref().map_or(0.0, |body| body.radius);
+            up = up.or_else(|| likely_up(&contents.particles, radius));
             body = match (body, Body::new(&contents.particles, radius)) {
                 (Some(a), Some(b)) => Some(a.with(b)),
                 (a, b) => a.or(b),
             };
+        }
+        // What was read had the axis y; from here on files are turned as they are read.
+        if self.guess_up && up == Some(Up::Z) {
+            self.up = Up::Z;
+            body = body.map(|body| body.to_y_up(Up::Z));
         }
         Ok(body)
     }
