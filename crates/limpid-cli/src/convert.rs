@@ -82,7 +82,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let convert = |frame: &&Frame| {
             let contents = match &piped {
                 Some(bytes) => Contents::parse(&frame.path, bytes, &options),
-                None => Contents::read_frame(frame, &options),
+                None => frame.read(&options),
             };
             let path = names.path(frame.number);
             let converted = contents.and_then(|contents| write(contents, &path, args.up));

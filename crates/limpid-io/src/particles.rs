@@ -49,6 +49,7 @@ use crate::output::FileKind;
 use crate::{files, output};
 
 pub use arrays::{Array, AttributeMap, Contents};
+pub use trajectory::Section;
 
 /// An attribute of particles besides their positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -165,7 +166,7 @@ struct Reading<'a> {
 /// | `.prt` | Krakatoa's particles | not written |
 /// | `.uni` | mantaflow's particles: positions, in cells | not written |
 ///
-/// Of text with several frames [`Contents::read_frame`] reads one at a time.
+/// Of text with several frames [`Frame::read`](crate::sequence::Frame::read) reads one at a time.
 ///
 /// Attributes have the usual names of simulators, in any case: `velocity`, `velocities`, `vel`, `v`;
 /// `density`, `densities`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`, `ParticleIDs`; and

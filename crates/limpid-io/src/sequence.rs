@@ -5,9 +5,11 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::particles::{extensions, readable_stem, trajectory};
+use crate::particles::{Contents, ReadOptions, Section, extensions, readable_stem, trajectory};
 use crate::pattern::placeholder;
 use crate::{files, vtk_lists};
+use limpid::liquid::Particles;
+use limpid::memory;
 
 /// The frames of an input, ordered by their numbers, which are unique.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,21 +35,34 @@ pub struct Frame {
     pub section: Option<Section>,
 }
 
-/// A part of a text file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Section {
-    /// Offset, bytes.
-    pub start: u64,
-    /// Length, bytes.
-    pub length: u64,
-    /// Number of lines before it.
-    pub lines: u64,
-}
-
 impl Frame {
     /// A frame in one file.
     pub fn new(number: i64, path: PathBuf) -> Self {
         Self { number, path, parts: Vec::new(), section: None }
+    }
+
+    /// Reads its part of a file, its file, or its files as one.
+    ///
+    /// # Errors
+    /// As [`Contents::read`].
+    pub fn read(&self, options: &ReadOptions) -> Result<Contents> {
+        let mut contents = match self.section {
+            Some(section) => trajectory::read_section(&self.path, section, options)?,
+            None => Contents::read(&self.path, options)?,
+        };
+        if self.parts.is_empty() {
+            return Ok(contents);
+        }
+        let mut parts = vec![std::mem::take(&mut contents.particles)];
+        for path in &self.parts {
+            let part = Contents::read(path, options)?;
+            contents.cells = contents.cells.saturating_add(part.cells);
+            parts.push(part.particles);
+        }
+        let count: usize = parts.iter().map(Particles::len).sum();
+        memory::probe(count.saturating_mul(Particles::MATCHED), self.path.display())?;
+        contents.particles = Particles::joined(&parts);
+        Ok(contents)
     }
 }
 
@@ -74,6 +89,11 @@ impl Sequence {
             && parts.is_empty()
             && let Some(frames) = trajectory::frames_of(path)?
         {
+            let frame = |(number, section)| Frame {
+                section: Some(section),
+                ..Frame::new(number, path.clone())
+            };
+            let frames = frames.into_iter().map(frame).collect();
             return Ok(Self { frames, ..sequence });
         }
         Ok(sequence)

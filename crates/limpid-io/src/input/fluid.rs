@@ -5,8 +5,9 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
+use crate::particles::Section;
 use crate::particles::{AttributeMap, Contents, ReadOptions};
-use crate::sequence::{Frame, Section, Sequence};
+use crate::sequence::{Frame, Sequence};
 use limpid::liquid::classify;
 use limpid::liquid::{Particles, Up, likely_up};
 use limpid::look::Body;
@@ -147,7 +148,7 @@ impl Fluid {
             return Err(self.missing_frame(number));
         };
         let mut contents = match &self.source {
-            FluidSource::Files => Contents::read_frame(frame, &self.options)?,
+            FluidSource::Files => frame.read(&self.options)?,
             FluidSource::Memory(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
             FluidSource::Recipe(recipe) => return Ok(recipe.particles()?.into()),
         };

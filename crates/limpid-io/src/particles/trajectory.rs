@@ -5,39 +5,31 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
-use super::{Contents, Particles, ReadOptions, Reading, format_for};
+use super::{Contents, ReadOptions, Reading, format_for};
 use crate::error::{Error, Location, Result};
 use crate::files;
-use crate::sequence::{Frame, Section};
 use limpid::memory;
 
-impl Contents {
-    /// As [`Contents::read`], for a frame of a sequence: a part of a file, a file, or several files.
-    ///
-    /// # Errors
-    /// As [`Contents::read`].
-    pub fn read_frame(frame: &Frame, options: &ReadOptions) -> Result<Self> {
-        let mut contents = match frame.section {
-            Some(section) => read_section(&frame.path, section, options)?,
-            None => Self::read(&frame.path, options)?,
-        };
-        if frame.parts.is_empty() {
-            return Ok(contents);
-        }
-        let mut parts = vec![std::mem::take(&mut contents.particles)];
-        for path in &frame.parts {
-            let part = Self::read(path, options)?;
-            contents.cells = contents.cells.saturating_add(part.cells);
-            parts.push(part.particles);
-        }
-        let count: usize = parts.iter().map(Particles::len).sum();
-        memory::probe(count.saturating_mul(Particles::MATCHED), frame.path.display())?;
-        contents.particles = Particles::joined(&parts);
-        Ok(contents)
-    }
+/// A part of a text file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Section {
+    /// Offset, bytes.
+    pub start: u64,
+    /// Length, bytes.
+    pub length: u64,
+    /// Number of lines before it.
+    pub lines: u64,
 }
 
-fn read_section(path: &Path, section: Section, options: &ReadOptions) -> Result<Contents> {
+/// Reads a frame of a file with several, as [`Contents::read`] reads a file.
+///
+/// # Errors
+/// As [`Contents::read`].
+pub(crate) fn read_section(
+    path: &Path,
+    section: Section,
+    options: &ReadOptions,
+) -> Result<Contents> {
     let fail = |source| Error::io(path, "read", source);
     let format = format_for(path)?;
     let (mut file, metadata) = files::open(path)?;
@@ -89,12 +81,12 @@ fn kind_of(path: &Path) -> Option<Kind> {
 ///
 /// # Errors
 /// [`Error::Io`], and [`Error::Malformed`] if something else follows a frame.
-pub(crate) fn frames_of(path: &Path) -> Result<Option<Vec<Frame>>> {
+pub(crate) fn frames_of(path: &Path) -> Result<Option<Vec<(i64, Section)>>> {
     let Some(kind) = kind_of(path) else { return Ok(None) };
     let (file, _) = files::open(path)?;
     let mut scan =
         Scan { path, file: BufReader::with_capacity(1 << 20, file), offset: 0, lines: 0 };
-    let mut frames: Vec<Frame> = Vec::new();
+    let mut frames: Vec<(i64, Section)> = Vec::new();
     loop {
         scan.skip_blank_lines()?;
         let (start, lines) = (scan.offset, scan.lines);
@@ -112,14 +104,14 @@ pub(crate) fn frames_of(path: &Path) -> Result<Option<Vec<Frame>>> {
         }
         let section = Section { start, length: scan.offset - start, lines };
         let number = number.unwrap_or(frames.len() as i64);
-        if frames.last().is_some_and(|last| last.number == number) {
+        if frames.last().is_some_and(|(last, _)| *last == number) {
             continue;
         }
         memory::grow(&mut frames, 1, path.display())?;
-        frames.push(Frame { section: Some(section), ..Frame::new(number, path.to_owned()) });
+        frames.push((number, section));
     }
-    if !frames.is_sorted_by_key(|frame| frame.number) {
-        (0..).zip(&mut frames).for_each(|(number, frame)| frame.number = number);
+    if !frames.is_sorted_by_key(|(number, _)| *number) {
+        (0..).zip(&mut frames).for_each(|(new, (number, _))| *number = new);
     }
     Ok((frames.len() > 1).then_some(frames))
 }

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use glam::Vec3;
-use limpid_io::particles::{Contents, ReadOptions};
-use limpid_io::sequence::Sequence;
+use limpid_io::particles::ReadOptions;
+use limpid_io::sequence::{Frame, Sequence};
 
 use super::other_programs::file;
 
@@ -21,7 +21,7 @@ fn numbers(sequence: &Sequence) -> Vec<i64> {
 
 /// The first position of each frame, along x.
 fn first_x(sequence: &Sequence) -> Vec<f32> {
-    let read = |frame| Contents::read_frame(frame, &ReadOptions::default()).expect("a frame");
+    let read = |frame: &Frame| frame.read(&ReadOptions::default()).expect("a frame");
     sequence.frames.iter().map(|frame| read(frame).particles.positions[0].x).collect()
 }
 
@@ -40,7 +40,7 @@ fn frames_of_ase() {
     let path = file("ase_frames.extxyz");
     let sequence = Sequence::open(path.to_str().unwrap()).expect("a sequence");
     assert_eq!((numbers(&sequence), first_x(&sequence)), (vec![0, 1, 2], vec![0.0, 1.0, 2.0]));
-    let last = Contents::read_frame(&sequence.frames[2], &ReadOptions::default()).unwrap();
+    let last = sequence.frames[2].read(&ReadOptions::default()).unwrap();
     assert_eq!(last.particles.len(), 8);
     assert!(last.particles.positions[7].distance(Vec3::new(2.3, 0.1, 0.0)) < 1e-6);
 
@@ -77,7 +77,7 @@ fn errors_name_the_line_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let open = |name: &str, text: &str| open(folder.path(), name, text);
     let error = |sequence: &Sequence, at: usize| {
-        let read = Contents::read_frame(&sequence.frames[at], &ReadOptions::default());
+        let read = sequence.frames[at].read(&ReadOptions::default());
         read.unwrap_err().to_string()
     };
     let bad = open("a.extxyz", "1\n\nO 0 0 0\n\n1\n\nO 0 zero 0\n").expect("two frames");
@@ -106,6 +106,6 @@ fn errors_name_the_line_of_the_file() {
     assert_eq!(plain.frames[0].section, None);
     // A frame beyond the limit of its size.
     let options = ReadOptions { max_unpacked: Some(8), ..ReadOptions::default() };
-    let message = Contents::read_frame(&bad.frames[0], &options).unwrap_err().to_string();
+    let message = bad.frames[0].read(&options).unwrap_err().to_string();
     assert!(message.contains("expected at most 8"), "{message}");
 }
