@@ -428,11 +428,13 @@ fn unknown_kind(path: &Path, name: &str) -> Error {
         (".ani", "the ellipsoids of a .pos file: name that, they are read with it"),
         (".abc", "Alembic: export the points as .bgeo or .ply"),
         (".vdb", "OpenVDB: export the points as .bgeo or .ply"),
+        (".zip", "a zip archive: unpack it, and name its folder or files"),
     ];
     let name = name.to_ascii_lowercase();
     let remedy = remedies.iter().find(|(extension, _)| name.ends_with(extension));
-    let kind = remedy.map_or("a kind of file that limpid does not know", |(_, remedy)| remedy);
-    Error::format(path, format!("{kind}; can be read: {}", extensions()))
+    let unknown =
+        || format!("a kind of file that limpid does not know; can be read: {}", extensions());
+    Error::format(path, remedy.map_or_else(unknown, |(_, remedy)| (*remedy).to_owned()))
 }
 
 /// The error of a file without the magic of its format, with the format that it seems to have.
