@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::error::ErrorKind as Usage;
+use clap::error::{ContextKind, ContextValue, ErrorKind as Usage};
 use clap::{CommandFactory as _, Parser, Subcommand};
 use limpid_io::output::{self, FileKind};
 
@@ -179,8 +179,19 @@ fn parse() -> anyhow::Result<Cli> {
         Usage::DisplayHelp
         | Usage::DisplayVersion
         | Usage::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
-        _ => anyhow::anyhow!(one_line(&error.to_string())),
+        _ => {
+            anyhow::anyhow!(without_command(&error).unwrap_or_else(|| one_line(&error.to_string())))
+        }
     })
+}
+
+/// The message for an input where a command is expected.
+fn without_command(error: &clap::Error) -> Option<String> {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else {
+        return None;
+    };
+    let is_input = Path::new(word).exists() || word.contains(['.', '{', '*']);
+    is_input.then(|| format!("`{word}` is no command; to draw it: limpid render {word}"))
 }
 
 /// Extracts problem and hint from clap's message, without the usage and the reference to the help.

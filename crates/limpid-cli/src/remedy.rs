@@ -1,5 +1,7 @@
 //! Remedies for errors and notices, in terms of this program's options.
 
+use std::io::ErrorKind;
+
 use limpid::error::Limited;
 use limpid_io::Error;
 use limpid_io::input::Missing;
@@ -10,7 +12,8 @@ pub(crate) fn with_remedy(error: &Error) -> String {
     match error {
         Error::Frame { frame, source } => format!("frame {frame}: {}", with_remedy(source)),
         Error::Shared(error) => with_remedy(error),
-        Error::Override { .. } => format!("--set {error}"),
+        Error::Override { problem, .. } if problem.ends_with('?') => format!("--set {error}"),
+        Error::Override { .. } => format!("--set {error}; `limpid settings` lists all"),
         Error::Render(error) => of_drawing(error),
         _ => joined(&error.to_string(), of_file(error).as_deref()),
     }
@@ -23,7 +26,7 @@ pub(crate) fn of_drawing(error: &limpid::Error) -> String {
             "install a Vulkan driver, or Mesa's software one (Debian: apt-get install \
              mesa-vulkan-drivers)"
         }
-        limpid::Error::Limit { of: Limited::Picture, .. } => "--size",
+        limpid::Error::Limit { of: Limited::Picture, .. } => "--size sets it",
         limpid::Error::Limit { of: Limited::Classify, .. } => "--set classify.on=auto or cpu",
         _ => return error.to_string(),
     };
@@ -34,7 +37,9 @@ pub(crate) fn of_drawing(error: &limpid::Error) -> String {
 fn of_file(error: &Error) -> Option<String> {
     Some(match error {
         Error::TooLarge { .. } => "--max-unpacked MIB allows more".into(),
-        Error::MissingFrame { .. } => "to continue: --missing empty or hold".into(),
+        Error::MissingFrame { .. } | Error::MissingFrames { .. } => {
+            "to continue: --missing empty or hold".into()
+        }
         Error::NotBaked { scene } => format!("run: limpid bake {scene}"),
         Error::OtherBake { .. } => {
             "bake with --restart to replace them, or into another folder with -o".into()
@@ -43,6 +48,9 @@ fn of_file(error: &Error) -> Option<String> {
             "remove them yourself, or bake into another folder with -o".into()
         }
         Error::UnknownRadius { .. } => "give --radius".into(),
+        Error::Io { action: "write", source, .. } if source.kind() == ErrorKind::StorageFull => {
+            "free some space, or write elsewhere".into()
+        }
         Error::Window(_) => "`limpid render` draws without one".into(),
         Error::Threads(_) => {
             "raise its limits (`ulimit -u`, `ulimit -v`) or end other programs, and try again"
@@ -62,6 +70,9 @@ pub(crate) fn of_notice(notice: &Notice) -> String {
             "if so, pass half of it as --radius".into()
         }
         Notice::MaybeRadius(array) => format!("if it is the radius: --map radius={array}"),
+        Notice::Crowded(_) | Notice::Scattered(_) => {
+            "if the places are not in metres: --scale 0.001 for millimetres; if the radius is wrong: --radius".into()
+        }
         Notice::Opaque(_) => "if these are millimetres: --scale 0.001".into(),
         Notice::Unseen(_) | Notice::Outside(..) => VIEW.into(),
         _ => return notice.to_string(),

@@ -1,5 +1,7 @@
 //! Options shared by several commands.
 
+use std::path::Path;
+
 use glam::UVec2;
 use limpid::liquid::Up;
 use limpid::look::Look;
@@ -53,6 +55,10 @@ impl Inputs {
             }
             (Some(pattern), _) => Ok((Some(pattern.clone()), None)),
             (None, [] | [_]) => Ok((self.inputs.first().cloned(), None)),
+            (None, files) if let Some(output) = files.iter().find(|file| is_output(file)) => {
+                let problem = format!("{output} is no input; to write it: -o {output}");
+                Err(limpid_io::Error::Usage(problem))
+            }
             (None, files) => {
                 let (pattern, numbers) = Sequence::pattern_of(files)?;
                 Ok((Some(pattern), Some(FrameSpec::List(numbers))))
@@ -87,7 +93,7 @@ pub(crate) struct SceneChanges {
     #[arg(long, value_parser = parse_up)]
     up: Option<Up>,
     /// Length of the files' unit in metres: 0.001 for millimetres.
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", value_parser = parse_scale)]
     scale: Option<f64>,
 }
 
@@ -97,6 +103,19 @@ impl SceneChanges {
         let Self { look, sun, floor, ior, tint, up, scale } = *self;
         Adjustments { look, sun, floor, ior, tint, up, scale, fps }
     }
+}
+
+/// Whether a file is a picture or a film by its name.
+fn is_output(file: &str) -> bool {
+    const ENDINGS: [&str; 10] =
+        ["png", "jpg", "jpeg", "webp", "exr", "mp4", "webm", "gif", "apng", "tiff"];
+    let extension = Path::new(file).extension().unwrap_or_default().to_string_lossy();
+    ENDINGS.iter().any(|ending| extension.eq_ignore_ascii_case(ending))
+}
+
+/// Parses the length of a unit.
+fn parse_scale(text: &str) -> Result<f64, &'static str> {
+    text.parse().map_err(|_| "expected the unit's length in metres, as 0.001")
 }
 
 /// Parses the name of an axis.

@@ -94,7 +94,7 @@ pub enum Error {
         /// Its problem.
         problem: String,
     },
-    /// No file matches a pattern, or frames of a range are missing.
+    /// No file matches a pattern.
     #[error("{pattern}: {problem}")]
     Sequence {
         /// The pattern or folder as given.
@@ -109,6 +109,14 @@ pub enum Error {
         pattern: String,
         /// The frame's number.
         frame: i64,
+    },
+    /// Frames of a range are missing.
+    #[error("{pattern}: {problem}")]
+    MissingFrames {
+        /// The pattern or folder as given.
+        pattern: String,
+        /// How many, and which.
+        problem: String,
     },
     /// A scene with a simulation that has not been baked.
     #[error("{scene}: not simulated yet")]
@@ -226,6 +234,7 @@ impl Error {
             | Self::TooLarge { .. }
             | Self::Sequence { .. }
             | Self::MissingFrame { .. }
+            | Self::MissingFrames { .. }
             | Self::NotBaked { .. } => Category::Data,
             Self::Window(_) => Category::Device,
             Self::Threads(_) => Category::Temporary,
@@ -261,8 +270,12 @@ impl Error {
 /// one.
 pub fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> Error {
     let mut problem = error.message().trim().to_owned();
-    if let Some(nearest) = nearest_key(&problem) {
-        problem = format!("{problem}; did you mean `{nearest}`?");
+    if let Some((nearest, similarity)) = nearest_key(&problem) {
+        // All keys, unless it is clear which one is meant.
+        let problem_alone =
+            problem.split_once(", expected one of ").map_or(&*problem, |(first, _)| first);
+        let stated = if similarity > CLEAR { problem_alone } else { &problem };
+        problem = format!("{stated}; did you mean `{nearest}`?");
     }
     let line = error.span().map(|span| {
         let before = text.as_bytes().get(..span.start).unwrap_or(text.as_bytes());
@@ -275,9 +288,13 @@ pub fn toml_error(text: &str, origin: &str, error: &toml::de::Error) -> Error {
     Error::Scene { origin, problem: printable(problem) }
 }
 
+/// Similarity of a misspelt key to the one that is meant, from 0 to 1.
+const CLEAR: f64 = 0.9;
+
 /// The known key most similar to the unknown one, from the message of serde (the first name in
-/// backquotes is the unknown key, the others are the known ones) or of toml for tables in arrays.
-fn nearest_key(message: &str) -> Option<&str> {
+/// backquotes is the unknown key, the others are the known ones) or of toml for tables in arrays; and how
+/// similar it is, from 0 to 1.
+fn nearest_key(message: &str) -> Option<(&str, f64)> {
     let names: Vec<&str> = match message.strip_prefix("unexpected keys in table: ") {
         Some(rest) => {
             let (unknown, known) = rest.split_once(", available keys: ")?;
@@ -287,7 +304,6 @@ fn nearest_key(message: &str) -> Option<&str> {
         None => return None,
     };
     let (unknown, known) = names.split_first()?;
-    known.iter().copied().max_by(|a, b| {
-        strsim::jaro_winkler(a, unknown).total_cmp(&strsim::jaro_winkler(b, unknown))
-    })
+    let known = known.iter().map(|&key| (key, strsim::jaro_winkler(key, unknown)));
+    known.max_by(|(_, a), (_, b)| a.total_cmp(b))
 }

@@ -55,7 +55,7 @@ impl FrameSpec {
     ///
     /// # Errors
     ///
-    /// [`Error::Sequence`] if a listed frame does not exist.
+    /// [`Error::MissingFrames`] if a listed frame does not exist.
     pub fn select<'a>(&self, sequence: &'a Sequence) -> Result<Vec<&'a Frame>> {
         let numbers = match self {
             Self::All => return Ok(sequence.frames.iter().collect()),
@@ -77,7 +77,7 @@ impl FrameSpec {
             sequence.frames.first().map_or(0, |frame| frame.number),
             sequence.frames.last().map_or(0, |frame| frame.number),
         );
-        Err(Error::Sequence { pattern: sequence.pattern.clone(), problem })
+        Err(Error::MissingFrames { pattern: sequence.pattern.clone(), problem })
     }
 }
 
@@ -87,7 +87,7 @@ impl FrameSpec {
     ///
     /// # Errors
     ///
-    /// [`Error::Sequence`] if a listed frame does not exist and must; [`Error::Usage`] for more missing
+    /// [`Error::MissingFrames`] if a listed frame does not exist and must; [`Error::Usage`] for more missing
     /// frames than can be intended.
     pub fn numbers(&self, sequence: &Sequence, missing: Missing) -> Result<Vec<i64>> {
         if missing == Missing::Error {

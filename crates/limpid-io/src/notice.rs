@@ -29,6 +29,8 @@ pub enum Notice {
     MaybeRadius(String),
     /// The particles are much closer together than their radius, m.
     Crowded(f32),
+    /// The particles are much farther apart than their given radius, m.
+    Scattered(f32),
     /// The liquid is so large that it is nearly opaque: its unit may be millimetres. The longest side of
     /// the box around the bulk of the particles, m.
     Opaque(f64),
@@ -87,7 +89,12 @@ impl fmt::Display for Notice {
             Self::Crowded(radius) => write!(
                 f,
                 "the particles are much closer together than their radius of {radius} m, which makes one \
-                 blob of them and takes long: their places and their radius may be in different units"
+                 blob of them and takes long"
+            ),
+            Self::Scattered(radius) => write!(
+                f,
+                "the particles are much farther apart than their radius of {radius} m, and each is drawn as a \
+                 drop of its own"
             ),
             Self::Opaque(extent) => {
                 write!(f, "the particles extend over {extent:.0} m; at this size the liquid is opaque")
@@ -151,16 +158,18 @@ pub fn of_frame(loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
         let radius = ignored.find(|array| named(&array.name));
         notices.extend(radius.map(|array| Notice::MaybeRadius(array.name.clone())));
     }
-    notices.extend(crowded(loaded));
-    notices.extend(opaque(loaded.bulk.bounds, scene));
+    notices.extend(misfit(loaded).or_else(|| opaque(loaded.bulk.bounds, scene)));
     notices
 }
 
-/// Whether the radius is far too large for the spacing of the particles.
-fn crowded(loaded: &Loaded) -> Option<Notice> {
+/// Whether the radius is far too large for the spacing of the particles, or too small.
+fn misfit(loaded: &Loaded) -> Option<Notice> {
     /// Ratio of the radius to the estimate from the spacing that no simulation method has: at most
     /// three, and smoothing of the centres halves the spacing of such particles at most.
     const TOO_LARGE: f32 = 8.0;
+    /// Ratio below which not even spray has a radius that was given for all particles: metres beside
+    /// centimetres or millimetres.
+    const TOO_SMALL: f32 = 0.03;
     /// Largest number of particles to check, which takes long.
     const MAX_CHECKED: usize = 2_000_000;
     let splats = &loaded.splats;
@@ -172,8 +181,14 @@ fn crowded(loaded: &Loaded) -> Option<Notice> {
     classify::probe_memory(splats.aggregates.len() + splats.splashes.len(), "a notice").ok()?;
     let positions = all().map(|splat| Vec3::from_array(splat.centre)).collect();
     let estimate = classify::estimate_radius(&Particles::from_positions(positions));
-    let crowded = estimate > 0.0 && splats.radius > TOO_LARGE * estimate;
-    crowded.then_some(Notice::Crowded(splats.radius))
+    let given = matches!(loaded.radius_from, RadiusFrom::Option | RadiusFrom::Scene);
+    if estimate > 0.0 && splats.radius > TOO_LARGE * estimate {
+        Some(Notice::Crowded(splats.radius))
+    } else if given && splats.radius < TOO_SMALL * estimate {
+        Some(Notice::Scattered(splats.radius))
+    } else {
+        None
+    }
 }
 
 /// Whether the liquid within these bounds is unusually large and nearly opaque.

@@ -445,8 +445,9 @@ fn writable(path: &Path) -> Result<(Format, Writer)> {
 }
 
 fn unknown_kind(path: &Path, name: &str) -> Error {
-    let kind = kinds::remedy(name).unwrap_or("a kind of file that limpid does not know");
-    Error::format(path, format!("{kind}; can be read: {}", extensions()))
+    let unknown =
+        || format!("a kind of file that limpid does not know; can be read: {}", extensions());
+    Error::format(path, kinds::remedy(name).map_or_else(unknown, str::to_owned))
 }
 
 /// The error of a file without the magic of its format, with the format that it seems to have.

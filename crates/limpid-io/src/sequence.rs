@@ -106,9 +106,7 @@ impl Sequence {
             Ok(_) => None,
             Err(_) if file_name(path).contains("{r}") => return Self::from_ranks(input),
             Err(_) if file_name(path).contains('*') => return Self::from_glob(path),
-            Err(error) => {
-                Some(Pattern::parse(input)?.ok_or_else(|| Error::io(path, "read", error))?)
-            }
+            Err(error) => Some(Pattern::parse(input)?.ok_or_else(|| absent(path, error))?),
         };
         match pattern {
             Some(pattern) => Self::from_pattern(input, &pattern),
@@ -217,7 +215,8 @@ impl Sequence {
             |name: &String| readable_stem(name).is_some() && is_piece_list(name) == lists;
         let names: Vec<String> = names.into_iter().filter(is_frame).collect();
         if names.is_empty() {
-            let problem = format!("no particle files ({}) in this folder", extensions());
+            let problem =
+                format!("no particle files ({}) in this folder; name theirs", extensions());
             return Err(Error::Sequence { pattern: folder.display().to_string(), problem });
         }
         Self::from_names(folder, &names, "in this folder")
@@ -325,7 +324,9 @@ impl Sequence {
             let own = own.to_string_lossy().into_owned();
             match &pattern {
                 Some(first) if *first != own => {
-                    let problem = format!("does not belong to the sequence {first}");
+                    let problem = format!(
+                        "does not belong to the sequence {first}; name the files of one sequence"
+                    );
                     return Err(fail(problem));
                 }
                 _ => pattern = Some(own),
@@ -375,6 +376,26 @@ impl Sequence {
             }
         }
         Ok(Self { frames, pattern, fps: None })
+    }
+}
+
+/// The error of a file that cannot be opened, with the most similar name that is there.
+fn absent(path: &Path, error: std::io::Error) -> Error {
+    const SIMILAR: f64 = 0.85;
+    let name = file_name(path);
+    let names = file_names(folder_of(path)).unwrap_or_default();
+    let similar = names
+        .iter()
+        .filter(|other| readable_stem(other).is_some())
+        .map(|other| (strsim::jaro_winkler(other, &name), other))
+        .filter(|&(similarity, _)| similarity > SIMILAR)
+        .max_by(|(a, _), (b, _)| a.total_cmp(b));
+    match similar {
+        Some((_, other)) if error.kind() == std::io::ErrorKind::NotFound => {
+            let problem = format!("no such file; `{other}` is there");
+            Error::Sequence { pattern: path.display().to_string(), problem }
+        }
+        _ => Error::io(path, "read", error),
     }
 }
 

@@ -225,7 +225,7 @@ fn frames_are_selected_from_a_sequence() {
     assert_eq!(select("all").unwrap(), [1, 2, 4]);
     assert_eq!(select("4,1").unwrap(), [4, 1]);
     let error = select("1-4,9").unwrap_err();
-    assert!(matches!(error, Error::Sequence { .. }));
+    assert!(matches!(error, Error::MissingFrames { .. }));
     let text = error.to_string();
     assert!(text.contains("2 of 5 frames are missing: 3, 9; there are 3 from 1 to 4"), "{text}");
 }

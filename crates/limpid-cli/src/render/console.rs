@@ -67,7 +67,7 @@ impl Console {
     /// Prints the messages that follow the last picture.
     pub(super) fn end(&self) {
         if !self.described {
-            self.line("no picture has particles");
+            self.line("no picture has particles; `limpid info` tells what the files hold");
         }
     }
 }

@@ -7,6 +7,7 @@ mod exit_codes;
 mod help;
 mod info;
 mod inputs;
+mod mistakes;
 mod outputs;
 mod render;
 mod report;

@@ -120,8 +120,13 @@ fn likely_mistakes_are_reported() {
     // Particles in metres with a radius in centimetres.
     assert_contains(
         &render(&["a.csv", "--radius=2.5"]),
-        &["much closer together than their radius of 2.5 m"],
+        &["much closer together than their radius of 2.5 m", "--scale 0.001"],
     );
+    // Places in millimetres with a radius in metres.
+    write("wide.csv", &block(50.0, "", "", [0.0; 3]));
+    let line = render(&["wide.csv", radius]);
+    assert_contains(&line, &["much farther apart than their radius of 0.025 m", "--scale 0.001"]);
+    assert_eq!(render(&["wide.csv", radius, "--scale=0.001"]), "", "the remedy does not help");
     write("none.csv", "x,y,z\n");
     let lines = messages(folder, &["none.csv", "-o", "a.png"]);
     assert_contains(&lines[0], &["no picture has particles"]);

@@ -77,6 +77,9 @@ pub fn preset(name: &str) -> Result<Preset> {
     toml::Value::from(name).try_into().map_err(|e| Error::Usage(problem_of(&e)))
 }
 
+/// The form of an override of a setting.
+const EXPECTED: &str = "expected pass.name=value, as refract.samples=4";
+
 fn with_one(settings: &Settings, text: &str) -> Result<Settings, String> {
     let (path, given) = split(text)?;
     if path == "preset" {
@@ -84,13 +87,13 @@ fn with_one(settings: &Settings, text: &str) -> Result<Settings, String> {
         let (caustics, tonemap) = (settings.caustics.clone(), settings.tonemap.clone());
         return Ok(Settings { caustics, tonemap, ..new });
     }
-    let (pass, name) = path.split_once('.').ok_or("expected pass.name=value")?;
+    let (pass, name) = path.split_once('.').ok_or(EXPECTED)?;
     let mut table = toml::Table::try_from(settings).map_err(|e| e.to_string())?;
     let pass = table
         .entry(pass)
         .or_insert_with(|| toml::Value::Table(toml::Table::new()))
         .as_table_mut()
-        .ok_or("expected pass.name=value")?;
+        .ok_or(EXPECTED)?;
     // An integer is valid for a float.
     let value = match (pass.get(name), value(given)) {
         (Some(toml::Value::Float(_)), toml::Value::Integer(i)) => toml::Value::Float(i as f64),
@@ -102,7 +105,7 @@ fn with_one(settings: &Settings, text: &str) -> Result<Settings, String> {
 }
 
 fn split(text: &str) -> Result<(&str, &str), String> {
-    let (path, value) = text.split_once('=').ok_or("expected pass.name=value")?;
+    let (path, value) = text.split_once('=').ok_or(EXPECTED)?;
     Ok((path.trim(), value))
 }
 

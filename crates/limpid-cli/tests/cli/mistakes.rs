@@ -1,0 +1,116 @@
+//! The page of mistakes, `docs/mistakes.md`: its commands are run, and print what it says.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use super::{SIZE, adapter, dam, folder, run_with};
+
+/// A command of the page, and the line that follows it.
+struct Mistake {
+    variables: Vec<(String, String)>,
+    args: Vec<String>,
+    line: String,
+}
+
+/// The commands in the page's blocks: `$ NAME=VALUE limpid ARGUMENT 'ARGUMENT'`.
+fn mistakes() -> Vec<Mistake> {
+    let page = include_str!("../../../../docs/mistakes.md");
+    let mut lines = page.lines();
+    let mut mistakes = Vec::new();
+    while let Some(line) = lines.next() {
+        let Some(command) = line.strip_prefix("$ ") else { continue };
+        let mut words = command.split(' ').map(|word| word.trim_matches('\'').to_owned());
+        let variables = words.by_ref().take_while(|word| word != "limpid");
+        let pair = |word: String| {
+            let (name, value) = word.split_once('=').expect("a variable");
+            (name.to_owned(), value.to_owned())
+        };
+        let variables = variables.map(pair).collect();
+        let args = words.collect();
+        let line = lines.next().expect("a line of output").to_owned();
+        assert_eq!(lines.next(), Some("```"), "one line for: {command}");
+        mistakes.push(Mistake { variables, args, line });
+    }
+    mistakes
+}
+
+/// The text of a block of particles of this spacing, with z up below an uneven surface.
+fn block(spacing: f64) -> String {
+    let mut text = "x,y,z\n".to_owned();
+    for i in 0..20 * 8 * 12 {
+        let [x, y, z] = [i % 20, i / 20 % 8, i / 160].map(f64::from);
+        if z < 6.0 + 4.0 * (0.4 * x).sin() + (0.9 * y).cos() {
+            let [x, y, z] = [x, y, z].map(|x| (x + 0.5) * spacing);
+            writeln!(text, "{x},{y},{z}").unwrap();
+        }
+    }
+    text
+}
+
+/// Makes the files that the page's commands name.
+fn make_files(folder: &Path) {
+    let write = |name: &str, text: &str| fs::write(folder.join(name), text).unwrap();
+    for name in ["water_1.bgeo", "water_2.bgeo", "water_4.bgeo", "foam_1.bgeo"] {
+        fs::copy(dam("5"), folder.join(name)).unwrap();
+    }
+    fs::create_dir(folder.join("pictures")).unwrap();
+    write("millimetres.csv", &block(10.0));
+    write("z_up.csv", &block(0.01));
+    write("one.csv", "x,y,z\n0.1,0.2,0.3\n");
+    write("nothing.csv", "");
+    write("nan.csv", "x,y,z\n0,0,0\n0.1,nan,0\n0.2,0,0\n");
+    write("paraview.bgeo", "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\">\n");
+    write("frames.zip", "PK\x03\x04");
+    write("scene.toml", "[liquid]\nabsorbtion = [1.0, 0.3, 0.1]\n");
+    let mesh = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+        property float z\nelement face 1\nproperty list uchar int i\nend_header\n\
+        0 0 0\n0.1 0 0\n0 0.1 0\n0 0 0.1\n3 0 1 2\n";
+    write("mesh.ply", mesh);
+}
+
+/// A line without what differs between machines and versions: the name of the adapter, which ends the
+/// description of the particles, and the list of formats.
+fn lasting(line: &str) -> String {
+    let line = match line.rsplit_once("; ") {
+        Some((particles, _)) if particles.contains(" particles, radius ") => particles,
+        _ => line,
+    };
+    match (line.find("(.bgeo"), line.find(')')) {
+        (Some(start), Some(end)) => line[..start].to_owned() + "(…" + &line[end..],
+        _ => line.to_owned(),
+    }
+}
+
+/// Each command of the page prints the line below it; beside it only what is drawn and written.
+#[test]
+fn each_mistake_gets_the_line_of_the_page() {
+    if !adapter() || !cfg!(target_os = "linux") {
+        return;
+    }
+    let folder = folder();
+    let folder = folder.path();
+    make_files(folder);
+    let mistakes = mistakes();
+    assert!(mistakes.len() >= 20, "only {} mistakes", mistakes.len());
+    let mut wrong = String::new();
+    for Mistake { variables, args, line } in mistakes {
+        let mut args: Vec<&str> = args.iter().map(String::as_str).collect();
+        if args[0] == "render" && !args.contains(&"--size") {
+            args.push(SIZE);
+        }
+        let variables: Vec<_> = variables.iter().map(|(a, b)| (a.as_str(), b.as_str())).collect();
+        let outcome = run_with(folder, &args, &variables);
+        let expected = lasting(&line);
+        let is_expected = |printed: &str| lasting(printed) == expected;
+        let is_usual = |printed: &str| {
+            printed.starts_with("limpid: wrote ") || printed.contains(" particles, radius ")
+        };
+        let mut printed = outcome.stderr.lines();
+        let found = printed.clone().filter(|line| is_expected(line)).count();
+        if found != 1 || !printed.all(|line| is_expected(line) || is_usual(line)) {
+            writeln!(wrong, "{args:?}\n  page: {line}\n  run:  {}", outcome.stderr).unwrap();
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong}");
+}
