@@ -4,12 +4,13 @@
 #     target/release-archives/limpid-VERSION-x86_64-linux.tar.gz   program, manual, completions, licences
 #     target/release-archives/limpid_VERSION_amd64.deb             the same, with icon and file types
 #
-# The program contains the window of `limpid view`. It needs glibc alone when it starts, of the version that is
-# printed; it looks for Vulkan and for the window system's libraries when it uses them. Build on the oldest
-# system that is to be served: GLIBC_MOST is the newest version allowed, 2.36 (Debian 12) by default.
+# The program contains the window of `limpid view`. It needs glibc alone when it starts, 2.28 or newer (GLIBC
+# names another version: Debian 10, Ubuntu 20.04 and RHEL 8 have this one); it looks for Vulkan and for the window
+# system's libraries when it uses them. MAINTAINER is the package's: "Name <mail address>".
 #
-# Needs cargo, dpkg-deb, objdump and strip; installs cargo-about if it is missing. Uses desktop-file-validate and
-# lintian where they are.
+# Needs cargo, python3, dpkg-deb, objdump and strip. Installs cargo-about if it is missing, and cargo-zigbuild,
+# which links with an old glibc, into an environment of its own. Uses desktop-file-validate and lintian where
+# they are.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -18,7 +19,7 @@ die() {
     exit 1
 }
 
-for tool in cargo dpkg-deb objdump strip; do
+for tool in cargo python3 dpkg-deb objdump strip; do
     command -v "$tool" >/dev/null || die "$tool is needed"
 done
 command -v cargo-about >/dev/null || cargo install --locked --features cli cargo-about
@@ -27,11 +28,22 @@ version=$(cargo pkgid -p limpid-cli)
 version=${version##*[@#]}
 target=${CARGO_TARGET_DIR:-target}
 out=$target/release-archives
-most=${GLIBC_MOST:-2.36}
+most=${GLIBC:-2.28}
+triple=x86_64-unknown-linux-gnu
+maintainer=${MAINTAINER:-The limpid authors <limpid@localhost>}
 SOURCE_DATE_EPOCH=$(git log -1 --format=%ct)
 export SOURCE_DATE_EPOCH
 
-cargo build --release --locked -p limpid-cli --features viewer
+if ! command -v cargo-zigbuild >/dev/null; then
+    tools=$PWD/$target/release-tools
+    [[ $target == /* ]] && tools=$target/release-tools
+    [[ -x $tools/bin/cargo-zigbuild ]] || {
+        python3 -m venv "$tools"
+        "$tools/bin/pip" install --quiet cargo-zigbuild ziglang
+    }
+    PATH=$tools/bin:$PATH
+fi
+cargo zigbuild --release --locked -p limpid-cli --features viewer --target "$triple.$most"
 rm -rf "$out"
 mkdir -p "$out"
 work=$(mktemp -d)
@@ -42,7 +54,7 @@ trap 'rm -rf "$work"' EXIT
 name=limpid-$version-x86_64-linux
 folder=$work/$name
 mkdir -p "$folder"/{man,completions}
-strip --strip-debug -o "$folder/limpid" "$target/release/limpid"
+strip --strip-debug -o "$folder/limpid" "$target/$triple/release/limpid"
 cp README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$folder"
 # Prints a warning for each package without a licence file of its own.
 cargo about generate --locked --features viewer --manifest-path crates/limpid-cli/Cargo.toml \
@@ -55,11 +67,11 @@ done
 glibc=$(objdump -T "$folder/limpid" | grep -o 'GLIBC_[0-9.]*' | sort -Vu | tail -1)
 glibc=${glibc#GLIBC_}
 [[ $(printf '%s\n' "$glibc" "$most" | sort -V | tail -1) == "$most" ]] ||
-    die "the program needs glibc $glibc, newer than $most; build on an older system"
+    die "the program needs glibc $glibc, newer than $most"
 libraries=$(objdump -p "$folder/limpid" | awk '/NEEDED/ { print $2 }' | sort | xargs)
 for library in $libraries; do
     case $library in
-        libc.so.6 | libm.so.6 | libgcc_s.so.1 | libdl.so.2 | libpthread.so.0 | ld-linux-x86-64.so.2) ;;
+        libc.so.6 | libm.so.6 | libdl.so.2 | libpthread.so.0 | ld-linux-x86-64.so.2) ;;
         *) die "the program needs $library, which not every system has" ;;
     esac
 done
@@ -84,9 +96,16 @@ install -Dm644 "$folder/completions/limpid.bash" "$share/bash-completion/complet
 install -Dm644 "$folder/completions/limpid.zsh" "$share/zsh/vendor-completions/_limpid"
 install -Dm644 "$folder/completions/limpid.fish" -t "$share/fish/vendor_completions.d"
 install -Dm644 "$folder"/man/*.1 -t "$share/man/man1"
-install -Dm644 CHANGELOG.md "$share/doc/limpid/changelog"
+install -Dm644 CHANGELOG.md -t "$share/doc/limpid"
+cat >"$share/doc/limpid/changelog" <<END
+limpid ($version) stable; urgency=medium
+
+  * The changes are in CHANGELOG.md.gz, beside this file.
+
+ -- $maintainer  $(date --utc -R --date="@$SOURCE_DATE_EPOCH")
+END
 install -Dm644 "$folder/THIRD-PARTY.txt" -t "$share/doc/limpid"
-gzip -9n "$share"/man/man1/*.1 "$share/doc/limpid/changelog" "$share/doc/limpid/THIRD-PARTY.txt"
+gzip -9n "$share"/man/man1/*.1 "$share"/doc/limpid/{changelog,CHANGELOG.md} "$share/doc/limpid/THIRD-PARTY.txt"
 {
     echo "limpid is licensed under the MIT license or the Apache License 2.0, at your choice."
     echo "The latter is in /usr/share/common-licenses/Apache-2.0, those of the packages that limpid is"
@@ -100,9 +119,9 @@ cat >"$root/DEBIAN/control" <<END
 Package: limpid
 Version: $version
 Architecture: amd64
-Maintainer: The limpid authors <limpid@localhost>
+Maintainer: $maintainer
 Installed-Size: $size
-Depends: libc6 (>= $glibc), libgcc-s1, libvulkan1
+Depends: libc6 (>= $glibc), libvulkan1
 Recommends: mesa-vulkan-drivers, libxkbcommon0, libwayland-client0, libx11-6, libx11-xcb1, libxcursor1, libxi6, libxkbcommon-x11-0
 Suggests: ffmpeg
 Section: graphics
@@ -138,7 +157,8 @@ if command -v desktop-file-validate >/dev/null; then
     desktop-file-validate "$work/empty/deb/usr/share/applications/limpid.desktop"
 fi
 if command -v lintian >/dev/null; then
-    lintian --fail-on error "$deb"
+    # Without MAINTAINER there is no mail address.
+    lintian --fail-on error --suppress-tags bogus-mail-host,bogus-mail-host-in-debian-changelog "$deb"
 fi
 
 echo "needs glibc $glibc and: $libraries"

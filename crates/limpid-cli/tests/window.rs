@@ -359,3 +359,56 @@ fn loading_does_not_block_the_interface() {
         close["longest_gap_ms"].as_f64().expect("a time"),
     );
 }
+
+/// Once each frame is drawn, a sequence that draws too slowly plays from memory: two rounds without a picture
+/// that is drawn. The rate of a longer sequence, in a picture of 640×480 or more, is measured by:
+///
+/// ```text
+/// LIMPID_SEQUENCE=sims/dam_break.toml LIMPID_SIZE=1000x640 cargo test --release --features viewer-tests \
+///     --test window -- flipbook --nocapture
+/// ```
+#[test]
+fn full_flipbook_plays_without_drawing() {
+    let Some(screen) = Screen::start() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let own = format!("{DATA}ParticleData_Fluid_{{}}.bgeo");
+    let input = std::env::var("LIMPID_SEQUENCE").unwrap_or(own);
+    let size = std::env::var("LIMPID_SIZE").unwrap_or_else(|_| "700x480".into());
+    let mut window =
+        Window::open(&screen, folder.path(), &[&input, "--fps", "30", "--size", &size]);
+    let frames = window.wait_for("opened")["frames"].as_u64().expect("a number");
+    let at_rest = |e: &Value| e["event"] == "picture" && e["level"] == "fine";
+    let picture = window.wait("a picture at rest", at_rest);
+    screen.window();
+    screen.tool(&["key", "space"]);
+    let played = window.wait_for("play");
+    loop {
+        let event = |e: &Value| e["event"] == "flip" || e["event"] == "picture";
+        window.wait("playback", event);
+        let events = window.events();
+        let drawn = events.iter().rposition(|e| e["event"] == "picture").expect("the first one");
+        let flips: Vec<_> = events[drawn..].iter().filter(|e| e["event"] == "flip").collect();
+        let moment = |e: &Value| e["moment"].as_u64().expect("an index");
+        let advance = |pair: &[&Value]| (moment(pair[1]) + frames - moment(pair[0])) % frames;
+        let advanced: u64 = flips.windows(2).map(advance).sum();
+        if advanced < 2 * frames {
+            continue;
+        }
+        let seconds = |from: &Value, to: &Value| {
+            to["t"].as_f64().expect("a time") - from["t"].as_f64().expect("a time")
+        };
+        let (first, last) = (flips[0], flips[flips.len() - 1]);
+        let playing = seconds(first, last);
+        println!(
+            "{frames} frames of {}×{}: drawn in {:.0} s; then {:.1} frames/s of the sequence, {:.1} shown",
+            picture["width"],
+            picture["height"],
+            seconds(&played, first),
+            advanced as f64 / playing,
+            (flips.len() - 1) as f64 / playing,
+        );
+        break;
+    }
+    screen.tool(&["key", "ctrl+q"]);
+    window.end(folder.path());
+}

@@ -11,6 +11,7 @@ use std::process::Child;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, SystemTime};
 
+use etcetera::base_strategy::{BaseStrategy as _, choose_native_strategy};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::webp::WebPEncoder;
 use image::{ImageEncoder as _, RgbImage};
@@ -37,7 +38,7 @@ static CLEANUP: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 /// The folder `limpid` in the user's cache folder, which may not exist yet: on Linux `$XDG_CACHE_HOME`
 /// or `~/.cache`, on macOS `~/Library/Caches`, on Windows `%LOCALAPPDATA%`. `None` if there is no home.
 pub fn cache_folder() -> Option<PathBuf> {
-    Some(dirs::cache_dir()?.join("limpid"))
+    Some(choose_native_strategy().ok()?.cache_dir().join("limpid"))
 }
 
 /// Writes a temporary file beside `path`, then renames it. Pipes and devices are written directly.
