@@ -75,6 +75,9 @@ pub(crate) struct SceneChanges {
     /// [environment]].
     #[arg(long)]
     look: Option<Look>,
+    /// The sky of a look alone.
+    #[arg(long, value_name = "LOOK")]
+    sky: Option<Look>,
     /// Direction of the sun, in degrees: AZIMUTH,ELEVATION, from +z towards +x and above the horizon; or
     /// none.
     #[arg(long, allow_hyphen_values = true, value_name = "AZIMUTH,ELEVATION")]
@@ -100,8 +103,8 @@ pub(crate) struct SceneChanges {
 impl SceneChanges {
     /// The changes, with the rate of the sequence.
     pub(crate) fn adjustments(&self, fps: Option<f64>) -> Adjustments {
-        let Self { look, sun, floor, ior, tint, up, scale } = *self;
-        Adjustments { look, sun, floor, ior, tint, up, scale, fps }
+        let Self { look, sky, sun, floor, ior, tint, up, scale } = *self;
+        Adjustments { look, sky, sun, floor, ior, tint, up, scale, fps }
     }
 }
 

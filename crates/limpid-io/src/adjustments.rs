@@ -17,6 +17,8 @@ pub struct Adjustments {
     /// The look: environment, lights and tone mapping, and, unless the scene has solids or an absorption
     /// of its own, the ground and the tint.
     pub look: Option<Look>,
+    /// The look whose sky replaces the environment. A sun stays where it is.
+    pub sky: Option<Look>,
     /// The sun; adds one to a scene without.
     pub sun: Option<Sun>,
     /// The unbounded level ground.
@@ -207,6 +209,7 @@ impl Adjustments {
         let up = |up| if up == Up::Z { "z" } else { "y" };
         let arguments = [
             ("look", self.look.map(|look| look.name().to_owned())),
+            ("sky", self.sky.map(|look| look.name().to_owned())),
             ("sun", self.sun.map(|sun| sun.to_string())),
             ("floor", self.floor.map(|floor| floor.to_string())),
             ("ior", self.ior.map(|ior| ior.to_string())),
@@ -217,7 +220,13 @@ impl Adjustments {
         arguments.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
     }
 
-    /// Changes the optics, the sun and the ground of a scene; a colour of the liquid is relative to its body.
+    /// Whether the changes depend on the body of liquid.
+    pub(crate) fn need_body(&self) -> bool {
+        self.sky.is_some() || matches!(self.tint, Some(Tint::Color(_)))
+    }
+
+    /// Changes the optics, the sky, the sun and the ground of a scene; a colour of the liquid and the lamps of a sky
+    /// are relative to its body.
     ///
     /// # Errors
     /// [`Error::Usage`] for the height of a ground that the scene does not have.
@@ -232,6 +241,16 @@ impl Adjustments {
                 Tint::Clear => Vec3::ZERO,
                 Tint::Color(color) => color.map(|c| (-c.ln()).max(0.0)) / thickness,
             };
+        }
+        if let (Some(look), Some(body)) = (self.sky, body) {
+            scene.environment = look.scene(body).environment;
+            let sun = scene.lights.iter().find_map(|light| match light {
+                Light::Sun { direction, .. } => Some(-*direction),
+                _ => None,
+            });
+            if let Some(towards) = sun {
+                scene.environment.turn_sun(towards);
+            }
         }
         if let Some(sun) = self.sun {
             sun.apply(scene);

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use crate::adjustments::{Adjustments, Tint};
+use crate::adjustments::Adjustments;
 use crate::bake;
 use crate::error::{Error, Result};
 use crate::film::check_fps;
@@ -531,8 +531,7 @@ impl Input {
             check_fps(fps)?;
             self.fps = Some(fps);
         }
-        // A tint is relative to the body.
-        self.measured = matches!(adjustments.tint, Some(Tint::Color(_)));
+        self.measured = adjustments.need_body();
         if let Some(look) = adjustments.look {
             let bare = self.project.is_none();
             let project = self.project.get_or_insert_default();

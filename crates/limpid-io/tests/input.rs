@@ -9,9 +9,12 @@ use std::path::Path;
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use limpid::camera::CameraUniform;
+use limpid::environment::Environment;
 use limpid::liquid::{Particles, Up};
+use limpid::look::Look;
+use limpid::scene::{Light, Scene};
 use limpid_io::Error;
-use limpid_io::adjustments::Adjustments;
+use limpid_io::adjustments::{Adjustments, Sun};
 use limpid_io::input::{FrameTime, Input};
 use limpid_io::open::Request;
 use limpid_io::project::Project;
@@ -214,4 +217,31 @@ fn the_axis_that_points_up_is_guessed() {
     assert!(!open(&folder).with_project(scene).resolve().unwrap().0.is_turned());
     let calm = frames(&[&z_up(|_, _| 9.0)]);
     assert!(!open(&calm).resolve().unwrap().0.is_turned());
+}
+
+/// Another sky is that of its look, with the scene's own sun in it; light and ground stay.
+#[test]
+fn sky_is_replaced_alone() {
+    let folder = frames(&[&z_up(|_, _| 9.0)]);
+    let name = folder.path().join("w_0.xyz").to_str().unwrap().to_owned();
+    let scene = |adjustments: Adjustments| {
+        let request = Request { input: Some(name.clone()), adjustments, ..Request::default() };
+        request.open().unwrap().project.scene
+    };
+    let (studio, night) = (Some(Look::Studio), Some(Look::Night));
+    let sun = Some(Sun::At { azimuth: 90.0, elevation: 30.0 });
+    let changed = scene(Adjustments { look: studio, sky: night, sun, ..Adjustments::default() });
+    let of_studio = scene(Adjustments { look: studio, sun, ..Adjustments::default() });
+    let of_night = scene(Adjustments { look: night, sun, ..Adjustments::default() });
+    assert_eq!(changed.environment, of_night.environment);
+    assert_eq!(changed, Scene { environment: of_night.environment, ..of_studio });
+
+    // A sun of the scene's own.
+    let chart =
+        scene(Adjustments { look: studio, sky: Some(Look::Chart), ..Adjustments::default() });
+    assert!(matches!(chart.environment, Environment::Gradient { .. }));
+    let turned = scene(Adjustments { sky: night, ..Adjustments::default() });
+    let Environment::Sky { glows, .. } = turned.environment else { panic!("no sky") };
+    let Light::Sun { direction, .. } = turned.lights[0] else { panic!("no sun") };
+    assert_eq!(glows[0].direction, -direction);
 }

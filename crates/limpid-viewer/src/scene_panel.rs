@@ -1,4 +1,4 @@
-//! The scene's own controls: look, sun, ground, and the axis and the unit of its files.
+//! The scene's own controls: look, sky, sun, ground, and the axis and the unit of its files.
 
 use std::sync::Arc;
 
@@ -23,11 +23,13 @@ const UNITS: [(&str, f64); 5] = [
 ];
 
 impl Viewer {
-    /// Rows for what `--look`, `--sun`, `--floor`, `--up` and `--scale` change. They hold for A and B.
+    /// Rows for what `--look`, `--sky`, `--sun`, `--floor`, `--up` and `--scale` change. They hold for A and B.
     pub(crate) fn scene_rows(&mut self, ui: &mut egui::Ui, document: &Document) {
         let before = &document.source.adjustments;
         let mut after = before.clone();
-        look_row(ui, &mut after);
+        let hint = "Sky, light, tone curve and, without ones of its own, ground and tint.\n--look";
+        look_row(ui, "Look", hint, &mut after.look);
+        look_row(ui, "Sky", "What is seen and reflected beyond the scene.\n--sky", &mut after.sky);
         let scene = &document.project.scene;
         let turned = sun_rows(ui, scene, &mut after);
         floor_rows(ui, scene, &mut after);
@@ -103,17 +105,16 @@ fn carried(edited: &Scene, before: &Scene, after: &Scene) -> Scene {
     scene
 }
 
-fn look_row(ui: &mut egui::Ui, adjustments: &mut Adjustments) {
-    let hint = "Sky, light, tone curve and, without ones of its own, ground and tint.\n--look";
-    let label = ui.label("Look").on_hover_text(hint);
+fn look_row(ui: &mut egui::Ui, title: &str, hint: &str, chosen: &mut Option<Look>) {
+    let label = ui.label(title).on_hover_text(hint);
     let name = |look: Option<Look>| look.map_or("as opened", Look::name);
-    let choice = egui::ComboBox::from_id_salt("look").selected_text(name(adjustments.look));
+    let choice = egui::ComboBox::from_id_salt(title).selected_text(name(*chosen));
     let response = choice.show_ui(ui, |ui| {
         for look in [None].into_iter().chain(Look::ALL.map(Some)) {
-            ui.selectable_value(&mut adjustments.look, look, name(look));
+            ui.selectable_value(chosen, look, name(look));
         }
     });
-    named(&response.response, "Look");
+    named(&response.response, title);
     response.response.labelled_by(label.id).on_hover_text(hint);
     ui.end_row();
 }

@@ -75,7 +75,7 @@ fn demos_open_on_their_own() {
     }
 }
 
-/// Another look, sun and ground take effect at once: settings, frame and camera stay, and the command line draws what
+/// Another look, sky, sun and ground take effect at once: settings, frame and camera stay, and the command line draws what
 /// is shown.
 #[test]
 fn looks_change_in_place() {
@@ -95,6 +95,10 @@ fn looks_change_in_place() {
     assert_eq!(camera(&command(harness.state())), before);
     let exposure = |viewer: &Viewer| viewer.scenes()[0].settings.tonemap.exposure;
     assert_eq!((exposure(harness.state()), harness.state().scenes()[0].lights.len()), (0.6, 1));
+
+    choose(&mut harness, "Sky", "daylight");
+    until(&mut harness, "another sky", |viewer| command(viewer).contains("--sky=daylight"));
+    assert_eq!(exposure(harness.state()), 0.6, "the look is not changed");
 
     let sun = |viewer: &Viewer| Sun::of(&viewer.scenes()[0]);
     let Sun::At { azimuth, .. } = sun(harness.state()) else { panic!("no sun") };
