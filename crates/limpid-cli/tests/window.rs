@@ -252,9 +252,9 @@ fn window_handles_all_interactions() {
 
     // The slider of the index of refraction.
     window.skip_events();
-    screen.tool(&["mousemove", "--window", &id, "827", "458", "mousedown", "1"]);
+    screen.tool(&["mousemove", "--window", &id, "827", "485", "mousedown", "1"]);
     std::thread::sleep(Duration::from_millis(300));
-    screen.tool(&["mousemove", "--window", &id, "845", "458"]);
+    screen.tool(&["mousemove", "--window", &id, "845", "485"]);
     window.wait_for("setting");
     screen.tool(&["mouseup", "1"]);
 
@@ -364,7 +364,7 @@ fn loading_does_not_block_the_interface() {
 /// that is drawn. The rate of a longer sequence, in a picture of 640×480 or more, is measured by:
 ///
 /// ```text
-/// LIMPID_SEQUENCE=sims/dam_break.toml LIMPID_SIZE=1000x640 cargo test --release --features viewer-tests \
+/// LIMPID_SEQUENCE=sims/dam_break.toml LIMPID_SIZE=1000x640 cargo test --features viewer-tests \
 ///     --test window -- flipbook --nocapture
 /// ```
 #[test]
