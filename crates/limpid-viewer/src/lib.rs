@@ -343,9 +343,12 @@ impl Viewer {
     }
 
     pub(crate) fn opened(&mut self, document: Document) {
+        // Simulations start playing.
+        let plays = document.project.source.simulation().is_some();
+        let frames = document.numbers.len();
         self.jobs.log.event(
             "opened",
-            json!({ "input": document.source.input, "frames": document.numbers.len() }),
+            json!({ "input": document.source.input, "frames": frames, "plays": plays }),
         );
         if let Some(write) = self.interface.recent.add(&document.source.input) {
             // Without the list the viewer is as good.
@@ -380,8 +383,7 @@ impl Viewer {
         self.measured.tracing = false;
         self.measured.points.clear();
         self.measured.history = times::History::default();
-        // Simulations start playing.
-        self.playback.playing = document.project.source.simulation().is_some();
+        self.playback.playing = plays;
         self.opened.document = Some(document);
     }
 
