@@ -216,7 +216,7 @@ impl Sequence {
         let names: Vec<String> = names.into_iter().filter(is_frame).collect();
         if names.is_empty() {
             let problem =
-                format!("no particle files ({}) in this folder; name theirs", extensions());
+                format!("no particle files in this folder; limpid reads {}", extensions());
             return Err(Error::Sequence { pattern: folder.display().to_string(), problem });
         }
         Self::from_names(folder, &names, "in this folder")
@@ -382,6 +382,14 @@ impl Sequence {
 /// The error of a file that cannot be opened, with the most similar name that is there.
 fn absent(path: &Path, error: std::io::Error) -> Error {
     const SIMILAR: f64 = 0.85;
+    if error.kind() != std::io::ErrorKind::NotFound {
+        return Error::io(path, "read", error);
+    }
+    let described = |problem| Error::Sequence { pattern: path.display().to_string(), problem };
+    if let Ok(target) = path.read_link() {
+        let problem = format!("a link to `{}`, which is missing", target.display());
+        return described(problem);
+    }
     let name = file_name(path);
     let names = file_names(folder_of(path)).unwrap_or_default();
     let similar = names
@@ -391,11 +399,8 @@ fn absent(path: &Path, error: std::io::Error) -> Error {
         .filter(|&(similarity, _)| similarity > SIMILAR)
         .max_by(|(a, _), (b, _)| a.total_cmp(b));
     match similar {
-        Some((_, other)) if error.kind() == std::io::ErrorKind::NotFound => {
-            let problem = format!("no such file; `{other}` is there");
-            Error::Sequence { pattern: path.display().to_string(), problem }
-        }
-        _ => Error::io(path, "read", error),
+        Some((_, other)) => described(format!("no such file; `{other}` is there")),
+        None => Error::io(path, "read", error),
     }
 }
 

@@ -141,7 +141,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| fs::create_dir(f.join("a.bgeo")).unwrap(),
         Way::Small,
         4,
-        "a.bgeo: no particle files (…) in this folder",
+        "a.bgeo: no particle files in this folder; limpid reads .bgeo…",
     ),
     case(
         "a folder among the frames",
@@ -248,7 +248,7 @@ pub(crate) const CASES: &[Case] = &[
         |f| symlink("nothing", f.join("a.xyz")).unwrap(),
         Way::Small,
         4,
-        "a.xyz: cannot read: No such file or directory (os error 2)",
+        "a.xyz: a link to `nothing`, which is missing",
     ),
     case(
         "a link to itself",
@@ -850,7 +850,7 @@ pub(crate) const CASES: &[Case] = &[
         block,
         Way::Full,
         4,
-        "out/a.ply: cannot write: No space left on device (os error 28)",
+        "out/a.ply: cannot write: No space left on device (os error 28); free some space, or write elsewhere",
     ),
     case(
         "a full disk: the difference of pictures",
@@ -866,7 +866,7 @@ pub(crate) const CASES: &[Case] = &[
         dam,
         Way::Full,
         4,
-        "out/dam…: cannot write: No space left on device (os error 28)",
+        "out/dam…: cannot write: No space left on device (os error 28); free some space, or write elsewhere",
     ),
     case(
         "a full disk: render",
@@ -925,7 +925,7 @@ pub(crate) const CASES: &[Case] = &[
         },
         Way::Small,
         4,
-        "full.ply: cannot write: No space left on device (os error 28)",
+        "full.ply: cannot write: No space left on device (os error 28); free some space, or write elsewhere",
     ),
     case(
         "an output folder that is not there",
