@@ -76,9 +76,9 @@ fn lasting(line: &str) -> String {
         Some((particles, _)) if particles.contains(" particles, radius ") => particles,
         _ => line,
     };
-    match (line.find("(.bgeo"), line.find(')')) {
-        (Some(start), Some(end)) => line[..start].to_owned() + "(…" + &line[end..],
-        _ => line.to_owned(),
+    match line.split_once("limpid reads .bgeo") {
+        Some((before, _)) => format!("{before}limpid reads …"),
+        None => line.to_owned(),
     }
 }
 
