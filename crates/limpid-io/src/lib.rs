@@ -37,6 +37,7 @@ pub mod film;
 pub mod frame_cache;
 pub mod frames;
 pub mod input;
+pub mod meshes;
 pub mod notice;
 pub mod open;
 pub mod output;
