@@ -208,7 +208,7 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
 }
 
 /// Reads the linear radiance of the last frame back as channels R, G and B, the names by which other
-/// programs recognise a picture. It has no alpha: every ray ends on a solid or the environment.
+/// programs recognise a picture, and if coverage varies as A, by which the colours are multiplied.
 ///
 /// # Errors
 /// [`Error::DeviceLost`].
@@ -216,7 +216,8 @@ pub fn read_radiance(gpu: &Gpu, images: &Images) -> Result<Part> {
     let texture = &images.radiance.texture;
     let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, 0)?);
     let mut channels = Vec::new();
-    for (i, color) in ["R", "G", "B"].into_iter().enumerate() {
+    let count = if images.transparent { 4 } else { 3 };
+    for (i, color) in ["R", "G", "B", "A"].into_iter().take(count).enumerate() {
         push(&mut channels, color.into(), &texels, |p| p[i]);
     }
     let size = UVec2::new(texture.width(), texture.height());

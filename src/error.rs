@@ -87,6 +87,8 @@ pub enum Limited {
     CausticGrid,
     /// Classification on the device.
     Classify,
+    /// Meshes and textures.
+    Meshes,
 }
 
 impl fmt::Display for Limited {
@@ -97,6 +99,7 @@ impl fmt::Display for Limited {
             Self::CausticMap => "choose a smaller caustics.resolution",
             Self::CausticGrid => "choose a smaller caustics.grid",
             Self::Classify => "classify on the CPU",
+            Self::Meshes => "choose meshes of fewer triangles, or smaller textures",
         })
     }
 }

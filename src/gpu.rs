@@ -25,7 +25,7 @@ pub use commands::{MOST_WORK, Piece, pieces};
 pub use readback::{Reading, begin_reading, read_buffer, read_mapped, read_texture};
 pub use timer::PassTime;
 #[doc(hidden)]
-pub use timer::{Span, Timer};
+pub use timer::{PendingTimes, Span, Timer};
 
 /// A device with its queue, opened by limpid or supplied by the caller.
 #[derive(Clone, Debug)]

@@ -4,9 +4,10 @@
 //! `shaders/common/mesh.wgsl`; here are its distances, for contact and for simulations.
 
 use std::collections::HashMap;
+use std::fmt;
 use std::sync::Arc;
 
-use glam::{DVec3, UVec2, Vec2, Vec3, Vec3A};
+use glam::{DQuat, DVec3, UVec2, Vec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::leaf_collapser::collapse;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -14,12 +15,14 @@ use obvhs::bvh2::{Bvh2, node::Bvh2Node};
 use obvhs::ploc::PlocBuilder;
 use obvhs::{BvhBuildParams, INVALID};
 use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::camera::is_position;
 use crate::environment::is_radiance;
 use crate::error::{Error, Result};
 
 mod nearest;
+mod ray;
 
 pub use nearest::Nearest;
 
@@ -57,10 +60,25 @@ impl Default for Material {
 }
 
 /// A picture on a surface.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Clone, PartialEq, Eq)]
 pub struct Texture {
     size: UVec2,
     pixels: Vec<[u8; 4]>,
+}
+
+impl fmt::Debug for Texture {
+    /// Differs between different textures, and is short.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let digest = digest(self.pixels.iter().map(|&pixel| u32::from_le_bytes(pixel).into()));
+        write!(f, "Texture({}, {digest:016x})", self.size)
+    }
+}
+
+/// A number that differs between different sequences: FNV-1a (Fowler, Noll and Vo 1991) of whole words.
+fn digest(words: impl Iterator<Item = u64>) -> u64 {
+    words.fold(0xcbf2_9ce4_8422_2325, |hash, word| {
+        (hash ^ word).wrapping_mul(0x0100_0000_01b3).rotate_left(23)
+    })
 }
 
 impl Texture {
@@ -87,6 +105,16 @@ impl Texture {
     }
 }
 
+/// Linear share of an sRGB-encoded one, both 0 to 1 (IEC 61966-2-1).
+pub fn linear_from_srgb(c: f32) -> f32 {
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The inverse of [`linear_from_srgb`].
+pub fn srgb_from_linear(c: f32) -> f32 {
+    if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
+}
+
 /// A mesh that can be drawn: checked, and searchable by rays and points.
 #[derive(Clone)]
 pub struct Mesh {
@@ -104,24 +132,59 @@ pub struct Mesh {
     features: nearest::Features,
 }
 
-impl std::fmt::Debug for Mesh {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { triangles, closed, .. } = self;
-        write!(f, "Mesh({} triangles, closed: {closed})", triangles.len())
+impl fmt::Debug for Mesh {
+    /// Differs between different meshes, and is short.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { triangles, normals, coordinates, material_of, materials, .. } = self;
+        let normals = normals.iter().flat_map(|n| n.to_array());
+        let attributes = normals.chain(coordinates.iter().flat_map(|uv| uv.to_array()));
+        let attributes = attributes.map(|x| x.to_bits().into());
+        let attributes = digest(attributes.chain(material_of.iter().map(|&i| i.into())));
+        let (count, corners) = (triangles.len(), self.digest());
+        write!(f, "Mesh({count} triangles, {corners:016x}, {attributes:016x}, {materials:?})")
     }
 }
 
 impl PartialEq for Mesh {
     /// Meshes are equal if they look the same from everywhere: their trees do not count.
     fn eq(&self, other: &Self) -> bool {
-        let parts = |mesh: &'_ Self| (mesh.origin, mesh.closed);
-        parts(self) == parts(other)
-            && self.vertices == other.vertices
-            && self.normals == other.normals
-            && self.coordinates == other.coordinates
-            && self.triangles == other.triangles
-            && self.material_of == other.material_of
-            && self.materials == other.materials
+        std::ptr::eq(self, other)
+            || self.origin == other.origin
+                && self.vertices == other.vertices
+                && self.normals == other.normals
+                && self.coordinates == other.coordinates
+                && self.triangles == other.triangles
+                && self.material_of == other.material_of
+                && self.materials == other.materials
+    }
+}
+
+/// Where a mesh is in the world: scaled first, then rotated, then moved.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Placement {
+    /// Position of the origin of the mesh's space, m.
+    pub translate: DVec3,
+    /// Unit quaternion.
+    pub rotate: DQuat,
+    /// Metres per unit of the mesh, above 0.
+    pub scale: f64,
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Self { translate: DVec3::ZERO, rotate: DQuat::IDENTITY, scale: 1.0 }
+    }
+}
+
+impl Placement {
+    /// The world's point of a point in the mesh's space.
+    pub fn world_from_mesh(&self, x: DVec3) -> DVec3 {
+        self.translate + self.rotate * (self.scale * x)
+    }
+
+    /// The point in the mesh's space of a point of the world.
+    pub fn mesh_from_world(&self, x: DVec3) -> DVec3 {
+        self.rotate.conjugate() * (x - self.translate) / self.scale
     }
 }
 
@@ -235,6 +298,33 @@ impl Mesh {
         (root.min.into(), root.max.into())
     }
 
+    /// A number that differs between different surfaces, whatever their colours.
+    pub fn digest(&self) -> u64 {
+        let corners = self.triangles.iter().flatten().map(|&i| self.vertices[i as usize]);
+        let places = corners.flat_map(|x| x.to_array()).map(f64::from);
+        digest(places.chain(self.origin.to_array()).map(f64::to_bits))
+    }
+
+    /// Flat triangles.
+    #[must_use]
+    pub fn with_flat_normals(self) -> Self {
+        Self { normals: Vec::new(), ..self }
+    }
+
+    /// The means of the adjacent triangles' normals, weighted by angle.
+    #[must_use]
+    pub fn with_smooth_normals(self) -> Self {
+        let normals = self.features.corner_normals();
+        Self { normals, ..self }
+    }
+
+    /// With textures upside down.
+    #[must_use]
+    pub fn with_flipped_textures(mut self) -> Self {
+        self.coordinates.iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
+        self
+    }
+
     /// The same triangles with one material instead of the file's own.
     #[must_use]
     pub fn with_material(self, material: Material) -> Self {
@@ -333,9 +423,19 @@ fn volume(vertices: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
 
 /// A tree no deeper than [`MAX_DEPTH`].
 fn build(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Bvh2 {
-    let boxes: Vec<Aabb> = triangles
-        .par_iter()
-        .map(|triangle| Aabb::from_points(&triangle.map(|i| Vec3A::from(vertices[i as usize]))))
+    let all = triangles.iter().flatten().map(|&i| Vec3A::from(vertices[i as usize]));
+    let most = all.fold(0.0, |most: f32, x| most.max(x.abs().max_element()));
+    // Boxes grow by different shares of a hundred-thousandth: pairing equal ones takes quadratic time, seven
+    // minutes for a hundred thousand.
+    let growth =
+        |i: u32| 1e-5 * most * (i.wrapping_mul(0x9e37_79b9) >> 8) as f32 / (1 << 24) as f32;
+    let boxes: Vec<Aabb> = (0u32..triangles.len() as u32)
+        .into_par_iter()
+        .map(|i| {
+            let triangle = triangles[i as usize];
+            let tight = Aabb::from_points(&triangle.map(|i| Vec3A::from(vertices[i as usize])));
+            Aabb::new(tight.min - growth(i), tight.max + growth(i))
+        })
         .collect();
     // As `obvhs::bvh2::builder::build_bvh2`, without its clock.
     let params = BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
@@ -346,8 +446,7 @@ fn build(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Bvh2 {
         params.sort_precision,
         params.search_depth_threshold,
     );
-    let mut optimizer = ReinsertionOptimizer::default();
-    optimizer.run(&mut bvh, params.reinsertion_batch_ratio, None);
+    ReinsertionOptimizer::default().run(&mut bvh, params.reinsertion_batch_ratio, None);
     collapse(&mut bvh, params.max_prims_per_leaf, params.collapse_traversal_cost);
     if depth(&bvh.nodes) > MAX_DEPTH {
         bvh = balanced(&boxes);

@@ -1,10 +1,10 @@
 //! Offscreen renderer, which draws pictures into memory.
 
 use glam::UVec2;
-use image::RgbImage;
+use image::{DynamicImage, GrayImage, RgbImage, RgbaImage};
 
 use crate::aov::{self, Aov};
-use crate::camera::Camera;
+use crate::camera::View;
 use crate::error::Result;
 use crate::gpu::{self, Gpu, PassTime};
 use crate::liquid::classify::Splats;
@@ -23,10 +23,23 @@ pub struct Offscreen {
 /// A picture and its pass times.
 #[derive(Debug, Clone)]
 pub struct RenderedFrame {
-    /// The picture, sRGB.
+    /// The picture, sRGB; its colours are those of the covered part of each pixel.
     pub picture: RgbImage,
+    /// Share of each pixel that is covered, if it varies: [`crate::settings::Refract::transparent`].
+    pub coverage: Option<GrayImage>,
     /// Time of each pass, if [`Renderer::timing`] is set.
     pub passes: Vec<PassTime>,
+}
+
+impl RenderedFrame {
+    /// The picture, with an alpha channel if its coverage varies.
+    pub fn into_image(self) -> DynamicImage {
+        let Some(coverage) = self.coverage else { return DynamicImage::ImageRgb8(self.picture) };
+        let pixels = self.picture.pixels().zip(coverage.pixels());
+        let bytes = pixels.flat_map(|(color, alpha)| [color[0], color[1], color[2], alpha[0]]);
+        let picture = RgbaImage::from_raw(coverage.width(), coverage.height(), bytes.collect());
+        DynamicImage::ImageRgba8(picture.expect("both have the same size"))
+    }
 }
 
 impl Offscreen {
@@ -47,11 +60,11 @@ impl Offscreen {
     pub fn draw(
         &mut self,
         scene: &Scene,
-        camera: &Camera,
+        view: impl Into<View>,
         splats: &Splats,
         size: UVec2,
     ) -> Result<RenderedFrame> {
-        self.begin(scene, camera, splats, size)?.wait()
+        self.begin(scene, view, splats, size)?.wait()
     }
 
     /// Submits one frame of `size` pixels without waiting for it, so that the caller can begin the next
@@ -62,7 +75,7 @@ impl Offscreen {
     pub fn begin(
         &mut self,
         scene: &Scene,
-        camera: &Camera,
+        view: impl Into<View>,
         splats: &Splats,
         size: UVec2,
     ) -> Result<PendingFrame> {
@@ -71,10 +84,11 @@ impl Offscreen {
             Some(reusable) => self.picture.insert(reusable),
             None => self.picture.insert((size, Picture::new(&self.gpu, size)?)),
         };
-        let view = picture.view();
-        let passes = self.renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
+        let target = picture.view();
+        let passes = self.renderer.render(scene, view, splats, &target, Picture::FORMAT, size)?;
         let picture = picture.begin_reading(&self.gpu);
-        Ok(PendingFrame { gpu: self.gpu.clone(), picture, passes })
+        let transparent = scene.settings.refract.transparent;
+        Ok(PendingFrame { gpu: self.gpu.clone(), picture, transparent, passes })
     }
 
     /// Reads intermediate images of the last frame; some require [`Renderer::diagnose`].
@@ -100,6 +114,7 @@ impl Offscreen {
 pub struct PendingFrame {
     gpu: Gpu,
     picture: PendingPicture,
+    transparent: bool,
     passes: Vec<PassTime>,
 }
 
@@ -109,8 +124,12 @@ impl PendingFrame {
     /// # Errors
     /// [`crate::Error::DeviceLost`].
     pub fn wait(self) -> Result<RenderedFrame> {
-        let picture = image::DynamicImage::ImageRgba8(self.picture.wait(&self.gpu)?).into_rgb8();
-        Ok(RenderedFrame { picture, passes: self.passes })
+        let picture = self.picture.wait(&self.gpu)?;
+        let alpha = || picture.pixels().map(|pixel| pixel.0[3]).collect();
+        let (width, height) = picture.dimensions();
+        let coverage = self.transparent.then(|| GrayImage::from_raw(width, height, alpha()));
+        let picture = DynamicImage::ImageRgba8(picture).into_rgb8();
+        Ok(RenderedFrame { picture, coverage: coverage.flatten(), passes: self.passes })
     }
 }
 
@@ -143,7 +162,7 @@ impl Picture {
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
-    pub fn read(&self, gpu: &Gpu) -> Result<image::RgbaImage> {
+    pub fn read(&self, gpu: &Gpu) -> Result<RgbaImage> {
         self.begin_reading(gpu).wait(gpu)
     }
 
@@ -166,9 +185,9 @@ impl PendingPicture {
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
-    pub fn wait(self, gpu: &Gpu) -> Result<image::RgbaImage> {
+    pub fn wait(self, gpu: &Gpu) -> Result<RgbaImage> {
         let bytes = self.texels.wait(gpu)?;
-        let picture = image::RgbaImage::from_raw(self.size.x, self.size.y, bytes);
+        let picture = RgbaImage::from_raw(self.size.x, self.size.y, bytes);
         Ok(picture.expect("the texture has four bytes per pixel"))
     }
 }

@@ -111,8 +111,16 @@ fn same(rust: (Vec<Field>, usize), text: &str, name: &str) -> Result<(), String>
 /// Structs in buffers that Rust writes and shaders read have the same layout.
 #[test]
 fn shared_structs_agree() {
-    let camera =
-        rust_struct!(CameraUniform { view_from_world, origin, near, size, tangent, far, pad });
+    let camera = rust_struct!(CameraUniform {
+        view_from_world,
+        origin,
+        near,
+        size,
+        tangent,
+        far,
+        pad,
+        shift
+    });
     let splat =
         rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, tags });
     let smooth = rust_struct!(smooth::Params { stride, radius, inv_sigma2, delta, mu });
@@ -128,7 +136,7 @@ fn shared_structs_agree() {
         eye_depth,
         pad_eye_depth,
     });
-    let tonemap = rust_struct!(tonemap::Params { gain, curve, encode });
+    let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded });
     let scene = rust_struct!(gbuffer::SceneUniform {
         zenith,
         pad_zenith,
@@ -153,7 +161,10 @@ fn shared_structs_agree() {
         phase,
         inv_fade2,
         middle,
-        pad,
+        texture,
+        rotation,
+        mesh,
+        number,
     });
     let light = rust_struct!(gbuffer::LightData { place, kind, power, straight, map, pad });
     let light_view = rust_struct!(gbuffer::LightViewData {

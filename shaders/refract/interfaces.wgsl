@@ -38,6 +38,7 @@ override RADIANCE_SCALING: bool = true;   // scale radiance by the squared index
 override CONTACT: bool = true;            // there are solids, and contact > 0
 override SCREEN_SOLIDS: bool = false;     // look up solids in the G-buffer first
 override REFLECT_SOLIDS: bool = true;     // reflections see the solids
+override TRANSPARENT: bool = false;       // no coverage where a ray meets neither liquid nor solid
 override COUNT: bool = false;             // write the diagnostics
 override SAMPLES: u32 = 1u;               // rays per pixel
 override EDGE_SAMPLES: u32 = 16u;         // rays per edge pixel without liquid
@@ -344,7 +345,8 @@ fn look(ray: Look) -> vec3f {
 // Width of a ray after a path of this length: that of a pixel, shared among its rays, which flat
 // interfaces hardly change.
 fn ray_width(travelled: f32) -> f32 {
-    return travelled * 2.0 * camera.tangent.y / (camera.size.y * sqrt(f32(SAMPLES)));
+    let spread = select(travelled, 1.0, ORTHOGRAPHIC);
+    return spread * 2.0 * camera.tangent.y / (camera.size.y * sqrt(f32(SAMPLES)));
 }
 
 // Radiance of the solid at the centre of a G-buffer texel.
@@ -352,8 +354,15 @@ fn texel_radiance(texel: vec2i, ambient: vec3f, travelled: f32) -> vec3f {
     let omega = camera_omega(vec2f(texel) + 0.5);
     let plane = textureLoad(gbuffer_planes, texel, 0).xyz;
     let surface = textureLoad(gbuffer_surfaces, texel, 0);
+    let d = camera_world_direction(camera_ray_direction(omega));
+    if has_shape(MESH) {
+        // The G-buffer does not know triangles, nor in which order the solids are uploaded.
+        let o = camera_world_point(camera_ray_origin(omega));
+        let hit = scene_trace(o, d);
+        return solid_radiance(hit.index, hit.triangle, o + hit.t * d, hit.normal, d, ambient, ray_width(travelled));
+    }
     let x = camera_world_point(camera_point(omega, dot(plane, omega)));
-    return solid_radiance(u32(surface.w), x, surface.xyz, camera_world_direction(normalize(omega)), ambient, ray_width(travelled));
+    return solid_radiance(u32(surface.w), NO_TRIANGLE, x, surface.xyz, d, ambient, ray_width(travelled));
 }
 
 // Radiance of the solid that the ray hits, or of the environment.
@@ -363,7 +372,8 @@ fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f, ambient: vec3f, travelled: f
         return environment_radiance(world_d);
     }
     let x = camera_world_point(o) + solid.t * world_d;
-    return solid_radiance(solid.index, x, solid.normal, world_d, ambient, ray_width(travelled + solid.t));
+    let width = ray_width(travelled + solid.t);
+    return solid_radiance(solid.index, solid.triangle, x, solid.normal, world_d, ambient, width);
 }
 
 fn in_picture(x: vec3f) -> bool {
@@ -382,7 +392,7 @@ fn covered(x: vec3f) -> bool {
     if plane_is_empty(front) && SPLASH {
         front = textureLoad(splash_layers, texel, FRONT, 0).xyz;
     }
-    return dot(front, camera_omega(u)) > 1.0 / -x.z;
+    return dot(front, camera_omega(u)) > camera_disparity(x);
 }
 
 // Whether the solid ahead of the ray is within `contact` of x, so that the liquid wets it.
@@ -390,19 +400,22 @@ fn touches(solid: SolidHit, x: vec3f) -> bool {
     if !CONTACT || solid.t >= NOTHING {
         return false;
     }
+    if has_shape(MESH) && solid.triangle != NO_TRIANGLE {
+        return mesh_is_near(solid.index, camera_world_point(x), params.contact);
+    }
     return abs(solid_distance(solids[solid.index], camera_world_point(x))) <= params.contact;
 }
 
-// Traces the ray through pixel position `u` and returns its radiance.
+// Traces the ray through pixel position `u` and returns its radiance and coverage.
 //
 // Each loop iteration handles one event, for rays on either side of the liquid: intersects the next
 // interface, looks up one of the reflected and refracted rays, and follows the other. The expensive
 // parts thus appear only once and divergent rays share them. A ray that ends on a wet, lit solid takes
 // another iteration straight up to the surface, for the attenuation of ambient light.
-fn trace(u: vec2f, texel: vec2i) -> vec3f {
+fn trace(u: vec2f, texel: vec2i) -> vec4f {
     let omega = camera_omega(u);
-    var o = vec3f(0.0);
-    var d = normalize(omega);
+    var o = camera_ray_origin(omega);
+    var d = camera_ray_direction(omega);
     let slabs = load_slabs(texel);
     let aggregate = dot(slabs.aggregate_front, omega);
     let splash = dot(slabs.splash_front, omega);
@@ -412,7 +425,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
     }
     let disparity = max(aggregate, splash);
     var solid = solid_ahead(o, d);
-    let t_front = length(omega) / disparity;
+    let t_front = camera_distance(omega, disparity);
 
     var result = vec3f(0.0);
     var weight = vec3f(1.0);
@@ -422,12 +435,15 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
     let scale = select(1.0, params.ior * params.ior, RADIANCE_SCALING);
 
     // First interface, unless a solid is in front of it or the eye is in the liquid.
-    var hit = Interface(disparity > 0.0 && solid.t > t_front, omega / disparity, front, texel);
-    var inside = hit.found && disparity >= 1.0 / camera.near;
+    var hit = Interface(disparity > 0.0 && solid.t > t_front, camera_point(omega, disparity), front, texel);
+    if TRANSPARENT && !hit.found && solid.t >= NOTHING {
+        return vec4f(0.0);
+    }
+    var inside = hit.found && disparity >= camera_near_disparity();
     var eye = true;
     var travelled = 0.0;
     if inside {
-        o = omega * camera.near;
+        o = select(omega * camera.near, camera_point(omega, camera_near_disparity()), ORTHOGRAPHIC);
     }
 
     // The terminated ray, kept until its depth below the surface is known.
@@ -560,10 +576,10 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             result += look(seen);
         }
         if ends {
-            return result;
+            return vec4f(result, 1.0);
         }
     }
-    return result;
+    return vec4f(result, 1.0);
 }
 
 // Offset of sample `index` of `count` in the pixel: for square counts a regular grid, sheared so that no
@@ -582,14 +598,17 @@ fn sample_offset(index: u32, count: u32) -> vec2f {
 const EDGE: f32 = 0.02;
 const FILTERED_EDGE: f32 = 0.1;
 
-fn background_ray(u: vec2f) -> vec3f {
-    let eye = vec3f(0.0);
-    let d = normalize(camera_omega(u));
-    return radiance_of(solid_ahead(eye, d), eye, d, vec3f(1.0), 0.0);
+fn background_ray(u: vec2f) -> vec4f {
+    let omega = camera_omega(u);
+    let o = camera_ray_origin(omega);
+    let d = camera_ray_direction(omega);
+    let solid = solid_ahead(o, d);
+    let seen = radiance_of(solid, o, d, vec3f(1.0), 0.0);
+    return select(vec4f(seen, 1.0), vec4f(0.0), TRANSPARENT && solid.t >= NOTHING);
 }
 
-fn background_mean(p: vec2i, count: u32) -> vec3f {
-    var sum = vec3f(0.0);
+fn background_mean(p: vec2i, count: u32) -> vec4f {
+    var sum = vec4f(0.0);
     for (var i = 0u; i < count; i++) {
         sum += background_ray(vec2f(p) + sample_offset(i, count));
     }
@@ -606,12 +625,12 @@ fn draw_background(p: vec2i) {
         textureStore(diagnostics, p, vec4f(0.0));
     }
     if EDGE_SAMPLES <= SAMPLES {
-        textureStore(radiance, p, vec4f(background_mean(p, SAMPLES), 1.0));
+        textureStore(radiance, p, background_mean(p, SAMPLES));
         return;
     }
-    var low = vec3f(NOTHING);
-    var high = vec3f(0.0);
-    var sum = vec3f(0.0);
+    var low = vec4f(NOTHING);
+    var high = vec4f(0.0);
+    var sum = vec4f(0.0);
     for (var probe = 0u; probe < 5u + EDGE_SAMPLES; probe++) {
         var at = vec2f(vec2u(probe & 1u, probe >> 1u));
         if probe >= 5u {
@@ -628,14 +647,14 @@ fn draw_background(p: vec2i) {
             return;
         }
     }
-    textureStore(radiance, p, vec4f(sum / f32(EDGE_SAMPLES), 1.0));
+    textureStore(radiance, p, sum / f32(EDGE_SAMPLES));
 }
 
 // Draws a pixel whose probes hardly differ in the colour of its centre.
-fn is_flat(p: vec2i, centre: vec3f, low: vec3f, high: vec3f) -> bool {
+fn is_flat(p: vec2i, centre: vec4f, low: vec4f, high: vec4f) -> bool {
     let flat = all(high - low <= select(EDGE, FILTERED_EDGE, FILTER_PATTERNS) * high);
     if flat {
-        textureStore(radiance, p, vec4f(centre, 1.0));
+        textureStore(radiance, p, centre);
     }
     return flat;
 }
@@ -660,7 +679,7 @@ fn edge_pixels(@builtin(global_invocation_id) id: vec3u) {
     }
     let packed = edges.pixels[id.x];
     let p = vec2i(vec2u(packed & 0xffffu, packed >> 16u));
-    textureStore(radiance, p, vec4f(background_mean(p, EDGE_SAMPLES), 1.0));
+    textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
 }
 
 fn has_liquid(texel: vec2i) -> bool {
@@ -687,8 +706,8 @@ fn is_hidden(p: vec2i) -> bool {
     for (var probe = 0; probe < 5; probe++) {
         let corner = vec2f(vec2i(probe & 1, (probe >> 1u) & 1));
         let omega = camera_omega(vec2f(p) + select(corner, vec2f(0.5), probe == 0));
-        let solid = solid_ahead(vec3f(0.0), normalize(omega));
-        if length(omega) / solid.t < min(disparity, dot(front, omega)) {
+        let solid = solid_ahead(camera_ray_origin(omega), camera_ray_direction(omega));
+        if camera_disparity_at(omega, solid.t) < min(disparity, dot(front, omega)) {
             return false;
         }
     }
@@ -712,11 +731,11 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
     }
     diagnosed = Diagnostics();
     let share = 1.0 / f32(SAMPLES);
-    var color = vec3f(0.0);
+    var color = vec4f(0.0);
     for (var i = 0u; i < SAMPLES; i++) {
         color += share * trace(vec2f(p) + sample_offset(i, SAMPLES), p);
     }
-    textureStore(radiance, p, vec4f(color, 1.0));
+    textureStore(radiance, p, vec4f(color.rgb, select(1.0, color.a, TRANSPARENT)));
     if COUNT {
         let d = diagnosed;
         textureStore(diagnostics, p, vec4f(d.interfaces, d.inside, d.iterations, d.failures) * share);
@@ -741,7 +760,7 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
     let thread = i32(local.y) * 8 + i32(local.x);
     let first = p - vec2i(local.xy);
     let far = select(vec2i(8, thread), vec2i(thread - 9, 8), thread >= 9);
-    var centre = vec3f(0.0);
+    var centre = vec4f(0.0);
     for (var k = 0; k < 3; k++) {
         if k == 1 && thread >= 17 {
             continue;
@@ -768,9 +787,9 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         high = max(high, corner);
     }
     if !is_flat(p, centre, low, high) && !is_deferred(p) {
-        textureStore(radiance, p, vec4f(background_mean(p, EDGE_SAMPLES), 1.0));
+        textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
     }
 }
 
 // Radiance of the background at the corners of a tile's pixels, by rows.
-var<workgroup> tile_corners: array<vec3f, 81>;
+var<workgroup> tile_corners: array<vec4f, 81>;

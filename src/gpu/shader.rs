@@ -16,6 +16,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("common/optics.wgsl", include_str!("../../shaders/common/optics.wgsl")),
     ("common/screen_ray.wgsl", include_str!("../../shaders/common/screen_ray.wgsl")),
     ("common/lights.wgsl", include_str!("../../shaders/common/lights.wgsl")),
+    ("common/mesh.wgsl", include_str!("../../shaders/common/mesh.wgsl")),
     ("common/scene.wgsl", include_str!("../../shaders/common/scene.wgsl")),
     ("common/groups.wgsl", include_str!("../../shaders/common/groups.wgsl")),
     ("common/tiles.wgsl", include_str!("../../shaders/common/tiles.wgsl")),

@@ -1,5 +1,8 @@
 //! Pass times from device timestamps.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use serde::Serialize;
 
 use super::{Gpu, read_buffer};
@@ -71,15 +74,60 @@ impl Timer {
     /// Waits for the device and returns the spans in order; empty without timestamps.
     pub fn read(&self, gpu: &Gpu, resolved: Option<&wgpu::Buffer>) -> Result<Vec<PassTime>> {
         let Some(buffer) = resolved else { return Ok(Vec::new()) };
-        let bytes = read_buffer(gpu, buffer)?;
-        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
+        Ok(self.times(gpu, &read_buffer(gpu, buffer)?))
+    }
+
+    /// The spans' times, from the bytes of a resolved buffer.
+    fn times(&self, gpu: &Gpu, bytes: &[u8]) -> Vec<PassTime> {
+        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(bytes);
         let ms_per_tick = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
-        Ok(self
-            .names
+        self.names
             .iter()
             .zip(ticks.chunks_exact(2))
             .map(|(&name, t)| PassTime { name, ms: t[1].saturating_sub(t[0]) as f64 * ms_per_tick })
-            .collect())
+            .collect()
+    }
+}
+
+/// Pass times of commands that the caller submits, collected without waiting.
+#[derive(Debug)]
+pub struct PendingTimes {
+    timer: Timer,
+    staging: wgpu::Buffer,
+    /// Set once the buffer is mapped; `None` before it was asked for.
+    mapped: Option<Arc<AtomicBool>>,
+}
+
+impl PendingTimes {
+    /// Records the copy of the times; `None` without timestamps.
+    pub fn record(gpu: &Gpu, timer: Timer, encoder: &mut wgpu::CommandEncoder) -> Option<Self> {
+        let resolved = timer.resolve(gpu, encoder)?;
+        let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("pass times"),
+            size: resolved.size(),
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        encoder.copy_buffer_to_buffer(&resolved, 0, &staging, 0, resolved.size());
+        Some(Self { timer, staging, mapped: None })
+    }
+
+    /// The times, if the device has finished. To be called only after the commands were submitted; the
+    /// caller polls the device, as its frame loop does.
+    pub fn collect(&mut self, gpu: &Gpu) -> Option<Vec<PassTime>> {
+        let mapped = self.mapped.get_or_insert_with(|| {
+            let mapped = Arc::new(AtomicBool::new(false));
+            let done = mapped.clone();
+            self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
+                done.store(result.is_ok(), Ordering::Release);
+            });
+            mapped
+        });
+        if !mapped.load(Ordering::Acquire) {
+            return None;
+        }
+        let bytes = self.staging.get_mapped_range(..).ok()?;
+        Some(self.timer.times(gpu, &bytes))
     }
 }
 

@@ -64,6 +64,13 @@ impl Features {
     }
 }
 
+impl Features {
+    /// Unit normals of the vertices, 0 where triangles cancel.
+    pub(super) fn corner_normals(&self) -> Vec<Vec3> {
+        self.corners.iter().map(|n| n.normalize_or_zero()).collect()
+    }
+}
+
 /// The welded ends of a triangle's edge from corner `i`.
 fn edge_of(triangle: &[u32; 3], i: usize, welded: &[u32]) -> (u32, u32) {
     let [a, b] = [triangle[i], triangle[(i + 1) % 3]].map(|i| welded[i as usize]);

@@ -76,6 +76,8 @@ pub struct Variant {
     pub solids: Solids,
     /// What reflected rays hit.
     pub reflections: Reflections,
+    /// The environment covers no pixel.
+    pub transparent: bool,
     /// Write the diagnostics.
     pub count: bool,
 }
@@ -101,6 +103,7 @@ impl Variant {
             contact: settings.contact > 0.0 && !scene.solids.is_empty(),
             solids: if scene.solids.is_empty() { Solids::Exact } else { settings.solids },
             reflections: settings.reflections,
+            transparent: settings.transparent,
             count,
         }
     }
@@ -135,7 +138,7 @@ impl Variant {
         constants
     }
 
-    fn switches(self) -> [(&'static str, f64); 9] {
+    fn switches(self) -> [(&'static str, f64); 10] {
         [
             ("SPLASH", self.splash),
             ("ABSORPTION", self.absorption),
@@ -145,6 +148,7 @@ impl Variant {
             ("CONTACT", self.contact),
             ("SCREEN_SOLIDS", self.solids == Solids::Screen),
             ("REFLECT_SOLIDS", self.reflections == Reflections::Scene),
+            ("TRANSPARENT", self.transparent),
             ("COUNT", self.count),
         ]
         .map(|(name, on)| (name, f64::from(u8::from(on))))
@@ -179,7 +183,8 @@ pub struct Refract {
     pub radiance: Radiance,
     /// Output when counting: interfaces, length inside (m), solver iterations, solver failures.
     pub diagnostics: wgpu::Texture,
-    pipelines: HashMap<(Variant, SceneVariant), Pipelines>,
+    /// By variants, and whether the view is orthographic.
+    pipelines: HashMap<(Variant, SceneVariant, bool), Pipelines>,
     params: wgpu::Buffer,
     layout: wgpu::BindGroupLayout,
     edge_layouts: [wgpu::BindGroupLayout; 2],
@@ -225,8 +230,8 @@ impl Refract {
     }
 
     /// Whether `variant` is compiled for the bound scene: it takes longer than all other pipelines together.
-    pub fn is_compiled(&self, variant: Variant, scene: &SceneBinding) -> bool {
-        self.pipelines.contains_key(&(variant, scene.variant))
+    pub fn is_compiled(&self, variant: Variant, eye: &ViewPasses) -> bool {
+        self.pipelines.contains_key(&(variant, eye.scene.variant, eye.camera.is_orthographic()))
     }
 
     /// Writes the parameters and compiles `variant` if it is new.
@@ -240,8 +245,11 @@ impl Refract {
     ) {
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
         let [gather, draw] = &self.edge_layouts;
-        self.pipelines.entry((variant, scene.variant)).or_insert_with(|| {
-            let constants = [&variant.constants()[..], &scene.variant.constants()].concat();
+        let key = (variant, scene.variant, camera.is_orthographic());
+        self.pipelines.entry(key).or_insert_with(|| {
+            let constants =
+                [&variant.constants()[..], &scene.variant.constants(), &camera.constants()]
+                    .concat();
             let module =
                 gpu::shader::module(gpu, variant.shader(), gpu::shader::Variant::default());
             let pipeline = |entry: &str, edges: &wgpu::BindGroupLayout| {
@@ -289,10 +297,11 @@ impl Refract {
             ];
             gpu::bind_group(gpu, "refract", &self.layout, &resources)
         };
-        let pipelines = &self.pipelines[&(variant, eye.scene.variant)];
+        let pipelines =
+            &self.pipelines[&(variant, eye.scene.variant, eye.camera.is_orthographic())];
         for section in tiles.sections() {
             commands.reserve(tiles.pixels().saturating_mul(work));
-            let encoder = &mut commands.encoder;
+            let encoder = &mut *commands.encoder;
             encoder.clear_buffer(&self.edges.list, 0, Some(4));
             encoder.clear_buffer(&self.edges.dispatch, 0, Some(4));
             let span = span.part(section == 0, section + 1 == tiles.sections().end);

@@ -19,6 +19,8 @@ pub struct Params {
     pub curve: u32,
     /// 1 if the shader must encode sRGB, because the target's format does not.
     pub encode: u32,
+    /// 1 if the target holds no more than 1.
+    pub bounded: u32,
 }
 
 /// Encodes linear light, 0 to 1, as 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
@@ -60,7 +62,8 @@ impl Tonemap {
                 Curve::None => 0,
                 Curve::Aces => 1,
             },
-            encode: u32::from(!format.is_srgb()),
+            encode: u32::from(!format.is_srgb() && !is_linear(format)),
+            bounded: u32::from(!is_linear(format)),
         };
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
         self.pipelines.entry(format).or_insert_with(|| pipeline(gpu, &self.layout, format));
@@ -100,6 +103,12 @@ impl Tonemap {
         pass.set_bind_group(0, &group, &[]);
         pass.draw(0..3, 0..1);
     }
+}
+
+/// Whether a format holds linear light without bounds: floats.
+fn is_linear(format: wgpu::TextureFormat) -> bool {
+    use wgpu::TextureFormat::{Rgba16Float, Rgba32Float};
+    matches!(format, Rgba16Float | Rgba32Float)
 }
 
 fn pipeline(

@@ -5,6 +5,7 @@
 use glam::{DVec3, UVec2};
 
 use super::gbuffer::{GBuffer, LightMaps, SceneBinding};
+use super::mesh_buffers::MeshBuffers;
 use super::mixture::Mixture;
 use super::smooth::{self, Smooth};
 use super::splat::Splat;
@@ -46,6 +47,8 @@ pub struct FrameInputs<'a> {
     pub splats: &'a Splats,
     /// The same splats on the device.
     pub splat_set: &'a SplatSet,
+    /// The solids' meshes on the device.
+    pub meshes: &'a MeshBuffers,
     /// Parameters of each smoothing iteration.
     pub fits: &'a [smooth::Params],
 }
@@ -208,13 +211,13 @@ impl ViewPasses {
         views: &[PlacedView],
         maps: Option<&LightMaps>,
     ) {
-        let FrameInputs { scene, splats, splat_set, fits } = frame;
+        let FrameInputs { scene, splats, splat_set, meshes, fits } = frame;
         self.camera.write(gpu, camera);
         let splat_set = self.own_splats.as_ref().unwrap_or(splat_set);
         if self.config.culled {
             self.aggregate.prepare_culled(gpu, &self.camera, &splat_set.aggregates);
         }
-        self.scene.upload(gpu, scene, eye, views, maps);
+        self.scene.upload(gpu, scene, meshes, eye, views, maps);
         if self.config.mixture {
             self.mixture.prepare(gpu, &self.camera, scene, splats.radius);
         }
@@ -237,7 +240,7 @@ impl ViewPasses {
         timer: &mut Timer,
         names: PassNames,
     ) {
-        let encoder = &mut commands.encoder;
+        let encoder = &mut *commands.encoder;
         let camera = &self.camera;
         let liquid = self.own_splats.as_ref().unwrap_or(frame.splat_set);
         let backs = self.config.backs;
@@ -267,7 +270,7 @@ impl ViewPasses {
             self.smooth.record(gpu, commands, camera, lists, timer.span(names.smooth));
         }
         if self.config.gbuffer {
-            let encoder = &mut commands.encoder;
+            let encoder = &mut *commands.encoder;
             self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(names.gbuffer));
         }
     }

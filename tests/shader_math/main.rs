@@ -7,6 +7,7 @@
 mod camera;
 mod environment;
 mod layers;
+mod meshes;
 mod optics;
 mod screen_ray;
 mod solids;

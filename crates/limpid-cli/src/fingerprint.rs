@@ -15,7 +15,6 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 use glam::UVec2;
-use image::RgbImage;
 use rayon::prelude::*;
 use siphasher::sip128::{Hasher128 as _, SipHasher24};
 
@@ -72,11 +71,11 @@ impl Fingerprint {
     }
 
     /// The text chunks of a PNG: the program, the fingerprint, and the checksum of the pixels.
-    pub(crate) fn notes(self, picture: &RgbImage) -> [(&'static str, String); 3] {
+    pub(crate) fn notes(self, pixels: &[u8]) -> [(&'static str, String); 3] {
         [
             ("Software", concat!("limpid ", env!("CARGO_PKG_VERSION")).into()),
             (FINGERPRINT, self.to_string()),
-            (PIXELS, format!("{:08x}", checksum(picture))),
+            (PIXELS, format!("{:08x}", checksum(pixels))),
         ]
     }
 
@@ -96,7 +95,8 @@ impl Fingerprint {
             texts.iter().find(|text| text.keyword == keyword).map(|text| text.text.clone())
         };
         let matches = (info.width, info.height) == (size.x, size.y)
-            && (info.color_type, info.bit_depth) == (png::ColorType::Rgb, png::BitDepth::Eight)
+            && matches!(info.color_type, png::ColorType::Rgb | png::ColorType::Rgba)
+            && info.bit_depth == png::BitDepth::Eight
             && note(FINGERPRINT)? == self.to_string();
         let expected = note(PIXELS).filter(|_| matches)?;
         let mut pixels = vec![0; reader.output_buffer_size()?];
@@ -106,7 +106,7 @@ impl Fingerprint {
     }
 }
 
-/// CRC-32, as in PNG and zlib, of 8-bit RGB rows from the top.
+/// CRC-32, as in PNG and zlib, of the bytes of 8-bit rows from the top.
 pub(crate) fn checksum(pixels: &[u8]) -> u32 {
     let mut crc = flate2::Crc::new();
     crc.update(pixels);

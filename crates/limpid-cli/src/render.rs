@@ -156,6 +156,10 @@ pub(crate) struct Args {
     /// choice. Not for frames shared by several machines.
     #[arg(long, value_name = "MS", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
     budget: Option<f64>,
+    /// Write coverage as alpha: only liquid and solids cover a pixel, not the environment. For .png,
+    /// .webp and .exr.
+    #[arg(long)]
+    alpha: bool,
     /// Write intermediate images beside each picture, as NAME.aov.exr: a list, or all.
     #[arg(long, value_name = "LIST", value_parser = aov::parse_list)]
     aov: Option<AovList>,
@@ -444,16 +448,18 @@ impl FrameLoop<'_> {
             pictures.write_aovs(&job.shot, images, job.fingerprint)?;
         }
         // The picture is written last: if it exists, so do the files that accompany it.
-        output.write(&job.shot, &drawn.picture, radiance, job.fingerprint)?;
+        let passes = drawn.passes.clone();
+        let picture = drawn.into_image();
+        output.write(&job.shot, &picture, radiance, job.fingerprint)?;
         stats.frames.push(FrameStats {
             frame: job.shot.number,
             particles: loaded.particles,
             splashes: loaded.splats.splashes.len(),
-            total_ms: drawn.passes.iter().map(|pass| pass.ms).sum(),
-            passes: drawn.passes,
+            total_ms: passes.iter().map(|pass| pass.ms).sum(),
+            passes,
         });
         Ok(Outcome {
-            pixels: Some(format!("{:08x}", fingerprint::checksum(&drawn.picture))),
+            pixels: Some(format!("{:08x}", fingerprint::checksum(picture.as_bytes()))),
             particles: Some(loaded.particles),
             adapter: Some(stats.adapter.clone()),
             ..Outcome::default()

@@ -4,9 +4,11 @@ mod commented;
 pub mod controls;
 mod file;
 pub mod overrides;
+mod solids;
 
 pub use file::FILE_KIND;
 pub(crate) use file::is_scale;
+pub use solids::SolidFiles;
 
 use std::slice;
 
@@ -27,6 +29,8 @@ use limpid_sim::sim::Simulation;
 pub struct Project {
     /// The scene.
     pub scene: Scene,
+    /// The files of its meshes and textures.
+    pub solid_files: SolidFiles,
     /// The source of the particles.
     pub source: LiquidSource,
     /// The camera; `None` fits one to the particles.

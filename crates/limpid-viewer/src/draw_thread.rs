@@ -304,7 +304,7 @@ fn draw(offscreen: &mut Offscreen, request: &Request) -> Result<Drawn> {
     offscreen.renderer.diagnose = view != View::Picture;
     let panes = panes.iter().map(|pane| {
         let begun = Instant::now();
-        let RenderedFrame { picture: rendered, passes } = picture(offscreen, pane)?;
+        let RenderedFrame { picture: rendered, passes, .. } = picture(offscreen, pane)?;
         let (image, legend, values) = match view.aov() {
             None => {
                 let size = [rendered.width() as usize, rendered.height() as usize];
@@ -324,7 +324,7 @@ fn save(offscreen: &mut Offscreen, pane: &Pane, path: &Path) -> Result<()> {
     let rendered = picture(offscreen, pane)?;
     match PictureFormat::of(path)? {
         PictureFormat::Exr => limpid_io::exr::write(path, vec![offscreen.radiance()?]),
-        _ => output::write_picture(path, &rendered.picture, &[]),
+        _ => output::write_picture(path, &rendered.into_image(), &[]),
     }
 }
 

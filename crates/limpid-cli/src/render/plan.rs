@@ -35,6 +35,7 @@ impl Plan {
         let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
         overrides.extend(args.set.iter().cloned());
         overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
+        overrides.extend(args.alpha.then(|| "refract.transparent=true".to_owned()));
         let request = Request {
             input: args.input.clone(),
             scene: args.scene.clone(),

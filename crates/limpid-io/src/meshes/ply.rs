@@ -1,9 +1,9 @@
 //! PLY (Greg Turk, "The PLY Polygon File Format", 1994): the elements `vertex` and `face`, in ASCII or
 //! binary of either byte order.
 //!
-//! Normals are `nx ny nz`. Texture coordinates are `s t`, `u v` or `texture_u texture_v`, of which the
-//! second grows upwards; their texture is named by a comment, as `MeshLab` writes it: `comment TextureFile
-//! name.png`. Faces are lists `vertex_indices` or `vertex_index`. Colours of vertices are not read.
+//! Normals are `nx ny nz`. Texture coordinates are `u v` or `texture_u texture_v`, of which the second grows
+//! upwards, as `MeshLab` writes them, or `s t`, of which t grows downwards, as Mitsuba reads them. Their
+//! texture is named by a comment: `comment TextureFile name.png`. Faces are lists `vertex_indices` or `vertex_index`. Colours of vertices are not read.
 
 use std::path::Path;
 
@@ -75,8 +75,9 @@ fn vertices(
         return Err(Error::format(file.source.path, problem));
     };
     let normal = find("nx").zip(find("ny")).zip(find("nz"));
-    let pairs = [("s", "t"), ("u", "v"), ("texture_u", "texture_v")];
-    let coordinates = pairs.into_iter().find_map(|(u, v)| find(u).zip(find(v)));
+    let pairs = [("s", "t", false), ("u", "v", true), ("texture_u", "texture_v", true)];
+    let coordinates =
+        pairs.into_iter().find_map(|(u, v, upwards)| Some((find(u)?, find(v)?, upwards)));
     mesh.has_normals = normal.is_some();
     mesh.has_coordinates = coordinates.is_some();
     if find("red").is_some() {
@@ -96,8 +97,9 @@ fn vertices(
         if let Some(((x, y), z)) = normal {
             vertex.normal = DVec3::from([x, y, z].map(number)).as_vec3();
         }
-        if let Some((u, v)) = coordinates {
-            vertex.coordinates = Vec2::new(number(u) as f32, (1.0 - number(v)) as f32);
+        if let Some((u, v, upwards)) = coordinates {
+            let v = if upwards { 1.0 - number(v) } else { number(v) };
+            vertex.coordinates = Vec2::new(number(u) as f32, v as f32);
         }
         mesh.vertex(vertex, |problem| file.source.error(start(file, offset), problem))?;
     }

@@ -72,7 +72,7 @@ fn layouts() {
 
 #[test]
 fn normals_coordinates_and_polygons() {
-    for (u, v) in [("s", "t"), ("u", "v"), ("texture_u", "texture_v")] {
+    for (u, v, upwards) in [("s", "t", false), ("u", "v", true), ("texture_u", "texture_v", true)] {
         let text = format!(
             "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n\
              property float z\nproperty float nx\nproperty float ny\nproperty float nz\n\
@@ -86,8 +86,11 @@ fn normals_coordinates_and_polygons() {
         assert_eq!(data.triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
         assert_eq!(data.normals[3], Vec3::Y);
         assert_eq!(data.normals[4], 2.0 * Vec3::Z);
-        let second = Vec2::new(1.0, 0.75);
-        assert_eq!((data.coordinates[0], data.coordinates[1]), (Vec2::Y, second));
+        let expected = match upwards {
+            true => (Vec2::Y, Vec2::new(1.0, 0.75)),
+            false => (Vec2::ZERO, Vec2::new(1.0, 0.25)),
+        };
+        assert_eq!((data.coordinates[0], data.coordinates[1]), expected);
         assert_eq!(loaded.remarks.len(), 1);
         assert!(
             loaded.remarks[0].contains("a.ply: the colours of vertices"),

@@ -44,7 +44,7 @@ fn color_at(data: &MeshData, x: f64, y: f64) -> [u8; 4] {
 fn all_formats_agree_on_the_first_row() {
     let picture = png([RED, GREEN, BLUE, WHITE]);
     let ply = "ply\nformat ascii 1.0\ncomment TextureFile four colours.png\nelement vertex 4\n\
-        property float x\nproperty float y\nproperty float z\nproperty float s\nproperty float t\n\
+        property float x\nproperty float y\nproperty float z\nproperty float u\nproperty float v\n\
         element face 1\nproperty list uchar int vertex_indices\nend_header\n\
         0 0 0 0 0\n1 0 0 1 0\n1 1 0 1 1\n0 1 0 0 1\n4 0 1 2 3\n";
     let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl a\n\

@@ -53,6 +53,7 @@ fn every_key_sets_its_field() {
         up: Vec3::Y,
         fov_y: 40.0,
         near: Some(0.01),
+        lens: None,
     };
     assert_eq!(camera, Some(expected));
     let gradient = Environment::Gradient {
@@ -62,7 +63,7 @@ fn every_key_sets_its_field() {
     };
     assert_eq!(scene.environment, gradient);
 
-    let [floor, wall, ball] = scene.solids[..] else { panic!("three solids: {:?}", scene.solids) };
+    let [floor, wall, ball] = &scene.solids[..] else { panic!("three solids: {:?}", scene.solids) };
     let plane =
         Shape::Plane { origin: DVec3::new(0.0, -0.05, 0.0), normal: Vec3::Y, half_extent: 6.0 };
     let checker = Surface::Checker {
@@ -70,10 +71,10 @@ fn every_key_sets_its_field() {
         even: Vec3::new(0.8, 0.8, 0.7),
         odd: Vec3::new(0.1, 0.2, 0.3),
     };
-    assert_eq!((floor.shape, floor.surface, floor.lit), (plane, checker, false));
+    assert_eq!((&floor.shape, &floor.surface, floor.lit), (&plane, &checker, false));
     let corners = Shape::Box { min: DVec3::new(-1.0, 0.0, -1.0), max: DVec3::new(1.0, 0.5, -0.9) };
     let color = Surface::Color(Vec3::new(0.5, 0.25, 0.125));
-    assert_eq!((wall.shape, wall.surface, wall.lit), (corners, color, true));
+    assert_eq!((&wall.shape, &wall.surface, wall.lit), (&corners, &color, true));
     assert_eq!(ball.shape, Shape::Sphere { center: DVec3::new(0.0, 0.25, 0.5), radius: 0.25 });
 
     let [sun, lamp] = scene.lights[..] else { panic!("two lights: {:?}", scene.lights) };

@@ -50,7 +50,7 @@ impl Default for Reconstruction {
 impl Reconstruction {
     /// The default parameters for liquid among solids, all of which it wets.
     pub fn among(solids: &[Solid]) -> Self {
-        Self { wetted: solids.iter().map(|solid| solid.shape).collect(), ..Self::default() }
+        Self { wetted: solids.iter().map(|solid| solid.shape.clone()).collect(), ..Self::default() }
     }
 }
 
@@ -225,6 +225,34 @@ impl Mesh {
             }
         }
         best
+    }
+}
+
+/// Where a ray meets a mesh, from either side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeshHit {
+    /// Distance along the ray, m.
+    pub t: f64,
+    /// Index of the triangle.
+    pub triangle: usize,
+    /// Shares of its corners.
+    pub shares: DVec3,
+}
+
+impl Mesh {
+    /// The nearest triangle ahead, whichever way it faces.
+    pub fn hit(&self, ray: &Ray) -> Option<MeshHit> {
+        let sides = [false, true].map(|inside| self.nearest(ray, inside));
+        let ahead = sides.into_iter().flatten().filter(|&(_, t, _)| t > 0.0);
+        let (place, t, shares) = ahead.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let triangle = self.bvh.primitive_indices[place] as usize;
+        Some(MeshHit { t, triangle, shares })
+    }
+
+    /// Geometric unit normal of a triangle.
+    pub fn triangle_normal(&self, triangle: usize) -> DVec3 {
+        let [a, b, c] = self.triangles[triangle].map(|i| self.vertices[i as usize]);
+        (b - a).cross(c - a).normalize_or(DVec3::Y)
     }
 }
 

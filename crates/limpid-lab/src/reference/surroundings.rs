@@ -1,11 +1,14 @@
 //! The surroundings of the liquid, in f64: the scene's solids, lights and environment.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3Swizzles as _};
 
+use super::mesh::{Mesh, MeshHit};
 use super::{Ray, wide};
 use limpid::environment::Environment;
+use limpid::mesh::{Placement, Texture};
 use limpid::scene::{Light, Scene, Shape, Surface};
 
 /// The solids, lights and environment of a scene.
@@ -29,6 +32,8 @@ pub struct SolidHit {
     pub normal: DVec3,
     /// Index of the solid in the scene.
     pub solid: usize,
+    /// The triangle, if the solid is a mesh.
+    pub on_mesh: Option<MeshHit>,
 }
 
 /// Direct light arriving at a point.
@@ -73,18 +78,33 @@ fn dominant(direction: DVec3) -> DVec3 {
 /// Offset of shadow ray origins from the surface, m and relative.
 const SHADOW: f64 = 1e-9;
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Solid {
     form: Form,
     surface: Surface,
     lit: bool,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 enum Form {
     Plane { origin: DVec3, normal: DVec3, half_extent: f64 },
     Box { min: DVec3, max: DVec3 },
     Sphere { center: DVec3, radius: f64 },
+    Mesh(Arc<SolidMesh>),
+}
+
+/// A mesh in the world.
+struct SolidMesh {
+    /// The triangles, in the order of `source`.
+    world: Mesh,
+    source: Arc<limpid::mesh::Mesh>,
+    placement: Placement,
+}
+
+impl std::fmt::Debug for SolidMesh {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.source.fmt(f)
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -105,7 +125,7 @@ impl Surroundings {
     pub fn new(scene: &Scene) -> Self {
         let solids = scene.solids.iter().map(|solid| Solid {
             form: Form::new(&solid.shape),
-            surface: solid.surface,
+            surface: solid.surface.clone(),
             lit: solid.lit,
         });
         let lights = scene.lights.iter().map(|light| match *light {
@@ -126,21 +146,22 @@ impl Surroundings {
 
     /// The nearest solid ahead.
     pub fn hit(&self, ray: &Ray) -> Option<SolidHit> {
-        let hits = self.solids.iter().enumerate().filter_map(|(solid, s)| {
-            let t = s.form.distance(ray)?;
-            Some((t, solid))
-        });
-        let (t, solid) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let point = ray.at(t);
-        Some(SolidHit { t, point, normal: self.solids[solid].form.normal(point), solid })
+        let hits = (0..self.solids.len()).filter_map(|solid| self.hit_alone(solid, ray));
+        hits.min_by(|a, b| a.t.total_cmp(&b.t))
     }
 
     /// Intersects a ray with one solid, ignoring occluders.
     pub(super) fn hit_alone(&self, solid: usize, ray: &Ray) -> Option<SolidHit> {
         let form = &self.solids[solid].form;
+        if let Form::Mesh(mesh) = form {
+            let hit = mesh.world.hit(ray)?;
+            let normal = mesh.world.triangle_normal(hit.triangle);
+            let (t, on_mesh) = (hit.t, Some(hit));
+            return Some(SolidHit { t, point: ray.at(t), normal, solid, on_mesh });
+        }
         let t = form.distance(ray)?;
         let point = ray.at(t);
-        Some(SolidHit { t, point, normal: form.normal(point), solid })
+        Some(SolidHit { t, point, normal: form.normal(point), solid, on_mesh: None })
     }
 
     /// Whether the point just above a surface point lies inside a solid.
@@ -188,7 +209,7 @@ impl Surroundings {
         arriving: impl Fn(usize, Option<&Direct>) -> DVec3,
     ) -> DVec3 {
         let solid = &self.solids[hit.solid];
-        let color = solid.color(hit.point, hit.normal);
+        let color = solid.color(hit);
         let fade = |radiance| match solid.surface {
             Surface::Ground { fade, .. } => {
                 let offset = hit.point.distance(solid.form.middle()) / f64::from(fade);
@@ -200,7 +221,7 @@ impl Surroundings {
         if !solid.lit {
             return fade(color);
         }
-        let normal = hit.facing(direction);
+        let normal = solid.shading_normal(hit, hit.facing(direction));
         let irradiance: DVec3 = (0..self.lights.len())
             .map(|light| arriving(light, self.direct(light, hit.point, normal).as_ref()))
             .sum();
@@ -268,12 +289,20 @@ impl Form {
             Shape::Sphere { center, radius } => {
                 Self::Sphere { center: wide(center), radius: real(radius) }
             }
+            Shape::Mesh { ref mesh, placement } => {
+                let place = |x: &glam::Vec3| placement.world_from_mesh(mesh.origin() + wide(*x));
+                let vertices = mesh.vertices().iter().map(place).collect();
+                let world = Mesh::new(vertices, mesh.triangles().to_vec());
+                let world = world.expect("a mesh of a scene is checked");
+                Self::Mesh(Arc::new(SolidMesh { world, source: mesh.clone(), placement }))
+            }
         }
     }
 
     /// Distance along the ray to the nearest intersection ahead.
     fn distance(&self, ray: &Ray) -> Option<f64> {
         match *self {
+            Self::Mesh(ref mesh) => mesh.world.hit(ray).map(|hit| hit.t),
             Self::Plane { origin, normal, half_extent } => {
                 let t = (origin - ray.origin).dot(normal) / ray.direction.dot(normal);
                 // For a ray parallel to the plane the distance is infinite or NaN.
@@ -300,12 +329,16 @@ impl Form {
             Self::Plane { origin, .. } => origin,
             Self::Box { min, max } => 0.5 * (min + max),
             Self::Sphere { center, .. } => center,
+            Self::Mesh(ref mesh) => mesh.placement.translate,
         }
     }
 
     fn contains(&self, point: DVec3) -> bool {
         match *self {
             Self::Plane { .. } => false,
+            Self::Mesh(ref mesh) => {
+                mesh.source.is_closed() && super::Liquid::contains(&mesh.world, point)
+            }
             Self::Box { min, max } => point.cmpgt(min).all() && point.cmplt(max).all(),
             Self::Sphere { center, radius } => point.distance(center) < radius,
         }
@@ -321,20 +354,96 @@ impl Form {
                 DVec3::AXES[axis] * offset[axis].signum()
             }
             Self::Sphere { center, .. } => (point - center).normalize_or(DVec3::Y),
+            Self::Mesh(_) => unreachable!("a hit on a mesh has its triangle's normal"),
         }
     }
 }
 
+impl SolidMesh {
+    /// Corners of the triangle of a hit.
+    fn corners(&self, hit: &MeshHit) -> [usize; 3] {
+        self.source.triangles()[hit.triangle].map(|i| i as usize)
+    }
+
+    fn color(&self, hit: &MeshHit) -> DVec3 {
+        let material = &self.source.materials()[self.source.material_of()[hit.triangle] as usize];
+        let Some(texture) = &material.texture else { return wide(material.color) };
+        let uv = self
+            .corners(hit)
+            .map(|i| self.source.coordinates().get(i).copied().unwrap_or_default().as_dvec2());
+        let shares = hit.shares;
+        wide(material.color)
+            * looked_up(texture, shares.x * uv[0] + shares.y * uv[1] + shares.z * uv[2])
+    }
+
+    /// The interpolated normal of the file, if it has one at all corners.
+    fn shading_normal(&self, hit: &MeshHit) -> Option<DVec3> {
+        let normals = self.corners(hit).map(|i| self.source.normals().get(i).copied());
+        let [a, b, c] = normals.map(|n| n.filter(|&n| n != glam::Vec3::ZERO));
+        let (a, b, c) = (wide(a?), wide(b?), wide(c?));
+        let sum = hit.shares.x * a + hit.shares.y * b + hit.shares.z * c;
+        Some((self.placement.rotate * sum).normalize())
+    }
+}
+
+/// Bilinear lookup of the linear colour of a repeating texture.
+fn looked_up(texture: &Texture, uv: DVec2) -> DVec3 {
+    let (width, height) = (i64::from(texture.size().x), i64::from(texture.size().y));
+    let at = (uv - uv.floor()) * texture.size().as_dvec2() - 0.5;
+    let (corner, f) = (at.floor(), at - at.floor());
+    let linear = |c: u8| {
+        let c = f64::from(c) / 255.0;
+        if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+    };
+    let texel = |dx: i64, dy: i64| {
+        let x = (corner.x as i64 + dx).rem_euclid(width);
+        let y = (corner.y as i64 + dy).rem_euclid(height);
+        let [r, g, b, _] = texture.pixels()[(y * width + x) as usize];
+        DVec3::from([r, g, b].map(linear))
+    };
+    let top = texel(0, 0).lerp(texel(1, 0), f.x);
+    top.lerp(texel(0, 1).lerp(texel(1, 1), f.x), f.y)
+}
+
 impl Solid {
-    fn color(&self, point: DVec3, normal: DVec3) -> DVec3 {
+    /// The normal that light falls on, on the side of `normal`, which faces the viewer.
+    fn shading_normal(&self, hit: &SolidHit, normal: DVec3) -> DVec3 {
+        let (Form::Mesh(mesh), Some(on_mesh)) = (&self.form, &hit.on_mesh) else { return normal };
+        let Some(shading) = mesh.shading_normal(on_mesh) else { return normal };
+        if shading.dot(normal) < 0.0 { -shading } else { shading }
+    }
+
+    /// The texture of a plane, box or sphere.
+    fn textured(&self, texture: &Texture, tile: f64, point: DVec3, normal: DVec3) -> DVec3 {
+        if let Form::Sphere { .. } = self.form {
+            let longitude = normal.x.atan2(-normal.z) / TAU + 0.5;
+            let latitude = normal.y.clamp(-1.0, 1.0).acos() / PI;
+            return looked_up(texture, DVec2::new(longitude, latitude));
+        }
+        let a = normal.abs();
+        let upright = if a.y >= a.x.max(a.z) { 1.0 } else { -1.0 };
+        let at = in_plane(normal, point - self.form.middle()) / tile;
+        let size = texture.size().as_dvec2();
+        looked_up(texture, at * DVec2::new(1.0, upright * size.x / size.y) + 0.5)
+    }
+
+    fn color(&self, hit: &SolidHit) -> DVec3 {
+        let (point, normal) = (hit.point, hit.normal);
         match self.surface {
+            Surface::Own => match (&self.form, &hit.on_mesh) {
+                (Form::Mesh(mesh), Some(on_mesh)) => mesh.color(on_mesh),
+                _ => DVec3::ZERO,
+            },
+            Surface::Texture { ref texture, tile } => {
+                self.textured(texture, f64::from(tile), point, normal)
+            }
             Surface::Color(color) => wide(color),
             Surface::Checker { tile, even, odd } | Surface::Ground { tile, even, odd, .. } => {
                 // Tiles are cubes on a sphere and squares elsewhere, counted from the world's
                 // origin.
                 let tile = f64::from(tile);
                 let parity = match self.form {
-                    Form::Sphere { .. } => (point / tile).floor().element_sum(),
+                    Form::Sphere { .. } | Form::Mesh(_) => (point / tile).floor().element_sum(),
                     _ => (in_plane(normal, point) / tile).floor().element_sum(),
                 };
                 wide(if parity.rem_euclid(2.0) < 0.5 { even } else { odd })

@@ -1,0 +1,317 @@
+// Triangle meshes: where rays meet them, whether a point is near one, and their colours.
+//
+// A mesh has a space of its own, with its middle at the origin; a solid scales, rotates and moves it into
+// the world. Lengths along a ray are the same in both spaces, since directions are scaled like points.
+//
+// Rows of `mesh_geometry`: a node is the two corners of its box; their fourth components are its first
+// child or triangle, and its number of triangles, 0 for an inner node, whose children are adjacent. A
+// triangle is its three corners. They are integers, because a device may flush small floats to 0.
+
+@group(2) @binding(7) var<storage, read> mesh_geometry: array<vec4u>;
+// Attributes of triangles, materials, and textures with their mip levels.
+@group(2) @binding(8) var<storage, read> mesh_surfaces: array<u32>;
+
+const NO_TRIANGLE: u32 = 0xffffffffu;
+
+// Most pending nodes: the depth of the deepest tree (MAX_DEPTH in src/mesh.rs).
+const MESH_STACK: u32 = 48u;
+
+struct MeshHit {
+    t: f32,
+    triangle: u32, // NO_TRIANGLE if none
+}
+
+// A vector of the world in the mesh's axes: rotated by the inverse of the unit quaternion q.
+fn mesh_axes_from_world(q: vec4f, v: vec3f) -> vec3f {
+    let u = -q.xyz;
+    return v + 2.0 * cross(u, cross(u, v) + q.w * v);
+}
+
+fn world_from_mesh_axes(q: vec4f, v: vec3f) -> vec3f {
+    return v + 2.0 * cross(q.xyz, cross(q.xyz, v) + q.w * v);
+}
+
+fn mesh_corner(row: u32) -> vec3f {
+    return bitcast<vec3f>(mesh_geometry[row].xyz);
+}
+
+// Nearest triangle of the solid's mesh on o + t d, 0 < t < far, or any one.
+fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: bool) -> MeshHit {
+    let solid = solids[index];
+    let per_metre = solid.extent.y;
+    let d = per_metre * mesh_axes_from_world(solid.rotation, world_d);
+    var o = per_metre * mesh_axes_from_world(solid.rotation, world_o - solid.origin);
+    // Rays from afar start where they pass the middle: differences of small numbers are precise.
+    let distant = dot(o, o) > 4.0 * solid.extent.z * solid.extent.z;
+    let skipped = select(0.0, -dot(o, d) / dot(d, d), distant);
+    o += skipped * d;
+
+    let nearest = -skipped;
+    var hit = MeshHit(far - skipped, NO_TRIANGLE);
+    let slope = 1.0 / select(d, vec3f(1e-20), abs(d) < vec3f(1e-20));
+    let nodes = solid.mesh.x;
+    let triangles = solid.mesh.y;
+    if box_entry(nodes, o, slope, nearest, hit.t) >= NOTHING {
+        return MeshHit(NOTHING, NO_TRIANGLE);
+    }
+    var stack: array<u32, MESH_STACK>;
+    var pending = 0u;
+    var node = nodes;
+    loop {
+        let first = mesh_geometry[node].w;
+        let count = mesh_geometry[node + 1u].w;
+        var next = NO_TRIANGLE;
+        if count == 0u {
+            let left = nodes + 2u * first;
+            let t_left = box_entry(left, o, slope, nearest, hit.t);
+            let t_right = box_entry(left + 2u, o, slope, nearest, hit.t);
+            let right_first = t_right < t_left;
+            if min(t_left, t_right) < NOTHING {
+                next = select(left, left + 2u, right_first);
+                if max(t_left, t_right) < NOTHING {
+                    stack[pending] = select(left + 2u, left, right_first);
+                    pending += 1u;
+                }
+            }
+        }
+        for (var i = first; i < first + count; i++) {
+            let t = triangle_trace(triangles + 3u * i, o, d);
+            if t > nearest && t < hit.t {
+                hit = MeshHit(t, i);
+            }
+        }
+        if any_one && hit.triangle != NO_TRIANGLE {
+            break;
+        }
+        if next == NO_TRIANGLE {
+            if pending == 0u {
+                break;
+            }
+            pending -= 1u;
+            next = stack[pending];
+        }
+        node = next;
+    }
+    return MeshHit(select(hit.t + skipped, NOTHING, hit.triangle == NO_TRIANGLE), hit.triangle);
+}
+
+// Where the ray enters a node's box, or NOTHING if it does not between two lengths. Wider than the box by more
+// than the rounding of this computation (Ize 2013).
+fn box_entry(node: u32, o: vec3f, slope: vec3f, nearest: f32, farthest: f32) -> f32 {
+    let to_min = (mesh_corner(node) - o) * slope;
+    let to_max = (mesh_corner(node + 1u) - o) * slope;
+    let low = min(to_min, to_max);
+    let high = max(to_min, to_max);
+    let enter = max(max(low.x, low.y), low.z);
+    let leave = min(min(high.x, high.y), high.z);
+    let slack = 1e-6 * max(abs(enter), abs(leave));
+    let missed = enter > leave + slack || leave + slack < nearest || enter - slack > farthest;
+    return select(max(enter, nearest), NOTHING, missed);
+}
+
+// Relative rounding error of an edge function below: 10 half units in the last place, from two differences,
+// two products and a difference per component, and the sum of three.
+const EDGE_ROUNDING: f32 = 6e-7;
+
+// Length along the ray to a triangle, or NOTHING. Edges count as hit from either side within rounding, so
+// that no ray passes between two triangles. The length is that to the triangle's plane, between those to its
+// corners: a needle's edge functions, and a narrow triangle's shares, are rounding errors.
+fn triangle_trace(row: u32, o: vec3f, d: vec3f) -> f32 {
+    let corner_a = mesh_corner(row);
+    let corner_b = mesh_corner(row + 1u);
+    let corner_c = mesh_corner(row + 2u);
+    let a = corner_a - o;
+    let b = corner_b - o;
+    let c = corner_c - o;
+    // Not differences of the rounded ones.
+    let ab = corner_b - corner_a;
+    let bc = corner_c - corner_b;
+    let ca = corner_a - corner_c;
+    let edges = vec3f(dot(d, cross(b, bc)), dot(d, cross(c, ca)), dot(d, cross(a, ab)));
+    let sizes = vec3f(size_of(b) * size_of(bc), size_of(c) * size_of(ca), size_of(a) * size_of(ab));
+    let slack = EDGE_ROUNDING * (abs(d.x) + abs(d.y) + abs(d.z)) * sizes;
+    if !(all(edges >= -slack) || all(edges <= slack)) {
+        return NOTHING;
+    }
+    let lengths = vec3f(dot(a, d), dot(b, d), dot(c, d)) / dot(d, d);
+    let least = min(min(lengths.x, lengths.y), lengths.z);
+    let most = max(max(lengths.x, lengths.y), lengths.z);
+    let n = cross(ca, ab);
+    let slope = dot(n, d);
+    let t = clamp(select(dot(n, a) / slope, least, abs(slope) < 1e-37), least, most);
+    // A ray along the edges of a narrow triangle may pass beyond its ends.
+    let around = 4.0 * EDGE_ROUNDING * max(max(size_of(a), size_of(b)), size_of(c));
+    let x = t * d;
+    let within = all(x >= min(min(a, b), c) - around) && all(x <= max(max(a, b), c) + around);
+    return select(NOTHING, t, within);
+}
+
+// Largest component of a vector.
+fn size_of(v: vec3f) -> f32 {
+    return max(max(abs(v.x), abs(v.y)), abs(v.z));
+}
+
+// Geometric unit normal of a triangle of the solid's mesh, in the world.
+fn mesh_normal(index: u32, triangle: u32) -> vec3f {
+    let row = solids[index].mesh.y + 3u * triangle;
+    let a = mesh_corner(row);
+    let n = cross(mesh_corner(row + 1u) - a, mesh_corner(row + 2u) - a);
+    return world_from_mesh_axes(solids[index].rotation, normalize(n / size_of(n)));
+}
+
+// Whether the solid's mesh is within `reach` of x.
+fn mesh_is_near(index: u32, world_x: vec3f, reach: f32) -> bool {
+    let solid = solids[index];
+    let x = solid.extent.y * mesh_axes_from_world(solid.rotation, world_x - solid.origin);
+    let most = solid.extent.y * reach * solid.extent.y * reach;
+    var stack: array<u32, MESH_STACK>;
+    var pending = 1u;
+    stack[0] = solid.mesh.x;
+    while pending > 0u {
+        pending -= 1u;
+        let node = stack[pending];
+        let offset = x - clamp(x, mesh_corner(node), mesh_corner(node + 1u));
+        if dot(offset, offset) > most {
+            continue;
+        }
+        let first = mesh_geometry[node].w;
+        let count = mesh_geometry[node + 1u].w;
+        for (var i = first; i < first + count; i++) {
+            if triangle_distance2(solid.mesh.y + 3u * i, x) <= most {
+                return true;
+            }
+        }
+        if count == 0u {
+            let left = solid.mesh.x + 2u * first;
+            stack[pending] = left;
+            stack[min(pending + 1u, MESH_STACK - 1u)] = left + 2u;
+            pending = min(pending + 2u, MESH_STACK);
+        }
+    }
+    return false;
+}
+
+// Squared distance of x from a triangle.
+fn triangle_distance2(row: u32, x: vec3f) -> f32 {
+    let a = mesh_corner(row) - x;
+    let b = mesh_corner(row + 1u) - x;
+    let c = mesh_corner(row + 2u) - x;
+    let n = cross(b - a, c - a);
+    let above = all(vec3f(dot(n, cross(b, c)), dot(n, cross(c, a)), dot(n, cross(a, b))) >= vec3f(0.0));
+    let height = dot(n, a);
+    let beside = min(min(segment_distance2(a, b), segment_distance2(b, c)), segment_distance2(c, a));
+    return select(beside, height * height / max(dot(n, n), 1e-30), above);
+}
+
+// Squared distance of the segment from a to b from the origin.
+fn segment_distance2(a: vec3f, b: vec3f) -> f32 {
+    let along = b - a;
+    let nearest = a + along * clamp(-dot(a, along) / max(dot(along, along), 1e-30), 0.0, 1.0);
+    return dot(nearest, nearest);
+}
+
+// Words of a triangle's attributes: the place of its material; texture coordinates and normals of its corners.
+const MESH_ATTRIBUTES: u32 = 10u;
+// A normal that is not there.
+const NO_NORMAL: u32 = 0x80008000u;
+
+// Shares of a triangle's corners in the point of the plane that is nearest to x.
+fn mesh_shares(solid: Solid, triangle: u32, world_x: vec3f) -> vec3f {
+    let row = solid.mesh.y + 3u * triangle;
+    let x = solid.extent.y * mesh_axes_from_world(solid.rotation, world_x - solid.origin);
+    let a = mesh_corner(row) - x;
+    let b = mesh_corner(row + 1u) - x;
+    let c = mesh_corner(row + 2u) - x;
+    let n = cross(b - a, c - a);
+    let shares = max(vec3f(dot(n, cross(b, c)), dot(n, cross(c, a)), dot(n, cross(a, b))), vec3f(0.0));
+    return shares / max(shares.x + shares.y + shares.z, 1e-37);
+}
+
+// Shading normal at x, on the side of the triangle's own: interpolated, if the mesh has normals.
+fn mesh_shading_normal(solid: Solid, triangle: u32, x: vec3f, normal: vec3f) -> vec3f {
+    let words = solid.mesh.z + MESH_ATTRIBUTES * triangle + 7u;
+    let shares = mesh_shares(solid, triangle, x);
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < 3u; i++) {
+        let packed = mesh_surfaces[words + i];
+        if packed == NO_NORMAL {
+            return normal;
+        }
+        sum += shares[i] * octahedral(unpack2x16snorm(packed));
+    }
+    let smooth_normal = world_from_mesh_axes(solid.rotation, normalize(sum));
+    return select(-smooth_normal, smooth_normal, dot(smooth_normal, normal) >= 0.0);
+}
+
+// Unit vector of a point on the unfolded octahedron (Cigolle et al. 2014).
+fn octahedral(p: vec2f) -> vec3f {
+    let z = 1.0 - abs(p.x) - abs(p.y);
+    let fold = max(-z, 0.0);
+    return normalize(vec3f(p - select(vec2f(-fold), vec2f(fold), p >= vec2f(0.0)), z));
+}
+
+// Colour of the mesh's own material at x, for a ray of this width.
+fn mesh_color(solid: Solid, triangle: u32, x: vec3f, cos_theta: f32, width: f32) -> vec3f {
+    let words = solid.mesh.z + MESH_ATTRIBUTES * triangle;
+    let material = mesh_surfaces[words];
+    let color = vec3f(surface_float(material), surface_float(material + 1u), surface_float(material + 2u));
+    let texture = mesh_surfaces[material + 3u];
+    if texture == 0u {
+        return color;
+    }
+    let shares = mesh_shares(solid, triangle, x);
+    var corners: array<vec2f, 3>;
+    for (var i = 0u; i < 3u; i++) {
+        corners[i] = vec2f(surface_float(words + 1u + 2u * i), surface_float(words + 2u + 2u * i));
+    }
+    let uv = shares.x * corners[0] + shares.y * corners[1] + shares.z * corners[2];
+    let row = solid.mesh.y + 3u * triangle;
+    let a = mesh_corner(row);
+    let area = length(cross(mesh_corner(row + 1u) - a, mesh_corner(row + 2u) - a)) * solid.extent.x * solid.extent.x;
+    let sides = mat2x2f(corners[1] - corners[0], corners[2] - corners[0]);
+    // Copies of the texture per metre.
+    let density = sqrt(abs(determinant(sides)) / max(area, 1e-37));
+    return color * texture_color(texture, uv, density * width * inverseSqrt(max(abs(cos_theta), 0.05)));
+}
+
+fn surface_float(word: u32) -> f32 {
+    return bitcast<f32>(mesh_surfaces[word]);
+}
+
+// Colour of a repeating texture over a footprint of this width, in copies of the texture.
+fn texture_color(texture: u32, uv: vec2f, width: f32) -> vec3f {
+    let size = vec2u(mesh_surfaces[texture], mesh_surfaces[texture + 1u]);
+    let levels = mesh_surfaces[texture + 2u];
+    let side = sqrt(f32(size.x) * f32(size.y));
+    let level = select(0.0, clamp(log2(max(width * side, 1.0)), 0.0, f32(levels - 1u)), FILTER_PATTERNS);
+    let lower = u32(level);
+    let sharp = texture_level(texture, uv, size, lower);
+    if f32(lower) == level {
+        return sharp;
+    }
+    return mix(sharp, texture_level(texture, uv, size, lower + 1u), level - f32(lower));
+}
+
+// Bilinear lookup in a mip level.
+fn texture_level(texture: u32, uv: vec2f, full: vec2u, level: u32) -> vec3f {
+    var start = texture + 3u;
+    var size = full;
+    for (var i = 0u; i < level; i++) {
+        start += size.x * size.y;
+        size = max(size / 2u, vec2u(1u));
+    }
+    let at = (uv - floor(uv)) * vec2f(size) - 0.5;
+    let base = floor(at);
+    let f = at - base;
+    let low = vec2u(vec2i(base) + vec2i(size)) % size;
+    let high = (low + 1u) % size;
+    let top = mix(texel(start + low.y * size.x + low.x), texel(start + low.y * size.x + high.x), f.x);
+    let bottom = mix(texel(start + high.y * size.x + low.x), texel(start + high.y * size.x + high.x), f.x);
+    return mix(top, bottom, f.y);
+}
+
+// Linear colour of an sRGB-encoded texel.
+fn texel(word: u32) -> vec3f {
+    let c = unpack4x8unorm(mesh_surfaces[word]).rgb;
+    return select(pow((c + 0.055) / 1.055, vec3f(2.4)), c / 12.92, c <= vec3f(0.04045));
+}

@@ -1,0 +1,281 @@
+//! Projections, frames that the caller submits, and coverage.
+
+#[path = "support/frames.rs"]
+mod frames;
+
+use frames::{glowing, harness, mean_difference, noise_vector, on_axis, scene, sphere, splats};
+use glam::dcamera::rh::proj::directx::{
+    orthographic, perspective, perspective_infinite, perspective_infinite_reverse,
+};
+use glam::dcamera::rh::view::look_at_mat4;
+use glam::{DMat4, DVec2, DVec3, UVec2, Vec3};
+use image::RgbaImage;
+use limpid::camera::{Camera, Lens, Projection, View};
+use limpid::environment::Environment;
+use limpid::liquid::classify::Splats;
+use limpid::offscreen::{Offscreen, Picture};
+use limpid::scene::{Scene, Shape};
+use limpid::wgpu;
+
+const SIZE: UVec2 = UVec2::new(120, 90);
+
+/// Drops before a checkered floor.
+fn drops() -> (Scene, Splats) {
+    let mut seed = 4;
+    let drops: Vec<_> =
+        (0..40).map(|_| sphere(0.6 * noise_vector(&mut seed) + 0.2 * Vec3::Y, 0.15)).collect();
+    let mut scene = Scene::around(DVec3::splat(-0.6), DVec3::splat(0.6), 0.1);
+    scene.settings.smooth.iterations = 0;
+    scene.settings.refract.edge_samples = 1;
+    (scene, splats(&drops, &drops[..5], 0.15))
+}
+
+/// A frustum that is a part of a camera's shows that part of its picture: an off-centre projection changes
+/// what is in the picture and nothing else.
+#[test]
+fn off_centre_views_are_parts_of_wider_ones() {
+    let Some(mut harness) = harness() else { return };
+    let (scene, splats) = drops();
+    let camera = Camera { eye: DVec3::new(0.5, 0.9, 2.5), ..on_axis(0.0, 40.0) };
+    let whole = harness.render(&scene, &camera, &splats, 2 * SIZE);
+    let tangent = (0.5 * 40f64.to_radians()).tan() * DVec2::new(4.0 / 3.0, 1.0);
+    for quarter in [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE] {
+        let low = (quarter - 1.0) * tangent;
+        let projection = Projection::Frustum { low, high: low + tangent };
+        let view = View { projection, ..View::from(&camera) };
+        let part = harness.render(&scene, view, &splats, SIZE);
+        // The first row is the upper one.
+        let corner = UVec2::new(quarter.x as u32 * SIZE.x, (1.0 - quarter.y) as u32 * SIZE.y);
+        let off = |p: &UVec2| part.radiance(*p).distance(whole.radiance(*p + corner)) > 0.02;
+        let depth = "depth.aggregate_front";
+        let elsewhere =
+            |p: &UVec2| (part.at(depth, *p) - whole.at(depth, *p + corner)).abs() > 1e-4;
+        let covered = part.pixels().filter(|p| part.at(depth, *p) > 0.0).count();
+        assert!(covered > 200, "{covered}");
+        assert_eq!(part.pixels().filter(elsewhere).count(), 0, "{quarter}: depths");
+        // Rays that leave the smaller picture see less of the liquid.
+        let different = part.pixels().filter(off).count();
+        assert!(different < covered / 4, "{quarter}: {different} of {covered} pixels");
+    }
+}
+
+/// In an orthographic view a ball covers the pixels within its radius, at the depth of a sphere.
+#[test]
+fn orthographic_views_show_lengths() {
+    let Some(mut harness) = harness() else { return };
+    let (centre, radius, height) = (Vec3::new(0.3, -0.2, 0.5), 0.4, 2.0);
+    let splats = splats(&[sphere(centre, radius)], &[], radius);
+    let lens = Some(Lens::Orthographic { height });
+    let camera = Camera { lens, ..on_axis(3.0, 40.0) };
+    let images = harness.render(&scene(), &camera, &splats, SIZE);
+    images.assert_finite();
+    let pixel = height / f64::from(SIZE.y);
+    let mut covered = 0;
+    for p in images.pixels() {
+        let middle = p.as_dvec2() + 0.5 - 0.5 * SIZE.as_dvec2();
+        let place = DVec2::new(middle.x, -middle.y) * pixel;
+        let beside = place.distance(centre.truncate().as_dvec2());
+        let [front, back] =
+            ["depth.aggregate_front", "depth.aggregate_back"].map(|name| images.at(name, p));
+        let r = f64::from(radius);
+        if beside < r - 0.01 {
+            let half = (r * r - beside * beside).sqrt();
+            let depth = 3.0 - f64::from(centre.z);
+            assert!((front - (depth - half)).abs() < 1e-4, "{p}: {front}");
+            assert!((back - (depth + half)).abs() < 1e-4, "{p}: {back}");
+            covered += 1;
+        } else if beside > r + 0.01 {
+            assert_eq!(front, 0.0, "{p}");
+        }
+    }
+    assert!(covered > 600, "{covered}");
+}
+
+/// An orthographic picture is that of a camera far away with a narrow field of view.
+#[test]
+fn orthographic_views_are_the_limit_of_distant_ones() {
+    let Some(mut harness) = harness() else { return };
+    let (scene, splats) = drops();
+    let direction = DVec3::new(0.2, 0.35, 0.9).normalize();
+    let at = |distance: f64| Camera { eye: direction * distance, ..on_axis(0.0, 40.0) };
+    let height = 1.8;
+    let near = Camera { lens: Some(Lens::Orthographic { height }), ..at(3.0) };
+    let parallel = harness.render(&scene, &near, &splats, SIZE);
+    parallel.assert_finite();
+    let distance = 2000.0;
+    let fov_y = (2.0 * (0.5 * height / distance).atan().to_degrees()) as f32;
+    let far = Camera { fov_y, near: Some(1900.0), ..at(distance) };
+    let distant = harness.render(&scene, &far, &splats, SIZE);
+    let off = |p: &UVec2| parallel.radiance(*p).distance(distant.radiance(*p)) > 0.05;
+    let different = parallel.pixels().filter(off).count();
+    assert!(different < 300, "{different} pixels, {}", mean_difference(&parallel, &distant));
+}
+
+/// Matrices as engines build them give the view that they were built from: forward and reversed depth, with
+/// and without a far plane, off-centre and orthographic.
+#[test]
+fn views_are_read_from_matrices() {
+    let camera = Camera { eye: DVec3::new(1.0, 2.0, 3.0), ..on_axis(0.0, 50.0) };
+    let own = View::from(&camera);
+    let view = look_at_mat4(camera.eye, camera.target, camera.up.as_dvec3());
+    let (near, far) = (0.25, 80.0);
+    let half = (0.5 * 50f64.to_radians()).tan() * DVec2::new(1.5, 1.0);
+    let fov = 50f64.to_radians();
+    let reversed = DMat4::from_cols_array_2d(&[
+        [1.0, 0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, -1.0, 0.0],
+        [0.0, 0.0, 1.0, 1.0],
+    ]);
+    let forward = perspective(fov, 1.5, near, far);
+    let projections = [
+        forward,
+        reversed * forward,
+        perspective_infinite(fov, 1.5, near),
+        perspective_infinite_reverse(fov, 1.5, near),
+    ];
+    for projection in projections {
+        let found = View::from_matrices(view, projection).expect("a view");
+        let Projection::Frustum { low, high } = found.projection else { panic!("{found:?}") };
+        assert!(low.abs_diff_eq(-half, 1e-12) && high.abs_diff_eq(half, 1e-12), "{found:?}");
+        assert!((found.near() - near as f32).abs() < 1e-6, "{found:?}");
+        assert!(found.eye.abs_diff_eq(own.eye, 1e-12));
+        assert!(found.view_from_world.abs_diff_eq(own.view_from_world, 1e-12));
+    }
+    // Jitter moves the picture by a share of a pixel.
+    let jitter = DMat4::from_translation(DVec3::new(0.01, -0.02, 0.0)) * forward;
+    let Projection::Frustum { low, high } = View::from_matrices(view, jitter).unwrap().projection
+    else {
+        panic!("a frustum")
+    };
+    let middle = 0.5 * (low + high);
+    assert!(middle.abs_diff_eq(DVec2::new(-0.01, 0.02) * half, 1e-12), "{middle}");
+
+    for depth in [DMat4::IDENTITY, reversed] {
+        let parallel = depth * orthographic(-2.0, 1.0, -0.5, 1.5, near, far);
+        let found = View::from_matrices(view, parallel).expect("a view");
+        let Projection::Orthographic { low, high } = found.projection else { panic!("{found:?}") };
+        assert!(low.abs_diff_eq(DVec2::new(-2.0, -0.5), 1e-12), "{low}");
+        assert!(high.abs_diff_eq(DVec2::new(1.0, 1.5), 1e-12), "{high}");
+        assert!((found.near() - near as f32).abs() < 1e-5, "{found:?}");
+    }
+    let skewed = DMat4::from_scale(DVec3::new(1.0, 2.0, 1.0)) * view;
+    assert!(View::from_matrices(skewed, forward).is_err());
+    assert!(View::from_matrices(view, DMat4::IDENTITY * 2.0).is_err());
+}
+
+/// Cameras with a lens are read back as they were written, in a table and on the command line.
+#[test]
+fn lenses_are_read_as_written() {
+    let pinhole = Lens::Pinhole {
+        focal: DVec2::new(525.0, 520.5),
+        principal: DVec2::new(319.5, 239.5),
+        size: DVec2::new(640.0, 480.0),
+    };
+    for lens in [None, Some(Lens::Orthographic { height: 2.5 }), Some(pinhole)] {
+        let camera = Camera { lens, ..on_axis(2.0, 40.0) };
+        let table = toml::to_string(&camera).expect("a table");
+        let read: Camera = toml::from_str(&table).expect("a camera");
+        assert_eq!((read.eye, read.target, read.lens), (camera.eye, camera.target, lens));
+        let text = camera.to_string();
+        let parsed: Camera = text.parse().expect("a camera");
+        assert_eq!((parsed.eye, parsed.lens), (camera.eye, lens), "{text}");
+    }
+    let posed: Camera = toml::from_str(
+        "pose = [[1, 0, 0, 0.5], [0, -1, 0, 2.0], [0, 0, -1, 3.0], [0, 0, 0, 1]]\n\
+         intrinsics = [525.0, 525.0, 320.0, 240.0]\nsize = [640, 480]",
+    )
+    .expect("a camera");
+    assert_eq!(posed.eye, DVec3::new(0.5, 2.0, 3.0));
+    assert_eq!(View::from(&posed).ahead(), DVec3::NEG_Z);
+    for wrong in [
+        "eye = [0, 0, 1]\nfov_y = 40.0",
+        "eye = [0, 0, 1]\ntarget = [0, 0, 0]",
+        "eye = [0, 0, 1]\ntarget = [0, 0, 0]\nfov_y = 40.0\nheight = 2.0",
+        "pose = [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\nfov_y = 40.0",
+        "eye = [0, 0, 1]\ntarget = [0, 0, 0]\nintrinsics = [1, 1, 1, 1]",
+    ] {
+        assert!(toml::from_str::<Camera>(wrong).is_err(), "{wrong}");
+    }
+}
+
+/// A frame that the caller submits is that of a frame drawn at once, with times that are collected without
+/// waiting; recording submits nothing.
+#[test]
+fn recorded_frames_are_those_drawn_at_once() {
+    let Some(harness) = harness() else { return };
+    let gpu = harness.gpu.clone();
+    let (scene, splats) = drops();
+    let camera = Camera { eye: DVec3::new(0.5, 0.9, 2.5), ..on_axis(0.0, 40.0) };
+    let expected: RgbaImage = {
+        let mut offscreen = Offscreen::new(&gpu);
+        let drawn = offscreen.draw(&scene, &camera, &splats, SIZE).expect("a frame");
+        drawn.into_image().into_rgba8()
+    };
+    let mut renderer = limpid::renderer::Renderer::new(&gpu);
+    renderer.timing = true;
+    let target = Picture::new(&gpu, SIZE).expect("a picture");
+    let frame = renderer.prepare(&scene, &camera, &splats, SIZE).expect("it is prepared");
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    renderer.record(frame, &mut encoder);
+    let settings = &scene.settings.tonemap;
+    renderer.tonemap(settings, &mut encoder, &target.view(), Picture::FORMAT);
+    let blank = target.read(&gpu).expect("it is read");
+    assert!(blank.pixels().all(|p| p.0 == [0; 4]), "nothing is submitted by recording");
+    gpu.queue.submit([encoder.finish()]);
+    assert_eq!(target.read(&gpu).expect("it is read"), expected);
+    let mut times = renderer.take_pass_times();
+    for _ in 0..1000 {
+        let _ = gpu.device.poll(wgpu::PollType::Poll);
+        times = times.or_else(|| renderer.take_pass_times());
+    }
+    let times = times.expect("the frame is done");
+    assert!(times.iter().any(|pass| pass.name == "refract"), "{times:?}");
+    assert!(renderer.take_pass_times().is_none(), "times are taken once");
+}
+
+/// Coverage is the share of rays that meet liquid or a solid: over black and over white, pixels without liquid
+/// differ by what is not covered; liquid covers its pixels; colours are premultiplied.
+#[test]
+fn coverage_is_what_backgrounds_do_not_show_through() {
+    let Some(harness) = harness() else { return };
+    let gpu = harness.gpu.clone();
+    let (mut scene, splats) = drops();
+    let ball = Shape::Sphere { center: DVec3::new(-0.9, 0.1, 0.0), radius: 0.35 };
+    scene.solids = vec![glowing(ball, Vec3::new(0.7, 0.4, 0.2))];
+    scene.settings.refract.edge_samples = 16;
+    let camera = Camera { eye: DVec3::new(0.0, 0.3, 3.0), ..on_axis(0.0, 45.0) };
+    let mut offscreen = Offscreen::new(&gpu);
+    let mut radiance = |scene: &Scene| {
+        let drawn = offscreen.draw(scene, &camera, &splats, SIZE).expect("a frame");
+        (drawn.coverage, offscreen.radiance().expect("radiance").channels)
+    };
+    let opaque = [0.0, 1.0].map(|c| {
+        scene.environment = Environment::Constant(Vec3::splat(c));
+        let (coverage, channels) = radiance(&scene);
+        assert!(coverage.is_none() && channels.len() == 3);
+        channels
+    });
+    scene.settings.refract.transparent = true;
+    scene.environment = Environment::Constant(Vec3::ZERO);
+    let (coverage, covered) = radiance(&scene);
+    let coverage = coverage.expect("coverage").into_raw();
+    assert_eq!(covered.len(), 4);
+    let alpha = &covered[3].values;
+    let (mut partly, mut liquid) = (0, 0);
+    for i in 0..alpha.len() {
+        let shows = opaque[1][0].values[i] - opaque[0][0].values[i];
+        assert!((f32::from(coverage[i]) - 255.0 * alpha[i]).abs() <= 0.51, "{i}");
+        if alpha[i] == 1.0 && shows > 1.0 / 255.0 {
+            liquid += 1; // which the background shows through, refracted
+            continue;
+        }
+        assert!((1.0 - shows - alpha[i]).abs() <= 1.0 / 255.0, "{i}: {shows}, {}", alpha[i]);
+        for c in 0..3 {
+            let (over, black) = (covered[c].values[i], opaque[0][c].values[i]);
+            assert!((over - black).abs() <= 1.0 / 255.0, "{i}: {over}, not {black}");
+        }
+        partly += usize::from(alpha[i] > 0.02 && alpha[i] < 0.98);
+    }
+    assert!(partly > 30 && liquid > 300, "{partly} {liquid}");
+}
