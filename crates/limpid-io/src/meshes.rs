@@ -7,6 +7,7 @@
 mod gltf;
 mod obj;
 mod ply;
+pub mod rigid_bodies;
 mod stl;
 
 use std::collections::HashMap;

@@ -114,7 +114,10 @@ fn faces(
     mesh: &mut Builder<'_>,
 ) -> Result<()> {
     let list = |names: &[&str]| {
-        let named = |property: &Property| matches!(property, Property::List { name, .. } if names.contains(&name.as_str()));
+        let named = |property: &Property| match property {
+            Property::List { name, .. } => names.contains(&name.as_str()),
+            Property::Number { .. } => false,
+        };
         element.properties.iter().position(named)
     };
     let Some(corners_at) = list(&["vertex_indices", "vertex_index"]) else {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use limpid::mesh::Mesh;
 use limpid_io::meshes::load;
+use limpid_io::meshes::rigid_bodies::{read_bodies, read_poses};
 
 use super::{gltf, obj, path, ply, stl};
 
@@ -98,7 +99,7 @@ fn junk_does_no_harm() {
     let folder = tempfile::tempdir().unwrap();
     let mut random = Random(1);
     for name in limpid_io::meshes::EXTENSIONS.map(|extension| format!("a.{extension}")) {
-        for _ in 0..200 {
+        for round in 0..200 {
             let junk: Vec<u8> = (0..random.below(2000)).map(|_| random.below(256) as u8).collect();
             survive(&path(&folder, &name), &junk);
             let text: Vec<u8> = junk
@@ -111,6 +112,9 @@ fn junk_does_no_harm() {
             {
                 survive(&path(&folder, &name), &[start, &junk].concat());
             }
+            let file = path(&folder, "rb_data_1.bin");
+            fs::write(&file, &junk).unwrap();
+            assert!(read_bodies(&file).is_err() && read_poses(&file, round + 1).is_err());
         }
     }
 }

@@ -6,6 +6,7 @@ mod all_formats;
 mod gltf;
 mod obj;
 mod ply;
+mod rigid_bodies;
 mod stl;
 mod textures;
 
