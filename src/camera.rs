@@ -202,13 +202,13 @@ impl FromStr for Camera {
             let problem = || usage(&format!("`{part}` is not what {key} takes"));
             match (key, numbers.as_slice()) {
                 ("eye", &[x, y, z]) => {
-                    table.eye = Some(parsed([x, y, z]).ok_or_else(problem)?.into())
+                    table.eye = Some(parsed([x, y, z]).ok_or_else(problem)?.into());
                 }
                 ("target", &[x, y, z]) => {
                     table.target = Some(parsed([x, y, z]).ok_or_else(problem)?.into());
                 }
                 ("up", &[x, y, z]) => {
-                    table.up = Some(parsed([x, y, z]).ok_or_else(problem)?.into())
+                    table.up = Some(parsed([x, y, z]).ok_or_else(problem)?.into());
                 }
                 ("fov_y", &[x]) => table.fov_y = Some(x.parse().map_err(|_| problem())?),
                 ("height", &[x]) => table.height = Some(x.parse().map_err(|_| problem())?),
@@ -424,18 +424,6 @@ impl From<&Camera> for View {
             focus: camera.eye.distance(camera.target),
             near: camera.near,
         }
-    }
-}
-
-impl From<Camera> for View {
-    fn from(camera: Camera) -> Self {
-        Self::from(&camera)
-    }
-}
-
-impl From<&Self> for View {
-    fn from(view: &Self) -> Self {
-        *view
     }
 }
 

@@ -172,7 +172,7 @@ fn check(gpu: &Gpu, uploaded: &Uploaded, rays: &[[f32; 6]]) -> usize {
                 sure = sure.min(at + slack);
             }
         }
-        if t < f64::from(NOTHING) {
+        if t < NOTHING {
             assert!(reached, "no triangle is there, {}", what());
             assert!(
                 t <= sure && t >= possible - error,

@@ -48,10 +48,12 @@ impl Plan {
         };
         let opened = standard::open(&request)?;
         let camera = opened.project.camera_for(Default::default());
+        let incomplete = opened.project.solid_files.remarks.clone();
         let (input, scene) = (opened.input, opened.project.scene);
         let (frame_times, numbers, fps) = frame_times(args, &input)?;
         let shots = shots(args, camera, &numbers, fps)?;
-        let notices = notices(args, &input, numbers.len());
+        let mut notices = notices(args, &input, numbers.len());
+        notices.extend(incomplete.into_iter().map(Notice::Incomplete));
         Ok(Self { input, scene, frame_times, shots, fps, notices })
     }
 }

@@ -280,3 +280,77 @@ fn numbers_out_of_range_are_errors() {
     scene(&solids.repeat(512));
     assert_contains(&refused(&solids.repeat(513)), &["512 solids"]);
 }
+
+/// A mesh is read with its placement, normals and texture, saved, and read back the same; solids share a file.
+#[test]
+fn meshes_are_read_and_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let wedge = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\n\
+        f 1/1 3/3 2/2\nf 1/1 2/2 4/3\nf 1/1 4/3 3/2\nf 2/1 3/2 4/3\n";
+    std::fs::write(file("wedge.obj"), wedge).unwrap();
+    RgbImage::from_pixel(2, 2, Rgb([200, 100, 50])).save(file("red.png")).unwrap();
+    let text = r#"
+        [environment]
+        radiance = [1, 1, 1]
+        [[solid]]
+        shape = "mesh"
+        file = "wedge.obj"
+        scale = 0.5
+        rotate = [0, 2, 0, 90]
+        translate = [1, 2, 3]
+        lit = true
+        [[solid]]
+        shape = "mesh"
+        file = "wedge.obj"
+        color = [0.1, 0.2, 0.3]
+        [[solid]]
+        shape = "mesh"
+        file = "wedge.obj"
+        texture = "red.png"
+        flip = true
+        normals = "smooth"
+        [[solid]]
+        shape = "plane"
+        origin = [0, 0, 0]
+        texture = "red.png"
+        tile = 0.5
+    "#;
+    std::fs::write(file("scene.toml"), text).unwrap();
+    let project = Project::load(&file("scene.toml")).unwrap();
+    let [a, b, c, floor] = &project.scene.solids[..] else { panic!("four solids") };
+    let Shape::Mesh { mesh, placement } = &a.shape else { panic!("a mesh") };
+    assert!(mesh.is_closed());
+    let corner = placement.world_from_mesh(DVec3::X);
+    assert!(corner.abs_diff_eq(DVec3::new(1.0, 2.0, 2.5), 1e-12), "{corner}");
+    let Shape::Mesh { mesh: shared, .. } = &b.shape else { panic!("a mesh") };
+    assert!(std::sync::Arc::ptr_eq(mesh, shared));
+    assert_eq!(
+        (&a.surface, &b.surface),
+        (&Surface::Own, &Surface::Color(Vec3::new(0.1, 0.2, 0.3)))
+    );
+    let Shape::Mesh { mesh: painted, .. } = &c.shape else { panic!("a mesh") };
+    assert_eq!((painted.materials().len(), painted.normals().len()), (1, painted.vertices().len()));
+    assert!(matches!(floor.surface, Surface::Texture { tile: 0.5, .. }));
+
+    project.save(&file("saved.toml")).unwrap();
+    let saved = Project::load(&file("saved.toml")).unwrap();
+    assert_eq!(saved.scene.solids, project.scene.solids);
+
+    for (from, to, expected) in [
+        ("file = \"wedge.obj\"", "", "a mesh needs file"),
+        ("file = \"wedge.obj\"", "file = \"wedge.dwg\"", "wedge.dwg"),
+        ("scale = 0.5", "scale = 0", "scale"),
+        ("scale = 0.5", "radius = 0.5", "a mesh has no radius"),
+        ("rotate = [0, 2, 0, 90]", "rotate = [0, 0, 0, 90]", "axis"),
+        ("tile = 0.5", "", "needs tile"),
+        ("texture = \"red.png\"\n        tile", "tile", "texture"),
+        ("texture = \"red.png\"", "texture = \"blue.png\"", "blue.png"),
+    ] {
+        let wrong = text.replacen(from, to, 1);
+        assert_ne!(wrong, text, "{from}");
+        std::fs::write(file("wrong.toml"), wrong).unwrap();
+        let error = Project::load(&file("wrong.toml")).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}: `{expected}` expected");
+    }
+}
