@@ -163,7 +163,11 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
                             for (i, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
                                 push(&mut channels, format!("{name}.{axis}"), &planes, |p| {
                                     let pi = glam::Vec3::new(p[0], p[1], p[2]);
-                                    (sign * pi.normalize_or_zero())[i]
+                                    let away = match images.orthographic && pi != glam::Vec3::ZERO {
+                                        true => pi.truncate().extend(-1.0),
+                                        false => pi,
+                                    };
+                                    (sign * away.normalize_or_zero())[i]
                                 });
                             }
                         }

@@ -70,6 +70,8 @@ pub struct Images {
     pub radiance: Radiance,
     /// Whether coverage varies: [`settings::Refract::transparent`].
     pub transparent: bool,
+    /// Whether the layers are those of an orthographic view.
+    pub orthographic: bool,
     /// Interfaces, length inside the liquid (m), solver iterations and solver failures of each pixel's
     /// rays; `None` unless [`Renderer::diagnose`] was set.
     pub diagnostics: Option<wgpu::Texture>,
@@ -343,6 +345,7 @@ impl Renderer {
             caustics: self.lights.caustic_maps(),
             radiance: refract.radiance.clone(),
             transparent: self.transparent,
+            orthographic: view.camera.is_orthographic(),
             diagnostics: self.sized_for.1.then(|| refract.diagnostics.clone()),
         }
     }
@@ -387,7 +390,7 @@ impl<'a> Frame<'a> {
         let variant = Variant::new(scene, splash, diagnose);
         let starts_inside = may_start_inside(splats, &view, size);
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
-        let work = refract::work(&settings.refract, size, scene.solids.len(), lit);
+        let work = refract::work(&settings.refract, size, refract::solid_work(scene), lit);
         let work = work.max(smooth::work(&settings.smooth));
         let config = ViewConfig {
             size,

@@ -14,7 +14,7 @@ use limpid::camera::{Camera, Lens, Projection, View};
 use limpid::environment::Environment;
 use limpid::liquid::classify::Splats;
 use limpid::offscreen::{Offscreen, Picture};
-use limpid::scene::{Scene, Shape};
+use limpid::scene::{Scene, Shape, Surface};
 use limpid::wgpu;
 
 const SIZE: UVec2 = UVec2::new(120, 90);
@@ -83,6 +83,9 @@ fn orthographic_views_show_lengths() {
             let depth = 3.0 - f64::from(centre.z);
             assert!((front - (depth - half)).abs() < 1e-4, "{p}: {front}");
             assert!((back - (depth + half)).abs() < 1e-4, "{p}: {back}");
+            let normal = images.normal("normal.aggregate_front", p);
+            let expected = (place - centre.truncate().as_dvec2()).extend(half) / r;
+            assert!(normal.distance(expected) < 1e-3, "{p}: {normal}, not {expected}");
             covered += 1;
         } else if beside > r + 0.01 {
             assert_eq!(front, 0.0, "{p}");
@@ -95,23 +98,29 @@ fn orthographic_views_show_lengths() {
 #[test]
 fn orthographic_views_are_the_limit_of_distant_ones() {
     let Some(mut harness) = harness() else { return };
-    let (scene, splats) = drops();
+    let (mut scene, _) = drops();
+    let splats = splats(&[sphere(Vec3::new(0.1, 0.0, 0.0), 0.6)], &[], 0.6);
+    // A tile's border may be anywhere in a pixel.
+    scene.solids[0].surface = Surface::Color(Vec3::new(0.6, 0.5, 0.3));
     let direction = DVec3::new(0.2, 0.35, 0.9).normalize();
     let at = |distance: f64| Camera { eye: direction * distance, ..on_axis(0.0, 40.0) };
     let height = 1.8;
     let near = Camera { lens: Some(Lens::Orthographic { height }), ..at(3.0) };
     let parallel = harness.render(&scene, &near, &splats, SIZE);
     parallel.assert_finite();
-    // Farther away the perspective picture loses the digits of thin drops.
-    let distance = 60.0;
+    // Farther away the perspective picture loses digits: a ray's start has a relative slack.
+    let distance = 40.0;
     let fov_y = (2.0 * (0.5 * height / distance).atan().to_degrees()) as f32;
-    let far = Camera { fov_y, near: Some(50.0), ..at(distance) };
+    let far = Camera { fov_y, near: Some(35.0), ..at(distance) };
     let distant = harness.render(&scene, &far, &splats, SIZE);
     let off = |p: &UVec2| parallel.radiance(*p).distance(distant.radiance(*p)) > 0.1;
     let different = parallel.pixels().filter(off).count();
     let covered = parallel.pixels().filter(|p| parallel.at("interfaces", *p) > 0.0).count();
     let mean = mean_difference(&parallel, &distant);
-    assert!(different < covered / 4, "{different} of {covered} pixels, {mean} in the mean");
+    assert!(
+        covered > 2000 && different < covered / 10,
+        "{different} of {covered} pixels, {mean} in the mean"
+    );
 }
 
 /// Matrices as engines build them give the view that they were built from: forward and reversed depth, with

@@ -35,6 +35,11 @@ fn mesh_corner(row: u32) -> vec3f {
     return bitcast<vec3f>(mesh_geometry[row].xyz);
 }
 
+// Bound on the nodes that a search visits.
+fn most_nodes() -> u32 {
+    return arrayLength(&mesh_geometry);
+}
+
 // Nearest triangle of the solid's mesh on o + t d, 0 < t < far, or any one.
 fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: bool) -> MeshHit {
     let solid = solids[index];
@@ -57,7 +62,7 @@ fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: boo
     var stack: array<u32, MESH_STACK>;
     var pending = 0u;
     var node = nodes;
-    loop {
+    for (var visited = 0u; visited < most_nodes(); visited++) {
         let first = mesh_geometry[node].w;
         let count = mesh_geometry[node + 1u].w;
         var next = NO_TRIANGLE;
@@ -167,7 +172,7 @@ fn mesh_is_near(index: u32, world_x: vec3f, reach: f32) -> bool {
     var stack: array<u32, MESH_STACK>;
     var pending = 1u;
     stack[0] = solid.mesh.x;
-    while pending > 0u {
+    for (var visited = 0u; visited < most_nodes() && pending > 0u; visited++) {
         pending -= 1u;
         let node = stack[pending];
         let offset = x - clamp(x, mesh_corner(node), mesh_corner(node + 1u));

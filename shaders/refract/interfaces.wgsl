@@ -504,7 +504,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
             travelled += distance(o, hit.position);
             o = hit.position;
             start = hit.texel;
-            var n = normalize(hit.plane);
+            var n = plane_normal(hit.plane);
             if dot(n, d) > 0.0 {
                 n = -n;
             }

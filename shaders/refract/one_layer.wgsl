@@ -44,7 +44,7 @@ fn single(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
     let thickness = select(1.0 / disparity - 1.0 / ray.disparity, ray.disparity - disparity, ORTHOGRAPHIC);
     let spread = select(ray.disparity, 1.0, ORTHOGRAPHIC);
     let pixels_per_metre = 0.5 * camera.size.y * spread / camera.tangent.y;
-    let n = -normalize(normal_plane);
+    let n = -plane_normal(normal_plane);
     var u = ray.u + SINGLE_OFFSET * thickness * pixels_per_metre * vec2f(-n.x, n.y);
     var plane = plane_at(layer_class, side, u);
     if plane_is_empty(plane) || any(u < vec2f(0.0)) || any(u >= camera.size) {

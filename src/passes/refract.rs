@@ -16,7 +16,7 @@ use super::view_passes::ViewPasses;
 use super::{CameraBinding, Layers, Radiance};
 use crate::environment::EvenLight;
 use crate::gpu::{self, Commands, Gpu, Span};
-use crate::scene::Scene;
+use crate::scene::{Scene, Shape, Solid};
 use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
 
 /// `Params` of `refract/interfaces.wgsl`.
@@ -326,8 +326,16 @@ impl Refract {
     }
 }
 
-/// The most work of a pixel, in layer evaluations: in a picture of `size` and a scene with `solids` solids
-/// and `lights` lights, 0 if nothing is lit.
+/// Work of a ray through the solids: a mesh's tree is as much as many other solids.
+pub fn solid_work(scene: &Scene) -> usize {
+    /// Nodes and triangles that a ray meets, about.
+    const MESH: usize = 40;
+    let of = |solid: &Solid| if matches!(solid.shape, Shape::Mesh { .. }) { MESH } else { 1 };
+    scene.solids.iter().map(of).sum()
+}
+
+/// The most work of a pixel, in layer evaluations: in a picture of `size` and a scene whose solids take `solids`
+/// and which has `lights` lights, 0 if nothing is lit.
 pub fn work(settings: &settings::Refract, size: UVec2, solids: usize, lights: usize) -> u64 {
     let walk = match settings.solver {
         Solver::March => (size.x + size.y).div_ceil(settings.stride),

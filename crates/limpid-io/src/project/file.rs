@@ -7,7 +7,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
-use super::solids::{SolidFile, SolidFiles};
+use super::solids::{SolidFile, SolidFiles, unit};
 use super::{Automatic, LiquidSource, NamedView, ParticleSource, Project};
 use crate::environment;
 use crate::error::{Error, Result, toml_error};
@@ -570,18 +570,6 @@ fn overlaid(settings: &Settings, file: &toml::Table) -> Result<Settings, toml::d
         classify.remove("on");
     }
     all.try_into()
-}
-
-/// Normalizes a direction; a unit vector is returned unchanged, so that a written one reads back the
-/// same.
-pub(super) fn unit(direction: Vec3) -> Option<Vec3> {
-    /// Error of a unit vector's length by the rounding of three 32-bit floats.
-    const ROUNDING: f64 = 2e-7;
-    let direction64 = direction.as_dvec3();
-    if (direction64.length() - 1.0).abs() < ROUNDING {
-        return Some(direction);
-    }
-    direction64.try_normalize().map(|unit| unit.as_vec3())
 }
 
 /// Fails for a vector with too many numbers, as by decimal commas; deserialization would silently use

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3, DVec4, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::file::unit;
 use crate::error::{Error, Result};
 use crate::meshes;
 use limpid::mesh::{Material, Mesh, Placement, Texture};
@@ -357,4 +356,16 @@ fn rotation(rotate: Option<DVec4>, quaternion: Option<DQuat>) -> Result<DQuat, S
         }
         (Some(_), Some(_)) => Err("takes one of rotate and quaternion".into()),
     }
+}
+
+/// Normalizes a direction; a unit vector is returned unchanged, so that a written one reads back the
+/// same.
+pub(super) fn unit(direction: Vec3) -> Option<Vec3> {
+    /// Error of a unit vector's length by the rounding of three 32-bit floats.
+    const ROUNDING: f64 = 2e-7;
+    let direction64 = direction.as_dvec3();
+    if (direction64.length() - 1.0).abs() < ROUNDING {
+        return Some(direction);
+    }
+    direction64.try_normalize().map(|unit| unit.as_vec3())
 }
