@@ -3,10 +3,10 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3, Vec3Swizzles as _};
+use glam::{DVec2, DVec3};
 
 use super::mesh::{Mesh, MeshHit};
-use super::{Ray, wide};
+use super::{Ray, in_plane, wide};
 use limpid::environment::Environment;
 use limpid::mesh::{Placement, Texture};
 use limpid::scene::{Light, Scene, Shape, Surface};
@@ -471,18 +471,6 @@ impl Lamp {
         };
         let cos = normal.dot(towards);
         (cos > 0.0).then_some(Direct { towards, distance, irradiance: cos * power })
-    }
-}
-
-/// Projects onto the coordinate plane nearest to a plane: x and z if it is horizontal.
-pub(super) fn in_plane(normal: DVec3, x: DVec3) -> DVec2 {
-    let a = normal.abs();
-    if a.y >= a.x.max(a.z) {
-        x.xz()
-    } else if a.x >= a.z {
-        x.zy()
-    } else {
-        x.xy()
     }
 }
 

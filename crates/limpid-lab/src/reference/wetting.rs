@@ -3,8 +3,7 @@
 use glam::{DVec3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use super::surroundings::in_plane;
-use super::wide;
+use super::{in_plane, wide};
 use limpid::scene::Shape;
 
 /// Distance from a solid within which the surface wets it, particle radii.
