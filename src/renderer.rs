@@ -278,6 +278,8 @@ impl Renderer {
         }
         let (views, maps) = (self.lights.views(), self.lights.maps());
         self.camera_view.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
+        // Drivers may crash where they compile without memory.
+        gpu.check()?;
         Ok(frame)
     }
 
