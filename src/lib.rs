@@ -72,7 +72,6 @@ pub mod liquid;
 pub mod look;
 #[doc(hidden)]
 pub mod memory;
-pub mod mesh;
 #[cfg(feature = "image")]
 pub mod offscreen;
 #[doc(hidden)]
