@@ -58,7 +58,7 @@ strip --strip-debug -o "$folder/limpid" "$target/$triple/release/limpid"
 cp README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$folder"
 # Prints a warning for each package without a licence file of its own.
 cargo about generate --locked --features viewer --manifest-path crates/limpid-cli/Cargo.toml \
-    --config packaging/about.toml packaging/about.hbs -o "$folder/THIRD-PARTY.txt"
+    --config scripts/packaging/about.toml scripts/packaging/about.hbs -o "$folder/THIRD-PARTY.txt"
 "$folder/limpid" man "$folder/man"
 for shell in bash zsh fish; do
     "$folder/limpid" completions "$shell" >"$folder/completions/limpid.$shell"
@@ -89,9 +89,9 @@ root=$work/deb
 share=$root/usr/share
 install -D "$folder/limpid" "$root/usr/bin/limpid"
 strip "$root/usr/bin/limpid"
-install -Dm644 packaging/limpid.desktop -t "$share/applications"
-install -Dm644 packaging/limpid.svg -t "$share/icons/hicolor/scalable/apps"
-install -Dm644 packaging/limpid.xml -t "$share/mime/packages"
+install -Dm644 scripts/packaging/limpid.desktop -t "$share/applications"
+install -Dm644 scripts/packaging/limpid.svg -t "$share/icons/hicolor/scalable/apps"
+install -Dm644 scripts/packaging/limpid.xml -t "$share/mime/packages"
 install -Dm644 "$folder/completions/limpid.bash" "$share/bash-completion/completions/limpid"
 install -Dm644 "$folder/completions/limpid.zsh" "$share/zsh/vendor-completions/_limpid"
 install -Dm644 "$folder/completions/limpid.fish" -t "$share/fish/vendor_completions.d"

@@ -36,7 +36,7 @@ fn dualsphysics() {
         check_message("a.bi4", &patched(&good, from, to), parts);
     };
     message(b"Posd", b"Posx", &["no array `Pos`", "Part_0000.bi4"]);
-    message(b"#FileJBD", b"#FileXXX", &["not a file of DualSPHysics"]);
+    message(b"#FileJBD", b"#FileJBE", &["not a file of DualSPHysics"]);
     message(b"\nVALUES", b"\nVALUEZ", &["byte 131", "expected VALUES"]);
     message(&int(3120), &int(3121), &["byte", "array Posd: 3121 bytes, expected 130 × 24"]);
     message(&int(3120), &int(u32::MAX), &["byte", "Posd", "4294967295", "are left"]);
