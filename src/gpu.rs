@@ -22,7 +22,7 @@ pub use binding::{sampled, storage, storage_of, storage_read_write, storage_text
 pub use commands::Commands;
 pub use commands::{MOST_WORK, Piece, pieces};
 #[doc(hidden)]
-pub use readback::{Reading, begin_reading, read_buffer, read_mapped, read_texture};
+pub use readback::{Pending, Reading, begin_reading, read_buffer, read_mapped, read_texture};
 pub use timer::PassTime;
 #[doc(hidden)]
 pub use timer::{PendingTimes, Span, Timer};
@@ -162,6 +162,11 @@ impl Gpu {
             })
         };
         modules.entry(text).or_insert_with_key(create).clone()
+    }
+
+    /// Whether the driver compiles shaders in this process's memory: a software adapter.
+    pub(crate) fn compiles_in_process(&self) -> bool {
+        self.device.adapter_info().device_type == wgpu::DeviceType::Cpu
     }
 
     /// Whether uniforms that alone decide branches ([`Gpu::branching`]) are bound as

@@ -65,6 +65,7 @@ mod dirty;
 pub mod environment;
 pub mod error;
 pub mod gpu;
+pub mod host;
 pub mod light_view;
 #[doc(hidden)]
 pub mod lights;

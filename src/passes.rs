@@ -13,6 +13,7 @@ use crate::gpu::{self, Gpu};
 pub mod caustics;
 pub mod cull;
 pub mod gbuffer;
+pub mod host;
 pub mod mesh_buffers;
 pub mod mips;
 pub mod mixture;

@@ -7,11 +7,14 @@ use crate::camera::{CameraUniform, View};
 use crate::dirty::{Dirty, LastFrame};
 use crate::environment::Environment;
 use crate::error::{Error, Limited, Result};
-use crate::gpu::{Commands, Gpu, PassTime, PendingTimes, Span, Timer};
+use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, Timer};
+use crate::host::{Host, HostRays};
 use crate::lights::Lights;
 use crate::liquid::classify::{self, Splat, Splats};
+use crate::memory;
 use crate::passes::caustics::CausticMap;
 use crate::passes::cull;
+use crate::passes::host;
 use crate::passes::mesh_buffers::MeshBuffers;
 use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, Variant};
@@ -22,6 +25,9 @@ use crate::passes::view_passes::{FrameInputs, PassNames, SplatSet, ViewConfig, V
 use crate::passes::{GBufferImages, Layers, Radiance};
 use crate::scene::Scene;
 use crate::settings::{self, Solids};
+
+/// Memory that a frame's shaders may take, bytes. Without it Mesa's compiler crashes.
+const COMPILING_MEMORY: usize = 384 << 20;
 
 /// Draws particle liquids with one device.
 ///
@@ -34,6 +40,7 @@ pub struct Renderer {
     meshes: MeshBuffers,
     lights: Lights,
     camera_view: ViewPasses,
+    host_gbuffer: host::Host,
     mips: Option<Mips>,
     refract: Refract,
     tonemap: Tonemap,
@@ -42,6 +49,8 @@ pub struct Renderer {
     last: Option<LastFrame>,
     /// Times of the last frame that the caller submits.
     pending_times: Option<PendingTimes>,
+    /// Counts of rays of the last frame with a host.
+    pending_rays: Option<Pending>,
     submissions: u32,
     /// Whether the last frame's coverage varies.
     transparent: bool,
@@ -51,6 +60,9 @@ pub struct Renderer {
     pub diagnose: bool,
     /// Skip passes whose inputs have not changed since the last frame; off by default.
     pub reuse: bool,
+    /// What the program that uses limpid has drawn: liquid appears in it, and rays see it. The scene's solids
+    /// are then what rays find where the host's picture does not show its scene. They are not drawn.
+    pub host: Option<Host>,
 }
 
 /// The intermediate images of the last frame.
@@ -86,17 +98,20 @@ impl Renderer {
             meshes: MeshBuffers::new(gpu),
             lights: Lights::default(),
             camera_view: ViewPasses::new(gpu, false),
+            host_gbuffer: host::Host::new(gpu),
             mips: None,
             refract: Refract::new(gpu),
             tonemap: Tonemap::new(gpu),
             sized_for: (UVec2::ONE, false),
             last: None,
             pending_times: None,
+            pending_rays: None,
             submissions: 0,
             transparent: false,
             timing: false,
             diagnose: false,
             reuse: false,
+            host: None,
         }
     }
 
@@ -132,7 +147,7 @@ impl Renderer {
             commands.submit();
         }
         self.prepare_picture(&frame);
-        self.record_picture(&frame, &mut commands, &mut timer);
+        self.pending_rays = self.record_picture(&frame, &mut commands, &mut timer);
         let span = timer.span("tonemap");
         self.tonemap.prepare(gpu, &scene.settings.tonemap, format);
         self.tonemap.record(gpu, commands.encoder, &self.refract.radiance, target, format, span);
@@ -173,7 +188,7 @@ impl Renderer {
         let (mut timer, mut commands) =
             (Timer::new(gpu, self.timing), Commands::within(gpu, encoder));
         self.record_views(&frame, &mut commands, &mut timer);
-        self.record_picture(&frame, &mut commands, &mut timer);
+        self.pending_rays = self.record_picture(&frame, &mut commands, &mut timer);
         self.pending_times = PendingTimes::record(gpu, timer, encoder);
         self.remember(frame);
     }
@@ -206,6 +221,15 @@ impl Renderer {
         Some(times)
     }
 
+    /// How many rays of the last frame with a [host](Renderer::host) its picture answered, once the device
+    /// has finished it; as [`Renderer::take_pass_times`]. Counts the first ray of each pixel with liquid.
+    pub fn take_host_rays(&mut self) -> Option<HostRays> {
+        let counts = self.pending_rays.as_mut()?.collect()?;
+        self.pending_rays = None;
+        let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&counts);
+        Some(HostRays { rays: counts[0], fallbacks: counts[1] })
+    }
+
     /// Stores the inputs of a recorded frame for the next one.
     fn remember(&mut self, frame: Frame<'_>) {
         let Frame { last, dirty, scene, splats, config, diagnosed, .. } = frame;
@@ -220,8 +244,12 @@ impl Renderer {
         scene.check()?;
         view.check()?;
         self.gpu.check()?;
+        if self.gpu.compiles_in_process() {
+            memory::probe(COMPILING_MEMORY, "the shaders")?;
+        }
         self.gpu.check_size(size)?;
         check_scale(splats, view)?;
+        self.host.as_ref().map_or(Ok(()), |host| host.check(size))?;
         let Environment::Map { size, pixels } = &scene.environment else { return Ok(()) };
         self.gpu.check_image(*size, Limited::Environment)?;
         if pixels.is_empty() || pixels.len() != size.x as usize * size.y as usize {
@@ -278,6 +306,9 @@ impl Renderer {
         }
         let (views, maps) = (self.lights.views(), self.lights.maps());
         self.camera_view.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
+        if let Some(host) = &frame.host {
+            self.host_gbuffer.prepare(gpu, &self.camera_view.camera, host, frame.uniform.far);
+        }
         // Drivers may crash where they compile without memory.
         gpu.check()?;
         Ok(frame)
@@ -301,22 +332,36 @@ impl Renderer {
         if dirty.surfaces {
             self.camera_view.record(&self.gpu, commands, inputs, timer, PassNames::CAMERA);
         }
+        if let Some(host) = &frame.host {
+            let ViewPasses { camera, gbuffer, .. } = &self.camera_view;
+            let (encoder, span) = (&mut *commands.encoder, timer.span("host"));
+            self.host_gbuffer.record(&self.gpu, encoder, camera, host, &gbuffer.images, span);
+        }
     }
 
-    /// Records mip levels and refraction, as far as they are dirty.
-    fn record_picture(&self, frame: &Frame<'_>, commands: &mut Commands<'_>, timer: &mut Timer) {
+    /// Records mip levels and refraction, as far as they are dirty, and the readback of the counts of rays
+    /// with a host.
+    fn record_picture(
+        &self,
+        frame: &Frame<'_>,
+        commands: &mut Commands<'_>,
+        timer: &mut Timer,
+    ) -> Option<Pending> {
         let dirty = frame.dirty;
         if let Some(mips) = self.mips.as_ref().filter(|_| dirty.surfaces && frame.variant.mips()) {
             let mut layers = vec![&self.camera_view.aggregate_layers().texture];
             layers.extend(self.camera_view.splash_layers().map(|splash| &splash.texture));
-            layers.extend(frame.screen_solids.then_some(&self.camera_view.gbuffer.images.planes));
+            let on_screen = frame.screen_solids || frame.host.is_some();
+            layers.extend(on_screen.then_some(&self.camera_view.gbuffer.images.planes));
             mips.record(&self.gpu, commands.encoder, &layers, timer.span("mips"));
         }
         if dirty.radiance {
             let span = timer.span("refract");
-            let (variant, work) = (frame.variant, frame.work);
-            self.refract.record(&self.gpu, commands, &self.camera_view, variant, work, span);
+            let (variant, work, host) = (frame.variant, frame.work, frame.host.as_ref());
+            self.refract.record(&self.gpu, commands, &self.camera_view, variant, host, work, span);
         }
+        let (gpu, refract) = (&self.gpu, &self.refract);
+        frame.host.as_ref().map(|_| refract.record_host_rays(gpu, commands.encoder))
     }
 
     /// Discards the last frame, so that the next one runs all passes: for measuring the time of a
@@ -372,6 +417,8 @@ pub struct Frame<'a> {
     screen_solids: bool,
     /// Draw the per-pixel counts and the G-buffer.
     diagnosed: bool,
+    /// What the caller has drawn.
+    host: Option<Host>,
     /// The frame before.
     last: Option<LastFrame>,
     /// What differs from it.
@@ -387,9 +434,11 @@ impl<'a> Frame<'a> {
         size: UVec2,
     ) -> Self {
         let (gpu, diagnose, settings) = (&renderer.gpu, renderer.diagnose, &scene.settings);
-        let screen_solids = settings.refract.solids == Solids::Screen && !scene.solids.is_empty();
+        let host = renderer.host.clone();
+        let screen_solids =
+            settings.refract.solids == Solids::Screen && !scene.solids.is_empty() && host.is_none();
         let splash = !splats.splashes.is_empty();
-        let variant = Variant::new(scene, splash, diagnose);
+        let variant = Variant::new(scene, splash, host.is_some(), diagnose);
         let starts_inside = may_start_inside(splats, &view, size);
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
         let work = refract::work(&settings.refract, size, refract::solid_work(scene), lit);
@@ -399,18 +448,24 @@ impl<'a> Frame<'a> {
             splash,
             mixture: variant.mixture,
             gbuffer: screen_solids || diagnose,
+            host: host.is_some(),
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs: settings.refract.interfaces > 1 || diagnose || starts_inside,
             culled: cull::is_worthwhile(gpu, splats),
             sections: Sections::for_work(gpu, size, work),
         };
         let last = renderer.last.take().filter(|_| renderer.reuse);
-        let dirty = Dirty::since(last.as_ref(), scene, &view, splats, config, diagnose);
+        let mut dirty = Dirty::since(last.as_ref(), scene, &view, splats, config, diagnose);
+        // What the host has drawn into its textures is not known.
+        dirty.surfaces |= host.is_some();
+        dirty.radiance |= host.is_some();
+        let far =
+            depth_of(splats, &view).max(host.as_ref().map_or(0.0, |host| host.depth_code().far()));
         Self {
             scene,
             view,
             splats,
-            uniform: view.uniform(size, splats.origin, depth_of(splats, &view)),
+            uniform: view.uniform(size, splats.origin, far),
             config,
             variant,
             fits: smooth::Params::iterations(&settings.smooth, splats.radius),
@@ -418,6 +473,7 @@ impl<'a> Frame<'a> {
             starts_inside,
             screen_solids,
             diagnosed: diagnose,
+            host,
             last,
             dirty,
         }

@@ -9,7 +9,7 @@ use bytemuck::Zeroable;
 use limpid::camera::CameraUniform;
 use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
-use limpid::passes::{Layers, caustics, cull, gbuffer, refract, smooth, tiles, tonemap};
+use limpid::passes::{Layers, caustics, cull, gbuffer, host, refract, smooth, tiles, tonemap};
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
 
@@ -137,6 +137,7 @@ fn shared_structs_agree() {
         pad_eye_depth,
     });
     let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded });
+    let host = rust_struct!(host::Params { offset, slope, cleared });
     let scene = rust_struct!(gbuffer::SceneUniform {
         zenith,
         pad_zenith,
@@ -224,6 +225,7 @@ fn shared_structs_agree() {
         (smooth, "smooth/plane_fit.wgsl", "Params"),
         (refract, "refract/guarded.wgsl", "Params"),
         (tonemap, "tonemap.wgsl", "Params"),
+        (host, "host.wgsl", "Params"),
         (scene, "gbuffer.wgsl", "Scene"),
         (solid, "gbuffer.wgsl", "Solid"),
         (light, "gbuffer.wgsl", "Light"),

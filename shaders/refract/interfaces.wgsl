@@ -17,6 +17,7 @@
 #import common/scene.wgsl
 #import common/screen_ray.wgsl
 #import common/tiles.wgsl
+#import refract/host.wgsl
 
 struct Params {
     absorption: vec3f,     // 1/m; for several fluids the largest component, in all three channels
@@ -38,6 +39,7 @@ override RADIANCE_SCALING: bool = true;   // scale radiance by the squared index
 override CONTACT: bool = true;            // there are solids, and contact > 0
 override SCREEN_SOLIDS: bool = false;     // look up solids in the G-buffer first
 override REFLECT_SOLIDS: bool = true;     // reflections see the solids
+override HOST: bool = false;              // another program has drawn the opaque scene: refract/host.wgsl
 override TRANSPARENT: bool = false;       // no coverage where a ray meets neither liquid nor solid
 override COUNT: bool = false;             // write the diagnostics
 override SAMPLES: u32 = 1u;               // rays per pixel
@@ -60,6 +62,8 @@ override ITERATIONS: u32 = 4u;            // of `newton` and `secant`
 // that their many rays do not diverge from pixels with a single ray.
 struct Edges {
     count: atomic<u32>,
+    looks: atomic<u32>,     // of the first ray of each pixel, with a host: terminated rays,
+    fallbacks: atomic<u32>, // and those that the host's picture does not show
     pixels: array<u32>, // x + 65536 y
 }
 
@@ -77,6 +81,14 @@ fn most_edges() -> u32 {
 
 // Reflectance above which an internal reflection is followed and the transmitted ray is only looked up.
 const STRONG: f32 = 0.3;
+
+// Whether limpid lights the solid.
+fn is_lit(solid: SolidHit) -> bool {
+    if HOST && solid.index == HOST_SCENE {
+        return false;
+    }
+    return solids[solid.index].lit == 1u;
+}
 
 // Transmittance of the liquid from `o` to `x`.
 fn transmittance_between(o: vec3f, x: vec3f) -> vec3f {
@@ -122,6 +134,8 @@ struct Diagnostics {
     iterations: f32,       // layer evaluations
     failures: f32,         // intersector failures
     fetches: f32,          // texels read
+    looks: f32,            // terminated rays, with a host
+    fallbacks: f32,        // those that the host's picture does not show
 }
 
 var<private> diagnosed: Diagnostics;
@@ -318,7 +332,19 @@ fn reflectance(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
 
 // Solid that the ray hits; t is NOTHING if none.
 fn solid_ahead(o: vec3f, d: vec3f) -> SolidHit {
-    return scene_trace(camera_world_point(o), camera_world_direction(d));
+    let hit = scene_trace(camera_world_point(o), camera_world_direction(d));
+    if HOST {
+        return host_ahead(o, d, hit);
+    }
+    return hit;
+}
+
+// Solid that the ray through `omega` in a texel's pixel hits.
+fn first_solid(omega: vec3f, texel: vec2i) -> SolidHit {
+    if HOST {
+        return host_hit(omega, texel);
+    }
+    return solid_ahead(camera_ray_origin(omega), camera_ray_direction(omega));
 }
 
 // A terminated ray, whose radiance is looked up and weighted by `weight`.
@@ -333,6 +359,14 @@ struct Look {
 }
 
 fn look(ray: Look) -> vec3f {
+    if HOST {
+        diagnosed.looks += 1.0;
+        let shown = host_look(ray.o, ray.d, ray.solid);
+        if shown.w > 0.0 {
+            return ray.weight * shown.rgb;
+        }
+        diagnosed.fallbacks += 1.0;
+    }
     if SCREEN_SOLIDS && ray.screen {
         let hit = front_entry(OPAQUE, screen_ray(ray.o, ray.d, NOTHING));
         if hit.found {
@@ -395,10 +429,13 @@ fn covered(x: vec3f) -> bool {
     return dot(front, camera_omega(u)) > camera_disparity(x);
 }
 
-// Whether the solid ahead of the ray is within `contact` of x, so that the liquid wets it.
-fn touches(solid: SolidHit, x: vec3f) -> bool {
+// Whether the solid ahead, which the ray hits at `at`, is within `contact` of x, so that the liquid wets it.
+fn touches(solid: SolidHit, at: vec3f, x: vec3f) -> bool {
     if !CONTACT || solid.t >= NOTHING {
         return false;
+    }
+    if HOST && solid.index == HOST_SCENE {
+        return abs(dot(solid.normal, camera_world_direction(x - at))) <= params.contact;
     }
     if has_shape(MESH) && solid.triangle != NO_TRIANGLE {
         return mesh_is_near(solid.index, camera_world_point(x), params.contact);
@@ -424,7 +461,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
         front = slabs.splash_front;
     }
     let disparity = max(aggregate, splash);
-    var solid = solid_ahead(o, d);
+    var solid = first_solid(omega, texel);
     let t_front = camera_distance(omega, disparity);
 
     var result = vec3f(0.0);
@@ -436,7 +473,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
 
     // First interface, unless a solid is in front of it or the eye is in the liquid.
     var hit = Interface(disparity > 0.0 && solid.t > t_front, camera_point(omega, disparity), front, texel);
-    if TRANSPARENT && !hit.found && solid.t >= NOTHING {
+    if TRANSPARENT && !hit.found && (HOST || solid.t >= NOTHING) {
         return vec4f(0.0);
     }
     var inside = hit.found && disparity >= camera_near_disparity();
@@ -477,7 +514,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
                 to_hit = distance(hit.position, o);
                 // Whether the liquid reaches the solid.
                 wet = !rises && solid.t < NOTHING
-                    && (!hit.found || solid.t <= to_hit || touches(solid, hit.position));
+                    && (!hit.found || solid.t <= to_hit || touches(solid, o + solid.t * d, hit.position));
             }
             if rises {
                 let depth = max(height - dot(o, up), 0.0);
@@ -564,7 +601,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
         if ANY_LIT && wet {
             // Starts within the layers' liquid: the solid may be slightly beyond it.
             o += min(solid.t, select(NOTHING, to_hit, hit.found)) * d;
-            rises = ABSORPTION && solids[solid.index].lit == 1u && in_picture(o);
+            rises = ABSORPTION && is_lit(solid) && in_picture(o);
             if rises {
                 d = up;
                 start = vec2i(camera_pixel(o));
@@ -623,6 +660,11 @@ fn background_mean(p: vec2i, count: u32) -> vec4f {
 fn draw_background(p: vec2i) {
     if COUNT {
         textureStore(diagnostics, p, vec4f(0.0));
+    }
+    if HOST {
+        let drawn = vec4f(textureLoad(host_color, p, 0).rgb, 1.0);
+        textureStore(radiance, p, select(drawn, vec4f(0.0), TRANSPARENT));
+        return;
     }
     if EDGE_SAMPLES <= SAMPLES {
         textureStore(radiance, p, background_mean(p, SAMPLES));
@@ -693,7 +735,7 @@ fn has_liquid(texel: vec2i) -> bool {
 // Whether solids hide the liquid over the whole pixel, tested at its centre and corners. The front's
 // plane may be steep at a rim, so a solid in front of its depth at the centre suffices.
 fn is_hidden(p: vec2i) -> bool {
-    if SOLIDS == 0u {
+    if SOLIDS == 0u && !HOST {
         return false;
     }
     let middle = camera_omega(vec2f(p) + 0.5);
@@ -706,7 +748,7 @@ fn is_hidden(p: vec2i) -> bool {
     for (var probe = 0; probe < 5; probe++) {
         let corner = vec2f(vec2i(probe & 1, (probe >> 1u) & 1));
         let omega = camera_omega(vec2f(p) + select(corner, vec2f(0.5), probe == 0));
-        let solid = solid_ahead(camera_ray_origin(omega), camera_ray_direction(omega));
+        let solid = first_solid(omega, p);
         if camera_disparity_at(omega, solid.t) < min(disparity, dot(front, omega)) {
             return false;
         }
@@ -734,6 +776,10 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
     var color = vec4f(0.0);
     for (var i = 0u; i < SAMPLES; i++) {
         color += share * trace(vec2f(p) + sample_offset(i, SAMPLES), p);
+        if HOST && i == 0u {
+            atomicAdd(&edges.looks, u32(diagnosed.looks));
+            atomicAdd(&edges.fallbacks, u32(diagnosed.fallbacks));
+        }
     }
     textureStore(radiance, p, vec4f(color.rgb, select(1.0, color.a, TRANSPARENT)));
     if COUNT {
@@ -749,7 +795,7 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         return;
     }
     let p = tile_pixel(tiles.tiles[index], local.xy);
-    if EDGE_SAMPLES <= SAMPLES {
+    if EDGE_SAMPLES <= SAMPLES || HOST {
         if all(p < vec2i(camera.size)) {
             draw_background(p);
         }

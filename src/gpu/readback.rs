@@ -1,5 +1,8 @@
 //! Readback of buffers and textures.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::Gpu;
 use crate::error::{Error, Result};
 
@@ -96,6 +99,44 @@ pub fn read_mapped<T>(
     drop(mapped);
     staging.unmap();
     Ok(result)
+}
+
+/// A copy of a buffer by commands that the caller submits, collected without waiting.
+#[derive(Debug)]
+pub struct Pending {
+    staging: wgpu::Buffer,
+    /// Set once the buffer is mapped; `None` before it was asked for.
+    mapped: Option<Arc<AtomicBool>>,
+}
+
+impl Pending {
+    /// Records the copy of `size` bytes from `offset` of a buffer that has `COPY_SRC` usage.
+    pub fn record(
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        buffer: &wgpu::Buffer,
+        offset: u64,
+        size: u64,
+    ) -> Self {
+        let staging = staging(gpu, size);
+        encoder.copy_buffer_to_buffer(buffer, offset, &staging, 0, size);
+        Self { staging, mapped: None }
+    }
+
+    /// The bytes, if the device has finished. To be called only after the commands were submitted; the
+    /// caller polls the device, as its frame loop does.
+    pub fn collect(&mut self) -> Option<Vec<u8>> {
+        let mapped = self.mapped.get_or_insert_with(|| {
+            let mapped = Arc::new(AtomicBool::new(false));
+            let done = mapped.clone();
+            self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
+                done.store(result.is_ok(), Ordering::Release);
+            });
+            mapped
+        });
+        let bytes = mapped.load(Ordering::Acquire).then(|| self.staging.get_mapped_range(..));
+        bytes?.ok().map(|bytes| bytes.to_vec())
+    }
 }
 
 impl Reading {

@@ -1,11 +1,8 @@
 //! Pass times from device timestamps.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use serde::Serialize;
 
-use super::{Gpu, read_buffer};
+use super::{Gpu, Pending, read_buffer};
 use crate::error::Result;
 
 /// Device time of one pass.
@@ -93,41 +90,20 @@ impl Timer {
 #[derive(Debug)]
 pub struct PendingTimes {
     timer: Timer,
-    staging: wgpu::Buffer,
-    /// Set once the buffer is mapped; `None` before it was asked for.
-    mapped: Option<Arc<AtomicBool>>,
+    ticks: Pending,
 }
 
 impl PendingTimes {
     /// Records the copy of the times; `None` without timestamps.
     pub fn record(gpu: &Gpu, timer: Timer, encoder: &mut wgpu::CommandEncoder) -> Option<Self> {
         let resolved = timer.resolve(gpu, encoder)?;
-        let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("pass times"),
-            size: resolved.size(),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        encoder.copy_buffer_to_buffer(&resolved, 0, &staging, 0, resolved.size());
-        Some(Self { timer, staging, mapped: None })
+        let ticks = Pending::record(gpu, encoder, &resolved, 0, resolved.size());
+        Some(Self { timer, ticks })
     }
 
-    /// The times, if the device has finished. To be called only after the commands were submitted; the
-    /// caller polls the device, as its frame loop does.
+    /// The times, if the device has finished: see [`Pending::collect`].
     pub fn collect(&mut self, gpu: &Gpu) -> Option<Vec<PassTime>> {
-        let mapped = self.mapped.get_or_insert_with(|| {
-            let mapped = Arc::new(AtomicBool::new(false));
-            let done = mapped.clone();
-            self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
-                done.store(result.is_ok(), Ordering::Release);
-            });
-            mapped
-        });
-        if !mapped.load(Ordering::Acquire) {
-            return None;
-        }
-        let bytes = self.staging.get_mapped_range(..).ok()?;
-        Some(self.timer.times(gpu, &bytes))
+        Some(self.timer.times(gpu, &self.ticks.collect()?))
     }
 }
 

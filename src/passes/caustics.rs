@@ -568,7 +568,7 @@ impl Work {
 
 impl Key {
     fn new(scene: &Scene, bound: &SceneBinding, method: Method, splash: bool) -> Self {
-        let exact = Variant::new(scene, splash, false);
+        let exact = Variant::new(scene, splash, false, false);
         let variant = Variant { solver: Solver::Guarded, filter: false, stride: 1, ..exact };
         // Settings that the kernels do not read must not create variants.
         let variant = Variant { solids: Solids::Exact, iterations: 0, ..variant };

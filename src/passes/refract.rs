@@ -15,7 +15,8 @@ use super::tiles::TileLists;
 use super::view_passes::ViewPasses;
 use super::{CameraBinding, Layers, Radiance};
 use crate::environment::EvenLight;
-use crate::gpu::{self, Commands, Gpu, Span};
+use crate::gpu::{self, Commands, Gpu, Pending, Span};
+use crate::host::Host;
 use crate::scene::{Scene, Shape, Solid};
 use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
 
@@ -76,6 +77,8 @@ pub struct Variant {
     pub solids: Solids,
     /// What reflected rays hit.
     pub reflections: Reflections,
+    /// A host has drawn the opaque scene.
+    pub host: bool,
     /// The environment covers no pixel.
     pub transparent: bool,
     /// Write the diagnostics.
@@ -84,7 +87,7 @@ pub struct Variant {
 
 impl Variant {
     /// The variant with the fewest features that draws a frame.
-    pub fn new(scene: &Scene, splash: bool, count: bool) -> Self {
+    pub fn new(scene: &Scene, splash: bool, host: bool, count: bool) -> Self {
         let settings = &scene.settings.refract;
         let iterates = matches!(settings.solver, Solver::Newton | Solver::Secant);
         Self {
@@ -100,9 +103,10 @@ impl Variant {
             mixture: mixture::is_mixed(scene),
             fresnel: settings.fresnel,
             radiance_scaling: settings.radiance_scaling,
-            contact: settings.contact > 0.0 && !scene.solids.is_empty(),
-            solids: if scene.solids.is_empty() { Solids::Exact } else { settings.solids },
+            contact: settings.contact > 0.0 && (host || !scene.solids.is_empty()),
+            solids: if host || scene.solids.is_empty() { Solids::Exact } else { settings.solids },
             reflections: settings.reflections,
+            host,
             transparent: settings.transparent,
             count,
         }
@@ -138,7 +142,7 @@ impl Variant {
         constants
     }
 
-    fn switches(self) -> [(&'static str, f64); 10] {
+    fn switches(self) -> [(&'static str, f64); 11] {
         [
             ("SPLASH", self.splash),
             ("ABSORPTION", self.absorption),
@@ -148,6 +152,7 @@ impl Variant {
             ("CONTACT", self.contact),
             ("SCREEN_SOLIDS", self.solids == Solids::Screen),
             ("REFLECT_SOLIDS", self.reflections == Reflections::Scene),
+            ("HOST", self.host),
             ("TRANSPARENT", self.transparent),
             ("COUNT", self.count),
         ]
@@ -157,6 +162,9 @@ impl Variant {
 
 /// Edge pixels per workgroup.
 const EDGE_GROUP: u64 = 64;
+
+/// Bytes before the list of edge pixels: the number of them, of rays and of fallbacks.
+const EDGE_COUNTS: u64 = 12;
 
 #[derive(Debug)]
 struct Pipelines {
@@ -168,7 +176,7 @@ struct Pipelines {
 /// Background pixels that contain an edge, gathered to be drawn together.
 #[derive(Debug)]
 struct Edges {
-    /// Count, then pixels.
+    /// Counts of edge pixels, of rays and of fallbacks, then pixels.
     list: wgpu::Buffer,
     /// Arguments of the indirect dispatch over them.
     dispatch: wgpu::Buffer,
@@ -204,10 +212,11 @@ impl Refract {
             gpu::storage_texture(Layers::FORMAT, D2),
             gpu::storage_texture(Layers::FORMAT, D2),
             gpu::storage_of(8),
+            gpu::sampled(D2),
         ];
         let layout = gpu.layout("refract", wgpu::ShaderStages::COMPUTE, &bindings);
         // Indirect arguments must not be bound where they are used, so drawing edges binds the list alone.
-        let edge_bindings = [gpu::storage_read_write(8), gpu::storage_read_write(4)];
+        let edge_bindings = [gpu::storage_read_write(EDGE_COUNTS + 4), gpu::storage_read_write(4)];
         let edge_layouts = [&edge_bindings[..], &edge_bindings[..1]]
             .map(|bindings| gpu.layout("edges", wgpu::ShaderStages::COMPUTE, bindings));
         Self {
@@ -267,6 +276,11 @@ impl Refract {
         });
     }
 
+    /// Records the readback of the last picture's counts of rays with a host.
+    pub fn record_host_rays(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Pending {
+        Pending::record(gpu, encoder, &self.edges.list, 4, EDGE_COUNTS - 4)
+    }
+
     /// Records the picture with a variant that was passed to [`Refract::prepare`] and takes
     /// [`work`] per pixel.
     pub fn record(
@@ -275,6 +289,7 @@ impl Refract {
         commands: &mut Commands<'_>,
         eye: &ViewPasses,
         variant: Variant,
+        host: Option<&Host>,
         work: u64,
         span: Span<'_>,
     ) {
@@ -294,6 +309,7 @@ impl Refract {
                 wgpu::BindingResource::TextureView(&radiance),
                 wgpu::BindingResource::TextureView(&diagnostics),
                 tiles.section(list, section),
+                wgpu::BindingResource::TextureView(host.map_or(&planes, |host| &host.color)),
             ];
             gpu::bind_group(gpu, "refract", &self.layout, &resources)
         };
@@ -302,7 +318,8 @@ impl Refract {
         for section in tiles.sections() {
             commands.reserve(tiles.pixels().saturating_mul(work));
             let encoder = &mut *commands.encoder;
-            encoder.clear_buffer(&self.edges.list, 0, Some(4));
+            let counts = if section == 0 { EDGE_COUNTS } else { 4 };
+            encoder.clear_buffer(&self.edges.list, 0, Some(counts));
             encoder.clear_buffer(&self.edges.dispatch, 0, Some(4));
             let span = span.part(section == 0, section + 1 == tiles.sections().end);
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
@@ -360,8 +377,10 @@ impl Edges {
         let pixels = u64::from(size.x) * u64::from(size.y);
         let list = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("edges"),
-            size: (4 + 4 * pixels.min(MOST)).min(limit / 4 * 4),
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            size: (EDGE_COUNTS + 4 * pixels.min(MOST)).min(limit / 4 * 4),
+            usage: wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::COPY_DST
+                | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
         let usage = wgpu::BufferUsages::STORAGE

@@ -81,6 +81,8 @@ pub struct ViewConfig {
     pub mixture: bool,
     /// Draw the opaque scene.
     pub gbuffer: bool,
+    /// A host has drawn the opaque scene: its pass fills the G-buffer.
+    pub host: bool,
     /// Mip levels.
     pub levels: u32,
     /// Draw backs, because light leaves the liquid as well as enters it.
@@ -141,6 +143,7 @@ impl ViewPasses {
             splash: false,
             mixture: false,
             gbuffer: false,
+            host: false,
             levels: 1,
             backs: true,
             culled: false,
@@ -176,7 +179,7 @@ impl ViewPasses {
         self.mixture.resize(gpu, used(config.mixture).0);
         self.tiles.resize(gpu, config.size, config.sections);
         self.smooth.resize(gpu, &self.aggregate.layers);
-        let (size, levels) = used(config.gbuffer);
+        let (size, levels) = used(self.has_gbuffer());
         self.gbuffer.resize(gpu, size, levels);
     }
 
@@ -226,7 +229,7 @@ impl ViewPasses {
             let settings = &scene.settings.smooth;
             self.smooth.prepare(gpu, &self.camera, settings, fits, self.config.backs);
         }
-        if self.config.gbuffer {
+        if self.config.gbuffer && !self.config.host {
             self.gbuffer.prepare(gpu, &self.camera, &self.scene);
         }
     }
@@ -269,7 +272,7 @@ impl ViewPasses {
             let lists = &self.tiles.lists;
             self.smooth.record(gpu, commands, camera, lists, timer.span(names.smooth));
         }
-        if self.config.gbuffer {
+        if self.config.gbuffer && !self.config.host {
             let encoder = &mut *commands.encoder;
             self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(names.gbuffer));
         }
@@ -285,8 +288,8 @@ impl ViewPasses {
         self.config.splash.then_some(&self.splash.layers)
     }
 
-    /// Whether the G-buffer is drawn.
+    /// Whether the G-buffer is filled.
     pub fn has_gbuffer(&self) -> bool {
-        self.config.gbuffer
+        self.config.gbuffer || self.config.host
     }
 }

@@ -379,6 +379,7 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
         splash,
         mixture: false,
         gbuffer: true,
+        host: false,
         levels: 1,
         backs,
         culled: false,
