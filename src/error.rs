@@ -89,6 +89,8 @@ pub enum Limited {
     Classify,
     /// Meshes and textures.
     Meshes,
+    /// The particles' velocities, for motion vectors.
+    Velocities,
 }
 
 impl fmt::Display for Limited {
@@ -99,6 +101,7 @@ impl fmt::Display for Limited {
             Self::CausticMap => "choose a smaller caustics.resolution",
             Self::CausticGrid => "choose a smaller caustics.grid",
             Self::Classify => "classify on the CPU",
+            Self::Velocities => "draw without motion vectors",
             Self::Meshes => "choose meshes of fewer triangles, or smaller textures",
         })
     }

@@ -74,6 +74,7 @@ pub mod look;
 #[doc(hidden)]
 pub mod memory;
 pub mod mesh;
+pub mod motion;
 #[cfg(feature = "image")]
 pub mod offscreen;
 #[doc(hidden)]

@@ -21,6 +21,7 @@ pub mod refract;
 pub mod smooth;
 pub mod splat;
 pub mod splat_buffers;
+pub mod surface;
 pub mod tiles;
 pub mod tonemap;
 pub mod view_passes;

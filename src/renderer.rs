@@ -12,6 +12,7 @@ use crate::host::{Host, HostRays};
 use crate::lights::Lights;
 use crate::liquid::classify::{self, Splat, Splats};
 use crate::memory;
+use crate::motion::Motion;
 use crate::passes::caustics::CausticMap;
 use crate::passes::cull;
 use crate::passes::host;
@@ -19,6 +20,7 @@ use crate::passes::mesh_buffers::MeshBuffers;
 use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, Variant};
 use crate::passes::smooth;
+use crate::passes::surface::{self, Surface, SurfaceImages};
 use crate::passes::tiles::Sections;
 use crate::passes::tonemap::Tonemap;
 use crate::passes::view_passes::{FrameInputs, PassNames, SplatSet, ViewConfig, ViewPasses};
@@ -43,6 +45,7 @@ pub struct Renderer {
     host_gbuffer: host::Host,
     mips: Option<Mips>,
     refract: Refract,
+    surface_images: Surface,
     tonemap: Tonemap,
     sized_for: (UVec2, bool),
     /// Inputs of the last frame; `None` after an error, or without [`Renderer::reuse`].
@@ -54,6 +57,8 @@ pub struct Renderer {
     submissions: u32,
     /// Whether the last frame's coverage varies.
     transparent: bool,
+    /// Number of fluids of the last frame.
+    fluids: usize,
     /// Measure each pass with timestamp queries, where the device supports them.
     pub timing: bool,
     /// Draw the per-pixel counts and the G-buffer for [`Renderer::images`].
@@ -63,6 +68,8 @@ pub struct Renderer {
     /// What the program that uses limpid has drawn: liquid appears in it, and rays see it. The scene's solids
     /// are then what rays find where the host's picture does not show its scene. They are not drawn.
     pub host: Option<Host>,
+    /// Draw the images of the first interface, [`Images::surface`], with motion vectors since the frame before.
+    pub surface: Option<Motion>,
 }
 
 /// The intermediate images of the last frame.
@@ -78,6 +85,10 @@ pub struct Images {
     pub gbuffer: Option<GBufferImages>,
     /// The caustic map of each light, if it has one.
     pub caustics: Vec<Option<CausticMap>>,
+    /// The images of the first interface, if [`Renderer::surface`] was set.
+    pub surface: Option<SurfaceImages>,
+    /// Number of fluids.
+    pub fluids: usize,
     /// The linear picture.
     pub radiance: Radiance,
     /// Whether coverage varies: [`settings::Refract::transparent`].
@@ -101,6 +112,7 @@ impl Renderer {
             host_gbuffer: host::Host::new(gpu),
             mips: None,
             refract: Refract::new(gpu),
+            surface_images: Surface::new(gpu),
             tonemap: Tonemap::new(gpu),
             sized_for: (UVec2::ONE, false),
             last: None,
@@ -108,10 +120,12 @@ impl Renderer {
             pending_rays: None,
             submissions: 0,
             transparent: false,
+            fluids: 1,
             timing: false,
             diagnose: false,
             reuse: false,
             host: None,
+            surface: None,
         }
     }
 
@@ -234,6 +248,7 @@ impl Renderer {
     fn remember(&mut self, frame: Frame<'_>) {
         let Frame { last, dirty, scene, splats, config, diagnosed, .. } = frame;
         self.transparent = scene.settings.refract.transparent;
+        self.fluids = scene.fluids.len().max(1);
         let remember =
             || LastFrame::new(last, dirty, scene, &frame.view, splats, config, diagnosed);
         self.last = self.reuse.then(remember);
@@ -250,6 +265,13 @@ impl Renderer {
         self.gpu.check_size(size)?;
         check_scale(splats, view)?;
         self.host.as_ref().map_or(Ok(()), |host| host.check(size))?;
+        if let Some(previous) = self.surface.as_ref().and_then(|motion| motion.previous.as_ref()) {
+            previous.check()?;
+            if previous.is_orthographic() != view.is_orthographic() {
+                let problem = "one of this view and the one before is orthographic";
+                return Err(Error::invalid("motion", problem));
+            }
+        }
         let Environment::Map { size, pixels } = &scene.environment else { return Ok(()) };
         self.gpu.check_image(*size, Limited::Environment)?;
         if pixels.is_empty() || pixels.len() != size.x as usize * size.y as usize {
@@ -309,6 +331,11 @@ impl Renderer {
         if let Some(host) = &frame.host {
             self.host_gbuffer.prepare(gpu, &self.camera_view.camera, host, frame.uniform.far);
         }
+        if let Some(motion) = &self.surface {
+            let params = surface::Params::new(&frame.view, motion, size, splats.radius);
+            let (view, request) = (&self.camera_view, frame.surface_request(motion));
+            self.surface_images.prepare(gpu, view, request, &params, size)?;
+        }
         // Drivers may crash where they compile without memory.
         gpu.check()?;
         Ok(frame)
@@ -358,9 +385,17 @@ impl Renderer {
         if dirty.radiance {
             let span = timer.span("refract");
             let (variant, work, host) = (frame.variant, frame.work, frame.host.as_ref());
-            self.refract.record(&self.gpu, commands, &self.camera_view, variant, host, work, span);
+            self.refract.record(commands, &self.camera_view, variant, host, work, span);
         }
         let (gpu, refract) = (&self.gpu, &self.refract);
+        if let Some(motion) = &self.surface {
+            let view = &self.camera_view;
+            let SplatSet { aggregates, splashes } = view.seen_splats(&self.splat_set);
+            let (request, span) = (frame.surface_request(motion), timer.span("surface"));
+            let encoder = &mut *commands.encoder;
+            let classes = [aggregates, splashes];
+            self.surface_images.record(gpu, encoder, view, classes, request, span);
+        }
         frame.host.as_ref().map(|_| refract.record_host_rays(gpu, commands.encoder))
     }
 
@@ -390,6 +425,8 @@ impl Renderer {
             splash: view.splash_layers().cloned(),
             gbuffer: view.has_gbuffer().then(|| view.gbuffer.images.clone()),
             caustics: self.lights.caustic_maps(),
+            surface: self.surface.as_ref().and(self.surface_images.images.clone()),
+            fluids: self.fluids,
             radiance: refract.radiance.clone(),
             transparent: self.transparent,
             orthographic: view.camera.is_orthographic(),
@@ -482,6 +519,15 @@ impl<'a> Frame<'a> {
     fn inputs<'b>(&'b self, splat_set: &'b SplatSet, meshes: &'b MeshBuffers) -> FrameInputs<'b> {
         let Self { scene, splats, fits, .. } = self;
         FrameInputs { scene, splats, splat_set, meshes, fits }
+    }
+
+    fn surface_request<'b>(&self, motion: &'b Motion) -> surface::Request<'b> {
+        surface::Request {
+            motion,
+            splash: self.config.splash,
+            host: self.host.is_some(),
+            samples: self.variant.samples,
+        }
     }
 
     fn refract_params(&self) -> refract::Params {

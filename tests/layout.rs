@@ -9,7 +9,9 @@ use bytemuck::Zeroable;
 use limpid::camera::CameraUniform;
 use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
-use limpid::passes::{Layers, caustics, cull, gbuffer, host, refract, smooth, tiles, tonemap};
+use limpid::passes::{
+    Layers, caustics, cull, gbuffer, host, refract, smooth, surface, tiles, tonemap,
+};
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
 
@@ -138,6 +140,15 @@ fn shared_structs_agree() {
     });
     let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded });
     let host = rust_struct!(host::Params { offset, slope, cleared });
+    let surface = rust_struct!(surface::Params {
+        previous_from_world,
+        offset,
+        seconds,
+        previous_tangent,
+        previous_shift,
+        reach,
+        pad,
+    });
     let scene = rust_struct!(gbuffer::SceneUniform {
         zenith,
         pad_zenith,
@@ -226,6 +237,7 @@ fn shared_structs_agree() {
         (refract, "refract/guarded.wgsl", "Params"),
         (tonemap, "tonemap.wgsl", "Params"),
         (host, "host.wgsl", "Params"),
+        (surface, "surface/images.wgsl", "Params"),
         (scene, "gbuffer.wgsl", "Scene"),
         (solid, "gbuffer.wgsl", "Solid"),
         (light, "gbuffer.wgsl", "Light"),

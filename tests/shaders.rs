@@ -298,7 +298,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 86] = [
+const LOOPS: [(&str, &str, &str, &str); 88] = [
     ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
     ("caustics/conic.wgsl", "conic_first_exit", "for (var edge = 0u; edge < 3u; edge++)", "a constant"),
     ("caustics/conic.wgsl", "conic_solve", "for (var i = 0u; i < CONIC_ROUNDS; i++)", "a constant"),
@@ -377,6 +377,8 @@ const LOOPS: [(&str, &str, &str, &str); 86] = [
     ("refract/newton.wgsl", "intersect", "for (var i = 0u; i <= ITERATIONS; i++)", "refract.iterations, 64 at most"),
     ("refract/secant.wgsl", "intersect", "for (var i = 0u; i < ITERATIONS; i++)", "refract.iterations, 64 at most"),
     ("report/arithmetic.wgsl", "arithmetic", "for (var i = 0u; i < ROUNDS; i++)", "a constant"),
+    ("surface/images.wgsl", "images", "for (var i = 0u; i < SAMPLES; i++)", "refract.samples, 64 at most"),
+    ("surface/images.wgsl", "surface_velocity", "for (var k = 0; k < (2 * SIDE + 1) * (2 * SIDE + 1); k++)", "a constant"),
     ("smooth/bilateral.wgsl", "smoothed", "for (var y = -TAPS; y <= TAPS; y++)", "smooth.taps, 33 at most"),
     ("smooth/bilateral.wgsl", "smoothed", "for (var x = -TAPS; x <= TAPS; x++)", "smooth.taps, 33 at most"),
     ("smooth/narrow_range.wgsl", "smoothed", "for (var ring = 1; ring <= TAPS; ring++)", "smooth.taps, 33 at most"),

@@ -14,6 +14,7 @@
 #import common/camera.wgsl
 #import common/layers.wgsl
 #import common/optics.wgsl
+#import common/samples.wgsl
 #import common/scene.wgsl
 #import common/screen_ray.wgsl
 #import common/tiles.wgsl
@@ -617,18 +618,6 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
         }
     }
     return vec4f(result, 1.0);
-}
-
-// Offset of sample `index` of `count` in the pixel: for square counts a regular grid, sheared so that no
-// two samples share a row or a column; otherwise the R2 sequence.
-fn sample_offset(index: u32, count: u32) -> vec2f {
-    let side = u32(sqrt(f32(count)) + 0.5);
-    if side * side != count {
-        return fract(0.5 + f32(index) * vec2f(0.75487767, 0.56984029));
-    }
-    let cell = vec2f(f32(index % side), f32(index / side));
-    let within = (vec2f(f32(side) - 1.0 - cell.y, cell.x) + 0.5) / f32(side);
-    return (cell + within) / f32(side);
 }
 
 // Relative difference of radiance that distinguishes an edge from shading, and from filtered patterns.

@@ -285,7 +285,6 @@ impl Refract {
     /// [`work`] per pixel.
     pub fn record(
         &self,
-        gpu: &Gpu,
         commands: &mut Commands<'_>,
         eye: &ViewPasses,
         variant: Variant,
@@ -293,6 +292,7 @@ impl Refract {
         work: u64,
         span: Span<'_>,
     ) {
+        let gpu = commands.gpu;
         let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
         let gbuffer = &eye.gbuffer.images;
         let (planes, surfaces) = (view(&gbuffer.planes), view(&gbuffer.surfaces));

@@ -245,7 +245,7 @@ impl ViewPasses {
     ) {
         let encoder = &mut *commands.encoder;
         let camera = &self.camera;
-        let liquid = self.own_splats.as_ref().unwrap_or(frame.splat_set);
+        let liquid = self.seen_splats(frame.splat_set);
         let backs = self.config.backs;
         let (aggregates, span) = (&liquid.aggregates, timer.span(names.splat));
         if self.config.culled {
@@ -276,6 +276,11 @@ impl ViewPasses {
             let encoder = &mut *commands.encoder;
             self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(names.gbuffer));
         }
+    }
+
+    /// The splats that this view draws: its own, if it has any, or the frame's.
+    pub fn seen_splats<'a>(&'a self, frame: &'a SplatSet) -> &'a SplatSet {
+        self.own_splats.as_ref().unwrap_or(frame)
     }
 
     /// The layers that the liquid is drawn from: smoothed, if there was smoothing.

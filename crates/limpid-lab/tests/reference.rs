@@ -3,15 +3,21 @@
 //! Measures the main quality figure of limpid: the mean FLIP to pictures of the same particles
 //! whose surface was reconstructed and path-traced, in the folder that `LIMPID_REFERENCE` names.
 
+#[path = "../../../tests/support/hosts.rs"]
+mod hosts;
 #[path = "../../../tests/support/references.rs"]
 mod references;
 
 use std::path::Path;
 
 use glam::UVec2;
+use glam::dcamera::rh::proj::directx::perspective_infinite_reverse;
+use hosts::host_of;
+use limpid::camera::View;
 use limpid::gpu::Gpu;
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
+use limpid::scene::Scene;
 use limpid_io::input::Input;
 use limpid_lab::compare::{compare, load_picture};
 use references::references;
@@ -53,6 +59,9 @@ fn scenes_load_unchanged() {
         assert!(particles.len() > 1000, "{name}: {} particles", particles.len());
     }
 }
+
+/// Size of pictures that are compared with each other.
+const SIZE: UVec2 = UVec2::new(512, 384);
 
 /// A device, unless there is none and none is required.
 fn device() -> Option<Gpu> {
@@ -126,5 +135,55 @@ fn meshes_match_their_references() {
         let path = references.join("mesh_pictures").join(name).with_extension("png");
         let flip = mean_flip(&gpu, &mut renderer, input(&references, "mesh_scenes", name), &path);
         assert!(flip <= most, "{name}: mean FLIP {flip:.4}, at most {most} expected");
+    }
+}
+
+/// Scenes look alike whether their solids are known, or only what a host has drawn of them. Reports the share
+/// of rays that the host's picture did not answer.
+#[test]
+fn hosts_refract_as_known_solids_do() {
+    /// Bound on the mean FLIP where what is refracted is also seen directly; elsewhere, floors and obstacles
+    /// that are out of the picture or hidden in it are replaced by the environment.
+    const MAX_FLIP: f64 = 0.01;
+    let Some(references) = references() else { return };
+    let Some(gpu) = device() else { return };
+    let mut renderer = Renderer::new(&gpu);
+    println!("scene                      mean FLIP  99th pct  fallbacks");
+    let scenes = SCENES.map(|name| ("scenes", name)).into_iter();
+    for (folder, name) in scenes.chain(MESH_SCENES.map(|(name, _)| ("mesh_scenes", name))) {
+        let (input, mut project) = input(&references, folder, name).resolve().unwrap();
+        project.scene.settings.refract.samples = 4;
+        let number = input.frame.unwrap_or_else(|| input.sequence.frames[0].number);
+        let frame = input.sequence.frame(number).expect("the scene's frame");
+        let loaded = input.load(frame, &project.scene).unwrap();
+        let view = View::from(&project.camera_for(loaded.bulk.bounds));
+        let limpid::camera::Projection::Perspective { fov_y } = view.projection else {
+            panic!("{name} has a camera of a field of view");
+        };
+        let (fov_y, aspect) = (f64::from(fov_y).to_radians(), SIZE.x as f64 / SIZE.y as f64);
+        let clip_from_view = perspective_infinite_reverse(fov_y, aspect, 0.01);
+        let scene = &project.scene;
+        let mut draw = |scene: &Scene, renderer: &mut Renderer| {
+            let picture = Picture::new(&gpu, SIZE).unwrap();
+            let target = picture.view();
+            renderer.render(scene, view, &loaded.splats, &target, Picture::FORMAT, SIZE).unwrap();
+            image::DynamicImage::ImageRgba8(picture.read(&gpu).unwrap()).into_rgb8()
+        };
+        let known = draw(scene, &mut renderer);
+        let host = host_of(&gpu, &mut renderer, scene, view, SIZE, clip_from_view);
+        renderer.host = Some(host);
+        let unknown = Scene { solids: Vec::new(), ..scene.clone() };
+        let shown = draw(&unknown, &mut renderer);
+        renderer.host = None;
+        let rays = loop {
+            gpu.device.poll(limpid::wgpu::PollType::wait_indefinitely()).unwrap();
+            if let Some(rays) = renderer.take_host_rays() {
+                break rays;
+            }
+        };
+        let (result, _) = compare(&known, &shown).unwrap();
+        let (flip, p99) = (result.mean_flip, result.p99_flip);
+        println!("{name:<26} {flip:>9.4} {p99:>9.4} {:>9.1} %", 100.0 * rays.share());
+        assert!(flip <= MAX_FLIP, "{name}: mean FLIP {flip:.4}, at most {MAX_FLIP} expected");
     }
 }
