@@ -69,6 +69,13 @@ impl Aov {
         Self::Caustics,
     ];
 
+    /// Whether it needs [`Renderer::surface`]: images for programs that compose pictures.
+    ///
+    /// [`Renderer::surface`]: crate::renderer::Renderer::surface
+    pub fn is_for_compositing(self) -> bool {
+        matches!(self, Self::Motion | Self::Coverage | Self::Mask)
+    }
+
     fn name(self) -> &'static str {
         match self {
             Self::Depth => "depth",

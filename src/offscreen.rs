@@ -32,6 +32,13 @@ pub struct RenderedFrame {
 }
 
 impl RenderedFrame {
+    fn of(picture: RgbaImage, transparent: bool, passes: Vec<PassTime>) -> Self {
+        let (width, height) = picture.dimensions();
+        let alpha = || picture.pixels().map(|pixel| pixel.0[3]).collect();
+        let coverage = transparent.then(|| GrayImage::from_raw(width, height, alpha())).flatten();
+        Self { picture: DynamicImage::ImageRgba8(picture).into_rgb8(), coverage, passes }
+    }
+
     /// The picture, with an alpha channel if its coverage varies.
     pub fn into_image(self) -> DynamicImage {
         let Some(coverage) = self.coverage else { return DynamicImage::ImageRgb8(self.picture) };
@@ -125,11 +132,16 @@ impl PendingFrame {
     /// [`crate::Error::DeviceLost`].
     pub fn wait(self) -> Result<RenderedFrame> {
         let picture = self.picture.wait(&self.gpu)?;
-        let alpha = || picture.pixels().map(|pixel| pixel.0[3]).collect();
-        let (width, height) = picture.dimensions();
-        let coverage = self.transparent.then(|| GrayImage::from_raw(width, height, alpha()));
-        let picture = DynamicImage::ImageRgba8(picture).into_rgb8();
-        Ok(RenderedFrame { picture, coverage: coverage.flatten(), passes: self.passes })
+        Ok(RenderedFrame::of(picture, self.transparent, self.passes))
+    }
+
+    /// As [`PendingFrame::wait`], without blocking, as [`PendingPicture::ready`].
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub async fn ready(self) -> Result<RenderedFrame> {
+        let picture = self.picture.ready(&self.gpu).await?;
+        Ok(RenderedFrame::of(picture, self.transparent, self.passes))
     }
 }
 
@@ -186,8 +198,19 @@ impl PendingPicture {
     /// # Errors
     /// [`crate::Error::DeviceLost`].
     pub fn wait(self, gpu: &Gpu) -> Result<RgbaImage> {
-        let bytes = self.texels.wait(gpu)?;
-        let picture = RgbaImage::from_raw(self.size.x, self.size.y, bytes);
-        Ok(picture.expect("the texture has four bytes per pixel"))
+        Ok(image_of(self.size, self.texels.wait(gpu)?))
     }
+
+    /// As [`PendingPicture::wait`], without blocking. Browsers poll their devices; other programs call
+    /// `gpu.device.poll` from another thread or between turns of their executor.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub async fn ready(self, gpu: &Gpu) -> Result<RgbaImage> {
+        Ok(image_of(self.size, self.texels.ready(gpu).await?))
+    }
+}
+
+fn image_of(size: UVec2, bytes: Vec<u8>) -> RgbaImage {
+    RgbaImage::from_raw(size.x, size.y, bytes).expect("the texture has four bytes per pixel")
 }

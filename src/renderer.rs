@@ -47,6 +47,7 @@ pub struct Renderer {
     refract: Refract,
     surface_images: Surface,
     tonemap: Tonemap,
+    composite: Tonemap,
     sized_for: (UVec2, bool),
     /// Inputs of the last frame; `None` after an error, or without [`Renderer::reuse`].
     last: Option<LastFrame>,
@@ -113,7 +114,8 @@ impl Renderer {
             mips: None,
             refract: Refract::new(gpu),
             surface_images: Surface::new(gpu),
-            tonemap: Tonemap::new(gpu),
+            tonemap: Tonemap::new(gpu, false),
+            composite: Tonemap::new(gpu, true),
             sized_for: (UVec2::ONE, false),
             last: None,
             pending_times: None,
@@ -218,6 +220,21 @@ impl Renderer {
         self.tonemap.prepare(&self.gpu, settings, format);
         let (radiance, span) = (&self.refract.radiance, Span::default());
         self.tonemap.record(&self.gpu, encoder, radiance, target, format, span);
+    }
+
+    /// Records the last recorded frame over what `target` contains, a view of its size in `format`, without
+    /// exposure or curve: by its coverage, if that varies ([`settings::Refract::transparent`]), or in place
+    /// of all. 32-bit floats need [`wgpu::Features::FLOAT32_BLENDABLE`].
+    pub fn composite(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        target: &wgpu::TextureView,
+        format: wgpu::TextureFormat,
+    ) {
+        let linear = settings::Tonemap { exposure: 0.0, curve: settings::Curve::None };
+        self.composite.prepare(&self.gpu, &linear, format);
+        let (radiance, span) = (&self.refract.radiance, Span::default());
+        self.composite.record(&self.gpu, encoder, radiance, target, format, span);
     }
 
     /// The linear picture of the last frame: RGB radiance and coverage, 32-bit floats. A frame of another

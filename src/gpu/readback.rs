@@ -1,7 +1,8 @@
 //! Readback of buffers and textures.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll, Waker};
 
 use super::Gpu;
 use crate::error::{Error, Result};
@@ -105,8 +106,8 @@ pub fn read_mapped<T>(
 #[derive(Debug)]
 pub struct Pending {
     staging: wgpu::Buffer,
-    /// Set once the buffer is mapped; `None` before it was asked for.
-    mapped: Option<Arc<AtomicBool>>,
+    /// `None` before it was asked for.
+    mapping: Option<Mapping>,
 }
 
 impl Pending {
@@ -120,22 +121,54 @@ impl Pending {
     ) -> Self {
         let staging = staging(gpu, size);
         encoder.copy_buffer_to_buffer(buffer, offset, &staging, 0, size);
-        Self { staging, mapped: None }
+        Self { staging, mapping: None }
     }
 
     /// The bytes, if the device has finished. To be called only after the commands were submitted; the
     /// caller polls the device, as its frame loop does.
     pub fn collect(&mut self) -> Option<Vec<u8>> {
-        let mapped = self.mapped.get_or_insert_with(|| {
-            let mapped = Arc::new(AtomicBool::new(false));
-            let done = mapped.clone();
-            self.staging.map_async(wgpu::MapMode::Read, .., move |result| {
-                done.store(result.is_ok(), Ordering::Release);
-            });
-            mapped
-        });
-        let bytes = mapped.load(Ordering::Acquire).then(|| self.staging.get_mapped_range(..));
+        let mapping = self.mapping.get_or_insert_with(|| Mapping::begin(&self.staging));
+        let bytes = mapping.outcome()?.ok().map(|()| self.staging.get_mapped_range(..));
         bytes?.ok().map(|bytes| bytes.to_vec())
+    }
+}
+
+/// The mapping of a buffer, done when the device has filled it: a future that the device's poll wakes.
+#[derive(Debug, Clone)]
+struct Mapping(Arc<Mutex<(Option<Result<()>>, Option<Waker>)>>);
+
+impl Mapping {
+    fn begin(buffer: &wgpu::Buffer) -> Self {
+        let mapping = Self(Arc::default());
+        let done = mapping.clone();
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+            let mut state = done.0.lock().unwrap_or_else(PoisonError::into_inner);
+            state.0 = Some(result.map_err(|e| Error::DeviceLost(e.to_string())));
+            if let Some(waker) = state.1.take() {
+                waker.wake();
+            }
+        });
+        mapping
+    }
+
+    /// The outcome, once.
+    fn outcome(&self) -> Option<Result<()>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).0.take()
+    }
+}
+
+impl Future for Mapping {
+    type Output = Result<()>;
+
+    fn poll(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match state.0.take() {
+            Some(outcome) => Poll::Ready(outcome),
+            None => {
+                state.1 = Some(context.waker().clone());
+                Poll::Pending
+            }
+        }
     }
 }
 
@@ -143,17 +176,29 @@ impl Reading {
     /// Waits for the readback, not for later submissions.
     pub fn wait(self, gpu: &Gpu) -> Result<Vec<u8>> {
         let Self { staging, padded_row, row, submission } = self;
-        let bytes = read_mapped(gpu, &staging, staging.size(), submission, |mapped| {
-            let rows = mapped.chunks_exact(padded_row as usize);
-            let mut bytes = Vec::new();
-            bytes.try_reserve_exact(rows.len() * row as usize)?;
-            for padded in rows {
-                bytes.extend_from_slice(&padded[..row as usize]);
-            }
-            Ok(bytes)
-        })?;
-        bytes.map_err(|e: std::collections::TryReserveError| {
-            Error::DeviceLost(format!("no memory for a picture: {e}"))
-        })
+        read_mapped(gpu, &staging, staging.size(), submission, |mapped| {
+            unpadded(mapped, padded_row, row)
+        })?
     }
+
+    /// As [`Reading::wait`], without blocking. Browsers poll their devices; other programs poll this one,
+    /// from another thread or between turns of their executor.
+    pub async fn ready(self, gpu: &Gpu) -> Result<Vec<u8>> {
+        let Self { staging, padded_row, row, .. } = self;
+        gpu.check()?;
+        Mapping::begin(&staging).await?;
+        let mapped = staging.get_mapped_range(..);
+        let mapped = mapped.map_err(|e| Error::DeviceLost(e.to_string()))?;
+        unpadded(&mapped, padded_row, row)
+    }
+}
+
+/// Rows of `row` bytes of which each takes `padded_row`.
+fn unpadded(mapped: &[u8], padded_row: u64, row: u64) -> Result<Vec<u8>> {
+    let rows = mapped.chunks_exact(padded_row as usize);
+    let mut bytes = Vec::new();
+    let reserved = bytes.try_reserve_exact(rows.len() * row as usize);
+    reserved.map_err(|e| Error::DeviceLost(format!("no memory for a picture: {e}")))?;
+    rows.for_each(|padded| bytes.extend_from_slice(&padded[..row as usize]));
+    Ok(bytes)
 }
