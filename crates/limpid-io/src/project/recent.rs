@@ -1,0 +1,38 @@
+//! The frames that were read last.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::error::Result;
+
+/// The frames that were read last, by number: slow motion needs the same two again and again, often on several
+/// threads.
+#[derive(Debug)]
+pub(super) struct Recent<T>(Mutex<VecDeque<(i64, Arc<T>)>>);
+
+impl<T> Default for Recent<T> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
+
+impl<T> Recent<T> {
+    /// Number of frames in memory: two, and two for threads that are ahead.
+    const KEPT: usize = 4;
+
+    /// The frame of this number; `read` reads it if it is not in memory.
+    pub(super) fn get(&self, number: i64, read: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
+        // Held while reading: threads that need the same file read it once.
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = kept.iter().position(|(known, _)| *known == number);
+        let frame = match found.and_then(|at| kept.remove(at)) {
+            Some((_, frame)) => frame,
+            None => Arc::new(read()?),
+        };
+        kept.push_back((number, frame.clone()));
+        if kept.len() > Self::KEPT {
+            kept.pop_front();
+        }
+        Ok(frame)
+    }
+}
