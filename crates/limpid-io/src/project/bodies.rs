@@ -14,7 +14,7 @@ use crate::meshes::{self, LoadedMesh};
 use crate::sequence::{FrameTime, Missing, Sequence};
 use limpid::liquid::Up;
 use limpid::mesh::{Mesh, MeshData, Placement, linear_from_srgb};
-use limpid::scene::{Shape, Solid, Surface};
+use limpid::scene::{MAX_SOLIDS, Shape, Solid, Surface};
 
 /// A `[rigid_bodies]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -66,23 +66,30 @@ impl Bodies {
         let sequence = Sequence::open(&file.source.to_string_lossy())?;
         let path = &sequence.frames[0].path;
         let bodies = read_bodies(path)?;
-        let chosen = |(_, body): &(usize, &RigidBody)| file.walls || !body.is_wall;
+        let is_drawn = |&number: &usize| file.walls || !bodies[number].is_wall;
+        let drawn: Vec<usize> = (0..bodies.len()).filter(is_drawn).collect();
+        if drawn.len() > MAX_SOLIDS {
+            let problem = format!("{} bodies; at most {MAX_SOLIDS} can be drawn", drawn.len());
+            return Err(Error::format(path, problem));
+        }
         let mut solids = Vec::new();
-        let mut drawn = Vec::new();
         let mut known: Vec<(&RigidBody, Arc<Mesh>)> = Vec::new();
-        for (number, body) in bodies.iter().enumerate().filter(chosen) {
+        for &number in &drawn {
+            let body = &bodies[number];
             let same = |(other, _): &&(&RigidBody, _)| {
                 (&other.mesh, other.scale) == (&body.mesh, body.scale)
             };
             let mesh = match known.iter().find(same) {
                 Some((_, mesh)) => mesh.clone(),
-                None => Arc::new(mesh_of(path, number, body, remarks)?),
+                None => {
+                    let mesh = Arc::new(mesh_of(path, number, body, remarks)?);
+                    known.push((body, mesh.clone()));
+                    mesh
+                }
             };
-            known.push((body, mesh.clone()));
             let color = body.color.truncate().map(|c| linear_from_srgb(c.clamp(0.0, 1.0)));
             let shape = Shape::Mesh { mesh, placement: placement(file.up, body.pose) };
             solids.push(Solid { shape, surface: Surface::Color(color), lit: file.lit });
-            drawn.push(number);
         }
         if solids.is_empty() {
             let what = if bodies.is_empty() {

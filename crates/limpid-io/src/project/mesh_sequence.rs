@@ -64,24 +64,26 @@ impl MeshSequence {
         self.recent.get(frame.number, || {
             let loaded = meshes::load(&frame.path)?;
             remarks.extend(loaded.remarks);
-            let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
-            used.retain(|_, mesh| mesh.strong_count() > 0);
-            let mesh = match used.get(&frame.number).and_then(Weak::upgrade) {
+            let mesh = match self.used(frame.number, None) {
                 Some(mesh) => mesh,
                 None => {
                     let texture = self.texture.as_ref();
                     let mesh = self.source.mesh(&frame.path, loaded.data.clone(), texture)?;
-                    Arc::new(mesh)
+                    let mesh = Arc::new(mesh);
+                    self.used(frame.number, Some(&mesh)).unwrap_or(mesh)
                 }
             };
-            used.insert(frame.number, Arc::downgrade(&mesh));
             Ok(MeshFrame { number: frame.number, data: loaded.data, mesh })
         })
     }
 
-    fn frame(&self, number: i64, missing: Missing) -> Result<Option<Arc<MeshFrame>>> {
-        let frame = self.sequence.shown_or_missing(number, missing)?;
-        frame.map(|frame| self.read(frame, &mut Vec::new())).transpose()
+    /// The mesh of a frame that is in use, or `new`, which is then.
+    fn used(&self, number: i64, new: Option<&Arc<Mesh>>) -> Option<Arc<Mesh>> {
+        let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
+        used.retain(|_, mesh| mesh.strong_count() > 0);
+        let mesh = used.get(&number).and_then(Weak::upgrade).or_else(|| new.cloned())?;
+        used.insert(number, Arc::downgrade(&mesh));
+        Some(mesh)
     }
 
     /// The mesh at a time; `None` if there is none. Between two frames of the same triangles each corner moves
@@ -90,11 +92,15 @@ impl MeshSequence {
     /// # Errors
     /// [`crate::Error::MissingFrame`] for a missing frame that must not be; as [`meshes::load`].
     pub(super) fn at(&self, at: FrameTime, missing: Missing) -> Result<Option<Arc<Mesh>>> {
-        let Some(earlier) = self.frame(at.frame, missing)? else { return Ok(None) };
+        let frame = |number| self.sequence.shown_or_missing(number, missing);
+        let Some(shown) = frame(at.frame)? else { return Ok(None) };
         if at.fraction == 0.0 {
-            return Ok(Some(earlier.mesh.clone()));
+            let used = self.used(shown.number, None);
+            let read = || Ok(self.read(shown, &mut Vec::new())?.mesh.clone());
+            return used.map_or_else(read, Ok).map(Some);
         }
-        let later = self.frame(at.next, missing)?;
+        let earlier = self.read(shown, &mut Vec::new())?;
+        let later = frame(at.next)?.map(|next| self.read(next, &mut Vec::new())).transpose()?;
         let later = later.filter(|later| later.number != earlier.number);
         match later.filter(|later| have_same_triangles(&earlier.data, &later.data)) {
             None => Ok(Some(earlier.mesh.clone())),
