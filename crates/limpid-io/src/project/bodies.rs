@@ -58,11 +58,11 @@ impl Bodies {
     /// # Errors
     /// As [`Sequence::open`], [`read_bodies`] and [`meshes::load`]; [`Error::Format`] for a body without an extent.
     pub(super) fn open(
-        file: BodiesFile,
+        file: &BodiesFile,
         folder: &Path,
         remarks: &mut Vec<String>,
     ) -> Result<(Self, Vec<Solid>)> {
-        let file = BodiesFile { source: folder.join(&file.source), ..file };
+        let file = BodiesFile { source: folder.join(&file.source), ..file.clone() };
         let sequence = Sequence::open(&file.source.to_string_lossy())?;
         let path = &sequence.frames[0].path;
         let bodies = read_bodies(path)?;

@@ -179,7 +179,7 @@ impl Project {
             motion.push(solids.len(), moves);
             solids.push(solid);
         }
-        if let Some(bodies) = file.rigid_bodies {
+        if let Some(bodies) = &file.rigid_bodies {
             let (bodies, shown) = Bodies::open(bodies, folder, &mut solid_files.remarks)?;
             motion.set_bodies(solids.len(), bodies);
             solids.extend(shown);
