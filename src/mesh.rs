@@ -287,6 +287,18 @@ impl Mesh {
         self.closed
     }
 
+    /// Host memory, bytes, without textures.
+    pub fn bytes(&self) -> u64 {
+        /// Of a triangle: corners, material, edges, rims and its place in the tree.
+        const TRIANGLE: usize = 12 + 4 + 36 + 1 + 4;
+        let vectors = 2 * self.vertices.len() + self.normals.len();
+        let bytes = size_of::<Vec3>() * vectors
+            + size_of::<Vec2>() * self.coordinates.len()
+            + TRIANGLE * self.triangles.len()
+            + size_of::<Bvh2Node>() * self.bvh.nodes.len();
+        bytes as u64
+    }
+
     /// Largest distance of a vertex from [`Mesh::origin`].
     pub fn reach(&self) -> f32 {
         self.vertices.iter().map(|x| x.length_squared()).fold(0.0, f32::max).sqrt()

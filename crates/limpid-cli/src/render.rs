@@ -381,7 +381,8 @@ impl FrameLoop<'_> {
 
     fn begin_drawing(&mut self, job: &Job, loaded: &Loaded) -> limpid_io::Result<Submitted> {
         let Self { args, scene, offscreen, output, console, .. } = self;
-        let drawing = offscreen.begin(scene, &job.shot.camera, &loaded.splats, args.size)?;
+        let scene = loaded.scene(scene);
+        let drawing = offscreen.begin(&scene, &job.shot.camera, &loaded.splats, args.size)?;
         let straight = offscreen.renderer.lights_without_caustics();
         if !straight.is_empty() {
             console.notice(&Notice::Straight(straight));
