@@ -298,7 +298,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 88] = [
+const LOOPS: [(&str, &str, &str, &str); 89] = [
     ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
     ("caustics/conic.wgsl", "conic_first_exit", "for (var edge = 0u; edge < 3u; edge++)", "a constant"),
     ("caustics/conic.wgsl", "conic_solve", "for (var i = 0u; i < CONIC_ROUNDS; i++)", "a constant"),
@@ -362,6 +362,7 @@ const LOOPS: [(&str, &str, &str, &str); 88] = [
     ("refract/guarded.wgsl", "front_entry", "for (var i = 0u; i < ENTRY_STEPS && tau < 1.0; i++)", "a constant"),
     ("refract/guarded.wgsl", "front_entry", "for (var k = 0u; k < 8u; k++)", "a constant"),
     ("refract/guarded.wgsl", "opaque_entry", "for (var i = 0u; i < OPAQUE_STEPS; i++)", "a constant"),
+    ("refract/host.wgsl", "background_radiance", "for (var k = 0u; k < 4u; k++)", "a constant"),
     ("refract/host.wgsl", "host_radiance", "for (var k = 0u; k < 4u; k++)", "a constant"),
     ("refract/interfaces.wgsl", "trace", "for (var event = 0u; event < 18u; event++)", "a constant"),
     ("refract/interfaces.wgsl", "background_mean", "for (var i = 0u; i < count; i++)", "refract.samples or refract.edge_samples, 64 at most"),

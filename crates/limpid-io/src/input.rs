@@ -7,7 +7,7 @@ mod fluid;
 use std::borrow::Cow;
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::adjustments::Adjustments;
 use crate::bake;
@@ -45,6 +45,8 @@ pub struct Input {
     pub frame: Option<i64>,
     /// Treatment of missing frames.
     pub missing: Missing,
+    /// Keep the particles' velocities in [`Loaded::velocities`].
+    pub with_velocities: bool,
     /// The processor that classifies the particles; initially the project's.
     processor: Processor,
     classifier: SharedClassifier,
@@ -94,13 +96,16 @@ pub struct Loaded {
     pub bulk: Bulk,
     /// Where the scene's solids are, if they move.
     pub moved: Moved,
+    /// Velocity of each particle, m/s, if [`Input::with_velocities`] is set and the files have them.
+    pub velocities: Vec<Vec3>,
 }
 
 impl Loaded {
     /// Memory of the frame, bytes.
     pub fn bytes(&self) -> u64 {
         let splats = self.splats.aggregates.capacity() + self.splats.splashes.capacity();
-        (size_of::<Self>() + splats * size_of::<Splat>()) as u64 + self.moved.bytes()
+        let velocities = self.velocities.capacity() * size_of::<Vec3>();
+        (size_of::<Self>() + splats * size_of::<Splat>() + velocities) as u64 + self.moved.bytes()
     }
 
     /// The scene to draw the frame in: its solids are where they are then. `scene` is the one that the frame was
@@ -173,6 +178,7 @@ impl Input {
             sequence,
             frame,
             missing: Missing::Error,
+            with_velocities: false,
             classifier: SharedClassifier::default(),
             fps: None,
             fluids: vec![fluid],
@@ -306,6 +312,7 @@ impl Input {
             sequence,
             frame,
             missing: Missing::Error,
+            with_velocities: false,
             classifier: SharedClassifier::default(),
             fps,
             fluids,
@@ -456,6 +463,10 @@ impl Input {
             cells: 0,
             bulk: particles.bulk().unwrap_or_default(),
             moved,
+            velocities: match particles.velocities.as_ref().filter(|_| self.with_velocities) {
+                Some(velocities) => memory::collect(velocities.iter().copied(), "velocities")?,
+                None => Vec::new(),
+            },
         })
     }
 

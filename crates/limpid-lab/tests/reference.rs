@@ -18,6 +18,7 @@ use limpid::gpu::Gpu;
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
+use limpid::wgpu::PollType;
 use limpid_io::input::Input;
 use limpid_lab::compare::{compare, load_picture};
 use references::references;
@@ -163,7 +164,7 @@ fn hosts_refract_as_known_solids_do() {
         let (fov_y, aspect) = (f64::from(fov_y).to_radians(), SIZE.x as f64 / SIZE.y as f64);
         let clip_from_view = perspective_infinite_reverse(fov_y, aspect, 0.01);
         let scene = &project.scene;
-        let mut draw = |scene: &Scene, renderer: &mut Renderer| {
+        let draw = |scene: &Scene, renderer: &mut Renderer| {
             let picture = Picture::new(&gpu, SIZE).unwrap();
             let target = picture.view();
             renderer.render(scene, view, &loaded.splats, &target, Picture::FORMAT, SIZE).unwrap();
@@ -176,7 +177,7 @@ fn hosts_refract_as_known_solids_do() {
         let shown = draw(&unknown, &mut renderer);
         renderer.host = None;
         let rays = loop {
-            gpu.device.poll(limpid::wgpu::PollType::wait_indefinitely()).unwrap();
+            gpu.device.poll(PollType::wait_indefinitely()).unwrap();
             if let Some(rays) = renderer.take_host_rays() {
                 break rays;
             }

@@ -45,6 +45,7 @@ struct SceneFile {
     #[serde(default)]
     view: Vec<NamedView>,
     environment: Option<EnvironmentFile>,
+    background: Option<BackgroundFile>,
     #[serde(default)]
     solid: Vec<SolidFile>,
     rigid_bodies: Option<BodiesFile>,
@@ -52,6 +53,13 @@ struct SceneFile {
     light: Vec<Light>,
     #[serde(default)]
     settings: SettingsFile,
+}
+
+/// A `[background]`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BackgroundFile {
+    file: PathBuf,
 }
 
 #[derive(Default, Serialize, Deserialize)]
@@ -240,10 +248,12 @@ impl Project {
         }
         let environment =
             file.environment.unwrap_or_default().validated(folder, load_map, &fail)?;
+        let background = file.background.map(|background| folder.join(background.file));
+        let background = background.map(|file| solid_files.texture(&file)).transpose()?;
         let settings = file.settings.validated(text).map_err(at_line)?;
         let lights = file.light;
         let project = Self {
-            scene: Scene { liquid, fluids, environment, solids, lights, settings },
+            scene: Scene { liquid, fluids, environment, background, solids, lights, settings },
             solid_files,
             motion,
             source,
@@ -269,6 +279,11 @@ impl Project {
             true => None,
             false => Some(EnvironmentFile::of(&scene.environment, map)?),
         };
+        let background = scene.background.as_ref().map(|texture| {
+            let problem = || Error::Usage("a background needs a file of its own".into());
+            solid_files.texture_source(texture).ok_or_else(problem)
+        });
+        let background = background.transpose()?;
         let mut liquid = LiquidFile::of(&scene.liquid);
         liquid.absorption =
             liquid.absorption.filter(|_| !provides(|automatic| automatic.absorption));
@@ -298,6 +313,7 @@ impl Project {
             camera: *camera,
             view: views.clone(),
             environment,
+            background: background.map(|file| BackgroundFile { file: file.to_owned() }),
             solid: solids.collect::<Result<_>>()?,
             rigid_bodies: motion.bodies().map(|bodies| bodies.file().clone()),
             light: scene.lights.clone(),

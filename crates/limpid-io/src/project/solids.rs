@@ -54,7 +54,7 @@ impl SolidFiles {
         Ok(found)
     }
 
-    fn texture(&mut self, file: &Path) -> Result<Arc<Texture>> {
+    pub(super) fn texture(&mut self, file: &Path) -> Result<Arc<Texture>> {
         if let Some((texture, _)) = self.textures.iter().find(|(_, known)| known == file) {
             return Ok(texture.clone());
         }
@@ -67,7 +67,7 @@ impl SolidFiles {
         self.meshes.iter().find(|(known, _)| Arc::ptr_eq(known, mesh)).map(|(_, source)| source)
     }
 
-    fn texture_source(&self, texture: &Arc<Texture>) -> Option<&Path> {
+    pub(super) fn texture_source(&self, texture: &Arc<Texture>) -> Option<&Path> {
         let known = self.textures.iter().find(|(known, _)| Arc::ptr_eq(known, texture));
         known.map(|(_, file)| file.as_path())
     }

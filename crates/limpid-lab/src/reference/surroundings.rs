@@ -6,7 +6,9 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use super::mesh::{Mesh, MeshHit};
+use super::view::View;
 use super::{Ray, in_plane, wide};
+use limpid::background::fitted;
 use limpid::environment::Environment;
 use limpid::mesh::{Placement, Texture};
 use limpid::scene::{Light, Scene, Shape, Surface};
@@ -17,6 +19,8 @@ pub struct Surroundings {
     solids: Vec<Solid>,
     lights: Vec<Lamp>,
     environment: Environment,
+    /// The scene's picture behind everything, where a camera sees it.
+    background: Option<Background>,
     /// Mean radiance of the environment: the ambient light of lit solids.
     ambient: DVec3,
 }
@@ -120,6 +124,21 @@ enum Lamp {
     },
 }
 
+/// A picture at infinity, as a camera sees it.
+#[derive(Debug, Clone)]
+struct Background {
+    view: View,
+    pixels: Vec<[f32; 4]>,
+}
+
+impl Background {
+    fn radiance(&self, direction: DVec3) -> Option<DVec3> {
+        let at = self.view.pixel(direction)?.as_uvec2();
+        let texel = self.pixels.get((at.y * self.view.size.x as u32 + at.x) as usize)?;
+        Some(DVec3::new(texel[0].into(), texel[1].into(), texel[2].into()))
+    }
+}
+
 impl Surroundings {
     /// The opaque surroundings of a scene.
     pub fn new(scene: &Scene) -> Self {
@@ -140,8 +159,16 @@ impl Surroundings {
             solids: solids.collect(),
             lights: lights.collect(),
             environment: scene.environment.clone(),
+            background: None,
             ambient: wide(scene.environment.mean()),
         }
+    }
+
+    /// The same with the scene's background, as a view of pinhole cameras shows it.
+    pub(super) fn before_background(mut self, scene: &Scene, view: View) -> Self {
+        let pixels = scene.background.as_ref().map(|file| fitted(file, view.size.as_uvec2()));
+        self.background = pixels.map(|pixels| Background { view, pixels });
+        self
     }
 
     /// The nearest solid ahead.
@@ -186,7 +213,10 @@ impl Surroundings {
             Some(hit) => self.solid_radiance(&hit, ray.direction, DVec3::ONE, |_, direct| {
                 direct.map_or(DVec3::ZERO, |direct| direct.irradiance)
             }),
-            None => self.environment(ray.direction),
+            None => {
+                let shown = self.background.as_ref().and_then(|seen| seen.radiance(ray.direction));
+                shown.unwrap_or_else(|| self.environment(ray.direction))
+            }
         }
     }
 
