@@ -94,12 +94,14 @@ impl MeshSequence {
     pub(super) fn at(&self, at: FrameTime, missing: Missing) -> Result<Option<Arc<Mesh>>> {
         let frame = |number| self.sequence.shown_or_missing(number, missing);
         let Some(shown) = frame(at.frame)? else { return Ok(None) };
-        if at.fraction == 0.0 {
-            let used = self.used(shown.number, None);
-            let read = || Ok(self.read(shown, &mut Vec::new())?.mesh.clone());
-            return used.map_or_else(read, Ok).map(Some);
+        let is_frame = at.fraction == 0.0;
+        if let Some(mesh) = self.used(shown.number, None).filter(|_| is_frame) {
+            return Ok(Some(mesh));
         }
         let earlier = self.read(shown, &mut Vec::new())?;
+        if is_frame {
+            return Ok(Some(earlier.mesh.clone()));
+        }
         let later = frame(at.next)?.map(|next| self.read(next, &mut Vec::new())).transpose()?;
         let later = later.filter(|later| later.number != earlier.number);
         match later.filter(|later| have_same_triangles(&earlier.data, &later.data)) {
