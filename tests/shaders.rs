@@ -298,7 +298,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 85] = [
+const LOOPS: [(&str, &str, &str, &str); 86] = [
     ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
     ("caustics/conic.wgsl", "conic_first_exit", "for (var edge = 0u; edge < 3u; edge++)", "a constant"),
     ("caustics/conic.wgsl", "conic_solve", "for (var i = 0u; i < CONIC_ROUNDS; i++)", "a constant"),
@@ -338,6 +338,7 @@ const LOOPS: [(&str, &str, &str, &str); 85] = [
     ("common/lights.wgsl", "passed_by_view", "for (var i = 0; i < 4; i++)", "a constant"),
     ("common/mesh.wgsl", "mesh_trace", "for (var visited = 0u; visited < most_nodes(); visited++)", "the nodes of all meshes"),
     ("common/mesh.wgsl", "mesh_trace", "for (var i = first; i < first + count; i++)", "the triangles of a leaf"),
+    ("common/mesh.wgsl", "triangle_trace", "for (var i = 0u; i < select(0u, 3u, on_edge); i++)", "a constant"),
     ("common/mesh.wgsl", "mesh_is_near", "for (var visited = 0u; visited < most_nodes() && pending > 0u; visited++)", "the nodes of all meshes"),
     ("common/mesh.wgsl", "mesh_is_near", "for (var i = first; i < first + count; i++)", "the triangles of a leaf"),
     ("common/mesh.wgsl", "mesh_shading_normal", "for (var i = 0u; i < 3u; i++)", "a constant"),

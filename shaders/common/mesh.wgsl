@@ -54,6 +54,7 @@ fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: boo
     let nearest = -skipped;
     var hit = MeshHit(far - skipped, NO_TRIANGLE);
     let slope = 1.0 / select(d, vec3f(1e-20), abs(d) < vec3f(1e-20));
+    let across = plane_across(d);
     let nodes = solid.mesh.x;
     let triangles = solid.mesh.y;
     if box_entry(nodes, o, slope, nearest, hit.t) >= NOTHING {
@@ -80,7 +81,7 @@ fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: boo
             }
         }
         for (var i = first; i < first + count; i++) {
-            let t = triangle_trace(triangles + 3u * i, o, d);
+            let t = triangle_trace(triangles + 3u * i, o, d, across);
             if t > nearest && t < hit.t {
                 hit = MeshHit(t, i);
             }
@@ -114,41 +115,76 @@ fn box_entry(node: u32, o: vec3f, slope: vec3f, nearest: f32, farthest: f32) -> 
     return select(max(enter, nearest), NOTHING, missed);
 }
 
-// Relative rounding error of an edge function below: 10 half units in the last place, from two differences,
-// two products and a difference per component, and the sum of three.
-const EDGE_ROUNDING: f32 = 6e-7;
+// Vectors whose products with a point are its coordinates in the plane across the ray through the origin, seen
+// along the ray: a shear along the direction's largest component (Woop, Benthin and Wald 2013).
+fn plane_across(d: vec3f) -> mat2x3f {
+    let a = abs(d);
+    let along_x = a.x >= max(a.y, a.z);
+    let along_y = !along_x && a.y >= a.z;
+    let r = d / select(select(d.z, d.y, along_y), d.x, along_x);
+    let x = select(select(vec3f(1.0, 0.0, -r.x), vec3f(1.0, -r.x, 0.0), along_y), vec3f(-r.y, 1.0, 0.0), along_x);
+    let y = select(select(vec3f(0.0, 1.0, -r.y), vec3f(0.0, -r.z, 1.0), along_y), vec3f(-r.z, 0.0, 1.0), along_x);
+    return mat2x3f(x, y);
+}
 
-// Length along the ray to a triangle, or NOTHING. Edges count as hit from either side within rounding, so
-// that no ray passes between two triangles. The length is that to the triangle's plane, between those to its
-// corners: a needle's edge functions, and a narrow triangle's shares, are rounding errors.
-fn triangle_trace(row: u32, o: vec3f, d: vec3f) -> f32 {
+// Relative rounding error of an edge function below, from two products and their difference: 4 half units in
+// the last place.
+const EDGE_ROUNDING: f32 = 2.4e-7;
+// Distance from an edge that counts as a hit, relative to the largest coordinate: above the rounding of a
+// corner's place across the ray, 7 half units, on both sides of the edge.
+const ON_EDGE: f32 = 1e-6;
+
+// Length along the ray to a triangle, or NOTHING. Rays that pass an edge within rounding hit both its
+// triangles, so that none passes between them, and at the edge: a needle's, or a grazed triangle's plane may
+// be anywhere. `across` is `plane_across(d)`.
+fn triangle_trace(row: u32, o: vec3f, d: vec3f, across: mat2x3f) -> f32 {
     let corner_a = mesh_corner(row);
     let corner_b = mesh_corner(row + 1u);
     let corner_c = mesh_corner(row + 2u);
-    let a = corner_a - o;
-    let b = corner_b - o;
-    let c = corner_c - o;
-    // Not differences of the rounded ones.
-    let ab = corner_b - corner_a;
-    let bc = corner_c - corner_b;
-    let ca = corner_a - corner_c;
-    let edges = vec3f(dot(d, cross(b, bc)), dot(d, cross(c, ca)), dot(d, cross(a, ab)));
-    let sizes = vec3f(size_of(b) * size_of(bc), size_of(c) * size_of(ca), size_of(a) * size_of(ab));
-    let slack = EDGE_ROUNDING * (abs(d.x) + abs(d.y) + abs(d.z)) * sizes;
+    var a = corner_a - o;
+    var b = corner_b - o;
+    var c = corner_c - o;
+    // Row vectors times a matrix.
+    var p = a * across;
+    var q = b * across;
+    var r = c * across;
+    let plus = vec3f(q.x * r.y, r.x * p.y, p.x * q.y);
+    let minus = vec3f(q.y * r.x, r.y * p.x, p.y * q.x);
+    let edges = plus - minus;
+    let slack = EDGE_ROUNDING * (abs(plus) + abs(minus));
     if !(all(edges >= -slack) || all(edges <= slack)) {
         return NOTHING;
     }
-    let lengths = vec3f(dot(a, d), dot(b, d), dot(c, d)) / dot(d, d);
+    let inv_d2 = 1.0 / dot(d, d);
+    let lengths = vec3f(dot(a, d), dot(b, d), dot(c, d)) * inv_d2;
     let least = min(min(lengths.x, lengths.y), lengths.z);
     let most = max(max(lengths.x, lengths.y), lengths.z);
-    let n = cross(ca, ab);
+    // The two shorter edges meet in the first corner (`put_mesh`). They are not differences of rounded ones.
+    let n = cross(corner_a - corner_c, corner_b - corner_a);
     let slope = dot(n, d);
-    let t = clamp(select(dot(n, a) / slope, least, abs(slope) < 1e-37), least, most);
-    // A ray along the edges of a narrow triangle may pass beyond its ends.
-    let around = 4.0 * EDGE_ROUNDING * max(max(size_of(a), size_of(b)), size_of(c));
-    let x = t * d;
-    let within = all(x >= min(min(a, b), c) - around) && all(x <= max(max(a, b), c) + around);
-    return select(NOTHING, t, within);
+    var t = clamp(select(dot(n, a) / slope, least, abs(slope) < 1e-37), least, most);
+    let on_edge = !(all(edges > slack) || all(edges < -slack));
+    let within = ON_EDGE * max(max(size_of(a), size_of(b)), size_of(c));
+    var nearest2 = within * within;
+    t = select(t, NOTHING, on_edge);
+    // As a loop, which a software adapter skips where no ray needs it.
+    for (var i = 0u; i < select(0u, 3u, on_edge); i++) {
+        let edge = q - p;
+        let along = clamp(-dot(p, edge) / max(dot(edge, edge), 1e-37), 0.0, 1.0);
+        let off = p + along * edge;
+        let off2 = dot(off, off);
+        t = select(t, dot(a + along * (b - a), d) * inv_d2, off2 <= nearest2);
+        nearest2 = min(nearest2, off2);
+        let first = a;
+        a = b;
+        b = c;
+        c = first;
+        let first_across = p;
+        p = q;
+        q = r;
+        r = first_across;
+    }
+    return t;
 }
 
 // Largest component of a vector.

@@ -179,7 +179,7 @@ fn put_mesh(data: &mut Data, mesh: &Mesh, materials: &[u32]) -> [u32; 3] {
     data.geometry.reserve(3 * mesh.triangles().len());
     data.surfaces.reserve(10 * mesh.triangles().len());
     for (triangle, &material) in mesh.triangles().iter().zip(mesh.material_of()) {
-        let corners = triangle.map(|i| i as usize);
+        let corners = turned(mesh, triangle.map(|i| i as usize));
         data.geometry.extend(corners.map(|i| row(mesh.vertices()[i], 0)));
         data.surfaces.push(materials[material as usize]);
         for i in corners {
@@ -190,6 +190,14 @@ fn put_mesh(data: &mut Data, mesh: &Mesh, materials: &[u32]) -> [u32; 3] {
             .extend(corners.map(|i| mesh.normals().get(i).map_or(NO_NORMAL, |&n| packed(n))));
     }
     [nodes, triangles, attributes]
+}
+
+/// The triangle from the corner in which its two shorter edges meet: their product is the most precise normal.
+fn turned(mesh: &Mesh, corners: [usize; 3]) -> [usize; 3] {
+    let place = |i: usize| mesh.vertices()[corners[i % 3]];
+    let opposite = |i: usize| place(i + 1).distance_squared(place(i + 2));
+    let first = (1..3).fold(0, |first, i| if opposite(i) > opposite(first) { i } else { first });
+    [0, 1, 2].map(|i| corners[(first + i) % 3])
 }
 
 /// A normal that is not there: no vector's.
