@@ -191,6 +191,9 @@ impl Placement {
 /// Depth of tree that the shader's stack holds.
 pub const MAX_DEPTH: usize = 48;
 
+/// Triangles of a leaf: the shader counts them in 3 bits.
+pub const MAX_LEAF: usize = 4;
+
 impl Mesh {
     /// Checks a mesh and makes it searchable.
     ///
@@ -438,7 +441,8 @@ fn build(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Bvh2 {
         })
         .collect();
     // As `obvhs::bvh2::builder::build_bvh2`, without its clock.
-    let params = BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
+    let params =
+        BvhBuildParams { max_prims_per_leaf: MAX_LEAF as u32, ..BvhBuildParams::medium_build() };
     let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
         params.ploc_search_distance,
         &boxes,
@@ -471,14 +475,13 @@ fn depth(nodes: &[Bvh2Node]) -> usize {
 
 /// A tree of equal halves, for triangles that a better tree would hold too deep: many in one place.
 fn balanced(boxes: &[Aabb]) -> Bvh2 {
-    const LEAF: usize = 4;
     let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
     let mut nodes = vec![Bvh2Node::default()];
     let mut rest = vec![(0, 0..boxes.len())];
     while let Some((node, range)) = rest.pop() {
         let ours = &mut order[range.clone()];
         let all = ours.iter().fold(Aabb::empty(), |all, &i| all.union(&boxes[i as usize]));
-        if ours.len() <= LEAF {
+        if ours.len() <= MAX_LEAF {
             nodes[node] = Bvh2Node::new(all, ours.len() as u32, range.start as u32);
             continue;
         }

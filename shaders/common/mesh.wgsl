@@ -3,9 +3,11 @@
 // A mesh has a space of its own, with its middle at the origin; a solid scales, rotates and moves it into
 // the world. Lengths along a ray are the same in both spaces, since directions are scaled like points.
 //
-// Rows of `mesh_geometry`: a node is the two corners of its box; their fourth components are its first
-// child or triangle, and its number of triangles, 0 for an inner node, whose children are adjacent. A
-// triangle is its three corners. They are integers, because a device may flush small floats to 0.
+// Rows of `mesh_geometry`: a mesh begins with the low corner of its box, and the box's sides in 65535 parts.
+// A node is its box in these parts, 16 bits for the low and 16 for the high side along each axis, and its
+// *reference*: its first child or triangle, and in the last 3 bits its number of triangles, 0 for an inner
+// node, whose children are adjacent; that of the first node stands in the mesh's first row too. A triangle is
+// its three corners. They are integers, because a device may flush small floats to 0.
 
 @group(2) @binding(7) var<storage, read> mesh_geometry: array<vec4u>;
 // Attributes of triangles, materials, and textures with their mip levels.
@@ -15,6 +17,9 @@ const NO_TRIANGLE: u32 = 0xffffffffu;
 
 // Most pending nodes: the depth of the deepest tree (MAX_DEPTH in src/mesh.rs).
 const MESH_STACK: u32 = 48u;
+
+// Rows before a mesh's first node.
+const MESH_HEADER: u32 = 2u;
 
 struct MeshHit {
     t: f32,
@@ -54,28 +59,33 @@ fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: boo
     let nearest = -skipped;
     var hit = MeshHit(far - skipped, NO_TRIANGLE);
     let slope = 1.0 / select(d, vec3f(1e-20), abs(d) < vec3f(1e-20));
-    let across = plane_across(d);
-    let nodes = solid.mesh.x;
-    let triangles = solid.mesh.y;
-    if box_entry(nodes, o, slope, nearest, hit.t) >= NOTHING {
+    // In parts of the mesh's box.
+    let part = mesh_corner(solid.mesh.x + 1u);
+    let box_o = (o - mesh_corner(solid.mesh.x)) / part;
+    let box_slope = slope * part;
+    if box_entry(vec3u(0xffff0000u), box_o, box_slope, nearest, hit.t) >= NOTHING {
         return MeshHit(NOTHING, NO_TRIANGLE);
     }
+    let across = plane_across(d);
+    let nodes = solid.mesh.x + MESH_HEADER;
+    let triangles = solid.mesh.y;
     var stack: array<u32, MESH_STACK>;
     var pending = 0u;
-    var node = nodes;
+    var node = mesh_geometry[solid.mesh.x].w;
     for (var visited = 0u; visited < most_nodes(); visited++) {
-        let first = mesh_geometry[node].w;
-        let count = mesh_geometry[node + 1u].w;
+        let first = node >> 3u;
+        let count = node & 7u;
         var next = NO_TRIANGLE;
         if count == 0u {
-            let left = nodes + 2u * first;
-            let t_left = box_entry(left, o, slope, nearest, hit.t);
-            let t_right = box_entry(left + 2u, o, slope, nearest, hit.t);
+            let left = mesh_geometry[nodes + first];
+            let right = mesh_geometry[nodes + first + 1u];
+            let t_left = box_entry(left.xyz, box_o, box_slope, nearest, hit.t);
+            let t_right = box_entry(right.xyz, box_o, box_slope, nearest, hit.t);
             let right_first = t_right < t_left;
             if min(t_left, t_right) < NOTHING {
-                next = select(left, left + 2u, right_first);
+                next = select(left.w, right.w, right_first);
                 if max(t_left, t_right) < NOTHING {
-                    stack[pending] = select(left + 2u, left, right_first);
+                    stack[pending] = select(right.w, left.w, right_first);
                     pending += 1u;
                 }
             }
@@ -101,11 +111,20 @@ fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: boo
     return MeshHit(select(hit.t + skipped, NOTHING, hit.triangle == NO_TRIANGLE), hit.triangle);
 }
 
+// Sides of a node's box, in parts of the mesh's.
+fn low_side(sides: vec3u) -> vec3f {
+    return vec3f(vec3i(sides & vec3u(0xffffu)));
+}
+
+fn high_side(sides: vec3u) -> vec3f {
+    return vec3f(vec3i(sides >> vec3u(16u)));
+}
+
 // Where the ray enters a node's box, or NOTHING if it does not between two lengths. Wider than the box by more
 // than the rounding of this computation (Ize 2013).
-fn box_entry(node: u32, o: vec3f, slope: vec3f, nearest: f32, farthest: f32) -> f32 {
-    let to_min = (mesh_corner(node) - o) * slope;
-    let to_max = (mesh_corner(node + 1u) - o) * slope;
+fn box_entry(sides: vec3u, o: vec3f, slope: vec3f, nearest: f32, farthest: f32) -> f32 {
+    let to_min = (low_side(sides) - o) * slope;
+    let to_max = (high_side(sides) - o) * slope;
     let low = min(to_min, to_max);
     let high = max(to_min, to_max);
     let enter = max(max(low.x, low.y), low.z);
@@ -205,27 +224,30 @@ fn mesh_is_near(index: u32, world_x: vec3f, reach: f32) -> bool {
     let solid = solids[index];
     let x = solid.extent.y * mesh_axes_from_world(solid.rotation, world_x - solid.origin);
     let most = solid.extent.y * reach * solid.extent.y * reach;
+    let low = mesh_corner(solid.mesh.x);
+    let part = mesh_corner(solid.mesh.x + 1u);
+    let nodes = solid.mesh.x + MESH_HEADER;
     var stack: array<u32, MESH_STACK>;
     var pending = 1u;
-    stack[0] = solid.mesh.x;
+    // The first node's place; below, places of further nodes.
+    stack[0] = nodes;
     for (var visited = 0u; visited < most_nodes() && pending > 0u; visited++) {
         pending -= 1u;
-        let node = stack[pending];
-        let offset = x - clamp(x, mesh_corner(node), mesh_corner(node + 1u));
+        let node = mesh_geometry[stack[pending]];
+        let offset = x - clamp(x, low + low_side(node.xyz) * part, low + high_side(node.xyz) * part);
         if dot(offset, offset) > most {
             continue;
         }
-        let first = mesh_geometry[node].w;
-        let count = mesh_geometry[node + 1u].w;
+        let first = node.w >> 3u;
+        let count = node.w & 7u;
         for (var i = first; i < first + count; i++) {
             if triangle_distance2(solid.mesh.y + 3u * i, x) <= most {
                 return true;
             }
         }
         if count == 0u {
-            let left = solid.mesh.x + 2u * first;
-            stack[pending] = left;
-            stack[min(pending + 1u, MESH_STACK - 1u)] = left + 2u;
+            stack[pending] = nodes + first;
+            stack[min(pending + 1u, MESH_STACK - 1u)] = nodes + first + 1u;
             pending = min(pending + 2u, MESH_STACK);
         }
     }

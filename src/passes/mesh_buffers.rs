@@ -3,17 +3,18 @@
 use std::sync::Arc;
 
 use bytemuck::cast;
-use glam::{Vec2, Vec3, Vec3Swizzles as _};
+use glam::{Vec2, Vec3, Vec3A, Vec3Swizzles as _};
+use obvhs::bvh2::node::Bvh2Node;
 
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Gpu};
-use crate::mesh::{Mesh, Texture, linear_from_srgb, srgb_from_linear};
+use crate::mesh::{MAX_LEAF, Mesh, Texture, linear_from_srgb, srgb_from_linear};
 use crate::scene::{Scene, Shape, Solid, Surface};
 
 /// Place of a solid's mesh or texture in the buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct MeshPlace {
-    /// Rows of the first node and the first triangle, word of the first attributes.
+    /// Row where it begins, row of the first triangle, word of the first attributes.
     pub mesh: [u32; 3],
     /// Word of the solid's own texture, 0 for none.
     pub texture: u32,
@@ -165,15 +166,8 @@ fn lay_out(meshes: &[Arc<Mesh>], textures: &[Arc<Texture>]) -> (Contents, Data) 
 
 /// Appends a mesh's tree, triangles and attributes; `materials` are the words of its materials.
 fn put_mesh(data: &mut Data, mesh: &Mesh, materials: &[u32]) -> [u32; 3] {
-    let row = |x: Vec3, fourth: u32| {
-        let [x, y, z] = x.to_array().map(f32::to_bits);
-        [x, y, z, fourth]
-    };
     let nodes = data.geometry.len() as u32;
-    for node in mesh.nodes() {
-        data.geometry.push(row(node.aabb.min.into(), node.first_index));
-        data.geometry.push(row(node.aabb.max.into(), node.prim_count));
-    }
+    put_tree(&mut data.geometry, mesh);
     let triangles = data.geometry.len() as u32;
     let attributes = data.surfaces.len() as u32;
     data.geometry.reserve(3 * mesh.triangles().len());
@@ -190,6 +184,33 @@ fn put_mesh(data: &mut Data, mesh: &Mesh, materials: &[u32]) -> [u32; 3] {
             .extend(corners.map(|i| mesh.normals().get(i).map_or(NO_NORMAL, |&n| packed(n))));
     }
     [nodes, triangles, attributes]
+}
+
+/// Three numbers and an integer.
+fn row(x: Vec3, fourth: u32) -> [u32; 4] {
+    let [x, y, z] = x.to_array().map(f32::to_bits);
+    [x, y, z, fourth]
+}
+
+/// Appends a mesh's box, and its nodes in 65535 parts of it.
+fn put_tree(geometry: &mut Vec<[u32; 4]>, mesh: &Mesh) {
+    // In the last 3 bits, of which 7 mean none.
+    let reference = |node: &Bvh2Node| node.first_index << 3 | node.prim_count;
+    let nodes = mesh.nodes();
+    let (min, max) = mesh.bounds();
+    let part = (max - min) / 65535.0;
+    geometry.push(row(min, reference(&nodes[0])));
+    geometry.push(row(part, 0));
+    let (min, part) = (min.as_dvec3(), part.as_dvec3());
+    geometry.extend(nodes.iter().map(|node| {
+        debug_assert!(node.prim_count as usize <= MAX_LEAF);
+        let parts = |corner: Vec3A| (Vec3::from(corner).as_dvec3() - min) / part;
+        // Outwards, so that the box holds what it held.
+        let low = parts(node.aabb.min).floor().to_array().map(|x| x as u16);
+        let high = parts(node.aabb.max).ceil().to_array().map(|x| x as u16);
+        let [x, y, z] = [0, 1, 2].map(|i| u32::from(low[i]) | u32::from(high[i]) << 16);
+        [x, y, z, reference(node)]
+    }));
 }
 
 /// The triangle from the corner in which its two shorter edges meet: their product is the most precise normal.
