@@ -17,7 +17,7 @@ use std::time::Instant;
 
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
-use limpid::gpu::Gpu;
+use limpid::gpu::{Gpu, PassTime};
 use limpid::liquid::classify::Splats;
 use limpid::mesh::{Mesh, MeshData, Placement};
 use limpid::offscreen::Offscreen;
@@ -130,6 +130,7 @@ fn compare(gpu: &Gpu, name: &str, options: &Options) -> limpid_io::Result<()> {
             pictures[which] = pixels;
         }
     }
+    passes(&mut drawn)?;
     let ratios: Vec<f64> =
         times[1].iter().zip(&times[0]).map(|(mesh, boxed)| mesh / boxed).collect();
     for (what, ms) in ["with a box", "with the mesh"].iter().zip(&times) {
@@ -144,6 +145,29 @@ fn compare(gpu: &Gpu, name: &str, options: &Options) -> limpid_io::Result<()> {
         "pictures differ",
         apart as f64 / pictures[0].len() as f64
     );
+    Ok(())
+}
+
+/// Prints the passes that take different times, by the device's timestamps: medians of three frames.
+fn passes(drawn: &mut [Drawn<'_>; 2]) -> limpid_io::Result<()> {
+    let mut times: [Vec<(&str, Vec<f64>)>; 2] = Default::default();
+    for (drawn, times) in drawn.iter_mut().zip(&mut times) {
+        for _ in 0..3 {
+            for (i, pass) in drawn.timed()?.into_iter().enumerate() {
+                if times.len() == i {
+                    times.push((pass.name, Vec::new()));
+                }
+                times[i].1.push(pass.ms);
+            }
+        }
+    }
+    let [boxed, meshed] = times;
+    for ((name, boxed), (_, meshed)) in boxed.iter().zip(&meshed) {
+        let [before, after] = [boxed, meshed].map(|ms| quartiles(ms)[2]);
+        if after > 1.1 * before + 1.0 {
+            println!("{name:>16} {after:9.1} ms, with the box {before:.1}");
+        }
+    }
     Ok(())
 }
 
@@ -172,6 +196,16 @@ struct Drawn<'a> {
 impl<'a> Drawn<'a> {
     fn new(gpu: &Gpu, subject: &'a Subject, size: UVec2) -> Self {
         Self { subject, offscreen: Offscreen::new(gpu), size }
+    }
+
+    /// The times of the passes.
+    fn timed(&mut self) -> limpid_io::Result<Vec<PassTime>> {
+        let Subject { scene, camera, splats } = self.subject;
+        self.offscreen.renderer.forget();
+        self.offscreen.renderer.timing = true;
+        let frame = self.offscreen.draw(scene, camera, splats, self.size)?;
+        self.offscreen.renderer.timing = false;
+        Ok(frame.passes)
     }
 
     /// Draws everything anew: the time until the picture is in host memory, ms, and its bytes.

@@ -188,11 +188,11 @@ impl Placement {
     }
 }
 
-/// Depth of tree that the shader's stack holds.
+/// Most levels of a tree: deeper ones, of triangles that overlap, are built anew of equal halves.
 pub const MAX_DEPTH: usize = 48;
 
-/// Triangles of a leaf: the shader counts them in 3 bits.
-pub const MAX_LEAF: usize = 4;
+/// Triangles of a leaf: the shader counts them in 3 bits, and rays were fastest with two.
+pub const MAX_LEAF: usize = 2;
 
 impl Mesh {
     /// Checks a mesh and makes it searchable.

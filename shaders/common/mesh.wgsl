@@ -4,19 +4,17 @@
 // the world. Lengths along a ray are the same in both spaces, since directions are scaled like points.
 //
 // Rows of `mesh_geometry`: a mesh begins with the low corner of its box, and the box's sides in 65535 parts.
-// A node is its box in these parts, 16 bits for the low and 16 for the high side along each axis, and its
-// *reference*: its first child or triangle, and in the last 3 bits its number of triangles, 0 for an inner
-// node, whose children are adjacent; that of the first node stands in the mesh's first row too. A triangle is
-// its three corners. They are integers, because a device may flush small floats to 0.
+// Nodes follow depth first, so that no stack is needed: a software adapter turns one into a branch for each of
+// its places. A node is its box in these parts, 16 bits for the low and 16 for the high side along each axis,
+// and a number whose last 3 bits count its triangles. The others are the first of them, or, of an inner node,
+// the node after all its descendants. A triangle is its three corners; triangles follow the nodes. Rows are
+// integers, because a device may flush small floats to 0.
 
 @group(2) @binding(7) var<storage, read> mesh_geometry: array<vec4u>;
 // Attributes of triangles, materials, and textures with their mip levels.
 @group(2) @binding(8) var<storage, read> mesh_surfaces: array<u32>;
 
 const NO_TRIANGLE: u32 = 0xffffffffu;
-
-// Most pending nodes: the depth of the deepest tree (MAX_DEPTH in src/mesh.rs).
-const MESH_STACK: u32 = 48u;
 
 // Rows before a mesh's first node.
 const MESH_HEADER: u32 = 2u;
@@ -69,26 +67,19 @@ fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: boo
     let across = plane_across(d);
     let nodes = solid.mesh.x + MESH_HEADER;
     let triangles = solid.mesh.y;
-    var stack: array<u32, MESH_STACK>;
-    var pending = 0u;
-    var node = mesh_geometry[solid.mesh.x].w;
-    for (var visited = 0u; visited < most_nodes(); visited++) {
-        let first = node >> 3u;
-        let count = node & 7u;
-        var next = NO_TRIANGLE;
-        if count == 0u {
-            let left = mesh_geometry[nodes + first];
-            let right = mesh_geometry[nodes + first + 1u];
-            let t_left = box_entry(left.xyz, box_o, box_slope, nearest, hit.t);
-            let t_right = box_entry(right.xyz, box_o, box_slope, nearest, hit.t);
-            let right_first = t_right < t_left;
-            if min(t_left, t_right) < NOTHING {
-                next = select(left.w, right.w, right_first);
-                if max(t_left, t_right) < NOTHING {
-                    stack[pending] = select(right.w, left.w, right_first);
-                    pending += 1u;
-                }
-            }
+    var node = nodes;
+    // Boxes first, then a leaf's triangles: a software adapter runs a loop's body once even where no ray needs
+    // it, and triangles take longer than boxes.
+    for (var leaves = 0u; leaves < most_nodes() && node < triangles; leaves++) {
+        var first = 0u;
+        var count = 0u;
+        for (var visited = 0u; visited < most_nodes() && node < triangles && count == 0u; visited++) {
+            let row = mesh_geometry[node];
+            let entered = box_entry(row.xyz, box_o, box_slope, nearest, hit.t) < NOTHING;
+            first = row.w >> 3u;
+            let inner = (row.w & 7u) == 0u;
+            count = select(0u, row.w & 7u, entered);
+            node = select(node + 1u, nodes + first, inner && !entered);
         }
         for (var i = first; i < first + count; i++) {
             let t = triangle_trace(triangles + 3u * i, o, d, across);
@@ -99,14 +90,6 @@ fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: boo
         if any_one && hit.triangle != NO_TRIANGLE {
             break;
         }
-        if next == NO_TRIANGLE {
-            if pending == 0u {
-                break;
-            }
-            pending -= 1u;
-            next = stack[pending];
-        }
-        node = next;
     }
     return MeshHit(select(hit.t + skipped, NOTHING, hit.triangle == NO_TRIANGLE), hit.triangle);
 }
@@ -227,28 +210,18 @@ fn mesh_is_near(index: u32, world_x: vec3f, reach: f32) -> bool {
     let low = mesh_corner(solid.mesh.x);
     let part = mesh_corner(solid.mesh.x + 1u);
     let nodes = solid.mesh.x + MESH_HEADER;
-    var stack: array<u32, MESH_STACK>;
-    var pending = 1u;
-    // The first node's place; below, places of further nodes.
-    stack[0] = nodes;
-    for (var visited = 0u; visited < most_nodes() && pending > 0u; visited++) {
-        pending -= 1u;
-        let node = mesh_geometry[stack[pending]];
-        let offset = x - clamp(x, low + low_side(node.xyz) * part, low + high_side(node.xyz) * part);
-        if dot(offset, offset) > most {
-            continue;
-        }
-        let first = node.w >> 3u;
-        let count = node.w & 7u;
-        for (var i = first; i < first + count; i++) {
+    var node = nodes;
+    for (var visited = 0u; visited < most_nodes() && node < solid.mesh.y; visited++) {
+        let row = mesh_geometry[node];
+        let offset = x - clamp(x, low + low_side(row.xyz) * part, low + high_side(row.xyz) * part);
+        let near = dot(offset, offset) <= most;
+        let first = row.w >> 3u;
+        let count = row.w & 7u;
+        node = select(node + 1u, nodes + first, count == 0u && !near);
+        for (var i = first; i < first + select(0u, count, near); i++) {
             if triangle_distance2(solid.mesh.y + 3u * i, x) <= most {
                 return true;
             }
-        }
-        if count == 0u {
-            stack[pending] = nodes + first;
-            stack[min(pending + 1u, MESH_STACK - 1u)] = nodes + first + 1u;
-            pending = min(pending + 2u, MESH_STACK);
         }
     }
     return false;

@@ -8,7 +8,7 @@ use obvhs::bvh2::node::Bvh2Node;
 
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Gpu};
-use crate::mesh::{MAX_LEAF, Mesh, Texture, linear_from_srgb, srgb_from_linear};
+use crate::mesh::{Mesh, Texture, linear_from_srgb, srgb_from_linear};
 use crate::scene::{Scene, Shape, Solid, Surface};
 
 /// Place of a solid's mesh or texture in the buffers.
@@ -192,25 +192,42 @@ fn row(x: Vec3, fourth: u32) -> [u32; 4] {
     [x, y, z, fourth]
 }
 
-/// Appends a mesh's box, and its nodes in 65535 parts of it.
+/// Appends a mesh's box, and its nodes in 65535 parts of it, depth first.
 fn put_tree(geometry: &mut Vec<[u32; 4]>, mesh: &Mesh) {
-    // In the last 3 bits, of which 7 mean none.
-    let reference = |node: &Bvh2Node| node.first_index << 3 | node.prim_count;
-    let nodes = mesh.nodes();
     let (min, max) = mesh.bounds();
     let part = (max - min) / 65535.0;
-    geometry.push(row(min, reference(&nodes[0])));
+    geometry.push(row(min, 0));
     geometry.push(row(part, 0));
     let (min, part) = (min.as_dvec3(), part.as_dvec3());
-    geometry.extend(nodes.iter().map(|node| {
-        debug_assert!(node.prim_count as usize <= MAX_LEAF);
+    let sides = |node: &Bvh2Node| {
         let parts = |corner: Vec3A| (Vec3::from(corner).as_dvec3() - min) / part;
         // Outwards, so that the box holds what it held.
         let low = parts(node.aabb.min).floor().to_array().map(|x| x as u16);
         let high = parts(node.aabb.max).ceil().to_array().map(|x| x as u16);
-        let [x, y, z] = [0, 1, 2].map(|i| u32::from(low[i]) | u32::from(high[i]) << 16);
-        [x, y, z, reference(node)]
-    }));
+        [0, 1, 2].map(|i| u32::from(low[i]) | u32::from(high[i]) << 16)
+    };
+    let first = geometry.len();
+    // Nodes to append, and rows of inner nodes whose descendants are all there.
+    enum Next {
+        Node(usize),
+        End(usize),
+    }
+    let mut rest = vec![Next::Node(0)];
+    while let Some(next) = rest.pop() {
+        let node = match next {
+            Next::Node(node) => &mesh.nodes()[node],
+            Next::End(row) => {
+                geometry[row][3] = ((geometry.len() - first) as u32) << 3;
+                continue;
+            }
+        };
+        let [x, y, z] = sides(node);
+        geometry.push([x, y, z, node.first_index << 3 | node.prim_count]);
+        if !node.is_leaf() {
+            let left = node.first_index as usize;
+            rest.extend([Next::End(geometry.len() - 1), Next::Node(left + 1), Next::Node(left)]);
+        }
+    }
 }
 
 /// The triangle from the corner in which its two shorter edges meet: their product is the most precise normal.
