@@ -546,9 +546,12 @@ fn meshes_receive_and_block_light() {
         [vec![plane, Shape::Box { min, max }], vec![mesh(floor), mesh(wall)], vec![mesh(both)]];
     let (light, liquid) = (sun(OBLIQUE), water(Waves::default()));
     let bounds = (DVec3::new(-1.5, -1.0, -1.0), DVec3::new(1.5, 0.0, 1.0));
-    // Points just off the floor, on both sides of the wall and in its shadow, and off the wall.
-    let on_floor =
-        (0..60).map(|i| (DVec3::new(-0.95 + 0.03 * f64::from(i), -0.9, 0.2), DVec3::NEG_Y));
+    // Points just off the floor, on both sides of the wall and in its shadow, and off the wall. Texels at its
+    // foot are left out: they also show the floor below it, which only closed meshes cover.
+    let on_floor = (0..60)
+        .map(|i| DVec3::new(-0.95 + 0.03 * f64::from(i), -0.9, 0.2))
+        .filter(|x| (x.x + 0.25).abs() > 0.12)
+        .map(|x| (x, DVec3::NEG_Y));
     let on_wall = (0..9).map(|i| (DVec3::new(-0.4, -0.9 + 0.05 * f64::from(i), 0.1), DVec3::X));
     let on_top = (0..5).map(|i| (DVec3::new(-0.25, -0.3, -0.5 + 0.2 * f64::from(i)), DVec3::NEG_Y));
     let rays: Vec<Ray> = on_floor
@@ -572,7 +575,7 @@ fn meshes_receive_and_block_light() {
         (rays.iter().map(at).collect::<Vec<_>>(), maps.len(), total)
     });
     let [(expected, faces, total), others @ ..] = found;
-    let level = expected[59];
+    let level = expected.iter().copied().fold(DVec3::ZERO, DVec3::max);
     for (found, parts, held) in others {
         assert_eq!(parts, faces);
         assert!(close(held, total, 1e-3), "{held} {total}");
@@ -585,7 +588,7 @@ fn meshes_receive_and_block_light() {
         }
     }
     let dark = expected.iter().filter(|e| e.length() < 0.01 * level.length()).count();
-    assert!((5..20).contains(&dark), "the wall shadows {dark} points of the floor");
+    assert!((3..25).contains(&dark), "the wall shadows {dark} points");
 }
 
 /// Point lights that no single view covers: in the liquid, and so close above it that the liquid
