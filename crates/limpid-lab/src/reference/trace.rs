@@ -288,7 +288,7 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
             });
         };
         let normal = hit.facing(direction);
-        let spot = Spot { solid: hit.solid, point: hit.point, normal };
+        let spot = Spot { solid: hit.solid, part: hit.part, point: hit.point, normal };
         let map = maps.iter().find(|map| map.takes(&spot));
         let caustic = map.map_or(DVec3::ZERO, |map| map.at(&spot));
         let Some(direct) = direct.filter(|_| !inside) else { return caustic };
