@@ -268,7 +268,7 @@ fn rays(truth: &Truth, count: usize, seed: u64) -> Vec<[f32; 6]> {
             5 => a.lerp(b, s) + reach * random.magnitude(1e-8, 1e-4) * random.direction(),
             // From the surface, along it, and away from it.
             6 => {
-                o = if i % 2 == 0 { inside } else { a };
+                o = if i.is_multiple_of(2) { inside } else { a };
                 [o + random.direction(), c, c + (b - a)][i % 3]
             }
             // In the triangle's plane, beside it and across it.
@@ -276,7 +276,7 @@ fn rays(truth: &Truth, count: usize, seed: u64) -> Vec<[f32; 6]> {
                 let in_plane =
                     (b - a) * random.range(-1.0, 1.0) + (c - a) * random.range(-1.0, 1.0);
                 o = inside + in_plane.normalize_or_zero() * away;
-                if i % 2 == 0 { o + in_plane } else { a.lerp(b, random.range(-1.0, 2.0)) }
+                if i.is_multiple_of(2) { o + in_plane } else { a.lerp(b, random.range(-1.0, 2.0)) }
             }
             // Along the axes, through corners and edges.
             8 => {

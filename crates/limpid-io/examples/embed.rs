@@ -70,7 +70,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some(Host { color: color.clone(), depth: depth.clone(), normals: None, clip_from_view });
     // What rays see that leave the picture: the program's sky, and solids that limpid is told of. A coarse
     // world is enough; here there is none.
-    let mut scene = project.scene.clone();
+    let mut scene = project.scene;
     scene.environment = Environment::Constant(SKY);
     scene.solids.clear();
     // Coverage, so that only the liquid is added to the program's colour.
