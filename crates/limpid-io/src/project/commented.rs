@@ -7,7 +7,7 @@ use super::controls::{CONTROLS, table};
 use crate::error::{Error, Result};
 
 /// The sections of a scene file in the order in which they are written, with a comment for each.
-const SECTIONS: [(&str, &str); 11] = [
+const SECTIONS: [(&str, &str); 12] = [
     ("particles", "The particles: a file, a pattern such as frame_{}.bgeo, or a folder."),
     ("fluid", "The particles of one of several liquids."),
     ("recipe", "Particles generated from parameters."),
@@ -16,6 +16,7 @@ const SECTIONS: [(&str, &str); 11] = [
     ("camera", "The view; without this section it is fitted to the particles."),
     ("view", "A further view, for reports."),
     ("environment", "Radiance of rays that hit nothing else, linear RGB."),
+    ("background", "A picture behind everything."),
     ("solid", "A solid: shape = \"plane\", \"box\" or \"sphere\"; color, checker or ground."),
     ("rigid_bodies", "Solids of SPlisHSPlasH: rigid_bodies/rb_data_{}.bin."),
     ("light", "A light, which shines on solids with `lit = true`: sun or point."),
