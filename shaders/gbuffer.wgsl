@@ -22,7 +22,7 @@ fn gbuffer(@builtin(global_invocation_id) id: vec3u) {
     if hit.t < NOTHING {
         let z = hit.t * -camera_ray_direction(omega).z;
         plane = vec4f(plane_from_normal(omega, z, camera_view_direction(hit.normal)), z);
-        surface = vec4f(hit.normal, f32(hit.index));
+        surface = vec4f(hit.normal, f32(solids[hit.index].number));
     }
     textureStore(planes, p, plane);
     textureStore(surfaces, p, surface);

@@ -116,14 +116,14 @@ fn splat_corner(corner: u32, centre: vec3f, rows: mat3x3f) -> vec2f {
     let margin = 0.25 / camera.size;
     if ORTHOGRAPHIC {
         let half = vec2f(length(rows[0]), length(rows[1]));
-        return (centre.xy + sign * half) / camera.tangent + sign * margin;
+        return (centre.xy + sign * half - camera.shift) / camera.tangent + sign * margin;
     }
     if -centre.z - half_depth <= camera.near {
         let x = cut_slopes(rows[0], rows[2], centre.x, -centre.z, half_depth);
         let y = cut_slopes(rows[1], rows[2], centre.y, -centre.z, half_depth);
         // Clamped just outside of the picture: the visible part may be arbitrarily wide.
         let bounds = vec2f(select(x.x, x.y, sign.x > 0.0), select(y.x, y.y, sign.y > 0.0));
-        return clamp(bounds / camera.tangent + sign * margin, vec2f(-2.0), vec2f(2.0));
+        return clamp((bounds - camera.shift) / camera.tangent + sign * margin, vec2f(-2.0), vec2f(2.0));
     }
     // Tangent planes through the eye, { x = b z }: q b^2 - 2 r b - s = 0.
     let g = rows[2];
@@ -133,7 +133,8 @@ fn splat_corner(corner: u32, centre: vec3f, rows: mat3x3f) -> vec2f {
         tangent_discriminant(rows[0], g, centre.x, centre.z),
         tangent_discriminant(rows[1], g, centre.y, centre.z),
     );
-    return (r + sign * sqrt(max(discriminant, vec2f(0.0)))) / q / camera.tangent + sign * margin;
+    let bounds = (r + sign * sqrt(max(discriminant, vec2f(0.0)))) / q;
+    return (bounds - camera.shift) / camera.tangent + sign * margin;
 }
 
 fn tangent_discriminant(a: vec3f, g: vec3f, x: f32, z: f32) -> f32 {

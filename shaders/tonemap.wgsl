@@ -6,7 +6,8 @@
 struct Params {
     gain: f32,   // 2^exposure
     curve: u32,  // 0: none, 1: filmic
-    encode: u32, // 1: the target does not encode sRGB itself
+    encode: u32, // 0: linear, or the target encodes sRGB itself; 1: encode here
+    bounded: u32, // 1: the target holds 0 to 1
 }
 
 @vertex
@@ -18,12 +19,16 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
 @fragment
 fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let texel = textureLoad(radiance, vec2i(position.xy), 0);
-    var c = max(texel.rgb * tonemap.gain, vec3f(0.0));
+    // Of the covered part alone: curves are not linear, and pictures store colour apart from coverage.
+    let covered = select(texel.a, 1.0, texel.a == 0.0);
+    var c = max(texel.rgb / covered * tonemap.gain, vec3f(0.0));
     if tonemap.curve == 1u {
         // Bounded, because the curve squares it.
         c = filmic(min(c, vec3f(1e4)));
     }
-    c = clamp(c, vec3f(0.0), vec3f(1.0));
+    if tonemap.bounded == 1u {
+        c = min(c, vec3f(1.0));
+    }
     if tonemap.encode == 1u {
         c = select(1.055 * pow(c, vec3f(1.0 / 2.4)) - 0.055, 12.92 * c, c <= vec3f(0.0031308));
     }

@@ -10,16 +10,25 @@ use crate::error::{Error, Result};
 use crate::gpu::{self, Gpu};
 use crate::passes::Layers;
 use crate::passes::caustics::CausticMap;
+use crate::passes::surface::SurfaceImages;
 use crate::renderer::Images;
 
 /// A kind of intermediate image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Aov {
-    /// Depth of each splatted layer, m; 0 where empty.
+    /// Depth of the first interface, `depth.Z`, and of each splatted layer, m; 0 where empty.
     Depth,
-    /// Outward unit normal of each splatted layer, view space; 0 where empty.
+    /// Outward unit normal of the first interface, `normal.X` and so on, and of each splatted layer, view
+    /// space; 0 where empty.
     Normal,
+    /// Pixels that the first interface has moved since the frame before, `motion.X` (right) and `motion.Y`
+    /// (down).
+    Motion,
+    /// Share of each pixel that liquid covers, 0 to 1: `coverage.A`.
+    Coverage,
+    /// The same for each fluid, counted from 1: `mask.fluid1` and so on.
+    Mask,
     /// Depth of each smoothed aggregate layer, m.
     SmoothDepth,
     /// Outward unit normal of each smoothed aggregate layer, view space.
@@ -43,9 +52,12 @@ pub enum Aov {
 
 impl Aov {
     /// All AOVs.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 14] = [
         Self::Depth,
         Self::Normal,
+        Self::Motion,
+        Self::Coverage,
+        Self::Mask,
         Self::SmoothDepth,
         Self::SmoothNormal,
         Self::SolidDepth,
@@ -57,10 +69,20 @@ impl Aov {
         Self::Caustics,
     ];
 
+    /// Whether it needs [`Renderer::surface`]: images for programs that compose pictures.
+    ///
+    /// [`Renderer::surface`]: crate::renderer::Renderer::surface
+    pub fn is_for_compositing(self) -> bool {
+        matches!(self, Self::Motion | Self::Coverage | Self::Mask)
+    }
+
     fn name(self) -> &'static str {
         match self {
             Self::Depth => "depth",
             Self::Normal => "normal",
+            Self::Motion => "motion",
+            Self::Coverage => "coverage",
+            Self::Mask => "mask",
             Self::SmoothDepth => "smooth_depth",
             Self::SmoothNormal => "smooth_normal",
             Self::SolidDepth => "solid_depth",
@@ -144,7 +166,11 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
         Ok(bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, layer)?))
     };
     for &aov in chosen {
+        if let Some(surface) = &images.surface {
+            first_interface(&mut channels, aov, surface, images.fluids, texels)?;
+        }
         match aov {
+            Aov::Motion | Aov::Coverage | Aov::Mask => {}
             Aov::Depth | Aov::Normal | Aov::SmoothDepth | Aov::SmoothNormal => {
                 let smooth = matches!(aov, Aov::SmoothDepth | Aov::SmoothNormal);
                 let aggregate = if smooth { &images.smoothed } else { &images.aggregate };
@@ -163,7 +189,11 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
                             for (i, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
                                 push(&mut channels, format!("{name}.{axis}"), &planes, |p| {
                                     let pi = glam::Vec3::new(p[0], p[1], p[2]);
-                                    (sign * pi.normalize_or_zero())[i]
+                                    let away = match images.orthographic && pi != glam::Vec3::ZERO {
+                                        true => pi.truncate().extend(-1.0),
+                                        false => pi,
+                                    };
+                                    (sign * away.normalize_or_zero())[i]
                                 });
                             }
                         }
@@ -208,7 +238,7 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
 }
 
 /// Reads the linear radiance of the last frame back as channels R, G and B, the names by which other
-/// programs recognise a picture. It has no alpha: every ray ends on a solid or the environment.
+/// programs recognise a picture, and if coverage varies as A, by which the colours are multiplied.
 ///
 /// # Errors
 /// [`Error::DeviceLost`].
@@ -216,11 +246,49 @@ pub fn read_radiance(gpu: &Gpu, images: &Images) -> Result<Part> {
     let texture = &images.radiance.texture;
     let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, 0)?);
     let mut channels = Vec::new();
-    for (i, color) in ["R", "G", "B"].into_iter().enumerate() {
+    let count = if images.transparent { 4 } else { 3 };
+    for (i, color) in ["R", "G", "B", "A"].into_iter().take(count).enumerate() {
         push(&mut channels, color.into(), &texels, |p| p[i]);
     }
     let size = UVec2::new(texture.width(), texture.height());
     Ok(Part { name: String::new(), size, channels })
+}
+
+/// Adds the channels of the first interface that belong to an AOV.
+fn first_interface(
+    channels: &mut Vec<Channel>,
+    aov: Aov,
+    images: &SurfaceImages,
+    fluids: usize,
+    texels: impl Fn(&wgpu::Texture, u32) -> Result<Vec<[f32; 4]>>,
+) -> Result<()> {
+    let mut add = |name: &str, texels: &[[f32; 4]], value: &dyn Fn(&[f32; 4]) -> f32| {
+        push(channels, format!("{aov}.{name}"), texels, value);
+    };
+    match aov {
+        Aov::Depth => add("Z", &texels(&images.surface, 0)?, &|p| p[3]),
+        Aov::Normal => {
+            let normals = texels(&images.surface, 0)?;
+            for (i, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
+                add(axis, &normals, &|p| p[i]);
+            }
+        }
+        Aov::Motion => {
+            let motion = texels(&images.motion, 0)?;
+            add("X", &motion, &|p| p[0]);
+            add("Y", &motion, &|p| p[1]);
+        }
+        Aov::Coverage => add("A", &texels(&images.motion, 0)?, &|p| p[2]),
+        Aov::Mask => {
+            let covered = texels(&images.motion, 0)?;
+            for fluid in 0..fluids {
+                let mask = |p: &[f32; 4]| if p[3] as usize == fluid { p[2] } else { 0.0 };
+                add(&format!("fluid{}", fluid + 1), &covered, &mask);
+            }
+        }
+        _ => {}
+    }
+    Ok(())
 }
 
 /// Reads the caustic map of a light back. Lights are numbered from 1.

@@ -1,38 +1,171 @@
-//! Pinhole camera with a vertical field of view.
+//! Cameras: one that is aimed, and the general view that the renderer draws.
 
 use std::fmt;
 use std::str::FromStr;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat3, DQuat, DVec3, UVec2, Vec2, Vec3};
+use glam::{DMat3, DMat4, DQuat, DVec2, DVec3, UVec2, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
-/// A perspective camera. View space is x right, y up, looking down −z.
+/// A camera that is aimed at a point. View space is x right, y up, looking down −z.
+///
+/// In files it is a table of its fields. Instead of `fov_y` it may have `height`, for parallel rays, or
+/// `intrinsics` and `size`; instead of eye, target and up, it may have a `pose`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "CameraTable", into = "CameraTable")]
 pub struct Camera {
     /// Position in world space, m.
     pub eye: DVec3,
     /// World-space point at the picture centre, m.
     pub target: DVec3,
     /// World-space direction that points up in the picture; any length, not parallel to the view.
-    #[serde(default = "up")]
     pub up: Vec3,
-    /// Vertical field of view, degrees (above 0, below 180).
+    /// Vertical field of view, degrees (above 0, below 180). Only near what is seen through other lenses.
     pub fov_y: f32,
     /// Near plane, m. The eye counts as inside liquid nearer than this. Default: a thousandth of the
     /// distance to the target, or half the distance to the nearest liquid where the former would clip
     /// liquid that the eye is outside of.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near: Option<f32>,
+    /// What is seen, if it is not a field of view centred on the target.
+    pub lens: Option<Lens>,
 }
 
-/// Default up direction.
-#[doc(hidden)]
-pub fn up() -> Vec3 {
-    Vec3::Y
+/// Another projection than a centred field of view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Lens {
+    /// Parallel rays.
+    Orthographic {
+        /// Height of what the picture shows, m.
+        height: f64,
+    },
+    /// A calibrated pinhole camera. A picture of another shape than `size` shows more or less at both sides.
+    Pinhole {
+        /// Focal lengths along x and y, pixels.
+        focal: DVec2,
+        /// The pixel position in the view direction, from the upper left corner, pixels.
+        principal: DVec2,
+        /// Size of the picture that these count in, pixels.
+        size: DVec2,
+    },
+}
+
+/// A camera in a file.
+#[derive(Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct CameraTable {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    eye: Option<DVec3>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    target: Option<DVec3>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    up: Option<Vec3>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pose: Option<[[f64; 4]; 4]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fov_y: Option<f32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    height: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    intrinsics: Option<[f64; 4]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    size: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    near: Option<f32>,
+}
+
+impl From<Camera> for CameraTable {
+    fn from(camera: Camera) -> Self {
+        let Camera { eye, target, up, fov_y, near, lens } = camera;
+        let mut table =
+            Self { eye: Some(eye), target: Some(target), up: Some(up), near, ..Self::default() };
+        match lens {
+            None => table.fov_y = Some(fov_y),
+            Some(Lens::Orthographic { height }) => table.height = Some(height),
+            Some(Lens::Pinhole { focal: f, principal: c, size }) => {
+                table.intrinsics = Some([f.x, f.y, c.x, c.y]);
+                table.size = Some(size.to_array());
+            }
+        }
+        table
+    }
+}
+
+impl TryFrom<CameraTable> for Camera {
+    type Error = String;
+
+    fn try_from(table: CameraTable) -> Result<Self, String> {
+        let CameraTable { eye, target, up, pose, fov_y, height, intrinsics, size, near } = table;
+        let (eye, target, up) = match (pose, eye, target) {
+            (None, Some(eye), Some(target)) => (eye, target, up.unwrap_or(Vec3::Y)),
+            (None, None, _) => return Err("missing field `eye`".into()),
+            (None, _, None) => return Err("missing field `target`".into()),
+            (Some(pose), None, None) if up.is_none() => posed(pose)?,
+            (Some(_), ..) => return Err("takes eye, target and up, or a pose".into()),
+        };
+        let lens = match (height, intrinsics, size) {
+            (None, None, None) => None,
+            (Some(height), None, None) => Some(Lens::Orthographic { height }),
+            (None, Some([fx, fy, cx, cy]), Some(size)) => Some(Lens::Pinhole {
+                focal: DVec2::new(fx, fy),
+                principal: DVec2::new(cx, cy),
+                size: DVec2::from_array(size),
+            }),
+            _ => return Err("takes fov_y, or height, or intrinsics with the size in pixels".into()),
+        };
+        let fov_y = match (fov_y, lens) {
+            (Some(fov_y), None) => fov_y,
+            (None, None) => return Err("missing field `fov_y`".into()),
+            (None, Some(lens)) => lens.field_of_view(eye.distance(target)),
+            (Some(_), Some(_)) => return Err("takes one of fov_y, height and intrinsics".into()),
+        };
+        Ok(Self { eye, target, up, fov_y, near, lens })
+    }
+}
+
+/// Eye, target and up of a camera's pose: the rows of the matrix that takes points of the camera (x right,
+/// y down, z ahead, as calibrations have it) to the world.
+fn posed(rows: [[f64; 4]; 4]) -> Result<(DVec3, DVec3, Vec3), String> {
+    let world_from_camera = DMat4::from_cols_array_2d(&rows).transpose();
+    let rotation = DMat3::from_mat4(world_from_camera);
+    let skew = (rotation * rotation.transpose() - DMat3::IDENTITY).to_cols_array();
+    let skewed = !skew.iter().all(|x| x.abs() < 1e-3);
+    if skewed || rotation.determinant() < 0.0 || rows[3] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(
+            "a pose is four rows of a rotation and a translation, the last 0, 0, 0, 1".into()
+        );
+    }
+    let eye = world_from_camera.w_axis.truncate();
+    Ok((eye, eye + rotation.z_axis, -rotation.y_axis.as_vec3()))
+}
+
+impl Lens {
+    /// Vertical field of view, degrees, that shows about as much at this distance.
+    fn field_of_view(self, distance: f64) -> f32 {
+        let tangent = match self {
+            Self::Orthographic { height } => 0.5 * height / distance.max(1e-300),
+            Self::Pinhole { focal, size, .. } => 0.5 * size.y / focal.y,
+        };
+        (2.0 * tangent.atan().to_degrees()) as f32
+    }
+
+    /// What is in a picture of `size` pixels. Pixels keep their shape: a wider picture shows more at both
+    /// sides.
+    fn projection(self, size: DVec2) -> Projection {
+        match self {
+            Self::Orthographic { height } => {
+                let half = 0.5 * height * DVec2::new(size.x / size.y, 1.0);
+                Projection::Orthographic { low: -half, high: half }
+            }
+            Self::Pinhole { focal, principal, size: own } => {
+                let wider = 0.5 * (size.x * own.y / size.y - own.x);
+                let low = DVec2::new(-principal.x - wider, principal.y - own.y) / focal;
+                let high = DVec2::new(own.x - principal.x + wider, principal.y) / focal;
+                Projection::Frustum { low, high }
+            }
+        }
+    }
 }
 
 impl fmt::Display for Camera {
@@ -44,7 +177,13 @@ impl fmt::Display for Camera {
         if up != Vec3::Y {
             write!(f, "up={},{},{} ", up.x, up.y, up.z)?;
         }
-        write!(f, "fov_y={}", self.fov_y)?;
+        match self.lens {
+            Some(Lens::Orthographic { height }) => write!(f, "height={height}")?,
+            Some(Lens::Pinhole { focal: a, principal: c, size }) => {
+                write!(f, "intrinsics={},{},{},{} size={},{}", a.x, a.y, c.x, c.y, size.x, size.y)?;
+            }
+            None => write!(f, "fov_y={}", self.fov_y)?,
+        }
         self.near.map_or(Ok(()), |near| write!(f, " near={near}"))
     }
 }
@@ -56,38 +195,55 @@ impl FromStr for Camera {
     /// [`Error::Invalid`] naming the value that is missing or malformed, and as [`Camera::check`].
     fn from_str(text: &str) -> Result<Self> {
         let usage = |problem: &str| Error::invalid(format!("camera `{text}`"), problem);
-        let (mut eye, mut target, mut fov_y) = (None, None, None);
-        let (mut up, mut near) = (Vec3::Y, None);
+        let mut table = CameraTable::default();
         for part in text.split_whitespace() {
             let (key, value) = part.split_once('=').ok_or_else(|| usage("expected name=value"))?;
             let numbers: Vec<&str> = value.split(',').collect();
             let problem = || usage(&format!("`{part}` is not what {key} takes"));
             match (key, numbers.as_slice()) {
-                ("eye", &[x, y, z]) => eye = Some(parsed([x, y, z]).ok_or_else(problem)?),
-                ("target", &[x, y, z]) => target = Some(parsed([x, y, z]).ok_or_else(problem)?),
-                ("up", &[x, y, z]) => up = parsed([x, y, z]).ok_or_else(problem)?.into(),
-                ("fov_y", &[x]) => fov_y = Some(x.parse().map_err(|_| problem())?),
-                ("near", &[x]) => near = Some(x.parse().map_err(|_| problem())?),
-                ("eye" | "target" | "up" | "fov_y" | "near", _) => return Err(problem()),
+                ("eye", &[x, y, z]) => {
+                    table.eye = Some(parsed([x, y, z]).ok_or_else(problem)?.into());
+                }
+                ("target", &[x, y, z]) => {
+                    table.target = Some(parsed([x, y, z]).ok_or_else(problem)?.into());
+                }
+                ("up", &[x, y, z]) => {
+                    table.up = Some(parsed([x, y, z]).ok_or_else(problem)?.into());
+                }
+                ("fov_y", &[x]) => table.fov_y = Some(x.parse().map_err(|_| problem())?),
+                ("height", &[x]) => table.height = Some(x.parse().map_err(|_| problem())?),
+                ("intrinsics", &[a, b, c, d]) => {
+                    table.intrinsics = Some(parsed([a, b, c, d]).ok_or_else(problem)?);
+                }
+                ("size", &[x, y]) => table.size = Some(parsed([x, y]).ok_or_else(problem)?),
+                ("near", &[x]) => table.near = Some(x.parse().map_err(|_| problem())?),
+                (
+                    "eye" | "target" | "up" | "fov_y" | "height" | "intrinsics" | "size" | "near",
+                    _,
+                ) => {
+                    return Err(problem());
+                }
                 _ => {
-                    let known =
-                        "expected eye=X,Y,Z target=X,Y,Z fov_y=DEGREES up=X,Y,Z near=METRES";
+                    let known = "expected eye=X,Y,Z target=X,Y,Z fov_y=DEGREES up=X,Y,Z near=METRES; \
+                                 or height=METRES in place of fov_y";
                     return Err(usage(&format!("there is no {key}; {known}")));
                 }
             }
         }
-        let eye = DVec3::from_array(eye.ok_or_else(|| usage("eye=X,Y,Z is missing"))?);
-        let target = DVec3::from_array(target.ok_or_else(|| usage("target=X,Y,Z is missing"))?);
-        let fov_y = fov_y.ok_or_else(|| usage("fov_y=DEGREES is missing"))?;
-        let camera = Self { eye, target, up, fov_y, near };
+        let missing = |given: bool, what: &str| if given { Ok(()) } else { Err(usage(what)) };
+        missing(table.eye.is_some(), "eye=X,Y,Z is missing")?;
+        missing(table.target.is_some(), "target=X,Y,Z is missing")?;
+        let lens = table.height.is_some() || table.intrinsics.is_some();
+        missing(table.fov_y.is_some() || lens, "fov_y=DEGREES is missing")?;
+        let camera = Self::try_from(table).map_err(|problem| usage(&problem))?;
         camera.check()?;
         Ok(camera)
     }
 }
 
-fn parsed<T: FromStr>(numbers: [&str; 3]) -> Option<[T; 3]> {
-    let [x, y, z] = numbers.map(|number| number.parse().ok());
-    Some([x?, y?, z?])
+fn parsed<T: FromStr, const N: usize>(numbers: [&str; N]) -> Option<[T; N]> {
+    let numbers: Vec<T> = numbers.into_iter().map_while(|number| number.parse().ok()).collect();
+    numbers.try_into().ok()
 }
 
 /// Camera uniform of the shaders (`common/camera.wgsl`). The shaders' world space has the scene's axes
@@ -109,7 +265,9 @@ pub struct CameraUniform {
     /// Depth of the far plane of an orthographic view, m; otherwise 0.
     pub far: f32,
     /// Padding.
-    pub pad: [f32; 3],
+    pub pad: f32,
+    /// The picture's middle, right of and above the view direction: tangents, or m in an orthographic view.
+    pub shift: Vec2,
 }
 
 impl Camera {
@@ -135,7 +293,7 @@ impl Camera {
         // Far enough for the eye and the target to differ in 64-bit floats.
         let least = (1e-12 * target.abs().max_element()).max(1e-9);
         let distance = needed.fold(least, f64::max) * 1.05;
-        Self { eye: target + back * distance, target, up: Vec3::Y, fov_y, near: None }
+        Self { eye: target + back * distance, target, up: Vec3::Y, fov_y, near: None, lens: None }
     }
 
     /// Orbits the camera by `angle`, radians, about the axis through the target along `up`,
@@ -172,7 +330,18 @@ impl Camera {
         } else if !(self.near() > 0.0 && self.near().is_finite()) {
             fail("near must be above 0")
         } else {
-            Ok(())
+            match self.lens {
+                Some(Lens::Orthographic { height }) if !(height > 0.0 && height < 1e18) => {
+                    fail("height must be above 0")
+                }
+                Some(Lens::Pinhole { focal, principal, size })
+                    if !(focal.min(size).min_element() > 0.0
+                        && (focal + principal + size).is_finite()) =>
+                {
+                    fail("intrinsics (fx, fy, cx, cy) and size are pixels, fx, fy and size above 0")
+                }
+                _ => Ok(()),
+            }
         }
     }
 
@@ -180,21 +349,194 @@ impl Camera {
     /// world-space point `origin`, m. Positions are made relative to the eye before conversion to
     /// 32-bit floats.
     pub fn uniform(&self, size: UVec2, origin: DVec3) -> CameraUniform {
-        let back = (self.eye - self.target).normalize();
-        let right = self.up.as_dvec3().cross(back).normalize();
-        let view_from_world = DMat3::from_cols(right, back.cross(right), back).transpose();
+        View::from(self).uniform(size, origin, 0.0)
+    }
+}
+
+/// What a picture shows: the renderer's camera. View space is x right, y up, looking down −z.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// Position in world space, m: origin of view space.
+    pub eye: DVec3,
+    /// World to view space, a rotation.
+    pub view_from_world: DMat3,
+    /// What of view space is in the picture.
+    pub projection: Projection,
+    /// Distance of what is looked at, m.
+    pub focus: f64,
+    /// As [`Camera::near`]; for an orthographic view 0 by default.
+    pub near: Option<f32>,
+}
+
+/// What of view space is in a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Projection {
+    /// A pinhole's view that is centred on the view direction.
+    Perspective {
+        /// Vertical field of view, degrees (above 0, below 180).
+        fov_y: f32,
+    },
+    /// A camera's, which depends on the picture's shape.
+    Lens(Lens),
+    /// A pinhole's view between borders at depth 1.
+    Frustum {
+        /// Left and lower border, as x and y over depth.
+        low: DVec2,
+        /// Right and upper border.
+        high: DVec2,
+    },
+    /// Parallel rays along the view direction.
+    Orthographic {
+        /// Left and lower border, m from the eye.
+        low: DVec2,
+        /// Right and upper border.
+        high: DVec2,
+    },
+}
+
+impl Projection {
+    /// Half the extent and the middle of a picture of `size` pixels, as borders are given.
+    fn half_and_middle(self, size: DVec2) -> (DVec2, DVec2) {
+        match self {
+            Self::Perspective { fov_y } => {
+                let tangent_y = (0.5 * f64::from(fov_y)).to_radians().tan();
+                (DVec2::new(tangent_y * size.x / size.y, tangent_y), DVec2::ZERO)
+            }
+            Self::Lens(lens) => lens.projection(size).half_and_middle(size),
+            Self::Frustum { low, high } | Self::Orthographic { low, high } => {
+                (0.5 * (high - low), 0.5 * (high + low))
+            }
+        }
+    }
+}
+
+impl From<&Camera> for View {
+    fn from(camera: &Camera) -> Self {
+        let back = (camera.eye - camera.target).normalize();
+        let right = camera.up.as_dvec3().cross(back).normalize();
+        Self {
+            eye: camera.eye,
+            view_from_world: DMat3::from_cols(right, back.cross(right), back).transpose(),
+            projection: match camera.lens {
+                None => Projection::Perspective { fov_y: camera.fov_y },
+                Some(lens) => Projection::Lens(lens),
+            },
+            focus: camera.eye.distance(camera.target),
+            near: camera.near,
+        }
+    }
+}
+
+impl View {
+    /// The view of a program that has matrices: the world in view space, which must be a rotation and a
+    /// translation, and the projection to clip space as in WebGPU (x and y from −1 to 1, y up, depth from
+    /// 0 to 1). The projection may be perspective or orthographic, off-centre, jittered, of reversed depth,
+    /// and with a far plane or without.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if a matrix is of another kind.
+    pub fn from_matrices(view_from_world: DMat4, clip_from_view: DMat4) -> Result<Self> {
+        let fail = |problem: &str| Err(Error::invalid("camera", problem));
+        let rotation = DMat3::from_mat4(view_from_world);
+        let skew = rotation * rotation.transpose() - DMat3::IDENTITY;
+        let skewed = skew.to_cols_array().iter().any(|x| x.abs() > 1e-4);
+        if skewed || rotation.determinant() < 0.0 || view_from_world.row(3) != glam::DVec4::W {
+            return fail("the view matrix must be a rotation and a translation");
+        }
+        let c = clip_from_view.to_cols_array_2d();
+        let plain = c[0][1..] == [0.0; 3] && [c[1][0], c[1][2], c[1][3]] == [0.0; 3];
+        let bottom = clip_from_view.row(3);
+        let orthographic = bottom == glam::DVec4::W;
+        let perspective = bottom == glam::DVec4::NEG_Z && c[3][..2] == [0.0; 2];
+        let parallel = orthographic && c[2][..2] == [0.0; 2];
+        if !plain || !(perspective || parallel) || !(c[0][0] > 0.0 && c[1][1] > 0.0) {
+            return fail(
+                "the projection matrix must be that of a perspective or orthographic view",
+            );
+        }
+        let half = DVec2::new(1.0 / c[0][0], 1.0 / c[1][1]);
+        let column = if perspective { [c[2][0], c[2][1]] } else { [-c[3][0], -c[3][1]] };
+        let middle = half * DVec2::from(column);
+        let (low, high) = (middle - half, middle + half);
+        // Depth in clip space falls with distance if it is reversed.
+        let (slope, offset) = (c[2][2], c[3][2]);
+        let near = match perspective {
+            true if offset > 0.0 => offset / (1.0 + slope),
+            true => offset / slope,
+            false if slope > 0.0 => (offset - 1.0) / slope,
+            false => offset / slope,
+        };
+        let projection = match perspective {
+            true => Projection::Frustum { low, high },
+            false => Projection::Orthographic { low, high },
+        };
+        let eye = -(rotation.transpose() * view_from_world.w_axis.truncate());
+        let near = Some(near as f32);
+        let view = Self { eye, view_from_world: rotation, projection, focus: 1.0, near };
+        view.check()?;
+        Ok(view)
+    }
+
+    /// Whether rays are parallel.
+    pub fn is_orthographic(&self) -> bool {
+        matches!(self.projection, Projection::Orthographic { .. })
+            || matches!(self.projection, Projection::Lens(Lens::Orthographic { .. }))
+    }
+
+    /// The direction of the view in world space.
+    pub fn ahead(&self) -> DVec3 {
+        -self.view_from_world.row(2)
+    }
+
+    /// Near plane, m, without the adjustment for nearby liquid.
+    pub fn near(&self) -> f32 {
+        let default = if self.is_orthographic() { 0.0 } else { (1e-3 * self.focus) as f32 };
+        self.near.unwrap_or(default)
+    }
+
+    /// Checks that the view can be drawn.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] naming what is wrong.
+    pub fn check(&self) -> Result<()> {
+        let fail = |problem: &str| Err(Error::invalid("camera", problem));
+        if !is_position(self.eye) || !self.view_from_world.is_finite() {
+            return fail("eye and directions must be finite");
+        }
+        match self.projection {
+            Projection::Perspective { fov_y } if !(fov_y > 0.0 && fov_y < 180.0) => {
+                return fail("fov_y must be above 0 and below 180 degrees");
+            }
+            Projection::Frustum { low, high } | Projection::Orthographic { low, high }
+                if !(low.cmplt(high).all() && low.is_finite() && high.is_finite()) =>
+            {
+                return fail("the picture's borders must be finite, the left below the right");
+            }
+            _ => {}
+        }
+        let near = self.near();
+        let least = near > 0.0 || self.is_orthographic();
+        if least && near.is_finite() { Ok(()) } else { fail("near must be above 0") }
+    }
+
+    /// Builds the uniform for a picture of `size` pixels, with splat positions relative to the
+    /// world-space point `origin`, m. Positions are made relative to the eye before conversion to
+    /// 32-bit floats. `far` is the depth of the farthest liquid, m, which only an orthographic view needs.
+    pub fn uniform(&self, size: UVec2, origin: DVec3, far: f64) -> CameraUniform {
         let size = size.as_dvec2();
-        let tangent_y = (0.5 * f64::from(self.fov_y)).to_radians().tan();
+        let (half, middle) = self.projection.half_and_middle(size);
         CameraUniform {
-            view_from_world: view_from_world
+            view_from_world: self
+                .view_from_world
                 .to_cols_array_2d()
                 .map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0]),
             origin: (origin - self.eye).as_vec3(),
             near: self.near(),
             size: size.as_vec2(),
-            tangent: Vec2::new((tangent_y * size.x / size.y) as f32, tangent_y as f32),
-            far: 0.0,
-            pad: [0.0; 3],
+            tangent: half.as_vec2(),
+            far: if self.is_orthographic() { far as f32 } else { 0.0 },
+            pad: 0.0,
+            shift: middle.as_vec2(),
         }
     }
 }

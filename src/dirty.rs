@@ -3,7 +3,7 @@
 //! A moving camera does not affect the caustic maps, the number of rays per pixel does not affect the
 //! layers, and the exposure does not affect the radiance.
 
-use crate::camera::Camera;
+use crate::camera::View;
 use crate::liquid::classify::{Splat, Splats};
 use crate::passes::view_passes::ViewConfig;
 use crate::scene::Scene;
@@ -13,7 +13,7 @@ use crate::settings::Refract;
 #[derive(Debug)]
 pub(crate) struct LastFrame {
     scene: Scene,
-    camera: Camera,
+    view: View,
     splats: Splats,
     config: ViewConfig,
     diagnosed: bool,
@@ -40,7 +40,7 @@ impl Dirty {
     pub(crate) fn since(
         last: Option<&LastFrame>,
         scene: &Scene,
-        camera: &Camera,
+        view: &View,
         splats: &Splats,
         config: ViewConfig,
         diagnosed: bool,
@@ -62,7 +62,7 @@ impl Dirty {
             || light_settings(&old.refract) != light_settings(&new.refract);
         let surfaces = splats
             || smooth
-            || last.camera != *camera
+            || last.view != *view
             || last.config != config
             || config.mixture && absorption
             || config.gbuffer && solids
@@ -74,6 +74,7 @@ impl Dirty {
             || lights
             || old.refract != new.refract
             || last.scene.environment != scene.environment
+            || last.scene.background != scene.background
             || last.diagnosed != diagnosed;
         Self { splats, lights, surfaces, radiance }
     }
@@ -85,7 +86,7 @@ impl LastFrame {
         last: Option<Self>,
         dirty: Dirty,
         scene: &Scene,
-        camera: &Camera,
+        view: &View,
         splats: &Splats,
         config: ViewConfig,
         diagnosed: bool,
@@ -96,7 +97,7 @@ impl LastFrame {
             kept.splashes.clone_from(&splats.splashes);
             (kept.radius, kept.origin) = (splats.radius, splats.origin);
         }
-        Self { scene: scene.clone(), camera: *camera, splats: kept, config, diagnosed }
+        Self { scene: scene.clone(), view: *view, splats: kept, config, diagnosed }
     }
 }
 
@@ -107,13 +108,13 @@ fn light_settings(refract: &Refract) -> Refract {
         samples: unread.samples,
         edge_samples: unread.edge_samples,
         filter_patterns: unread.filter_patterns,
+        transparent: unread.transparent,
         ..refract.clone()
     }
 }
 
 fn same_shapes(a: &Scene, b: &Scene) -> bool {
-    let shapes = |scene: &Scene| scene.solids.iter().map(|solid| solid.shape).collect::<Vec<_>>();
-    shapes(a) == shapes(b)
+    a.solids.iter().map(|solid| &solid.shape).eq(b.solids.iter().map(|solid| &solid.shape))
 }
 
 /// Compares bits, which is faster than comparing numbers and correct for NaN.

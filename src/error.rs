@@ -87,6 +87,10 @@ pub enum Limited {
     CausticGrid,
     /// Classification on the device.
     Classify,
+    /// Meshes and textures.
+    Meshes,
+    /// The particles' velocities, for motion vectors.
+    Velocities,
 }
 
 impl fmt::Display for Limited {
@@ -97,6 +101,8 @@ impl fmt::Display for Limited {
             Self::CausticMap => "choose a smaller caustics.resolution",
             Self::CausticGrid => "choose a smaller caustics.grid",
             Self::Classify => "classify on the CPU",
+            Self::Velocities => "draw without motion vectors",
+            Self::Meshes => "choose meshes of fewer triangles, or smaller textures",
         })
     }
 }

@@ -22,10 +22,10 @@ pub use binding::{sampled, storage, storage_of, storage_read_write, storage_text
 pub use commands::Commands;
 pub use commands::{MOST_WORK, Piece, pieces};
 #[doc(hidden)]
-pub use readback::{Reading, begin_reading, read_buffer, read_mapped, read_texture};
+pub use readback::{Pending, Reading, begin_reading, read_buffer, read_mapped, read_texture};
 pub use timer::PassTime;
 #[doc(hidden)]
-pub use timer::{Span, Timer};
+pub use timer::{PendingTimes, Span, Timer};
 
 /// A device with its queue, opened by limpid or supplied by the caller.
 #[derive(Clone, Debug)]
@@ -67,16 +67,24 @@ impl Gpu {
     /// none, [`Error::Refused`] if the adapter creates no device, [`Error::Memory`] if lack of memory may
     /// be the cause.
     pub fn headless() -> Result<Self> {
+        pollster::block_on(Self::request())
+    }
+
+    /// As [`Gpu::headless`], without blocking: for programs whose thread must not wait, as in browsers.
+    ///
+    /// # Errors
+    /// As [`Gpu::headless`].
+    pub async fn request() -> Result<Self> {
         let wanted = std::env::var("WGPU_ADAPTER_NAME").unwrap_or_default();
         let backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all());
-        let adapters = pollster::block_on(adapters(backends, &wanted));
+        let adapters = adapters(backends, &wanted).await;
         // Tries adapters in order of preference: a broken driver must not hide a working one.
         let mut refusal = Error::NoAdapter;
         if adapters.is_empty() {
-            refusal = no_match_error(refusal);
+            refusal = no_match_error(refusal).await;
         }
         for adapter in adapters {
-            match pollster::block_on(open(&adapter)) {
+            match open(&adapter).await {
                 Ok((device, queue)) => return Ok(Self::from_own_device(device, queue)),
                 Err(problem) => {
                     let name = adapter.get_info().name;
@@ -162,6 +170,11 @@ impl Gpu {
             })
         };
         modules.entry(text).or_insert_with_key(create).clone()
+    }
+
+    /// Whether the driver compiles shaders in this process's memory: a software adapter.
+    pub(crate) fn compiles_in_process(&self) -> bool {
+        self.device.adapter_info().device_type == wgpu::DeviceType::Cpu
     }
 
     /// Whether uniforms that alone decide branches ([`Gpu::branching`]) are bound as
@@ -296,7 +309,7 @@ fn error_chain(error: &dyn std::error::Error) -> String {
 
 /// Error for an empty adapter list: [`Error::NoMatchingAdapter`] if only the environment variables exclude
 /// all adapters, else `otherwise`.
-fn no_match_error(otherwise: Error) -> Error {
+async fn no_match_error(otherwise: Error) -> Error {
     let set = ["WGPU_BACKEND", "WGPU_ADAPTER_NAME"].into_iter().filter_map(|name| {
         let value = std::env::var(name).ok().filter(|value| !value.is_empty())?;
         Some(format!("{name}={value}"))
@@ -305,7 +318,7 @@ fn no_match_error(otherwise: Error) -> Error {
     if set.is_empty() {
         return otherwise;
     }
-    let all = pollster::block_on(adapters(wgpu::Backends::all(), ""));
+    let all = adapters(wgpu::Backends::all(), "").await;
     let all = all.iter().map(wgpu::Adapter::get_info);
     let found: Vec<String> = all.map(|info| format!("{} ({})", info.name, info.backend)).collect();
     if found.is_empty() {

@@ -60,11 +60,14 @@
 #![forbid(unsafe_code)]
 
 pub mod aov;
+#[doc(hidden)]
+pub mod background;
 pub mod camera;
 mod dirty;
 pub mod environment;
 pub mod error;
 pub mod gpu;
+pub mod host;
 pub mod light_view;
 #[doc(hidden)]
 pub mod lights;
@@ -72,6 +75,8 @@ pub mod liquid;
 pub mod look;
 #[doc(hidden)]
 pub mod memory;
+pub mod mesh;
+pub mod motion;
 #[cfg(feature = "image")]
 pub mod offscreen;
 #[doc(hidden)]

@@ -148,6 +148,13 @@ impl LightView {
         let reach = MAX_REACH * extent;
         for solid in solids {
             match solid.shape {
+                Shape::Mesh { ref mesh, placement } => {
+                    let (middle, radius) = (
+                        placement.world_from_mesh(mesh.origin()),
+                        placement.scale * f64::from(mesh.reach()),
+                    );
+                    z.extend([view(middle).z - radius, view(middle).z + radius]);
+                }
                 Shape::Box { min, max } => z.extend(corners(min, max).map(|x| view(x).z)),
                 Shape::Sphere { center, radius } => {
                     let radius = f64::from(radius);
@@ -240,7 +247,8 @@ impl LightView {
             size: self.size.as_vec2(),
             tangent: self.half_extent.as_vec2(),
             far: if self.orthographic { self.far as f32 } else { 0.0 },
-            pad: [0.0; 3],
+            pad: 0.0,
+            shift: glam::Vec2::ZERO,
         }
     }
 

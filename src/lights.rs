@@ -91,8 +91,17 @@ impl Lights {
             let mixture = mixture::is_mixed(scene);
             let sections = Sections::for_work(gpu, size, smooth::work(&scene.settings.smooth));
             let gbuffer = true;
-            let config =
-                ViewConfig { size, splash, mixture, gbuffer, levels: 1, backs, culled, sections };
+            let config = ViewConfig {
+                size,
+                splash,
+                mixture,
+                gbuffer,
+                host: false,
+                levels: 1,
+                backs,
+                culled,
+                sections,
+            };
             surfaces.resize(gpu, config);
             let uniform = view.uniform(splats.origin);
             surfaces.remove_splats_behind_walls(gpu, scene, &uniform, view.origin, splats);

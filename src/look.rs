@@ -190,7 +190,7 @@ impl Body {
             distance = (distance * fill.clamp(0.25, 4.0)).max(least);
         }
         let eye = target + distance * back;
-        Camera { eye, target, up: Vec3::Y, fov_y: FOV_Y as f32, near: None }
+        Camera { eye, target, up: Vec3::Y, fov_y: FOV_Y as f32, near: None, lens: None }
     }
 }
 

@@ -1,10 +1,10 @@
 //! Offscreen renderer, which draws pictures into memory.
 
 use glam::UVec2;
-use image::RgbImage;
+use image::{DynamicImage, GrayImage, RgbImage, RgbaImage};
 
 use crate::aov::{self, Aov};
-use crate::camera::Camera;
+use crate::camera::View;
 use crate::error::Result;
 use crate::gpu::{self, Gpu, PassTime};
 use crate::liquid::classify::Splats;
@@ -23,10 +23,30 @@ pub struct Offscreen {
 /// A picture and its pass times.
 #[derive(Debug, Clone)]
 pub struct RenderedFrame {
-    /// The picture, sRGB.
+    /// The picture, sRGB; its colours are those of the covered part of each pixel.
     pub picture: RgbImage,
+    /// Share of each pixel that is covered, if it varies: [`crate::settings::Refract::transparent`].
+    pub coverage: Option<GrayImage>,
     /// Time of each pass, if [`Renderer::timing`] is set.
     pub passes: Vec<PassTime>,
+}
+
+impl RenderedFrame {
+    fn of(picture: RgbaImage, transparent: bool, passes: Vec<PassTime>) -> Self {
+        let (width, height) = picture.dimensions();
+        let alpha = || picture.pixels().map(|pixel| pixel.0[3]).collect();
+        let coverage = transparent.then(|| GrayImage::from_raw(width, height, alpha())).flatten();
+        Self { picture: DynamicImage::ImageRgba8(picture).into_rgb8(), coverage, passes }
+    }
+
+    /// The picture, with an alpha channel if its coverage varies.
+    pub fn into_image(self) -> DynamicImage {
+        let Some(coverage) = self.coverage else { return DynamicImage::ImageRgb8(self.picture) };
+        let pixels = self.picture.pixels().zip(coverage.pixels());
+        let bytes = pixels.flat_map(|(color, alpha)| [color[0], color[1], color[2], alpha[0]]);
+        let picture = RgbaImage::from_raw(coverage.width(), coverage.height(), bytes.collect());
+        DynamicImage::ImageRgba8(picture.expect("both have the same size"))
+    }
 }
 
 impl Offscreen {
@@ -47,11 +67,11 @@ impl Offscreen {
     pub fn draw(
         &mut self,
         scene: &Scene,
-        camera: &Camera,
+        view: impl Into<View>,
         splats: &Splats,
         size: UVec2,
     ) -> Result<RenderedFrame> {
-        self.begin(scene, camera, splats, size)?.wait()
+        self.begin(scene, view, splats, size)?.wait()
     }
 
     /// Submits one frame of `size` pixels without waiting for it, so that the caller can begin the next
@@ -62,7 +82,7 @@ impl Offscreen {
     pub fn begin(
         &mut self,
         scene: &Scene,
-        camera: &Camera,
+        view: impl Into<View>,
         splats: &Splats,
         size: UVec2,
     ) -> Result<PendingFrame> {
@@ -71,10 +91,11 @@ impl Offscreen {
             Some(reusable) => self.picture.insert(reusable),
             None => self.picture.insert((size, Picture::new(&self.gpu, size)?)),
         };
-        let view = picture.view();
-        let passes = self.renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
+        let target = picture.view();
+        let passes = self.renderer.render(scene, view, splats, &target, Picture::FORMAT, size)?;
         let picture = picture.begin_reading(&self.gpu);
-        Ok(PendingFrame { gpu: self.gpu.clone(), picture, passes })
+        let transparent = scene.settings.refract.transparent;
+        Ok(PendingFrame { gpu: self.gpu.clone(), picture, transparent, passes })
     }
 
     /// Reads intermediate images of the last frame; some require [`Renderer::diagnose`].
@@ -100,6 +121,7 @@ impl Offscreen {
 pub struct PendingFrame {
     gpu: Gpu,
     picture: PendingPicture,
+    transparent: bool,
     passes: Vec<PassTime>,
 }
 
@@ -109,8 +131,17 @@ impl PendingFrame {
     /// # Errors
     /// [`crate::Error::DeviceLost`].
     pub fn wait(self) -> Result<RenderedFrame> {
-        let picture = image::DynamicImage::ImageRgba8(self.picture.wait(&self.gpu)?).into_rgb8();
-        Ok(RenderedFrame { picture, passes: self.passes })
+        let picture = self.picture.wait(&self.gpu)?;
+        Ok(RenderedFrame::of(picture, self.transparent, self.passes))
+    }
+
+    /// As [`PendingFrame::wait`], without blocking, as [`PendingPicture::ready`].
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub async fn ready(self) -> Result<RenderedFrame> {
+        let picture = self.picture.ready(&self.gpu).await?;
+        Ok(RenderedFrame::of(picture, self.transparent, self.passes))
     }
 }
 
@@ -143,7 +174,7 @@ impl Picture {
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
-    pub fn read(&self, gpu: &Gpu) -> Result<image::RgbaImage> {
+    pub fn read(&self, gpu: &Gpu) -> Result<RgbaImage> {
         self.begin_reading(gpu).wait(gpu)
     }
 
@@ -166,9 +197,20 @@ impl PendingPicture {
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
-    pub fn wait(self, gpu: &Gpu) -> Result<image::RgbaImage> {
-        let bytes = self.texels.wait(gpu)?;
-        let picture = image::RgbaImage::from_raw(self.size.x, self.size.y, bytes);
-        Ok(picture.expect("the texture has four bytes per pixel"))
+    pub fn wait(self, gpu: &Gpu) -> Result<RgbaImage> {
+        Ok(image_of(self.size, self.texels.wait(gpu)?))
     }
+
+    /// As [`PendingPicture::wait`], without blocking. Browsers poll their devices; other programs call
+    /// `gpu.device.poll` from another thread or between turns of their executor.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub async fn ready(self, gpu: &Gpu) -> Result<RgbaImage> {
+        Ok(image_of(self.size, self.texels.ready(gpu).await?))
+    }
+}
+
+fn image_of(size: UVec2, bytes: Vec<u8>) -> RgbaImage {
+    RgbaImage::from_raw(size.x, size.y, bytes).expect("the texture has four bytes per pixel")
 }

@@ -13,12 +13,15 @@ use crate::gpu::{self, Gpu};
 pub mod caustics;
 pub mod cull;
 pub mod gbuffer;
+pub mod host;
+pub mod mesh_buffers;
 pub mod mips;
 pub mod mixture;
 pub mod refract;
 pub mod smooth;
 pub mod splat;
 pub mod splat_buffers;
+pub mod surface;
 pub mod tiles;
 pub mod tonemap;
 pub mod view_passes;
@@ -87,6 +90,11 @@ impl CameraBinding {
 
     pub fn write(&self, gpu: &Gpu, camera: &CameraUniform) {
         gpu.queue.write_buffer(&self.buffer, 0, bytemuck::bytes_of(camera));
+    }
+
+    /// Whether the view's rays are parallel.
+    pub fn is_orthographic(&self) -> bool {
+        self.orthographic
     }
 
     /// Specialisation constants of every pipeline that uses this camera.

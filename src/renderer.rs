@@ -3,24 +3,34 @@
 use glam::{UVec2, Vec3, Vec3Swizzles as _};
 use rayon::prelude::*;
 
-use crate::camera::{Camera, CameraUniform};
+use crate::background::Background;
+use crate::camera::{CameraUniform, View};
 use crate::dirty::{Dirty, LastFrame};
 use crate::environment::Environment;
 use crate::error::{Error, Limited, Result};
-use crate::gpu::{Commands, Gpu, PassTime, Timer};
+use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, Timer};
+use crate::host::{Host, HostRays};
 use crate::lights::Lights;
 use crate::liquid::classify::{self, Splat, Splats};
+use crate::memory;
+use crate::motion::Motion;
 use crate::passes::caustics::CausticMap;
 use crate::passes::cull;
+use crate::passes::host;
+use crate::passes::mesh_buffers::MeshBuffers;
 use crate::passes::mips::{self, Mips};
 use crate::passes::refract::{self, Refract, Variant};
 use crate::passes::smooth;
+use crate::passes::surface::{self, Surface, SurfaceImages};
 use crate::passes::tiles::Sections;
 use crate::passes::tonemap::Tonemap;
 use crate::passes::view_passes::{FrameInputs, PassNames, SplatSet, ViewConfig, ViewPasses};
 use crate::passes::{GBufferImages, Layers, Radiance};
 use crate::scene::Scene;
-use crate::settings::Solids;
+use crate::settings::{self, Solids};
+
+/// Memory that a frame's shaders may take, bytes. Without it Mesa's compiler crashes.
+const COMPILING_MEMORY: usize = 384 << 20;
 
 /// Draws particle liquids with one device.
 ///
@@ -30,21 +40,39 @@ use crate::settings::Solids;
 pub struct Renderer {
     gpu: Gpu,
     splat_set: SplatSet,
+    meshes: MeshBuffers,
     lights: Lights,
     camera_view: ViewPasses,
+    host_gbuffer: host::Host,
+    background: Background,
     mips: Option<Mips>,
     refract: Refract,
+    surface_images: Surface,
     tonemap: Tonemap,
+    composite: Tonemap,
     sized_for: (UVec2, bool),
     /// Inputs of the last frame; `None` after an error, or without [`Renderer::reuse`].
     last: Option<LastFrame>,
+    /// Times of the last frame that the caller submits.
+    pending_times: Option<PendingTimes>,
+    /// Counts of rays of the last frame with a host.
+    pending_rays: Option<Pending>,
     submissions: u32,
+    /// Whether the last frame's coverage varies.
+    transparent: bool,
+    /// Number of fluids of the last frame.
+    fluids: usize,
     /// Measure each pass with timestamp queries, where the device supports them.
     pub timing: bool,
     /// Draw the per-pixel counts and the G-buffer for [`Renderer::images`].
     pub diagnose: bool,
     /// Skip passes whose inputs have not changed since the last frame; off by default.
     pub reuse: bool,
+    /// What the program that uses limpid has drawn: liquid appears in it, and rays see it. The scene's solids
+    /// are then what rays find where the host's picture does not show its scene. They are not drawn.
+    pub host: Option<Host>,
+    /// Draw the images of the first interface, [`Images::surface`], with motion vectors since the frame before.
+    pub surface: Option<Motion>,
 }
 
 /// The intermediate images of the last frame.
@@ -60,8 +88,16 @@ pub struct Images {
     pub gbuffer: Option<GBufferImages>,
     /// The caustic map of each light, if it has one.
     pub caustics: Vec<Option<CausticMap>>,
+    /// The images of the first interface, if [`Renderer::surface`] was set.
+    pub surface: Option<SurfaceImages>,
+    /// Number of fluids.
+    pub fluids: usize,
     /// The linear picture.
     pub radiance: Radiance,
+    /// Whether coverage varies: [`settings::Refract::transparent`].
+    pub transparent: bool,
+    /// Whether the layers are those of an orthographic view.
+    pub orthographic: bool,
     /// Interfaces, length inside the liquid (m), solver iterations and solver failures of each pixel's
     /// rays; `None` unless [`Renderer::diagnose`] was set.
     pub diagnostics: Option<wgpu::Texture>,
@@ -73,21 +109,32 @@ impl Renderer {
         Self {
             gpu: gpu.clone(),
             splat_set: SplatSet::new(gpu),
+            meshes: MeshBuffers::new(gpu),
             lights: Lights::default(),
             camera_view: ViewPasses::new(gpu, false),
+            host_gbuffer: host::Host::new(gpu),
+            background: Background::default(),
             mips: None,
             refract: Refract::new(gpu),
-            tonemap: Tonemap::new(gpu),
+            surface_images: Surface::new(gpu),
+            tonemap: Tonemap::new(gpu, false),
+            composite: Tonemap::new(gpu, true),
             sized_for: (UVec2::ONE, false),
             last: None,
+            pending_times: None,
+            pending_rays: None,
             submissions: 0,
+            transparent: false,
+            fluids: 1,
             timing: false,
             diagnose: false,
             reuse: false,
+            host: None,
+            surface: None,
         }
     }
 
-    /// Draws one frame into `target`, a view of `size` pixels in `format`.
+    /// Draws one frame into `target`, a view of `size` pixels in `format`, and submits it.
     ///
     /// The device encodes sRGB formats; the shader encodes all others.
     ///
@@ -102,57 +149,149 @@ impl Renderer {
     pub fn render(
         &mut self,
         scene: &Scene,
-        camera: &Camera,
+        view: impl Into<View>,
         splats: &Splats,
         target: &wgpu::TextureView,
         format: wgpu::TextureFormat,
         size: UVec2,
     ) -> Result<Vec<PassTime>> {
-        self.check(scene, camera, splats, size)?;
-        let camera = &clear_of_liquid(camera, splats, size, scene.settings.classify.support);
-        let frame = Frame::new(self, scene, camera, splats, size);
-
-        let last = self.last.take().filter(|_| self.reuse);
-        let diagnose = self.diagnose;
-        let dirty = Dirty::since(last.as_ref(), scene, camera, splats, frame.config, diagnose);
-
-        self.resize(&frame);
-        self.prepare(&frame, dirty, format)?;
-
-        let gpu = &self.gpu;
-        let (mut timer, mut commands) = (Timer::new(gpu, self.timing), Commands::new(gpu));
-        self.record_views(&frame, dirty, &mut commands, &mut timer);
-        if !self.refract.is_compiled(frame.variant, &self.camera_view.scene) {
+        let frame = self.prepare_views(scene, view.into(), splats, size)?;
+        let gpu = &self.gpu.clone();
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let (mut timer, mut commands) =
+            (Timer::new(gpu, self.timing), Commands::new(gpu, &mut encoder));
+        self.record_views(&frame, &mut commands, &mut timer);
+        if !self.refract.is_compiled(frame.variant, &self.camera_view) {
             // The device starts drawing while the largest shaders compile.
             commands.submit();
         }
-        let (camera_binding, scene_binding) = (&self.camera_view.camera, &self.camera_view.scene);
-        let params = &frame.refract_params();
-        self.refract.prepare(gpu, camera_binding, scene_binding, frame.variant, params);
-        if frame.variant.mips() {
-            self.mips.get_or_insert_with(|| Mips::new(gpu));
-        }
-        self.record_picture(&frame, dirty, &mut commands, &mut timer);
-        let (radiance, span) = (&self.refract.radiance, timer.span("tonemap"));
-        self.tonemap.record(gpu, &mut commands.encoder, radiance, target, format, span);
-        let resolved = timer.resolve(gpu, &mut commands.encoder);
+        self.prepare_picture(&frame);
+        self.pending_rays = self.record_picture(&frame, &mut commands, &mut timer);
+        let span = timer.span("tonemap");
+        self.tonemap.prepare(gpu, &scene.settings.tonemap, format);
+        self.tonemap.record(gpu, commands.encoder, &self.refract.radiance, target, format, span);
+        let resolved = timer.resolve(gpu, commands.encoder);
         commands.submit();
 
         self.submissions = commands.submissions;
         gpu.check()?;
-        let remember =
-            || LastFrame::new(last, dirty, scene, camera, splats, frame.config, diagnose);
-        self.last = self.reuse.then(remember);
+        self.remember(frame);
         timer.read(gpu, resolved.as_ref())
     }
 
+    /// Uploads what a frame of `size` pixels needs and has not yet, and compiles missing pipelines, for
+    /// [`Renderer::record`]. Submits and waits for nothing.
+    ///
+    /// Uploads take effect with the next submission to the queue: submit one frame before the next is
+    /// prepared.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn prepare<'a>(
+        &mut self,
+        scene: &'a Scene,
+        view: impl Into<View>,
+        splats: &'a Splats,
+        size: UVec2,
+    ) -> Result<Frame<'a>> {
+        let frame = self.prepare_views(scene, view.into(), splats, size)?;
+        self.prepare_picture(&frame);
+        Ok(frame)
+    }
+
+    /// Records a prepared frame into the caller's encoder: everything up to its linear radiance,
+    /// [`Renderer::radiance`]. Submits, polls and waits for nothing; a frame that would occupy a slow device
+    /// for long is not split.
+    pub fn record(&mut self, frame: Frame<'_>, encoder: &mut wgpu::CommandEncoder) {
+        let gpu = &self.gpu.clone();
+        let (mut timer, mut commands) =
+            (Timer::new(gpu, self.timing), Commands::within(gpu, encoder));
+        self.record_views(&frame, &mut commands, &mut timer);
+        self.pending_rays = self.record_picture(&frame, &mut commands, &mut timer);
+        self.pending_times = PendingTimes::record(gpu, timer, encoder);
+        self.remember(frame);
+    }
+
+    /// Records the tone mapping of the last recorded frame into `target`, a view of its size in `format`.
+    pub fn tonemap(
+        &mut self,
+        settings: &settings::Tonemap,
+        encoder: &mut wgpu::CommandEncoder,
+        target: &wgpu::TextureView,
+        format: wgpu::TextureFormat,
+    ) {
+        self.tonemap.prepare(&self.gpu, settings, format);
+        let (radiance, span) = (&self.refract.radiance, Span::default());
+        self.tonemap.record(&self.gpu, encoder, radiance, target, format, span);
+    }
+
+    /// Records the last recorded frame over what `target` contains, a view of its size in `format`, without
+    /// exposure or curve: by its coverage, if that varies ([`settings::Refract::transparent`]), or in place
+    /// of all. 32-bit floats need [`wgpu::Features::FLOAT32_BLENDABLE`].
+    pub fn composite(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        target: &wgpu::TextureView,
+        format: wgpu::TextureFormat,
+    ) {
+        let linear = settings::Tonemap { exposure: 0.0, curve: settings::Curve::None };
+        self.composite.prepare(&self.gpu, &linear, format);
+        let (radiance, span) = (&self.refract.radiance, Span::default());
+        self.composite.record(&self.gpu, encoder, radiance, target, format, span);
+    }
+
+    /// The linear picture of the last frame: RGB radiance and coverage, 32-bit floats. A frame of another
+    /// size replaces the texture.
+    pub fn radiance(&self) -> &wgpu::Texture {
+        &self.refract.radiance.texture
+    }
+
+    /// The times of the passes of the last recorded frame, once the device has finished it; `None` before,
+    /// without [`Renderer::timing`], and after they were taken. Does not wait: the caller submits the frame
+    /// before the first call and polls the device.
+    pub fn take_pass_times(&mut self) -> Option<Vec<PassTime>> {
+        let times = self.pending_times.as_mut()?.collect(&self.gpu)?;
+        self.pending_times = None;
+        Some(times)
+    }
+
+    /// How many rays of the last frame with a [host](Renderer::host) its picture answered, once the device
+    /// has finished it; as [`Renderer::take_pass_times`]. Counts the first ray of each pixel with liquid.
+    pub fn take_host_rays(&mut self) -> Option<HostRays> {
+        let counts = self.pending_rays.as_mut()?.collect()?;
+        self.pending_rays = None;
+        let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&counts);
+        Some(HostRays { rays: counts[0], fallbacks: counts[1] })
+    }
+
+    /// Stores the inputs of a recorded frame for the next one.
+    fn remember(&mut self, frame: Frame<'_>) {
+        let Frame { last, dirty, scene, splats, config, diagnosed, .. } = frame;
+        self.transparent = scene.settings.refract.transparent;
+        self.fluids = scene.fluids.len().max(1);
+        let remember =
+            || LastFrame::new(last, dirty, scene, &frame.view, splats, config, diagnosed);
+        self.last = self.reuse.then(remember);
+    }
+
     /// Fails if the inputs cannot be drawn.
-    fn check(&self, scene: &Scene, camera: &Camera, splats: &Splats, size: UVec2) -> Result<()> {
+    fn check(&self, scene: &Scene, view: &View, splats: &Splats, size: UVec2) -> Result<()> {
         scene.check()?;
-        camera.check()?;
+        view.check()?;
         self.gpu.check()?;
+        if self.gpu.compiles_in_process() {
+            memory::probe(COMPILING_MEMORY, "the shaders")?;
+        }
         self.gpu.check_size(size)?;
-        check_scale(splats, camera)?;
+        check_scale(splats, view)?;
+        self.host.as_ref().map_or(Ok(()), |host| host.check(size))?;
+        if let Some(previous) = self.surface.as_ref().and_then(|motion| motion.previous.as_ref()) {
+            previous.check()?;
+            if previous.is_orthographic() != view.is_orthographic() {
+                let problem = "one of this view and the one before is orthographic";
+                return Err(Error::invalid("motion", problem));
+            }
+        }
         let Environment::Map { size, pixels } = &scene.environment else { return Ok(()) };
         self.gpu.check_image(*size, Limited::Environment)?;
         if pixels.is_empty() || pixels.len() != size.x as usize * size.y as usize {
@@ -172,23 +311,33 @@ impl Renderer {
         }
     }
 
-    /// Uploads changed inputs and compiles missing pipelines, except for refraction, which takes
-    /// longest and is compiled later.
-    fn prepare(
+    /// Checks a frame, resizes what is drawn into, uploads changed inputs, and compiles missing pipelines,
+    /// except for refraction, which takes longest and is compiled later.
+    fn prepare_views<'a>(
         &mut self,
-        frame: &Frame<'_>,
-        dirty: Dirty,
-        format: wgpu::TextureFormat,
-    ) -> Result<()> {
-        let (gpu, eye) = (&self.gpu, frame.camera.eye);
-        if dirty.splats {
+        scene: &'a Scene,
+        view: View,
+        splats: &'a Splats,
+        size: UVec2,
+    ) -> Result<Frame<'a>> {
+        self.check(scene, &view, splats, size)?;
+        let view = clear_of_liquid(view, splats, size, scene.settings.classify.support);
+        if view.is_orthographic() != self.camera_view.camera.is_orthographic() {
+            self.camera_view = ViewPasses::new(&self.gpu, view.is_orthographic());
+            self.last = None;
+        }
+        let frame = Frame::new(self, scene, view, splats, size);
+        self.resize(&frame);
+        let (gpu, eye) = (&self.gpu, frame.view.eye);
+        if frame.dirty.splats {
             self.splat_set.upload(gpu, frame.splats);
         }
-        let inputs = frame.inputs(&self.splat_set);
-        if dirty.lights {
+        self.meshes.prepare(gpu, frame.scene)?;
+        let inputs = frame.inputs(&self.splat_set, &self.meshes);
+        if frame.dirty.lights {
             self.lights.prepare(gpu, inputs, frame.config.culled)?;
         }
-        if dirty.surfaces {
+        if frame.dirty.surfaces {
             self.camera_view.remove_splats_behind_walls(
                 gpu,
                 frame.scene,
@@ -199,46 +348,80 @@ impl Renderer {
         }
         let (views, maps) = (self.lights.views(), self.lights.maps());
         self.camera_view.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
-        self.tonemap.prepare(gpu, &frame.scene.settings.tonemap, format);
-        Ok(())
+        self.background.prepare(gpu, scene.background.as_ref(), size);
+        if let Some(host) = &frame.host {
+            self.host_gbuffer.prepare(gpu, &self.camera_view.camera, host, frame.uniform.far);
+        }
+        if let Some(motion) = &self.surface {
+            let params = surface::Params::new(&frame.view, motion, size, splats.radius);
+            let (view, request) = (&self.camera_view, frame.surface_request(motion));
+            self.surface_images.prepare(gpu, view, request, &params, size)?;
+        }
+        // Drivers may crash where they compile without memory.
+        gpu.check()?;
+        Ok(frame)
+    }
+
+    /// Uploads the parameters of refraction and compiles it.
+    fn prepare_picture(&mut self, frame: &Frame<'_>) {
+        let (camera, scene) = (&self.camera_view.camera, &self.camera_view.scene);
+        self.refract.prepare(&self.gpu, camera, scene, frame.variant, &frame.refract_params());
+        if frame.variant.mips() {
+            self.mips.get_or_insert_with(|| Mips::new(&self.gpu));
+        }
     }
 
     /// Records the lights' maps, the layers and the G-buffer, as far as they are dirty.
-    fn record_views(
-        &self,
-        frame: &Frame<'_>,
-        dirty: Dirty,
-        commands: &mut Commands<'_>,
-        timer: &mut Timer,
-    ) {
-        let inputs = frame.inputs(&self.splat_set);
+    fn record_views(&self, frame: &Frame<'_>, commands: &mut Commands<'_>, timer: &mut Timer) {
+        let (inputs, dirty) = (frame.inputs(&self.splat_set, &self.meshes), frame.dirty);
         if dirty.lights {
             self.lights.record(&self.gpu, commands, inputs, timer);
         }
         if dirty.surfaces {
             self.camera_view.record(&self.gpu, commands, inputs, timer, PassNames::CAMERA);
         }
+        if let Some(host) = &frame.host {
+            let ViewPasses { camera, gbuffer, .. } = &self.camera_view;
+            let (encoder, span) = (&mut *commands.encoder, timer.span("host"));
+            self.host_gbuffer.record(&self.gpu, encoder, camera, host, &gbuffer.images, span);
+        }
     }
 
-    /// Records mip levels and refraction, as far as they are dirty.
+    /// Records mip levels and refraction, as far as they are dirty, and the readback of the counts of rays
+    /// with a host.
     fn record_picture(
         &self,
         frame: &Frame<'_>,
-        dirty: Dirty,
         commands: &mut Commands<'_>,
         timer: &mut Timer,
-    ) {
+    ) -> Option<Pending> {
+        let dirty = frame.dirty;
         if let Some(mips) = self.mips.as_ref().filter(|_| dirty.surfaces && frame.variant.mips()) {
             let mut layers = vec![&self.camera_view.aggregate_layers().texture];
             layers.extend(self.camera_view.splash_layers().map(|splash| &splash.texture));
-            layers.extend(frame.screen_solids.then_some(&self.camera_view.gbuffer.images.planes));
-            mips.record(&self.gpu, &mut commands.encoder, &layers, timer.span("mips"));
+            let on_screen = frame.screen_solids || frame.host.is_some();
+            layers.extend(on_screen.then_some(&self.camera_view.gbuffer.images.planes));
+            mips.record(&self.gpu, commands.encoder, &layers, timer.span("mips"));
         }
         if dirty.radiance {
             let span = timer.span("refract");
             let (variant, work) = (frame.variant, frame.work);
-            self.refract.record(&self.gpu, commands, &self.camera_view, variant, work, span);
+            let behind = match &frame.host {
+                Some(host) => Some(&host.color),
+                None => self.background.view(),
+            };
+            self.refract.record(commands, &self.camera_view, variant, behind, work, span);
         }
+        let (gpu, refract) = (&self.gpu, &self.refract);
+        if let Some(motion) = &self.surface {
+            let view = &self.camera_view;
+            let SplatSet { aggregates, splashes } = view.seen_splats(&self.splat_set);
+            let (request, span) = (frame.surface_request(motion), timer.span("surface"));
+            let encoder = &mut *commands.encoder;
+            let classes = [aggregates, splashes];
+            self.surface_images.record(gpu, encoder, view, classes, request, span);
+        }
+        frame.host.as_ref().map(|_| refract.record_host_rays(gpu, commands.encoder))
     }
 
     /// Discards the last frame, so that the next one runs all passes: for measuring the time of a
@@ -267,16 +450,21 @@ impl Renderer {
             splash: view.splash_layers().cloned(),
             gbuffer: view.has_gbuffer().then(|| view.gbuffer.images.clone()),
             caustics: self.lights.caustic_maps(),
+            surface: self.surface.as_ref().and(self.surface_images.images.clone()),
+            fluids: self.fluids,
             radiance: refract.radiance.clone(),
+            transparent: self.transparent,
+            orthographic: view.camera.is_orthographic(),
             diagnostics: self.sized_for.1.then(|| refract.diagnostics.clone()),
         }
     }
 }
 
 /// One frame: its inputs, and the configuration of its passes.
-struct Frame<'a> {
+#[derive(Debug)]
+pub struct Frame<'a> {
     scene: &'a Scene,
-    camera: &'a Camera,
+    view: View,
     splats: &'a Splats,
     uniform: CameraUniform,
     config: ViewConfig,
@@ -289,58 +477,89 @@ struct Frame<'a> {
     starts_inside: bool,
     /// Rays intersect solids in the G-buffer.
     screen_solids: bool,
+    /// Draw the per-pixel counts and the G-buffer.
+    diagnosed: bool,
+    /// What the caller has drawn.
+    host: Option<Host>,
+    /// The frame before.
+    last: Option<LastFrame>,
+    /// What differs from it.
+    dirty: Dirty,
 }
 
 impl<'a> Frame<'a> {
     fn new(
-        renderer: &Renderer,
+        renderer: &mut Renderer,
         scene: &'a Scene,
-        camera: &'a Camera,
+        view: View,
         splats: &'a Splats,
         size: UVec2,
     ) -> Self {
         let (gpu, diagnose, settings) = (&renderer.gpu, renderer.diagnose, &scene.settings);
-        let screen_solids = settings.refract.solids == Solids::Screen && !scene.solids.is_empty();
+        let host = renderer.host.clone();
+        let screen_solids =
+            settings.refract.solids == Solids::Screen && !scene.solids.is_empty() && host.is_none();
         let splash = !splats.splashes.is_empty();
-        let variant = Variant::new(scene, splash, diagnose);
-        let starts_inside = may_start_inside(splats, camera, size);
+        let variant = Variant::new(scene, splash, host.is_some(), diagnose);
+        let starts_inside = may_start_inside(splats, &view, size);
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
-        let work = refract::work(&settings.refract, size, scene.solids.len(), lit);
+        let work = refract::work(&settings.refract, size, refract::solid_work(scene), lit);
         let work = work.max(smooth::work(&settings.smooth));
         let config = ViewConfig {
             size,
             splash,
             mixture: variant.mixture,
             gbuffer: screen_solids || diagnose,
+            host: host.is_some(),
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs: settings.refract.interfaces > 1 || diagnose || starts_inside,
             culled: cull::is_worthwhile(gpu, splats),
             sections: Sections::for_work(gpu, size, work),
         };
+        let last = renderer.last.take().filter(|_| renderer.reuse);
+        let mut dirty = Dirty::since(last.as_ref(), scene, &view, splats, config, diagnose);
+        // What the host has drawn into its textures is not known.
+        dirty.surfaces |= host.is_some();
+        dirty.radiance |= host.is_some();
+        let far =
+            depth_of(splats, &view).max(host.as_ref().map_or(0.0, |host| host.depth_code().far()));
         Self {
             scene,
-            camera,
+            view,
             splats,
-            uniform: camera.uniform(size, splats.origin),
+            uniform: view.uniform(size, splats.origin, far),
             config,
             variant,
             fits: smooth::Params::iterations(&settings.smooth, splats.radius),
             work,
             starts_inside,
             screen_solids,
+            diagnosed: diagnose,
+            host,
+            last,
+            dirty,
         }
     }
 
-    fn inputs<'b>(&'b self, splat_set: &'b SplatSet) -> FrameInputs<'b> {
+    fn inputs<'b>(&'b self, splat_set: &'b SplatSet, meshes: &'b MeshBuffers) -> FrameInputs<'b> {
         let Self { scene, splats, fits, .. } = self;
-        FrameInputs { scene, splats, splat_set, fits }
+        FrameInputs { scene, splats, splat_set, meshes, fits }
+    }
+
+    fn surface_request<'b>(&self, motion: &'b Motion) -> surface::Request<'b> {
+        surface::Request {
+            motion,
+            splash: self.config.splash,
+            host: self.host.is_some(),
+            samples: self.variant.samples,
+        }
     }
 
     fn refract_params(&self) -> refract::Params {
         let Self { scene, splats, .. } = self;
         let mut params = refract::Params::new(scene, &scene.settings.refract, splats.radius);
         let lit = scene.solids.iter().any(|solid| solid.lit);
-        if self.starts_inside && self.variant.absorption && lit {
+        if self.starts_inside && !self.view.is_orthographic() && self.variant.absorption && lit {
             params.eye_depth = depth_below_surface(splats, self.uniform.origin);
         }
         params
@@ -349,10 +568,10 @@ impl<'a> Frame<'a> {
 
 /// Fails if the product of a splat's axes and its distance, squared, leaves the range of 32-bit
 /// floats: the liquid would be invisible.
-fn check_scale(splats: &Splats, camera: &Camera) -> Result<()> {
+fn check_scale(splats: &Splats, view: &View) -> Result<()> {
     /// Range of radius times distance, m²; pictures are correct up to both ends.
     const PRODUCTS: std::ops::RangeInclusive<f64> = 1e-18..=1e18;
-    let (radius, distance) = (f64::from(splats.radius), camera.eye.distance(camera.target));
+    let (radius, distance) = (f64::from(splats.radius), view.focus);
     let empty = splats.aggregates.is_empty() && splats.splashes.is_empty();
     if empty || PRODUCTS.contains(&(radius * distance)) {
         return Ok(());
@@ -367,20 +586,20 @@ fn check_scale(splats: &Splats, camera: &Camera) -> Result<()> {
 /// Moves a default near plane in front of the liquid, if the eye is outside the liquid but nearer to
 /// it than that plane. Otherwise the liquid would count as surrounding the eye: a low eye with a far
 /// target would look out of the water.
-fn clear_of_liquid(camera: &Camera, splats: &Splats, size: UVec2, support: f32) -> Camera {
+fn clear_of_liquid(view: View, splats: &Splats, size: UVec2, support: f32) -> View {
     /// Near plane over the distance to the liquid, less than 1 because smoothing may move a surface nearer.
     const NEAR_SHARE: f64 = 0.5;
     /// Least near plane, over the origin's distance and over a radius: any nearer, 32-bit floats cannot
     /// distinguish the near and far sides of splats.
     const MIN_SHARES: (f64, f64) = (1e-6, 1e-3);
-    if camera.near.is_some() {
-        return *camera;
+    if view.near.is_some() || view.is_orthographic() {
+        return view;
     }
-    let uniform = camera.uniform(size, splats.origin);
-    let eye = camera.eye - splats.origin;
-    let ahead = (camera.target - camera.eye).normalize();
-    // Distance from the eye to the near plane's corners, per unit of depth.
-    let corner = f64::from(uniform.tangent.extend(1.0).length());
+    let uniform = view.uniform(size, splats.origin, 0.0);
+    let eye = view.eye - splats.origin;
+    let ahead = view.ahead();
+    // Distance from the eye to the near plane's farthest corner, per unit of depth.
+    let corner = f64::from(farthest_corner(&uniform));
     let farthest = corner * f64::from(uniform.near);
     let clearance = |splat: &Splat| {
         let offset = Vec3::from_array(splat.centre).as_dvec3() - eye;
@@ -397,19 +616,47 @@ fn clear_of_liquid(camera: &Camera, splats: &Splats, size: UVec2, support: f32) 
     let nearest = all.map(clearance).reduce(|| f64::INFINITY, f64::min);
     let outside = nearest > 0.0 && !classify::is_inside(splats, eye, support);
     if nearest >= farthest || !outside {
-        return *camera;
+        return view;
     }
     let least = (MIN_SHARES.0 * eye.length()).max(MIN_SHARES.1 * f64::from(splats.radius));
     let near = (NEAR_SHARE * nearest / corner).max(least) as f32;
-    Camera { near: Some(near.min(uniform.near)), ..*camera }
+    View { near: Some(near.min(uniform.near)), ..view }
+}
+
+/// Distance of the picture's farthest corner at depth 1.
+fn farthest_corner(uniform: &CameraUniform) -> f32 {
+    (uniform.tangent + uniform.shift.abs()).extend(1.0).length()
+}
+
+/// Depth of the farthest liquid in a view, m.
+fn depth_of(splats: &Splats, view: &View) -> f64 {
+    if !view.is_orthographic() {
+        return 0.0;
+    }
+    let (from_eye, ahead) = (splats.origin - view.eye, view.ahead());
+    let depth = |splat: &Splat| {
+        let centre = Vec3::from_array(splat.centre).as_dvec3();
+        (from_eye + centre).dot(ahead) + splat.longest()
+    };
+    let all = splats.aggregates.par_iter().chain(&splats.splashes);
+    // Smoothing may move a surface back.
+    let margin = 4.0 * f64::from(splats.radius);
+    all.map(depth).reduce(|| 0.0, f64::max) + margin.max(1e-3 * view.focus)
 }
 
 /// Whether a pixel's ray may start inside the liquid. It then leaves through a back, even if rays are
 /// followed through one interface only.
-fn may_start_inside(splats: &Splats, camera: &Camera, size: UVec2) -> bool {
-    let uniform = camera.uniform(size, splats.origin);
+fn may_start_inside(splats: &Splats, view: &View, size: UVec2) -> bool {
+    let (from_eye, ahead) = (splats.origin - view.eye, view.ahead());
+    if view.is_orthographic() {
+        return splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
+            let depth = (from_eye + Vec3::from_array(splat.centre).as_dvec3()).dot(ahead);
+            (depth - f64::from(view.near())).abs() <= 1.001 * splat.longest()
+        });
+    }
+    let uniform = view.uniform(size, splats.origin, 0.0);
     // Distance from the eye to the near plane's corners, with a margin for planes at grazing angles.
-    let near = 32.0 * uniform.near * uniform.tangent.extend(1.0).length();
+    let near = 32.0 * uniform.near * farthest_corner(&uniform);
     splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
         (uniform.origin + Vec3::from_array(splat.centre)).length()
             <= 1.001 * splat.longest() as f32 + near

@@ -1,14 +1,17 @@
 //! Scene description: the liquid's optics, solids, lights, environment and settings.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3, Vec3Swizzles as _};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::is_position;
 use crate::environment::{Environment, is_radiance};
 use crate::error::{Error, Result};
+use crate::mesh::{Mesh, Placement, Texture};
 use crate::settings::Settings;
 
-/// Maximum number of solids in a scene: 40 KiB of uniform memory.
+/// Maximum number of solids in a scene: 64 KiB of uniform memory.
 pub const MAX_SOLIDS: usize = 512;
 
 /// Maximum number of lights in a scene.
@@ -29,6 +32,9 @@ pub struct Scene {
     pub fluids: Vec<Vec3>,
     /// Radiance of rays that hit neither liquid nor a solid.
     pub environment: Environment,
+    /// A picture behind everything, in place of the environment where the picture shows it. It fills the
+    /// picture and keeps its shape. Rays that leave the picture, or do not go on ahead, see the environment.
+    pub background: Option<Arc<Texture>>,
     /// Opaque bodies.
     pub solids: Vec<Solid>,
     /// Lights, which illuminate lit solids.
@@ -54,7 +60,7 @@ impl Default for Liquid {
 }
 
 /// An opaque body.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Solid {
     /// Shape and position.
     pub shape: Shape,
@@ -67,7 +73,7 @@ pub struct Solid {
 
 /// Shape and position of a solid, in world space, m. Positions are 64-bit, so that a scene may be
 /// anywhere.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub enum Shape {
     /// A square, or an unbounded plane if `half_extent` is infinite.
     Plane {
@@ -92,12 +98,39 @@ pub enum Shape {
         /// Radius.
         radius: f32,
     },
+    /// A triangle mesh. A closed one has an inside; an open one is a sheet, as a plane is.
+    Mesh {
+        /// The triangles.
+        #[serde(serialize_with = "as_digest")]
+        mesh: Arc<Mesh>,
+        /// Where they are.
+        placement: Placement,
+    },
+}
+
+/// Writes a number that differs between meshes: they are too large for a record.
+fn as_digest<S: serde::Serializer>(mesh: &Arc<Mesh>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_u64(mesh.digest())
 }
 
 impl Shape {
-    /// Signed distance from `x` to the surface, negative inside, and the unit normal there.
+    /// Signed distance from `x` to the surface, negative inside, and the unit normal there. Beside a
+    /// plane's square or an open mesh the distance is infinite.
     pub fn distance(&self, x: DVec3) -> (f64, DVec3) {
-        match *self {
+        self.distance_within(x, f64::INFINITY).unwrap_or((f64::INFINITY, DVec3::Y))
+    }
+
+    /// As [`Shape::distance`], or `None` if the surface is farther than `limit`, m. Much faster for meshes.
+    pub fn distance_within(&self, x: DVec3, limit: f64) -> Option<(f64, DVec3)> {
+        let found = match *self {
+            Self::Mesh { ref mesh, placement } => {
+                let at = placement.mesh_from_world(x) - mesh.origin();
+                let nearest = mesh.nearest(at, limit / placement.scale)?;
+                if nearest.on_rim {
+                    return None;
+                }
+                (placement.scale * nearest.distance, placement.rotate * nearest.normal)
+            }
             Self::Plane { origin, normal, half_extent } => {
                 let offset = x - origin;
                 let normal = normal.as_dvec3();
@@ -131,12 +164,22 @@ impl Shape {
                 let offset = x - center;
                 (offset.length() - f64::from(radius), offset.normalize_or(DVec3::Y))
             }
+        };
+        (found.0.abs() <= limit).then_some(found)
+    }
+
+    /// Whether the shape has two sides and no inside: planes and open meshes.
+    pub fn is_sheet(&self) -> bool {
+        match self {
+            Self::Plane { .. } => true,
+            Self::Mesh { mesh, .. } => !mesh.is_closed(),
+            Self::Box { .. } | Self::Sphere { .. } => false,
         }
     }
 }
 
 /// A solid's colour, linear RGB.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Surface {
     /// One colour.
     Color(Vec3),
@@ -161,6 +204,16 @@ pub enum Surface {
         /// Distance of the fade, m.
         fade: f32,
     },
+    /// A picture that repeats every `tile` on planes and boxes, with its middle at the solid's, upright on
+    /// walls; on level sides its top is towards −z. It goes around a sphere once.
+    Texture {
+        /// The picture.
+        texture: Arc<Texture>,
+        /// Width of the picture, m.
+        tile: f32,
+    },
+    /// A mesh's own colours and textures.
+    Own,
 }
 
 /// A light, which illuminates lit solids.
@@ -276,6 +329,11 @@ impl Solid {
     /// Describes the first invalid value.
     fn problem(&self) -> Option<&'static str> {
         let shape = match self.shape {
+            Shape::Mesh { placement: Placement { translate, rotate, scale }, .. } => [
+                (is_position(translate), "translate must be finite"),
+                (rotate.is_normalized(), "rotate must be a unit quaternion"),
+                ((1e-12..=1e12).contains(&scale), "scale must be 1e-12 to 1e12"),
+            ],
             Shape::Plane { origin, normal, half_extent } => [
                 (is_position(origin), "origin must be finite"),
                 (normal.is_normalized(), "normal must be of length 1"),
@@ -304,6 +362,17 @@ impl Solid {
                     "a ground's tile and fade must be above 0",
                 ),
                 (is_radiance(even) && is_radiance(odd), "a ground's colours must be 0 to 1e12"),
+            ],
+            Surface::Texture { tile, .. } => [
+                (tile > 0.0 && tile.is_finite(), "a texture's tile must be above 0"),
+                (
+                    !matches!(self.shape, Shape::Mesh { .. }),
+                    "a mesh's texture belongs to its materials",
+                ),
+            ],
+            Surface::Own => [
+                (matches!(self.shape, Shape::Mesh { .. }), "only a mesh has colours of its own"),
+                (true, ""),
             ],
         };
         let mut checks = shape.into_iter().chain(surface);

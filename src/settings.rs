@@ -259,6 +259,9 @@ pub struct Refract {
     pub solids: Solids,
     /// What a reflected ray sees if it is not traced further.
     pub reflections: Reflections,
+    /// Whether a pixel is covered only as far as it shows liquid or a solid, for pictures that lie over
+    /// others; otherwise the environment fills it.
+    pub transparent: bool,
 }
 
 impl Default for Refract {
@@ -279,6 +282,7 @@ impl Default for Refract {
             radiance_scaling: true,
             solids: Solids::Exact,
             reflections: Reflections::Scene,
+            transparent: false,
         }
     }
 }

@@ -9,7 +9,9 @@ use bytemuck::Zeroable;
 use limpid::camera::CameraUniform;
 use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
-use limpid::passes::{Layers, caustics, cull, gbuffer, refract, smooth, tiles, tonemap};
+use limpid::passes::{
+    Layers, caustics, cull, gbuffer, host, refract, smooth, surface, tiles, tonemap,
+};
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
 
@@ -111,8 +113,16 @@ fn same(rust: (Vec<Field>, usize), text: &str, name: &str) -> Result<(), String>
 /// Structs in buffers that Rust writes and shaders read have the same layout.
 #[test]
 fn shared_structs_agree() {
-    let camera =
-        rust_struct!(CameraUniform { view_from_world, origin, near, size, tangent, far, pad });
+    let camera = rust_struct!(CameraUniform {
+        view_from_world,
+        origin,
+        near,
+        size,
+        tangent,
+        far,
+        pad,
+        shift
+    });
     let splat =
         rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, tags });
     let smooth = rust_struct!(smooth::Params { stride, radius, inv_sigma2, delta, mu });
@@ -128,7 +138,17 @@ fn shared_structs_agree() {
         eye_depth,
         pad_eye_depth,
     });
-    let tonemap = rust_struct!(tonemap::Params { gain, curve, encode });
+    let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded });
+    let host = rust_struct!(host::Params { offset, slope, cleared });
+    let surface = rust_struct!(surface::Params {
+        previous_from_world,
+        offset,
+        seconds,
+        previous_tangent,
+        previous_shift,
+        reach,
+        pad,
+    });
     let scene = rust_struct!(gbuffer::SceneUniform {
         zenith,
         pad_zenith,
@@ -153,7 +173,10 @@ fn shared_structs_agree() {
         phase,
         inv_fade2,
         middle,
-        pad,
+        texture,
+        rotation,
+        mesh,
+        number,
     });
     let light = rust_struct!(gbuffer::LightData { place, kind, power, straight, map, pad });
     let light_view = rust_struct!(gbuffer::LightViewData {
@@ -213,6 +236,8 @@ fn shared_structs_agree() {
         (smooth, "smooth/plane_fit.wgsl", "Params"),
         (refract, "refract/guarded.wgsl", "Params"),
         (tonemap, "tonemap.wgsl", "Params"),
+        (host, "host.wgsl", "Params"),
+        (surface, "surface/images.wgsl", "Params"),
         (scene, "gbuffer.wgsl", "Scene"),
         (solid, "gbuffer.wgsl", "Solid"),
         (light, "gbuffer.wgsl", "Light"),

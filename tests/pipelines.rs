@@ -60,6 +60,7 @@ fn camera() -> Camera {
         up: Vec3::Y,
         fov_y: 40.0,
         near: None,
+        lens: None,
     }
 }
 
@@ -95,7 +96,7 @@ fn solids() -> Vec<Solid> {
         Shape::Sphere { center: DVec3::X, radius: 0.5 },
     ];
     let surface = Surface::Checker { tile: 0.1, even: Vec3::ONE, odd: Vec3::ZERO };
-    shapes.map(|shape| Solid { shape, surface, lit: true }).to_vec()
+    shapes.map(|shape| Solid { shape, surface: surface.clone(), lit: true }).to_vec()
 }
 
 fn lights() -> Vec<Light> {

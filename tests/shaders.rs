@@ -43,13 +43,15 @@ fn check(name: &str, text: &str) -> Result<(naga::Module, ModuleInfo), String> {
 fn values(module: &naga::Module, constant: &naga::Override) -> &'static [f64] {
     match (constant.name.as_deref(), &module.types[constant.ty].inner) {
         (_, naga::TypeInner::Scalar(naga::Scalar::BOOL)) => &[0.0, 1.0],
-        (Some("ENVIRONMENT"), _) => &[0.0, 1.0, 2.0],
+        (Some("ENVIRONMENT"), _) => &[0.0, 1.0, 2.0, 3.0],
         (Some("SOLIDS"), _) => &[0.0, 1.0, 512.0],
+        // No more than the solids, of which there are none by default.
+        (Some("MESHES"), _) => &[0.0],
         (Some("LIGHTS"), _) => &[0.0, 1.0, 16.0],
         (Some("SIDE"), _) => &[0.0, 1.0],
         (Some("METHOD"), _) => &[0.0, 1.0, 2.0],
         (Some("STRIDE"), _) => &[1.0, 2.0, 4.0],
-        (Some("SHAPES"), _) => &[0.0, 1.0, 2.0, 4.0, 7.0],
+        (Some("SHAPES"), _) => &[0.0, 1.0, 2.0, 4.0, 7.0, 8.0, 15.0],
         (Some("TAPS"), _) => &[1.0, 2.0, 16.0],
         (Some("SAMPLES"), _) => &[1.0, 4.0, 64.0],
         (Some("EDGE_SAMPLES"), _) => &[1.0, 16.0, 64.0],
@@ -296,7 +298,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 76] = [
+const LOOPS: [(&str, &str, &str, &str); 91] = [
     ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
     ("caustics/conic.wgsl", "conic_first_exit", "for (var edge = 0u; edge < 3u; edge++)", "a constant"),
     ("caustics/conic.wgsl", "conic_solve", "for (var i = 0u; i < CONIC_ROUNDS; i++)", "a constant"),
@@ -334,8 +336,19 @@ const LOOPS: [(&str, &str, &str, &str); 76] = [
     ("classify/scan.wgsl", "begin_cells", "for (var k = 0u; k < EACH; k++)", "a constant"),
     ("classify/scan.wgsl", "begin_cells", "for (var k = 0u; k < EACH && first + k <= params.cells; k++)", "a constant"),
     ("common/lights.wgsl", "passed_by_view", "for (var i = 0; i < 4; i++)", "a constant"),
-    ("common/scene.wgsl", "scene_trace", "for (var i = 0u; i < SOLIDS; i++)", "the scene's solids, 512 at most"),
-    ("common/scene.wgsl", "scene_blocks", "for (var i = 0u; i < SOLIDS; i++)", "the scene's solids, 512 at most"),
+    ("common/mesh.wgsl", "mesh_trace", "for (var leaves = 0u; leaves < most_nodes() && node < triangles; leaves++)", "the nodes of all meshes, with the next"),
+    ("common/mesh.wgsl", "mesh_trace", "for (var visited = 0u; visited < most_nodes() && node < triangles && count == 0u; visited++)", "the nodes of all meshes"),
+    ("common/mesh.wgsl", "mesh_trace", "for (var i = first; i < first + count; i++)", "the triangles of a leaf"),
+    ("common/mesh.wgsl", "triangle_trace", "for (var i = 0u; i < select(0u, 3u, on_edge); i++)", "a constant"),
+    ("common/mesh.wgsl", "mesh_is_near", "for (var visited = 0u; visited < most_nodes() && node < solid.mesh.y; visited++)", "the nodes of all meshes"),
+    ("common/mesh.wgsl", "mesh_is_near", "for (var i = first; i < first + select(0u, count, near); i++)", "the triangles of a leaf"),
+    ("common/mesh.wgsl", "mesh_shading_normal", "for (var i = 0u; i < 3u; i++)", "a constant"),
+    ("common/mesh.wgsl", "mesh_color", "for (var i = 0u; i < 3u; i++)", "a constant"),
+    ("common/mesh.wgsl", "texture_level", "for (var i = 0u; i < level; i++)", "the levels of a texture"),
+    ("common/scene.wgsl", "scene_trace", "for (var i = 0u; i < SOLIDS - MESHES; i++)", "the scene's solids, 512 at most"),
+    ("common/scene.wgsl", "scene_trace", "for (var i = SOLIDS - MESHES; i < SOLIDS; i++)", "the scene's solids, 512 at most"),
+    ("common/scene.wgsl", "scene_blocks", "for (var i = 0u; i < SOLIDS - MESHES; i++)", "the scene's solids, 512 at most"),
+    ("common/scene.wgsl", "scene_blocks", "for (var i = SOLIDS - MESHES; i < SOLIDS; i++)", "the scene's solids, 512 at most"),
     ("common/scene.wgsl", "solid_radiance", "for (var i = 0u; i < LIGHTS; i++)", "the scene's lights, 16 at most"),
     ("cull/depths.wgsl", "reduce", "for (var i = 0u; i < TILE * TILE; i++)", "a constant"),
     ("cull/select.wgsl", "is_hidden", "for (var y = first.y; y <= last.y; y++)", "MOST_TILES together"),
@@ -351,6 +364,8 @@ const LOOPS: [(&str, &str, &str, &str); 76] = [
     ("refract/guarded.wgsl", "front_entry", "for (var i = 0u; i < ENTRY_STEPS && tau < 1.0; i++)", "a constant"),
     ("refract/guarded.wgsl", "front_entry", "for (var k = 0u; k < 8u; k++)", "a constant"),
     ("refract/guarded.wgsl", "opaque_entry", "for (var i = 0u; i < OPAQUE_STEPS; i++)", "a constant"),
+    ("refract/host.wgsl", "background_radiance", "for (var k = 0u; k < 4u; k++)", "a constant"),
+    ("refract/host.wgsl", "host_radiance", "for (var k = 0u; k < 4u; k++)", "a constant"),
     ("refract/interfaces.wgsl", "trace", "for (var event = 0u; event < 18u; event++)", "a constant"),
     ("refract/interfaces.wgsl", "background_mean", "for (var i = 0u; i < count; i++)", "refract.samples or refract.edge_samples, 64 at most"),
     ("refract/interfaces.wgsl", "background_pixels", "for (var k = 0; k < 3; k++)", "a constant"),
@@ -365,6 +380,8 @@ const LOOPS: [(&str, &str, &str, &str); 76] = [
     ("refract/newton.wgsl", "intersect", "for (var i = 0u; i <= ITERATIONS; i++)", "refract.iterations, 64 at most"),
     ("refract/secant.wgsl", "intersect", "for (var i = 0u; i < ITERATIONS; i++)", "refract.iterations, 64 at most"),
     ("report/arithmetic.wgsl", "arithmetic", "for (var i = 0u; i < ROUNDS; i++)", "a constant"),
+    ("surface/images.wgsl", "images", "for (var i = 0u; i < SAMPLES; i++)", "refract.samples, 64 at most"),
+    ("surface/images.wgsl", "surface_velocity", "for (var k = 0; k < (2 * SIDE + 1) * (2 * SIDE + 1); k++)", "a constant"),
     ("smooth/bilateral.wgsl", "smoothed", "for (var y = -TAPS; y <= TAPS; y++)", "smooth.taps, 33 at most"),
     ("smooth/bilateral.wgsl", "smoothed", "for (var x = -TAPS; x <= TAPS; x++)", "smooth.taps, 33 at most"),
     ("smooth/narrow_range.wgsl", "smoothed", "for (var ring = 1; ring <= TAPS; ring++)", "smooth.taps, 33 at most"),

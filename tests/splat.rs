@@ -129,7 +129,7 @@ fn errors(shot: &FrameImages, camera: &Camera, class: &str, drawn: &[Splat]) -> 
 fn askew() -> Camera {
     let eye = DVec3::new(1.2, -0.7, 2.5);
     let target = DVec3::new(0.1, 0.2, -0.3);
-    Camera { eye, target, up: Vec3::new(0.3, 1.0, 0.2), fov_y: 30.0, near: None }
+    Camera { eye, target, up: Vec3::new(0.3, 1.0, 0.2), fov_y: 30.0, near: None, lens: None }
 }
 
 /// Every covered pixel has the exact front and back root in an oblique view. Depth is accurate to 1e-6 in
@@ -209,6 +209,7 @@ fn distant_splats_keep_their_precision() {
             up: Vec3::Y,
             fov_y: (2.4 / distance).to_degrees() as f32,
             near: None,
+            lens: None,
         };
         for drawn in [
             [sphere(Vec3::new(0.1, -0.1, 0.0), 1.0)],
@@ -236,6 +237,7 @@ fn coverage_is_exact_for_any_ellipsoid() {
             up: noise_vector(&mut seed),
             fov_y: [20.0, 60.0, 100.0, 140.0][i % 4],
             near: Some(0.05),
+            lens: None,
         };
         let view = View::new(&camera, SIZE);
         // From the picture's centre to beyond its borders, and from around the eye to far away.
@@ -292,6 +294,7 @@ fn rays_of_an_eye_in_the_liquid_start_at_the_near_plane() {
         up: Vec3::Y,
         fov_y: 70.0,
         near: Some(near),
+        lens: None,
     };
     for eye in [Vec3::ZERO, Vec3::new(0.2, -0.3, 0.4)] {
         let camera = looking(eye, Vec3::new(0.3, 0.2, -1.0), 0.01);
@@ -338,6 +341,7 @@ fn low_eye_with_a_far_target_is_outside_of_the_pool() {
         up: Vec3::Y,
         fov_y: 60.0,
         near: None,
+        lens: None,
     };
     let mut shot = |camera: Camera, near: Option<f32>, drawn: &[Splat]| {
         let camera = Camera { near, ..camera };

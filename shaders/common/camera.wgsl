@@ -17,6 +17,7 @@ struct Camera {
     size: vec2f,              // pixels
     tangent: vec2f,           // tan(fov_x / 2), tan(fov_y / 2); orthographic: half the extent, m
     far: f32,                 // m, orthographic only
+    shift: vec2f,             // the picture's middle: tangents or m right of and above the view direction
 }
 
 override ORTHOGRAPHIC: bool = false;
@@ -27,7 +28,7 @@ override ORTHOGRAPHIC: bool = false;
 // orthographic view: the x and y of the ray, and -1.
 fn camera_omega(u: vec2f) -> vec3f {
     let ndc = 2.0 * u / camera.size - 1.0;
-    return vec3f(ndc.x * camera.tangent.x, -ndc.y * camera.tangent.y, -1.0);
+    return vec3f(vec2f(ndc.x * camera.tangent.x, -ndc.y * camera.tangent.y) + camera.shift, -1.0);
 }
 
 // Origin of the ray through `omega`.
@@ -35,9 +36,11 @@ fn camera_ray_origin(omega: vec3f) -> vec3f {
     return select(vec3f(0.0), vec3f(omega.xy, 0.0), ORTHOGRAPHIC);
 }
 
-// Unit direction of the ray through `omega`.
+// Unit direction of the ray through `omega`. In an orthographic view it is made to appear dependent on the
+// pixel: otherwise what follows from it would be branches on uniform memory (see `shape_of`).
 fn camera_ray_direction(omega: vec3f) -> vec3f {
-    return select(normalize(omega), vec3f(0.0, 0.0, -1.0), ORTHOGRAPHIC);
+    let ahead = select(vec3f(0.0, 0.0, -1.0), omega, omega.x > 3e38);
+    return select(normalize(omega), ahead, ORTHOGRAPHIC);
 }
 
 // View-space point on the ray through `omega` at a disparity.
@@ -46,6 +49,21 @@ fn camera_point(omega: vec3f, disparity: f32) -> vec3f {
         return vec3f(omega.xy, disparity - camera.far);
     }
     return omega / disparity;
+}
+
+// Length of the ray through `omega` to a disparity, m.
+fn camera_distance(omega: vec3f, disparity: f32) -> f32 {
+    return select(length(omega) / disparity, camera.far - disparity, ORTHOGRAPHIC);
+}
+
+// Disparity at a length of the ray through `omega`.
+fn camera_disparity_at(omega: vec3f, t: f32) -> f32 {
+    return select(length(omega) / t, camera.far - t, ORTHOGRAPHIC);
+}
+
+// Disparity of the near plane: nothing in the picture has more.
+fn camera_near_disparity() -> f32 {
+    return select(1.0 / camera.near, camera.far - camera.near, ORTHOGRAPHIC);
 }
 
 // Disparity of a view-space point in front of the eye.
@@ -63,7 +81,7 @@ fn camera_omega_of(x: vec3f) -> vec3f {
 
 // Pixel position of a view-space point in front of the eye.
 fn camera_pixel(x: vec3f) -> vec2f {
-    let ndc = camera_omega_of(x).xy / camera.tangent;
+    let ndc = (camera_omega_of(x).xy - camera.shift) / camera.tangent;
     return (vec2f(ndc.x, -ndc.y) * 0.5 + 0.5) * camera.size;
 }
 

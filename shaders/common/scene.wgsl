@@ -1,6 +1,7 @@
 // Solids, lighting and the environment, in world axes relative to the eye.
 
 #import common/lights.wgsl
+#import common/mesh.wgsl
 
 struct Scene {
     zenith: vec3f,  // radiance straight up, or in all directions of a constant environment
@@ -19,11 +20,13 @@ const ENVIRONMENT_SKY: u32 = 3u;
 const PLANE: u32 = 0u;
 const BOX: u32 = 1u;
 const SPHERE: u32 = 2u;
+const MESH: u32 = 3u;
 
 struct Solid {
-    origin: vec3f,      // centre of the square, box or sphere
-    shape: u32,         // PLANE, BOX or SPHERE
-    extent: vec3f,      // a plane's normal, a box's half sides, a sphere's radius in x
+    origin: vec3f,      // centre of the square, box or sphere; a mesh's middle
+    shape: u32,         // PLANE, BOX, SPHERE or MESH
+    extent: vec3f,      // a plane's normal, a box's half sides, a sphere's radius in x; a mesh's scale, the
+                        // inverse of its scale, and the largest distance from its middle, unscaled
     half_extent: f32,   // half the side of a plane's square
     even: vec3f,        // colour; with tile > 0, of even tiles
     tile: f32,          // side of a checker's tiles, m; 0 for a single colour
@@ -32,6 +35,10 @@ struct Solid {
     phase: vec3f,       // position of the eye in the checker, in tiles modulo 2
     inv_fade2: f32,     // 1/m², squared: distance over which it fades into the environment; 0 never
     middle: vec3f,      // the point that it fades around
+    texture: u32,       // place of its texture in `mesh_surfaces`, or 1 for a mesh's own colours; 0 for neither
+    rotation: vec4f,    // of a mesh, a unit quaternion
+    mesh: vec3u,        // rows where it begins and of its first triangle, word of its first attributes
+    number: u32,        // in the scene, from 0: here meshes come last
 }
 
 @group(2) @binding(0) var<uniform> scene: Scene;
@@ -40,7 +47,9 @@ struct Solid {
 // solids' data (for the reason see `uniforms_are_stored` in src/gpu.rs): SHAPES and ANY_LIT compile
 // out what a scene lacks, the rest uses `select`.
 override SOLIDS: u32 = 0u;      // number of solids
+override MESHES: u32 = 0u;      // number of meshes, the last solids
 override SHAPES: u32 = 7u;      // bit set of the solids' shapes, 1 << PLANE and so on
+override TEXTURES: bool = false; // whether any solid but a mesh has a texture
 override ANY_LIT: bool = true;  // whether any solid is lit
 override ENVIRONMENT: u32 = 0u; // one of ENVIRONMENT_*
 override FADES: bool = false;   // whether any solid fades into the environment
@@ -57,21 +66,35 @@ const NOTHING: f32 = 1e30;
 struct SolidHit {
     t: f32,      // distance along the unit direction, NOTHING if none
     index: u32,
+    triangle: u32, // of a mesh
     normal: vec3f,
 }
 
 // Nearest solid along o + t d, t > 0, with a unit vector d.
 fn scene_trace(o: vec3f, d: vec3f) -> SolidHit {
-    var hit = SolidHit(NOTHING, 0u, vec3f(0.0));
-    for (var i = 0u; i < SOLIDS; i++) {
+    var hit = SolidHit(NOTHING, 0u, NO_TRIANGLE, vec3f(0.0));
+    for (var i = 0u; i < SOLIDS - MESHES; i++) {
         let t = solid_trace(solids[i], o, d);
         if t > 0.0 && t < hit.t {
             hit.t = t;
             hit.index = i;
         }
     }
+    if has_shape(MESH) {
+        for (var i = SOLIDS - MESHES; i < SOLIDS; i++) {
+            // As in `shape_of`: constant indices would make uniform memory decide branches.
+            let index = select(i, MAX_SOLIDS - 1u, d.x > 3e38);
+            let found = mesh_trace(index, o, d, hit.t, false);
+            if found.t < hit.t {
+                hit = SolidHit(found.t, index, found.triangle, vec3f(0.0));
+            }
+        }
+    }
     if hit.t < NOTHING {
         hit.normal = solid_normal(solids[hit.index], o + hit.t * d);
+        if has_shape(MESH) && hit.triangle != NO_TRIANGLE {
+            hit.normal = mesh_normal(hit.index, hit.triangle);
+        }
     }
     return hit;
 }
@@ -79,9 +102,15 @@ fn scene_trace(o: vec3f, d: vec3f) -> SolidHit {
 // Whether any solid intersects o + t d, 0 < t < far.
 fn scene_blocks(o: vec3f, d: vec3f, far: f32) -> bool {
     var nearest = NOTHING;
-    for (var i = 0u; i < SOLIDS; i++) {
+    for (var i = 0u; i < SOLIDS - MESHES; i++) {
         let t = solid_trace(solids[i], o, d);
         nearest = select(nearest, min(nearest, t), t > 0.0);
+    }
+    if has_shape(MESH) && nearest >= min(far, NOTHING) {
+        for (var i = SOLIDS - MESHES; i < SOLIDS; i++) {
+            let index = select(i, MAX_SOLIDS - 1u, d.x > 3e38);
+            nearest = min(nearest, mesh_trace(index, o, d, min(far, NOTHING), true).t);
+        }
     }
     return nearest < min(far, NOTHING);
 }
@@ -191,7 +220,15 @@ fn plane_coordinates(n: vec3f, x: vec3f) -> vec2f {
 
 // Colour of a solid, seen along d by a ray of this width at x. Checkers are aligned with the world
 // origin, so that adjacent solids match.
-fn solid_color(solid: Solid, x: vec3f, normal: vec3f, d: vec3f, width: f32) -> vec3f {
+fn solid_color(solid: Solid, triangle: u32, x: vec3f, normal: vec3f, d: vec3f, width: f32) -> vec3f {
+    // As in `shape_of`.
+    let texture = select(solid.texture, 0u, x.x > 3e38);
+    if has_shape(MESH) && triangle != NO_TRIANGLE && texture != 0u {
+        return mesh_color(solid, triangle, x, dot(normal, d), width);
+    }
+    if TEXTURES && texture != 0u {
+        return solid.even * solid_texture(solid, texture, x, normal, d, width);
+    }
     let plain = solid.tile <= 0.0;
     let tile_side = select(solid.tile, 1.0, plain);
     let at = x / tile_side + solid.phase;
@@ -200,11 +237,34 @@ fn solid_color(solid: Solid, x: vec3f, normal: vec3f, d: vec3f, width: f32) -> v
     }
     let tile = floor(plane_coordinates(normal, at));
     var parity = tile.x + tile.y;
-    if has_shape(SPHERE) {
+    if has_shape(SPHERE) || has_shape(MESH) {
         let cell = floor(at);
-        parity = select(parity, cell.x + cell.y + cell.z, shape_of(solid, x) == SPHERE);
+        parity = select(parity, cell.x + cell.y + cell.z, is_round(solid, x));
     }
     return select(solid.odd, solid.even, plain | (parity - 2.0 * floor(0.5 * parity) < 0.5));
+}
+
+// Whether tiles are cubes instead of squares.
+fn is_round(solid: Solid, x: vec3f) -> bool {
+    let shape = shape_of(solid, x);
+    return shape == SPHERE || shape == MESH;
+}
+
+// Colour of the texture of a plane, box or sphere: around a sphere, elsewhere once per tile, upright on walls.
+fn solid_texture(solid: Solid, texture: u32, x: vec3f, normal: vec3f, d: vec3f, width: f32) -> vec3f {
+    let at = x - solid.origin;
+    let level = abs(normal.y) >= max(abs(normal.x), abs(normal.z));
+    let flat_at = plane_coordinates(normal, at) * select(vec2f(1.0, -1.0), vec2f(1.0), level);
+    let aspect = f32(mesh_surfaces[texture]) / f32(mesh_surfaces[texture + 1u]);
+    var uv = flat_at / solid.tile * vec2f(1.0, aspect) + 0.5;
+    var copies = width / solid.tile * sqrt(aspect);
+    if has_shape(SPHERE) {
+        let around = vec2f(atan2(normal.x, -normal.z) / 6.28318531 + 0.5, acos(clamp(normal.y, -1.0, 1.0)) / 3.14159265);
+        let round = shape_of(solid, x) == SPHERE;
+        uv = select(uv, around, round);
+        copies = select(copies, width / (4.44 * solid.extent.x), round);
+    }
+    return texture_color(texture, uv, copies * inverseSqrt(max(abs(dot(normal, d)), 0.05)));
 }
 
 // Share of even tiles in the footprint of a ray of this width, in tiles: of the parallelogram around `at`
@@ -218,8 +278,8 @@ fn even_share(solid: Solid, at: vec3f, normal: vec3f, d: vec3f, width: f32) -> f
     let side = alternation(at, extent);
     let sides = plane_coordinates(normal, side);
     var product = sides.x * sides.y;
-    if has_shape(SPHERE) {
-        product = select(product, side.x * side.y * side.z, shape_of(solid, at) == SPHERE);
+    if has_shape(SPHERE) || has_shape(MESH) {
+        product = select(product, side.x * side.y * side.z, is_round(solid, at));
     }
     return 0.5 + 0.5 * product;
 }
@@ -237,28 +297,42 @@ fn alternation_integral(at: vec3f) -> vec3f {
     return 1.0 - abs(at - 2.0 * floor(0.5 * at) - 1.0);
 }
 
-// Whether a solid shadows x, on a surface with normal n, from a light.
-fn in_shadow(x: vec3f, n: vec3f, to_light: ToLight) -> bool {
+// Whether a solid shadows x, on a surface with normal n, from a light. `rounding` is the error of x, m.
+fn in_shadow(x: vec3f, n: vec3f, to_light: ToLight, rounding: f32) -> bool {
     // Offset from the surface beyond rounding errors.
-    let start = x + 1e-5 * length(x) * n;
+    let start = x + max(1e-5 * length(x), rounding) * n;
     return scene_blocks(start, to_light.direction, to_light.distance);
 }
 
 // Radiance from the solid at x along -d, seen by a ray of this width there: its colour, or the Lambertian
 // reflection of the lights and of the share `ambient` of the ambient light.
-fn solid_radiance(index: u32, x: vec3f, normal: vec3f, d: vec3f, ambient: vec3f, width: f32) -> vec3f {
+fn solid_radiance(
+    index: u32,
+    triangle: u32,
+    x: vec3f,
+    normal: vec3f,
+    d: vec3f,
+    ambient: vec3f,
+    width: f32,
+) -> vec3f {
     let solid = solids[index];
-    let color = solid_color(solid, x, normal, d, width);
+    let color = solid_color(solid, triangle, x, normal, d, width);
     if !ANY_LIT {
         return faded(solid, x, d, color);
     }
     let n = select(normal, -normal, dot(d, normal) > 0.0);
+    var shading_n = n;
+    var rounding = 0.0;
+    if has_shape(MESH) && triangle != NO_TRIANGLE {
+        shading_n = mesh_shading_normal(solid, triangle, x, n);
+        rounding = 1e-6 * solid.extent.x * solid.extent.z;
+    }
     var irradiance_over_pi = ambient * scene.ambient;
     for (var i = 0u; i < LIGHTS; i++) {
         let to_light = light_from(lights[i], x);
-        let cos_theta = max(dot(n, to_light.direction), 0.0);
+        let cos_theta = max(dot(shading_n, to_light.direction), 0.0);
         var direct = lights[i].power * cos_theta / (to_light.distance2 * 3.14159265);
-        if in_shadow(x, n, to_light) {
+        if in_shadow(x, n, to_light, rounding) {
             direct = vec3f(0.0);
         }
         irradiance_over_pi += light_with_liquid(i, x, n, direct);

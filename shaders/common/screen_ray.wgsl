@@ -22,17 +22,20 @@ fn screen_ray(o: vec3f, d: vec3f, t_max: f32) -> ScreenRay {
     let z = -o.z;
     // Clips against half-spaces at + t * rate >= 0: left, right, bottom, top, near (orthographic: far).
     var t = min(t_max, 1e5 * z / max(-d.z, 1e-3));
+    // Distances of the left and lower and of the right and upper border from the view direction.
+    let low = camera.tangent - camera.shift;
+    let high = camera.tangent + camera.shift;
     if ORTHOGRAPHIC {
-        t = clip(t, camera.tangent.x + o.x, d.x);
-        t = clip(t, camera.tangent.x - o.x, -d.x);
-        t = clip(t, camera.tangent.y + o.y, d.y);
-        t = clip(t, camera.tangent.y - o.y, -d.y);
+        t = clip(t, low.x + o.x, d.x);
+        t = clip(t, high.x - o.x, -d.x);
+        t = clip(t, low.y + o.y, d.y);
+        t = clip(t, high.y - o.y, -d.y);
         t = clip(t, camera.far - z, d.z);
     } else {
-        t = clip(t, o.x + camera.tangent.x * z, d.x - camera.tangent.x * d.z);
-        t = clip(t, camera.tangent.x * z - o.x, -camera.tangent.x * d.z - d.x);
-        t = clip(t, o.y + camera.tangent.y * z, d.y - camera.tangent.y * d.z);
-        t = clip(t, camera.tangent.y * z - o.y, -camera.tangent.y * d.z - d.y);
+        t = clip(t, o.x + low.x * z, d.x - low.x * d.z);
+        t = clip(t, high.x * z - o.x, -high.x * d.z - d.x);
+        t = clip(t, o.y + low.y * z, d.y - low.y * d.z);
+        t = clip(t, high.y * z - o.y, -high.y * d.z - d.y);
     }
     t = clip(t, z - camera.near, -d.z);
     let end = o + t * d;

@@ -14,9 +14,11 @@
 #import common/camera.wgsl
 #import common/layers.wgsl
 #import common/optics.wgsl
+#import common/samples.wgsl
 #import common/scene.wgsl
 #import common/screen_ray.wgsl
 #import common/tiles.wgsl
+#import refract/host.wgsl
 
 struct Params {
     absorption: vec3f,     // 1/m; for several fluids the largest component, in all three channels
@@ -38,6 +40,9 @@ override RADIANCE_SCALING: bool = true;   // scale radiance by the squared index
 override CONTACT: bool = true;            // there are solids, and contact > 0
 override SCREEN_SOLIDS: bool = false;     // look up solids in the G-buffer first
 override REFLECT_SOLIDS: bool = true;     // reflections see the solids
+override HOST: bool = false;              // another program has drawn the opaque scene: refract/host.wgsl
+override BACKGROUND: bool = false;        // the scene has a background picture: refract/host.wgsl
+override TRANSPARENT: bool = false;       // no coverage where a ray meets neither liquid nor solid
 override COUNT: bool = false;             // write the diagnostics
 override SAMPLES: u32 = 1u;               // rays per pixel
 override EDGE_SAMPLES: u32 = 16u;         // rays per edge pixel without liquid
@@ -59,6 +64,8 @@ override ITERATIONS: u32 = 4u;            // of `newton` and `secant`
 // that their many rays do not diverge from pixels with a single ray.
 struct Edges {
     count: atomic<u32>,
+    looks: atomic<u32>,     // of the first ray of each pixel, with a host: terminated rays,
+    fallbacks: atomic<u32>, // and those that the host's picture does not show
     pixels: array<u32>, // x + 65536 y
 }
 
@@ -76,6 +83,14 @@ fn most_edges() -> u32 {
 
 // Reflectance above which an internal reflection is followed and the transmitted ray is only looked up.
 const STRONG: f32 = 0.3;
+
+// Whether limpid lights the solid.
+fn is_lit(solid: SolidHit) -> bool {
+    if HOST && solid.index == HOST_SCENE {
+        return false;
+    }
+    return solids[solid.index].lit == 1u;
+}
 
 // Transmittance of the liquid from `o` to `x`.
 fn transmittance_between(o: vec3f, x: vec3f) -> vec3f {
@@ -121,6 +136,8 @@ struct Diagnostics {
     iterations: f32,       // layer evaluations
     failures: f32,         // intersector failures
     fetches: f32,          // texels read
+    looks: f32,            // terminated rays, with a host
+    fallbacks: f32,        // those that the host's picture does not show
 }
 
 var<private> diagnosed: Diagnostics;
@@ -317,7 +334,19 @@ fn reflectance(cos_theta_i: f32, cos_theta_t: f32, eta: f32) -> f32 {
 
 // Solid that the ray hits; t is NOTHING if none.
 fn solid_ahead(o: vec3f, d: vec3f) -> SolidHit {
-    return scene_trace(camera_world_point(o), camera_world_direction(d));
+    let hit = scene_trace(camera_world_point(o), camera_world_direction(d));
+    if HOST {
+        return host_ahead(o, d, hit);
+    }
+    return hit;
+}
+
+// Solid that the ray through `omega` in a texel's pixel hits.
+fn first_solid(omega: vec3f, texel: vec2i) -> SolidHit {
+    if HOST {
+        return host_hit(omega, texel);
+    }
+    return solid_ahead(camera_ray_origin(omega), camera_ray_direction(omega));
 }
 
 // A terminated ray, whose radiance is looked up and weighted by `weight`.
@@ -332,6 +361,14 @@ struct Look {
 }
 
 fn look(ray: Look) -> vec3f {
+    if HOST {
+        diagnosed.looks += 1.0;
+        let shown = host_look(ray.o, ray.d, ray.solid);
+        if shown.w > 0.0 {
+            return ray.weight * shown.rgb;
+        }
+        diagnosed.fallbacks += 1.0;
+    }
     if SCREEN_SOLIDS && ray.screen {
         let hit = front_entry(OPAQUE, screen_ray(ray.o, ray.d, NOTHING));
         if hit.found {
@@ -344,7 +381,8 @@ fn look(ray: Look) -> vec3f {
 // Width of a ray after a path of this length: that of a pixel, shared among its rays, which flat
 // interfaces hardly change.
 fn ray_width(travelled: f32) -> f32 {
-    return travelled * 2.0 * camera.tangent.y / (camera.size.y * sqrt(f32(SAMPLES)));
+    let spread = select(travelled, 1.0, ORTHOGRAPHIC);
+    return spread * 2.0 * camera.tangent.y / (camera.size.y * sqrt(f32(SAMPLES)));
 }
 
 // Radiance of the solid at the centre of a G-buffer texel.
@@ -352,18 +390,29 @@ fn texel_radiance(texel: vec2i, ambient: vec3f, travelled: f32) -> vec3f {
     let omega = camera_omega(vec2f(texel) + 0.5);
     let plane = textureLoad(gbuffer_planes, texel, 0).xyz;
     let surface = textureLoad(gbuffer_surfaces, texel, 0);
+    let d = camera_world_direction(camera_ray_direction(omega));
+    if has_shape(MESH) {
+        // The G-buffer does not know triangles, nor in which order the solids are uploaded.
+        let o = camera_world_point(camera_ray_origin(omega));
+        let hit = scene_trace(o, d);
+        return solid_radiance(hit.index, hit.triangle, o + hit.t * d, hit.normal, d, ambient, ray_width(travelled));
+    }
     let x = camera_world_point(camera_point(omega, dot(plane, omega)));
-    return solid_radiance(u32(surface.w), x, surface.xyz, camera_world_direction(normalize(omega)), ambient, ray_width(travelled));
+    return solid_radiance(u32(surface.w), NO_TRIANGLE, x, surface.xyz, d, ambient, ray_width(travelled));
 }
 
 // Radiance of the solid that the ray hits, or of the environment.
 fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f, ambient: vec3f, travelled: f32) -> vec3f {
     let world_d = camera_world_direction(d);
+    if BACKGROUND && solid.t >= NOTHING && is_ahead(o, d) {
+        return background_radiance(o, d, travelled);
+    }
     if solid.t >= NOTHING {
         return environment_radiance(world_d);
     }
     let x = camera_world_point(o) + solid.t * world_d;
-    return solid_radiance(solid.index, x, solid.normal, world_d, ambient, ray_width(travelled + solid.t));
+    let width = ray_width(travelled + solid.t);
+    return solid_radiance(solid.index, solid.triangle, x, solid.normal, world_d, ambient, width);
 }
 
 fn in_picture(x: vec3f) -> bool {
@@ -382,27 +431,33 @@ fn covered(x: vec3f) -> bool {
     if plane_is_empty(front) && SPLASH {
         front = textureLoad(splash_layers, texel, FRONT, 0).xyz;
     }
-    return dot(front, camera_omega(u)) > 1.0 / -x.z;
+    return dot(front, camera_omega(u)) > camera_disparity(x);
 }
 
-// Whether the solid ahead of the ray is within `contact` of x, so that the liquid wets it.
-fn touches(solid: SolidHit, x: vec3f) -> bool {
+// Whether the solid ahead, which the ray hits at `at`, is within `contact` of x, so that the liquid wets it.
+fn touches(solid: SolidHit, at: vec3f, x: vec3f) -> bool {
     if !CONTACT || solid.t >= NOTHING {
         return false;
+    }
+    if HOST && solid.index == HOST_SCENE {
+        return abs(dot(solid.normal, camera_world_direction(x - at))) <= params.contact;
+    }
+    if has_shape(MESH) && solid.triangle != NO_TRIANGLE {
+        return mesh_is_near(solid.index, camera_world_point(x), params.contact);
     }
     return abs(solid_distance(solids[solid.index], camera_world_point(x))) <= params.contact;
 }
 
-// Traces the ray through pixel position `u` and returns its radiance.
+// Traces the ray through pixel position `u` and returns its radiance and coverage.
 //
 // Each loop iteration handles one event, for rays on either side of the liquid: intersects the next
 // interface, looks up one of the reflected and refracted rays, and follows the other. The expensive
 // parts thus appear only once and divergent rays share them. A ray that ends on a wet, lit solid takes
 // another iteration straight up to the surface, for the attenuation of ambient light.
-fn trace(u: vec2f, texel: vec2i) -> vec3f {
+fn trace(u: vec2f, texel: vec2i) -> vec4f {
     let omega = camera_omega(u);
-    var o = vec3f(0.0);
-    var d = normalize(omega);
+    var o = camera_ray_origin(omega);
+    var d = camera_ray_direction(omega);
     let slabs = load_slabs(texel);
     let aggregate = dot(slabs.aggregate_front, omega);
     let splash = dot(slabs.splash_front, omega);
@@ -411,8 +466,8 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
         front = slabs.splash_front;
     }
     let disparity = max(aggregate, splash);
-    var solid = solid_ahead(o, d);
-    let t_front = length(omega) / disparity;
+    var solid = first_solid(omega, texel);
+    let t_front = camera_distance(omega, disparity);
 
     var result = vec3f(0.0);
     var weight = vec3f(1.0);
@@ -422,12 +477,15 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
     let scale = select(1.0, params.ior * params.ior, RADIANCE_SCALING);
 
     // First interface, unless a solid is in front of it or the eye is in the liquid.
-    var hit = Interface(disparity > 0.0 && solid.t > t_front, omega / disparity, front, texel);
-    var inside = hit.found && disparity >= 1.0 / camera.near;
+    var hit = Interface(disparity > 0.0 && solid.t > t_front, camera_point(omega, disparity), front, texel);
+    if TRANSPARENT && !hit.found && (HOST || solid.t >= NOTHING) {
+        return vec4f(0.0);
+    }
+    var inside = hit.found && disparity >= camera_near_disparity();
     var eye = true;
     var travelled = 0.0;
     if inside {
-        o = omega * camera.near;
+        o = select(omega * camera.near, camera_point(omega, camera_near_disparity()), ORTHOGRAPHIC);
     }
 
     // The terminated ray, kept until its depth below the surface is known.
@@ -461,7 +519,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
                 to_hit = distance(hit.position, o);
                 // Whether the liquid reaches the solid.
                 wet = !rises && solid.t < NOTHING
-                    && (!hit.found || solid.t <= to_hit || touches(solid, hit.position));
+                    && (!hit.found || solid.t <= to_hit || touches(solid, o + solid.t * d, hit.position));
             }
             if rises {
                 let depth = max(height - dot(o, up), 0.0);
@@ -488,7 +546,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             travelled += distance(o, hit.position);
             o = hit.position;
             start = hit.texel;
-            var n = normalize(hit.plane);
+            var n = plane_normal(hit.plane);
             if dot(n, d) > 0.0 {
                 n = -n;
             }
@@ -548,7 +606,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
         if ANY_LIT && wet {
             // Starts within the layers' liquid: the solid may be slightly beyond it.
             o += min(solid.t, select(NOTHING, to_hit, hit.found)) * d;
-            rises = ABSORPTION && solids[solid.index].lit == 1u && in_picture(o);
+            rises = ABSORPTION && is_lit(solid) && in_picture(o);
             if rises {
                 d = up;
                 start = vec2i(camera_pixel(o));
@@ -560,36 +618,27 @@ fn trace(u: vec2f, texel: vec2i) -> vec3f {
             result += look(seen);
         }
         if ends {
-            return result;
+            return vec4f(result, 1.0);
         }
     }
-    return result;
-}
-
-// Offset of sample `index` of `count` in the pixel: for square counts a regular grid, sheared so that no
-// two samples share a row or a column; otherwise the R2 sequence.
-fn sample_offset(index: u32, count: u32) -> vec2f {
-    let side = u32(sqrt(f32(count)) + 0.5);
-    if side * side != count {
-        return fract(0.5 + f32(index) * vec2f(0.75487767, 0.56984029));
-    }
-    let cell = vec2f(f32(index % side), f32(index / side));
-    let within = (vec2f(f32(side) - 1.0 - cell.y, cell.x) + 0.5) / f32(side);
-    return (cell + within) / f32(side);
+    return vec4f(result, 1.0);
 }
 
 // Relative difference of radiance that distinguishes an edge from shading, and from filtered patterns.
 const EDGE: f32 = 0.02;
 const FILTERED_EDGE: f32 = 0.1;
 
-fn background_ray(u: vec2f) -> vec3f {
-    let eye = vec3f(0.0);
-    let d = normalize(camera_omega(u));
-    return radiance_of(solid_ahead(eye, d), eye, d, vec3f(1.0), 0.0);
+fn background_ray(u: vec2f) -> vec4f {
+    let omega = camera_omega(u);
+    let o = camera_ray_origin(omega);
+    let d = camera_ray_direction(omega);
+    let solid = solid_ahead(o, d);
+    let seen = radiance_of(solid, o, d, vec3f(1.0), 0.0);
+    return select(vec4f(seen, 1.0), vec4f(0.0), TRANSPARENT && solid.t >= NOTHING);
 }
 
-fn background_mean(p: vec2i, count: u32) -> vec3f {
-    var sum = vec3f(0.0);
+fn background_mean(p: vec2i, count: u32) -> vec4f {
+    var sum = vec4f(0.0);
     for (var i = 0u; i < count; i++) {
         sum += background_ray(vec2f(p) + sample_offset(i, count));
     }
@@ -605,13 +654,18 @@ fn draw_background(p: vec2i) {
     if COUNT {
         textureStore(diagnostics, p, vec4f(0.0));
     }
-    if EDGE_SAMPLES <= SAMPLES {
-        textureStore(radiance, p, vec4f(background_mean(p, SAMPLES), 1.0));
+    if HOST {
+        let drawn = vec4f(textureLoad(host_color, p, 0).rgb, 1.0);
+        textureStore(radiance, p, select(drawn, vec4f(0.0), TRANSPARENT));
         return;
     }
-    var low = vec3f(NOTHING);
-    var high = vec3f(0.0);
-    var sum = vec3f(0.0);
+    if EDGE_SAMPLES <= SAMPLES {
+        textureStore(radiance, p, background_mean(p, SAMPLES));
+        return;
+    }
+    var low = vec4f(NOTHING);
+    var high = vec4f(0.0);
+    var sum = vec4f(0.0);
     for (var probe = 0u; probe < 5u + EDGE_SAMPLES; probe++) {
         var at = vec2f(vec2u(probe & 1u, probe >> 1u));
         if probe >= 5u {
@@ -628,14 +682,14 @@ fn draw_background(p: vec2i) {
             return;
         }
     }
-    textureStore(radiance, p, vec4f(sum / f32(EDGE_SAMPLES), 1.0));
+    textureStore(radiance, p, sum / f32(EDGE_SAMPLES));
 }
 
 // Draws a pixel whose probes hardly differ in the colour of its centre.
-fn is_flat(p: vec2i, centre: vec3f, low: vec3f, high: vec3f) -> bool {
+fn is_flat(p: vec2i, centre: vec4f, low: vec4f, high: vec4f) -> bool {
     let flat = all(high - low <= select(EDGE, FILTERED_EDGE, FILTER_PATTERNS) * high);
     if flat {
-        textureStore(radiance, p, vec4f(centre, 1.0));
+        textureStore(radiance, p, centre);
     }
     return flat;
 }
@@ -660,7 +714,7 @@ fn edge_pixels(@builtin(global_invocation_id) id: vec3u) {
     }
     let packed = edges.pixels[id.x];
     let p = vec2i(vec2u(packed & 0xffffu, packed >> 16u));
-    textureStore(radiance, p, vec4f(background_mean(p, EDGE_SAMPLES), 1.0));
+    textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
 }
 
 fn has_liquid(texel: vec2i) -> bool {
@@ -674,7 +728,7 @@ fn has_liquid(texel: vec2i) -> bool {
 // Whether solids hide the liquid over the whole pixel, tested at its centre and corners. The front's
 // plane may be steep at a rim, so a solid in front of its depth at the centre suffices.
 fn is_hidden(p: vec2i) -> bool {
-    if SOLIDS == 0u {
+    if SOLIDS == 0u && !HOST {
         return false;
     }
     let middle = camera_omega(vec2f(p) + 0.5);
@@ -687,8 +741,8 @@ fn is_hidden(p: vec2i) -> bool {
     for (var probe = 0; probe < 5; probe++) {
         let corner = vec2f(vec2i(probe & 1, (probe >> 1u) & 1));
         let omega = camera_omega(vec2f(p) + select(corner, vec2f(0.5), probe == 0));
-        let solid = solid_ahead(vec3f(0.0), normalize(omega));
-        if length(omega) / solid.t < min(disparity, dot(front, omega)) {
+        let solid = first_solid(omega, p);
+        if camera_disparity_at(omega, solid.t) < min(disparity, dot(front, omega)) {
             return false;
         }
     }
@@ -712,11 +766,15 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
     }
     diagnosed = Diagnostics();
     let share = 1.0 / f32(SAMPLES);
-    var color = vec3f(0.0);
+    var color = vec4f(0.0);
     for (var i = 0u; i < SAMPLES; i++) {
         color += share * trace(vec2f(p) + sample_offset(i, SAMPLES), p);
+        if HOST && i == 0u {
+            atomicAdd(&edges.looks, u32(diagnosed.looks));
+            atomicAdd(&edges.fallbacks, u32(diagnosed.fallbacks));
+        }
     }
-    textureStore(radiance, p, vec4f(color, 1.0));
+    textureStore(radiance, p, vec4f(color.rgb, select(1.0, color.a, TRANSPARENT)));
     if COUNT {
         let d = diagnosed;
         textureStore(diagnostics, p, vec4f(d.interfaces, d.inside, d.iterations, d.failures) * share);
@@ -730,7 +788,7 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         return;
     }
     let p = tile_pixel(tiles.tiles[index], local.xy);
-    if EDGE_SAMPLES <= SAMPLES {
+    if EDGE_SAMPLES <= SAMPLES || HOST {
         if all(p < vec2i(camera.size)) {
             draw_background(p);
         }
@@ -741,7 +799,7 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
     let thread = i32(local.y) * 8 + i32(local.x);
     let first = p - vec2i(local.xy);
     let far = select(vec2i(8, thread), vec2i(thread - 9, 8), thread >= 9);
-    var centre = vec3f(0.0);
+    var centre = vec4f(0.0);
     for (var k = 0; k < 3; k++) {
         if k == 1 && thread >= 17 {
             continue;
@@ -768,9 +826,9 @@ fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         high = max(high, corner);
     }
     if !is_flat(p, centre, low, high) && !is_deferred(p) {
-        textureStore(radiance, p, vec4f(background_mean(p, EDGE_SAMPLES), 1.0));
+        textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
     }
 }
 
 // Radiance of the background at the corners of a tile's pixels, by rows.
-var<workgroup> tile_corners: array<vec3f, 81>;
+var<workgroup> tile_corners: array<vec4f, 81>;

@@ -41,9 +41,10 @@ fn single(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
     if plane_is_empty(normal_plane) || disparity <= 0.0 || disparity >= ray.disparity {
         return no_interface();
     }
-    let thickness = 1.0 / disparity - 1.0 / ray.disparity;
-    let pixels_per_metre = 0.5 * camera.size.y * ray.disparity / camera.tangent.y;
-    let n = -normalize(normal_plane);
+    let thickness = select(1.0 / disparity - 1.0 / ray.disparity, ray.disparity - disparity, ORTHOGRAPHIC);
+    let spread = select(ray.disparity, 1.0, ORTHOGRAPHIC);
+    let pixels_per_metre = 0.5 * camera.size.y * spread / camera.tangent.y;
+    let n = -plane_normal(normal_plane);
     var u = ray.u + SINGLE_OFFSET * thickness * pixels_per_metre * vec2f(-n.x, n.y);
     var plane = plane_at(layer_class, side, u);
     if plane_is_empty(plane) || any(u < vec2f(0.0)) || any(u >= camera.size) {
@@ -51,7 +52,7 @@ fn single(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
         plane = behind;
     }
     let to = camera_omega(u);
-    return Interface(true, to / dot(plane, to), plane, clamped_texel(u));
+    return Interface(true, camera_point(to, dot(plane, to)), plane, clamped_texel(u));
 }
 
 fn class_exit(layer_class: i32, ray: ScreenRay) -> Interface {

@@ -10,7 +10,7 @@ fn point_at(layer_class: i32, side: i32, u: vec2f, level: i32) -> vec3f {
     diagnosed.iterations += 1.0;
     let omega = camera_omega(u);
     let disparity = dot(class_plane_at(layer_class, side, mip_texel(clamped_texel(u), level), level), omega);
-    return select(vec3f(0.0), omega / disparity, disparity > 0.0);
+    return select(vec3f(0.0), camera_point(omega, disparity), disparity > 0.0);
 }
 
 fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
@@ -20,7 +20,7 @@ fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
     if disparity <= 0.0 {
         return no_interface();
     }
-    let far = o + distance(o, ray.omega / disparity) * ray.direction;
+    let far = o + distance(o, camera_point(ray.omega, disparity)) * ray.direction;
     if far.z >= -camera.near {
         return no_interface();
     }

@@ -16,12 +16,14 @@ pub const MOST_WORK: u64 = 1 << 30;
 /// Largest number of submissions in flight: more would only take memory.
 const MAX_IN_FLIGHT: usize = 3;
 
-/// The commands of a frame, recorded and submitted in parts.
+/// The commands of a frame, recorded and submitted in parts, or recorded into a caller's encoder.
 pub struct Commands<'a> {
-    /// The device that the commands are submitted to.
+    /// The device that the commands are for.
     pub gpu: &'a Gpu,
     /// Encoder of the next submission.
-    pub encoder: wgpu::CommandEncoder,
+    pub encoder: &'a mut wgpu::CommandEncoder,
+    /// Whether to submit parts.
+    submits: bool,
     /// Work recorded in the encoder.
     work: u64,
     in_flight: VecDeque<wgpu::SubmissionIndex>,
@@ -30,10 +32,15 @@ pub struct Commands<'a> {
 }
 
 impl<'a> Commands<'a> {
-    /// Starts without recorded commands.
-    pub fn new(gpu: &'a Gpu) -> Self {
-        let encoder = gpu.device.create_command_encoder(&Default::default());
-        Self { gpu, encoder, work: 0, in_flight: VecDeque::new(), submissions: 0 }
+    /// Commands that are submitted in parts; after each part `encoder` is a new one.
+    pub fn new(gpu: &'a Gpu, encoder: &'a mut wgpu::CommandEncoder) -> Self {
+        let (in_flight, submissions) = (VecDeque::new(), 0);
+        Self { gpu, encoder, submits: true, work: 0, in_flight, submissions }
+    }
+
+    /// Commands that the caller submits.
+    pub fn within(gpu: &'a Gpu, encoder: &'a mut wgpu::CommandEncoder) -> Self {
+        Self { submits: false, ..Self::new(gpu, encoder) }
     }
 
     /// Announces work. Submits the commands recorded so far if both together exceed one submission.
@@ -44,10 +51,13 @@ impl<'a> Commands<'a> {
         self.work = self.work.saturating_add(work);
     }
 
-    /// Submits the recorded commands.
+    /// Submits the recorded commands, unless the caller does.
     pub fn submit(&mut self) {
+        if !self.submits {
+            return;
+        }
         let next = self.gpu.device.create_command_encoder(&Default::default());
-        let commands = std::mem::replace(&mut self.encoder, next).finish();
+        let commands = std::mem::replace(self.encoder, next).finish();
         self.in_flight.push_back(self.gpu.queue.submit([commands]));
         self.work = 0;
         self.submissions += 1;

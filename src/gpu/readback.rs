@@ -1,5 +1,9 @@
 //! Readback of buffers and textures.
 
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll, Waker};
+
 use super::Gpu;
 use crate::error::{Error, Result};
 
@@ -98,21 +102,110 @@ pub fn read_mapped<T>(
     Ok(result)
 }
 
+/// A copy of a buffer by commands that the caller submits, collected without waiting.
+#[derive(Debug)]
+pub struct Pending {
+    staging: wgpu::Buffer,
+    /// `None` before it was asked for.
+    mapping: Option<Mapping>,
+}
+
+impl Pending {
+    /// Records the copy of `size` bytes from `offset` of a buffer that has `COPY_SRC` usage.
+    pub fn record(
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        buffer: &wgpu::Buffer,
+        offset: u64,
+        size: u64,
+    ) -> Self {
+        let staging = staging(gpu, size);
+        encoder.copy_buffer_to_buffer(buffer, offset, &staging, 0, size);
+        Self { staging, mapping: None }
+    }
+
+    /// The bytes, if the device has finished. To be called only after the commands were submitted; the
+    /// caller polls the device, as its frame loop does.
+    pub fn collect(&mut self) -> Option<Vec<u8>> {
+        let mapping = self.mapping.get_or_insert_with(|| Mapping::begin(&self.staging));
+        let bytes = mapping.outcome()?.ok().map(|()| self.staging.get_mapped_range(..));
+        bytes?.ok().map(|bytes| bytes.to_vec())
+    }
+}
+
+/// The mapping of a buffer, done when the device has filled it: a future that the device's poll wakes.
+#[derive(Debug, Clone)]
+struct Mapping(Arc<Mutex<MappingState>>);
+
+#[derive(Debug, Default)]
+struct MappingState {
+    outcome: Option<Result<()>>,
+    /// Whoever waits for the outcome.
+    waker: Option<Waker>,
+}
+
+impl Mapping {
+    fn begin(buffer: &wgpu::Buffer) -> Self {
+        let mapping = Self(Arc::default());
+        let done = mapping.clone();
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+            let mut state = done.0.lock().unwrap_or_else(PoisonError::into_inner);
+            state.outcome = Some(result.map_err(|e| Error::DeviceLost(e.to_string())));
+            if let Some(waker) = state.waker.take() {
+                waker.wake();
+            }
+        });
+        mapping
+    }
+
+    /// The outcome, once.
+    fn outcome(&self) -> Option<Result<()>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).outcome.take()
+    }
+}
+
+impl Future for Mapping {
+    type Output = Result<()>;
+
+    fn poll(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match state.outcome.take() {
+            Some(outcome) => Poll::Ready(outcome),
+            None => {
+                state.waker = Some(context.waker().clone());
+                Poll::Pending
+            }
+        }
+    }
+}
+
 impl Reading {
     /// Waits for the readback, not for later submissions.
     pub fn wait(self, gpu: &Gpu) -> Result<Vec<u8>> {
         let Self { staging, padded_row, row, submission } = self;
-        let bytes = read_mapped(gpu, &staging, staging.size(), submission, |mapped| {
-            let rows = mapped.chunks_exact(padded_row as usize);
-            let mut bytes = Vec::new();
-            bytes.try_reserve_exact(rows.len() * row as usize)?;
-            for padded in rows {
-                bytes.extend_from_slice(&padded[..row as usize]);
-            }
-            Ok(bytes)
-        })?;
-        bytes.map_err(|e: std::collections::TryReserveError| {
-            Error::DeviceLost(format!("no memory for a picture: {e}"))
-        })
+        read_mapped(gpu, &staging, staging.size(), submission, |mapped| {
+            unpadded(mapped, padded_row, row)
+        })?
     }
+
+    /// As [`Reading::wait`], without blocking. Browsers poll their devices; other programs poll this one,
+    /// from another thread or between turns of their executor.
+    pub async fn ready(self, gpu: &Gpu) -> Result<Vec<u8>> {
+        let Self { staging, padded_row, row, .. } = self;
+        gpu.check()?;
+        Mapping::begin(&staging).await?;
+        let mapped = staging.get_mapped_range(..);
+        let mapped = mapped.map_err(|e| Error::DeviceLost(e.to_string()))?;
+        unpadded(&mapped, padded_row, row)
+    }
+}
+
+/// Rows of `row` bytes of which each takes `padded_row`.
+fn unpadded(mapped: &[u8], padded_row: u64, row: u64) -> Result<Vec<u8>> {
+    let rows = mapped.chunks_exact(padded_row as usize);
+    let mut bytes = Vec::new();
+    let reserved = bytes.try_reserve_exact(rows.len() * row as usize);
+    reserved.map_err(|e| Error::DeviceLost(format!("no memory for a picture: {e}")))?;
+    rows.for_each(|padded| bytes.extend_from_slice(&padded[..row as usize]));
+    Ok(bytes)
 }

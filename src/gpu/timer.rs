@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Gpu, read_buffer};
+use super::{Gpu, Pending, read_buffer};
 use crate::error::Result;
 
 /// Device time of one pass.
@@ -71,15 +71,39 @@ impl Timer {
     /// Waits for the device and returns the spans in order; empty without timestamps.
     pub fn read(&self, gpu: &Gpu, resolved: Option<&wgpu::Buffer>) -> Result<Vec<PassTime>> {
         let Some(buffer) = resolved else { return Ok(Vec::new()) };
-        let bytes = read_buffer(gpu, buffer)?;
-        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
+        Ok(self.times(gpu, &read_buffer(gpu, buffer)?))
+    }
+
+    /// The spans' times, from the bytes of a resolved buffer.
+    fn times(&self, gpu: &Gpu, bytes: &[u8]) -> Vec<PassTime> {
+        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(bytes);
         let ms_per_tick = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
-        Ok(self
-            .names
+        self.names
             .iter()
             .zip(ticks.chunks_exact(2))
             .map(|(&name, t)| PassTime { name, ms: t[1].saturating_sub(t[0]) as f64 * ms_per_tick })
-            .collect())
+            .collect()
+    }
+}
+
+/// Pass times of commands that the caller submits, collected without waiting.
+#[derive(Debug)]
+pub struct PendingTimes {
+    timer: Timer,
+    ticks: Pending,
+}
+
+impl PendingTimes {
+    /// Records the copy of the times; `None` without timestamps.
+    pub fn record(gpu: &Gpu, timer: Timer, encoder: &mut wgpu::CommandEncoder) -> Option<Self> {
+        let resolved = timer.resolve(gpu, encoder)?;
+        let ticks = Pending::record(gpu, encoder, &resolved, 0, resolved.size());
+        Some(Self { timer, ticks })
+    }
+
+    /// The times, if the device has finished: see [`Pending::collect`].
+    pub fn collect(&mut self, gpu: &Gpu) -> Option<Vec<PassTime>> {
+        Some(self.timer.times(gpu, &self.ticks.collect()?))
     }
 }
 

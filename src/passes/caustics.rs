@@ -568,12 +568,18 @@ impl Work {
 
 impl Key {
     fn new(scene: &Scene, bound: &SceneBinding, method: Method, splash: bool) -> Self {
-        let exact = Variant::new(scene, splash, false);
+        let exact = Variant::new(scene, splash, false, false);
         let variant = Variant { solver: Solver::Guarded, filter: false, stride: 1, ..exact };
         // Settings that the kernels do not read must not create variants.
         let variant = Variant { solids: Solids::Exact, iterations: 0, ..variant };
-        let variant = Variant { samples: 1, edge_samples: 1, ..variant };
-        let scene_variant = SceneVariant { lights: 0, environment: 0, lit: false, ..bound.variant };
+        let variant = Variant { samples: 1, edge_samples: 1, transparent: false, ..variant };
+        let scene_variant = SceneVariant {
+            lights: 0,
+            environment: 0,
+            lit: false,
+            textures: false,
+            ..bound.variant
+        };
         Self { variant, scene: scene_variant, method }
     }
 }

@@ -7,6 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec2, Vec3};
 use wgpu::TextureViewDimension::{D2, D2Array};
 
+use super::mesh_buffers::{MeshBuffers, MeshPlace};
 use super::{CameraBinding, GBufferImages, Layers};
 use crate::environment::{Environment, Glow};
 use crate::gpu::{self, Gpu, Span};
@@ -44,11 +45,12 @@ pub struct SceneUniform {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct SolidData {
-    /// A point of the plane, or the centre of a box or sphere, relative to the eye, m.
+    /// A point of the plane, or the centre of a box, sphere or mesh, relative to the eye, m.
     pub origin: [f32; 3],
-    /// 0 plane, 1 box, 2 sphere.
+    /// 0 plane, 1 box, 2 sphere, 3 mesh.
     pub shape: u32,
-    /// A plane's normal, a box's half sides, a sphere's radius in x.
+    /// A plane's normal, a box's half sides, a sphere's radius in x; a mesh's scale, its inverse, and the
+    /// largest distance from the centre, unscaled.
     pub extent: [f32; 3],
     /// Half the side of a plane's square, m.
     pub half_extent: f32,
@@ -66,8 +68,14 @@ pub struct SolidData {
     pub inv_fade2: f32,
     /// The point that it fades around, relative to the eye, m.
     pub middle: [f32; 3],
-    /// Padding.
-    pub pad: u32,
+    /// Word of its texture, or 1 for a mesh's own colours, or 0.
+    pub texture: u32,
+    /// A mesh's rotation, a quaternion.
+    pub rotation: [f32; 4],
+    /// Row where a mesh begins, row of its first triangle, word of its first attributes.
+    pub mesh: [u32; 3],
+    /// Index in the scene.
+    pub number: u32,
 }
 
 /// `Light` of `common/lights.wgsl`.
@@ -124,8 +132,12 @@ pub const LIGHT_VIEWS: usize = 1 + CUBE;
 pub struct SceneVariant {
     /// Number of solids.
     pub solids: u32,
-    /// Bit mask of their shapes: 1 plane, 2 box, 4 sphere.
+    /// Number of meshes among them.
+    pub meshes: u32,
+    /// Bit mask of their shapes: 1 plane, 2 box, 4 sphere, 8 mesh.
     pub shapes: u32,
+    /// Whether any but a mesh has a texture.
+    pub textures: bool,
     /// Whether any is lit.
     pub lit: bool,
     /// Number of lights.
@@ -149,6 +161,8 @@ impl SceneVariant {
             Environment::Map { .. } => 2,
             Environment::Sky { .. } => 3,
         };
+        let is_mesh = |solid: &&Solid| matches!(solid.shape, Shape::Mesh { .. });
+        let is_textured = |solid: &Solid| matches!(solid.surface, Surface::Texture { .. });
         let patterned = |solid: &Solid| !matches!(solid.surface, Surface::Color(_));
         let fades =
             scene.solids.iter().any(|solid| matches!(solid.surface, Surface::Ground { .. }));
@@ -161,7 +175,9 @@ impl SceneVariant {
         let lit = scene.solids.iter().any(|solid| solid.lit);
         Self {
             solids,
+            meshes: scene.solids.iter().filter(is_mesh).count() as u32,
             shapes,
+            textures: scene.solids.iter().any(is_textured),
             lit,
             lights,
             straight_views: false,
@@ -171,10 +187,12 @@ impl SceneVariant {
         }
     }
 
-    pub fn constants(self) -> [(&'static str, f64); 8] {
+    pub fn constants(self) -> [(&'static str, f64); 10] {
         [
             ("SOLIDS", self.solids),
+            ("MESHES", self.meshes),
             ("SHAPES", self.shapes),
+            ("TEXTURES", self.textures.into()),
             ("ANY_LIT", self.lit.into()),
             ("LIGHTS", self.lights),
             ("STRAIGHT_VIEWS", self.straight_views.into()),
@@ -198,6 +216,7 @@ pub struct SceneBinding {
     light_views: wgpu::Buffer,
     environment: Environment,
     maps: Option<LightMaps>,
+    meshes: Option<[wgpu::Buffer; 2]>,
 }
 
 /// The maps of a scene's lights: `common/lights.wgsl`.
@@ -220,6 +239,8 @@ impl SceneBinding {
             gpu::sampled(D2Array),
             gpu::sampled(D2Array),
             gpu.branching::<[LightViewData; MAX_LIGHTS * LIGHT_VIEWS]>(),
+            gpu::storage::<[u32; 4]>(),
+            gpu::storage::<u32>(),
         ];
         let layout = gpu.layout("scene", wgpu::ShaderStages::COMPUTE, &bindings);
         let solids = gpu::uniform_buffer::<[SolidData; MAX_SOLIDS]>(gpu, "solids");
@@ -228,22 +249,29 @@ impl SceneBinding {
             gpu::uniform_buffer::<[LightViewData; MAX_LIGHTS * LIGHT_VIEWS]>(gpu, "light views");
         let environment = Environment::default();
         let buffers = [&solids, &lights, &light_views];
-        let group = bind(gpu, &layout, buffers, &environment, None);
+        let none = MeshBuffers::new(gpu);
+        let group = bind(gpu, &layout, buffers, &environment, None, &none);
         let variant = SceneVariant::default();
-        Self { layout, group, variant, solids, lights, light_views, environment, maps: None }
+        let (maps, meshes) = (None, None);
+        Self { layout, group, variant, solids, lights, light_views, environment, maps, meshes }
     }
 
     /// Uploads a scene's solids and lights relative to `eye`, the lights' views, and the environment if it
-    /// has changed.
+    /// has changed; `meshes` are on the device.
     pub fn upload(
         &mut self,
         gpu: &Gpu,
         scene: &Scene,
+        meshes: &MeshBuffers,
         eye: DVec3,
         views: &[PlacedView],
         maps: Option<&LightMaps>,
     ) {
-        let solids: Vec<_> = scene.solids.iter().map(|solid| solid_data(solid, eye)).collect();
+        let solids = (0..).zip(&scene.solids).zip(&meshes.places);
+        let mut solids: Vec<_> = solids
+            .map(|((number, solid), &place)| SolidData::new(solid, number, place, eye))
+            .collect();
+        solids.sort_by_key(|solid| solid.shape == MESH);
         let mut lights: Vec<_> = scene.lights.iter().map(|light| light_data(light, eye)).collect();
         let mut light_views = vec![LightViewData::zeroed(); LIGHT_VIEWS * lights.len()];
         for placed in views {
@@ -255,12 +283,15 @@ impl SceneBinding {
         gpu.queue.write_buffer(&self.solids, 0, bytemuck::cast_slice(&solids));
         gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights));
         gpu.queue.write_buffer(&self.light_views, 0, bytemuck::cast_slice(&light_views));
-        if self.environment != scene.environment || self.maps.as_ref() != maps {
+        let mesh_buffers = Some([meshes.geometry.clone(), meshes.surfaces.clone()]);
+        let same_environment = self.environment == scene.environment;
+        if !same_environment || self.maps.as_ref() != maps || self.meshes != mesh_buffers {
             let environment = &scene.environment;
             let buffers = [&self.solids, &self.lights, &self.light_views];
-            self.group = bind(gpu, &self.layout, buffers, environment, maps);
+            self.group = bind(gpu, &self.layout, buffers, environment, maps, meshes);
             self.environment = environment.clone();
             self.maps = maps.cloned();
+            self.meshes = mesh_buffers;
         }
         let straight_views = views.iter().any(|placed| placed.straight > 0);
         self.variant = SceneVariant { straight_views, ..SceneVariant::new(scene) };
@@ -273,6 +304,7 @@ fn bind(
     [solids, lights, light_views]: [&wgpu::Buffer; 3],
     environment: &Environment,
     light_maps: Option<&LightMaps>,
+    meshes: &MeshBuffers,
 ) -> wgpu::BindGroup {
     let one_pixel = [[0f32; 4]];
     let [zenith, horizon, nadir] = match *environment {
@@ -326,6 +358,8 @@ fn bind(
         wgpu::BindingResource::TextureView(&maps),
         wgpu::BindingResource::TextureView(&receivers),
         light_views.as_entire_binding(),
+        meshes.geometry.as_entire_binding(),
+        meshes.surfaces.as_entire_binding(),
     ];
     gpu::bind_group(gpu, "scene", layout, &resources)
 }
@@ -336,49 +370,77 @@ fn shape_code(shape: &Shape) -> u32 {
         Shape::Plane { .. } => 0,
         Shape::Box { .. } => 1,
         Shape::Sphere { .. } => 2,
+        Shape::Mesh { .. } => MESH,
     }
 }
 
-fn solid_data(solid: &Solid, eye: DVec3) -> SolidData {
-    let (origin, extent, half_extent) = match solid.shape {
-        Shape::Plane { origin, normal, half_extent } if half_extent < f32::INFINITY => {
-            (origin - eye, normal, half_extent)
+/// A mesh's code.
+const MESH: u32 = 3;
+
+/// A mesh's own colours in place of a texture.
+const OWN_COLORS: u32 = 1;
+
+impl SolidData {
+    /// A solid relative to the eye, m; `number` is its index in the scene.
+    pub fn new(solid: &Solid, number: u32, place: MeshPlace, eye: DVec3) -> Self {
+        let (origin, extent, half_extent) = match solid.shape {
+            Shape::Plane { origin, normal, half_extent } if half_extent < f32::INFINITY => {
+                (origin - eye, normal, half_extent)
+            }
+            // An infinite plane is given by its point nearest to the eye, which is the most precise.
+            Shape::Plane { origin, normal, .. } => {
+                ((origin - eye).project_onto(normal.as_dvec3()), normal, 1e30)
+            }
+            Shape::Box { min, max } => {
+                (0.5 * (min + max) - eye, (0.5 * (max - min)).as_vec3(), 0.0)
+            }
+            Shape::Sphere { center, radius } => (center - eye, Vec3::splat(radius), 0.0),
+            Shape::Mesh { ref mesh, placement } => {
+                let scale = placement.scale;
+                let extent = Vec3::new(scale as f32, scale.recip() as f32, mesh.reach());
+                (placement.world_from_mesh(mesh.origin()) - eye, extent, 0.0)
+            }
+        };
+        let (even, tile, odd, fade) = match solid.surface {
+            Surface::Texture { tile, .. } => (Vec3::ONE, tile, Vec3::ONE, f32::INFINITY),
+            Surface::Own => (Vec3::ONE, 0.0, Vec3::ONE, f32::INFINITY),
+            Surface::Color(color) => (color, 0.0, color, f32::INFINITY),
+            Surface::Checker { tile, even, odd } => (even, tile, odd, f32::INFINITY),
+            Surface::Ground { tile, even, odd, fade } => (even, tile, odd, fade),
+        };
+        let middle = match solid.shape {
+            Shape::Plane { origin, .. } => origin,
+            Shape::Box { min, max } => 0.5 * (min + max),
+            Shape::Sphere { center, .. } => center,
+            Shape::Mesh { placement, .. } => placement.translate,
+        };
+        let rotation = match solid.shape {
+            Shape::Mesh { placement, .. } => placement.rotate.as_quat().to_array(),
+            _ => [0.0; 4],
+        };
+        let texture = if solid.surface == Surface::Own { OWN_COLORS } else { place.texture };
+        // Tiles are counted from the world's origin.
+        let phase = match tile {
+            0.0 => DVec3::ZERO,
+            tile => (eye / f64::from(tile)).rem_euclid(DVec3::splat(2.0)),
+        };
+        Self {
+            origin: origin.as_vec3().to_array(),
+            shape: shape_code(&solid.shape),
+            extent: extent.to_array(),
+            half_extent,
+            even: even.to_array(),
+            tile,
+            odd: odd.to_array(),
+            lit: u32::from(solid.lit),
+            phase: phase.as_vec3().to_array(),
+            inv_fade2: fade.recip().powi(2),
+            middle: (middle - eye).as_vec3().to_array(),
+            texture,
+            rotation,
+            mesh: place.mesh,
+            number,
         }
-        // An infinite plane is given by its point nearest to the eye, which is the most precise.
-        Shape::Plane { origin, normal, .. } => {
-            ((origin - eye).project_onto(normal.as_dvec3()), normal, 1e30)
-        }
-        Shape::Box { min, max } => (0.5 * (min + max) - eye, (0.5 * (max - min)).as_vec3(), 0.0),
-        Shape::Sphere { center, radius } => (center - eye, Vec3::splat(radius), 0.0),
-    };
-    let (even, tile, odd, fade) = match solid.surface {
-        Surface::Color(color) => (color, 0.0, color, f32::INFINITY),
-        Surface::Checker { tile, even, odd } => (even, tile, odd, f32::INFINITY),
-        Surface::Ground { tile, even, odd, fade } => (even, tile, odd, fade),
-    };
-    let middle = match solid.shape {
-        Shape::Plane { origin, .. } => origin,
-        Shape::Box { min, max } => 0.5 * (min + max),
-        Shape::Sphere { center, .. } => center,
-    };
-    // Tiles are counted from the world's origin.
-    let phase = match tile {
-        0.0 => DVec3::ZERO,
-        tile => (eye / f64::from(tile)).rem_euclid(DVec3::splat(2.0)),
-    };
-    SolidData {
-        origin: origin.as_vec3().to_array(),
-        shape: shape_code(&solid.shape),
-        extent: extent.to_array(),
-        half_extent,
-        even: even.to_array(),
-        tile,
-        odd: odd.to_array(),
-        lit: u32::from(solid.lit),
-        phase: phase.as_vec3().to_array(),
-        inv_fade2: fade.recip().powi(2),
-        middle: (middle - eye).as_vec3().to_array(),
-        pad: 0,
     }
 }
 

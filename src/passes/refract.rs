@@ -15,8 +15,8 @@ use super::tiles::TileLists;
 use super::view_passes::ViewPasses;
 use super::{CameraBinding, Layers, Radiance};
 use crate::environment::EvenLight;
-use crate::gpu::{self, Commands, Gpu, Span};
-use crate::scene::Scene;
+use crate::gpu::{self, Commands, Gpu, Pending, Span};
+use crate::scene::{Scene, Shape, Solid};
 use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
 
 /// `Params` of `refract/interfaces.wgsl`.
@@ -76,13 +76,19 @@ pub struct Variant {
     pub solids: Solids,
     /// What reflected rays hit.
     pub reflections: Reflections,
+    /// A host has drawn the opaque scene.
+    pub host: bool,
+    /// The scene has a background picture.
+    pub background: bool,
+    /// The environment covers no pixel.
+    pub transparent: bool,
     /// Write the diagnostics.
     pub count: bool,
 }
 
 impl Variant {
     /// The variant with the fewest features that draws a frame.
-    pub fn new(scene: &Scene, splash: bool, count: bool) -> Self {
+    pub fn new(scene: &Scene, splash: bool, host: bool, count: bool) -> Self {
         let settings = &scene.settings.refract;
         let iterates = matches!(settings.solver, Solver::Newton | Solver::Secant);
         Self {
@@ -98,9 +104,12 @@ impl Variant {
             mixture: mixture::is_mixed(scene),
             fresnel: settings.fresnel,
             radiance_scaling: settings.radiance_scaling,
-            contact: settings.contact > 0.0 && !scene.solids.is_empty(),
-            solids: if scene.solids.is_empty() { Solids::Exact } else { settings.solids },
+            contact: settings.contact > 0.0 && (host || !scene.solids.is_empty()),
+            solids: if host || scene.solids.is_empty() { Solids::Exact } else { settings.solids },
             reflections: settings.reflections,
+            host,
+            background: scene.background.is_some() && !host,
+            transparent: settings.transparent,
             count,
         }
     }
@@ -135,7 +144,7 @@ impl Variant {
         constants
     }
 
-    fn switches(self) -> [(&'static str, f64); 9] {
+    fn switches(self) -> [(&'static str, f64); 12] {
         [
             ("SPLASH", self.splash),
             ("ABSORPTION", self.absorption),
@@ -145,6 +154,9 @@ impl Variant {
             ("CONTACT", self.contact),
             ("SCREEN_SOLIDS", self.solids == Solids::Screen),
             ("REFLECT_SOLIDS", self.reflections == Reflections::Scene),
+            ("HOST", self.host),
+            ("BACKGROUND", self.background),
+            ("TRANSPARENT", self.transparent),
             ("COUNT", self.count),
         ]
         .map(|(name, on)| (name, f64::from(u8::from(on))))
@@ -153,6 +165,9 @@ impl Variant {
 
 /// Edge pixels per workgroup.
 const EDGE_GROUP: u64 = 64;
+
+/// Bytes before the list of edge pixels: the number of them, of rays and of fallbacks.
+const EDGE_COUNTS: u64 = 12;
 
 #[derive(Debug)]
 struct Pipelines {
@@ -164,7 +179,7 @@ struct Pipelines {
 /// Background pixels that contain an edge, gathered to be drawn together.
 #[derive(Debug)]
 struct Edges {
-    /// Count, then pixels.
+    /// Counts of edge pixels, of rays and of fallbacks, then pixels.
     list: wgpu::Buffer,
     /// Arguments of the indirect dispatch over them.
     dispatch: wgpu::Buffer,
@@ -179,7 +194,8 @@ pub struct Refract {
     pub radiance: Radiance,
     /// Output when counting: interfaces, length inside (m), solver iterations, solver failures.
     pub diagnostics: wgpu::Texture,
-    pipelines: HashMap<(Variant, SceneVariant), Pipelines>,
+    /// By variants, and whether the view is orthographic.
+    pipelines: HashMap<(Variant, SceneVariant, bool), Pipelines>,
     params: wgpu::Buffer,
     layout: wgpu::BindGroupLayout,
     edge_layouts: [wgpu::BindGroupLayout; 2],
@@ -199,10 +215,11 @@ impl Refract {
             gpu::storage_texture(Layers::FORMAT, D2),
             gpu::storage_texture(Layers::FORMAT, D2),
             gpu::storage_of(8),
+            gpu::sampled(D2),
         ];
         let layout = gpu.layout("refract", wgpu::ShaderStages::COMPUTE, &bindings);
         // Indirect arguments must not be bound where they are used, so drawing edges binds the list alone.
-        let edge_bindings = [gpu::storage_read_write(8), gpu::storage_read_write(4)];
+        let edge_bindings = [gpu::storage_read_write(EDGE_COUNTS + 4), gpu::storage_read_write(4)];
         let edge_layouts = [&edge_bindings[..], &edge_bindings[..1]]
             .map(|bindings| gpu.layout("edges", wgpu::ShaderStages::COMPUTE, bindings));
         Self {
@@ -225,8 +242,8 @@ impl Refract {
     }
 
     /// Whether `variant` is compiled for the bound scene: it takes longer than all other pipelines together.
-    pub fn is_compiled(&self, variant: Variant, scene: &SceneBinding) -> bool {
-        self.pipelines.contains_key(&(variant, scene.variant))
+    pub fn is_compiled(&self, variant: Variant, eye: &ViewPasses) -> bool {
+        self.pipelines.contains_key(&(variant, eye.scene.variant, eye.camera.is_orthographic()))
     }
 
     /// Writes the parameters and compiles `variant` if it is new.
@@ -240,8 +257,11 @@ impl Refract {
     ) {
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
         let [gather, draw] = &self.edge_layouts;
-        self.pipelines.entry((variant, scene.variant)).or_insert_with(|| {
-            let constants = [&variant.constants()[..], &scene.variant.constants()].concat();
+        let key = (variant, scene.variant, camera.is_orthographic());
+        self.pipelines.entry(key).or_insert_with(|| {
+            let constants =
+                [&variant.constants()[..], &scene.variant.constants(), &camera.constants()]
+                    .concat();
             let module =
                 gpu::shader::module(gpu, variant.shader(), gpu::shader::Variant::default());
             let pipeline = |entry: &str, edges: &wgpu::BindGroupLayout| {
@@ -259,17 +279,23 @@ impl Refract {
         });
     }
 
+    /// Records the readback of the last picture's counts of rays with a host.
+    pub fn record_host_rays(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Pending {
+        Pending::record(gpu, encoder, &self.edges.list, 4, EDGE_COUNTS - 4)
+    }
+
     /// Records the picture with a variant that was passed to [`Refract::prepare`] and takes
-    /// [`work`] per pixel.
+    /// [`work`] per pixel; `behind` is a host's colour or the background.
     pub fn record(
         &self,
-        gpu: &Gpu,
         commands: &mut Commands<'_>,
         eye: &ViewPasses,
         variant: Variant,
+        behind: Option<&wgpu::TextureView>,
         work: u64,
         span: Span<'_>,
     ) {
+        let gpu = commands.gpu;
         let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
         let gbuffer = &eye.gbuffer.images;
         let (planes, surfaces) = (view(&gbuffer.planes), view(&gbuffer.surfaces));
@@ -286,14 +312,17 @@ impl Refract {
                 wgpu::BindingResource::TextureView(&radiance),
                 wgpu::BindingResource::TextureView(&diagnostics),
                 tiles.section(list, section),
+                wgpu::BindingResource::TextureView(behind.unwrap_or(&planes)),
             ];
             gpu::bind_group(gpu, "refract", &self.layout, &resources)
         };
-        let pipelines = &self.pipelines[&(variant, eye.scene.variant)];
+        let pipelines =
+            &self.pipelines[&(variant, eye.scene.variant, eye.camera.is_orthographic())];
         for section in tiles.sections() {
             commands.reserve(tiles.pixels().saturating_mul(work));
-            let encoder = &mut commands.encoder;
-            encoder.clear_buffer(&self.edges.list, 0, Some(4));
+            let encoder = &mut *commands.encoder;
+            let counts = if section == 0 { EDGE_COUNTS } else { 4 };
+            encoder.clear_buffer(&self.edges.list, 0, Some(counts));
             encoder.clear_buffer(&self.edges.dispatch, 0, Some(4));
             let span = span.part(section == 0, section + 1 == tiles.sections().end);
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
@@ -317,8 +346,16 @@ impl Refract {
     }
 }
 
-/// The most work of a pixel, in layer evaluations: in a picture of `size` and a scene with `solids` solids
-/// and `lights` lights, 0 if nothing is lit.
+/// Work of a ray through the solids: a mesh's tree is as much as many other solids.
+pub fn solid_work(scene: &Scene) -> usize {
+    /// Nodes and triangles that a ray meets, about.
+    const MESH: usize = 40;
+    let of = |solid: &Solid| if matches!(solid.shape, Shape::Mesh { .. }) { MESH } else { 1 };
+    scene.solids.iter().map(of).sum()
+}
+
+/// The most work of a pixel, in layer evaluations: in a picture of `size` and a scene whose solids take `solids`
+/// and which has `lights` lights, 0 if nothing is lit.
 pub fn work(settings: &settings::Refract, size: UVec2, solids: usize, lights: usize) -> u64 {
     let walk = match settings.solver {
         Solver::March => (size.x + size.y).div_ceil(settings.stride),
@@ -343,8 +380,10 @@ impl Edges {
         let pixels = u64::from(size.x) * u64::from(size.y);
         let list = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("edges"),
-            size: (4 + 4 * pixels.min(MOST)).min(limit / 4 * 4),
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            size: (EDGE_COUNTS + 4 * pixels.min(MOST)).min(limit / 4 * 4),
+            usage: wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::COPY_DST
+                | wgpu::BufferUsages::COPY_SRC,
             mapped_at_creation: false,
         });
         let usage = wgpu::BufferUsages::STORAGE

@@ -176,7 +176,7 @@ impl Smooth {
         let mut begin = span.first();
         for texture in [&first.texture, &second.texture, &self.layers.texture] {
             for layer in [Layers::FRONT, Layers::BACK] {
-                gpu::clear(&mut commands.encoder, &gpu::layer_view(texture, layer), begin);
+                gpu::clear(commands.encoder, &gpu::layer_view(texture, layer), begin);
                 begin = Span::default();
             }
         }

@@ -19,6 +19,8 @@ pub struct Params {
     pub curve: u32,
     /// 1 if the shader must encode sRGB, because the target's format does not.
     pub encode: u32,
+    /// 1 if the target holds no more than 1.
+    pub bounded: u32,
 }
 
 /// Encodes linear light, 0 to 1, as 8-bit sRGB (IEC 61966-2-1), clamped and rounded to nearest.
@@ -31,6 +33,8 @@ pub fn srgb_byte(c: f64) -> u8 {
 /// Tone-maps radiance into a caller's texture view.
 #[derive(Debug)]
 pub struct Tonemap {
+    /// Blend over what the view contains, by coverage, instead of replacing it.
+    blends: bool,
     pipelines: HashMap<wgpu::TextureFormat, wgpu::RenderPipeline>,
     params: wgpu::Buffer,
     layout: wgpu::BindGroupLayout,
@@ -38,9 +42,10 @@ pub struct Tonemap {
 
 impl Tonemap {
     /// Creates the layout; a pipeline is compiled for each target format on first use.
-    pub fn new(gpu: &Gpu) -> Self {
+    pub fn new(gpu: &Gpu, blends: bool) -> Self {
         let bindings = [gpu::sampled(D2), gpu.branching::<Params>()];
         Self {
+            blends,
             pipelines: HashMap::new(),
             params: gpu::uniform_buffer::<Params>(gpu, "tonemap"),
             layout: gpu.layout("tonemap", wgpu::ShaderStages::FRAGMENT, &bindings),
@@ -60,10 +65,14 @@ impl Tonemap {
                 Curve::None => 0,
                 Curve::Aces => 1,
             },
-            encode: u32::from(!format.is_srgb()),
+            encode: u32::from(!format.is_srgb() && !is_linear(format)),
+            bounded: u32::from(!is_linear(format)),
         };
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
-        self.pipelines.entry(format).or_insert_with(|| pipeline(gpu, &self.layout, format));
+        self.pipelines.entry(format).or_insert_with(|| {
+            let blend = self.blends.then_some(wgpu::BlendState::ALPHA_BLENDING);
+            pipeline(gpu, &self.layout, wgpu::ColorTargetState { blend, ..format.into() })
+        });
     }
 
     /// Records the tone mapping of `radiance` into `target`, a view of the same size in a prepared format.
@@ -87,7 +96,10 @@ impl Tonemap {
                 depth_slice: None,
                 resolve_target: None,
                 ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    load: match self.blends {
+                        true => wgpu::LoadOp::Load,
+                        false => wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    },
                     store: wgpu::StoreOp::Store,
                 },
             })],
@@ -102,10 +114,16 @@ impl Tonemap {
     }
 }
 
+/// Whether a format holds linear light without bounds: floats.
+fn is_linear(format: wgpu::TextureFormat) -> bool {
+    use wgpu::TextureFormat::{Rgba16Float, Rgba32Float};
+    matches!(format, Rgba16Float | Rgba32Float)
+}
+
 fn pipeline(
     gpu: &Gpu,
     layout: &wgpu::BindGroupLayout,
-    format: wgpu::TextureFormat,
+    target: wgpu::ColorTargetState,
 ) -> wgpu::RenderPipeline {
     let module = gpu::shader::module(gpu, "tonemap.wgsl", gpu::shader::Variant::default());
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -129,7 +147,7 @@ fn pipeline(
             module: &module,
             entry_point: Some("fragment"),
             compilation_options: Default::default(),
-            targets: &[Some(format.into())],
+            targets: &[Some(target)],
         }),
         multiview_mask: None,
         cache: gpu.cache(),

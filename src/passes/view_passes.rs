@@ -5,6 +5,7 @@
 use glam::{DVec3, UVec2};
 
 use super::gbuffer::{GBuffer, LightMaps, SceneBinding};
+use super::mesh_buffers::MeshBuffers;
 use super::mixture::Mixture;
 use super::smooth::{self, Smooth};
 use super::splat::Splat;
@@ -46,6 +47,8 @@ pub struct FrameInputs<'a> {
     pub splats: &'a Splats,
     /// The same splats on the device.
     pub splat_set: &'a SplatSet,
+    /// The solids' meshes on the device.
+    pub meshes: &'a MeshBuffers,
     /// Parameters of each smoothing iteration.
     pub fits: &'a [smooth::Params],
 }
@@ -78,6 +81,8 @@ pub struct ViewConfig {
     pub mixture: bool,
     /// Draw the opaque scene.
     pub gbuffer: bool,
+    /// A host has drawn the opaque scene: its pass fills the G-buffer.
+    pub host: bool,
     /// Mip levels.
     pub levels: u32,
     /// Draw backs, because light leaves the liquid as well as enters it.
@@ -138,6 +143,7 @@ impl ViewPasses {
             splash: false,
             mixture: false,
             gbuffer: false,
+            host: false,
             levels: 1,
             backs: true,
             culled: false,
@@ -173,7 +179,7 @@ impl ViewPasses {
         self.mixture.resize(gpu, used(config.mixture).0);
         self.tiles.resize(gpu, config.size, config.sections);
         self.smooth.resize(gpu, &self.aggregate.layers);
-        let (size, levels) = used(config.gbuffer);
+        let (size, levels) = used(self.has_gbuffer());
         self.gbuffer.resize(gpu, size, levels);
     }
 
@@ -208,13 +214,13 @@ impl ViewPasses {
         views: &[PlacedView],
         maps: Option<&LightMaps>,
     ) {
-        let FrameInputs { scene, splats, splat_set, fits } = frame;
+        let FrameInputs { scene, splats, splat_set, meshes, fits } = frame;
         self.camera.write(gpu, camera);
         let splat_set = self.own_splats.as_ref().unwrap_or(splat_set);
         if self.config.culled {
             self.aggregate.prepare_culled(gpu, &self.camera, &splat_set.aggregates);
         }
-        self.scene.upload(gpu, scene, eye, views, maps);
+        self.scene.upload(gpu, scene, meshes, eye, views, maps);
         if self.config.mixture {
             self.mixture.prepare(gpu, &self.camera, scene, splats.radius);
         }
@@ -223,7 +229,7 @@ impl ViewPasses {
             let settings = &scene.settings.smooth;
             self.smooth.prepare(gpu, &self.camera, settings, fits, self.config.backs);
         }
-        if self.config.gbuffer {
+        if self.config.gbuffer && !self.config.host {
             self.gbuffer.prepare(gpu, &self.camera, &self.scene);
         }
     }
@@ -237,9 +243,9 @@ impl ViewPasses {
         timer: &mut Timer,
         names: PassNames,
     ) {
-        let encoder = &mut commands.encoder;
+        let encoder = &mut *commands.encoder;
         let camera = &self.camera;
-        let liquid = self.own_splats.as_ref().unwrap_or(frame.splat_set);
+        let liquid = self.seen_splats(frame.splat_set);
         let backs = self.config.backs;
         let (aggregates, span) = (&liquid.aggregates, timer.span(names.splat));
         if self.config.culled {
@@ -266,10 +272,15 @@ impl ViewPasses {
             let lists = &self.tiles.lists;
             self.smooth.record(gpu, commands, camera, lists, timer.span(names.smooth));
         }
-        if self.config.gbuffer {
-            let encoder = &mut commands.encoder;
+        if self.config.gbuffer && !self.config.host {
+            let encoder = &mut *commands.encoder;
             self.gbuffer.record(gpu, encoder, camera, &self.scene, timer.span(names.gbuffer));
         }
+    }
+
+    /// The splats that this view draws: its own, if it has any, or the frame's.
+    pub fn seen_splats<'a>(&'a self, frame: &'a SplatSet) -> &'a SplatSet {
+        self.own_splats.as_ref().unwrap_or(frame)
     }
 
     /// The layers that the liquid is drawn from: smoothed, if there was smoothing.
@@ -282,8 +293,8 @@ impl ViewPasses {
         self.config.splash.then_some(&self.splash.layers)
     }
 
-    /// Whether the G-buffer is drawn.
+    /// Whether the G-buffer is filled.
     pub fn has_gbuffer(&self) -> bool {
-        self.config.gbuffer
+        self.config.gbuffer || self.config.host
     }
 }

@@ -93,6 +93,7 @@ fn rays_behind_a_card_miss_it() {
         up: Vec3::Y,
         fov_y: 7.11,
         near: Some(1e-3),
+        lens: None,
     };
     let view = View::new(&camera, UVec2::new(320, 240));
     let edge = 160.0;

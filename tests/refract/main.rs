@@ -140,7 +140,7 @@ fn tank() -> Scene {
 
 fn above() -> Camera {
     let eye = DVec3::new(0.7, 1.2, 2.4);
-    Camera { eye, target: DVec3::ZERO, up: Vec3::Y, fov_y: 40.0, near: None }
+    Camera { eye, target: DVec3::ZERO, up: Vec3::Y, fov_y: 40.0, near: None, lens: None }
 }
 
 /// Through a ball, all pixels at least two from the rim have the analytic chord length, and the analytic

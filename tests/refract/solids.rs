@@ -22,6 +22,7 @@ fn contact_wets_solids() {
         up: Vec3::NEG_Z,
         fov_y: 20.0,
         near: None,
+        lens: None,
     };
     let sky = 0.3;
     let mut scene = scene();
@@ -65,14 +66,14 @@ fn solids_hide_liquid_and_end_rays() {
     let cube = Shape::Box { min: DVec3::splat(-0.2), max: DVec3::splat(0.2) };
     for solver in [Solver::Guarded, Solver::March] {
         scene.settings.refract.solver = solver;
-        scene.solids = vec![glowing(before, color)];
+        scene.solids = vec![glowing(before.clone(), color)];
         let images = harness.render(&scene, &camera, &ball, SIZE);
         images.assert_finite();
         assert_eq!(images.radiance(MIDDLE), color.as_dvec3());
         assert_eq!(images.at("interfaces", MIDDLE), 0.0);
         assert!(images.at("interfaces", MIDDLE + UVec2::new(25, 0)) > 0.0);
 
-        scene.solids = vec![glowing(cube, color)];
+        scene.solids = vec![glowing(cube.clone(), color)];
         let images = harness.render(&scene, &camera, &ball, SIZE);
         images.assert_finite();
         let f = 1.0 - straight();

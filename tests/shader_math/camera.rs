@@ -19,6 +19,7 @@ fn camera_rays_and_pixels_are_inverse() {
             up: Vec3::new(0.2, 1.0, 0.1),
             fov_y,
             near: None,
+            lens: None,
         };
         let view = View::new(&camera, size);
         let buffer = uniform(gpu, &view.uniform);

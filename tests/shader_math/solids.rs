@@ -2,6 +2,8 @@
 
 use glam::{DVec2, DVec3};
 use limpid::gpu::Gpu;
+use limpid::passes::mesh_buffers::MeshBuffers;
+use limpid::wgpu;
 
 use super::support::{Kernel, Random, gpu};
 use super::view::{NOTHING, assert_near, case, number, round3, vec3};
@@ -109,10 +111,15 @@ fn random_form(random: &mut Random, kind: usize) -> Form {
     }
 }
 
+/// Meshes and textures, which these solids do not have.
+fn no_meshes(meshes: &MeshBuffers) -> [(u32, u32, wgpu::BindingResource<'_>); 2] {
+    [(2, 7, meshes.geometry.as_entire_binding()), (2, 8, meshes.surfaces.as_entire_binding())]
+}
+
 const SOLID_KERNEL: &str = "
     fn the_solid(x: array<f32, 14>, phase: vec3f) -> Solid {
         return Solid(vec3f(x[0], x[1], x[2]), u32(x[3]), vec3f(x[4], x[5], x[6]), x[7],
-            vec3f(1.0), x[11], vec3f(0.0), 0u, phase, 0.0, vec3f(0.0));
+            vec3f(1.0), x[11], vec3f(0.0), 0u, phase, 0.0, vec3f(0.0), 0u, vec4f(0.0), vec3u(0u), 0u);
     }";
 
 /// Computes distance along the ray, distance of its origin from the surface, and normal at the hit on the
@@ -297,12 +304,17 @@ fn checkers_alternate_through_zero() {
         "{SOLID_KERNEL}
         fn test(x: array<f32, 14>) -> array<f32, 1> {{
             let solid = the_solid(x, vec3f(x[0], x[1], x[2]));
-            let color = solid_color(solid, vec3f(x[8], x[9], x[10]), vec3f(x[4], x[5], x[6]), vec3f(0.0), 0.0);
+            let color = solid_color(solid, NO_TRIANGLE, vec3f(x[8], x[9], x[10]), vec3f(x[4], x[5], x[6]), vec3f(0.0), 0.0);
             return array(color.x);
         }}"
     );
-    let kernel =
-        Kernel { imports: &["common/scene.wgsl"], body: &body, constants: &[], resources: &[] };
+    let meshes = MeshBuffers::new(gpu);
+    let kernel = Kernel {
+        imports: &["common/scene.wgsl"],
+        body: &body,
+        constants: &[],
+        resources: &no_meshes(&meshes),
+    };
     let mut random = Random(14);
     let mut cases: Vec<[f32; 14]> = Vec::new();
     let mut even = Vec::new();
@@ -357,14 +369,15 @@ fn checkers_are_filtered_over_the_footprint() {
         fn test(x: array<f32, 14>) -> array<f32, 1> {{
             let solid = the_solid(x, vec3f(0.0));
             let d = normalize(vec3f(x[12], -1.0, x[13]));
-            return array(solid_color(solid, vec3f(x[8], 0.0, x[10]), vec3f(0.0, 1.0, 0.0), d, x[9]).x);
+            return array(solid_color(solid, NO_TRIANGLE, vec3f(x[8], 0.0, x[10]), vec3f(0.0, 1.0, 0.0), d, x[9]).x);
         }}"
     );
+    let meshes = MeshBuffers::new(gpu);
     let kernel = Kernel {
         imports: &["common/scene.wgsl"],
         body: &body,
         constants: &[("FILTER_PATTERNS", 1.0)],
-        resources: &[],
+        resources: &no_meshes(&meshes),
     };
     let mut random = Random(18);
     let tile = 0.5;

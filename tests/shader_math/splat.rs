@@ -69,6 +69,7 @@ fn depths_are_within_their_bound() {
         up: Vec3::Y,
         fov_y: 60.0,
         near: Some(0.01),
+        lens: None,
     };
     let perspective = camera.uniform(UVec2::new(640, 480), DVec3::ZERO);
     let sun = CameraUniform { tangent: Vec2::new(8.0, 6.0), far: 400.0, ..perspective };
@@ -142,6 +143,7 @@ fn rectangles_of_cut_splats_are_tight() {
         up: Vec3::Y,
         fov_y: 60.0,
         near: Some(0.05),
+        lens: None,
     };
     let size = UVec2::new(32, 24);
     let view = camera.uniform(size, DVec3::ZERO);

@@ -59,11 +59,11 @@ impl Harness {
     pub(crate) fn render(
         &mut self,
         scene: &Scene,
-        camera: &Camera,
+        view: impl Into<limpid::camera::View>,
         splats: &Splats,
         size: UVec2,
     ) -> FrameImages {
-        render(&self.gpu, &mut self.renderer, scene, camera, splats, size)
+        render(&self.gpu, &mut self.renderer, scene, view, splats, size)
     }
 }
 
@@ -72,13 +72,13 @@ pub(crate) fn render(
     gpu: &Gpu,
     renderer: &mut Renderer,
     scene: &Scene,
-    camera: &Camera,
+    view: impl Into<limpid::camera::View>,
     splats: &Splats,
     size: UVec2,
 ) -> FrameImages {
     let frame = Picture::new(gpu, size).expect("a frame");
     renderer
-        .render(scene, camera, splats, &frame.view(), Picture::FORMAT, size)
+        .render(scene, view, splats, &frame.view(), Picture::FORMAT, size)
         .expect("the frame is drawn");
     let picture = frame.read(gpu).expect("the picture is read");
     let parts = aov::read(gpu, &renderer.images(), &Aov::ALL).expect("the images are read");
@@ -193,7 +193,7 @@ pub(crate) fn glowing(shape: Shape, color: Vec3) -> Solid {
 /// A camera at `distance` on the z axis that looks at the origin: view space is a translated world space.
 pub(crate) fn on_axis(distance: f32, fov_y: f32) -> Camera {
     let eye = DVec3::Z * f64::from(distance);
-    Camera { eye, target: DVec3::ZERO, up: Vec3::Y, fov_y, near: None }
+    Camera { eye, target: DVec3::ZERO, up: Vec3::Y, fov_y, near: None, lens: None }
 }
 
 /// A camera in 64 bits.

@@ -59,6 +59,7 @@ impl View {
             up: Vec3::Y,
             fov_y: 45.0,
             near: Some(near),
+            lens: None,
         };
         Self::new(&camera, UVec2::new(width, height))
     }

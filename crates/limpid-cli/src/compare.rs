@@ -36,7 +36,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let (comparison, map) = compare::compare_files(&args.reference, &args.test)?;
     if let Some(path) = &args.diff {
-        output::write_picture(path, &map.picture(), &[])?;
+        output::write_picture(path, &map.picture().into(), &[])?;
     }
     let text =
         if args.json { serde_json::to_string_pretty(&comparison)? } else { describe(&comparison) };

@@ -15,14 +15,14 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 use glam::UVec2;
-use image::RgbImage;
 use rayon::prelude::*;
 use siphasher::sip128::{Hasher128 as _, SipHasher24};
 
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::scene::Scene;
-use limpid_io::input::{FrameTime, Input, Origin};
+use limpid_io::input::{FrameTime, Input, Missing, Origin};
+use limpid_io::project::SolidMotion;
 use limpid_io::{exr, files};
 
 /// Keywords of the text chunks in a PNG.
@@ -72,11 +72,11 @@ impl Fingerprint {
     }
 
     /// The text chunks of a PNG: the program, the fingerprint, and the checksum of the pixels.
-    pub(crate) fn notes(self, picture: &RgbImage) -> [(&'static str, String); 3] {
+    pub(crate) fn notes(self, pixels: &[u8]) -> [(&'static str, String); 3] {
         [
             ("Software", concat!("limpid ", env!("CARGO_PKG_VERSION")).into()),
             (FINGERPRINT, self.to_string()),
-            (PIXELS, format!("{:08x}", checksum(picture))),
+            (PIXELS, format!("{:08x}", checksum(pixels))),
         ]
     }
 
@@ -96,7 +96,8 @@ impl Fingerprint {
             texts.iter().find(|text| text.keyword == keyword).map(|text| text.text.clone())
         };
         let matches = (info.width, info.height) == (size.x, size.y)
-            && (info.color_type, info.bit_depth) == (png::ColorType::Rgb, png::BitDepth::Eight)
+            && matches!(info.color_type, png::ColorType::Rgb | png::ColorType::Rgba)
+            && info.bit_depth == png::BitDepth::Eight
             && note(FINGERPRINT)? == self.to_string();
         let expected = note(PIXELS).filter(|_| matches)?;
         let mut pixels = vec![0; reader.output_buffer_size()?];
@@ -106,7 +107,7 @@ impl Fingerprint {
     }
 }
 
-/// CRC-32, as in PNG and zlib, of 8-bit RGB rows from the top.
+/// CRC-32, as in PNG and zlib, of the bytes of 8-bit rows from the top.
 pub(crate) fn checksum(pixels: &[u8]) -> u32 {
     let mut crc = flate2::Crc::new();
     crc.update(pixels);
@@ -137,7 +138,8 @@ impl Fingerprints {
             let origins = input.origins(at);
             let parts = origins.iter().map(describe);
             let fraction = format!("{:x}", at.fraction.to_bits());
-            let parts: Vec<String> = parts.chain([fraction]).collect();
+            let motion = input.motion().map(|motion| describe_motion(motion, at, input.missing));
+            let parts: Vec<String> = parts.chain([fraction]).chain(motion).collect();
             Fingerprint::over(parts.iter().map(String::as_bytes))
         });
         let (scene, map) = describe_scene(scene);
@@ -171,6 +173,12 @@ fn describe_scene(scene: &Scene) -> (String, &[u8]) {
     };
     let scene = Scene { environment, ..scene.clone() };
     (format!("{scene:?}"), map)
+}
+
+/// Describes what moves solids at a frame time; where they are at rest belongs to the scene.
+fn describe_motion(motion: &SolidMotion, at: FrameTime, missing: Missing) -> String {
+    let files = motion.files(at, missing).into_iter().map(stamp);
+    format!("{at:?} {:?} {}", files.collect::<Vec<_>>(), motion.keys())
 }
 
 /// Describes the origin of particles.

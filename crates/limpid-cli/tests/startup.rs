@@ -49,7 +49,7 @@ fn splats(scene: &Scene, droplet: bool) -> Splats {
 
 fn draw(offscreen: &mut Offscreen, scene: &Scene, droplet: bool) {
     let (eye, target) = (DVec3::new(0.0, 1.0, 4.0), DVec3::ZERO);
-    let camera = Camera { eye, target, up: Vec3::Y, fov_y: 40.0, near: None };
+    let camera = Camera { eye, target, up: Vec3::Y, fov_y: 40.0, near: None, lens: None };
     offscreen
         .draw(scene, &camera, &splats(scene, droplet), UVec2::new(48, 32))
         .expect("the frame is drawn");

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result, toml_error};
 use crate::files;
 use crate::output::{self, FileKind};
-use limpid::camera::{Camera, is_position, up};
+use limpid::camera::{Camera, is_position};
 
-/// A camera path through keys.
+/// A camera path through keys, which have a field of view and no other lens.
 ///
 /// The file format, in TOML:
 ///
@@ -65,6 +65,10 @@ struct KeyFile {
     near: Option<f32>,
 }
 
+fn up() -> Vec3 {
+    Vec3::Y
+}
+
 fn fov_y() -> f32 {
     40.0
 }
@@ -90,7 +94,7 @@ impl CameraPath {
         let file: PathFile = toml::from_str(text).map_err(|e| toml_error(text, origin, &e))?;
         let keys = file.key.into_iter().map(|key| {
             let KeyFile { time, eye, target, up, fov_y, near } = key;
-            Key { time, camera: Camera { eye, target, up, fov_y, near } }
+            Key { time, camera: Camera { eye, target, up, fov_y, near, lens: None } }
         });
         let path = Self { keys: keys.collect() };
         path.check().map_err(|e| match e {
@@ -109,7 +113,7 @@ impl CameraPath {
     pub fn save(&self, path: &Path) -> Result<()> {
         self.check()?;
         let key = self.keys.iter().map(|&Key { time, camera }| {
-            let Camera { eye, target, up, fov_y, near } = camera;
+            let Camera { eye, target, up, fov_y, near, lens: _ } = camera;
             KeyFile { time, eye, target, up, fov_y, near }
         });
         let file = PathFile { key: key.collect() };
@@ -199,6 +203,7 @@ impl CameraPath {
             up: DVec3::new(ux, uy, uz).as_vec3(),
             fov_y: fov_y.clamp(0.5 * low, 0.5 * (high + 180.0)) as f32,
             near: a.camera.near,
+            lens: None,
         };
         let nearest = if u < 0.5 { a } else { b };
         repaired(camera, &nearest.camera)

@@ -19,6 +19,8 @@ pub enum Notice {
     Gaps(Vec<(i64, i64)>, Option<Missing>),
     /// The frame rate of the sequence is unknown and assumed to be this, frames per second.
     Rate(f64),
+    /// A mesh's file contains or names something that is not shown: a sentence.
+    Incomplete(String),
     /// The scene has lights, but no lit solid.
     Unlit,
     /// The particles are the vertices of a mesh with this number of cells.
@@ -65,6 +67,7 @@ impl fmt::Display for Notice {
                 f,
                 "the sequence's frames per second are not known, {fps} assumed"
             ),
+            Self::Incomplete(remark) => f.write_str(remark),
             Self::Unlit => f.write_str(
                 "[[light]] has no effect: no [[solid]] has `lit = true`, and only lit solids show the \
                  light",

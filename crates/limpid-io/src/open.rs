@@ -6,7 +6,7 @@ use crate::adjustments::Adjustments;
 use crate::error::Result;
 use crate::input::{Input, Missing};
 use crate::particles::ReadOptions;
-use crate::project::{Project, overrides};
+use crate::project::{LiquidSource, Project, overrides};
 use limpid::camera::Camera;
 use limpid::settings::Settings;
 
@@ -56,11 +56,18 @@ impl Request {
             .cloned()
             .collect();
         overrides::replaced(&Settings::default(), &settings)?;
-        let input = match &self.input {
-            Some(input) => Input::open(input)?,
-            None => Input::demo()?,
-        };
-        self.open_from(input)
+        match (&self.input, &self.scene) {
+            (Some(input), _) => self.open_from(Input::open(input)?),
+            (None, Some(scene)) => {
+                let project = Project::load(scene)?;
+                let shown = match project.source {
+                    LiquidSource::Unspecified => Input::demo()?.with_project(project),
+                    _ => Input::from_project(project, &scene.to_string_lossy())?,
+                };
+                self.open_shown(shown)
+            }
+            (None, None) => self.open_from(Input::demo()?),
+        }
     }
 
     /// As [`Request::open`], for an input that is already open.
@@ -71,13 +78,20 @@ impl Request {
         if let Some(scene) = &self.scene {
             input = input.with_project(Project::load(scene)?);
         }
+        self.open_shown(input)
+    }
+
+    /// As [`Request::open_from`], for an input that is in its scene.
+    fn open_shown(&self, mut input: Input) -> Result<Opened> {
         if let Some(radius) = self.radius {
             input = input.with_radius(radius)?;
         }
         input.missing = self.missing;
         let input = input.with_options(&self.options).with_adjustments(&self.adjustments)?;
         let (input, mut plain) = input.resolve()?;
-        self.adjustments.apply(&mut plain.scene, input.body())?;
+        self.adjustments.apply(&mut plain, input.body())?;
+        // The input moves the solids that are left.
+        let input = input.with_motion(&plain.motion);
         let mut project = plain.clone();
         project.set(&self.overrides)?;
         project.camera = self.camera.or(project.camera);

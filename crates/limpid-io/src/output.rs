@@ -14,7 +14,7 @@ use std::time::{Duration, SystemTime};
 use etcetera::base_strategy::{BaseStrategy as _, choose_native_strategy};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::webp::WebPEncoder;
-use image::{ImageEncoder as _, RgbImage};
+use image::{DynamicImage, ImageEncoder as _, RgbImage};
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
@@ -304,29 +304,34 @@ impl PictureFormat {
 /// # Errors
 /// As [`write_atomically`].
 pub fn write_png(path: &Path, picture: &RgbImage) -> Result<()> {
-    write_atomically(path, FileKind::PICTURE, |file| encode_png(file, picture, &[]))
+    let picture = DynamicImage::ImageRgb8(picture.clone());
+    write_atomically(path, FileKind::PICTURE, |file| encode_png(file, &picture, &[]))
 }
 
-/// Writes an 8-bit sRGB picture in the format of the file's extension. A PNG gets the notes, each a
-/// keyword and a text.
+/// Writes an 8-bit sRGB picture, with or without coverage, in the format of the file's extension. A PNG gets
+/// the notes, each a keyword and a text.
 ///
 /// # Errors
 /// As [`PictureFormat::of`], [`Error::Usage`] for `.exr`, which holds radiance
-/// ([`crate::exr::write`]), and as [`write_atomically`].
-pub fn write_picture(path: &Path, picture: &RgbImage, notes: &[(&str, String)]) -> Result<()> {
-    let (width, height) = picture.dimensions();
-    let rgb = image::ExtendedColorType::Rgb8;
+/// ([`crate::exr::write`]), and for a JPEG with coverage, and as [`write_atomically`].
+pub fn write_picture(path: &Path, picture: &DynamicImage, notes: &[(&str, String)]) -> Result<()> {
+    let (width, height) = (picture.width(), picture.height());
+    let (bytes, color) = (picture.as_bytes(), picture.color().into());
     match PictureFormat::of(path)? {
         PictureFormat::Png => {
             write_atomically(path, FileKind::PICTURE, |file| encode_png(file, picture, notes))
         }
+        PictureFormat::Jpeg if picture.color().has_alpha() => {
+            let problem = "a .jpg holds no coverage; choose .png, .webp or .exr";
+            Err(Error::Usage(format!("{}: {problem}", path.display())))
+        }
         PictureFormat::Jpeg => write_atomically(path, FileKind::PICTURE, |file| {
             let encoder = JpegEncoder::new_with_quality(file, JPEG_QUALITY);
-            encoder.write_image(picture, width, height, rgb).map_err(io::Error::other)
+            encoder.write_image(bytes, width, height, color).map_err(io::Error::other)
         }),
         PictureFormat::Webp => write_atomically(path, FileKind::PICTURE, |file| {
             let encoder = WebPEncoder::new_lossless(file);
-            encoder.write_image(picture, width, height, rgb).map_err(io::Error::other)
+            encoder.write_image(bytes, width, height, color).map_err(io::Error::other)
         }),
         PictureFormat::Exr => {
             let problem = "an .exr holds radiance, this is an 8-bit picture";
@@ -342,11 +347,12 @@ pub fn write_picture(path: &Path, picture: &RgbImage, notes: &[(&str, String)]) 
 /// Those of `file`.
 pub fn encode_png(
     file: impl io::Write,
-    picture: &RgbImage,
+    picture: &DynamicImage,
     notes: &[(&str, String)],
 ) -> io::Result<()> {
     let mut encoder = png::Encoder::new(file, picture.width(), picture.height());
-    encoder.set_color(png::ColorType::Rgb);
+    let coverage = picture.color().has_alpha();
+    encoder.set_color(if coverage { png::ColorType::Rgba } else { png::ColorType::Rgb });
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::Fast);
     encoder.set_filter(png::Filter::Adaptive);
@@ -354,7 +360,7 @@ pub fn encode_png(
         encoder.add_text_chunk((*keyword).to_owned(), text.clone())?;
     }
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(picture)?;
+    writer.write_image_data(picture.as_bytes())?;
     Ok(writer.finish()?)
 }
 

@@ -8,7 +8,7 @@ mod arrays;
 mod bgeo;
 mod bi4;
 mod csv;
-mod cursor;
+pub(crate) mod cursor;
 mod extxyz;
 mod hdf5;
 mod houdini;
@@ -18,11 +18,11 @@ mod lammps;
 mod npy;
 mod npz;
 mod pieces;
-mod ply;
+pub(crate) mod ply;
 mod pos;
 mod prt;
 mod scf;
-mod table;
+pub(crate) mod table;
 pub(crate) mod trajectory;
 mod uni;
 mod values;
@@ -451,7 +451,7 @@ fn unknown_kind(path: &Path, name: &str) -> Error {
 }
 
 /// The error of a file without the magic of its format, with the format that it seems to have.
-fn foreign(path: &Path, bytes: &[u8], expected: &str) -> Error {
+pub(crate) fn foreign(path: &Path, bytes: &[u8], expected: &str) -> Error {
     let found = match known_magic(bytes) {
         Some(kind) => kind,
         None if bytes.is_empty() => "an empty file",

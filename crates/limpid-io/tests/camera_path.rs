@@ -12,7 +12,7 @@ use limpid_io::film::{Motion, Shot, shots};
 const TIMES: [f64; 6] = [0.0, 0.25, 2.0, 2.1, 3.5, 7.0];
 
 fn camera(eye: DVec3, target: DVec3) -> Camera {
-    Camera { eye, target, up: Vec3::Y, fov_y: 40.0, near: None }
+    Camera { eye, target, up: Vec3::Y, fov_y: 40.0, near: None, lens: None }
 }
 
 fn path(keys: impl IntoIterator<Item = (f64, Camera)>) -> CameraPath {
@@ -29,7 +29,17 @@ fn irregular() -> CameraPath {
         let eye = DVec3::new((3.0 * x).sin() * 4.0, 2.0 + (5.0 * x).cos(), 6.0 + (7.0 * x).sin());
         let target = DVec3::new((2.0 * x).cos(), (9.0 * x).sin(), -(x * 0.3));
         let up = Vec3::new(0.3 * (x as f32).sin(), 1.0, 0.2 * (x as f32).cos());
-        (time, Camera { eye, target, up, fov_y: 40.0 + 10.0 * (4.0 * x as f32).sin(), near: None })
+        (
+            time,
+            Camera {
+                eye,
+                target,
+                up,
+                fov_y: 40.0 + 10.0 * (4.0 * x as f32).sin(),
+                near: None,
+                lens: None,
+            },
+        )
     }))
 }
 
@@ -81,7 +91,17 @@ fn lines_and_parabolas_in_time_are_exact() {
     let up = |t: f64| Vec3::new(0.1 * t as f32, 1.0, 0.0);
     let fov_y = |t: f64| 30.0 + 2.0 * t as f32;
     let path = path(TIMES.map(|t| {
-        (t, Camera { eye: eye(t), target: target(t), up: up(t), fov_y: fov_y(t), near: None })
+        (
+            t,
+            Camera {
+                eye: eye(t),
+                target: target(t),
+                up: up(t),
+                fov_y: fov_y(t),
+                near: None,
+                lens: None,
+            },
+        )
     }));
     for time in times() {
         let held = time.clamp(0.0, 7.0);

@@ -98,6 +98,7 @@ fn kind(i: usize) -> Kind {
         up: glam::Vec3::Y,
         fov_y: 40.0,
         near: None,
+        lens: None,
     };
     let size = SIZES[i % SIZES.len()].into();
     let particles = Particles::from_places(&places);

@@ -4,11 +4,13 @@
 mod frames;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use frames::{Harness, harness};
 use glam::{DVec3, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::liquid::classify::Splats;
+use limpid::mesh::{Mesh, MeshData, Placement};
 use limpid::scene::{Scene, Shape, Solid, Surface};
 use limpid_io::input::Input;
 use limpid_io::project::Project;
@@ -41,9 +43,62 @@ fn plane(normal: Vec3, half_extent: f32) -> Shape {
     Shape::Plane { origin: DVec3::new(0.0, 0.25, 0.0), normal, half_extent }
 }
 
+/// A mesh of quads, each of four corners counterclockwise from outside, cut into small triangles.
+fn mesh(quads: &[[DVec3; 4]]) -> Shape {
+    const CUTS: u32 = 8;
+    let mut data = MeshData::default();
+    for &[a, b, c, d] in quads {
+        let first = data.positions.len() as u32;
+        for i in 0..=CUTS {
+            for j in 0..=CUTS {
+                let (u, v) = (f64::from(i) / f64::from(CUTS), f64::from(j) / f64::from(CUTS));
+                data.positions.push(a.lerp(b, u).lerp(d.lerp(c, u), v));
+            }
+        }
+        let at = |i: u32, j: u32| first + i * (CUTS + 1) + j;
+        for (i, j) in (0..CUTS * CUTS).map(|k| (k / CUTS, k % CUTS)) {
+            data.triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+            data.triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+        }
+    }
+    let mesh = Mesh::new(data).expect("a mesh");
+    Shape::Mesh { mesh: Arc::new(mesh), placement: Placement::default() }
+}
+
+/// A box as a mesh.
+fn boxed(min: DVec3, max: DVec3) -> Shape {
+    let corner = |x: bool, y: bool, z: bool| {
+        let pick = |high: bool, axis: usize| if high { max[axis] } else { min[axis] };
+        DVec3::new(pick(x, 0), pick(y, 1), pick(z, 2))
+    };
+    let (f, t) = (false, true);
+    let shape = mesh(&[
+        [corner(f, f, f), corner(f, f, t), corner(f, t, t), corner(f, t, f)],
+        [corner(t, f, f), corner(t, t, f), corner(t, t, t), corner(t, f, t)],
+        [corner(f, f, f), corner(t, f, f), corner(t, f, t), corner(f, f, t)],
+        [corner(f, t, f), corner(f, t, t), corner(t, t, t), corner(t, t, f)],
+        [corner(f, f, f), corner(f, t, f), corner(t, t, f), corner(t, f, f)],
+        [corner(f, f, t), corner(t, f, t), corner(t, t, t), corner(f, t, t)],
+    ]);
+    assert!(!shape.is_sheet(), "a box is closed");
+    shape
+}
+
+/// A sheet at x = 0 whose triangles face +x, or −x.
+fn sheet(faces_back: bool) -> Shape {
+    let mut corners =
+        [(-0.5, -1.2), (1.0, -1.2), (1.0, 1.2), (-0.5, 1.2)].map(|(y, z)| DVec3::new(0.0, y, z));
+    if faces_back {
+        corners.reverse();
+    }
+    let shape = mesh(&[corners]);
+    assert!(shape.is_sheet());
+    shape
+}
+
 fn from(eye: DVec3) -> Camera {
     let target = DVec3::new(0.0, 0.25, 0.0);
-    Camera { eye, target, up: Vec3::Y, fov_y: 40.0, near: None }
+    Camera { eye, target, up: Vec3::Y, fov_y: 40.0, near: None, lens: None }
 }
 
 /// Number of pixels that the liquid changes.
@@ -66,9 +121,13 @@ fn walls_occlude_the_liquid_behind_them() {
         plane(Vec3::NEG_X, f32::INFINITY),
         plane(Vec3::X, 1.0),
         thin,
+        boxed(DVec3::new(-0.3, -0.5, -1.2), DVec3::new(0.0, 1.0, 1.2)),
+        boxed(DVec3::new(-0.01, -0.5, -1.2), DVec3::new(0.0, 1.0, 1.2)),
+        sheet(false),
+        sheet(true),
     ];
     for wall in walls {
-        let (scene, splats) = block(wall);
+        let (scene, splats) = block(wall.clone());
         let spray = Splats {
             splashes: splats.aggregates.clone(),
             aggregates: Vec::new(),

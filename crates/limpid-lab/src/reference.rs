@@ -9,7 +9,7 @@
 //!
 //! Everything is in world space, metres, f64, linear RGB radiance; directions are unit vectors.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3, Vec3Swizzles as _};
 
 pub mod analytic;
 pub mod caustics;
@@ -19,6 +19,7 @@ pub mod mesh;
 pub mod optics;
 pub mod surroundings;
 pub mod trace;
+mod view;
 mod wetting;
 
 /// A ray.
@@ -63,4 +64,16 @@ pub trait Liquid: Sync {
 /// Converts a vector of a scene to f64.
 fn wide(v: impl Into<DVec3>) -> DVec3 {
     v.into()
+}
+
+/// Projects onto the coordinate plane nearest to a plane: x and z if it is horizontal.
+fn in_plane(normal: DVec3, x: DVec3) -> DVec2 {
+    let a = normal.abs();
+    if a.y >= a.x.max(a.z) {
+        x.xz()
+    } else if a.x >= a.z {
+        x.zy()
+    } else {
+        x.xy()
+    }
 }

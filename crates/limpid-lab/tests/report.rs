@@ -25,6 +25,7 @@ fn camera() -> Camera {
         up: glam::Vec3::Y,
         fov_y: 45.0,
         near: None,
+        lens: None,
     }
 }
 

@@ -105,6 +105,7 @@ fn tank(place: Place) -> (Scene, Camera, Splats) {
         up: Vec3::Y,
         fov_y: 38.0,
         near: None,
+        lens: None,
     };
     let mut splats = classify(&particles, place.length(0.025), &scene.settings.classify);
     add_wall_contacts(&mut splats, &scene.solids, scene.settings.classify.wetting);
@@ -366,7 +367,7 @@ fn stress(seed: &mut u64) -> (Scene, Camera, Splats, Truth) {
     scene.settings.refract.contact = 0.0;
     scene.settings.refract.internal_bounces = 0;
     scene.settings.refract.reflections = Reflections::Environment;
-    let local = Camera { eye, target, up, fov_y: fov_y as f32, near: None };
+    let local = Camera { eye, target, up, fov_y: fov_y as f32, near: None, lens: None };
     let camera = Camera { eye: origin + eye, target: origin + target, ..local };
     let view = View::new(&local, SIZE);
     let truth = Truth {

@@ -296,7 +296,12 @@ impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
 /// # Errors
 /// As [`Offscreen::draw`].
 pub fn picture(offscreen: &mut Offscreen, pane: &Pane) -> Result<RenderedFrame> {
-    Ok(offscreen.draw(&pane.scene, &pane.camera, &pane.loaded.splats, pane.size)?)
+    Ok(offscreen.draw(
+        &pane.loaded.scene(&pane.scene),
+        &pane.camera,
+        &pane.loaded.splats,
+        pane.size,
+    )?)
 }
 
 fn draw(offscreen: &mut Offscreen, request: &Request) -> Result<Drawn> {
@@ -304,7 +309,7 @@ fn draw(offscreen: &mut Offscreen, request: &Request) -> Result<Drawn> {
     offscreen.renderer.diagnose = view != View::Picture;
     let panes = panes.iter().map(|pane| {
         let begun = Instant::now();
-        let RenderedFrame { picture: rendered, passes } = picture(offscreen, pane)?;
+        let RenderedFrame { picture: rendered, passes, .. } = picture(offscreen, pane)?;
         let (image, legend, values) = match view.aov() {
             None => {
                 let size = [rendered.width() as usize, rendered.height() as usize];
@@ -324,7 +329,7 @@ fn save(offscreen: &mut Offscreen, pane: &Pane, path: &Path) -> Result<()> {
     let rendered = picture(offscreen, pane)?;
     match PictureFormat::of(path)? {
         PictureFormat::Exr => limpid_io::exr::write(path, vec![offscreen.radiance()?]),
-        _ => output::write_picture(path, &rendered.picture, &[]),
+        _ => output::write_picture(path, &rendered.into_image(), &[]),
     }
 }
 

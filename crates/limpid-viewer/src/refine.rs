@@ -151,6 +151,8 @@ impl Viewer {
         let mut notices = notice::of_frame(loaded, scene);
         notices.extend(notice::of_scene(scene));
         notices.extend(notice::of_sequence(&document.input));
+        let incomplete = document.project.solid_files.remarks.iter().cloned();
+        notices.extend(incomplete.map(notice::Notice::Incomplete));
         for notice in notices {
             self.show_info(notice.to_string());
         }

@@ -74,7 +74,8 @@ const EMPTY: Color32 = Color32::from_gray(40);
 impl View {
     /// All view modes, each with its first layer.
     pub fn all() -> impl Iterator<Item = Self> {
-        std::iter::once(Self::Picture).chain(Aov::ALL.map(|aov| Self::Image(aov, 0)))
+        let images = Aov::ALL.into_iter().filter(|aov| !aov.is_for_compositing());
+        std::iter::once(Self::Picture).chain(images.map(|aov| Self::Image(aov, 0)))
     }
 
     /// The intermediate image that it shows.
@@ -91,6 +92,9 @@ impl View {
             None => "Picture",
             Some(Aov::Depth) => "Depth",
             Some(Aov::Normal) => "Normal",
+            Some(Aov::Motion) => "Motion",
+            Some(Aov::Coverage) => "Coverage",
+            Some(Aov::Mask) => "Masks of fluids",
             Some(Aov::SmoothDepth) => "Smoothed depth",
             Some(Aov::SmoothNormal) => "Smoothed normal",
             Some(Aov::SolidDepth) => "Depth of solids",

@@ -16,12 +16,20 @@ pub fn add_wall_contacts(splats: &mut Splats, solids: &[Solid], reach: f32) {
     let origin = splats.origin;
     let touching = |splat: &Splat, number: u32, solid: &Solid| {
         let centre = Vec3::from_array(splat.centre).as_dvec3();
-        let (distance, normal) = beside(&solid.shape, origin + centre);
-        let near = distance > 0.0 && distance <= f64::from(reach * splat.radius);
+        let limit = f64::from(reach * splat.radius);
+        let (distance, normal) = beside(&solid.shape, origin + centre, limit)?;
         let moved = centre - distance * normal;
-        near.then(|| Splat {
+        let tags = match &solid.shape {
+            Shape::Plane { normal: own, .. } => wall(number, own.as_dvec3(), normal),
+            shape if shape.is_sheet() => {
+                let (_, own) = shape.distance_within(origin + centre, limit)?;
+                wall(number, own, normal)
+            }
+            _ => 0,
+        };
+        (distance > 0.0).then(|| Splat {
             centre: moved.as_vec3().to_array(),
-            tags: splat.tags | wall(number, &solid.shape, normal),
+            tags: splat.tags | tags,
             ..*splat
         })
     };
@@ -36,20 +44,18 @@ pub fn add_wall_contacts(splats: &mut Splats, solids: &[Solid], reach: f32) {
     splats.aggregates.extend(copies);
 }
 
-/// Distance from a solid, negative inside, and the unit normal there. A plane's normal points to the
-/// side of `x`.
-fn beside(shape: &Shape, x: DVec3) -> (f64, DVec3) {
-    let (distance, normal) = shape.distance(x);
-    match shape {
-        Shape::Plane { .. } if distance < 0.0 => (-distance, -normal),
-        _ => (distance, normal),
-    }
+/// Distance from a solid, negative inside, and the unit normal there, if the surface is within `limit`. The
+/// normal of a sheet points to the side of `x`.
+fn beside(shape: &Shape, x: DVec3, limit: f64) -> Option<(f64, DVec3)> {
+    let (distance, normal) = shape.distance_within(x, limit)?;
+    let flips = distance < 0.0 && shape.is_sheet();
+    Some(if flips { (-distance, -normal) } else { (distance, normal) })
 }
 
-/// Tag bits that record the plane of a copy and its original side, which its position no longer tells.
-fn wall(number: u32, shape: &Shape, towards: DVec3) -> u32 {
-    let Shape::Plane { normal, .. } = shape else { return 0 };
-    let behind = normal.as_dvec3().dot(towards) < 0.0;
+/// Tag bits that record the sheet of a copy and its original side, which its position no longer tells.
+/// `normal` is the sheet's own there.
+fn wall(number: u32, normal: DVec3, towards: DVec3) -> u32 {
+    let behind = normal.dot(towards) < 0.0;
     number << Splat::WALL | if behind { Splat::WALL_FROM_BEHIND } else { 0 }
 }
 
@@ -97,12 +103,9 @@ pub(crate) fn seen_past_walls(splats: &Splats, solids: &[Solid], eye: Eye) -> Op
         let longest = splat.longest();
         let mut any = false;
         for wall in &walls {
-            let (distance, normal) = wall.to(splat, centre);
-            if distance > longest {
-                continue;
-            }
+            let Some((distance, normal)) = wall.to(splat, centre, longest) else { continue };
             let reach = reach_along(splat, normal) - distance;
-            let thickness = thickness(wall.shape, normal);
+            let thickness = thickness(wall.shape, centre - distance * normal, normal, longest);
             let far_side = centre - (distance + thickness) * normal;
             if reach > thickness && eye.direction(far_side).dot(normal) < 0.0 {
                 centre += (reach + margin) * normal;
@@ -148,8 +151,9 @@ impl<'a> Wall<'a> {
         let normal = normal.as_dvec3();
         let sides = |splat: &Splat| {
             let centre = splats.origin + Vec3::from_array(splat.centre).as_dvec3();
-            let (distance, towards) = beside(shape, centre);
-            let counts = distance <= f64::from(2.0 * splat.radius) && !splat.is_copy();
+            let near = beside(shape, centre, f64::from(2.0 * splat.radius));
+            let counts = near.is_some() && !splat.is_copy();
+            let towards = near.map_or(DVec3::ZERO, |(_, towards)| towards);
             let front = towards.dot(normal) > 0.0;
             [usize::from(counts && front), usize::from(counts && !front)]
         };
@@ -166,23 +170,22 @@ impl<'a> Wall<'a> {
         Self { number, shape, side }
     }
 
-    /// As [`beside`], but relative to the side that the splat belongs to: for a copy on a plane its
+    /// As [`beside`], but relative to the side that the splat belongs to: for a copy on a sheet its
     /// original side, for a leaked particle the side of the others.
-    fn to(&self, splat: &Splat, centre: DVec3) -> (f64, DVec3) {
-        let (mut distance, mut towards) = beside(self.shape, centre);
-        if let Shape::Plane { normal, .. } = self.shape
-            && splat.tags >> Splat::WALL & 0x3ff == self.number
-        {
+    fn to(&self, splat: &Splat, centre: DVec3, limit: f64) -> Option<(f64, DVec3)> {
+        let (mut distance, mut towards) = beside(self.shape, centre, limit)?;
+        if self.shape.is_sheet() && splat.tags >> Splat::WALL & 0x3ff == self.number {
+            let (_, normal) = self.shape.distance_within(centre, limit)?;
             let behind = splat.tags & Splat::WALL_FROM_BEHIND != 0;
-            towards = if behind { -normal.as_dvec3() } else { normal.as_dvec3() };
+            towards = if behind { -normal } else { normal };
             distance = 0.0;
         }
-        match self.side {
+        Some(match self.side {
             Some(side) if side.dot(towards) < 0.0 && distance <= f64::from(splat.radius) => {
                 (-distance, side)
             }
             _ => (distance, towards),
-        }
+        })
     }
 }
 
@@ -191,9 +194,16 @@ fn reach_along(splat: &Splat, n: DVec3) -> f64 {
     (splat.axes() * n).length()
 }
 
-/// Extent of a solid along a unit normal, m.
-fn thickness(shape: &Shape, normal: DVec3) -> f64 {
+/// Extent of a solid along a unit normal, m, behind a point of its surface; at least `limit` if it is more.
+fn thickness(shape: &Shape, surface: DVec3, normal: DVec3, limit: f64) -> f64 {
     match *shape {
+        Shape::Mesh { ref mesh, placement } if mesh.is_closed() => {
+            let at = placement.mesh_from_world(surface) - mesh.origin();
+            let direction = placement.rotate.conjugate() * -normal;
+            let most = limit / placement.scale;
+            placement.scale * mesh.hit(at, direction, 1e-6 * most, most).unwrap_or(most)
+        }
+        Shape::Mesh { .. } => 0.0,
         Shape::Plane { .. } => 0.0,
         Shape::Box { min, max } => normal.abs().dot(max - min),
         Shape::Sphere { radius, .. } => 2.0 * f64::from(radius),
@@ -237,6 +247,14 @@ impl Extent {
             Shape::Box { min, max } => {
                 let near = self.min.cmple(max + self.reach) & self.max.cmpge(min - self.reach);
                 (max - min).min_element() < self.reach && near.all()
+            }
+            Shape::Mesh { ref mesh, placement } => {
+                let (low, high) = mesh.bounds();
+                let (low, high) = (low.as_dvec3(), high.as_dvec3());
+                let middle = placement.world_from_mesh(mesh.origin() + 0.5 * (low + high));
+                let axes = glam::DMat3::from_quat(placement.rotate).abs();
+                let beside = 0.5 * placement.scale * (axes * (high - low)) + self.reach;
+                (self.min.cmple(middle + beside) & self.max.cmpge(middle - beside)).all()
             }
             Shape::Sphere { center, radius } => {
                 let beside = self.reach + f64::from(radius);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::fingerprint::Fingerprint;
 use glam::UVec2;
-use image::RgbImage;
+use image::DynamicImage;
 use limpid::aov::{Aov, Part};
 use limpid_io::Error;
 use limpid_io::exr;
@@ -68,6 +68,10 @@ impl Output {
         }
         let Some(path) = film_path(args) else {
             let pictures = Pictures::new(args, count)?;
+            if args.alpha && pictures.format == PictureFormat::Jpeg {
+                let problem = "--alpha: a .jpg holds no coverage; write .png, .webp or .exr";
+                return Err(Error::Usage(problem.into()));
+            }
             output::sweep(folder_of(&pictures.names.path(0)));
             return Ok(Self::Pictures(pictures));
         };
@@ -92,6 +96,9 @@ impl Output {
         if args.aov.is_some() {
             return refuse("--aov goes beside pictures; write .png");
         }
+        if args.alpha {
+            return refuse("--alpha: films hold no coverage; write .png, .webp or .exr");
+        }
         if args.manifest.is_some() {
             return refuse("--manifest lists pictures, and a film is one file; write .png");
         }
@@ -109,7 +116,7 @@ impl Output {
     pub(super) fn write(
         &mut self,
         shot: &Shot,
-        picture: &RgbImage,
+        picture: &DynamicImage,
         radiance: Option<Part>,
         fingerprint: Fingerprint,
     ) -> limpid_io::Result<()> {
@@ -117,13 +124,15 @@ impl Output {
             (Self::Pictures(pictures), Some(radiance)) => {
                 exr::write_noted(&pictures.path(shot), vec![radiance], fingerprint.exr_note())
             }
-            (Self::Pictures(pictures), None) => {
-                output::write_picture(&pictures.path(shot), picture, &fingerprint.notes(picture))
-            }
-            (Self::Film(film), _) => film.push(picture),
+            (Self::Pictures(pictures), None) => output::write_picture(
+                &pictures.path(shot),
+                picture,
+                &fingerprint.notes(picture.as_bytes()),
+            ),
+            (Self::Film(film), _) => film.push(&picture.to_rgb8()),
             (Self::Standard, _) => {
                 let mut bytes = Vec::new();
-                output::encode_png(&mut bytes, picture, &fingerprint.notes(picture))
+                output::encode_png(&mut bytes, picture, &fingerprint.notes(picture.as_bytes()))
                     .map_err(|source| Error::Io { path: "-".into(), action: "write", source })?;
                 standard::write(&bytes)
             }

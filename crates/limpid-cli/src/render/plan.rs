@@ -1,5 +1,6 @@
 //! The plan of a run: scene, particles and pictures, from the arguments.
 
+use limpid::aov::Aov;
 use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::Error;
@@ -35,6 +36,7 @@ impl Plan {
         let mut overrides = Vec::from_iter(args.preset.map(|preset| format!("preset={preset}")));
         overrides.extend(args.set.iter().cloned());
         overrides.extend(args.samples.map(|samples| format!("refract.samples={samples}")));
+        overrides.extend(args.alpha.then(|| "refract.transparent=true".to_owned()));
         let request = Request {
             input: args.input.clone(),
             scene: args.scene.clone(),
@@ -47,10 +49,13 @@ impl Plan {
         };
         let opened = standard::open(&request)?;
         let camera = opened.project.camera_for(Default::default());
-        let (input, scene) = (opened.input, opened.project.scene);
+        let incomplete = opened.project.solid_files.remarks.clone();
+        let (mut input, scene) = (opened.input, opened.project.scene);
+        input.with_velocities = args.aov.as_ref().is_some_and(|list| list.contains(&Aov::Motion));
         let (frame_times, numbers, fps) = frame_times(args, &input)?;
         let shots = shots(args, camera, &numbers, fps)?;
-        let notices = notices(args, &input, numbers.len());
+        let mut notices = notices(args, &input, numbers.len());
+        notices.extend(incomplete.into_iter().map(Notice::Incomplete));
         Ok(Self { input, scene, frame_times, shots, fps, notices })
     }
 }

@@ -15,6 +15,7 @@ fn cameras() -> Vec<Camera> {
         up: Vec3::Y,
         fov_y: 40.0,
         near: None,
+        lens: None,
     };
     scales.into_iter().flat_map(|scale| views.map(|view| camera(scale, view))).collect()
 }

@@ -169,6 +169,7 @@ fn camera_survives_its_text() {
         up: Vec3::new(0.1, 0.9, -0.3),
         fov_y: 38.7,
         near: Some(0.1),
+        lens: None,
     };
     assert_eq!(camera.to_string().parse::<Camera>().expect("a camera"), camera);
     let plain = Camera { up: Vec3::Y, near: None, ..camera };

@@ -70,7 +70,7 @@ fn of(simulation: &Simulation, solids: &[Solid]) -> Value {
     let mut record = json!({
         "solver": SOLVER,
         "simulation": simulation,
-        "solids": solids.iter().map(|solid| solid.shape).collect::<Vec<_>>(),
+        "solids": solids.iter().map(|solid| &solid.shape).collect::<Vec<_>>(),
     });
     if let Some(simulation) = record["simulation"].as_object_mut() {
         simulation.remove("frames");

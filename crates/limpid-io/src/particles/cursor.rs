@@ -7,20 +7,20 @@ use crate::error::{Error, Location, Result};
 
 /// The bytes of a file, and the kind of its locations in messages.
 #[derive(Clone, Copy)]
-pub(super) struct FileBytes<'a> {
-    pub(super) path: &'a Path,
-    pub(super) bytes: &'a [u8],
+pub(crate) struct FileBytes<'a> {
+    pub(crate) path: &'a Path,
+    pub(crate) bytes: &'a [u8],
     /// Locations are lines instead of bytes.
-    pub(super) text: bool,
+    pub(crate) text: bool,
 }
 
 impl FileBytes<'_> {
-    pub(super) fn error(&self, offset: usize, problem: impl Into<String>) -> Error {
+    pub(crate) fn error(&self, offset: usize, problem: impl Into<String>) -> Error {
         Error::malformed(self.path, self.location(offset), problem)
     }
 
     /// The error of a file or array that unpacks to more than `limit` bytes.
-    pub(super) fn too_large(&self, offset: usize, what: &'static str, limit: u64) -> Error {
+    pub(crate) fn too_large(&self, offset: usize, what: &'static str, limit: u64) -> Error {
         let (path, location) = (self.path.to_owned(), self.location(offset));
         Error::TooLarge { path, location, what, limit }
     }
@@ -36,32 +36,32 @@ impl FileBytes<'_> {
 }
 
 /// Reads a file sequentially and never beyond its end.
-pub(super) struct Cursor<'a> {
-    pub(super) source: FileBytes<'a>,
-    pub(super) offset: usize,
+pub(crate) struct Cursor<'a> {
+    pub(crate) source: FileBytes<'a>,
+    pub(crate) offset: usize,
     /// Start of the latest read, which is the location of `Cursor::error`.
-    pub(super) start: usize,
+    pub(crate) start: usize,
 }
 
 impl<'a> Cursor<'a> {
-    pub(super) fn new(path: &'a Path, bytes: &'a [u8], text: bool) -> Self {
+    pub(crate) fn new(path: &'a Path, bytes: &'a [u8], text: bool) -> Self {
         Self { source: FileBytes { path, bytes, text }, offset: 0, start: 0 }
     }
 
-    pub(super) fn error(&self, problem: impl Into<String>) -> Error {
+    pub(crate) fn error(&self, problem: impl Into<String>) -> Error {
         self.source.error(self.start, problem)
     }
 
-    pub(super) fn rest(&self) -> &'a [u8] {
+    pub(crate) fn rest(&self) -> &'a [u8] {
         self.source.bytes.get(self.offset..).unwrap_or_default()
     }
 
-    pub(super) fn take(&mut self, length: usize, what: &str) -> Result<&'a [u8]> {
+    pub(crate) fn take(&mut self, length: usize, what: &str) -> Result<&'a [u8]> {
         self.take_records(1, length, what)
     }
 
     /// Takes `rows` records of `stride` bytes.
-    pub(super) fn take_records(
+    pub(crate) fn take_records(
         &mut self,
         rows: usize,
         stride: usize,
@@ -81,13 +81,13 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    pub(super) fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
+    pub(crate) fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
         let bytes = self.take(N, what)?;
         bytes.try_into().map_err(|_| self.error(what))
     }
 
     /// Reads the next line without its terminator; `None` at the end of the file.
-    pub(super) fn line(&mut self) -> Option<Cow<'a, str>> {
+    pub(crate) fn line(&mut self) -> Option<Cow<'a, str>> {
         self.start = self.offset;
         let rest = self.rest();
         let line = rest.split(|&byte| byte == b'\n').next().filter(|_| !rest.is_empty())?;
@@ -96,7 +96,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Reads the next line that is not blank.
-    pub(super) fn filled_line(&mut self) -> Option<Cow<'a, str>> {
+    pub(crate) fn filled_line(&mut self) -> Option<Cow<'a, str>> {
         loop {
             let line = self.line()?;
             if !line.trim_ascii().is_empty() {
@@ -106,7 +106,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Reads the next word, delimited by white space.
-    pub(super) fn word(&mut self) -> Option<Cow<'a, str>> {
+    pub(crate) fn word(&mut self) -> Option<Cow<'a, str>> {
         let rest = self.rest();
         self.start = self.offset + rest.iter().position(|byte| !byte.is_ascii_whitespace())?;
         let word = self.source.bytes.get(self.start..)?;
@@ -116,12 +116,12 @@ impl<'a> Cursor<'a> {
     }
 
     /// Parses a count of a header.
-    pub(super) fn count(&self, word: Option<&str>, what: &str) -> Result<usize> {
+    pub(crate) fn count(&self, word: Option<&str>, what: &str) -> Result<usize> {
         let word = word.unwrap_or("nothing");
         word.parse().map_err(|_| self.error(format!("{what}: expected a count, found `{word}`")))
     }
 
-    pub(super) fn number(&self, word: &str) -> Result<f64> {
+    pub(crate) fn number(&self, word: &str) -> Result<f64> {
         word.parse().map_err(|_| self.error(format!("expected a number, found `{word}`")))
     }
 }

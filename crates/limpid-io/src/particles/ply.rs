@@ -17,26 +17,29 @@ use super::{
 use crate::error::{Error, Result};
 use limpid::memory;
 
+/// Encoding of the elements.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Encoding {
+pub(crate) enum Encoding {
     Ascii,
     LittleEndian,
     BigEndian,
 }
 
-struct Element {
-    name: String,
-    count: usize,
-    properties: Vec<Property>,
+/// An element of the header.
+pub(crate) struct Element {
+    pub(crate) name: String,
+    pub(crate) count: usize,
+    pub(crate) properties: Vec<Property>,
 }
 
-enum Property {
+/// A property of an element.
+pub(crate) enum Property {
     Number { name: String, scalar: Scalar },
     List { name: String, length: Scalar, item: Scalar },
 }
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
-    if !bytes.starts_with(b"ply\n") && !bytes.starts_with(b"ply\r\n") {
+    if !has_magic(bytes) {
         return Err(foreign(path, bytes, "a PLY file"));
     }
     let mut file = Cursor::new(path, bytes, true);
@@ -46,13 +49,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     };
     file.source.text = encoding == Encoding::Ascii;
     for element in elements.iter().take(vertex) {
-        if element.has_lists() || encoding == Encoding::Ascii {
-            for _ in 0..element.count {
-                record(&mut file, element, encoding, &mut |_| {})?;
-            }
-        } else {
-            file.take_records(element.count, element.stride(encoding), &element.name)?;
-        }
+        skip(&mut file, element, encoding)?;
     }
     let mut contents = vertices(&mut file, &elements[vertex], encoding, reading.map)?;
     let cells = ["face", "tristrips", "edge"];
@@ -61,7 +58,13 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     Ok(contents)
 }
 
-fn header(file: &mut Cursor<'_>) -> Result<(Encoding, Vec<Element>)> {
+/// Whether a file begins as PLY does.
+pub(crate) fn has_magic(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r\n")
+}
+
+/// Reads the header: the encoding of the elements and their properties.
+pub(crate) fn header(file: &mut Cursor<'_>) -> Result<(Encoding, Vec<Element>)> {
     let mut encoding = None;
     let mut elements: Vec<Element> = Vec::new();
     file.line(); // the magic
@@ -124,7 +127,7 @@ impl Element {
     }
 
     /// Names and columns of the numbers of a record, without lists, in the layout of [`record`].
-    fn columns(&self, encoding: Encoding) -> Vec<(&str, Column)> {
+    pub(crate) fn columns(&self, encoding: Encoding) -> Vec<(&str, Column)> {
         let mut offset = 0;
         let numbers = self.properties.iter().filter_map(|property| match property {
             Property::Number { name, scalar } => Some((name.as_str(), *scalar)),
@@ -145,12 +148,26 @@ impl Element {
     }
 }
 
-/// Reads one record and passes the bytes of its numbers to `keep`; those of text as little-endian f64.
-fn record(
+/// Skips the records of an element.
+pub(crate) fn skip(file: &mut Cursor<'_>, element: &Element, encoding: Encoding) -> Result<()> {
+    if element.has_lists() || encoding == Encoding::Ascii {
+        for _ in 0..element.count {
+            record(file, element, encoding, &mut |_| {}, &mut |_, _| {})?;
+        }
+    } else {
+        file.take_records(element.count, element.stride(encoding), &element.name)?;
+    }
+    Ok(())
+}
+
+/// Reads one record. `keep` gets the bytes of its numbers, those of text as little-endian f64; `item` gets
+/// the items of its lists, each after the index of its property: NaN for text that is no number.
+pub(crate) fn record(
     file: &mut Cursor<'_>,
     element: &Element,
     encoding: Encoding,
     keep: &mut impl FnMut(&[u8]),
+    item: &mut impl FnMut(usize, f64),
 ) -> Result<()> {
     let name = &element.name;
     if encoding == Encoding::Ascii {
@@ -158,13 +175,14 @@ fn record(
         let line = file.filled_line().ok_or_else(|| file.error(ends))?;
         let mut words = line.split_ascii_whitespace();
         let short = || file.error(format!("{name}: the line has too few values"));
-        for property in &element.properties {
+        for (k, property) in element.properties.iter().enumerate() {
             let word = words.next().ok_or_else(short)?;
             match property {
                 Property::Number { .. } => keep(&file.number(word)?.to_le_bytes()),
                 Property::List { .. } => {
                     for _ in 0..file.count(Some(word), "a list's length")? {
-                        words.next().ok_or_else(short)?;
+                        let word = words.next().ok_or_else(short)?;
+                        item(k, word.parse().unwrap_or(f64::NAN));
                     }
                 }
             }
@@ -174,16 +192,21 @@ fn record(
             None => Ok(()),
         };
     }
-    for property in &element.properties {
+    let big_endian = encoding == Encoding::BigEndian;
+    for (k, property) in element.properties.iter().enumerate() {
         match *property {
             Property::Number { scalar, .. } => keep(file.take(scalar.size(), name)?),
-            Property::List { length, item, .. } => {
+            Property::List { length, item: scalar, .. } => {
                 let column = Column { offset: 0, scalar: length };
                 let bytes = file.take(length.size(), name)?;
-                match column.integer(bytes, encoding == Encoding::BigEndian).map(usize::try_from) {
-                    Some(Ok(length)) => file.take_records(length, item.size(), name)?,
-                    _ => return Err(file.error("a list's length: expected 0 or more")),
+                let Some(Ok(length)) = column.integer(bytes, big_endian).map(usize::try_from)
+                else {
+                    return Err(file.error("a list's length: expected 0 or more"));
                 };
+                let items = file.take_records(length, scalar.size(), name)?;
+                for bytes in items.chunks_exact(scalar.size()) {
+                    item(k, scalar.number(bytes, big_endian));
+                }
             }
         }
     }
@@ -213,7 +236,8 @@ fn vertices(
             let offset = file.offset;
             memory::grow(&mut bytes, stride, file.source.path.display())?;
             memory::grow(&mut starts, 1, file.source.path.display())?;
-            record(file, element, encoding, &mut |number| bytes.extend_from_slice(number))?;
+            let keep = &mut |number: &[u8]| bytes.extend_from_slice(number);
+            record(file, element, encoding, keep, &mut |_, _| {})?;
             // In text, blank lines may precede the record.
             starts.push(if file.source.text { file.start } else { offset });
         }

@@ -14,7 +14,7 @@ use limpid::memory;
 
 /// Types of numbers in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Scalar {
+pub(crate) enum Scalar {
     I8,
     U8,
     I16,
@@ -44,7 +44,7 @@ impl<'a> Cursor<'a> {
 }
 
 impl Scalar {
-    pub(super) fn size(self) -> usize {
+    pub(crate) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 | Self::F16 => 2,
@@ -54,7 +54,7 @@ impl Scalar {
     }
 
     /// The number at the start of some bytes as the nearest f64.
-    pub(super) fn number(self, bytes: &[u8], big_endian: bool) -> f64 {
+    pub(crate) fn number(self, bytes: &[u8], big_endian: bool) -> f64 {
         Column { offset: 0, scalar: self }.number(bytes, big_endian)
     }
 }
@@ -73,9 +73,9 @@ fn half(bits: u16) -> f64 {
 
 /// A column of a table: the offset of a number from the start of each record, and its type.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Column {
-    pub(super) offset: usize,
-    pub(super) scalar: Scalar,
+pub(crate) struct Column {
+    pub(crate) offset: usize,
+    pub(crate) scalar: Scalar,
 }
 
 impl Column {
@@ -85,7 +85,7 @@ impl Column {
     }
 
     /// The columns of three consecutive numbers at the start of a record.
-    pub(super) fn triple(scalar: Scalar) -> [Self; 3] {
+    pub(crate) fn triple(scalar: Scalar) -> [Self; 3] {
         [0, 1, 2].map(|k| Self { offset: k * scalar.size(), scalar })
     }
 
@@ -96,7 +96,7 @@ impl Column {
     }
 
     /// The number as the nearest f64.
-    pub(super) fn number(self, record: &[u8], big_endian: bool) -> f64 {
+    pub(crate) fn number(self, record: &[u8], big_endian: bool) -> f64 {
         macro_rules! number {
             ($type:ty) => {
                 if big_endian {

@@ -68,7 +68,7 @@ const fn control(
 use ControlKind::{Choice, Number, Odd, Toggle, Whole};
 
 /// All settings, in the panel's order.
-pub const CONTROLS: [Control; 42] = [
+pub const CONTROLS: [Control; 43] = [
     control(
         "classify",
         "support",
@@ -274,6 +274,13 @@ pub const CONTROLS: [Control; 42] = [
         "Reflections",
         Choice(&["scene", "environment"]),
         "What reflected rays see that are not followed.",
+    ),
+    control(
+        "refract",
+        "transparent",
+        "Transparent",
+        Toggle,
+        "Pixels are covered only as far as they show liquid or a solid.",
     ),
     control(
         "caustics",

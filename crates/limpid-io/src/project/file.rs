@@ -3,10 +3,13 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
+use super::bodies::{Bodies, BodiesFile};
+use super::motion::SolidMotion;
+use super::solids::{SolidFile, SolidFiles, unit};
 use super::{Automatic, LiquidSource, NamedView, ParticleSource, Project};
 use crate::environment;
 use crate::error::{Error, Result, toml_error};
@@ -19,7 +22,7 @@ use limpid::environment::{Environment, Glow, MAX_RADIANCE};
 use limpid::liquid::Up;
 use limpid::liquid::particles::drawable;
 use limpid::look::Look;
-use limpid::scene::{Light, Liquid, Scene, Shape, Solid, Surface};
+use limpid::scene::{Light, Liquid, Scene};
 use limpid::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
@@ -42,12 +45,21 @@ struct SceneFile {
     #[serde(default)]
     view: Vec<NamedView>,
     environment: Option<EnvironmentFile>,
+    background: Option<BackgroundFile>,
     #[serde(default)]
     solid: Vec<SolidFile>,
+    rigid_bodies: Option<BodiesFile>,
     #[serde(default)]
     light: Vec<Light>,
     #[serde(default)]
     settings: SettingsFile,
+}
+
+/// A `[background]`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BackgroundFile {
+    file: PathBuf,
 }
 
 #[derive(Default, Serialize, Deserialize)]
@@ -122,50 +134,6 @@ struct GlowFile {
     sharpness: f32,
 }
 
-#[derive(Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum ShapeFile {
-    #[default]
-    Plane,
-    Box,
-    Sphere,
-}
-
-#[derive(Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SolidFile {
-    shape: ShapeFile,
-    origin: Option<DVec3>,
-    normal: Option<Vec3>,
-    half_extent: Option<f32>,
-    min: Option<DVec3>,
-    max: Option<DVec3>,
-    center: Option<DVec3>,
-    radius: Option<f32>,
-    color: Option<Vec3>,
-    #[serde(default)]
-    lit: bool,
-    checker: Option<CheckerFile>,
-    ground: Option<GroundFile>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CheckerFile {
-    tile: f32,
-    even: Vec3,
-    odd: Vec3,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GroundFile {
-    tile: f32,
-    even: Vec3,
-    odd: Vec3,
-    fade: f32,
-}
-
 /// Reads an environment map.
 type LoadMap = fn(&Path) -> Result<Environment>;
 
@@ -211,9 +179,23 @@ impl Project {
         check_vectors("", &toml::Value::Table(table.clone())).map_err(fail)?;
         let automatic = automatic(&file, &table);
         let mut solids = Vec::new();
-        for (i, solid) in file.solid.into_iter().enumerate() {
-            let number = i + 1;
-            solids.push(solid.validated().map_err(|e| fail(format!("[[solid]] {number}: {e}")))?);
+        let mut solid_files = SolidFiles::default();
+        let mut motion = SolidMotion::default();
+        for (number, solid) in (1..).zip(file.solid) {
+            let fail = |problem: String| fail(format!("[[solid]] {number}: {problem}"));
+            let (solid, moves) = solid.load(folder, &mut solid_files, &fail)?;
+            motion.push(solids.len(), moves);
+            solids.push(solid);
+        }
+        if let Some(bodies) = &file.rigid_bodies {
+            let (bodies, shown) = Bodies::open(bodies, folder, &mut solid_files.remarks)?;
+            motion.set_bodies(solids.len(), bodies);
+            solids.extend(shown);
+        }
+        if file.simulation.is_some() && !motion.is_empty() {
+            let problem = "[simulation] takes solids that stand still: bake without [[solid.key]], meshes of \
+                several frames and [rigid_bodies], and draw the baked frames as [particles] of a scene with them";
+            return Err(fail(problem.into()));
         }
         let sources = [
             file.particles.is_some(),
@@ -266,10 +248,14 @@ impl Project {
         }
         let environment =
             file.environment.unwrap_or_default().validated(folder, load_map, &fail)?;
+        let background = file.background.map(|background| folder.join(background.file));
+        let background = background.map(|file| solid_files.texture(&file)).transpose()?;
         let settings = file.settings.validated(text).map_err(at_line)?;
         let lights = file.light;
         let project = Self {
-            scene: Scene { liquid, fluids, environment, solids, lights, settings },
+            scene: Scene { liquid, fluids, environment, background, solids, lights, settings },
+            solid_files,
+            motion,
             source,
             camera: file.camera,
             views: file.view,
@@ -287,19 +273,27 @@ impl Project {
     /// # Errors
     /// [`Error::Usage`] for an environment map without a file.
     pub fn to_toml(&self, map: Option<&str>) -> Result<String> {
-        let Self { scene, source, camera, views, processor, automatic } = self;
+        let Self { scene, solid_files, motion, source, camera, views, processor, automatic } = self;
         let provides = |part: fn(&Automatic) -> bool| automatic.as_ref().is_some_and(part);
         let environment = match provides(|automatic| automatic.environment) {
             true => None,
             false => Some(EnvironmentFile::of(&scene.environment, map)?),
         };
+        let background = scene.background.as_ref().map(|texture| {
+            let problem = || Error::Usage("a background needs a file of its own".into());
+            solid_files.texture_source(texture).ok_or_else(problem)
+        });
+        let background = background.transpose()?;
         let mut liquid = LiquidFile::of(&scene.liquid);
         liquid.absorption =
             liquid.absorption.filter(|_| !provides(|automatic| automatic.absorption));
         let recipe = source.recipe().copied();
-        // The solids of the recipe are left out, since reading adds them again.
-        let own = recipe.map_or(0, |recipe| recipe.solids().len());
-        let own = scene.solids.len().saturating_sub(own);
+        // The solids of the recipe and of the rigid bodies are left out, since reading adds them again.
+        let added = recipe.map_or(0, |recipe| recipe.solids().len());
+        let added = added + motion.bodies().map_or(0, Bodies::len);
+        let own = scene.solids.len().saturating_sub(added);
+        let solids = scene.solids[..own].iter().enumerate();
+        let solids = solids.map(|(i, solid)| SolidFile::of(solid, motion.of(i), solid_files));
         let (mut particles, mut fluid) = (None, Vec::new());
         match source {
             LiquidSource::File(file) => particles = Some(file.clone()),
@@ -319,7 +313,9 @@ impl Project {
             camera: *camera,
             view: views.clone(),
             environment,
-            solid: scene.solids[..own].iter().map(SolidFile::of).collect(),
+            background: background.map(|file| BackgroundFile { file: file.to_owned() }),
+            solid: solids.collect::<Result<_>>()?,
+            rigid_bodies: motion.bodies().map(|bodies| bodies.file().clone()),
             light: scene.lights.clone(),
             settings: SettingsFile::of(&scene.settings),
         };
@@ -357,6 +353,9 @@ impl Project {
         for particles in project.source.files_mut() {
             particles.source = relative_to(folder, &particles.source);
         }
+        let relative = |path: &Path| PathBuf::from(relative_to(folder, &path.to_string_lossy()));
+        project.solid_files.map_paths(relative);
+        project.motion.map_paths(relative);
         let map = path.with_extension("environment.exr");
         if let Environment::Map { size, pixels } = &project.scene.environment {
             let rgb: Vec<f32> = pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
@@ -398,6 +397,7 @@ fn automatic(file: &SceneFile, table: &toml::Table) -> Option<Automatic> {
         environment: file.environment.is_none(),
         // A recipe may have solids of its own.
         ground: file.solid.is_empty()
+            && file.rigid_bodies.is_none()
             && file.recipe.is_none_or(|recipe| recipe.solids().is_empty()),
         light: file.light.is_empty(),
         absorption: file.liquid.absorption.is_none() && file.liquid.color.is_none(),
@@ -611,102 +611,6 @@ fn overlaid(settings: &Settings, file: &toml::Table) -> Result<Settings, toml::d
     all.try_into()
 }
 
-impl SolidFile {
-    fn of(solid: &Solid) -> Self {
-        let mut file = Self { lit: solid.lit, ..Self::default() };
-        match solid.shape {
-            Shape::Plane { origin, normal, half_extent } => {
-                file.shape = ShapeFile::Plane;
-                (file.origin, file.normal) = (Some(origin), Some(normal));
-                file.half_extent = half_extent.is_finite().then_some(half_extent);
-            }
-            Shape::Box { min, max } => {
-                file.shape = ShapeFile::Box;
-                (file.min, file.max) = (Some(min), Some(max));
-            }
-            Shape::Sphere { center, radius } => {
-                file.shape = ShapeFile::Sphere;
-                (file.center, file.radius) = (Some(center), Some(radius));
-            }
-        }
-        match solid.surface {
-            Surface::Color(color) => file.color = Some(color),
-            Surface::Checker { tile, even, odd } => {
-                file.checker = Some(CheckerFile { tile, even, odd });
-            }
-            Surface::Ground { tile, even, odd, fade } => {
-                file.ground = Some(GroundFile { tile, even, odd, fade });
-            }
-        }
-        file
-    }
-
-    fn validated(self) -> Result<Solid, String> {
-        fn need<T>(value: Option<T>, shape: &str, key: &str) -> Result<T, String> {
-            value.ok_or_else(|| format!("a {shape} needs {key}"))
-        }
-        let (name, takes): (_, &[&str]) = match self.shape {
-            ShapeFile::Plane => ("plane", &["origin", "normal", "half_extent"]),
-            ShapeFile::Box => ("box", &["min", "max"]),
-            ShapeFile::Sphere => ("sphere", &["center", "radius"]),
-        };
-        let given = [
-            ("origin", self.origin.is_some()),
-            ("normal", self.normal.is_some()),
-            ("half_extent", self.half_extent.is_some()),
-            ("min", self.min.is_some()),
-            ("max", self.max.is_some()),
-            ("center", self.center.is_some()),
-            ("radius", self.radius.is_some()),
-        ];
-        if let Some((key, _)) = given.iter().find(|(key, given)| *given && !takes.contains(key)) {
-            return Err(format!("a {name} has no {key}; it takes {}", takes.join(", ")));
-        }
-        let shape = match self.shape {
-            ShapeFile::Plane => {
-                let normal = self.normal.unwrap_or(Vec3::Y);
-                Shape::Plane {
-                    origin: need(self.origin, "plane", "origin")?,
-                    normal: unit(normal).ok_or("normal must not be zero")?,
-                    half_extent: self.half_extent.unwrap_or(f32::INFINITY),
-                }
-            }
-            ShapeFile::Box => {
-                let (min, max) = (need(self.min, "box", "min")?, need(self.max, "box", "max")?);
-                Shape::Box { min, max }
-            }
-            ShapeFile::Sphere => Shape::Sphere {
-                center: need(self.center, "sphere", "center")?,
-                radius: need(self.radius, "sphere", "radius")?,
-            },
-        };
-        let surface = match (self.color, self.checker, self.ground) {
-            (Some(color), None, None) => Surface::Color(color),
-            (None, Some(CheckerFile { tile, even, odd }), None) => {
-                Surface::Checker { tile, even, odd }
-            }
-            (None, None, Some(GroundFile { tile, even, odd, fade })) => {
-                Surface::Ground { tile, even, odd, fade }
-            }
-            (None, None, None) => Surface::Color(Vec3::splat(0.5)),
-            _ => return Err("takes one of color, checker and ground".into()),
-        };
-        Ok(Solid { shape, surface, lit: self.lit })
-    }
-}
-
-/// Normalizes a direction; a unit vector is returned unchanged, so that a written one reads back the
-/// same.
-fn unit(direction: Vec3) -> Option<Vec3> {
-    /// Error of a unit vector's length by the rounding of three 32-bit floats.
-    const ROUNDING: f64 = 2e-7;
-    let direction64 = direction.as_dvec3();
-    if (direction64.length() - 1.0).abs() < ROUNDING {
-        return Some(direction);
-    }
-    direction64.try_normalize().map(|unit| unit.as_vec3())
-}
-
 /// Fails for a vector with too many numbers, as by decimal commas; deserialization would silently use
 /// the first ones.
 fn check_vectors(key: &str, value: &toml::Value) -> Result<(), String> {
@@ -717,7 +621,14 @@ fn check_vectors(key: &str, value: &toml::Value) -> Result<(), String> {
         }
         toml::Value::Array(values) => {
             let pair = ["wavelengths", "half_extent"].iter().any(|name| key.ends_with(name));
-            let limit = if pair { 2 } else { 3 };
+            let four = ["rotate", "quaternion"].iter().any(|name| key.ends_with(name));
+            let limit = if pair {
+                2
+            } else if four {
+                4
+            } else {
+                3
+            };
             let numbers = values.iter().all(|v| v.is_integer() || v.is_float());
             if numbers && values.len() > limit {
                 let count = values.len();

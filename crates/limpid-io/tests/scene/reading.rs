@@ -53,6 +53,7 @@ fn every_key_sets_its_field() {
         up: Vec3::Y,
         fov_y: 40.0,
         near: Some(0.01),
+        lens: None,
     };
     assert_eq!(camera, Some(expected));
     let gradient = Environment::Gradient {
@@ -62,7 +63,7 @@ fn every_key_sets_its_field() {
     };
     assert_eq!(scene.environment, gradient);
 
-    let [floor, wall, ball] = scene.solids[..] else { panic!("three solids: {:?}", scene.solids) };
+    let [floor, wall, ball] = &scene.solids[..] else { panic!("three solids: {:?}", scene.solids) };
     let plane =
         Shape::Plane { origin: DVec3::new(0.0, -0.05, 0.0), normal: Vec3::Y, half_extent: 6.0 };
     let checker = Surface::Checker {
@@ -70,10 +71,10 @@ fn every_key_sets_its_field() {
         even: Vec3::new(0.8, 0.8, 0.7),
         odd: Vec3::new(0.1, 0.2, 0.3),
     };
-    assert_eq!((floor.shape, floor.surface, floor.lit), (plane, checker, false));
+    assert_eq!((&floor.shape, &floor.surface, floor.lit), (&plane, &checker, false));
     let corners = Shape::Box { min: DVec3::new(-1.0, 0.0, -1.0), max: DVec3::new(1.0, 0.5, -0.9) };
     let color = Surface::Color(Vec3::new(0.5, 0.25, 0.125));
-    assert_eq!((wall.shape, wall.surface, wall.lit), (corners, color, true));
+    assert_eq!((&wall.shape, &wall.surface, wall.lit), (&corners, &color, true));
     assert_eq!(ball.shape, Shape::Sphere { center: DVec3::new(0.0, 0.25, 0.5), radius: 0.25 });
 
     let [sun, lamp] = scene.lights[..] else { panic!("two lights: {:?}", scene.lights) };
@@ -142,6 +143,24 @@ fn environments() {
     let error = parse("[environment]\nmap = \"none.png\"").unwrap_err();
     assert!(matches!(error, Error::Io { .. }), "{error:?}");
     assert_contains(&error.to_string(), &["scenes", "none.png"]);
+}
+
+/// A background is the picture of its file, survives saving, also with comments, and is missed by name.
+#[test]
+fn backgrounds() {
+    let folder = tempfile::tempdir().unwrap();
+    RgbImage::from_pixel(4, 2, Rgb([255, 0, 255])).save(folder.path().join("sky.png")).unwrap();
+    let text = "[background]\nfile = \"sky.png\"\n";
+    let project = Project::parse(text, "test.toml", folder.path()).unwrap();
+    let background = project.scene.background.as_ref().expect("a background");
+    assert_eq!((background.size(), background.pixels()[0]), (UVec2::new(4, 2), [255, 0, 255, 255]));
+    let written = [project.to_toml(None).unwrap(), project.to_commented_toml(None).unwrap()];
+    for written in written {
+        let again = Project::parse(&written, "test.toml", folder.path()).unwrap();
+        assert_eq!(again.scene.background, project.scene.background, "{written}");
+    }
+    let error = parse("[background]\nfile = \"none.png\"").unwrap_err();
+    assert_contains(&error.to_string(), &["none.png"]);
 }
 
 /// An unknown key in any table is an error with its line and the nearest known key.
@@ -278,4 +297,78 @@ fn numbers_out_of_range_are_errors() {
     let solids = "[[solid]]\nshape = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\n";
     scene(&solids.repeat(512));
     assert_contains(&refused(&solids.repeat(513)), &["512 solids"]);
+}
+
+/// A mesh is read with its placement, normals and texture, saved, and read back the same; solids share a file.
+#[test]
+fn meshes_are_read_and_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let wedge = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\n\
+        f 1/1 3/3 2/2\nf 1/1 2/2 4/3\nf 1/1 4/3 3/2\nf 2/1 3/2 4/3\n";
+    std::fs::write(file("wedge.obj"), wedge).unwrap();
+    RgbImage::from_pixel(2, 2, Rgb([200, 100, 50])).save(file("red.png")).unwrap();
+    let text = r#"
+        [environment]
+        radiance = [1, 1, 1]
+        [[solid]]
+        shape = "mesh"
+        file = "wedge.obj"
+        scale = 0.5
+        rotate = [0, 2, 0, 90]
+        translate = [1, 2, 3]
+        lit = true
+        [[solid]]
+        shape = "mesh"
+        file = "wedge.obj"
+        color = [0.1, 0.2, 0.3]
+        [[solid]]
+        shape = "mesh"
+        file = "wedge.obj"
+        texture = "red.png"
+        flip = true
+        normals = "smooth"
+        [[solid]]
+        shape = "plane"
+        origin = [0, 0, 0]
+        texture = "red.png"
+        tile = 0.5
+    "#;
+    std::fs::write(file("scene.toml"), text).unwrap();
+    let project = Project::load(&file("scene.toml")).unwrap();
+    let [a, b, c, floor] = &project.scene.solids[..] else { panic!("four solids") };
+    let Shape::Mesh { mesh, placement } = &a.shape else { panic!("a mesh") };
+    assert!(mesh.is_closed());
+    let corner = placement.world_from_mesh(DVec3::X);
+    assert!(corner.abs_diff_eq(DVec3::new(1.0, 2.0, 2.5), 1e-12), "{corner}");
+    let Shape::Mesh { mesh: shared, .. } = &b.shape else { panic!("a mesh") };
+    assert!(std::sync::Arc::ptr_eq(mesh, shared));
+    assert_eq!(
+        (&a.surface, &b.surface),
+        (&Surface::Own, &Surface::Color(Vec3::new(0.1, 0.2, 0.3)))
+    );
+    let Shape::Mesh { mesh: painted, .. } = &c.shape else { panic!("a mesh") };
+    assert_eq!((painted.materials().len(), painted.normals().len()), (1, painted.vertices().len()));
+    assert!(matches!(floor.surface, Surface::Texture { tile: 0.5, .. }));
+
+    project.save(&file("saved.toml")).unwrap();
+    let saved = Project::load(&file("saved.toml")).unwrap();
+    assert_eq!(saved.scene.solids, project.scene.solids);
+
+    for (from, to, expected) in [
+        ("file = \"wedge.obj\"", "", "a mesh needs file"),
+        ("file = \"wedge.obj\"", "file = \"wedge.dwg\"", "wedge.dwg"),
+        ("scale = 0.5", "scale = 0", "scale"),
+        ("scale = 0.5", "radius = 0.5", "a mesh has no radius"),
+        ("rotate = [0, 2, 0, 90]", "rotate = [0, 0, 0, 90]", "axis"),
+        ("tile = 0.5", "", "needs tile"),
+        ("texture = \"red.png\"\n        tile", "tile", "texture"),
+        ("texture = \"red.png\"", "texture = \"blue.png\"", "blue.png"),
+    ] {
+        let wrong = text.replacen(from, to, 1);
+        assert_ne!(wrong, text, "{from}");
+        std::fs::write(file("wrong.toml"), wrong).unwrap();
+        let error = Project::load(&file("wrong.toml")).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}: `{expected}` expected");
+    }
 }

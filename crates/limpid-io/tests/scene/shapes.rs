@@ -52,7 +52,7 @@ fn distances_at_special_points() {
     }
     let cube = Shape::Box { min: -DVec3::ONE, max: DVec3::ONE };
     let ball = Shape::Sphere { center: DVec3::ZERO, radius: 1.0 };
-    for solid in [cube, ball] {
+    for solid in [cube.clone(), ball] {
         let (distance, normal) = solid.distance(DVec3::ZERO);
         assert_eq!(distance, -1.0);
         assert!(normal.is_normalized());

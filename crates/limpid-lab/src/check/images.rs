@@ -35,6 +35,8 @@ enum ImageKind {
     Length,
     Count,
     Light,
+    /// Pixels right and down.
+    Motion,
 }
 
 impl ImageKind {
@@ -44,7 +46,8 @@ impl ImageKind {
             Aov::Normal | Aov::SmoothNormal => Self::Normal,
             Aov::Inside => Self::Length,
             Aov::Interfaces | Aov::Iterations | Aov::Failures => Self::Count,
-            Aov::Radiance | Aov::Caustics => Self::Light,
+            Aov::Motion => Self::Motion,
+            Aov::Radiance | Aov::Caustics | Aov::Coverage | Aov::Mask => Self::Light,
         }
     }
 
@@ -52,6 +55,7 @@ impl ImageKind {
         match self {
             Self::Depth | Self::Length => "m",
             Self::Normal => "degrees",
+            Self::Motion => "pixels",
             Self::Count | Self::Light => "",
         }
     }
@@ -63,6 +67,7 @@ impl ImageKind {
             Self::Normal => 1.0,
             Self::Count => 0.0,
             Self::Light => 0.01,
+            Self::Motion => 0.1,
         }
     }
 }
@@ -121,7 +126,7 @@ fn images<'a>(parts: &'a [Part], limits: &BTreeMap<Aov, AovTolerance>) -> Vec<Im
         channels.sort_by(|a, b| a.name.cmp(&b.name));
         for channel in channels {
             let base = match channel.name.rsplit_once('.') {
-                Some((base, "X" | "Y" | "Z" | "R" | "G" | "B")) => base,
+                Some((base, "X" | "Y" | "Z" | "R" | "G" | "B" | "A")) => base,
                 _ => channel.name.as_str(),
             };
             let light = part.name.starts_with("caustics.");

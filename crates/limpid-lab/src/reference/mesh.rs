@@ -50,7 +50,7 @@ impl Default for Reconstruction {
 impl Reconstruction {
     /// The default parameters for liquid among solids, all of which it wets.
     pub fn among(solids: &[Solid]) -> Self {
-        Self { wetted: solids.iter().map(|solid| solid.shape).collect(), ..Self::default() }
+        Self { wetted: solids.iter().map(|solid| solid.shape.clone()).collect(), ..Self::default() }
     }
 }
 
@@ -177,9 +177,14 @@ impl Mesh {
         &self.triangles
     }
 
-    /// Finds the nearest triangle ahead that faces the requested way: its index in the order of
-    /// leaves, its distance, and the weights of its corners.
-    fn nearest(&self, ray: &Ray, inside: bool) -> Option<(usize, f64, DVec3)> {
+    /// Finds the nearest triangle ahead that faces the requested way, of those that `keep` keeps by their
+    /// index: its place in the order of leaves, its distance, and the weights of its corners.
+    fn nearest(
+        &self,
+        ray: &Ray,
+        inside: bool,
+        keep: impl Fn(usize) -> bool,
+    ) -> Option<(usize, f64, DVec3)> {
         let nodes = &self.bvh.nodes;
         let inverse = ray.direction.recip();
         // A ray whose origin was rounded through the opposite side of an edge leaves immediately.
@@ -209,7 +214,8 @@ impl Mesh {
                     let Some((t, weights)) = shear.hit(ray.origin, &self.corners[i], inside) else {
                         continue;
                     };
-                    if t >= least && t < until {
+                    let kept = || keep(self.bvh.primitive_indices[i] as usize);
+                    if t >= least && t < until && kept() {
                         until = t;
                         best = Some((i, t.max(0.0), weights));
                     }
@@ -228,9 +234,37 @@ impl Mesh {
     }
 }
 
+/// Where a ray meets a mesh, from either side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeshHit {
+    /// Distance along the ray, m.
+    pub t: f64,
+    /// Index of the triangle.
+    pub triangle: usize,
+    /// Shares of its corners.
+    pub shares: DVec3,
+}
+
+impl Mesh {
+    /// The nearest triangle ahead of those that `keep` keeps by their index, whichever way it faces.
+    pub fn hit(&self, ray: &Ray, keep: impl Fn(usize) -> bool) -> Option<MeshHit> {
+        let sides = [false, true].map(|inside| self.nearest(ray, inside, &keep));
+        let ahead = sides.into_iter().flatten().filter(|&(_, t, _)| t > 0.0);
+        let (place, t, shares) = ahead.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let triangle = self.bvh.primitive_indices[place] as usize;
+        Some(MeshHit { t, triangle, shares })
+    }
+
+    /// Geometric unit normal of a triangle.
+    pub fn triangle_normal(&self, triangle: usize) -> DVec3 {
+        let [a, b, c] = self.triangles[triangle].map(|i| self.vertices[i as usize]);
+        (b - a).cross(c - a).normalize_or(DVec3::Y)
+    }
+}
+
 impl Liquid for Mesh {
     fn crossing(&self, ray: &Ray, inside: bool) -> Option<Crossing> {
-        let (place, t, weights) = self.nearest(ray, inside)?;
+        let (place, t, weights) = self.nearest(ray, inside, |_| true)?;
         let [a, b, c] = self.corners[place];
         let normal = (b - a).cross(c - a).normalize_or(-ray.direction);
         let triangle = self.triangles[self.bvh.primitive_indices[place] as usize];
@@ -242,8 +276,8 @@ impl Liquid for Mesh {
     fn contains(&self, point: DVec3) -> bool {
         // Not along any axis, edge or diagonal that a model is likely to have.
         let ray = Ray { origin: point, direction: DVec3::new(0.3714, 0.8307, 0.4146).normalize() };
-        let leaves = self.nearest(&ray, true).map(|hit| hit.1);
-        let enters = self.nearest(&ray, false).map(|hit| hit.1);
+        let leaves = self.nearest(&ray, true, |_| true).map(|hit| hit.1);
+        let enters = self.nearest(&ray, false, |_| true).map(|hit| hit.1);
         leaves.is_some_and(|leaves| enters.is_none_or(|enters| leaves < enters))
     }
 }

@@ -3,8 +3,7 @@
 use glam::{DVec3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-use super::surroundings::in_plane;
-use super::wide;
+use super::{in_plane, wide};
 use limpid::scene::Shape;
 
 /// Distance from a solid within which the surface wets it, particle radii.
@@ -92,6 +91,16 @@ impl<'a> Walls<'a> {
                 let normal = DVec3::AXES[axis] * (point - middle)[axis].signum();
                 let thickness = (max - min)[axis];
                 Some(Beside { distance: -inner_distance[axis], normal, thickness })
+            }
+            // A mesh counts as thick: half of a thin one's thickness is not known.
+            Shape::Mesh { .. } => {
+                let reach = (WETTING + REACH) * self.radius;
+                let (distance, normal) = shape.distance_within(point, reach)?;
+                let away = distance < 0.0 && shape.is_sheet();
+                let (distance, normal) =
+                    if away { (-distance, -normal) } else { (distance, normal) };
+                let thickness = if shape.is_sheet() { 0.0 } else { f64::INFINITY };
+                Some(Beside { distance, normal, thickness })
             }
             Shape::Sphere { center, radius } => {
                 let offset = point - wide(center);

@@ -19,6 +19,7 @@ use limpid::light_view::LightView;
 use limpid::lights;
 use limpid::passes::caustics::{CausticMap, Caustics, Inputs, MapConfig, Output, Params};
 use limpid::passes::gbuffer::SceneBinding;
+use limpid::passes::mesh_buffers::MeshBuffers;
 use limpid::passes::smooth;
 use limpid::passes::splat_buffers::SplatBuffers;
 use limpid::passes::tiles::Sections;
@@ -89,7 +90,9 @@ impl Bench {
         let camera = CameraBinding::new(gpu, view.orthographic);
         camera.write(gpu, &view.uniform(view.origin));
         let mut bound = SceneBinding::new(gpu);
-        bound.upload(gpu, scene, view.origin, &[], None);
+        let mut meshes = MeshBuffers::new(gpu);
+        meshes.prepare(gpu, scene)?;
+        bound.upload(gpu, scene, &meshes, view.origin, &[], None);
         let pair = |texels: &[Vec<[f32; 4]>; 2]| {
             let texture = upload(gpu, layers.size, &[&texels[0], &texels[1]]);
             let view = gpu::array_view(&texture);
@@ -142,10 +145,11 @@ impl Bench {
         let [map, receivers] = &self.outputs;
         let output = Output { map, receivers, layer: 0 };
         let mut timer = Timer::new(gpu, true);
-        let mut commands = Commands::new(gpu);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut commands = Commands::new(gpu, &mut encoder);
         let span = timer.span("caustics");
         self.caustics.record(&mut commands, scene, radius, inputs, output, span);
-        let resolved = timer.resolve(gpu, &mut commands.encoder);
+        let resolved = timer.resolve(gpu, commands.encoder);
         commands.submit();
         gpu.check()?;
         let ms = timer.read(gpu, resolved.as_ref())?.first().map_or(0.0, |time| time.ms);
@@ -375,6 +379,7 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
         splash,
         mixture: false,
         gbuffer: true,
+        host: false,
         levels: 1,
         backs,
         culled: false,
@@ -382,8 +387,11 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
     };
     surfaces.resize(gpu, wanted);
     let uniform = view.uniform(splats.origin);
-    let mut commands = Commands::new(gpu);
-    let frame = FrameInputs { scene, splats, splat_set: &liquid, fits: &fits };
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let mut commands = Commands::new(gpu, &mut encoder);
+    let mut meshes = MeshBuffers::new(gpu);
+    meshes.prepare(gpu, scene)?;
+    let frame = FrameInputs { scene, splats, splat_set: &liquid, meshes: &meshes, fits: &fits };
     surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);
     let timer = &mut Timer::new(gpu, false);
     surfaces.record(gpu, &mut commands, frame, timer, PassNames::LIGHT);

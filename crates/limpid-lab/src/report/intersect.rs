@@ -190,7 +190,7 @@ impl Bench {
         let settings = method.settings.clone().unwrap_or_default();
         let mut scene = scene.clone();
         scene.settings.refract = settings.clone();
-        let variant = Variant::new(&scene, self.splash, false);
+        let variant = Variant::new(&scene, self.splash, false, false);
         let (root, mut constants) = match method.settings {
             Some(_) => (variant.shader(), variant.constants()),
             None => ("report/nothing.wgsl", vec![("SPLASH", f64::from(u8::from(self.splash)))]),

@@ -254,6 +254,7 @@ impl Trial {
             up: glam::Vec3::Y,
             fov_y: self.fov_y as f32,
             near: None,
+            lens: None,
         };
         let color = |r, g, b| glam::Vec3::new(r, g, b);
         let scene = Scene {

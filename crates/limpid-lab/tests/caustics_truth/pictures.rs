@@ -16,7 +16,7 @@ use limpid_sim::recipe::Recipe;
 use super::*;
 
 fn looking(eye: DVec3, target: DVec3, up: Vec3) -> Camera {
-    Camera { eye, target, up, fov_y: 40.0, near: None }
+    Camera { eye, target, up, fov_y: 40.0, near: None, lens: None }
 }
 
 const SUN: &str = "[environment]\nradiance = [0.1, 0.2, 0.3]\n[[light]]\n\

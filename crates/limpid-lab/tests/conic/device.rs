@@ -292,7 +292,8 @@ fn gathered_map_matches_the_reference() {
         size: size.as_vec2(),
         tangent: glam::Vec2::ONE,
         far: 4.0,
-        pad: [0.0; 3],
+        pad: 0.0,
+        shift: glam::Vec2::ZERO,
     };
     // The sun is 1 m above the liquid, 3 m above the floor; a board stands on the left, and there
     // is no liquid on the right.

@@ -32,7 +32,7 @@ const IOR: f64 = 1.33;
 const SKY: f64 = 0.3;
 
 fn camera(eye: DVec3, target: DVec3, fov_y: f32) -> Camera {
-    Camera { eye, target, up: Vec3::Y, fov_y, near: None }
+    Camera { eye, target, up: Vec3::Y, fov_y, near: None, lens: None }
 }
 
 /// A lit solid of albedo 0.5.

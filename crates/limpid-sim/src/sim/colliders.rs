@@ -1,13 +1,16 @@
 //! Obstacles: the scene's solids and the simulation's bounds.
 
+use std::sync::Arc;
+
 use glam::{Vec3, Vec4, Vec4Swizzles as _};
 
 use super::Extent;
+use limpid::mesh::{Mesh, Placement};
 use limpid::scene::{Shape, Solid};
 
-/// A convex obstacle. The 32-bit counterpart of [`Shape::distance`], with half-spaces for walls, and
-/// finite planes as square plates, as they are drawn.
-#[derive(Debug, Clone, Copy)]
+/// An obstacle, convex unless it is a mesh. The 32-bit counterpart of [`Shape::distance`], with half-spaces
+/// for walls, and finite planes as square plates, as they are drawn.
+#[derive(Debug, Clone)]
 enum Collider {
     /// All x with normal·x below `offset`.
     HalfSpace {
@@ -28,12 +31,31 @@ enum Collider {
         center: Vec3,
         radius: f32,
     },
+    Mesh {
+        mesh: Arc<Mesh>,
+        placement: Placement,
+    },
 }
 
 impl Collider {
-    /// Distance from `x` to the surface, negative inside, and the unit normal towards `x`.
-    fn distance(&self, x: Vec3) -> (f32, Vec3) {
+    /// Distance from `x` to the surface, negative inside, and the unit normal towards `x`; `None` if the
+    /// surface of a mesh is farther than `limit`.
+    fn distance(&self, x: Vec3, limit: f32) -> Option<(f32, Vec3)> {
+        if let Self::Mesh { mesh, placement } = self {
+            let at = placement.mesh_from_world(x.as_dvec3()) - mesh.origin();
+            let nearest = mesh.nearest(at, f64::from(limit) / placement.scale)?;
+            let behind = nearest.distance < 0.0 && !mesh.is_closed();
+            let sign = if behind { -1.0 } else { 1.0 };
+            let normal = placement.rotate * (sign * nearest.normal);
+            return Some(((sign * placement.scale * nearest.distance) as f32, normal.as_vec3()));
+        }
+        Some(self.convex_distance(x))
+    }
+
+    /// As [`Collider::distance`], for all but meshes.
+    fn convex_distance(&self, x: Vec3) -> (f32, Vec3) {
         match *self {
+            Self::Mesh { .. } => (f32::INFINITY, Vec3::Y),
             Self::HalfSpace { normal, offset } => (normal.dot(x) - offset, normal),
             Self::Plate { origin, normal, half_extent } => {
                 let offset = x - origin;
@@ -115,6 +137,7 @@ impl Colliders {
             Shape::Sphere { center, radius } => {
                 Collider::Sphere { center: center.as_vec3(), radius }
             }
+            Shape::Mesh { ref mesh, placement } => Collider::Mesh { mesh: mesh.clone(), placement },
         };
         let walls = bounds.into_iter().flat_map(|bounds| {
             let (min, max) = (bounds.min.as_vec3(), bounds.max.as_vec3());
@@ -134,8 +157,9 @@ impl Colliders {
     }
 
     /// Moves a particle from `from` towards `to`, sliding along obstacles. At any speed it stays on its
-    /// side of every obstacle: obstacles are convex, so each lies behind the tangent plane at its
-    /// nearest point, and the path up to these planes is free.
+    /// side of every obstacle: a convex one lies behind the tangent plane at its nearest point, and the path
+    /// up to that plane is free; a mesh leaves free only the ball around the particle that it does not
+    /// enter.
     pub(super) fn sweep(&self, from: Vec3, to: Vec3) -> Vec3 {
         /// Gap below which a particle touches an obstacle, relative to the radius.
         const TOUCHING: f32 = 1e-3;
@@ -146,9 +170,16 @@ impl Colliders {
             let mut free = 1.0;
             let mut touched = None;
             for collider in &self.all {
-                let (distance, normal) = collider.distance(at);
+                let limit = rest.length() + self.radius;
+                let Some((distance, normal)) = collider.distance(at, limit) else { continue };
                 let approach = -rest.dot(normal);
                 let gap = distance - self.radius;
+                if matches!(collider, Collider::Mesh { .. }) {
+                    let ball = gap.max(0.5 * distance);
+                    if ball > 0.0 && ball < rest.length() {
+                        free = f32::min(free, ball / rest.length());
+                    }
+                }
                 if approach <= gap.max(1e-6 * self.radius) {
                     continue;
                 }
@@ -178,7 +209,8 @@ impl Colliders {
         const SAME_WALL: f32 = 0.9;
         let first = contacts.len();
         for collider in &self.all {
-            let (distance, normal) = collider.distance(x);
+            // Particles that a mesh has swallowed are pushed out from any depth up to the reach.
+            let Some((distance, normal)) = collider.distance(x, reach) else { continue };
             if distance >= reach {
                 continue;
             }

@@ -1,0 +1,13 @@
+// Places of the rays in a pixel.
+
+// Offset of sample `index` of `count` in the pixel: for square counts a regular grid, sheared so that no
+// two samples share a row or a column; otherwise the R2 sequence.
+fn sample_offset(index: u32, count: u32) -> vec2f {
+    let side = u32(sqrt(f32(count)) + 0.5);
+    if side * side != count {
+        return fract(0.5 + f32(index) * vec2f(0.75487767, 0.56984029));
+    }
+    let cell = vec2f(f32(index % side), f32(index / side));
+    let within = (vec2f(f32(side) - 1.0 - cell.y, cell.x) + 0.5) / f32(side);
+    return (cell + within) / f32(side);
+}
