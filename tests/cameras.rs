@@ -250,7 +250,7 @@ fn recorded_frames_are_those_drawn_at_once() {
 /// A frame that is awaited is that of a frame waited for, on a device that was opened without blocking.
 #[test]
 fn awaited_frames_are_those_waited_for() {
-    if frames::harness().is_none() {
+    if harness().is_none() {
         return;
     }
     let (scene, splats) = drops();
