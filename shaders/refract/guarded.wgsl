@@ -4,7 +4,7 @@
 // a stride until the inside/outside state changes; then the root is bracketed and found by prediction
 // where that converges, by bisection elsewhere.
 
-#import refract/interfaces.wgsl
+#import refract/pixels.wgsl
 
 // Convergence threshold: distance, in pixels, between a predicted root and its sample.
 const CLOSE_PIXELS: f32 = 0.25;

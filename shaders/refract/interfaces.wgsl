@@ -5,7 +5,7 @@
 // the union of the intervals of its layers; strong internal reflections are followed; liquid wets the
 // solids that it touches; radiance is scaled by the squared index of refraction.
 //
-// A root imports this file and defines the intersector:
+// A root imports refract/pixels.wgsl and defines the intersector:
 //     fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface
 //         Exit of a ray inside the liquid, which starts between the planes of `texel`.
 //     fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface
@@ -14,11 +14,10 @@
 #import common/camera.wgsl
 #import common/layers.wgsl
 #import common/optics.wgsl
-#import common/samples.wgsl
 #import common/scene.wgsl
 #import common/screen_ray.wgsl
-#import common/tiles.wgsl
 #import refract/host.wgsl
+#import refract/slabs.wgsl
 
 struct Params {
     absorption: vec3f,     // 1/m; for several fluids the largest component, in all three channels
@@ -32,7 +31,6 @@ struct Params {
     eye_depth: f32,        // depth of the eye below the liquid's surface, m; 0 outside
 }
 
-override SPLASH: bool = false;            // the frame has splash layers
 override ABSORPTION: bool = true;         // any absorption component is above 0
 override MIXTURE: bool = false;           // there are fluids of different absorption
 override SCHLICK: bool = false;           // Schlick's approximation instead of Fresnel's equations
@@ -43,43 +41,13 @@ override REFLECT_SOLIDS: bool = true;     // reflections see the solids
 override HOST: bool = false;              // another program has drawn the opaque scene: refract/host.wgsl
 override BACKGROUND: bool = false;        // the scene has a background picture: refract/host.wgsl
 override TRANSPARENT: bool = false;       // no coverage where a ray meets neither liquid nor solid
-override COUNT: bool = false;             // write the diagnostics
 override SAMPLES: u32 = 1u;               // rays per pixel
-override EDGE_SAMPLES: u32 = 16u;         // rays per edge pixel without liquid
 override ITERATIONS: u32 = 4u;            // of `newton` and `secant`
 
 @group(1) @binding(0) var<uniform> params: Params;
-@group(1) @binding(1) var aggregate_layers: texture_2d_array<f32>;
-@group(1) @binding(2) var splash_layers: texture_2d_array<f32>;
 @group(1) @binding(3) var gbuffer_planes: texture_2d<f32>;
 @group(1) @binding(4) var mixture: texture_2d<f32>; // absorption times length, length: mixture.wgsl
 @group(1) @binding(5) var gbuffer_surfaces: texture_2d<f32>; // world normal, solid index
-@group(1) @binding(6) var radiance: texture_storage_2d<rgba32float, write>;
-// Interfaces, length inside (m), solver iterations and solver failures: means over the samples.
-@group(1) @binding(7) var diagnostics: texture_storage_2d<rgba32float, write>;
-// Tiles of the entry point: those with liquid, or the others.
-@group(1) @binding(8) var<storage, read> tiles: TileList;
-
-// Pixels without liquid that contain an edge. The other entry points defer them to `edge_pixels`, so
-// that their many rays do not diverge from pixels with a single ray.
-struct Edges {
-    count: atomic<u32>,
-    looks: atomic<u32>,     // of the first ray of each pixel, with a host: terminated rays,
-    fallbacks: atomic<u32>, // and those that the host's picture does not show
-    pixels: array<u32>, // x + 65536 y
-}
-
-@group(3) @binding(0) var<storage, read_write> edges: Edges;
-// Indirect dispatch size of `edge_pixels` in x: groups of EDGE_GROUP pixels.
-@group(3) @binding(1) var<storage, read_write> edge_groups: atomic<u32>;
-
-const EDGE_GROUP: u32 = 64u;
-
-// Capacity: that of the list, and of the largest dispatch that every adapter supports. Further edge
-// pixels are drawn where they are found.
-fn most_edges() -> u32 {
-    return min(65535u * EDGE_GROUP, arrayLength(&edges.pixels));
-}
 
 // Reflectance above which an internal reflection is followed and the transmitted ray is only looked up.
 const STRONG: f32 = 0.3;
@@ -130,18 +98,6 @@ struct Interface {
     texel: vec2i,     // that the plane was read from
 }
 
-struct Diagnostics {
-    interfaces: f32,       // interfaces crossed
-    inside: f32,           // length inside the liquid, m
-    iterations: f32,       // layer evaluations
-    failures: f32,         // intersector failures
-    fetches: f32,          // texels read
-    looks: f32,            // terminated rays, with a host
-    fallbacks: f32,        // those that the host's picture does not show
-}
-
-var<private> diagnosed: Diagnostics;
-
 fn no_interface() -> Interface {
     return Interface(false, vec3f(0.0), vec3f(0.0), vec2i(0));
 }
@@ -156,131 +112,6 @@ fn beyond_picture(ray: ScreenRay, leave: Leave, texel: vec2i) -> Interface {
         return no_interface();
     }
     return Interface(false, screen_ray_point(ray, leave.tau), leave.plane, texel);
-}
-
-// Planes of a texel: front and back of both classes.
-struct Slabs {
-    aggregate_front: vec3f,
-    aggregate_back: vec3f,
-    splash_front: vec3f,
-    splash_back: vec3f,
-}
-
-fn load_slabs(texel: vec2i) -> Slabs {
-    var slabs: Slabs;
-    slabs.aggregate_front = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
-    slabs.aggregate_back = textureLoad(aggregate_layers, texel, BACK, 0).xyz;
-    if SPLASH {
-        slabs.splash_front = textureLoad(splash_layers, texel, FRONT, 0).xyz;
-        slabs.splash_back = textureLoad(splash_layers, texel, BACK, 0).xyz;
-    }
-    diagnosed.iterations += 1.0;
-    diagnosed.fetches += select(2.0, 4.0, SPLASH);
-    return slabs;
-}
-
-// Relative disparity by which a point outside of its interval still counts as inside: rounding, and at
-// the start of a ray the distance between the planes of neighbouring texels.
-const ROUNDING: f32 = 1e-6;
-const AT_START: f32 = 2e-3;
-
-// State of a ray at a sample relative to the liquid interval of a texel: whether it is inside, and
-// where it leaves (from inside) or crossed (from outside) the texel's planes.
-struct Leave {
-    inside: bool,
-    tau: f32,      // NEVER if there is no intersection
-    plane: vec3f,
-}
-
-// `Leave` of one class.
-
-fn slab_leave(front: vec3f, back: vec3f, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
-    if plane_is_empty(front) || plane_is_empty(back) {
-        return Leave(false, NEVER, vec3f(0.0));
-    }
-    let to_front = screen_ray_residual(ray, front, tau);
-    let to_back = screen_ray_residual(ray, back, tau);
-    let front_slope = screen_ray_residual_slope(ray, front);
-    let back_slope = screen_ray_residual_slope(ray, back);
-    let rounding = slack * (ray.disparity + tau * ray.d_disparity);
-    if to_front < -rounding {
-        return Leave(false, tau - to_front / front_slope, front);
-    }
-    if to_back > rounding {
-        return Leave(false, tau - to_back / back_slope, back);
-    }
-    let front_tau = select(NEVER, tau + max(to_front, 0.0) / -front_slope, front_slope < 0.0);
-    let back_tau = select(NEVER, tau + max(-to_back, 0.0) / back_slope, back_slope > 0.0);
-    if front_tau < back_tau {
-        return Leave(true, front_tau, front);
-    }
-    return Leave(true, back_tau, back);
-}
-
-// `Leave` of the union of both classes: inside if in either, left where the last of them is left.
-fn slabs_leave(slabs: Slabs, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
-    let aggregate = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, tau, slack);
-    if !SPLASH {
-        return aggregate;
-    }
-    let splash = slab_leave(slabs.splash_front, slabs.splash_back, ray, tau, slack);
-    // The other class may begin before the current one ends.
-    if aggregate.inside && !splash.inside && aggregate.tau < NEVER {
-        let there = slab_leave(slabs.splash_front, slabs.splash_back, ray, aggregate.tau, ROUNDING);
-        if there.inside {
-            return there;
-        }
-    }
-    if splash.inside && !aggregate.inside && splash.tau < NEVER {
-        let there = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, splash.tau, ROUNDING);
-        if there.inside {
-            return there;
-        }
-    }
-    if aggregate.inside != splash.inside {
-        if aggregate.inside {
-            return aggregate;
-        }
-        return splash;
-    }
-    // Outside of both, ignores a class without an intersection.
-    let silent = !aggregate.inside && aggregate.tau >= NEVER;
-    if splash.tau >= NEVER && !splash.inside || aggregate.tau >= splash.tau && !silent {
-        return aggregate;
-    }
-    return splash;
-}
-
-// As `slabs_leave`, for a ray that starts on a front of these planes.
-fn slabs_leave_at_start(slabs: Slabs, ray: ScreenRay) -> Leave {
-    let leave = slabs_leave(slabs, ray, 0.0, AT_START);
-    if leave.inside {
-        return leave;
-    }
-    return crossed_slabs_leave(slabs, ray);
-}
-
-// Smoothing may move a front behind its back, mostly at rims: there is no liquid between them, and a ray
-// that starts on such a front leaves at once through the back.
-fn crossed_slabs_leave(slabs: Slabs, ray: ScreenRay) -> Leave {
-    let aggregate = crossed_leave(slabs.aggregate_front, slabs.aggregate_back, ray);
-    if !SPLASH || aggregate.inside {
-        return aggregate;
-    }
-    return crossed_leave(slabs.splash_front, slabs.splash_back, ray);
-}
-
-fn crossed_leave(front: vec3f, back: vec3f, ray: ScreenRay) -> Leave {
-    let to_front = abs(screen_ray_residual(ray, front, 0.0));
-    let to_back = screen_ray_residual(ray, back, 0.0);
-    let slack = AT_START * ray.disparity;
-    if plane_is_empty(front) || plane_is_empty(back) || to_front > slack || to_back <= slack {
-        return Leave(false, NEVER, vec3f(0.0));
-    }
-    // Moves behind the front by more than rounding, or the ray would re-enter here.
-    let slope = screen_ray_residual_slope(ray, front);
-    let tau = select(0.0, 4.0 * ROUNDING * ray.disparity / slope, slope > 0.0);
-    return Leave(true, min(tau, 1.0), back);
 }
 
 const AGGREGATE: i32 = 0;
@@ -624,211 +455,3 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
     return vec4f(result, 1.0);
 }
 
-// Relative difference of radiance that distinguishes an edge from shading, and from filtered patterns.
-const EDGE: f32 = 0.02;
-const FILTERED_EDGE: f32 = 0.1;
-
-fn background_ray(u: vec2f) -> vec4f {
-    let omega = camera_omega(u);
-    let o = camera_ray_origin(omega);
-    let d = camera_ray_direction(omega);
-    let solid = solid_ahead(o, d);
-    let seen = radiance_of(solid, o, d, vec3f(1.0), 0.0);
-    return select(vec4f(seen, 1.0), vec4f(0.0), TRANSPARENT && solid.t >= NOTHING);
-}
-
-fn background_mean(p: vec2i, count: u32) -> vec4f {
-    var sum = vec4f(0.0);
-    for (var i = 0u; i < count; i++) {
-        sum += background_ray(vec2f(p) + sample_offset(i, count));
-    }
-    return sum / f32(count);
-}
-
-// Draws a pixel without liquid. If its corners and centre differ, it contains an edge (T. Whitted, An
-// Improved Illumination Model for Shaded Display, 1980) and gets many rays, which is affordable: they
-// are short, and few pixels contain edges.
-//
-// One loop for all rays: drivers inline the shading where it is called, and compile it as often.
-fn draw_background(p: vec2i) {
-    if COUNT {
-        textureStore(diagnostics, p, vec4f(0.0));
-    }
-    if HOST {
-        let drawn = vec4f(textureLoad(host_color, p, 0).rgb, 1.0);
-        textureStore(radiance, p, select(drawn, vec4f(0.0), TRANSPARENT));
-        return;
-    }
-    if EDGE_SAMPLES <= SAMPLES {
-        textureStore(radiance, p, background_mean(p, SAMPLES));
-        return;
-    }
-    var low = vec4f(NOTHING);
-    var high = vec4f(0.0);
-    var sum = vec4f(0.0);
-    for (var probe = 0u; probe < 5u + EDGE_SAMPLES; probe++) {
-        var at = vec2f(vec2u(probe & 1u, probe >> 1u));
-        if probe >= 5u {
-            at = sample_offset(probe - 5u, EDGE_SAMPLES);
-        }
-        let seen = background_ray(vec2f(p) + select(at, vec2f(0.5), probe == 4u));
-        if probe < 5u {
-            low = min(low, seen);
-            high = max(high, seen);
-        } else {
-            sum += seen;
-        }
-        if probe == 4u && (is_flat(p, seen, low, high) || is_deferred(p)) {
-            return;
-        }
-    }
-    textureStore(radiance, p, sum / f32(EDGE_SAMPLES));
-}
-
-// Draws a pixel whose probes hardly differ in the colour of its centre.
-fn is_flat(p: vec2i, centre: vec4f, low: vec4f, high: vec4f) -> bool {
-    let flat = all(high - low <= select(EDGE, FILTERED_EDGE, FILTER_PATTERNS) * high);
-    if flat {
-        textureStore(radiance, p, centre);
-    }
-    return flat;
-}
-
-// Adds a pixel to the list of `edge_pixels`, unless the list is full.
-fn is_deferred(p: vec2i) -> bool {
-    let index = atomicAdd(&edges.count, 1u);
-    if index >= most_edges() {
-        return false;
-    }
-    edges.pixels[index] = u32(p.x) | (u32(p.y) << 16u);
-    if index % EDGE_GROUP == 0u {
-        atomicAdd(&edge_groups, 1u);
-    }
-    return true;
-}
-
-@compute @workgroup_size(64)
-fn edge_pixels(@builtin(global_invocation_id) id: vec3u) {
-    if id.x >= min(atomicLoad(&edges.count), most_edges()) {
-        return;
-    }
-    let packed = edges.pixels[id.x];
-    let p = vec2i(vec2u(packed & 0xffffu, packed >> 16u));
-    textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
-}
-
-fn has_liquid(texel: vec2i) -> bool {
-    var covered = !plane_is_empty(textureLoad(aggregate_layers, texel, FRONT, 0).xyz);
-    if SPLASH {
-        covered |= !plane_is_empty(textureLoad(splash_layers, texel, FRONT, 0).xyz);
-    }
-    return covered;
-}
-
-// Whether solids hide the liquid over the whole pixel, tested at its centre and corners. The front's
-// plane may be steep at a rim, so a solid in front of its depth at the centre suffices.
-fn is_hidden(p: vec2i) -> bool {
-    if SOLIDS == 0u && !HOST {
-        return false;
-    }
-    let middle = camera_omega(vec2f(p) + 0.5);
-    var front = textureLoad(aggregate_layers, p, FRONT, 0).xyz;
-    if SPLASH {
-        let splash = textureLoad(splash_layers, p, FRONT, 0).xyz;
-        front = select(front, splash, dot(splash, middle) > dot(front, middle));
-    }
-    let disparity = dot(front, middle);
-    for (var probe = 0; probe < 5; probe++) {
-        let corner = vec2f(vec2i(probe & 1, (probe >> 1u) & 1));
-        let omega = camera_omega(vec2f(p) + select(corner, vec2f(0.5), probe == 0));
-        let solid = first_solid(omega, p);
-        if camera_disparity_at(omega, solid.t) < min(disparity, dot(front, omega)) {
-            return false;
-        }
-    }
-    return true;
-}
-
-@compute @workgroup_size(8, 8)
-fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let index = group_index(group);
-    if index >= tiles.count {
-        return;
-    }
-    let p = tile_pixel(tiles.tiles[index], local.xy);
-    if any(p >= vec2i(camera.size)) {
-        return;
-    }
-    // A solid in front of the liquid is drawn like one without liquid.
-    if !has_liquid(p) || is_hidden(p) {
-        draw_background(p);
-        return;
-    }
-    diagnosed = Diagnostics();
-    let share = 1.0 / f32(SAMPLES);
-    var color = vec4f(0.0);
-    for (var i = 0u; i < SAMPLES; i++) {
-        color += share * trace(vec2f(p) + sample_offset(i, SAMPLES), p);
-        if HOST && i == 0u {
-            atomicAdd(&edges.looks, u32(diagnosed.looks));
-            atomicAdd(&edges.fallbacks, u32(diagnosed.fallbacks));
-        }
-    }
-    textureStore(radiance, p, vec4f(color.rgb, select(1.0, color.a, TRANSPARENT)));
-    if COUNT {
-        let d = diagnosed;
-        textureStore(diagnostics, p, vec4f(d.interfaces, d.inside, d.iterations, d.failures) * share);
-    }
-}
-
-@compute @workgroup_size(8, 8)
-fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let index = group_index(group);
-    if index >= tiles.count {
-        return;
-    }
-    let p = tile_pixel(tiles.tiles[index], local.xy);
-    if EDGE_SAMPLES <= SAMPLES || HOST {
-        if all(p < vec2i(camera.size)) {
-            draw_background(p);
-        }
-        return;
-    }
-    // Adjacent pixels share corners: each thread shades one, 17 threads another on the far sides, and each
-    // the centre of its pixel. One loop, as in `draw_background`.
-    let thread = i32(local.y) * 8 + i32(local.x);
-    let first = p - vec2i(local.xy);
-    let far = select(vec2i(8, thread), vec2i(thread - 9, 8), thread >= 9);
-    var centre = vec4f(0.0);
-    for (var k = 0; k < 3; k++) {
-        if k == 1 && thread >= 17 {
-            continue;
-        }
-        let corner = vec2f(select(p, first + far, k == 1));
-        centre = background_ray(corner + select(0.0, 0.5, k == 2));
-        if k < 2 {
-            tile_corners[select(thread + i32(local.y), far.y * 9 + far.x, k == 1)] = centre;
-        }
-    }
-    workgroupBarrier();
-    if any(p >= vec2i(camera.size)) {
-        return;
-    }
-    if COUNT {
-        textureStore(diagnostics, p, vec4f(0.0));
-    }
-    let at = i32(local.y) * 9 + i32(local.x);
-    var low = centre;
-    var high = centre;
-    for (var k = 0; k < 4; k++) {
-        let corner = tile_corners[at + (k & 1) + 9 * (k >> 1u)];
-        low = min(low, corner);
-        high = max(high, corner);
-    }
-    if !is_flat(p, centre, low, high) && !is_deferred(p) {
-        textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
-    }
-}
-
-// Radiance of the background at the corners of a tile's pixels, by rows.
-var<workgroup> tile_corners: array<vec4f, 81>;

@@ -1,6 +1,6 @@
 // Null intersector, which measures the overhead of the benchmark.
 
-#import refract/interfaces.wgsl
+#import refract/pixels.wgsl
 
 fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     return interface_at(ray, 0.5, vec3f(0.0, 0.0, -1.0), texel);

@@ -45,6 +45,8 @@ pub const FILES: &[(&str, &str)] = &[
     ("mips/layers.wgsl", include_str!("../../shaders/mips/layers.wgsl")),
     ("mips/planes.wgsl", include_str!("../../shaders/mips/planes.wgsl")),
     ("refract/interfaces.wgsl", include_str!("../../shaders/refract/interfaces.wgsl")),
+    ("refract/slabs.wgsl", include_str!("../../shaders/refract/slabs.wgsl")),
+    ("refract/pixels.wgsl", include_str!("../../shaders/refract/pixels.wgsl")),
     ("refract/host.wgsl", include_str!("../../shaders/refract/host.wgsl")),
     ("refract/one_layer.wgsl", include_str!("../../shaders/refract/one_layer.wgsl")),
     ("refract/single.wgsl", include_str!("../../shaders/refract/single.wgsl")),

@@ -434,7 +434,7 @@ mod tests {
     /// Guards against lost edge pixels: the shader assumes a list of the same length.
     #[test]
     fn edge_groups_are_those_of_the_shader() {
-        let group = gpu::shader::constant("refract/interfaces.wgsl", "EDGE_GROUP");
+        let group = gpu::shader::constant("refract/pixels.wgsl", "EDGE_GROUP");
         assert_eq!(group, EDGE_GROUP as f64);
     }
 }

@@ -1,0 +1,247 @@
+// Entry points of refraction: pixels with liquid, pixels without, and the edges among these.
+
+#import common/camera.wgsl
+#import common/layers.wgsl
+#import common/samples.wgsl
+#import common/scene.wgsl
+#import common/tiles.wgsl
+#import refract/interfaces.wgsl
+
+override COUNT: bool = false;     // write the diagnostics
+override EDGE_SAMPLES: u32 = 16u; // rays per edge pixel without liquid
+
+@group(1) @binding(6) var radiance: texture_storage_2d<rgba32float, write>;
+// Interfaces, length inside (m), solver iterations and solver failures: means over the samples.
+@group(1) @binding(7) var diagnostics: texture_storage_2d<rgba32float, write>;
+// Tiles of the entry point: those with liquid, or the others.
+@group(1) @binding(8) var<storage, read> tiles: TileList;
+
+// Pixels without liquid that contain an edge. The other entry points defer them to `edge_pixels`, so
+// that their many rays do not diverge from pixels with a single ray.
+struct Edges {
+    count: atomic<u32>,
+    looks: atomic<u32>,     // of the first ray of each pixel, with a host: terminated rays,
+    fallbacks: atomic<u32>, // and those that the host's picture does not show
+    pixels: array<u32>,      // x + 65536 y
+}
+
+@group(3) @binding(0) var<storage, read_write> edges: Edges;
+// Indirect dispatch size of `edge_pixels` in x: groups of EDGE_GROUP pixels.
+@group(3) @binding(1) var<storage, read_write> edge_groups: atomic<u32>;
+
+const EDGE_GROUP: u32 = 64u;
+
+// Capacity: that of the list, and of the largest dispatch that every adapter supports. Further edge
+// pixels are drawn where they are found.
+fn most_edges() -> u32 {
+    return min(65535u * EDGE_GROUP, arrayLength(&edges.pixels));
+}
+
+// Relative difference of radiance that distinguishes an edge from shading, and from filtered patterns.
+const EDGE: f32 = 0.02;
+const FILTERED_EDGE: f32 = 0.1;
+
+fn background_ray(u: vec2f) -> vec4f {
+    let omega = camera_omega(u);
+    let o = camera_ray_origin(omega);
+    let d = camera_ray_direction(omega);
+    let solid = solid_ahead(o, d);
+    let seen = radiance_of(solid, o, d, vec3f(1.0), 0.0);
+    return select(vec4f(seen, 1.0), vec4f(0.0), TRANSPARENT && solid.t >= NOTHING);
+}
+
+fn background_mean(p: vec2i, count: u32) -> vec4f {
+    var sum = vec4f(0.0);
+    for (var i = 0u; i < count; i++) {
+        sum += background_ray(vec2f(p) + sample_offset(i, count));
+    }
+    return sum / f32(count);
+}
+
+// Draws a pixel without liquid. If its corners and centre differ, it contains an edge (T. Whitted, An
+// Improved Illumination Model for Shaded Display, 1980) and gets many rays, which is affordable: they
+// are short, and few pixels contain edges.
+//
+// One loop for all rays: drivers inline the shading where it is called, and compile it as often.
+fn draw_background(p: vec2i) {
+    if COUNT {
+        textureStore(diagnostics, p, vec4f(0.0));
+    }
+    if HOST {
+        let drawn = vec4f(textureLoad(host_color, p, 0).rgb, 1.0);
+        textureStore(radiance, p, select(drawn, vec4f(0.0), TRANSPARENT));
+        return;
+    }
+    if EDGE_SAMPLES <= SAMPLES {
+        textureStore(radiance, p, background_mean(p, SAMPLES));
+        return;
+    }
+    var low = vec4f(NOTHING);
+    var high = vec4f(0.0);
+    var sum = vec4f(0.0);
+    for (var probe = 0u; probe < 5u + EDGE_SAMPLES; probe++) {
+        var at = vec2f(vec2u(probe & 1u, probe >> 1u));
+        if probe >= 5u {
+            at = sample_offset(probe - 5u, EDGE_SAMPLES);
+        }
+        let seen = background_ray(vec2f(p) + select(at, vec2f(0.5), probe == 4u));
+        if probe < 5u {
+            low = min(low, seen);
+            high = max(high, seen);
+        } else {
+            sum += seen;
+        }
+        if probe == 4u && (is_flat(p, seen, low, high) || is_deferred(p)) {
+            return;
+        }
+    }
+    textureStore(radiance, p, sum / f32(EDGE_SAMPLES));
+}
+
+// Draws a pixel whose probes hardly differ in the colour of its centre.
+fn is_flat(p: vec2i, centre: vec4f, low: vec4f, high: vec4f) -> bool {
+    let flat = all(high - low <= select(EDGE, FILTERED_EDGE, FILTER_PATTERNS) * high);
+    if flat {
+        textureStore(radiance, p, centre);
+    }
+    return flat;
+}
+
+// Adds a pixel to the list of `edge_pixels`, unless the list is full.
+fn is_deferred(p: vec2i) -> bool {
+    let index = atomicAdd(&edges.count, 1u);
+    if index >= most_edges() {
+        return false;
+    }
+    edges.pixels[index] = u32(p.x) | (u32(p.y) << 16u);
+    if index % EDGE_GROUP == 0u {
+        atomicAdd(&edge_groups, 1u);
+    }
+    return true;
+}
+
+@compute @workgroup_size(64)
+fn edge_pixels(@builtin(global_invocation_id) id: vec3u) {
+    if id.x >= min(atomicLoad(&edges.count), most_edges()) {
+        return;
+    }
+    let packed = edges.pixels[id.x];
+    let p = vec2i(vec2u(packed & 0xffffu, packed >> 16u));
+    textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
+}
+
+fn has_liquid(texel: vec2i) -> bool {
+    var covered = !plane_is_empty(textureLoad(aggregate_layers, texel, FRONT, 0).xyz);
+    if SPLASH {
+        covered |= !plane_is_empty(textureLoad(splash_layers, texel, FRONT, 0).xyz);
+    }
+    return covered;
+}
+
+// Whether solids hide the liquid over the whole pixel, tested at its centre and corners. The front's
+// plane may be steep at a rim, so a solid in front of its depth at the centre suffices.
+fn is_hidden(p: vec2i) -> bool {
+    if SOLIDS == 0u && !HOST {
+        return false;
+    }
+    let middle = camera_omega(vec2f(p) + 0.5);
+    var front = textureLoad(aggregate_layers, p, FRONT, 0).xyz;
+    if SPLASH {
+        let splash = textureLoad(splash_layers, p, FRONT, 0).xyz;
+        front = select(front, splash, dot(splash, middle) > dot(front, middle));
+    }
+    let disparity = dot(front, middle);
+    for (var probe = 0; probe < 5; probe++) {
+        let corner = vec2f(vec2i(probe & 1, (probe >> 1u) & 1));
+        let omega = camera_omega(vec2f(p) + select(corner, vec2f(0.5), probe == 0));
+        let solid = first_solid(omega, p);
+        if camera_disparity_at(omega, solid.t) < min(disparity, dot(front, omega)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+@compute @workgroup_size(8, 8)
+fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let index = group_index(group);
+    if index >= tiles.count {
+        return;
+    }
+    let p = tile_pixel(tiles.tiles[index], local.xy);
+    if any(p >= vec2i(camera.size)) {
+        return;
+    }
+    // A solid in front of the liquid is drawn like one without liquid.
+    if !has_liquid(p) || is_hidden(p) {
+        draw_background(p);
+        return;
+    }
+    diagnosed = Diagnostics();
+    let share = 1.0 / f32(SAMPLES);
+    var color = vec4f(0.0);
+    for (var i = 0u; i < SAMPLES; i++) {
+        color += share * trace(vec2f(p) + sample_offset(i, SAMPLES), p);
+        if HOST && i == 0u {
+            atomicAdd(&edges.looks, u32(diagnosed.looks));
+            atomicAdd(&edges.fallbacks, u32(diagnosed.fallbacks));
+        }
+    }
+    textureStore(radiance, p, vec4f(color.rgb, select(1.0, color.a, TRANSPARENT)));
+    if COUNT {
+        let d = diagnosed;
+        textureStore(diagnostics, p, vec4f(d.interfaces, d.inside, d.iterations, d.failures) * share);
+    }
+}
+
+@compute @workgroup_size(8, 8)
+fn background_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let index = group_index(group);
+    if index >= tiles.count {
+        return;
+    }
+    let p = tile_pixel(tiles.tiles[index], local.xy);
+    if EDGE_SAMPLES <= SAMPLES || HOST {
+        if all(p < vec2i(camera.size)) {
+            draw_background(p);
+        }
+        return;
+    }
+    // Adjacent pixels share corners: each thread shades one, 17 threads another on the far sides, and each
+    // the centre of its pixel. One loop, as in `draw_background`.
+    let thread = i32(local.y) * 8 + i32(local.x);
+    let first = p - vec2i(local.xy);
+    let far = select(vec2i(8, thread), vec2i(thread - 9, 8), thread >= 9);
+    var centre = vec4f(0.0);
+    for (var k = 0; k < 3; k++) {
+        if k == 1 && thread >= 17 {
+            continue;
+        }
+        let corner = vec2f(select(p, first + far, k == 1));
+        centre = background_ray(corner + select(0.0, 0.5, k == 2));
+        if k < 2 {
+            tile_corners[select(thread + i32(local.y), far.y * 9 + far.x, k == 1)] = centre;
+        }
+    }
+    workgroupBarrier();
+    if any(p >= vec2i(camera.size)) {
+        return;
+    }
+    if COUNT {
+        textureStore(diagnostics, p, vec4f(0.0));
+    }
+    let at = i32(local.y) * 9 + i32(local.x);
+    var low = centre;
+    var high = centre;
+    for (var k = 0; k < 4; k++) {
+        let corner = tile_corners[at + (k & 1) + 9 * (k >> 1u)];
+        low = min(low, corner);
+        high = max(high, corner);
+    }
+    if !is_flat(p, centre, low, high) && !is_deferred(p) {
+        textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
+    }
+}
+
+// Radiance of the background at the corners of a tile's pixels, by rows.
+var<workgroup> tile_corners: array<vec4f, 81>;
