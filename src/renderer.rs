@@ -1,7 +1,6 @@
 //! The renderer: [`Renderer::render`] draws a frame.
 
-use glam::{UVec2, Vec3, Vec3Swizzles as _};
-use rayon::prelude::*;
+use glam::UVec2;
 
 use crate::background::Background;
 use crate::camera::{CameraUniform, View};
@@ -11,7 +10,7 @@ use crate::error::{Error, Limited, Result};
 use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, Timer};
 use crate::host::{Host, HostRays};
 use crate::lights::Lights;
-use crate::liquid::classify::{self, Splat, Splats};
+use crate::liquid::classify::Splats;
 use crate::memory;
 use crate::motion::Motion;
 use crate::passes::caustics::CausticMap;
@@ -28,6 +27,7 @@ use crate::passes::view_passes::{FrameInputs, PassNames, SplatSet, ViewConfig, V
 use crate::passes::{GBufferImages, Layers, Radiance};
 use crate::scene::Scene;
 use crate::settings::{self, Solids};
+use crate::view_range;
 
 /// Memory that a frame's shaders may take, bytes. Without it Mesa's compiler crashes.
 const COMPILING_MEMORY: usize = 384 << 20;
@@ -283,7 +283,7 @@ impl Renderer {
             memory::probe(COMPILING_MEMORY, "the shaders")?;
         }
         self.gpu.check_size(size)?;
-        check_scale(splats, view)?;
+        view_range::check_scale(splats, view)?;
         self.host.as_ref().map_or(Ok(()), |host| host.check(size))?;
         if let Some(previous) = self.surface.as_ref().and_then(|motion| motion.previous.as_ref()) {
             previous.check()?;
@@ -321,7 +321,7 @@ impl Renderer {
         size: UVec2,
     ) -> Result<Frame<'a>> {
         self.check(scene, &view, splats, size)?;
-        let view = clear_of_liquid(view, splats, size, scene.settings.classify.support);
+        let view = view_range::clear_of_liquid(view, splats, size, scene.settings.classify.support);
         if view.is_orthographic() != self.camera_view.camera.is_orthographic() {
             self.camera_view = ViewPasses::new(&self.gpu, view.is_orthographic());
             self.last = None;
@@ -501,7 +501,7 @@ impl<'a> Frame<'a> {
             settings.refract.solids == Solids::Screen && !scene.solids.is_empty() && host.is_none();
         let splash = !splats.splashes.is_empty();
         let variant = Variant::new(scene, splash, host.is_some(), diagnose);
-        let starts_inside = may_start_inside(splats, &view, size);
+        let starts_inside = view_range::may_start_inside(splats, &view, size);
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
         let work = refract::work(&settings.refract, size, refract::solid_work(scene), lit);
         let work = work.max(smooth::work(&settings.smooth));
@@ -521,8 +521,8 @@ impl<'a> Frame<'a> {
         // What the host has drawn into its textures is not known.
         dirty.surfaces |= host.is_some();
         dirty.radiance |= host.is_some();
-        let far =
-            depth_of(splats, &view).max(host.as_ref().map_or(0.0, |host| host.depth_code().far()));
+        let far = view_range::farthest_depth(splats, &view)
+            .max(host.as_ref().map_or(0.0, |host| host.depth_code().far()));
         Self {
             scene,
             view,
@@ -560,116 +560,8 @@ impl<'a> Frame<'a> {
         let mut params = refract::Params::new(scene, &scene.settings.refract, splats.radius);
         let lit = scene.solids.iter().any(|solid| solid.lit);
         if self.starts_inside && !self.view.is_orthographic() && self.variant.absorption && lit {
-            params.eye_depth = depth_below_surface(splats, self.uniform.origin);
+            params.eye_depth = view_range::depth_below_surface(splats, self.uniform.origin);
         }
         params
     }
-}
-
-/// Fails if the product of a splat's axes and its distance, squared, leaves the range of 32-bit
-/// floats: the liquid would be invisible.
-fn check_scale(splats: &Splats, view: &View) -> Result<()> {
-    /// Range of radius times distance, m²; pictures are correct up to both ends.
-    const PRODUCTS: std::ops::RangeInclusive<f64> = 1e-18..=1e18;
-    let (radius, distance) = (f64::from(splats.radius), view.focus);
-    let empty = splats.aggregates.is_empty() && splats.splashes.is_empty();
-    if empty || PRODUCTS.contains(&(radius * distance)) {
-        return Ok(());
-    }
-    let problem = format!(
-        "a particle radius of {radius:e} m seen from {distance:e} m cannot be drawn: their product must be \
-         1e-18 to 1e18 m²; choose another unit of length"
-    );
-    Err(Error::invalid("particles", problem))
-}
-
-/// Moves a default near plane in front of the liquid, if the eye is outside the liquid but nearer to
-/// it than that plane. Otherwise the liquid would count as surrounding the eye: a low eye with a far
-/// target would look out of the water.
-fn clear_of_liquid(view: View, splats: &Splats, size: UVec2, support: f32) -> View {
-    /// Near plane over the distance to the liquid, less than 1 because smoothing may move a surface nearer.
-    const NEAR_SHARE: f64 = 0.5;
-    /// Least near plane, over the origin's distance and over a radius: any nearer, 32-bit floats cannot
-    /// distinguish the near and far sides of splats.
-    const MIN_SHARES: (f64, f64) = (1e-6, 1e-3);
-    if view.near.is_some() || view.is_orthographic() {
-        return view;
-    }
-    let uniform = view.uniform(size, splats.origin, 0.0);
-    let eye = view.eye - splats.origin;
-    let ahead = view.ahead();
-    // Distance from the eye to the near plane's farthest corner, per unit of depth.
-    let corner = f64::from(farthest_corner(&uniform));
-    let farthest = corner * f64::from(uniform.near);
-    let clearance = |splat: &Splat| {
-        let offset = Vec3::from_array(splat.centre).as_dvec3() - eye;
-        let (distance, reach) = (offset.length(), splat.longest());
-        if distance - reach >= farthest || offset.dot(ahead) + reach <= 0.0 {
-            return f64::INFINITY;
-        }
-        let to_sphere = splat.axes().inverse();
-        // A distance in world space is at least the one in sphere space over the norm.
-        let norm = to_sphere.to_cols_array().map(|x| x * x).iter().sum::<f64>().sqrt();
-        (((to_sphere * offset).length() - 1.0) / norm).max(distance - reach)
-    };
-    let all = splats.aggregates.par_iter().chain(&splats.splashes);
-    let nearest = all.map(clearance).reduce(|| f64::INFINITY, f64::min);
-    let outside = nearest > 0.0 && !classify::is_inside(splats, eye, support);
-    if nearest >= farthest || !outside {
-        return view;
-    }
-    let least = (MIN_SHARES.0 * eye.length()).max(MIN_SHARES.1 * f64::from(splats.radius));
-    let near = (NEAR_SHARE * nearest / corner).max(least) as f32;
-    View { near: Some(near.min(uniform.near)), ..view }
-}
-
-/// Distance of the picture's farthest corner at depth 1.
-fn farthest_corner(uniform: &CameraUniform) -> f32 {
-    (uniform.tangent + uniform.shift.abs()).extend(1.0).length()
-}
-
-/// Depth of the farthest liquid in a view, m.
-fn depth_of(splats: &Splats, view: &View) -> f64 {
-    if !view.is_orthographic() {
-        return 0.0;
-    }
-    let (from_eye, ahead) = (splats.origin - view.eye, view.ahead());
-    let depth = |splat: &Splat| {
-        let centre = Vec3::from_array(splat.centre).as_dvec3();
-        (from_eye + centre).dot(ahead) + splat.longest()
-    };
-    let all = splats.aggregates.par_iter().chain(&splats.splashes);
-    // Smoothing may move a surface back.
-    let margin = 4.0 * f64::from(splats.radius);
-    all.map(depth).reduce(|| 0.0, f64::max) + margin.max(1e-3 * view.focus)
-}
-
-/// Whether a pixel's ray may start inside the liquid. It then leaves through a back, even if rays are
-/// followed through one interface only.
-fn may_start_inside(splats: &Splats, view: &View, size: UVec2) -> bool {
-    let (from_eye, ahead) = (splats.origin - view.eye, view.ahead());
-    if view.is_orthographic() {
-        return splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
-            let depth = (from_eye + Vec3::from_array(splat.centre).as_dvec3()).dot(ahead);
-            (depth - f64::from(view.near())).abs() <= 1.001 * splat.longest()
-        });
-    }
-    let uniform = view.uniform(size, splats.origin, 0.0);
-    // Distance from the eye to the near plane's corners, with a margin for planes at grazing angles.
-    let near = 32.0 * uniform.near * farthest_corner(&uniform);
-    splats.aggregates.iter().chain(&splats.splashes).any(|splat| {
-        (uniform.origin + Vec3::from_array(splat.centre)).length()
-            <= 1.001 * splat.longest() as f32 + near
-    })
-}
-
-/// Depth of the eye below the liquid's surface, m: up to the highest particle near the vertical through
-/// the eye; 0 if there is none. `origin` is the splats' origin relative to the eye.
-fn depth_below_surface(splats: &Splats, origin: Vec3) -> f32 {
-    let height = |splat: &Splat| {
-        let centre = origin + Vec3::from_array(splat.centre);
-        let near = centre.xz().length() <= 2.0 * splat.radius;
-        if near { centre.y + splat.radius } else { 0.0 }
-    };
-    splats.aggregates.par_iter().map(height).reduce(|| 0.0, f32::max)
 }
