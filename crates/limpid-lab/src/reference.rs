@@ -17,6 +17,7 @@ pub mod conic;
 pub mod layers;
 pub mod mesh;
 pub mod optics;
+pub mod solids;
 pub mod surroundings;
 pub mod trace;
 mod view;

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3, Vec3Swizzles as _};
 
-use super::surroundings::{box_span, sphere_span};
+use super::solids::{box_span, sphere_span};
 use super::{Crossing, Liquid, Ray};
 use limpid_sim::waves::Waves;
 

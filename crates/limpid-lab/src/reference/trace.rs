@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use super::caustics::{CausticMap, Spot};
 use super::optics::{TOUCH, fresnel, interface, transmittance};
-use super::surroundings::{Direct, SolidHit, Surroundings};
+use super::solids::SolidHit;
+use super::surroundings::{Direct, Surroundings};
 use super::view::View;
 use super::{Crossing, Liquid, Ray, wide};
 use limpid::camera::Camera;

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::Chart;
 use super::paths::Tracer;
-use crate::reference::surroundings::{Side, SideForm};
+use crate::reference::solids::{Side, SideForm};
 use crate::reference::{Liquid, wide};
 use limpid::light_view::LightView;
 use limpid::scene::{Light, Scene};
