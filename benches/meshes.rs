@@ -10,7 +10,9 @@
 //! cargo bench --bench meshes -- step frames=21 size=640x480 refract.samples=4
 //! ```
 
-use std::env;
+#[path = "support/options.rs"]
+mod options;
+
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -25,8 +27,13 @@ use limpid::scene::{Scene, Shape, Solid, Surface};
 use limpid_io::input::Input;
 use limpid_io::project::Project;
 
+use options::Options;
+
+/// What is compared, in this order.
+const ALL: [&str; 3] = ["step", "ball", "million"];
+
 fn main() -> limpid_io::Result<()> {
-    let options = Options::parse();
+    let options = Options::parse(&ALL, 9);
     let gpu = Gpu::headless()?;
     let Options { size, frames, .. } = options;
     println!("{}, {}x{}, {frames} pairs of frames", gpu.adapter(), size.x, size.y);
@@ -34,43 +41,6 @@ fn main() -> limpid_io::Result<()> {
         compare(&gpu, name, &options)?;
     }
     Ok(())
-}
-
-/// Command-line options.
-struct Options {
-    chosen: Vec<String>,
-    settings: Vec<String>,
-    frames: usize,
-    size: UVec2,
-}
-
-impl Options {
-    /// Parses the command line, to which `cargo bench` adds `--bench`.
-    fn parse() -> Self {
-        let mut options = Self {
-            chosen: Vec::new(),
-            settings: Vec::new(),
-            frames: 9,
-            size: UVec2::new(1024, 768),
-        };
-        for arg in env::args().skip(1).filter(|arg| !arg.starts_with('-')) {
-            match arg.split_once('=') {
-                Some(("frames", n)) => options.frames = n.parse().expect("a number of frames"),
-                Some(("size", size)) => {
-                    let sides = size.split_once('x').expect("WIDTHxHEIGHT");
-                    let side = |text: &str| text.parse().expect("a number of pixels");
-                    options.size = UVec2::new(side(sides.0), side(sides.1));
-                }
-                Some(_) => options.settings.push(arg),
-                None => options.chosen.push(arg),
-            }
-        }
-        if options.chosen.is_empty() {
-            options.chosen = ["step", "ball", "million"].map(str::to_owned).to_vec();
-        }
-        assert!(options.frames > 0, "at least one frame expected");
-        options
-    }
 }
 
 /// Measures a scene with a mesh against the one with a box.

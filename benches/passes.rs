@@ -13,13 +13,14 @@
 //! cargo bench --bench passes -- my/scene.toml frames=21 size=640x480 refract.samples=4
 //! ```
 
+#[path = "support/options.rs"]
+mod options;
 mod support;
 
 use std::env;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use glam::UVec2;
 use limpid::camera::Camera;
 use limpid::gpu::Gpu;
 use limpid::liquid::classify::{self, Splat, Splats};
@@ -28,13 +29,14 @@ use limpid::renderer::Renderer;
 use limpid::scene::Scene;
 use limpid_io::input::Input;
 
+use options::Options;
 use support::{COUNTS, Swell};
 
 /// The scenes and the curve, in this order.
 const ALL: [&str; 5] = ["demo", "cascade", "front", "million", "curve"];
 
 fn main() -> limpid_io::Result<()> {
-    let options = Options::parse();
+    let options = Options::parse(&ALL, 5);
     let gpu = Gpu::headless()?;
     let Options { size, frames, .. } = options;
     println!("{}, {}x{}, medians of {frames} frames, ms", gpu.adapter(), size.x, size.y);
@@ -48,44 +50,6 @@ fn main() -> limpid_io::Result<()> {
         }
     }
     Ok(())
-}
-
-/// Command-line options.
-struct Options {
-    /// Names of [`ALL`], or scene files.
-    chosen: Vec<String>,
-    settings: Vec<String>,
-    frames: usize,
-    size: UVec2,
-}
-
-impl Options {
-    /// Parses the command line, to which `cargo bench` adds `--bench`.
-    fn parse() -> Self {
-        let mut options = Self {
-            chosen: Vec::new(),
-            settings: Vec::new(),
-            frames: 5,
-            size: UVec2::new(1024, 768),
-        };
-        for arg in env::args().skip(1).filter(|arg| !arg.starts_with('-')) {
-            match arg.split_once('=') {
-                Some(("frames", n)) => options.frames = n.parse().expect("a number of frames"),
-                Some(("size", size)) => {
-                    let sides = size.split_once('x').expect("WIDTHxHEIGHT");
-                    let side = |text: &str| text.parse().expect("a number of pixels");
-                    options.size = UVec2::new(side(sides.0), side(sides.1));
-                }
-                Some(_) => options.settings.push(arg),
-                None => options.chosen.push(arg),
-            }
-        }
-        if options.chosen.is_empty() {
-            options.chosen = ALL.map(str::to_owned).to_vec();
-        }
-        assert!(options.frames > 0, "at least one frame expected");
-        options
-    }
 }
 
 /// A frame to render.
