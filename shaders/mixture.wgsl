@@ -17,7 +17,7 @@ fn mixture(in: Varying) -> @location(0) vec4f {
     }
     // Length in depth, which is proportional along a ray, and in particle radii, so that half floats
     // hold it at any scene scale.
-    let fluid = absorptions[in.fluid];
+    let fluid = absorptions[in.tag.y];
     let length = chord.half_length * fluid.w;
     return vec4f(fluid.rgb * length, length);
 }

@@ -33,7 +33,7 @@ struct Varying {
     @location(1) @interpolate(flat) sphere_x: vec3f,
     @location(2) @interpolate(flat) sphere_y: vec3f,
     @location(3) @interpolate(flat) sphere_z: vec3f,
-    @location(4) @interpolate(flat) fluid: u32,
+    @location(4) @interpolate(flat) tag: vec2u, // particle, from 1, and fluid
 }
 
 @vertex
@@ -50,7 +50,7 @@ fn splat_varying(corner: u32, splat: Splat) -> Varying {
     out.sphere_x = to_sphere[0];
     out.sphere_y = to_sphere[1];
     out.sphere_z = to_sphere[2];
-    out.fluid = splat.tags & (BURIED - 1u);
+    out.tag = vec2u(splat.particle + 1u, splat.tags & (BURIED - 1u));
     out.clip = vec4f(splat_corner(corner, placed.centre, placed.rows), depth_bound(placed), 1.0);
     return out;
 }

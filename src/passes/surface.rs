@@ -290,7 +290,7 @@ fn draw_pipeline(gpu: &Gpu, camera: &CameraBinding) -> wgpu::RenderPipeline {
         layout: Some(&layout),
         vertex: wgpu::VertexState {
             module: &module,
-            entry_point: Some("vertex_tagged"),
+            entry_point: Some("vertex"),
             compilation_options: compilation_options.clone(),
             buffers: &[],
         },
