@@ -2,7 +2,8 @@
 //!
 //! ```sh
 //! cd crates/limpid-io/examples/bevy
-//! cargo run
+//! cargo run                        # with Rust 1.97.1, which Bevy 0.20 asks for
+//! cargo run --ignore-rust-version  # with an older one
 //! ```
 //!
 //! Bevy draws a ground and a cube, lit by a sun, into its own linear colour and depth. Between its opaque and its
