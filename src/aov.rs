@@ -167,7 +167,7 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
     };
     for &aov in chosen {
         if let Some(surface) = &images.surface {
-            first_interface(&mut channels, aov, surface, images.fluids, &texels)?;
+            first_interface(&mut channels, aov, surface, images.fluids, texels)?;
         }
         match aov {
             Aov::Motion | Aov::Coverage | Aov::Mask => {}
@@ -260,7 +260,7 @@ fn first_interface(
     aov: Aov,
     images: &SurfaceImages,
     fluids: usize,
-    texels: &dyn Fn(&wgpu::Texture, u32) -> Result<Vec<[f32; 4]>>,
+    texels: impl Fn(&wgpu::Texture, u32) -> Result<Vec<[f32; 4]>>,
 ) -> Result<()> {
     let mut add = |name: &str, texels: &[[f32; 4]], value: &dyn Fn(&[f32; 4]) -> f32| {
         push(channels, format!("{aov}.{name}"), texels, value);

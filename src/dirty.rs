@@ -74,6 +74,7 @@ impl Dirty {
             || lights
             || old.refract != new.refract
             || last.scene.environment != scene.environment
+            || last.scene.background != scene.background
             || last.diagnosed != diagnosed;
         Self { splats, lights, surfaces, radiance }
     }

@@ -60,6 +60,8 @@
 #![forbid(unsafe_code)]
 
 pub mod aov;
+#[doc(hidden)]
+pub mod background;
 pub mod camera;
 mod dirty;
 pub mod environment;

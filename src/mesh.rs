@@ -188,8 +188,11 @@ impl Placement {
     }
 }
 
-/// Depth of tree that the shader's stack holds.
+/// Most levels of a tree: deeper ones, of triangles that overlap, are built anew of equal halves.
 pub const MAX_DEPTH: usize = 48;
+
+/// Triangles of a leaf: the shader counts them in 3 bits, and rays were fastest with two.
+pub const MAX_LEAF: usize = 2;
 
 impl Mesh {
     /// Checks a mesh and makes it searchable.
@@ -285,6 +288,18 @@ impl Mesh {
     /// Whether the mesh encloses a volume: each edge joins triangles of opposite directions.
     pub fn is_closed(&self) -> bool {
         self.closed
+    }
+
+    /// Host memory, bytes, without textures.
+    pub fn bytes(&self) -> u64 {
+        /// Of a triangle: corners, material, edges, rims and its place in the tree.
+        const TRIANGLE: usize = 12 + 4 + 36 + 1 + 4;
+        let vectors = 2 * self.vertices.len() + self.normals.len();
+        let bytes = size_of::<Vec3>() * vectors
+            + size_of::<Vec2>() * self.coordinates.len()
+            + TRIANGLE * self.triangles.len()
+            + size_of::<Bvh2Node>() * self.bvh.nodes.len();
+        bytes as u64
     }
 
     /// Largest distance of a vertex from [`Mesh::origin`].
@@ -426,9 +441,9 @@ fn build(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Bvh2 {
     let all = triangles.iter().flatten().map(|&i| Vec3A::from(vertices[i as usize]));
     let most = all.fold(0.0, |most: f32, x| most.max(x.abs().max_element()));
     // Boxes grow by different shares of a hundred-thousandth: pairing equal ones takes quadratic time, seven
-    // minutes for a hundred thousand.
+    // minutes for a hundred thousand. All grow, so that no ray runs along a box's side exactly.
     let growth =
-        |i: u32| 1e-5 * most * (i.wrapping_mul(0x9e37_79b9) >> 8) as f32 / (1 << 24) as f32;
+        |i: u32| 1e-5 * most * (0.1 + (i.wrapping_mul(0x9e37_79b9) >> 8) as f32 / (1 << 24) as f32);
     let boxes: Vec<Aabb> = (0u32..triangles.len() as u32)
         .into_par_iter()
         .map(|i| {
@@ -438,7 +453,8 @@ fn build(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Bvh2 {
         })
         .collect();
     // As `obvhs::bvh2::builder::build_bvh2`, without its clock.
-    let params = BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
+    let params =
+        BvhBuildParams { max_prims_per_leaf: MAX_LEAF as u32, ..BvhBuildParams::medium_build() };
     let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
         params.ploc_search_distance,
         &boxes,
@@ -471,14 +487,13 @@ fn depth(nodes: &[Bvh2Node]) -> usize {
 
 /// A tree of equal halves, for triangles that a better tree would hold too deep: many in one place.
 fn balanced(boxes: &[Aabb]) -> Bvh2 {
-    const LEAF: usize = 4;
     let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
     let mut nodes = vec![Bvh2Node::default()];
     let mut rest = vec![(0, 0..boxes.len())];
     while let Some((node, range)) = rest.pop() {
         let ours = &mut order[range.clone()];
         let all = ours.iter().fold(Aabb::empty(), |all, &i| all.union(&boxes[i as usize]));
-        if ours.len() <= LEAF {
+        if ours.len() <= MAX_LEAF {
             nodes[node] = Bvh2Node::new(all, ours.len() as u32, range.start as u32);
             continue;
         }

@@ -3,6 +3,7 @@
 use glam::{UVec2, Vec3, Vec3Swizzles as _};
 use rayon::prelude::*;
 
+use crate::background::Background;
 use crate::camera::{CameraUniform, View};
 use crate::dirty::{Dirty, LastFrame};
 use crate::environment::Environment;
@@ -43,6 +44,7 @@ pub struct Renderer {
     lights: Lights,
     camera_view: ViewPasses,
     host_gbuffer: host::Host,
+    background: Background,
     mips: Option<Mips>,
     refract: Refract,
     surface_images: Surface,
@@ -111,6 +113,7 @@ impl Renderer {
             lights: Lights::default(),
             camera_view: ViewPasses::new(gpu, false),
             host_gbuffer: host::Host::new(gpu),
+            background: Background::default(),
             mips: None,
             refract: Refract::new(gpu),
             surface_images: Surface::new(gpu),
@@ -345,6 +348,7 @@ impl Renderer {
         }
         let (views, maps) = (self.lights.views(), self.lights.maps());
         self.camera_view.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
+        self.background.prepare(gpu, scene.background.as_ref(), size);
         if let Some(host) = &frame.host {
             self.host_gbuffer.prepare(gpu, &self.camera_view.camera, host, frame.uniform.far);
         }
@@ -401,8 +405,12 @@ impl Renderer {
         }
         if dirty.radiance {
             let span = timer.span("refract");
-            let (variant, work, host) = (frame.variant, frame.work, frame.host.as_ref());
-            self.refract.record(commands, &self.camera_view, variant, host, work, span);
+            let (variant, work) = (frame.variant, frame.work);
+            let behind = match &frame.host {
+                Some(host) => Some(&host.color),
+                None => self.background.view(),
+            };
+            self.refract.record(commands, &self.camera_view, variant, behind, work, span);
         }
         let (gpu, refract) = (&self.gpu, &self.refract);
         if let Some(motion) = &self.surface {

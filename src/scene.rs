@@ -32,6 +32,9 @@ pub struct Scene {
     pub fluids: Vec<Vec3>,
     /// Radiance of rays that hit neither liquid nor a solid.
     pub environment: Environment,
+    /// A picture behind everything, in place of the environment where the picture shows it. It fills the
+    /// picture and keeps its shape. Rays that leave the picture, or do not go on ahead, see the environment.
+    pub background: Option<Arc<Texture>>,
     /// Opaque bodies.
     pub solids: Vec<Solid>,
     /// Lights, which illuminate lit solids.

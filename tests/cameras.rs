@@ -12,6 +12,7 @@ use glam::{DMat4, DVec2, DVec3, UVec2, Vec3};
 use image::RgbaImage;
 use limpid::camera::{Camera, Lens, Projection, View};
 use limpid::environment::Environment;
+use limpid::gpu::{self, Gpu};
 use limpid::liquid::classify::Splats;
 use limpid::offscreen::{Offscreen, Picture};
 use limpid::scene::{Scene, Shape, Surface};
@@ -244,6 +245,94 @@ fn recorded_frames_are_those_drawn_at_once() {
     let times = times.expect("the frame is done");
     assert!(times.iter().any(|pass| pass.name == "refract"), "{times:?}");
     assert!(renderer.take_pass_times().is_none(), "times are taken once");
+}
+
+/// A frame that is awaited is that of a frame waited for, on a device that was opened without blocking.
+#[test]
+fn awaited_frames_are_those_waited_for() {
+    if harness().is_none() {
+        return;
+    }
+    let (scene, splats) = drops();
+    let camera = Camera { eye: DVec3::new(0.5, 0.9, 2.5), ..on_axis(0.0, 40.0) };
+    let gpu = pollster::block_on(Gpu::request()).expect("there is an adapter");
+    let mut offscreen = Offscreen::new(&gpu);
+    let expected = offscreen.draw(&scene, &camera, &splats, SIZE).expect("a frame").picture;
+    let pending = offscreen.begin(&scene, &camera, &splats, SIZE).expect("a frame");
+    let awaited = std::thread::spawn(|| pollster::block_on(pending.ready()));
+    while !awaited.is_finished() {
+        gpu.device.poll(wgpu::PollType::Poll).expect("it is polled");
+        std::thread::yield_now();
+    }
+    let awaited = awaited.join().expect("no panic").expect("a frame");
+    assert_eq!(awaited.picture, expected);
+}
+
+/// Targets of half floats get linear light, and a composed frame leaves what liquid does not cover.
+#[test]
+fn float_targets_are_linear_and_composed_over() {
+    let Some(mut harness) = harness() else { return };
+    let (mut scene, splats) = drops();
+    scene.solids.clear();
+    scene.settings.refract.transparent = true;
+    let camera = Camera { eye: DVec3::new(0.5, 0.9, 2.5), ..on_axis(0.0, 40.0) };
+    let format = wgpu::TextureFormat::Rgba16Float;
+    let texture = harness.gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("half floats"),
+        size: wgpu::Extent3d { width: SIZE.x, height: SIZE.y, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    });
+    let target = texture.create_view(&Default::default());
+    let images = harness.render(&scene, &camera, &splats, SIZE);
+    let gpu = harness.gpu.clone();
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let load = wgpu::LoadOp::Clear(wgpu::Color { r: 3.0, g: 0.25, b: 7.0, a: 1.0 });
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: &target,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
+        })],
+        ..Default::default()
+    });
+    harness.renderer.composite(&mut encoder, &target, format);
+    gpu.queue.submit([encoder.finish()]);
+    let read = || gpu::read_texture(&gpu, &texture, 0).expect("it is read");
+    let composed = halves(&read());
+    for p in images.pixels() {
+        let i = (p.y * SIZE.x + p.x) as usize;
+        let covered = images.at("depth.aggregate_front", p) > 0.0;
+        let expected = if covered { images.radiance(p) } else { DVec3::new(3.0, 0.25, 7.0) };
+        let close = (composed[i] - expected).abs().cmple(1e-3 * expected.abs() + 1e-6);
+        assert!(close.all(), "{p}: {}, expected {expected}", composed[i]);
+    }
+    scene.settings.refract.transparent = false;
+    scene.environment = Environment::Constant(Vec3::new(4.0, 0.5, 0.25));
+    harness.renderer.render(&scene, &camera, &splats, &target, format, SIZE).expect("a frame");
+    let nothing = images.pixels().find(|p| images.at("depth.aggregate_front", *p) == 0.0).unwrap();
+    let linear = halves(&read())[(nothing.y * SIZE.x + nothing.x) as usize];
+    assert_eq!(linear, DVec3::new(4.0, 0.5, 0.25), "neither bounded nor encoded");
+}
+
+/// Red, green and blue of pixels of four half floats.
+fn halves(bytes: &[u8]) -> Vec<DVec3> {
+    let half = |bytes: &[u8]| {
+        let bits = u16::from_le_bytes([bytes[0], bytes[1]]);
+        let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023) / 1024.0);
+        let value = match exponent {
+            0 => fraction * 2f64.powi(-14),
+            _ => (1.0 + fraction) * 2f64.powi(exponent - 15),
+        };
+        if bits >> 15 == 1 { -value } else { value }
+    };
+    let pixel = |p: &[u8]| DVec3::new(half(&p[..2]), half(&p[2..4]), half(&p[4..6]));
+    bytes.chunks_exact(8).map(pixel).collect()
 }
 
 /// Coverage is the share of rays that meet liquid or a solid: over black and over white, pixels without liquid

@@ -5,6 +5,8 @@ mod frames;
 #[path = "support/hosts.rs"]
 mod hosts;
 
+use std::sync::Arc;
+
 use frames::{
     FrameImages, Harness, ellipsoid, glowing, harness, mean_difference, on_axis, scene, splats,
 };
@@ -17,6 +19,7 @@ use limpid::camera::{Camera, Projection, View};
 use limpid::environment::Environment;
 use limpid::host::{Host, HostRays};
 use limpid::liquid::classify::Splats;
+use limpid::mesh::Texture;
 use limpid::scene::{Scene, Shape, Solid, Surface};
 use limpid::wgpu;
 
@@ -225,4 +228,46 @@ fn unusable_hosts_are_refused() {
         harness.renderer.host = None;
         assert!(error.to_string().contains(problem), "{error}");
     }
+}
+
+/// A background picture is seen unchanged beside the liquid, and through it as a host's sky is.
+#[test]
+fn backgrounds_are_seen_and_refracted() {
+    let Some(mut harness) = harness() else { return };
+    let harness = &mut *harness;
+    let (mut scene, splats, camera) = world();
+    scene.solids.clear();
+    scene.settings.refract.edge_samples = 16;
+    let pixel = |i: u32| {
+        let (x, y) = (i % SIZE.x, i / SIZE.x);
+        [(2 * x) as u8, (2 * y) as u8, if (x / 16 + y / 16) % 2 == 0 { 200 } else { 40 }, 255]
+    };
+    let pixels: Vec<_> = (0..SIZE.x * SIZE.y).map(pixel).collect();
+    let texture = Texture::new(SIZE, pixels).unwrap();
+    let linear = limpid::background::fitted(&texture, SIZE);
+    scene.background = Some(Arc::new(texture));
+    let nothing = Splats { radius: 1.0, ..Splats::default() };
+    let alone = harness.render(&scene, &camera, &nothing, SIZE);
+    let known = harness.render(&scene, &camera, &splats, SIZE);
+    let covered = |p: &UVec2| known.at("depth.aggregate_front", *p) > 0.0;
+    for p in known.pixels() {
+        let [r, g, b, _] = linear[(p.y * SIZE.x + p.x) as usize];
+        let expected = DVec3::new(r.into(), g.into(), b.into());
+        assert!(alone.radiance(p).distance(expected) < 1e-6, "{p}: {}", alone.radiance(p));
+        assert!(covered(&p) || known.radiance(p).distance(expected) < 1e-6, "{p}");
+    }
+    let color = self::texture(
+        &harness.gpu,
+        SIZE,
+        wgpu::TextureFormat::Rgba32Float,
+        bytemuck::cast_slice(&linear),
+    );
+    let cleared = vec![0.0; (SIZE.x * SIZE.y) as usize];
+    let depth = self::texture(&harness.gpu, SIZE, wgpu::TextureFormat::R32Float, &cleared);
+    let host = Host { color, depth, normals: None, clip_from_view: usual() };
+    scene.background = None;
+    let without = harness.render(&scene, &camera, &splats, SIZE);
+    let hosted = hosted(harness, &scene, host, (&camera).into(), &splats);
+    assert!(mean_difference(&known, &hosted) < 1e-4, "{}", mean_difference(&known, &hosted));
+    assert!(mean_difference(&without, &known) > 0.1);
 }

@@ -3,8 +3,11 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Vec2, Vec3};
+use limpid::gpu::Gpu;
 use limpid::mesh::{Mesh, MeshData, Placement};
-use limpid::scene::{Shape, Solid, Surface};
+use limpid::passes::mesh_buffers::MeshBuffers;
+use limpid::scene::{Scene, Shape, Solid, Surface};
+use limpid::wgpu;
 
 /// A cube from −1 to 1, whose faces point outwards; each corner is one vertex.
 fn cube() -> MeshData {
@@ -178,7 +181,7 @@ fn trees_are_shallow() {
 #[test]
 fn scenes_check_meshes() {
     let problem = |solid: Solid| {
-        let scene = limpid::scene::Scene { solids: vec![solid], ..Default::default() };
+        let scene = Scene { solids: vec![solid], ..Default::default() };
         scene.check().err().map(|e| e.to_string())
     };
     let mesh =
@@ -191,4 +194,37 @@ fn scenes_check_meshes() {
     let ball = Shape::Sphere { center: DVec3::ZERO, radius: 1.0 };
     let own = Solid { shape: ball, surface: Surface::Own, lit: false };
     assert!(problem(own).expect("an error").contains("only a mesh"));
+}
+
+/// A mesh that exceeds the device's buffers is an error that says by how much; a smaller one is uploaded
+/// afterwards.
+#[test]
+fn meshes_beyond_the_device_are_refused() {
+    let required_limits = wgpu::Limits {
+        max_storage_buffer_binding_size: 1 << 20,
+        max_uniform_buffer_binding_size: 1 << 16,
+        ..wgpu::Limits::default()
+    };
+    let (device, queue) =
+        wgpu::Device::noop(&wgpu::DeviceDescriptor { required_limits, ..Default::default() });
+    let gpu = Gpu::from_device(device, queue);
+    let scene = |count: u32| {
+        let place = |i: u32| {
+            DVec3::new((f64::from(i) * 0.618).fract(), f64::from(i % 3), 0.1 * f64::from(i))
+        };
+        let data = MeshData {
+            positions: (0..3 * count).map(place).collect(),
+            triangles: (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+            ..MeshData::default()
+        };
+        let solid =
+            Solid { shape: shape(data, Placement::default()), surface: Surface::Own, lit: true };
+        Scene { solids: vec![solid], ..Scene::default() }
+    };
+    let mut buffers = MeshBuffers::new(&gpu);
+    // Three rows of 16 bytes each, and the tree.
+    let problem = buffers.prepare(&gpu, &scene(22_000)).expect_err("1 MiB holds less").to_string();
+    assert!(problem.contains("MiB of meshes and textures; most are 1 MiB"), "{problem}");
+    buffers.prepare(&gpu, &scene(10_000)).expect("it fits");
+    assert!(buffers.geometry.size() > 10_000 * 48, "{}", buffers.geometry.size());
 }

@@ -298,7 +298,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 88] = [
+const LOOPS: [(&str, &str, &str, &str); 91] = [
     ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
     ("caustics/conic.wgsl", "conic_first_exit", "for (var edge = 0u; edge < 3u; edge++)", "a constant"),
     ("caustics/conic.wgsl", "conic_solve", "for (var i = 0u; i < CONIC_ROUNDS; i++)", "a constant"),
@@ -336,10 +336,12 @@ const LOOPS: [(&str, &str, &str, &str); 88] = [
     ("classify/scan.wgsl", "begin_cells", "for (var k = 0u; k < EACH; k++)", "a constant"),
     ("classify/scan.wgsl", "begin_cells", "for (var k = 0u; k < EACH && first + k <= params.cells; k++)", "a constant"),
     ("common/lights.wgsl", "passed_by_view", "for (var i = 0; i < 4; i++)", "a constant"),
-    ("common/mesh.wgsl", "mesh_trace", "for (var visited = 0u; visited < most_nodes(); visited++)", "the nodes of all meshes"),
+    ("common/mesh.wgsl", "mesh_trace", "for (var leaves = 0u; leaves < most_nodes() && node < triangles; leaves++)", "the nodes of all meshes, with the next"),
+    ("common/mesh.wgsl", "mesh_trace", "for (var visited = 0u; visited < most_nodes() && node < triangles && count == 0u; visited++)", "the nodes of all meshes"),
     ("common/mesh.wgsl", "mesh_trace", "for (var i = first; i < first + count; i++)", "the triangles of a leaf"),
-    ("common/mesh.wgsl", "mesh_is_near", "for (var visited = 0u; visited < most_nodes() && pending > 0u; visited++)", "the nodes of all meshes"),
-    ("common/mesh.wgsl", "mesh_is_near", "for (var i = first; i < first + count; i++)", "the triangles of a leaf"),
+    ("common/mesh.wgsl", "triangle_trace", "for (var i = 0u; i < select(0u, 3u, on_edge); i++)", "a constant"),
+    ("common/mesh.wgsl", "mesh_is_near", "for (var visited = 0u; visited < most_nodes() && node < solid.mesh.y; visited++)", "the nodes of all meshes"),
+    ("common/mesh.wgsl", "mesh_is_near", "for (var i = first; i < first + select(0u, count, near); i++)", "the triangles of a leaf"),
     ("common/mesh.wgsl", "mesh_shading_normal", "for (var i = 0u; i < 3u; i++)", "a constant"),
     ("common/mesh.wgsl", "mesh_color", "for (var i = 0u; i < 3u; i++)", "a constant"),
     ("common/mesh.wgsl", "texture_level", "for (var i = 0u; i < level; i++)", "the levels of a texture"),
@@ -362,6 +364,7 @@ const LOOPS: [(&str, &str, &str, &str); 88] = [
     ("refract/guarded.wgsl", "front_entry", "for (var i = 0u; i < ENTRY_STEPS && tau < 1.0; i++)", "a constant"),
     ("refract/guarded.wgsl", "front_entry", "for (var k = 0u; k < 8u; k++)", "a constant"),
     ("refract/guarded.wgsl", "opaque_entry", "for (var i = 0u; i < OPAQUE_STEPS; i++)", "a constant"),
+    ("refract/host.wgsl", "background_radiance", "for (var k = 0u; k < 4u; k++)", "a constant"),
     ("refract/host.wgsl", "host_radiance", "for (var k = 0u; k < 4u; k++)", "a constant"),
     ("refract/interfaces.wgsl", "trace", "for (var event = 0u; event < 18u; event++)", "a constant"),
     ("refract/interfaces.wgsl", "background_mean", "for (var i = 0u; i < count; i++)", "refract.samples or refract.edge_samples, 64 at most"),

@@ -3,9 +3,12 @@
 // A mesh has a space of its own, with its middle at the origin; a solid scales, rotates and moves it into
 // the world. Lengths along a ray are the same in both spaces, since directions are scaled like points.
 //
-// Rows of `mesh_geometry`: a node is the two corners of its box; their fourth components are its first
-// child or triangle, and its number of triangles, 0 for an inner node, whose children are adjacent. A
-// triangle is its three corners. They are integers, because a device may flush small floats to 0.
+// Rows of `mesh_geometry`: a mesh begins with the low corner of its box, and the box's sides in 65535 parts.
+// Nodes follow depth first, so that no stack is needed: a software adapter turns one into a branch for each of
+// its places. A node is its box in these parts, 16 bits for the low and 16 for the high side along each axis,
+// and a number whose last 3 bits count its triangles. The others are the first of them, or, of an inner node,
+// the node after all its descendants. A triangle is its three corners; triangles follow the nodes. Rows are
+// integers, because a device may flush small floats to 0.
 
 @group(2) @binding(7) var<storage, read> mesh_geometry: array<vec4u>;
 // Attributes of triangles, materials, and textures with their mip levels.
@@ -13,8 +16,8 @@
 
 const NO_TRIANGLE: u32 = 0xffffffffu;
 
-// Most pending nodes: the depth of the deepest tree (MAX_DEPTH in src/mesh.rs).
-const MESH_STACK: u32 = 48u;
+// Rows before a mesh's first node.
+const MESH_HEADER: u32 = 2u;
 
 struct MeshHit {
     t: f32,
@@ -54,33 +57,32 @@ fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: boo
     let nearest = -skipped;
     var hit = MeshHit(far - skipped, NO_TRIANGLE);
     let slope = 1.0 / select(d, vec3f(1e-20), abs(d) < vec3f(1e-20));
-    let nodes = solid.mesh.x;
-    let triangles = solid.mesh.y;
-    if box_entry(nodes, o, slope, nearest, hit.t) >= NOTHING {
+    // In parts of the mesh's box.
+    let part = mesh_corner(solid.mesh.x + 1u);
+    let box_o = (o - mesh_corner(solid.mesh.x)) / part;
+    let box_slope = slope * part;
+    if box_entry(vec3u(0xffff0000u), box_o, box_slope, nearest, hit.t) >= NOTHING {
         return MeshHit(NOTHING, NO_TRIANGLE);
     }
-    var stack: array<u32, MESH_STACK>;
-    var pending = 0u;
+    let across = plane_across(d);
+    let nodes = solid.mesh.x + MESH_HEADER;
+    let triangles = solid.mesh.y;
     var node = nodes;
-    for (var visited = 0u; visited < most_nodes(); visited++) {
-        let first = mesh_geometry[node].w;
-        let count = mesh_geometry[node + 1u].w;
-        var next = NO_TRIANGLE;
-        if count == 0u {
-            let left = nodes + 2u * first;
-            let t_left = box_entry(left, o, slope, nearest, hit.t);
-            let t_right = box_entry(left + 2u, o, slope, nearest, hit.t);
-            let right_first = t_right < t_left;
-            if min(t_left, t_right) < NOTHING {
-                next = select(left, left + 2u, right_first);
-                if max(t_left, t_right) < NOTHING {
-                    stack[pending] = select(left + 2u, left, right_first);
-                    pending += 1u;
-                }
-            }
+    // Boxes first, then a leaf's triangles: a software adapter runs a loop's body once even where no ray needs
+    // it, and triangles take longer than boxes.
+    for (var leaves = 0u; leaves < most_nodes() && node < triangles; leaves++) {
+        var first = 0u;
+        var count = 0u;
+        for (var visited = 0u; visited < most_nodes() && node < triangles && count == 0u; visited++) {
+            let row = mesh_geometry[node];
+            let entered = box_entry(row.xyz, box_o, box_slope, nearest, hit.t) < NOTHING;
+            first = row.w >> 3u;
+            let inner = (row.w & 7u) == 0u;
+            count = select(0u, row.w & 7u, entered);
+            node = select(node + 1u, nodes + first, inner && !entered);
         }
         for (var i = first; i < first + count; i++) {
-            let t = triangle_trace(triangles + 3u * i, o, d);
+            let t = triangle_trace(triangles + 3u * i, o, d, across);
             if t > nearest && t < hit.t {
                 hit = MeshHit(t, i);
             }
@@ -88,23 +90,24 @@ fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: boo
         if any_one && hit.triangle != NO_TRIANGLE {
             break;
         }
-        if next == NO_TRIANGLE {
-            if pending == 0u {
-                break;
-            }
-            pending -= 1u;
-            next = stack[pending];
-        }
-        node = next;
     }
     return MeshHit(select(hit.t + skipped, NOTHING, hit.triangle == NO_TRIANGLE), hit.triangle);
 }
 
+// Sides of a node's box, in parts of the mesh's.
+fn low_side(sides: vec3u) -> vec3f {
+    return vec3f(vec3i(sides & vec3u(0xffffu)));
+}
+
+fn high_side(sides: vec3u) -> vec3f {
+    return vec3f(vec3i(sides >> vec3u(16u)));
+}
+
 // Where the ray enters a node's box, or NOTHING if it does not between two lengths. Wider than the box by more
 // than the rounding of this computation (Ize 2013).
-fn box_entry(node: u32, o: vec3f, slope: vec3f, nearest: f32, farthest: f32) -> f32 {
-    let to_min = (mesh_corner(node) - o) * slope;
-    let to_max = (mesh_corner(node + 1u) - o) * slope;
+fn box_entry(sides: vec3u, o: vec3f, slope: vec3f, nearest: f32, farthest: f32) -> f32 {
+    let to_min = (low_side(sides) - o) * slope;
+    let to_max = (high_side(sides) - o) * slope;
     let low = min(to_min, to_max);
     let high = max(to_min, to_max);
     let enter = max(max(low.x, low.y), low.z);
@@ -114,41 +117,76 @@ fn box_entry(node: u32, o: vec3f, slope: vec3f, nearest: f32, farthest: f32) -> 
     return select(max(enter, nearest), NOTHING, missed);
 }
 
-// Relative rounding error of an edge function below: 10 half units in the last place, from two differences,
-// two products and a difference per component, and the sum of three.
-const EDGE_ROUNDING: f32 = 6e-7;
+// Vectors whose products with a point are its coordinates in the plane across the ray through the origin, seen
+// along the ray: a shear along the direction's largest component (Woop, Benthin and Wald 2013).
+fn plane_across(d: vec3f) -> mat2x3f {
+    let a = abs(d);
+    let along_x = a.x >= max(a.y, a.z);
+    let along_y = !along_x && a.y >= a.z;
+    let r = d / select(select(d.z, d.y, along_y), d.x, along_x);
+    let x = select(select(vec3f(1.0, 0.0, -r.x), vec3f(1.0, -r.x, 0.0), along_y), vec3f(-r.y, 1.0, 0.0), along_x);
+    let y = select(select(vec3f(0.0, 1.0, -r.y), vec3f(0.0, -r.z, 1.0), along_y), vec3f(-r.z, 0.0, 1.0), along_x);
+    return mat2x3f(x, y);
+}
 
-// Length along the ray to a triangle, or NOTHING. Edges count as hit from either side within rounding, so
-// that no ray passes between two triangles. The length is that to the triangle's plane, between those to its
-// corners: a needle's edge functions, and a narrow triangle's shares, are rounding errors.
-fn triangle_trace(row: u32, o: vec3f, d: vec3f) -> f32 {
+// Relative rounding error of an edge function below, from two products and their difference: 4 half units in
+// the last place.
+const EDGE_ROUNDING: f32 = 2.4e-7;
+// Distance from an edge that counts as a hit, relative to the largest coordinate: above the rounding of a
+// corner's place across the ray, 7 half units, on both sides of the edge.
+const ON_EDGE: f32 = 1e-6;
+
+// Length along the ray to a triangle, or NOTHING. Rays that pass an edge within rounding hit both its
+// triangles, so that none passes between them, and at the edge: a needle's, or a grazed triangle's plane may
+// be anywhere. `across` is `plane_across(d)`.
+fn triangle_trace(row: u32, o: vec3f, d: vec3f, across: mat2x3f) -> f32 {
     let corner_a = mesh_corner(row);
     let corner_b = mesh_corner(row + 1u);
     let corner_c = mesh_corner(row + 2u);
-    let a = corner_a - o;
-    let b = corner_b - o;
-    let c = corner_c - o;
-    // Not differences of the rounded ones.
-    let ab = corner_b - corner_a;
-    let bc = corner_c - corner_b;
-    let ca = corner_a - corner_c;
-    let edges = vec3f(dot(d, cross(b, bc)), dot(d, cross(c, ca)), dot(d, cross(a, ab)));
-    let sizes = vec3f(size_of(b) * size_of(bc), size_of(c) * size_of(ca), size_of(a) * size_of(ab));
-    let slack = EDGE_ROUNDING * (abs(d.x) + abs(d.y) + abs(d.z)) * sizes;
+    var a = corner_a - o;
+    var b = corner_b - o;
+    var c = corner_c - o;
+    // Row vectors times a matrix.
+    var p = a * across;
+    var q = b * across;
+    var r = c * across;
+    let plus = vec3f(q.x * r.y, r.x * p.y, p.x * q.y);
+    let minus = vec3f(q.y * r.x, r.y * p.x, p.y * q.x);
+    let edges = plus - minus;
+    let slack = EDGE_ROUNDING * (abs(plus) + abs(minus));
     if !(all(edges >= -slack) || all(edges <= slack)) {
         return NOTHING;
     }
-    let lengths = vec3f(dot(a, d), dot(b, d), dot(c, d)) / dot(d, d);
+    let inv_d2 = 1.0 / dot(d, d);
+    let lengths = vec3f(dot(a, d), dot(b, d), dot(c, d)) * inv_d2;
     let least = min(min(lengths.x, lengths.y), lengths.z);
     let most = max(max(lengths.x, lengths.y), lengths.z);
-    let n = cross(ca, ab);
+    // The two shorter edges meet in the first corner (`put_mesh`). They are not differences of rounded ones.
+    let n = cross(corner_a - corner_c, corner_b - corner_a);
     let slope = dot(n, d);
-    let t = clamp(select(dot(n, a) / slope, least, abs(slope) < 1e-37), least, most);
-    // A ray along the edges of a narrow triangle may pass beyond its ends.
-    let around = 4.0 * EDGE_ROUNDING * max(max(size_of(a), size_of(b)), size_of(c));
-    let x = t * d;
-    let within = all(x >= min(min(a, b), c) - around) && all(x <= max(max(a, b), c) + around);
-    return select(NOTHING, t, within);
+    var t = clamp(select(dot(n, a) / slope, least, abs(slope) < 1e-37), least, most);
+    let on_edge = !(all(edges > slack) || all(edges < -slack));
+    let within = ON_EDGE * max(max(size_of(a), size_of(b)), size_of(c));
+    var nearest2 = within * within;
+    t = select(t, NOTHING, on_edge);
+    // As a loop, which a software adapter skips where no ray needs it.
+    for (var i = 0u; i < select(0u, 3u, on_edge); i++) {
+        let edge = q - p;
+        let along = clamp(-dot(p, edge) / max(dot(edge, edge), 1e-37), 0.0, 1.0);
+        let off = p + along * edge;
+        let off2 = dot(off, off);
+        t = select(t, dot(a + along * (b - a), d) * inv_d2, off2 <= nearest2);
+        nearest2 = min(nearest2, off2);
+        let first = a;
+        a = b;
+        b = c;
+        c = first;
+        let first_across = p;
+        p = q;
+        q = r;
+        r = first_across;
+    }
+    return t;
 }
 
 // Largest component of a vector.
@@ -169,28 +207,21 @@ fn mesh_is_near(index: u32, world_x: vec3f, reach: f32) -> bool {
     let solid = solids[index];
     let x = solid.extent.y * mesh_axes_from_world(solid.rotation, world_x - solid.origin);
     let most = solid.extent.y * reach * solid.extent.y * reach;
-    var stack: array<u32, MESH_STACK>;
-    var pending = 1u;
-    stack[0] = solid.mesh.x;
-    for (var visited = 0u; visited < most_nodes() && pending > 0u; visited++) {
-        pending -= 1u;
-        let node = stack[pending];
-        let offset = x - clamp(x, mesh_corner(node), mesh_corner(node + 1u));
-        if dot(offset, offset) > most {
-            continue;
-        }
-        let first = mesh_geometry[node].w;
-        let count = mesh_geometry[node + 1u].w;
-        for (var i = first; i < first + count; i++) {
+    let low = mesh_corner(solid.mesh.x);
+    let part = mesh_corner(solid.mesh.x + 1u);
+    let nodes = solid.mesh.x + MESH_HEADER;
+    var node = nodes;
+    for (var visited = 0u; visited < most_nodes() && node < solid.mesh.y; visited++) {
+        let row = mesh_geometry[node];
+        let offset = x - clamp(x, low + low_side(row.xyz) * part, low + high_side(row.xyz) * part);
+        let near = dot(offset, offset) <= most;
+        let first = row.w >> 3u;
+        let count = row.w & 7u;
+        node = select(node + 1u, nodes + first, count == 0u && !near);
+        for (var i = first; i < first + select(0u, count, near); i++) {
             if triangle_distance2(solid.mesh.y + 3u * i, x) <= most {
                 return true;
             }
-        }
-        if count == 0u {
-            let left = solid.mesh.x + 2u * first;
-            stack[pending] = left;
-            stack[min(pending + 1u, MESH_STACK - 1u)] = left + 2u;
-            pending = min(pending + 2u, MESH_STACK);
         }
     }
     return false;

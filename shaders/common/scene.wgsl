@@ -37,7 +37,7 @@ struct Solid {
     middle: vec3f,      // the point that it fades around
     texture: u32,       // place of its texture in `mesh_surfaces`, or 1 for a mesh's own colours; 0 for neither
     rotation: vec4f,    // of a mesh, a unit quaternion
-    mesh: vec3u,        // rows of its first node and its first triangle, word of its first attributes
+    mesh: vec3u,        // rows where it begins and of its first triangle, word of its first attributes
     number: u32,        // in the scene, from 0: here meshes come last
 }
 

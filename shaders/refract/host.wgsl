@@ -1,11 +1,11 @@
-// The opaque scene of a host program, known by its picture: what rays see where the picture shows it.
+// What another picture shows of the opaque scene: that of a host program, or the background.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
 #import common/scene.wgsl
 #import common/screen_ray.wgsl
 
-@group(1) @binding(9) var host_color: texture_2d<f32>;
+@group(1) @binding(9) var host_color: texture_2d<f32>; // or the background
 
 // Index of a hit on the host's scene, in place of a solid's.
 const HOST_SCENE: u32 = 0xffffffffu;
@@ -90,4 +90,32 @@ fn host_radiance(u: vec2f, disparity: f32, sky: bool) -> vec3f {
     }
     let nearest = textureLoad(host_color, clamp(vec2i(u), vec2i(0), vec2i(camera.size) - 1), 0).rgb;
     return select(nearest, sum.rgb / max(sum.w, 1e-3), sum.w >= 1e-3);
+}
+
+// Pixel position at which the picture shows what a ray meets in the distance.
+fn pixel_ahead(o: vec3f, d: vec3f) -> vec2f {
+    return camera_pixel(select(d, o, ORTHOGRAPHIC));
+}
+
+// Whether the picture shows what a ray meets in the distance; with parallel rays, only straight ahead.
+fn is_ahead(o: vec3f, d: vec3f) -> bool {
+    let u = pixel_ahead(o, d);
+    let forward = select(d.z < 0.0, d.z < -0.99999, ORTHOGRAPHIC);
+    return forward && all(u >= vec2f(0.0)) && all(u <= camera.size);
+}
+
+// The background that a ray sees: the eye's the pixel itself, others between pixels.
+fn background_radiance(o: vec3f, d: vec3f, travelled: f32) -> vec3f {
+    let u = pixel_ahead(o, d);
+    let last = vec2i(camera.size) - 1;
+    let base = select(floor(u - 0.5), floor(u), travelled == 0.0);
+    let f = select(u - 0.5 - base, vec2f(0.0), travelled == 0.0);
+    var sum = vec3f(0.0);
+    for (var k = 0u; k < 4u; k++) {
+        let corner = vec2f(vec2u(k & 1u, k >> 1u));
+        let share = mix(1.0 - f, f, corner);
+        let texel = clamp(vec2i(base + corner), vec2i(0), last);
+        sum += share.x * share.y * textureLoad(host_color, texel, 0).rgb;
+    }
+    return sum;
 }

@@ -41,6 +41,7 @@ override CONTACT: bool = true;            // there are solids, and contact > 0
 override SCREEN_SOLIDS: bool = false;     // look up solids in the G-buffer first
 override REFLECT_SOLIDS: bool = true;     // reflections see the solids
 override HOST: bool = false;              // another program has drawn the opaque scene: refract/host.wgsl
+override BACKGROUND: bool = false;        // the scene has a background picture: refract/host.wgsl
 override TRANSPARENT: bool = false;       // no coverage where a ray meets neither liquid nor solid
 override COUNT: bool = false;             // write the diagnostics
 override SAMPLES: u32 = 1u;               // rays per pixel
@@ -403,6 +404,9 @@ fn texel_radiance(texel: vec2i, ambient: vec3f, travelled: f32) -> vec3f {
 // Radiance of the solid that the ray hits, or of the environment.
 fn radiance_of(solid: SolidHit, o: vec3f, d: vec3f, ambient: vec3f, travelled: f32) -> vec3f {
     let world_d = camera_world_direction(d);
+    if BACKGROUND && solid.t >= NOTHING && is_ahead(o, d) {
+        return background_radiance(o, d, travelled);
+    }
     if solid.t >= NOTHING {
         return environment_radiance(world_d);
     }

@@ -135,7 +135,14 @@ impl Pending {
 
 /// The mapping of a buffer, done when the device has filled it: a future that the device's poll wakes.
 #[derive(Debug, Clone)]
-struct Mapping(Arc<Mutex<(Option<Result<()>>, Option<Waker>)>>);
+struct Mapping(Arc<Mutex<MappingState>>);
+
+#[derive(Debug, Default)]
+struct MappingState {
+    outcome: Option<Result<()>>,
+    /// Whoever waits for the outcome.
+    waker: Option<Waker>,
+}
 
 impl Mapping {
     fn begin(buffer: &wgpu::Buffer) -> Self {
@@ -143,8 +150,8 @@ impl Mapping {
         let done = mapping.clone();
         buffer.map_async(wgpu::MapMode::Read, .., move |result| {
             let mut state = done.0.lock().unwrap_or_else(PoisonError::into_inner);
-            state.0 = Some(result.map_err(|e| Error::DeviceLost(e.to_string())));
-            if let Some(waker) = state.1.take() {
+            state.outcome = Some(result.map_err(|e| Error::DeviceLost(e.to_string())));
+            if let Some(waker) = state.waker.take() {
                 waker.wake();
             }
         });
@@ -153,7 +160,7 @@ impl Mapping {
 
     /// The outcome, once.
     fn outcome(&self) -> Option<Result<()>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).0.take()
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).outcome.take()
     }
 }
 
@@ -162,10 +169,10 @@ impl Future for Mapping {
 
     fn poll(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        match state.0.take() {
+        match state.outcome.take() {
             Some(outcome) => Poll::Ready(outcome),
             None => {
-                state.1 = Some(context.waker().clone());
+                state.waker = Some(context.waker().clone());
                 Poll::Pending
             }
         }

@@ -72,7 +72,7 @@ pub struct SolidData {
     pub texture: u32,
     /// A mesh's rotation, a quaternion.
     pub rotation: [f32; 4],
-    /// Rows of a mesh's first node and triangle, word of its first attributes.
+    /// Row where a mesh begins, row of its first triangle, word of its first attributes.
     pub mesh: [u32; 3],
     /// Index in the scene.
     pub number: u32,

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use bytemuck::cast;
-use glam::{Vec2, Vec3, Vec3Swizzles as _};
+use glam::{Vec2, Vec3, Vec3A, Vec3Swizzles as _};
+use obvhs::bvh2::node::Bvh2Node;
 
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Gpu};
@@ -13,7 +14,7 @@ use crate::scene::{Scene, Shape, Solid, Surface};
 /// Place of a solid's mesh or texture in the buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct MeshPlace {
-    /// Rows of the first node and the first triangle, word of the first attributes.
+    /// Row where it begins, row of the first triangle, word of the first attributes.
     pub mesh: [u32; 3],
     /// Word of the solid's own texture, 0 for none.
     pub texture: u32,
@@ -165,21 +166,14 @@ fn lay_out(meshes: &[Arc<Mesh>], textures: &[Arc<Texture>]) -> (Contents, Data) 
 
 /// Appends a mesh's tree, triangles and attributes; `materials` are the words of its materials.
 fn put_mesh(data: &mut Data, mesh: &Mesh, materials: &[u32]) -> [u32; 3] {
-    let row = |x: Vec3, fourth: u32| {
-        let [x, y, z] = x.to_array().map(f32::to_bits);
-        [x, y, z, fourth]
-    };
     let nodes = data.geometry.len() as u32;
-    for node in mesh.nodes() {
-        data.geometry.push(row(node.aabb.min.into(), node.first_index));
-        data.geometry.push(row(node.aabb.max.into(), node.prim_count));
-    }
+    put_tree(&mut data.geometry, mesh);
     let triangles = data.geometry.len() as u32;
     let attributes = data.surfaces.len() as u32;
     data.geometry.reserve(3 * mesh.triangles().len());
     data.surfaces.reserve(10 * mesh.triangles().len());
     for (triangle, &material) in mesh.triangles().iter().zip(mesh.material_of()) {
-        let corners = triangle.map(|i| i as usize);
+        let corners = turned(mesh, triangle.map(|i| i as usize));
         data.geometry.extend(corners.map(|i| row(mesh.vertices()[i], 0)));
         data.surfaces.push(materials[material as usize]);
         for i in corners {
@@ -190,6 +184,58 @@ fn put_mesh(data: &mut Data, mesh: &Mesh, materials: &[u32]) -> [u32; 3] {
             .extend(corners.map(|i| mesh.normals().get(i).map_or(NO_NORMAL, |&n| packed(n))));
     }
     [nodes, triangles, attributes]
+}
+
+/// Three numbers and an integer.
+fn row(x: Vec3, fourth: u32) -> [u32; 4] {
+    let [x, y, z] = x.to_array().map(f32::to_bits);
+    [x, y, z, fourth]
+}
+
+/// Appends a mesh's box, and its nodes in 65535 parts of it, depth first.
+fn put_tree(geometry: &mut Vec<[u32; 4]>, mesh: &Mesh) {
+    let (min, max) = mesh.bounds();
+    let part = (max - min) / 65535.0;
+    geometry.push(row(min, 0));
+    geometry.push(row(part, 0));
+    let (min, part) = (min.as_dvec3(), part.as_dvec3());
+    let sides = |node: &Bvh2Node| {
+        let parts = |corner: Vec3A| (Vec3::from(corner).as_dvec3() - min) / part;
+        // Outwards, so that the box holds what it held.
+        let low = parts(node.aabb.min).floor().to_array().map(|x| x as u16);
+        let high = parts(node.aabb.max).ceil().to_array().map(|x| x as u16);
+        [0, 1, 2].map(|i| u32::from(low[i]) | u32::from(high[i]) << 16)
+    };
+    let first = geometry.len();
+    // Nodes to append, and rows of inner nodes whose descendants are all there.
+    enum Next {
+        Node(usize),
+        End(usize),
+    }
+    let mut rest = vec![Next::Node(0)];
+    while let Some(next) = rest.pop() {
+        let node = match next {
+            Next::Node(node) => &mesh.nodes()[node],
+            Next::End(row) => {
+                geometry[row][3] = ((geometry.len() - first) as u32) << 3;
+                continue;
+            }
+        };
+        let [x, y, z] = sides(node);
+        geometry.push([x, y, z, node.first_index << 3 | node.prim_count]);
+        if !node.is_leaf() {
+            let left = node.first_index as usize;
+            rest.extend([Next::End(geometry.len() - 1), Next::Node(left + 1), Next::Node(left)]);
+        }
+    }
+}
+
+/// The triangle from the corner in which its two shorter edges meet: their product is the most precise normal.
+fn turned(mesh: &Mesh, corners: [usize; 3]) -> [usize; 3] {
+    let place = |i: usize| mesh.vertices()[corners[i % 3]];
+    let opposite = |i: usize| place(i + 1).distance_squared(place(i + 2));
+    let first = (1..3).fold(0, |first, i| if opposite(i) > opposite(first) { i } else { first });
+    [0, 1, 2].map(|i| corners[(first + i) % 3])
 }
 
 /// A normal that is not there: no vector's.

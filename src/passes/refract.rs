@@ -16,7 +16,6 @@ use super::view_passes::ViewPasses;
 use super::{CameraBinding, Layers, Radiance};
 use crate::environment::EvenLight;
 use crate::gpu::{self, Commands, Gpu, Pending, Span};
-use crate::host::Host;
 use crate::scene::{Scene, Shape, Solid};
 use crate::settings::{self, Fresnel, Reflections, Solids, Solver};
 
@@ -79,6 +78,8 @@ pub struct Variant {
     pub reflections: Reflections,
     /// A host has drawn the opaque scene.
     pub host: bool,
+    /// The scene has a background picture.
+    pub background: bool,
     /// The environment covers no pixel.
     pub transparent: bool,
     /// Write the diagnostics.
@@ -107,6 +108,7 @@ impl Variant {
             solids: if host || scene.solids.is_empty() { Solids::Exact } else { settings.solids },
             reflections: settings.reflections,
             host,
+            background: scene.background.is_some() && !host,
             transparent: settings.transparent,
             count,
         }
@@ -142,7 +144,7 @@ impl Variant {
         constants
     }
 
-    fn switches(self) -> [(&'static str, f64); 11] {
+    fn switches(self) -> [(&'static str, f64); 12] {
         [
             ("SPLASH", self.splash),
             ("ABSORPTION", self.absorption),
@@ -153,6 +155,7 @@ impl Variant {
             ("SCREEN_SOLIDS", self.solids == Solids::Screen),
             ("REFLECT_SOLIDS", self.reflections == Reflections::Scene),
             ("HOST", self.host),
+            ("BACKGROUND", self.background),
             ("TRANSPARENT", self.transparent),
             ("COUNT", self.count),
         ]
@@ -282,13 +285,13 @@ impl Refract {
     }
 
     /// Records the picture with a variant that was passed to [`Refract::prepare`] and takes
-    /// [`work`] per pixel.
+    /// [`work`] per pixel; `behind` is a host's colour or the background.
     pub fn record(
         &self,
         commands: &mut Commands<'_>,
         eye: &ViewPasses,
         variant: Variant,
-        host: Option<&Host>,
+        behind: Option<&wgpu::TextureView>,
         work: u64,
         span: Span<'_>,
     ) {
@@ -309,7 +312,7 @@ impl Refract {
                 wgpu::BindingResource::TextureView(&radiance),
                 wgpu::BindingResource::TextureView(&diagnostics),
                 tiles.section(list, section),
-                wgpu::BindingResource::TextureView(host.map_or(&planes, |host| &host.color)),
+                wgpu::BindingResource::TextureView(behind.unwrap_or(&planes)),
             ];
             gpu::bind_group(gpu, "refract", &self.layout, &resources)
         };

@@ -7,6 +7,7 @@
 mod camera;
 mod environment;
 mod layers;
+mod mesh_rays;
 mod meshes;
 mod optics;
 mod screen_ray;

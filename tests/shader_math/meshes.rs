@@ -27,14 +27,14 @@ use super::view::{NOTHING, case, vec3};
 const ROUNDING: f64 = 2e-6;
 
 /// A solid's data and buffers, as the renderer uploads them.
-struct Uploaded {
+pub(super) struct Uploaded {
     solids: wgpu::Buffer,
     meshes: MeshBuffers,
-    mesh: Arc<Mesh>,
-    placement: Placement,
+    pub(super) mesh: Arc<Mesh>,
+    pub(super) placement: Placement,
 }
 
-fn uploaded(gpu: &Gpu, data: MeshData, placement: Placement) -> Uploaded {
+pub(super) fn uploaded(gpu: &Gpu, data: MeshData, placement: Placement) -> Uploaded {
     let mesh = Arc::new(Mesh::new(data).expect("a mesh"));
     let shape = Shape::Mesh { mesh: mesh.clone(), placement };
     let solid = Solid { shape, surface: Surface::Own, lit: false };
@@ -63,7 +63,7 @@ impl Uploaded {
     }
 
     /// Corners of all triangles in the world.
-    fn triangles(&self) -> Vec<[DVec3; 3]> {
+    pub(super) fn triangles(&self) -> Vec<[DVec3; 3]> {
         let place = |i: u32| {
             let x = self.mesh.origin() + self.mesh.vertices()[i as usize].as_dvec3();
             self.placement.world_from_mesh(x)
@@ -72,7 +72,7 @@ impl Uploaded {
     }
 
     /// Length, triangle and normal of the device's hits.
-    fn traced(&self, gpu: &Gpu, rays: &[[f32; 6]]) -> Vec<[f32; 5]> {
+    pub(super) fn traced(&self, gpu: &Gpu, rays: &[[f32; 6]]) -> Vec<[f32; 5]> {
         let kernel = Kernel {
             imports: &["common/scene.wgsl"],
             body: "fn test(x: array<f32, 6>) -> array<f32, 5> {
@@ -95,7 +95,7 @@ impl Uploaded {
 }
 
 /// A closed ball of `2 n²` triangles with bumps.
-fn ball(n: u32) -> MeshData {
+pub(super) fn ball(n: u32) -> MeshData {
     let mut data = MeshData::default();
     for j in 0..=n {
         for i in 0..n {

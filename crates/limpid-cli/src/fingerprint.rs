@@ -21,7 +21,8 @@ use siphasher::sip128::{Hasher128 as _, SipHasher24};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::scene::Scene;
-use limpid_io::input::{FrameTime, Input, Origin};
+use limpid_io::input::{FrameTime, Input, Missing, Origin};
+use limpid_io::project::SolidMotion;
 use limpid_io::{exr, files};
 
 /// Keywords of the text chunks in a PNG.
@@ -137,7 +138,8 @@ impl Fingerprints {
             let origins = input.origins(at);
             let parts = origins.iter().map(describe);
             let fraction = format!("{:x}", at.fraction.to_bits());
-            let parts: Vec<String> = parts.chain([fraction]).collect();
+            let motion = input.motion().map(|motion| describe_motion(motion, at, input.missing));
+            let parts: Vec<String> = parts.chain([fraction]).chain(motion).collect();
             Fingerprint::over(parts.iter().map(String::as_bytes))
         });
         let (scene, map) = describe_scene(scene);
@@ -171,6 +173,12 @@ fn describe_scene(scene: &Scene) -> (String, &[u8]) {
     };
     let scene = Scene { environment, ..scene.clone() };
     (format!("{scene:?}"), map)
+}
+
+/// Describes what moves solids at a frame time; where they are at rest belongs to the scene.
+fn describe_motion(motion: &SolidMotion, at: FrameTime, missing: Missing) -> String {
+    let files = motion.files(at, missing).into_iter().map(stamp);
+    format!("{at:?} {:?} {}", files.collect::<Vec<_>>(), motion.keys())
 }
 
 /// Describes the origin of particles.

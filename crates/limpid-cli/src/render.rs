@@ -20,17 +20,18 @@ use glam::UVec2;
 use indicatif::ProgressBar;
 use limpid::Error::{Defect, DeviceLost};
 use limpid::aov::{self, Aov, Part};
-use limpid::camera::Camera;
+use limpid::camera::{Camera, View};
 use limpid::gpu::{Gpu, PassTime};
+use limpid::motion::Motion;
 use limpid::offscreen::{Offscreen, PendingFrame};
 use limpid::scene::Scene;
 use limpid::settings::Preset;
 use limpid_io::Error;
 use limpid_io::claim::Claims;
 use limpid_io::error::Category;
-use limpid_io::film;
+use limpid_io::film::{self, Shot};
 use limpid_io::frames::{FrameSpec, Shard};
-use limpid_io::input::{Loaded, Missing};
+use limpid_io::input::{FrameTime, Loaded, Missing};
 use limpid_io::notice::Notice;
 use limpid_io::output::FileKind;
 use limpid_io::project::overrides;
@@ -197,6 +198,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
     output::check(args, &plan.shots)?;
     let picked = pick::pick(args, &mut plan)?;
     let Plan { input, scene, frame_times, shots, fps, notices } = plan;
+    let frame_rate = input.fps().unwrap_or(fps);
     // After a signal the current frame is finished, or the unfinished film removed.
     signals::finish_first();
     let output = Output::open(args, shots.len(), fps)?;
@@ -245,7 +247,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
         args,
         scene,
         offscreen: offscreen(args, &gpu, frame_times.len() == 1),
-        at_rest: frame_times.len() == 1,
+        times: (frame_times, frame_rate),
         classifier: loader.classifier().clone(),
         output,
         stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
@@ -357,8 +359,8 @@ struct FrameLoop<'a> {
     args: &'a Args,
     scene: Scene,
     offscreen: Offscreen,
-    /// Whether all pictures are of the same particles.
-    at_rest: bool,
+    /// The times at which particles are drawn, and the frames per second that they count in.
+    times: (Vec<FrameTime>, f64),
     /// Classifies the particles.
     classifier: SharedClassifier,
     output: Output,
@@ -380,17 +382,38 @@ impl FrameLoop<'_> {
     }
 
     fn begin_drawing(&mut self, job: &Job, loaded: &Loaded) -> limpid_io::Result<Submitted> {
+        let motion = self.motion(job, loaded);
         let Self { args, scene, offscreen, output, console, .. } = self;
-        let drawing = offscreen.begin(scene, &job.shot.camera, &loaded.splats, args.size)?;
+        let chosen = args.aov.as_deref().unwrap_or_default();
+        let interface =
+            |aov: &Aov| aov.is_for_compositing() || matches!(aov, Aov::Depth | Aov::Normal);
+        offscreen.renderer.surface = chosen.iter().any(interface).then_some(motion);
+        let scene = loaded.scene(scene);
+        let drawing = offscreen.begin(&scene, &job.shot.camera, &loaded.splats, args.size)?;
         let straight = offscreen.renderer.lights_without_caustics();
         if !straight.is_empty() {
             console.notice(&Notice::Straight(straight));
         }
         // Read back now, since the next picture overwrites them.
-        let chosen = args.aov.as_deref().unwrap_or_default();
         let images = if chosen.is_empty() { Vec::new() } else { offscreen.images(chosen)? };
         let radiance = output.is_linear().then(|| offscreen.radiance()).transpose()?;
         Ok(Submitted { drawing, images, radiance })
+    }
+
+    /// What has moved since the picture before. Before the first picture of several, particles have moved as
+    /// far as before the second, and the camera has not moved.
+    fn motion(&self, job: &Job, loaded: &Loaded) -> Motion {
+        let (times, rate) = &self.times;
+        let Shot { frame, before, .. } = job.shot;
+        let since = |now: usize, before: usize| (times[now].time() - times[before].time()).max(0.0);
+        let frames = match before {
+            Some((before, _)) => since(frame, before),
+            None if times.len() > 1 => since(1, 0),
+            None => 1.0,
+        };
+        let previous = before.map(|(_, camera)| View::from(&camera));
+        let seconds = (frames / rate) as f32;
+        Motion { velocities: loaded.velocities.clone(), seconds, previous }
     }
 
     /// Writes a picture, and logs its outcome.
@@ -426,7 +449,7 @@ impl FrameLoop<'_> {
             Err(Error::Render(DeviceLost(_) | Defect(_))) if self.args.keep_going => {
                 let gpu = limpid_io::device::open()?;
                 self.classifier.set(Some(&gpu));
-                self.offscreen = offscreen(self.args, &gpu, self.at_rest);
+                self.offscreen = offscreen(self.args, &gpu, self.times.0.len() == 1);
                 self.stats.adapter = gpu.adapter();
                 let drawing = self.begin_drawing(job, &loaded)?;
                 self.write(job, &loaded, drawing)

@@ -50,14 +50,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (device, queue) = pollster::block_on(open_device())?;
     let reach = 0.5 * (max - min).max_element();
     let target = DVec3::new(0.5 * (min.x + max.x), min.y + 0.25 * reach, 0.5 * (min.z + max.z));
-    let eye = target + DVec3::new(0.5, 0.9, 2.4) * reach;
+    let eye = target + DVec3::new(0.35, 0.6, 1.9) * reach;
     let view_from_world = look_at_mat4(eye, target, DVec3::Y);
     let aspect = f64::from(SIZE.x) / f64::from(SIZE.y);
     let clip_from_view = perspective_infinite_reverse(40f64.to_radians(), aspect, 0.05 * reach);
     let (color, depth) = (texture(&device, HDR), texture(&device, DEPTH));
-    let half = (0.25 * reach) as f32;
-    let centre = DVec3::new(target.x, min.y + f64::from(half), target.z).as_vec3();
-    let world = World::new(&device, clip_from_view * view_from_world, centre, half);
+    let half = 0.2 * reach;
+    let centre =
+        DVec3::new(target.x - 0.3 * reach, min.y + half, target.z - 0.25 * reach).as_vec3();
+    let world = World::new(&device, clip_from_view * view_from_world, centre, half as f32);
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     world.draw(&mut encoder, &color, &depth);
 
@@ -70,7 +71,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some(Host { color: color.clone(), depth: depth.clone(), normals: None, clip_from_view });
     // What rays see that leave the picture: the program's sky, and solids that limpid is told of. A coarse
     // world is enough; here there is none.
-    let mut scene = project.scene.clone();
+    let mut scene = project.scene;
     scene.environment = Environment::Constant(SKY);
     scene.solids.clear();
     // Coverage, so that only the liquid is added to the program's colour.
@@ -147,6 +148,7 @@ const SHADER: &str = r"
 struct Uniform { clip_from_world: mat4x4f, centre: vec3f, half: f32, sky: vec3f }
 @group(0) @binding(0) var<uniform> world: Uniform;
 
+// `at` counts in half sides of the cube.
 struct Varying { @builtin(position) clip: vec4f, @location(0) at: vec3f, @location(1) normal: vec3f }
 
 // Six faces of the cube, then the floor: two triangles each.
@@ -161,22 +163,24 @@ struct Varying { @builtin(position) clip: vec4f, @location(0) at: vec3f, @locati
     if axis == 2u { place = place.yzx; normal = normal.yzx; }
     // A turn about the vertical, so that three faces show.
     let turn = mat3x3f(vec3f(0.8, 0, -0.6), vec3f(0, 1, 0), vec3f(0.6, 0, 0.8));
-    var at = world.centre + turn * (world.half * place);
+    var turned = turn * place;
     normal = turn * normal;
     if face == 6u {
-        at = world.centre + vec3f(40.0 * world.half * corner.x, -world.half, 40.0 * world.half * corner.y);
+        place = vec3f(40.0 * corner.x, -1.0, 40.0 * corner.y);
+        turned = place;
         normal = vec3f(0, 1, 0);
     }
-    return Varying(world.clip_from_world * vec4f(at, 1.0), at, normal);
+    let clip = world.clip_from_world * vec4f(world.centre + world.half * turned, 1.0);
+    return Varying(clip, place, normal);
 }
 
 @fragment fn lit(in: Varying) -> @location(0) vec4f {
-    let at = (in.at - world.centre) / world.half;
-    let tiles = floor(select(at * 2.5, at * 0.7, in.normal.y > 0.99 && at.y < 0.0) + 0.01);
+    let on_floor = in.normal.y > 0.99 && in.at.y < 0.0;
+    let tiles = floor(in.at * select(2.0, 0.7, on_floor) + 0.01);
     let odd = (i32(tiles.x) + i32(tiles.y) + i32(tiles.z)) % 2 != 0;
     let floor_color = select(vec3f(0.75, 0.7, 0.6), vec3f(0.25, 0.28, 0.3), odd);
     let cube_color = select(vec3f(0.9, 0.35, 0.1), vec3f(0.95, 0.85, 0.3), odd);
-    let color = select(cube_color, floor_color, at.y < -0.999);
+    let color = select(cube_color, floor_color, on_floor);
     let sun = max(dot(in.normal, normalize(vec3f(0.5, 0.8, 0.3))), 0.0);
     return vec4f(color * (0.35 + 0.9 * sun), 1.0);
 }

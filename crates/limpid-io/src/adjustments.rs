@@ -6,6 +6,7 @@ use std::str::FromStr;
 use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
+use crate::project::Project;
 use limpid::camera::is_position;
 use limpid::liquid::Up;
 use limpid::look::{Body, Look};
@@ -230,7 +231,8 @@ impl Adjustments {
     ///
     /// # Errors
     /// [`Error::Usage`] for the height of a ground that the scene does not have.
-    pub(crate) fn apply(&self, scene: &mut Scene, body: Option<&Body>) -> Result<()> {
+    pub(crate) fn apply(&self, project: &mut Project, body: Option<&Body>) -> Result<()> {
+        let Project { scene, motion, .. } = project;
         if let Some(ior) = self.ior {
             scene.liquid.ior = ior;
         }
@@ -257,7 +259,11 @@ impl Adjustments {
         }
         match self.floor {
             None => {}
-            Some(Floor::None) => scene.solids.retain(|solid| !is_ground(solid)),
+            Some(Floor::None) => {
+                let kept: Vec<bool> = scene.solids.iter().map(|solid| !is_ground(solid)).collect();
+                scene.solids.retain(|solid| !is_ground(solid));
+                motion.retain(&kept);
+            }
             Some(Floor::At(height)) => {
                 let ground = scene.solids.iter_mut().find(|solid| is_ground(solid));
                 let Some(Shape::Plane { origin, .. }) = ground.map(|ground| &mut ground.shape)

@@ -42,6 +42,8 @@ pub struct Shot {
     pub frame: usize,
     /// The camera.
     pub camera: Camera,
+    /// Particle frame and camera of the picture before; `None` for the first.
+    pub before: Option<(usize, Camera)>,
 }
 
 /// Lists the pictures of a film of the particle frames `numbers`, played at `fps` frames per second with
@@ -71,8 +73,7 @@ pub fn shots(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Resu
         )));
     }
     let count = count as usize;
-    let shots = (0..count.max(numbers.len())).map(|i| {
-        let frame = i % numbers.len();
+    let at = |i: usize| {
         let camera = match motion {
             Motion::Still => camera,
             Motion::Path(path) => path.at(i as f64 / fps),
@@ -80,8 +81,12 @@ pub fn shots(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Resu
                 camera.turned((i % count) as f64 / count as f64 * std::f64::consts::TAU)
             }
         };
+        (i % numbers.len(), camera)
+    };
+    let shots = (0..count.max(numbers.len())).map(|i| {
+        let (frame, camera) = at(i);
         let number = if count > numbers.len() { i as i64 + 1 } else { numbers[frame] };
-        Shot { number, frame, camera }
+        Shot { number, frame, camera, before: i.checked_sub(1).map(at) }
     });
     Ok(shots.collect())
 }

@@ -5,8 +5,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
-use crate::input::Missing;
-use crate::sequence::{Frame, Sequence};
+use crate::sequence::{Frame, Missing, Sequence};
 
 /// Largest number of selected frames; more are taken for a typing error.
 const MAX_FRAMES: u64 = 10_000_000;

@@ -3,18 +3,20 @@
 
 mod files;
 mod fluid;
-mod frame_time;
 
+use std::borrow::Cow;
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::adjustments::Adjustments;
 use crate::bake;
 use crate::error::{Error, Result};
 use crate::film::check_fps;
 use crate::particles::{Array, AttributeMap, Contents, ReadOptions};
-use crate::project::{Automatic, LiquidSource, ParticleSource, Project, is_scale};
+use crate::project::{
+    Automatic, LiquidSource, Moved, ParticleSource, Project, SolidMotion, is_scale,
+};
 use crate::sequence::{Frame, Sequence};
 use crate::shared_classifier::{Processor, SharedClassifier};
 use limpid::liquid::bulk::Bulk;
@@ -29,8 +31,8 @@ use self::files::is_scene_file;
 use self::fluid::{Fluid, FluidSource};
 
 pub use self::files::files_of;
-pub use self::fluid::{Missing, Origin};
-pub use self::frame_time::FrameTime;
+pub use self::fluid::Origin;
+pub use crate::sequence::{FrameTime, Missing};
 
 /// A project with its particle frames.
 #[derive(Debug, Clone)]
@@ -43,6 +45,8 @@ pub struct Input {
     pub frame: Option<i64>,
     /// Treatment of missing frames.
     pub missing: Missing,
+    /// Keep the particles' velocities in [`Loaded::velocities`].
+    pub with_velocities: bool,
     /// The processor that classifies the particles; initially the project's.
     processor: Processor,
     classifier: SharedClassifier,
@@ -90,13 +94,24 @@ pub struct Loaded {
     /// Bounds of the bulk of the particles, for cameras, and the number outside; all 0 without
     /// particles.
     pub bulk: Bulk,
+    /// Where the scene's solids are, if they move.
+    pub moved: Moved,
+    /// Velocity of each particle, m/s, if [`Input::with_velocities`] is set and the files have them.
+    pub velocities: Vec<Vec3>,
 }
 
 impl Loaded {
     /// Memory of the frame, bytes.
     pub fn bytes(&self) -> u64 {
         let splats = self.splats.aggregates.capacity() + self.splats.splashes.capacity();
-        (size_of::<Self>() + splats * size_of::<Splat>()) as u64
+        let velocities = self.velocities.capacity() * size_of::<Vec3>();
+        (size_of::<Self>() + splats * size_of::<Splat>() + velocities) as u64 + self.moved.bytes()
+    }
+
+    /// The scene to draw the frame in: its solids are where they are then. `scene` is the one that the frame was
+    /// loaded for, with whatever settings.
+    pub fn scene<'a>(&self, scene: &'a Scene) -> Cow<'a, Scene> {
+        self.moved.scene(scene)
     }
 }
 
@@ -163,6 +178,7 @@ impl Input {
             sequence,
             frame,
             missing: Missing::Error,
+            with_velocities: false,
             classifier: SharedClassifier::default(),
             fps: None,
             fluids: vec![fluid],
@@ -296,6 +312,7 @@ impl Input {
             sequence,
             frame,
             missing: Missing::Error,
+            with_velocities: false,
             classifier: SharedClassifier::default(),
             fps,
             fluids,
@@ -309,19 +326,19 @@ impl Input {
         self.fps.or_else(|| self.fluids.iter().find_map(|fluid| fluid.sequence.fps))
     }
 
-    /// Fails if a fluid lacks one of these frames and missing frames are errors.
+    /// Fails if a fluid or a solid lacks one of these frames and missing frames are errors.
     ///
     /// # Errors
-    /// [`Error::MissingFrame`] naming the fluid's files and their first missing frame.
+    /// [`Error::MissingFrame`] naming the files and their first missing frame.
     pub fn check_frames(&self, numbers: &[i64]) -> Result<()> {
-        let lacks = |fluid: &Fluid, number: i64| {
-            self.missing == Missing::Error && fluid.frame(number, self.missing).is_none()
-        };
-        let mut fluids = self.fluids.iter();
-        let found = fluids.find_map(|fluid| {
-            numbers.iter().find(|&&number| lacks(fluid, number)).map(|&number| (fluid, number))
-        });
-        found.map_or(Ok(()), |(fluid, number)| Err(fluid.missing_frame(number)))
+        let of_fluids = self.fluids.iter().map(|fluid| &fluid.sequence);
+        for sequence in of_fluids.chain(self.motion().into_iter().flat_map(SolidMotion::sequences))
+        {
+            for &number in numbers {
+                sequence.shown_or_missing(number, self.missing)?;
+            }
+        }
+        Ok(())
     }
 
     /// Frame times at steps of `step` frames from the first of the ascending `numbers` to the last. A
@@ -407,7 +424,7 @@ impl Input {
             .collect()
     }
 
-    /// Reads and classifies the particles at a frame time, with the settings of `scene`.
+    /// Reads and classifies the particles at a frame time, with the settings of `scene`, and moves its solids.
     ///
     /// # Errors
     /// As [`Input::particles`] and [`Input::prepare`].
@@ -417,21 +434,24 @@ impl Input {
         Ok(Loaded { arrays, cells, ..self.prepare(at, &particles, scene)? })
     }
 
-    /// Classifies a frame's particles with the settings of `scene`.
+    /// Classifies a frame's particles with the settings of `scene`, whose solids are moved to where they are then.
     ///
     /// # Errors
-    /// [`Error::UnknownRadius`] if the radius cannot be determined; as [`SharedClassifier::classify`].
+    /// [`Error::UnknownRadius`] if the radius cannot be determined; as [`SharedClassifier::classify`] and
+    /// [`Input::moved`].
     pub fn prepare(
         &self,
         at: impl Into<FrameTime>,
         particles: &Particles,
         scene: &Scene,
     ) -> Result<Loaded> {
-        let number = at.into().frame;
+        let at = at.into();
+        let number = at.frame;
+        let moved = self.moved(at, scene)?;
         let settings = &scene.settings.classify;
         let radius = self.fluids[0].radius_of(number, particles)?;
         let mut splats = self.classifier.classify(particles, radius, settings, self.processor)?;
-        classify::add_wall_contacts(&mut splats, &scene.solids, settings.wetting);
+        classify::add_wall_contacts(&mut splats, &moved.solids(&scene.solids), settings.wetting);
         Ok(Loaded {
             number,
             particles: particles.len(),
@@ -442,7 +462,37 @@ impl Input {
             arrays: Vec::new(),
             cells: 0,
             bulk: particles.bulk().unwrap_or_default(),
+            moved,
+            velocities: match particles.velocities.as_ref().filter(|_| self.with_velocities) {
+                Some(velocities) => memory::collect(velocities.iter().copied(), "velocities")?,
+                None => Vec::new(),
+            },
         })
+    }
+
+    /// Where the solids of `scene` are at a frame time, if its file moves any: this project's, with whatever
+    /// settings.
+    ///
+    /// # Errors
+    /// [`Error::MissingFrame`] if a solid lacks the frame and [`Input::missing`] makes that an error; as
+    /// [`crate::meshes::load`] and [`crate::meshes::rigid_bodies::read_poses`].
+    pub fn moved(&self, at: impl Into<FrameTime>, scene: &Scene) -> Result<Moved> {
+        let moved = |motion: &SolidMotion| motion.at(at.into(), &scene.solids, self.missing);
+        self.motion().map_or_else(|| Ok(Moved::default()), moved)
+    }
+
+    /// Replaces the motion of the scene's solids.
+    pub(crate) fn with_motion(mut self, motion: &SolidMotion) -> Self {
+        if let Some(project) = &mut self.project {
+            project.motion.clone_from(motion);
+        }
+        self
+    }
+
+    /// How the scene's solids move, if they do.
+    pub fn motion(&self) -> Option<&SolidMotion> {
+        let motion = self.project.as_ref().map(|project| &project.motion);
+        motion.filter(|motion| !motion.is_empty())
     }
 
     /// Origin of the radius of a frame's particles; with several fluids, the least reliable. After

@@ -15,7 +15,7 @@
 //! let camera = project.camera_for(loaded.bulk.bounds);
 //! let mut offscreen = Offscreen::new(&device::open()?);
 //! let size = limpid::glam::UVec2::new(1024, 768);
-//! let drawn = offscreen.draw(&project.scene, &camera, &loaded.splats, size)?;
+//! let drawn = offscreen.draw(&loaded.scene(&project.scene), &camera, &loaded.splats, size)?;
 //! output::write_png("water.png".as_ref(), &drawn.picture)?;
 //! # Ok(())
 //! # }

@@ -89,7 +89,9 @@ impl Request {
         input.missing = self.missing;
         let input = input.with_options(&self.options).with_adjustments(&self.adjustments)?;
         let (input, mut plain) = input.resolve()?;
-        self.adjustments.apply(&mut plain.scene, input.body())?;
+        self.adjustments.apply(&mut plain, input.body())?;
+        // The input moves the solids that are left.
+        let input = input.with_motion(&plain.motion);
         let mut project = plain.clone();
         project.set(&self.overrides)?;
         project.camera = self.camera.or(project.camera);

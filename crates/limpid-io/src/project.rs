@@ -1,13 +1,19 @@
 //! Projects: a scene with the source of its particles, its cameras, and the processor that classifies.
 
+mod bodies;
 mod commented;
 pub mod controls;
 mod file;
+mod mesh_sequence;
+mod mesh_source;
+mod motion;
 pub mod overrides;
+mod recent;
 mod solids;
 
 pub use file::FILE_KIND;
 pub(crate) use file::is_scale;
+pub use motion::{Moved, SolidMotion};
 pub use solids::SolidFiles;
 
 use std::slice;
@@ -31,6 +37,8 @@ pub struct Project {
     pub scene: Scene,
     /// The files of its meshes and textures.
     pub solid_files: SolidFiles,
+    /// How its solids move.
+    pub motion: SolidMotion,
     /// The source of the particles.
     pub source: LiquidSource,
     /// The camera; `None` fits one to the particles.

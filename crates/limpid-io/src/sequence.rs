@@ -1,8 +1,11 @@
 //! Sequences: the files of an input, as numbered frames.
 
+mod frame_time;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use crate::error::{Error, Result};
 use crate::particles::{Contents, ReadOptions, Section, extensions, readable_stem, trajectory};
@@ -10,6 +13,8 @@ use crate::pattern::placeholder;
 use crate::{files, vtk_lists};
 use limpid::liquid::Particles;
 use limpid::memory;
+
+pub use self::frame_time::FrameTime;
 
 /// The frames of an input, ordered by their numbers, which are unique.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +38,33 @@ pub struct Frame {
     pub parts: Vec<PathBuf>,
     /// Its part of the file, if that has several frames.
     pub section: Option<Section>,
+}
+
+/// The treatment of missing frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Missing {
+    /// An error.
+    #[default]
+    Error,
+    /// A frame without particles, or without the solid.
+    Empty,
+    /// The previous frame; before the first, an empty one.
+    Hold,
+}
+
+impl FromStr for Missing {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "error" => Ok(Self::Error),
+            "empty" => Ok(Self::Empty),
+            "hold" => Ok(Self::Hold),
+            _ => Err(Error::Usage(format!(
+                "missing frames: `{text}`; expected error, empty or hold"
+            ))),
+        }
+    }
 }
 
 impl Frame {
@@ -134,6 +166,26 @@ impl Sequence {
     pub fn frame(&self, number: i64) -> Option<&Frame> {
         let at = self.frames.binary_search_by_key(&number, |frame| frame.number).ok()?;
         self.frames.get(at)
+    }
+
+    /// The frame to show for a number, if there is one.
+    pub(crate) fn shown(&self, number: i64, missing: Missing) -> Option<&Frame> {
+        let after = self.frames.partition_point(|frame| frame.number <= number);
+        let before = after.checked_sub(1).and_then(|at| self.frames.get(at));
+        before.filter(|frame| frame.number == number || missing == Missing::Hold)
+    }
+
+    /// As [`Sequence::shown`], for a frame that must be there unless missing ones are allowed.
+    ///
+    /// # Errors
+    /// [`Error::MissingFrame`].
+    pub(crate) fn shown_or_missing(&self, number: i64, missing: Missing) -> Result<Option<&Frame>> {
+        match self.shown(number, missing) {
+            None if missing == Missing::Error => {
+                Err(Error::MissingFrame { pattern: self.pattern.clone(), frame: number })
+            }
+            shown => Ok(shown),
+        }
     }
 
     /// Stride of the frame numbers: the greatest common divisor of their differences, 1 for a single

@@ -19,6 +19,7 @@ pub mod mesh;
 pub mod optics;
 pub mod surroundings;
 pub mod trace;
+mod view;
 mod wetting;
 
 /// A ray.

@@ -13,11 +13,12 @@ use std::path::Path;
 use glam::UVec2;
 use glam::dcamera::rh::proj::directx::perspective_infinite_reverse;
 use hosts::host_of;
-use limpid::camera::View;
+use limpid::camera::{Projection, View};
 use limpid::gpu::Gpu;
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
+use limpid::wgpu::PollType;
 use limpid_io::input::Input;
 use limpid_lab::compare::{compare, load_picture};
 use references::references;
@@ -61,7 +62,7 @@ fn scenes_load_unchanged() {
 }
 
 /// Size of pictures that are compared with each other.
-const SIZE: UVec2 = UVec2::new(512, 384);
+const SIZE: UVec2 = UVec2::new(1024, 768);
 
 /// A device, unless there is none and none is required.
 fn device() -> Option<Gpu> {
@@ -138,52 +139,60 @@ fn meshes_match_their_references() {
     }
 }
 
-/// Scenes look alike whether their solids are known, or only what a host has drawn of them. Reports the share
-/// of rays that the host's picture did not answer.
+/// Scenes look alike whether their solids are known, or only what a host has drawn of them, as far as nothing that
+/// it does not show is seen: if limpid is told of the solids for that. Reports both, and the share of rays that
+/// the host's picture did not answer.
 #[test]
 fn hosts_refract_as_known_solids_do() {
-    /// Bound on the mean FLIP where what is refracted is also seen directly; elsewhere, floors and obstacles
-    /// that are out of the picture or hidden in it are replaced by the environment.
-    const MAX_FLIP: f64 = 0.01;
+    /// Bounds on the mean FLIP with solids that are told of, and without: there the environment takes the place of
+    /// floors and obstacles that are out of the picture or hidden in it.
+    const MAX_FLIPS: [f64; 2] = [0.01, 0.03];
     let Some(references) = references() else { return };
     let Some(gpu) = device() else { return };
     let mut renderer = Renderer::new(&gpu);
-    println!("scene                      mean FLIP  99th pct  fallbacks");
+    println!("scene                       told of not told of  fallbacks");
     let scenes = SCENES.map(|name| ("scenes", name)).into_iter();
-    for (folder, name) in scenes.chain(MESH_SCENES.map(|(name, _)| ("mesh_scenes", name))) {
+    let scenes = scenes.chain(MESH_SCENES.map(|(name, _)| ("mesh_scenes", name)));
+    // The first two in every run of the tests.
+    let count = if std::env::var_os("LIMPID_HOSTS").is_some() { usize::MAX } else { 2 };
+    for (folder, name) in scenes.take(count) {
         let (input, mut project) = input(&references, folder, name).resolve().unwrap();
         project.scene.settings.refract.samples = 4;
         let number = input.frame.unwrap_or_else(|| input.sequence.frames[0].number);
         let frame = input.sequence.frame(number).expect("the scene's frame");
         let loaded = input.load(frame, &project.scene).unwrap();
         let view = View::from(&project.camera_for(loaded.bulk.bounds));
-        let limpid::camera::Projection::Perspective { fov_y } = view.projection else {
+        let Projection::Perspective { fov_y } = view.projection else {
             panic!("{name} has a camera of a field of view");
         };
         let (fov_y, aspect) = (f64::from(fov_y).to_radians(), SIZE.x as f64 / SIZE.y as f64);
         let clip_from_view = perspective_infinite_reverse(fov_y, aspect, 0.01);
-        let scene = &project.scene;
-        let mut draw = |scene: &Scene, renderer: &mut Renderer| {
+        let told = &project.scene;
+        let draw = |scene: &Scene, renderer: &mut Renderer| {
             let picture = Picture::new(&gpu, SIZE).unwrap();
             let target = picture.view();
             renderer.render(scene, view, &loaded.splats, &target, Picture::FORMAT, SIZE).unwrap();
             image::DynamicImage::ImageRgba8(picture.read(&gpu).unwrap()).into_rgb8()
         };
-        let known = draw(scene, &mut renderer);
-        let host = host_of(&gpu, &mut renderer, scene, view, SIZE, clip_from_view);
-        renderer.host = Some(host);
-        let unknown = Scene { solids: Vec::new(), ..scene.clone() };
-        let shown = draw(&unknown, &mut renderer);
-        renderer.host = None;
+        let known = draw(told, &mut renderer);
+        let host = host_of(&gpu, &mut renderer, told, view, SIZE, clip_from_view);
+        let not_told = &Scene { solids: Vec::new(), ..told.clone() };
+        let flips = [told, not_told].map(|scene| {
+            renderer.host = Some(host.clone());
+            let shown = draw(scene, &mut renderer);
+            renderer.host = None;
+            compare(&known, &shown).unwrap().0.mean_flip
+        });
         let rays = loop {
-            gpu.device.poll(limpid::wgpu::PollType::wait_indefinitely()).unwrap();
+            gpu.device.poll(PollType::wait_indefinitely()).unwrap();
             if let Some(rays) = renderer.take_host_rays() {
                 break rays;
             }
         };
-        let (result, _) = compare(&known, &shown).unwrap();
-        let (flip, p99) = (result.mean_flip, result.p99_flip);
-        println!("{name:<26} {flip:>9.4} {p99:>9.4} {:>9.1} %", 100.0 * rays.share());
-        assert!(flip <= MAX_FLIP, "{name}: mean FLIP {flip:.4}, at most {MAX_FLIP} expected");
+        let [with, without] = flips;
+        println!("{name:<26} {with:>8.4} {without:>11.4} {:>8.1} %", 100.0 * rays.share());
+        for (flip, most) in flips.into_iter().zip(MAX_FLIPS) {
+            assert!(flip <= most, "{name}: mean FLIP {flip:.4}, at most {most} expected");
+        }
     }
 }

@@ -296,7 +296,12 @@ impl<O: FnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
 /// # Errors
 /// As [`Offscreen::draw`].
 pub fn picture(offscreen: &mut Offscreen, pane: &Pane) -> Result<RenderedFrame> {
-    Ok(offscreen.draw(&pane.scene, &pane.camera, &pane.loaded.splats, pane.size)?)
+    Ok(offscreen.draw(
+        &pane.loaded.scene(&pane.scene),
+        &pane.camera,
+        &pane.loaded.splats,
+        pane.size,
+    )?)
 }
 
 fn draw(offscreen: &mut Offscreen, request: &Request) -> Result<Drawn> {

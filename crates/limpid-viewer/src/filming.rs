@@ -128,7 +128,7 @@ fn write(script: &Script, path: &Path, mut proceed: impl FnMut(usize) -> bool) -
             Some((frame, loaded)) if frame == shot.frame => loaded,
             _ => input.load(frame_times[shot.frame], scene)?,
         };
-        let frame = offscreen.draw(scene, &shot.camera, &loaded.splats, *size)?;
+        let frame = offscreen.draw(&loaded.scene(scene), &shot.camera, &loaded.splats, *size)?;
         film.push(&frame.picture)?;
         last = Some((shot.frame, loaded));
         if !proceed(done) {

@@ -116,6 +116,7 @@ pub(crate) fn of(
     camera: &Camera,
     at: FrameTime,
 ) -> Result<Truth> {
+    let moved = document.input.moved(at, scene)?;
     let liquid = match analytic(document) {
         Some(liquid) => liquid,
         None => {
@@ -123,11 +124,11 @@ pub(crate) fn of(
             // Only the radius is needed, which takes no device.
             let on_cpu = document.input.clone().processed_by(Processor::Cpu);
             let radius = on_cpu.prepare(at, &particles, scene)?.splats.radius;
-            let how = Reconstruction::among(&scene.solids);
+            let how = Reconstruction::among(&moved.solids(&scene.solids));
             Box::new(Mesh::reconstruct(&particles.positions, radius, &how)?)
         }
     };
-    let picture = trace(&*liquid, scene, camera, SIZE, SAMPLES, MAX_DEPTH).to_srgb();
+    let picture = trace(&*liquid, &moved.scene(scene), camera, SIZE, SAMPLES, MAX_DEPTH).to_srgb();
     let (liquid, fluids) = (scene.liquid, scene.fluids.clone());
     Ok(Truth { camera: *camera, at, liquid, fluids, picture })
 }

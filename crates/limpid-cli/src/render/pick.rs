@@ -12,14 +12,20 @@ use super::plan::Plan;
 pub(super) fn pick(args: &Args, plan: &mut Plan) -> limpid_io::Result<Option<Picked>> {
     let limits = Limits { max_error: args.max_error, budget: args.budget };
     let Plan { input, scene, frame_times, shots, .. } = plan;
-    let first = |scene: &Scene| {
+    if limits == Limits::default() {
+        return Ok(None);
+    }
+    let at = frame_times[shots[0].frame];
+    let mut first = input.moved(at, scene)?.scene(scene).into_owned();
+    let frame = |_: &Scene| {
         // On the CPU: no device is open yet, and the choice does not depend on the processor.
         let input = input.clone().processed_by(Processor::Cpu);
-        let loaded = input.load(frame_times[shots[0].frame], scene)?;
+        let loaded = input.load(at, scene)?;
         Ok((shots[0].camera, loaded.splats))
     };
     let curve = Curve::shipped();
-    let picked = curve.pick(limits, device::open, scene, first, args.size);
+    let picked = curve.pick(limits, device::open, &mut first, frame, args.size);
+    scene.settings = first.settings;
     // Errors name the limits by their options.
     let picked = picked.map_err(|error| match error {
         Error::Usage(problem) => Error::Usage(format!("--{}", problem.replacen('_', "-", 1))),

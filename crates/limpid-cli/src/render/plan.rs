@@ -1,5 +1,6 @@
 //! The plan of a run: scene, particles and pictures, from the arguments.
 
+use limpid::aov::Aov;
 use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::Error;
@@ -49,7 +50,8 @@ impl Plan {
         let opened = standard::open(&request)?;
         let camera = opened.project.camera_for(Default::default());
         let incomplete = opened.project.solid_files.remarks.clone();
-        let (input, scene) = (opened.input, opened.project.scene);
+        let (mut input, scene) = (opened.input, opened.project.scene);
+        input.with_velocities = args.aov.as_ref().is_some_and(|list| list.contains(&Aov::Motion));
         let (frame_times, numbers, fps) = frame_times(args, &input)?;
         let shots = shots(args, camera, &numbers, fps)?;
         let mut notices = notices(args, &input, numbers.len());

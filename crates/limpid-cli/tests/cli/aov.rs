@@ -26,6 +26,9 @@ fn aovs_are_channels_of_one_file() {
         }
     }
     expected.extend(["R", "G", "B"].map(|color| format!("radiance.{color}")));
+    let composed = ["depth.Z", "normal.X", "normal.Y", "normal.Z", "motion.X", "motion.Y"];
+    expected.extend(composed.map(str::to_owned));
+    expected.extend(["coverage.A", "mask.fluid1"].map(str::to_owned));
     let counts = ["solid_depth", "interfaces", "inside", "iterations", "failures"];
     expected.extend(counts.map(str::to_owned));
     assert_eq!(channels.keys().cloned().collect::<BTreeSet<_>>(), expected);
@@ -33,9 +36,9 @@ fn aovs_are_channels_of_one_file() {
     for (name, values) in &channels {
         assert_eq!(values.len(), 64 * 48, "{name}");
         assert!(values.iter().all(|value| value.is_finite()), "{name} is not finite");
-        let may_be_zero = name == "failures";
+        let may_be_zero = name == "failures" || name.starts_with("motion");
         assert!(may_be_zero || values.iter().any(|&value| value != 0.0), "{name} is empty");
-        let signed = name.contains("normal");
+        let signed = name.contains("normal") || name.starts_with("motion");
         assert!(signed || values.iter().all(|&value| value >= 0.0), "{name} is negative");
     }
     let texel = |name: &str, i: usize| channels[name][i];

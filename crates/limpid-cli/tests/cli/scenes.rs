@@ -121,3 +121,47 @@ fn settings_are_listed() {
     let smooth = succeed(folder.path(), &["settings", "smooth"]);
     assert!(smooth.contains("smooth.taps") && !smooth.contains("refract"), "{smooth}");
 }
+
+/// A solid moves through the frames of a film, between them too, and a changed key draws a picture again that
+/// `--skip-existing` would keep.
+#[test]
+fn solids_move_with_the_frames() {
+    if !adapter() {
+        return;
+    }
+    let folder = with_dam();
+    let folder = folder.path();
+    let at = |name: &str| folder.join(name);
+    for frame in 0..2 {
+        fs::copy(at("dam.bgeo"), at(&format!("w_{frame}.bgeo"))).unwrap();
+    }
+    // The eye is far above the water, where the ball alone is.
+    let scene = |reach: f64| {
+        let text = format!(
+            "[particles]\nsource = \"w_{{}}.bgeo\"\nradius = 0.025\n[environment]\nradiance = [1, 1, 1]\n\
+             [camera]\neye = [0, 50, 0]\ntarget = [0, 50, -5]\nfov_y = 40\n\
+             [[solid]]\nshape = \"sphere\"\ncenter = [-1, 50, -5]\nradius = 0.2\ncolor = [0.5, 0, 0]\n\
+             [[solid.key]]\nframe = 0\ntranslate = [0, 0, 0]\n\
+             [[solid.key]]\nframe = 1\ntranslate = [{reach}, 0, 0]\n"
+        );
+        fs::write(at("a.toml"), text).unwrap();
+    };
+    // At 5 m half of the 48 pixels are 5 tan 20° m: a metre is 13 pixels, and the middle is 32.
+    let is_at = |name: &str, expected: u32| {
+        let picture = open(&at(name));
+        let red: Vec<u32> = (0..64).filter(|&x| picture.get_pixel(x, 24).0[1] == 0).collect();
+        let middle = red.iter().sum::<u32>() / red.len().max(1) as u32;
+        assert!(middle.abs_diff(expected) <= 1, "{name}: the ball is at {middle}, not {expected}");
+    };
+    scene(2.0);
+    let all = ["a.toml", "-o", "p_####.png", "--skip-existing"];
+    render(folder, &all);
+    is_at("p_0000.png", 19);
+    is_at("p_0001.png", 45);
+    render(folder, &["a.toml", "-o", "half.png", "--at=0.5"]);
+    is_at("half.png", 32);
+    scene(1.0);
+    render(folder, &all);
+    is_at("p_0000.png", 19);
+    is_at("p_0001.png", 32);
+}

@@ -20,11 +20,20 @@ use super::{
 };
 
 /// The draw thread and the offscreen renderer draw the same bits: at a frame, between two frames, and
-/// with another setting.
+/// with another setting, each with the solids where they are then.
 #[test]
 fn draw_thread_and_offscreen_draw_the_same_bits() {
-    let input = Input::open(&sequence().input).expect("the frames are there");
-    let input = input.with_radius(0.025).expect("a radius");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("scene.toml");
+    let source = sequence().input;
+    let text = format!(
+        "[particles]\nsource = {source:?}\nradius = 0.025\n\
+         [[solid]]\nshape = \"sphere\"\ncenter = [0, 1, 0]\nradius = 0.5\ncolor = [0.5, 0, 0]\n\
+         [[solid.key]]\nframe = 20\ntranslate = [-0.5, 0, 0]\n\
+         [[solid.key]]\nframe = 40\ntranslate = [0.5, 0, 0]\n"
+    );
+    std::fs::write(&file, text).expect("a scene");
+    let input = Input::open(&file.to_string_lossy()).expect("the frames are there");
     let (input, project) = input.resolve().expect("it resolves");
     let scene = &project.scene;
     let gpu = Gpu::headless().expect("an adapter");
@@ -48,7 +57,9 @@ fn draw_thread_and_offscreen_draw_the_same_bits() {
         let loaded = Arc::new(input.load(at, &scene).expect("it loads"));
         let camera = project.camera_for(loaded.bulk.bounds);
         let size = UVec2::new(160, 120);
-        let expected = offscreen.draw(&scene, &camera, &loaded.splats, size).expect("it draws");
+        let shown = loaded.scene(&scene);
+        assert_ne!(*shown, scene, "the ball has moved");
+        let expected = offscreen.draw(&shown, &camera, &loaded.splats, size).expect("it draws");
         let pane = Pane { scene: scene.into(), camera, loaded, size };
         let request =
             Request { number, panes: vec![pane], level: Level::Full, view: View::Picture };

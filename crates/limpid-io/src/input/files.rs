@@ -9,7 +9,7 @@ use crate::sequence::Sequence;
 use crate::vtk_lists;
 
 /// Lists the files of an input as far as they can be found: a scene with its environment map, and all
-/// particle files. Errors are ignored here; opening reports them.
+/// particle files, meshes and rigid bodies. Errors are ignored here; opening reports them.
 pub fn files_of(input: &str) -> Vec<PathBuf> {
     let path = Path::new(input);
     if !is_scene_file(path) {
@@ -27,6 +27,10 @@ pub fn files_of(input: &str) -> Vec<PathBuf> {
     let mixed = fluids.into_iter().flatten();
     let sources = mixed.chain(table.get("particles")).filter_map(|of| named(Some(of), "source"));
     all.extend(sources.flat_map(|source| sequence_files(&source)));
+    let solids = table.get("solid").and_then(toml::Value::as_array);
+    let meshes = solids.into_iter().flatten().filter_map(|solid| named(Some(solid), "file"));
+    let bodies = named(table.get("rigid_bodies"), "source");
+    all.extend(meshes.chain(bodies).flat_map(|source| sequence_files(&source)));
     if table.contains_key("simulation") {
         all.extend(sequence_files(&bake::folder(path).to_string_lossy()));
     }

@@ -1,20 +1,19 @@
 //! The particles of one fluid: their frames, their files and their radius.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::particles::Section;
 use crate::particles::{AttributeMap, Contents, ReadOptions};
-use crate::sequence::{Frame, Sequence};
+use crate::sequence::{Frame, FrameTime, Missing, Sequence};
 use limpid::liquid::classify;
 use limpid::liquid::{Particles, Up, likely_up};
 use limpid::look::Body;
 use limpid::memory;
 use limpid_sim::recipe::Recipe;
 
-use super::{FrameTime, RadiusFrom};
+use super::RadiusFrom;
 
 /// The frames of one fluid.
 #[derive(Debug, Clone)]
@@ -41,33 +40,6 @@ pub(super) enum FluidSource {
     Memory(Arc<[u8]>),
     /// A recipe, which generates them.
     Recipe(Recipe),
-}
-
-/// The treatment of missing frames.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Missing {
-    /// An error.
-    #[default]
-    Error,
-    /// A frame without particles.
-    Empty,
-    /// The previous frame; before the first, one without particles.
-    Hold,
-}
-
-impl FromStr for Missing {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "error" => Ok(Self::Error),
-            "empty" => Ok(Self::Empty),
-            "hold" => Ok(Self::Hold),
-            _ => Err(Error::Usage(format!(
-                "missing frames: `{text}`; expected error, empty or hold"
-            ))),
-        }
-    }
 }
 
 /// The origin of one fluid's particles in one frame.
@@ -135,17 +107,10 @@ impl Fluid {
         Ok(Contents { particles, ..contents })
     }
 
-    pub(super) fn missing_frame(&self, number: i64) -> Error {
-        Error::MissingFrame { pattern: self.sequence.pattern.clone(), frame: number }
-    }
-
     /// The contents of a frame, y up.
     pub(super) fn contents(&self, number: i64, missing: Missing) -> Result<Contents> {
-        let Some(frame) = self.frame(number, missing) else {
-            if missing != Missing::Error {
-                return Ok(Contents::default());
-            }
-            return Err(self.missing_frame(number));
+        let Some(frame) = self.sequence.shown_or_missing(number, missing)? else {
+            return Ok(Contents::default());
         };
         let mut contents = match &self.source {
             FluidSource::Files => frame.read(&self.options)?,
@@ -157,17 +122,9 @@ impl Fluid {
         Ok(contents)
     }
 
-    /// The frame to draw for a number, if there is one.
-    pub(super) fn frame(&self, number: i64, missing: Missing) -> Option<&Frame> {
-        let frames = &self.sequence.frames;
-        let after = frames.partition_point(|frame| frame.number <= number);
-        let before = after.checked_sub(1).and_then(|at| frames.get(at));
-        before.filter(|frame| frame.number == number || missing == Missing::Hold)
-    }
-
     /// The origin of a frame's particles.
     pub(super) fn origin(&self, number: i64, missing: Missing) -> Origin<'_> {
-        let frame = self.frame(number, missing);
+        let frame = self.sequence.shown(number, missing);
         let (file, memory, made) = match &self.source {
             FluidSource::Files => (frame.map(|frame| frame.path.as_path()), None, None),
             FluidSource::Memory(bytes) => (None, frame.map(|_| &**bytes), None),

@@ -70,7 +70,9 @@ pub fn read_bodies(path: &Path) -> Result<Vec<RigidBody>> {
     files::read(path, |_| LIMIT, &mut bytes)?;
     let mut file = Cursor::new(path, &bytes, false);
     let count = u32::from_le_bytes(file.array("the number of bodies")?) as usize;
-    if count > file.rest().len() / SHORTEST {
+    // Poses alone may begin with a 0.
+    let poses_alone = count == 0 && !file.rest().is_empty();
+    if poses_alone || count > file.rest().len() / SHORTEST {
         let problem = format!("{count} bodies do not fit into the file; is it the first frame?");
         return Err(file.error(problem));
     }

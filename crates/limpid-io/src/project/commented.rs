@@ -7,7 +7,7 @@ use super::controls::{CONTROLS, table};
 use crate::error::{Error, Result};
 
 /// The sections of a scene file in the order in which they are written, with a comment for each.
-const SECTIONS: [(&str, &str); 10] = [
+const SECTIONS: [(&str, &str); 12] = [
     ("particles", "The particles: a file, a pattern such as frame_{}.bgeo, or a folder."),
     ("fluid", "The particles of one of several liquids."),
     ("recipe", "Particles generated from parameters."),
@@ -16,12 +16,14 @@ const SECTIONS: [(&str, &str); 10] = [
     ("camera", "The view; without this section it is fitted to the particles."),
     ("view", "A further view, for reports."),
     ("environment", "Radiance of rays that hit nothing else, linear RGB."),
+    ("background", "A picture behind everything."),
     ("solid", "A solid: shape = \"plane\", \"box\" or \"sphere\"; color, checker or ground."),
+    ("rigid_bodies", "Solids of SPlisHSPlasH: rigid_bodies/rb_data_{}.bin."),
     ("light", "A light, which shines on solids with `lit = true`: sun or point."),
 ];
 
 /// The meaning of keys, by section; an empty section stands for all.
-const KEYS: [(&str, &str, &str); 31] = [
+const KEYS: [(&str, &str, &str); 33] = [
     ("particles", "radius", "m; for files without radii"),
     ("particles", "frame", "the frame that is drawn by default"),
     ("particles", "fps", "frames per second of the sequence"),
@@ -49,6 +51,8 @@ const KEYS: [(&str, &str, &str); 31] = [
     ("solid.ground", "tile", "m"),
     ("solid.checker", "tile", "m"),
     ("solid.ground", "fade", "m from the origin, over which it fades into the horizon"),
+    ("solid.key", "frame", "between keys it moves straight and turns the shorter way"),
+    ("rigid_bodies", "walls", "whether walls are drawn too"),
     ("light.sun", "direction", "in which the light travels"),
     ("light.sun", "irradiance", "W/m2 on a surface that faces the sun"),
     ("light.point", "position", "m"),
@@ -104,8 +108,20 @@ fn changed(settings: &Settings) -> toml::Table {
 }
 
 /// Keys of 64-bit numbers.
-const WIDE: [&str; 9] =
-    ["eye", "target", "origin", "min", "max", "center", "position", "fps", "scale"];
+const WIDE: [&str; 12] = [
+    "eye",
+    "target",
+    "origin",
+    "min",
+    "max",
+    "center",
+    "position",
+    "fps",
+    "scale",
+    "translate",
+    "quaternion",
+    "frame",
+];
 
 /// Replaces the 32-bit floats of a section, which TOML holds as 64-bit ones, by the numbers with the
 /// fewest digits that read back as the same 32-bit floats.

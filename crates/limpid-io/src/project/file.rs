@@ -7,6 +7,8 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
+use super::bodies::{Bodies, BodiesFile};
+use super::motion::SolidMotion;
 use super::solids::{SolidFile, SolidFiles, unit};
 use super::{Automatic, LiquidSource, NamedView, ParticleSource, Project};
 use crate::environment;
@@ -43,12 +45,21 @@ struct SceneFile {
     #[serde(default)]
     view: Vec<NamedView>,
     environment: Option<EnvironmentFile>,
+    background: Option<BackgroundFile>,
     #[serde(default)]
     solid: Vec<SolidFile>,
+    rigid_bodies: Option<BodiesFile>,
     #[serde(default)]
     light: Vec<Light>,
     #[serde(default)]
     settings: SettingsFile,
+}
+
+/// A `[background]`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BackgroundFile {
+    file: PathBuf,
 }
 
 #[derive(Default, Serialize, Deserialize)]
@@ -169,9 +180,22 @@ impl Project {
         let automatic = automatic(&file, &table);
         let mut solids = Vec::new();
         let mut solid_files = SolidFiles::default();
+        let mut motion = SolidMotion::default();
         for (number, solid) in (1..).zip(file.solid) {
             let fail = |problem: String| fail(format!("[[solid]] {number}: {problem}"));
-            solids.push(solid.load(folder, &mut solid_files, &fail)?);
+            let (solid, moves) = solid.load(folder, &mut solid_files, &fail)?;
+            motion.push(solids.len(), moves);
+            solids.push(solid);
+        }
+        if let Some(bodies) = &file.rigid_bodies {
+            let (bodies, shown) = Bodies::open(bodies, folder, &mut solid_files.remarks)?;
+            motion.set_bodies(solids.len(), bodies);
+            solids.extend(shown);
+        }
+        if file.simulation.is_some() && !motion.is_empty() {
+            let problem = "[simulation] takes solids that stand still: bake without [[solid.key]], meshes of \
+                several frames and [rigid_bodies], and draw the baked frames as [particles] of a scene with them";
+            return Err(fail(problem.into()));
         }
         let sources = [
             file.particles.is_some(),
@@ -224,11 +248,14 @@ impl Project {
         }
         let environment =
             file.environment.unwrap_or_default().validated(folder, load_map, &fail)?;
+        let background = file.background.map(|background| folder.join(background.file));
+        let background = background.map(|file| solid_files.texture(&file)).transpose()?;
         let settings = file.settings.validated(text).map_err(at_line)?;
         let lights = file.light;
         let project = Self {
-            scene: Scene { liquid, fluids, environment, solids, lights, settings },
+            scene: Scene { liquid, fluids, environment, background, solids, lights, settings },
             solid_files,
+            motion,
             source,
             camera: file.camera,
             views: file.view,
@@ -246,20 +273,27 @@ impl Project {
     /// # Errors
     /// [`Error::Usage`] for an environment map without a file.
     pub fn to_toml(&self, map: Option<&str>) -> Result<String> {
-        let Self { scene, solid_files, source, camera, views, processor, automatic } = self;
+        let Self { scene, solid_files, motion, source, camera, views, processor, automatic } = self;
         let provides = |part: fn(&Automatic) -> bool| automatic.as_ref().is_some_and(part);
         let environment = match provides(|automatic| automatic.environment) {
             true => None,
             false => Some(EnvironmentFile::of(&scene.environment, map)?),
         };
+        let background = scene.background.as_ref().map(|texture| {
+            let problem = || Error::Usage("a background needs a file of its own".into());
+            solid_files.texture_source(texture).ok_or_else(problem)
+        });
+        let background = background.transpose()?;
         let mut liquid = LiquidFile::of(&scene.liquid);
         liquid.absorption =
             liquid.absorption.filter(|_| !provides(|automatic| automatic.absorption));
         let recipe = source.recipe().copied();
-        // The solids of the recipe are left out, since reading adds them again.
-        let own = recipe.map_or(0, |recipe| recipe.solids().len());
-        let own = scene.solids.len().saturating_sub(own);
-        let solids = scene.solids[..own].iter().map(|solid| SolidFile::of(solid, solid_files));
+        // The solids of the recipe and of the rigid bodies are left out, since reading adds them again.
+        let added = recipe.map_or(0, |recipe| recipe.solids().len());
+        let added = added + motion.bodies().map_or(0, Bodies::len);
+        let own = scene.solids.len().saturating_sub(added);
+        let solids = scene.solids[..own].iter().enumerate();
+        let solids = solids.map(|(i, solid)| SolidFile::of(solid, motion.of(i), solid_files));
         let (mut particles, mut fluid) = (None, Vec::new());
         match source {
             LiquidSource::File(file) => particles = Some(file.clone()),
@@ -279,7 +313,9 @@ impl Project {
             camera: *camera,
             view: views.clone(),
             environment,
+            background: background.map(|file| BackgroundFile { file: file.to_owned() }),
             solid: solids.collect::<Result<_>>()?,
+            rigid_bodies: motion.bodies().map(|bodies| bodies.file().clone()),
             light: scene.lights.clone(),
             settings: SettingsFile::of(&scene.settings),
         };
@@ -317,7 +353,9 @@ impl Project {
         for particles in project.source.files_mut() {
             particles.source = relative_to(folder, &particles.source);
         }
-        project.solid_files.map_paths(|path| relative_to(folder, &path.to_string_lossy()).into());
+        let relative = |path: &Path| PathBuf::from(relative_to(folder, &path.to_string_lossy()));
+        project.solid_files.map_paths(relative);
+        project.motion.map_paths(relative);
         let map = path.with_extension("environment.exr");
         if let Environment::Map { size, pixels } = &project.scene.environment {
             let rgb: Vec<f32> = pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
@@ -359,6 +397,7 @@ fn automatic(file: &SceneFile, table: &toml::Table) -> Option<Automatic> {
         environment: file.environment.is_none(),
         // A recipe may have solids of its own.
         ground: file.solid.is_empty()
+            && file.rigid_bodies.is_none()
             && file.recipe.is_none_or(|recipe| recipe.solids().is_empty()),
         light: file.light.is_empty(),
         absorption: file.liquid.absorption.is_none() && file.liquid.color.is_none(),

@@ -6,41 +6,23 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3, DVec4, Vec3};
 use serde::{Deserialize, Serialize};
 
+use super::mesh_sequence::MeshSequence;
+use super::mesh_source::{MeshSource, Normals};
+use super::motion::{self, KeyFile, Motion};
 use crate::error::{Error, Result};
 use crate::meshes;
-use limpid::mesh::{Material, Mesh, Placement, Texture};
+use limpid::mesh::{Mesh, Placement, Texture};
 use limpid::scene::{Shape, Solid, Surface};
 
 /// The files of a scene's meshes and textures, so that the scene can be written again.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SolidFiles {
     meshes: Vec<(Arc<Mesh>, MeshSource)>,
+    /// The first mesh of each pattern, and its sequence.
+    sequences: Vec<(Arc<Mesh>, Arc<MeshSequence>)>,
     textures: Vec<(Arc<Texture>, PathBuf)>,
     /// What the files contain or name, and the picture does not show.
     pub remarks: Vec<String>,
-}
-
-/// What a mesh was made from.
-#[derive(Debug, Clone, PartialEq, Eq)]
-struct MeshSource {
-    file: PathBuf,
-    texture: Option<PathBuf>,
-    /// Turn textures upside down: formats and programs differ in where they begin.
-    flip: bool,
-    normals: Normals,
-}
-
-/// Where a mesh's shading normals come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum Normals {
-    /// From the file; flat triangles if it has none.
-    #[default]
-    File,
-    /// Means of the adjacent triangles.
-    Smooth,
-    /// The triangles' own.
-    Flat,
 }
 
 impl SolidFiles {
@@ -49,35 +31,30 @@ impl SolidFiles {
         if let Some((mesh, _)) = self.meshes.iter().find(|(_, known)| *known == source) {
             return Ok(mesh.clone());
         }
+        let texture = source.texture.as_deref().map(|texture| self.texture(texture)).transpose()?;
         let loaded = meshes::load(&source.file)?;
         self.remarks.extend(loaded.remarks);
-        let mesh = Mesh::new(loaded.data).map_err(|e| match e {
-            limpid::Error::Invalid { problem, .. } => Error::format(&source.file, problem),
-            other => other.into(),
-        })?;
-        let mut mesh = match source.normals {
-            Normals::File => mesh,
-            Normals::Smooth => mesh.with_smooth_normals(),
-            Normals::Flat => mesh.with_flat_normals(),
-        };
-        if source.flip {
-            mesh = mesh.with_flipped_textures();
-        }
-        if let Some(texture) = &source.texture {
-            if mesh.coordinates().is_empty() {
-                let problem =
-                    "it has no texture coordinates, which a texture needs; color or checker do not";
-                return Err(Error::format(&source.file, problem));
-            }
-            let texture = Some(self.texture(texture)?);
-            mesh = mesh.with_material(Material { color: Vec3::ONE, texture });
-        }
-        let mesh = Arc::new(mesh);
+        let mesh = Arc::new(source.mesh(&source.file, loaded.data, texture.as_ref())?);
         self.meshes.push((mesh.clone(), source));
         Ok(mesh)
     }
 
-    fn texture(&mut self, file: &Path) -> Result<Arc<Texture>> {
+    /// The meshes of a pattern's files, and that of the first.
+    fn sequence(&mut self, source: MeshSource) -> Result<(Arc<Mesh>, Arc<MeshSequence>)> {
+        let known = self.sequences.iter().find(|(_, known)| known.source == source);
+        if let Some((first, sequence)) = known {
+            return Ok((first.clone(), sequence.clone()));
+        }
+        let texture = source.texture.as_deref().map(|texture| self.texture(texture)).transpose()?;
+        let (sequence, first, remarks) = MeshSequence::open(source.clone(), texture)?;
+        self.remarks.extend(remarks);
+        self.meshes.push((first.clone(), source));
+        let found = (first, Arc::new(sequence));
+        self.sequences.push(found.clone());
+        Ok(found)
+    }
+
+    pub(super) fn texture(&mut self, file: &Path) -> Result<Arc<Texture>> {
         if let Some((texture, _)) = self.textures.iter().find(|(_, known)| known == file) {
             return Ok(texture.clone());
         }
@@ -90,7 +67,7 @@ impl SolidFiles {
         self.meshes.iter().find(|(known, _)| Arc::ptr_eq(known, mesh)).map(|(_, source)| source)
     }
 
-    fn texture_source(&self, texture: &Arc<Texture>) -> Option<&Path> {
+    pub(super) fn texture_source(&self, texture: &Arc<Texture>) -> Option<&Path> {
         let known = self.textures.iter().find(|(known, _)| Arc::ptr_eq(known, texture));
         known.map(|(_, file)| file.as_path())
     }
@@ -144,6 +121,8 @@ pub(super) struct SolidFile {
     tile: Option<f32>,
     checker: Option<CheckerFile>,
     ground: Option<GroundFile>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    key: Vec<KeyFile>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -164,13 +143,15 @@ struct GroundFile {
 }
 
 impl SolidFile {
-    /// The table of a solid whose files are known.
+    /// The table of a solid whose files are known, and which may move.
     ///
     /// # Errors
     /// [`Error::Usage`] for a mesh or texture that was not read from a file.
-    pub(super) fn of(solid: &Solid, files: &SolidFiles) -> Result<Self> {
+    pub(super) fn of(solid: &Solid, motion: Option<&Motion>, files: &SolidFiles) -> Result<Self> {
         let unknown = |what: &str| Error::Usage(format!("a {what} needs a file of its own"));
-        let mut file = Self { lit: solid.lit, ..Self::default() };
+        let keys = motion.map_or(&[][..], |motion| &motion.keys);
+        let key = keys.iter().map(|&key| key.into()).collect();
+        let mut file = Self { lit: solid.lit, key, ..Self::default() };
         match solid.shape {
             Shape::Plane { origin, normal, half_extent } => {
                 file.shape = ShapeFile::Plane;
@@ -212,22 +193,32 @@ impl SolidFile {
         Ok(file)
     }
 
-    /// The solid, with its mesh and textures read from files relative to `folder`. `fail` makes the error of
-    /// a problem with the table.
+    /// The solid and its motion, with its mesh and textures read from files relative to `folder`. `fail` makes the
+    /// error of a problem with the table.
     pub(super) fn load(
         self,
         folder: &Path,
         files: &mut SolidFiles,
         fail: &dyn Fn(String) -> Error,
-    ) -> Result<Solid> {
-        self.check_keys().map_err(fail)?;
+    ) -> Result<(Solid, Motion)> {
+        let name = self.check_keys().map_err(fail)?;
+        let turns = matches!(self.shape, ShapeFile::Mesh);
+        let keys = motion::keys(&self.key, (!turns).then_some(name)).map_err(fail)?;
+        let mut motion = Motion { keys, meshes: None };
         let lit = self.lit;
         let texture = self.texture.as_ref().map(|texture| folder.join(texture));
         let mesh = match &self.file {
             Some(file) => {
                 let (file, normals) = (folder.join(file), self.normals.unwrap_or_default());
                 let (texture, flip) = (texture.clone(), self.flip.unwrap_or_default());
-                Some(files.mesh(MeshSource { file, texture, flip, normals })?)
+                let source = MeshSource { file, texture, flip, normals };
+                Some(if MeshSequence::is_pattern(&source.file) {
+                    let (first, meshes) = files.sequence(source)?;
+                    motion.meshes = Some(meshes);
+                    first
+                } else {
+                    files.mesh(source)?
+                })
             }
             None => None,
         };
@@ -237,11 +228,11 @@ impl SolidFile {
             None => None,
         };
         let surface = self.surface(&shape, texture).map_err(fail)?;
-        Ok(Solid { shape, surface, lit })
+        Ok((Solid { shape, surface, lit }, motion))
     }
 
-    /// Fails if a key belongs to another shape.
-    fn check_keys(&self) -> Result<(), String> {
+    /// Fails if a key of the table belongs to another shape; returns the shape's name.
+    fn check_keys(&self) -> Result<&'static str, String> {
         let (name, takes): (_, &[&str]) = match self.shape {
             ShapeFile::Plane => ("plane", &["origin", "normal", "half_extent", "tile"]),
             ShapeFile::Box => ("box", &["min", "max", "tile"]),
@@ -269,7 +260,7 @@ impl SolidFile {
         ];
         match given.iter().find(|(key, given)| *given && !takes.contains(key)) {
             Some((key, _)) => Err(format!("a {name} has no {key}; it takes {}", takes.join(", "))),
-            None => Ok(()),
+            None => Ok(name),
         }
     }
 
@@ -298,7 +289,7 @@ impl SolidFile {
                 mesh: need(mesh, "mesh", "file")?,
                 placement: Placement {
                     translate: self.translate.unwrap_or_default(),
-                    rotate: rotation(self.rotate, self.quaternion)?,
+                    rotate: motion::rotation(self.rotate, self.quaternion)?,
                     scale: self.scale.unwrap_or(1.0),
                 },
             },
@@ -339,22 +330,6 @@ fn natural_tile(shape: &Shape) -> Option<f32> {
         Shape::Plane { half_extent, .. } => half_extent.is_finite().then_some(2.0 * half_extent),
         Shape::Box { min, max } => Some((max - min).max_element() as f32),
         Shape::Sphere { .. } | Shape::Mesh { .. } => Some(1.0),
-    }
-}
-
-/// A rotation, from an axis and degrees or a quaternion.
-fn rotation(rotate: Option<DVec4>, quaternion: Option<DQuat>) -> Result<DQuat, String> {
-    match (rotate, quaternion) {
-        (None, None) => Ok(DQuat::IDENTITY),
-        (None, Some(q)) if q.is_normalized() => Ok(q),
-        (None, Some(q)) if q.length() > 0.0 && q.is_finite() => Ok(q.normalize()),
-        (None, Some(_)) => Err("quaternion must not be zero: x, y, z, w".into()),
-        (Some(rotate), None) => {
-            let axis = rotate.truncate().try_normalize();
-            let axis = axis.ok_or("rotate takes an axis, which must not be zero, and degrees")?;
-            Ok(DQuat::from_axis_angle(axis, rotate.w.to_radians()))
-        }
-        (Some(_), Some(_)) => Err("takes one of rotate and quaternion".into()),
     }
 }
 

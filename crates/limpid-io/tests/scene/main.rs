@@ -1,10 +1,14 @@
-//! Scene files, settings, environments, cameras and output files, without an adapter.
+//! Scene files, settings, environments, cameras, moving solids and output files; all but one picture without an
+//! adapter.
 //!
 //! Valid scenes are read correctly, and every mistake in a scene file is reported with its location and
 //! its remedy, instead of being ignored or drawn.
 
 mod camera;
 mod environments;
+#[path = "../../../../tests/support/frames.rs"]
+mod frames;
+mod motion;
 mod output;
 mod reading;
 mod saving;

@@ -145,6 +145,24 @@ fn environments() {
     assert_contains(&error.to_string(), &["scenes", "none.png"]);
 }
 
+/// A background is the picture of its file, survives saving, also with comments, and is missed by name.
+#[test]
+fn backgrounds() {
+    let folder = tempfile::tempdir().unwrap();
+    RgbImage::from_pixel(4, 2, Rgb([255, 0, 255])).save(folder.path().join("sky.png")).unwrap();
+    let text = "[background]\nfile = \"sky.png\"\n";
+    let project = Project::parse(text, "test.toml", folder.path()).unwrap();
+    let background = project.scene.background.as_ref().expect("a background");
+    assert_eq!((background.size(), background.pixels()[0]), (UVec2::new(4, 2), [255, 0, 255, 255]));
+    let written = [project.to_toml(None).unwrap(), project.to_commented_toml(None).unwrap()];
+    for written in written {
+        let again = Project::parse(&written, "test.toml", folder.path()).unwrap();
+        assert_eq!(again.scene.background, project.scene.background, "{written}");
+    }
+    let error = parse("[background]\nfile = \"none.png\"").unwrap_err();
+    assert_contains(&error.to_string(), &["none.png"]);
+}
+
 /// An unknown key in any table is an error with its line and the nearest known key.
 #[test]
 fn unknown_keys_suggest_the_nearest() {

@@ -135,7 +135,12 @@ impl<'a> OpenedEntry<'a> {
 
     /// Renders one frame.
     pub(super) fn draw(&self, offscreen: &mut Offscreen, loaded: &Loaded) -> Result<RgbImage> {
-        let shot = offscreen.draw(&self.scene, &self.camera, &loaded.splats, self.entry.size)?;
+        let shot = offscreen.draw(
+            &loaded.scene(&self.scene),
+            &self.camera,
+            &loaded.splats,
+            self.entry.size,
+        )?;
         Ok(shot.picture)
     }
 }

@@ -12,6 +12,7 @@ use super::suite::{AovTolerance, Content, Entry, Suite, Tolerance};
 use super::{Adapter, Measure, Outcome, images};
 use crate::compare::{self, FlipMap, load_picture};
 use limpid::aov::Aov;
+use limpid::motion::Motion;
 use limpid::offscreen::Offscreen;
 use limpid_io::error::{Error, Result};
 use limpid_io::input::FrameTime;
@@ -152,6 +153,12 @@ fn frame(
 ) -> Result<()> {
     let loaded = source.load(frame_time)?;
     offscreen.renderer.diagnose = !aovs.0.is_empty();
+    if aovs.0.contains_key(&Aov::Motion) {
+        let problem = "motion is not checked, since it belongs to two pictures; leave it out";
+        return Err(Error::Usage(problem.into()));
+    }
+    let composed = aovs.0.keys().any(|aov| aov.is_for_compositing());
+    offscreen.renderer.surface = composed.then(Motion::default);
     let actual = source.draw(offscreen, &loaded)?;
     let compared = Compared::new(expected, &actual, tolerance);
     if !compared.passes() {
@@ -185,6 +192,7 @@ fn sequence(
         return Err(Error::Usage(problem));
     }
     offscreen.renderer.diagnose = false;
+    offscreen.renderer.surface = None;
     let mut worst: Vec<Measure> = Vec::new();
     let (mut differ, mut missing) = (Vec::new(), Vec::new());
     let mut shown: Vec<(f64, Exhibit)> = Vec::new();

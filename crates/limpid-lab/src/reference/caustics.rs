@@ -62,6 +62,8 @@ pub struct Receiver {
 pub struct Spot {
     /// Index of the solid in the scene; 0 if unknown.
     pub solid: usize,
+    /// The part of a mesh ([`SolidHit::part`]); 0 of other solids.
+    pub part: u32,
     /// The point, m; in the light's view space for maps over layers, otherwise in world space.
     pub point: DVec3,
     /// Unit normal, on the side that the light comes from.
@@ -108,7 +110,8 @@ const OFF: f64 = 1e-5;
 
 impl Spot {
     fn of(hit: &SolidHit, direction: DVec3) -> Self {
-        Self { solid: hit.solid, point: hit.point, normal: hit.facing(direction) }
+        let normal = hit.facing(direction);
+        Self { solid: hit.solid, part: hit.part, point: hit.point, normal }
     }
 
     /// Whether two points lie on one smooth surface: their chord is perpendicular to the mean of
@@ -130,7 +133,7 @@ impl Chart {
 
     /// Whether it may show a point, inside or outside its frame.
     fn takes(&self, spot: &Spot) -> bool {
-        self.face.is_none_or(|face| face.takes(spot.solid, spot.normal))
+        self.face.is_none_or(|face| face.takes(spot.solid, spot.part, spot.normal))
     }
 }
 
@@ -216,7 +219,8 @@ pub fn beams<'a>(
 /// Rays start at the light wherever it is: from a point light in the liquid or next to it they go
 /// in all directions. A face's map is fitted to nine tenths of its light: it omits the outermost
 /// hundredth along each side, and light that falls further away than the width of the fitted part.
-/// Only solids that are round or flat seen from outside are shown, none from within.
+/// A mesh is shown by its parts: connected triangles whose normals are within 26° of one's. Solids are not
+/// shown from within, but sheets from both sides.
 pub fn on_solids(
     liquid: &(impl Liquid + ?Sized),
     bounds: (DVec3, DVec3),

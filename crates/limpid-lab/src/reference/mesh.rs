@@ -177,9 +177,14 @@ impl Mesh {
         &self.triangles
     }
 
-    /// Finds the nearest triangle ahead that faces the requested way: its index in the order of
-    /// leaves, its distance, and the weights of its corners.
-    fn nearest(&self, ray: &Ray, inside: bool) -> Option<(usize, f64, DVec3)> {
+    /// Finds the nearest triangle ahead that faces the requested way, of those that `keep` keeps by their
+    /// index: its place in the order of leaves, its distance, and the weights of its corners.
+    fn nearest(
+        &self,
+        ray: &Ray,
+        inside: bool,
+        keep: impl Fn(usize) -> bool,
+    ) -> Option<(usize, f64, DVec3)> {
         let nodes = &self.bvh.nodes;
         let inverse = ray.direction.recip();
         // A ray whose origin was rounded through the opposite side of an edge leaves immediately.
@@ -209,7 +214,8 @@ impl Mesh {
                     let Some((t, weights)) = shear.hit(ray.origin, &self.corners[i], inside) else {
                         continue;
                     };
-                    if t >= least && t < until {
+                    let kept = || keep(self.bvh.primitive_indices[i] as usize);
+                    if t >= least && t < until && kept() {
                         until = t;
                         best = Some((i, t.max(0.0), weights));
                     }
@@ -240,9 +246,9 @@ pub struct MeshHit {
 }
 
 impl Mesh {
-    /// The nearest triangle ahead, whichever way it faces.
-    pub fn hit(&self, ray: &Ray) -> Option<MeshHit> {
-        let sides = [false, true].map(|inside| self.nearest(ray, inside));
+    /// The nearest triangle ahead of those that `keep` keeps by their index, whichever way it faces.
+    pub fn hit(&self, ray: &Ray, keep: impl Fn(usize) -> bool) -> Option<MeshHit> {
+        let sides = [false, true].map(|inside| self.nearest(ray, inside, &keep));
         let ahead = sides.into_iter().flatten().filter(|&(_, t, _)| t > 0.0);
         let (place, t, shares) = ahead.min_by(|a, b| a.1.total_cmp(&b.1))?;
         let triangle = self.bvh.primitive_indices[place] as usize;
@@ -258,7 +264,7 @@ impl Mesh {
 
 impl Liquid for Mesh {
     fn crossing(&self, ray: &Ray, inside: bool) -> Option<Crossing> {
-        let (place, t, weights) = self.nearest(ray, inside)?;
+        let (place, t, weights) = self.nearest(ray, inside, |_| true)?;
         let [a, b, c] = self.corners[place];
         let normal = (b - a).cross(c - a).normalize_or(-ray.direction);
         let triangle = self.triangles[self.bvh.primitive_indices[place] as usize];
@@ -270,8 +276,8 @@ impl Liquid for Mesh {
     fn contains(&self, point: DVec3) -> bool {
         // Not along any axis, edge or diagonal that a model is likely to have.
         let ray = Ray { origin: point, direction: DVec3::new(0.3714, 0.8307, 0.4146).normalize() };
-        let leaves = self.nearest(&ray, true).map(|hit| hit.1);
-        let enters = self.nearest(&ray, false).map(|hit| hit.1);
+        let leaves = self.nearest(&ray, true, |_| true).map(|hit| hit.1);
+        let enters = self.nearest(&ray, false, |_| true).map(|hit| hit.1);
         leaves.is_some_and(|leaves| enters.is_none_or(|enters| leaves < enters))
     }
 }

@@ -1,12 +1,15 @@
 //! The surroundings of the liquid, in f64: the scene's solids, lights and environment.
 
+use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
 use super::mesh::{Mesh, MeshHit};
+use super::view::View;
 use super::{Ray, in_plane, wide};
+use limpid::background::fitted;
 use limpid::environment::Environment;
 use limpid::mesh::{Placement, Texture};
 use limpid::scene::{Light, Scene, Shape, Surface};
@@ -17,6 +20,8 @@ pub struct Surroundings {
     solids: Vec<Solid>,
     lights: Vec<Lamp>,
     environment: Environment,
+    /// The scene's picture behind everything, where a camera sees it.
+    background: Option<Background>,
     /// Mean radiance of the environment: the ambient light of lit solids.
     ambient: DVec3,
 }
@@ -34,6 +39,8 @@ pub struct SolidHit {
     pub solid: usize,
     /// The triangle, if the solid is a mesh.
     pub on_mesh: Option<MeshHit>,
+    /// The part of the mesh's surface; 0 if the solid is none.
+    pub part: u32,
 }
 
 /// Direct light arriving at a point.
@@ -48,24 +55,44 @@ pub struct Direct {
 }
 
 /// A part of a solid's surface that is completely visible from one direction: a side of a plane or
-/// of a box, or the sixth of a sphere around an axis.
+/// of a box, the sixth of a sphere around an axis, or connected triangles that face almost one way.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Side {
     pub(super) solid: usize,
+    /// The part of a mesh; 0 of other solids.
+    pub(super) part: u32,
     /// Outward unit vector.
     pub(super) axis: DVec3,
-    /// Centre and radius of a sphere, m.
-    pub(super) round: Option<(DVec3, f64)>,
+    pub(super) form: SideForm,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum SideForm {
+    Flat,
+    /// Of a sphere.
+    Round {
+        center: DVec3,
+        radius: f64,
+    },
+    /// Of a mesh, up to this height along the axis from the world's origin, m.
+    Uneven {
+        top: f64,
+    },
+}
+
+/// Cosine of the largest angle between the normals of a flat side, or of a part of a mesh, and its axis.
+const ALIKE: f64 = 0.9;
+
 impl Side {
-    /// Whether a point of a solid with this unit normal belongs to the side.
-    pub(super) fn takes(&self, solid: usize, normal: DVec3) -> bool {
-        let towards = match self.round {
-            Some(_) => dominant(normal) == self.axis,
-            None => normal.dot(self.axis) > 0.9,
+    /// Whether a point of a solid, or of this part of it, with this unit normal belongs to the side.
+    pub(super) fn takes(&self, solid: usize, part: u32, normal: DVec3) -> bool {
+        let towards = match self.form {
+            SideForm::Round { .. } => dominant(normal) == self.axis,
+            // A sheet has two sides.
+            SideForm::Uneven { .. } => normal.dot(self.axis) > 0.0,
+            SideForm::Flat => normal.dot(self.axis) > ALIKE,
         };
-        self.solid == solid && towards
+        self.solid == solid && self.part == part && towards
     }
 }
 
@@ -99,6 +126,61 @@ struct SolidMesh {
     world: Mesh,
     source: Arc<limpid::mesh::Mesh>,
     placement: Placement,
+    parts: Parts,
+}
+
+/// Connected triangles of a mesh that face almost one way.
+struct Parts {
+    /// The part of each triangle.
+    of: Vec<u32>,
+    /// The unit normal of each part's first triangle.
+    axes: Vec<DVec3>,
+}
+
+impl Parts {
+    /// Grows each part from a triangle that is in none yet, across edges.
+    fn new(world: &Mesh) -> Self {
+        const NONE: u32 = u32::MAX;
+        // Files repeat vertices where attributes differ.
+        let mut places: HashMap<[u64; 3], u32> = HashMap::new();
+        let mut edges: HashMap<(u32, u32), Vec<u32>> = HashMap::new();
+        let welded: Vec<[u32; 3]> = (world.triangles().iter())
+            .map(|triangle| {
+                triangle.map(|i| {
+                    let key = world.vertices()[i as usize].to_array().map(|x| (x + 0.0).to_bits());
+                    let next = places.len() as u32;
+                    *places.entry(key).or_insert(next)
+                })
+            })
+            .collect();
+        let edges_of =
+            |[a, b, c]: [u32; 3]| [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b)));
+        for (i, &triangle) in (0..).zip(&welded) {
+            edges_of(triangle).into_iter().for_each(|edge| edges.entry(edge).or_default().push(i));
+        }
+        let mut of = vec![NONE; welded.len()];
+        let mut axes = Vec::new();
+        for seed in 0..welded.len() {
+            if of[seed] != NONE {
+                continue;
+            }
+            let axis = world.triangle_normal(seed);
+            let part = axes.len() as u32;
+            axes.push(axis);
+            of[seed] = part;
+            let mut rest = vec![seed];
+            while let Some(triangle) = rest.pop() {
+                for &next in edges_of(welded[triangle]).iter().flat_map(|edge| &edges[edge]) {
+                    let next = next as usize;
+                    if of[next] == NONE && world.triangle_normal(next).dot(axis) > ALIKE {
+                        of[next] = part;
+                        rest.push(next);
+                    }
+                }
+            }
+        }
+        Self { of, axes }
+    }
 }
 
 impl std::fmt::Debug for SolidMesh {
@@ -118,6 +200,21 @@ enum Lamp {
         position: DVec3,
         intensity: DVec3,
     },
+}
+
+/// A picture at infinity, as a camera sees it.
+#[derive(Debug, Clone)]
+struct Background {
+    view: View,
+    pixels: Vec<[f32; 4]>,
+}
+
+impl Background {
+    fn radiance(&self, direction: DVec3) -> Option<DVec3> {
+        let at = self.view.pixel(direction)?.as_uvec2();
+        let texel = self.pixels.get((at.y * self.view.size.x as u32 + at.x) as usize)?;
+        Some(DVec3::new(texel[0].into(), texel[1].into(), texel[2].into()))
+    }
 }
 
 impl Surroundings {
@@ -140,8 +237,16 @@ impl Surroundings {
             solids: solids.collect(),
             lights: lights.collect(),
             environment: scene.environment.clone(),
+            background: None,
             ambient: wide(scene.environment.mean()),
         }
+    }
+
+    /// The same with the scene's background, as a view of pinhole cameras shows it.
+    pub(super) fn before_background(mut self, scene: &Scene, view: View) -> Self {
+        let pixels = scene.background.as_ref().map(|file| fitted(file, view.size.as_uvec2()));
+        self.background = pixels.map(|pixels| Background { view, pixels });
+        self
     }
 
     /// The nearest solid ahead.
@@ -151,17 +256,22 @@ impl Surroundings {
     }
 
     /// Intersects a ray with one solid, ignoring occluders.
-    pub(super) fn hit_alone(&self, solid: usize, ray: &Ray) -> Option<SolidHit> {
+    fn hit_alone(&self, solid: usize, ray: &Ray) -> Option<SolidHit> {
         let form = &self.solids[solid].form;
         if let Form::Mesh(mesh) = form {
-            let hit = mesh.world.hit(ray)?;
-            let normal = mesh.world.triangle_normal(hit.triangle);
-            let (t, on_mesh) = (hit.t, Some(hit));
-            return Some(SolidHit { t, point: ray.at(t), normal, solid, on_mesh });
+            return mesh.hit(solid, ray, |_| true);
         }
         let t = form.distance(ray)?;
         let point = ray.at(t);
-        Some(SolidHit { t, point, normal: form.normal(point), solid, on_mesh: None })
+        Some(SolidHit { t, point, normal: form.normal(point), solid, on_mesh: None, part: 0 })
+    }
+
+    /// Intersects a ray with a side's solid, of a mesh only with that part, ignoring occluders.
+    pub(super) fn hit_side(&self, side: &Side, ray: &Ray) -> Option<SolidHit> {
+        match &self.solids[side.solid].form {
+            Form::Mesh(mesh) => mesh.hit(side.solid, ray, |part| part == side.part),
+            _ => self.hit_alone(side.solid, ray),
+        }
     }
 
     /// Whether the point just above a surface point lies inside a solid.
@@ -170,13 +280,22 @@ impl Surroundings {
         self.solids.iter().any(|solid| solid.form.contains(above))
     }
 
-    /// Returns the side of a solid that has this normal.
-    pub(super) fn side(&self, solid: usize, normal: DVec3) -> Side {
-        match self.solids[solid].form {
-            Form::Sphere { center, radius } => {
-                Side { solid, axis: dominant(normal), round: Some((center, radius)) }
+    /// Returns the side of a solid, or of a part of a mesh, that has this normal.
+    pub(super) fn side(&self, solid: usize, part: u32, normal: DVec3) -> Side {
+        match &self.solids[solid].form {
+            &Form::Sphere { center, radius } => Side {
+                solid,
+                part,
+                axis: dominant(normal),
+                form: SideForm::Round { center, radius },
+            },
+            Form::Mesh(mesh) => {
+                let outwards = mesh.parts.axes[part as usize];
+                let axis = if normal.dot(outwards) < 0.0 { -outwards } else { outwards };
+                let top = mesh.top(part, axis);
+                Side { solid, part, axis, form: SideForm::Uneven { top } }
             }
-            _ => Side { solid, axis: normal, round: None },
+            _ => Side { solid, part, axis: normal, form: SideForm::Flat },
         }
     }
 
@@ -186,7 +305,10 @@ impl Surroundings {
             Some(hit) => self.solid_radiance(&hit, ray.direction, DVec3::ONE, |_, direct| {
                 direct.map_or(DVec3::ZERO, |direct| direct.irradiance)
             }),
-            None => self.environment(ray.direction),
+            None => {
+                let shown = self.background.as_ref().and_then(|seen| seen.radiance(ray.direction));
+                shown.unwrap_or_else(|| self.environment(ray.direction))
+            }
         }
     }
 
@@ -294,7 +416,8 @@ impl Form {
                 let vertices = mesh.vertices().iter().map(place).collect();
                 let world = Mesh::new(vertices, mesh.triangles().to_vec());
                 let world = world.expect("a mesh of a scene is checked");
-                Self::Mesh(Arc::new(SolidMesh { world, source: mesh.clone(), placement }))
+                let parts = Parts::new(&world);
+                Self::Mesh(Arc::new(SolidMesh { world, source: mesh.clone(), placement, parts }))
             }
         }
     }
@@ -302,7 +425,7 @@ impl Form {
     /// Distance along the ray to the nearest intersection ahead.
     fn distance(&self, ray: &Ray) -> Option<f64> {
         match *self {
-            Self::Mesh(ref mesh) => mesh.world.hit(ray).map(|hit| hit.t),
+            Self::Mesh(ref mesh) => mesh.world.hit(ray, |_| true).map(|hit| hit.t),
             Self::Plane { origin, normal, half_extent } => {
                 let t = (origin - ray.origin).dot(normal) / ray.direction.dot(normal);
                 // For a ray parallel to the plane the distance is infinite or NaN.
@@ -360,6 +483,23 @@ impl Form {
 }
 
 impl SolidMesh {
+    /// The nearest triangle of the parts that are kept.
+    fn hit(&self, solid: usize, ray: &Ray, keep: impl Fn(u32) -> bool) -> Option<SolidHit> {
+        let hit = self.world.hit(ray, |triangle| keep(self.parts.of[triangle]))?;
+        let normal = self.world.triangle_normal(hit.triangle);
+        let part = self.parts.of[hit.triangle];
+        let (t, on_mesh) = (hit.t, Some(hit));
+        Some(SolidHit { t, point: ray.at(t), normal, solid, on_mesh, part })
+    }
+
+    /// The greatest height of a part along an axis.
+    fn top(&self, part: u32, axis: DVec3) -> f64 {
+        let triangles = self.world.triangles().iter().zip(&self.parts.of);
+        let corners = triangles.filter(|(_, of)| **of == part).flat_map(|(triangle, _)| triangle);
+        let heights = corners.map(|&i| self.world.vertices()[i as usize].dot(axis));
+        heights.fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// Corners of the triangle of a hit.
     fn corners(&self, hit: &MeshHit) -> [usize; 3] {
         self.source.triangles()[hit.triangle].map(|i| i as usize)

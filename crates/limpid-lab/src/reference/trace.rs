@@ -2,13 +2,14 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DMat3, DVec2, DVec3, UVec2};
+use glam::{DVec2, DVec3, UVec2};
 use image::{Rgb, RgbImage};
 use rayon::prelude::*;
 
 use super::caustics::{CausticMap, Spot};
 use super::optics::{TOUCH, fresnel, interface, transmittance};
 use super::surroundings::{Direct, SolidHit, Surroundings};
+use super::view::View;
 use super::{Crossing, Liquid, Ray, wide};
 use limpid::camera::Camera;
 use limpid::passes::tonemap::srgb_byte;
@@ -41,40 +42,6 @@ impl Image {
             let pixel = self.pixels[y as usize * self.size.x as usize + x as usize];
             Rgb(pixel.to_array().map(srgb_byte))
         })
-    }
-}
-
-/// A camera that generates rays in f64.
-#[derive(Debug, Clone, Copy)]
-struct View {
-    eye: DVec3,
-    /// Columns are the axes of view space: right, up, back.
-    world_from_view: DMat3,
-    /// Tangents of half the field of view, horizontal and vertical.
-    tangent: DVec2,
-    size: DVec2,
-}
-
-impl View {
-    fn new(camera: &Camera, size: UVec2) -> Self {
-        let (eye, target) = (wide(camera.eye), wide(camera.target));
-        let back = (eye - target).normalize();
-        let right = wide(camera.up).cross(back).normalize();
-        let size = size.as_dvec2();
-        let tangent_y = (0.5 * f64::from(camera.fov_y).to_radians()).tan();
-        Self {
-            eye,
-            world_from_view: DMat3::from_cols(right, back.cross(right), back),
-            tangent: DVec2::new(tangent_y * size.x / size.y, tangent_y),
-            size,
-        }
-    }
-
-    /// Returns the ray through a point of the picture, in pixels from the top left corner.
-    fn ray(&self, u: DVec2) -> Ray {
-        let ndc = DVec2::new(2.0, -2.0) * u / self.size + DVec2::new(-1.0, 1.0);
-        let direction = self.world_from_view * (ndc * self.tangent).extend(-1.0);
-        Ray { origin: self.eye, direction: direction.normalize() }
     }
 }
 
@@ -118,7 +85,7 @@ pub fn trace_lit(
     let view = View::new(camera, size);
     let tracer = Tracer {
         liquid,
-        surroundings: Surroundings::new(scene),
+        surroundings: Surroundings::new(scene).before_background(scene, view),
         ior: f64::from(scene.liquid.ior),
         absorption: wide(scene.liquid.absorption),
         radiance_scaling: scene.settings.refract.radiance_scaling,
@@ -321,7 +288,7 @@ impl<L: Liquid + ?Sized> Tracer<'_, L> {
             });
         };
         let normal = hit.facing(direction);
-        let spot = Spot { solid: hit.solid, point: hit.point, normal };
+        let spot = Spot { solid: hit.solid, part: hit.part, point: hit.point, normal };
         let map = maps.iter().find(|map| map.takes(&spot));
         let caustic = map.map_or(DVec3::ZERO, |map| map.at(&spot));
         let Some(direct) = direct.filter(|_| !inside) else { return caustic };

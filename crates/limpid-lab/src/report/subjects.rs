@@ -135,6 +135,8 @@ pub fn load(name: &str) -> Result<(String, Project, Loaded)> {
     let input = input.processed_by(Processor::Cpu);
     let frame = input.frame.unwrap_or(input.sequence.frames[0].number);
     let loaded = input.load(FrameTime::at(frame), &project.scene)?;
+    let scene = loaded.scene(&project.scene).into_owned();
+    let project = Project { scene, ..project };
     Ok((name, project, loaded))
 }
 

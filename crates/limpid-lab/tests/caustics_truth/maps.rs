@@ -1,10 +1,12 @@
 //! Maps of irradiance against closed forms and against independent methods.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use limpid::glam::{DVec2, DVec3, Vec3};
 use limpid::light_view::LightView;
-use limpid::scene::{Light, Scene};
+use limpid::mesh::{Mesh, MeshData, Placement};
+use limpid::scene::{Light, Scene, Shape, Solid, Surface};
 use limpid_lab::reference::analytic::{Ball, Block};
 use limpid_lab::reference::caustics::{
     CausticMap, Spot, beams, beams_over_layers, beams_with_error, on_solids, photons,
@@ -294,8 +296,9 @@ fn point_lights_match_closed_forms() {
     let liquid = water(Waves::default());
     let intensity = Vec3::new(30.0, 20.0, 10.0);
     let corners = (DVec3::new(-0.6, -2.0, -0.6), DVec3::new(0.6, 0.0, 0.6));
-    let at_origin =
-        |map: &CausticMap| map.at(&Spot { solid: 0, point: -2.0 * DVec3::Y, normal: DVec3::Y });
+    let at_origin = |map: &CausticMap| {
+        map.at(&Spot { solid: 0, part: 0, point: -2.0 * DVec3::Y, normal: DVec3::Y })
+    };
 
     let light = Light::Point { position: 3.0 * DVec3::Y, intensity };
     let view = light_view(&light, corners.0, corners.1, &scene, 64);
@@ -328,7 +331,7 @@ fn point_lights_match_closed_forms() {
     for x in -6..=6 {
         for z in -6..=6 {
             let at = DVec3::new(0.04 * f64::from(x), -2.0, 0.04 * f64::from(z));
-            let spot = Spot { solid: 0, point: at, normal: DVec3::Y };
+            let spot = Spot { solid: 0, part: 0, point: at, normal: DVec3::Y };
             let [a, b] = maps.each_ref().map(|map| map.at(&spot));
             // The texels of the two maps are at different positions.
             compared += i32::from((a - b).length() < 0.15 * a.length());
@@ -465,7 +468,7 @@ fn light_reaches_hidden_solids() {
     let bounds = (DVec3::new(-1.5, -1.0, -1.0), DVec3::new(1.5, 0.0, 1.0));
     let maps = on_solids(&liquid, bounds, &scene, &light, 1, 96, 3);
     let at = |solid: usize, point: DVec3, normal: DVec3| {
-        let spot = Spot { solid, point, normal };
+        let spot = Spot { solid, part: 0, point, normal };
         maps.iter().find(|map| map.takes(&spot)).map_or(DVec3::ZERO, |map| map.at(&spot))
     };
     let cos = (2f64 / 3.0).sqrt();
@@ -487,7 +490,7 @@ fn light_reaches_hidden_solids() {
     // A map along the light does not show the floor within the straight shadow.
     let view = light_view(&light, bounds.0, bounds.1, &scene, 96);
     let map = beams(&liquid, &scene, &light, &view, 1, 3);
-    let hidden = Spot { solid: 0, point: DVec3::new(0.75, -1.0, -0.4), normal: DVec3::Y };
+    let hidden = Spot { solid: 0, part: 0, point: DVec3::new(0.75, -1.0, -0.4), normal: DVec3::Y };
     assert_eq!(map.at(&hidden), DVec3::ZERO);
     assert!(close(at(0, hidden.point, hidden.normal), level, 1e-6));
 
@@ -505,6 +508,89 @@ fn light_reaches_hidden_solids() {
     }
 }
 
+/// Light falls on meshes as on the plane and the box of the same shape, and they shadow alike: as two meshes,
+/// and as one, whose level parts lie above each other.
+#[test]
+fn meshes_receive_and_block_light() {
+    let (min, max) = (DVec3::new(-0.3, -1.0, -0.7), DVec3::new(-0.2, -0.4, 0.6));
+    let corner =
+        |i: u32| DVec3::from([0, 1, 2].map(|k| if i >> k & 1 == 0 { min[k] } else { max[k] }));
+    let faces =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
+    let wall = MeshData {
+        positions: (0..8).map(corner).collect(),
+        triangles: faces.into_iter().flat_map(halves).collect(),
+        ..MeshData::default()
+    };
+    let floor = MeshData {
+        positions: [(-3.0, -3.0), (-3.0, 3.0), (3.0, 3.0), (3.0, -3.0)]
+            .map(|(x, z)| DVec3::new(x, -1.0, z))
+            .to_vec(),
+        triangles: halves([0, 1, 2, 3]).to_vec(),
+        ..MeshData::default()
+    };
+    let both = MeshData {
+        positions: [floor.positions.clone(), wall.positions.clone()].concat(),
+        triangles: (floor.triangles.iter().copied())
+            .chain(wall.triangles.iter().map(|triangle| triangle.map(|i| i + 4)))
+            .collect(),
+        ..MeshData::default()
+    };
+    let mesh = |data: MeshData| Shape::Mesh {
+        mesh: Arc::new(Mesh::new(data).unwrap()),
+        placement: Placement::default(),
+    };
+    let plane = Shape::Plane { origin: -DVec3::Y, normal: Vec3::Y, half_extent: 3.0 };
+    let cases =
+        [vec![plane, Shape::Box { min, max }], vec![mesh(floor), mesh(wall)], vec![mesh(both)]];
+    let (light, liquid) = (sun(OBLIQUE), water(Waves::default()));
+    let bounds = (DVec3::new(-1.5, -1.0, -1.0), DVec3::new(1.5, 0.0, 1.0));
+    // Points just off the floor, on both sides of the wall and in its shadow, and off the wall. Texels at its
+    // foot are left out: they also show the floor below it, which only closed meshes cover.
+    let on_floor = (0..60)
+        .map(|i| DVec3::new(-0.95 + 0.03 * f64::from(i), -0.9, 0.2))
+        .filter(|x| (x.x + 0.25).abs() > 0.12)
+        .map(|x| (x, DVec3::NEG_Y));
+    let on_wall = (0..9).map(|i| (DVec3::new(-0.4, -0.9 + 0.05 * f64::from(i), 0.1), DVec3::X));
+    let on_top = (0..5).map(|i| (DVec3::new(-0.25, -0.3, -0.5 + 0.2 * f64::from(i)), DVec3::NEG_Y));
+    let rays: Vec<Ray> = on_floor
+        .chain(on_wall)
+        .chain(on_top)
+        .map(|(origin, direction)| Ray { origin, direction })
+        .collect();
+    let found = cases.map(|shapes| {
+        let solid = |shape| Solid { shape, surface: Surface::Color(Vec3::ONE), lit: true };
+        let solids = shapes.into_iter().map(solid).collect();
+        let scene = Scene { solids, ..clear("") };
+        let maps = on_solids(&liquid, bounds, &scene, &light, 1, 96, 3);
+        let surroundings = Surroundings::new(&scene);
+        let at = |ray: &Ray| {
+            let hit = surroundings.hit(ray).expect("a solid is there");
+            let normal = hit.facing(ray.direction);
+            let spot = Spot { solid: hit.solid, part: hit.part, point: hit.point, normal };
+            maps.iter().find(|map| map.takes(&spot)).map_or(DVec3::ZERO, |map| map.at(&spot))
+        };
+        let total = maps.iter().map(held).sum::<DVec3>();
+        (rays.iter().map(at).collect::<Vec<_>>(), maps.len(), total)
+    });
+    let [(expected, faces, total), others @ ..] = found;
+    let level = expected.iter().copied().fold(DVec3::ZERO, DVec3::max);
+    for (found, parts, held) in others {
+        assert_eq!(parts, faces);
+        assert!(close(held, total, 1e-3), "{held} {total}");
+        for ((found, expected), ray) in found.iter().zip(&expected).zip(&rays) {
+            // Corners of meshes are in 32 bits.
+            assert!(
+                (found - expected).length() < 1e-3 * level.length(),
+                "{ray:?}: {found} {expected}"
+            );
+        }
+    }
+    let dark = expected.iter().filter(|e| e.length() < 0.01 * level.length()).count();
+    assert!((3..25).contains(&dark), "the wall shadows {dark} points");
+}
+
 /// Point lights that no single view covers: in the liquid, and so close above it that the liquid
 /// spans nearly all directions, each with its closed form below.
 #[test]
@@ -519,7 +605,12 @@ fn lights_in_or_close_to_liquid_shine_all_round() {
         let maps = on_solids(&liquid, bounds, &scene, &light, 1, 256, 3);
         assert_eq!(maps.len(), 1);
         let at = |x: f64| {
-            maps[0].at(&Spot { solid: 0, point: DVec3::new(x, -1.0, 0.0), normal: DVec3::Y })
+            maps[0].at(&Spot {
+                solid: 0,
+                part: 0,
+                point: DVec3::new(x, -1.0, 0.0),
+                normal: DVec3::Y,
+            })
         };
         let (below, aside) = (at(0.0), at(0.3));
         if height < 0.0 {

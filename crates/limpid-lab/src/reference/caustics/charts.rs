@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::Chart;
 use super::paths::Tracer;
-use crate::reference::surroundings::Side;
+use crate::reference::surroundings::{Side, SideForm};
 use crate::reference::{Liquid, wide};
 use limpid::light_view::LightView;
 use limpid::scene::{Light, Scene};
@@ -111,10 +111,11 @@ pub(super) fn of_solids(
             })
             .collect();
         for spot in spots.into_iter().filter(|spot| scene.solids[spot.solid].lit) {
-            match faces.iter_mut().find(|(face, _)| face.takes(spot.solid, spot.normal)) {
+            match faces.iter_mut().find(|(face, _)| face.takes(spot.solid, spot.part, spot.normal))
+            {
                 Some((_, points)) => points.push(spot.point),
                 None => {
-                    let face = tracer.surroundings.side(spot.solid, spot.normal);
+                    let face = tracer.surroundings.side(spot.solid, spot.part, spot.normal);
                     faces.push((face, vec![spot.point]));
                 }
             }
@@ -142,10 +143,13 @@ fn chart(face: Side, points: &[DVec3], pixel: f64, most: u32) -> Chart {
     let half = 0.5 * (1.0 + 4.0 / f64::from(PROBES)) * (high - low) + 4.0 * pixel;
     let pixel = pixel.max(2.0 * half.max_element() / f64::from(most));
     let size = (2.0 * half / pixel).ceil();
-    // Slightly above the face, or above the top of a sphere.
+    // Slightly above the face, or above the top of a sphere or of a part of a mesh.
     let scale = points.iter().fold(1.0, |most: f64, x| most.max(x.abs().max_element()));
-    let top =
-        face.round.map_or(seen[0].z, |(center, radius)| (view_from_world * center).z + radius);
+    let top = match face.form {
+        SideForm::Flat => seen[0].z,
+        SideForm::Round { center, radius } => (view_from_world * center).z + radius,
+        SideForm::Uneven { top } => top,
+    };
     let above = top + 1e-6 * scale;
     let view = LightView {
         origin: view_from_world.transpose() * (0.5 * (low + high)).extend(above),

@@ -76,7 +76,7 @@ impl<'a> Receivers<'a> {
                 let cos = -direction.dot(normal);
                 let distance2 = if light.orthographic { 1.0 } else { point.length_squared() };
                 let area = light.pixel_extent(u) * distance2 / cos;
-                Receiver { spot: Spot { solid: 0, point, normal }, area, edge: false }
+                Receiver { spot: Spot { solid: 0, part: 0, point, normal }, area, edge: false }
             })
         };
         let texels = (0..light.size.element_product()).into_par_iter().map(receiver).collect();
@@ -100,7 +100,7 @@ pub(super) fn seen(chart: &Chart, surroundings: &Surroundings, u: DVec2) -> Opti
     let (origin, direction) = chart.view.ray(u);
     let ray = Ray { origin, direction };
     let hit = match &chart.face {
-        Some(face) => surroundings.hit_alone(face.solid, &ray)?,
+        Some(face) => surroundings.hit_side(face, &ray)?,
         None => surroundings.hit(&ray)?,
     };
     let spot = Spot::of(&hit, direction);

@@ -154,7 +154,7 @@ impl<'a, L: Liquid + ?Sized> Tracer<'a, L> {
         inside: bool,
     ) -> Option<Ray> {
         let origin = ray.at(crossing.t);
-        let spot = Spot { solid: 0, point: origin, normal: crossing.shading };
+        let spot = Spot { solid: 0, part: 0, point: origin, normal: crossing.shading };
         let eta = if inside { 1.0 / self.ior } else { self.ior };
         let direction = beam.refract(spot, &interface(ray, crossing, inside, eta))?;
         Some(Ray { origin, direction })
@@ -200,9 +200,12 @@ impl LayerTracer<'_> {
         }
         let (_, direction) = view.ray(u);
         let point = view.point(u, disparity(front));
-        let normal =
-            self.smooth_normal(layer, u, &Spot { solid: 0, point, normal: view.normal(front) });
-        let spot = Spot { solid: 0, point, normal: -normal };
+        let normal = self.smooth_normal(
+            layer,
+            u,
+            &Spot { solid: 0, part: 0, point, normal: view.normal(front) },
+        );
+        let spot = Spot { solid: 0, part: 0, point, normal: -normal };
         let entry = Interface::new(direction, facing(spot.normal, direction), self.ior);
         let Some(direction) = beam.refract(spot, &entry) else {
             return beam.ending(End::Reflected);
@@ -211,7 +214,7 @@ impl LayerTracer<'_> {
         let exit = layers::exit(view, self.classes, point, direction, texel);
         let exit = exit.map(|hit| {
             let point = view.point_at_depth(hit.u, hit.depth);
-            let spot = Spot { solid: 0, point, normal: view.normal(hit.plane) };
+            let spot = Spot { solid: 0, part: 0, point, normal: view.normal(hit.plane) };
             let texel = hit.u.floor().as_ivec2();
             let layer =
                 self.classes.iter().copied().flatten().find(|layer| layer.at(texel) == hit.plane);
@@ -270,7 +273,7 @@ impl LayerTracer<'_> {
                 continue;
             }
             let point = self.view.point(centre, disparity);
-            let other = Spot { solid: 0, point, normal: self.view.normal(plane) };
+            let other = Spot { solid: 0, part: 0, point, normal: self.view.normal(plane) };
             if other.continues(spot) {
                 let along = |axis: usize, d: i32| if d == 0 { 1.0 - f[axis] } else { f[axis] };
                 sum += along(0, dx) * along(1, dy) * other.normal;
@@ -282,7 +285,7 @@ impl LayerTracer<'_> {
     pub(super) fn landing(&self, hit: &layers::LayerHit, direction: DVec3) -> Landing {
         let point = self.view.point_at_depth(hit.u, hit.depth);
         let normal = facing(self.view.normal(hit.plane), direction);
-        Landing { spot: Spot { solid: 0, point, normal }, chart: 0, u: Some(hit.u) }
+        Landing { spot: Spot { solid: 0, part: 0, point, normal }, chart: 0, u: Some(hit.u) }
     }
 }
 

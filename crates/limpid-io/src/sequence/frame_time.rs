@@ -1,6 +1,6 @@
 //! Times in a sequence: at its frames and between them.
 
-use crate::sequence::Frame;
+use super::Frame;
 
 /// A time in a sequence: a frame, or a time between two frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,7 +25,7 @@ impl FrameTime {
     }
 
     /// The frame time at `time` after the first of the ascending `numbers`; beyond the last, the last.
-    pub(super) fn after(numbers: &[i64], time: f64) -> Self {
+    pub(crate) fn after(numbers: &[i64], time: f64) -> Self {
         let Some(&first) = numbers.first() else { return Self::at(0) };
         // Relative to the first frame, so that large numbers lose no digits.
         let since = |number: i64| number.abs_diff(first) as f64;
