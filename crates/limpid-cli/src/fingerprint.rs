@@ -21,6 +21,7 @@ use siphasher::sip128::{Hasher128 as _, SipHasher24};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::scene::Scene;
+use limpid_io::film::Shot;
 use limpid_io::input::{FrameTime, Input, Missing, Origin};
 use limpid_io::project::SolidMotion;
 use limpid_io::{exr, files};
@@ -121,11 +122,14 @@ pub(crate) struct Fingerprints {
     run: Fingerprint,
     /// The part of the particles at each frame time.
     frame_times: Vec<Fingerprint>,
+    /// Frame numbers per second, if motion vectors are written, which depend on the picture before.
+    moves: Option<f64>,
 }
 
 impl Fingerprints {
     /// Computes the fingerprints of pictures of `size` pixels, from the present state of the particle
-    /// files of all frame times.
+    /// files of all frame times. `moves` is the number of frame numbers per second, if motion vectors are
+    /// written.
     ///
     /// `input` and `scene` must be resolved ([`Input::resolve`]).
     pub(crate) fn new(
@@ -133,6 +137,7 @@ impl Fingerprints {
         frame_times: &[FrameTime],
         scene: &Scene,
         size: UVec2,
+        moves: Option<f64>,
     ) -> Self {
         let frame_times = frame_times.par_iter().map(|&at| {
             let origins = input.origins(at);
@@ -146,14 +151,21 @@ impl Fingerprints {
         let size = format!("{}x{}", size.x, size.y);
         let version = env!("CARGO_PKG_VERSION").as_bytes();
         let run = Fingerprint::over([version, scene.as_bytes(), map, size.as_bytes()]);
-        Self { run, frame_times: frame_times.collect() }
+        Self { run, frame_times: frame_times.collect(), moves }
     }
 
-    /// The fingerprint of a picture by the index of its frame time, from 0, and its camera.
+    /// The fingerprint of a picture.
     ///
     /// # Panics
-    /// If the index is out of range.
-    pub(crate) fn of(&self, frame_time: usize, camera: &Camera) -> Fingerprint {
+    /// If the index of its frame time is out of range.
+    pub(crate) fn of(&self, shot: &Shot) -> Fingerprint {
+        let own = self.at(shot.frame, &shot.camera);
+        let Some(rate) = self.moves else { return own };
+        let before = shot.before.map(|(frame, camera)| self.at(frame, &camera).to_string());
+        own.with(&format!("{before:?} {rate:x}", rate = rate.to_bits()))
+    }
+
+    fn at(&self, frame_time: usize, camera: &Camera) -> Fingerprint {
         let particles = self.frame_times[frame_time].0.to_le_bytes();
         let camera = format!("{camera:?}");
         Fingerprint::over([&self.run.0.to_le_bytes()[..], &particles, camera.as_bytes()])

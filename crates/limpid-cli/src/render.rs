@@ -198,13 +198,16 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
     output::check(args, &plan.shots)?;
     let picked = pick::pick(args, &mut plan)?;
     let Plan { input, scene, frame_times, shots, fps, notices } = plan;
-    let frame_rate = input.fps().unwrap_or(fps);
+    let stride = input.sequence.stride() as f64;
+    let rate = stride * input.fps().unwrap_or(fps);
+    let frozen = frame_times.len() == 1 && shots.len() > 1;
     // After a signal the current frame is finished, or the unfinished film removed.
     signals::finish_first();
     let output = Output::open(args, shots.len(), fps)?;
     let pictures = output.pictures().cloned();
     // Computed before loading: a file that changes later must not match the picture.
-    let fingerprints = Fingerprints::new(&input, &frame_times, &scene, args.size);
+    let moves = args.aov.iter().flatten().any(|aov| matches!(aov, Aov::Motion)).then_some(rate);
+    let fingerprints = Fingerprints::new(&input, &frame_times, &scene, args.size, moves);
     let host = gethostname::gethostname().to_string_lossy().into_owned();
     let claims = pictures.clone().filter(|_| args.claim).map(|pictures| {
         let version = env!("CARGO_PKG_VERSION");
@@ -243,11 +246,13 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
     let opened = pipeline_cache::open_adapter();
     loader.classifier().set(opened.as_ref().ok().map(|(gpu, _)| gpu));
     let (gpu, cache) = opened?;
+    let still = frame_times.len() == 1;
+    let clock = Clock { times: frame_times, rate, stride, frozen };
     let mut frame_loop = FrameLoop {
         args,
         scene,
-        offscreen: offscreen(args, &gpu, frame_times.len() == 1),
-        times: (frame_times, frame_rate),
+        offscreen: offscreen(args, &gpu, still),
+        clock,
         classifier: loader.classifier().clone(),
         output,
         stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
@@ -354,13 +359,23 @@ struct Submitted {
     radiance: Option<Part>,
 }
 
+/// The times at which particles are drawn.
+struct Clock {
+    times: Vec<FrameTime>,
+    /// Frame numbers per second.
+    rate: f64,
+    /// Frame numbers per frame: a simulator may count its time steps.
+    stride: f64,
+    /// Several pictures show one frame.
+    frozen: bool,
+}
+
 /// The state of the render loop.
 struct FrameLoop<'a> {
     args: &'a Args,
     scene: Scene,
     offscreen: Offscreen,
-    /// The times at which particles are drawn, and the frames per second that they count in.
-    times: (Vec<FrameTime>, f64),
+    clock: Clock,
     /// Classifies the particles.
     classifier: SharedClassifier,
     output: Output,
@@ -400,16 +415,17 @@ impl FrameLoop<'_> {
         Ok(Submitted { drawing, images, radiance })
     }
 
-    /// What has moved since the picture before. Before the first picture of several, particles have moved as
-    /// far as before the second, and the camera has not moved.
+    /// What has moved since the picture before. Before the first of several pictures, particles moved as they
+    /// do before the second, and the camera was at rest; before a single picture, they moved for a frame.
     fn motion(&self, job: &Job, loaded: &Loaded) -> Motion {
-        let (times, rate) = &self.times;
+        let Clock { times, rate, stride, frozen } = &self.clock;
         let Shot { frame, before, .. } = job.shot;
         let since = |now: usize, before: usize| (times[now].time() - times[before].time()).max(0.0);
         let frames = match before {
             Some((before, _)) => since(frame, before),
             None if times.len() > 1 => since(1, 0),
-            None => 1.0,
+            None if *frozen => 0.0,
+            None => *stride,
         };
         let previous = before.map(|(_, camera)| View::from(&camera));
         let seconds = (frames / rate) as f32;
@@ -449,7 +465,7 @@ impl FrameLoop<'_> {
             Err(Error::Render(DeviceLost(_) | Defect(_))) if self.args.keep_going => {
                 let gpu = limpid_io::device::open()?;
                 self.classifier.set(Some(&gpu));
-                self.offscreen = offscreen(self.args, &gpu, self.times.0.len() == 1);
+                self.offscreen = offscreen(self.args, &gpu, self.clock.times.len() == 1);
                 self.stats.adapter = gpu.adapter();
                 let drawing = self.begin_drawing(job, &loaded)?;
                 self.write(job, &loaded, drawing)

@@ -160,6 +160,6 @@ impl Queue {
     }
 
     fn fingerprint(&self, shot: &Shot) -> Fingerprint {
-        self.fingerprints.of(shot.frame, &shot.camera)
+        self.fingerprints.of(shot)
     }
 }
