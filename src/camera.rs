@@ -141,6 +141,23 @@ fn posed(rows: [[f64; 4]; 4]) -> Result<(DVec3, DVec3, Vec3), String> {
 }
 
 impl Lens {
+    /// Fails if no picture can be taken with it.
+    fn check(self) -> Result<()> {
+        let fail = |problem: &str| Err(Error::invalid("camera", problem));
+        match self {
+            Self::Orthographic { height } if !(height > 0.0 && height < 1e18) => {
+                fail("height must be above 0")
+            }
+            Self::Pinhole { focal, principal, size }
+                if !(focal.min(size).min_element() > 0.0
+                    && (focal + principal + size).is_finite()) =>
+            {
+                fail("intrinsics (fx, fy, cx, cy) and size are pixels, fx, fy and size above 0")
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Vertical field of view, degrees, that shows about as much at this distance.
     fn field_of_view(self, distance: f64) -> f32 {
         let tangent = match self {
@@ -225,7 +242,8 @@ impl FromStr for Camera {
                 }
                 _ => {
                     let known = "expected eye=X,Y,Z target=X,Y,Z fov_y=DEGREES up=X,Y,Z near=METRES; \
-                                 or height=METRES in place of fov_y";
+                                 or height=METRES, or intrinsics=FX,FY,CX,CY size=WIDTH,HEIGHT, in \
+                                 place of fov_y";
                     return Err(usage(&format!("there is no {key}; {known}")));
                 }
             }
@@ -330,18 +348,7 @@ impl Camera {
         } else if !(self.near() > 0.0 && self.near().is_finite()) {
             fail("near must be above 0")
         } else {
-            match self.lens {
-                Some(Lens::Orthographic { height }) if !(height > 0.0 && height < 1e18) => {
-                    fail("height must be above 0")
-                }
-                Some(Lens::Pinhole { focal, principal, size })
-                    if !(focal.min(size).min_element() > 0.0
-                        && (focal + principal + size).is_finite()) =>
-                {
-                    fail("intrinsics (fx, fy, cx, cy) and size are pixels, fx, fy and size above 0")
-                }
-                _ => Ok(()),
-            }
+            self.lens.map_or(Ok(()), Lens::check)
         }
     }
 
@@ -463,15 +470,17 @@ impl View {
         let near = match perspective {
             true if offset > 0.0 => offset / (1.0 + slope),
             true => offset / slope,
-            false if slope > 0.0 => (offset - 1.0) / slope,
-            false => offset / slope,
+            false => parallel_near(slope, offset),
         };
         let projection = match perspective {
             true => Projection::Frustum { low, high },
             false => Projection::Orthographic { low, high },
         };
         let eye = -(rotation.transpose() * view_from_world.w_axis.truncate());
-        let near = Some(near as f32);
+        // Parallel rays may begin behind the eye: then it moves back.
+        let behind = if parallel { (-near).max(0.0) } else { 0.0 };
+        let eye = eye + behind * rotation.transpose().z_axis;
+        let near = Some((near + behind) as f32);
         let view = Self { eye, view_from_world: rotation, projection, focus: 1.0, near };
         view.check()?;
         Ok(view)
@@ -512,10 +521,11 @@ impl View {
             {
                 return fail("the picture's borders must be finite, the left below the right");
             }
+            Projection::Lens(lens) => lens.check()?,
             _ => {}
         }
         let near = self.near();
-        let least = near > 0.0 || self.is_orthographic();
+        let least = near > 0.0 || self.is_orthographic() && near == 0.0;
         if least && near.is_finite() { Ok(()) } else { fail("near must be above 0") }
     }
 
@@ -525,13 +535,15 @@ impl View {
     pub fn uniform(&self, size: UVec2, origin: DVec3, far: f64) -> CameraUniform {
         let size = size.as_dvec2();
         let (half, middle) = self.projection.half_and_middle(size);
+        // Fronts at the near plane mark rays that start in liquid, and a depth of 0 means no liquid.
+        let least = if self.is_orthographic() { 1e-6 * self.focus as f32 } else { 0.0 };
         CameraUniform {
             view_from_world: self
                 .view_from_world
                 .to_cols_array_2d()
                 .map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0]),
             origin: (origin - self.eye).as_vec3(),
-            near: self.near(),
+            near: self.near().max(least),
             size: size.as_vec2(),
             tangent: half.as_vec2(),
             far: if self.is_orthographic() { far as f32 } else { 0.0 },
@@ -539,6 +551,13 @@ impl View {
             shift: middle.as_vec2(),
         }
     }
+}
+
+/// Near plane, m, of an orthographic projection to the depth `slope` × z + `offset`.
+pub(crate) fn parallel_near(slope: f64, offset: f64) -> f64 {
+    // Depth is 1 there if it is reversed.
+    let depth = if slope > 0.0 { 1.0 } else { 0.0 };
+    (offset - depth) / slope
 }
 
 /// Whether a position is finite and small enough that squared distances fit in a 32-bit float.

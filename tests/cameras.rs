@@ -31,6 +31,50 @@ fn drops() -> (Scene, Splats) {
     (scene, splats(&drops, &drops[..5], 0.15))
 }
 
+/// Parallel rays that begin in the liquid leave it where it ends: their length inside is that of the ball.
+#[test]
+fn parallel_rays_may_begin_in_the_liquid() {
+    let Some(mut harness) = harness() else { return };
+    let splats = splats(&[sphere(Vec3::ZERO, 0.7)], &[], 0.7);
+    let lens = Some(Lens::Orthographic { height: 1.2 });
+    let camera = Camera { eye: DVec3::ZERO, target: DVec3::NEG_Z, lens, ..on_axis(1.0, 40.0) };
+    let mut scene = scene();
+    // One interface: rays end where they leave.
+    scene.settings.refract.interfaces = 1;
+    let images = harness.render(&scene, &camera, &splats, SIZE);
+    images.assert_finite();
+    for p in images.pixels() {
+        let beside = (p.as_dvec2() + 0.5 - 0.5 * SIZE.as_dvec2()) * 1.2 / f64::from(SIZE.y);
+        if beside.length() > 0.5 {
+            continue;
+        }
+        let expected = (0.49 - beside.length_squared()).sqrt();
+        assert!(
+            (images.at("inside", p) - expected).abs() < 2e-3,
+            "{p}: {}",
+            images.at("inside", p)
+        );
+    }
+}
+
+/// A near plane behind the eye of parallel rays moves the eye there.
+#[test]
+fn parallel_rays_may_begin_behind_the_eye() {
+    let Some(mut harness) = harness() else { return };
+    let (scene, splats) = drops();
+    let (eye, target) = (DVec3::new(0.2, 0.1, 0.3), DVec3::ZERO);
+    let from = |eye: DVec3| look_at_mat4(eye, target, DVec3::Y);
+    let back = (eye - target).normalize();
+    let whole = |near: f64| orthographic(-1.2, 1.2, -0.9, 0.9, near, 20.0);
+    let behind = View::from_matrices(from(eye), whole(-5.0)).unwrap();
+    let moved = View::from_matrices(from(eye + 5.0 * back), whole(0.0)).unwrap();
+    assert!(behind.eye.distance(moved.eye) < 1e-12 && behind.near().abs() < 1e-6);
+    let [a, b] = [behind, moved].map(|view| harness.render(&scene, view, &splats, SIZE));
+    assert!(mean_difference(&a, &b) < 1e-4);
+    let negative = View { near: Some(-1.0), ..moved };
+    assert!(negative.check().is_err());
+}
+
 /// A frustum that is a part of a camera's shows that part of its picture: an off-centre projection changes
 /// what is in the picture and nothing else.
 #[test]

@@ -21,7 +21,7 @@ const NEVER: f32 = 1e30;
 fn screen_ray(o: vec3f, d: vec3f, t_max: f32) -> ScreenRay {
     let z = -o.z;
     // Clips against half-spaces at + t * rate >= 0: left, right, bottom, top, near (orthographic: far).
-    var t = min(t_max, 1e5 * z / max(-d.z, 1e-3));
+    var t = select(min(t_max, 1e5 * z / max(-d.z, 1e-3)), t_max, ORTHOGRAPHIC);
     // Distances of the left and lower and of the right and upper border from the view direction.
     let low = camera.tangent - camera.shift;
     let high = camera.tangent + camera.shift;
