@@ -5,7 +5,9 @@ use std::sync::Arc;
 use glam::{DVec2, UVec2};
 use rayon::prelude::*;
 
+use crate::error::Result;
 use crate::gpu::{self, Gpu};
+use crate::memory;
 use crate::mesh::{Texture, linear_from_srgb};
 
 /// A scene's background on the device, of the size of the picture.
@@ -17,17 +19,26 @@ pub(crate) struct Background {
 
 impl Background {
     /// Uploads a background unless it is there.
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, texture: Option<&Arc<Texture>>, size: UVec2) {
+    ///
+    /// # Errors
+    /// [`crate::Error::Memory`] if it does not fit.
+    pub(crate) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        texture: Option<&Arc<Texture>>,
+        size: UVec2,
+    ) -> Result<()> {
         let Some(texture) = texture else {
             self.uploaded = None;
-            return;
+            return Ok(());
         };
         let same = |(old, old_size, _): &(Arc<Texture>, UVec2, _)| {
             Arc::ptr_eq(old, texture) && *old_size == size
         };
         if self.uploaded.as_ref().is_some_and(same) {
-            return;
+            return Ok(());
         }
+        memory::probe(size.x as usize * size.y as usize * size_of::<[f32; 4]>(), "the background")?;
         let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
         let format = wgpu::TextureFormat::Rgba32Float;
         let image = gpu::texture(gpu, "background", size, 1, format, usage);
@@ -44,6 +55,7 @@ impl Background {
         );
         let view = image.create_view(&Default::default());
         self.uploaded = Some((texture.clone(), size, view));
+        Ok(())
     }
 
     /// The background, if the scene has one.

@@ -3,11 +3,11 @@
 // A mesh has a space of its own, with its middle at the origin; a solid scales, rotates and moves it into
 // the world. Lengths along a ray are the same in both spaces, since directions are scaled like points.
 //
-// Rows of `mesh_geometry`: a mesh begins with the low corner of its box, and the box's sides in 65535 parts.
-// Nodes follow depth first, so that no stack is needed: a software adapter turns one into a branch for each of
-// its places. A node is its box in these parts, 16 bits for the low and 16 for the high side along each axis,
-// and a number whose last 3 bits count its triangles. The others are the first of them, or, of an inner node,
-// the node after all its descendants. A triangle is its three corners; triangles follow the nodes. Rows are
+// Rows of `mesh_geometry`: a mesh begins with the low corner of its box, and the step of boxes within it, a
+// 65535th of its size. Nodes follow depth first, so that no stack is needed: a software adapter turns one into a
+// branch for each of its places. A node is its box in these steps, 16 bits for the low and 16 for the high side
+// along each axis, and a number whose last 3 bits count its triangles. The others are the first of them, or, of an
+// inner node, the node after all its descendants. Triangles follow the nodes, with three vertices each. Rows are
 // integers, because a device may flush small floats to 0.
 
 @group(2) @binding(7) var<storage, read> mesh_geometry: array<vec4u>;
@@ -199,7 +199,10 @@ fn mesh_normal(index: u32, triangle: u32) -> vec3f {
     let row = solids[index].mesh.y + 3u * triangle;
     let a = mesh_corner(row);
     let n = cross(mesh_corner(row + 1u) - a, mesh_corner(row + 2u) - a);
-    return world_from_mesh_axes(solids[index].rotation, normalize(n / size_of(n)));
+    // The product of a sliver's sides may be 0 in 32 bits.
+    let size = size_of(n);
+    let normal = select(vec3f(0.0, 1.0, 0.0), normalize(n / size), size > 0.0);
+    return world_from_mesh_axes(solids[index].rotation, normal);
 }
 
 // Whether the solid's mesh is within `reach` of x.

@@ -8,6 +8,7 @@ use obvhs::bvh2::node::Bvh2Node;
 
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Gpu};
+use crate::memory;
 use crate::mesh::{Mesh, Texture, linear_from_srgb, srgb_from_linear};
 use crate::scene::{Scene, Shape, Solid, Surface};
 
@@ -33,6 +34,8 @@ pub struct MeshBuffers {
     pub places: Vec<MeshPlace>,
     meshes: Vec<Arc<Mesh>>,
     textures: Vec<Arc<Texture>>,
+    /// Words of the last frame's textures, which outlive the meshes of a sequence.
+    encoded: Vec<(Arc<Texture>, Vec<u32>)>,
     /// For each mesh and each texture.
     contents: Contents,
 }
@@ -60,6 +63,7 @@ impl MeshBuffers {
             places: Vec::new(),
             meshes: Vec::new(),
             textures: Vec::new(),
+            encoded: Vec::new(),
             contents: Contents::default(),
         }
     }
@@ -72,8 +76,11 @@ impl MeshBuffers {
         let meshes = distinct(scene.solids.iter().filter_map(|solid| mesh_of(&solid.shape)));
         let textures = distinct(scene.solids.iter().filter_map(|solid| texture_of(&solid.surface)));
         if !same(&meshes, &self.meshes) || !same(&textures, &self.textures) {
-            let (contents, data) = lay_out(&meshes, &textures);
-            check(gpu, &data)?;
+            let in_materials = meshes.iter().flat_map(|mesh| mesh.materials());
+            let in_materials = in_materials.filter_map(|material| material.texture.as_ref());
+            self.encode(&distinct(in_materials.chain(&textures)))?;
+            check(gpu, &meshes, &self.encoded)?;
+            let (contents, data) = lay_out(&meshes, &textures, &self.encoded);
             self.geometry = buffer(gpu, "meshes", &data.geometry);
             self.surfaces = buffer(gpu, "mesh surfaces", &data.surfaces);
             (self.meshes, self.textures, self.contents) = (meshes, textures, contents);
@@ -86,6 +93,24 @@ impl MeshBuffers {
             MeshPlace { mesh: mesh.unwrap_or_default(), texture: texture.unwrap_or_default() }
         };
         self.places = scene.solids.iter().map(place).collect();
+        Ok(())
+    }
+
+    /// Encodes the textures that were not in the last frame.
+    fn encode(&mut self, textures: &[Arc<Texture>]) -> Result<()> {
+        /// Bytes for each pixel: its word, its mip levels and its linear colour.
+        const PIXEL: usize = 20;
+        let mut last = std::mem::take(&mut self.encoded);
+        for texture in textures {
+            let words = match last.iter().position(|(other, _)| Arc::ptr_eq(other, texture)) {
+                Some(i) => last.swap_remove(i).1,
+                None => {
+                    memory::probe(PIXEL * texture.pixels().len(), "a texture")?;
+                    encoded(texture)
+                }
+            };
+            self.encoded.push((texture.clone(), words));
+        }
         Ok(())
     }
 }
@@ -122,45 +147,60 @@ fn buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str, contents: &[T]) -> wgpu
     gpu::buffer_with(gpu, label, usage, contents)
 }
 
-/// Fails if a buffer would be too large.
-fn check(gpu: &Gpu, data: &Data) -> Result<()> {
+/// Fails if a buffer would be too large, or memory is short.
+fn check(gpu: &Gpu, meshes: &[Arc<Mesh>], textures: &[(Arc<Texture>, Vec<u32>)]) -> Result<()> {
     let limits = gpu.device.limits();
     let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    let bytes = (16 * data.geometry.len() as u64).max(4 * data.surfaces.len() as u64);
+    let rows = |mesh: &Arc<Mesh>| MESH_HEADER + mesh.nodes().len() + 3 * mesh.triangles().len();
+    let words =
+        |mesh: &Arc<Mesh>| MATERIAL * mesh.materials().len() + TRIANGLE * mesh.triangles().len();
+    let geometry = 16 * (2 + meshes.iter().map(rows).sum::<usize>());
+    let of_textures = textures.iter().map(|(_, words)| words.len());
+    let surfaces = 4 * (4 + of_textures.chain(meshes.iter().map(words)).sum::<usize>());
+    let bytes = geometry.max(surfaces) as u64;
     if bytes <= most {
-        return Ok(());
+        return memory::probe(geometry + surfaces, "meshes and textures");
     }
     let problem =
         format!("{} MiB of meshes and textures; most are {} MiB", bytes >> 20, most >> 20);
     Err(Error::Limit { adapter: gpu.adapter(), problem, of: Limited::Meshes })
 }
 
-/// Writes meshes and textures one after the other.
-fn lay_out(meshes: &[Arc<Mesh>], textures: &[Arc<Texture>]) -> (Contents, Data) {
+/// Rows of a mesh before its nodes; words of a material, and of a triangle's attributes.
+const MESH_HEADER: usize = 2;
+const MATERIAL: usize = 4;
+const TRIANGLE: usize = 10;
+
+/// Writes textures and meshes one after the other.
+fn lay_out(
+    meshes: &[Arc<Mesh>],
+    textures: &[Arc<Texture>],
+    encoded: &[(Arc<Texture>, Vec<u32>)],
+) -> (Contents, Data) {
     // Word 0 means no texture, and word 1 a mesh's own colours.
     let mut data = Data { geometry: vec![[0; 4]; 2], surfaces: vec![0; 4] };
-    let of_materials = meshes.iter().flat_map(|mesh| mesh.materials());
-    let of_materials = distinct(of_materials.filter_map(|material| material.texture.as_ref()));
-    let material_textures: Vec<u32> =
-        of_materials.iter().map(|texture| put_texture(&mut data.surfaces, texture)).collect();
-    let textures =
-        textures.iter().map(|texture| put_texture(&mut data.surfaces, texture)).collect();
+    let put = |(texture, words): &(Arc<Texture>, Vec<u32>)| {
+        let at = data.surfaces.len() as u32;
+        data.surfaces.extend(words);
+        (texture.clone(), at)
+    };
+    let (known, places): (Vec<_>, Vec<u32>) = encoded.iter().map(put).unzip();
+    let place = |texture: &Arc<Texture>| places[index(&known, texture)];
     let meshes = meshes.iter().map(|mesh| {
         let materials: Vec<u32> = mesh
             .materials()
             .iter()
             .map(|material| {
-                let texture = material.texture.as_ref();
-                let texture = texture.map_or(0, |t| material_textures[index(&of_materials, t)]);
                 let word = data.surfaces.len() as u32;
                 data.surfaces.extend(cast::<_, [u32; 3]>(material.color.to_array()));
-                data.surfaces.push(texture);
+                data.surfaces.push(material.texture.as_ref().map_or(0, place));
                 word
             })
             .collect();
         put_mesh(&mut data, mesh, &materials)
     });
-    let contents = Contents { meshes: meshes.collect(), textures };
+    let contents =
+        Contents { meshes: meshes.collect(), textures: textures.iter().map(place).collect() };
     (contents, data)
 }
 
@@ -171,7 +211,7 @@ fn put_mesh(data: &mut Data, mesh: &Mesh, materials: &[u32]) -> [u32; 3] {
     let triangles = data.geometry.len() as u32;
     let attributes = data.surfaces.len() as u32;
     data.geometry.reserve(3 * mesh.triangles().len());
-    data.surfaces.reserve(10 * mesh.triangles().len());
+    data.surfaces.reserve(TRIANGLE * mesh.triangles().len());
     for (triangle, &material) in mesh.triangles().iter().zip(mesh.material_of()) {
         let corners = turned(mesh, triangle.map(|i| i as usize));
         data.geometry.extend(corners.map(|i| row(mesh.vertices()[i], 0)));
@@ -254,12 +294,11 @@ fn packed(n: Vec3) -> u32 {
     x | y << 16
 }
 
-/// Appends a texture with all mip levels.
-fn put_texture(words: &mut Vec<u32>, texture: &Texture) -> u32 {
-    let at = words.len() as u32;
+/// The words of a texture with all mip levels.
+fn encoded(texture: &Texture) -> Vec<u32> {
     let size = texture.size();
     let levels = 1 + size.max_element().ilog2();
-    words.extend([size.x, size.y, levels]);
+    let mut words = vec![size.x, size.y, levels];
     words.extend(texture.pixels().iter().map(|&pixel| u32::from_le_bytes(pixel)));
     let linear = |c: u8| linear_from_srgb(f32::from(c) / 255.0);
     let mut level: Vec<Vec3> = texture
@@ -284,5 +323,5 @@ fn put_texture(words: &mut Vec<u32>, texture: &Texture) -> u32 {
             u32::from_le_bytes([r, g, b, 255])
         }));
     }
-    at
+    words
 }
