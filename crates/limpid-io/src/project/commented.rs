@@ -17,7 +17,10 @@ const SECTIONS: [(&str, &str); 12] = [
     ("view", "A further view, for reports."),
     ("environment", "Radiance of rays that hit nothing else, linear RGB."),
     ("background", "A picture behind everything."),
-    ("solid", "A solid: shape = \"plane\", \"box\" or \"sphere\"; color, checker or ground."),
+    (
+        "solid",
+        "A solid: shape = \"plane\", \"box\", \"sphere\" or \"mesh\"; color, checker, ground or texture.",
+    ),
     ("rigid_bodies", "Solids of SPlisHSPlasH: rigid_bodies/rb_data_{}.bin."),
     ("light", "A light, which shines on solids with `lit = true`: sun or point."),
 ];
@@ -51,7 +54,7 @@ const KEYS: [(&str, &str, &str); 33] = [
     ("solid.ground", "tile", "m"),
     ("solid.checker", "tile", "m"),
     ("solid.ground", "fade", "m from the origin, over which it fades into the horizon"),
-    ("solid.key", "frame", "between keys it moves straight and turns the shorter way"),
+    ("solid.key", "frame", "between keys, place and rotation are interpolated"),
     ("rigid_bodies", "walls", "whether walls are drawn too"),
     ("light.sun", "direction", "in which the light travels"),
     ("light.sun", "irradiance", "W/m2 on a surface that faces the sun"),

@@ -83,12 +83,10 @@ pub(super) fn keys(files: &[KeyFile], shape: Option<&str>) -> Result<Vec<Key>, S
         }
         // The same axis tells how far the user means to turn; poses do not.
         if let (Some(from), Some(to)) = (last, rotate)
-            && from.truncate().angle_between(to.truncate()) < 1e-6
-            && (to.w - from.w).abs() >= 180.0
+            && let Some(turn) = turn_between(from, to).filter(|turn| *turn >= 180.0)
         {
-            let turn = (to.w - from.w).abs();
             let problem = format!(
-                "turns by {turn} degrees since the key before, and solids turn the shorter way; \
+                "turns by {turn} degrees since the key before, and solids turn along the shorter arc; \
                  put keys less than 180 degrees apart"
             );
             return Err(fail(problem));
@@ -101,6 +99,15 @@ pub(super) fn keys(files: &[KeyFile], shape: Option<&str>) -> Result<Vec<Key>, S
         keys.push(Key { frame, translate, rotate });
     }
     Ok(keys)
+}
+
+/// Degrees between two rotations about one axis, or about opposite ones; `None` about others.
+fn turn_between(from: DVec4, to: DVec4) -> Option<f64> {
+    const SAME: f64 = 1e-6;
+    let angle = from.truncate().angle_between(to.truncate());
+    let opposite = angle > std::f64::consts::PI - SAME;
+    let degrees = if opposite { -to.w } else { to.w };
+    (angle < SAME || opposite).then(|| (degrees - from.w).abs())
 }
 
 /// A rotation, from an axis and degrees or a quaternion.

@@ -201,6 +201,11 @@ fn mistakes_in_keys_are_named() {
             key("1", "rotate = [0, 1, 0, 0]") + &key("2", "rotate = [0, 2, 0, 360]"),
             "key 2: turns by 360 degrees",
         ),
+        (
+            hull,
+            key("1", "rotate = [0, 1, 0, 170]") + &key("2", "rotate = [0, -3, 0, 170]"),
+            "key 2: turns by 340 degrees",
+        ),
     ] {
         assert_contains(&solid(shape, &keys), &["scene.toml", "[[solid]] 2:", expected]);
     }
