@@ -81,8 +81,11 @@ fn host(@builtin(global_invocation_id) id: vec3u) {
         );
         var pi = plane_from_gradient(omega, here.disparity, gradient);
         if NORMALS {
-            let normal = normalize(textureLoad(normals, p, 0).xyz);
-            pi = plane_from_normal(omega, z, camera_view_direction(normal));
+            // 0 where the program draws none.
+            let normal = textureLoad(normals, p, 0).xyz;
+            if any(normal != vec3f(0.0)) {
+                pi = plane_from_normal(omega, z, camera_view_direction(normalize(normal)));
+            }
         }
         plane = vec4f(pi, z);
         surface = vec4f(-camera_world_direction(plane_normal(pi)), -1.0);

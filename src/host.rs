@@ -6,8 +6,9 @@
 //!
 //! [`Scene`]: crate::scene::Scene
 
-use glam::{DMat4, UVec2};
+use glam::{DMat4, DVec4, UVec2};
 
+use crate::camera::{View, parallel_near};
 use crate::error::{Error, Result};
 
 /// What a host has drawn before the liquid: [`Renderer::host`]. All views are two-dimensional, of the
@@ -22,8 +23,8 @@ pub struct Host {
     /// Depth: a depth format without stencil, or a float format that holds the same. 32-bit floats of reversed
     /// depth are the most accurate; 16 bits are too few.
     pub depth: wgpu::TextureView,
-    /// Normals in world space, of any length, in a float or signed normalised format. Without them, limpid
-    /// derives them from depths, which is exact on planes.
+    /// Normals in world space, of any length, in a float or signed normalised format. Without them, or where
+    /// they are 0, limpid derives them from depths, which is exact on planes.
     pub normals: Option<wgpu::TextureView>,
     /// The projection that the depths were drawn with, as for [`View::from_matrices`]: of reversed or forward
     /// depth, with a far plane or without. Depths are 0 (reversed) or 1 where nothing was drawn.
@@ -62,7 +63,10 @@ impl DepthCode {
     /// [`View::from_matrices`]: crate::camera::View::from_matrices
     fn of(clip_from_view: DMat4) -> Self {
         let c = clip_from_view.to_cols_array_2d();
-        Self { perspective: c[2][3] != 0.0, scale: c[2][2], shift: c[3][2] }
+        let (perspective, scale, shift) = (c[2][3] != 0.0, c[2][2], c[3][2]);
+        // [`View::from_matrices`] moves the eye of parallel rays back that begin behind it.
+        let behind = if perspective { 0.0 } else { (-parallel_near(scale, shift)).max(0.0) };
+        Self { perspective, scale, shift: shift + behind * scale }
     }
 
     /// Depth where nothing was drawn: 0 if depths fall with distance, else 1.
@@ -98,8 +102,11 @@ impl Host {
         DepthCode::of(self.clip_from_view)
     }
 
-    /// Fails if the views do not fit a picture of `size` pixels.
-    pub(crate) fn check(&self, size: UVec2) -> Result<()> {
+    /// Fails if it does not fit a picture of `size` pixels, whose particles have `radius`, m.
+    pub(crate) fn check(&self, view: &View, radius: f32, size: UVec2) -> Result<()> {
+        /// Largest distance of an orthographic far plane, particle radii: 32-bit heights above it then have
+        /// the digits that Newton's method needs.
+        const FARTHEST: f64 = 1e5;
         let views = [("color", Some(&self.color)), ("depth", Some(&self.depth))];
         for (name, view) in views.into_iter().chain([("normals", self.normals.as_ref())]) {
             let Some(texture) = view.map(wgpu::TextureView::texture) else { continue };
@@ -116,8 +123,28 @@ impl Host {
                 return Err(Error::invalid(part(), "it was created without TEXTURE_BINDING usage"));
             }
         }
-        if !self.depth_code().is_usable() {
-            return Err(Error::invalid("host", "its projection gives all points the same depth"));
+        let fail = |problem: String| Err(Error::invalid("host", problem));
+        let bottom = self.clip_from_view.row(3);
+        let code = self.depth_code();
+        if ![DVec4::W, DVec4::NEG_Z].contains(&bottom) {
+            return fail(
+                "its projection must be perspective or orthographic, looking down -z".into(),
+            );
+        }
+        if !code.is_usable() {
+            return fail("its projection gives all points the same depth".into());
+        }
+        if code.perspective == view.is_orthographic() {
+            return fail("one of its projection and the view is orthographic".into());
+        }
+        let farthest = FARTHEST * f64::from(radius);
+        if radius > 0.0 && code.far() > farthest {
+            let problem = format!(
+                "its far plane is {:.3} m away; with parallel rays it must be within 100,000 particle \
+                 radii, {farthest:.3} m",
+                code.far()
+            );
+            return fail(problem);
         }
         Ok(())
     }
@@ -126,7 +153,6 @@ impl Host {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec4;
     use glam::dcamera::rh::proj::directx::{
         orthographic, perspective, perspective_infinite, perspective_infinite_reverse,
     };
@@ -156,6 +182,15 @@ mod tests {
             assert!(((clip.z + offset) * slope - 21.0).abs() < 1e-12);
             assert_eq!(code.cleared(), cleared);
             assert!((code.far() - 20.0).abs() < 1e-12);
+        }
+        // The eye moves back by 3 m to the near plane.
+        for (near, far) in [(-3.0, 20.0), (20.0, -3.0)] {
+            let parallel = orthographic(-1.0, 1.0, -1.0, 1.0, near, far);
+            let code = DepthCode::of(parallel);
+            let clip = parallel * DVec4::new(0.3, 0.2, -4.0, 1.0);
+            let (offset, slope) = code.disparity(25.0);
+            assert!(((clip.z + offset) * slope - 18.0).abs() < 1e-12);
+            assert!((code.far() - 23.0).abs() < 1e-12);
         }
     }
 }

@@ -1,8 +1,11 @@
 //! What moves between frames, for motion vectors.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::camera::View;
+use crate::error::{Error, Result};
+use crate::liquid::classify::Splats;
 
 /// How a frame differs from the one before: [`Renderer::surface`].
 ///
@@ -14,5 +17,31 @@ pub struct Motion {
     /// Time since the frame before, s.
     pub seconds: f32,
     /// The view of the frame before; `None` if it is the same. Perspective or orthographic as this frame's.
+    /// With jittered views, motion contains the difference of the jitters, unless this view has this frame's
+    /// jitter. What was behind its eye has no motion.
     pub previous: Option<View>,
+}
+
+impl Motion {
+    /// Fails if it does not belong to the frame.
+    pub(crate) fn check(&self, view: &View, splats: &Splats) -> Result<()> {
+        let fail = |problem: String| Err(Error::invalid("motion", problem));
+        if let Some(previous) = &self.previous {
+            previous.check()?;
+            if previous.is_orthographic() != view.is_orthographic() {
+                return fail("one of this view and the one before is orthographic".into());
+            }
+        }
+        if self.velocities.is_empty() {
+            return Ok(());
+        }
+        let all = splats.aggregates.par_iter().chain(&splats.splashes);
+        let needed = all.map(|splat| splat.particle as usize + 1).max().unwrap_or(0);
+        match self.velocities.len() {
+            known if known < needed => {
+                fail(format!("{known} velocities are given for {needed} particles"))
+            }
+            _ => Ok(()),
+        }
+    }
 }

@@ -60,6 +60,8 @@ pub struct Renderer {
     submissions: u32,
     /// Whether the last frame's coverage varies.
     transparent: bool,
+    /// Whether the last frame has images of the first interface.
+    shows_surface: bool,
     /// Number of fluids of the last frame.
     fluids: usize,
     /// Measure each pass with timestamp queries, where the device supports them.
@@ -125,6 +127,7 @@ impl Renderer {
             pending_rays: None,
             submissions: 0,
             transparent: false,
+            shows_surface: false,
             fluids: 1,
             timing: false,
             diagnose: false,
@@ -268,6 +271,7 @@ impl Renderer {
     fn remember(&mut self, frame: Frame<'_>) {
         let Frame { last, dirty, scene, splats, config, diagnosed, .. } = frame;
         self.transparent = scene.settings.refract.transparent;
+        self.shows_surface = frame.surface.is_some();
         self.fluids = scene.fluids.len().max(1);
         let remember =
             || LastFrame::new(last, dirty, scene, &frame.view, splats, config, diagnosed);
@@ -284,14 +288,8 @@ impl Renderer {
         }
         self.gpu.check_size(size)?;
         view_range::check_scale(splats, view)?;
-        self.host.as_ref().map_or(Ok(()), |host| host.check(size))?;
-        if let Some(previous) = self.surface.as_ref().and_then(|motion| motion.previous.as_ref()) {
-            previous.check()?;
-            if previous.is_orthographic() != view.is_orthographic() {
-                let problem = "one of this view and the one before is orthographic";
-                return Err(Error::invalid("motion", problem));
-            }
-        }
+        self.host.as_ref().map_or(Ok(()), |host| host.check(view, splats.radius, size))?;
+        self.surface.as_ref().map_or(Ok(()), |motion| motion.check(view, splats))?;
         let Environment::Map { size, pixels } = &scene.environment else { return Ok(()) };
         self.gpu.check_image(*size, Limited::Environment)?;
         if pixels.is_empty() || pixels.len() != size.x as usize * size.y as usize {
@@ -326,7 +324,7 @@ impl Renderer {
             self.camera_view = ViewPasses::new(&self.gpu, view.is_orthographic());
             self.last = None;
         }
-        let frame = Frame::new(self, scene, view, splats, size);
+        let mut frame = Frame::new(self, scene, view, splats, size);
         self.resize(&frame);
         let (gpu, eye) = (&self.gpu, frame.view.eye);
         if frame.dirty.splats {
@@ -348,14 +346,20 @@ impl Renderer {
         }
         let (views, maps) = (self.lights.views(), self.lights.maps());
         self.camera_view.prepare(gpu, inputs, &frame.uniform, eye, views, maps);
-        self.background.prepare(gpu, scene.background.as_ref(), size);
+        self.background.prepare(gpu, scene.background.as_ref(), size)?;
         if let Some(host) = &frame.host {
             self.host_gbuffer.prepare(gpu, &self.camera_view.camera, host, frame.uniform.far);
         }
         if let Some(motion) = &self.surface {
             let params = surface::Params::new(&frame.view, motion, size, splats.radius);
-            let (view, request) = (&self.camera_view, frame.surface_request(motion));
-            self.surface_images.prepare(gpu, view, request, &params, size)?;
+            let request = surface::Request {
+                velocities: !motion.velocities.is_empty(),
+                splash: frame.config.splash,
+                host: frame.host.is_some(),
+                samples: frame.variant.samples,
+            };
+            frame.surface = Some(request);
+            self.surface_images.prepare(gpu, &self.camera_view, request, motion, &params, size)?;
         }
         // Drivers may crash where they compile without memory.
         gpu.check()?;
@@ -413,10 +417,10 @@ impl Renderer {
             self.refract.record(commands, &self.camera_view, variant, behind, work, span);
         }
         let (gpu, refract) = (&self.gpu, &self.refract);
-        if let Some(motion) = &self.surface {
+        if let Some(request) = frame.surface {
             let view = &self.camera_view;
             let SplatSet { aggregates, splashes } = view.seen_splats(&self.splat_set);
-            let (request, span) = (frame.surface_request(motion), timer.span("surface"));
+            let span = timer.span("surface");
             let encoder = &mut *commands.encoder;
             let classes = [aggregates, splashes];
             self.surface_images.record(gpu, encoder, view, classes, request, span);
@@ -450,7 +454,7 @@ impl Renderer {
             splash: view.splash_layers().cloned(),
             gbuffer: view.has_gbuffer().then(|| view.gbuffer.images.clone()),
             caustics: self.lights.caustic_maps(),
-            surface: self.surface.as_ref().and(self.surface_images.images.clone()),
+            surface: self.shows_surface.then(|| self.surface_images.images.clone()).flatten(),
             fluids: self.fluids,
             radiance: refract.radiance.clone(),
             transparent: self.transparent,
@@ -481,6 +485,8 @@ pub struct Frame<'a> {
     diagnosed: bool,
     /// What the caller has drawn.
     host: Option<Host>,
+    /// Images of the first interface, if they are drawn.
+    surface: Option<surface::Request>,
     /// The frame before.
     last: Option<LastFrame>,
     /// What differs from it.
@@ -536,6 +542,7 @@ impl<'a> Frame<'a> {
             screen_solids,
             diagnosed: diagnose,
             host,
+            surface: None,
             last,
             dirty,
         }
@@ -544,15 +551,6 @@ impl<'a> Frame<'a> {
     fn inputs<'b>(&'b self, splat_set: &'b SplatSet, meshes: &'b MeshBuffers) -> FrameInputs<'b> {
         let Self { scene, splats, fits, .. } = self;
         FrameInputs { scene, splats, splat_set, meshes, fits }
-    }
-
-    fn surface_request<'b>(&self, motion: &'b Motion) -> surface::Request<'b> {
-        surface::Request {
-            motion,
-            splash: self.config.splash,
-            host: self.host.is_some(),
-            samples: self.variant.samples,
-        }
     }
 
     fn refract_params(&self) -> refract::Params {

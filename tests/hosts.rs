@@ -145,6 +145,59 @@ fn every_projection_gives_the_same_picture() {
     }
 }
 
+/// A jittered and an off-centre view with a host show what the same views show of known solids.
+#[test]
+fn hosts_may_be_off_centre() {
+    let Some(mut harness) = harness() else { return };
+    let harness = &mut *harness;
+    let (scene, splats, camera) = world();
+    for shift in [0.66 / SIZE.as_dvec2(), DVec2::new(0.0, -0.2)] {
+        let mut clip_from_view = usual();
+        clip_from_view.z_axis += shift.extend(0.0).extend(0.0);
+        let view = View::from(&camera);
+        let eye = DMat4::from_translation(-view.eye);
+        let view_from_world = DMat4::from_mat3(view.view_from_world) * eye;
+        let view = View::from_matrices(view_from_world, clip_from_view).unwrap();
+        let known = harness.render(&scene, view, &splats, SIZE);
+        let host = host_of(&harness.gpu, &mut harness.renderer, &scene, view, SIZE, clip_from_view);
+        let shown = hosted(harness, &scene, host, view, &splats);
+        // The lens magnifies edges, which the picture shows a pixel wide.
+        let difference = mean_difference(&known, &shown);
+        // A checker that can fail: the picture of another view.
+        let other = host_of(&harness.gpu, &mut harness.renderer, &scene, &camera, SIZE, usual());
+        let other = hosted(harness, &scene, other, view, &splats);
+        let wrong = mean_difference(&known, &other);
+        println!("{shift}: {difference:.5}, of another view {wrong:.5}");
+        assert!(difference < 0.01 && wrong > difference + 0.004, "{shift}: {difference}, {wrong}");
+    }
+}
+
+/// A host's normals change nothing on planes, whose depths tell the same, and where they are missing, depths
+/// take their place; wrong normals are seen.
+#[test]
+fn normals_of_a_host_are_used_where_it_has_them() {
+    let Some(mut harness) = harness() else { return };
+    let harness = &mut *harness;
+    let (mut scene, splats, camera) = world();
+    scene.solids.truncate(1);
+    let view = View::from(&camera);
+    let host = host_of(&harness.gpu, &mut harness.renderer, &scene, view, SIZE, usual());
+    let plain = hosted(harness, &scene, host.clone(), view, &splats);
+    let mut with = |normal: Vec3, gap: usize| {
+        let texel = |i: usize| if i % gap == 0 { [0.0; 4] } else { normal.extend(0.0).to_array() };
+        let texels: Vec<f32> = (0..(SIZE.x * SIZE.y) as usize).flat_map(texel).collect();
+        let format = wgpu::TextureFormat::Rgba32Float;
+        let normals = Some(texture(&harness.gpu, SIZE, format, &texels));
+        let frame = hosted(harness, &scene, Host { normals, ..host.clone() }, view, &splats);
+        frame.assert_finite();
+        mean_difference(&plain, &frame)
+    };
+    let (right, partial) = (with(3.0 * Vec3::Y, usize::MAX), with(0.1 * Vec3::Y, 3));
+    let wrong = with(Vec3::new(1.0, 0.1, 0.0), usize::MAX);
+    println!("{right:.6}, {partial:.6}, {wrong:.6}");
+    assert!(right < 1e-3 && partial < 1e-3 && wrong > 2.0 * right.max(partial));
+}
+
 /// As solids do, the host's scene hides liquid behind it, in perspective and in orthographic views.
 #[test]
 fn hosts_hide_liquid_behind_them() {
@@ -199,12 +252,15 @@ fn transparent_pictures_hold_the_liquid_alone() {
     scene.settings.refract.transparent = true;
     let host = host_of(&harness.gpu, &mut harness.renderer, &scene, &camera, SIZE, usual());
     let shown = hosted(harness, &scene, host, (&camera).into(), &splats);
+    let mut filled = 0;
     for p in shown.pixels() {
         let alpha = shown.picture.get_pixel(p.x, p.y).0[3];
         let liquid = shown.at("depth.aggregate_front", p) > 0.0;
         assert!(liquid || alpha == 0 && shown.radiance(p) == DVec3::ZERO, "{p}: {alpha}");
         assert!(!liquid || alpha > 0 || shown.radiance(p) == DVec3::ZERO, "{p}");
+        filled += usize::from(liquid && alpha == 255);
     }
+    assert!(filled > 500, "{filled} pixels of liquid");
 }
 
 /// Views that cannot be a host's are refused with what is wrong.
@@ -221,7 +277,9 @@ fn unusable_hosts_are_refused() {
     let flat = DMat4::from_cols(usual().x_axis, usual().y_axis, usual().z_axis, glam::DVec4::ZERO);
     for (host, problem) in [
         (Host { depth: small, ..usable.clone() }, "host depth: its size is [64, 48]"),
-        (Host { clip_from_view: flat, ..usable }, "all points the same depth"),
+        (Host { clip_from_view: flat, ..usable.clone() }, "all points the same depth"),
+        (Host { clip_from_view: parallel(&camera).1, ..usable.clone() }, "is orthographic"),
+        (Host { clip_from_view: -usual(), ..usable }, "looking down -z"),
     ] {
         harness.renderer.host = Some(host);
         let error = harness.renderer.prepare(&scene, &camera, &splats, SIZE).unwrap_err();

@@ -207,3 +207,47 @@ fn masks_tell_fluids_apart() {
     }
     assert!(counts.iter().all(|&count| count > 200), "{counts:?}");
 }
+
+/// Velocities that do not belong to the frame are refused, and motion that changes between `prepare` and
+/// `record` counts from the next frame on.
+#[test]
+fn motion_belongs_to_its_frame() {
+    let Some(mut harness) = harness() else { return };
+    let harness = &mut *harness;
+    let (_, balls) = cloud(20, 0.2);
+    let splats = splats(&balls[..18], &balls[18..], 0.2);
+    let (scene, camera) = (scene(), on_axis(3.0, 45.0));
+    let motion = |count| Motion { velocities: vec![Vec3::X; count], ..Motion::default() };
+    harness.renderer.surface = Some(motion(19));
+    let error = harness.renderer.prepare(&scene, &camera, &splats, SIZE).unwrap_err();
+    assert!(error.to_string().contains("19 velocities are given for 20 particles"), "{error}");
+
+    harness.renderer.surface = Some(motion(0));
+    let frame = harness.renderer.prepare(&scene, &camera, &splats, SIZE).unwrap();
+    harness.renderer.surface = Some(motion(20));
+    let mut encoder = harness.gpu.device.create_command_encoder(&Default::default());
+    harness.renderer.record(frame, &mut encoder);
+    harness.gpu.queue.submit([encoder.finish()]);
+    harness.renderer.surface = None;
+    harness.gpu.check().expect("the recorded frame is that of `prepare`");
+    assert!(harness.renderer.images().surface.is_some());
+}
+
+/// What was behind the eye of the frame before has no motion, and no infinite one.
+#[test]
+fn motion_from_behind_the_eye_is_none() {
+    let Some(mut harness) = harness() else { return };
+    let splats = splats(&[sphere(Vec3::ZERO, 0.7)], &[], 0.7);
+    let camera = on_axis(3.0, 45.0);
+    // Turned away, and in the plane through the ball.
+    for eye in [DVec3::Z * -3.0, DVec3::X * 5.0] {
+        let before = Camera { eye, target: eye - DVec3::Z, ..camera };
+        let previous = Some(View::from(&before));
+        let motion = Motion { previous, ..Motion::default() };
+        let images = draw(&mut harness, motion, &scene(), &camera, &splats);
+        let most = images.channel("motion.X").iter().fold(0.0f32, |most, x| most.max(x.abs()));
+        if eye.z < -1.0 {
+            assert_eq!(most, 0.0, "{eye}");
+        }
+    }
+}

@@ -83,9 +83,13 @@ fn surface_velocity(texel: vec2i, x: vec3f) -> vec3f {
     return sum.xyz / max(sum.w, 1e-6);
 }
 
-// Pixel position in the frame before of a point relative to that frame's eye, in world axes.
-fn previous_pixel(x: vec3f) -> vec2f {
+// Pixel position in the frame before of a point relative to that frame's eye, in world axes; `now` if it was
+// behind that eye.
+fn previous_pixel(x: vec3f, now: vec2f) -> vec2f {
     let view = params.previous_from_world * x;
+    if !ORTHOGRAPHIC && -view.z < 1e-6 * length(x) {
+        return now;
+    }
     let tangent = view.xy / select(-view.z, 1.0, ORTHOGRAPHIC);
     let ndc = (tangent - params.previous_shift) / params.previous_tangent;
     return (vec2f(ndc.x, -ndc.y) * 0.5 + 0.5) * camera.size;
@@ -112,7 +116,7 @@ fn images(@builtin(global_invocation_id) id: vec3u) {
         normal_depth = vec4f(-plane_normal(front), -x.z);
         let velocity = surface_velocity(p, x);
         let world = camera_world_point(x);
-        moved = u - previous_pixel(world + params.offset - params.seconds * velocity);
+        moved = u - previous_pixel(world + params.offset - params.seconds * velocity, u);
     }
     let fluid = f32(textureLoad(nearest, p, 0).y);
     textureStore(surface, p, normal_depth);

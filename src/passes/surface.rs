@@ -67,9 +67,9 @@ pub struct SurfaceImages {
 
 /// What a frame's images depend on.
 #[derive(Debug, Clone, Copy)]
-pub struct Request<'a> {
-    /// What has moved.
-    pub motion: &'a Motion,
+pub struct Request {
+    /// The particles' velocities are known.
+    pub velocities: bool,
     /// The frame has splashes.
     pub splash: bool,
     /// A host has drawn the opaque scene.
@@ -135,7 +135,8 @@ impl Surface {
         &mut self,
         gpu: &Gpu,
         eye: &ViewPasses,
-        request: Request<'_>,
+        request: Request,
+        motion: &Motion,
         params: &Params,
         size: UVec2,
     ) -> Result<()> {
@@ -143,7 +144,7 @@ impl Surface {
             self.resize(gpu, size);
         }
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
-        self.upload(gpu, &request.motion.velocities)?;
+        self.upload(gpu, &motion.velocities)?;
         let camera = &eye.camera;
         let orthographic = camera.is_orthographic();
         self.draw.entry(orthographic).or_insert_with(|| draw_pipeline(gpu, camera));
@@ -203,7 +204,7 @@ impl Surface {
         encoder: &mut wgpu::CommandEncoder,
         eye: &ViewPasses,
         classes: [&SplatBuffers; 2],
-        request: Request<'_>,
+        request: Request,
         span: Span<'_>,
     ) {
         let (Some(images), Some([tags, depth])) = (&self.images, &self.nearest) else { return };
@@ -263,9 +264,9 @@ impl Surface {
     }
 }
 
-fn variant(eye: &ViewPasses, request: Request<'_>) -> Variant {
-    let Request { motion, splash, host, samples } = request;
-    let switches = [splash, host, !motion.velocities.is_empty()];
+fn variant(eye: &ViewPasses, request: Request) -> Variant {
+    let Request { velocities, splash, host, samples } = request;
+    let switches = [splash, host, velocities];
     (switches, samples, eye.scene.variant, eye.camera.is_orthographic())
 }
 

@@ -116,8 +116,8 @@ impl Tonemap {
 
 /// Whether a format holds linear light without bounds: floats.
 fn is_linear(format: wgpu::TextureFormat) -> bool {
-    use wgpu::TextureFormat::{Rgba16Float, Rgba32Float};
-    matches!(format, Rgba16Float | Rgba32Float)
+    use wgpu::TextureFormat::{Rg11b10Ufloat, Rgba16Float, Rgba32Float};
+    matches!(format, Rgba16Float | Rgba32Float | Rg11b10Ufloat)
 }
 
 fn pipeline(
