@@ -11,6 +11,7 @@
 //! into Bevy's command encoder. Bevy then goes on with its frame: it tone-maps its colour, and saves `bevy.png`. It
 //! needs no window and no display; a window instead of the picture changes nothing in the system.
 
+use std::collections::HashMap;
 use std::time::Duration;
 
 use bevy::app::ScheduleRunnerPlugin;
@@ -91,18 +92,19 @@ impl Liquid {
     }
 }
 
-/// Records the liquid into Bevy's frame, once for each camera.
+/// Records the liquid into Bevy's frame, once for each camera, with a renderer of its own: Bevy submits all of
+/// them together.
 fn draw_liquid(
-    view: ViewQuery<(&ExtractedView, &ViewTarget, &ViewDepthStencilTexture)>,
+    view: ViewQuery<(Entity, &ExtractedView, &ViewTarget, &ViewDepthStencilTexture)>,
     liquid: Res<Liquid>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    mut renderer: Local<Option<Renderer>>,
+    mut renderers: Local<HashMap<Entity, Renderer>>,
     mut context: RenderContext,
 ) -> Result {
-    let (view, target, depth) = view.into_inner();
+    let (camera, view, target, depth) = view.into_inner();
     // Handles of wgpu are reference-counted. Bevy wraps them, but they are limpid's types.
-    let renderer = renderer.get_or_insert_with(|| {
+    let renderer = renderers.entry(camera).or_insert_with(|| {
         Renderer::new(&Gpu::from_device(device.wgpu_device().clone(), wgpu::Queue::clone(&queue)))
     });
     let color = wgpu::TextureView::clone(target.main_texture_view());
@@ -111,10 +113,10 @@ fn draw_liquid(
     renderer.host = Some(Host { color: color.clone(), depth, normals: None, clip_from_view });
 
     let view_from_world = double(Mat4::from(view.world_from_view.affine().inverse()));
-    let camera = View::from_matrices(view_from_world, clip_from_view)?;
+    let view = View::from_matrices(view_from_world, clip_from_view)?;
     let size = target.main_texture().size();
     let size = glam::UVec2::new(size.width, size.height);
-    let frame = renderer.prepare(&liquid.scene, camera, &liquid.splats, size)?;
+    let frame = renderer.prepare(&liquid.scene, view, &liquid.splats, size)?;
     let encoder = context.command_encoder();
     renderer.record(frame, encoder);
     renderer.composite(encoder, &color, target.main_texture_format());
