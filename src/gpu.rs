@@ -17,7 +17,9 @@ use crate::error::{Error, Limited, Result, printable};
 use crate::memory;
 
 #[doc(hidden)]
-pub use binding::{sampled, storage, storage_of, storage_read_write, storage_texture, uniform};
+pub use binding::{
+    sampled, sampled_integers, storage, storage_of, storage_read_write, storage_texture, uniform,
+};
 #[doc(hidden)]
 pub use commands::Commands;
 pub use commands::{MOST_WORK, Piece, pieces};

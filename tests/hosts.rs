@@ -184,7 +184,8 @@ fn normals_of_a_host_are_used_where_it_has_them() {
     let host = host_of(&harness.gpu, &mut harness.renderer, &scene, view, SIZE, usual());
     let plain = hosted(harness, &scene, host.clone(), view, &splats);
     let mut with = |normal: Vec3, gap: usize| {
-        let texel = |i: usize| if i % gap == 0 { [0.0; 4] } else { normal.extend(0.0).to_array() };
+        let texel =
+            |i: usize| if i.is_multiple_of(gap) { [0.0; 4] } else { normal.extend(0.0).to_array() };
         let texels: Vec<f32> = (0..(SIZE.x * SIZE.y) as usize).flat_map(texel).collect();
         let format = wgpu::TextureFormat::Rgba32Float;
         let normals = Some(texture(&harness.gpu, SIZE, format, &texels));

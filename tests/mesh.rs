@@ -222,9 +222,9 @@ fn meshes_beyond_the_device_are_refused() {
         Scene { solids: vec![solid], ..Scene::default() }
     };
     let mut buffers = MeshBuffers::new(&gpu);
-    // Three rows of 16 bytes each, and the tree.
-    let problem = buffers.prepare(&gpu, &scene(22_000)).expect_err("1 MiB holds less").to_string();
+    // Ten words each.
+    let problem = buffers.prepare(&gpu, &scene(30_000)).expect_err("1 MiB holds less").to_string();
     assert!(problem.contains("MiB of meshes and textures; most are 1 MiB"), "{problem}");
     buffers.prepare(&gpu, &scene(10_000)).expect("it fits");
-    assert!(buffers.geometry.size() > 10_000 * 48, "{}", buffers.geometry.size());
+    assert!(buffers.surfaces.size() > 9_000 * 40, "{}", buffers.surfaces.size());
 }

@@ -10,7 +10,8 @@
 // inner node, the node after all its descendants. Triangles follow the nodes, with three vertices each. Rows are
 // integers, because a device may flush small floats to 0.
 
-@group(2) @binding(7) var<storage, read> mesh_geometry: array<vec4u>;
+// A texture, because software adapters fetch a texel at once, but load each number of a buffer by itself.
+@group(2) @binding(7) var mesh_geometry: texture_2d<u32>;
 // Attributes of triangles, materials, and textures with their mip levels.
 @group(2) @binding(8) var<storage, read> mesh_surfaces: array<u32>;
 
@@ -34,13 +35,22 @@ fn world_from_mesh_axes(q: vec4f, v: vec3f) -> vec3f {
     return v + 2.0 * cross(q.xyz, cross(q.xyz, v) + q.w * v);
 }
 
+// Logarithm of the texture's width (WIDTH in src/passes/mesh_buffers.rs).
+const MESH_WIDTH_BITS: u32 = 12u;
+
+fn mesh_row(row: u32) -> vec4u {
+    let at = vec2u(row & ((1u << MESH_WIDTH_BITS) - 1u), row >> MESH_WIDTH_BITS);
+    return textureLoad(mesh_geometry, vec2i(at), 0);
+}
+
 fn mesh_corner(row: u32) -> vec3f {
-    return bitcast<vec3f>(mesh_geometry[row].xyz);
+    return bitcast<vec3f>(mesh_row(row).xyz);
 }
 
 // Bound on the nodes that a search visits.
 fn most_nodes() -> u32 {
-    return arrayLength(&mesh_geometry);
+    let size = textureDimensions(mesh_geometry);
+    return size.x * size.y;
 }
 
 // Nearest triangle of the solid's mesh on o + t d, 0 < t < far, or any one.
@@ -74,7 +84,7 @@ fn mesh_trace(index: u32, world_o: vec3f, world_d: vec3f, far: f32, any_one: boo
         var first = 0u;
         var count = 0u;
         for (var visited = 0u; visited < most_nodes() && node < triangles && count == 0u; visited++) {
-            let row = mesh_geometry[node];
+            let row = mesh_row(node);
             let entered = box_entry(row.xyz, box_o, box_slope, nearest, hit.t) < NOTHING;
             first = row.w >> 3u;
             let inner = (row.w & 7u) == 0u;
@@ -215,7 +225,7 @@ fn mesh_is_near(index: u32, world_x: vec3f, reach: f32) -> bool {
     let nodes = solid.mesh.x + MESH_HEADER;
     var node = nodes;
     for (var visited = 0u; visited < most_nodes() && node < solid.mesh.y; visited++) {
-        let row = mesh_geometry[node];
+        let row = mesh_row(node);
         let offset = x - clamp(x, low + low_side(row.xyz) * part, low + high_side(row.xyz) * part);
         let near = dot(offset, offset) <= most;
         let first = row.w >> 3u;

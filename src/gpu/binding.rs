@@ -72,6 +72,15 @@ pub fn sampled(view_dimension: wgpu::TextureViewDimension) -> wgpu::BindingType 
     }
 }
 
+/// `texture_2d<u32>`, read with `textureLoad`.
+pub fn sampled_integers() -> wgpu::BindingType {
+    wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Uint,
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    }
+}
+
 /// `texture_storage_2d[_array]<format, write>`.
 pub fn storage_texture(
     format: wgpu::TextureFormat,

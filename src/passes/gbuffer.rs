@@ -216,7 +216,7 @@ pub struct SceneBinding {
     light_views: wgpu::Buffer,
     environment: Environment,
     maps: Option<LightMaps>,
-    meshes: Option<[wgpu::Buffer; 2]>,
+    meshes: Option<(wgpu::TextureView, wgpu::Buffer)>,
 }
 
 /// The maps of a scene's lights: `common/lights.wgsl`.
@@ -239,7 +239,7 @@ impl SceneBinding {
             gpu::sampled(D2Array),
             gpu::sampled(D2Array),
             gpu.branching::<[LightViewData; MAX_LIGHTS * LIGHT_VIEWS]>(),
-            gpu::storage::<[u32; 4]>(),
+            gpu::sampled_integers(),
             gpu::storage::<u32>(),
         ];
         let layout = gpu.layout("scene", wgpu::ShaderStages::COMPUTE, &bindings);
@@ -283,7 +283,7 @@ impl SceneBinding {
         gpu.queue.write_buffer(&self.solids, 0, bytemuck::cast_slice(&solids));
         gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&lights));
         gpu.queue.write_buffer(&self.light_views, 0, bytemuck::cast_slice(&light_views));
-        let mesh_buffers = Some([meshes.geometry.clone(), meshes.surfaces.clone()]);
+        let mesh_buffers = Some((meshes.geometry.clone(), meshes.surfaces.clone()));
         let same_environment = self.environment == scene.environment;
         if !same_environment || self.maps.as_ref() != maps || self.meshes != mesh_buffers {
             let environment = &scene.environment;
@@ -358,7 +358,7 @@ fn bind(
         wgpu::BindingResource::TextureView(&maps),
         wgpu::BindingResource::TextureView(&receivers),
         light_views.as_entire_binding(),
-        meshes.geometry.as_entire_binding(),
+        wgpu::BindingResource::TextureView(&meshes.geometry),
         meshes.surfaces.as_entire_binding(),
     ];
     gpu::bind_group(gpu, "scene", layout, &resources)

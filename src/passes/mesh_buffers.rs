@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bytemuck::cast;
-use glam::{Vec2, Vec3, Vec3A, Vec3Swizzles as _};
+use glam::{UVec2, Vec2, Vec3, Vec3A, Vec3Swizzles as _};
 use obvhs::bvh2::node::Bvh2Node;
 
 use crate::error::{Error, Limited, Result};
@@ -26,8 +26,8 @@ pub struct MeshPlace {
 /// They are uploaded again only if they differ from the last frame's; solids may share them.
 #[derive(Debug)]
 pub struct MeshBuffers {
-    /// Nodes and triangles.
-    pub geometry: wgpu::Buffer,
+    /// Nodes and triangles: a texture of integers.
+    pub geometry: wgpu::TextureView,
     /// Attributes, materials and textures.
     pub surfaces: wgpu::Buffer,
     /// For each solid of the scene.
@@ -58,7 +58,7 @@ impl MeshBuffers {
     /// Creates buffers without meshes.
     pub fn new(gpu: &Gpu) -> Self {
         Self {
-            geometry: buffer(gpu, "meshes", &[[0u32; 4]; 2]),
+            geometry: geometry(gpu, vec![[0; 4]]),
             surfaces: buffer(gpu, "mesh surfaces", &[0u32; 4]),
             places: Vec::new(),
             meshes: Vec::new(),
@@ -71,7 +71,7 @@ impl MeshBuffers {
     /// Uploads a scene's meshes and textures, if they are not there yet.
     ///
     /// # Errors
-    /// [`Error::Limit`] if they exceed the device's largest buffer.
+    /// [`Error::Limit`] if they exceed the device's largest texture or buffer, [`Error::Memory`].
     pub fn prepare(&mut self, gpu: &Gpu, scene: &Scene) -> Result<()> {
         let meshes = distinct(scene.solids.iter().filter_map(|solid| mesh_of(&solid.shape)));
         let textures = distinct(scene.solids.iter().filter_map(|solid| texture_of(&solid.surface)));
@@ -81,7 +81,7 @@ impl MeshBuffers {
             self.encode(&distinct(in_materials.chain(&textures)))?;
             check(gpu, &meshes, &self.encoded)?;
             let (contents, data) = lay_out(&meshes, &textures, &self.encoded);
-            self.geometry = buffer(gpu, "meshes", &data.geometry);
+            self.geometry = geometry(gpu, data.geometry);
             self.surfaces = buffer(gpu, "mesh surfaces", &data.surfaces);
             (self.meshes, self.textures, self.contents) = (meshes, textures, contents);
         }
@@ -147,20 +147,50 @@ fn buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str, contents: &[T]) -> wgpu
     gpu::buffer_with(gpu, label, usage, contents)
 }
 
-/// Fails if a buffer would be too large, or memory is short.
+/// Texels in a line of the texture: `MESH_WIDTH_BITS` of the shader.
+const WIDTH: usize = 1 << 12;
+
+/// Rows as texels, line by line.
+fn geometry(gpu: &Gpu, mut rows: Vec<[u32; 4]>) -> wgpu::TextureView {
+    /// Lines that are uploaded at once: 64 MiB.
+    const LINES: usize = 1024;
+    rows.resize(rows.len().next_multiple_of(WIDTH), [0; 4]);
+    let size = UVec2::new(WIDTH as u32, (rows.len() / WIDTH) as u32);
+    let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+    let format = wgpu::TextureFormat::Rgba32Uint;
+    let texture = gpu::texture(gpu, "meshes", size, 1, format, usage);
+    for (i, lines) in (0..).zip(rows.chunks(WIDTH * LINES)) {
+        let height = (lines.len() / WIDTH) as u32;
+        let origin = wgpu::Origin3d { x: 0, y: i * LINES as u32, z: 0 };
+        gpu.queue.write_texture(
+            wgpu::TexelCopyTextureInfo { origin, ..texture.as_image_copy() },
+            bytemuck::cast_slice(lines),
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(16 * size.x),
+                rows_per_image: None,
+            },
+            wgpu::Extent3d { height, ..texture.size() },
+        );
+    }
+    texture.create_view(&Default::default())
+}
+
+/// Fails if the texture or the buffer would be too large, or memory is short.
 fn check(gpu: &Gpu, meshes: &[Arc<Mesh>], textures: &[(Arc<Texture>, Vec<u32>)]) -> Result<()> {
     let limits = gpu.device.limits();
-    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    let of_geometry = 16 * WIDTH as u64 * u64::from(limits.max_texture_dimension_2d);
+    let of_surfaces = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
     let rows = |mesh: &Arc<Mesh>| MESH_HEADER + mesh.nodes().len() + 3 * mesh.triangles().len();
     let words =
         |mesh: &Arc<Mesh>| MATERIAL * mesh.materials().len() + TRIANGLE * mesh.triangles().len();
     let geometry = 16 * (2 + meshes.iter().map(rows).sum::<usize>());
     let of_textures = textures.iter().map(|(_, words)| words.len());
     let surfaces = 4 * (4 + of_textures.chain(meshes.iter().map(words)).sum::<usize>());
-    let bytes = geometry.max(surfaces) as u64;
-    if bytes <= most {
+    let sizes = [(geometry as u64, of_geometry), (surfaces as u64, of_surfaces)];
+    let Some((bytes, most)) = sizes.into_iter().find(|(bytes, most)| bytes > most) else {
         return memory::probe(geometry + surfaces, "meshes and textures");
-    }
+    };
     let problem =
         format!("{} MiB of meshes and textures; most are {} MiB", bytes >> 20, most >> 20);
     Err(Error::Limit { adapter: gpu.adapter(), problem, of: Limited::Meshes })
@@ -324,4 +354,16 @@ fn encoded(texture: &Texture) -> Vec<u32> {
         }));
     }
     words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Guards against meshes that the shader reads from other texels than they were written to.
+    #[test]
+    fn lines_are_as_long_as_in_the_shader() {
+        let bits = gpu::shader::constant("common/mesh.wgsl", "MESH_WIDTH_BITS");
+        assert_eq!(WIDTH as f64, bits.exp2());
+    }
 }

@@ -101,17 +101,12 @@ const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 impl Surface {
     /// Creates the layout; pipelines are compiled on first use.
     pub fn new(gpu: &Gpu) -> Self {
-        let tags = wgpu::BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Uint,
-            view_dimension: D2,
-            multisampled: false,
-        };
         let bindings = [
             gpu::uniform::<Params>(),
             gpu::sampled(D2Array),
             gpu::sampled(D2Array),
             gpu::sampled(D2),
-            tags,
+            gpu::sampled_integers(),
             gpu::storage_of(4),
             gpu::storage_texture(Layers::FORMAT, D2),
             gpu::storage_texture(Layers::FORMAT, D2),

@@ -57,7 +57,7 @@ impl Uploaded {
     fn resources(&self) -> [(u32, u32, wgpu::BindingResource<'_>); 3] {
         [
             (2, 1, self.solids.as_entire_binding()),
-            (2, 7, self.meshes.geometry.as_entire_binding()),
+            (2, 7, wgpu::BindingResource::TextureView(&self.meshes.geometry)),
             (2, 8, self.meshes.surfaces.as_entire_binding()),
         ]
     }

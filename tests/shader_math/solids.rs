@@ -113,7 +113,8 @@ fn random_form(random: &mut Random, kind: usize) -> Form {
 
 /// Meshes and textures, which these solids do not have.
 fn no_meshes(meshes: &MeshBuffers) -> [(u32, u32, wgpu::BindingResource<'_>); 2] {
-    [(2, 7, meshes.geometry.as_entire_binding()), (2, 8, meshes.surfaces.as_entire_binding())]
+    let geometry = wgpu::BindingResource::TextureView(&meshes.geometry);
+    [(2, 7, geometry), (2, 8, meshes.surfaces.as_entire_binding())]
 }
 
 const SOLID_KERNEL: &str = "
