@@ -147,20 +147,21 @@ fn buffer<T: bytemuck::NoUninit>(gpu: &Gpu, label: &str, contents: &[T]) -> wgpu
     gpu::buffer_with(gpu, label, usage, contents)
 }
 
-/// Texels in a line of the texture: `MESH_WIDTH_BITS` of the shader.
+/// Texels in a line of the texture, unless all fit in one: `MESH_WIDTH_BITS` of the shader.
 const WIDTH: usize = 1 << 12;
 
 /// Rows as texels, line by line.
 fn geometry(gpu: &Gpu, mut rows: Vec<[u32; 4]>) -> wgpu::TextureView {
     /// Lines that are uploaded at once: 64 MiB.
     const LINES: usize = 1024;
-    rows.resize(rows.len().next_multiple_of(WIDTH), [0; 4]);
-    let size = UVec2::new(WIDTH as u32, (rows.len() / WIDTH) as u32);
+    let width = rows.len().min(WIDTH);
+    rows.resize(rows.len().next_multiple_of(width), [0; 4]);
+    let size = UVec2::new(width as u32, (rows.len() / width) as u32);
     let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
     let format = wgpu::TextureFormat::Rgba32Uint;
     let texture = gpu::texture(gpu, "meshes", size, 1, format, usage);
-    for (i, lines) in (0..).zip(rows.chunks(WIDTH * LINES)) {
-        let height = (lines.len() / WIDTH) as u32;
+    for (i, lines) in (0..).zip(rows.chunks(width * LINES)) {
+        let height = (lines.len() / width) as u32;
         let origin = wgpu::Origin3d { x: 0, y: i * LINES as u32, z: 0 };
         gpu.queue.write_texture(
             wgpu::TexelCopyTextureInfo { origin, ..texture.as_image_copy() },
@@ -179,7 +180,10 @@ fn geometry(gpu: &Gpu, mut rows: Vec<[u32; 4]>) -> wgpu::TextureView {
 /// Fails if the texture or the buffer would be too large, or memory is short.
 fn check(gpu: &Gpu, meshes: &[Arc<Mesh>], textures: &[(Arc<Texture>, Vec<u32>)]) -> Result<()> {
     let limits = gpu.device.limits();
-    let of_geometry = 16 * WIDTH as u64 * u64::from(limits.max_texture_dimension_2d);
+    let edge = u64::from(limits.max_texture_dimension_2d);
+    // One line, if none of the shader's length fits.
+    let texels = if edge < WIDTH as u64 { edge } else { WIDTH as u64 * edge };
+    let of_geometry = 16 * texels;
     let of_surfaces = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
     let rows = |mesh: &Arc<Mesh>| MESH_HEADER + mesh.nodes().len() + 3 * mesh.triangles().len();
     let words =
