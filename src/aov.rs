@@ -183,7 +183,8 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
                         let planes = texels(&layers.texture, layer)?;
                         let name = format!("{aov}.{class}_{side}");
                         if matches!(aov, Aov::Depth | Aov::SmoothDepth) {
-                            push(&mut channels, name, &planes, |p| p[3]);
+                            // Without its flag.
+                            push(&mut channels, name, &planes, |p| p[3].abs());
                         } else {
                             let sign = if layer == Layers::FRONT { -1.0 } else { 1.0 };
                             for (i, axis) in ["X", "Y", "Z"].into_iter().enumerate() {

@@ -52,7 +52,7 @@ impl Dirty {
         let scene_lights = last.scene.lights != scene.lights;
         let absorption = last.scene.absorptions() != scene.absorptions();
         let optics = last.scene.liquid != scene.liquid || absorption;
-        let smooth = old.smooth != new.smooth;
+        let smooth = old.smooth != new.smooth || old.layers != new.layers;
         let lights = splats
             || solids
             || scene_lights

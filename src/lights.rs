@@ -9,7 +9,9 @@ use crate::light_view::{CUBE, LightView};
 use crate::liquid::bulk::{self, Bulk};
 use crate::liquid::classify::{Splat, Splats};
 use crate::passes::Layers;
-use crate::passes::caustics::{CausticMap, Caustics, Inputs, MapConfig, Output, Params};
+use crate::passes::caustics::{
+    CausticMap, Caustics, Inputs, MapConfig, Output, Params, light_gaps,
+};
 use crate::passes::gbuffer::LightMaps;
 use crate::passes::mixture;
 use crate::passes::smooth;
@@ -100,6 +102,7 @@ impl Lights {
                 levels: 1,
                 backs,
                 culled,
+                gaps: light_gaps(scene),
                 sections,
             };
             surfaces.resize(gpu, config);

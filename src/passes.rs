@@ -12,6 +12,7 @@ use crate::gpu::{self, Gpu};
 
 pub mod caustics;
 pub mod cull;
+pub mod gaps;
 pub mod gbuffer;
 pub mod host;
 pub mod mesh_buffers;
@@ -26,13 +27,14 @@ pub mod tiles;
 pub mod tonemap;
 pub mod view_passes;
 
-/// A front and a back layer of tangent planes: two layers of one texture.
+/// A front and a back layer of tangent planes, and two more for each gap between liquid and liquid: layers of
+/// one texture.
 ///
 /// A texel stores the plane π·X = 1 in view space, in 1/m, and its depth in m. 32-bit floats:
 /// at grazing angles, 16-bit planes lack the precision that Newton's method needs.
 #[derive(Debug, Clone)]
 pub struct Layers {
-    /// [`Layers::FORMAT`], layers [`Layers::FRONT`] and [`Layers::BACK`].
+    /// [`Layers::FORMAT`], layers [`Layers::FRONT`], [`Layers::BACK`] and those of [`Layers::gap`].
     pub texture: wgpu::Texture,
     /// Both layers, all mip levels.
     pub view: wgpu::TextureView,
@@ -46,8 +48,21 @@ impl Layers {
     /// The layer of farthest backs.
     pub const BACK: u32 = 1;
 
-    fn new(gpu: &Gpu, label: &str, size: UVec2, levels: u32, usage: wgpu::TextureUsages) -> Self {
-        let texture = gpu::mipped_texture(gpu, label, size, 2, levels, Self::FORMAT, usage);
+    /// The layers of a gap, counted from the eye: the back in front of it, and the front behind it. Both or
+    /// neither are empty, and both are undefined in tiles without gaps.
+    pub const fn gap(gap: u32) -> [u32; 2] {
+        [2 + 2 * gap, 3 + 2 * gap]
+    }
+
+    fn new(
+        gpu: &Gpu,
+        label: &str,
+        size: UVec2,
+        layers: u32,
+        levels: u32,
+        usage: wgpu::TextureUsages,
+    ) -> Self {
+        let texture = gpu::mipped_texture(gpu, label, size, layers, levels, Self::FORMAT, usage);
         let view = gpu::array_view(&texture);
         Self { texture, view }
     }

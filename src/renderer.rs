@@ -519,6 +519,7 @@ impl<'a> Frame<'a> {
             host: host.is_some(),
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs: settings.refract.interfaces > 1 || diagnose || starts_inside,
+            gaps: variant.gaps,
             culled: cull::is_worthwhile(gpu, splats),
             sections: Sections::for_work(gpu, size, work),
         };

@@ -18,6 +18,8 @@ use crate::error::{Error, Result};
 pub struct Settings {
     /// Classification into splashes and aggregates, and splat shapes.
     pub classify: Classify,
+    /// Intervals of the layers.
+    pub layers: Layers,
     /// Smoothing of the aggregate layers.
     pub smooth: Smooth,
     /// Refraction through the layers.
@@ -80,6 +82,21 @@ impl Default for Classify {
             splash_radius: 1.2,
             wetting: 3.3,
         }
+    }
+}
+
+/// Settings of the layers that the liquid is splatted into: [`crate::passes::gaps`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Layers {
+    /// Intervals of liquid, with air between them, that a pixel distinguishes in each class: 1 (from the first
+    /// front to the last back, as in the papers) to 3, default 2.
+    pub intervals: u32,
+}
+
+impl Default for Layers {
+    fn default() -> Self {
+        Self { intervals: 2 }
     }
 }
 
@@ -449,6 +466,7 @@ impl Preset {
                     splash_radius: 1.0,
                     ..Classify::default()
                 },
+                layers: Layers { intervals: 1 },
                 smooth: Smooth {
                     filter: Filter::PlaneFit,
                     iterations: 5,
@@ -478,6 +496,7 @@ impl Preset {
                     solids: Solids::Screen,
                     ..Self::Imai2016.settings().refract
                 },
+                layers: Layers { intervals: 1 },
                 ..Settings::default()
             },
         }
@@ -512,6 +531,7 @@ impl Settings {
             ("classify.long_axis", c.long_axis, 0.01, 100.0),
             ("classify.splash_radius", c.splash_radius, 0.01, 100.0),
             ("classify.wetting", c.wetting, 0.0, 1000.0),
+            ("layers.intervals", self.layers.intervals as f32, 1.0, 3.0),
             ("smooth.iterations", s.iterations as f32, 0.0, 64.0),
             ("smooth.window", s.window, 0.1, 1000.0),
             ("smooth.taps", s.taps as f32, 3.0, 33.0),

@@ -10,7 +10,7 @@ use limpid::camera::CameraUniform;
 use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
 use limpid::passes::{
-    Layers, caustics, cull, gbuffer, host, refract, smooth, surface, tiles, tonemap,
+    Layers, caustics, cull, gaps, gbuffer, host, refract, smooth, surface, tiles, tonemap,
 };
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
@@ -126,6 +126,7 @@ fn shared_structs_agree() {
     let splat =
         rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, tags });
     let smooth = rust_struct!(smooth::Params { stride, radius, inv_sigma2, delta, mu });
+    let gaps = rust_struct!(gaps::Params { least });
     let refract = rust_struct!(refract::Params {
         absorption,
         ior,
@@ -244,6 +245,7 @@ fn shared_structs_agree() {
         (light_view, "gbuffer.wgsl", "LightView"),
         (caustics, "caustics/deposit.wgsl", "CausticParams"),
         (sections, "tiles.wgsl", "Sections"),
+        (gaps, "gaps/split.wgsl", "Params"),
         (classify_params, "classify/shape.wgsl", "Params"),
         (shaped, "classify/shape.wgsl", "Shaped"),
         (sum, "classify/scan.wgsl", "Sum"),
@@ -283,6 +285,8 @@ fn shared_constants_agree() {
         ("tiles.wgsl", "TILE", gpu::TILE),
         ("splat.wgsl", "BURIED", classify::Splat::BURIED),
         ("cull/select.wgsl", "BLOCK", cull::BLOCK),
+        ("gaps/mark.wgsl", "CELL", gaps::CELL),
+        ("gaps/mark.wgsl", "WORDS", gaps::WORDS),
         ("splat.wgsl", "FRONT", Layers::FRONT),
         ("splat.wgsl", "BACK", Layers::BACK),
         ("classify/scan.wgsl", "ROW", gpu::ROW),

@@ -51,36 +51,62 @@ fn light_path(vertex: GridVertex) -> Landing {
     var d = optics_refract(-to_light, n, cos_theta_i, cos_theta_t, params.ior);
     // Shadowed vertices are traced too: their landing points define the shadow's edge.
     var state = select(DARK, LANDED, vertex.valid == LIT);
-    let inside = screen_ray(o, d, NOTHING);
-    var receiver = light_receiver(inside);
+    var receiver: Interface;
     var dry = false;
-    if caustics.interfaces >= 2u {
-        let exit = liquid_exit(inside, screen_ray_texel(inside, 0.0));
-        let to_exit = distance(o, exit.position);
-        dry = exit.found && !(receiver.found
-            && (distance(o, receiver.position) <= to_exit || wets(receiver, exit.position)));
-        if dry {
-            n = plane_normal(exit.plane);
-            if dot(n, d) > 0.0 {
-                n = -n;
-            }
-            let eta = 1.0 / params.ior;
-            cos_theta_i = -dot(d, n);
-            cos_theta_t = optics_cos_transmitted(cos_theta_i, eta);
-            if cos_theta_t < 0.0 {
-                return no_path();
-            }
-            passed *= transmittance_between(o, exit.position)
-                * (1.0 - reflectance(cos_theta_i, cos_theta_t, eta));
-            start = exit.position;
-            d = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
-            receiver = light_receiver(screen_ray(start, d, NOTHING));
+    // One body of liquid after the other, as far as the layers tell them apart.
+    for (var body = 0u; body <= GAPS; body++) {
+        let inside = screen_ray(start, d, NOTHING);
+        let texel = screen_ray_texel(inside, 0.0);
+        receiver = light_receiver(inside);
+        dry = false;
+        if caustics.interfaces < 2u {
+            break;
         }
+        let exit = liquid_exit(inside, texel);
+        let to_exit = distance(start, exit.position);
+        dry = exit.found && !(receiver.found
+            && (distance(start, receiver.position) <= to_exit || wets(receiver, exit.position)));
+        if !dry {
+            break;
+        }
+        n = plane_normal(exit.plane);
+        if dot(n, d) > 0.0 {
+            n = -n;
+        }
+        let eta = 1.0 / params.ior;
+        cos_theta_i = -dot(d, n);
+        cos_theta_t = optics_cos_transmitted(cos_theta_i, eta);
+        if cos_theta_t < 0.0 {
+            return no_path();
+        }
+        passed *= transmittance_between(start, exit.position)
+            * (1.0 - reflectance(cos_theta_i, cos_theta_t, eta));
+        start = exit.position;
+        d = optics_refract(d, n, cos_theta_i, cos_theta_t, eta);
+        let outside = screen_ray(start, d, NOTHING);
+        receiver = light_receiver(outside);
+        if body == GAPS {
+            break;
+        }
+        let entry = liquid_entry(outside);
+        let to_entry = distance(start, entry.position);
+        if !entry.found || receiver.found && distance(start, receiver.position) <= to_entry {
+            break;
+        }
+        n = plane_normal(entry.plane);
+        if dot(n, d) > 0.0 {
+            n = -n;
+        }
+        cos_theta_i = -dot(d, n);
+        cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
+        passed *= 1.0 - reflectance(cos_theta_i, cos_theta_t, params.ior);
+        start = entry.position;
+        d = optics_refract(d, n, cos_theta_i, cos_theta_t, params.ior);
     }
     if !receiver.found {
         state = min(state, HIDDEN);
     } else if !dry {
-        passed *= transmittance_between(o, receiver.position);
+        passed *= transmittance_between(start, receiver.position);
     }
     let normal = pack_unit(plane_normal(receiver.plane));
     return Landing(receiver.position, state, passed, normal, start, pack_unit(d));

@@ -121,12 +121,19 @@ fn interval(front: vec3f, back: vec3f, omega: vec3f, disparity: f32, normal: vec
 // Whether the receiver is in the liquid that light enters first, not behind a gap between splashes and
 // aggregates.
 fn in_first_liquid(texel: vec2i, omega: vec3f, disparity: f32, normal: vec3f) -> bool {
-    let slabs = load_slabs(texel);
-    let aggregate = interval(slabs.aggregate_front, slabs.aggregate_back, omega, disparity, normal);
+    var slabs = whole_slabs(texel);
+    // The light enters the first interval of each class first.
+    if slabs.aggregate_has_gap && is_open(aggregate_gap(texel, 0)) {
+        slabs.aggregate.back = aggregate_gap(texel, 0).back;
+    }
+    if slabs.splash_has_gap && is_open(splash_gap(texel, 0)) {
+        slabs.splash.back = splash_gap(texel, 0).back;
+    }
+    let aggregate = interval(slabs.aggregate.front, slabs.aggregate.back, omega, disparity, normal);
     if !SPLASH {
         return aggregate.inside;
     }
-    let splash = interval(slabs.splash_front, slabs.splash_back, omega, disparity, normal);
+    let splash = interval(slabs.splash.front, slabs.splash.back, omega, disparity, normal);
     let aggregate_first = aggregate.inside && (splash.front <= aggregate.front || splash.back <= aggregate.front);
     let splash_first = splash.inside && (aggregate.front <= splash.front || aggregate.back <= splash.front);
     return aggregate_first || splash_first;

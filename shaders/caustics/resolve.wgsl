@@ -19,29 +19,44 @@ const GATHER: u32 = 2u;
 
 // Transmittance of unrefracted light to a receiver: in through the front, and out through the back if
 // that is in front of the receiver.
-fn straight(slabs: Slabs, receiver: vec3f, omega: vec3f) -> vec3f {
+fn straight(texel: vec2i, slabs: Slabs, receiver: vec3f, omega: vec3f) -> vec3f {
     let d = camera_ray_direction(omega);
     let end = camera_point(omega, dot(receiver, omega));
     let n_r = plane_normal(receiver);
     let wet = caustics.wet == 1u;
-    var passed = class_transmittance(slabs.aggregate_front, slabs.aggregate_back, omega, d, end, n_r, wet);
+    var passed = vec3f(1.0);
+    var rest = slabs.aggregate;
+    for (var gap = select(i32(GAPS), 0, slabs.aggregate_has_gap); gap < i32(GAPS); gap++) {
+        let planes = aggregate_gap(texel, gap);
+        passed *= slab_transmittance(before_gap(rest, planes), omega, d, end, n_r, wet);
+        rest = after_gap(rest, planes);
+    }
+    let undivided = all(rest.front == slabs.aggregate.front);
+    passed *= slab_transmittance(rest, omega, d, end, n_r, wet && undivided);
+    rest = slabs.splash;
+    for (var gap = select(i32(GAPS), 0, slabs.splash_has_gap); gap < i32(GAPS); gap++) {
+        let planes = splash_gap(texel, gap);
+        passed *= slab_transmittance(before_gap(rest, planes), omega, d, end, n_r, false);
+        rest = after_gap(rest, planes);
+    }
     if SPLASH {
-        passed *= class_transmittance(slabs.splash_front, slabs.splash_back, omega, d, end, n_r, false);
+        passed *= slab_transmittance(rest, omega, d, end, n_r, false);
     }
     return passed;
 }
 
-fn class_transmittance(
-    front: vec3f,
-    back: vec3f,
+fn slab_transmittance(
+    slab: Slab,
     omega: vec3f,
     d: vec3f,
     end: vec3f,
     n_r: vec3f,
     starts_wet: bool,
 ) -> vec3f {
+    let front = slab.front;
+    let back = slab.back;
     let disparity = dot(front, omega);
-    if disparity <= camera_disparity(end) {
+    if plane_is_empty(front) || disparity <= camera_disparity(end) {
         return vec3f(1.0);
     }
     var from_point = camera_point(omega, disparity);
@@ -72,8 +87,8 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
     }
     let plane = textureLoad(gbuffer_planes, p, 0);
     let omega = camera_omega(vec2f(p) + 0.5);
-    let slabs = load_slabs(p);
-    let nearest = max(dot(slabs.aggregate_front, omega), dot(slabs.splash_front, omega));
+    let slabs = whole_slabs(p);
+    let nearest = max(dot(slabs.aggregate.front, omega), dot(slabs.splash.front, omega));
     let out = p + vec2i(caustics.corner);
     textureStore(receiver_out, out, vec4f(plane.xyz, nearest));
     if plane_is_empty(plane.xyz) {
@@ -93,7 +108,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
         let word = 6u * u32(p.y * i32(camera.size.x) + p.x);
         irradiance = direct * light_ratio(word) / view_power(omega);
     } else if covered {
-        irradiance = caustics.gain * direct * straight(slabs, plane.xyz, omega);
+        irradiance = caustics.gain * direct * straight(p, slabs, plane.xyz, omega);
         if METHOD == GATHER {
             let found = textureLoad(gathered, p, 0);
             irradiance = select(irradiance, found.rgb, found.a > 0.5);

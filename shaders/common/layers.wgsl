@@ -11,6 +11,25 @@
 const FRONT: i32 = 0;
 const BACK: i32 = 1;
 
+// Flags are sign bits of depths: of the aggregate front's, that aggregates have gaps at the texel, and of the
+// aggregate back's, that splashes have. An empty texel with a flag has a depth of -0.
+fn is_flagged(depth: f32) -> bool {
+    return (bitcast<u32>(depth) & 0x80000000u) != 0u;
+}
+
+fn flagged(depth: f32, flag: bool) -> f32 {
+    return bitcast<f32>(bitcast<u32>(depth) | select(0u, 0x80000000u, flag));
+}
+
+// Layers of the sides of a gap: the back in front of it, and the front behind it.
+fn gap_back(gap: i32) -> i32 {
+    return 2 + 2 * gap;
+}
+
+fn gap_front(gap: i32) -> i32 {
+    return 3 + 2 * gap;
+}
+
 // Plane through z * omega with normal `n` (of either sign). A plane seen edge-on has no finite
 // disparity slope: its normal is tilted to a cosine of at least 1e-3 with the ray.
 fn plane_from_normal(omega: vec3f, z: f32, n: vec3f) -> vec3f {

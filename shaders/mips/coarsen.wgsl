@@ -23,6 +23,8 @@ fn coarsen(@builtin(global_invocation_id) id: vec3u) {
     for (var i = 0; i < 4; i++) {
         let p = min(2 * vec2i(id.xy) + vec2i(i & 1, i >> 1u), last);
         texels[i] = finer_texel(p, layer);
+        // Without its flag.
+        texels[i].w = abs(texels[i].w);
         // The depth at the texel's centre is in w, 0 where empty.
         if texels[i].w > 0.0 && (nearest.w == 0.0 || texels[i].w < nearest.w) {
             nearest = texels[i];

@@ -13,6 +13,9 @@ const EXIT_STEPS: u32 = 256u;
 const LEAST_STRIDE: f32 = 4.0;
 const LEAST_REACH: f32 = 8.0;
 const ENTRY_STEPS: u32 = 192u;
+// Most evaluations inside the bracket of an entry, the first of them where the plane behind it predicts.
+const ENTRY_BISECTIONS: u32 = 8u;
+const PREDICTED_BISECTIONS: u32 = 3u;
 
 fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     let close = CLOSE_PIXELS * ray.tau_per_pixel;
@@ -20,20 +23,42 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     let stride = max(params.reach * camera.size.y, LEAST_STRIDE) * ray.tau_per_pixel;
     var inside_tau = 0.0;
     var inside_texel = texel;
-    var inside = slabs_leave_at_start(load_slabs(texel), ray);
-    if !inside.inside {
-        return no_interface();
-    }
+    var inside: Leave;
     // Outer end of the bracket, once a step has left the liquid.
     var outside_tau = NEVER;
     var outside_texel = texel;
-    var outside = inside;
+    var outside: Leave;
     var width = NEVER;
-    for (var i = 0u; i < EXIT_STEPS; i++) {
+    var tau = 0.0;
+    var there_texel = texel;
+    // One evaluation in the source, for the start too: drivers inline it where it is called.
+    for (var i = 0u; i <= EXIT_STEPS; i++) {
+        let slack = select(ROUNDING, AT_START, i == 0u);
+        let slabs = slabs_at(there_texel, ray, tau, slack);
+        var there = slabs_leave(slabs, ray, tau, slack);
+        let crossed = i == 0u && !there.inside;
+        for (var once = 0u; once < select(0u, 1u, crossed); once++) {
+            there = crossed_slabs_leave(slabs, ray);
+            if !there.inside {
+                return no_interface();
+            }
+        }
+        if there.inside {
+            inside = there;
+            inside_tau = tau;
+            inside_texel = there_texel;
+        } else {
+            outside = there;
+            outside_tau = tau;
+            outside_texel = there_texel;
+        }
+        if i == EXIT_STEPS {
+            break;
+        }
         if inside.tau - inside_tau <= close && inside.tau <= 1.0 {
             return interface_at(ray, inside.tau, inside.plane, inside_texel);
         }
-        var tau = min(inside.tau, inside_tau + stride);
+        tau = min(inside.tau, inside_tau + stride);
         if outside_tau < NEVER {
             if outside.tau >= inside_tau && abs(outside_tau - outside.tau) <= close {
                 return interface_at(ray, outside.tau, outside.plane, outside_texel);
@@ -52,17 +77,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
             return beyond_picture(ray, inside, inside_texel);
         }
         tau = min(tau, 1.0);
-        let there_texel = screen_ray_texel(ray, tau);
-        let there = slabs_leave(load_slabs(there_texel), ray, tau, ROUNDING);
-        if there.inside {
-            inside = there;
-            inside_tau = tau;
-            inside_texel = there_texel;
-        } else {
-            outside = there;
-            outside_tau = tau;
-            outside_texel = there_texel;
-        }
+        there_texel = screen_ray_texel(ray, tau);
     }
     diagnosed.failures += 1.0;
     return interface_at(ray, inside_tau, inside.plane, inside_texel);
@@ -79,8 +94,9 @@ struct Approach {
 fn approach(layer_class: i32, ray: ScreenRay, tau: f32) -> Approach {
     let texel = screen_ray_texel(ray, tau);
     diagnosed.iterations += 1.0;
-    let front = class_plane(layer_class, FRONT, texel);
-    let back = class_plane(layer_class, BACK, texel);
+    let interval = class_interval(layer_class, texel, ray, tau);
+    let front = interval.front;
+    let back = interval.back;
     if plane_is_empty(front) {
         return Approach(false, NEVER, front, texel);
     }
@@ -91,6 +107,8 @@ fn approach(layer_class: i32, ray: ScreenRay, tau: f32) -> Approach {
     return Approach(residual > 0.0 && !beyond, select(root, NEVER, residual > 0.0 && beyond), front, texel);
 }
 
+// One loop for strides and bisections: drivers inline the evaluation where it is called, and a group of pixels
+// waits for those that bisect.
 fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     if layer_class == OPAQUE {
         return opaque_entry(ray);
@@ -100,39 +118,61 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     // Starts with short steps: a ray that just left may re-enter within a pixel or two.
     var stride = 0.5 * ray.tau_per_pixel;
     var tau = 0.0;
-    var here = approach(layer_class, ray, tau);
-    for (var i = 0u; i < ENTRY_STEPS && tau < 1.0; i++) {
-        if !here.behind && here.tau - tau <= close {
-            return entry_at(ray, here);
-        }
-        var next = min(min(tau + stride, 1.0), select(here.tau, NEVER, here.behind || here.tau <= tau));
-        var there = approach(layer_class, ray, next);
-        if there.behind && !here.behind {
-            // The ray crossed the surface, or passed behind an edge in front of it.
-            var low = tau;
-            for (var k = 0u; k < 8u; k++) {
-                if there.tau >= low && next - there.tau <= close {
-                    return entry_at(ray, there);
-                }
-                let middle = select(0.5 * (low + next), there.tau, there.tau > low && there.tau < next && k < 3u);
-                let between = approach(layer_class, ray, middle);
-                if between.behind {
-                    next = middle;
-                    there = between;
-                } else {
-                    if between.tau - middle <= close {
-                        return entry_at(ray, between);
-                    }
-                    low = middle;
-                }
-                if next - low < 0.5 * close {
-                    break;
-                }
+    var here: Approach;
+    // The end of the stride.
+    var next = 0.0;
+    var there: Approach;
+    // The bracket of an entry, while there is one.
+    var low = 0.0;
+    var bisections = 0u;
+    var is_bracketed = false;
+    var sample = 0.0;
+    var strides = 0u;
+    for (var i = 0u; i < ENTRY_STEPS * (ENTRY_BISECTIONS + 1u); i++) {
+        let found = approach(layer_class, ray, sample);
+        var advances = true;
+        if is_bracketed {
+            bisections += 1u;
+            if found.behind {
+                next = sample;
+                there = found;
+            } else if found.tau - sample <= close {
+                return entry_at(ray, found);
+            } else {
+                low = sample;
             }
+            advances = next - low < 0.5 * close || bisections == ENTRY_BISECTIONS;
+        } else {
+            there = found;
+            // The ray crossed the surface, or passed behind an edge in front of it.
+            advances = i == 0u || !there.behind || here.behind;
+            is_bracketed = !advances;
+            low = tau;
+            bisections = 0u;
         }
-        tau = next;
-        here = there;
-        stride = min(2.0 * stride, longest);
+        if advances {
+            is_bracketed = false;
+            tau = next;
+            here = there;
+            if i > 0u {
+                stride = min(2.0 * stride, longest);
+                strides += 1u;
+            }
+            if strides >= ENTRY_STEPS || tau >= 1.0 {
+                break;
+            }
+            if !here.behind && here.tau - tau <= close {
+                return entry_at(ray, here);
+            }
+            next = min(min(tau + stride, 1.0), select(here.tau, NEVER, here.behind || here.tau <= tau));
+            sample = next;
+        } else {
+            if there.tau >= low && next - there.tau <= close {
+                return entry_at(ray, there);
+            }
+            let predicted = there.tau > low && there.tau < next && bisections < PREDICTED_BISECTIONS;
+            sample = select(0.5 * (low + next), there.tau, predicted);
+        }
     }
     return no_interface();
 }

@@ -120,25 +120,59 @@ const OPAQUE: i32 = 2;
 
 // Plane of a class of layers at a mip level; the opaque scene has no backs.
 fn class_plane_at(layer_class: i32, side: i32, texel: vec2i, level: i32) -> vec3f {
+    return class_texel(layer_class, side, texel, level).xyz;
+}
+
+// The same with its depth, which may bear a flag.
+fn class_texel(layer_class: i32, side: i32, texel: vec2i, level: i32) -> vec4f {
     if layer_class == OPAQUE && side == BACK {
-        return vec3f(0.0);
+        return vec4f(0.0);
     }
     diagnosed.fetches += 1.0;
     switch layer_class {
         case AGGREGATE: {
-            return textureLoad(aggregate_layers, texel, side, level).xyz;
+            return textureLoad(aggregate_layers, texel, side, level);
         }
         case SPLASHES: {
-            return textureLoad(splash_layers, texel, side, level).xyz;
+            return textureLoad(splash_layers, texel, side, level);
         }
         default: {
-            return textureLoad(gbuffer_planes, texel, level).xyz;
+            return textureLoad(gbuffer_planes, texel, level);
         }
     }
 }
 
 fn class_plane(layer_class: i32, side: i32, texel: vec2i) -> vec3f {
     return class_plane_at(layer_class, side, texel, 0);
+}
+
+// Front and back of a class at a texel: of the first interval whose back lies ahead of the ray's point at tau,
+// or of the last if none does.
+fn class_interval(layer_class: i32, texel: vec2i, ray: ScreenRay, tau: f32) -> Slab {
+    let first = class_texel(layer_class, FRONT, texel, 0);
+    var interval = Slab(first.xyz, class_plane(layer_class, BACK, texel));
+    if GAPS == 0u || layer_class == OPAQUE {
+        return interval;
+    }
+    // Loops in place of branches, as in `slabs_at`.
+    var has_gap = layer_class == AGGREGATE && is_flagged(first.w);
+    let of_splashes = layer_class == SPLASHES && !plane_is_empty(first.xyz);
+    for (var once = 0; once < select(0, 1, of_splashes); once++) {
+        has_gap = is_flagged(class_texel(AGGREGATE, BACK, texel, 0).w);
+    }
+    var ended = false;
+    for (var gap = select(i32(GAPS), 0, has_gap); gap < i32(GAPS); gap++) {
+        let back = class_plane(layer_class, gap_back(gap), texel);
+        let front = class_plane(layer_class, gap_front(gap), texel);
+        let divides = !ended && !plane_is_empty(back) && !plane_is_empty(front);
+        // A ray that has just left through a back lies on it.
+        let disparity = ray.disparity + tau * ray.d_disparity;
+        let ahead = screen_ray_residual(ray, back, tau) <= -4.0 * ROUNDING * disparity;
+        interval.back = select(interval.back, back, divides && ahead);
+        interval.front = select(interval.front, front, divides && !ahead);
+        ended = ended || divides && ahead;
+    }
+    return interval;
 }
 
 // Entry of a ray from outside into the liquid.
@@ -289,12 +323,12 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
     let omega = camera_omega(u);
     var o = camera_ray_origin(omega);
     var d = camera_ray_direction(omega);
-    let slabs = load_slabs(texel);
-    let aggregate = dot(slabs.aggregate_front, omega);
-    let splash = dot(slabs.splash_front, omega);
-    var front = slabs.aggregate_front;
+    let slabs = whole_slabs(texel);
+    let aggregate = dot(slabs.aggregate.front, omega);
+    let splash = dot(slabs.splash.front, omega);
+    var front = slabs.aggregate.front;
     if SPLASH && splash > aggregate {
-        front = slabs.splash_front;
+        front = slabs.splash.front;
     }
     let disparity = max(aggregate, splash);
     var solid = first_solid(omega, texel);
@@ -330,6 +364,16 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
 
     // At most 8 interfaces, 8 bounces, the final event and the upward ray.
     for (var event = 0u; event < 18u; event++) {
+        if !eye || inside {
+            solid = solid_ahead(o, d);
+        }
+        if !eye && !inside {
+            // Left the liquid, and may enter it again.
+            hit = no_interface();
+            if interfaces < params.interfaces {
+                hit = liquid_entry(screen_ray(o, d, solid.t));
+            }
+        }
         // The path ends without more liquid, on a solid, or at the picture's border.
         var ends = rises || !inside && !hit.found;
         var end_scale = 1.0;
@@ -337,7 +381,6 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
         var wet = false;
         var to_hit = 0.0;
         if inside {
-            solid = solid_ahead(o, d);
             if !rises && interfaces >= params.interfaces {
                 ends = true;
                 end_scale = scale;
@@ -422,17 +465,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
             d = select(transmitted, reflected, bounce);
             // Ends on total reflection beyond the bounce limit.
             ends = !bounce && f >= 1.0;
-            if !bounce && inside {
-                // Leaves the liquid and may enter it again.
-                inside = false;
-                solid = solid_ahead(o, d);
-                hit = no_interface();
-                if interfaces < params.interfaces && !ends {
-                    hit = liquid_entry(screen_ray(o, d, solid.t));
-                }
-            } else {
-                inside = true;
-            }
+            inside = bounce || !inside;
         }
         if ANY_LIT && wet {
             // Starts within the layers' liquid: the solid may be slightly beyond it.

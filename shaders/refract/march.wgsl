@@ -60,7 +60,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     var walk = walk_start(ray);
     var plane = vec3f(0.0);
     var last = texel;
-    var leave = slabs_leave_at_start(load_slabs(texel), ray);
+    var leave = slabs_leave_at_start(slabs_at(texel, ray, 0.0, AT_START), ray);
     for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++) {
         if !leave.inside {
             if plane_is_empty(plane) {
@@ -78,7 +78,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
         if walk.tau >= 1.0 {
             return beyond_picture(ray, leave, last);
         }
-        leave = slabs_leave(load_slabs(walk.texel), ray, walk.tau, ROUNDING);
+        leave = slabs_leave(slabs_at(walk.texel, ray, walk.tau, ROUNDING), ray, walk.tau, ROUNDING);
     }
     return no_interface();
 }
@@ -92,8 +92,9 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     var ahead = false;
     for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++) {
         diagnosed.iterations += 1.0;
-        let front = class_plane(layer_class, FRONT, walk.texel);
-        let back = class_plane(layer_class, BACK, walk.texel);
+        let interval = class_interval(layer_class, walk.texel, ray, walk.tau);
+        let front = interval.front;
+        let back = interval.back;
         if plane_is_empty(front) {
             ahead = true;
         } else {
@@ -128,7 +129,7 @@ fn strided_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     let step = strided_step(ray);
     var tau = 0.0;
     var last = texel;
-    var leave = slabs_leave_at_start(load_slabs(texel), ray);
+    var leave = slabs_leave_at_start(slabs_at(texel, ray, 0.0, AT_START), ray);
     if !leave.inside {
         return no_interface();
     }
@@ -141,7 +142,7 @@ fn strided_exit(ray: ScreenRay, texel: vec2i) -> Interface {
             break;
         }
         let there = screen_ray_texel(ray, next);
-        let beyond = slabs_leave(load_slabs(there), ray, next, ROUNDING);
+        let beyond = slabs_leave(slabs_at(there, ray, next, ROUNDING), ray, next, ROUNDING);
         if !beyond.inside {
             // Left since the last sample: at the root of this texel's plane if it lies in between.
             if beyond.tau >= tau && beyond.tau <= next {
@@ -166,8 +167,9 @@ fn strided_entry(layer_class: i32, ray: ScreenRay) -> Interface {
     for (var i = 0u; i < most_texels() && tau < 1.0; i++) {
         diagnosed.iterations += 1.0;
         let there = screen_ray_texel(ray, tau);
-        let front = class_plane(layer_class, FRONT, there);
-        let back = class_plane(layer_class, BACK, there);
+        let interval = class_interval(layer_class, there, ray, tau);
+        let front = interval.front;
+        let back = interval.back;
         let residual = screen_ray_residual(ray, front, tau);
         let slope = screen_ray_residual_slope(ray, front);
         let own = select(NEVER, tau - residual / slope, slope > 0.0);

@@ -20,8 +20,7 @@ fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
             diagnosed.iterations += 1.0;
             plane = class_plane_at(layer_class, side, mip_texel(texel, level), level);
         } else {
-            diagnosed.iterations += 1.0;
-            plane = class_plane(layer_class, side, texel);
+            plane = nearest_plane(layer_class, side, texel, ray, tau);
         }
         let slope = screen_ray_residual_slope(ray, plane);
         let next = tau - screen_ray_residual(ray, plane, tau) / slope;

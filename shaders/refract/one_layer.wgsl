@@ -18,6 +18,23 @@ fn on_ray(ray: ScreenRay, tau: f32) -> bool {
         && all(u >= vec2f(0.0)) && all(u <= camera.size);
 }
 
+// Plane of a layer at a texel: of all that the class has there on this side, the nearest to the ray's point at tau.
+fn nearest_plane(layer_class: i32, side: i32, texel: vec2i, ray: ScreenRay, tau: f32) -> vec3f {
+    diagnosed.iterations += 1.0;
+    var plane = class_plane(layer_class, side, texel);
+    if GAPS == 0u || layer_class == OPAQUE {
+        return plane;
+    }
+    let flags = select(FRONT, BACK, layer_class == SPLASHES);
+    let has_gap = is_flagged(class_texel(AGGREGATE, flags, texel, 0).w);
+    for (var gap = select(i32(GAPS), 0, has_gap); gap < i32(GAPS); gap++) {
+        let other = class_plane(layer_class, select(gap_front(gap), gap_back(gap), side == BACK), texel);
+        let nearer = abs(screen_ray_residual(ray, other, tau)) < abs(screen_ray_residual(ray, plane, tau));
+        plane = select(plane, other, nearer && !plane_is_empty(other));
+    }
+    return plane;
+}
+
 fn plane_at(layer_class: i32, side: i32, u: vec2f) -> vec3f {
     diagnosed.iterations += 1.0;
     return class_plane(layer_class, side, clamped_texel(u));
@@ -71,7 +88,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     if hit.found {
         return hit;
     }
-    let start = crossed_slabs_leave(load_slabs(texel), ray);
+    let start = crossed_slabs_leave(slabs_at(texel, ray, 0.0, AT_START), ray);
     if start.inside {
         return interface_at(ray, start.tau, start.plane, texel);
     }
@@ -82,9 +99,9 @@ fn union_exit(ray: ScreenRay, texel: vec2i) -> Interface {
     if !SPLASH {
         return class_exit(AGGREGATE, ray);
     }
-    let slabs = load_slabs(texel);
-    let splash = slab_leave(slabs.splash_front, slabs.splash_back, ray, 0.0, AT_START);
-    let aggregate = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, 0.0, AT_START);
+    let slabs = slabs_at(texel, ray, 0.0, AT_START);
+    let splash = slab_leave(slabs.splash, ray, 0.0, AT_START);
+    let aggregate = slab_leave(slabs.aggregate, ray, 0.0, AT_START);
     let o = screen_ray_point(ray, 0.0);
     var hit = no_interface();
     if splash.inside {

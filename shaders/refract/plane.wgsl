@@ -5,12 +5,12 @@
 #import refract/one_layer.wgsl
 
 fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
-    let plane = plane_at(layer_class, side, ray.u);
+    let plane = nearest_plane(layer_class, side, clamped_texel(ray.u), ray, 0.0);
     let tau = -screen_ray_residual(ray, plane, 0.0) / screen_ray_residual_slope(ray, plane);
     if plane_is_empty(plane) || !on_ray(ray, tau) {
         return no_interface();
     }
-    let there = plane_at(layer_class, side, ray.u + tau * ray.du);
+    let there = nearest_plane(layer_class, side, clamped_texel(ray.u + tau * ray.du), ray, tau);
     if plane_is_empty(there) {
         return no_interface();
     }

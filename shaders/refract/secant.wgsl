@@ -7,7 +7,7 @@
 #import refract/one_layer.wgsl
 
 fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
-    let behind = plane_at(layer_class, side, ray.u);
+    let behind = nearest_plane(layer_class, side, clamped_texel(ray.u), ray, 0.0);
     let disparity = dot(behind, ray.omega);
     if disparity <= 0.0 {
         return no_interface();
@@ -23,7 +23,7 @@ fn intersect(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
     }
     tau = clamp(tau, min(ray.tau_per_pixel, 1.0), 1.0);
     for (var i = 0u; i < ITERATIONS; i++) {
-        let plane = plane_at(layer_class, side, ray.u + tau * ray.du);
+        let plane = nearest_plane(layer_class, side, clamped_texel(ray.u + tau * ray.du), ray, tau);
         if plane_is_empty(plane) {
             return no_interface();
         }

@@ -1,11 +1,12 @@
-// Liquid at a texel: the intervals between the fronts and backs of its layers, and where a ray leaves
-// their union.
+// Liquid at a texel: the intervals between the fronts and backs of its layers, without their gaps, and
+// where a ray leaves their union.
 
 #import common/camera.wgsl
 #import common/layers.wgsl
 #import common/screen_ray.wgsl
 
 override SPLASH: bool = false; // the frame has splash layers
+override GAPS: u32 = 0u;       // gaps that the layers of a class have at most
 
 @group(1) @binding(1) var aggregate_layers: texture_2d_array<f32>;
 @group(1) @binding(2) var splash_layers: texture_2d_array<f32>;
@@ -22,25 +23,96 @@ struct Diagnostics {
 
 var<private> diagnosed: Diagnostics;
 
-// Planes of a texel: front and back of both classes.
-struct Slabs {
-    aggregate_front: vec3f,
-    aggregate_back: vec3f,
-    splash_front: vec3f,
-    splash_back: vec3f,
+// Front and back of one class at a texel: of all its liquid, or of one of its intervals.
+struct Slab {
+    front: vec3f,
+    back: vec3f,
 }
 
-fn load_slabs(texel: vec2i) -> Slabs {
+// Those of both classes, and whether they have gaps.
+struct Slabs {
+    aggregate: Slab,
+    splash: Slab,
+    aggregate_has_gap: bool,
+    splash_has_gap: bool,
+}
+
+// The first front and the last back of each class at a texel.
+fn whole_slabs(texel: vec2i) -> Slabs {
     var slabs: Slabs;
-    slabs.aggregate_front = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
-    slabs.aggregate_back = textureLoad(aggregate_layers, texel, BACK, 0).xyz;
+    let front = textureLoad(aggregate_layers, texel, FRONT, 0);
+    let back = textureLoad(aggregate_layers, texel, BACK, 0);
+    slabs.aggregate = Slab(front.xyz, back.xyz);
+    slabs.aggregate_has_gap = GAPS > 0u && is_flagged(front.w);
+    slabs.splash_has_gap = GAPS > 0u && SPLASH && is_flagged(back.w);
     if SPLASH {
-        slabs.splash_front = textureLoad(splash_layers, texel, FRONT, 0).xyz;
-        slabs.splash_back = textureLoad(splash_layers, texel, BACK, 0).xyz;
+        slabs.splash.front = textureLoad(splash_layers, texel, FRONT, 0).xyz;
+        slabs.splash.back = textureLoad(splash_layers, texel, BACK, 0).xyz;
     }
     diagnosed.iterations += 1.0;
     diagnosed.fetches += select(2.0, 4.0, SPLASH);
     return slabs;
+}
+
+// The interval of each class at a texel in which the ray's point at tau lies, or which it has left; `slack` as
+// for `slab_leave`.
+fn slabs_at(texel: vec2i, ray: ScreenRay, tau: f32, slack: f32) -> Slabs {
+    var slabs = whole_slabs(texel);
+    let whole = slabs;
+    let rounding = slack * (ray.disparity + tau * ray.d_disparity);
+    // Loops in place of branches: software adapters skip them where no pixel of a group has gaps.
+    for (var gap = select(i32(GAPS), 0, slabs.aggregate_has_gap); gap < i32(GAPS); gap++) {
+        let planes = aggregate_gap(texel, gap);
+        slabs.aggregate = without_gap(slabs.aggregate, planes, whole.aggregate.back, ray, tau, rounding);
+    }
+    for (var gap = select(i32(GAPS), 0, slabs.splash_has_gap); gap < i32(GAPS); gap++) {
+        let planes = splash_gap(texel, gap);
+        slabs.splash = without_gap(slabs.splash, planes, whole.splash.back, ray, tau, rounding);
+    }
+    return slabs;
+}
+
+fn is_open(gap: Slab) -> bool {
+    return !plane_is_empty(gap.back) && !plane_is_empty(gap.front);
+}
+
+// The slab up to its gap; empty without a gap.
+fn before_gap(slab: Slab, gap: Slab) -> Slab {
+    return Slab(select(vec3f(0.0), slab.front, is_open(gap)), select(vec3f(0.0), gap.back, is_open(gap)));
+}
+
+// The slab from its gap on; all of it without a gap.
+fn after_gap(slab: Slab, gap: Slab) -> Slab {
+    return Slab(select(slab.front, gap.front, is_open(gap)), slab.back);
+}
+
+// A gap of one class at a texel: its sides are the back in front of it and the front behind it.
+fn aggregate_gap(texel: vec2i, gap: i32) -> Slab {
+    let back = textureLoad(aggregate_layers, texel, gap_back(gap), 0).xyz;
+    let front = textureLoad(aggregate_layers, texel, gap_front(gap), 0).xyz;
+    diagnosed.fetches += 2.0;
+    return Slab(front, back);
+}
+
+fn splash_gap(texel: vec2i, gap: i32) -> Slab {
+    let back = textureLoad(splash_layers, texel, gap_back(gap), 0).xyz;
+    let front = textureLoad(splash_layers, texel, gap_front(gap), 0).xyz;
+    diagnosed.fetches += 2.0;
+    return Slab(front, back);
+}
+
+// A slab without a gap in it, between `gap.back` and `gap.front`; `last` is the slab's back before any gap was
+// taken from it, nearest first: its part on that side of the gap where the ray's point at tau is. In the gap, the part that the ray has left. Smoothing may move a gap's
+// front in front of its back: then there is no gap.
+fn without_gap(slab: Slab, gap: Slab, last: vec3f, ray: ScreenRay, tau: f32, rounding: f32) -> Slab {
+    let before = screen_ray_residual(ray, gap.back, tau) <= rounding;
+    let after = screen_ray_residual(ray, gap.front, tau) >= -rounding;
+    let onwards = screen_ray_residual_slope(ray, gap.back) > 0.0;
+    // Gaps behind the one that ends the part do not matter.
+    let divides = is_open(gap) && all(slab.back == last);
+    let front = select(slab.front, gap.front, divides && !before && (after || !onwards));
+    let back = select(slab.back, gap.back, divides && !after && (before || onwards));
+    return Slab(front, back);
 }
 
 // Relative disparity by which a point outside of its interval still counts as inside: rounding, and at
@@ -57,7 +129,9 @@ struct Leave {
 }
 
 // `Leave` of one class.
-fn slab_leave(front: vec3f, back: vec3f, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
+fn slab_leave(slab: Slab, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
+    let front = slab.front;
+    let back = slab.back;
     if plane_is_empty(front) || plane_is_empty(back) {
         return Leave(false, NEVER, vec3f(0.0));
     }
@@ -82,20 +156,20 @@ fn slab_leave(front: vec3f, back: vec3f, ray: ScreenRay, tau: f32, slack: f32) -
 
 // `Leave` of the union of both classes: inside if in either, left where the last of them is left.
 fn slabs_leave(slabs: Slabs, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
-    let aggregate = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, tau, slack);
+    let aggregate = slab_leave(slabs.aggregate, ray, tau, slack);
     if !SPLASH {
         return aggregate;
     }
-    let splash = slab_leave(slabs.splash_front, slabs.splash_back, ray, tau, slack);
+    let splash = slab_leave(slabs.splash, ray, tau, slack);
     // The other class may begin before the current one ends.
     if aggregate.inside && !splash.inside && aggregate.tau < NEVER {
-        let there = slab_leave(slabs.splash_front, slabs.splash_back, ray, aggregate.tau, ROUNDING);
+        let there = slab_leave(slabs.splash, ray, aggregate.tau, ROUNDING);
         if there.inside {
             return there;
         }
     }
     if splash.inside && !aggregate.inside && splash.tau < NEVER {
-        let there = slab_leave(slabs.aggregate_front, slabs.aggregate_back, ray, splash.tau, ROUNDING);
+        let there = slab_leave(slabs.aggregate, ray, splash.tau, ROUNDING);
         if there.inside {
             return there;
         }
@@ -126,14 +200,16 @@ fn slabs_leave_at_start(slabs: Slabs, ray: ScreenRay) -> Leave {
 // Smoothing may move a front behind its back, mostly at rims: there is no liquid between them, and a ray
 // that starts on such a front leaves at once through the back.
 fn crossed_slabs_leave(slabs: Slabs, ray: ScreenRay) -> Leave {
-    let aggregate = crossed_leave(slabs.aggregate_front, slabs.aggregate_back, ray);
+    let aggregate = crossed_leave(slabs.aggregate, ray);
     if !SPLASH || aggregate.inside {
         return aggregate;
     }
-    return crossed_leave(slabs.splash_front, slabs.splash_back, ray);
+    return crossed_leave(slabs.splash, ray);
 }
 
-fn crossed_leave(front: vec3f, back: vec3f, ray: ScreenRay) -> Leave {
+fn crossed_leave(slab: Slab, ray: ScreenRay) -> Leave {
+    let front = slab.front;
+    let back = slab.back;
     let to_front = abs(screen_ray_residual(ray, front, 0.0));
     let to_back = screen_ray_residual(ray, back, 0.0);
     let slack = AT_START * ray.disparity;

@@ -11,7 +11,7 @@ fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
     for (var y = -TAPS; y <= TAPS; y++) {
         for (var x = -TAPS; x <= TAPS; x++) {
             let offset = vec2i(x, y);
-            let z = state_at(p + offset * stride, layer).w;
+            let z = state_at(p + offset * stride, layer, z_i).w;
             let dz = z - z_i;
             let near = exp(-dz * dz * params.inv_sigma2);
             let w = select(0.0, tap_weight(offset) * near, z > camera.near);

@@ -4,6 +4,9 @@
 // `iterate` runs one iteration, from one state texture to the other; `planes` converts the smoothed
 // depths back to planes. The root defines the filter, `smoothed`.
 //
+// With GAP, the layers are the sides of a gap. They have fewer texels, and surfaces that go on in other
+// layers: a tap is whichever of the gap's side and the whole layer is nearer in depth.
+//
 // Packing the normal into 32 bits would halve the state, but planes would no longer be fixed points:
 // at 60 degrees the error is 5e-5 of the depth.
 
@@ -22,17 +25,39 @@ struct Params {
 override TAPS: i32 = 2;           // taps to each side of the centre; constant, so that loops unroll
 override IN_RADII: bool = true;   // whether `stride` is in particle radii
 
+override GAPS: i32 = 0;           // gaps that a pixel distinguishes
+override GAP: i32 = -1;           // number of the gap whose sides are smoothed; -1 for fronts and backs
+
 @group(1) @binding(0) var<uniform> params: Params;
 @group(1) @binding(1) var source: texture_2d_array<f32>;
 @group(1) @binding(2) var target_state: texture_storage_2d_array<rgba32float, write>;
 @group(1) @binding(3) var target_planes: texture_storage_2d_array<rgba32float, write>;
+// The splatted planes; with GAP the smoothed state of fronts and backs.
 @group(1) @binding(4) var unsmoothed: texture_2d_array<f32>;
 @group(1) @binding(5) var<storage, read> liquid: TileList;
+@group(1) @binding(6) var gap_tiles: texture_2d<f32>; // as in gaps/split.wgsl
+@group(1) @binding(7) var splashes: texture_2d_array<f32>;
 
-// Tap: normal and depth, which is 0 for empty texels and outside of the picture.
-fn state_at(q: vec2i, layer: i32) -> vec4f {
+// Texture layer of fronts or backs: of all, or of the gap's sides.
+fn layer_index(layer: i32) -> i32 {
+    return select(layer, 2 + 2 * GAP + select(1, 0, layer == BACK), GAP >= 0);
+}
+
+// Tap on a surface at depth `z`: normal and depth, which is 0 for empty texels and outside of the picture.
+fn state_at(q: vec2i, layer: i32, z: f32) -> vec4f {
     // As unsigned numbers, negative coordinates are large.
     let inside = all(vec2u(q) < vec2u(camera.size));
+    if GAP >= 0 {
+        let whole = textureLoad(unsmoothed, q, layer, 0);
+        var nearest = vec4f(whole.xyz, select(0.0, whole.w, inside));
+        if inside && textureLoad(gap_tiles, vec2u(q) / TILE, 0).y > 0.0 {
+            let side = textureLoad(source, q, layer_index(layer), 0);
+            if side.w > 0.0 && (nearest.w <= 0.0 || abs(side.w - z) <= abs(nearest.w - z)) {
+                nearest = side;
+            }
+        }
+        return nearest;
+    }
     let texel = textureLoad(source, q, layer, 0);
     return vec4f(texel.xyz, select(0.0, texel.w, inside));
 }
@@ -48,12 +73,17 @@ fn prepare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    let plane = textureLoad(unsmoothed, p, layer, 0);
+    var plane = vec4f(0.0);
+    if GAP >= 0 {
+        plane = textureLoad(source, p, layer_index(layer), 0);
+    } else {
+        plane = textureLoad(unsmoothed, p, layer, 0);
+    }
     var state = vec4f(0.0);
     if plane.w > 0.0 {
         state = vec4f(plane_normal(plane.xyz), plane.w);
     }
-    textureStore(target_state, p, layer, state);
+    textureStore(target_state, p, layer_index(layer), state);
 }
 
 @compute @workgroup_size(8, 8)
@@ -67,12 +97,12 @@ fn iterate(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    var state = textureLoad(source, p, layer, 0);
+    var state = textureLoad(source, p, layer_index(layer), 0);
     // Empty texels and marks of rays that start inside are kept, and excluded from taps.
     if state.w > camera.near {
         state.w = smoothed(p, layer, state.w);
     }
-    textureStore(target_state, p, layer, state);
+    textureStore(target_state, p, layer_index(layer), state);
 }
 
 // Distance between the taps of a pixel at depth `z`, in pixels.
@@ -104,12 +134,17 @@ fn planes(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loc
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    let here = textureLoad(source, p, layer, 0);
-    let z = here.w;
-    if z <= 0.0 {
-        textureStore(target_planes, p, layer, vec4f(0.0));
-        return;
+    let here = textureLoad(source, p, layer_index(layer), 0);
+    var plane = vec4f(0.0);
+    if here.w > 0.0 {
+        plane = fitted_plane(p, layer, here);
     }
+    store_plane(p, layer, plane);
+}
+
+// Plane through the smoothed depths around a texel with the state `here`.
+fn fitted_plane(p: vec2i, layer: i32, here: vec4f) -> vec4f {
+    let z = here.w;
     let disparity = camera_disparity(vec3f(0.0, 0.0, -z));
     let omega = camera_omega(vec2f(p) + 0.5);
     var pi = plane_from_normal(omega, z, here.xyz);
@@ -117,12 +152,73 @@ fn planes(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loc
     let expected = plane_slope(pi);
     let x = difference(p, vec2i(1, 0), layer, z, expected.x);
     let y = difference(p, vec2i(0, 1), layer, z, expected.y);
-    if z <= camera.near {
+    if GAP < 0 && z <= camera.near {
         pi = textureLoad(unsmoothed, p, layer, 0).xyz;
     } else if x.known && y.known {
         pi = plane_from_gradient(omega, disparity, vec2f(x.slope, y.slope));
     }
-    textureStore(target_planes, p, layer, vec4f(pi, z));
+    return vec4f(pi, z);
+}
+
+// Copies the splatted planes, in place of all other steps where nothing is smoothed.
+@compute @workgroup_size(8, 8)
+fn copy(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let index = group_index(group);
+    if index >= liquid.count {
+        return;
+    }
+    let p = tile_pixel(liquid.tiles[index], local.xy);
+    let layer = i32(group.z);
+    if any(p >= vec2i(camera.size)) {
+        return;
+    }
+    let plane = textureLoad(unsmoothed, p, layer, 0);
+    store_plane(p, layer, plane);
+    for (var gap = 0; gap < GAPS; gap++) {
+        let side = select(gap_front(gap), gap_back(gap), layer == BACK);
+        textureStore(target_planes, p, side, textureLoad(unsmoothed, p, side, 0));
+    }
+}
+
+// Whether the class whose flag is in the fronts (aggregates) or in the backs (splashes) has gaps at a texel.
+fn has_gap(p: vec2i, layer: i32) -> bool {
+    let splits = textureLoad(gap_tiles, vec2u(p) / TILE, 0);
+    var found = false;
+    // Loops in place of branches: software adapters skip them where no pixel of a group has gaps.
+    for (var gap = select(GAPS, 0, layer == FRONT && splits.y > 0.0); gap < GAPS; gap++) {
+        let back = textureLoad(unsmoothed, p, gap_back(gap), 0).w;
+        let front = textureLoad(unsmoothed, p, gap_front(gap), 0).w;
+        found = found || back > 0.0 && front > 0.0;
+    }
+    for (var gap = select(GAPS, 0, layer == BACK && splits.w > 0.0); gap < GAPS; gap++) {
+        let back = textureLoad(splashes, p, gap_back(gap), 0).w;
+        let front = textureLoad(splashes, p, gap_front(gap), 0).w;
+        found = found || back > 0.0 && front > 0.0;
+    }
+    return found;
+}
+
+fn store_plane(p: vec2i, layer: i32, plane: vec4f) {
+    if GAP >= 0 {
+        textureStore(target_state, p, layer_index(layer), plane);
+    } else {
+        let flag = GAPS > 0 && has_gap(p, layer);
+        textureStore(target_planes, p, layer, vec4f(plane.xyz, flagged(plane.w, flag)));
+    }
+}
+
+// Copies the state of a gap's sides, for even numbers of iterations.
+@compute @workgroup_size(8, 8)
+fn carry(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let index = group_index(group);
+    if index >= liquid.count {
+        return;
+    }
+    let p = tile_pixel(liquid.tiles[index], local.xy);
+    if all(p < vec2i(camera.size)) {
+        let layer = layer_index(i32(group.z));
+        textureStore(target_state, p, layer, textureLoad(source, p, layer, 0));
+    }
 }
 
 struct Difference {
@@ -137,8 +233,8 @@ fn difference(p: vec2i, axis: vec2i, layer: i32, z: f32, expected: f32) -> Diffe
     let size = vec2i(camera.size);
     let q0 = clamp(p - axis, vec2i(0), size - 1);
     let q1 = clamp(p + axis, vec2i(0), size - 1);
-    let z0 = textureLoad(source, q0, layer, 0).w;
-    let z1 = textureLoad(source, q1, layer, 0).w;
+    let z0 = state_at(q0, layer, z).w;
+    let z1 = state_at(q1, layer, z).w;
     // Differences of depth first: disparities of a far surface cancel.
     let s0 = (z0 - z) / select(z * max(z0, 1e-20), 1.0, ORTHOGRAPHIC);
     let s1 = (z - z1) / select(z * max(z1, 1e-20), 1.0, ORTHOGRAPHIC);
@@ -146,11 +242,11 @@ fn difference(p: vec2i, axis: vec2i, layer: i32, z: f32, expected: f32) -> Diffe
     let has1 = z1 > 0.0 && any(q1 != p);
     if has0 && has1 {
         let nearer = select(s1, s0, abs(s0 - expected) < abs(s1 - expected));
-        let gap = abs(z0 + z1 - 2.0 * z) > GAP * params.radius;
+        let gap = abs(z0 + z1 - 2.0 * z) > BREAK * params.radius;
         return Difference(select(0.5 * (s0 + s1), nearer, gap), true);
     }
     return Difference(select(s1, s0, has0), has0 || has1);
 }
 
 // Second difference of depth, in particle radii, beyond which there is a gap.
-const GAP: f32 = 0.2;
+const BREAK: f32 = 0.2;

@@ -52,7 +52,7 @@ fn tap(q: vec2i, layer: i32, z_i: f32, behind: f32, range: vec2f) -> Tap {
     if any(q < vec2i(0)) || any(q >= vec2i(camera.size)) {
         return Tap(0.0, false, false);
     }
-    let z = state_at(q, layer).w;
+    let z = state_at(q, layer, z_i).w;
     if z <= 0.0 {
         return Tap(params.mu, true, false);
     }

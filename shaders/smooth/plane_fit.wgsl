@@ -18,7 +18,7 @@ fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
     // Branchless: over tens of lanes, both sides of a branch would run anyway.
     for (var y = -TAPS; y <= TAPS; y++) {
         for (var x = -TAPS; x <= TAPS; x++) {
-            let tap = state_at(p + vec2i(x, y) * stride, layer);
+            let tap = state_at(p + vec2i(x, y) * stride, layer, z_i);
             let dz = tap.w - z_i;
             let w = select(0.0, exp(-dz * dz * params.inv_sigma2), tap.w > camera.near);
             sum_w += w;

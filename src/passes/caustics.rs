@@ -104,6 +104,12 @@ impl Params {
     }
 }
 
+/// Gaps that a light's view distinguishes: none, if light is not followed out of the liquid.
+pub fn light_gaps(scene: &Scene) -> u32 {
+    let leaves = scene.settings.caustics.interfaces > 1;
+    if leaves { scene.settings.layers.intervals - 1 } else { 0 }
+}
+
 /// Cells of a grid with `grid` cells along the longer side of a view.
 pub fn cells(size: UVec2, grid: u32) -> UVec2 {
     let pitch = f64::from(size.max_element()) / f64::from(grid);
@@ -572,7 +578,8 @@ impl Key {
         let variant = Variant { solver: Solver::Guarded, filter: false, stride: 1, ..exact };
         // Settings that the kernels do not read must not create variants.
         let variant = Variant { solids: Solids::Exact, iterations: 0, ..variant };
-        let variant = Variant { samples: 1, edge_samples: 1, transparent: false, ..variant };
+        let gaps = light_gaps(scene);
+        let variant = Variant { gaps, samples: 1, edge_samples: 1, transparent: false, ..variant };
         let scene_variant = SceneVariant {
             lights: 0,
             environment: 0,

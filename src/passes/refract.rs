@@ -82,6 +82,8 @@ pub struct Variant {
     pub background: bool,
     /// The environment covers no pixel.
     pub transparent: bool,
+    /// Gaps between liquid and liquid that a pixel distinguishes.
+    pub gaps: u32,
     /// Write the diagnostics.
     pub count: bool,
 }
@@ -110,6 +112,8 @@ impl Variant {
             host,
             background: scene.background.is_some() && !host,
             transparent: settings.transparent,
+            // One interface needs fronts alone.
+            gaps: if settings.interfaces > 1 { scene.settings.layers.intervals - 1 } else { 0 },
             count,
         }
     }
@@ -136,6 +140,7 @@ impl Variant {
         constants.push(("SAMPLES", self.samples.into()));
         constants.push(("EDGE_SAMPLES", self.edge_samples.into()));
         constants.push(("ITERATIONS", self.iterations.into()));
+        constants.push(("GAPS", self.gaps.into()));
         match self.solver {
             Solver::Newton => constants.push(("FILTER", f64::from(u8::from(self.filter)))),
             Solver::March => constants.push(("STRIDE", self.stride.into())),

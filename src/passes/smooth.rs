@@ -4,8 +4,9 @@ use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
-use wgpu::TextureViewDimension::D2Array;
+use wgpu::TextureViewDimension::{D2, D2Array};
 
+use super::gaps::Gaps;
 use super::tiles::TileLists;
 use super::{CameraBinding, Layers};
 use crate::gpu::{self, Commands, Gpu, Span};
@@ -80,12 +81,28 @@ pub struct Smooth {
     pub layers: Layers,
     prepare: wgpu::ComputePipeline,
     iterate: HashMap<Variant, wgpu::ComputePipeline>,
-    planes: wgpu::ComputePipeline,
+    /// By the number of gaps.
+    planes: HashMap<u32, wgpu::ComputePipeline>,
+    copy: HashMap<u32, wgpu::ComputePipeline>,
+    /// For each gap; compiled on first use.
+    gaps: Vec<GapPipelines>,
     layout: wgpu::BindGroupLayout,
     /// Normal and depth, written alternately.
     states: [Layers; 2],
     splatted: Layers,
     frame: Frame,
+}
+
+/// Iterations that smooth the sides of gaps, at most: they are seen through the liquid in front of them.
+const MOST_GAP_ITERATIONS: usize = 3;
+
+/// The kernels of a gap's sides.
+#[derive(Debug)]
+struct GapPipelines {
+    prepare: wgpu::ComputePipeline,
+    iterate: HashMap<Variant, wgpu::ComputePipeline>,
+    carry: wgpu::ComputePipeline,
+    planes: wgpu::ComputePipeline,
 }
 
 /// Configuration of one frame's smoothing.
@@ -95,6 +112,8 @@ struct Frame {
     iterations: Vec<Params>,
     /// Backs are smoothed as well as fronts.
     backs: bool,
+    /// Gaps that a pixel distinguishes.
+    gaps: u32,
     /// Work of an iteration per pixel, in layer evaluations.
     work: u64,
 }
@@ -110,6 +129,8 @@ impl Smooth {
             gpu::storage_texture(Layers::FORMAT, D2Array),
             gpu::sampled(D2Array),
             gpu::storage_of(8),
+            gpu::sampled(D2),
+            gpu::sampled(D2Array),
         ];
         let layout = gpu.layout("smooth", wgpu::ShaderStages::COMPUTE, &bindings);
         let layouts = [&camera.layout, &layout];
@@ -121,7 +142,9 @@ impl Smooth {
         Self {
             prepare: pipeline("prepare"),
             iterate: HashMap::new(),
-            planes: pipeline("planes"),
+            planes: HashMap::new(),
+            copy: HashMap::new(),
+            gaps: Vec::new(),
             layers,
             layout,
             states,
@@ -130,6 +153,7 @@ impl Smooth {
                 variant: Variant::new(&settings::Smooth::default()),
                 iterations: Vec::new(),
                 backs: false,
+                gaps: 0,
                 work: 0,
             },
         }
@@ -150,27 +174,59 @@ impl Smooth {
         settings: &settings::Smooth,
         iterations: &[Params],
         backs: bool,
+        gaps: u32,
     ) {
         let layouts = [&camera.layout, &self.layout];
         let variant = Variant::new(settings);
         let iterations = iterations.to_vec();
-        self.frame = Frame { variant, iterations, backs, work: work(settings) };
+        self.frame = Frame { variant, iterations, backs, gaps, work: work(settings) };
+        let counted = |entry: &str| {
+            let constants = [&camera.constants()[..], &[("GAPS", gaps.into())]].concat();
+            gpu::compute_pipeline(gpu, "smooth/plane_fit.wgsl", entry, &layouts, &constants)
+        };
+        if self.frame.iterations.is_empty() {
+            self.copy.entry(gaps).or_insert_with(|| counted("copy"));
+            return;
+        }
+        self.planes.entry(gaps).or_insert_with(|| counted("planes"));
         self.iterate.entry(variant).or_insert_with(|| {
             let constants = [&camera.constants()[..], &variant.constants()].concat();
             gpu::compute_pipeline(gpu, variant.shader(), "iterate", &layouts, &constants)
         });
+        for gap in 0..gaps {
+            let constants = [&camera.constants()[..], &[("GAP", gap.into())]].concat();
+            if self.gaps.len() == gap as usize {
+                let pipeline = |entry: &str| {
+                    let shader = "smooth/plane_fit.wgsl";
+                    gpu::compute_pipeline(gpu, shader, entry, &layouts, &constants)
+                };
+                self.gaps.push(GapPipelines {
+                    prepare: pipeline("prepare"),
+                    iterate: HashMap::new(),
+                    carry: pipeline("carry"),
+                    planes: pipeline("planes"),
+                });
+            }
+            self.gaps[gap as usize].iterate.entry(variant).or_insert_with(|| {
+                let constants = [&constants[..], &variant.constants()].concat();
+                gpu::compute_pipeline(gpu, variant.shader(), "iterate", &layouts, &constants)
+            });
+        }
     }
 
-    /// Records the smoothing of the splatted layers into [`Smooth::layers`]; requires [`Smooth::prepare`].
+    /// Records the smoothing of the splatted layers into [`Smooth::layers`]; requires [`Smooth::prepare`]. Without
+    /// iterations it copies them, and flags texels with gaps. `splash` are the splashes' layers, if there are any.
     pub fn record(
         &self,
         gpu: &Gpu,
         commands: &mut Commands<'_>,
         camera: &CameraBinding,
         tiles: &TileLists,
+        gaps: &Gaps,
+        splash: Option<&Layers>,
         span: Span<'_>,
     ) {
-        let Frame { variant, iterations, backs, work } = &self.frame;
+        let Frame { variant, iterations, backs, gaps: count, work } = &self.frame;
         // Only the liquid's tiles are written, but taps read beyond them.
         let [first, second] = &self.states;
         let mut begin = span.first();
@@ -181,11 +237,19 @@ impl Smooth {
             }
         }
         let planes = gpu::level_view(&self.layers.texture, 0, D2Array);
-        let Some(last) = iterations.last() else { return };
-        let iterate = &self.iterate[variant];
-        let mut steps = vec![(&self.prepare, last)];
-        steps.extend(iterations.iter().map(|params| (iterate, params)));
-        steps.push((&self.planes, last));
+        let unused = Params::zeroed();
+        let steps = match iterations.last() {
+            None => vec![(&self.copy[count], &unused)],
+            Some(last) => {
+                let iterate = &self.iterate[variant];
+                let mut steps = vec![(&self.prepare, last)];
+                steps.extend(iterations.iter().map(|params| (iterate, params)));
+                steps.push((&self.planes[count], last));
+                steps
+            }
+        };
+        let flags = gaps.tiles.create_view(&Default::default());
+        let splash = splash.unwrap_or(&self.splatted);
         // One buffer per iteration: a uniform written twice holds its last value for the whole frame.
         let buffer = |params: &Params| gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);
         let steps = (0..).zip(steps).map(|(i, (pipeline, params))| (i, pipeline, buffer(params)));
@@ -205,6 +269,8 @@ impl Smooth {
                     wgpu::BindingResource::TextureView(&planes),
                     wgpu::BindingResource::TextureView(&self.splatted.view),
                     tiles.section(&tiles.liquid, *section),
+                    wgpu::BindingResource::TextureView(&flags),
+                    wgpu::BindingResource::TextureView(&splash.view),
                 ];
                 pass.set_pipeline(pipeline);
                 pass.set_bind_group(0, &camera.group, &[]);
@@ -221,6 +287,66 @@ impl Smooth {
     }
 }
 
+impl Smooth {
+    /// Records the smoothing of the sides of gaps, after [`Smooth::record`]. The splatted and the smoothed layers
+    /// hold its states by turns.
+    pub fn record_gaps(
+        &self,
+        gpu: &Gpu,
+        commands: &mut Commands<'_>,
+        camera: &CameraBinding,
+        gaps: &Gaps,
+        span: Span<'_>,
+    ) {
+        let Frame { variant, iterations, gaps: count, work, .. } = &self.frame;
+        // The state that `record` left behind.
+        let [whole, unused] = match iterations.len() % 2 {
+            0 => [&self.states[0], &self.states[1]],
+            _ => [&self.states[1], &self.states[0]],
+        };
+        let iterations = &iterations[..iterations.len().min(MOST_GAP_ITERATIONS)];
+        let Some(last) = iterations.last() else { return };
+        let tiles = &gaps.lists;
+        let flags = gaps.tiles.create_view(&Default::default());
+        let unused = gpu::level_view(&unused.texture, 0, D2Array);
+        let buffer = |params: &Params| gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);
+        let mut steps = Vec::new();
+        for pipelines in self.gaps.iter().take(*count as usize) {
+            let iterate = &pipelines.iterate[variant];
+            steps.push((&pipelines.prepare, buffer(last)));
+            // The last state must be in the splatted layers.
+            if iterations.len().is_multiple_of(2) {
+                steps.push((&pipelines.carry, buffer(last)));
+            }
+            steps.extend(iterations.iter().map(|params| (iterate, buffer(params))));
+            steps.push((&pipelines.planes, buffer(last)));
+        }
+        let textures = [&self.splatted, &self.layers];
+        let targets = textures.map(|layers| gpu::level_view(&layers.texture, 0, D2Array));
+        let work = tiles.pixels().saturating_mul(*work);
+        let of_step = |step| tiles.sections().map(move |section| ((step, section), work));
+        let parts: Vec<_> = (0..steps.len()).flat_map(of_step).collect();
+        commands.compute("smooth gaps", span, &parts, |pass, &(i, section)| {
+            let (pipeline, params) = &steps[i];
+            let resources = [
+                params.as_entire_binding(),
+                wgpu::BindingResource::TextureView(&textures[i % 2].view),
+                wgpu::BindingResource::TextureView(&targets[(i + 1) % 2]),
+                wgpu::BindingResource::TextureView(&unused),
+                wgpu::BindingResource::TextureView(&whole.view),
+                tiles.section(&tiles.liquid, section),
+                wgpu::BindingResource::TextureView(&flags),
+                wgpu::BindingResource::TextureView(&whole.view),
+            ];
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &camera.group, &[]);
+            pass.set_bind_group(1, &gpu::bind_group(gpu, "smooth", &self.layout, &resources), &[]);
+            let at = tiles.dispatch(TileLists::LIQUID_LAYERS, section);
+            pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
+        });
+    }
+}
+
 /// The work of an iteration per pixel, in layer evaluations.
 pub fn work(settings: &settings::Smooth) -> u64 {
     2 * u64::from(settings.taps).pow(2)
@@ -232,7 +358,11 @@ fn create_layers(gpu: &Gpu, splatted: &Layers) -> (Layers, [Layers; 2]) {
         | wgpu::TextureUsages::RENDER_ATTACHMENT
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
-    let new = |label: &str, levels| Layers::new(gpu, label, size, levels, usage);
-    let levels = splatted.texture.mip_level_count();
-    (new("smoothed layers", levels), [new("smooth state 0", 1), new("smooth state 1", 1)])
+    let new = |label: &str, layers, levels| Layers::new(gpu, label, size, layers, levels, usage);
+    let (all, levels) =
+        (splatted.texture.depth_or_array_layers(), splatted.texture.mip_level_count());
+    (
+        new("smoothed layers", all, levels),
+        [new("smooth state 0", 2, 1), new("smooth state 1", 2, 1)],
+    )
 }

@@ -11,7 +11,8 @@ use super::{CameraBinding, Layers};
 use crate::gpu::shader::{self, EarlyDepth, Variant};
 use crate::gpu::{self, Gpu, Span};
 
-const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// Format of depth buffers.
+pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 /// Draws one class of splats into its pair of layers.
 #[derive(Debug)]
@@ -37,21 +38,26 @@ impl Splat {
     pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let layouts = [Some(&camera.layout), Some(&layout(gpu))];
         let pipelines = pipelines(gpu, camera, "splat.wgsl", "vertex", &layouts);
-        let (layers, depths) = create_layers(gpu, UVec2::ONE, 1, 1);
+        let (layers, depths) = create_layers(gpu, UVec2::ONE, 2, 1, 1);
         Self { layers, depths, pipelines, culled: None }
     }
 
     /// Creates another instance with the same pipelines and its own layers.
     pub fn with_own_layers(&self, gpu: &Gpu) -> Self {
-        let (layers, depths) = create_layers(gpu, UVec2::ONE, 1, 1);
+        let (layers, depths) = create_layers(gpu, UVec2::ONE, 2, 1, 1);
         Self { layers, depths, pipelines: self.pipelines.clone(), culled: None }
     }
 
-    /// Replaces the layers, with `levels` mip levels; `culled` adds the second depth buffer that culling
-    /// needs.
-    pub fn resize(&mut self, gpu: &Gpu, size: UVec2, levels: u32, culled: bool) {
+    /// Replaces the layers, with `gaps` pairs of layers for gaps and `levels` mip levels; `culled` adds the
+    /// second depth buffer that culling needs.
+    pub fn resize(&mut self, gpu: &Gpu, size: UVec2, gaps: u32, levels: u32, culled: bool) {
         let depths = if culled { 2 } else { 1 };
-        (self.layers, self.depths) = create_layers(gpu, size, levels, depths);
+        (self.layers, self.depths) = create_layers(gpu, size, 2 + 2 * gaps, levels, depths);
+    }
+
+    /// A depth buffer that holds nothing between passes.
+    pub(super) fn depth(&self) -> &wgpu::TextureView {
+        &self.depths[0]
     }
 
     /// Compiles the culling pipelines on first use, and allocates the frame's lists.
@@ -220,6 +226,7 @@ fn pipelines(
 fn create_layers(
     gpu: &Gpu,
     size: UVec2,
+    layers: u32,
     levels: u32,
     depths: usize,
 ) -> (Layers, Vec<wgpu::TextureView>) {
@@ -227,7 +234,7 @@ fn create_layers(
         | wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::TEXTURE_BINDING
         | wgpu::TextureUsages::COPY_SRC;
-    let layers = Layers::new(gpu, "splat layers", size, levels, usage);
+    let layers = Layers::new(gpu, "splat layers", size, layers, levels, usage);
     let usage = wgpu::TextureUsages::RENDER_ATTACHMENT;
     let depth = |_| gpu::texture(gpu, "splat depth", size, 1, DEPTH, usage);
     let depths = (0..depths).map(depth).map(|depth| depth.create_view(&Default::default()));

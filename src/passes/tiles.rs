@@ -87,6 +87,24 @@ impl TileLists {
     /// Bytes from one section's dispatches to the next.
     const DISPATCH_STRIDE: u64 = 48;
 
+    /// Creates the lists of a view of `size` pixels, empty.
+    pub fn new(gpu: &Gpu, size: UVec2, sections: Sections) -> Self {
+        create_lists(gpu, size, sections)
+    }
+
+    /// The division of the lists, for shaders.
+    pub fn sections_buffer(&self) -> &wgpu::Buffer {
+        &self.sections_buffer
+    }
+
+    /// Records the emptying of both lists.
+    pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
+        // Clear the counts, one at the start of each section.
+        let cleared = (self.sections.count == 1).then_some(4);
+        encoder.clear_buffer(&self.liquid, 0, cleared);
+        encoder.clear_buffer(&self.background, 0, cleared);
+    }
+
     /// Indices of the sections.
     pub fn sections(&self) -> std::ops::Range<u32> {
         0..self.sections.count
@@ -147,31 +165,51 @@ impl Tiles {
         splash: Option<&Layers>,
         span: Span<'_>,
     ) {
-        let TileLists { liquid, background, dispatches, size, sections, sections_buffer } =
-            &self.lists;
-        // Clear the counts, one at the start of each section.
-        let cleared = (sections.count == 1).then_some(4);
-        encoder.clear_buffer(liquid, 0, cleared);
-        encoder.clear_buffer(background, 0, cleared);
-        let resources = [
-            wgpu::BindingResource::TextureView(&aggregate.view),
-            wgpu::BindingResource::TextureView(&splash.unwrap_or(aggregate).view),
-            liquid.as_entire_binding(),
-            background.as_entire_binding(),
-            dispatches.as_entire_binding(),
-            sections_buffer.as_entire_binding(),
-        ];
-        let group = gpu::bind_group(gpu, "tiles", &self.layout, &resources);
+        self.lists.clear(encoder);
+        let group = self.group(gpu, &self.lists, aggregate, splash);
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("tiles"),
             timestamp_writes: span.compute(),
         });
         pass.set_bind_group(0, &group, &[]);
         pass.set_pipeline(&self.sort[usize::from(splash.is_some())]);
-        let (x, y) = gpu::workgroups(size.map(|n| n.div_ceil(TILE)));
+        let (x, y) = gpu::workgroups(self.lists.size.map(|n| n.div_ceil(TILE)));
         pass.dispatch_workgroups(x, y, 1);
         pass.set_pipeline(&self.arrange);
-        gpu::dispatch(&mut pass, sections.count);
+        gpu::dispatch(&mut pass, self.lists.sections.count);
+    }
+
+    /// Records the dispatches of lists that another pass has filled from `layers`.
+    pub fn arrange(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        lists: &TileLists,
+        layers: &Layers,
+    ) {
+        let group = self.group(gpu, lists, layers, None);
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_bind_group(0, &group, &[]);
+        pass.set_pipeline(&self.arrange);
+        gpu::dispatch(&mut pass, lists.sections.count);
+    }
+
+    fn group(
+        &self,
+        gpu: &Gpu,
+        lists: &TileLists,
+        aggregate: &Layers,
+        splash: Option<&Layers>,
+    ) -> wgpu::BindGroup {
+        let resources = [
+            wgpu::BindingResource::TextureView(&aggregate.view),
+            wgpu::BindingResource::TextureView(&splash.unwrap_or(aggregate).view),
+            lists.liquid.as_entire_binding(),
+            lists.background.as_entire_binding(),
+            lists.dispatches.as_entire_binding(),
+            lists.sections_buffer.as_entire_binding(),
+        ];
+        gpu::bind_group(gpu, "tiles", &self.layout, &resources)
     }
 }
 

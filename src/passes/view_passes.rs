@@ -4,6 +4,7 @@
 
 use glam::{DVec3, UVec2};
 
+use super::gaps::Gaps;
 use super::gbuffer::{GBuffer, LightMaps, SceneBinding};
 use super::mesh_buffers::MeshBuffers;
 use super::mixture::Mixture;
@@ -61,6 +62,7 @@ pub struct ViewPasses {
     pub aggregate: Splat,
     pub splash: Splat,
     pub mixture: Mixture,
+    pub gaps: Gaps,
     pub tiles: Tiles,
     pub smooth: Smooth,
     pub gbuffer: GBuffer,
@@ -89,6 +91,8 @@ pub struct ViewConfig {
     pub backs: bool,
     /// Cull hidden aggregates, because there are many.
     pub culled: bool,
+    /// Gaps between liquid and liquid that a pixel distinguishes.
+    pub gaps: u32,
     /// Division of the lists of tiles.
     pub sections: Sections,
 }
@@ -100,8 +104,10 @@ pub struct PassNames {
     pub splat: &'static str,
     pub splashes: &'static str,
     pub mixture: &'static str,
+    pub gaps: &'static str,
     pub tiles: &'static str,
     pub smooth: &'static str,
+    pub smooth_gaps: &'static str,
     pub gbuffer: &'static str,
 }
 
@@ -111,8 +117,10 @@ impl PassNames {
         splat: "splat",
         splashes: "splat splashes",
         mixture: "mixture",
+        gaps: "gaps",
         tiles: "tiles",
         smooth: "smooth",
+        smooth_gaps: "smooth gaps",
         gbuffer: "gbuffer",
     };
 
@@ -121,8 +129,10 @@ impl PassNames {
         splat: "light splat",
         splashes: "light splashes",
         mixture: "light mixture",
+        gaps: "light gaps",
         tiles: "light tiles",
         smooth: "light smooth",
+        smooth_gaps: "light smooth gaps",
         gbuffer: "light gbuffer",
     };
 }
@@ -135,6 +145,7 @@ impl ViewPasses {
         let aggregate = Splat::new(gpu, &camera);
         let splash = aggregate.with_own_layers(gpu);
         let mixture = Mixture::new(gpu, &camera);
+        let gaps = Gaps::new(gpu);
         let tiles = Tiles::new(gpu);
         let smooth = Smooth::new(gpu, &camera, &aggregate.layers);
         let gbuffer = GBuffer::new(gpu);
@@ -147,6 +158,7 @@ impl ViewPasses {
             levels: 1,
             backs: true,
             culled: false,
+            gaps: 0,
             sections: Sections { tiles: 1, words: 2, count: 1 },
         };
         Self {
@@ -155,6 +167,7 @@ impl ViewPasses {
             aggregate,
             splash,
             mixture,
+            gaps,
             tiles,
             smooth,
             gbuffer,
@@ -173,10 +186,12 @@ impl ViewPasses {
             return;
         }
         let used = |on: bool| if on { (config.size, config.levels) } else { (UVec2::ONE, 1) };
-        self.aggregate.resize(gpu, config.size, config.levels, config.culled);
+        self.aggregate.resize(gpu, config.size, config.gaps, config.levels, config.culled);
         let (size, levels) = used(config.splash);
-        self.splash.resize(gpu, size, levels, false);
+        self.splash.resize(gpu, size, config.gaps, levels, false);
         self.mixture.resize(gpu, used(config.mixture).0);
+        let size = if config.gaps > 0 { config.size } else { UVec2::ONE };
+        self.gaps.resize(gpu, size, config.sections);
         self.tiles.resize(gpu, config.size, config.sections);
         self.smooth.resize(gpu, &self.aggregate.layers);
         let (size, levels) = used(self.has_gbuffer());
@@ -224,10 +239,15 @@ impl ViewPasses {
         if self.config.mixture {
             self.mixture.prepare(gpu, &self.camera, scene, splats.radius);
         }
-        self.smoothed = !fits.is_empty();
+        if self.config.gaps > 0 {
+            self.gaps.prepare(gpu, &self.camera, self.config.gaps, splats.radius);
+        }
+        // Flags of texels with gaps are written with the smoothed layers.
+        self.smoothed = !fits.is_empty() || self.config.gaps > 0;
         if self.smoothed {
             let settings = &scene.settings.smooth;
-            self.smooth.prepare(gpu, &self.camera, settings, fits, self.config.backs);
+            let ViewConfig { backs, gaps, .. } = self.config;
+            self.smooth.prepare(gpu, &self.camera, settings, fits, backs, gaps);
         }
         if self.config.gbuffer && !self.config.host {
             self.gbuffer.prepare(gpu, &self.camera, &self.scene);
@@ -261,6 +281,12 @@ impl ViewPasses {
             let classes = [&liquid.aggregates, &liquid.splashes];
             self.mixture.record(encoder, camera, classes, timer.span(names.mixture));
         }
+        if self.config.gaps > 0 {
+            let classes = [(&liquid.aggregates, &self.aggregate), (&liquid.splashes, &self.splash)];
+            let classes = &classes[..if self.config.splash { 2 } else { 1 }];
+            let span = timer.span(names.gaps);
+            self.gaps.record(gpu, encoder, camera, &self.tiles, classes, span);
+        }
         self.tiles.record(
             gpu,
             encoder,
@@ -270,7 +296,12 @@ impl ViewPasses {
         );
         if self.smoothed {
             let lists = &self.tiles.lists;
-            self.smooth.record(gpu, commands, camera, lists, timer.span(names.smooth));
+            let (gaps, splash, span) = (&self.gaps, self.splash_layers(), timer.span(names.smooth));
+            self.smooth.record(gpu, commands, camera, lists, gaps, splash, span);
+            if self.config.gaps > 0 {
+                let span = timer.span(names.smooth_gaps);
+                self.smooth.record_gaps(gpu, commands, camera, &self.gaps, span);
+            }
         }
         if self.config.gbuffer && !self.config.host {
             let encoder = &mut *commands.encoder;

@@ -47,8 +47,9 @@ pub enum Value {
 }
 
 /// The passes that have settings: the name of the table, and a title.
-pub const PASSES: [(&str, &str); 5] = [
+pub const PASSES: [(&str, &str); 6] = [
     ("classify", "Particles to splats"),
+    ("layers", "Splats to layers"),
     ("smooth", "Smoothing of the surface"),
     ("refract", "Light through the liquid"),
     ("caustics", "Caustics"),
@@ -68,7 +69,7 @@ const fn control(
 use ControlKind::{Choice, Number, Odd, Toggle, Whole};
 
 /// All settings, in the panel's order.
-pub const CONTROLS: [Control; 43] = [
+pub const CONTROLS: [Control; 44] = [
     control(
         "classify",
         "support",
@@ -131,6 +132,13 @@ pub const CONTROLS: [Control; 43] = [
         "Wetting",
         Number(0.0, 1000.0, "r"),
         "Liquid this near to a solid reaches down to it.",
+    ),
+    control(
+        "layers",
+        "intervals",
+        "Intervals",
+        Whole(1, 3, ""),
+        "Bodies of liquid one behind the other, with air between, that a pixel tells apart.",
     ),
     control(
         "smooth",

@@ -23,7 +23,7 @@ use limpid::liquid::Up;
 use limpid::liquid::particles::drawable;
 use limpid::look::Look;
 use limpid::scene::{Light, Liquid, Scene};
-use limpid::settings::{Caustics, Classify, Preset, Refract, Settings, Smooth, Tonemap};
+use limpid::settings::{Caustics, Classify, Layers, Preset, Refract, Settings, Smooth, Tonemap};
 use limpid_sim::recipe::Recipe;
 use limpid_sim::sim::Simulation;
 
@@ -92,6 +92,7 @@ struct FluidFile {
 struct SettingsFile {
     preset: Option<Preset>,
     classify: Classify,
+    layers: Layers,
     smooth: Smooth,
     refract: Refract,
     caustics: Caustics,
@@ -579,15 +580,15 @@ impl SkyFile {
 
 impl SettingsFile {
     fn of(settings: &Settings) -> Self {
-        let Settings { classify, smooth, refract, caustics, tonemap } = settings.clone();
-        Self { preset: None, classify, smooth, refract, caustics, tonemap }
+        let Settings { classify, layers, smooth, refract, caustics, tonemap } = settings.clone();
+        Self { preset: None, classify, layers, smooth, refract, caustics, tonemap }
     }
 
     /// The settings of the file; those that it does not have are the preset's.
     fn validated(self, text: &str) -> Result<Settings, toml::de::Error> {
-        let Self { preset, classify, smooth, refract, caustics, tonemap } = self;
+        let Self { preset, classify, layers, smooth, refract, caustics, tonemap } = self;
         let Some(preset) = preset else {
-            return Ok(Settings { classify, smooth, refract, caustics, tonemap });
+            return Ok(Settings { classify, layers, smooth, refract, caustics, tonemap });
         };
         // The text is read again, since the structs do not distinguish given values from defaults.
         let file: toml::Table = text.parse()?;

@@ -383,6 +383,7 @@ fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Resul
         levels: 1,
         backs,
         culled: false,
+        gaps: 0,
         sections: Sections::for_work(gpu, view.size, smooth::work(&scene.settings.smooth)),
     };
     surfaces.resize(gpu, wanted);

@@ -190,6 +190,8 @@ impl Bench {
         let settings = method.settings.clone().unwrap_or_default();
         let mut scene = scene.clone();
         scene.settings.refract = settings.clone();
+        // The truth is that of these layers, which have no gaps.
+        scene.settings.layers.intervals = 1;
         let variant = Variant::new(&scene, self.splash, false, false);
         let (root, mut constants) = match method.settings {
             Some(_) => (variant.shader(), variant.constants()),
@@ -457,8 +459,13 @@ impl ViewLayers {
         let read = |texture: &wgpu::Texture, layer: u32| -> Result<Vec<[f32; 4]>> {
             Ok(bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, layer)?))
         };
+        // Without the flags of texels with gaps, which are not read.
+        let layer = |layers: &Layers, layer: u32| -> Result<Vec<[f32; 4]>> {
+            let texels = read(&layers.texture, layer)?;
+            Ok(texels.into_iter().map(|[x, y, z, depth]| [x, y, z, depth.abs()]).collect())
+        };
         let pair = |layers: &Layers| -> Result<[Vec<[f32; 4]>; 2]> {
-            Ok([read(&layers.texture, Layers::FRONT)?, read(&layers.texture, Layers::BACK)?])
+            Ok([layer(layers, Layers::FRONT)?, layer(layers, Layers::BACK)?])
         };
         let size = UVec2::new(aggregate.texture.width(), aggregate.texture.height());
         let solids = solids.map(|planes| read(planes, 0)).transpose()?;
