@@ -10,7 +10,7 @@ use crate::liquid::bulk::{self, Bulk};
 use crate::liquid::classify::{Splat, Splats};
 use crate::passes::Layers;
 use crate::passes::caustics::{
-    CausticMap, Caustics, Inputs, MapConfig, Output, Params, light_gaps,
+    CausticMap, Caustics, Inputs, LIGHT_GAPS, MapConfig, Output, Params,
 };
 use crate::passes::gbuffer::LightMaps;
 use crate::passes::mixture;
@@ -102,7 +102,7 @@ impl Lights {
                 levels: 1,
                 backs,
                 culled,
-                gaps: light_gaps(scene),
+                gaps: LIGHT_GAPS,
                 sections,
             };
             surfaces.resize(gpu, config);

@@ -90,13 +90,15 @@ impl Default for Classify {
 #[serde(default, deny_unknown_fields)]
 pub struct Layers {
     /// Intervals of liquid, with air between them, that a pixel distinguishes in each class: 1 (from the first
-    /// front to the last back, as in the papers) to 3, default 2.
+    /// front to the last back, as in the papers) to 3, default 1. With 2, crests in front of pools and drops in a row
+    /// are no longer filled with liquid; particles that fill only a hull, as those of the recipe `pool`, then show
+    /// the air inside.
     pub intervals: u32,
 }
 
 impl Default for Layers {
     fn default() -> Self {
-        Self { intervals: 2 }
+        Self { intervals: 1 }
     }
 }
 

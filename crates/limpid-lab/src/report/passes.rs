@@ -133,7 +133,7 @@ struct Work(&'static str, fn(&Counts) -> f64, f64, f64);
 /// The cost model. A plane is 16 bytes, a splat 48, as in the shaders. Operations are counted from
 /// the shaders: an addition, multiplication or comparison is one; a division, root or exponential
 /// four.
-const MODEL: [Work; 40] = [
+const MODEL: [Work; 44] = [
     // Each splat is read and bounded once per side; each of its pixels is intersected. Each texel
     // is written once, with its depth.
     Work("splat", |c| c.sides * c.aggregates, 48.0, 220.0),
@@ -148,6 +148,12 @@ const MODEL: [Work; 40] = [
     Work("mixture", |c| c.aggregates + c.splashes, 48.0, 220.0),
     Work("mixture", |c| c.aggregate_fragments + c.splash_fragments, 0.0, 70.0),
     Work("mixture", |c| c.pixels, 8.0, 0.0),
+    // Each splat is read once, and marks a word of each cell of 4 × 4 pixels; cells are read once. How many
+    // pixels have gaps is not counted.
+    Work("gaps", |c| c.aggregates + c.splashes, 48.0, 220.0),
+    Work("gaps", |c| (c.aggregate_fragments + c.splash_fragments) / 16.0, 0.0, 90.0),
+    Work("gaps", |c| c.classes * c.pixels / 16.0, 8.0, 4.0),
+    Work("smooth gaps", |c| c.tiles, 4.0, 0.0),
     // One texel suffices to detect a tile with liquid; a tile without liquid needs all of them.
     Work("tiles", |c| c.classes * c.liquid_tiles, 16.0, 1.0),
     Work("tiles", |c| c.classes * (c.tiles - c.liquid_tiles), 16.0 * 64.0, 64.0),
