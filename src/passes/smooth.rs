@@ -218,7 +218,6 @@ impl Smooth {
     /// iterations it copies them, and flags texels with gaps. `splash` are the splashes' layers, if there are any.
     pub fn record(
         &self,
-        gpu: &Gpu,
         commands: &mut Commands<'_>,
         camera: &CameraBinding,
         tiles: &TileLists,
@@ -226,6 +225,7 @@ impl Smooth {
         splash: Option<&Layers>,
         span: Span<'_>,
     ) {
+        let gpu = commands.gpu;
         let Frame { variant, iterations, backs, gaps: count, work } = &self.frame;
         // Only the liquid's tiles are written, but taps read beyond them.
         let [first, second] = &self.states;

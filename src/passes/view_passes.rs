@@ -297,7 +297,7 @@ impl ViewPasses {
         if self.smoothed {
             let lists = &self.tiles.lists;
             let (gaps, splash, span) = (&self.gaps, self.splash_layers(), timer.span(names.smooth));
-            self.smooth.record(gpu, commands, camera, lists, gaps, splash, span);
+            self.smooth.record(commands, camera, lists, gaps, splash, span);
             if self.config.gaps > 0 {
                 let span = timer.span(names.smooth_gaps);
                 self.smooth.record_gaps(gpu, commands, camera, &self.gaps, span);

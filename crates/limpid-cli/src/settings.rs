@@ -9,7 +9,7 @@ use crate::terminal;
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// List the settings of one pass: classify, smooth, refract, caustics or tonemap.
+    /// List the settings of one pass: classify, layers, smooth, refract, caustics or tonemap.
     #[arg(value_parser = PASSES.map(|(pass, _)| pass))]
     pass: Option<String>,
 }

@@ -133,8 +133,8 @@ pub(crate) fn take_preset(settings: &mut Settings, preset: Preset) {
 fn preset_of(settings: &Settings) -> String {
     let fits = |preset: &Preset| {
         let all = preset.settings();
-        (&all.classify, &all.smooth, &all.refract)
-            == (&settings.classify, &settings.smooth, &settings.refract)
+        (&all.classify, &all.layers, &all.smooth, &all.refract)
+            == (&settings.classify, &settings.layers, &settings.smooth, &settings.refract)
     };
     Preset::ALL.iter().find(|p| fits(p)).map_or("custom".into(), Preset::to_string)
 }
