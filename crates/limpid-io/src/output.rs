@@ -219,13 +219,26 @@ pub fn abandon() {
     std::mem::forget(children);
     let cleanup = cleanup();
     for path in cleanup.iter() {
-        // `sweep` removes the rest later.
-        let _ = match path.is_dir() {
+        remove(path);
+    }
+    std::mem::forget(cleanup);
+}
+
+/// Removes a file or folder if it can; [`sweep`] removes the rest later.
+fn remove(path: &Path) {
+    /// A thread that is creating a file may add it to a folder that has just been emptied. It blocks at
+    /// its next file, so that few attempts suffice.
+    const ATTEMPTS: usize = 20;
+    for _ in 0..ATTEMPTS {
+        let removed = match path.is_dir() {
             true => std::fs::remove_dir_all(path),
             false => std::fs::remove_file(path),
         };
+        if removed.is_ok() || !path.is_dir() {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(5));
     }
-    std::mem::forget(cleanup);
 }
 
 /// Current time by the clock of the file system of `path`. Machines' clocks differ, and the ages of
