@@ -123,6 +123,7 @@ fn same_splats(a: &Splats, b: &Splats) -> bool {
         bytemuck::cast_slice(splats)
     }
     a.radius.to_bits() == b.radius.to_bits()
+        && a.is_hull == b.is_hull
         && a.origin == b.origin
         && a.aggregates.len() == b.aggregates.len()
         && a.splashes.len() == b.splashes.len()

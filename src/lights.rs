@@ -9,9 +9,8 @@ use crate::light_view::{CUBE, LightView};
 use crate::liquid::bulk::{self, Bulk};
 use crate::liquid::classify::{Splat, Splats};
 use crate::passes::Layers;
-use crate::passes::caustics::{
-    CausticMap, Caustics, Inputs, LIGHT_GAPS, MapConfig, Output, Params,
-};
+use crate::passes::caustics::{CausticMap, Caustics, Inputs, MapConfig, Output, Params};
+use crate::passes::gaps;
 use crate::passes::gbuffer::LightMaps;
 use crate::passes::mixture;
 use crate::passes::smooth;
@@ -89,6 +88,7 @@ impl Lights {
             }
             let LightPasses { surfaces, caustics, .. } = &mut self.passes[i];
             let backs = settings.interfaces > 1;
+            let gaps = gaps::count(gpu, &scene.settings.layers, settings.interfaces, splats);
             let size = view.size;
             let mixture = mixture::is_mixed(scene);
             let sections = Sections::for_work(gpu, size, smooth::work(&scene.settings.smooth));
@@ -102,7 +102,7 @@ impl Lights {
                 levels: 1,
                 backs,
                 culled,
-                gaps: LIGHT_GAPS,
+                gaps,
                 sections,
             };
             surfaces.resize(gpu, config);
@@ -111,7 +111,7 @@ impl Lights {
             surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);
             let map_settings = settings_of(placed, settings);
             let (camera, bound) = (&surfaces.camera, &surfaces.scene);
-            let config = MapConfig { settings: &map_settings, splash, size };
+            let config = MapConfig { settings: &map_settings, splash, gaps, size };
             caustics.prepare(gpu, camera, bound, scene, config)?;
         }
         Ok(())
@@ -143,6 +143,7 @@ impl Lights {
                 scene: &surfaces.scene,
                 aggregate: surfaces.aggregate_layers(),
                 splash: surfaces.splash_layers(),
+                gaps: gaps::count(gpu, &scene.settings.layers, map_settings.interfaces, splats),
                 gbuffer: &surfaces.gbuffer.images,
                 mixture: Some(&surfaces.mixture.view),
                 method: map_settings.method,

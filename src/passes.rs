@@ -22,6 +22,7 @@ pub mod refract;
 pub mod smooth;
 pub mod splat;
 pub mod splat_buffers;
+pub mod splat_lists;
 pub mod surface;
 pub mod tiles;
 pub mod tonemap;

@@ -15,6 +15,7 @@ use crate::memory;
 use crate::motion::Motion;
 use crate::passes::caustics::CausticMap;
 use crate::passes::cull;
+use crate::passes::gaps;
 use crate::passes::host;
 use crate::passes::mesh_buffers::MeshBuffers;
 use crate::passes::mips::{self, Mips};
@@ -506,7 +507,8 @@ impl<'a> Frame<'a> {
         let screen_solids =
             settings.refract.solids == Solids::Screen && !scene.solids.is_empty() && host.is_none();
         let splash = !splats.splashes.is_empty();
-        let variant = Variant::new(scene, splash, host.is_some(), diagnose);
+        let gaps = gaps::count(gpu, &settings.layers, settings.refract.interfaces, splats);
+        let variant = Variant::new(scene, splash, gaps, host.is_some(), diagnose);
         let starts_inside = view_range::may_start_inside(splats, &view, size);
         let lit = if scene.is_lit() { scene.lights.len() } else { 0 };
         let work = refract::work(&settings.refract, size, refract::solid_work(scene), lit);
@@ -519,7 +521,7 @@ impl<'a> Frame<'a> {
             host: host.is_some(),
             levels: if variant.mips() { mips::levels(size) } else { 1 },
             backs: settings.refract.interfaces > 1 || diagnose || starts_inside,
-            gaps: variant.gaps,
+            gaps,
             culled: cull::is_worthwhile(gpu, splats),
             sections: Sections::for_work(gpu, size, work),
         };

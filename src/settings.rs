@@ -90,15 +90,14 @@ impl Default for Classify {
 #[serde(default, deny_unknown_fields)]
 pub struct Layers {
     /// Intervals of liquid, with air between them, that a pixel distinguishes in each class: 1 (from the first
-    /// front to the last back, as in the papers) to 3, default 1. With 2, crests in front of pools and drops in a row
-    /// are no longer filled with liquid; particles that fill only a hull, as those of the recipe `pool`, then show
-    /// the air inside.
+    /// front to the last back, as in the papers) to 3, default 2. With 1, crests in front of pools and drops in a row
+    /// appear filled with liquid. Particles that fill only a hull, as those of the recipe `pool`, have one.
     pub intervals: u32,
 }
 
 impl Default for Layers {
     fn default() -> Self {
-        Self { intervals: 1 }
+        Self { intervals: 2 }
     }
 }
 

@@ -390,6 +390,7 @@ fn scale_does_not_change_the_picture() {
             splashes: drawn.splashes.iter().map(splat).collect(),
             radius: drawn.radius * scale,
             origin: drawn.origin * f64::from(scale),
+            is_hull: false,
         };
         let mut scene = scene.clone();
         scene.liquid.absorption /= scale;

@@ -128,6 +128,36 @@ fn small_drops_far_apart_are_apart() {
     assert!((found - 0.02).abs() < 0.0005, "{found} m instead of 2 cm");
 }
 
+/// Two drops of one particle each that part along the ray: the air between them appears at once, when it is two
+/// particle radii long at most, and stays. So pixels of a sequence change by less than two radii of liquid.
+#[test]
+fn air_appears_below_two_radii_and_stays() {
+    let (r, radius) = (0.1, 0.145);
+    let mut gap_shown = None;
+    for step in 0..30 {
+        let gap = 0.01 * step as f32;
+        let drops = [-0.5, 0.5].map(|side| sphere(Vec3::Z * side * (2.0 * radius + gap), radius));
+        let Some(frame) = draw(&splats(&drops, &[], r), 2) else { return };
+        let excess = frame.at("inside", MIDDLE) - f64::from(4.0 * radius);
+        let shown = excess.abs() < 0.5 * TOLERANCE;
+        assert!(shown || (excess - f64::from(gap)).abs() < TOLERANCE, "{gap}: {excess}");
+        if shown && gap > 0.02 {
+            gap_shown.get_or_insert(gap);
+        }
+        assert!(shown || gap_shown.is_none(), "the air of {gap_shown:?} is gone at {gap}");
+    }
+    assert!(gap_shown.is_some_and(|gap| gap < 2.0 * r), "{gap_shown:?}");
+}
+
+/// Particles that fill only a hull have one interval: the space inside is liquid.
+#[test]
+fn hulls_have_one_interval() {
+    let hull = Splats { is_hull: true, ..splats(&drops_in_a_row(2), &[], 0.1) };
+    let filled = Splats { is_hull: false, ..hull.clone() };
+    let (Some(two), Some(one)) = (draw(&hull, 2), draw(&filled, 1)) else { return };
+    assert_eq!(two.channel("inside"), one.channel("inside"));
+}
+
 /// The check fails for one interval per pixel: that reaches from the first front to the last back.
 #[test]
 fn one_interval_reaches_through_the_air() {

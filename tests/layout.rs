@@ -10,7 +10,7 @@ use limpid::camera::CameraUniform;
 use limpid::gpu::shader;
 use limpid::liquid::classify::{self, device};
 use limpid::passes::{
-    Layers, caustics, cull, gaps, gbuffer, host, refract, smooth, surface, tiles, tonemap,
+    Layers, caustics, gaps, gbuffer, host, refract, smooth, splat_lists, surface, tiles, tonemap,
 };
 use limpid::{gpu, scene};
 use naga::{Literal, Scalar, ScalarKind, TypeInner};
@@ -284,9 +284,9 @@ fn shared_constants_agree() {
         ("gbuffer.wgsl", "MAX_LIGHT_VIEWS", (scene::MAX_LIGHTS * gbuffer::LIGHT_VIEWS) as u32),
         ("tiles.wgsl", "TILE", gpu::TILE),
         ("splat.wgsl", "BURIED", classify::Splat::BURIED),
-        ("cull/select.wgsl", "BLOCK", cull::BLOCK),
-        ("gaps/mark.wgsl", "CELL", gaps::CELL),
-        ("gaps/mark.wgsl", "WORDS", gaps::WORDS),
+        ("cull/select.wgsl", "BLOCK", splat_lists::BLOCK),
+        ("gaps/mark_small.wgsl", "CELL", gaps::CELL),
+        ("gaps/mark_small.wgsl", "WORDS", gaps::WORDS),
         ("splat.wgsl", "FRONT", Layers::FRONT),
         ("splat.wgsl", "BACK", Layers::BACK),
         ("classify/scan.wgsl", "ROW", gpu::ROW),

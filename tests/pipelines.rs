@@ -81,7 +81,7 @@ fn splats(aggregates: usize, splashes: usize) -> Splats {
         aggregates: row(aggregates),
         splashes: row(splashes),
         radius: 0.1,
-        origin: DVec3::ZERO,
+        ..Splats::default()
     }
 }
 

@@ -301,7 +301,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 113] = [
+const LOOPS: [(&str, &str, &str, &str); 115] = [
     ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
     ("caustics/conic.wgsl", "conic_first_exit", "for (var edge = 0u; edge < 3u; edge++)", "a constant"),
     ("caustics/conic.wgsl", "conic_solve", "for (var i = 0u; i < CONIC_ROUNDS; i++)", "a constant"),
@@ -356,18 +356,20 @@ const LOOPS: [(&str, &str, &str, &str); 113] = [
     ("cull/depths.wgsl", "reduce", "for (var i = 0u; i < TILE * TILE; i++)", "a constant"),
     ("cull/select.wgsl", "is_hidden", "for (var y = first.y; y <= last.y; y++)", "MOST_TILES together"),
     ("cull/select.wgsl", "is_hidden", "for (var x = first.x; x <= last.x; x++)", "MOST_TILES together"),
-    ("cull/select.wgsl", "mark", "for (var word = 0u; word < WORDS; word++)", "a constant"),
-    ("cull/select.wgsl", "arrange", "for (var block = first; block < last; block++)", "blocks of the particles or cells, over the workgroup's threads"),
-    ("cull/select.wgsl", "arrange", "for (var thread = 0u; thread < local; thread++)", "the workgroup's threads"),
-    ("cull/select.wgsl", "arrange", "for (var block = first; block < last; block++)", "blocks of the particles or cells, over the workgroup's threads"),
-    ("cull/select.wgsl", "list", "for (var before = 0u; before < word; before++)", "WORDS"),
+    ("splat_lists.wgsl", "mark", "for (var word = 0u; word < MASK_WORDS; word++)", "a constant"),
+    ("splat_lists.wgsl", "list", "for (var before = 0u; before < word; before++)", "MASK_WORDS"),
+    ("splat_lists.wgsl", "arrange", "for (var block = first; block < last; block++)", "blocks of the particles or cells, over the workgroup's threads"),
+    ("splat_lists.wgsl", "arrange", "for (var thread = 0u; thread < local; thread++)", "the workgroup's threads"),
+    ("splat_lists.wgsl", "arrange", "for (var block = first; block < last; block++)", "blocks of the particles or cells, over the workgroup's threads"),
     ("caustics/forward.wgsl", "light_path", "for (var body = 0u; body <= GAPS; body++)", "layers.intervals, 3 at most"),
     ("caustics/resolve.wgsl", "straight", "for (var gap = select(i32(GAPS), 0, slabs.aggregate_has_gap); gap < i32(GAPS); gap++)", "layers.intervals, 3 at most"),
     ("caustics/resolve.wgsl", "straight", "for (var gap = select(i32(GAPS), 0, slabs.splash_has_gap); gap < i32(GAPS); gap++)", "layers.intervals, 3 at most"),
     ("gaps/clear.wgsl", "clear", "for (var layer = 2u; layer < textureNumLayers(aggregate_layers); layer++)", "the layers, 6 at most"),
-    ("gaps/draw.wgsl", "meets_gap", "for (var y = first.y; y <= last.y; y++)", "MOST_TILES together"),
-    ("gaps/draw.wgsl", "meets_gap", "for (var x = first.x; x <= last.x; x++)", "MOST_TILES together"),
-    ("gaps/mark.wgsl", "mark", "for (var word = 0u; word < WORDS; word++)", "a constant"),
+    ("gaps/select.wgsl", "is_listed", "for (var y = first.y; y <= last.y; y++)", "MOST_TILES together"),
+    ("gaps/select.wgsl", "is_listed", "for (var x = first.x; x <= last.x; x++)", "MOST_TILES together"),
+    ("gaps/mark_small.wgsl", "is_listed", "for (var y = first.y; y <= last.y; y++)", "MOST_CELLS together"),
+    ("gaps/mark_small.wgsl", "is_listed", "for (var x = first.x; x <= last.x; x++)", "MOST_CELLS together"),
+    ("gaps/mark.wgsl", "mark_cell", "for (var word = 0u; word < WORDS; word++)", "a constant"),
     ("gaps/split.wgsl", "next_bin", "for (var word = start / 32u; word < WORDS; word++)", "a constant"),
     ("gaps/split.wgsl", "splits_of", "for (var i = 0u; i < BINS / 2u && end < BINS && count < GAPS; i++)", "a constant"),
     ("gaps/split.wgsl", "fill_window", "for (var i = 0u; i < WINDOW * WINDOW; i++)", "a constant"),

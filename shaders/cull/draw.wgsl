@@ -2,12 +2,12 @@
 
 #import splat.wgsl
 
-@group(2) @binding(0) var<storage, read> visible: array<u32>;
+@group(2) @binding(0) var<storage, read> listed: array<u32>;
 
 @vertex
-fn vertex_visible(
+fn vertex_listed(
     @builtin(vertex_index) corner: u32,
     @builtin(instance_index) instance: u32,
 ) -> Varying {
-    return splat_varying(corner, splats[visible[instance]]);
+    return splat_varying(corner, splats[listed[instance]]);
 }

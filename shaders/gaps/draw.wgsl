@@ -5,56 +5,15 @@
 #import gaps/cells.wgsl
 #import gaps/swollen.wgsl
 
-@group(2) @binding(0) var splits: texture_2d<f32>;
-// Of each tile the least and the greatest depth of a split: of aggregates, then of splashes; 0 without any.
-@group(2) @binding(1) var gap_tiles: texture_2d<f32>;
+// The splats to draw.
+@group(2) @binding(0) var<storage, read> listed: array<u32>;
+@group(3) @binding(0) var splits: texture_2d<f32>;
 
-override GAP: u32 = 0u;     // which split
-override CLASS: u32 = 0u;   // aggregates, splashes
-
-// Splats that touch more tiles are drawn without a test.
-const MOST_TILES: u32 = 64u;
+override GAP: u32 = 0u; // which split
 
 @vertex
 fn vertex_gap(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Varying {
-    let splat = swollen(splats[instance]);
-    var out = splat_varying(corner, splat);
-    let placed = splat_in_view(splat);
-    let low = splat_corner(0u, placed.centre, placed.rows);
-    let high = splat_corner(3u, placed.centre, placed.rows);
-    let half_depth = length(placed.rows[2]);
-    if !meets_gap(low, high, -placed.centre.z - half_depth, -placed.centre.z + half_depth) {
-        out.clip = vec4f(2.0, 2.0, 0.0, 1.0);
-    }
-    return out;
-}
-
-// Whether any tile of a rectangle, in normalised device coordinates, has a gap of which an ellipsoid between
-// these depths may be the side.
-fn meets_gap(low: vec2f, high: vec2f, nearest: f32, farthest: f32) -> bool {
-    if any(low > vec2f(1.0)) || any(high < vec2f(-1.0)) {
-        return false;
-    }
-    let end = camera.size - 1.0;
-    let left_top = (vec2f(low.x, -high.y) * 0.5 + 0.5) * camera.size;
-    let right_bottom = (vec2f(high.x, -low.y) * 0.5 + 0.5) * camera.size;
-    let first = vec2u(clamp(left_top, vec2f(0.0), end)) / TILE;
-    let last = vec2u(clamp(right_bottom, vec2f(0.0), end)) / TILE;
-    let tiles = last - first + 1u;
-    if tiles.x * tiles.y > MOST_TILES {
-        return true;
-    }
-    for (var y = first.y; y <= last.y; y++) {
-        for (var x = first.x; x <= last.x; x++) {
-            let splits = textureLoad(gap_tiles, vec2u(x, y), 0);
-            let of_class = select(splits.xy, splits.zw, CLASS == 1u);
-            let sides = select(farthest >= of_class.x, nearest <= of_class.y, SIDE == BACK);
-            if of_class.y > 0.0 && sides {
-                return true;
-            }
-        }
-    }
-    return false;
+    return splat_varying(corner, swollen(splats[listed[instance]]));
 }
 
 @fragment

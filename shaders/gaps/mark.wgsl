@@ -1,29 +1,21 @@
-// Marks the bins of depth that liquid touches.
+// Marks the bins of depth that liquid touches along a cell's ray.
 
 #import splat.wgsl
 #import gaps/cells.wgsl
 #import gaps/swollen.wgsl
 
-@group(2) @binding(0) var layers: texture_2d_array<f32>;
-@group(2) @binding(1) var<storage, read_write> marks: array<atomic<u32>>;
+@group(3) @binding(0) var layers: texture_2d_array<f32>;
+@group(3) @binding(1) var<storage, read_write> marks: array<atomic<u32>>;
 
-@vertex
-fn vertex_cells(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Varying {
-    var out = splat_varying(corner, swollen(splats[instance]));
-    // The middle of a cell's texel is half a texel from the middle of the cell.
-    let sign = vec2f(f32(corner & 1u), f32(corner >> 1u)) * 2.0 - 1.0;
-    out.clip = vec4f(out.clip.xy + sign / camera.size, 0.5, 1.0);
-    return out;
-}
-
-@fragment
-fn mark(in: Varying) {
-    let cell = vec2u(in.clip.xy);
+fn mark_cell(cell: vec2u, centre: vec3f, to_sphere: mat3x3f) {
     let texel = min(cell_texel(cell), vec2u(camera.size) - 1u);
+    let chord = splat_chord(centre, to_sphere, camera_omega(vec2f(texel) + 0.5));
+    if !chord.hit {
+        return;
+    }
     let first = textureLoad(layers, texel, FRONT, 0).w;
     let last = textureLoad(layers, texel, BACK, 0).w;
-    let chord = splat_chord(in.centre, varying_to_sphere(in), camera_omega(vec2f(texel) + 0.5));
-    if !chord.hit || first <= 0.0 || last <= first {
+    if first <= 0.0 || last <= first {
         return;
     }
     let per_metre = f32(BINS) / (last - first);

@@ -104,6 +104,7 @@ impl Particles {
             ellipsoids: mixed(&pairs, a.ellipsoids.as_deref(), b.ellipsoids.as_deref(), |a, b| {
                 if fraction < 0.5 { a } else { b }
             }),
+            is_hull: a.is_hull,
         }
     }
 
@@ -140,6 +141,7 @@ impl Particles {
             ids: None,
             ellipsoids: joined(fluids, |fluid| &fluid.ellipsoids),
             fluids: None,
+            is_hull: fluids.iter().any(|fluid| fluid.is_hull),
         }
     }
 }

@@ -115,6 +115,8 @@ pub struct Splats {
     /// Origin of the centres in world space, in metres: the origin of the particles, or their centre if
     /// they are far from it, so that 32-bit floats keep their precision.
     pub origin: DVec3,
+    /// [`Particles::is_hull`]: each pixel then has one interval of liquid.
+    pub is_hull: bool,
 }
 
 /// Classifies a frame's particles into splashes and aggregates, and computes their shapes.
@@ -175,6 +177,7 @@ pub struct Cloud {
     origin: DVec3,
     /// Origin of the splats relative to that of the members, m.
     shift: DVec3,
+    is_hull: bool,
 }
 
 impl Cloud {
@@ -204,6 +207,7 @@ impl Cloud {
             ellipsoids: particles.ellipsoids.clone(),
             origin: particles.origin,
             shift,
+            is_hull: particles.is_hull,
         }
     }
 
@@ -272,7 +276,13 @@ impl Cloud {
 
     fn splats(&self, shaped: impl ParallelIterator<Item = Either<Splat, Splat>>) -> Splats {
         let (splashes, aggregates) = shaped.partition_map(|splat| splat);
-        Splats { aggregates, splashes, radius: self.radius, origin: self.origin + self.shift }
+        Splats {
+            aggregates,
+            splashes,
+            radius: self.radius,
+            origin: self.origin + self.shift,
+            is_hull: self.is_hull,
+        }
     }
 }
 

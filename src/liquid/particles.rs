@@ -27,6 +27,9 @@ pub struct Particles {
     pub fluids: Option<Vec<u8>>,
     /// Shapes from the file, in units of each particle's radius.
     pub ellipsoids: Option<Vec<Ellipsoid>>,
+    /// Whether the particles fill only a hull of the liquid, as those of the recipe `pool`: the space that they
+    /// enclose is liquid too.
+    pub is_hull: bool,
 }
 
 /// The up axis of a file.

@@ -104,9 +104,6 @@ impl Params {
     }
 }
 
-/// Gaps that a light's view distinguishes. None yet: maps with gaps have not been compared with their truth.
-pub const LIGHT_GAPS: u32 = 0;
-
 /// Cells of a grid with `grid` cells along the longer side of a view.
 pub fn cells(size: UVec2, grid: u32) -> UVec2 {
     let pitch = f64::from(size.max_element()) / f64::from(grid);
@@ -188,6 +185,8 @@ pub struct Inputs<'a> {
     pub scene: &'a SceneBinding,
     pub aggregate: &'a Layers,
     pub splash: Option<&'a Layers>,
+    /// Gaps in the layers.
+    pub gaps: u32,
     pub gbuffer: &'a GBufferImages,
     /// The mixture, if the fluids differ in absorption.
     pub mixture: Option<&'a wgpu::TextureView>,
@@ -202,6 +201,8 @@ pub struct MapConfig<'a> {
     pub settings: &'a settings::Caustics,
     /// The frame has splashes.
     pub splash: bool,
+    /// Gaps that the light's view distinguishes.
+    pub gaps: u32,
     /// Size in texels.
     pub size: UVec2,
 }
@@ -284,7 +285,7 @@ impl Caustics {
         scene: &Scene,
         config: MapConfig<'_>,
     ) -> Result<()> {
-        let MapConfig { settings, splash, size } = config;
+        let MapConfig { settings, splash, gaps, size } = config;
         let cells = match settings.method {
             Method::Straight => UVec2::ONE,
             _ => cells(size, settings.grid),
@@ -311,7 +312,7 @@ impl Caustics {
         if !self.buffers.as_ref().is_some_and(fit) {
             self.buffers = Some(Buffers::new(gpu, size, cells, blur));
         }
-        let key = Key::new(scene, bound, settings.method, splash);
+        let key = Key::new(scene, bound, settings.method, (splash, gaps));
         let layouts = &self.layouts;
         self.pipelines.entry(key).or_insert_with(|| {
             let pipeline = |file: &str, entry: &str, layout, constants: &[(&'static str, f64)]| {
@@ -369,7 +370,8 @@ impl Caustics {
     ) {
         let Some(buffers) = &self.buffers else { return };
         let (gpu, params) = (commands.gpu, inputs.params);
-        let key = Key::new(scene, inputs.scene, inputs.method, inputs.splash.is_some());
+        let layers = (inputs.splash.is_some(), inputs.gaps);
+        let key = Key::new(scene, inputs.scene, inputs.method, layers);
         let pipelines = &self.pipelines[&key];
         let uniform = |label: &str, bytes: &[u8]| gpu::buffer_with(gpu, label, gpu::UNIFORM, bytes);
         let refract = refract::Params::new(scene, &scene.settings.refract, radius);
@@ -570,18 +572,18 @@ impl Work {
 }
 
 impl Key {
-    fn new(scene: &Scene, bound: &SceneBinding, method: Method, splash: bool) -> Self {
-        let exact = Variant::new(scene, splash, false, false);
+    /// `splash`: the view has layers of splashes; `gaps`: the number of gaps in its layers.
+    fn new(
+        scene: &Scene,
+        bound: &SceneBinding,
+        method: Method,
+        (splash, gaps): (bool, u32),
+    ) -> Self {
+        let exact = Variant::new(scene, splash, gaps, false, false);
         let variant = Variant { solver: Solver::Guarded, filter: false, stride: 1, ..exact };
         // Settings that the kernels do not read must not create variants.
         let variant = Variant { solids: Solids::Exact, iterations: 0, ..variant };
-        let variant = Variant {
-            gaps: LIGHT_GAPS,
-            samples: 1,
-            edge_samples: 1,
-            transparent: false,
-            ..variant
-        };
+        let variant = Variant { samples: 1, edge_samples: 1, transparent: false, ..variant };
         let scene_variant = SceneVariant {
             lights: 0,
             environment: 0,

@@ -12,9 +12,20 @@ use wgpu::TextureViewDimension::{D2, D2Array};
 
 use super::splat::{DEPTH, Splat};
 use super::splat_buffers::{self, SplatBuffers};
+use super::splat_lists::{self, Selection, SplatLists};
 use super::tiles::{Sections, TileLists, Tiles};
 use super::{CameraBinding, Layers};
 use crate::gpu::{self, Gpu, Span, TILE};
+use crate::liquid::classify::Splats;
+use crate::settings;
+
+/// The number of gaps that a view through `interfaces` interfaces distinguishes; none on devices with less than
+/// WebGPU's default limits for compute shaders.
+pub fn count(gpu: &Gpu, settings: &settings::Layers, interfaces: u32, splats: &Splats) -> u32 {
+    // One interface needs fronts alone.
+    let needed = interfaces > 1 && !splats.is_hull;
+    if needed && splat_lists::are_supported(gpu) { settings.intervals - 1 } else { 0 }
+}
 
 /// Side of a cell, pixels: as in `gaps/cells.wgsl`.
 pub const CELL: u32 = 4;
@@ -43,29 +54,41 @@ pub struct Gaps {
     /// splashes; 0 without any.
     pub tiles: wgpu::Texture,
     /// Output: the tiles with gaps, as their `liquid`.
-    pub lists: TileLists,
+    pub tile_lists: TileLists,
     layouts: Layouts,
     pipelines: Option<Pipelines>,
     params: wgpu::Buffer,
     cells: Cells,
+    /// Splats to mark by drawing them, and those of the sides of gaps, by class.
+    lists: [ClassLists; 2],
+}
+
+#[derive(Debug)]
+struct ClassLists {
+    large: SplatLists,
+    sides: [SplatLists; 2],
 }
 
 #[derive(Debug)]
 struct Layouts {
     mark: wgpu::BindGroupLayout,
     split: wgpu::BindGroupLayout,
+    select: wgpu::BindGroupLayout,
     clear: wgpu::BindGroupLayout,
     draw: wgpu::BindGroupLayout,
 }
 
 #[derive(Debug)]
 struct Pipelines {
-    mark: wgpu::RenderPipeline,
+    mark_small: Selection,
+    mark_large: wgpu::RenderPipeline,
     /// Without and with splashes.
     split: [wgpu::ComputePipeline; 2],
     clear: [wgpu::ComputePipeline; 2],
-    /// By class, gap and side.
-    draw: Vec<[[wgpu::RenderPipeline; 2]; 2]>,
+    /// By class and side.
+    select: [[Selection; 2]; 2],
+    /// By gap and side.
+    draw: [[wgpu::RenderPipeline; 2]; 2],
     gaps: u32,
 }
 
@@ -85,7 +108,6 @@ impl Gaps {
     /// Creates the layouts; pipelines are compiled on first use.
     pub fn new(gpu: &Gpu) -> Self {
         let compute = wgpu::ShaderStages::COMPUTE;
-        let rendering = wgpu::ShaderStages::VERTEX_FRAGMENT;
         let layers = gpu::sampled(D2Array);
         let marks = gpu::storage_of(MARKS);
         let splits = gpu::storage_texture(wgpu::TextureFormat::Rg32Float, D2);
@@ -94,7 +116,7 @@ impl Gaps {
         let layouts = Layouts {
             mark: gpu.layout(
                 "gap marks",
-                wgpu::ShaderStages::FRAGMENT,
+                compute | wgpu::ShaderStages::FRAGMENT,
                 &[layers, gpu::storage_read_write(MARKS)],
             ),
             split: gpu.layout(
@@ -114,32 +136,46 @@ impl Gaps {
                 ],
             ),
             clear: gpu.layout("gaps cleared", compute, &[planes, planes, gpu::storage_of(8)]),
-            draw: gpu.layout("gaps drawn", rendering, &[gpu::sampled(D2), gpu::sampled(D2)]),
+            select: gpu.layout("gap tiles", compute, &[gpu::sampled(D2)]),
+            draw: gpu.layout("gaps drawn", wgpu::ShaderStages::FRAGMENT, &[gpu::sampled(D2)]),
         };
         let sections = Sections { tiles: 1, words: 2, count: 1 };
         Self {
             tiles: create_tiles(gpu, UVec2::ONE),
-            lists: TileLists::new(gpu, UVec2::ONE, sections),
+            tile_lists: TileLists::new(gpu, UVec2::ONE, sections),
             layouts,
             pipelines: None,
             params: gpu::uniform_buffer::<Params>(gpu, "gaps"),
             cells: Cells::new(gpu, UVec2::ONE),
+            lists: [(); 2].map(|()| ClassLists::new(gpu)),
         }
     }
 
     /// Replaces the textures and the list of tiles.
     pub fn resize(&mut self, gpu: &Gpu, size: UVec2, sections: Sections) {
         self.tiles = create_tiles(gpu, size);
-        self.lists = TileLists::new(gpu, size, sections);
+        self.tile_lists = TileLists::new(gpu, size, sections);
         self.cells = Cells::new(gpu, size);
     }
 
-    /// Uploads the parameters for particles of `radius`, m, and compiles missing pipelines for `gaps` gaps.
-    pub fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, gaps: u32, radius: f32) {
+    /// Uploads the parameters for particles of `radius`, m, compiles missing pipelines for `gaps` gaps, and
+    /// allocates lists for these splats.
+    pub fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        gaps: u32,
+        radius: f32,
+        splats: [&SplatBuffers; 2],
+    ) {
+        for (lists, splats) in self.lists.iter_mut().zip(splats) {
+            lists.prepare(gpu, splats);
+        }
         let params = Params { least: LEAST * radius };
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
         if self.pipelines.as_ref().is_none_or(|pipelines| pipelines.gaps != gaps) {
-            self.pipelines = Some(Pipelines::new(gpu, camera, &self.layouts, gaps));
+            self.pipelines =
+                Some(Pipelines::new(gpu, camera, &self.layouts, &self.lists[0].large, gaps));
         }
     }
 
@@ -162,16 +198,18 @@ impl Gaps {
             let resources = [texture(&splat.layers.view), marks.as_entire_binding()];
             let group = gpu::bind_group(gpu, "gap marks", &self.layouts.mark, &resources);
             let first = if i == 0 { span.first() } else { Span::default() };
-            let mut pass = depth_pass(encoder, None, &self.cells.depth, 0.0, first);
+            let lists = &self.lists[i].large;
+            lists.select(encoder, camera, splats, (&pipelines.mark_small, &group), first);
+            let mut pass = depth_pass(encoder, None, &self.cells.depth, 0.0, Span::default());
             pass.set_bind_group(0, &camera.group, &[]);
-            pass.set_bind_group(2, &group, &[]);
-            pass.set_pipeline(&pipelines.mark);
-            splats.draw(&mut pass);
+            pass.set_bind_group(3, &group, &[]);
+            pass.set_pipeline(&pipelines.mark_large);
+            lists.draw(&mut pass, splats);
         }
         let splash = classes.len() > 1;
         let variant = usize::from(splash);
         let layers = |i: usize| &classes.get(i).unwrap_or(&classes[0]).1.layers;
-        self.lists.clear(encoder);
+        self.tile_lists.clear(encoder);
         {
             let splits = [0, 1].map(|i| view(&self.cells.splits[i]));
             let flags = view(&self.tiles);
@@ -183,8 +221,8 @@ impl Gaps {
                 texture(&splits[0]),
                 texture(&splits[1]),
                 texture(&flags),
-                self.lists.liquid.as_entire_binding(),
-                self.lists.sections_buffer().as_entire_binding(),
+                self.tile_lists.liquid.as_entire_binding(),
+                self.tile_lists.sections_buffer().as_entire_binding(),
                 self.params.as_entire_binding(),
             ];
             let group = gpu::bind_group(gpu, "gap splits", &self.layouts.split, &resources);
@@ -194,28 +232,33 @@ impl Gaps {
             let (x, y) = gpu::workgroups(self.cells.size.map(|n| n.div_ceil(TILE)));
             pass.dispatch_workgroups(x, y, 1);
         }
-        tiles.arrange(gpu, encoder, &self.lists, layers(0));
-        for section in self.lists.sections() {
+        tiles.arrange(gpu, encoder, &self.tile_lists, layers(0));
+        for section in self.tile_lists.sections() {
             let planes = [0, 1].map(|i| gpu::level_view(&layers(i).texture, 0, D2Array));
             let resources = [
                 texture(&planes[0]),
                 texture(&planes[variant]),
-                self.lists.section(&self.lists.liquid, section),
+                self.tile_lists.section(&self.tile_lists.liquid, section),
             ];
             let group = gpu::bind_group(gpu, "gaps cleared", &self.layouts.clear, &resources);
             let mut pass = encoder.begin_compute_pass(&Default::default());
             pass.set_pipeline(&pipelines.clear[variant]);
             pass.set_bind_group(0, &group, &[]);
-            let at = self.lists.dispatch(TileLists::LIQUID, section);
-            pass.dispatch_workgroups_indirect(&self.lists.dispatches, at);
+            let at = self.tile_lists.dispatch(TileLists::LIQUID, section);
+            pass.dispatch_workgroups_indirect(&self.tile_lists.dispatches, at);
         }
         let flags = view(&self.tiles);
+        let with_gaps = gpu::bind_group(gpu, "gap tiles", &self.layouts.select, &[texture(&flags)]);
         let mut left = classes.len() * pipelines.gaps as usize * 2;
         for (i, (splats, splat)) in classes.iter().enumerate() {
             let splits = view(&self.cells.splits[i]);
-            let resources = [texture(&splits), texture(&flags)];
-            let group = gpu::bind_group(gpu, "gaps drawn", &self.layouts.draw, &resources);
-            for (gap, sides) in (0..).zip(&pipelines.draw[i][..pipelines.gaps as usize]) {
+            let group = gpu::bind_group(gpu, "gaps drawn", &self.layouts.draw, &[texture(&splits)]);
+            let lists = &self.lists[i].sides;
+            for (lists, selection) in lists.iter().zip(&pipelines.select[i]) {
+                let none = Span::default();
+                lists.select(encoder, camera, splats, (selection, &with_gaps), none);
+            }
+            for (gap, sides) in (0..).zip(&pipelines.draw[..pipelines.gaps as usize]) {
                 let farthest = [1.0, 0.0];
                 for (side, layer) in Layers::gap(gap).into_iter().enumerate() {
                     left -= 1;
@@ -224,9 +267,9 @@ impl Gaps {
                     let depth = splat.depth();
                     let mut pass = depth_pass(encoder, Some(&target), depth, farthest[side], span);
                     pass.set_bind_group(0, &camera.group, &[]);
-                    pass.set_bind_group(2, &group, &[]);
+                    pass.set_bind_group(3, &group, &[]);
                     pass.set_pipeline(&sides[side]);
-                    splats.draw(&mut pass);
+                    lists[side].draw(&mut pass, splats);
                 }
             }
         }
@@ -273,7 +316,13 @@ fn depth_pass<'a>(
 }
 
 impl Pipelines {
-    fn new(gpu: &Gpu, camera: &CameraBinding, layouts: &Layouts, gaps: u32) -> Self {
+    fn new(
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        layouts: &Layouts,
+        lists: &SplatLists,
+        gaps: u32,
+    ) -> Self {
         let kernel = |file: &str, entry: &str, layout: &wgpu::BindGroupLayout, splash: f64| {
             let constants: &[(&str, f64)] = match entry {
                 "split" => &[("SPLASH", splash), ("GAPS", gaps.into())],
@@ -288,11 +337,16 @@ impl Pipelines {
                       colored: bool,
                       constants: &[(&str, f64)]| {
             let module = gpu::shader::module(gpu, file, gpu::shader::Variant::default());
-            let splats = splat_buffers::layout(gpu);
+            let (splats, listed) = (splat_buffers::layout(gpu), splat_lists::layout(gpu));
             let pipeline_layout =
                 gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                     label: Some(file),
-                    bind_group_layouts: &[Some(&camera.layout), Some(&splats), Some(layout)],
+                    bind_group_layouts: &[
+                        Some(&camera.layout),
+                        Some(&splats),
+                        Some(&listed),
+                        Some(layout),
+                    ],
                     immediate_size: 0,
                 });
             let constants = [&camera.constants()[..], constants].concat();
@@ -330,25 +384,28 @@ impl Pipelines {
                 cache: gpu.cache(),
             })
         };
-        let draw = |class: u32, gap: u32| {
+        let select = |class: u32| {
+            [Layers::BACK, Layers::FRONT].map(|side| {
+                let constants = [("SIDE", f64::from(side)), ("CLASS", f64::from(class))];
+                lists.selection(gpu, camera, "gaps/select.wgsl", &layouts.select, &constants)
+            })
+        };
+        let draw = |gap: u32| {
             [
                 (wgpu::CompareFunction::Less, Layers::BACK),
                 (wgpu::CompareFunction::Greater, Layers::FRONT),
             ]
             .map(|(compare, side)| {
-                let constants = [
-                    ("SIDE", f64::from(side)),
-                    ("GAP", f64::from(gap)),
-                    ("CLASS", f64::from(class)),
-                ];
+                let constants = [("SIDE", f64::from(side)), ("GAP", f64::from(gap))];
                 let entries = ["vertex_gap", "side"];
                 raster("gaps/draw.wgsl", entries, &layouts.draw, compare, true, &constants)
             })
         };
         Self {
-            mark: raster(
-                "gaps/mark.wgsl",
-                ["vertex_cells", "mark"],
+            mark_small: lists.selection(gpu, camera, "gaps/mark_small.wgsl", &layouts.mark, &[]),
+            mark_large: raster(
+                "gaps/mark_large.wgsl",
+                ["vertex_cells", "mark_large"],
                 &layouts.mark,
                 wgpu::CompareFunction::Always,
                 false,
@@ -358,8 +415,21 @@ impl Pipelines {
                 .map(|splash| kernel("gaps/split.wgsl", "split", &layouts.split, splash)),
             clear: [0.0, 1.0]
                 .map(|splash| kernel("gaps/clear.wgsl", "clear", &layouts.clear, splash)),
-            draw: [0, 1].map(|class| [draw(class, 0), draw(class, 1)]).into(),
+            select: [0, 1].map(select),
+            draw: [draw(0), draw(1)],
             gaps,
+        }
+    }
+}
+
+impl ClassLists {
+    fn new(gpu: &Gpu) -> Self {
+        Self { large: SplatLists::new(gpu), sides: [(); 2].map(|()| SplatLists::new(gpu)) }
+    }
+
+    fn prepare(&mut self, gpu: &Gpu, splats: &SplatBuffers) {
+        for lists in std::iter::once(&mut self.large).chain(&mut self.sides) {
+            lists.prepare(gpu, splats);
         }
     }
 }

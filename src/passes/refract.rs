@@ -90,7 +90,7 @@ pub struct Variant {
 
 impl Variant {
     /// The variant with the fewest features that draws a frame.
-    pub fn new(scene: &Scene, splash: bool, host: bool, count: bool) -> Self {
+    pub fn new(scene: &Scene, splash: bool, gaps: u32, host: bool, count: bool) -> Self {
         let settings = &scene.settings.refract;
         let iterates = matches!(settings.solver, Solver::Newton | Solver::Secant);
         Self {
@@ -112,8 +112,7 @@ impl Variant {
             host,
             background: scene.background.is_some() && !host,
             transparent: settings.transparent,
-            // One interface needs fronts alone.
-            gaps: if settings.interfaces > 1 { scene.settings.layers.intervals - 1 } else { 0 },
+            gaps,
             count,
         }
     }

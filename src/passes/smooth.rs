@@ -306,7 +306,7 @@ impl Smooth {
         };
         let iterations = &iterations[..iterations.len().min(MOST_GAP_ITERATIONS)];
         let Some(last) = iterations.last() else { return };
-        let tiles = &gaps.lists;
+        let tiles = &gaps.tile_lists;
         let flags = gaps.tiles.create_view(&Default::default());
         let unused = gpu::level_view(&unused.texture, 0, D2Array);
         let buffer = |params: &Params| gpu::buffer_with(gpu, "smooth", gpu::UNIFORM, &[*params]);

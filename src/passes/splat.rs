@@ -5,8 +5,9 @@
 
 use glam::UVec2;
 
-use super::cull::{self, Cull, Phase};
+use super::cull::{Cull, Phase};
 use super::splat_buffers::{SplatBuffers, layout};
+use super::splat_lists;
 use super::{CameraBinding, Layers};
 use crate::gpu::shader::{self, EarlyDepth, Variant};
 use crate::gpu::{self, Gpu, Span};
@@ -63,9 +64,9 @@ impl Splat {
     /// Compiles the culling pipelines on first use, and allocates the frame's lists.
     pub fn prepare_culled(&mut self, gpu: &Gpu, camera: &CameraBinding, splats: &SplatBuffers) {
         let culled = self.culled.get_or_insert_with(|| {
-            let visible = cull::visible_layout(gpu);
-            let layouts = [Some(&camera.layout), Some(&layout(gpu)), Some(&visible)];
-            let pipelines = pipelines(gpu, camera, "cull/draw.wgsl", "vertex_visible", &layouts);
+            let listed = splat_lists::layout(gpu);
+            let layouts = [Some(&camera.layout), Some(&layout(gpu)), Some(&listed)];
+            let pipelines = pipelines(gpu, camera, "cull/draw.wgsl", "vertex_listed", &layouts);
             Culled { cull: Cull::new(gpu, camera), pipelines }
         });
         let size = UVec2::new(self.layers.texture.width(), self.layers.texture.height());

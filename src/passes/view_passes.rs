@@ -240,7 +240,8 @@ impl ViewPasses {
             self.mixture.prepare(gpu, &self.camera, scene, splats.radius);
         }
         if self.config.gaps > 0 {
-            self.gaps.prepare(gpu, &self.camera, self.config.gaps, splats.radius);
+            let classes = [&splat_set.aggregates, &splat_set.splashes];
+            self.gaps.prepare(gpu, &self.camera, self.config.gaps, splats.radius, classes);
         }
         // Flags of texels with gaps are written with the smoothed layers.
         self.smoothed = !fits.is_empty() || self.config.gaps > 0;

@@ -353,19 +353,25 @@ fn balls_in_a_row_form_unions_of_intervals() {
         ("splash over the back", &[ball(0.0, 1.0)], &[ball(-0.8, 0.5)], 2, 2.3),
         ("aggregate inside splash", &[ball(0.1, 0.5)], &[ball(0.0, 1.0)], 2, 2.0),
         ("the same ball twice", &[ball(0.0, 1.0)], &[ball(0.0, 1.0)], 2, 2.0),
-        // One class keeps its nearest front and its farthest back: one interval.
-        ("two aggregates", &[ball(1.5, 0.5), ball(-1.0, 1.0)], none, 2, 4.0),
-        ("two splashes", none, &[ball(1.5, 0.5), ball(-1.0, 1.0)], 2, 4.0),
+        ("two aggregates", &[ball(1.5, 0.5), ball(-1.0, 1.0)], none, 4, 3.0),
+        ("two splashes", none, &[ball(1.5, 0.5), ball(-1.0, 1.0)], 4, 3.0),
     ];
+    // One interval reaches from the nearest front of a class to its farthest back.
+    let in_one = [("two aggregates", 2, 4.0), ("two splashes", 2, 4.0)];
     let mut scene = wall(-5.0);
-    for solver in [Solver::Guarded, Solver::March] {
+    let modes =
+        [(Solver::Guarded, 2), (Solver::March, 2), (Solver::Guarded, 1), (Solver::March, 1)];
+    for (solver, intervals) in modes {
         scene.settings.refract.solver = solver;
+        scene.settings.layers.intervals = intervals;
         for (name, aggregates, splashes, interfaces, length) in cases {
+            let joined = in_one.into_iter().find(|case| case.0 == name && intervals == 1);
+            let (_, interfaces, length) = joined.unwrap_or((name, interfaces, length));
             let images = harness.render(&scene, &camera, &splats(aggregates, splashes, 0.1), SIZE);
             images.assert_finite();
             let transmitted = straight().powi(interfaces);
             println!(
-                "{solver:?}, {name}: {} interfaces, {} m, {}",
+                "{solver:?}, {intervals}, {name}: {} interfaces, {} m, {}",
                 images.at("interfaces", MIDDLE),
                 images.at("inside", MIDDLE),
                 images.at("radiance.R", MIDDLE)

@@ -168,7 +168,7 @@ pub(crate) fn splats(aggregates: &[Splat], splashes: &[Splat], r: f32) -> Splats
         aggregates: aggregates.to_vec(),
         splashes: splashes.to_vec(),
         radius: r,
-        origin: DVec3::ZERO,
+        ..Splats::default()
     }
 }
 

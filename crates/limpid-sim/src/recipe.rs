@@ -262,6 +262,7 @@ impl Recipe {
             _ => {}
         }
         let positions = points.iter().map(|x| x.as_vec3()).collect();
-        Ok(Particles::from_positions(positions))
+        let is_hull = matches!(self, Self::Pool(_));
+        Ok(Particles { is_hull, ..Particles::from_positions(positions) })
     }
 }

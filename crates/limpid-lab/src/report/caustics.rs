@@ -129,7 +129,7 @@ impl Bench {
         let (gpu, camera, bound) = (&self.gpu, &self.camera, &self.scene);
         let size = self.view.size;
         let settings = &scene.settings.caustics;
-        let config = MapConfig { settings, splash: self.splash.is_some(), size };
+        let config = MapConfig { settings, splash: self.splash.is_some(), gaps: 0, size };
         self.caustics.prepare(gpu, camera, bound, scene, config)?;
         let params = Params::new(&scene.lights[light], &self.view, settings);
         let inputs = Inputs {
@@ -137,6 +137,7 @@ impl Bench {
             scene: bound,
             aggregate: &self.aggregate,
             splash: self.splash.as_ref(),
+            gaps: 0,
             gbuffer: &self.gbuffer,
             mixture: None,
             method: settings.method,

@@ -191,8 +191,7 @@ impl Bench {
         let mut scene = scene.clone();
         scene.settings.refract = settings.clone();
         // The truth is that of these layers, which have no gaps.
-        scene.settings.layers.intervals = 1;
-        let variant = Variant::new(&scene, self.splash, false, false);
+        let variant = Variant::new(&scene, self.splash, 0, false, false);
         let (root, mut constants) = match method.settings {
             Some(_) => (variant.shader(), variant.constants()),
             None => ("report/nothing.wgsl", vec![("SPLASH", f64::from(u8::from(self.splash)))]),
