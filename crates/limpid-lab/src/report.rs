@@ -5,6 +5,7 @@
 //! - [`smooth`]: the surface after each smoothing filter, against the true surface.
 //! - [`caustics`]: light through liquid by each method, against light traced in f64.
 //! - [`picture`]: whole frames by the presets, against path-traced pictures.
+//! - [`flicker`]: the change of pictures from frame to frame, against that of path-traced pictures.
 //! - [`stress`]: extreme scales, positions, fields of view and indices, against a closed form.
 //! - [`passes`]: time of each pass, against the time that its memory traffic and arithmetic need at
 //!   the adapter's peak rates.
@@ -19,6 +20,7 @@ pub mod against;
 pub mod caustics;
 pub mod curve;
 pub mod elisions;
+pub mod flicker;
 mod html;
 pub mod intersect;
 mod markdown;
@@ -174,6 +176,10 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
             let (rows, figure) = picture::measure(gpu, &mut renderer, &subject, &effort)?;
             report.rows.extend(rows);
             report.figures.push(figure);
+            if !subject.scene.is_lit() && !(options.quick && name != "demo") {
+                progress(&format!("{name}: flicker"));
+                report.rows.extend(flicker::measure(gpu, &mut renderer, &subject, &effort)?);
+            }
         }
     }
     if all || asked(RowKind::Pass) {

@@ -364,27 +364,58 @@ pub fn first_last(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: UVec2)
     })
 }
 
+/// Counts the intervals of liquid, with air between them, along the straight camera rays through pixel
+/// centres, row by row from the top left; solids do not hide them.
+pub fn count_intervals(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: UVec2) -> Vec<u32> {
+    let view = View::new(camera, size);
+    let eye_inside = liquid.contains(view.eye);
+    let width = size.x.max(1) as usize;
+    (0..size.x as usize * size.y as usize)
+        .into_par_iter()
+        .map(|i| {
+            let center = DVec2::new((i % width) as f64, (i / width) as f64) + 0.5;
+            let mut count = 0;
+            crossings_along(liquid, &view.ray(center), eye_inside, |_, leaves| {
+                count += u32::from(leaves);
+            });
+            count
+        })
+        .collect()
+}
+
 /// Finds the first crossing into the liquid and the last out of it.
 pub(crate) fn first_last_along(
     liquid: &(impl Liquid + ?Sized),
     ray: &Ray,
-    mut inside: bool,
+    inside: bool,
 ) -> [Option<Crossing>; 2] {
     let mut found = [None; 2];
-    let mut from = *ray;
-    let mut start = 0.0;
-    while let Some(crossing) = liquid.crossing(&from, inside) {
-        let t = start + crossing.t;
-        let crossing = Crossing { t, ..crossing };
-        if inside {
+    crossings_along(liquid, ray, inside, |crossing, leaves| {
+        if leaves {
             found[1] = Some(crossing);
         } else {
             found[0].get_or_insert(crossing);
         }
+    });
+    found
+}
+
+/// Calls `act` with each crossing along a ray, which starts in the liquid if `inside`, and whether the ray
+/// leaves the liquid there.
+fn crossings_along(
+    liquid: &(impl Liquid + ?Sized),
+    ray: &Ray,
+    mut inside: bool,
+    mut act: impl FnMut(Crossing, bool),
+) {
+    let mut from = *ray;
+    let mut start = 0.0;
+    while let Some(crossing) = liquid.crossing(&from, inside) {
+        let t = start + crossing.t;
+        act(Crossing { t, ..crossing }, inside);
         // Advances slightly, so that a ray along an edge proceeds.
         start = t + ONWARD * (1.0 + t);
         from.origin = ray.at(start);
         inside = !inside;
     }
-    found
 }

@@ -61,6 +61,11 @@ pub(super) fn error_name(kind: ErrorKind) -> &'static str {
         ErrorKind::DepthRmsAllRadii => "depth, RMS, radii",
         ErrorKind::DepthRmsNineTenthsRadii => "depth, RMS without the worst tenth, radii",
         ErrorKind::MeanFlip => "mean FLIP",
+        ErrorKind::FlipOfLiquid => "FLIP of the liquid",
+        ErrorKind::FlipOneInterval => "FLIP, one interval",
+        ErrorKind::FlipSeveralIntervals => "FLIP, several intervals",
+        ErrorKind::ChangeInOrbit => "change in orbit, × truth's",
+        ErrorKind::ChangeInPlay => "change in play, × truth's",
         ErrorKind::RelativeL1 => "relative L1",
         ErrorKind::RelativeL1OnePath => "relative L1, one path",
     }
@@ -80,7 +85,7 @@ pub(super) fn distinct<'a, T: PartialEq>(rows: &[&'a Row], key: impl Fn(&'a Row)
 /// A column: its name, whether it is numeric, whether brief tables include it, and its cells.
 type Column = (&'static str, bool, bool, fn(&Row) -> Option<String>);
 
-const COLUMNS: [Column; 13] = [
+const COLUMNS: [Column; 14] = [
     ("scene", false, true, |row| text(&row.scene)),
     ("method", false, true, |row| text(&row.method)),
     ("settings", false, true, |row| text(&row.settings)),
@@ -94,6 +99,7 @@ const COLUMNS: [Column; 13] = [
     ("wrong accepts, %", true, true, |row| row.wrong_accepts.map(percent)),
     ("light kept, %", true, true, |row| row.light_kept.map(percent)),
     ("several paths, %", true, false, |row| row.several_paths.map(percent)),
+    ("several intervals, %", true, true, |row| row.several_intervals.map(percent)),
 ];
 
 fn text(text: &str) -> Option<String> {

@@ -8,14 +8,14 @@ use super::caustics;
 use super::rows::{ErrorKind, Figure, Row, RowKind};
 use super::subjects::{Subject, size};
 use crate::compare::{PIXELS_PER_DEGREE, flip};
-use crate::reference::trace::{MAX_DEPTH, trace_lit};
+use crate::reference::trace::{MAX_DEPTH, count_intervals, trace_lit};
 use limpid::camera::Camera;
 use limpid::gpu::{Gpu, PassTime};
 use limpid::liquid::classify::Splats;
 use limpid::offscreen::Picture;
 use limpid::renderer::Renderer;
 use limpid::scene::Scene;
-use limpid::settings::{Filter, Method, Preset, Refract, Settings, Solver};
+use limpid::settings::{Filter, Layers, Method, Preset, Refract, Settings, Solver};
 use limpid_io::error::Result;
 
 /// Resolution and repetitions of the measurement.
@@ -40,7 +40,11 @@ fn methods(variants: bool, lit: bool) -> Vec<(String, String, Settings)> {
             .collect();
     let limpid = |refract: Refract| Settings { refract, ..Settings::default() };
     let four = Refract { samples: 4, ..Refract::default() };
-    methods.push(("limpid".into(), "4 samples".into(), limpid(four)));
+    methods.push(("limpid".into(), "4 samples".into(), limpid(four.clone())));
+    for (intervals, text) in [(1, "4 samples, 1 interval"), (3, "4 samples, 3 intervals")] {
+        let settings = Settings { layers: Layers { intervals }, ..limpid(four.clone()) };
+        methods.push(("limpid".into(), text.into(), settings));
+    }
     if lit {
         for (name, method) in [("straight", Method::Straight), ("gather", Method::Gather)] {
             let mut settings = limpid(Refract { samples: 4, ..Refract::default() });
@@ -113,6 +117,8 @@ pub fn measure(
     let liquid = &*subject.liquid;
     let truth = trace_lit(liquid, &subject.scene, &camera, size, samples, MAX_DEPTH, &maps);
     let truth = truth.to_srgb();
+    let intervals = count_intervals(liquid, &camera, size);
+    let [wet, several] = [1, 2].map(|least| intervals.iter().filter(|n| **n >= least).count());
     let mut rows = Vec::new();
     let mut panels = vec![("truth".to_owned(), truth.clone())];
     for (method, settings_text, settings) in methods(effort.variants, subject.scene.is_lit()) {
@@ -125,6 +131,17 @@ pub fn measure(
         let row = Row::new(RowKind::Picture, subject.name, &method, &settings_text)
             .timed(&totals)
             .with_error(map.mean(), ErrorKind::MeanFlip, subject.truth);
+        let row = Row { several_intervals: (wet > 0).then(|| several as f64 / wet as f64), ..row };
+        // Rows that differ only in the measure of the error become columns.
+        for (kind, least, most) in [
+            (ErrorKind::FlipOfLiquid, 1, u32::MAX),
+            (ErrorKind::FlipOneInterval, 1, 1),
+            (ErrorKind::FlipSeveralIntervals, 2, u32::MAX),
+        ] {
+            let at = |x, y| intervals[(y * size.x + x) as usize];
+            let error = map.mean_where(|x, y| (least..=most).contains(&at(x, y)));
+            rows.extend(error.map(|e| row.clone().with_error(e, kind, subject.truth)));
+        }
         if settings_text.is_empty() || settings_text.starts_with("4 samples") {
             let caption = format!("{method} {settings_text}").trim_end().to_owned();
             panels.push((format!("{caption}: FLIP {:.3}", map.mean()), picture));

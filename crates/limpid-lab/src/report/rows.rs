@@ -62,6 +62,10 @@ pub struct Row {
     /// Of a caustic map: the share of the lit texels whose centre light reaches by several paths.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub several_paths: Option<f64>,
+    /// Of a picture: the share of the liquid's pixels whose straight rays cross several intervals of the true
+    /// liquid, with air between them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub several_intervals: Option<f64>,
     /// The error, smaller is better.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<f64>,
@@ -93,6 +97,17 @@ pub enum ErrorKind {
     DepthRmsNineTenthsRadii,
     /// Mean FLIP of the whole picture (Andersson et al. 2020).
     MeanFlip,
+    /// Mean FLIP over the pixels of the true liquid.
+    FlipOfLiquid,
+    /// Mean FLIP over the pixels whose rays cross one interval of the true liquid.
+    FlipOneInterval,
+    /// Mean FLIP over the pixels whose rays cross several intervals of the true liquid.
+    FlipSeveralIntervals,
+    /// Mean change of a picture's pixels from frame to frame while the camera orbits, over the truth's; more than 1
+    /// is flicker.
+    ChangeInOrbit,
+    /// As [`ErrorKind::ChangeInOrbit`] while the particles move and the camera does not.
+    ChangeInPlay,
     /// Relative L1 difference.
     RelativeL1,
     /// Relative L1 difference over the texels of a caustic map that light reaches by one path, as
@@ -118,6 +133,7 @@ impl Row {
             rms_px: None,
             light_kept: None,
             several_paths: None,
+            several_intervals: None,
             error: None,
             error_kind: None,
             truth: None,

@@ -8,6 +8,7 @@ use crate::reference::Liquid;
 use crate::reference::analytic::{Ball, Block, Pool};
 use crate::reference::mesh::{Mesh, Reconstruction};
 use limpid::camera::Camera;
+use limpid::liquid::particles::Particles;
 use limpid::scene::Scene;
 use limpid_io::error::{Error, Result};
 use limpid_io::input::{FrameTime, Input, Loaded};
@@ -114,6 +115,36 @@ impl Subject {
         let frame = &self.input.sequence.frames[0];
         let loaded = self.input.load(frame, &scene)?;
         Ok((scene, loaded))
+    }
+
+    /// Returns the scene with other settings, and these particles classified with them.
+    ///
+    /// # Errors
+    /// As [`Input::prepare`].
+    pub fn prepared(
+        &self,
+        particles: &Particles,
+        settings: &limpid::settings::Settings,
+    ) -> Result<(Scene, Loaded)> {
+        let scene = Scene { settings: settings.clone(), ..self.scene.clone() };
+        let loaded = self.input.prepare(&self.input.sequence.frames[0], particles, &scene)?;
+        Ok((scene, loaded))
+    }
+
+    /// Returns the particles after this time, s, along their velocities, and the mesh around them; `None` without
+    /// velocities.
+    ///
+    /// # Errors
+    /// As [`Input::particles`] and [`Mesh::reconstruct`].
+    pub fn after(&self, seconds: f64) -> Result<Option<(Particles, Mesh)>> {
+        let mut particles = self.input.particles(&self.input.sequence.frames[0])?;
+        let Some(velocities) = &particles.velocities else { return Ok(None) };
+        for (position, velocity) in particles.positions.iter_mut().zip(velocities) {
+            *position += seconds as f32 * *velocity;
+        }
+        let how = Reconstruction::among(&self.scene.solids);
+        let mesh = Mesh::reconstruct(&particles.positions, self.loaded.splats.radius, &how)?;
+        Ok(Some((particles, mesh)))
     }
 }
 
