@@ -219,7 +219,6 @@ fn shared_structs_agree() {
         support,
         least_weight,
         density_at_rest,
-        smoothing,
         max_ratio,
         volume_kernel,
         short_axis,
@@ -229,7 +228,7 @@ fn shared_structs_agree() {
         pad,
     });
     let shaped =
-        rust_struct!(device::Shaped { offset, density, diagonal, flags, off_diagonal, count });
+        rust_struct!(device::Shaped { mean, density, diagonal, flags, off_diagonal, count });
     let sum = rust_struct!(device::Sum { count, squares });
     let table = [
         (camera, "splat.wgsl", "Camera"),

@@ -12,7 +12,6 @@ struct Params {
     support: f32,          // h, in r
     least_weight: f32,     // summed weight below which a member is a splash
     density_at_rest: f32,  // summed weight inside a body at rest
-    smoothing: f32,        // lambda
     max_ratio: f32,        // k_r
     volume_kernel: u32,    // 0: fixed short axis; 1: fixed volume
     short_axis: f32,       // short semi-axis of the former, in r

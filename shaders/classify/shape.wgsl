@@ -7,7 +7,7 @@
 
 // Result for one member, from which the host builds its splat.
 struct Shaped {
-    offset: vec3f,       // of the splat centre from the member, m
+    mean: vec3f,         // of the neighbours from the member, m
     density: f32,        // relative to that inside a body at rest
     diagonal: vec3f,     // A_xx, A_yy, A_zz, m
     flags: u32,          // SPLASH, SURROUNDED
@@ -64,7 +64,7 @@ fn shape(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         let ellipsoid = kernel(spread, near.count - 1u);
         let surrounded = result.density >= DENSITY_AROUND && length(mean) <= OFFSET_AROUND;
         result.flags = select(0u, SURROUNDED, surrounded);
-        result.offset = params.smoothing * params.support * own.w * mean;
+        result.mean = params.support * own.w * mean;
         result.diagonal = own.w * ellipsoid.diagonal;
         result.off_diagonal = own.w * ellipsoid.off_diagonal;
     }

@@ -14,6 +14,7 @@ pub mod device;
 mod grid;
 mod moments;
 mod shape;
+mod surface;
 mod tree;
 mod walls;
 
@@ -29,6 +30,7 @@ use crate::memory;
 use crate::settings::Classify;
 use grid::Grid;
 use moments::Moments;
+use surface::Search;
 use tree::Tree;
 
 pub use device::Classifier;
@@ -165,6 +167,9 @@ impl Member {
     }
 }
 
+/// A splash (left), or an aggregate and the mean of its neighbours, in h, where the surface is refined: 0 elsewhere.
+type Shape = Either<Splat, (Splat, Vec3)>;
+
 /// The drawable particles of a frame, before classification.
 #[derive(Clone, Debug)]
 pub struct Cloud {
@@ -217,7 +222,8 @@ impl Cloud {
         let shaped = grid.map(self.shaper(settings));
         // Back to file order.
         let slots = grid.slots();
-        self.splats(slots.par_iter().map(|&slot| shaped[slot as usize]))
+        let search = surface::refines(settings).then_some(Search::Grid(grid));
+        self.splats(slots.par_iter().map(|&slot| shaped[slot as usize]), search.as_ref())
     }
 
     /// As [`Cloud::classify`], but always with a k-d tree.
@@ -229,14 +235,16 @@ impl Cloud {
         let tree = Tree::new(&self.members).thinned(support);
         let shape = self.shaper(settings);
         if !tree.is_thinned() {
-            return self
-                .splats(self.members.par_iter().map(|m| shape(m, &tree.moments(m, support))));
+            let moments = |m: &Member| tree.moments(m, support);
+            let shaped: Vec<_> = self.members.par_iter().map(|m| shape(m, &moments(m))).collect();
+            let search = surface::refines(settings).then_some(Search::Tree(tree));
+            return self.splats(shaped.into_par_iter(), search.as_ref());
         }
         // In a crowd, many particles may coincide and share one result.
         let (distinct, which) = distinct(&self.members);
         let found: Vec<_> = distinct.par_iter().map(|m| tree.moments(m, support)).collect();
         let members = self.members.par_iter().zip(&which);
-        self.splats(members.map(|(m, &i)| shape(m, &found[i as usize])))
+        self.splats(members.map(|(m, &i)| shape(m, &found[i as usize])), None)
     }
 
     /// Whether neighbours are found by a uniform grid. The tree handles widely differing radii, particles
@@ -250,20 +258,23 @@ impl Cloud {
         Grid::new(layout, &self.members, self.radius, settings.support)
     }
 
-    /// Returns the function that turns a member and its neighbourhood into a splash (left) or an
-    /// aggregate (right).
-    fn shaper(&self, settings: &Classify) -> impl Fn(&Member, &Moments) -> Either<Splat, Splat> {
+    /// Returns the function that turns a member and its neighbourhood into a splash or an aggregate.
+    fn shaper(&self, settings: &Classify) -> impl Fn(&Member, &Moments) -> Shape {
         let at_rest = moments::density_at_rest(settings.support.into());
         let threshold = f64::from(settings.splash_density) * at_rest;
         move |member, near| {
             if near.weight < threshold {
                 Either::Left(member.splash(settings, self.shift))
             } else {
-                let shaped = match self.given(member) {
-                    Some(ellipsoid) => member.given(ellipsoid, self.shift),
-                    None => member.aggregate(near, settings, self.shift),
+                let surrounded = near.surrounds(at_rest);
+                let (splat, mean) = match self.given(member) {
+                    Some(ellipsoid) => (member.given(ellipsoid, self.shift), Vec3::ZERO),
+                    None => (
+                        member.aggregate(near, settings, self.shift),
+                        surface::outwards(near.mean(), near.count, surrounded, settings),
+                    ),
                 };
-                Either::Right(shaped.buried(near.surrounds(at_rest)))
+                Either::Right((splat.buried(surrounded), mean))
             }
         }
     }
@@ -274,8 +285,17 @@ impl Cloud {
         ellipsoids.get(member.particle as usize).filter(|ellipsoid| ellipsoid.drawable())
     }
 
-    fn splats(&self, shaped: impl ParallelIterator<Item = Either<Splat, Splat>>) -> Splats {
-        let (splashes, aggregates) = shaped.partition_map(|splat| splat);
+    /// Collects the splats, and refines the surface if there is a search for it.
+    fn splats(
+        &self,
+        shaped: impl ParallelIterator<Item = Shape>,
+        search: Option<&Search<'_>>,
+    ) -> Splats {
+        let (splashes, (mut aggregates, means)): (_, (Vec<_>, Vec<_>)) =
+            shaped.partition_map(|shape| shape);
+        if let Some(search) = search {
+            self.refine(&mut aggregates, &means, search);
+        }
         Splats {
             aggregates,
             splashes,

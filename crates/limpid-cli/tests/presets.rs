@@ -73,7 +73,13 @@ fn presets_match_their_papers() {
     let r = &newton.refract;
     assert_eq!((r.solver, r.iterations, r.interfaces), (Solver::Newton, 5, 2));
     assert_eq!((r.fresnel, r.solids, r.internal_bounces), (Fresnel::Schlick, Solids::Screen, 0));
-    assert_eq!(newton.classify, Settings::default().classify);
+    let classify = Settings::default().classify;
+    assert_eq!(newton.classify, limpid::settings::Classify { iso_surface: false, ..classify });
+    assert!(
+        Preset::ALL.iter().all(|preset| {
+            preset.settings().classify.iso_surface == (*preset == Preset::Limpid)
+        })
+    );
 }
 
 /// Imai et al. (2014) have neither splashes nor ellipsoids: every particle, also an isolated one, is a

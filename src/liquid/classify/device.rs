@@ -12,10 +12,11 @@
 use std::sync::{Mutex, PoisonError};
 
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::grid::{self, Layout};
+use super::surface::{self, Search};
 use super::{Cloud, Splats, moments};
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Gpu};
@@ -54,8 +55,6 @@ pub struct Params {
     pub least_weight: f32,
     /// Summed weight inside a body at rest.
     pub density_at_rest: f32,
-    /// λ.
-    pub smoothing: f32,
     /// `k_r`.
     pub max_ratio: f32,
     /// 1 for [`Kernel::Volume`].
@@ -69,15 +68,15 @@ pub struct Params {
     /// Sum of the squared cell counts above which the members are a crowd.
     pub most_squares: f32,
     /// Padding to a multiple of 16 bytes.
-    pub pad: [u32; 2],
+    pub pad: [u32; 3],
 }
 
 /// `Shaped` of `shaders/classify/shape.wgsl`: the device's result for one member.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct Shaped {
-    /// Offset of the splat centre from the member, m.
-    pub offset: [f32; 3],
+    /// Mean of the neighbours from the member, m.
+    pub mean: [f32; 3],
     /// Density relative to that inside a body at rest.
     pub density: f32,
     /// `A_xx, A_yy, A_zz`, m.
@@ -314,38 +313,43 @@ fn params(layout: &Layout, cloud: &Cloud, settings: &Classify) -> Params {
         support: settings.support,
         least_weight: (f64::from(settings.splash_density) * at_rest) as f32,
         density_at_rest: at_rest as f32,
-        smoothing: settings.smoothing,
         max_ratio: settings.max_ratio.max(1.0),
         volume_kernel: u32::from(settings.kernel == Kernel::Volume),
         short_axis: settings.short_axis,
         long_axis: settings.long_axis,
         splash_radius: settings.splash_radius,
         most_squares: crowd as f32,
-        pad: [0; 2],
+        pad: [0; 3],
     }
 }
 
 impl Cloud {
-    /// Builds splats from the device's results; shapes from the file replace computed ones.
+    /// Builds splats from the device's results; shapes from the file replace computed ones. The refinement of the
+    /// surface is the host's.
     fn splats_of(&self, shaped: &[Shaped], settings: &Classify) -> Splats {
         use rayon::iter::Either;
+        let grid = surface::refines(settings).then(|| self.grid(settings)).flatten();
         let splat = |(member, shaped): (&super::Member, &Shaped)| {
             if shaped.flags & Shaped::SPLASH != 0 {
                 return Either::Left(member.splash(settings, self.shift));
             }
             let surrounded = shaped.flags & Shaped::SURROUNDED != 0;
-            let splat = match self.given(member) {
-                Some(ellipsoid) => member.given(ellipsoid, self.shift),
-                None => {
-                    let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
-                    let centre = member.position().as_dvec3() + vector(shaped.offset);
-                    let axes = [shaped.diagonal, shaped.off_diagonal].map(vector);
-                    member.splat(centre - self.shift, moments::symmetric(axes[0], axes[1]))
-                }
-            };
-            Either::Right(splat.buried(surrounded))
+            if let Some(ellipsoid) = self.given(member) {
+                let splat = member.given(ellipsoid, self.shift);
+                return Either::Right((splat.buried(surrounded), Vec3::ZERO));
+            }
+            let [mean, diagonal, off_diagonal] =
+                [shaped.mean, shaped.diagonal, shaped.off_diagonal]
+                    .map(|v| DVec3::from_array(v.map(f64::from)));
+            let centre = member.position().as_dvec3() + f64::from(settings.smoothing) * mean;
+            let splat =
+                member.splat(centre - self.shift, moments::symmetric(diagonal, off_diagonal));
+            let h = f64::from(settings.support) * f64::from(member.radius);
+            let mean = surface::outwards(mean / h, shaped.count, surrounded, settings);
+            Either::Right((splat.buried(surrounded), mean))
         };
-        self.splats(self.members.par_iter().zip(shaped).map(splat))
+        let search = grid.map(Search::Grid);
+        self.splats(self.members.par_iter().zip(shaped).map(splat), search.as_ref())
     }
 }
 

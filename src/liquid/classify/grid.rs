@@ -4,6 +4,8 @@
 //! Cells are as wide as the neighbourhood h of a particle of median radius. The candidates are gathered
 //! once for all particles of a cell.
 
+use std::ops::Range;
+
 use glam::{DVec3, Mat4, UVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -63,12 +65,12 @@ impl Layout {
         self.counts.element_product() as usize
     }
 
-    fn cell(&self, x: Vec3) -> UVec3 {
+    pub(super) fn cell(&self, x: Vec3) -> UVec3 {
         let at = (x.clamp(self.min, self.max) - self.min) * self.per_cell;
         at.as_uvec3().min(self.counts - 1)
     }
 
-    fn index(&self, cell: UVec3) -> u32 {
+    pub(super) fn index(&self, cell: UVec3) -> u32 {
         (cell.z * self.counts.y + cell.y) * self.counts.x + cell.x
     }
 
@@ -112,6 +114,8 @@ pub(super) fn most_shared(support: f32) -> f64 {
 pub(super) struct Grid<'a> {
     members: &'a [Member],
     layout: Layout,
+    /// Median radius, m.
+    radius: f32,
     support: f32,
     /// First sorted index of each cell, and the end of the last one.
     starts: Vec<u32>,
@@ -130,21 +134,29 @@ impl<'a> Grid<'a> {
         radius: f32,
         support: f32,
     ) -> Option<Self> {
+        let grid = Self::sort(layout, members, radius, support);
+        let squares: f64 = grid.starts.windows(2).map(|w| f64::from(w[1] - w[0]).powi(2)).sum();
+        let crowd = squares / members.len() as f64;
+        (crowd <= most_shared(support)).then_some(grid)
+    }
+
+    /// As [`Grid::new`], for crowds too.
+    fn sort(layout: Layout, members: &'a [Member], radius: f32, support: f32) -> Self {
         let cells: Vec<u32> =
             members.par_iter().map(|m| layout.index(layout.cell(m.position()))).collect();
         let (mut starts, mut order) = (Vec::new(), Vec::new());
         counting_sort::by_cell(&cells, layout.cells(), &mut starts, &mut order);
-        let squares: f64 = starts.windows(2).map(|w| f64::from(w[1] - w[0]).powi(2)).sum();
-        let crowd = squares / members.len() as f64;
-        if crowd > most_shared(support) {
-            return None;
-        }
         let place = |&i: &u32| {
             let member = &members[i as usize];
             member.position().extend((member.radius / radius).powi(3))
         };
         let sorted = order.par_iter().map(place).collect();
-        Some(Self { members, layout, support, starts, order, sorted })
+        Self { members, layout, radius, support, starts, order, sorted }
+    }
+
+    /// Sorts other members into the same cells.
+    pub(super) fn like<'b>(&self, members: &'b [Member]) -> Grid<'b> {
+        Grid::sort(self.layout, members, self.radius, self.support)
     }
 
     /// Maps each member and its moments through `act`, in sorted order.
@@ -159,6 +171,56 @@ impl<'a> Grid<'a> {
                 act(member, &block.moments(self.sorted[slot], 1.0 / h))
             })
             .collect()
+    }
+
+    /// Maps the members of the marked cells, in sorted order, through `act`, which is given the member's position
+    /// and relative volume, the inverse of its neighbourhood of `support` radii, and the candidates in packets.
+    /// Other members have the default.
+    pub(super) fn map_marked<T: Default + Send>(
+        &self,
+        marked: &[bool],
+        support: f32,
+        act: impl Fn(Vec4, f32, &[Mat4]) -> T + Sync,
+    ) -> Vec<T> {
+        (0..self.order.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map_init(Block::default, |block, slot| {
+                let member = &self.members[self.order[slot] as usize];
+                if !marked[self.layout.index(self.layout.cell(member.position())) as usize] {
+                    return T::default();
+                }
+                let h = support * member.radius;
+                block.gather(self, member.position(), self.layout.reach(h));
+                act(self.sorted[slot], 1.0 / h, &block.packets)
+            })
+            .collect()
+    }
+
+    /// The cells that a box meets, as their indices.
+    pub(super) fn cells_of(&self, low: Vec3, high: Vec3) -> impl Iterator<Item = Range<u32>> {
+        let (first, last) = (self.layout.cell(low), self.layout.cell(high));
+        let row = move |y, z| {
+            self.layout.index(UVec3::new(first.x, y, z))
+                ..self.layout.index(UVec3::new(last.x, y, z)) + 1
+        };
+        (first.z..=last.z).flat_map(move |z| (first.y..=last.y).map(move |y| row(y, z)))
+    }
+
+    /// The sorted indices of the members in the cells that a box meets: of all that are in the box, and others.
+    pub(super) fn slots_of(&self, low: Vec3, high: Vec3) -> impl Iterator<Item = Range<usize>> {
+        let start = |cell: u32| self.starts[cell as usize] as usize;
+        self.cells_of(low, high).map(move |cells| start(cells.start)..start(cells.end))
+    }
+
+    /// Number of cells.
+    pub(super) fn cells(&self) -> usize {
+        self.layout.cells()
+    }
+
+    /// Index of each member, in sorted order.
+    pub(super) fn order(&self) -> &[u32] {
+        &self.order
     }
 
     /// Sorted index of each member.

@@ -2,7 +2,7 @@
 
 use std::num::NonZero;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
 use super::moments::{EDGE, Moments};
@@ -101,6 +101,24 @@ impl<'a> Tree<'a> {
     /// Whether the tree holds only a subset of the members.
     pub(super) fn is_thinned(&self) -> bool {
         self.stride > 1
+    }
+
+    /// A tree of other members.
+    pub(super) fn like<'b>(&self, members: &'b [Member]) -> Tree<'b> {
+        Tree::new(members)
+    }
+
+    pub(super) fn members(&self) -> &'a [Member] {
+        self.members
+    }
+
+    /// Calls `act` with the index of each member of the tree within `reach`, m.
+    pub(super) fn within(&self, at: Vec3, reach: f64, mut act: impl FnMut(usize)) {
+        self.tree
+            .query(&at.to_array())
+            .within::<SquaredEuclidean<f64>>(reach.powi(2))
+            .unsorted()
+            .visit(|found| act(found.item as usize * self.stride));
     }
 
     /// Computes the moments of a particle's neighbourhood, itself included. 64-bit distances have no

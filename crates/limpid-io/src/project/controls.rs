@@ -69,7 +69,7 @@ const fn control(
 use ControlKind::{Choice, Number, Odd, Toggle, Whole};
 
 /// All settings, in the panel's order.
-pub const CONTROLS: [Control; 44] = [
+pub const CONTROLS: [Control; 45] = [
     control(
         "classify",
         "support",
@@ -132,6 +132,13 @@ pub const CONTROLS: [Control; 44] = [
         "Wetting",
         Number(0.0, 1000.0, "r"),
         "Liquid this near to a solid reaches down to it.",
+    ),
+    control(
+        "classify",
+        "iso_surface",
+        "Even surface",
+        Toggle,
+        "Splats at the surface end at an iso-surface of the density (Löschner et al. 2023). Fitted kernels only.",
     ),
     control(
         "layers",

@@ -1,0 +1,426 @@
+//! Refinement of the drawn surface: splats at the boundary of a body are moved along its normal, so that they end
+//! at an iso-surface of the SPH density.
+//!
+//! The mean of the neighbours places a splat by where its neighbours happen to be, so that single particles stand
+//! out of a flat surface. The iso-surface averages over all of them. It is what meshes of SPH are made of; the
+//! level and the smoothing step are those of F. Löschner, T. Böttcher, S. R. Jeske and J. Bender, "Weighted
+//! Laplacian Smoothing for Surface Reconstruction of Particle-based Fluids", Vision, Modeling, and Visualization
+//! 2023, and of their program splashsurf. Instead of a mesh, each splat has one point of the surface, which moves
+//! along its normal only.
+//!
+//! The density is Σ Vⱼ W(x − xⱼ), normalised by the volumes Vⱼ = mⱼ/ρⱼ, so that it is 1 inside whatever the
+//! spacing. Sums are relative to the member and in units of its radius r.
+
+use glam::{DVec3, Mat4, Vec3, Vec4};
+use rayon::prelude::*;
+
+use super::grid::{self, Grid};
+use super::tree::Tree;
+use super::{Cloud, Member, Splat};
+use crate::settings::{Classify, Kernel};
+
+/// Radius of the kernel, in r.
+const SUPPORT: f32 = 4.0;
+/// Normalised density at the surface.
+const LEVEL: f32 = 0.6;
+/// Farthest that the surface may be from a particle, in r.
+const FARTHEST: f32 = 3.0;
+/// Radius of the mean of normals, in r.
+const NORMALS: f32 = 3.0;
+/// Radius of the smoothing step, in r.
+const SMOOTHING: f32 = 3.5;
+/// Offset of the neighbours' mean, in h, from which splats are moved, and at which they are moved all the way.
+const OFFSETS: [f32; 2] = [0.05, 0.08];
+/// Cosine between normals from which points count in the mean of normals, and at which they do so fully: the other
+/// side of a sheet does not.
+const ONE_SIDE: [f32; 2] = [-0.5, 0.5];
+/// The same for the smoothing step, which edges should survive.
+const ONE_FACE: [f32; 2] = [0.35, 0.95];
+
+/// Whether the settings ask for the refinement.
+pub(super) fn refines(settings: &Classify) -> bool {
+    settings.iso_surface && settings.kernel == Kernel::Fitted
+}
+
+/// The mean of the neighbours, in h, of a member whose splat is to be moved; otherwise 0. Members with more
+/// neighbours than any liquid has stay where they are, for their time.
+pub(super) fn outwards(
+    mean: DVec3,
+    neighbours: u32,
+    surrounded: bool,
+    settings: &Classify,
+) -> Vec3 {
+    let crowd = f64::from(neighbours) > 4.0 * grid::most_shared(settings.support);
+    let mean = mean.as_vec3();
+    let moves = refines(settings) && !surrounded && !crowd && mean.length() >= OFFSETS[0];
+    if moves { mean } else { Vec3::ZERO }
+}
+
+/// What finds the members near a place. Both call members by a number of their own: their place in memory.
+pub(super) enum Search<'a> {
+    /// By cells.
+    Grid(Grid<'a>),
+    /// Where no grid serves.
+    Tree(Tree<'a>),
+}
+
+impl Search<'_> {
+    /// The same search for other members.
+    fn like<'b>(&self, members: &'b [Member]) -> Search<'b> {
+        match self {
+            Self::Grid(grid) => Search::Grid(grid.like(members)),
+            Self::Tree(tree) => Search::Tree(tree.like(members)),
+        }
+    }
+
+    /// The indices of the members by their numbers.
+    fn order(&self) -> Vec<u32> {
+        match self {
+            Self::Grid(grid) => grid.order().to_vec(),
+            Self::Tree(tree) => (0..tree.members().len() as u32).collect(),
+        }
+    }
+
+    /// Calls `act` with the numbers of all members within `reach` of the points from `a` to `b`, m, and of others.
+    fn near(&self, [a, b]: [Vec3; 2], reach: f32, act: impl FnMut(usize)) {
+        let (low, high) = around([a, b], reach);
+        match self {
+            Self::Grid(grid) => grid.slots_of(low, high).flatten().for_each(act),
+            Self::Tree(tree) => {
+                let half = 0.5 * (b.as_dvec3() - a.as_dvec3());
+                tree.within(0.5 * a + 0.5 * b, f64::from(reach) * 1.001 + half.length(), act);
+            }
+        }
+    }
+}
+
+/// A box around the points within `reach` of two others, with a margin for rounding.
+fn around([a, b]: [Vec3; 2], reach: f32) -> (Vec3, Vec3) {
+    let margin = 4.0 * f32::EPSILON * a.abs().max(b.abs());
+    (a.min(b) - reach - margin, a.max(b) + reach + margin)
+}
+
+/// A particle whose splat may be moved.
+struct Start {
+    /// Index of its splat.
+    aggregate: u32,
+    at: Vec3,
+    radius: f32,
+    /// Mean of its neighbours, in h.
+    mean: Vec3,
+}
+
+impl Start {
+    /// Direction out of the liquid.
+    fn out(&self) -> Vec3 {
+        -self.mean.normalize_or_zero()
+    }
+
+    /// The line on which the surface is looked for.
+    fn line(&self) -> [Vec3; 2] {
+        [self.at, self.at + FARTHEST * self.radius * self.out()]
+    }
+}
+
+/// A particle and the density at it, relative to that of the particle alone.
+struct Sample {
+    at: Vec3,
+    radius: f32,
+    density: f32,
+}
+
+/// A point of the surface.
+#[derive(Clone, Copy)]
+struct Point {
+    /// Index of the splat.
+    aggregate: u32,
+    /// Share of its way that the splat is moved.
+    share: f32,
+    /// The particle.
+    at: Vec3,
+    radius: f32,
+    /// From the particle, m.
+    offset: Vec3,
+    normal: Vec3,
+}
+
+impl Point {
+    /// From this point to another one, in r. The digits of points far from the origin are kept.
+    fn to(&self, other: &Self) -> Vec3 {
+        ((other.at - self.at) + (other.offset - self.offset)) / self.radius
+    }
+}
+
+impl Cloud {
+    /// Moves the splats whose neighbours have a mean.
+    pub(super) fn refine(&self, splats: &mut [Splat], means: &[Vec3], search: &Search<'_>) {
+        let starts = self.starts(splats, means);
+        if starts.is_empty() {
+            return;
+        }
+        let samples = self.samples(search, &starts);
+        let points: Vec<Point> = starts
+            .par_iter()
+            .map_init(Field::default, |field, start| {
+                field.gather(start, search, &samples);
+                field.point(start)
+            })
+            .flatten_iter()
+            .collect();
+        drop(samples);
+        let places: Vec<Member> = points
+            .iter()
+            .map(|p| Member {
+                position: (p.at + p.offset).to_array(),
+                radius: p.radius,
+                particle: 0,
+                fluid: 0,
+            })
+            .collect();
+        let search = search.like(&places);
+        let order = search.order();
+        let mut points: Vec<Point> = order.par_iter().map(|&i| points[i as usize]).collect();
+        let normals: Vec<Vec3> =
+            points.par_iter().map(|p| mean_normal(p, &search, &points)).collect();
+        points.iter_mut().zip(normals).for_each(|(p, normal)| p.normal = normal);
+        let centres: Vec<Vec3> = points
+            .par_iter()
+            .map(|p| {
+                let splat = &splats[p.aggregate as usize];
+                let centre = Vec3::from_array(splat.centre).as_dvec3();
+                let normal = p.normal.as_dvec3();
+                let surface = p.at.as_dvec3() - self.shift + p.offset.as_dvec3();
+                let level = f64::from(p.radius * smoothing(p, &search, &points));
+                let up = (surface - centre).dot(normal) + level - (splat.axes() * normal).length();
+                (centre + f64::from(p.share) * up * normal).as_vec3()
+            })
+            .collect();
+        for (point, centre) in points.iter().zip(centres) {
+            if centre.is_finite() {
+                splats[point.aggregate as usize].centre = centre.to_array();
+            }
+        }
+    }
+
+    fn starts(&self, splats: &[Splat], means: &[Vec3]) -> Vec<Start> {
+        let start = |(i, (splat, &mean)): (usize, (&Splat, &Vec3))| {
+            (mean != Vec3::ZERO).then(|| {
+                let member = self.members.binary_search_by_key(&splat.particle, |m| m.particle);
+                let member = &self.members[member.expect("splats are members'")];
+                Start { aggregate: i as u32, at: member.position(), radius: member.radius, mean }
+            })
+        };
+        splats.par_iter().zip(means).enumerate().filter_map(start).collect()
+    }
+
+    /// Densities of the members near the starts, in the order of the search; those of others are 0.
+    fn samples(&self, search: &Search<'_>, starts: &[Start]) -> Vec<Sample> {
+        let densities = match search {
+            Search::Grid(grid) => {
+                let mut marked = vec![false; grid.cells()];
+                for start in starts {
+                    let (low, high) = around(start.line(), SUPPORT * start.radius);
+                    for cells in grid.cells_of(low, high) {
+                        marked[cells.start as usize..cells.end as usize].fill(true);
+                    }
+                }
+                grid.map_marked(&marked, SUPPORT, density)
+            }
+            Search::Tree(tree) => {
+                let density = |member: &Member| {
+                    let mut sum = 0.0;
+                    let reach = f64::from(SUPPORT * member.radius);
+                    let at = member.position().as_dvec3();
+                    tree.within(member.position(), reach, |other| {
+                        let other = &self.members[other];
+                        let d = other.position().as_dvec3().distance(at) / reach;
+                        let w = spline(Vec4::splat(d as f32)).x;
+                        sum += f64::from(volume(other.radius, member.radius) * w);
+                    });
+                    sum as f32
+                };
+                self.members.par_iter().map(density).collect()
+            }
+        };
+        let sample = |(&i, density): (&u32, f32)| {
+            let member = &self.members[i as usize];
+            Sample { at: member.position(), radius: member.radius, density }
+        };
+        search.order().par_iter().zip(densities).map(sample).collect()
+    }
+}
+
+/// The cubic spline kernel, 1 at 0 and 0 from 1 on.
+fn spline(q: Vec4) -> Vec4 {
+    let outer = (Vec4::ONE - q).max(Vec4::ZERO);
+    let inner = (Vec4::splat(0.5) - q).max(Vec4::ZERO);
+    2.0 * outer * outer * outer - 8.0 * inner * inner * inner
+}
+
+/// Its derivative.
+fn slope(q: Vec4) -> Vec4 {
+    let outer = (Vec4::ONE - q).max(Vec4::ZERO);
+    let inner = (Vec4::splat(0.5) - q).max(Vec4::ZERO);
+    24.0 * inner * inner - 6.0 * outer * outer
+}
+
+/// Volume of a particle relative to another one's. Bounded, so that products stay finite.
+fn volume(of: f32, relative_to: f32) -> f32 {
+    (of / relative_to).clamp(1e-9, 1e9).powi(3)
+}
+
+/// Density at a member with this position and relative volume, of candidates in packets.
+fn density(own: Vec4, per_h: f32, packets: &[Mat4]) -> f32 {
+    let from = [own.x, own.y, own.z].map(Vec4::splat);
+    let mut sum = Vec4::ZERO;
+    for packet in packets {
+        let x = (packet.x_axis - from[0]) * per_h;
+        let y = (packet.y_axis - from[1]) * per_h;
+        let z = (packet.z_axis - from[2]) * per_h;
+        let square = x * x + y * y + z * z;
+        sum += packet.w_axis * spline(square.sqrt());
+    }
+    sum.element_sum() / own.w
+}
+
+/// 0 to 1 between two edges.
+fn smoothstep([low, high]: [f32; 2], x: f32) -> f32 {
+    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// The normalised density along a member's line: the members near by, relative to it and in units of its radius.
+#[derive(Default)]
+struct Field {
+    near: Vec<Vec4>,
+    /// Transposed in groups of four: x, y, z and volume over density.
+    packets: Vec<Mat4>,
+}
+
+impl Field {
+    fn gather(&mut self, start: &Start, search: &Search<'_>, samples: &[Sample]) {
+        self.near.clear();
+        let (per_r, out) = (1.0 / start.radius, start.out());
+        search.near(start.line(), SUPPORT * start.radius, |number| {
+            let sample = &samples[number];
+            let x = (sample.at - start.at) * per_r;
+            let from_line = x - x.dot(out).clamp(0.0, FARTHEST) * out;
+            // False for an offset that overflows.
+            if from_line.length_squared() < SUPPORT * SUPPORT {
+                self.near.push(x.extend(volume(sample.radius, start.radius) / sample.density));
+            }
+        });
+        self.near.resize(self.near.len().next_multiple_of(4), Vec4::ZERO);
+        self.packets.clear();
+        let packets = self.near.chunks_exact(4);
+        self.packets.extend(packets.map(|v| Mat4::from_cols(v[0], v[1], v[2], v[3]).transpose()));
+    }
+
+    fn value(&self, at: Vec3) -> f32 {
+        let mut sum = Vec4::ZERO;
+        for packet in &self.packets {
+            let x = packet.x_axis - at.x;
+            let y = packet.y_axis - at.y;
+            let z = packet.z_axis - at.z;
+            let distance = (x * x + y * y + z * z).sqrt();
+            sum += packet.w_axis * spline(distance / SUPPORT);
+        }
+        sum.element_sum()
+    }
+
+    /// A vector along the gradient.
+    fn gradient(&self, at: Vec3) -> Vec3 {
+        let mut sums = [Vec4::ZERO; 3];
+        for packet in &self.packets {
+            let x = at.x - packet.x_axis;
+            let y = at.y - packet.y_axis;
+            let z = at.z - packet.z_axis;
+            let distance = (x * x + y * y + z * z).sqrt();
+            // The slope at 0 is 0.
+            let along = distance.max(Vec4::splat(1e-6));
+            let w = packet.w_axis * slope(distance / SUPPORT) / along;
+            sums = [sums[0] + w * x, sums[1] + w * y, sums[2] + w * z];
+        }
+        sums.map(Vec4::element_sum).into()
+    }
+
+    /// The first place on the line at which the density falls below the level.
+    fn point(&self, start: &Start) -> Option<Point> {
+        /// Steps along the line, and of the search between two of them.
+        const STEPS: [u32; 2] = [6, 4];
+        let out = start.out();
+        let above = |t: f32| self.value(t * out) - LEVEL;
+        let (mut inner, mut outer) = ((0.0, above(0.0)), (0.0, 0.0));
+        if inner.1 < 0.0 {
+            return None;
+        }
+        for step in 1..=STEPS[0] {
+            let t = FARTHEST * step as f32 / STEPS[0] as f32;
+            outer = (t, above(t));
+            if outer.1 < 0.0 {
+                break;
+            }
+            inner = outer;
+        }
+        if outer.1 >= 0.0 {
+            return None;
+        }
+        // The Illinois variant of the false position: superlinear, and never outside the bracket.
+        let between = |inner: (f32, f32), outer: (f32, f32)| {
+            inner.0 + (outer.0 - inner.0) * inner.1 / (inner.1 - outer.1)
+        };
+        let mut last = 0;
+        for _ in 0..STEPS[1] {
+            let t = between(inner, outer);
+            let value = above(t);
+            if value >= 0.0 {
+                inner = (t, value);
+                outer.1 *= if last == 1 { 0.5 } else { 1.0 };
+                last = 1;
+            } else {
+                outer = (t, value);
+                inner.1 *= if last == -1 { 0.5 } else { 1.0 };
+                last = -1;
+            }
+        }
+        let place = between(inner, outer) * out;
+        let normal = (-self.gradient(place)).try_normalize()?;
+        let offset = start.radius * place;
+        (start.at + offset).is_finite().then_some(Point {
+            aggregate: start.aggregate,
+            share: smoothstep(OFFSETS, start.mean.length()),
+            at: start.at,
+            radius: start.radius,
+            offset,
+            normal,
+        })
+    }
+}
+
+/// Normal at a point, averaged over the points around it.
+fn mean_normal(point: &Point, search: &Search<'_>, points: &[Point]) -> Vec3 {
+    let mut sum = Vec3::ZERO;
+    search.near([point.at + point.offset; 2], NORMALS * point.radius, |other| {
+        let other = &points[other];
+        let near = (1.0 - point.to(other).length_squared() / (NORMALS * NORMALS)).max(0.0);
+        let w = near * near * smoothstep(ONE_SIDE, point.normal.dot(other.normal));
+        sum += w * other.normal;
+    });
+    sum.try_normalize().unwrap_or(point.normal)
+}
+
+/// How far a step of Laplacian smoothing moves a point along its normal, in r.
+fn smoothing(point: &Point, search: &Search<'_>, points: &[Point]) -> f32 {
+    let (mut sum, mut weight) = (0.0, 0.0);
+    search.near([point.at + point.offset; 2], SMOOTHING * point.radius, |other| {
+        let other = &points[other];
+        let to = point.to(other);
+        let near = (1.0 - to.length_squared() / (SMOOTHING * SMOOTHING)).max(0.0);
+        if near > 0.0 {
+            let w = near * near * smoothstep(ONE_FACE, point.normal.dot(other.normal));
+            sum += w * to.dot(point.normal);
+            weight += w;
+        }
+    });
+    if weight > 0.0 { sum / weight } else { 0.0 }
+}
