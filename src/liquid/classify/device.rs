@@ -7,7 +7,8 @@
 //!
 //! Sums have 32 bits, relative to the member and in units of h. Compared with the tree's 64-bit sums,
 //! centres and axes are within 10⁻⁴ r, and the class differs only where the density is within 10⁻⁵ of
-//! the threshold.
+//! the threshold. The host moves the splats of the surface; their centres are then within 10⁻³ r, except for the few
+//! where an iso-surface is only just found or not.
 
 use std::sync::{Mutex, PoisonError};
 

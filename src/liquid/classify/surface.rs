@@ -9,7 +9,8 @@
 //! along its normal only.
 //!
 //! The density is Σ Vⱼ W(x − xⱼ), normalised by the volumes Vⱼ = mⱼ/ρⱼ, so that it is 1 inside whatever the
-//! spacing. Sums are relative to the member and in units of its radius r.
+//! spacing. W is the cubic spline. The step of smoothing takes off a little of convex surfaces; putting it back,
+//! as Taubin's and other filters do, brings back more noise than it is worth. Sums are relative to the member and in units of its radius r.
 
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use rayon::prelude::*;
@@ -69,7 +70,7 @@ impl Search<'_> {
     fn like<'b>(&self, members: &'b [Member]) -> Search<'b> {
         match self {
             Self::Grid(grid) => Search::Grid(grid.like(members)),
-            Self::Tree(tree) => Search::Tree(tree.like(members)),
+            Self::Tree(_) => Search::Tree(Tree::new(members)),
         }
     }
 

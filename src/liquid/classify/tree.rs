@@ -103,11 +103,6 @@ impl<'a> Tree<'a> {
         self.stride > 1
     }
 
-    /// A tree of other members.
-    pub(super) fn like<'b>(&self, members: &'b [Member]) -> Tree<'b> {
-        Tree::new(members)
-    }
-
     pub(super) fn members(&self) -> &'a [Member] {
         self.members
     }
