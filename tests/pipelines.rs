@@ -1,6 +1,9 @@
 //! Validates every pipeline, bind group and command of all kinds of frames on wgpu's no-op device, which
 //! validates everything and executes nothing. No adapter is needed.
 
+#[path = "support/noop.rs"]
+mod noop;
+
 use std::sync::{Arc, Mutex};
 
 use glam::{DVec3, UVec2, Vec3};
@@ -28,7 +31,7 @@ impl Checked {
 
     fn with(required_features: wgpu::Features) -> Self {
         let (device, queue) =
-            wgpu::Device::noop(&wgpu::DeviceDescriptor { required_features, ..Default::default() });
+            noop::noop(&wgpu::DeviceDescriptor { required_features, ..Default::default() });
         let errors = Arc::<Mutex<Vec<String>>>::default();
         let seen = errors.clone();
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {

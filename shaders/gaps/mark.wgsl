@@ -29,7 +29,8 @@ fn mark_cell(cell: vec2u, centre: vec3f, to_sphere: mat3x3f) {
     let at = (cell.y * cells_across(u32(camera.size.x)) + cell.x) * WORDS;
     for (var word = 0u; word < WORDS; word++) {
         let bits = bits_up_to(high_bin + 1u, word) & ~bits_up_to(low_bin, word);
-        if bits != 0u {
+        // A load is cheaper where many splats overlap, as particles with too large a radius do.
+        if (atomicLoad(&marks[at + word]) & bits) != bits {
             atomicOr(&marks[at + word], bits);
         }
     }

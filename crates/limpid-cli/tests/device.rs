@@ -2,6 +2,9 @@
 //! pictures beyond the adapter's limits end in an error that names the cause, never in a panic or a
 //! wrong picture, and another device draws the same.
 
+#[path = "../../../tests/support/noop.rs"]
+mod noop;
+
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -225,7 +228,7 @@ fn limited(lower: impl Fn(&mut wgpu::Limits)) -> (Gpu, Arc<Mutex<Vec<String>>>) 
     let mut required_limits = wgpu::Limits::default();
     lower(&mut required_limits);
     let descriptor = wgpu::DeviceDescriptor { required_limits, ..Default::default() };
-    let (device, queue) = wgpu::Device::noop(&descriptor);
+    let (device, queue) = noop::noop(&descriptor);
     let errors = Arc::<Mutex<Vec<String>>>::default();
     let seen = errors.clone();
     device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {

@@ -2,6 +2,8 @@
 
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
+#[path = "../../../tests/support/noop.rs"]
+mod noop;
 
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
@@ -170,7 +172,7 @@ fn costs_of_an_empty_frame() {
 fn every_pass_has_a_model() {
     let required_features = wgpu::Features::TIMESTAMP_QUERY;
     let (device, queue) =
-        wgpu::Device::noop(&wgpu::DeviceDescriptor { required_features, ..Default::default() });
+        noop::noop(&wgpu::DeviceDescriptor { required_features, ..Default::default() });
     let gpu = Gpu::from_device(device, queue);
     let mut renderer = Renderer::new(&gpu);
     renderer.timing = true;

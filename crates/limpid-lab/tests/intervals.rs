@@ -68,14 +68,14 @@ fn peeled(near: &[&Splat], view: &View, d: DVec3, radius: f64) -> Vec<[f64; 2]> 
 
 /// The true intervals.
 fn true_intervals(mesh: &Mesh, eye: DVec3, direction: DVec3) -> Vec<[f64; 2]> {
-    let (mut found, mut inside, mut start) = (Vec::new(), mesh.contains(eye), 0.0);
+    let mut found = Vec::<[f64; 2]>::new();
+    let (mut inside, mut start) = (mesh.contains(eye), 0.0);
     let ray = Ray { origin: eye, direction };
     while let Some(hit) = mesh.crossing(&Ray { origin: ray.at(start), ..ray }, inside) {
         let t = start + hit.t;
-        if inside {
-            found.last_mut().map_or((), |last: &mut [f64; 2]| last[1] = t);
-        } else {
-            found.push([t, t]);
+        match found.last_mut() {
+            Some([_, leave]) if inside => *leave = t,
+            _ => found.push([t, t]),
         }
         start = t + 1e-9;
         inside = !inside;

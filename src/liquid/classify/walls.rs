@@ -81,8 +81,8 @@ impl Eye {
 /// Returns the splats adjusted for a view that sees thin solids from behind, or `None` if none changes.
 ///
 /// A splat at a wall penetrates it by its own size, and would show on the far side of a plane or a thin
-/// box. If the eye is on that side, the splat is moved back until it no longer protrudes; the wall hides
-/// the displacement. Views from the liquid's side do not change.
+/// box. If the eye is on that side, the splat is moved back until it no longer protrudes, with a margin for smoothing; the
+/// wall hides the displacement. Views from the liquid's side do not change.
 pub(crate) fn seen_past_walls(splats: &Splats, solids: &[Solid], eye: Eye) -> Option<Splats> {
     if solids.is_empty() {
         return None;
@@ -107,7 +107,7 @@ pub(crate) fn seen_past_walls(splats: &Splats, solids: &[Solid], eye: Eye) -> Op
             let reach = reach_along(splat, normal) - distance;
             let thickness = thickness(wall.shape, centre - distance * normal, normal, longest);
             let far_side = centre - (distance + thickness) * normal;
-            if reach > thickness && eye.direction(far_side).dot(normal) < 0.0 {
+            if reach + margin > thickness && eye.direction(far_side).dot(normal) < 0.0 {
                 centre += (reach + margin) * normal;
                 any = true;
             }
