@@ -273,9 +273,9 @@ impl Gpu {
                 "holds at most {} MiB in one buffer (max_buffer_size)",
                 limits.max_buffer_size >> 20
             )
-        } else if 4 + 4 * tiles > limits.max_storage_buffer_binding_size {
+        } else if BYTES_PER_TILE * tiles > limits.max_storage_buffer_binding_size {
             let most = limits.max_storage_buffer_binding_size;
-            format!("lists at most {most} bytes of tiles (max_storage_buffer_binding_size)")
+            format!("holds at most {most} bytes of tiles (max_storage_buffer_binding_size)")
         } else if tiles.min(ROW.into()) > u64::from(limits.max_compute_workgroups_per_dimension) {
             let most = limits.max_compute_workgroups_per_dimension;
             format!(
@@ -288,6 +288,9 @@ impl Gpu {
         Err(Error::Limit { adapter: self.adapter(), problem, of })
     }
 }
+
+/// Size of a tile in the largest buffer that has an entry for each: the marks of `passes/gaps.rs`.
+const BYTES_PER_TILE: u64 = 32;
 
 /// Workgroups in one row of a dispatch, as in `common/groups.wgsl`.
 pub const ROW: u32 = 32768;

@@ -96,8 +96,9 @@ pub(crate) fn seen_past_walls(splats: &Splats, solids: &[Solid], eye: Eye) -> Op
     if walls.is_empty() {
         return None;
     }
-    // Smoothing moves surfaces slightly; the default contact distance is twice this margin.
-    let margin = 0.25 * f64::from(splats.radius);
+    // Smoothing moves surfaces slightly, and pixels at a slanted wall are deep; the default contact distance is
+    // longer than this margin.
+    let margin = 0.4 * f64::from(splats.radius);
     let moved = |splat: &Splat| {
         let mut centre = splats.origin + Vec3::from_array(splat.centre).as_dvec3();
         let longest = splat.longest();
