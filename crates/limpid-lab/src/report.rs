@@ -176,7 +176,7 @@ pub fn measure(gpu: &Gpu, options: &Options, progress: &mut dyn FnMut(&str)) -> 
             let (rows, figure) = picture::measure(gpu, &mut renderer, &subject, &effort)?;
             report.rows.extend(rows);
             report.figures.push(figure);
-            if !subject.scene.is_lit() && !(options.quick && name != "demo") {
+            if !subject.scene.is_lit() && (!options.quick || name == "demo") {
                 progress(&format!("{name}: flicker"));
                 report.rows.extend(flicker::measure(gpu, &mut renderer, &subject, &effort)?);
             }
