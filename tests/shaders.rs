@@ -364,7 +364,7 @@ const LOOPS: [(&str, &str, &str, &str); 115] = [
     ("caustics/forward.wgsl", "light_path", "for (var body = 0u; body <= GAPS; body++)", "layers.intervals, 3 at most"),
     ("caustics/resolve.wgsl", "straight", "for (var gap = select(i32(GAPS), 0, slabs.aggregate_has_gap); gap < i32(GAPS); gap++)", "layers.intervals, 3 at most"),
     ("caustics/resolve.wgsl", "straight", "for (var gap = select(i32(GAPS), 0, slabs.splash_has_gap); gap < i32(GAPS); gap++)", "layers.intervals, 3 at most"),
-    ("gaps/clear.wgsl", "clear", "for (var layer = 2u; layer < textureNumLayers(aggregate_layers); layer++)", "the layers, 6 at most"),
+    ("gaps/clear.wgsl", "clear", "for (var layer = 2u; layer < 2u + 2u * GAPS; layer++)", "layers.intervals, 3 at most"),
     ("gaps/select.wgsl", "is_listed", "for (var y = first.y; y <= last.y; y++)", "MOST_TILES together"),
     ("gaps/select.wgsl", "is_listed", "for (var x = first.x; x <= last.x; x++)", "MOST_TILES together"),
     ("gaps/mark_small.wgsl", "is_listed", "for (var y = first.y; y <= last.y; y++)", "MOST_CELLS together"),

@@ -8,6 +8,7 @@
 @group(0) @binding(2) var<storage, read> tiles: TileList;
 
 override SPLASH: bool = false;
+override GAPS: u32 = 1u;
 
 @compute @workgroup_size(8, 8)
 fn clear(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
@@ -19,7 +20,7 @@ fn clear(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loca
     if any(p >= vec2i(textureDimensions(aggregate_layers))) {
         return;
     }
-    for (var layer = 2u; layer < textureNumLayers(aggregate_layers); layer++) {
+    for (var layer = 2u; layer < 2u + 2u * GAPS; layer++) {
         textureStore(aggregate_layers, p, layer, vec4f(0.0));
         if SPLASH {
             textureStore(splash_layers, p, layer, vec4f(0.0));

@@ -21,8 +21,8 @@ override GAPS: u32 = 1u;
 @group(0) @binding(1) var splash_layers: texture_2d_array<f32>;
 @group(0) @binding(2) var<storage, read> aggregate_marks: array<u32>;
 @group(0) @binding(3) var<storage, read> splash_marks: array<u32>;
-@group(0) @binding(4) var aggregate_splits: texture_storage_2d<rg32float, write>;
-@group(0) @binding(5) var splash_splits: texture_storage_2d<rg32float, write>;
+@group(0) @binding(4) var aggregate_splits: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(5) var splash_splits: texture_storage_2d<rgba32float, write>;
 // Of each tile the least and the greatest depth of a split: of aggregates, then of splashes; 0 without any.
 @group(0) @binding(6) var gap_tiles: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(7) var<storage, read_write> list: array<atomic<u32>>;

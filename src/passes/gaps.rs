@@ -110,7 +110,7 @@ impl Gaps {
         let compute = wgpu::ShaderStages::COMPUTE;
         let layers = gpu::sampled(D2Array);
         let marks = gpu::storage_of(MARKS);
-        let splits = gpu::storage_texture(wgpu::TextureFormat::Rg32Float, D2);
+        let splits = gpu::storage_texture(wgpu::TextureFormat::Rgba32Float, D2);
         let tiles = gpu::storage_texture(wgpu::TextureFormat::Rgba32Float, D2);
         let planes = gpu::storage_texture(Layers::FORMAT, D2Array);
         let layouts = Layouts {
@@ -324,11 +324,8 @@ impl Pipelines {
         gaps: u32,
     ) -> Self {
         let kernel = |file: &str, entry: &str, layout: &wgpu::BindGroupLayout, splash: f64| {
-            let constants: &[(&str, f64)] = match entry {
-                "split" => &[("SPLASH", splash), ("GAPS", gaps.into())],
-                _ => &[("SPLASH", splash)],
-            };
-            gpu::compute_pipeline(gpu, file, entry, &[layout], constants)
+            let constants = [("SPLASH", splash), ("GAPS", gaps.into())];
+            gpu::compute_pipeline(gpu, file, entry, &[layout], &constants)
         };
         let raster = |file: &str,
                       entries: [&str; 2],
@@ -446,7 +443,7 @@ impl Cells {
                 mapped_at_creation: false,
             })
         };
-        let format = wgpu::TextureFormat::Rg32Float;
+        let format = wgpu::TextureFormat::Rgba32Float;
         let splits = || gpu::texture(gpu, "gap splits", cells, 1, format, usage);
         let attached = wgpu::TextureUsages::RENDER_ATTACHMENT;
         let depth = gpu::texture(gpu, "gap cells", cells, 1, DEPTH, attached);
