@@ -94,7 +94,7 @@ fn all_settings() -> Harness<'static, Viewer> {
     let scene =
         Source::new(concat!(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."), "/sims/slab.toml"));
     let mut harness = harness(scene, [1000.0, 2400.0]);
-    for title in ["Particles to splats", "Caustics", "Radiance to picture"] {
+    for title in ["Particles to splats", "Splats to layers", "Caustics", "Radiance to picture"] {
         harness.get_by_label(title).click();
         harness.run_ok();
     }
