@@ -22,6 +22,26 @@ struct Draw {
 @group(2) @binding(2) var<storage, read_write> listed: array<u32>;
 @group(2) @binding(3) var<storage, read_write> draws: Draw;
 
+// The pixels that an ellipsoid's bounding rectangle meets, from the first to the last; `seen` if there are any.
+struct PixelBounds {
+    seen: bool,
+    first: vec2u,
+    last: vec2u,
+}
+
+fn pixel_bounds(placed: Placed) -> PixelBounds {
+    let low = splat_corner(0u, placed.centre, placed.rows);
+    let high = splat_corner(3u, placed.centre, placed.rows);
+    let end = camera.size - 1.0;
+    let left_top = (vec2f(low.x, -high.y) * 0.5 + 0.5) * camera.size;
+    let right_bottom = (vec2f(high.x, -low.y) * 0.5 + 0.5) * camera.size;
+    return PixelBounds(
+        !(any(low > vec2f(1.0)) || any(high < vec2f(-1.0))),
+        vec2u(clamp(left_top, vec2f(0.0), end)),
+        vec2u(clamp(right_bottom, vec2f(0.0), end)),
+    );
+}
+
 var<workgroup> mask: array<atomic<u32>, MASK_WORDS>;
 
 // Marks the listed splats of a block per workgroup.

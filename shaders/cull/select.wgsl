@@ -21,24 +21,16 @@ fn is_listed(index: u32) -> bool {
         return false;
     }
     let placed = splat_in_view(splat);
-    let low = splat_corner(0u, placed.centre, placed.rows);
-    let high = splat_corner(3u, placed.centre, placed.rows);
-    if any(low > vec2f(1.0)) || any(high < vec2f(-1.0)) {
-        return false;
-    }
-    return !SURROUNDED || !is_hidden(placed, low, high);
+    let bounds = pixel_bounds(placed);
+    return bounds.seen && (!SURROUNDED || !is_hidden(placed, bounds));
 }
 
 // Splats that touch more tiles are drawn without a test.
 const MOST_TILES: u32 = 64u;
 
-fn is_hidden(placed: Placed, low: vec2f, high: vec2f) -> bool {
-    let size = vec2u(camera.size);
-    let left_top = vec2f(low.x, -high.y) * 0.5 + 0.5;
-    let right_bottom = vec2f(high.x, -low.y) * 0.5 + 0.5;
-    let end = camera.size - 1.0;
-    let first = vec2u(clamp(left_top * camera.size, vec2f(0.0), end)) / TILE;
-    let last = vec2u(clamp(right_bottom * camera.size, vec2f(0.0), end)) / TILE;
+fn is_hidden(placed: Placed, bounds: PixelBounds) -> bool {
+    let first = bounds.first / TILE;
+    let last = bounds.last / TILE;
     let tiles = last - first + 1u;
     if tiles.x * tiles.y > MOST_TILES {
         return false;
@@ -51,7 +43,7 @@ fn is_hidden(placed: Placed, low: vec2f, high: vec2f) -> bool {
     let farthest = middle + half_depth + margin;
     for (var y = first.y; y <= last.y; y++) {
         for (var x = first.x; x <= last.x; x++) {
-            let between = depths[y * tiles_across(size.x) + x];
+            let between = depths[y * tiles_across(u32(camera.size.x)) + x];
             if nearest <= between.x || farthest >= between.y {
                 return false;
             }

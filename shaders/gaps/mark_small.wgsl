@@ -13,16 +13,12 @@ fn is_listed(index: u32) -> bool {
     }
     let splat = swollen(splats[index]);
     let placed = splat_in_view(splat);
-    let low = splat_corner(0u, placed.centre, placed.rows);
-    let high = splat_corner(3u, placed.centre, placed.rows);
-    if any(low > vec2f(1.0)) || any(high < vec2f(-1.0)) {
+    let bounds = pixel_bounds(placed);
+    if !bounds.seen {
         return false;
     }
-    let end = camera.size - 1.0;
-    let left_top = (vec2f(low.x, -high.y) * 0.5 + 0.5) * camera.size;
-    let right_bottom = (vec2f(high.x, -low.y) * 0.5 + 0.5) * camera.size;
-    let first = vec2u(clamp(left_top, vec2f(0.0), end)) / CELL;
-    let last = vec2u(clamp(right_bottom, vec2f(0.0), end)) / CELL;
+    let first = bounds.first / CELL;
+    let last = bounds.last / CELL;
     let cells = last - first + 1u;
     if cells.x * cells.y > MOST_CELLS {
         return true;

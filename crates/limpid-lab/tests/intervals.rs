@@ -12,7 +12,7 @@ use limpid::liquid::classify::{Splat, Splats};
 use limpid::scene::Scene;
 use limpid_io::input::Input;
 use limpid_lab::reference::mesh::{Mesh, Reconstruction};
-use limpid_lab::reference::{Liquid as _, Ray};
+use limpid_lab::reference::trace::intervals;
 use rayon::prelude::*;
 
 const SIZE: UVec2 = UVec2::new(160, 120);
@@ -66,23 +66,6 @@ fn peeled(near: &[&Splat], view: &View, d: DVec3, radius: f64) -> Vec<[f64; 2]> 
     found
 }
 
-/// The true intervals.
-fn true_intervals(mesh: &Mesh, eye: DVec3, direction: DVec3) -> Vec<[f64; 2]> {
-    let mut found = Vec::<[f64; 2]>::new();
-    let (mut inside, mut start) = (mesh.contains(eye), 0.0);
-    let ray = Ray { origin: eye, direction };
-    while let Some(hit) = mesh.crossing(&Ray { origin: ray.at(start), ..ray }, inside) {
-        let t = start + hit.t;
-        match found.last_mut() {
-            Some([_, leave]) if inside => *leave = t,
-            _ => found.push([t, t]),
-        }
-        start = t + 1e-9;
-        inside = !inside;
-    }
-    found
-}
-
 /// Mean errors of the length of straight rays in liquid, in particle radii, over the pixels of several true
 /// intervals and over those of one: of one interval a pixel, of occupancy, and of peeling.
 fn errors(
@@ -105,11 +88,11 @@ fn errors(
     let view = View::new(camera, SIZE);
     let radius = f64::from(splats.radius);
     let all: Vec<&Splat> = splats.aggregates.iter().chain(&splats.splashes).collect();
+    let truths = intervals(mesh, camera, SIZE);
     let found: Vec<_> = (0..SIZE.element_product())
         .into_par_iter()
         .map(|i| {
             let d = view.through(UVec2::new(i % SIZE.x, i / SIZE.x)).normalize();
-            let truth = true_intervals(mesh, camera.eye, view.world_vector(d));
             let near: Vec<_> = (all.iter().copied())
                 .filter(|s| {
                     let body = Ellipsoid::new(&view, s);
@@ -119,9 +102,9 @@ fn errors(
                 .collect();
             let peeled = peeled(&near, &view, d, radius);
             let i = i as usize;
-            let exact = length(&truth);
+            let exact = length(&truths[i]);
             let errors = [one[i], two[i], length(&peeled)].map(|l| (l - exact).abs() / radius);
-            (truth.len(), errors)
+            (truths[i].len(), errors)
         })
         .collect();
     [true, false].map(|several| {

@@ -21,7 +21,7 @@ use limpid_lab::reference::analytic::{Ball, Block, Drops, Ellipsoid, Pool};
 use limpid_lab::reference::mesh::{Mesh, Reconstruction};
 use limpid_lab::reference::optics::{Interface, fresnel, reflect, refract, transmittance};
 use limpid_lab::reference::surroundings::Surroundings;
-use limpid_lab::reference::trace::{Image, MAX_DEPTH, count_intervals, first_last, trace};
+use limpid_lab::reference::trace::{Image, MAX_DEPTH, first_last, intervals, trace};
 use limpid_lab::reference::{Crossing, Liquid, Ray};
 use limpid_sim::waves::{WaveSpectrum, Waves};
 use references::references;
@@ -614,13 +614,18 @@ fn layers_are_the_first_front_and_the_last_back() {
     assert!((front.normals[middle] - DVec3::Z).length() < 1e-12);
     assert!((back.normals[middle] + DVec3::Z).length() < 1e-12);
     assert_eq!((front.depths[0], back.depths[0], front.normals[0]), (0.0, 0.0, DVec3::ZERO));
-    let counts = count_intervals(&Two([ball(0.0), ball(-4.0)]), &camera, size);
-    assert_eq!((counts[middle], counts[0]), (2, 0));
+    let found = intervals(&Two([ball(0.0), ball(-4.0)]), &camera, size);
+    let ends = found[middle].concat();
+    assert!(
+        ends.iter().zip([9.0, 11.0, 13.0, 15.0]).all(|(a, b)| (a - b).abs() < 1e-8),
+        "{ends:?}"
+    );
+    assert_eq!((ends.len(), found[0].len()), (4, 0));
     // The nearer ball alone is seen around the farther one.
-    assert!(counts.contains(&1));
+    assert!(found.iter().any(|intervals| intervals.len() == 1));
     // No front exists for an eye inside.
     let camera = looking(Vec3::new(0.5, 0.0, 0.0), Vec3::ZERO);
-    assert_eq!(count_intervals(&ball(0.0), &camera, size)[middle], 1);
+    assert_eq!(intervals(&ball(0.0), &camera, size)[middle].len(), 1);
     let [front, back] = first_last(&ball(0.0), &camera, size);
     assert_eq!(front.depths[middle], 0.0);
     assert!((back.depths[middle] - 1.5).abs() < 1e-12);

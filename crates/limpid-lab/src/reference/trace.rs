@@ -364,9 +364,13 @@ pub fn first_last(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: UVec2)
     })
 }
 
-/// Counts the intervals of liquid, with air between them, along the straight camera rays through pixel
-/// centres, row by row from the top left; solids do not hide them.
-pub fn count_intervals(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: UVec2) -> Vec<u32> {
+/// Finds the intervals of liquid, with air between them, along the straight camera rays through pixel centres, row
+/// by row from the top left: the distances from the eye at which a ray enters and leaves, m. Solids do not hide them.
+pub fn intervals(
+    liquid: &(impl Liquid + ?Sized),
+    camera: &Camera,
+    size: UVec2,
+) -> Vec<Vec<[f64; 2]>> {
     let view = View::new(camera, size);
     let eye_inside = liquid.contains(view.eye);
     let width = size.x.max(1) as usize;
@@ -374,11 +378,14 @@ pub fn count_intervals(liquid: &(impl Liquid + ?Sized), camera: &Camera, size: U
         .into_par_iter()
         .map(|i| {
             let center = DVec2::new((i % width) as f64, (i / width) as f64) + 0.5;
-            let mut count = 0;
-            crossings_along(liquid, &view.ray(center), eye_inside, |_, leaves| {
-                count += u32::from(leaves);
+            let (mut found, mut entered) = (Vec::new(), 0.0);
+            crossings_along(liquid, &view.ray(center), eye_inside, |crossing, leaves| {
+                if leaves {
+                    found.push([entered, crossing.t]);
+                }
+                entered = crossing.t;
             });
-            count
+            found
         })
         .collect()
 }

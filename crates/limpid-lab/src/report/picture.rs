@@ -8,7 +8,7 @@ use super::caustics;
 use super::rows::{ErrorKind, Figure, Row, RowKind};
 use super::subjects::{Subject, size};
 use crate::compare::{PIXELS_PER_DEGREE, flip};
-use crate::reference::trace::{MAX_DEPTH, count_intervals, trace_lit};
+use crate::reference::trace::{MAX_DEPTH, intervals, trace_lit};
 use limpid::camera::Camera;
 use limpid::gpu::{Gpu, PassTime};
 use limpid::liquid::classify::Splats;
@@ -117,8 +117,8 @@ pub fn measure(
     let liquid = &*subject.liquid;
     let truth = trace_lit(liquid, &subject.scene, &camera, size, samples, MAX_DEPTH, &maps);
     let truth = truth.to_srgb();
-    let intervals = count_intervals(liquid, &camera, size);
-    let [wet, several] = [1, 2].map(|least| intervals.iter().filter(|n| **n >= least).count());
+    let counts: Vec<_> = intervals(liquid, &camera, size).iter().map(Vec::len).collect();
+    let [wet, several] = [1, 2].map(|least| counts.iter().filter(|n| **n >= least).count());
     let mut rows = Vec::new();
     let mut panels = vec![("truth".to_owned(), truth.clone())];
     for (method, settings_text, settings) in methods(effort.variants, subject.scene.is_lit()) {
@@ -134,11 +134,11 @@ pub fn measure(
         let row = Row { several_intervals: (wet > 0).then(|| several as f64 / wet as f64), ..row };
         // Rows that differ only in the measure of the error become columns.
         for (kind, least, most) in [
-            (ErrorKind::FlipOfLiquid, 1, u32::MAX),
+            (ErrorKind::FlipOfLiquid, 1, usize::MAX),
             (ErrorKind::FlipOneInterval, 1, 1),
-            (ErrorKind::FlipSeveralIntervals, 2, u32::MAX),
+            (ErrorKind::FlipSeveralIntervals, 2, usize::MAX),
         ] {
-            let at = |x, y| intervals[(y * size.x + x) as usize];
+            let at = |x, y| counts[(y * size.x + x) as usize];
             let error = map.mean_where(|x, y| (least..=most).contains(&at(x, y)));
             rows.extend(error.map(|e| row.clone().with_error(e, kind, subject.truth)));
         }
