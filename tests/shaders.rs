@@ -301,7 +301,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 115] = [
+const LOOPS: [(&str, &str, &str, &str); 116] = [
     ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
     ("caustics/conic.wgsl", "conic_first_exit", "for (var edge = 0u; edge < 3u; edge++)", "a constant"),
     ("caustics/conic.wgsl", "conic_solve", "for (var i = 0u; i < CONIC_ROUNDS; i++)", "a constant"),
@@ -382,6 +382,7 @@ const LOOPS: [(&str, &str, &str, &str); 115] = [
     ("refract/guarded.wgsl", "front_entry", "for (var i = 0u; i < ENTRY_STEPS * (ENTRY_BISECTIONS + 1u); i++)", "a constant"),
     ("refract/interfaces.wgsl", "class_interval", "for (var once = 0; once < select(0, 1, of_splashes); once++)", "a constant"),
     ("refract/interfaces.wgsl", "class_interval", "for (var gap = select(i32(GAPS), 0, has_gap); gap < i32(GAPS); gap++)", "layers.intervals, 3 at most"),
+    ("refract/interfaces.wgsl", "interface_normal", "for (var i = 0u; i < select(0u, OUTLINE_TEXELS, hit.on_outline); i++)", "a constant"),
     ("refract/one_layer.wgsl", "nearest_plane", "for (var gap = select(i32(GAPS), 0, has_gap); gap < i32(GAPS); gap++)", "layers.intervals, 3 at most"),
     ("refract/slabs.wgsl", "slabs_at", "for (var gap = select(i32(GAPS), 0, slabs.aggregate_has_gap); gap < i32(GAPS); gap++)", "layers.intervals, 3 at most"),
     ("refract/slabs.wgsl", "slabs_at", "for (var gap = select(i32(GAPS), 0, slabs.splash_has_gap); gap < i32(GAPS); gap++)", "layers.intervals, 3 at most"),

@@ -69,7 +69,7 @@ fn light_path(vertex: GridVertex) -> Landing {
         if !dry {
             break;
         }
-        n = plane_normal(exit.plane);
+        n = interface_normal(exit);
         if dot(n, d) > 0.0 {
             n = -n;
         }
@@ -93,7 +93,7 @@ fn light_path(vertex: GridVertex) -> Landing {
         if !entry.found || receiver.found && distance(start, receiver.position) <= to_entry {
             break;
         }
-        n = plane_normal(entry.plane);
+        n = interface_normal(entry);
         if dot(n, d) > 0.0 {
             n = -n;
         }

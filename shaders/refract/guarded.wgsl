@@ -64,8 +64,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
                 return interface_at(ray, outside.tau, outside.plane, outside_texel);
             }
             if outside_tau - inside_tau <= close {
-                // A silhouette: uses the normal of the last plane inside.
-                return interface_at(ray, inside_tau, inside.plane, inside_texel);
+                return outline_at(ray, inside_tau, inside.plane, inside_texel);
             }
             let halved = outside_tau - inside_tau <= 0.5 * width;
             width = outside_tau - inside_tau;
@@ -86,6 +85,7 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
 // State of a ray relative to a front layer at a sample.
 struct Approach {
     behind: bool,
+    deep: bool,    // behind, and at no step between texels: is_deep
     tau: f32,      // predicted intersection with the texel's plane, NEVER if there is none
     plane: vec3f,
     texel: vec2i,
@@ -98,13 +98,18 @@ fn approach(layer_class: i32, ray: ScreenRay, tau: f32) -> Approach {
     let front = interval.front;
     let back = interval.back;
     if plane_is_empty(front) {
-        return Approach(false, NEVER, front, texel);
+        return Approach(false, false, NEVER, front, texel);
     }
     let residual = screen_ray_residual(ray, front, tau);
     let slope = screen_ray_residual_slope(ray, front);
     let root = select(NEVER, tau - residual / slope, slope > 0.0);
-    let beyond = screen_ray_residual(ray, back, tau) > 0.0;
-    return Approach(residual > 0.0 && !beyond, select(root, NEVER, residual > 0.0 && beyond), front, texel);
+    let to_back = screen_ray_residual(ray, back, tau);
+    if residual > 0.0 && to_back > 0.0 {
+        return Approach(false, false, NEVER, front, texel);
+    }
+    let back_slope = screen_ray_residual_slope(ray, back);
+    let deep = is_deep(ray, residual, slope, to_back, back_slope);
+    return Approach(residual > 0.0, deep, root, front, texel);
 }
 
 // One loop for strides and bisections: drivers inline the evaluation where it is called, and a group of pixels
@@ -151,6 +156,9 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
             bisections = 0u;
         }
         if advances {
+            if is_bracketed && there.deep {
+                return outline_at(ray, next, there.plane, there.texel);
+            }
             is_bracketed = false;
             tau = next;
             here = there;

@@ -96,14 +96,57 @@ struct Interface {
     position: vec3f,  // view space; undefined with an empty plane
     plane: vec3f,     // pi of the surface
     texel: vec2i,     // that the plane was read from
+    on_outline: bool, // crosses a surface that no plane shows, at the outline of liquid in the picture
 }
 
 fn no_interface() -> Interface {
-    return Interface(false, vec3f(0.0), vec3f(0.0), vec2i(0));
+    return Interface(false, vec3f(0.0), vec3f(0.0), vec2i(0), false);
 }
 
 fn interface_at(ray: ScreenRay, tau: f32, plane: vec3f, texel: vec2i) -> Interface {
-    return Interface(true, screen_ray_point(ray, tau), plane, texel);
+    return Interface(true, screen_ray_point(ray, tau), plane, texel, false);
+}
+
+// Crossing of the outline of liquid in the picture, whose surface there holds the lines of sight.
+fn outline_at(ray: ScreenRay, tau: f32, plane: vec3f, texel: vec2i) -> Interface {
+    return Interface(true, screen_ray_point(ray, tau), plane, texel, true);
+}
+
+// Whether a point between front and back is more than two pixels' way from both, by their residuals and slopes.
+// Smaller steps lie between the planes of neighbouring texels, and are no outline.
+fn is_deep(ray: ScreenRay, residual: f32, slope: f32, to_back: f32, back_slope: f32) -> bool {
+    let way = 2.0 * ray.tau_per_pixel;
+    return residual > abs(slope) * way && -to_back > abs(back_slope) * way;
+}
+
+// Texels around a crossing of an outline, on two circles, and their radii in pixels.
+const OUTLINE_TEXELS: u32 = 16u;
+const OUTLINE_RADII: vec2f = vec2f(2.0, 3.5);
+
+// Normal of an interface. That of an outline is perpendicular to the line of sight and points away from the texels
+// around it that have liquid at its depth.
+fn interface_normal(hit: Interface) -> vec3f {
+    let n = plane_normal(hit.plane);
+    let u = camera_pixel(hit.position);
+    var at: ScreenRay;
+    at.disparity = camera_disparity(hit.position);
+    var outwards = vec2f(0.0);
+    // A loop in place of a branch, as in `slabs_at`.
+    for (var i = 0u; i < select(0u, OUTLINE_TEXELS, hit.on_outline); i++) {
+        let angle = 6.2831853 * f32(i) / f32(OUTLINE_TEXELS);
+        let direction = vec2f(cos(angle), sin(angle));
+        let texel = vec2i(floor(u + OUTLINE_RADII[i & 1u] * direction));
+        at.omega = camera_omega(vec2f(texel) + 0.5);
+        let slabs = slabs_at(clamp(texel, vec2i(0), vec2i(camera.size) - 1), at, 0.0, ROUNDING);
+        outwards += select(direction, -direction, slabs_leave(slabs, at, 0.0, ROUNDING).inside);
+    }
+    // All around or nowhere: no outline is seen.
+    if length(outwards) < 1.0 {
+        return n;
+    }
+    let omega = camera_omega(u);
+    let across = (camera_omega(u + outwards) - omega).xy;
+    return normalize(vec3f(across, select(dot(across, omega.xy), 0.0, ORTHOGRAPHIC)));
 }
 
 // Result for a ray that leaves the picture while inside: not found, but extrapolated on the last plane.
@@ -111,7 +154,7 @@ fn beyond_picture(ray: ScreenRay, leave: Leave, texel: vec2i) -> Interface {
     if ray.disparity + leave.tau * ray.d_disparity <= 0.0 || leave.tau >= NEVER {
         return no_interface();
     }
-    return Interface(false, screen_ray_point(ray, leave.tau), leave.plane, texel);
+    return Interface(false, screen_ray_point(ray, leave.tau), leave.plane, texel, false);
 }
 
 const AGGREGATE: i32 = 0;
@@ -342,7 +385,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
     let scale = select(1.0, params.ior * params.ior, RADIANCE_SCALING);
 
     // First interface, unless a solid is in front of it or the eye is in the liquid.
-    var hit = Interface(disparity > 0.0 && solid.t > t_front, camera_point(omega, disparity), front, texel);
+    var hit = Interface(disparity > 0.0 && solid.t > t_front, camera_point(omega, disparity), front, texel, false);
     if TRANSPARENT && !hit.found && (HOST || solid.t >= NOTHING) {
         return vec4f(0.0);
     }
@@ -420,7 +463,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
             travelled += distance(o, hit.position);
             o = hit.position;
             start = hit.texel;
-            var n = plane_normal(hit.plane);
+            var n = interface_normal(hit);
             if dot(n, d) > 0.0 {
                 n = -n;
             }

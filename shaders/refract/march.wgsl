@@ -66,8 +66,11 @@ fn liquid_exit(ray: ScreenRay, texel: vec2i) -> Interface {
             if plane_is_empty(plane) {
                 return no_interface();
             }
-            // A silhouette, or a step between texels: uses the normal of the last plane inside.
-            return interface_at(ray, walk.tau, plane, last);
+            // A step between the planes of neighbouring texels belongs to the surface, any other to an outline.
+            if leave.tau <= walk.tau && leave.tau >= walk.tau - ray.tau_per_pixel {
+                return interface_at(ray, walk.tau, plane, last);
+            }
+            return outline_at(ray, walk.tau, plane, last);
         }
         plane = leave.plane;
         last = walk.texel;
@@ -88,7 +91,7 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
         return strided_entry(layer_class, ray);
     }
     var walk = walk_start(ray);
-    // Whether the ray entered this texel in front of the layer, or over an empty texel.
+    // Whether the ray entered this texel in front of the layer, beyond it, or over an empty texel.
     var ahead = false;
     for (var i = 0u; i < most_texels() && walk.tau < 1.0; i++) {
         diagnosed.iterations += 1.0;
@@ -112,7 +115,14 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
                 if ahead && slope > 0.0 && residual <= slope * ray.tau_per_pixel {
                     return interface_at(ray, walk.tau, front, walk.texel);
                 }
+                let to_back = screen_ray_residual(ray, back, walk.tau);
+                let back_slope = screen_ray_residual_slope(ray, back);
+                if ahead && i > 0u && layer_class != OPAQUE && is_deep(ray, residual, slope, to_back, back_slope) {
+                    return outline_at(ray, walk.tau, front, walk.texel);
+                }
                 ahead = false;
+            } else {
+                ahead = true;
             }
         }
         walk_on(&walk);
@@ -148,7 +158,7 @@ fn strided_exit(ray: ScreenRay, texel: vec2i) -> Interface {
             if beyond.tau >= tau && beyond.tau <= next {
                 return interface_at(ray, beyond.tau, beyond.plane, there);
             }
-            return interface_at(ray, next, leave.plane, last);
+            return outline_at(ray, next, leave.plane, last);
         }
         leave = beyond;
         last = there;
@@ -190,8 +200,14 @@ fn strided_entry(layer_class: i32, ray: ScreenRay) -> Interface {
                 if root <= tau {
                     return interface_at(ray, root, plane, texel);
                 }
+                let to_back = screen_ray_residual(ray, back, tau);
+                let back_slope = screen_ray_residual_slope(ray, back);
+                if layer_class != OPAQUE && is_deep(ray, residual, slope, to_back, back_slope) {
+                    return outline_at(ray, tau, front, there);
+                }
             }
-            ahead = false;
+            ahead = screen_ray_residual(ray, back, tau) > 0.0;
+            root = NEVER;
         }
         if ahead && root <= tau + step && root <= 1.0 && tau + step > 1.0 {
             return interface_at(ray, root, plane, texel);

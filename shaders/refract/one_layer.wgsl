@@ -69,7 +69,7 @@ fn single(layer_class: i32, side: i32, ray: ScreenRay) -> Interface {
         plane = behind;
     }
     let to = camera_omega(u);
-    return Interface(true, camera_point(to, dot(plane, to)), plane, clamped_texel(u));
+    return Interface(true, camera_point(to, dot(plane, to)), plane, clamped_texel(u), false);
 }
 
 fn class_exit(layer_class: i32, ray: ScreenRay) -> Interface {

@@ -519,8 +519,8 @@ fn newton_is_finite_and_right_where_it_converges() {
 }
 
 /// `guarded`, which takes strides, agrees with `march`, which visits every texel, on a body's smoothed
-/// surface: lengths differ only where the ray passes a dent narrower than a stride. Spray and rough
-/// surfaces have many such dents, and bounces multiply them: there only the mean is bounded.
+/// surface: lengths differ only where the ray passes a dent, or re-enters by a side, narrower than a stride. Spray
+/// and rough surfaces have many of them, and bounces multiply them: there only the mean is bounded.
 #[test]
 fn guarded_agrees_with_march() {
     let Some(mut harness) = harness() else { return };
@@ -528,7 +528,7 @@ fn guarded_agrees_with_march() {
     let all = cloud(&scene);
     assert!(all.splashes.len() > 20 && all.aggregates.len() > 150);
     let bodies = Splats { splashes: Vec::new(), ..all.clone() };
-    for (drawn, bounces, lengths, most) in [(&bodies, 0, 0.01, 0.02), (&all, 4, 0.3, 0.06)] {
+    for (drawn, bounces, lengths, most) in [(&bodies, 0, 0.02, 0.02), (&all, 4, 0.3, 0.06)] {
         scene.settings.refract.internal_bounces = bounces;
         let [guarded, march] = [Solver::Guarded, Solver::March].map(|solver| {
             scene.settings.refract.solver = solver;
@@ -660,5 +660,43 @@ fn second_drops_are_hit_for_all_classes() {
         // The normal of the first exit is that of a texel of R/80, so the ray misses the second centre by
         // 0.2.
         assert!((inside - 1.85329 - 2.0).abs() < 0.1, "splash {a}, then {b}: {inside}");
+    }
+}
+
+/// A ray crosses a long body from side to side. Its sides hold the lines of sight, so that no pixel shows them:
+/// they are found, and their normals, by the body's outline in the picture.
+#[test]
+fn sides_that_no_pixel_shows_are_crossed() {
+    let Some(mut harness) = harness() else { return };
+    let camera = on_axis(8.0, 40.0);
+    let size = UVec2::new(321, 241);
+    let view = View::new(&camera, size);
+    let first = sphere(Vec3::new(0.5, 0.0, 0.0), 1.0);
+    let ball = Ellipsoid::new(&view, &first);
+    let light = through(&ball, view.through(size / 2), DVec3::ZERO, |_| DVec3::ZERO).expect("hit");
+    let middle = light.exit + 6.0 * light.out;
+    let centre = view.world_point(middle).as_vec3();
+    let sight = (centre - Vec3::Z * 8.0).normalize();
+    let turn = Quat::from_rotation_arc(Vec3::Z, sight);
+    let second = ellipsoid(centre, Vec3::new(0.5, 0.5, 6.0), turn);
+    let long = Ellipsoid::new(&view, &second);
+    // The closed form of the second chord.
+    let entry = light.exit + long.hits(light.exit, light.out).expect("hit")[0] * light.out;
+    let n = long.normal(entry);
+    let cos_i = -light.out.dot(n);
+    let (_, cos_t) = fresnel(cos_i, ETA);
+    let within = (light.out / ETA + (cos_i / ETA - cos_t) * n).normalize();
+    let chord = long.hits(entry, within).expect("hit")[1];
+    let mut scene = wall(-100.0);
+    scene.settings.refract.internal_bounces = 0;
+    for solver in [Solver::Guarded, Solver::March] {
+        scene.settings.refract.solver = solver;
+        let images = harness.render(&scene, &camera, &splats(&[first, second], &[], 0.1), size);
+        images.assert_finite();
+        let interfaces = images.at("interfaces", size / 2);
+        let inside = f64::from(images.at("inside", size / 2)) - light.inside;
+        println!("{solver:?}: {interfaces} interfaces, {inside} m of {chord} m");
+        assert_eq!(interfaces, 4.0, "{solver:?}");
+        assert!((inside - chord).abs() < 0.1 * chord, "{solver:?}: {inside} m of {chord} m");
     }
 }
