@@ -103,13 +103,10 @@ fn approach(layer_class: i32, ray: ScreenRay, tau: f32) -> Approach {
     let residual = screen_ray_residual(ray, front, tau);
     let slope = screen_ray_residual_slope(ray, front);
     let root = select(NEVER, tau - residual / slope, slope > 0.0);
-    let to_back = screen_ray_residual(ray, back, tau);
-    if residual > 0.0 && to_back > 0.0 {
+    if residual > 0.0 && screen_ray_residual(ray, back, tau) > 0.0 {
         return Approach(false, false, NEVER, front, texel);
     }
-    let back_slope = screen_ray_residual_slope(ray, back);
-    let deep = is_deep(ray, residual, slope, to_back, back_slope);
-    return Approach(residual > 0.0, deep, root, front, texel);
+    return Approach(residual > 0.0, is_deep(ray, front, back, tau), root, front, texel);
 }
 
 // One loop for strides and bisections: drivers inline the evaluation where it is called, and a group of pixels

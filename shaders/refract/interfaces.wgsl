@@ -112,11 +112,12 @@ fn outline_at(ray: ScreenRay, tau: f32, plane: vec3f, texel: vec2i) -> Interface
     return Interface(true, screen_ray_point(ray, tau), plane, texel, true);
 }
 
-// Whether a point between front and back is more than two pixels' way from both, by their residuals and slopes.
-// Smaller steps lie between the planes of neighbouring texels, and are no outline.
-fn is_deep(ray: ScreenRay, residual: f32, slope: f32, to_back: f32, back_slope: f32) -> bool {
+// Whether the ray's point at tau, between front and back, is more than two pixels' way from both. Smaller steps lie
+// between the planes of neighbouring texels, and are no outline.
+fn is_deep(ray: ScreenRay, front: vec3f, back: vec3f, tau: f32) -> bool {
     let way = 2.0 * ray.tau_per_pixel;
-    return residual > abs(slope) * way && -to_back > abs(back_slope) * way;
+    return screen_ray_residual(ray, front, tau) > abs(screen_ray_residual_slope(ray, front)) * way
+        && -screen_ray_residual(ray, back, tau) > abs(screen_ray_residual_slope(ray, back)) * way;
 }
 
 // Texels around a crossing of an outline, on two circles, and their radii in pixels.

@@ -115,9 +115,7 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
                 if ahead && slope > 0.0 && residual <= slope * ray.tau_per_pixel {
                     return interface_at(ray, walk.tau, front, walk.texel);
                 }
-                let to_back = screen_ray_residual(ray, back, walk.tau);
-                let back_slope = screen_ray_residual_slope(ray, back);
-                if ahead && i > 0u && layer_class != OPAQUE && is_deep(ray, residual, slope, to_back, back_slope) {
+                if ahead && i > 0u && layer_class != OPAQUE && is_deep(ray, front, back, walk.tau) {
                     return outline_at(ray, walk.tau, front, walk.texel);
                 }
                 ahead = false;
@@ -200,9 +198,7 @@ fn strided_entry(layer_class: i32, ray: ScreenRay) -> Interface {
                 if root <= tau {
                     return interface_at(ray, root, plane, texel);
                 }
-                let to_back = screen_ray_residual(ray, back, tau);
-                let back_slope = screen_ray_residual_slope(ray, back);
-                if layer_class != OPAQUE && is_deep(ray, residual, slope, to_back, back_slope) {
+                if layer_class != OPAQUE && is_deep(ray, front, back, tau) {
                     return outline_at(ray, tau, front, there);
                 }
             }
