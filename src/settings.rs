@@ -151,8 +151,9 @@ pub struct Smooth {
     /// Unit of `window`.
     pub unit: Unit,
     /// Samples across the window: odd, 3 to 33, default 5. Each further iteration halves their
-    /// spacing, down to one pixel; a window of as many pixels as taps is thus the paper's, the same
-    /// in every iteration.
+    /// spacing. In radii, it ends where they would be less than half a pixel apart, so that liquid
+    /// far away is not smoothed over more radii. In pixels, the spacing stays at one; a window of as
+    /// many pixels as taps is thus the paper's, the same in every iteration.
     pub taps: u32,
     /// σ of the depth weight exp(−Δz²/σ²), in r: 0.001 to 10⁶, default 1.5 (Imai et al.: 5.3). Not used
     /// by `narrow-range`.

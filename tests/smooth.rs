@@ -117,6 +117,29 @@ fn plane_seen_edge_on_is_kept() {
     assert!(change < 1e-4, "{change} at {at}");
 }
 
+/// With windows in radii, taps move together until they would be closer than half a pixel; later iterations change
+/// nothing, so that liquid far away is not smoothed over more radii than liquid near by. A sphere recedes as in
+/// [`sphere_recedes_by_the_closed_form`], with the distance between taps for the footprint.
+#[test]
+fn iterations_end_when_taps_are_half_a_pixel_apart() {
+    let Some(mut harness) = harness() else { return };
+    let camera = on_axis(21.0, 3.4);
+    let footprint = 20.0 * View::new(&camera, SIZE).footprint();
+    let mut scene = fitting(5, 8);
+    scene.settings.smooth.unit = Unit::Radius;
+    scene.settings.smooth.window = 2.4;
+    // The first taps are 4.8 pixels apart.
+    let drawn = splats(&[sphere(Vec3::ZERO, 1.0)], &[], (8.0 * footprint) as f32);
+    let images = draw(&mut harness, &scene, &camera, &drawn);
+    let squares: f64 = [5.0, 2.0, 1.0, 1.0].iter().map(|stride| stride * stride).sum();
+    let expected = squares * (25.0 - 1.0) * footprint * footprint / 12.0;
+    let middle = SIZE / 2;
+    let before = images.at("depth.aggregate_front", middle);
+    let moved = images.at("smooth_depth.aggregate_front", middle) - before;
+    println!("{moved} m of {expected} m");
+    assert!((moved / expected - 1.0).abs() < 0.05, "{moved} m of {expected} m");
+}
+
 /// Fitted planes flatten a sphere: it recedes by (s² − 1) a² / (12 R) per iteration, with the pixel
 /// footprint a. The tolerance of 5 % covers perspective in the window and the flatter cap in later
 /// iterations; a wrong weight or window size is off by 20 % or more.

@@ -20,6 +20,7 @@ struct Params {
     inv_sigma2: f32,  // 1 / sigma^2, 1/m^2
     delta: f32,       // half the depth range of one surface, m
     mu: f32,          // assumed depth behind the centre of taps beyond that range, m
+    least: f32,       // smallest distance between taps with which the iteration changes a texel, pixels
 }
 
 override TAPS: i32 = 2;           // taps to each side of the centre; constant, so that loops unroll
@@ -99,20 +100,24 @@ fn iterate(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     }
     var state = textureLoad(source, p, layer_index(layer), 0);
     // Empty texels and marks of rays that start inside are kept, and excluded from taps.
-    if state.w > camera.near {
+    if state.w > camera.near && tap_distance(state.w) >= params.least {
         state.w = smoothed(p, layer, state.w);
     }
     textureStore(target_state, p, layer_index(layer), state);
 }
 
 // Distance between the taps of a pixel at depth `z`, in pixels.
-fn tap_stride(z: f32) -> i32 {
-    var stride = i32(params.stride);
-    if IN_RADII {
-        let distance = select(z, 1.0, ORTHOGRAPHIC);
-        let pixels_per_radius = params.radius * camera.size.y / (2.0 * camera.tangent.y * distance);
-        stride = i32(params.stride * pixels_per_radius + 0.5);
+fn tap_distance(z: f32) -> f32 {
+    if !IN_RADII {
+        return params.stride;
     }
+    let distance = select(z, 1.0, ORTHOGRAPHIC);
+    return params.stride * params.radius * camera.size.y / (2.0 * camera.tangent.y * distance);
+}
+
+// The same in whole pixels.
+fn tap_stride(z: f32) -> i32 {
+    let stride = i32(tap_distance(z) + select(0.0, 0.5, IN_RADII));
     return clamp(stride, 1, i32(max(camera.size.x, camera.size.y)));
 }
 

@@ -168,8 +168,8 @@ impl Member {
     }
 }
 
-/// A splash (left), or an aggregate and the mean of its neighbours, in h, where the surface is refined: 0 elsewhere.
-type Shape = Either<Splat, (Splat, Vec3)>;
+/// A splash (left), or an aggregate and the mean of its neighbours, in h, if it may be moved to a refined surface.
+type Shape = Either<Splat, (Splat, Option<Vec3>)>;
 
 /// The drawable particles of a frame, before classification.
 #[derive(Clone, Debug)]
@@ -270,10 +270,10 @@ impl Cloud {
             } else {
                 let surrounded = near.surrounds(at_rest);
                 let (splat, mean) = match self.given(member) {
-                    Some(ellipsoid) => (member.given(ellipsoid, self.shift), Vec3::ZERO),
+                    Some(ellipsoid) => (member.given(ellipsoid, self.shift), None),
                     None => (
                         member.aggregate(near, settings, self.shift),
-                        surface::outwards(near.mean(), near.count, surrounded, settings),
+                        surface::movable(near.mean(), near.count, surrounded, settings),
                     ),
                 };
                 Either::Right((splat.buried(surrounded), mean))

@@ -26,6 +26,8 @@ pub struct Params {
     pub delta: f32,
     /// μ, m.
     pub mu: f32,
+    /// Smallest distance between taps with which the iteration changes a texel, in pixels.
+    pub least: f32,
 }
 
 impl Params {
@@ -42,6 +44,9 @@ impl Params {
                 inv_sigma2: (settings.sigma * radius).powi(-2),
                 delta: settings.delta * radius,
                 mu: settings.mu * radius,
+                // Taps closer than half a pixel would be moved apart to one, and liquid far away be smoothed over
+                // more of its radii than liquid near by.
+                least: if in_radii && i > 0 { 0.5 } else { 0.0 },
             })
             .collect()
     }

@@ -106,7 +106,7 @@ fn compare(found: &Splats, cloud: &Cloud, settings: &Classify) -> Result<[f32; 2
     }
     let mut worst = [0.0f32; 2];
     let refined = settings.iso_surface && settings.kernel == Kernel::Fitted;
-    let tolerances = [if refined { REFINED_TOLERANCE } else { TOLERANCE }, TOLERANCE];
+    let tolerance = if refined { REFINED_TOLERANCE } else { TOLERANCE };
     let mut exceptions = if refined { found.aggregates.len() / 1000 } else { 0 };
     // Marks are a heuristic with its own threshold, where rounding may decide.
     let mut marks = 0;
@@ -129,7 +129,7 @@ fn compare(found: &Splats, cloud: &Cloud, settings: &Classify) -> Result<[f32; 2
         };
         let axes = off(a.diagonal, b.diagonal).max(off(a.off_diagonal, b.off_diagonal));
         let errors = [off(a.centre, b.centre), axes];
-        for ((worst, error), tolerance) in worst.iter_mut().zip(errors).zip(tolerances) {
+        for (worst, error) in worst.iter_mut().zip(errors) {
             let error = error / a.radius;
             if error > tolerance {
                 if error.is_finite() && exceptions > 0 {

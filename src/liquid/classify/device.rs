@@ -13,7 +13,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::grid::{self, Layout};
@@ -337,7 +337,7 @@ impl Cloud {
             let surrounded = shaped.flags & Shaped::SURROUNDED != 0;
             if let Some(ellipsoid) = self.given(member) {
                 let splat = member.given(ellipsoid, self.shift);
-                return Either::Right((splat.buried(surrounded), Vec3::ZERO));
+                return Either::Right((splat.buried(surrounded), None));
             }
             let [mean, diagonal, off_diagonal] =
                 [shaped.mean, shaped.diagonal, shaped.off_diagonal]
@@ -346,7 +346,7 @@ impl Cloud {
             let splat =
                 member.splat(centre - self.shift, moments::symmetric(diagonal, off_diagonal));
             let h = f64::from(settings.support) * f64::from(member.radius);
-            let mean = surface::outwards(mean / h, shaped.count, surrounded, settings);
+            let mean = surface::movable(mean / h, shaped.count, surrounded, settings);
             Either::Right((splat.buried(surrounded), mean))
         };
         let search = grid.map(Search::Grid);

@@ -1,6 +1,6 @@
 //! Splat shapes.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 
 use super::moments::Moments;
 use super::{Member, Splat};
@@ -28,14 +28,33 @@ impl Member {
     }
 
     pub(super) fn splat(&self, centre: DVec3, ellipsoid: DMat3) -> Splat {
-        let [x, y, z] = [ellipsoid.x_axis, ellipsoid.y_axis, ellipsoid.z_axis];
-        Splat {
+        let mut splat = Splat {
             centre: centre.as_vec3().to_array(),
             radius: self.radius,
-            diagonal: DVec3::new(x.x, y.y, z.z).as_vec3().to_array(),
+            diagonal: [0.0; 3],
             particle: self.particle,
-            off_diagonal: DVec3::new(y.x, z.x, z.y).as_vec3().to_array(),
+            off_diagonal: [0.0; 3],
             tags: self.fluid,
+        };
+        splat.set_axes(ellipsoid);
+        splat
+    }
+}
+
+impl Splat {
+    fn set_axes(&mut self, ellipsoid: DMat3) {
+        let [x, y, z] = [ellipsoid.x_axis, ellipsoid.y_axis, ellipsoid.z_axis];
+        self.diagonal = DVec3::new(x.x, y.y, z.z).as_vec3().to_array();
+        self.off_diagonal = DVec3::new(y.x, z.x, z.y).as_vec3().to_array();
+    }
+
+    /// Moves the centre and adds to the axes matrix, m. Results that are not finite are dropped.
+    pub(super) fn change(&mut self, step: DVec3, longer: DMat3) {
+        let centre = (Vec3::from_array(self.centre).as_dvec3() + step).as_vec3();
+        let ellipsoid = self.axes() + longer;
+        if centre.is_finite() && ellipsoid.is_finite() {
+            self.centre = centre.to_array();
+            self.set_axes(ellipsoid);
         }
     }
 }
@@ -144,6 +163,14 @@ fn eigen(matrix: DMat3) -> (DVec3, DMat3) {
         }
     }
     (DVec3::new(a[0][0], a[1][1], a[2][2]), DMat3::from_cols_array_2d(&vectors))
+}
+
+/// The direction of an ellipsoid's shortest axis, and its length relative to the next one.
+pub(super) fn short_axis(ellipsoid: DMat3) -> (Vec3, f32) {
+    let (lengths, directions) = eigen(ellipsoid);
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| lengths[a].total_cmp(&lengths[b]));
+    (directions.col(order[0]).as_vec3(), (lengths[order[0]] / lengths[order[1]]) as f32)
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
 //! Refinement of the drawn surface: splats at the boundary of a body are moved along its normal, so that they end
-//! at an iso-surface of the SPH density.
+//! at an iso-surface of the SPH density. Those of a sheet have the surface on both sides: they get its thickness.
 //!
 //! The mean of the neighbours places a splat by where its neighbours happen to be, so that single particles stand
 //! out of a flat surface. The iso-surface averages over all of them. It is what meshes of SPH are made of; the
@@ -12,12 +12,12 @@
 //! spacing. W is the cubic spline. The step of smoothing takes off a little of convex surfaces; putting it back,
 //! as Taubin's and other filters do, brings back more noise than it is worth. Sums are relative to the member and in units of its radius r.
 
-use glam::{DVec3, Mat4, Vec3, Vec4};
+use glam::{DMat3, DVec3, Mat4, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::grid::{self, Grid};
 use super::tree::Tree;
-use super::{Cloud, Member, Splat};
+use super::{Cloud, Member, Splat, shape};
 use crate::settings::{Classify, Kernel};
 
 /// Radius of the kernel, in r.
@@ -30,8 +30,15 @@ const FARTHEST: f32 = 3.0;
 const NORMALS: f32 = 3.0;
 /// Radius of the smoothing step, in r.
 const SMOOTHING: f32 = 3.5;
-/// Offset of the neighbours' mean, in h, from which splats are moved, and at which they are moved all the way.
+/// Offset of the neighbours' mean, in h, from which splats are moved, and at which they are moved all the way. Along
+/// the short axis, the offsets at which a sheet begins to have two different sides, and at which it is none.
 const OFFSETS: [f32; 2] = [0.05, 0.08];
+/// Ratio of the two shorter axes up to which a splat is flat enough for a sheet's, and from which it is not.
+const FLAT: [f32; 2] = [0.7, 0.9];
+/// Largest distance between a particle of a sheet and the sheet's sides, in r.
+const HALF_SHEET: f32 = 2.0;
+/// Largest share by which one side's distance is reduced, so that axes stay positive.
+const THINNEST: f64 = 0.75;
 /// Cosine between normals from which points count in the mean of normals, and at which they do so fully: the other
 /// side of a sheet does not.
 const ONE_SIDE: [f32; 2] = [-0.5, 0.5];
@@ -43,18 +50,16 @@ pub(super) fn refines(settings: &Classify) -> bool {
     settings.iso_surface && settings.kernel == Kernel::Fitted
 }
 
-/// The mean of the neighbours, in h, of a member whose splat is to be moved; otherwise 0. Members with more
-/// neighbours than any liquid has stay where they are, for their time.
-pub(super) fn outwards(
+/// The mean of the neighbours, in h, of a member whose splat may be moved. Members with more neighbours than any
+/// liquid has stay where they are, for their time.
+pub(super) fn movable(
     mean: DVec3,
     neighbours: u32,
     surrounded: bool,
     settings: &Classify,
-) -> Vec3 {
+) -> Option<Vec3> {
     let crowd = f64::from(neighbours) > 4.0 * grid::most_shared(settings.support);
-    let mean = mean.as_vec3();
-    let moves = refines(settings) && !surrounded && !crowd && mean.length() >= OFFSETS[0];
-    if moves { mean } else { Vec3::ZERO }
+    (refines(settings) && !surrounded && !crowd).then(|| mean.as_vec3())
 }
 
 /// What finds the members near a place. Both call members by a number of their own: their place in memory.
@@ -101,25 +106,55 @@ fn around([a, b]: [Vec3; 2], reach: f32) -> (Vec3, Vec3) {
     (a.min(b) - reach - margin, a.max(b) + reach + margin)
 }
 
+/// A line from a particle on which the surface is looked for.
+#[derive(Clone, Copy)]
+struct Line {
+    /// Unit vector.
+    out: Vec3,
+    /// Farthest that the surface may be, in r.
+    farthest: f32,
+    /// Share of its way that the splat is moved.
+    share: f32,
+}
+
 /// A particle whose splat may be moved.
 struct Start {
     /// Index of its splat.
     aggregate: u32,
     at: Vec3,
     radius: f32,
-    /// Mean of its neighbours, in h.
-    mean: Vec3,
+    /// Out of the liquid.
+    out: Option<Line>,
+    /// To both sides of a sheet.
+    sides: Option<[Line; 2]>,
+    /// The sheet's normal, times the share by which the particle belongs to a sheet.
+    sheet: Vec3,
 }
 
 impl Start {
-    /// Direction out of the liquid.
-    fn out(&self) -> Vec3 {
-        -self.mean.normalize_or_zero()
+    /// A start where there is something to look for. The mean is that of the neighbours, in h.
+    fn new(aggregate: usize, splat: &Splat, mean: Vec3, member: &Member) -> Option<Self> {
+        let offset = mean.length();
+        let share = smoothstep(OFFSETS, offset);
+        let line = |out, farthest, share| Line { out, farthest, share };
+        let out = (offset >= OFFSETS[0]).then(|| line(-mean / offset, FARTHEST, share));
+        let (axis, flatness) = shape::short_axis(splat.axes());
+        let share =
+            (1.0 - smoothstep(OFFSETS, mean.dot(axis).abs())) * (1.0 - smoothstep(FLAT, flatness));
+        let sides = (share > 0.0).then(|| [axis, -axis].map(|out| line(out, HALF_SHEET, share)));
+        (out.is_some() || sides.is_some()).then_some(Self {
+            aggregate: aggregate as u32,
+            at: member.position(),
+            radius: member.radius,
+            out,
+            sides,
+            sheet: share * axis,
+        })
     }
 
-    /// The line on which the surface is looked for.
-    fn line(&self) -> [Vec3; 2] {
-        [self.at, self.at + FARTHEST * self.radius * self.out()]
+    /// Ends of a line.
+    fn ends(&self, line: &Line) -> [Vec3; 2] {
+        [self.at, self.at + line.farthest * self.radius * line.out]
     }
 }
 
@@ -137,6 +172,10 @@ struct Point {
     aggregate: u32,
     /// Share of its way that the splat is moved.
     share: f32,
+    /// Out of a sheet, on whose side the point lies.
+    side: Option<Vec3>,
+    /// As [`Start::sheet`].
+    sheet: Vec3,
     /// The particle.
     at: Vec3,
     radius: f32,
@@ -146,15 +185,48 @@ struct Point {
 }
 
 impl Point {
+    /// The change of its splat that makes it end at the smoothed surface, `level` r along the normal from here.
+    fn change(&self, splat: &Splat, level: f32, shift: DVec3) -> Move {
+        let centre = Vec3::from_array(splat.centre).as_dvec3();
+        let surface = self.at.as_dvec3() - shift + self.offset.as_dvec3();
+        let normal = self.normal.as_dvec3();
+        let level = f64::from(self.radius * level);
+        let share = f64::from(self.share);
+        let Some(out) = self.side else {
+            // The sides of a sheet have points of their own: this one is for its rim.
+            let share = share * (1.0 - f64::from(self.normal.dot(self.sheet).abs()));
+            let up = (surface - centre).dot(normal) + level - (splat.axes() * normal).length();
+            return Move { step: share * up * normal, longer: DMat3::ZERO };
+        };
+        // The centre halfway between the sides: each moves it by half of its own way.
+        let out = out.as_dvec3();
+        let axis = (splat.axes() * out).length();
+        let up = (surface + level * normal - centre).dot(out) - axis;
+        let half = 0.5 * share * up.max(-THINNEST * axis);
+        Move { step: half * out, longer: half * outer_product(out) }
+    }
+
     /// From this point to another one, in r. The digits of points far from the origin are kept.
     fn to(&self, other: &Self) -> Vec3 {
         ((other.at - self.at) + (other.offset - self.offset)) / self.radius
     }
 }
 
+/// A change of a splat.
+struct Move {
+    /// Of the centre, m.
+    step: DVec3,
+    /// Of the axes matrix, m.
+    longer: DMat3,
+}
+
+fn outer_product(v: DVec3) -> DMat3 {
+    DMat3::from_cols(v.x * v, v.y * v, v.z * v)
+}
+
 impl Cloud {
-    /// Moves the splats whose neighbours have a mean.
-    pub(super) fn refine(&self, splats: &mut [Splat], means: &[Vec3], search: &Search<'_>) {
+    /// Moves the splats that have a mean of neighbours.
+    pub(super) fn refine(&self, splats: &mut [Splat], means: &[Option<Vec3>], search: &Search<'_>) {
         let starts = self.starts(splats, means);
         if starts.is_empty() {
             return;
@@ -162,10 +234,7 @@ impl Cloud {
         let samples = self.samples(search, &starts);
         let points: Vec<Point> = starts
             .par_iter()
-            .map_init(Field::default, |field, start| {
-                field.gather(start, search, &samples);
-                field.point(start)
-            })
+            .map_init(Field::default, |field, start| field.points(start, search, &samples))
             .flatten_iter()
             .collect();
         drop(samples);
@@ -184,32 +253,22 @@ impl Cloud {
         let normals: Vec<Vec3> =
             points.par_iter().map(|p| mean_normal(p, &search, &points)).collect();
         points.iter_mut().zip(normals).for_each(|(p, normal)| p.normal = normal);
-        let centres: Vec<Vec3> = points
+        let moves: Vec<Move> = points
             .par_iter()
             .map(|p| {
-                let splat = &splats[p.aggregate as usize];
-                let centre = Vec3::from_array(splat.centre).as_dvec3();
-                let normal = p.normal.as_dvec3();
-                let surface = p.at.as_dvec3() - self.shift + p.offset.as_dvec3();
-                let level = f64::from(p.radius * smoothing(p, &search, &points));
-                let up = (surface - centre).dot(normal) + level - (splat.axes() * normal).length();
-                (centre + f64::from(p.share) * up * normal).as_vec3()
+                let level = smoothing(p, &search, &points);
+                p.change(&splats[p.aggregate as usize], level, self.shift)
             })
             .collect();
-        for (point, centre) in points.iter().zip(centres) {
-            if centre.is_finite() {
-                splats[point.aggregate as usize].centre = centre.to_array();
-            }
+        for (point, change) in points.iter().zip(&moves) {
+            splats[point.aggregate as usize].change(change.step, change.longer);
         }
     }
 
-    fn starts(&self, splats: &[Splat], means: &[Vec3]) -> Vec<Start> {
-        let start = |(i, (splat, &mean)): (usize, (&Splat, &Vec3))| {
-            (mean != Vec3::ZERO).then(|| {
-                let member = self.members.binary_search_by_key(&splat.particle, |m| m.particle);
-                let member = &self.members[member.expect("splats are members'")];
-                Start { aggregate: i as u32, at: member.position(), radius: member.radius, mean }
-            })
+    fn starts(&self, splats: &[Splat], means: &[Option<Vec3>]) -> Vec<Start> {
+        let start = |(i, (splat, &mean)): (usize, (&Splat, &Option<Vec3>))| {
+            let member = self.members.binary_search_by_key(&splat.particle, |m| m.particle);
+            Start::new(i, splat, mean?, &self.members[member.expect("splats are members'")])
         };
         splats.par_iter().zip(means).enumerate().filter_map(start).collect()
     }
@@ -220,9 +279,11 @@ impl Cloud {
             Search::Grid(grid) => {
                 let mut marked = vec![false; grid.cells()];
                 for start in starts {
-                    let (low, high) = around(start.line(), SUPPORT * start.radius);
-                    for cells in grid.cells_of(low, high) {
-                        marked[cells.start as usize..cells.end as usize].fill(true);
+                    for line in start.out.iter().chain(start.sides.iter().flatten()) {
+                        let (low, high) = around(start.ends(line), SUPPORT * start.radius);
+                        for cells in grid.cells_of(low, high) {
+                            marked[cells.start as usize..cells.end as usize].fill(true);
+                        }
                     }
                 }
                 grid.map_marked(&marked, SUPPORT, density)
@@ -299,13 +360,31 @@ struct Field {
 }
 
 impl Field {
-    fn gather(&mut self, start: &Start, search: &Search<'_>, samples: &[Sample]) {
+    /// The surface around a particle: out of the liquid, and both sides of a sheet.
+    fn points(
+        &mut self,
+        start: &Start,
+        search: &Search<'_>,
+        samples: &[Sample],
+    ) -> impl Iterator<Item = Point> + use<> {
+        let mut point = |line: &Line| {
+            self.gather(start, line, search, samples);
+            self.point(start, line)
+        };
+        let out = start.out.as_ref().and_then(&mut point);
+        let sides = start.sides.as_ref().and_then(|[a, b]| Some([point(a)?, point(b)?]));
+        let of_side = |(line, p): (Line, Point)| Point { side: Some(line.out), ..p };
+        let sides = start.sides.into_iter().flatten().zip(sides.into_iter().flatten());
+        out.into_iter().chain(sides.map(of_side))
+    }
+
+    fn gather(&mut self, start: &Start, line: &Line, search: &Search<'_>, samples: &[Sample]) {
         self.near.clear();
-        let (per_r, out) = (1.0 / start.radius, start.out());
-        search.near(start.line(), SUPPORT * start.radius, |number| {
+        let per_r = 1.0 / start.radius;
+        search.near(start.ends(line), SUPPORT * start.radius, |number| {
             let sample = &samples[number];
             let x = (sample.at - start.at) * per_r;
-            let from_line = x - x.dot(out).clamp(0.0, FARTHEST) * out;
+            let from_line = x - x.dot(line.out).clamp(0.0, line.farthest) * line.out;
             // False for an offset that overflows.
             if from_line.length_squared() < SUPPORT * SUPPORT {
                 self.near.push(x.extend(volume(sample.radius, start.radius) / sample.density));
@@ -346,17 +425,17 @@ impl Field {
     }
 
     /// The first place on the line at which the density falls below the level.
-    fn point(&self, start: &Start) -> Option<Point> {
+    fn point(&self, start: &Start, line: &Line) -> Option<Point> {
         /// Steps along the line, and of the search between two of them.
         const STEPS: [u32; 2] = [6, 4];
-        let out = start.out();
+        let out = line.out;
         let above = |t: f32| self.value(t * out) - LEVEL;
         let (mut inner, mut outer) = ((0.0, above(0.0)), (0.0, 0.0));
         if inner.1 < 0.0 {
             return None;
         }
         for step in 1..=STEPS[0] {
-            let t = FARTHEST * step as f32 / STEPS[0] as f32;
+            let t = line.farthest * step as f32 / STEPS[0] as f32;
             outer = (t, above(t));
             if outer.1 < 0.0 {
                 break;
@@ -389,7 +468,9 @@ impl Field {
         let offset = start.radius * place;
         (start.at + offset).is_finite().then_some(Point {
             aggregate: start.aggregate,
-            share: smoothstep(OFFSETS, start.mean.length()),
+            share: line.share,
+            side: None,
+            sheet: start.sheet,
             at: start.at,
             radius: start.radius,
             offset,

@@ -27,9 +27,10 @@ pub struct Reconstruction {
     pub cube_size: f32,
     /// Share of the rest density that defines the surface.
     pub threshold: f32,
-    /// Smoothing iterations, each moving vertices towards the mean of their neighbours, less where
-    /// particles are sparse: spray keeps its size.
+    /// Smoothing iterations, each moving vertices towards the mean of their neighbours.
     pub smoothing_iterations: usize,
+    /// Whether vertices move less where particles are sparse, so that spray keeps its size.
+    pub spares_the_sparse: bool,
     /// Solids that the liquid wets where it touches them: particles rest at a distance from solids,
     /// so the reconstructed surface alone would leave a gap.
     pub wetted: Vec<Shape>,
@@ -42,6 +43,7 @@ impl Default for Reconstruction {
             cube_size: 0.5,
             threshold: 0.6,
             smoothing_iterations: 25,
+            spares_the_sparse: true,
             wetted: Vec::new(),
         }
     }
@@ -146,7 +148,11 @@ impl Mesh {
         let neighbours_of_vertices =
             marching_cubes_cleanup(&mut mesh, &surface.grid, None, 5, false);
         let densities = surface.particle_densities.unwrap_or_default();
-        let weights = smoothing_weights(&positions, &densities, &mesh.vertices, &parameters);
+        let weights = if how.spares_the_sparse {
+            smoothing_weights(&positions, &densities, &mesh.vertices, &parameters)
+        } else {
+            vec![1.0; mesh.vertices.len()]
+        };
         par_laplacian_smoothing_inplace(
             &mut mesh,
             &neighbours_of_vertices,
