@@ -7,6 +7,7 @@
 
 #import common/camera.wgsl
 #import common/layers.wgsl
+#import common/sizes.wgsl
 
 // The ellipsoid { centre + A s : |s| <= 1 } in world axes, A symmetric.
 struct Splat {
@@ -25,6 +26,8 @@ const BURIED: u32 = 0x10000u;
 
 // 0: nearest fronts, 1: farthest backs.
 override SIDE: i32 = 0;
+// Whether radii differ, so that planes bear sizes: common/sizes.wgsl.
+override SIZES: bool = false;
 
 struct Varying {
     @builtin(position) clip: vec4f,
@@ -33,7 +36,7 @@ struct Varying {
     @location(1) @interpolate(flat) sphere_x: vec3f,
     @location(2) @interpolate(flat) sphere_y: vec3f,
     @location(3) @interpolate(flat) sphere_z: vec3f,
-    @location(4) @interpolate(flat) tag: vec2u, // particle, from 1, and fluid
+    @location(4) @interpolate(flat) tag: vec3u, // particle, from 1; fluid; size
 }
 
 @vertex
@@ -50,7 +53,7 @@ fn splat_varying(corner: u32, splat: Splat) -> Varying {
     out.sphere_x = to_sphere[0];
     out.sphere_y = to_sphere[1];
     out.sphere_z = to_sphere[2];
-    out.tag = vec2u(splat.particle + 1u, splat.tags & (BURIED - 1u));
+    out.tag = vec3u(splat.particle + 1u, splat.tags & (BURIED - 1u), particle_size_of(splat.radius));
     out.clip = vec4f(splat_corner(corner, placed.centre, placed.rows), depth_bound(placed), 1.0);
     return out;
 }
@@ -234,7 +237,12 @@ fn fragment(in: Varying) -> Fragment {
         z = camera.near;
         pi = vec3f(0.0, 0.0, -camera_disparity(vec3f(0.0, 0.0, -z)));
     }
-    return Fragment(vec4f(pi, z), depth_at(z));
+    return Fragment(vec4f(sized(pi, in), z), depth_at(z));
+}
+
+// The plane of a splat with its size, where sizes differ.
+fn sized(pi: vec3f, in: Varying) -> vec3f {
+    return select(pi, with_particle_size(pi, in.tag.z), SIZES);
 }
 
 // Value of the reversed depth buffer: 1 at the near plane.

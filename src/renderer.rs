@@ -420,7 +420,7 @@ impl Renderer {
         let (gpu, refract) = (&self.gpu, &self.refract);
         if let Some(request) = frame.surface {
             let view = &self.camera_view;
-            let SplatSet { aggregates, splashes } = view.seen_splats(&self.splat_set);
+            let SplatSet { aggregates, splashes, .. } = view.seen_splats(&self.splat_set);
             let span = timer.span("surface");
             let encoder = &mut *commands.encoder;
             let classes = [aggregates, splashes];

@@ -43,5 +43,5 @@ fn side(in: Varying) -> Fragment {
         discard;
     }
     let normal = normalize(transpose(to_sphere) * (chord.f + towards * chord.d));
-    return Fragment(vec4f(plane_from_normal(omega, z, normal), z), depth_at(z));
+    return Fragment(vec4f(sized(plane_from_normal(omega, z, normal), in), z), depth_at(z));
 }

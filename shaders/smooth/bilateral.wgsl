@@ -3,8 +3,9 @@
 
 #import smooth/iterate.wgsl
 
-fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
-    let stride = tap_stride(z_i);
+fn smoothed(p: vec2i, layer: i32, z_i: f32, size: f32) -> f32 {
+    let stride = tap_stride(z_i, size);
+    let inv_sigma2 = params.inv_sigma2 / (size * size);
     var sum_w = 0.0;
     // Relative to the centre, for precision at large depths.
     var sum_dz = 0.0;
@@ -13,7 +14,7 @@ fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
             let offset = vec2i(x, y);
             let z = state_at(p + offset * stride, layer, z_i).w;
             let dz = z - z_i;
-            let near = exp(-dz * dz * params.inv_sigma2);
+            let near = exp(-dz * dz * inv_sigma2);
             let w = select(0.0, tap_weight(offset) * near, z > camera.near);
             sum_w += w;
             sum_dz += w * dz;

@@ -12,6 +12,7 @@
 
 #import common/camera.wgsl
 #import common/layers.wgsl
+#import common/sizes.wgsl
 #import common/tiles.wgsl
 
 struct Params {
@@ -25,6 +26,8 @@ struct Params {
 
 override TAPS: i32 = 2;           // taps to each side of the centre; constant, so that loops unroll
 override IN_RADII: bool = true;   // whether `stride` is in particle radii
+
+override SIZES: bool = false;     // whether planes bear the sizes of their particles: common/sizes.wgsl
 
 override GAPS: i32 = 0;           // gaps that a pixel distinguishes
 override GAP: i32 = -1;           // number of the gap whose sides are smoothed; -1 for fronts and backs
@@ -82,7 +85,8 @@ fn prepare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     }
     var state = vec4f(0.0);
     if plane.w > 0.0 {
-        state = vec4f(plane_normal(plane.xyz), plane.w);
+        let normal = plane_normal(plane.xyz);
+        state = vec4f(select(normal, with_particle_size(normal, particle_size(plane.xyz)), SIZES), plane.w);
     }
     textureStore(target_state, p, layer_index(layer), state);
 }
@@ -100,24 +104,30 @@ fn iterate(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     }
     var state = textureLoad(source, p, layer_index(layer), 0);
     // Empty texels and marks of rays that start inside are kept, and excluded from taps.
-    if state.w > camera.near && tap_distance(state.w) >= params.least {
-        state.w = smoothed(p, layer, state.w);
+    let size = state_size(state);
+    if state.w > camera.near && tap_distance(state.w, size) >= params.least {
+        state.w = smoothed(p, layer, state.w, size);
     }
     textureStore(target_state, p, layer_index(layer), state);
 }
 
-// Distance between the taps of a pixel at depth `z`, in pixels.
-fn tap_distance(z: f32) -> f32 {
+// Size of a texel's particle relative to that of most particles.
+fn state_size(state: vec4f) -> f32 {
+    return select(1.0, relative_size(particle_size(state.xyz), params.radius), SIZES);
+}
+
+// Distance between the taps of a pixel at depth `z` on a particle of relative `size`, in pixels.
+fn tap_distance(z: f32, size: f32) -> f32 {
     if !IN_RADII {
         return params.stride;
     }
     let distance = select(z, 1.0, ORTHOGRAPHIC);
-    return params.stride * params.radius * camera.size.y / (2.0 * camera.tangent.y * distance);
+    return params.stride * params.radius * size * camera.size.y / (2.0 * camera.tangent.y * distance);
 }
 
 // The same in whole pixels.
-fn tap_stride(z: f32) -> i32 {
-    let stride = i32(tap_distance(z) + select(0.0, 0.5, IN_RADII));
+fn tap_stride(z: f32, size: f32) -> i32 {
+    let stride = i32(tap_distance(z, size) + select(0.0, 0.5, IN_RADII));
     return clamp(stride, 1, i32(max(camera.size.x, camera.size.y)));
 }
 
@@ -155,8 +165,9 @@ fn fitted_plane(p: vec2i, layer: i32, here: vec4f) -> vec4f {
     var pi = plane_from_normal(omega, z, here.xyz);
     // Slope of the unsmoothed normal, for the choice of a side.
     let expected = plane_slope(pi);
-    let x = difference(p, vec2i(1, 0), layer, z, expected.x);
-    let y = difference(p, vec2i(0, 1), layer, z, expected.y);
+    let size = state_size(here);
+    let x = difference(p, vec2i(1, 0), layer, z, expected.x, size);
+    let y = difference(p, vec2i(0, 1), layer, z, expected.y, size);
     if GAP < 0 && z <= camera.near {
         pi = textureLoad(unsmoothed, p, layer, 0).xyz;
     } else if x.known && y.known {
@@ -234,10 +245,10 @@ struct Difference {
 // Slope of the disparity along `axis`: a central difference, or a one-sided one if the other side is
 // empty or across a gap. At a gap the two sides disagree, and the one closer to the unsmoothed normal
 // is used.
-fn difference(p: vec2i, axis: vec2i, layer: i32, z: f32, expected: f32) -> Difference {
-    let size = vec2i(camera.size);
-    let q0 = clamp(p - axis, vec2i(0), size - 1);
-    let q1 = clamp(p + axis, vec2i(0), size - 1);
+fn difference(p: vec2i, axis: vec2i, layer: i32, z: f32, expected: f32, size: f32) -> Difference {
+    let last = vec2i(camera.size) - 1;
+    let q0 = clamp(p - axis, vec2i(0), last);
+    let q1 = clamp(p + axis, vec2i(0), last);
     let z0 = state_at(q0, layer, z).w;
     let z1 = state_at(q1, layer, z).w;
     // Differences of depth first: disparities of a far surface cancel.
@@ -247,7 +258,7 @@ fn difference(p: vec2i, axis: vec2i, layer: i32, z: f32, expected: f32) -> Diffe
     let has1 = z1 > 0.0 && any(q1 != p);
     if has0 && has1 {
         let nearer = select(s1, s0, abs(s0 - expected) < abs(s1 - expected));
-        let gap = abs(z0 + z1 - 2.0 * z) > BREAK * params.radius;
+        let gap = abs(z0 + z1 - 2.0 * z) > BREAK * params.radius * size;
         return Difference(select(0.5 * (s0 + s1), nearer, gap), true);
     }
     return Difference(select(s1, s0, has0), has0 || has1);

@@ -9,29 +9,31 @@
 
 #import smooth/iterate.wgsl
 
-fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
-    let stride = tap_stride(z_i);
+fn smoothed(p: vec2i, layer: i32, z_i: f32, size: f32) -> f32 {
+    let stride = tap_stride(z_i, size);
+    let delta = params.delta * size;
+    let mu = params.mu * size;
     let behind = select(1.0, -1.0, layer == BACK);
     var sum_w = 1.0;
     var sum_dz = 0.0;
     var alone = true;
-    var range = vec2f(-params.delta, params.delta);
+    var range = vec2f(-delta, delta);
     // Outwards in square rings, so that the range grows symmetrically.
     for (var ring = 1; ring <= TAPS; ring++) {
         var widened = range;
         // Half of the ring's 8 * ring taps, each paired with the opposite one.
         for (var i = 0; i < 4 * ring; i++) {
             let offset = select(vec2i(ring, i - 3 * ring), vec2i(i - ring, -ring), i < 2 * ring);
-            let a = tap(p + offset * stride, layer, z_i, behind, range);
-            let b = tap(p - offset * stride, layer, z_i, behind, range);
+            let a = tap(p + offset * stride, layer, z_i, behind, range, mu);
+            let b = tap(p - offset * stride, layer, z_i, behind, range, mu);
             let w = select(0.0, tap_weight(offset), a.counts && b.counts);
             sum_w += 2.0 * w;
             sum_dz += w * (a.dz + b.dz);
             if a.in_range {
-                widened = widen(widened, a.dz);
+                widened = widen(widened, a.dz, delta);
             }
             if b.in_range {
-                widened = widen(widened, b.dz);
+                widened = widen(widened, b.dz, delta);
             }
             alone = alone && !a.in_range && !b.in_range;
         }
@@ -48,24 +50,24 @@ struct Tap {
     in_range: bool, // on the centre's surface
 }
 
-fn tap(q: vec2i, layer: i32, z_i: f32, behind: f32, range: vec2f) -> Tap {
+fn tap(q: vec2i, layer: i32, z_i: f32, behind: f32, range: vec2f, mu: f32) -> Tap {
     if any(q < vec2i(0)) || any(q >= vec2i(camera.size)) {
         return Tap(0.0, false, false);
     }
     let z = state_at(q, layer, z_i).w;
     if z <= 0.0 {
-        return Tap(params.mu, true, false);
+        return Tap(mu, true, false);
     }
     let dz = behind * (z - z_i);
     if z <= camera.near || dz < range.x {
         return Tap(0.0, false, false);
     }
     if dz > range.y {
-        return Tap(params.mu, true, false);
+        return Tap(mu, true, false);
     }
     return Tap(dz, true, true);
 }
 
-fn widen(range: vec2f, dz: f32) -> vec2f {
-    return vec2f(min(range.x, dz - params.delta), max(range.y, dz + params.delta));
+fn widen(range: vec2f, dz: f32, delta: f32) -> vec2f {
+    return vec2f(min(range.x, dz - delta), max(range.y, dz + delta));
 }

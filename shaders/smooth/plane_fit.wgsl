@@ -3,8 +3,9 @@
 
 #import smooth/iterate.wgsl
 
-fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
-    let stride = tap_stride(z_i);
+fn smoothed(p: vec2i, layer: i32, z_i: f32, size: f32) -> f32 {
+    let stride = tap_stride(z_i, size);
+    let inv_sigma2 = params.inv_sigma2 / (size * size);
 
     // Weighted sums of eqs. 2 to 4. The mean point is relative to the centre, in units of the tap
     // spacing, for precision at large depths.
@@ -20,7 +21,7 @@ fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
         for (var x = -TAPS; x <= TAPS; x++) {
             let tap = state_at(p + vec2i(x, y) * stride, layer, z_i);
             let dz = tap.w - z_i;
-            let w = select(0.0, exp(-dz * dz * params.inv_sigma2), tap.w > camera.near);
+            let w = select(0.0, exp(-dz * dz * inv_sigma2), tap.w > camera.near);
             sum_w += w;
             sum_n += w * tap.xyz;
             sum_dz += w * dz;
@@ -35,7 +36,7 @@ fn smoothed(p: vec2i, layer: i32, z_i: f32) -> f32 {
     let dz = dot(n, sum_p) / (sum_w * dot(n, ray));
     // Keeps the depth where the fit is unreliable: opposing normals, a plane seen edge-on, a step beyond
     // the range of the weights, or one past the near plane.
-    let keep = n_length < 1e-3 * sum_w || abs(slope) < 0.02 || !(dz * dz * params.inv_sigma2 < 1.0)
+    let keep = n_length < 1e-3 * sum_w || abs(slope) < 0.02 || !(dz * dz * inv_sigma2 < 1.0)
         || z_i + dz <= camera.near;
     return select(z_i + dz, z_i, keep);
 }

@@ -13,5 +13,5 @@ fn nearest(in: Varying) -> Nearest {
     if !chord.hit {
         discard;
     }
-    return Nearest(in.tag, depth_at(max(chord.middle - chord.half_length, camera.near)));
+    return Nearest(in.tag.xy, depth_at(max(chord.middle - chord.half_length, camera.near)));
 }

@@ -15,6 +15,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("common/layers.wgsl", include_str!("../../shaders/common/layers.wgsl")),
     ("common/optics.wgsl", include_str!("../../shaders/common/optics.wgsl")),
     ("common/samples.wgsl", include_str!("../../shaders/common/samples.wgsl")),
+    ("common/sizes.wgsl", include_str!("../../shaders/common/sizes.wgsl")),
     ("common/screen_ray.wgsl", include_str!("../../shaders/common/screen_ray.wgsl")),
     ("common/lights.wgsl", include_str!("../../shaders/common/lights.wgsl")),
     ("common/mesh.wgsl", include_str!("../../shaders/common/mesh.wgsl")),

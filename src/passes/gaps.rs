@@ -90,6 +90,8 @@ struct Pipelines {
     /// By gap and side.
     draw: [[wgpu::RenderPipeline; 2]; 2],
     gaps: u32,
+    /// Whether planes bear the sizes of their particles.
+    sizes: bool,
 }
 
 /// Occupancy and splits of each class.
@@ -166,6 +168,7 @@ impl Gaps {
         camera: &CameraBinding,
         gaps: u32,
         radius: f32,
+        sizes: bool,
         splats: [&SplatBuffers; 2],
     ) {
         for (lists, splats) in self.lists.iter_mut().zip(splats) {
@@ -173,9 +176,10 @@ impl Gaps {
         }
         let params = Params { least: LEAST * radius };
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
-        if self.pipelines.as_ref().is_none_or(|pipelines| pipelines.gaps != gaps) {
-            self.pipelines =
-                Some(Pipelines::new(gpu, camera, &self.layouts, &self.lists[0].large, gaps));
+        let current = self.pipelines.as_ref().map(|pipelines| (pipelines.gaps, pipelines.sizes));
+        if current != Some((gaps, sizes)) {
+            let lists = &self.lists[0].large;
+            self.pipelines = Some(Pipelines::new(gpu, camera, &self.layouts, lists, gaps, sizes));
         }
     }
 
@@ -322,6 +326,7 @@ impl Pipelines {
         layouts: &Layouts,
         lists: &SplatLists,
         gaps: u32,
+        sizes: bool,
     ) -> Self {
         let kernel = |file: &str, entry: &str, layout: &wgpu::BindGroupLayout, splash: f64| {
             let constants = [("SPLASH", splash), ("GAPS", gaps.into())];
@@ -393,7 +398,9 @@ impl Pipelines {
                 (wgpu::CompareFunction::Greater, Layers::FRONT),
             ]
             .map(|(compare, side)| {
-                let constants = [("SIDE", f64::from(side)), ("GAP", f64::from(gap))];
+                let sizes = f64::from(u8::from(sizes));
+                let constants =
+                    [("SIDE", f64::from(side)), ("GAP", f64::from(gap)), ("SIZES", sizes)];
                 let entries = ["vertex_gap", "side"];
                 raster("gaps/draw.wgsl", entries, &layouts.draw, compare, true, &constants)
             })
@@ -415,6 +422,7 @@ impl Pipelines {
             select: [0, 1].map(select),
             draw: [draw(0), draw(1)],
             gaps,
+            sizes,
         }
     }
 }

@@ -91,11 +91,29 @@ pub struct Smooth {
     copy: HashMap<u32, wgpu::ComputePipeline>,
     /// For each gap; compiled on first use.
     gaps: Vec<GapPipelines>,
+    /// Whether planes bear the sizes of their particles.
+    sizes: bool,
     layout: wgpu::BindGroupLayout,
     /// Normal and depth, written alternately.
     states: [Layers; 2],
     splatted: Layers,
     frame: Frame,
+}
+
+/// Constants of all kernels.
+fn constants_of(camera: &CameraBinding, sizes: bool) -> Vec<(&'static str, f64)> {
+    [&camera.constants()[..], &[("SIZES", f64::from(u8::from(sizes)))]].concat()
+}
+
+fn prepare_kernel(
+    gpu: &Gpu,
+    camera: &CameraBinding,
+    layout: &wgpu::BindGroupLayout,
+    sizes: bool,
+) -> wgpu::ComputePipeline {
+    let layouts = [&camera.layout, layout];
+    let constants = constants_of(camera, sizes);
+    gpu::compute_pipeline(gpu, "smooth/plane_fit.wgsl", "prepare", &layouts, &constants)
 }
 
 /// Iterations that smooth the sides of gaps, at most: they are seen through the liquid in front of them.
@@ -108,6 +126,17 @@ struct GapPipelines {
     iterate: HashMap<Variant, wgpu::ComputePipeline>,
     carry: wgpu::ComputePipeline,
     planes: wgpu::ComputePipeline,
+}
+
+/// What the smoothing covers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Coverage {
+    /// Backs as well as fronts.
+    pub backs: bool,
+    /// Gaps that a pixel distinguishes.
+    pub gaps: u32,
+    /// Planes bear the sizes of their particles.
+    pub sizes: bool,
 }
 
 /// Configuration of one frame's smoothing.
@@ -138,18 +167,14 @@ impl Smooth {
             gpu::sampled(D2Array),
         ];
         let layout = gpu.layout("smooth", wgpu::ShaderStages::COMPUTE, &bindings);
-        let layouts = [&camera.layout, &layout];
-        let pipeline = |entry: &str| {
-            let shader = "smooth/plane_fit.wgsl";
-            gpu::compute_pipeline(gpu, shader, entry, &layouts, &camera.constants())
-        };
         let (layers, states) = create_layers(gpu, splatted);
         Self {
-            prepare: pipeline("prepare"),
+            prepare: prepare_kernel(gpu, camera, &layout, false),
             iterate: HashMap::new(),
             planes: HashMap::new(),
             copy: HashMap::new(),
             gaps: Vec::new(),
+            sizes: false,
             layers,
             layout,
             states,
@@ -170,7 +195,7 @@ impl Smooth {
         self.splatted = splatted.clone();
     }
 
-    /// Sets the frame's iterations, for the front alone without `backs`, and compiles the filter on first
+    /// Sets the frame's iterations and what they cover, and compiles the filter on first
     /// use.
     pub fn prepare(
         &mut self,
@@ -178,15 +203,23 @@ impl Smooth {
         camera: &CameraBinding,
         settings: &settings::Smooth,
         iterations: &[Params],
-        backs: bool,
-        gaps: u32,
+        coverage: Coverage,
     ) {
+        let Coverage { backs, gaps, sizes } = coverage;
+        if self.sizes != sizes {
+            self.prepare = prepare_kernel(gpu, camera, &self.layout, sizes);
+            self.iterate.clear();
+            self.planes.clear();
+            self.gaps.clear();
+            self.sizes = sizes;
+        }
         let layouts = [&camera.layout, &self.layout];
+        let sized = constants_of(camera, sizes);
         let variant = Variant::new(settings);
         let iterations = iterations.to_vec();
         self.frame = Frame { variant, iterations, backs, gaps, work: work(settings) };
         let counted = |entry: &str| {
-            let constants = [&camera.constants()[..], &[("GAPS", gaps.into())]].concat();
+            let constants = [&sized[..], &[("GAPS", gaps.into())]].concat();
             gpu::compute_pipeline(gpu, "smooth/plane_fit.wgsl", entry, &layouts, &constants)
         };
         if self.frame.iterations.is_empty() {
@@ -195,11 +228,11 @@ impl Smooth {
         }
         self.planes.entry(gaps).or_insert_with(|| counted("planes"));
         self.iterate.entry(variant).or_insert_with(|| {
-            let constants = [&camera.constants()[..], &variant.constants()].concat();
+            let constants = [&sized[..], &variant.constants()].concat();
             gpu::compute_pipeline(gpu, variant.shader(), "iterate", &layouts, &constants)
         });
         for gap in 0..gaps {
-            let constants = [&camera.constants()[..], &[("GAP", gap.into())]].concat();
+            let constants = [&sized[..], &[("GAP", gap.into())]].concat();
             if self.gaps.len() == gap as usize {
                 let pipeline = |entry: &str| {
                     let shader = "smooth/plane_fit.wgsl";

@@ -25,6 +25,8 @@ pub struct Splat {
     pipelines: [wgpu::RenderPipeline; 2],
     /// Compiled on first use.
     culled: Option<Culled>,
+    /// Whether planes bear the sizes of their particles.
+    sizes: bool,
 }
 
 /// Culling, and the pipelines that draw the visible splats.
@@ -37,16 +39,15 @@ struct Culled {
 impl Splat {
     /// Compiles both pipelines; [`Splat::resize`] allocates the layers.
     pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
-        let layouts = [Some(&camera.layout), Some(&layout(gpu))];
-        let pipelines = pipelines(gpu, camera, "splat.wgsl", "vertex", &layouts);
+        let pipelines = all_pipelines(gpu, camera, false);
         let (layers, depths) = create_layers(gpu, UVec2::ONE, 2, 1, 1);
-        Self { layers, depths, pipelines, culled: None }
+        Self { layers, depths, pipelines, culled: None, sizes: false }
     }
 
     /// Creates another instance with the same pipelines and its own layers.
     pub fn with_own_layers(&self, gpu: &Gpu) -> Self {
         let (layers, depths) = create_layers(gpu, UVec2::ONE, 2, 1, 1);
-        Self { layers, depths, pipelines: self.pipelines.clone(), culled: None }
+        Self { layers, depths, pipelines: self.pipelines.clone(), culled: None, sizes: self.sizes }
     }
 
     /// Replaces the layers, with `gaps` pairs of layers for gaps and `levels` mip levels; `culled` adds the
@@ -61,12 +62,23 @@ impl Splat {
         &self.depths[0]
     }
 
+    /// Compiles the pipelines anew if `sizes`, whether planes bear the sizes of their particles, has changed.
+    pub fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, sizes: bool) {
+        if self.sizes != sizes {
+            self.pipelines = all_pipelines(gpu, camera, sizes);
+            self.culled = None;
+            self.sizes = sizes;
+        }
+    }
+
     /// Compiles the culling pipelines on first use, and allocates the frame's lists.
     pub fn prepare_culled(&mut self, gpu: &Gpu, camera: &CameraBinding, splats: &SplatBuffers) {
+        let sizes = self.sizes;
         let culled = self.culled.get_or_insert_with(|| {
             let listed = splat_lists::layout(gpu);
             let layouts = [Some(&camera.layout), Some(&layout(gpu)), Some(&listed)];
-            let pipelines = pipelines(gpu, camera, "cull/draw.wgsl", "vertex_listed", &layouts);
+            let pipelines =
+                pipelines(gpu, camera, "cull/draw.wgsl", "vertex_listed", &layouts, sizes);
             Culled { cull: Cull::new(gpu, camera), pipelines }
         });
         let size = UVec2::new(self.layers.texture.width(), self.layers.texture.height());
@@ -164,6 +176,12 @@ impl Splat {
     }
 }
 
+/// The pipelines that draw all splats.
+fn all_pipelines(gpu: &Gpu, camera: &CameraBinding, sizes: bool) -> [wgpu::RenderPipeline; 2] {
+    let layouts = [Some(&camera.layout), Some(&layout(gpu))];
+    pipelines(gpu, camera, "splat.wgsl", "vertex", &layouts, sizes)
+}
+
 /// The pipelines of fronts and backs, with the file's vertex stage `vertex`.
 fn pipelines(
     gpu: &Gpu,
@@ -171,6 +189,7 @@ fn pipelines(
     file: &str,
     vertex: &str,
     layouts: &[Option<&wgpu::BindGroupLayout>],
+    sizes: bool,
 ) -> [wgpu::RenderPipeline; 2] {
     let module = |back: bool| {
         let side = if back { EarlyDepth::GreaterEqual } else { EarlyDepth::LessEqual };
@@ -184,7 +203,8 @@ fn pipelines(
     });
     let pipeline = |side: u32, nearest: wgpu::CompareFunction| {
         let module = module(side == Layers::BACK);
-        let constants = [&camera.constants()[..], &[("SIDE", f64::from(side))]].concat();
+        let own = [("SIDE", f64::from(side)), ("SIZES", f64::from(u8::from(sizes)))];
+        let constants = [&camera.constants()[..], &own].concat();
         let compilation_options =
             wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
         gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {

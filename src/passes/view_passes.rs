@@ -26,18 +26,23 @@ pub struct SplatSet {
     pub aggregates: SplatBuffers,
     /// Droplets.
     pub splashes: SplatBuffers,
+    /// Whether there are bodies or sheets of particles of other radii than most.
+    pub radii_differ: bool,
 }
 
 impl SplatSet {
     /// Creates empty lists.
     pub fn new(gpu: &Gpu) -> Self {
-        Self { aggregates: SplatBuffers::new(gpu), splashes: SplatBuffers::new(gpu) }
+        let [aggregates, splashes] = [(); 2].map(|()| SplatBuffers::new(gpu));
+        Self { aggregates, splashes, radii_differ: false }
     }
 
     /// Uploads a frame's splats.
     pub fn upload(&mut self, gpu: &Gpu, splats: &Splats) {
         self.aggregates.upload(gpu, &splats.aggregates);
         self.splashes.upload(gpu, &splats.splashes);
+        let radius = splats.radius;
+        self.radii_differ = splats.aggregates.iter().any(|splat| splat.radius != radius);
     }
 }
 
@@ -232,6 +237,8 @@ impl ViewPasses {
         let FrameInputs { scene, splats, splat_set, meshes, fits } = frame;
         self.camera.write(gpu, camera);
         let splat_set = self.own_splats.as_ref().unwrap_or(splat_set);
+        let sizes = splat_set.radii_differ;
+        self.aggregate.prepare(gpu, &self.camera, sizes);
         if self.config.culled {
             self.aggregate.prepare_culled(gpu, &self.camera, &splat_set.aggregates);
         }
@@ -241,14 +248,16 @@ impl ViewPasses {
         }
         if self.config.gaps > 0 {
             let classes = [&splat_set.aggregates, &splat_set.splashes];
-            self.gaps.prepare(gpu, &self.camera, self.config.gaps, splats.radius, classes);
+            let gaps = self.config.gaps;
+            self.gaps.prepare(gpu, &self.camera, gaps, splats.radius, sizes, classes);
         }
         // Flags of texels with gaps are written with the smoothed layers.
         self.smoothed = !fits.is_empty() || self.config.gaps > 0;
         if self.smoothed {
             let settings = &scene.settings.smooth;
             let ViewConfig { backs, gaps, .. } = self.config;
-            self.smooth.prepare(gpu, &self.camera, settings, fits, backs, gaps);
+            let coverage = smooth::Coverage { backs, gaps, sizes };
+            self.smooth.prepare(gpu, &self.camera, settings, fits, coverage);
         }
         if self.config.gbuffer && !self.config.host {
             self.gbuffer.prepare(gpu, &self.camera, &self.scene);

@@ -162,11 +162,12 @@ pub(crate) fn sphere(centre: Vec3, radius: f32) -> Splat {
     ellipsoid(centre, Vec3::splat(radius), Quat::IDENTITY)
 }
 
-/// Splats of a liquid whose particles have radius r.
+/// Splats of a liquid whose particles all have radius r.
 pub(crate) fn splats(aggregates: &[Splat], splashes: &[Splat], r: f32) -> Splats {
+    let of_size = |splats: &[Splat]| splats.iter().map(|s| Splat { radius: r, ..*s }).collect();
     Splats {
-        aggregates: aggregates.to_vec(),
-        splashes: splashes.to_vec(),
+        aggregates: of_size(aggregates),
+        splashes: of_size(splashes),
         radius: r,
         ..Splats::default()
     }

@@ -21,7 +21,6 @@ use limpid::passes::caustics::{CausticMap, Caustics, Inputs, MapConfig, Output, 
 use limpid::passes::gbuffer::SceneBinding;
 use limpid::passes::mesh_buffers::MeshBuffers;
 use limpid::passes::smooth;
-use limpid::passes::splat_buffers::SplatBuffers;
 use limpid::passes::tiles::Sections;
 use limpid::passes::view_passes::{self, FrameInputs, PassNames, ViewConfig, ViewPasses};
 use limpid::passes::{CameraBinding, GBufferImages, Layers};
@@ -366,12 +365,8 @@ fn one_path(counts: &[u32], size: UVec2, i: usize) -> bool {
 fn drawn(gpu: &Gpu, subject: &Subject, scene: &Scene, view: &LightView) -> Result<ViewLayers> {
     let splats = &subject.loaded.splats;
     let fits = smooth::Params::iterations(&scene.settings.smooth, splats.radius);
-    let mut liquid = view_passes::SplatSet {
-        aggregates: SplatBuffers::new(gpu),
-        splashes: SplatBuffers::new(gpu),
-    };
-    liquid.aggregates.upload(gpu, &splats.aggregates);
-    liquid.splashes.upload(gpu, &splats.splashes);
+    let mut liquid = view_passes::SplatSet::new(gpu);
+    liquid.upload(gpu, splats);
     let mut surfaces = ViewPasses::new(gpu, view.orthographic);
     let splash = !splats.splashes.is_empty();
     let backs = scene.settings.caustics.interfaces > 1;
