@@ -125,7 +125,7 @@ fn shared_structs_agree() {
     });
     let splat =
         rust_struct!(classify::Splat { centre, radius, diagonal, particle, off_diagonal, tags });
-    let smooth = rust_struct!(smooth::Params { stride, radius, inv_sigma2, delta, mu });
+    let smooth = rust_struct!(smooth::Params { stride, radius, inv_sigma2, delta, mu, least });
     let gaps = rust_struct!(gaps::Params { least });
     let refract = rust_struct!(refract::Params {
         absorption,
