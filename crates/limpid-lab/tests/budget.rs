@@ -136,7 +136,8 @@ fn light_counts_of_one_ball() {
     scene.settings.caustics.resolution = 256;
     scene.settings.caustics.grid = 64;
     let radius = 0.3;
-    let ball = splats(&[sphere(Vec3::ZERO, radius as f32)], &[], 0.1);
+    let mut ball = splats(&[sphere(Vec3::ZERO, radius as f32)], &[], 0.1);
+    ball.aggregates[0].radius = radius as f32;
     let counts = light_counts(&scene, &ball);
     assert_eq!(counts.len(), 1);
     let bounds = (DVec3::splat(-radius), DVec3::splat(radius));
