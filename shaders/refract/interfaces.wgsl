@@ -121,7 +121,7 @@ fn is_deep(ray: ScreenRay, front: vec3f, back: vec3f, tau: f32) -> bool {
 }
 
 // Texels around a crossing of an outline, on two circles, and their radii in pixels.
-const OUTLINE_TEXELS: u32 = 16u;
+const OUTLINE_TEXELS: u32 = 8u;
 const OUTLINE_RADII: vec2f = vec2f(2.0, 3.5);
 
 // Normal of an interface. That of an outline is perpendicular to the line of sight and points away from the texels
