@@ -1,10 +1,22 @@
 #!/usr/bin/env bash
-# Runs all the tests; on a fresh Debian or Ubuntu with Rust it installs what they need first.
-# Arguments go to `cargo test`.
+# Runs the tests; on a fresh Debian or Ubuntu with Rust it installs what they need first.
+#
+#     scripts/test.sh [--all] [ARGUMENTS OF cargo test ...]
+#
+# `--all` includes the slow tests, which CI runs: those that are ignored as "slow".
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+arguments=()
+if [[ ${1-} == --all ]]; then
+    shift
+    arguments=(-- --include-ignored)
+    if [[ " $* " == *" -- "* ]]; then
+        arguments=(--include-ignored)
+    fi
+fi
 
 scripts/setup.sh
 # Without a graphics adapter, a test that needs one would otherwise say so and pass.
 export LIMPID_REQUIRE_GPU=1
-cargo test --locked "$@"
+cargo test --locked "$@" "${arguments[@]}"

@@ -156,6 +156,7 @@ fn pipelines_are_cached() {
 /// A damaged or foreign cache file is replaced, and its bytes never reach the driver, which would trust
 /// them.
 #[test]
+#[ignore = "slow"]
 fn damaged_and_foreign_caches_are_replaced() {
     let Some((folder, picture, file)) = first_run() else { return };
     let whole = fs::read(&file).expect("it is there");

@@ -13,6 +13,7 @@ fn golden() -> PathBuf {
 
 /// The scenes of `sims/` are drawn as expected. Failures are in `target/golden/index.html`.
 #[test]
+#[ignore = "slow"]
 fn golden_frames() {
     let Some(gpu) = support::gpu() else { return };
     let suite = Suite::load(&golden()).expect("the suite");
@@ -58,6 +59,7 @@ fn size(folder: &Path) -> u64 {
 /// smoothing), both with the tolerance for the adapter of the frames and with the wider one
 /// for all others.
 #[test]
+#[ignore = "slow"]
 fn golden_frames_detect_faults() {
     let Some(gpu) = support::gpu() else { return };
     let text = fs::read_to_string(golden()).unwrap();

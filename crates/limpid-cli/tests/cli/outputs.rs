@@ -287,6 +287,7 @@ fn restart_removes_only_baked_frames() {
 
 /// Outputs of the same kind are replaced, and manifests are appended to.
 #[test]
+#[ignore = "slow"]
 fn files_of_the_same_kind_are_replaced() {
     if !adapter() {
         return;

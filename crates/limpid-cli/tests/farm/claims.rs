@@ -5,6 +5,7 @@ use super::*;
 /// Two or four processes started alike at once draw each frame exactly once, to the same files as a
 /// single run; they share a manifest, and leave no claims.
 #[test]
+#[ignore = "slow"]
 fn claims_partition_the_frames() {
     if !adapter() {
         return;
