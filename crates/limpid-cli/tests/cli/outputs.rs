@@ -377,6 +377,7 @@ fn swapped(picture: &image::RgbImage) -> image::RgbImage {
 
 /// Linear pictures are numbered, resumed and claimed like others.
 #[test]
+#[ignore = "slow"]
 fn linear_pictures_are_resumed() {
     if !adapter() {
         return;

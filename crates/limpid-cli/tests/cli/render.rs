@@ -39,6 +39,7 @@ fn render_one_file() {
 /// Two runs of a pattern's frames, one into a folder and one to numbered names, give bit-identical
 /// pictures, without a progress bar on a pipe.
 #[test]
+#[ignore = "slow"]
 fn render_a_sequence_under_both_kinds_of_names() {
     if !adapter() {
         return;
@@ -101,6 +102,7 @@ fn render_a_scene() {
 
 /// `--samples` and `--set` change the picture.
 #[test]
+#[ignore = "slow"]
 fn settings_from_the_command_line() {
     if !adapter() {
         return;
@@ -249,6 +251,7 @@ fn stats_name_the_adapter_and_every_pass() {
 
 /// `--max-error` and `--budget` report the picked settings in one line on stderr and in the statistics.
 #[test]
+#[ignore = "slow"]
 fn limits_select_settings() {
     if !adapter() {
         return;

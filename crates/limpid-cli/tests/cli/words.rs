@@ -69,6 +69,7 @@ fn a_line_for_input_and_one_for_output() {
 
 /// Missing frames are reported once, with their treatment.
 #[test]
+#[ignore = "slow"]
 fn gaps_are_reported() {
     if !adapter() {
         return;

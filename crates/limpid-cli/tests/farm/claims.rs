@@ -153,6 +153,7 @@ fn claims_from_the_future_become_stale() {
 /// A stale claim of another user that cannot be read is taken over. The program runs as an unprivileged
 /// user, since root can read it.
 #[test]
+#[ignore = "slow"]
 #[cfg(target_os = "linux")]
 fn unreadable_stale_claims_are_taken_over() {
     if !adapter() {
