@@ -65,7 +65,8 @@ guarded=$(row "$work/intersect/report.md" pool guarded "")
 march=$(row "$work/intersect/report.md" pool march "stride=1")
 map=1024
 [[ ${#quick[@]} == 0 ]] || map=256
-forward=$(row "$work/report/report.md" pool forward "map $map")
+grid=$((map / 2))/2
+forward=$(row "$work/report/report.md" pool forward "map $map grid $grid")
 gather=$(row "$work/report/report.md" pool gather "map $map")
 {
     echo "# Measured on a graphics adapter"
@@ -79,11 +80,11 @@ gather=$(row "$work/report/report.md" pool gather "map $map")
     goal "all passes, 1,056,000 particles, $size" 1.5 "$(particles 1056000)"
     goal "\`guarded\`, pool, $width pixels wide" 0.02 "$guarded"
     goal "the same as a share of \`march\`" 0.0333 "$(awk -v a="$guarded" -v b="$march" 'BEGIN { if (b > 0) printf "%.4f", a / b }')"
-    goal "forward caustics, pool, map of $map²" 0.3 "$forward"
+    goal "forward caustics, pool, map of $map², grid $grid" 0.3 "$forward"
     goal "gather caustics, pool, map of $map²" 0.6 "$gather"
     echo
     for table in passes samples curve; do
-        [[ $table != samples ]] || printf 'With \`refract.samples=4\`:\n\n'
+        [[ $table != samples ]] || printf 'With `refract.samples=4`:\n\n'
         printf '```text\n%s\n```\n\n' "$(cat "$work/$table")"
     done
     echo "## Intersectors, $width pixels wide"
