@@ -3,7 +3,7 @@
 #
 #     scripts/test.sh [--all] [ARGUMENTS OF cargo test ...]
 #
-# `--all` includes the slow tests, which CI runs: those that are ignored as "slow".
+# `--all` includes the ignored tests, which are slow and which CI runs.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

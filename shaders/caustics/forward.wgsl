@@ -69,10 +69,7 @@ fn light_path(vertex: GridVertex) -> Landing {
         if !dry {
             break;
         }
-        n = interface_normal(exit);
-        if dot(n, d) > 0.0 {
-            n = -n;
-        }
+        n = interface_normal(exit, d);
         let eta = 1.0 / params.ior;
         cos_theta_i = -dot(d, n);
         cos_theta_t = optics_cos_transmitted(cos_theta_i, eta);
@@ -93,10 +90,7 @@ fn light_path(vertex: GridVertex) -> Landing {
         if !entry.found || receiver.found && distance(start, receiver.position) <= to_entry {
             break;
         }
-        n = interface_normal(entry);
-        if dot(n, d) > 0.0 {
-            n = -n;
-        }
+        n = interface_normal(entry, d);
         cos_theta_i = -dot(d, n);
         cos_theta_t = optics_cos_transmitted(cos_theta_i, params.ior);
         passed *= 1.0 - reflectance(cos_theta_i, cos_theta_t, params.ior);

@@ -124,10 +124,10 @@ fn is_deep(ray: ScreenRay, front: vec3f, back: vec3f, tau: f32) -> bool {
 const OUTLINE_TEXELS: u32 = 8u;
 const OUTLINE_RADII: vec2f = vec2f(2.0, 3.5);
 
-// Normal of an interface. That of an outline is perpendicular to the line of sight and points away from the texels
-// around it that have liquid at its depth.
-fn interface_normal(hit: Interface) -> vec3f {
-    let n = plane_normal(hit.plane);
+// Normal of an interface on the side of a ray of direction `d`. That of an outline is perpendicular to the line of sight
+// and to the edge between texels around it that have liquid at its depth and those that have none.
+fn interface_normal(hit: Interface, d: vec3f) -> vec3f {
+    var n = plane_normal(hit.plane);
     let u = camera_pixel(hit.position);
     var at: ScreenRay;
     at.disparity = camera_disparity(hit.position);
@@ -142,12 +142,12 @@ fn interface_normal(hit: Interface) -> vec3f {
         outwards += select(direction, -direction, slabs_leave(slabs, at, 0.0, ROUNDING).inside);
     }
     // All around or nowhere: no outline is seen.
-    if length(outwards) < 1.0 {
-        return n;
+    if length(outwards) >= 1.0 {
+        let omega = camera_omega(u);
+        let across = (camera_omega(u + outwards) - omega).xy;
+        n = normalize(vec3f(across, select(dot(across, omega.xy), 0.0, ORTHOGRAPHIC)));
     }
-    let omega = camera_omega(u);
-    let across = (camera_omega(u + outwards) - omega).xy;
-    return normalize(vec3f(across, select(dot(across, omega.xy), 0.0, ORTHOGRAPHIC)));
+    return select(n, -n, dot(n, d) > 0.0);
 }
 
 // Result for a ray that leaves the picture while inside: not found, but extrapolated on the last plane.
@@ -464,10 +464,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
             travelled += distance(o, hit.position);
             o = hit.position;
             start = hit.texel;
-            var n = interface_normal(hit);
-            if dot(n, d) > 0.0 {
-                n = -n;
-            }
+            let n = interface_normal(hit, d);
             let eta = select(params.ior, 1.0 / params.ior, inside);
             let cos_theta_i = -dot(d, n);
             let cos_theta_t = optics_cos_transmitted(cos_theta_i, eta);

@@ -144,7 +144,7 @@ fn device_lost_before_the_picture_is_read() {
 
 /// A loss at any time during a frame gives the right picture or the error.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn device_lost_in_the_middle_of_a_frame() {
     let expected = expected();
     let mut lost = 0;
@@ -394,7 +394,7 @@ fn render_without_enough_memory_is_retryable() {
 /// A frame divided into many submissions, so that none exceeds a driver's timeout, is bit-identical to
 /// the undivided frame, for every expensive method.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn divided_frames_are_identical() {
     let gpu = Gpu::headless().expect("an adapter");
     let mut renderers =

@@ -434,7 +434,7 @@ fov_y = 50.0
 
 /// A film has the pictures that the same command line draws as separate files.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn a_film_has_the_pictures_of_its_frames() {
     if !adapter() {
         return;
@@ -461,7 +461,7 @@ fn a_film_has_the_pictures_of_its_frames() {
 /// `--camera-path` and `--turntable` move the camera over a single frame and over a sequence, in
 /// pictures and in films.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn the_camera_moves() {
     if !adapter() {
         return;
@@ -581,7 +581,7 @@ fn an_interrupted_film_leaves_nothing() {
 /// no film.
 #[cfg(unix)]
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn a_failing_ffmpeg_is_quoted() {
     use std::os::unix::fs::PermissionsExt as _;
     if !adapter() {

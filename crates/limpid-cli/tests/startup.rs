@@ -156,7 +156,7 @@ fn pipelines_are_cached() {
 /// A damaged or foreign cache file is replaced, and its bytes never reach the driver, which would trust
 /// them.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn damaged_and_foreign_caches_are_replaced() {
     let Some((folder, picture, file)) = first_run() else { return };
     let whole = fs::read(&file).expect("it is there");
@@ -204,7 +204,7 @@ fn damaged_and_foreign_caches_are_replaced() {
 
 /// A run succeeds where no cache can be written: read-only or missing home folders, full disks.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn unwritable_caches_are_ignored() {
     let Some((folder, picture, _)) = first_run() else { return };
     let file = folder.path().join("file");

@@ -183,7 +183,7 @@ fn fingerprint(bytes: &[u8]) -> u64 {
 /// number of objects stay constant, and each kind's picture stays bit-identical, whatever was drawn
 /// before it. A validation error would panic.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn resources_and_pictures_are_stable() {
     let Some(gpu) = gpu() else { return };
     let _lock = exclusive();
@@ -226,7 +226,7 @@ fn resources_and_pictures_are_stable() {
 /// The renderer needs only the WebGPU core: on a device without optional features and with the default
 /// limits, each setting gives the same picture as on a device with all the adapter's capabilities.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn the_webgpu_core_is_sufficient() {
     let Some(gpu) = gpu() else { return };
     let _lock = exclusive();

@@ -703,7 +703,7 @@ fn pictures_match_independent_software() {
 /// How far the truth depends on its mesher: other sane parameters change the pictures by as much as limpid's error. A
 /// smaller error than this fits the mesher, not the liquid.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn other_meshes_of_the_same_particles_differ() {
     let Some(references) = references() else { return };
     let same = mean_flip_of(&references, |_| ());

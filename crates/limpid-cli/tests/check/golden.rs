@@ -13,7 +13,7 @@ fn golden() -> PathBuf {
 
 /// The scenes of `sims/` are drawn as expected. Failures are in `target/golden/index.html`.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn golden_frames() {
     let Some(gpu) = support::gpu() else { return };
     let suite = Suite::load(&golden()).expect("the suite");
@@ -59,7 +59,7 @@ fn size(folder: &Path) -> u64 {
 /// smoothing), both with the tolerance for the adapter of the frames and with the wider one
 /// for all others.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn golden_frames_detect_faults() {
     let Some(gpu) = support::gpu() else { return };
     let text = fs::read_to_string(golden()).unwrap();

@@ -84,7 +84,7 @@ fn lasting(line: &str) -> String {
 
 /// Each command of the page prints the line below it; beside it only what is drawn and written.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn each_mistake_gets_the_line_of_the_page() {
     if !adapter() || !cfg!(target_os = "linux") {
         return;

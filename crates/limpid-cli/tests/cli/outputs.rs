@@ -287,7 +287,7 @@ fn restart_removes_only_baked_frames() {
 
 /// Outputs of the same kind are replaced, and manifests are appended to.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn files_of_the_same_kind_are_replaced() {
     if !adapter() {
         return;
@@ -377,7 +377,7 @@ fn swapped(picture: &image::RgbImage) -> image::RgbImage {
 
 /// Linear pictures are numbered, resumed and claimed like others.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn linear_pictures_are_resumed() {
     if !adapter() {
         return;

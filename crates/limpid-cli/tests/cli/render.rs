@@ -39,7 +39,7 @@ fn render_one_file() {
 /// Two runs of a pattern's frames, one into a folder and one to numbered names, give bit-identical
 /// pictures, without a progress bar on a pipe.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn render_a_sequence_under_both_kinds_of_names() {
     if !adapter() {
         return;
@@ -102,7 +102,7 @@ fn render_a_scene() {
 
 /// `--samples` and `--set` change the picture.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn settings_from_the_command_line() {
     if !adapter() {
         return;
@@ -251,7 +251,7 @@ fn stats_name_the_adapter_and_every_pass() {
 
 /// `--max-error` and `--budget` report the picked settings in one line on stderr and in the statistics.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn limits_select_settings() {
     if !adapter() {
         return;

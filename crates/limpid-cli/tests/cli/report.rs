@@ -7,7 +7,7 @@ use super::{adapter, assert_contains, folder, run};
 /// Errors are reproducible, although times are not; an increased error is reported by name with exit
 /// code 1; a file that is not a report is refused before anything is measured.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn increased_errors_are_reported() {
     if !adapter() {
         return;

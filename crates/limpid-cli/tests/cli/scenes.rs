@@ -16,7 +16,7 @@ fn with_dam() -> TempDir {
 /// `limpid scene` writes a scene that draws the same picture as the file without one, bit by bit, for each
 /// look, in which each value has a comment; and the options do the same to both.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn written_scenes_draw_the_same_picture() {
     if !adapter() {
         return;

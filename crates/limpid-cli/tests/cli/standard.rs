@@ -28,7 +28,7 @@ fn cube(folder: &Path, name: &str) -> Vec<u8> {
 
 /// `render - -o -` draws what it draws of the file, to the bit, and puts nothing else on standard output.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn render_from_pipe_to_pipe() {
     if !adapter() {
         return;

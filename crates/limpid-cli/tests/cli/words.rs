@@ -28,7 +28,7 @@ fn block(spacing: f64, columns: &str, values: &str, corner: [f64; 3]) -> String 
 
 /// `render` prints a line for its input and one for its output; with `--quiet` none.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn a_line_for_input_and_one_for_output() {
     if !adapter() {
         return;
@@ -69,7 +69,7 @@ fn a_line_for_input_and_one_for_output() {
 
 /// Missing frames are reported once, with their treatment.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn gaps_are_reported() {
     if !adapter() {
         return;
@@ -94,7 +94,7 @@ fn gaps_are_reported() {
 
 /// Each likely mistake is reported in one line with its remedy; a correct run reports none.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn likely_mistakes_are_reported() {
     if !adapter() {
         return;

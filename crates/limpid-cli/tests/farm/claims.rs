@@ -5,7 +5,7 @@ use super::*;
 /// Two or four processes started alike at once draw each frame exactly once, to the same files as a
 /// single run; they share a manifest, and leave no claims.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn claims_partition_the_frames() {
     if !adapter() {
         return;
@@ -153,7 +153,7 @@ fn claims_from_the_future_become_stale() {
 /// A stale claim of another user that cannot be read is taken over. The program runs as an unprivileged
 /// user, since root can read it.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 #[cfg(target_os = "linux")]
 fn unreadable_stale_claims_are_taken_over() {
     if !adapter() {

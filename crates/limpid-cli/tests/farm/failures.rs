@@ -5,7 +5,7 @@ use super::*;
 /// With `--keep-going` a damaged file fails one frame: it is reported with its number, the others are
 /// drawn, and the exit code is 1. Without it the run ends with the error's own code.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn keep_going_draws_the_others() {
     if !adapter() {
         return;

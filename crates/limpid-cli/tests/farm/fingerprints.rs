@@ -10,7 +10,7 @@ fn all(status: &str) -> BTreeMap<i64, String> {
 /// radius, scene, particles or intermediate images draws it again; a change of shares or reports does
 /// not.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn only_the_same_picture_is_skipped() {
     if !adapter() {
         return;
@@ -97,7 +97,7 @@ fn only_the_same_picture_is_skipped() {
 /// A picture that is incomplete or was changed or made by another program, or whose intermediate images
 /// are missing, damaged or of another run, is drawn again.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn only_complete_pictures_are_skipped() {
     if !adapter() {
         return;

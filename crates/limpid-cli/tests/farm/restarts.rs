@@ -5,7 +5,7 @@ use super::*;
 /// A run killed by SIGKILL at any time leaves only complete pictures, and a restart completes the
 /// sequence bit-identically. Repeated ten times, or `LIMPID_KILLS` times.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn killed_at_any_time_and_restarted() {
     if !adapter() {
         return;

@@ -5,7 +5,7 @@ use super::*;
 /// The shards of 1, 2, 3 and 7 machines are disjoint and complete, and have the files of a single run; a
 /// shard may be empty.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn shards_equal_a_single_run() {
     if !adapter() {
         return;

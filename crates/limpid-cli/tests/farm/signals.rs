@@ -5,7 +5,7 @@ use super::*;
 /// After the first signal the current frame is finished, the other claims are released, and the exit
 /// code is the signal's; the existing pictures are complete, and the next run draws the others.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 #[cfg(unix)]
 fn the_first_signal_finishes_the_current_frame() {
     if !adapter() {
@@ -42,7 +42,7 @@ fn the_first_signal_finishes_the_current_frame() {
 
 /// The second signal ends the process at once, without temporary files and claims.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 #[cfg(unix)]
 fn the_second_signal_leaves_no_files() {
     if !adapter() {

@@ -5,7 +5,7 @@ use super::*;
 /// A real Slurm runs the documented job array, with one task killed and one requeued in the middle.
 /// Skipped without Slurm, unless `LIMPID_REQUIRE_SLURM=1` is set.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 #[cfg(target_os = "linux")]
 fn slurm_draws_every_frame_once() {
     let required = std::env::var("LIMPID_REQUIRE_SLURM").is_ok_and(|value| value == "1");

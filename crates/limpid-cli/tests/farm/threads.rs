@@ -5,7 +5,7 @@ use super::*;
 /// With a limit on the number of threads, a run succeeds or ends with one line and code 6, which farms
 /// retry, without a panic or a deadlock in the driver.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 #[cfg(target_os = "linux")]
 fn too_few_threads_are_an_error() {
     if !adapter() {

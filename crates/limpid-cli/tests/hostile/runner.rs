@@ -105,7 +105,7 @@ fn run(case: &Case, limpid: &Path) -> Result<(), String> {
 
 /// Each case has the listed exit code and message.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn every_case_has_its_listed_outcome() {
     let limpid = Path::new(env!("CARGO_BIN_EXE_limpid"));
     let adapter = Gpu::headless().is_ok();

@@ -55,7 +55,7 @@ fn a_lamp_close_to_a_pool_is_absorbed() {
 
 /// Each pass of each view of lamps in the liquid is timed.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn passes_of_many_lamps_are_timed() {
     let Some(mut harness) = harness() else { return };
     let lamp = |i: i32| Light::Point {

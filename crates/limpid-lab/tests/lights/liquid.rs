@@ -201,7 +201,7 @@ fn contributions_of_lights_add() {
 /// Frames with caustics are bit-identical when rendered again, in another order, and by a new
 /// renderer.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn lit_frames_are_independent() {
     let Some(gpu) = gpu() else { return };
     let point = Light::Point { position: DVec3::new(0.5, 4.0, 0.3), intensity: Vec3::splat(20.0) };
@@ -306,7 +306,7 @@ fn blur_has_its_width_and_keeps_light() {
 /// Radiance is finite wherever the light is: in the liquid, on its surface, on a solid, straight
 /// above, along the floor, below it; with a liquid of no particle, one and many.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn unusual_lights_give_finite_pictures() {
     let Some(mut harness) = harness() else { return };
     let point =

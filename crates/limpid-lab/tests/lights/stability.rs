@@ -18,7 +18,7 @@ use super::{IOR, dry, lit, sun};
 /// the map changes from frame to frame by as much as the true one, to 10 %. A flickering map
 /// changes more, a lagging or smeared one less.
 #[test]
-#[ignore = "slow"]
+#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn caustics_change_as_the_truth_does() {
     let Some(gpu) = gpu() else { return };
     let spectrum = WaveSpectrum { count: 6, wavelengths: [1.0, 3.0], rms_slope: 0.05, seed: 7 };
