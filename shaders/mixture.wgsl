@@ -11,7 +11,7 @@ const MAX_FLUIDS: u32 = 16u;
 
 @fragment
 fn mixture(in: Varying) -> @location(0) vec4f {
-    let chord = splat_chord(in.centre, varying_to_sphere(in), camera_omega(in.clip.xy));
+    let chord = fragment_chord(in, fragment_omega(in));
     if !chord.hit {
         discard;
     }

@@ -37,6 +37,9 @@ struct Varying {
     @location(2) @interpolate(flat) sphere_y: vec3f,
     @location(3) @interpolate(flat) sphere_z: vec3f,
     @location(4) @interpolate(flat) tag: vec3u, // particle, from 1; fluid; size
+    // The camera, for the fragments: software adapters read uniforms lane by lane there.
+    @location(5) @interpolate(flat) omega_map: vec4f, // camera_omega: of pixel position 0, and its change per pixel
+    @location(6) @interpolate(flat) range: vec2f,     // near and far, m
 }
 
 @vertex
@@ -53,6 +56,9 @@ fn splat_varying(corner: u32, splat: Splat) -> Varying {
     out.sphere_x = to_sphere[0];
     out.sphere_y = to_sphere[1];
     out.sphere_z = to_sphere[2];
+    let omega = camera_omega(vec2f(0.0)).xy;
+    out.omega_map = vec4f(omega, vec2f(2.0, -2.0) * camera.tangent / camera.size);
+    out.range = vec2f(camera.near, camera.far);
     out.tag = vec3u(splat.particle + 1u, splat.tags & (BURIED - 1u), particle_size_of(splat.radius));
     out.clip = vec4f(splat_corner(corner, placed.centre, placed.rows), depth_bound(placed), 1.0);
     return out;
@@ -194,7 +200,7 @@ struct Chord {
     d: vec3f,            // the ray per unit of depth, in sphere space
 }
 
-fn splat_chord(centre: vec3f, to_sphere: mat3x3f, omega: vec3f) -> Chord {
+fn splat_chord(centre: vec3f, to_sphere: mat3x3f, omega: vec3f, near: f32) -> Chord {
     let centre_depth = -centre.z;
     // The ray per unit of depth, and its offset from the centre at the centre's depth.
     var ray = omega;
@@ -211,7 +217,7 @@ fn splat_chord(centre: vec3f, to_sphere: mat3x3f, omega: vec3f) -> Chord {
     let discriminant = 1.0 - dot(f, f);
     let half_length = sqrt(max(discriminant, 0.0) / d2);
     let middle = centre_depth - along;
-    let hit = discriminant >= 0.0 && middle + half_length >= camera.near;
+    let hit = discriminant >= 0.0 && middle + half_length >= near;
     return Chord(hit, middle, half_length, f, d);
 }
 
@@ -220,24 +226,50 @@ struct Fragment {
     @builtin(frag_depth) depth: f32,
 }
 
+// The chord of a fragment.
+fn fragment_chord(in: Varying, omega: vec3f) -> Chord {
+    return splat_chord(in.centre, varying_to_sphere(in), omega, in.range.x);
+}
+
+// View ray of a fragment, as `camera_omega`.
+fn fragment_omega(in: Varying) -> vec3f {
+    return vec3f(in.omega_map.xy + in.omega_map.zw * in.clip.xy, -1.0);
+}
+
+// Tangent plane of the ellipsoid where a chord ends, `side` from its midpoint, at depth z: as `plane_from_normal` of the
+// sphere's normal, mapped back. The normal's length cancels.
+fn chord_plane(in: Varying, chord: Chord, omega: vec3f, side: f32, z: f32) -> vec3f {
+    let outwards = transpose(varying_to_sphere(in)) * (chord.f + side * chord.d);
+    let ray = select(omega, vec3f(0.0, 0.0, -1.0), ORTHOGRAPHIC);
+    let ray2 = dot(ray, ray);
+    let along = dot(outwards, ray);
+    // Not less than EDGE_ON times the lengths.
+    let least = EDGE_ON * sqrt(dot(outwards, outwards) * ray2);
+    let away = select(-outwards, outwards, along > 0.0) + max(least - abs(along), 0.0) / ray2 * ray;
+    if ORTHOGRAPHIC {
+        let slope = away.xy / -away.z;
+        return vec3f(slope, dot(slope, omega.xy) - (in.range.y - z));
+    }
+    return away / (z * max(abs(along), least));
+}
+
 $early_depth @fragment
 fn fragment(in: Varying) -> Fragment {
-    let omega = camera_omega(in.clip.xy);
-    let to_sphere = varying_to_sphere(in);
-    let chord = splat_chord(in.centre, to_sphere, omega);
+    let omega = fragment_omega(in);
+    let chord = fragment_chord(in, omega);
     if !chord.hit {
         discard;
     }
     let side = select(-chord.half_length, chord.half_length, SIDE == BACK);
     var z = chord.middle + side;
-    let normal = normalize(transpose(to_sphere) * (chord.f + side * chord.d));
-    var pi = plane_from_normal(omega, z, normal);
-    if z < camera.near {
+    var pi = chord_plane(in, chord, omega, side, z);
+    let near = in.range.x;
+    if z < near {
         // The ray starts inside the liquid, which a front at the near plane marks.
-        z = camera.near;
-        pi = vec3f(0.0, 0.0, -camera_disparity(vec3f(0.0, 0.0, -z)));
+        z = near;
+        pi = vec3f(0.0, 0.0, select(-1.0 / near, near - in.range.y, ORTHOGRAPHIC));
     }
-    return Fragment(vec4f(sized(pi, in), z), depth_at(z));
+    return Fragment(vec4f(sized(pi, in), z), fragment_depth(in, z));
 }
 
 // The plane of a splat with its size, where sizes differ.
@@ -247,8 +279,14 @@ fn sized(pi: vec3f, in: Varying) -> vec3f {
 
 // Value of the reversed depth buffer: 1 at the near plane.
 fn depth_at(z: f32) -> f32 {
-    if ORTHOGRAPHIC {
-        return 1.0 - z / camera.far;
-    }
-    return camera.near / z;
+    return depth_within(vec2f(camera.near, camera.far), z);
+}
+
+// The same of a fragment.
+fn fragment_depth(in: Varying, z: f32) -> f32 {
+    return depth_within(in.range, z);
+}
+
+fn depth_within(range: vec2f, z: f32) -> f32 {
+    return select(range.x / z, 1.0 - z / range.y, ORTHOGRAPHIC);
 }

@@ -9,8 +9,8 @@ struct Sections {
     count: u32, // number of sections
 }
 
-@group(0) @binding(0) var aggregate_layers: texture_2d_array<f32>;
-@group(0) @binding(1) var splash_layers: texture_2d_array<f32>;
+@group(0) @binding(0) var aggregate_layers: $layers;
+@group(0) @binding(1) var splash_layers: $layers;
 @group(0) @binding(2) var<storage, read_write> liquid: array<atomic<u32>>;
 @group(0) @binding(3) var<storage, read_write> background: array<atomic<u32>>;
 // Indirect dispatch arguments of each section: liquid, liquid for both layers, background.
@@ -28,9 +28,9 @@ fn sort(@builtin(global_invocation_id) id: vec3u) {
     var covered = false;
     for (var i = 0u; i < TILE * TILE && !covered; i++) {
         let p = min(id.xy * TILE + vec2u(i % TILE, i / TILE), size - 1u);
-        covered = textureLoad(aggregate_layers, p, 0, 0).w > 0.0;
+        covered = textureLoad(aggregate_layers, p, 0$level).w > 0.0;
         if SPLASH {
-            covered |= textureLoad(splash_layers, p, 0, 0).w > 0.0;
+            covered |= textureLoad(splash_layers, p, 0$level).w > 0.0;
         }
     }
     let tile = id.x | (id.y << 16u);

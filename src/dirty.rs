@@ -106,6 +106,7 @@ fn light_settings(refract: &Refract) -> Refract {
     let unread = Refract::default();
     Refract {
         samples: unread.samples,
+        structure: unread.structure,
         edge_samples: unread.edge_samples,
         filter_patterns: unread.filter_patterns,
         transparent: unread.transparent,

@@ -192,6 +192,15 @@ impl Gpu {
         info.device_type == wgpu::DeviceType::Cpu && info.backend == wgpu::Backend::Vulkan
     }
 
+    /// Whether layers ([`Gpu::layers`]) are bound as `texture_storage_2d_array<rgba32float, read>`.
+    ///
+    /// Software Vulkan fetches a texel of a storage texture in a third of the instructions that one of a sampled
+    /// texture takes, whose mip level it looks up for each lane. GPUs cache sampled textures at least as well.
+    #[doc(hidden)]
+    pub fn layers_are_stored(&self) -> bool {
+        self.uniforms_are_stored()
+    }
+
     /// Whether shaders may use conservative early depth tests. OpenGL would need another extension.
     #[doc(hidden)]
     pub fn has_early_depth(&self) -> bool {

@@ -10,6 +10,7 @@ use glam::UVec2;
 use crate::camera::CameraUniform;
 use crate::gpu::{self, Gpu};
 
+pub mod bounds;
 pub mod caustics;
 pub mod cull;
 pub mod gaps;
@@ -37,8 +38,10 @@ pub mod view_passes;
 pub struct Layers {
     /// [`Layers::FORMAT`], layers [`Layers::FRONT`], [`Layers::BACK`] and those of [`Layers::gap`].
     pub texture: wgpu::Texture,
-    /// Both layers, all mip levels.
+    /// All layers at mip level 0.
     pub view: wgpu::TextureView,
+    /// All layers at all mip levels.
+    pub mips: wgpu::TextureView,
 }
 
 impl Layers {
@@ -64,8 +67,14 @@ impl Layers {
         usage: wgpu::TextureUsages,
     ) -> Self {
         let texture = gpu::mipped_texture(gpu, label, size, layers, levels, Self::FORMAT, usage);
-        let view = gpu::array_view(&texture);
-        Self { texture, view }
+        Self::of(texture)
+    }
+
+    /// The layers in a texture.
+    pub fn of(texture: wgpu::Texture) -> Self {
+        let view = gpu::level_view(&texture, 0, wgpu::TextureViewDimension::D2Array);
+        let mips = gpu::array_view(&texture);
+        Self { texture, view, mips }
     }
 }
 

@@ -13,6 +13,7 @@ use crate::lights::Lights;
 use crate::liquid::classify::Splats;
 use crate::memory;
 use crate::motion::Motion;
+use crate::passes::bounds::Bounds;
 use crate::passes::caustics::CausticMap;
 use crate::passes::cull;
 use crate::passes::gaps;
@@ -47,6 +48,7 @@ pub struct Renderer {
     host_gbuffer: host::Host,
     background: Background,
     mips: Option<Mips>,
+    bounds: Option<Bounds>,
     refract: Refract,
     surface_images: Surface,
     tonemap: Tonemap,
@@ -118,6 +120,7 @@ impl Renderer {
             host_gbuffer: host::Host::new(gpu),
             background: Background::default(),
             mips: None,
+            bounds: None,
             refract: Refract::new(gpu),
             surface_images: Surface::new(gpu),
             tonemap: Tonemap::new(gpu, false),
@@ -370,9 +373,15 @@ impl Renderer {
     /// Uploads the parameters of refraction and compiles it.
     fn prepare_picture(&mut self, frame: &Frame<'_>) {
         let (camera, scene) = (&self.camera_view.camera, &self.camera_view.scene);
-        self.refract.prepare(&self.gpu, camera, scene, frame.variant, &frame.refract_params());
+        let structure = frame.scene.settings.refract.structure;
+        let params = frame.refract_params();
+        self.refract.prepare(&self.gpu, camera, scene, frame.variant, &params, structure);
         if frame.variant.mips() {
             self.mips.get_or_insert_with(|| Mips::new(&self.gpu));
+        }
+        if frame.variant.bounds {
+            let bounds = self.bounds.get_or_insert_with(|| Bounds::new(&self.gpu));
+            bounds.prepare(&self.gpu, camera, frame.config.size, frame.config.splash);
         }
     }
 
@@ -408,6 +417,11 @@ impl Renderer {
             layers.extend(on_screen.then_some(&self.camera_view.gbuffer.images.planes));
             mips.record(&self.gpu, commands.encoder, &layers, timer.span("mips"));
         }
+        let reads_bounds = dirty.surfaces && frame.variant.bounds;
+        if let Some(bounds) = self.bounds.as_ref().filter(|_| reads_bounds) {
+            let span = timer.span("bounds");
+            bounds.record(&self.gpu, commands.encoder, &self.camera_view, span);
+        }
         if dirty.radiance {
             let span = timer.span("refract");
             let (variant, work) = (frame.variant, frame.work);
@@ -415,7 +429,8 @@ impl Renderer {
                 Some(host) => Some(&host.color),
                 None => self.background.view(),
             };
-            self.refract.record(commands, &self.camera_view, variant, behind, work, span);
+            let bounds = self.bounds.as_ref();
+            self.refract.record(commands, &self.camera_view, bounds, (variant, work), behind, span);
         }
         let (gpu, refract) = (&self.gpu, &self.refract);
         if let Some(request) = frame.surface {

@@ -269,6 +269,9 @@ pub struct Refract {
     pub internal_bounces: u32,
     /// Rays per pixel against the same layers: 1 to 64, default 1; square numbers are best.
     pub samples: u32,
+    /// Liquid pixels get one ray, and [`Refract::samples`] where the picture has structure: where its second difference
+    /// between neighbouring pixels exceeds this share of their radiance. 0 (all pixels get them) to 1, default 0.1.
+    pub structure: f32,
     /// Rays per pixel that has no liquid but an edge of a solid or of its pattern: 1 to 64, default 16.
     /// No effect unless above `samples`.
     pub edge_samples: u32,
@@ -302,6 +305,7 @@ impl Default for Refract {
             interfaces: 4,
             internal_bounces: 4,
             samples: 1,
+            structure: 0.1,
             edge_samples: 16,
             filter_patterns: false,
             fresnel: Fresnel::Exact,
@@ -557,6 +561,7 @@ impl Settings {
             ("refract.interfaces", r.interfaces as f32, 1.0, 8.0),
             ("refract.internal_bounces", r.internal_bounces as f32, 0.0, 8.0),
             ("refract.samples", r.samples as f32, 1.0, 64.0),
+            ("refract.structure", r.structure, 0.0, 1.0),
             ("refract.edge_samples", r.edge_samples as f32, 1.0, 64.0),
             ("refract.contact", r.contact, 0.0, 1000.0),
             ("caustics.resolution", caustics.resolution as f32, 16.0, 8192.0),

@@ -139,6 +139,7 @@ fn shared_structs_agree() {
         eye_depth,
         pad_eye_depth,
     });
+    let structure = rust_struct!(refract::StructureParams { structure });
     let tonemap = rust_struct!(tonemap::Params { gain, curve, encode, bounded });
     let host = rust_struct!(host::Params { offset, slope, cleared });
     let surface = rust_struct!(surface::Params {
@@ -245,6 +246,7 @@ fn shared_structs_agree() {
         (caustics, "caustics/deposit.wgsl", "CausticParams"),
         (sections, "tiles.wgsl", "Sections"),
         (gaps, "gaps/split.wgsl", "Params"),
+        (structure, "refract/structure.wgsl", "Params"),
         (classify_params, "classify/shape.wgsl", "Params"),
         (shaped, "classify/shape.wgsl", "Shaped"),
         (sum, "classify/scan.wgsl", "Sum"),

@@ -20,6 +20,8 @@ const GUARDED: Variant = Variant {
     intersector: Some("refract/guarded.wgsl"),
     early_depth: None,
     stored_uniforms: false,
+    stored_layers: false,
+    mips: false,
 };
 
 fn source(root: &str) -> String {
@@ -200,7 +202,10 @@ fn every_root_is_valid() {
         .iter()
         .filter_map(|root| {
             let text = source(root);
-            let stored = shader::source(root, Variant { stored_uniforms: true, ..GUARDED });
+            let stored = shader::source(
+                root,
+                Variant { stored_uniforms: true, stored_layers: true, ..GUARDED },
+            );
             // A new uniform must be added here or become `$branching`.
             let plain = ["camera", "scene", "solids", "params", "absorptions"];
             for (_, uniform) in
@@ -258,8 +263,10 @@ fn every_shader_translates_for_every_platform() {
 /// The benchmark root is valid with every intersector.
 #[test]
 fn benchmark_is_valid_with_every_intersector() {
-    let is_intersector =
-        |root: &&&str| root.starts_with("refract/") || **root == "report/nothing.wgsl";
+    let is_intersector = |root: &&&str| {
+        root.starts_with("refract/") && **root != "refract/structure.wgsl"
+            || **root == "report/nothing.wgsl"
+    };
     let roots: Vec<_> = ROOTS.iter().filter(is_intersector).collect();
     assert!(roots.len() >= 8, "{roots:?}");
     for root in roots {
@@ -301,7 +308,15 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 116] = [
+const LOOPS: [(&str, &str, &str, &str); 122] = [
+    ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
+    ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
+    ("gaps/mark_small.wgsl", "is_listed", "for (var i = 0u; i < cells.x * cells.y; i++)", "MOST_CELLS"),
+    ("refract/guarded.wgsl", "clear_until", "for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++)", "a constant"),
+    ("refract/pixels.wgsl", "edge_pixels", "for (var i = id.x; i < listed_count(); i += LIST_GROUP * groups.x)", "the picture's pixels, over 64 times as many as the largest dispatch has groups"),
+    ("refract/pixels.wgsl", "structured_pixels", "for (var i = 1u; i < SAMPLES; i++)", "refract.samples, 64 at most"),
+    ("refract/pixels.wgsl", "structured_pixels", "for (var k = id.x; k < listed_count(); k += LIST_GROUP * groups.x)", "the picture's pixels, over 64 times as many as the largest dispatch has groups"),
+    ("refract/structure.wgsl", "has_structure", "for (var axis = 0; axis < 2; axis++)", "a constant"),
     ("caustics/blur.wgsl", "blur", "for (var i = max(-reach, -along); i <= min(reach, last - along); i++)", "the map's side"),
     ("caustics/conic.wgsl", "conic_first_exit", "for (var edge = 0u; edge < 3u; edge++)", "a constant"),
     ("caustics/conic.wgsl", "conic_solve", "for (var i = 0u; i < CONIC_ROUNDS; i++)", "a constant"),
@@ -367,8 +382,6 @@ const LOOPS: [(&str, &str, &str, &str); 116] = [
     ("gaps/clear.wgsl", "clear", "for (var layer = 2u; layer < 2u + 2u * GAPS; layer++)", "layers.intervals, 3 at most"),
     ("gaps/select.wgsl", "is_listed", "for (var y = first.y; y <= last.y; y++)", "MOST_TILES together"),
     ("gaps/select.wgsl", "is_listed", "for (var x = first.x; x <= last.x; x++)", "MOST_TILES together"),
-    ("gaps/mark_small.wgsl", "is_listed", "for (var y = first.y; y <= last.y; y++)", "MOST_CELLS together"),
-    ("gaps/mark_small.wgsl", "is_listed", "for (var x = first.x; x <= last.x; x++)", "MOST_CELLS together"),
     ("gaps/mark.wgsl", "mark_cell", "for (var word = 0u; word < WORDS; word++)", "a constant"),
     ("gaps/split.wgsl", "next_bin", "for (var word = start / 32u; word < WORDS; word++)", "a constant"),
     ("gaps/split.wgsl", "splits_of", "for (var i = 0u; i < BINS / 2u && end < BINS && count < GAPS; i++)", "a constant"),

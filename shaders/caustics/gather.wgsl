@@ -70,9 +70,9 @@ fn line_pixel(receiver: vec3f, towards: vec3f, u0: vec2f) -> vec2f {
     var u = u0;
     for (var k = 0; k < 5; k++) {
         let texel = clamp(vec2i(floor(u)), vec2i(0), vec2i(camera.size) - 1);
-        var plane = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
+        var plane = textureLoad(aggregate_layers, texel, FRONT$level).xyz;
         if SPLASH && plane_is_empty(plane) {
-            plane = textureLoad(splash_layers, texel, FRONT, 0).xyz;
+            plane = textureLoad(splash_layers, texel, FRONT$level).xyz;
         }
         var t = 0.0;
         if !plane_is_empty(plane) {

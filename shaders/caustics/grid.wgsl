@@ -15,9 +15,9 @@ fn grid_pixel(vertex: vec2u) -> vec2f {
 
 // Nearest front at a texel among both classes.
 fn nearest_front(texel: vec2i, omega: vec3f) -> vec3f {
-    let aggregate = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
+    let aggregate = textureLoad(aggregate_layers, texel, FRONT$level).xyz;
     if SPLASH {
-        let splash = textureLoad(splash_layers, texel, FRONT, 0).xyz;
+        let splash = textureLoad(splash_layers, texel, FRONT$level).xyz;
         return select(aggregate, splash, dot(splash, omega) > dot(aggregate, omega));
     }
     return aggregate;

@@ -30,13 +30,16 @@ fn gap_front(gap: i32) -> i32 {
     return 3 + 2 * gap;
 }
 
+// Least cosine between a plane's normal and the ray.
+const EDGE_ON: f32 = 1e-3;
+
 // Plane through z * omega with normal `n` (of either sign). A plane seen edge-on has no finite
 // disparity slope: its normal is tilted to a cosine of at least 1e-3 with the ray.
 fn plane_from_normal(omega: vec3f, z: f32, n: vec3f) -> vec3f {
     let ray = camera_ray_direction(omega);
     var away = select(-n, n, dot(n, ray) > 0.0);
     let cos_theta = dot(away, ray);
-    away += max(1e-3 - cos_theta, 0.0) * ray;
+    away += max(EDGE_ON - cos_theta, 0.0) * ray;
     if ORTHOGRAPHIC {
         let slope = away.xy / -away.z;
         return vec3f(slope, dot(slope, omega.xy) - (camera.far - z));

@@ -11,3 +11,11 @@ fn sample_offset(index: u32, count: u32) -> vec2f {
     let within = (vec2f(f32(side) - 1.0 - cell.y, cell.x) + 0.5) / f32(side);
     return (cell + within) / f32(side);
 }
+
+// Offset of sample `index`, from 1, of `count` that surround the pixel's centre, where the first one is: a sunflower's
+// spiral (H. Vogel, A Better Way to Construct the Sunflower Head, 1979) of the pixel's area.
+fn further_offset(index: u32, count: u32) -> vec2f {
+    let angle = 2.3999632 * f32(index);
+    let radius = sqrt((f32(index) + 0.5) / (3.14159265 * f32(count)));
+    return 0.5 + radius * vec2f(cos(angle), sin(angle));
+}

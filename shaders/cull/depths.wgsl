@@ -7,7 +7,7 @@
 const NOWHERE: f32 = 3e38;
 
 // Fronts, backs.
-@group(0) @binding(0) var layers: texture_2d_array<f32>;
+@group(0) @binding(0) var layers: $layers;
 @group(0) @binding(1) var<storage, read_write> depths: array<vec2f>;
 
 // Whether backs are drawn; without them, fronts alone hide splats.
@@ -23,11 +23,11 @@ fn reduce(@builtin(global_invocation_id) id: vec3u) {
     for (var i = 0u; i < TILE * TILE; i++) {
         // Clamping repeats border pixels, which does not affect the extrema.
         let p = min(id.xy * TILE + vec2u(i % TILE, i / TILE), size - 1u);
-        let front = textureLoad(layers, p, 0, 0).w;
+        let front = textureLoad(layers, p, 0$level).w;
         // Empty pixels hide nothing.
         between.x = max(between.x, select(NOWHERE, front, front > 0.0));
         if BACKS {
-            between.y = min(between.y, textureLoad(layers, p, 1, 0).w);
+            between.y = min(between.y, textureLoad(layers, p, 1$level).w);
         }
     }
     depths[id.y * tiles_across(size.x) + id.x] = between;

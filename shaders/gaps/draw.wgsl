@@ -20,15 +20,14 @@ fn vertex_gap(@builtin(vertex_index) corner: u32, @builtin(instance_index) insta
 fn side(in: Varying) -> Fragment {
     let texel = vec2u(in.clip.xy);
     let split = textureLoad(splits, texel / CELL, 0)[GAP];
-    let omega = camera_omega(in.clip.xy);
-    let to_sphere = varying_to_sphere(in);
-    let chord = splat_chord(in.centre, to_sphere, omega);
+    let omega = fragment_omega(in);
+    let chord = fragment_chord(in, omega);
     if !chord.hit || split <= 0.0 {
         discard;
     }
     if abs(chord.middle - split) <= chord.half_length {
         // Liquid across the split: wins the depth test against all sides, and is empty.
-        return Fragment(vec4f(0.0), depth_at(split));
+        return Fragment(vec4f(0.0), fragment_depth(in, split));
     }
     // The ellipsoid itself, in the space of the swollen one.
     let discriminant = 1.0 / (CLOSING * CLOSING) - dot(chord.f, chord.f);
@@ -39,9 +38,9 @@ fn side(in: Varying) -> Fragment {
     }
     let towards = select(-half_length, half_length, SIDE == BACK);
     let z = chord.middle + towards;
-    if z < camera.near {
+    if z < in.range.x {
         discard;
     }
-    let normal = normalize(transpose(to_sphere) * (chord.f + towards * chord.d));
-    return Fragment(vec4f(sized(plane_from_normal(omega, z, normal), in), z), depth_at(z));
+    let pi = chord_plane(in, chord, omega, towards, z);
+    return Fragment(vec4f(sized(pi, in), z), fragment_depth(in, z));
 }

@@ -4,17 +4,17 @@
 #import gaps/cells.wgsl
 #import gaps/swollen.wgsl
 
-@group(3) @binding(0) var layers: texture_2d_array<f32>;
+@group(3) @binding(0) var layers: $layers;
 @group(3) @binding(1) var<storage, read_write> marks: array<atomic<u32>>;
 
 fn mark_cell(cell: vec2u, centre: vec3f, to_sphere: mat3x3f) {
     let texel = min(cell_texel(cell), vec2u(camera.size) - 1u);
-    let chord = splat_chord(centre, to_sphere, camera_omega(vec2f(texel) + 0.5));
+    let chord = splat_chord(centre, to_sphere, camera_omega(vec2f(texel) + 0.5), camera.near);
     if !chord.hit {
         return;
     }
-    let first = textureLoad(layers, texel, FRONT, 0).w;
-    let last = textureLoad(layers, texel, BACK, 0).w;
+    let first = textureLoad(layers, texel, FRONT$level).w;
+    let last = textureLoad(layers, texel, BACK$level).w;
     if first <= 0.0 || last <= first {
         return;
     }

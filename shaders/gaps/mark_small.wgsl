@@ -24,10 +24,12 @@ fn is_listed(index: u32) -> bool {
         return true;
     }
     let to_sphere = splat_to_sphere(splat);
-    for (var y = first.y; y <= last.y; y++) {
-        for (var x = first.x; x <= last.x; x++) {
-            mark_cell(vec2u(x, y), placed.centre, to_sphere);
-        }
+    // One loop for rows and columns: splats of different widths share its turns.
+    var cell = first;
+    for (var i = 0u; i < cells.x * cells.y; i++) {
+        mark_cell(cell, placed.centre, to_sphere);
+        let ends_row = cell.x == last.x;
+        cell = vec2u(select(cell.x + 1u, first.x, ends_row), select(cell.y, cell.y + 1u, ends_row));
     }
     return false;
 }

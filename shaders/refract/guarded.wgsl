@@ -4,7 +4,12 @@
 // a stride until the inside/outside state changes; then the root is bracketed and found by prediction
 // where that converges, by bisection elsewhere.
 
+#import common/tiles.wgsl
 #import refract/pixels.wgsl
+
+override BOUNDS: bool = false; // the bounds of the layers are known
+
+@group(1) @binding(4) var bounds: texture_2d<f32>; // as in bounds.wgsl
 
 // Convergence threshold: distance, in pixels, between a predicted root and its sample.
 const CLOSE_PIXELS: f32 = 0.25;
@@ -109,6 +114,39 @@ fn approach(layer_class: i32, ray: ScreenRay, tau: f32) -> Approach {
     return Approach(residual > 0.0, is_deep(ray, front, back, tau), root, front, texel);
 }
 
+// Relative rounding error of disparities against the bounds.
+const BOUNDS_ROUNDING: f32 = 1e-5;
+// Bound on the tiles that a ray crosses.
+const MOST_TILES: u32 = 4096u;
+
+// Part of a pixel by which a point on the border of two tiles is moved into the next one.
+const BORDER: f32 = 0.01;
+
+// Where a ray in the air at tau leaves the last of the next tiles in which it meets no liquid of a class: all of it is
+// behind the ray's part in the tile, or in front of it. tau if it may meet some in this tile.
+fn clear_until(layer_class: i32, ray: ScreenRay, tau: f32) -> f32 {
+    let border = BORDER * ray.tau_per_pixel;
+    var end = tau;
+    for (var i = select(MOST_TILES, 0u, BOUNDS); i < MOST_TILES && end < 1.0; i++) {
+        let tile = screen_ray_texel(ray, end + select(border, 0.0, i == 0u)) / i32(TILE);
+        let of_both = textureLoad(bounds, tile, 0);
+        let of_class = select(of_both.xy, of_both.zw, layer_class == SPLASHES);
+        let borders = vec2f(tile + select(vec2i(0), vec2i(1), ray.du > vec2f(0.0))) * f32(TILE);
+        let leaves = select(vec2f(NEVER), (borders - ray.u) / ray.du, abs(ray.du) > vec2f(1e-6));
+        let next = min(max(min(leaves.x, leaves.y), end + border), 1.0);
+        let here = ray.disparity + end * ray.d_disparity;
+        let there = ray.disparity + next * ray.d_disparity;
+        let in_front = min(here, there) > of_class.x * (1.0 + BOUNDS_ROUNDING);
+        let behind = max(here, there) < of_class.y * (1.0 - BOUNDS_ROUNDING);
+        if of_class.x > 0.0 && !in_front && !behind {
+            break;
+        }
+        end = next;
+    }
+    // A surface on the border is ahead.
+    return select(max(end - border, tau), 1.0, end >= 1.0);
+}
+
 // One loop for strides and bisections: drivers inline the evaluation where it is called, and a group of pixels
 // waits for those that bisect.
 fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
@@ -168,6 +206,16 @@ fn front_entry(layer_class: i32, ray: ScreenRay) -> Interface {
             }
             if !here.behind && here.tau - tau <= close {
                 return entry_at(ray, here);
+            }
+            if !here.behind {
+                let clear = clear_until(layer_class, ray, tau);
+                if clear > tau {
+                    tau = clear;
+                    here.tau = NEVER;
+                }
+                if tau >= 1.0 {
+                    break;
+                }
             }
             next = min(min(tau + stride, 1.0), select(here.tau, NEVER, here.behind || here.tau <= tau));
             sample = next;

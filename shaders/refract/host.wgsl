@@ -5,7 +5,7 @@
 #import common/scene.wgsl
 #import common/screen_ray.wgsl
 
-@group(1) @binding(9) var host_color: texture_2d<f32>; // or the background
+@group(1) @binding(10) var host_color: texture_2d<f32>; // or the background
 
 // Index of a hit on the host's scene, in place of a solid's.
 const HOST_SCENE: u32 = 0xffffffffu;

@@ -46,8 +46,8 @@ override ITERATIONS: u32 = 4u;            // of `newton` and `secant`
 
 @group(1) @binding(0) var<uniform> params: Params;
 @group(1) @binding(3) var gbuffer_planes: texture_2d<f32>;
-@group(1) @binding(4) var mixture: texture_2d<f32>; // absorption times length, length: mixture.wgsl
-@group(1) @binding(5) var gbuffer_surfaces: texture_2d<f32>; // world normal, solid index
+@group(1) @binding(5) var mixture: texture_2d<f32>; // absorption times length, length: mixture.wgsl
+@group(1) @binding(6) var gbuffer_surfaces: texture_2d<f32>; // world normal, solid index
 
 // Reflectance above which an internal reflection is followed and the transmitted ray is only looked up.
 const STRONG: f32 = 0.3;
@@ -175,10 +175,10 @@ fn class_texel(layer_class: i32, side: i32, texel: vec2i, level: i32) -> vec4f {
     diagnosed.fetches += 1.0;
     switch layer_class {
         case AGGREGATE: {
-            return textureLoad(aggregate_layers, texel, side, level);
+            return textureLoad(aggregate_layers, texel, side$at_level);
         }
         case SPLASHES: {
-            return textureLoad(splash_layers, texel, side, level);
+            return textureLoad(splash_layers, texel, side$at_level);
         }
         default: {
             return textureLoad(gbuffer_planes, texel, level);
@@ -336,9 +336,9 @@ fn covered(x: vec3f) -> bool {
     }
     let u = camera_pixel(x);
     let texel = vec2i(u);
-    var front = textureLoad(aggregate_layers, texel, FRONT, 0).xyz;
+    var front = textureLoad(aggregate_layers, texel, FRONT$level).xyz;
     if plane_is_empty(front) && SPLASH {
-        front = textureLoad(splash_layers, texel, FRONT, 0).xyz;
+        front = textureLoad(splash_layers, texel, FRONT$level).xyz;
     }
     return dot(front, camera_omega(u)) > camera_disparity(x);
 }

@@ -6,36 +6,18 @@
 #import common/scene.wgsl
 #import common/tiles.wgsl
 #import refract/interfaces.wgsl
+#import refract/lists.wgsl
 
 override COUNT: bool = false;     // write the diagnostics
 override EDGE_SAMPLES: u32 = 16u; // rays per edge pixel without liquid
 
-@group(1) @binding(6) var radiance: texture_storage_2d<rgba32float, write>;
+@group(1) @binding(7) var radiance: texture_storage_2d<rgba32float, write>;
 // Interfaces, length inside (m), solver iterations and solver failures: means over the samples.
-@group(1) @binding(7) var diagnostics: texture_storage_2d<rgba32float, write>;
+@group(1) @binding(8) var diagnostics: texture_storage_2d<rgba32float, write>;
 // Tiles of the entry point: those with liquid, or the others.
-@group(1) @binding(8) var<storage, read> tiles: TileList;
-
-// Pixels without liquid that contain an edge. The other entry points defer them to `edge_pixels`, so
-// that their many rays do not diverge from pixels with a single ray.
-struct Edges {
-    count: atomic<u32>,
-    looks: atomic<u32>,     // of the first ray of each pixel, with a host: terminated rays,
-    fallbacks: atomic<u32>, // and those that the host's picture does not show
-    pixels: array<u32>,      // x + 65536 y
-}
-
-@group(3) @binding(0) var<storage, read_write> edges: Edges;
-// Indirect dispatch size of `edge_pixels` in x: groups of EDGE_GROUP pixels.
-@group(3) @binding(1) var<storage, read_write> edge_groups: atomic<u32>;
-
-const EDGE_GROUP: u32 = 64u;
-
-// Capacity: that of the list, and of the largest dispatch that every adapter supports. Further edge
-// pixels are drawn where they are found.
-fn most_edges() -> u32 {
-    return min(65535u * EDGE_GROUP, arrayLength(&edges.pixels));
-}
+@group(1) @binding(9) var<storage, read> tiles: TileList;
+// Of `structured_pixels`: the picture with one ray per pixel.
+@group(1) @binding(11) var first_radiance: texture_2d<f32>;
 
 // Relative difference of radiance that distinguishes an edge from shading, and from filtered patterns.
 const EDGE: f32 = 0.02;
@@ -107,33 +89,22 @@ fn is_flat(p: vec2i, centre: vec4f, low: vec4f, high: vec4f) -> bool {
     return flat;
 }
 
-// Adds a pixel to the list of `edge_pixels`, unless the list is full.
-fn is_deferred(p: vec2i) -> bool {
-    let index = atomicAdd(&edges.count, 1u);
-    if index >= most_edges() {
-        return false;
-    }
-    edges.pixels[index] = u32(p.x) | (u32(p.y) << 16u);
-    if index % EDGE_GROUP == 0u {
-        atomicAdd(&edge_groups, 1u);
-    }
-    return true;
-}
-
+// Pixels without liquid that contain an edge, which the other entry points defer.
 @compute @workgroup_size(64)
-fn edge_pixels(@builtin(global_invocation_id) id: vec3u) {
-    if id.x >= min(atomicLoad(&edges.count), most_edges()) {
-        return;
+fn edge_pixels(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+) {
+    for (var i = id.x; i < listed_count(); i += LIST_GROUP * groups.x) {
+        let p = listed_pixel(i);
+        textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
     }
-    let packed = edges.pixels[id.x];
-    let p = vec2i(vec2u(packed & 0xffffu, packed >> 16u));
-    textureStore(radiance, p, background_mean(p, EDGE_SAMPLES));
 }
 
 fn has_liquid(texel: vec2i) -> bool {
-    var covered = !plane_is_empty(textureLoad(aggregate_layers, texel, FRONT, 0).xyz);
+    var covered = !plane_is_empty(textureLoad(aggregate_layers, texel, FRONT$level).xyz);
     if SPLASH {
-        covered |= !plane_is_empty(textureLoad(splash_layers, texel, FRONT, 0).xyz);
+        covered |= !plane_is_empty(textureLoad(splash_layers, texel, FRONT$level).xyz);
     }
     return covered;
 }
@@ -145,9 +116,9 @@ fn is_hidden(p: vec2i) -> bool {
         return false;
     }
     let middle = camera_omega(vec2f(p) + 0.5);
-    var front = textureLoad(aggregate_layers, p, FRONT, 0).xyz;
+    var front = textureLoad(aggregate_layers, p, FRONT$level).xyz;
     if SPLASH {
-        let splash = textureLoad(splash_layers, p, FRONT, 0).xyz;
+        let splash = textureLoad(splash_layers, p, FRONT$level).xyz;
         front = select(front, splash, dot(splash, middle) > dot(front, middle));
     }
     let disparity = dot(front, middle);
@@ -177,20 +148,46 @@ fn refract_pixels(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
         draw_background(p);
         return;
     }
+    var sum = vec4f(0.0);
     diagnosed = Diagnostics();
-    let share = 1.0 / f32(SAMPLES);
-    var color = vec4f(0.0);
     for (var i = 0u; i < SAMPLES; i++) {
-        color += share * trace(vec2f(p) + sample_offset(i, SAMPLES), p);
+        sum += trace(vec2f(p) + sample_offset(i, SAMPLES), p);
         if HOST && i == 0u {
-            atomicAdd(&edges.looks, u32(diagnosed.looks));
-            atomicAdd(&edges.fallbacks, u32(diagnosed.fallbacks));
+            atomicAdd(&listed.looks, u32(diagnosed.looks));
+            atomicAdd(&listed.fallbacks, u32(diagnosed.fallbacks));
         }
     }
-    textureStore(radiance, p, vec4f(color.rgb, select(1.0, color.a, TRANSPARENT)));
+    store_liquid(p, sum, SAMPLES);
+}
+
+// Pixels with liquid whose picture has structure (structure.wgsl): their first ray is known, and followed by others.
+@compute @workgroup_size(64)
+fn structured_pixels(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+) {
+    for (var k = id.x; k < listed_count(); k += LIST_GROUP * groups.x) {
+        let p = listed_pixel(k);
+        if is_hidden(p) {
+            continue;
+        }
+        var sum = textureLoad(first_radiance, p, 0);
+        diagnosed = Diagnostics();
+        for (var i = 1u; i < SAMPLES; i++) {
+            sum += trace(vec2f(p) + further_offset(i, SAMPLES), p);
+        }
+        store_liquid(p, sum, SAMPLES - 1u);
+    }
+}
+
+// Stores the mean of all samples; the diagnostics are sums over `rays` of them.
+fn store_liquid(p: vec2i, sum: vec4f, rays: u32) {
+    let mean = sum / f32(SAMPLES);
+    textureStore(radiance, p, vec4f(mean.rgb, select(1.0, mean.a, TRANSPARENT)));
     if COUNT {
         let d = diagnosed;
-        textureStore(diagnostics, p, vec4f(d.interfaces, d.inside, d.iterations, d.failures) * share);
+        let sums = vec4f(d.interfaces, d.inside, d.iterations, d.failures);
+        textureStore(diagnostics, p, sums / f32(max(rays, 1u)));
     }
 }
 

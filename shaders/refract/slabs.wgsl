@@ -8,8 +8,8 @@
 override SPLASH: bool = false; // the frame has splash layers
 override GAPS: u32 = 0u;       // gaps that the layers of a class have at most
 
-@group(1) @binding(1) var aggregate_layers: texture_2d_array<f32>;
-@group(1) @binding(2) var splash_layers: texture_2d_array<f32>;
+@group(1) @binding(1) var aggregate_layers: $layers;
+@group(1) @binding(2) var splash_layers: $layers;
 
 struct Diagnostics {
     interfaces: f32,       // interfaces crossed
@@ -40,17 +40,18 @@ struct Slabs {
 // The first front and the last back of each class at a texel.
 fn whole_slabs(texel: vec2i) -> Slabs {
     var slabs: Slabs;
-    let front = textureLoad(aggregate_layers, texel, FRONT, 0);
-    let back = textureLoad(aggregate_layers, texel, BACK, 0);
+    let front = textureLoad(aggregate_layers, texel, FRONT$level);
+    let back = textureLoad(aggregate_layers, texel, BACK$level);
     slabs.aggregate = Slab(front.xyz, back.xyz);
     slabs.aggregate_has_gap = GAPS > 0u && is_flagged(front.w);
     slabs.splash_has_gap = GAPS > 0u && SPLASH && is_flagged(back.w);
-    if SPLASH {
-        slabs.splash.front = textureLoad(splash_layers, texel, FRONT, 0).xyz;
-        slabs.splash.back = textureLoad(splash_layers, texel, BACK, 0).xyz;
-    }
     diagnosed.iterations += 1.0;
-    diagnosed.fetches += select(2.0, 4.0, SPLASH);
+    diagnosed.fetches += 2.0;
+    if SPLASH {
+        slabs.splash.front = textureLoad(splash_layers, texel, FRONT$level).xyz;
+        slabs.splash.back = textureLoad(splash_layers, texel, BACK$level).xyz;
+        diagnosed.fetches += 2.0;
+    }
     return slabs;
 }
 
@@ -88,15 +89,15 @@ fn after_gap(slab: Slab, gap: Slab) -> Slab {
 
 // A gap of one class at a texel: its sides are the back in front of it and the front behind it.
 fn aggregate_gap(texel: vec2i, gap: i32) -> Slab {
-    let back = textureLoad(aggregate_layers, texel, gap_back(gap), 0).xyz;
-    let front = textureLoad(aggregate_layers, texel, gap_front(gap), 0).xyz;
+    let back = textureLoad(aggregate_layers, texel, gap_back(gap)$level).xyz;
+    let front = textureLoad(aggregate_layers, texel, gap_front(gap)$level).xyz;
     diagnosed.fetches += 2.0;
     return Slab(front, back);
 }
 
 fn splash_gap(texel: vec2i, gap: i32) -> Slab {
-    let back = textureLoad(splash_layers, texel, gap_back(gap), 0).xyz;
-    let front = textureLoad(splash_layers, texel, gap_front(gap), 0).xyz;
+    let back = textureLoad(splash_layers, texel, gap_back(gap)$level).xyz;
+    let front = textureLoad(splash_layers, texel, gap_front(gap)$level).xyz;
     diagnosed.fetches += 2.0;
     return Slab(front, back);
 }

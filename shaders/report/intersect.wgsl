@@ -20,10 +20,10 @@ fn intersect_pixels(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let omega = camera_omega(vec2f(p) + 0.5);
-    var front = textureLoad(aggregate_layers, p, FRONT, 0).xyz;
+    var front = textureLoad(aggregate_layers, p, FRONT$level).xyz;
     var enters_splash = false;
     if SPLASH {
-        let splash = textureLoad(splash_layers, p, FRONT, 0).xyz;
+        let splash = textureLoad(splash_layers, p, FRONT$level).xyz;
         enters_splash = dot(splash, omega) > dot(front, omega);
         front = select(front, splash, enters_splash);
     }
@@ -53,8 +53,8 @@ fn intersect_pixels(@builtin(global_invocation_id) id: vec3u) {
     // Entry class plus twice the exit class: 0 for aggregates, 1 for splashes.
     var order = 0.0;
     if SPLASH && !TO_SOLIDS {
-        let leaves_splash = all(hit.plane == textureLoad(splash_layers, hit.texel, BACK, 0).xyz)
-            || all(hit.plane == textureLoad(splash_layers, hit.texel, FRONT, 0).xyz);
+        let leaves_splash = all(hit.plane == textureLoad(splash_layers, hit.texel, BACK$level).xyz)
+            || all(hit.plane == textureLoad(splash_layers, hit.texel, FRONT$level).xyz);
         order = select(0.0, 1.0, enters_splash) + select(0.0, 2.0, leaves_splash);
     }
     textureStore(tallies, p, vec4f(diagnosed.fetches, diagnosed.iterations, order, 0.0));

@@ -33,11 +33,11 @@ override GAPS: i32 = 0;           // gaps that a pixel distinguishes
 override GAP: i32 = -1;           // number of the gap whose sides are smoothed; -1 for fronts and backs
 
 @group(1) @binding(0) var<uniform> params: Params;
-@group(1) @binding(1) var source: texture_2d_array<f32>;
+@group(1) @binding(1) var source: $layers;
 @group(1) @binding(2) var target_state: texture_storage_2d_array<rgba32float, write>;
 @group(1) @binding(3) var target_planes: texture_storage_2d_array<rgba32float, write>;
 // The splatted planes; with GAP the smoothed state of fronts and backs.
-@group(1) @binding(4) var unsmoothed: texture_2d_array<f32>;
+@group(1) @binding(4) var unsmoothed: $layers;
 @group(1) @binding(5) var<storage, read> liquid: TileList;
 @group(1) @binding(6) var gap_tiles: texture_2d<f32>; // as in gaps/split.wgsl
 @group(1) @binding(7) var splashes: texture_2d_array<f32>;
@@ -52,17 +52,17 @@ fn state_at(q: vec2i, layer: i32, z: f32) -> vec4f {
     // As unsigned numbers, negative coordinates are large.
     let inside = all(vec2u(q) < vec2u(camera.size));
     if GAP >= 0 {
-        let whole = textureLoad(unsmoothed, q, layer, 0);
+        let whole = textureLoad(unsmoothed, q, layer$level);
         var nearest = vec4f(whole.xyz, select(0.0, whole.w, inside));
         if inside && textureLoad(gap_tiles, vec2u(q) / TILE, 0).y > 0.0 {
-            let side = textureLoad(source, q, layer_index(layer), 0);
+            let side = textureLoad(source, q, layer_index(layer)$level);
             if side.w > 0.0 && (nearest.w <= 0.0 || abs(side.w - z) <= abs(nearest.w - z)) {
                 nearest = side;
             }
         }
         return nearest;
     }
-    let texel = textureLoad(source, q, layer, 0);
+    let texel = textureLoad(source, q, layer$level);
     return vec4f(texel.xyz, select(0.0, texel.w, inside));
 }
 
@@ -79,9 +79,9 @@ fn prepare(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     }
     var plane = vec4f(0.0);
     if GAP >= 0 {
-        plane = textureLoad(source, p, layer_index(layer), 0);
+        plane = textureLoad(source, p, layer_index(layer)$level);
     } else {
-        plane = textureLoad(unsmoothed, p, layer, 0);
+        plane = textureLoad(unsmoothed, p, layer$level);
     }
     var state = vec4f(0.0);
     if plane.w > 0.0 {
@@ -102,7 +102,7 @@ fn iterate(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) lo
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    var state = textureLoad(source, p, layer_index(layer), 0);
+    var state = textureLoad(source, p, layer_index(layer)$level);
     // Empty texels and marks of rays that start inside are kept, and excluded from taps.
     let size = state_size(state);
     if state.w > camera.near && tap_distance(state.w, size) >= params.least {
@@ -149,7 +149,7 @@ fn planes(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loc
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    let here = textureLoad(source, p, layer_index(layer), 0);
+    let here = textureLoad(source, p, layer_index(layer)$level);
     var plane = vec4f(0.0);
     if here.w > 0.0 {
         plane = fitted_plane(p, layer, here);
@@ -169,7 +169,7 @@ fn fitted_plane(p: vec2i, layer: i32, here: vec4f) -> vec4f {
     let x = difference(p, vec2i(1, 0), layer, z, expected.x, size);
     let y = difference(p, vec2i(0, 1), layer, z, expected.y, size);
     if GAP < 0 && z <= camera.near {
-        pi = textureLoad(unsmoothed, p, layer, 0).xyz;
+        pi = textureLoad(unsmoothed, p, layer$level).xyz;
     } else if x.known && y.known {
         pi = plane_from_gradient(omega, disparity, vec2f(x.slope, y.slope));
     }
@@ -188,11 +188,11 @@ fn copy(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    let plane = textureLoad(unsmoothed, p, layer, 0);
+    let plane = textureLoad(unsmoothed, p, layer$level);
     store_plane(p, layer, plane);
     for (var gap = 0; gap < GAPS; gap++) {
         let side = select(gap_front(gap), gap_back(gap), layer == BACK);
-        textureStore(target_planes, p, side, textureLoad(unsmoothed, p, side, 0));
+        textureStore(target_planes, p, side, textureLoad(unsmoothed, p, side$level));
     }
 }
 
@@ -202,8 +202,8 @@ fn has_gap(p: vec2i, layer: i32) -> bool {
     var found = false;
     // Loops in place of branches: software adapters skip them where no pixel of a group has gaps.
     for (var gap = select(GAPS, 0, layer == FRONT && splits.y > 0.0); gap < GAPS; gap++) {
-        let back = textureLoad(unsmoothed, p, gap_back(gap), 0).w;
-        let front = textureLoad(unsmoothed, p, gap_front(gap), 0).w;
+        let back = textureLoad(unsmoothed, p, gap_back(gap)$level).w;
+        let front = textureLoad(unsmoothed, p, gap_front(gap)$level).w;
         found = found || back > 0.0 && front > 0.0;
     }
     for (var gap = select(GAPS, 0, layer == BACK && splits.w > 0.0); gap < GAPS; gap++) {
@@ -233,7 +233,7 @@ fn carry(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loca
     let p = tile_pixel(liquid.tiles[index], local.xy);
     if all(p < vec2i(camera.size)) {
         let layer = layer_index(i32(group.z));
-        textureStore(target_state, p, layer, textureLoad(source, p, layer, 0));
+        textureStore(target_state, p, layer, textureLoad(source, p, layer$level));
     }
 }
 

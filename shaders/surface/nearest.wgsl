@@ -9,9 +9,9 @@ struct Nearest {
 
 @fragment
 fn nearest(in: Varying) -> Nearest {
-    let chord = splat_chord(in.centre, varying_to_sphere(in), camera_omega(in.clip.xy));
+    let chord = fragment_chord(in, fragment_omega(in));
     if !chord.hit {
         discard;
     }
-    return Nearest(in.tag.xy, depth_at(max(chord.middle - chord.half_length, camera.near)));
+    return Nearest(in.tag.xy, fragment_depth(in, max(chord.middle - chord.half_length, in.range.x)));
 }

@@ -29,6 +29,16 @@ impl Gpu {
     pub fn branching<T>(&self) -> wgpu::BindingType {
         if self.uniforms_are_stored() { storage_of(size_of::<T>() as u64) } else { uniform::<T>() }
     }
+
+    /// `$layers`: layers that a shader reads at one mip level; see [`Gpu::layers_are_stored`].
+    pub fn layers(&self) -> wgpu::BindingType {
+        let view_dimension = wgpu::TextureViewDimension::D2Array;
+        if !self.layers_are_stored() {
+            return sampled(view_dimension);
+        }
+        let access = wgpu::StorageTextureAccess::ReadOnly;
+        wgpu::BindingType::StorageTexture { access, format: super::LAYER_FORMAT, view_dimension }
+    }
 }
 
 /// `var<uniform> x: T`; pipeline creation checks the size.

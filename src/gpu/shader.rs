@@ -57,6 +57,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("mips/planes.wgsl", include_str!("../../shaders/mips/planes.wgsl")),
     ("refract/interfaces.wgsl", include_str!("../../shaders/refract/interfaces.wgsl")),
     ("refract/slabs.wgsl", include_str!("../../shaders/refract/slabs.wgsl")),
+    ("refract/structure.wgsl", include_str!("../../shaders/refract/structure.wgsl")),
     ("refract/pixels.wgsl", include_str!("../../shaders/refract/pixels.wgsl")),
     ("refract/host.wgsl", include_str!("../../shaders/refract/host.wgsl")),
     ("refract/one_layer.wgsl", include_str!("../../shaders/refract/one_layer.wgsl")),
@@ -65,6 +66,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("refract/plane3.wgsl", include_str!("../../shaders/refract/plane3.wgsl")),
     ("refract/secant.wgsl", include_str!("../../shaders/refract/secant.wgsl")),
     ("refract/guarded.wgsl", include_str!("../../shaders/refract/guarded.wgsl")),
+    ("refract/lists.wgsl", include_str!("../../shaders/refract/lists.wgsl")),
     ("refract/march.wgsl", include_str!("../../shaders/refract/march.wgsl")),
     ("refract/newton.wgsl", include_str!("../../shaders/refract/newton.wgsl")),
     ("caustics/params.wgsl", include_str!("../../shaders/caustics/params.wgsl")),
@@ -75,6 +77,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("caustics/forward.wgsl", include_str!("../../shaders/caustics/forward.wgsl")),
     ("caustics/deposit.wgsl", include_str!("../../shaders/caustics/deposit.wgsl")),
     ("caustics/resolve.wgsl", include_str!("../../shaders/caustics/resolve.wgsl")),
+    ("bounds.wgsl", include_str!("../../shaders/bounds.wgsl")),
     ("caustics/blur.wgsl", include_str!("../../shaders/caustics/blur.wgsl")),
     ("caustics/conic.wgsl", include_str!("../../shaders/caustics/conic.wgsl")),
     ("caustics/gather.wgsl", include_str!("../../shaders/caustics/gather.wgsl")),
@@ -112,6 +115,7 @@ pub const ROOTS: &[&str] = &[
     "host.wgsl",
     "mips/layers.wgsl",
     "mips/planes.wgsl",
+    "bounds.wgsl",
     "refract/single.wgsl",
     "refract/plane.wgsl",
     "refract/plane3.wgsl",
@@ -119,6 +123,7 @@ pub const ROOTS: &[&str] = &[
     "refract/guarded.wgsl",
     "refract/march.wgsl",
     "refract/newton.wgsl",
+    "refract/structure.wgsl",
     "caustics/grid.wgsl",
     "caustics/forward.wgsl",
     "caustics/deposit.wgsl",
@@ -145,6 +150,11 @@ pub struct Variant {
     /// Vulkan recompiles the shader in every frame. It reads storage lane by lane, so all other
     /// uniforms stay uniforms.
     pub stored_uniforms: bool,
+    /// `$layers`: layers are bound as storage textures, see [`Gpu::layers_are_stored`]; then `$level` and
+    /// `$at_level`, which follow a texel's layer, are nothing instead of mip level 0 and `level`.
+    pub stored_layers: bool,
+    /// Layers are sampled textures on any device, because their mip levels are read.
+    pub mips: bool,
 }
 
 /// On which side of `depth_bound` fragments write.
@@ -172,6 +182,12 @@ impl Variant {
                 Some(EarlyDepth::GreaterEqual) => "@early_depth_test(greater_equal)",
             }),
             "branching" => Some(if self.stored_uniforms { "storage, read" } else { "uniform" }),
+            "layers" => Some(match self.stored_layers {
+                true => "texture_storage_2d_array<rgba32float, read>",
+                false => "texture_2d_array<f32>",
+            }),
+            "level" => Some(if self.stored_layers { "" } else { ", 0" }),
+            "at_level" => Some(if self.stored_layers { "" } else { ", level" }),
             _ => None,
         }
     }
@@ -243,7 +259,11 @@ pub fn resolve<'a>(
 
 /// Creates the shader module of a root for a variant on a device.
 pub fn module(gpu: &Gpu, root: &str, variant: Variant) -> wgpu::ShaderModule {
-    let variant = Variant { stored_uniforms: gpu.uniforms_are_stored(), ..variant };
+    let variant = Variant {
+        stored_uniforms: gpu.uniforms_are_stored(),
+        stored_layers: gpu.layers_are_stored() && !variant.mips,
+        ..variant
+    };
     gpu.module(root, source(root, variant))
 }
 

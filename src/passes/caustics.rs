@@ -20,7 +20,7 @@ use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec2};
-use wgpu::TextureViewDimension::{D2, D2Array};
+use wgpu::TextureViewDimension::D2;
 
 use super::gbuffer::{SceneBinding, SceneVariant};
 use super::refract::{self, Variant};
@@ -227,8 +227,9 @@ impl Caustics {
                 compute,
                 &[
                     gpu::uniform::<refract::Params>(),
-                    gpu::sampled(D2Array),
-                    gpu::sampled(D2Array),
+                    gpu.layers(),
+                    gpu.layers(),
+                    planes,
                     planes,
                     planes,
                 ],
@@ -388,6 +389,8 @@ impl Caustics {
                 refract.as_entire_binding(),
                 texture(&inputs.aggregate.view),
                 texture(&splash.view),
+                texture(&planes),
+                // Bounds: light that has left the liquid does not enter it again.
                 texture(&planes),
                 texture(inputs.mixture.unwrap_or(&planes)),
             ],
@@ -582,8 +585,9 @@ impl Key {
         let exact = Variant::new(scene, splash, gaps, false, false);
         let variant = Variant { solver: Solver::Guarded, filter: false, stride: 1, ..exact };
         // Settings that the kernels do not read must not create variants.
-        let variant = Variant { solids: Solids::Exact, iterations: 0, ..variant };
-        let variant = Variant { samples: 1, edge_samples: 1, transparent: false, ..variant };
+        let variant = Variant { solids: Solids::Exact, iterations: 0, bounds: false, ..variant };
+        let variant =
+            Variant { samples: 1, adaptive: false, edge_samples: 1, transparent: false, ..variant };
         let scene_variant = SceneVariant {
             lights: 0,
             environment: 0,

@@ -7,7 +7,6 @@
 
 use glam::UVec2;
 use rayon::prelude::*;
-use wgpu::TextureViewDimension::D2Array;
 
 use super::splat_buffers::SplatBuffers;
 use super::splat_lists::{self, Selection, SplatLists};
@@ -19,7 +18,7 @@ use crate::liquid::classify::Splats;
 pub const LEAST: usize = 1 << 16;
 
 /// The same for software adapters.
-const LEAST_IN_SOFTWARE: usize = 1 << 14;
+const LEAST_IN_SOFTWARE: usize = 1 << 11;
 
 /// Whether culling pays for a frame: enough splats are surrounded, and the device supports it.
 pub fn is_worthwhile(gpu: &Gpu, splats: &Splats) -> bool {
@@ -61,7 +60,7 @@ impl Cull {
     pub fn new(gpu: &Gpu, camera: &CameraBinding) -> Self {
         let lists = SplatLists::new(gpu);
         let compute = wgpu::ShaderStages::COMPUTE;
-        let bindings = [gpu::sampled(D2Array), gpu::storage_read_write(8)];
+        let bindings = [gpu.layers(), gpu::storage_read_write(8)];
         let depths_layout = gpu.layout("cull depths", compute, &bindings);
         let tiles_layout = gpu.layout("cull", compute, &[gpu::storage::<[f32; 2]>()]);
         let depths = |backs: f64| {

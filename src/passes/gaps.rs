@@ -119,7 +119,7 @@ impl Gaps {
             mark: gpu.layout(
                 "gap marks",
                 compute | wgpu::ShaderStages::FRAGMENT,
-                &[layers, gpu::storage_read_write(MARKS)],
+                &[gpu.layers(), gpu::storage_read_write(MARKS)],
             ),
             split: gpu.layout(
                 "gap splits",

@@ -9,6 +9,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
 use wgpu::TextureViewDimension::{D2, D2Array};
 
+use super::bounds::Bounds;
 use super::gbuffer::{SceneBinding, SceneVariant};
 use super::mixture;
 use super::tiles::TileLists;
@@ -58,10 +59,14 @@ pub struct Variant {
     pub iterations: u32,
     /// Rays per pixel.
     pub samples: u32,
+    /// Only pixels whose picture has structure get as many, all others one.
+    pub adaptive: bool,
     /// Rays per background pixel that contains an edge.
     pub edge_samples: u32,
     /// The frame has splashes.
     pub splash: bool,
+    /// The intersector reads the bounds of the layers.
+    pub bounds: bool,
     /// The liquid absorbs.
     pub absorption: bool,
     /// The fluids differ in absorption.
@@ -100,8 +105,10 @@ impl Variant {
             stride: if settings.solver == Solver::March { settings.stride } else { 1 },
             iterations: if iterates { settings.iterations } else { 0 },
             samples: settings.samples,
+            adaptive: settings.samples > 1 && settings.structure > 0.0,
             edge_samples: settings.edge_samples,
             splash,
+            bounds: settings.solver == Solver::Guarded,
             absorption: mixture::strongest(scene) > 0.0,
             mixture: mixture::is_mixed(scene),
             fresnel: settings.fresnel,
@@ -129,6 +136,19 @@ impl Variant {
         }
     }
 
+    /// The variant of the first rays of all pixels.
+    fn first(self) -> Self {
+        match self.adaptive {
+            true => Self {
+                samples: 1,
+                adaptive: false,
+                edge_samples: self.edge_samples.max(self.samples),
+                ..self
+            },
+            false => self,
+        }
+    }
+
     /// Whether its intersector reads mip levels of the layers.
     pub fn mips(self) -> bool {
         self.filter || self.solver == Solver::Plane3
@@ -142,6 +162,7 @@ impl Variant {
         constants.push(("GAPS", self.gaps.into()));
         match self.solver {
             Solver::Newton => constants.push(("FILTER", f64::from(u8::from(self.filter)))),
+            Solver::Guarded => constants.push(("BOUNDS", f64::from(u8::from(self.bounds)))),
             Solver::March => constants.push(("STRIDE", self.stride.into())),
             _ => {}
         }
@@ -167,11 +188,8 @@ impl Variant {
     }
 }
 
-/// Edge pixels per workgroup.
-const EDGE_GROUP: u64 = 64;
-
-/// Bytes before the list of edge pixels: the number of them, of rays and of fallbacks.
-const EDGE_COUNTS: u64 = 12;
+/// Bytes before a list of pixels: the number of them, of rays and of fallbacks.
+const LIST_COUNTS: u64 = 12;
 
 #[derive(Debug)]
 struct Pipelines {
@@ -180,10 +198,10 @@ struct Pipelines {
     edges: wgpu::ComputePipeline,
 }
 
-/// Background pixels that contain an edge, gathered to be drawn together.
+/// Pixels gathered to be drawn together: `refract/lists.wgsl`.
 #[derive(Debug)]
-struct Edges {
-    /// Counts of edge pixels, of rays and of fallbacks, then pixels.
+struct PixelList {
+    /// Counts of pixels, of rays and of fallbacks, then pixels.
     list: wgpu::Buffer,
     /// Arguments of the indirect dispatch over them.
     dispatch: wgpu::Buffer,
@@ -191,66 +209,92 @@ struct Edges {
     draw: wgpu::BindGroup,
 }
 
+/// Pixels whose picture has structure: `refract/structure.wgsl`.
+#[derive(Debug)]
+struct Structure {
+    /// Without and with splashes, for perspective and orthographic views; compiled on first use.
+    find: [[Option<wgpu::ComputePipeline>; 2]; 2],
+    params: wgpu::Buffer,
+    layout: wgpu::BindGroupLayout,
+}
+
 /// Draws the liquid, and everything visible through and beside it.
 #[derive(Debug)]
 pub struct Refract {
     /// Output.
     pub radiance: Radiance,
+    /// The picture with one ray per pixel, of adaptive variants.
+    first_radiance: wgpu::Texture,
     /// Output when counting: interfaces, length inside (m), solver iterations, solver failures.
     pub diagnostics: wgpu::Texture,
     /// By variants, and whether the view is orthographic.
     pipelines: HashMap<(Variant, SceneVariant, bool), Pipelines>,
+    /// The further rays of adaptive variants.
+    structured: HashMap<(Variant, SceneVariant, bool), wgpu::ComputePipeline>,
+    structure: Structure,
     params: wgpu::Buffer,
-    layout: wgpu::BindGroupLayout,
-    edge_layouts: [wgpu::BindGroupLayout; 2],
-    edges: Edges,
+    /// Without and with mip levels of the layers.
+    layouts: [wgpu::BindGroupLayout; 2],
+    list_layouts: [wgpu::BindGroupLayout; 2],
+    /// Background pixels that contain an edge, then liquid pixels whose picture has structure.
+    listed: PixelList,
 }
 
 impl Refract {
     /// Creates the layout; pipelines are compiled on first use.
     pub fn new(gpu: &Gpu) -> Self {
-        let bindings = [
-            gpu::uniform::<Params>(),
-            gpu::sampled(D2Array),
-            gpu::sampled(D2Array),
-            gpu::sampled(D2),
-            gpu::sampled(D2),
-            gpu::sampled(D2),
-            gpu::storage_texture(Layers::FORMAT, D2),
-            gpu::storage_texture(Layers::FORMAT, D2),
-            gpu::storage_of(8),
-            gpu::sampled(D2),
-        ];
-        let layout = gpu.layout("refract", wgpu::ShaderStages::COMPUTE, &bindings);
-        // Indirect arguments must not be bound where they are used, so drawing edges binds the list alone.
-        let edge_bindings = [gpu::storage_read_write(EDGE_COUNTS + 4), gpu::storage_read_write(4)];
-        let edge_layouts = [&edge_bindings[..], &edge_bindings[..1]]
-            .map(|bindings| gpu.layout("edges", wgpu::ShaderStages::COMPUTE, bindings));
+        let layout = |layers: wgpu::BindingType| {
+            let bindings = [
+                gpu::uniform::<Params>(),
+                layers,
+                layers,
+                gpu::sampled(D2),
+                gpu::sampled(D2),
+                gpu::sampled(D2),
+                gpu::sampled(D2),
+                gpu::storage_texture(Layers::FORMAT, D2),
+                gpu::storage_texture(Layers::FORMAT, D2),
+                gpu::storage_of(8),
+                gpu::sampled(D2),
+                gpu::sampled(D2),
+            ];
+            gpu.layout("refract", wgpu::ShaderStages::COMPUTE, &bindings)
+        };
+        let layouts = [gpu.layers(), gpu::sampled(D2Array)].map(layout);
+        // Indirect arguments must not be bound where they are used, so drawing the pixels binds the list alone.
+        let list_bindings = [gpu::storage_read_write(LIST_COUNTS + 4), gpu::storage_read_write(4)];
+        let list_layouts = [&list_bindings[..], &list_bindings[..1]]
+            .map(|bindings| gpu.layout("listed pixels", wgpu::ShaderStages::COMPUTE, bindings));
         Self {
             radiance: Radiance { texture: create_texture(gpu, "radiance", UVec2::ONE) },
+            first_radiance: create_texture(gpu, "first radiance", UVec2::ONE),
             diagnostics: create_texture(gpu, "diagnostics", UVec2::ONE),
             pipelines: HashMap::new(),
+            structured: HashMap::new(),
+            structure: Structure::new(gpu),
             params: gpu::uniform_buffer::<Params>(gpu, "refract"),
-            layout,
-            edges: Edges::new(gpu, &edge_layouts, UVec2::ONE),
-            edge_layouts,
+            layouts,
+            listed: PixelList::new(gpu, &list_layouts, UVec2::ONE),
+            list_layouts,
         }
     }
 
     /// Replaces the textures; without `count` the diagnostics are one pixel.
     pub fn resize(&mut self, gpu: &Gpu, size: UVec2, count: bool) {
         self.radiance = Radiance { texture: create_texture(gpu, "radiance", size) };
-        self.edges = Edges::new(gpu, &self.edge_layouts, size);
+        self.listed = PixelList::new(gpu, &self.list_layouts, size);
         let size = if count { size } else { UVec2::ONE };
         self.diagnostics = create_texture(gpu, "diagnostics", size);
     }
 
     /// Whether `variant` is compiled for the bound scene: it takes longer than all other pipelines together.
     pub fn is_compiled(&self, variant: Variant, eye: &ViewPasses) -> bool {
-        self.pipelines.contains_key(&(variant, eye.scene.variant, eye.camera.is_orthographic()))
+        let key = |variant| (variant, eye.scene.variant, eye.camera.is_orthographic());
+        self.pipelines.contains_key(&key(variant.first()))
+            && (!variant.adaptive || self.structured.contains_key(&key(variant)))
     }
 
-    /// Writes the parameters and compiles `variant` if it is new.
+    /// Writes the parameters and compiles `variant` if it is new. `structure` is [`settings::Refract::structure`].
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
@@ -258,95 +302,219 @@ impl Refract {
         scene: &SceneBinding,
         variant: Variant,
         params: &Params,
+        structure: f32,
     ) {
         gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(params));
-        let [gather, draw] = &self.edge_layouts;
-        let key = (variant, scene.variant, camera.is_orthographic());
-        self.pipelines.entry(key).or_insert_with(|| {
+        let [gather, draw] = &self.list_layouts;
+        let layout = &self.layouts[usize::from(variant.mips())];
+        let own = gpu::shader::Variant { mips: variant.mips(), ..Default::default() };
+        let module = || gpu::shader::module(gpu, variant.shader(), own);
+        let key = |variant| (variant, scene.variant, camera.is_orthographic());
+        let pipeline = |module: &_, variant: Variant, entry: &str, list: &_| {
             let constants =
                 [&variant.constants()[..], &scene.variant.constants(), &camera.constants()]
                     .concat();
-            let module =
-                gpu::shader::module(gpu, variant.shader(), gpu::shader::Variant::default());
-            let pipeline = |entry: &str, edges: &wgpu::BindGroupLayout| {
-                let layouts = [&camera.layout, &self.layout, &scene.layout, edges];
-                gpu::module_pipeline(gpu, variant.shader(), &module, entry, &layouts, &constants)
-            };
-            let (liquid, (background, edges)) = rayon::join(
-                || pipeline("refract_pixels", gather),
-                || {
-                    let background = || pipeline("background_pixels", gather);
-                    rayon::join(background, || pipeline("edge_pixels", draw))
-                },
-            );
-            Pipelines { liquid, background, edges }
-        });
+            let layouts = [&camera.layout, layout, &scene.layout, list];
+            gpu::module_pipeline(gpu, variant.shader(), module, entry, &layouts, &constants)
+        };
+        let structured = || {
+            let is_new = variant.adaptive && !self.structured.contains_key(&key(variant));
+            is_new.then(|| pipeline(&module(), variant, "structured_pixels", draw))
+        };
+        let first = variant.first();
+        let all = || {
+            let is_new = !self.pipelines.contains_key(&key(first));
+            is_new.then(|| {
+                let module = module();
+                let (liquid, (background, edges)) = rayon::join(
+                    || pipeline(&module, first, "refract_pixels", gather),
+                    || {
+                        let background = || pipeline(&module, first, "background_pixels", gather);
+                        rayon::join(background, || pipeline(&module, first, "edge_pixels", draw))
+                    },
+                );
+                Pipelines { liquid, background, edges }
+            })
+        };
+        let (all, structured) = rayon::join(all, structured);
+        self.pipelines.extend(all.map(|all| (key(first), all)));
+        self.structured.extend(structured.map(|structured| (key(variant), structured)));
+        if variant.adaptive {
+            self.structure.prepare(gpu, camera, gather, variant.splash, structure);
+            let picture = &self.radiance.texture;
+            if self.first_radiance.size() != picture.size() {
+                let size = UVec2::new(picture.width(), picture.height());
+                self.first_radiance = create_texture(gpu, "first radiance", size);
+            }
+        }
     }
 
     /// Records the readback of the last picture's counts of rays with a host.
     pub fn record_host_rays(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Pending {
-        Pending::record(gpu, encoder, &self.edges.list, 4, EDGE_COUNTS - 4)
+        Pending::record(gpu, encoder, &self.listed.list, 4, LIST_COUNTS - 4)
     }
 
     /// Records the picture with a variant that was passed to [`Refract::prepare`] and takes
-    /// [`work`] per pixel; `behind` is a host's colour or the background.
+    /// [`work`] per pixel; `behind` is a host's colour or the background. `bounds` are those of the view's layers,
+    /// if [`Variant::bounds`] is set.
     pub fn record(
         &self,
         commands: &mut Commands<'_>,
         eye: &ViewPasses,
-        variant: Variant,
+        bounds: Option<&Bounds>,
+        (variant, work): (Variant, u64),
         behind: Option<&wgpu::TextureView>,
-        work: u64,
         span: Span<'_>,
     ) {
         let gpu = commands.gpu;
         let view = |texture: &wgpu::Texture| texture.create_view(&Default::default());
         let gbuffer = &eye.gbuffer.images;
         let (planes, surfaces) = (view(&gbuffer.planes), view(&gbuffer.surfaces));
-        let (radiance, diagnostics) = (view(&self.radiance.texture), view(&self.diagnostics));
+        let [radiance, first_radiance, diagnostics] =
+            [&self.radiance.texture, &self.first_radiance, &self.diagnostics].map(view);
         let tiles = &eye.tiles.lists;
-        let group = |list: &wgpu::Buffer, section: u32| {
+        let mips = variant.mips();
+        let layers_of =
+            |layers: &'_ Layers| if mips { layers.mips.clone() } else { layers.view.clone() };
+        let (aggregates, splashes) =
+            (layers_of(eye.aggregate_layers()), layers_of(&eye.splash.layers));
+        let group = |target: &wgpu::TextureView,
+                     seen: &wgpu::TextureView,
+                     list: &wgpu::Buffer,
+                     section: u32| {
             let resources = [
                 self.params.as_entire_binding(),
-                wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
-                wgpu::BindingResource::TextureView(&eye.splash.layers.view),
+                wgpu::BindingResource::TextureView(&aggregates),
+                wgpu::BindingResource::TextureView(&splashes),
                 wgpu::BindingResource::TextureView(&planes),
+                wgpu::BindingResource::TextureView(bounds.map_or(&planes, |bounds| &bounds.view)),
                 wgpu::BindingResource::TextureView(&eye.mixture.view),
                 wgpu::BindingResource::TextureView(&surfaces),
-                wgpu::BindingResource::TextureView(&radiance),
+                wgpu::BindingResource::TextureView(target),
                 wgpu::BindingResource::TextureView(&diagnostics),
                 tiles.section(list, section),
                 wgpu::BindingResource::TextureView(behind.unwrap_or(&planes)),
+                wgpu::BindingResource::TextureView(seen),
             ];
-            gpu::bind_group(gpu, "refract", &self.layout, &resources)
+            gpu::bind_group(gpu, "refract", &self.layouts[usize::from(mips)], &resources)
         };
-        let pipelines =
-            &self.pipelines[&(variant, eye.scene.variant, eye.camera.is_orthographic())];
+        let key = |variant| (variant, eye.scene.variant, eye.camera.is_orthographic());
+        let first = variant.first();
+        let pipelines = &self.pipelines[&key(first)];
+        let target = if variant.adaptive { &first_radiance } else { &radiance };
+        let last = tiles.sections().end - 1;
         for section in tiles.sections() {
             commands.reserve(tiles.pixels().saturating_mul(work));
-            let encoder = &mut *commands.encoder;
-            let counts = if section == 0 { EDGE_COUNTS } else { 4 };
-            encoder.clear_buffer(&self.edges.list, 0, Some(counts));
-            encoder.clear_buffer(&self.edges.dispatch, 0, Some(4));
-            let span = span.part(section == 0, section + 1 == tiles.sections().end);
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some("refract"),
-                timestamp_writes: span.compute(),
-            });
+            self.listed.clear(commands.encoder, section == 0);
+            let span = span.part(section == 0, section == last && !variant.adaptive);
+            let mut pass = begin(commands.encoder, eye, span);
             let at = |which| tiles.dispatch(which, section);
-            pass.set_bind_group(0, &eye.camera.group, &[]);
-            pass.set_bind_group(2, &eye.scene.group, &[]);
-            pass.set_bind_group(3, &self.edges.gather, &[]);
+            pass.set_bind_group(3, &self.listed.gather, &[]);
             pass.set_pipeline(&pipelines.background);
-            pass.set_bind_group(1, &group(&tiles.background, section), &[]);
+            pass.set_bind_group(1, &group(target, &planes, &tiles.background, section), &[]);
             pass.dispatch_workgroups_indirect(&tiles.dispatches, at(TileLists::BACKGROUND));
             pass.set_pipeline(&pipelines.liquid);
-            pass.set_bind_group(1, &group(&tiles.liquid, section), &[]);
+            pass.set_bind_group(1, &group(target, &planes, &tiles.liquid, section), &[]);
             pass.dispatch_workgroups_indirect(&tiles.dispatches, at(TileLists::LIQUID));
-            pass.set_bind_group(3, &self.edges.draw, &[]);
+            pass.set_bind_group(3, &self.listed.draw, &[]);
             pass.set_pipeline(&pipelines.edges);
-            pass.dispatch_workgroups_indirect(&self.edges.dispatch, 0);
+            pass.dispatch_workgroups_indirect(&self.listed.dispatch, 0);
         }
+        if !variant.adaptive {
+            return;
+        }
+        let [from, to] = [&self.first_radiance, &self.radiance.texture].map(|t| t.as_image_copy());
+        commands.encoder.copy_texture_to_texture(from, to, self.radiance.texture.size());
+        // Pixels in the next section are neighbours too: all have their first ray before.
+        for section in tiles.sections() {
+            commands.reserve(tiles.pixels().saturating_mul(work));
+            self.listed.clear(commands.encoder, false);
+            let mut pass = begin(commands.encoder, eye, span.part(false, section == last));
+            self.structure.find(gpu, &mut pass, eye, (&first_radiance, &self.listed), section);
+            pass.set_bind_group(3, &self.listed.draw, &[]);
+            pass.set_pipeline(&self.structured[&key(variant)]);
+            let group = group(&radiance, &first_radiance, &tiles.liquid, section);
+            pass.set_bind_group(1, &group, &[]);
+            pass.dispatch_workgroups_indirect(&self.listed.dispatch, 0);
+        }
+    }
+}
+
+fn begin<'a>(
+    encoder: &'a mut wgpu::CommandEncoder,
+    eye: &ViewPasses,
+    span: Span<'_>,
+) -> wgpu::ComputePass<'a> {
+    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+        label: Some("refract"),
+        timestamp_writes: span.compute(),
+    });
+    pass.set_bind_group(0, &eye.camera.group, &[]);
+    pass.set_bind_group(2, &eye.scene.group, &[]);
+    pass
+}
+
+impl Structure {
+    fn new(gpu: &Gpu) -> Self {
+        let bindings = [
+            gpu.layers(),
+            gpu.layers(),
+            gpu::sampled(D2),
+            gpu::storage_of(8),
+            gpu::uniform::<StructureParams>(),
+        ];
+        Self {
+            find: [const { [const { None }; 2] }; 2],
+            params: gpu::uniform_buffer::<StructureParams>(gpu, "structure"),
+            layout: gpu.layout("structure", wgpu::ShaderStages::COMPUTE, &bindings),
+        }
+    }
+
+    fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        camera: &CameraBinding,
+        list: &wgpu::BindGroupLayout,
+        splash: bool,
+        structure: f32,
+    ) {
+        let params = StructureParams { structure };
+        gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&params));
+        let kept = &mut self.find[usize::from(camera.is_orthographic())][usize::from(splash)];
+        kept.get_or_insert_with(|| {
+            let splash = [("SPLASH", f64::from(u8::from(splash)))];
+            let constants = [&camera.constants()[..], &splash].concat();
+            let none = gpu.layout("none", wgpu::ShaderStages::COMPUTE, &[]);
+            let layouts = [&camera.layout, &self.layout, &none, list];
+            gpu::compute_pipeline(gpu, "refract/structure.wgsl", "find", &layouts, &constants)
+        });
+    }
+
+    /// Lists the pixels of a section by the radiance of their first rays.
+    fn find(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::ComputePass<'_>,
+        eye: &ViewPasses,
+        (radiance, listed): (&wgpu::TextureView, &PixelList),
+        section: u32,
+    ) {
+        let splash = usize::from(eye.splash_layers().is_some());
+        let pipeline = &self.find[usize::from(eye.camera.is_orthographic())][splash];
+        let Some(pipeline) = pipeline else { return };
+        let tiles = &eye.tiles.lists;
+        let resources = [
+            wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
+            wgpu::BindingResource::TextureView(&eye.splash.layers.view),
+            wgpu::BindingResource::TextureView(radiance),
+            tiles.section(&tiles.liquid, section),
+            self.params.as_entire_binding(),
+        ];
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(1, &gpu::bind_group(gpu, "structure", &self.layout, &resources), &[]);
+        pass.set_bind_group(3, &listed.gather, &[]);
+        let at = tiles.dispatch(TileLists::LIQUID, section);
+        pass.dispatch_workgroups_indirect(&tiles.dispatches, at);
     }
 }
 
@@ -376,15 +544,13 @@ pub fn work(settings: &settings::Refract, size: UVec2, solids: usize, lights: us
     liquid.max(background)
 }
 
-impl Edges {
+impl PixelList {
     fn new(gpu: &Gpu, [gather, draw]: &[wgpu::BindGroupLayout; 2], size: UVec2) -> Self {
-        /// As `most_edges` of the shader.
-        const MOST: u64 = 65535 * EDGE_GROUP;
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
         let pixels = u64::from(size.x) * u64::from(size.y);
         let list = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("edges"),
-            size: (EDGE_COUNTS + 4 * pixels.min(MOST)).min(limit / 4 * 4),
+            label: Some("listed pixels"),
+            size: (LIST_COUNTS + 4 * pixels).min(limit / 4 * 4),
             usage: wgpu::BufferUsages::STORAGE
                 | wgpu::BufferUsages::COPY_DST
                 | wgpu::BufferUsages::COPY_SRC,
@@ -393,12 +559,26 @@ impl Edges {
         let usage = wgpu::BufferUsages::STORAGE
             | wgpu::BufferUsages::COPY_DST
             | wgpu::BufferUsages::INDIRECT;
-        let dispatch = gpu::buffer_with(gpu, "edge groups", usage, &[0u32, 1, 1]);
+        let dispatch = gpu::buffer_with(gpu, "listed groups", usage, &[0u32, 1, 1]);
         let resources = [list.as_entire_binding(), dispatch.as_entire_binding()];
-        let gather = gpu::bind_group(gpu, "edges found", gather, &resources);
-        let draw = gpu::bind_group(gpu, "edges drawn", draw, &resources[..1]);
+        let gather = gpu::bind_group(gpu, "pixels listed", gather, &resources);
+        let draw = gpu::bind_group(gpu, "pixels drawn", draw, &resources[..1]);
         Self { list, dispatch, gather, draw }
     }
+
+    /// Records the emptying of the list; the counts of rays are kept unless `all`.
+    fn clear(&self, encoder: &mut wgpu::CommandEncoder, all: bool) {
+        encoder.clear_buffer(&self.list, 0, Some(if all { LIST_COUNTS } else { 4 }));
+        encoder.clear_buffer(&self.dispatch, 0, Some(4));
+    }
+}
+
+/// `Params` of `refract/structure.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct StructureParams {
+    /// Least second difference of the picture, as a share of its radiance.
+    pub structure: f32,
 }
 
 impl Params {
@@ -427,18 +607,7 @@ impl Params {
 fn create_texture(gpu: &Gpu, label: &str, size: UVec2) -> wgpu::Texture {
     let usage = wgpu::TextureUsages::STORAGE_BINDING
         | wgpu::TextureUsages::TEXTURE_BINDING
-        | wgpu::TextureUsages::COPY_SRC;
+        | wgpu::TextureUsages::COPY_SRC
+        | wgpu::TextureUsages::COPY_DST;
     gpu::texture(gpu, label, size, 1, Layers::FORMAT, usage)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Guards against lost edge pixels: the shader assumes a list of the same length.
-    #[test]
-    fn edge_groups_are_those_of_the_shader() {
-        let group = gpu::shader::constant("refract/pixels.wgsl", "EDGE_GROUP");
-        assert_eq!(group, EDGE_GROUP as f64);
-    }
 }

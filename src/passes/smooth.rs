@@ -158,10 +158,10 @@ impl Smooth {
     pub fn new(gpu: &Gpu, camera: &CameraBinding, splatted: &Layers) -> Self {
         let bindings = [
             gpu::uniform::<Params>(),
-            gpu::sampled(D2Array),
+            gpu.layers(),
             gpu::storage_texture(Layers::FORMAT, D2Array),
             gpu::storage_texture(Layers::FORMAT, D2Array),
-            gpu::sampled(D2Array),
+            gpu.layers(),
             gpu::storage_of(8),
             gpu::sampled(D2),
             gpu::sampled(D2Array),
@@ -368,7 +368,7 @@ impl Smooth {
             let (pipeline, params) = &steps[i];
             let resources = [
                 params.as_entire_binding(),
-                wgpu::BindingResource::TextureView(&textures[i % 2].view),
+                wgpu::BindingResource::TextureView(&targets[i % 2]),
                 wgpu::BindingResource::TextureView(&targets[(i + 1) % 2]),
                 wgpu::BindingResource::TextureView(&unused),
                 wgpu::BindingResource::TextureView(&whole.view),

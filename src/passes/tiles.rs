@@ -5,7 +5,6 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::UVec2;
-use wgpu::TextureViewDimension::D2Array;
 
 use super::Layers;
 use crate::gpu::{self, Gpu, Span, TILE};
@@ -132,8 +131,8 @@ impl Tiles {
     /// Compiles the pipelines; [`Tiles::resize`] allocates the lists.
     pub fn new(gpu: &Gpu) -> Self {
         let bindings = [
-            gpu::sampled(D2Array),
-            gpu::sampled(D2Array),
+            gpu.layers(),
+            gpu.layers(),
             gpu::storage_read_write(8),
             gpu::storage_read_write(8),
             gpu::storage_read_write(48),

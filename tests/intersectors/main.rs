@@ -7,10 +7,10 @@ mod support;
 #[path = "../support/view.rs"]
 mod view;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, UVec2};
 use probes::*;
-use support::{Random, gpu};
-use view::{View, assert_near, distance_to_line, round3};
+use support::{Kernel, Random, gpu, texture, uniform};
+use view::{View, assert_near, case, distance_to_line, round3};
 
 /// In a wedge between two planes, every exit is exact, through the back, through the front, or at a
 /// slant; rays that leave the picture have no exit.
@@ -510,5 +510,49 @@ fn guarded_agrees_with_march_on_waves() {
             assert!(found > 500, "only {found} of {query:?} in the picture");
             assert!(share >= 0.99, "sea {sea}, {query:?}: only {share} agree");
         }
+    }
+}
+
+/// The bounds of a pixel hold its planes all over it, and are not wider: rays skip tiles by them.
+#[test]
+fn bounds_of_a_pixel_are_those_of_its_corners() {
+    let Some(gpu) = gpu() else { return };
+    let view = View::of_size(40, 30, 1e-3);
+    let mut random = Random(7);
+    let mut plane = || {
+        let u = random.pixel(view.pixels());
+        let slope = DVec2::new(random.range(-0.1, 0.1), random.range(-0.1, 0.1));
+        round3(view.plane(u, random.range(0.1, 1.0), slope))
+    };
+    let planes: Vec<[DVec3; 2]> = (0..1200).map(|_| [plane(), plane()]).collect();
+    let texels = |side: usize| -> Vec<[f32; 4]> {
+        planes.iter().map(|pair| case(&[&pair[side].to_array(), &[1.0]])).collect()
+    };
+    let layers = texture(gpu, view.pixels(), &[&texels(0), &texels(1)]);
+    let camera = uniform(gpu, &view.uniform);
+    let kernel = Kernel {
+        imports: &["bounds.wgsl"],
+        body: "fn test(x: array<f32, 2>) -> array<f32, 4> {
+            let found = pixel_bounds(vec2i(i32(x[0]), i32(x[1])));
+            return array(found.x, found.y, found.z, found.w);
+        }",
+        constants: &[("SPLASH", 0.0)],
+        resources: &[
+            (0, 0, camera.as_entire_binding()),
+            (1, 0, wgpu::BindingResource::TextureView(&layers)),
+            (1, 1, wgpu::BindingResource::TextureView(&layers)),
+        ],
+    };
+    let places: Vec<UVec2> = (0..1200).map(|i| UVec2::new(i % 40, i / 40)).collect();
+    let cases: Vec<[f32; 2]> = places.iter().map(|p| p.as_vec2().to_array()).collect();
+    let found: Vec<[f32; 4]> = kernel.run(gpu, &cases);
+    for ((p, [front, back]), found) in places.iter().zip(&planes).zip(found) {
+        let corners = [UVec2::ZERO, UVec2::X, UVec2::Y, UVec2::ONE];
+        let omegas = corners.map(|corner| view.omega((*p + corner).as_dvec2()));
+        let nearest = omegas.map(|omega| front.dot(omega)).into_iter().fold(f64::MIN, f64::max);
+        let farthest = omegas.map(|omega| back.dot(omega)).into_iter().fold(f64::MAX, f64::min);
+        assert_near(f64::from(found[0]), nearest, 2e-6 * front.length(), "nearest front");
+        assert_near(f64::from(found[1]), farthest, 2e-6 * back.length(), "farthest back");
+        assert!(found[2] == 0.0 && found[3] > 1e30, "no splashes");
     }
 }

@@ -64,6 +64,8 @@ pub(super) struct Picture {
     pub(super) layers: wgpu::TextureView,
     pub(super) splashes: Option<wgpu::TextureView>,
     pub(super) opaque: wgpu::TextureView,
+    /// Of the tiles, as `bounds.wgsl` finds them. Splashes may be anywhere.
+    pub(super) bounds: wgpu::TextureView,
 }
 
 impl Picture {
@@ -76,8 +78,7 @@ impl Picture {
     ) -> Self {
         let size = view.pixels();
         let texels = |plane: &dyn Fn(DVec2) -> Option<DVec3>| -> Vec<[f32; 4]> {
-            let pixels = (0..size.y).flat_map(|y| (0..size.x).map(move |x| UVec2::new(x, y)));
-            pixels
+            pixels(size)
                 .map(|p| {
                     let u = p.as_dvec2() + 0.5;
                     plane(u).map_or([0.0; 4], |pi| {
@@ -87,9 +88,11 @@ impl Picture {
                 })
                 .collect()
         };
+        let bounds = bounds(view, &front, &back);
+        let bounds = texture(gpu, size.map(|n| n.div_ceil(TILE)), &[&bounds]);
         let (front, back) = (texels(&front), texels(&back));
         let layers = texture(gpu, size, &[&front, &back]);
-        Self { size, layers, splashes: None, opaque: texture(gpu, size, &[&front]) }
+        Self { size, layers, splashes: None, opaque: texture(gpu, size, &[&front]), bounds }
     }
 
     /// Runs an intersector with the default number of Newton iterations.
@@ -123,8 +126,14 @@ impl Picture {
             (1, 2, view_of(self.splashes.as_ref().unwrap_or(&self.layers))),
             (1, 3, view_of(&self.opaque)),
         ];
+        let mut constants = vec![
+            ("SPLASH", f64::from(u8::from(self.splashes.is_some()))),
+            ("ITERATIONS", iterations.into()),
+        ];
         if solver == GUARDED {
             resources.push((1, 0, params.as_entire_binding()));
+            resources.push((1, 4, view_of(&self.bounds)));
+            constants.push(("BOUNDS", 1.0));
         }
         let kernel = Kernel {
             imports: &[solver],
@@ -142,10 +151,7 @@ impl Picture {
                 return array(select(0.0, 1.0, hit.found), hit.position.x, hit.position.y,
                     hit.position.z, hit.plane.x, hit.plane.y, hit.plane.z, diagnosed.failures);
             }",
-            constants: &[
-                ("SPLASH", f64::from(u8::from(self.splashes.is_some()))),
-                ("ITERATIONS", iterations.into()),
-            ],
+            constants: &constants,
             resources: &resources,
         };
         let cases: Vec<[f32; 9]> = probes
@@ -225,4 +231,36 @@ impl Waves {
         }
         view.plane(u, disparity, slope)
     }
+}
+
+const TILE: u32 = 8;
+
+/// The bounds of each tile, from the planes at the corners of its pixels.
+fn bounds(
+    view: &View,
+    front: &dyn Fn(DVec2) -> Option<DVec3>,
+    back: &dyn Fn(DVec2) -> Option<DVec3>,
+) -> Vec<[f32; 4]> {
+    let size = view.pixels();
+    let mut bounds = Vec::new();
+    for tile in pixels(size.map(|n| n.div_ceil(TILE))) {
+        let [mut nearest, mut farthest] = [0.0f64, f64::INFINITY];
+        for p in pixels(UVec2::splat(TILE)).map(|p| tile * TILE + p).filter(|p| p.cmplt(size).all())
+        {
+            let u = p.as_dvec2() + 0.5;
+            let (Some(front), Some(back)) = (front(u), back(u)) else { continue };
+            for corner in pixels(UVec2::splat(2)) {
+                let omega = view.omega((p + corner).as_dvec2());
+                nearest = nearest.max(front.dot(omega));
+                farthest = farthest.min(back.dot(omega));
+            }
+        }
+        // Splashes are in front of everything, and behind it.
+        bounds.push([nearest as f32, farthest.min(1e30) as f32, 1e30, 0.0]);
+    }
+    bounds
+}
+
+fn pixels(size: UVec2) -> impl Iterator<Item = UVec2> {
+    (0..size.y).flat_map(move |y| (0..size.x).map(move |x| UVec2::new(x, y)))
 }

@@ -2,7 +2,7 @@
 
 use super::frames::{FrameImages, ellipsoid, glowing, harness, on_axis, scene, sphere, splats};
 use super::{ETA, MIDDLE, SIZE, above, at_the_slab, slab_over_floor, straight};
-use glam::{DVec3, Quat, UVec2, Vec3};
+use glam::{DVec3, IVec2, Quat, UVec2, Vec3};
 use limpid::camera::Camera;
 use limpid::environment::Environment;
 use limpid::scene::{Shape, Solid, Surface};
@@ -119,6 +119,52 @@ fn background_edges_are_antialiased() {
     assert!(ball.pixels().filter(liquid).count() > 100);
     for p in ball.pixels().filter(|p| !liquid(p)) {
         assert_eq!(ball.radiance(p), smooth.radiance(p), "at {p}");
+    }
+}
+
+/// Further rays go where the picture has structure, and nowhere else: there the picture stays that of one ray, to the
+/// bit, and where its second difference exceeds the setting it becomes the mean of all.
+#[test]
+fn further_rays_go_where_the_picture_has_structure() {
+    let Some(mut harness) = harness() else { return };
+    let (mut scene, _) = slab_over_floor();
+    let camera = at_the_slab()[1];
+    let ball = splats(&[sphere(Vec3::ZERO, 0.3)], &[], 0.1);
+    // The background around the liquid is the same with any number of rays.
+    scene.settings.refract.edge_samples = 16;
+    let mut draw = |samples: u32, structure: f32| {
+        (scene.settings.refract.samples, scene.settings.refract.structure) = (samples, structure);
+        harness.render(&scene, &camera, &ball, SIZE)
+    };
+    let [one, all] = [draw(1, 0.1), draw(16, 0.0)];
+    let at = |p: IVec2| one.radiance(p.clamp(IVec2::ZERO, SIZE.as_ivec2() - 1).as_uvec2());
+    // The least share at which a pixel has no structure.
+    let structure = |p: UVec2| {
+        let p = p.as_ivec2();
+        let middle = at(p);
+        let bend = |step| (at(p - step) + at(p + step) - 2.0 * middle).abs().max_element();
+        let most = [IVec2::ZERO, IVec2::X, IVec2::Y, IVec2::NEG_X, IVec2::NEG_Y]
+            .map(|step| at(p + step).max_element());
+        bend(IVec2::X).max(bend(IVec2::Y)) / most.into_iter().fold(0.0, f64::max)
+    };
+    for threshold in [0.1f32, 0.4] {
+        let some = draw(16, threshold);
+        let (mut kept, mut changed, mut off, mut off_one) = (0, 0, 0.0, 0.0);
+        for p in some.pixels().filter(|&p| some.at("interfaces", p) > 0.0) {
+            let share = structure(p) / f64::from(threshold);
+            let same = some.radiance(p) == one.radiance(p);
+            assert!(same || share > 0.999, "{p} has further rays with a share of {share}");
+            kept += usize::from(same);
+            if share > 1.001 {
+                changed += usize::from(!same);
+                off += (some.radiance(p) - all.radiance(p)).length();
+                off_one += (one.radiance(p) - all.radiance(p)).length();
+            }
+        }
+        println!(
+            "{threshold}: {kept} kept, {changed} changed, off {off:.2} instead of {off_one:.2}"
+        );
+        assert!(kept > 100 && changed > 50 && off < 0.35 * off_one, "{kept} {changed}");
     }
 }
 

@@ -87,7 +87,7 @@ fn depths_are_within_their_bound() {
                 let high = splat_corner(3u, placed.centre, placed.rows);
                 let ndc = mix(low, high, vec2f(x[9], x[10]));
                 let u = (ndc * vec2f(0.5, -0.5) + 0.5) * camera.size;
-                let chord = splat_chord(placed.centre, splat_to_sphere(splat), camera_omega(u));
+                let chord = splat_chord(placed.centre, splat_to_sphere(splat), camera_omega(u), camera.near);
                 let side = select(-chord.half_length, chord.half_length, SIDE == BACK);
                 let z = max(chord.middle + side, camera.near);
                 let deepest = depth_at(max(-placed.centre.z

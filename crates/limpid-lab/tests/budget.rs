@@ -251,6 +251,7 @@ fn frames_have_rows_and_sums() {
                 "tiles",
                 "smooth",
                 "smooth gaps",
+                "bounds",
                 "refract",
                 "tonemap",
                 "all for the lights",

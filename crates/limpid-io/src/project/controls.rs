@@ -69,7 +69,7 @@ const fn control(
 use ControlKind::{Choice, Number, Odd, Toggle, Whole};
 
 /// All settings, in the panel's order.
-pub const CONTROLS: [Control; 45] = [
+pub const CONTROLS: [Control; 46] = [
     control(
         "classify",
         "support",
@@ -240,6 +240,13 @@ pub const CONTROLS: [Control; 45] = [
         "Samples",
         Whole(1, 64, "/px"),
         "Rays per pixel against the same layers: square numbers are best.",
+    ),
+    control(
+        "refract",
+        "structure",
+        "Structure",
+        Number(0.0, 1.0, ""),
+        "Contrast between neighbouring pixels from which liquid gets all samples, and one below; 0: all everywhere.",
     ),
     control(
         "refract",

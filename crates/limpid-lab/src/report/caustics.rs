@@ -93,9 +93,7 @@ impl Bench {
         meshes.prepare(gpu, scene)?;
         bound.upload(gpu, scene, &meshes, view.origin, &[], None);
         let pair = |texels: &[Vec<[f32; 4]>; 2]| {
-            let texture = upload(gpu, layers.size, &[&texels[0], &texels[1]]);
-            let view = gpu::array_view(&texture);
-            Layers { texture, view }
+            Layers::of(upload(gpu, layers.size, &[&texels[0], &texels[1]]))
         };
         let planes = upload(gpu, layers.size, &[&layers.solids]);
         let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;

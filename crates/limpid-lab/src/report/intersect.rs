@@ -98,6 +98,7 @@ impl Bench {
             gpu::sampled(D2Array),
             gpu::sampled(D2Array),
             gpu::sampled(D2),
+            gpu::sampled(D2),
         ];
         let inputs = gpu.layout("report inputs", wgpu::ShaderStages::COMPUTE, &bindings);
         let bindings =
@@ -192,6 +193,7 @@ impl Bench {
         scene.settings.refract = settings.clone();
         // The truth is that of these layers, which have no gaps.
         let variant = Variant::new(&scene, self.splash, 0, false, false);
+        let variant = Variant { bounds: false, ..variant };
         let (root, mut constants) = match method.settings {
             Some(_) => (variant.shader(), variant.constants()),
             None => ("report/nothing.wgsl", vec![("SPLASH", f64::from(u8::from(self.splash)))]),
@@ -199,7 +201,7 @@ impl Bench {
         constants.extend(self.camera.constants());
         constants.push(("TO_SOLIDS", f64::from(u8::from(target == Target::Solids))));
         let pipeline = pipelines.entry(format!("{root} {constants:?}")).or_insert_with(|| {
-            let intersector = gpu::shader::Variant::of(root);
+            let intersector = gpu::shader::Variant { mips: true, ..gpu::shader::Variant::of(root) };
             let module = gpu::shader::module(gpu, "report/intersect.wgsl", intersector);
             let layouts = [&self.camera.layout, &self.inputs, &self.scene.layout, &self.outputs];
             gpu::module_pipeline(gpu, root, &module, "intersect_pixels", &layouts, &constants)
@@ -212,6 +214,8 @@ impl Bench {
             params.as_entire_binding(),
             wgpu::BindingResource::TextureView(&aggregate),
             wgpu::BindingResource::TextureView(&splash),
+            wgpu::BindingResource::TextureView(&solids),
+            // Bounds: only entries of liquid read them.
             wgpu::BindingResource::TextureView(&solids),
         ];
         let inputs = gpu::bind_group(gpu, "report inputs", &self.inputs, &resources);

@@ -133,7 +133,7 @@ struct Work(&'static str, fn(&Counts) -> f64, f64, f64);
 /// The cost model. A plane is 16 bytes, a splat 48, as in the shaders. Operations are counted from
 /// the shaders: an addition, multiplication or comparison is one; a division, root or exponential
 /// four.
-const MODEL: [Work; 44] = [
+const MODEL: [Work; 45] = [
     // Each splat is read and bounded once per side; each of its pixels is intersected. Each texel
     // is written once, with its depth.
     Work("splat", |c| c.sides * c.aggregates, 48.0, 220.0),
@@ -167,6 +167,8 @@ const MODEL: [Work; 44] = [
     Work("gbuffer", |c| c.pixels * c.solids, 0.0, 28.0),
     // Every level is read and written once, level 0 only read.
     Work("mips", |c| c.sides * c.classes * c.pixels, 16.0 * 5.0 / 3.0, 20.0),
+    // Both sides are read once, and evaluated at the centre.
+    Work("bounds", |c| c.sides * c.classes * c.liquid_pixels, 16.0, 20.0),
     // Every plane is read and every pixel written once. A ray is refracted and its reflection
     // computed at each interface; each evaluation of a layer covers front and back.
     Work("refract", |c| c.sides * c.classes * c.liquid_pixels, 16.0, 0.0),

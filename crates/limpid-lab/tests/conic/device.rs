@@ -398,8 +398,9 @@ fn gathered_map_matches_the_reference() {
                 (1, view(&layers)),
                 (2, view(&layers)),
                 (3, view(&planes)),
-                // With one fluid the mixture is not read.
+                // Bounds are not read, nor is the mixture with one fluid.
                 (4, view(&planes)),
+                (5, view(&planes)),
             ],
             vec![],
             vec![

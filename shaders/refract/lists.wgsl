@@ -1,0 +1,40 @@
+// Lists of pixels that get further rays, apart from the pixels around them that do not: in one workgroup all would
+// wait for those that have many.
+
+struct PixelList {
+    count: atomic<u32>,
+    looks: atomic<u32>,     // of the first ray of each pixel, with a host: terminated rays,
+    fallbacks: atomic<u32>, // and those that the host's picture does not show
+    pixels: array<u32>,     // x + 65536 y
+}
+
+@group(3) @binding(0) var<storage, read_write> listed: PixelList;
+// Indirect dispatch size in x: groups of LIST_GROUP pixels.
+@group(3) @binding(1) var<storage, read_write> list_groups: atomic<u32>;
+
+const LIST_GROUP: u32 = 64u;
+// The largest dispatch that every adapter supports. Its threads take several pixels of a longer list.
+const MOST_GROUPS: u32 = 65535u;
+
+// Adds a pixel to the list, unless it is full.
+fn is_deferred(p: vec2i) -> bool {
+    let index = atomicAdd(&listed.count, 1u);
+    if index >= arrayLength(&listed.pixels) {
+        return false;
+    }
+    listed.pixels[index] = u32(p.x) | (u32(p.y) << 16u);
+    if index % LIST_GROUP == 0u && index / LIST_GROUP < MOST_GROUPS {
+        atomicAdd(&list_groups, 1u);
+    }
+    return true;
+}
+
+// Pixels in the list.
+fn listed_count() -> u32 {
+    return min(atomicLoad(&listed.count), arrayLength(&listed.pixels));
+}
+
+fn listed_pixel(index: u32) -> vec2i {
+    let packed = listed.pixels[index];
+    return vec2i(vec2u(packed & 0xffffu, packed >> 16u));
+}
