@@ -126,6 +126,11 @@ pub struct PendingFrame {
 }
 
 impl PendingFrame {
+    /// Time of each pass, if [`Renderer::timing`] is set: [`Offscreen::begin`] has waited for them.
+    pub fn passes(&self) -> &[PassTime] {
+        &self.passes
+    }
+
     /// Waits for this frame, not for later ones.
     ///
     /// # Errors

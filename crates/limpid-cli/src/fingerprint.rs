@@ -147,11 +147,14 @@ impl Fingerprints {
             let parts: Vec<String> = parts.chain([fraction]).chain(motion).collect();
             Fingerprint::over(parts.iter().map(String::as_bytes))
         });
-        let (scene, map) = describe_scene(scene);
-        let size = format!("{}x{}", size.x, size.y);
-        let version = env!("CARGO_PKG_VERSION").as_bytes();
-        let run = Fingerprint::over([version, scene.as_bytes(), map, size.as_bytes()]);
+        let run = run_of(scene, size);
         Self { run, frame_times: frame_times.collect(), moves }
+    }
+
+    /// As these, of pictures that are drawn in `scene`.
+    #[must_use]
+    pub(crate) fn drawn_in(&self, scene: &Scene, size: UVec2) -> Self {
+        Self { run: run_of(scene, size), ..self.clone() }
     }
 
     /// The fingerprint of a picture.
@@ -170,6 +173,14 @@ impl Fingerprints {
         let camera = format!("{camera:?}");
         Fingerprint::over([&self.run.0.to_le_bytes()[..], &particles, camera.as_bytes()])
     }
+}
+
+/// The part common to all pictures of a scene.
+fn run_of(scene: &Scene, size: UVec2) -> Fingerprint {
+    let (scene, map) = describe_scene(scene);
+    let size = format!("{}x{}", size.x, size.y);
+    let version = env!("CARGO_PKG_VERSION").as_bytes();
+    Fingerprint::over([version, scene.as_bytes(), map, size.as_bytes()])
 }
 
 /// Describes everything in a scene that changes pixels, apart from particles and camera, and returns the

@@ -1,6 +1,7 @@
 //! The program `limpid`.
 
 mod bake;
+mod calibration_cache;
 mod check;
 mod cli;
 mod compare;

@@ -20,11 +20,30 @@ const CHECKSUM: usize = 16;
 /// Largest accepted file, bytes: drivers compile limpid's shaders to a few MiB.
 const MAX_BYTES: u64 = 256 << 20;
 
+/// What measurements and compiled pipelines depend on.
+pub(crate) struct Identity {
+    /// The adapter, as a part of a file's name.
+    pub(crate) adapter: String,
+    /// Limpid's version, the adapter and the driver.
+    pub(crate) compiler: String,
+}
+
+impl Identity {
+    pub(crate) fn of(device: &wgpu::Device) -> Self {
+        let info = device.adapter_info();
+        let adapter = format!("{:?} {:04x} {:04x}", info.backend, info.vendor, info.device);
+        let (version, driver) = (env!("CARGO_PKG_VERSION"), &info.driver);
+        let compiler =
+            format!("limpid {version}, {adapter}, {}, {driver}, {}", info.name, info.driver_info);
+        Self { adapter: adapter.replace(' ', "-").to_lowercase(), compiler }
+    }
+}
+
 /// The compiled pipelines of one adapter.
 pub(crate) struct PipelineCache {
     cache: wgpu::PipelineCache,
     path: PathBuf,
-    /// Identifies limpid's version, the adapter and the driver that compile the pipelines.
+    /// [`Identity::compiler`].
     compiler: String,
     /// The data in the file at present.
     stored: Option<Vec<u8>>,
@@ -48,17 +67,9 @@ impl PipelineCache {
         if !device.features().contains(wgpu::Features::PIPELINE_CACHE) {
             return None;
         }
-        let info = device.adapter_info();
-        let adapter = format!("{:?} {:04x} {:04x}", info.backend, info.vendor, info.device);
-        let compiler = format!(
-            "limpid {}, {adapter}, {}, {}, {}",
-            env!("CARGO_PKG_VERSION"),
-            info.name,
-            info.driver,
-            info.driver_info
-        );
+        let Identity { adapter, compiler } = Identity::of(device);
         // Named by the adapter alone, so that a new version replaces the file of an old one.
-        let name = format!("pipelines-{}.bin", adapter.replace(' ', "-").to_lowercase());
+        let name = format!("pipelines-{adapter}.bin");
         let path = folder.join(name);
         let stored = read(&path, &compiler);
         let cache = stored
@@ -115,7 +126,7 @@ fn checksum(compiler: &str, data: &[u8]) -> u128 {
 }
 
 /// Creates a folder that only the user can access, since the pipelines are executed.
-fn create_folder(folder: &Path) -> std::io::Result<()> {
+pub(crate) fn create_folder(folder: &Path) -> std::io::Result<()> {
     let mut builder = fs::DirBuilder::new();
     #[cfg(unix)]
     std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);

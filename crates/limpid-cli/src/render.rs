@@ -1,5 +1,6 @@
 //! The command `limpid render`.
 
+mod budget;
 mod console;
 mod loader;
 mod manifest;
@@ -36,15 +37,16 @@ use limpid_io::notice::Notice;
 use limpid_io::output::FileKind;
 use limpid_io::project::overrides;
 use limpid_io::shared_classifier::SharedClassifier;
-use limpid_lab::quality::Picked;
 use serde::Serialize;
 
 use crate::pipeline_cache;
 use crate::signals;
+use budget::{Budget, BudgetStats, total_ms};
 use console::Console;
 use loader::Loader;
 use manifest::{Log, Manifest, Outcome, Status};
 use output::Output;
+use pick::Picked;
 use plan::Plan;
 use queue::{Job, Queue};
 
@@ -147,16 +149,19 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     set: Vec<String>,
     /// Pick the fastest intersector whose hits have at most this RMS error in pixels, where a miss
-    /// counts as 10; the most accurate of equally fast ones. All other settings stay. Renders the
-    /// first frame several times with each and reports the choice. Not for frames shared by several
-    /// machines, whose choices may differ.
+    /// counts as 10; the most accurate of equally fast ones. All other settings stay. What each costs is
+    /// measured once for an adapter and a size, and the choice reported. Not for frames shared by
+    /// several machines, whose choices may differ.
     #[arg(long, value_name = "PX", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
     max_error: Option<f64>,
-    /// Pick the best picture within this device time per frame, in ms: selects intersector, rays,
-    /// bounces and smoothing by rendering the first frame several times with each, and reports the
-    /// choice. Not for frames shared by several machines.
+    /// Draw the best picture within this device time per frame, in ms: chooses intersector, rays,
+    /// bounces, smoothing and intervals for each frame by the times of those before, and reports
+    /// the first choice and how many frames took longer. Not for frames shared by several machines.
     #[arg(long, value_name = "MS", value_parser = pick::parse_limit, conflicts_with_all = ["shard", "claim", "skip_existing"])]
     budget: Option<f64>,
+    /// Measure anew what settings cost, for --max-error or --budget.
+    #[arg(long)]
+    calibrate: bool,
     /// Write coverage as alpha: only liquid and solids cover a pixel, not the environment. For .png,
     /// .webp and .exr.
     #[arg(long)]
@@ -177,12 +182,17 @@ struct Stats {
     adapter: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     picked: Option<Picked>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    budget: Option<BudgetStats>,
     frames: Vec<FrameStats>,
 }
 
 #[derive(Serialize)]
 struct FrameStats {
     frame: i64,
+    /// With a budget, the settings that it was drawn with, in the form that `--set` accepts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    set: Option<Vec<String>>,
     particles: usize,
     splashes: usize,
     passes: Vec<PassTime>,
@@ -196,7 +206,11 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
     let args = &args;
     let mut plan = Plan::new(args)?;
     output::check(args, &plan.shots)?;
-    let picked = pick::pick(args, &mut plan)?;
+    let pick = pick::pick(args, &mut plan)?;
+    let (picked, opened, budget) = match pick {
+        Some(pick) => (Some(pick.picked), Some(pick.opened), pick.budget),
+        None => (None, None, None),
+    };
     let Plan { input, scene, frame_times, shots, fps, notices } = plan;
     let stride = input.sequence.stride() as f64;
     let rate = stride * input.fps().unwrap_or(fps);
@@ -223,7 +237,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
     let mut log = Log { manifest, pictures, bar, keep_going, failed: Vec::new() };
     let shots: Vec<_> = args.shard.unwrap_or_default().of(shots).collect();
     let requested = shots.len();
-    let mut queue = Queue::new(shots, fingerprints, claims);
+    let mut queue = Queue::new(shots, fingerprints.clone(), claims);
     if args.skip_existing || args.claim {
         queue.skip(&mut log)?;
     }
@@ -243,19 +257,25 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
     let classifier = SharedClassifier::awaited();
     let loader = Loader::new(input, classifier, &scene, &frame_times, queue.pending(), memory);
     // The loader reads particles while the adapter is opened.
-    let opened = pipeline_cache::open_adapter();
+    let opened = opened.map_or_else(pipeline_cache::open_adapter, Ok);
     loader.classifier().set(opened.as_ref().ok().map(|(gpu, _)| gpu));
     let (gpu, cache) = opened?;
     let still = frame_times.len() == 1;
     let clock = Clock { times: frame_times, rate, stride, frozen };
+    let (budget, offscreen) = match budget {
+        Some((budget, offscreen)) => (Some(budget), offscreen),
+        None => (None, offscreen(args, &gpu, still)),
+    };
     let mut frame_loop = FrameLoop {
         args,
         scene,
-        offscreen: offscreen(args, &gpu, still),
+        offscreen,
+        budget,
+        fingerprints,
         clock,
         classifier: loader.classifier().clone(),
         output,
-        stats: Stats { adapter: gpu.adapter(), picked, frames: Vec::new() },
+        stats: Stats { adapter: gpu.adapter(), picked, budget: None, frames: Vec::new() },
         console,
         failures: 0,
         since: Instant::now(),
@@ -265,6 +285,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
     if let Some(cache) = cache {
         cache.save();
     }
+    frame_loop.stats.budget = frame_loop.budget.as_ref().map(Budget::stats);
     if let Some(path) = &args.stats {
         let text = serde_json::to_string_pretty(&frame_loop.stats)?;
         let write = |file: &mut BufWriter<&File>| file.write_all(text.as_bytes());
@@ -274,7 +295,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
     if let Some(code) = signals::received().filter(|_| !queue.is_empty()) {
         return Ok(ExitCode::from(code));
     }
-    let FrameLoop { output, stats, console, .. } = frame_loop;
+    let FrameLoop { output, stats, console, budget, .. } = frame_loop;
     let failed = log.failed;
     let numbers: Vec<i64> = stats.frames.iter().map(|frame| frame.frame).collect();
     let others = requested.saturating_sub(numbers.len() + failed.len());
@@ -282,6 +303,9 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
     output.finish()?;
     console.end();
     console.line(&summary);
+    if let Some(remark) = budget.and_then(|budget| budget.remark()) {
+        console.line(&remark);
+    }
     let all = failed.len() + stats.frames.len();
     Ok(exit_code(failed, all))
 }
@@ -309,16 +333,16 @@ fn draw_all(
 ) -> limpid_io::Result<()> {
     let mut previous = None;
     let mut next = queue.next(log)?;
-    while let Some(job) = next {
+    while let Some(mut job) = next {
         // The previous picture does not wait for particles that are still being loaded.
         if !loader.has(&job.shot)
             && let Some((job, in_flight)) = previous.take()
         {
-            frame_loop.conclude(&job, in_flight, log)?;
+            frame_loop.conclude(job, in_flight, log)?;
         }
-        let in_flight = loader.wait(&job.shot).map(|loaded| frame_loop.begin(&job, loaded));
+        let in_flight = loader.wait(&job.shot).map(|loaded| frame_loop.begin(&mut job, loaded));
         if let Some((job, in_flight)) = previous.take() {
-            frame_loop.conclude(&job, in_flight, log)?;
+            frame_loop.conclude(job, in_flight, log)?;
         }
         // After the previous claim is released: a process holds at most two.
         next = queue.next_free(log)?;
@@ -330,7 +354,7 @@ fn draw_all(
         if (interrupted || next.is_none())
             && let Some((job, in_flight)) = previous.take()
         {
-            frame_loop.conclude(&job, in_flight, log)?;
+            frame_loop.conclude(job, in_flight, log)?;
         }
         if interrupted {
             queue.give_back(next);
@@ -353,6 +377,8 @@ struct FrameInFlight {
 /// A submitted frame, and the images read back already.
 struct Submitted {
     drawing: PendingFrame,
+    /// With a budget, the number of its settings.
+    rung: Option<usize>,
     /// Intermediate images.
     images: Vec<Part>,
     /// The linear picture, if it is written.
@@ -375,6 +401,10 @@ struct FrameLoop<'a> {
     args: &'a Args,
     scene: Scene,
     offscreen: Offscreen,
+    /// Chooses the settings of each picture.
+    budget: Option<Budget>,
+    /// Those of the pictures with the scene's first settings.
+    fingerprints: Fingerprints,
     clock: Clock,
     /// Classifies the particles.
     classifier: SharedClassifier,
@@ -389,22 +419,30 @@ struct FrameLoop<'a> {
 
 impl FrameLoop<'_> {
     /// Submits the drawing of a picture.
-    fn begin(&mut self, job: &Job, loaded: Arc<Loaded>) -> FrameInFlight {
+    fn begin(&mut self, job: &mut Job, loaded: Arc<Loaded>) -> FrameInFlight {
         let view = (&job.shot.camera, self.args.size);
         self.console.frame(&loaded, &self.scene, view, &self.stats.adapter);
         let drawing = self.begin_drawing(job, &loaded);
         FrameInFlight { loaded, drawing }
     }
 
-    fn begin_drawing(&mut self, job: &Job, loaded: &Loaded) -> limpid_io::Result<Submitted> {
+    fn begin_drawing(&mut self, job: &mut Job, loaded: &Loaded) -> limpid_io::Result<Submitted> {
         let motion = self.motion(job, loaded);
-        let Self { args, scene, offscreen, output, console, .. } = self;
+        let Self { args, scene, offscreen, output, console, budget, fingerprints, .. } = self;
         let chosen = args.aov.as_deref().unwrap_or_default();
         let interface =
             |aov: &Aov| aov.is_for_compositing() || matches!(aov, Aov::Depth | Aov::Normal);
         offscreen.renderer.surface = chosen.iter().any(interface).then_some(motion);
-        let scene = loaded.scene(scene);
-        let drawing = offscreen.begin(&scene, &job.shot.camera, &loaded.splats, args.size)?;
+        let rung = budget.as_ref().map(Budget::rung);
+        if let Some(budget) = budget {
+            scene.settings = budget.settings().clone();
+            job.fingerprint = budget.fingerprints(fingerprints, scene, args.size).of(&job.shot);
+        }
+        let (scene, view) = (loaded.scene(scene), (&job.shot.camera, args.size));
+        let drawing = match budget {
+            Some(budget) => budget.draw(offscreen, &scene, &loaded.splats, view)?,
+            None => offscreen.begin(&scene, view.0, &loaded.splats, view.1)?,
+        };
         let straight = offscreen.renderer.lights_without_caustics();
         if !straight.is_empty() {
             console.notice(&Notice::Straight(straight));
@@ -412,7 +450,7 @@ impl FrameLoop<'_> {
         // Read back now, since the next picture overwrites them.
         let images = if chosen.is_empty() { Vec::new() } else { offscreen.images(chosen)? };
         let radiance = output.is_linear().then(|| offscreen.radiance()).transpose()?;
-        Ok(Submitted { drawing, images, radiance })
+        Ok(Submitted { drawing, rung, images, radiance })
     }
 
     /// What has moved since the picture before. Before the first of several pictures, particles moved as they
@@ -435,11 +473,11 @@ impl FrameLoop<'_> {
     /// Writes a picture, and logs its outcome.
     fn conclude(
         &mut self,
-        job: &Job,
+        mut job: Job,
         in_flight: limpid_io::Result<FrameInFlight>,
         log: &mut Log,
     ) -> limpid_io::Result<()> {
-        match in_flight.and_then(|in_flight| self.finish(job, in_flight)) {
+        match in_flight.and_then(|in_flight| self.finish(&mut job, in_flight)) {
             Ok(outcome) => {
                 self.failures = 0;
                 let ms = Some(self.since.elapsed().as_micros() as f64 / 1e3);
@@ -459,7 +497,7 @@ impl FrameLoop<'_> {
 
     /// Waits for a picture and writes it. With `--keep-going`, a device that has failed or has rejected
     /// commands is reopened, but only once per picture, so that a persistent failure ends.
-    fn finish(&mut self, job: &Job, in_flight: FrameInFlight) -> limpid_io::Result<Outcome> {
+    fn finish(&mut self, job: &mut Job, in_flight: FrameInFlight) -> limpid_io::Result<Outcome> {
         let FrameInFlight { loaded, drawing } = in_flight;
         match drawing.and_then(|drawing| self.write(job, &loaded, drawing)) {
             Err(Error::Render(DeviceLost(_) | Defect(_))) if self.args.keep_going => {
@@ -467,6 +505,7 @@ impl FrameLoop<'_> {
                 self.classifier.set(Some(&gpu));
                 self.offscreen = offscreen(self.args, &gpu, self.clock.times.len() == 1);
                 self.stats.adapter = gpu.adapter();
+                self.budget.iter_mut().for_each(Budget::renew);
                 let drawing = self.begin_drawing(job, &loaded)?;
                 self.write(job, &loaded, drawing)
             }
@@ -479,9 +518,9 @@ impl FrameLoop<'_> {
         &mut self,
         job: &Job,
         loaded: &Loaded,
-        Submitted { drawing, images, radiance }: Submitted,
+        Submitted { drawing, rung, images, radiance }: Submitted,
     ) -> limpid_io::Result<Outcome> {
-        let Self { args, output, stats, .. } = self;
+        let Self { args, output, stats, budget, .. } = self;
         let drawn = drawing.wait()?;
         if let (Some(_), Some(pictures)) = (&args.aov, output.pictures()) {
             pictures.write_aovs(&job.shot, images, job.fingerprint)?;
@@ -492,9 +531,10 @@ impl FrameLoop<'_> {
         output.write(&job.shot, &picture, radiance, job.fingerprint)?;
         stats.frames.push(FrameStats {
             frame: job.shot.number,
+            set: budget.as_ref().zip(rung).map(|(budget, rung)| budget.set(rung).to_vec()),
             particles: loaded.particles,
             splashes: loaded.splats.splashes.len(),
-            total_ms: passes.iter().map(|pass| pass.ms).sum(),
+            total_ms: total_ms(&passes),
             passes,
         });
         Ok(Outcome {
@@ -508,7 +548,7 @@ impl FrameLoop<'_> {
 
 fn offscreen(args: &Args, gpu: &Gpu, at_rest: bool) -> Offscreen {
     let mut offscreen = Offscreen::new(gpu);
-    offscreen.renderer.timing = args.stats.is_some();
+    offscreen.renderer.timing = args.stats.is_some() || args.budget.is_some();
     offscreen.renderer.diagnose = args.aov.is_some();
     // A moving camera around particles at rest does not change the lights' maps.
     offscreen.renderer.reuse = at_rest && (args.turntable.is_some() || args.camera_path.is_some());

@@ -2,21 +2,17 @@
 //!
 //! The error of each choice was measured beforehand and is read from
 //! `crates/limpid-lab/src/quality.toml`, which `limpid report --curve` writes: errors are the same
-//! on every adapter. Frame times depend on adapter, scene and size, so they are measured on demand.
+//! on every adapter. What a choice costs depends on adapter and size: [`calibration`] measures it. The
+//! [`controller`] keeps a budget over a sequence.
+
+pub mod calibration;
+pub mod controller;
 
 use std::sync::LazyLock;
 
-use glam::UVec2;
 use serde::{Deserialize, Serialize};
 
-use limpid::camera::Camera;
-use limpid::gpu::Gpu;
-use limpid::liquid::classify::Splats;
-use limpid::offscreen::Picture;
-use limpid::renderer::Renderer;
-use limpid::scene::Scene;
 use limpid_io::error::{Error, Result};
-use limpid_io::project::overrides::replaced;
 
 /// The measured error, FLIP and cost of each choice of settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,22 +59,32 @@ pub struct Limits {
     pub budget: Option<f64>,
 }
 
-/// The settings that were picked.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Picked {
-    /// The settings with their measured error and cost.
-    #[serde(flatten)]
-    pub choice: Choice,
-    /// Frame time, ms, measured on this adapter, with this scene, at the requested size.
-    pub ms: f64,
+/// One of a curve's lists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum List {
+    /// [`Curve::intersectors`].
+    Intersectors,
+    /// [`Curve::pictures`].
+    Pictures,
 }
 
-/// Number of timed frames; their median is used.
-const FRAMES: usize = 3;
+impl Limits {
+    /// The list to choose from: whole pictures with a budget.
+    pub fn list(self) -> List {
+        if self.budget.is_some() { List::Pictures } else { List::Intersectors }
+    }
+}
 
 /// Relative difference below which two times are treated as equal: medians of a few frames vary by
 /// this much.
 pub const NOISE: f64 = 0.1;
+
+impl Choice {
+    /// Whether this is picked rather than `other`, whatever the limits, unless it is slower.
+    fn is_as_good(&self, other: &Self, list: List) -> bool {
+        self.error_px <= other.error_px && (list == List::Intersectors || self.flip <= other.flip)
+    }
+}
 
 impl Curve {
     /// The measurements that ship with limpid.
@@ -89,16 +95,24 @@ impl Curve {
         &SHIPPED
     }
 
-    /// The choices within the error limit: intersectors, or with a budget whole pictures. The
-    /// defaults are among them if they satisfy the limit.
+    /// The choices of a list, the defaults first.
+    pub fn choices(&self, list: List) -> &[Choice] {
+        match list {
+            List::Intersectors => &self.intersectors,
+            List::Pictures => &self.pictures,
+        }
+    }
+
+    /// Indices of the choices of [`Limits::list`] that satisfy the error limit. The defaults are among them
+    /// if they do.
     ///
     /// # Errors
     /// [`Error::Usage`] naming the smallest error, if even that exceeds the limit.
-    pub fn candidates(&self, limits: Limits) -> Result<Vec<&Choice>> {
-        let all = if limits.budget.is_some() { &self.pictures } else { &self.intersectors };
-        let Some(max_error) = limits.max_error else { return Ok(all.iter().collect()) };
+    pub fn candidates(&self, limits: Limits) -> Result<Vec<usize>> {
+        let all = self.choices(limits.list());
+        let Some(max_error) = limits.max_error else { return Ok((0..all.len()).collect()) };
         let exact_enough: Vec<_> =
-            all.iter().filter(|choice| choice.error_px <= max_error).collect();
+            (0..all.len()).filter(|&i| all[i].error_px <= max_error).collect();
         if exact_enough.is_empty() {
             let exact = |a: &&Choice, b: &&Choice| a.error_px.total_cmp(&b.error_px);
             let best = all.iter().min_by(exact).map_or(String::new(), |best| {
@@ -110,108 +124,51 @@ impl Curve {
         Ok(exact_enough)
     }
 
-    /// Picks the best of `candidates`, whose frame times are `ms`.
-    ///
-    /// Without a budget: the most exact of those that are as fast as the fastest, or slower by no
-    /// more than [`NOISE`]. With a budget: of those that fit it, the one with the best picture, but
-    /// none whose hits are worse than the defaults' if another fits. A looser error limit therefore
-    /// never picks slower settings, a larger budget never picks worse ones, and nothing worse than
-    /// the defaults is picked where these fit.
+    /// Picks by an error limit without a budget: of the candidates, the most exact of those that are as fast
+    /// as the fastest, or slower by no more than [`NOISE`]. A looser limit therefore never picks slower
+    /// settings, but for noise. `costs` are those of the limits' list. Returns an index into that.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the fastest choice, if none fits the budget.
-    pub fn decide(&self, limits: Limits, candidates: &[&Choice], ms: &[f64]) -> Result<Picked> {
-        let timed = || candidates.iter().copied().zip(ms.iter().copied());
-        let fastest = timed().min_by(|a, b| a.1.total_cmp(&b.1));
-        let (fastest_choice, least) =
-            fastest.ok_or_else(|| Error::Usage("nothing to pick".into()))?;
-        let best = match limits.budget {
-            None => timed()
-                .filter(|(_, ms)| *ms <= (1.0 + NOISE) * least)
-                .min_by(|(a, _), (b, _)| a.error_px.total_cmp(&b.error_px)),
-            Some(budget) => {
-                let default = self.intersectors.first().map_or(f64::INFINITY, |d| d.error_px);
-                timed().filter(|(_, ms)| *ms <= budget).min_by(|(a, a_ms), (b, b_ms)| {
-                    let worse = |choice: &Choice| choice.error_px > default;
-                    (worse(a).cmp(&worse(b)))
-                        .then(a.flip.total_cmp(&b.flip))
-                        .then(a.error_px.total_cmp(&b.error_px))
-                        .then(a_ms.total_cmp(b_ms))
-                })
-            }
-        };
-        let Some((choice, ms)) = best else {
-            let (budget, set) = (limits.budget.unwrap_or(0.0), fastest_choice.set.join(" "));
-            let problem = "the fastest settings take about";
-            let message = format!("budget {budget}: {problem} {least:.2} ms a frame here ({set})");
-            return Err(Error::Usage(message));
-        };
-        Ok(Picked { choice: choice.clone(), ms })
+    /// As [`Curve::candidates`].
+    ///
+    /// # Panics
+    /// If `costs` has another length than the list.
+    pub fn fastest(&self, limits: Limits, costs: &[f64]) -> Result<usize> {
+        let (all, candidates) = (self.choices(limits.list()), self.candidates(limits)?);
+        assert_eq!(costs.len(), all.len(), "a cost for each choice");
+        let least = candidates.iter().map(|&i| costs[i]).fold(f64::INFINITY, f64::min);
+        let alike = candidates.into_iter().filter(|&i| costs[i] <= (1.0 + NOISE) * least);
+        let best = alike.min_by(|&a, &b| all[a].error_px.total_cmp(&all[b].error_px));
+        best.ok_or_else(|| Error::Usage("nothing to pick".into()))
     }
 
-    /// Picks the settings that satisfy `limits` and applies them to the scene; `None` without
-    /// limits. Every candidate renders the frame a few times at `size` on `gpu`.
+    /// What a budget chooses from: the candidates from the best picture to the cheapest, each cheaper than all
+    /// before. Those whose hits are worse than the defaults' come last. So where the defaults keep a budget,
+    /// nothing with worse hits or a worse picture is the first that does, and a larger budget never finds a
+    /// worse one. `costs` are those of the limits' list. Returns indices into that, one at least.
     ///
     /// # Errors
-    /// As [`Curve::candidates`], [`Curve::decide`] and [`Renderer::render`].
-    pub fn pick(
-        &self,
-        limits: Limits,
-        gpu: impl FnOnce() -> Result<Gpu>,
-        scene: &mut Scene,
-        frame: impl FnOnce(&Scene) -> Result<(Camera, Splats)>,
-        size: UVec2,
-    ) -> Result<Option<Picked>> {
-        if limits == Limits::default() {
-            return Ok(None);
-        }
-        let candidates = self.candidates(limits)?;
-        let with = |choice: &&Choice| -> Result<Scene> {
-            Ok(Scene { settings: replaced(&scene.settings, &choice.set)?, ..scene.clone() })
-        };
-        let scenes: Vec<_> = candidates.iter().map(with).collect::<Result<_>>()?;
-        let (camera, splats) = frame(scene)?;
-        let ms = frame_times(&gpu()?, &scenes, &camera, &splats, size)?;
-        let picked = self.decide(limits, &candidates, &ms)?;
-        scene.settings = replaced(&scene.settings, &picked.choice.set)?;
-        Ok(Some(picked))
+    /// As [`Curve::candidates`].
+    ///
+    /// # Panics
+    /// If `costs` has another length than the list.
+    pub fn ladder(&self, limits: Limits, costs: &[f64]) -> Result<Vec<usize>> {
+        let (all, mut candidates) = (self.choices(limits.list()), self.candidates(limits)?);
+        assert_eq!(costs.len(), all.len(), "a cost for each choice");
+        let default = self.intersectors.first().map_or(f64::INFINITY, |d| d.error_px);
+        let worse = |i: usize| all[i].error_px > default;
+        candidates.sort_by(|&a, &b| {
+            (worse(a).cmp(&worse(b)))
+                .then(all[a].flip.total_cmp(&all[b].flip))
+                .then(all[a].error_px.total_cmp(&all[b].error_px))
+                .then(costs[a].total_cmp(&costs[b]))
+        });
+        let mut least = f64::INFINITY;
+        candidates.retain(|&i| {
+            let cheaper = costs[i] < least;
+            least = least.min(costs[i]);
+            cheaper
+        });
+        Ok(candidates)
     }
-}
-
-/// Device time of a frame of each scene, ms: the median of several, after one that may compile
-/// pipelines. Uses wall-clock time where the adapter has no timestamps. The scenes are interleaved,
-/// so that a disturbance affects all of them.
-fn frame_times(
-    gpu: &Gpu,
-    scenes: &[Scene],
-    camera: &Camera,
-    splats: &Splats,
-    size: UVec2,
-) -> Result<Vec<f64>> {
-    let mut renderer = Renderer::new(gpu);
-    let target = Picture::new(gpu, size)?;
-    renderer.timing = true;
-    let mut times = vec![Vec::new(); scenes.len()];
-    for round in 0..=FRAMES {
-        for (scene, times) in scenes.iter().zip(&mut times) {
-            renderer.forget();
-            let begun = std::time::Instant::now();
-            let view = target.view();
-            let passes = renderer.render(scene, camera, splats, &view, Picture::FORMAT, size)?;
-            let ms = if passes.is_empty() {
-                target.read(gpu)?;
-                1e3 * begun.elapsed().as_secs_f64()
-            } else {
-                passes.iter().map(|pass| pass.ms).sum()
-            };
-            if round > 0 {
-                times.push(ms);
-            }
-        }
-    }
-    let median = |mut times: Vec<f64>| {
-        times.sort_by(f64::total_cmp);
-        times[FRAMES / 2]
-    };
-    Ok(times.into_iter().map(median).collect())
 }

@@ -48,6 +48,7 @@ fn usage_errors() {
     fail(&["--budget", "--shard"], &["render", "--budget=5", "--shard=1/2"]);
     fail(&["--budget", "--skip-existing"], &["render", "--budget=5", "--skip-existing"]);
     fail(&["--max-error", "--shard"], &["render", "--max-error=5", "--shard=1/2"]);
+    fail(&["--calibrate", "--max-error", "--budget"], &["render", "--calibrate"]);
     fail(&["elisions"], &["report", "--kinds=pases"]);
     fail(&["--curve", "--passes"], &["report", "--curve=c.toml", "--passes"]);
     fail(&["--max-flip"], &["compare", "a.png", "b.png", "--max-flip", "nan"]);
@@ -216,7 +217,7 @@ fn help() {
         &text,
         &["--frames", "--shard", "--skip-existing", "--aov", "--stats", "--set"],
     );
-    assert_contains(&text, &["--max-error", "--budget"]);
+    assert_contains(&text, &["--max-error", "--budget", "--calibrate"]);
     let version = succeed(folder.path(), &["--version"]);
     assert_eq!(version.trim(), concat!("limpid ", env!("CARGO_PKG_VERSION")));
     assert_eq!(run(folder.path(), &[]).code, 2);

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::{
     LIT, Outcome, SIZE, adapter, assert_contains, assert_names, assert_picture, bytes, dam, fail,
-    folder, open, project, render, run, succeed,
+    folder, names, one_line, open, project, render, run_with, succeed,
 };
 
 /// `limpid render` without an input draws the demo.
@@ -249,7 +249,8 @@ fn stats_name_the_adapter_and_every_pass() {
     }
 }
 
-/// `--max-error` and `--budget` report the picked settings in one line on stderr and in the statistics.
+/// `--max-error` and `--budget` report the picked settings in one line on stderr and in the statistics. What
+/// settings cost is measured once, kept, and measured anew by `--calibrate` or where the file is damaged.
 #[test]
 #[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
 fn limits_select_settings() {
@@ -257,26 +258,60 @@ fn limits_select_settings() {
         return;
     }
     let project = project();
-    let draw = |limits: &[&str]| {
-        let stats = ["--stats", "stats.json", "-o", "picked.png"];
-        let render = ["render", SIZE, "scenes/block.toml", "--frames=1"];
+    let cache = project.path().join("cache");
+    let variables = [("XDG_CACHE_HOME", cache.to_str().unwrap()), ("HOME", "")];
+    // Mesa's own cache stays in place, or each run would compile its shaders.
+    let mesa = std::env::var("HOME").map(|home| format!("{home}/.cache")).unwrap_or_default();
+    let variables = [&variables[..], &[("MESA_SHADER_CACHE_DIR", &*mesa)]].concat();
+    let draw = |limits: &[&str], calibrated: &str| {
+        let stats = ["--stats", "stats.json", "-o", "picked_{}.png"];
+        let render = ["render", SIZE, "scenes/block.toml", "--frames=1-2"];
         let args = [&render[..], limits, &stats[..]].concat();
-        let Outcome { code, stdout, stderr } = run(project.path(), &args);
+        let Outcome { code, stdout, stderr } = run_with(project.path(), &args, &variables);
         assert_eq!((code, stdout.as_str()), (0, ""), "{stderr}");
-        assert_contains(&stderr, &["limpid: picked refract.solver=", " px"]);
+        assert_contains(&stderr, &["limpid: picked refract.solver=", " px", calibrated]);
         assert_eq!(stderr.matches("limpid: picked").count(), 1, "{stderr}");
-        assert_picture(&project.path().join("picked.png"));
+        let measures = calibrated == "calibrated in";
+        assert_eq!(stderr.contains("limpid: measuring"), measures, "{stderr}");
+        assert_picture(&project.path().join("picked_2.png"));
         serde_json::from_slice::<Value>(&bytes(&project.path().join("stats.json"))).unwrap()
     };
-    let stats = draw(&["--max-error=1"]);
+    let stats = draw(&["--max-error=1"], "calibrated in");
     assert!(stats["picked"]["error_px"].as_f64().is_some_and(|px| px <= 1.0), "{stats}");
-    assert!(stats["picked"]["ms"].as_f64().is_some_and(|ms| ms > 0.0), "{stats}");
-    let stats = draw(&["--budget=100000", "--max-error=0.1"]);
+    assert!(stats["picked"]["cost"].as_f64().is_some_and(|cost| cost > 0.0), "{stats}");
+    assert!(stats["picked"].get("ms").is_none() && stats.get("budget").is_none(), "{stats}");
+    assert!(stats["frames"][0].get("set").is_none(), "{stats}");
+    let again = draw(&["--max-error=1"], "calibrated before");
+    assert_eq!(again["picked"], stats["picked"], "one calibration, one choice");
+
+    // A budget chooses from other settings, which have not been measured.
+    let stats = draw(&["--budget=100000", "--max-error=0.1"], "calibrated in");
     assert!(stats["picked"]["ms"].as_f64().is_some_and(|ms| ms <= 1e5), "{stats}");
-    assert!(
-        stats["picked"]["set"][0].as_str().is_some_and(|set| set.contains("solver")),
-        "{stats}"
-    );
+    assert_eq!(stats["budget"]["over"], 0, "{stats}");
+    assert_eq!(stats["budget"]["ms"], 1e5, "{stats}");
+    for frame in stats["frames"].as_array().expect("frames is a list") {
+        assert_eq!(frame["set"], stats["picked"]["set"], "an ample budget changes nothing");
+        assert!(frame["set"][0].as_str().is_some_and(|set| set.contains("solver")), "{stats}");
+    }
+    draw(&["--budget=100000", "--max-error=0.1"], "calibrated before");
+    draw(&["--max-error=1"], "calibrated before");
+
+    let name = names(&cache.join("limpid")).into_iter().find(|name| name.contains("calibration"));
+    let file = cache.join("limpid").join(name.expect("a calibration is kept"));
+    assert_contains(file.to_str().unwrap(), &["-64x48.toml"]);
+    let whole = fs::read_to_string(&file).unwrap();
+    assert_contains(&whole, &["--calibrate", "pictures = [", "intersectors = ["]);
+    fs::write(&file, &whole[..whole.len() / 2]).unwrap();
+    draw(&["--max-error=1"], "calibrated in");
+    draw(&["--max-error=1"], "calibrated before");
+    draw(&["--max-error=1", "--calibrate"], "calibrated in");
+
+    // A budget that nothing keeps is an error that names the best; nothing is written.
+    let args = ["render", "--quiet", SIZE, "scenes/block.toml", "--frames=1", "--budget=0.0001"];
+    let args = [&args[..], &["-o", "no.png"]].concat();
+    let line = one_line(&args, 2, run_with(project.path(), &args, &variables));
+    assert_contains(&line, &["--budget 0.0001", "fastest settings take", "ms", "refract.solver="]);
+    assert!(!project.path().join("no.png").exists());
 }
 
 /// Caustic settings from the command line are applied; one beyond the adapter's limits fails with code 5

@@ -54,13 +54,16 @@ fn intersectors() -> Vec<Vec<String>> {
 /// Settings of a picture other than its intersector, the defaults first.
 fn knobs() -> Vec<Vec<String>> {
     let mut knobs = Vec::new();
-    for iterations in [5, 2] {
-        for (samples, bounces) in [(1, 4), (1, 0), (4, 4)] {
-            knobs.push(vec![
-                format!("smooth.iterations={iterations}"),
-                format!("refract.samples={samples}"),
-                format!("refract.internal_bounces={bounces}"),
-            ]);
+    for intervals in [2, 1] {
+        for iterations in [5, 2] {
+            for (samples, bounces) in [(1, 4), (1, 0), (4, 4)] {
+                knobs.push(vec![
+                    format!("layers.intervals={intervals}"),
+                    format!("smooth.iterations={iterations}"),
+                    format!("refract.samples={samples}"),
+                    format!("refract.internal_bounces={bounces}"),
+                ]);
+            }
         }
     }
     knobs

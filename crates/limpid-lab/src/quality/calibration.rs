@@ -1,0 +1,109 @@
+//! Calibration: how long frames take with each choice of settings on an adapter at a size, relative to the
+//! defaults.
+//!
+//! Measured on the built-in demo, a dam break, so that costs do not depend on what is drawn first.
+
+use std::time::Instant;
+
+use glam::UVec2;
+
+use limpid::camera::Camera;
+use limpid::gpu::Gpu;
+use limpid::liquid::classify::Splats;
+use limpid::offscreen::Offscreen;
+use limpid::scene::Scene;
+use limpid::settings::Settings;
+use limpid_io::error::Result;
+use limpid_io::project::overrides::replaced;
+
+use super::{Choice, List, NOISE};
+use crate::report::subjects;
+
+/// The scene that is drawn.
+const SCENE: &str = "demo";
+
+/// Number of timed frames of a choice; its cost is their median.
+const ROUNDS: usize = 3;
+
+/// Size of the pictures, pixels, with which drivers compile the shaders.
+const COMPILING_SIZE: UVec2 = UVec2::new(64, 48);
+
+/// Measures the cost of each of `choices`, the curve's `list`: device time of a frame of `size` pixels over
+/// that with the first choice, which are the defaults. The costs are in the order of the choices, and the
+/// first is 1.
+///
+/// Each choice draws a small frame, which may compile shaders, and up to three timed ones, by turns; choices that
+/// are [`dominated`] after the first of these draw no more.
+///
+/// # Errors
+/// As [`Renderer::render`](limpid::renderer::Renderer::render).
+pub fn measure(gpu: &Gpu, list: List, choices: &[Choice], size: UVec2) -> Result<Vec<f64>> {
+    let (_, project, loaded) = subjects::load(SCENE)?;
+    let camera = project.camera_for(loaded.bulk.bounds);
+    let scenes: Vec<Scene> = choices
+        .iter()
+        .map(|choice| {
+            let settings = replaced(&Settings::default(), &choice.set)?;
+            Ok(Scene { settings, ..project.scene.clone() })
+        })
+        .collect::<Result<_>>()?;
+    let mut offscreen = Offscreen::new(gpu);
+    offscreen.renderer.timing = true;
+    for scene in &scenes {
+        offscreen.draw(scene, &camera, &loaded.splats, size.min(COMPILING_SIZE))?;
+    }
+    let mut time = |i: usize| frame_ms(&mut offscreen, &scenes[i], &camera, &loaded.splats, size);
+    let mut ratios = vec![Vec::new(); choices.len()];
+    let mut remaining: Vec<usize> = (1..choices.len()).collect();
+    for _ in 0..ROUNDS {
+        // Ratios of frames that were drawn one after the other: the speed of a machine that does other
+        // work too changes from round to round.
+        let default = time(0)?;
+        for &i in &remaining {
+            ratios[i].push(time(i)? / default);
+        }
+        let costs: Vec<f64> = ratios.iter().map(|ratios| median(ratios)).collect();
+        remaining.retain(|&i| !dominated(list, choices, &costs, i));
+    }
+    Ok(ratios.iter().map(|ratios| median(ratios)).collect())
+}
+
+/// Whether a choice is never picked, whatever the limits: another that is at least as good is clearly
+/// faster, by more than twice [`NOISE`].
+///
+/// # Panics
+/// If there are fewer costs than choices, or `i` is out of range.
+pub fn dominated(list: List, choices: &[Choice], costs: &[f64], i: usize) -> bool {
+    let mut others = choices.iter().zip(costs);
+    others.any(|(other, cost)| {
+        other.is_as_good(&choices[i], list) && (1.0 + 2.0 * NOISE) * cost < costs[i]
+    })
+}
+
+/// Draws a whole frame and returns its device time, ms: of all passes, or wall-clock time where the adapter
+/// has no timestamps. The renderer's `timing` must be set.
+///
+/// # Errors
+/// As [`Renderer::render`](limpid::renderer::Renderer::render).
+pub fn frame_ms(
+    offscreen: &mut Offscreen,
+    scene: &Scene,
+    camera: &Camera,
+    splats: &Splats,
+    size: UVec2,
+) -> Result<f64> {
+    offscreen.renderer.forget();
+    let begun = Instant::now();
+    let frame = offscreen.draw(scene, camera, splats, size)?;
+    Ok(match &*frame.passes {
+        [] => 1e3 * begun.elapsed().as_secs_f64(),
+        passes => passes.iter().map(|pass| pass.ms).sum(),
+    })
+}
+
+/// The median; 1 of no ratios, which are those of the defaults.
+fn median(ratios: &[f64]) -> f64 {
+    let mut sorted = ratios.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(1.0)
+}
