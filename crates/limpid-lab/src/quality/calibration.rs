@@ -14,13 +14,11 @@ use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
 use limpid::settings::Settings;
 use limpid_io::error::Result;
+use limpid_io::input::{FrameTime, Input};
 use limpid_io::project::overrides::replaced;
+use limpid_io::shared_classifier::Processor;
 
 use super::{Choice, List, NOISE};
-use crate::report::subjects;
-
-/// The scene that is drawn.
-const SCENE: &str = "demo";
 
 /// Number of timed frames of a choice; its cost is their median.
 const ROUNDS: usize = 3;
@@ -38,7 +36,11 @@ const COMPILING_SIZE: UVec2 = UVec2::new(64, 48);
 /// # Errors
 /// As [`Renderer::render`](limpid::renderer::Renderer::render).
 pub fn measure(gpu: &Gpu, list: List, choices: &[Choice], size: UVec2) -> Result<Vec<f64>> {
-    let (_, project, loaded) = subjects::load(SCENE)?;
+    let (input, project) = Input::demo()?.resolve()?;
+    // As reports classify: costs do not depend on where classification runs.
+    let input = input.processed_by(Processor::Cpu);
+    let frame = FrameTime::at(input.sequence.frames[0].number);
+    let loaded = input.load(frame, &project.scene)?;
     let camera = project.camera_for(loaded.bulk.bounds);
     let scenes: Vec<Scene> = choices
         .iter()
