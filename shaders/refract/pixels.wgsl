@@ -101,14 +101,6 @@ fn edge_pixels(
     }
 }
 
-fn has_liquid(texel: vec2i) -> bool {
-    var covered = !plane_is_empty(textureLoad(aggregate_layers, texel, FRONT$level).xyz);
-    if SPLASH {
-        covered |= !plane_is_empty(textureLoad(splash_layers, texel, FRONT$level).xyz);
-    }
-    return covered;
-}
-
 // Whether solids hide the liquid over the whole pixel, tested at its centre and corners. The front's
 // plane may be steep at a rim, so a solid in front of its depth at the centre suffices.
 fn is_hidden(p: vec2i) -> bool {

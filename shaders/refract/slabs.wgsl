@@ -37,6 +37,14 @@ struct Slabs {
     splash_has_gap: bool,
 }
 
+fn has_liquid(texel: vec2i) -> bool {
+    var covered = !plane_is_empty(textureLoad(aggregate_layers, texel, FRONT$level).xyz);
+    if SPLASH {
+        covered |= !plane_is_empty(textureLoad(splash_layers, texel, FRONT$level).xyz);
+    }
+    return covered;
+}
+
 // The first front and the last back of each class at a texel.
 fn whole_slabs(texel: vec2i) -> Slabs {
     var slabs: Slabs;

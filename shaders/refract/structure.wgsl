@@ -2,21 +2,17 @@
 // the radiance. On a slope of the picture one ray is the mean of many.
 
 #import common/camera.wgsl
-#import common/layers.wgsl
 #import common/tiles.wgsl
 #import refract/lists.wgsl
-
-override SPLASH: bool = false;
+#import refract/slabs.wgsl
 
 struct Params {
     structure: f32, // least second difference, as a share of the largest radiance
 }
 
-@group(1) @binding(0) var aggregate_layers: $layers;
-@group(1) @binding(1) var splash_layers: $layers;
-@group(1) @binding(2) var radiance: texture_2d<f32>; // with one ray per pixel
-@group(1) @binding(3) var<storage, read> tiles: TileList;
-@group(1) @binding(4) var<uniform> params: Params;
+@group(1) @binding(0) var<uniform> params: Params;
+@group(1) @binding(3) var radiance: texture_2d<f32>; // with one ray per pixel
+@group(1) @binding(4) var<storage, read> tiles: TileList;
 
 @compute @workgroup_size(8, 8)
 fn find(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
@@ -28,11 +24,7 @@ fn find(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     if any(p >= vec2i(camera.size)) {
         return;
     }
-    var covered = !plane_is_empty(textureLoad(aggregate_layers, p, FRONT$level).xyz);
-    if SPLASH {
-        covered |= !plane_is_empty(textureLoad(splash_layers, p, FRONT$level).xyz);
-    }
-    if covered && has_structure(p) {
+    if has_liquid(p) && has_structure(p) {
         is_deferred(p);
     }
 }

@@ -457,11 +457,11 @@ fn begin<'a>(
 impl Structure {
     fn new(gpu: &Gpu) -> Self {
         let bindings = [
+            gpu::uniform::<StructureParams>(),
             gpu.layers(),
             gpu.layers(),
             gpu::sampled(D2),
             gpu::storage_of(8),
-            gpu::uniform::<StructureParams>(),
         ];
         Self {
             find: [const { [const { None }; 2] }; 2],
@@ -504,11 +504,11 @@ impl Structure {
         let Some(pipeline) = pipeline else { return };
         let tiles = &eye.tiles.lists;
         let resources = [
+            self.params.as_entire_binding(),
             wgpu::BindingResource::TextureView(&eye.aggregate_layers().view),
             wgpu::BindingResource::TextureView(&eye.splash.layers.view),
             wgpu::BindingResource::TextureView(radiance),
             tiles.section(&tiles.liquid, section),
-            self.params.as_entire_binding(),
         ];
         pass.set_pipeline(pipeline);
         pass.set_bind_group(1, &gpu::bind_group(gpu, "structure", &self.layout, &resources), &[]);
