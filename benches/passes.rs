@@ -3,7 +3,8 @@
 //!
 //! Each figure is the median of several frames in one run, with the minimum and the maximum. Scenes
 //! are `demo`, `cascade` (40,000 particles), `million` (1,056,000), `million-all` (the same without
-//! culling of hidden particles; only if named), and `front` if the reference scenes are available
+//! culling of hidden particles; only if named), `ten-million` (the curve with ten million; only if named, for it takes
+//! minutes and 4 GiB), and `front` if the reference scenes are available
 //! (`LIMPID_REFERENCE`, default `../shared/reference` beside the checkout):
 //!
 //! ```text
@@ -13,6 +14,8 @@
 //! cargo bench --bench passes -- my/scene.toml frames=21 size=640x480 refract.samples=4
 //! ```
 
+#[path = "support/memory.rs"]
+mod memory;
 #[path = "support/options.rs"]
 mod options;
 mod support;
@@ -30,7 +33,7 @@ use limpid::scene::Scene;
 use limpid_io::input::Input;
 
 use options::Options;
-use support::{COUNTS, Swell};
+use support::{COUNTS, Swell, TEN_MILLION};
 
 /// The scenes and the curve, in this order.
 const ALL: [&str; 5] = ["demo", "cascade", "front", "million", "curve"];
@@ -42,7 +45,8 @@ fn main() -> limpid_io::Result<()> {
     println!("{}, {}x{}, medians of {frames} frames, ms", gpu.adapter(), size.x, size.y);
     for name in &options.chosen {
         match name.as_str() {
-            "curve" => curve(&gpu, &options)?,
+            "curve" => curve(&gpu, &options, &COUNTS)?,
+            "ten-million" => curve(&gpu, &options, &[&COUNTS[..], &[TEN_MILLION]].concat())?,
             name => match Subject::named(name, &options.settings)? {
                 Some(subject) => passes(&gpu, &subject, &options)?,
                 None => println!("\n{name}: its files are not here"),
@@ -100,7 +104,11 @@ impl Subject {
     }
 
     fn swell(count: usize, settings: &[String]) -> limpid_io::Result<Self> {
-        let Swell { mut project, particles, radius } = Swell::new(count)?;
+        Self::of_swell(Swell::new(count)?, settings)
+    }
+
+    fn of_swell(swell: Swell, settings: &[String]) -> limpid_io::Result<Self> {
+        let Swell { mut project, particles, radius } = swell;
         project.set(settings)?;
         let camera = project.camera_for(particles.bounds().unwrap_or_default());
         let scene = project.scene;
@@ -163,16 +171,22 @@ fn passes(gpu: &Gpu, subject: &Subject, options: &Options) -> limpid_io::Result<
 }
 
 /// Measures one liquid with increasing numbers of particles. The exponent is that of the particle
-/// number between two rows: 1 means linear scaling.
-fn curve(gpu: &Gpu, options: &Options) -> limpid_io::Result<()> {
+/// number between two rows: 1 means linear scaling. Memory is the most that the process holds in classification and
+/// while it draws, with the device's own where that is the processor.
+fn curve(gpu: &Gpu, options: &Options, counts: &[usize]) -> limpid_io::Result<()> {
     println!(
-        "\nswell: {:>9} {:>9} {:>9} {:>9} {:>9}",
-        "particles", "splat", "device", "frame", "exponent"
+        "\nswell: {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}",
+        "particles", "splats", "classify", "splat", "device", "frame", "exponent", "MiB"
     );
     let mut last: Option<(f64, f64)> = None;
-    for count in COUNTS {
-        let subject = Subject::swell(count, &options.settings)?;
+    for &count in counts {
+        let swell = Swell::new(count)?;
+        memory::reset_peak();
+        let start = Instant::now();
+        let subject = Subject::of_swell(swell, &options.settings)?;
+        let classification = start.elapsed().as_secs_f64() * 1e3;
         let times = measure(gpu, &subject, options)?;
+        let peak = memory::peak().map_or("?".into(), |bytes| (bytes >> 20).to_string());
         let is_splat = |(name, _): &&(&str, Vec<f64>)| name.starts_with("splat");
         let splat: f64 = times.passes.iter().filter(is_splat).map(|(_, ms)| median(ms).1).sum();
         let (device, frame) = (median(&times.device).1, median(&times.frame).1);
@@ -180,7 +194,11 @@ fn curve(gpu: &Gpu, options: &Options) -> limpid_io::Result<()> {
         let exponent = last.map_or(String::new(), |(fewer, less)| {
             format!("{:.2}", (frame / less).ln() / (particles as f64 / fewer).ln())
         });
-        println!("       {particles:>9} {splat:9.2} {device:9.2} {frame:9.2} {exponent:>9}");
+        let splats = subject.splats.aggregates.len() + subject.splats.splashes.len();
+        println!(
+            "       {particles:>9} {splats:>9} {classification:9.2} {splat:9.2} {device:9.2} {frame:9.2} \
+             {exponent:>9} {peak:>9}"
+        );
         last = Some((particles as f64, frame));
     }
     Ok(())

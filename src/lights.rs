@@ -86,7 +86,6 @@ impl Lights {
                 self.passes.truncate(i);
                 self.passes.push(passes);
             }
-            let LightPasses { surfaces, caustics, .. } = &mut self.passes[i];
             let backs = settings.interfaces > 1;
             let gaps = gaps::count(gpu, &scene.settings.layers, settings.interfaces, splats);
             let size = view.size;
@@ -105,7 +104,14 @@ impl Lights {
                 gaps,
                 sections,
             };
-            surfaces.resize(gpu, config);
+            let (before, passes) = self.passes.split_at_mut(i);
+            let LightPasses { surfaces, caustics, .. } = &mut passes[0];
+            // A view's layers are no longer needed when its map is drawn.
+            before.iter().for_each(|before| caustics.share(&before.caustics));
+            match before.iter().find(|before| before.surfaces.config() == config) {
+                Some(before) => surfaces.share(&before.surfaces),
+                None => surfaces.resize(gpu, config),
+            }
             let uniform = view.uniform(splats.origin);
             surfaces.remove_splats_behind_walls(gpu, scene, &uniform, view.origin, splats);
             surfaces.prepare(gpu, frame, &uniform, view.origin, &[], None);

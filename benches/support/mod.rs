@@ -12,6 +12,10 @@ use limpid_io::project::Project;
 /// 116,424 and 1,056,000.
 pub(crate) const COUNTS: [usize; 4] = [5_000, 40_000, 125_000, MILLION];
 
+/// About the most that can be simulated: 9,702,000.
+#[allow(dead_code, reason = "not all benches go so far")]
+pub(crate) const TEN_MILLION: usize = 9_800_000;
+
 /// Number of particles of `sims/million.toml`.
 const MILLION: usize = 1_056_000;
 /// Radius of these, m.

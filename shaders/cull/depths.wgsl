@@ -1,13 +1,15 @@
-// Depth range per 8 x 8 tile in which splats are hidden: behind all fronts and in front of all backs
-// drawn so far.
+// Depth range per 8 x 8 tile, and per quad of 2 x 2 pixels, in which splats are hidden: behind all fronts and in
+// front of all backs drawn so far.
 
 #import common/tiles.wgsl
+#import cull/quads.wgsl
 
 // Beyond all depths.
 const NOWHERE: f32 = 3e38;
 
 // Fronts, backs.
 @group(0) @binding(0) var layers: $layers;
+// Of tiles, then of quads.
 @group(0) @binding(1) var<storage, read_write> depths: array<vec2f>;
 
 // Whether backs are drawn; without them, fronts alone hide splats.
@@ -20,9 +22,20 @@ fn reduce(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     var between = vec2f(0.0, NOWHERE);
-    for (var i = 0u; i < TILE * TILE; i++) {
+    for (var i = 0u; i < QUADS * QUADS; i++) {
+        let quad = id.xy * QUADS + vec2u(i % QUADS, i / QUADS);
+        let of_quad = between_of(quad, size);
+        depths[quad_index(quad, size)] = of_quad;
+        between = vec2f(max(between.x, of_quad.x), min(between.y, of_quad.y));
+    }
+    depths[id.y * tiles_across(size.x) + id.x] = between;
+}
+
+fn between_of(quad: vec2u, size: vec2u) -> vec2f {
+    var between = vec2f(0.0, NOWHERE);
+    for (var i = 0u; i < QUAD * QUAD; i++) {
         // Clamping repeats border pixels, which does not affect the extrema.
-        let p = min(id.xy * TILE + vec2u(i % TILE, i / TILE), size - 1u);
+        let p = min(quad * QUAD + vec2u(i % QUAD, i / QUAD), size - 1u);
         let front = textureLoad(layers, p, 0$level).w;
         // Empty pixels hide nothing.
         between.x = max(between.x, select(NOWHERE, front, front > 0.0));
@@ -30,5 +43,5 @@ fn reduce(@builtin(global_invocation_id) id: vec3u) {
             between.y = min(between.y, textureLoad(layers, p, 1$level).w);
         }
     }
-    depths[id.y * tiles_across(size.x) + id.x] = between;
+    return between;
 }

@@ -2,11 +2,14 @@
 //
 // Splats off the screen are invisible. Splats surrounded by liquid are potentially visible if a tile
 // that they touch has a front behind them or a back in front of them: N. Greene, M. Kass and G. Miller,
-// Hierarchical Z-Buffer Visibility (1993), with a single level for splats of a few pixels.
+// Hierarchical Z-Buffer Visibility (1993), with two levels: on a surface seen at a slant, the depths of
+// a tile are far apart.
 
 #import splat_lists.wgsl
 #import common/tiles.wgsl
+#import cull/quads.wgsl
 
+// Of tiles, then of quads.
 @group(3) @binding(0) var<storage, read> depths: array<vec2f>;
 
 // Whether the splats surrounded by liquid are tested, or all others.
@@ -25,29 +28,42 @@ fn is_listed(index: u32) -> bool {
     return bounds.seen && (!SURROUNDED || !is_hidden(placed, bounds));
 }
 
-// Splats that touch more tiles are drawn without a test.
-const MOST_TILES: u32 = 64u;
+// Splats that touch more tiles are drawn without a test, and with more quads than that by their tiles' alone.
+const MOST: u32 = 64u;
 
 fn is_hidden(placed: Placed, bounds: PixelBounds) -> bool {
-    let first = bounds.first / TILE;
-    let last = bounds.last / TILE;
-    let tiles = last - first + 1u;
-    if tiles.x * tiles.y > MOST_TILES {
-        return false;
-    }
     let half_depth = length(placed.rows[2]);
     let middle = -placed.centre.z;
     // Covers rounding errors, in an orthographic view also those of the depth buffer.
     let margin = depth_margin(middle, half_depth) + select(0.0, 1e-6 * camera.far, ORTHOGRAPHIC);
-    let nearest = middle - half_depth - margin;
-    let farthest = middle + half_depth + margin;
-    for (var y = first.y; y <= last.y; y++) {
-        for (var x = first.x; x <= last.x; x++) {
-            let between = depths[y * tiles_across(u32(camera.size.x)) + x];
-            if nearest <= between.x || farthest >= between.y {
-                return false;
-            }
-        }
+    let reach = half_depth + margin;
+    let range = vec2f(middle - reach, middle + reach);
+    let size = vec2u(camera.size);
+    let across = tiles_across(size.x);
+
+    var first = bounds.first / TILE;
+    var count = bounds.last / TILE - first + 1u;
+    if count.x * count.y > MOST {
+        return false;
     }
-    return true;
+    var hidden = true;
+    for (var i = 0u; i < count.x * count.y && hidden; i++) {
+        let tile = first + vec2u(i % count.x, i / count.x);
+        hidden = is_between(range, depths[tile.y * across + tile.x]);
+    }
+    first = bounds.first / QUAD;
+    count = bounds.last / QUAD - first + 1u;
+    if hidden || count.x * count.y > MOST {
+        return hidden;
+    }
+    hidden = true;
+    for (var i = 0u; i < count.x * count.y && hidden; i++) {
+        hidden = is_between(range, depths[quad_index(first + vec2u(i % count.x, i / count.x), size)]);
+    }
+    return hidden;
+}
+
+// Whether a splat between two depths is hidden where the layers are.
+fn is_between(range: vec2f, layers: vec2f) -> bool {
+    return range.x > layers.x && range.y < layers.y;
 }

@@ -35,6 +35,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("cull/select.wgsl", include_str!("../../shaders/cull/select.wgsl")),
     ("cull/depths.wgsl", include_str!("../../shaders/cull/depths.wgsl")),
     ("cull/draw.wgsl", include_str!("../../shaders/cull/draw.wgsl")),
+    ("cull/quads.wgsl", include_str!("../../shaders/cull/quads.wgsl")),
     ("mixture.wgsl", include_str!("../../shaders/mixture.wgsl")),
     ("gaps/cells.wgsl", include_str!("../../shaders/gaps/cells.wgsl")),
     ("gaps/swollen.wgsl", include_str!("../../shaders/gaps/swollen.wgsl")),

@@ -13,6 +13,7 @@
 
 pub mod device;
 mod grid;
+mod interior;
 mod moments;
 mod shape;
 mod surface;
@@ -70,11 +71,19 @@ impl Splat {
     const WALL: u32 = 17;
     /// Bit of [`Splat::tags`] that marks a copy of liquid behind the plane, opposite to its normal.
     const WALL_FROM_BEHIND: u32 = 1 << 27;
+    /// Bit of [`Splat::tags`] that marks a sphere around a grid cell deep inside a body, in place of the splats of
+    /// its particles.
+    const INTERIOR: u32 = 1 << 28;
 
     /// Whether [`add_wall_contacts`] placed the splat on a plane.
     #[doc(hidden)]
     pub fn is_copy(&self) -> bool {
         self.tags >> Self::WALL & 0x3ff != 0
+    }
+
+    /// Whether the splat stands for all particles of a grid cell deep inside a body.
+    pub fn is_interior(&self) -> bool {
+        self.tags & Self::INTERIOR != 0
     }
 
     /// The symmetric matrix A, m, which maps the unit sphere to the ellipsoid.
@@ -106,7 +115,8 @@ impl Splat {
     }
 }
 
-/// The splats of a frame. Both lists are in file order; copies made by [`add_wall_contacts`] follow.
+/// The splats of a frame. Both lists are in file order; the [interior](Splat::is_interior) of large bodies and copies
+/// made by [`add_wall_contacts`] follow.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Splats {
     /// Ellipsoids of bodies and sheets.
@@ -129,7 +139,8 @@ pub struct Splats {
 ///
 /// `default_radius` applies to files without radii. Particles that cannot be drawn are skipped: those
 /// with a non-finite position, with a radius that is not positive, or with a radius whose cube is not
-/// a normal 32-bit float (10⁻¹³ to 10¹² m are fine). The result depends only on the particles and the
+/// a normal 32-bit float (10⁻¹³ to 10¹² m are fine). Deep inside bodies of hundreds of thousands of particles, one splat
+/// stands for several particles ([`Splat::is_interior`]). The result depends only on the particles and the
 /// settings, not on the number of threads. [`Classifier`] does the same on the device.
 pub fn classify(particles: &Particles, default_radius: f32, settings: &Classify) -> Splats {
     Cloud::new(particles, default_radius).classify(settings)
@@ -145,6 +156,9 @@ pub(crate) fn is_inside(splats: &Splats, place: DVec3, support: f32) -> bool {
     let mut near = Moments::default();
     for splat in &splats.aggregates {
         let offset = (Vec3::from_array(splat.centre).as_dvec3() - place) / h;
+        if splat.is_interior() && offset.length() * h <= f64::from(splat.diagonal[0]) {
+            return true;
+        }
         if offset.length_squared() <= 1.0 {
             near.add(offset, f64::from(splat.radius / splats.radius).powi(3));
         }
@@ -220,11 +234,34 @@ impl Cloud {
     /// Classifies the particles; see [`classify`].
     pub fn classify(&self, settings: &Classify) -> Splats {
         let Some(grid) = self.grid(settings) else { return self.classify_by_tree(settings) };
-        let shaped = grid.map(self.shaper(settings));
+        let interior = self.has_interior(settings).then(|| grid.interior());
+        self.classify_by_grid(grid, interior.as_deref(), settings)
+    }
+
+    /// As [`Cloud::classify`], but with a splat of its own for each particle.
+    pub fn classify_each(&self, settings: &Classify) -> Splats {
+        let Some(grid) = self.grid(settings) else { return self.classify_by_tree(settings) };
+        self.classify_by_grid(grid, None, settings)
+    }
+
+    /// Classifies the particles outside of the `interior` cells, which get one splat each.
+    fn classify_by_grid(
+        &self,
+        grid: Grid<'_>,
+        interior: Option<&[bool]>,
+        settings: &Classify,
+    ) -> Splats {
+        let slots = grid.slots_outside(interior);
+        let shaped = grid.map(&slots, self.shaper(settings));
         // Back to file order.
-        let slots = grid.slots();
+        let ranks = grid.ranks(&slots);
+        drop(slots);
+        let spheres = interior.map(|cells| self.spheres(&grid, cells)).unwrap_or_default();
         let search = surface::refines(settings).then_some(Search::Grid(grid));
-        self.splats(slots.par_iter().map(|&slot| shaped[slot as usize]), search.as_ref())
+        let ranked = ranks.iter().filter_map(|&rank| shaped.get(rank as usize).copied());
+        let mut splats = self.splats(ranked, search.as_ref());
+        splats.aggregates.extend(spheres);
+        splats
     }
 
     /// As [`Cloud::classify`], but always with a k-d tree.
@@ -240,13 +277,14 @@ impl Cloud {
             let moments = |m: &Member| tree.moments(m, support);
             let shaped: Vec<_> = self.members.par_iter().map(|m| shape(m, &moments(m))).collect();
             let search = surface::refines(settings).then_some(Search::Tree(tree));
-            return self.splats(shaped.into_par_iter(), search.as_ref());
+            return self.splats(shaped.into_iter(), search.as_ref());
         }
         // In a crowd, many particles may coincide and share one result.
         let (distinct, which) = distinct(&self.members);
         let found: Vec<_> = distinct.par_iter().map(|m| tree.moments(m, support)).collect();
         let members = self.members.par_iter().zip(&which);
-        self.splats(members.map(|(m, &i)| shape(m, &found[i as usize])), None)
+        let shaped: Vec<_> = members.map(|(m, &i)| shape(m, &found[i as usize])).collect();
+        self.splats(shaped.into_iter(), None)
     }
 
     /// Whether neighbours are found by a uniform grid. The tree handles widely differing radii, particles
@@ -288,13 +326,18 @@ impl Cloud {
     }
 
     /// Collects the splats, and refines the surface if there is a search for it.
-    fn splats(
-        &self,
-        shaped: impl ParallelIterator<Item = Shape>,
-        search: Option<&Search<'_>>,
-    ) -> Splats {
-        let (splashes, (mut aggregates, means)): (_, (Vec<_>, Vec<_>)) =
-            shaped.partition_map(|shape| shape);
+    fn splats(&self, shaped: impl Iterator<Item = Shape>, search: Option<&Search<'_>>) -> Splats {
+        let (mut splashes, mut aggregates, mut means) = (Vec::new(), Vec::new(), Vec::new());
+        // Threads would have to copy their lists once more.
+        for shape in shaped {
+            match shape {
+                Either::Left(splash) => splashes.push(splash),
+                Either::Right((aggregate, mean)) => {
+                    aggregates.push(aggregate);
+                    means.push(mean);
+                }
+            }
+        }
         if let Some(search) = search {
             self.refine(&mut aggregates, &means, search);
         }
@@ -375,8 +418,10 @@ mod tests {
         let tree = Tree::new(&cloud.members);
         let by_tree = cloud.members.iter().map(|m| tree.moments(m, support.into())).collect();
         let grid = cloud.grid(&settings).expect("an ordinary particle set has a grid");
-        let found = grid.map(|_, near| *near);
-        let by_grid = grid.slots().into_iter().map(|slot| found[slot as usize]).collect();
+        let slots = grid.slots_outside(None);
+        let found = grid.map(&slots, |_, near| *near);
+        let ranks = grid.ranks(&slots);
+        let by_grid = ranks.into_iter().map(|rank| found[rank as usize]).collect();
         [("tree", by_tree), ("grid", by_grid)]
     }
 

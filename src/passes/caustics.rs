@@ -166,7 +166,7 @@ struct Layouts {
 }
 
 /// Intermediate results of the kernels.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Buffers {
     size: UVec2,
     cells: UVec2,
@@ -274,6 +274,14 @@ impl Caustics {
         Self { pipelines: HashMap::new(), blur, layouts, buffers: None }
     }
 
+    /// As [`super::splat::Splat::share`], unless the other map is of another shape.
+    pub fn share(&mut self, other: &Self) {
+        let Some(theirs) = &other.buffers else { return };
+        if self.buffers.as_ref().is_none_or(|own| own.shape() == theirs.shape()) {
+            self.buffers = Some(theirs.clone());
+        }
+    }
+
     /// Allocates the buffers for a view's map and compiles missing pipelines.
     ///
     /// # Errors
@@ -309,8 +317,8 @@ impl Caustics {
             }
         }
         let blur = settings.blur > 0.0;
-        let fit = |b: &Buffers| (b.size, b.cells, b.blur.is_some()) == (size, cells, blur);
-        if !self.buffers.as_ref().is_some_and(fit) {
+        let shape = (size, cells, blur);
+        if self.buffers.as_ref().is_none_or(|buffers| buffers.shape() != shape) {
             self.buffers = Some(Buffers::new(gpu, size, cells, blur));
         }
         let key = Key::new(scene, bound, settings.method, (splash, gaps));
@@ -600,6 +608,11 @@ impl Key {
 }
 
 impl Buffers {
+    /// Size of the map, cells of the grid, and whether the map is blurred.
+    fn shape(&self) -> (UVec2, UVec2, bool) {
+        (self.size, self.cells, self.blur.is_some())
+    }
+
     fn new(gpu: &Gpu, size: UVec2, cells: UVec2, blur: bool) -> Self {
         let vertices = u64::from((cells + 1).element_product());
         let buffer = |label: &str, size: u64| {

@@ -20,6 +20,9 @@ pub const LEAST: usize = 1 << 16;
 /// The same for software adapters.
 const LEAST_IN_SOFTWARE: usize = 1 << 11;
 
+/// Quads along a tile: as in `cull/quads.wgsl`.
+const QUADS: u32 = TILE / 4;
+
 /// Whether culling pays for a frame: enough splats are surrounded, and the device supports it.
 pub fn is_worthwhile(gpu: &Gpu, splats: &Splats) -> bool {
     if !splat_lists::are_supported(gpu) {
@@ -49,7 +52,7 @@ pub struct Cull {
     depths: [wgpu::ComputePipeline; 2],
     depths_layout: wgpu::BindGroupLayout,
     tiles_layout: wgpu::BindGroupLayout,
-    /// A pair of depths for each tile.
+    /// A pair of depths for each tile, and for each quad of 2×2 pixels.
     tiles: wgpu::Buffer,
     input: wgpu::BindGroup,
     size: UVec2,
@@ -139,9 +142,10 @@ fn tiles(
     layout: &wgpu::BindGroupLayout,
 ) -> (wgpu::Buffer, wgpu::BindGroup) {
     let tiles = u64::from(size.x.div_ceil(TILE)) * u64::from(size.y.div_ceil(TILE));
+    let depths = tiles * u64::from(1 + QUADS * QUADS);
     let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("cull depths"),
-        size: 8 * tiles,
+        size: 8 * depths,
         usage: wgpu::BufferUsages::STORAGE,
         mapped_at_creation: false,
     });

@@ -63,7 +63,7 @@ pub struct Gaps {
     lists: [ClassLists; 2],
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct ClassLists {
     large: SplatLists,
     sides: [SplatLists; 2],
@@ -95,7 +95,7 @@ struct Pipelines {
 }
 
 /// Occupancy and splits of each class.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Cells {
     size: UVec2,
     marks: [wgpu::Buffer; 2],
@@ -158,6 +158,12 @@ impl Gaps {
         self.tiles = create_tiles(gpu, size);
         self.tile_lists = TileLists::new(gpu, size, sections);
         self.cells = Cells::new(gpu, size);
+    }
+
+    /// As [`Splat::share`], with the lists of splats.
+    pub fn share(&mut self, other: &Self) {
+        (self.tiles, self.tile_lists) = (other.tiles.clone(), other.tile_lists.clone());
+        (self.cells, self.lists) = (other.cells.clone(), other.lists.clone());
     }
 
     /// Uploads the parameters for particles of `radius`, m, compiles missing pipelines for `gaps` gaps, and

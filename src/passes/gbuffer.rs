@@ -503,6 +503,11 @@ impl GBuffer {
         self.images = create_images(gpu, size, levels);
     }
 
+    /// As [`super::splat::Splat::share`].
+    pub fn share(&mut self, other: &Self) {
+        self.images = other.images.clone();
+    }
+
     /// Records the solids as the camera sees them.
     pub fn record(
         &self,

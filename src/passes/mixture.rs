@@ -62,6 +62,11 @@ impl Mixture {
         self.view = create_view(gpu, size);
     }
 
+    /// As [`super::splat::Splat::share`].
+    pub fn share(&mut self, other: &Self) {
+        self.view = other.view.clone();
+    }
+
     /// Uploads the fluids' absorption for particles of `radius` (m), and compiles the pipeline on first use.
     pub fn prepare(&mut self, gpu: &Gpu, camera: &CameraBinding, scene: &Scene, radius: f32) {
         let strongest = strongest(scene).max(f32::MIN_POSITIVE);

@@ -195,6 +195,12 @@ impl Smooth {
         self.splatted = splatted.clone();
     }
 
+    /// As [`super::splat::Splat::share`].
+    pub fn share(&mut self, other: &Self) {
+        (self.layers, self.states) = (other.layers.clone(), other.states.clone());
+        self.splatted = other.splatted.clone();
+    }
+
     /// Sets the frame's iterations and what they cover, and compiles the filter on first
     /// use.
     pub fn prepare(

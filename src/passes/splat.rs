@@ -57,6 +57,11 @@ impl Splat {
         (self.layers, self.depths) = create_layers(gpu, size, 2 + 2 * gaps, levels, depths);
     }
 
+    /// Takes the textures of another instance, for views that are drawn one after the other.
+    pub fn share(&mut self, other: &Self) {
+        (self.layers, self.depths) = (other.layers.clone(), other.depths.clone());
+    }
+
     /// A depth buffer that holds nothing between passes.
     pub(super) fn depth(&self) -> &wgpu::TextureView {
         &self.depths[0]

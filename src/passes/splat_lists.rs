@@ -21,7 +21,7 @@ pub(super) struct Selection {
 }
 
 /// A list for each chunk of a class of splats.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct SplatLists {
     select: wgpu::BindGroupLayout,
     drawn: wgpu::BindGroupLayout,
@@ -29,7 +29,7 @@ pub(super) struct SplatLists {
 }
 
 /// The list of one chunk.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct List {
     splats: u32,
     /// Masks, counts and list, with room for at least `splats`.

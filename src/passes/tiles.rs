@@ -155,6 +155,11 @@ impl Tiles {
         self.lists = create_lists(gpu, size, sections);
     }
 
+    /// As [`super::splat::Splat::share`].
+    pub fn share(&mut self, other: &Self) {
+        self.lists = other.lists.clone();
+    }
+
     /// Records the sorting of the tiles by the splatted layers.
     pub fn record(
         &self,

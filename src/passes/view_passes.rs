@@ -203,6 +203,23 @@ impl ViewPasses {
         self.gbuffer.resize(gpu, size, levels);
     }
 
+    /// Draws into the textures of another view of the same configuration, which is drawn before and no longer needed then.
+    pub fn share(&mut self, other: &Self) {
+        self.config = other.config;
+        self.aggregate.share(&other.aggregate);
+        self.splash.share(&other.splash);
+        self.mixture.share(&other.mixture);
+        self.gaps.share(&other.gaps);
+        self.tiles.share(&other.tiles);
+        self.smooth.share(&other.smooth);
+        self.gbuffer.share(&other.gbuffer);
+    }
+
+    /// The configuration that the textures were made for.
+    pub fn config(&self) -> ViewConfig {
+        self.config
+    }
+
     /// Uploads splats for this view alone, if some of the shared ones would show through a wall seen from
     /// behind.
     pub fn remove_splats_behind_walls(

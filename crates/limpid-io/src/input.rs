@@ -430,7 +430,10 @@ impl Input {
     /// As [`Input::particles`] and [`Input::prepare`].
     pub fn load(&self, at: impl Into<FrameTime>, scene: &Scene) -> Result<Loaded> {
         let at = at.into();
-        let Contents { particles, arrays, cells } = self.contents(at)?;
+        let Contents { mut particles, arrays, cells } = self.contents(at)?;
+        // Attributes that classification does not read would take as much memory as its tables.
+        (particles.ids, particles.densities) = (None, None);
+        particles.velocities.take_if(|_| !self.with_velocities);
         Ok(Loaded { arrays, cells, ..self.prepare(at, &particles, scene)? })
     }
 

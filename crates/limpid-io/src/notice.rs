@@ -176,8 +176,9 @@ fn misfit(loaded: &Loaded) -> Option<Notice> {
     /// Largest number of particles to check, which takes long.
     const MAX_CHECKED: usize = 2_000_000;
     let splats = &loaded.splats;
-    let all = || splats.aggregates.iter().chain(&splats.splashes).filter(|splat| !splat.is_copy());
-    if loaded.radius_from == RadiusFrom::Guess || all().count() > MAX_CHECKED {
+    let is_particle = |splat: &&Splat| !splat.is_copy() && !splat.is_interior();
+    let all = || splats.aggregates.iter().chain(&splats.splashes).filter(is_particle);
+    if loaded.radius_from == RadiusFrom::Guess || loaded.particles > MAX_CHECKED {
         return None;
     }
     // A lack of memory skips the notice.
@@ -221,9 +222,15 @@ pub fn of_view(loaded: &Loaded, camera: &Camera, size: UVec2) -> Option<Notice> 
             && (x.x.abs() <= depth * view.tangent.x + reach * slant.x)
             && (x.y.abs() <= depth * view.tangent.y + reach * slant.y)
     };
-    let count = splats.aggregates.len() + splats.splashes.len();
-    let all = splats.aggregates.par_iter().chain(&splats.splashes).with_min_len(4096);
-    let outside = count - all.filter(|splat| visible(splat)).count();
+    let all = || splats.aggregates.par_iter().chain(&splats.splashes).with_min_len(4096);
+    let interior = all().filter(|splat| splat.is_interior()).count();
+    let single = splats.aggregates.len() + splats.splashes.len() - interior;
+    // Particles that a splat of the interior stands for, on average.
+    let share = loaded.particles.saturating_sub(single) as f64 / interior.max(1) as f64;
+    let particles = |splat: &Splat| if splat.is_interior() { share } else { 1.0 };
+    let count = single + (share * interior as f64).round() as usize;
+    let seen: f64 = all().filter(|splat| visible(splat)).map(particles).sum();
+    let outside = count - (seen.round() as usize).min(count);
     if count == 0 {
         None
     } else if outside == count {

@@ -350,7 +350,8 @@ impl Cloud {
             Either::Right((splat.buried(surrounded), mean))
         };
         let search = grid.map(Search::Grid);
-        self.splats(self.members.par_iter().zip(shaped).map(splat), search.as_ref())
+        let shaped: Vec<_> = self.members.par_iter().zip(shaped).map(splat).collect();
+        self.splats(shaped.into_iter(), search.as_ref())
     }
 }
 

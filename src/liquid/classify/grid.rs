@@ -74,6 +74,13 @@ impl Layout {
         (cell.z * self.counts.y + cell.y) * self.counts.x + cell.x
     }
 
+    /// The cell of an index.
+    pub(super) fn cell_at(&self, index: usize) -> UVec3 {
+        let UVec3 { x, y, .. } = self.counts;
+        let index = index as u32;
+        UVec3::new(index % x, index / x % y, index / (x * y))
+    }
+
     /// Largest distance in cells of a neighbour within h.
     pub(super) fn reach(&self, h: f32) -> u32 {
         (h * self.per_cell).ceil() as u32
@@ -146,6 +153,7 @@ impl<'a> Grid<'a> {
             members.par_iter().map(|m| layout.index(layout.cell(m.position()))).collect();
         let (mut starts, mut order) = (Vec::new(), Vec::new());
         counting_sort::by_cell(&cells, layout.cells(), &mut starts, &mut order);
+        drop(cells);
         let place = |&i: &u32| {
             let member = &members[i as usize];
             member.position().extend((member.radius / radius).powi(3))
@@ -159,12 +167,17 @@ impl<'a> Grid<'a> {
         Grid::sort(self.layout, members, self.radius, self.support)
     }
 
-    /// Maps each member and its moments through `act`, in sorted order.
-    pub(super) fn map<T: Send>(&self, act: impl Fn(&Member, &Moments) -> T + Sync) -> Vec<T> {
-        (0..self.order.len())
-            .into_par_iter()
+    /// Maps the members of these sorted indices, each with its moments, through `act`.
+    pub(super) fn map<T: Send>(
+        &self,
+        slots: &[u32],
+        act: impl Fn(&Member, &Moments) -> T + Sync,
+    ) -> Vec<T> {
+        slots
+            .par_iter()
             .with_min_len(256)
-            .map_init(Block::default, |block, slot| {
+            .map_init(Block::default, |block, &slot| {
+                let slot = slot as usize;
                 let member = &self.members[self.order[slot] as usize];
                 let h = self.support * member.radius;
                 block.gather(self, member.position(), self.layout.reach(h));
@@ -213,6 +226,12 @@ impl<'a> Grid<'a> {
         self.cells_of(low, high).map(move |cells| start(cells.start)..start(cells.end))
     }
 
+    /// The position of a member by its sorted index, m, and its volume relative to that of a particle of `radius`, m.
+    pub(super) fn place(&self, slot: usize, radius: f32) -> (Vec3, f32) {
+        let place = self.sorted[slot];
+        (place.truncate(), place.w / (radius / self.radius).powi(3))
+    }
+
     /// Number of cells.
     pub(super) fn cells(&self) -> usize {
         self.layout.cells()
@@ -223,13 +242,39 @@ impl<'a> Grid<'a> {
         &self.order
     }
 
-    /// Sorted index of each member.
-    pub(super) fn slots(&self) -> Vec<u32> {
-        let mut slots = vec![0; self.order.len()];
-        for (slot, &i) in (0..).zip(&self.order) {
-            slots[i as usize] = slot;
+    /// Radius of the neighbourhoods, in particle radii.
+    pub(super) fn support(&self) -> f32 {
+        self.support
+    }
+
+    /// The placement of the cells.
+    pub(super) fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// The sorted indices of a cell's members.
+    pub(super) fn of_cell(&self, cell: usize) -> Range<u32> {
+        self.starts[cell]..self.starts[cell + 1]
+    }
+
+    /// The sorted indices of the members outside of the marked cells.
+    pub(super) fn slots_outside(&self, marked: Option<&[bool]>) -> Vec<u32> {
+        match marked {
+            None => (0..self.order.len() as u32).collect(),
+            Some(marked) => {
+                let cells = marked.iter().enumerate().filter(|(_, marked)| !**marked);
+                cells.flat_map(|(cell, _)| self.of_cell(cell)).collect()
+            }
         }
-        slots
+    }
+
+    /// For each member its place among these sorted indices, or [`u32::MAX`].
+    pub(super) fn ranks(&self, slots: &[u32]) -> Vec<u32> {
+        let mut ranks = vec![u32::MAX; self.order.len()];
+        for (rank, &slot) in (0..).zip(slots) {
+            ranks[self.order[slot as usize] as usize] = rank;
+        }
+        ranks
     }
 }
 

@@ -87,6 +87,17 @@ impl Search<'_> {
         }
     }
 
+    /// A member by its number: its position, m, and its volume relative to that of a particle of `radius`, m.
+    fn place(&self, number: usize, radius: f32) -> (Vec3, f32) {
+        match self {
+            Self::Grid(grid) => grid.place(number, radius),
+            Self::Tree(tree) => {
+                let member = &tree.members()[number];
+                (member.position(), volume(member.radius, radius))
+            }
+        }
+    }
+
     /// Calls `act` with the numbers of all members within `reach` of the points from `a` to `b`, m, and of others.
     fn near(&self, [a, b]: [Vec3; 2], reach: f32, act: impl FnMut(usize)) {
         let (low, high) = around([a, b], reach);
@@ -158,13 +169,6 @@ impl Start {
     }
 }
 
-/// A particle and the density at it, relative to that of the particle alone.
-struct Sample {
-    at: Vec3,
-    radius: f32,
-    density: f32,
-}
-
 /// A point of the surface.
 #[derive(Clone, Copy)]
 struct Point {
@@ -231,13 +235,13 @@ impl Cloud {
         if starts.is_empty() {
             return;
         }
-        let samples = self.samples(search, &starts);
+        let densities = self.densities(search, &starts);
         let points: Vec<Point> = starts
             .par_iter()
-            .map_init(Field::default, |field, start| field.points(start, search, &samples))
+            .map_init(Field::default, |field, start| field.points(start, search, &densities))
             .flatten_iter()
             .collect();
-        drop(samples);
+        drop(densities);
         let places: Vec<Member> = points
             .iter()
             .map(|p| Member {
@@ -267,15 +271,17 @@ impl Cloud {
 
     fn starts(&self, splats: &[Splat], means: &[Option<Vec3>]) -> Vec<Start> {
         let start = |(i, (splat, &mean)): (usize, (&Splat, &Option<Vec3>))| {
+            let mean = mean?;
             let member = self.members.binary_search_by_key(&splat.particle, |m| m.particle);
-            Start::new(i, splat, mean?, &self.members[member.expect("splats are members'")])
+            Start::new(i, splat, mean, &self.members[member.expect("splats are members'")])
         };
         splats.par_iter().zip(means).enumerate().filter_map(start).collect()
     }
 
-    /// Densities of the members near the starts, in the order of the search; those of others are 0.
-    fn samples(&self, search: &Search<'_>, starts: &[Start]) -> Vec<Sample> {
-        let densities = match search {
+    /// Densities at the members near the starts, relative to those of the members alone, by the numbers of the search;
+    /// at others they are 0.
+    fn densities(&self, search: &Search<'_>, starts: &[Start]) -> Vec<f32> {
+        match search {
             Search::Grid(grid) => {
                 let mut marked = vec![false; grid.cells()];
                 for start in starts {
@@ -303,12 +309,7 @@ impl Cloud {
                 };
                 self.members.par_iter().map(density).collect()
             }
-        };
-        let sample = |(&i, density): (&u32, f32)| {
-            let member = &self.members[i as usize];
-            Sample { at: member.position(), radius: member.radius, density }
-        };
-        search.order().par_iter().zip(densities).map(sample).collect()
+        }
     }
 }
 
@@ -365,10 +366,10 @@ impl Field {
         &mut self,
         start: &Start,
         search: &Search<'_>,
-        samples: &[Sample],
+        densities: &[f32],
     ) -> impl Iterator<Item = Point> + use<> {
         let mut point = |line: &Line| {
-            self.gather(start, line, search, samples);
+            self.gather(start, line, search, densities);
             self.point(start, line)
         };
         let out = start.out.as_ref().and_then(&mut point);
@@ -378,16 +379,16 @@ impl Field {
         out.into_iter().chain(sides.map(of_side))
     }
 
-    fn gather(&mut self, start: &Start, line: &Line, search: &Search<'_>, samples: &[Sample]) {
+    fn gather(&mut self, start: &Start, line: &Line, search: &Search<'_>, densities: &[f32]) {
         self.near.clear();
         let per_r = 1.0 / start.radius;
         search.near(start.ends(line), SUPPORT * start.radius, |number| {
-            let sample = &samples[number];
-            let x = (sample.at - start.at) * per_r;
+            let (at, volume) = search.place(number, start.radius);
+            let x = (at - start.at) * per_r;
             let from_line = x - x.dot(line.out).clamp(0.0, line.farthest) * line.out;
             // False for an offset that overflows.
             if from_line.length_squared() < SUPPORT * SUPPORT {
-                self.near.push(x.extend(volume(sample.radius, start.radius) / sample.density));
+                self.near.push(x.extend(volume / densities[number]));
             }
         });
         self.near.resize(self.near.len().next_multiple_of(4), Vec4::ZERO);
