@@ -308,7 +308,7 @@ fn imports_are_pasted_once_and_missing_ones_are_named() {
 
 /// Every loop of every shader: file, function, header and the bound on its iterations.
 #[rustfmt::skip]
-const LOOPS: [(&str, &str, &str, &str); 122] = [
+const LOOPS: [(&str, &str, &str, &str); 123] = [
     ("bounds.wgsl", "bound", "for (var row = 1u; row < 8u; row++)", "a constant"),
     ("bounds.wgsl", "bound", "for (var x = select(TILE, 0u, listed); x < TILE; x++)", "a constant"),
     ("gaps/mark_small.wgsl", "is_listed", "for (var i = 0u; i < cells.x * cells.y; i++)", "MOST_CELLS"),
@@ -368,9 +368,10 @@ const LOOPS: [(&str, &str, &str, &str); 122] = [
     ("common/scene.wgsl", "scene_blocks", "for (var i = 0u; i < SOLIDS - MESHES; i++)", "the scene's solids, 512 at most"),
     ("common/scene.wgsl", "scene_blocks", "for (var i = SOLIDS - MESHES; i < SOLIDS; i++)", "the scene's solids, 512 at most"),
     ("common/scene.wgsl", "solid_radiance", "for (var i = 0u; i < LIGHTS; i++)", "the scene's lights, 16 at most"),
-    ("cull/depths.wgsl", "reduce", "for (var i = 0u; i < TILE * TILE; i++)", "a constant"),
-    ("cull/select.wgsl", "is_hidden", "for (var y = first.y; y <= last.y; y++)", "MOST_TILES together"),
-    ("cull/select.wgsl", "is_hidden", "for (var x = first.x; x <= last.x; x++)", "MOST_TILES together"),
+    ("cull/depths.wgsl", "reduce", "for (var i = 0u; i < QUADS * QUADS; i++)", "a constant"),
+    ("cull/depths.wgsl", "between_of", "for (var i = 0u; i < QUAD * QUAD; i++)", "a constant"),
+    ("cull/select.wgsl", "is_hidden", "for (var i = 0u; i < count.x * count.y && hidden; i++)", "MOST"),
+    ("cull/select.wgsl", "is_hidden", "for (var i = 0u; i < count.x * count.y && hidden; i++)", "MOST"),
     ("splat_lists.wgsl", "mark", "for (var word = 0u; word < MASK_WORDS; word++)", "a constant"),
     ("splat_lists.wgsl", "list", "for (var before = 0u; before < word; before++)", "MASK_WORDS"),
     ("splat_lists.wgsl", "arrange", "for (var block = first; block < last; block++)", "blocks of the particles or cells, over the workgroup's threads"),

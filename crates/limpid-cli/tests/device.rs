@@ -366,6 +366,30 @@ fn memory_per_pixel_is_as_documented() {
     }
 }
 
+/// Views of lights share the textures in which they are drawn: a further sun takes its maps alone. Skipped if the device
+/// does not report its allocations.
+#[test]
+fn further_lights_share_their_textures() {
+    let (mut scene, camera, loaded) = frame();
+    scene.settings.caustics.resolution = 512;
+    let light = scene.lights[0].clone();
+    let mut allocated = |suns: usize| {
+        scene.lights = vec![light.clone(); suns];
+        let gpu = Gpu::headless().expect("an adapter");
+        let mut offscreen = Offscreen::new(&gpu);
+        offscreen.draw(&scene, &camera, &loaded.splats, SIZE).expect("it is drawn");
+        gpu.check().expect("the device is there");
+        Some(gpu.device.generate_allocator_report()?.total_allocated_bytes as f64)
+    };
+    let (Some(none), Some(one), Some(three)) = (allocated(0), allocated(1), allocated(3)) else {
+        return;
+    };
+    let [first, further] = [one - none, (three - one) / 2.0].map(|bytes| bytes / 512f64.powi(2));
+    println!("{first:.1} bytes per texel for the first light, {further:.1} for a further one");
+    // Two views, each with 32 bytes of maps, but one's own textures are at least 200.
+    assert!(first > 250.0 && further < 0.5 * first, "{first}, {further}");
+}
+
 /// Without enough memory, `render` ends with the exit code of a retryable error, without a panic and
 /// without a picture.
 #[test]
