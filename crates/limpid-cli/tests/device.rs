@@ -372,9 +372,9 @@ fn memory_per_pixel_is_as_documented() {
 fn further_lights_share_their_textures() {
     let (mut scene, camera, loaded) = frame();
     scene.settings.caustics.resolution = 512;
-    let light = scene.lights[0].clone();
+    let light = scene.lights[0];
     let mut allocated = |suns: usize| {
-        scene.lights = vec![light.clone(); suns];
+        scene.lights = vec![light; suns];
         let gpu = Gpu::headless().expect("an adapter");
         let mut offscreen = Offscreen::new(&gpu);
         offscreen.draw(&scene, &camera, &loaded.splats, SIZE).expect("it is drawn");
