@@ -187,7 +187,7 @@ impl Renderer {
     }
 
     /// Uploads what a frame of `size` pixels needs and has not yet, and compiles missing pipelines, for
-    /// [`Renderer::record`]. Submits and waits for nothing.
+    /// [`Renderer::record`]. Waits for nothing, and submits nothing but uploads of more than half a million splats.
     ///
     /// Uploads take effect with the next submission to the queue: submit one frame before the next is
     /// prepared.

@@ -50,15 +50,21 @@ impl SplatBuffers {
             let old = self.chunks.get(i).filter(|chunk| chunk.buffer.size() >= bytes);
             let buffer = match old {
                 Some(chunk) => {
-                    gpu.queue.write_buffer(&chunk.buffer, 0, bytemuck::cast_slice(splats));
+                    write(gpu, &chunk.buffer, splats);
                     if chunk.count == count {
                         continue;
                     }
                     chunk.buffer.clone()
                 }
                 None => {
-                    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-                    gpu::buffer_with(gpu, "splats", usage, splats)
+                    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some("splats"),
+                        size: bytes,
+                        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                        mapped_at_creation: false,
+                    });
+                    write(gpu, &buffer, splats);
+                    buffer
                 }
             };
             let resources = [gpu::first_bytes(&buffer, bytes)];
@@ -68,6 +74,21 @@ impl SplatBuffers {
                 Some(old) => *old = chunk,
                 None => self.chunks.push(chunk),
             }
+        }
+    }
+}
+
+/// Splats that are uploaded at once. What waits to be copied takes their memory a second time.
+const PART: usize = 1 << 19;
+
+/// Uploads splats, many in parts that are submitted by themselves.
+fn write(gpu: &Gpu, buffer: &wgpu::Buffer, splats: &[SplatData]) {
+    let mut offset = 0;
+    for part in splats.chunks(PART) {
+        gpu.queue.write_buffer(buffer, offset, bytemuck::cast_slice(part));
+        offset += size_of_val(part) as u64;
+        if splats.len() > PART {
+            gpu.queue.submit([]);
         }
     }
 }
