@@ -8,7 +8,7 @@ use glam::UVec3;
 use rayon::prelude::*;
 
 use super::grid::Grid;
-use super::{Cloud, Splat};
+use super::{Cloud, Member, Splat};
 use crate::settings::Classify;
 
 /// Least number of particles. In fewer, little is interior, and that little costs little.
@@ -29,7 +29,7 @@ impl Cloud {
     /// Whether cells are searched for the interior: many particles, alike in radius and fluid, none with a shape from
     /// the file.
     pub(super) fn has_interior(&self, settings: &Classify) -> bool {
-        let alike = |m: &super::Member| m.radius == self.radius && m.fluid == self.members[0].fluid;
+        let alike = |m: &Member| m.radius == self.radius && m.fluid == self.members[0].fluid;
         self.members.len() >= LEAST
             && self.ellipsoids.is_none()
             && f64::from(settings.splash_density) <= EACH
