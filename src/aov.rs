@@ -244,10 +244,14 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
 /// # Errors
 /// [`Error::DeviceLost`].
 pub fn read_radiance(gpu: &Gpu, images: &Images) -> Result<Part> {
-    let texture = &images.radiance.texture;
+    read_linear(gpu, &images.radiance.texture, images.transparent)
+}
+
+/// As [`read_radiance`], of a texture; `transparent` says whether its coverage varies.
+pub(crate) fn read_linear(gpu: &Gpu, texture: &wgpu::Texture, transparent: bool) -> Result<Part> {
     let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, 0)?);
     let mut channels = Vec::new();
-    let count = if images.transparent { 4 } else { 3 };
+    let count = if transparent { 4 } else { 3 };
     for (i, color) in ["R", "G", "B", "A"].into_iter().take(count).enumerate() {
         push(&mut channels, color.into(), &texels, |p| p[i]);
     }

@@ -60,6 +60,9 @@ pub enum Error {
     /// The device was lost or ran out of memory; the same frame may succeed later.
     #[error("the graphics device failed ({0}); the frame may succeed if tried again")]
     DeviceLost(String),
+    /// The frame was [ended early](crate::gpu::Gpu::with_interrupt).
+    #[error("the frame was interrupted")]
+    Interrupted,
     /// The system is out of memory; the same request may succeed once other memory is freed.
     #[error("{what}: out of memory: {mib} MiB cannot be allocated; it may succeed if tried again")]
     Memory {

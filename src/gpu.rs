@@ -9,7 +9,9 @@ mod timer;
 
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use glam::UVec2;
 
@@ -44,6 +46,8 @@ pub struct Gpu {
     modules: Arc<Mutex<HashMap<String, wgpu::ShaderModule>>>,
     /// Largest work of one submission.
     most_work: u64,
+    /// Set by another thread to end what this handle draws.
+    interrupt: Option<Arc<AtomicBool>>,
 }
 
 /// Memory that opening a device may take, bytes: that of Mesa's software device with its compiler.
@@ -79,11 +83,31 @@ impl Gpu {
     pub async fn request() -> Result<Self> {
         let wanted = std::env::var("WGPU_ADAPTER_NAME").unwrap_or_default();
         let backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all());
-        let adapters = adapters(backends, &wanted).await;
+        let set = ["WGPU_BACKEND", "WGPU_ADAPTER_NAME"].into_iter().filter_map(|name| {
+            let value = std::env::var(name).ok().filter(|value| !value.is_empty())?;
+            Some(format!("{name}={value}"))
+        });
+        let selected: Vec<String> = set.collect();
+        Self::open_one(adapters(backends, &wanted).await, &selected.join(" ")).await
+    }
+
+    /// As [`Gpu::headless`], for an adapter whose name contains `wanted`, in any case; the environment is ignored.
+    ///
+    /// # Errors
+    /// As [`Gpu::headless`]; [`Error::NoMatchingAdapter`] if no adapter has the name.
+    pub fn named(wanted: &str) -> Result<Self> {
+        pollster::block_on(async {
+            let adapters = adapters(wgpu::Backends::all(), wanted).await;
+            Self::open_one(adapters, &format!("`{wanted}`")).await
+        })
+    }
+
+    /// Opens the first of `adapters` that gives a device; `selected` is what they were selected by, if by anything.
+    async fn open_one(adapters: Vec<wgpu::Adapter>, selected: &str) -> Result<Self> {
         // Tries adapters in order of preference: a broken driver must not hide a working one.
         let mut refusal = Error::NoAdapter;
-        if adapters.is_empty() {
-            refusal = no_match_error(refusal).await;
+        if adapters.is_empty() && !selected.is_empty() {
+            refusal = no_match_error(selected).await;
         }
         for adapter in adapters {
             match open(&adapter).await {
@@ -129,7 +153,26 @@ impl Gpu {
             cache: None,
             modules: Arc::default(),
             most_work: MOST_WORK,
+            interrupt: None,
         }
+    }
+
+    /// Ends frames that are drawn with this handle early, with [`Error::Interrupted`], once `interrupt` is set: no
+    /// part of the frame is submitted any more, and nothing is waited for. What was submitted is still drawn.
+    #[must_use]
+    pub fn with_interrupt(self, interrupt: Arc<AtomicBool>) -> Self {
+        Self { interrupt: Some(interrupt), ..self }
+    }
+
+    /// The handle without an interrupt.
+    #[cfg(feature = "image")]
+    pub(crate) fn uninterrupted(&self) -> Self {
+        Self { interrupt: None, ..self.clone() }
+    }
+
+    /// Whether frames must end.
+    pub(crate) fn is_interrupted(&self) -> bool {
+        self.interrupt.as_ref().is_some_and(|interrupt| interrupt.load(Ordering::Relaxed))
     }
 
     /// Compiles all later pipelines with `cache`, which receives the missing ones.
@@ -226,6 +269,9 @@ impl Gpu {
     /// [`Error::DeviceLost`] with the driver's reason; [`Error::Defect`] for a validation error, which
     /// is a bug in limpid.
     pub fn check(&self) -> Result<()> {
+        if self.is_interrupted() {
+            return Err(Error::Interrupted);
+        }
         let Some(failure) = &self.failure else { return Ok(()) };
         let failure = || failure.lock().expect("no panic holds this lock").clone();
         // Polling delivers a pending device loss.
@@ -246,7 +292,26 @@ impl Gpu {
 
     /// Polls the device. wgpu 30 panics if the device is lost while polling; its locks are free then.
     fn poll(&self, how: wgpu::PollType) -> Result<()> {
-        let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how)));
+        /// How long an interrupt may take to be seen.
+        const PATIENCE: Duration = Duration::from_millis(20);
+        let how = match how {
+            wgpu::PollType::Wait { submission_index, timeout: None }
+                if self.interrupt.is_some() =>
+            {
+                wgpu::PollType::Wait { submission_index, timeout: Some(PATIENCE) }
+            }
+            how => how,
+        };
+        let polled = loop {
+            let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how.clone())));
+            let timed_out = matches!(polled, Ok(Err(wgpu::PollError::Timeout)));
+            if timed_out && self.is_interrupted() {
+                return Err(Error::Interrupted);
+            }
+            if !timed_out {
+                break polled;
+            }
+        };
         match polled {
             Ok(Ok(_)) => Ok(()),
             Ok(Err(error)) => Err(Error::DeviceLost(error.to_string())),
@@ -322,24 +387,16 @@ fn error_chain(error: &dyn std::error::Error) -> String {
     text.trim_end_matches('.').to_owned()
 }
 
-/// Error for an empty adapter list: [`Error::NoMatchingAdapter`] if only the environment variables exclude
-/// all adapters, else `otherwise`.
-async fn no_match_error(otherwise: Error) -> Error {
-    let set = ["WGPU_BACKEND", "WGPU_ADAPTER_NAME"].into_iter().filter_map(|name| {
-        let value = std::env::var(name).ok().filter(|value| !value.is_empty())?;
-        Some(format!("{name}={value}"))
-    });
-    let set: Vec<String> = set.collect();
-    if set.is_empty() {
-        return otherwise;
-    }
+/// Error if no adapter is what was `selected`: [`Error::NoMatchingAdapter`], or [`Error::NoAdapter`] if there is
+/// none at all.
+async fn no_match_error(selected: &str) -> Error {
     let all = adapters(wgpu::Backends::all(), "").await;
     let all = all.iter().map(wgpu::Adapter::get_info);
     let found: Vec<String> = all.map(|info| format!("{} ({})", info.name, info.backend)).collect();
     if found.is_empty() {
-        return otherwise;
+        return Error::NoAdapter;
     }
-    Error::NoMatchingAdapter { selected: printable(set.join(" ")), found: found.join(", ") }
+    Error::NoMatchingAdapter { selected: printable(selected.to_owned()), found: found.join(", ") }
 }
 
 /// Lists the adapters of the selected backends whose name contains `wanted`: discrete before integrated

@@ -114,6 +114,13 @@ impl Offscreen {
     pub fn radiance(&self) -> Result<aov::Part> {
         aov::read_radiance(&self.gpu, &self.renderer.images())
     }
+
+    /// As [`Offscreen::radiance`], later or never: takes the picture, as [`Renderer::take_radiance`].
+    pub fn take_radiance(&mut self, spare: Option<wgpu::Texture>) -> PendingRadiance {
+        let transparent = self.renderer.images().transparent;
+        let texture = self.renderer.take_radiance(spare);
+        PendingRadiance { gpu: self.gpu.uninterrupted(), texture, transparent }
+    }
 }
 
 /// A frame that has been submitted.
@@ -140,6 +147,19 @@ impl PendingFrame {
         Ok(RenderedFrame::of(picture, self.transparent, self.passes))
     }
 
+    /// As [`PendingFrame::wait`], for programs that take four channels: coverage is alpha if it varies, which is 255
+    /// otherwise.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub fn wait_rgba(self) -> Result<RgbaImage> {
+        let mut picture = self.picture.wait(&self.gpu)?;
+        if !self.transparent {
+            picture.pixels_mut().for_each(|pixel| pixel.0[3] = 255);
+        }
+        Ok(picture)
+    }
+
     /// As [`PendingFrame::wait`], without blocking, as [`PendingPicture::ready`].
     ///
     /// # Errors
@@ -147,6 +167,29 @@ impl PendingFrame {
     pub async fn ready(self) -> Result<RenderedFrame> {
         let picture = self.picture.ready(&self.gpu).await?;
         Ok(RenderedFrame::of(picture, self.transparent, self.passes))
+    }
+}
+
+/// The linear radiance of a frame, on the device.
+#[derive(Debug)]
+pub struct PendingRadiance {
+    gpu: Gpu,
+    texture: wgpu::Texture,
+    transparent: bool,
+}
+
+impl PendingRadiance {
+    /// Reads it, as [`Offscreen::radiance`].
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub fn read(&self) -> Result<aov::Part> {
+        aov::read_linear(&self.gpu, &self.texture, self.transparent)
+    }
+
+    /// Gives the texture back, for another frame.
+    pub fn into_spare(self) -> wgpu::Texture {
+        self.texture
     }
 }
 

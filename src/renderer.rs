@@ -253,6 +253,14 @@ impl Renderer {
         &self.refract.radiance.texture
     }
 
+    /// Takes the linear picture of the last frame, as [`Renderer::radiance`], for a caller who reads it later or
+    /// never. The next frame is drawn into `spare` if that has its size: one that was taken before.
+    pub fn take_radiance(&mut self, spare: Option<wgpu::Texture>) -> wgpu::Texture {
+        // The images of this frame are no more those of the renderer.
+        self.last = None;
+        self.refract.take_radiance(&self.gpu, spare)
+    }
+
     /// The times of the passes of the last recorded frame, once the device has finished it; `None` before,
     /// without [`Renderer::timing`], and after they were taken. Does not wait: the caller submits the frame
     /// before the first call and polls the device.

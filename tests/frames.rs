@@ -4,6 +4,9 @@
 #[path = "support/frames.rs"]
 mod frames;
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use frames::{
     FrameImages, Harness, ellipsoid, glowing, gpu, harness, mean_difference, noise_vector, on_axis,
     render, scene, sphere, splats,
@@ -440,4 +443,86 @@ fn splats_beyond_one_binding_are_drawn_in_parts() {
     let [whole, parts] = [whole, parts]
         .map(|gpu| render(&gpu, &mut Renderer::new(&gpu), &scene, &camera, &drawn, SIZE));
     assert!(whole.picture == parts.picture);
+}
+
+/// A taken radiance is that of its frame, whatever is drawn afterwards, and the next frame goes into the spare.
+#[test]
+fn a_taken_radiance_stays() {
+    let Some(gpu) = gpu() else { return };
+    let (scene, camera, splats) = tank();
+    let other = Camera { eye: DVec3::new(-0.7, 0.8, 2.0), ..camera };
+    let mut offscreen = Offscreen::new(&gpu);
+    let mut draw = |camera: &Camera, spare: Option<wgpu::Texture>| {
+        let frame = offscreen.draw(&scene, camera, &splats, SIZE).unwrap();
+        let read = offscreen.radiance().unwrap();
+        (frame.picture, read, offscreen.take_radiance(spare))
+    };
+    let (first_picture, first, taken) = draw(&camera, None);
+    let (second_picture, second, again) = draw(&other, None);
+    assert_ne!(first, second);
+    assert_eq!(taken.read().unwrap(), first, "after another frame");
+    assert_eq!(again.read().unwrap(), second);
+    // Two frames later the spare is drawn into.
+    let spare = taken.into_spare();
+    let (third_picture, third, _) = draw(&camera, Some(spare.clone()));
+    assert_eq!((&third_picture, &third), (&first_picture, &first));
+    let (fourth_picture, _, taken) = draw(&other, None);
+    assert_eq!(fourth_picture, second_picture);
+    assert_eq!(taken.into_spare(), spare);
+}
+
+/// An interrupted frame ends with an error; the handle draws the same picture afterwards, and others are not
+/// affected.
+#[test]
+fn an_interrupt_ends_a_frame() {
+    let Some(gpu) = gpu() else { return };
+    let (scene, camera, splats) = tank();
+    let interrupt = Arc::new(AtomicBool::new(false));
+    let mut offscreen = Offscreen::new(&gpu.clone().with_interrupt(interrupt.clone()));
+    let expected = offscreen.draw(&scene, &camera, &splats, SIZE).unwrap().picture;
+    interrupt.store(true, Ordering::Relaxed);
+    let ended = offscreen.draw(&scene, &camera, &splats, SIZE);
+    assert!(matches!(ended, Err(limpid::Error::Interrupted)), "{:?}", ended.err());
+    let other = Offscreen::new(&gpu).draw(&scene, &camera, &splats, SIZE).unwrap().picture;
+    assert_eq!(other, expected);
+    interrupt.store(false, Ordering::Relaxed);
+    // Interrupted after it was submitted.
+    let pending = offscreen.begin(&scene, &camera, &splats, SIZE).unwrap();
+    interrupt.store(true, Ordering::Relaxed);
+    assert!(matches!(pending.wait(), Err(limpid::Error::Interrupted)));
+    interrupt.store(false, Ordering::Relaxed);
+    assert_eq!(offscreen.draw(&scene, &camera, &splats, SIZE).unwrap().picture, expected);
+}
+
+/// Four channels are the three of a picture and its coverage, or an opaque one.
+#[test]
+fn four_channels_are_three_and_coverage() {
+    let Some(gpu) = gpu() else { return };
+    let (mut scene, camera, splats) = tank();
+    let mut offscreen = Offscreen::new(&gpu);
+    for transparent in [false, true] {
+        scene.settings.refract.transparent = transparent;
+        let expected = offscreen.draw(&scene, &camera, &splats, SIZE).unwrap();
+        let pending = offscreen.begin(&scene, &camera, &splats, SIZE).unwrap();
+        let picture = pending.wait_rgba().unwrap();
+        for (x, y, pixel) in picture.enumerate_pixels() {
+            let [r, g, b] = expected.picture.get_pixel(x, y).0;
+            let alpha = expected.coverage.as_ref().map_or(255, |alpha| alpha.get_pixel(x, y).0[0]);
+            assert_eq!(pixel.0, [r, g, b, alpha]);
+        }
+    }
+}
+
+/// An adapter is chosen by a part of its name, whatever the environment says.
+#[test]
+fn adapters_are_chosen_by_name() {
+    let Some(gpu) = gpu() else { return };
+    let adapter = gpu.adapter();
+    let part = adapter.split(' ').next().unwrap_or_default().to_uppercase();
+    assert_eq!(Gpu::named(&part).unwrap().adapter(), adapter);
+    let error = Gpu::named("Voodoo 2").unwrap_err().to_string();
+    assert!(
+        error.contains("`Voodoo 2`; there are: ") && error.contains(&part.to_lowercase()),
+        "{error}"
+    );
 }

@@ -58,6 +58,10 @@ impl<'a> Commands<'a> {
         }
         let next = self.gpu.device.create_command_encoder(&Default::default());
         let commands = std::mem::replace(self.encoder, next).finish();
+        if self.gpu.is_interrupted() {
+            // The end of the frame reports it.
+            return;
+        }
         self.in_flight.push_back(self.gpu.queue.submit([commands]));
         self.work = 0;
         self.submissions += 1;

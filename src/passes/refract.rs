@@ -287,6 +287,19 @@ impl Refract {
         self.diagnostics = create_texture(gpu, "diagnostics", size);
     }
 
+    /// Replaces the picture by `spare`, if that has its size, or by a new one, and returns it.
+    pub(crate) fn take_radiance(
+        &mut self,
+        gpu: &Gpu,
+        spare: Option<wgpu::Texture>,
+    ) -> wgpu::Texture {
+        let taken = &self.radiance.texture;
+        let size = UVec2::new(taken.width(), taken.height());
+        let spare = spare.filter(|spare| spare.size() == taken.size());
+        let next = spare.unwrap_or_else(|| create_texture(gpu, "radiance", size));
+        std::mem::replace(&mut self.radiance.texture, next)
+    }
+
     /// Whether `variant` is compiled for the bound scene: it takes longer than all other pipelines together.
     pub fn is_compiled(&self, variant: Variant, eye: &ViewPasses) -> bool {
         let key = |variant| (variant, eye.scene.variant, eye.camera.is_orthographic());

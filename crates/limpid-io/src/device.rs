@@ -15,6 +15,15 @@ pub fn open() -> Result<Gpu> {
     Ok(Gpu::headless()?)
 }
 
+/// As [`Gpu::named`], after checking that the system can start the threads of a driver.
+///
+/// # Errors
+/// As [`Gpu::named`]; [`Error::Threads`] if the system starts fewer.
+pub fn open_named(wanted: &str) -> Result<Gpu> {
+    check_threads()?;
+    Ok(Gpu::named(wanted)?)
+}
+
 /// Fails if the system cannot start as many threads as a driver does: Mesa's software driver would wait
 /// for ever for those that it could not start.
 fn check_threads() -> Result<()> {

@@ -203,12 +203,13 @@ pub enum Category {
 impl From<&limpid::Error> for Category {
     fn from(error: &limpid::Error) -> Self {
         use limpid::Error::{
-            DeviceLost, Empty, Invalid, Limit, Memory, NoAdapter, NoMatchingAdapter, Refused,
+            DeviceLost, Empty, Interrupted, Invalid, Limit, Memory, NoAdapter, NoMatchingAdapter,
+            Refused,
         };
         match error {
             Invalid { .. } | Empty { .. } => Self::Request,
             NoAdapter | NoMatchingAdapter { .. } | Refused { .. } | Limit { .. } => Self::Device,
-            DeviceLost(_) | Memory { .. } => Self::Temporary,
+            DeviceLost(_) | Interrupted | Memory { .. } => Self::Temporary,
             _ => Self::Defect,
         }
     }
