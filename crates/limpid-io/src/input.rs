@@ -6,6 +6,7 @@ mod fluid;
 
 use std::borrow::Cow;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
@@ -167,6 +168,13 @@ impl Input {
     /// stands for the sequence.
     pub fn from_memory(path: &Path, name: &str, bytes: Vec<u8>) -> Self {
         Self::of(None, Fluid::in_memory(path, name, bytes.into()), None)
+    }
+
+    /// One frame, the number 0, of particles that the caller has. They are not copied unless they have to be
+    /// turned or scaled. `name` stands for them in messages.
+    pub fn from_particles(particles: Arc<Particles>, name: &str) -> Self {
+        let fluid = Fluid { guess_up: true, ..Fluid::given(particles, name) };
+        Self::of(None, fluid, None)
     }
 
     /// An input with one fluid.
@@ -430,6 +438,11 @@ impl Input {
     /// As [`Input::particles`] and [`Input::prepare`].
     pub fn load(&self, at: impl Into<FrameTime>, scene: &Scene) -> Result<Loaded> {
         let at = at.into();
+        if let [fluid] = self.fluids.as_slice()
+            && let Some(particles) = fluid.unchanged()
+        {
+            return self.prepare(at, &particles, scene);
+        }
         let Contents { mut particles, arrays, cells } = self.contents(at)?;
         // Attributes that classification does not read would take as much memory as its tables.
         (particles.ids, particles.densities) = (None, None);
@@ -534,7 +547,7 @@ impl Input {
                 let files = self.fluids.iter().map(|fluid| ParticleSource {
                     source: match fluid.source {
                         // A scene names no file then, and `--scene` gives it particles.
-                        FluidSource::Memory(_) => String::new(),
+                        FluidSource::Memory(_) | FluidSource::Given(_) => String::new(),
                         _ => fluid.sequence.pattern.clone(),
                     },
                     frame: self.frame.filter(|_| fluid.sequence.frames.len() > 1),

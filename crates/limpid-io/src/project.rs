@@ -14,7 +14,7 @@ mod solids;
 pub use file::FILE_KIND;
 pub(crate) use file::is_scale;
 pub use motion::{Moved, SolidMotion};
-pub use solids::SolidFiles;
+pub use solids::{Given, SolidFiles};
 
 use std::slice;
 

@@ -6,6 +6,7 @@
 mod support;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use limpid::camera::CameraUniform;
@@ -244,4 +245,50 @@ fn sky_is_replaced_alone() {
     let Environment::Sky { glows, .. } = turned.environment else { panic!("no sky") };
     let Light::Sun { direction, .. } = turned.lights[0] else { panic!("no sun") };
     assert_eq!(glows[0].direction, -direction);
+}
+
+/// Particles of the caller are drawn as those of a file: with the same radius, axis, scene and splats.
+#[test]
+fn given_particles_are_those_of_a_file() {
+    let mut random = Random(5);
+    for up in [Up::Y, Up::Z] {
+        // A wedge on a level floor, so that the axis can be guessed.
+        let cells = (0..24 * 24 * 12).map(|i| [i % 24, i / 24 % 24, i / 576]);
+        let wedge = cells.filter(|[x, _, z]| 2 * z <= *x);
+        let grid = wedge.map(|cell| cell.map(|k| 0.1 * k as f32));
+        let jitter = |x: f32, random: &mut Random| x + 0.01 * random.unit() as f32;
+        let places = grid.map(|[x, y, z]| {
+            let [x, y, z] = [x, y, z].map(|x| jitter(x, &mut random));
+            if up == Up::Z { Vec3::new(x, y, z) } else { Vec3::new(x, z, y) }
+        });
+        let particles = Particles::from_positions(places.collect());
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pool.npz");
+        limpid_io::particles::write(&particles, &path).unwrap();
+        let request = Request::default();
+        let file = request.open_from(Input::open(path.to_str().unwrap()).unwrap()).unwrap();
+        let given = Input::from_particles(Arc::new(particles), "positions");
+        let given = request.open_from(given).unwrap();
+        assert_eq!(given.input.is_turned(), up == Up::Z);
+        assert_eq!(given.input.is_turned(), file.input.is_turned());
+        assert_eq!(given.project.camera, file.project.camera);
+        assert_eq!(given.project.scene, file.project.scene);
+        let load = |input: &Input| input.load(FrameTime::at(0), &file.project.scene).unwrap();
+        let (a, b) = (load(&given.input), load(&file.input));
+        assert_eq!((&a.splats, a.particles, a.bounds), (&b.splats, b.particles, b.bounds));
+    }
+}
+
+/// Particles that need not be turned are shared, not copied.
+#[test]
+fn given_particles_are_shared() {
+    let particles = Arc::new(Particles::from_positions(vec![Vec3::ZERO, Vec3::X]));
+    let input = Input::from_particles(particles.clone(), "positions");
+    let opened = Request { radius: Some(0.5), ..Request::default() }.open_from(input).unwrap();
+    let before = Arc::strong_count(&particles);
+    assert!(before > 1);
+    opened.input.load(FrameTime::at(7), &opened.project.scene).unwrap();
+    assert_eq!(Arc::strong_count(&particles), before);
+    drop(opened);
+    assert_eq!(Arc::strong_count(&particles), 1);
 }

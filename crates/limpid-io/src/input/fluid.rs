@@ -38,6 +38,8 @@ pub(super) enum FluidSource {
     Files,
     /// A file in memory: the demo's, or one that was read from a pipe.
     Memory(Arc<[u8]>),
+    /// Particles that the caller has.
+    Given(Arc<Particles>),
     /// A recipe, which generates them.
     Recipe(Recipe),
 }
@@ -45,7 +47,7 @@ pub(super) enum FluidSource {
 /// The origin of one fluid's particles in one frame.
 #[derive(Debug)]
 pub struct Origin<'a> {
-    /// The file; `None` for an empty or generated frame, and for one in memory.
+    /// The file; `None` for an empty or generated frame, and for one in memory or of the caller.
     pub file: Option<&'a Path>,
     /// Further files of the frame.
     pub parts: &'a [PathBuf],
@@ -94,6 +96,26 @@ impl Fluid {
         Self { source: FluidSource::Memory(bytes), ..fluid }
     }
 
+    /// One frame of particles that the caller has, which messages call `pattern`.
+    pub(super) fn given(particles: Arc<Particles>, pattern: &str) -> Self {
+        let fluid = Self::in_memory(Path::new(pattern), pattern, Arc::default());
+        Self { source: FluidSource::Given(particles), ..fluid }
+    }
+
+    /// The particles of the caller, if no copy has to be changed.
+    pub(super) fn unchanged(&self) -> Option<Arc<Particles>> {
+        let FluidSource::Given(particles) = &self.source else { return None };
+        (self.up == Up::Y && self.scale == 1.0).then(|| particles.clone())
+    }
+
+    /// The particles of a frame, y up.
+    fn particles(&self, number: i64, missing: Missing) -> Result<Arc<Particles>> {
+        match self.unchanged() {
+            Some(particles) => Ok(particles),
+            None => Ok(Arc::new(self.contents(number, missing)?.particles)),
+        }
+    }
+
     /// The contents at a frame time, y up.
     pub(super) fn contents_at(&self, at: FrameTime, missing: Missing) -> Result<Contents> {
         let contents = self.contents(at.frame, missing)?;
@@ -109,12 +131,18 @@ impl Fluid {
 
     /// The contents of a frame, y up.
     pub(super) fn contents(&self, number: i64, missing: Missing) -> Result<Contents> {
+        // They are those of whatever frame solids are shown at.
+        let number = if let FluidSource::Given(_) = self.source { 0 } else { number };
         let Some(frame) = self.sequence.shown_or_missing(number, missing)? else {
             return Ok(Contents::default());
         };
         let mut contents = match &self.source {
             FluidSource::Files => frame.read(&self.options)?,
             FluidSource::Memory(bytes) => Contents::parse(&frame.path, bytes, &self.options)?,
+            FluidSource::Given(particles) => {
+                classify::probe_memory(particles.len(), &self.sequence.pattern)?;
+                Particles::clone(particles).into()
+            }
             FluidSource::Recipe(recipe) => return Ok(recipe.particles()?.into()),
         };
         contents.particles.to_y_up(self.up);
@@ -128,6 +156,7 @@ impl Fluid {
         let (file, memory, made) = match &self.source {
             FluidSource::Files => (frame.map(|frame| frame.path.as_path()), None, None),
             FluidSource::Memory(bytes) => (None, frame.map(|_| &**bytes), None),
+            FluidSource::Given(_) => (None, None, None),
             FluidSource::Recipe(recipe) => (None, None, frame.map(|_| recipe)),
         };
         let parts = frame.filter(|_| file.is_some()).map_or(&[][..], |frame| &frame.parts);
@@ -153,7 +182,7 @@ impl Fluid {
         let mut body: Option<Body> = None;
         let mut first = numbers.len();
         for (i, &number) in numbers.iter().enumerate() {
-            let particles = self.contents(number, Missing::Error)?.particles;
+            let particles = self.particles(number, Missing::Error)?;
             if particles.is_empty() {
                 continue;
             }
@@ -180,10 +209,10 @@ impl Fluid {
                 continue;
             }
             // A damaged frame is an error once it is drawn.
-            let Ok(contents) = self.contents(numbers[i], Missing::Error) else { continue };
+            let Ok(particles) = self.particles(numbers[i], Missing::Error) else { continue };
             let radius = body.as_ref().map_or(0.0, |body| body.radius);
-            up = up.or_else(|| likely_up(&contents.particles, radius));
-            body = match (body, Body::new(&contents.particles, radius)) {
+            up = up.or_else(|| likely_up(&particles, radius));
+            body = match (body, Body::new(&particles, radius)) {
                 (Some(a), Some(b)) => Some(a.with(b)),
                 (a, b) => a.or(b),
             };

@@ -153,7 +153,10 @@ impl FileKind {
                 match folder.metadata() {
                     Ok(metadata) if metadata.is_dir() => Ok(()),
                     Ok(_) => fail(format!("{} is not a folder", folder.display())),
-                    Err(_) => fail(format!("there is no folder {}", folder.display())),
+                    Err(_) => {
+                        let problem = format!("there is no folder {}", folder.display());
+                        Err(Error::io(path, "write", io::Error::new(e.kind(), problem)))
+                    }
                 }
             }
             Err(e) => Err(Error::io(path, "write", e)),

@@ -9,7 +9,7 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 use super::bodies::{Bodies, BodiesFile};
 use super::motion::SolidMotion;
-use super::solids::{SolidFile, SolidFiles, unit};
+use super::solids::{Given, SolidFile, SolidFiles, unit};
 use super::{Automatic, LiquidSource, NamedView, ParticleSource, Project};
 use crate::environment;
 use crate::error::{Error, Result, toml_error};
@@ -159,7 +159,7 @@ impl Project {
     fn read(path: &Path, load_map: LoadMap) -> Result<Self> {
         let text = files::read_text(path)?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        Self::parse_with(&text, &path.display().to_string(), folder, load_map)
+        Self::parse_with(&text, &path.display().to_string(), folder, load_map, Given::default())
     }
 
     /// Parses a scene file's text. `origin` names it in errors; paths are relative to `folder`.
@@ -167,10 +167,24 @@ impl Project {
     /// # Errors
     /// As [`Project::load`].
     pub fn parse(text: &str, origin: &str, folder: &Path) -> Result<Self> {
-        Self::parse_with(text, origin, folder, environment::load)
+        Self::parse_given(text, origin, folder, Given::default())
     }
 
-    fn parse_with(text: &str, origin: &str, folder: &Path, load_map: LoadMap) -> Result<Self> {
+    /// As [`Project::parse`], where some of what the text names is in memory instead of files.
+    ///
+    /// # Errors
+    /// As [`Project::load`].
+    pub fn parse_given(text: &str, origin: &str, folder: &Path, given: Given) -> Result<Self> {
+        Self::parse_with(text, origin, folder, environment::load, given)
+    }
+
+    fn parse_with(
+        text: &str,
+        origin: &str,
+        folder: &Path,
+        load_map: LoadMap,
+        given: Given,
+    ) -> Result<Self> {
         let at_line = |e: toml::de::Error| toml_error(text, origin, &e);
         let fail = |problem: String| Error::Scene { origin: origin.to_owned(), problem };
         let mut table = DeTable::parse(text).map_err(at_line)?;
@@ -180,7 +194,7 @@ impl Project {
         check_vectors("", &toml::Value::Table(table.clone())).map_err(fail)?;
         let automatic = automatic(&file, &table);
         let mut solids = Vec::new();
-        let mut solid_files = SolidFiles::default();
+        let mut solid_files = SolidFiles::with(given);
         let mut motion = SolidMotion::default();
         for (number, solid) in (1..).zip(file.solid) {
             let fail = |problem: String| fail(format!("[[solid]] {number}: {problem}"));
@@ -247,8 +261,9 @@ impl Project {
                 p.source = folder.join(&p.source).to_string_lossy().into_owned();
             }
         }
+        let given = &solid_files.given().environments;
         let environment =
-            file.environment.unwrap_or_default().validated(folder, load_map, &fail)?;
+            file.environment.unwrap_or_default().validated(folder, load_map, given, &fail)?;
         let background = file.background.map(|background| folder.join(background.file));
         let background = background.map(|file| solid_files.texture(&file)).transpose()?;
         let settings = file.settings.validated(text).map_err(at_line)?;
@@ -345,10 +360,12 @@ impl Project {
     /// `NAME.environment.exr`.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the file; no unfinished file is left.
+    /// [`Error::Io`] naming the file, and [`Error::Usage`] for a mesh or texture without one; no unfinished file is
+    /// left.
     pub fn save(&self, path: &Path) -> Result<()> {
         // Checked before the map is written.
         FILE_KIND.check(path)?;
+        self.solid_files.check_files()?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut project = self.clone();
         for particles in project.source.files_mut() {
@@ -528,6 +545,7 @@ impl EnvironmentFile {
         self,
         folder: &Path,
         load_map: LoadMap,
+        given: &[(PathBuf, Environment)],
         fail: &dyn Fn(String) -> Error,
     ) -> Result<Environment> {
         let scale = self.scale.unwrap_or(1.0);
@@ -545,7 +563,10 @@ impl EnvironmentFile {
             (None, None, Some(sky), None) => {
                 sky.validated().map_err(|e| fail(format!("[environment] sky: {e}")))?
             }
-            (None, None, None, Some(map)) => load_map(&folder.join(map))?,
+            (None, None, None, Some(map)) => match Given::find(given, &map) {
+                Some(map) => map.clone(),
+                None => load_map(&folder.join(map))?,
+            },
             _ => {
                 let problem = "[environment] takes one of radiance, gradient, sky and map";
                 return Err(fail(problem.into()));
@@ -622,7 +643,9 @@ fn check_vectors(key: &str, value: &toml::Value) -> Result<(), String> {
         }
         toml::Value::Array(values) => {
             let pair = ["wavelengths", "half_extent"].iter().any(|name| key.ends_with(name));
-            let four = ["rotate", "quaternion"].iter().any(|name| key.ends_with(name));
+            let four = ["rotate", "quaternion", "intrinsics", "pose"]
+                .iter()
+                .any(|name| key.ends_with(name));
             let limit = if pair {
                 2
             } else if four {

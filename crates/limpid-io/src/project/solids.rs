@@ -11,7 +11,8 @@ use super::mesh_source::{MeshSource, Normals};
 use super::motion::{self, KeyFile, Motion};
 use crate::error::{Error, Result};
 use crate::meshes;
-use limpid::mesh::{Mesh, Placement, Texture};
+use limpid::environment::Environment;
+use limpid::mesh::{Mesh, MeshData, Placement, Texture};
 use limpid::scene::{Shape, Solid, Surface};
 
 /// The files of a scene's meshes and textures, so that the scene can be written again.
@@ -21,17 +22,51 @@ pub struct SolidFiles {
     /// The first mesh of each pattern, and its sequence.
     sequences: Vec<(Arc<Mesh>, Arc<MeshSequence>)>,
     textures: Vec<(Arc<Texture>, PathBuf)>,
+    /// What the scene's text names, and no file holds.
+    given: Given,
     /// What the files contain or name, and the picture does not show.
     pub remarks: Vec<String>,
 }
 
+/// What a scene's text names like files, but the caller has in memory.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Given {
+    /// Meshes by their names in the text.
+    pub meshes: Vec<(PathBuf, MeshData)>,
+    /// Environment maps by their names in the text.
+    pub environments: Vec<(PathBuf, Environment)>,
+    /// Textures and backgrounds by their names in the text.
+    pub textures: Vec<(PathBuf, Arc<Texture>)>,
+}
+
+impl Given {
+    /// What has this name among `named`; paths in a scene's text are relative to its folder.
+    pub(super) fn find<'a, T>(named: &'a [(PathBuf, T)], path: &Path) -> Option<&'a T> {
+        named.iter().find(|(name, _)| path.ends_with(name)).map(|(_, found)| found)
+    }
+}
+
 impl SolidFiles {
+    /// No files yet, and what the caller has in memory.
+    pub(super) fn with(given: Given) -> Self {
+        Self { given, ..Self::default() }
+    }
+
+    pub(super) fn given(&self) -> &Given {
+        &self.given
+    }
+
     /// The mesh of a file; solids with the same file, texture and normals share it.
     fn mesh(&mut self, source: MeshSource) -> Result<Arc<Mesh>> {
         if let Some((mesh, _)) = self.meshes.iter().find(|(_, known)| *known == source) {
             return Ok(mesh.clone());
         }
         let texture = source.texture.as_deref().map(|texture| self.texture(texture)).transpose()?;
+        if let Some(data) = Given::find(&self.given.meshes, &source.file) {
+            let mesh = Arc::new(source.mesh(&source.file, data.clone(), texture.as_ref())?);
+            self.meshes.push((mesh.clone(), source));
+            return Ok(mesh);
+        }
         let loaded = meshes::load(&source.file)?;
         self.remarks.extend(loaded.remarks);
         let mesh = Arc::new(source.mesh(&source.file, loaded.data, texture.as_ref())?);
@@ -58,6 +93,10 @@ impl SolidFiles {
         if let Some((texture, _)) = self.textures.iter().find(|(_, known)| known == file) {
             return Ok(texture.clone());
         }
+        if let Some(texture) = Given::find(&self.given.textures, file).cloned() {
+            self.textures.push((texture.clone(), file.to_owned()));
+            return Ok(texture);
+        }
         let texture = Arc::new(meshes::texture(file)?);
         self.textures.push((texture.clone(), file.to_owned()));
         Ok(texture)
@@ -70,6 +109,23 @@ impl SolidFiles {
     pub(super) fn texture_source(&self, texture: &Arc<Texture>) -> Option<&Path> {
         let known = self.textures.iter().find(|(known, _)| Arc::ptr_eq(known, texture));
         known.map(|(_, file)| file.as_path())
+    }
+
+    /// Fails if a scene file cannot name a mesh or a texture, which is in memory alone.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub(super) fn check_files(&self) -> Result<()> {
+        let unnamed = |what: &str| Err(Error::Usage(format!("a {what} needs a file of its own")));
+        let meshes = &self.given.meshes;
+        if self.meshes.iter().any(|(_, source)| Given::find(meshes, &source.file).is_some()) {
+            return unnamed("mesh");
+        }
+        let textures = &self.given.textures;
+        match self.textures.iter().any(|(_, file)| Given::find(textures, file).is_some()) {
+            true => unnamed("texture"),
+            false => Ok(()),
+        }
     }
 
     /// Changes the paths, for a scene file in another folder.
@@ -186,7 +242,9 @@ impl SolidFile {
             }
             Surface::Texture { ref texture, tile } => {
                 let source = files.texture_source(texture).ok_or_else(|| unknown("texture"))?;
-                (file.texture, file.tile) = (Some(source.to_owned()), Some(tile));
+                file.texture = Some(source.to_owned());
+                // It covers a sphere once.
+                file.tile = (!matches!(solid.shape, Shape::Sphere { .. })).then_some(tile);
             }
             Surface::Own => {}
         }

@@ -1,11 +1,11 @@
 //! Cameras: degenerate ones are refused, fitted ones see the whole box.
 
-use glam::{DVec3, Mat3, UVec2, Vec3};
+use glam::{DVec2, DVec3, Mat3, UVec2, Vec3};
 use limpid::Error;
-use limpid::camera::Camera;
+use limpid::camera::{Camera, Lens};
 use limpid::scene::Scene;
 
-use super::{assert_contains, random};
+use super::{assert_contains, parse, project, random};
 
 /// The error of a camera that defines no view names the key.
 #[test]
@@ -79,5 +79,30 @@ fn a_camera_fits_flat_boxes() {
         assert!(camera.eye.distance(place) > 0.2, "{place}: the eye is in the particle");
         // An unknown radius, 0, must not give a floor with invalid tiles.
         Scene::around(place, place, 0.0).check().unwrap_or_else(|error| panic!("{error}"));
+    }
+}
+
+/// Calibrated cameras and poses have four numbers in a row, and no more.
+#[test]
+fn calibrated_cameras_are_read_from_files() {
+    let file = |intrinsics: &str, row: &str| {
+        format!(
+            "[camera]\npose = [[1, 0, 0, 0.5], {row}, [0, 0, -1, 3], [0, 0, 0, 1]]\n\
+             intrinsics = {intrinsics}\nsize = [640, 480]\n"
+        )
+    };
+    let (intrinsics, row) = ("[700.0, 710.0, 300.0, 250.0]", "[0, -1, 0, 0.25]");
+    let camera = project(&file(intrinsics, row)).camera.unwrap();
+    assert_eq!(camera.eye, DVec3::new(0.5, 0.25, 3.0));
+    assert_eq!(camera.up, Vec3::Y);
+    let expected = Lens::Pinhole {
+        focal: DVec2::new(700.0, 710.0),
+        principal: DVec2::new(300.0, 250.0),
+        size: DVec2::new(640.0, 480.0),
+    };
+    assert_eq!(camera.lens, Some(expected));
+    for text in [file("[700, 0, 710, 300, 250]", row), file(intrinsics, "[0, -1, 0, 0, 25]")] {
+        let error = parse(&text).unwrap_err().to_string();
+        assert_contains(&error, &["expected 4", "points, not commas"]);
     }
 }

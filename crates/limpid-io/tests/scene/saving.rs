@@ -2,10 +2,14 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
+use glam::{DVec3, UVec2};
 use image::{Rgb, Rgb32FImage};
-use limpid::scene::Light;
-use limpid_io::project::Project;
+use limpid::environment::Environment;
+use limpid::mesh::{MeshData, Texture};
+use limpid::scene::{Light, Shape, Surface};
+use limpid_io::project::{Given, Project};
 
 /// Every example scene is written and read back as the same scene.
 #[test]
@@ -83,4 +87,44 @@ fn a_scene_with_all_features_survives_saving() {
         "a path beside the scene is relative: {written}"
     );
     assert!(project.to_toml(None).is_err(), "a map needs a file to be saved beside");
+}
+
+/// A scene's text may name what the caller has in memory. It is read back with that, and not saved: a file could not
+/// name it.
+#[test]
+fn scenes_name_what_is_in_memory() {
+    let triangle = MeshData {
+        positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
+        triangles: vec![[0, 1, 2]],
+        ..MeshData::default()
+    };
+    let texture = Arc::new(Texture::new(UVec2::ONE, vec![[1, 2, 3, 255]]).unwrap());
+    let map = Environment::Map { size: UVec2::ONE, pixels: Arc::new([[0.5, 0.25, 1.0, 1.0]]) };
+    let given = Given {
+        meshes: vec![("triangle".into(), triangle)],
+        environments: vec![("sky".into(), map.clone())],
+        textures: vec![("paint".into(), texture.clone())],
+    };
+    let text = "environment = { map = \"sky\" }\nsolid = [\n\
+        { shape = \"mesh\", file = \"triangle\", scale = 2 },\n\
+        { shape = \"sphere\", center = [0, 0, 0], radius = 1, texture = \"paint\" } ]\n";
+    let parse = |text: &str, given: &Given| {
+        Project::parse_given(text, "test", Path::new("/somewhere"), given.clone())
+    };
+    let project = parse(text, &given).unwrap();
+    let Shape::Mesh { mesh, placement } = &project.scene.solids[0].shape else { panic!("a mesh") };
+    assert_eq!((mesh.triangles().len(), placement.scale), (1, 2.0));
+    assert_eq!(project.scene.environment, map);
+    let painted = matches!(&project.scene.solids[1].surface,
+        Surface::Texture { texture: shown, .. } if Arc::ptr_eq(shown, &texture));
+    assert!(painted);
+
+    let again = parse(&project.to_toml(Some("sky")).unwrap(), &given).unwrap();
+    assert_eq!(again.scene, project.scene);
+    let folder = tempfile::tempdir().unwrap();
+    let error = project.save(&folder.path().join("scene.toml")).unwrap_err().to_string();
+    assert!(error.contains("mesh needs a file"), "{error}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    let unknown = parse(text, &Given::default()).unwrap_err().to_string();
+    assert!(unknown.contains("triangle"), "{unknown}");
 }
