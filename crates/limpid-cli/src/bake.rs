@@ -2,7 +2,6 @@
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use limpid_io::bake;
 use limpid_io::project::Project;
@@ -22,7 +21,7 @@ pub(crate) struct Args {
     restart: bool,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let mut project = Project::load(&args.scene)?;
     let simulation = project.simulation_mut(&args.scene.display().to_string())?;
     simulation.frames = args.frames.unwrap_or(simulation.frames);
@@ -39,5 +38,5 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     });
     bar.finish_and_clear();
     baked?;
-    Ok(ExitCode::SUCCESS)
+    Ok(crate::SUCCESS)
 }

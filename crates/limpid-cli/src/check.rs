@@ -1,7 +1,6 @@
 //! The command `limpid check`.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use limpid_io::device;
 use limpid_io::output::{self, FileKind};
@@ -33,7 +32,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let suite = Suite::load(&args.suite)?;
     let folder = args.out.as_deref().unwrap_or(Path::new(RESULTS));
     check_outputs(args, &suite, folder)?;
@@ -64,7 +63,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         true => crate::terminal::print(&serde_json::to_string_pretty(&report.json())?)?,
         false => crate::terminal::print(&summary(&report, (!passed).then_some(folder)))?,
     }
-    Ok(ExitCode::from(report.exit_code()))
+    Ok(report.exit_code())
 }
 
 /// Checks the outputs before anything is drawn.

@@ -1,8 +1,8 @@
 //! Parsing of the command line, and dispatch to the commands.
 
+use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind as Usage};
 use clap::{CommandFactory as _, Parser, Subcommand};
@@ -90,8 +90,8 @@ const SCENE_EXAMPLES: &str = "Examples:
   limpid render scene.toml                             edit it, and draw it
   limpid scene water.vtu --look daylight --sun 200,15 --tint 0.5,0.8,0.7";
 
-pub(crate) fn run() -> anyhow::Result<ExitCode> {
-    let Cli { verbose, command, .. } = parse()?;
+pub(crate) fn run(arguments: Vec<OsString>) -> anyhow::Result<u8> {
+    let Cli { verbose, command, .. } = parse(arguments)?;
     let Some(command) = command else { return print_version(verbose) };
     signals::listen().map_err(limpid_io::Error::Threads)?;
     start_workers()?;
@@ -111,7 +111,7 @@ pub(crate) fn run() -> anyhow::Result<ExitCode> {
     }
 }
 
-fn print_version(verbose: bool) -> anyhow::Result<ExitCode> {
+fn print_version(verbose: bool) -> anyhow::Result<u8> {
     let mut text = format!("limpid {}", env!("CARGO_PKG_VERSION"));
     if verbose {
         let adapter = match limpid_io::device::open() {
@@ -126,18 +126,18 @@ fn print_version(verbose: bool) -> anyhow::Result<ExitCode> {
         text += &format!("\ncommit {commit}\nadapter {adapter}\nwindow {window}");
     }
     terminal::print(&text)?;
-    Ok(ExitCode::SUCCESS)
+    Ok(crate::SUCCESS)
 }
 
-fn print_completions(shell: clap_complete::Shell) -> anyhow::Result<ExitCode> {
+fn print_completions(shell: clap_complete::Shell) -> anyhow::Result<u8> {
     let mut text = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "limpid", &mut text);
     terminal::print(String::from_utf8_lossy(&text).trim_end())?;
-    Ok(ExitCode::SUCCESS)
+    Ok(crate::SUCCESS)
 }
 
 /// Writes `limpid.1`, `limpid-render.1` and so on.
-fn write_manual(folder: &Path) -> anyhow::Result<ExitCode> {
+fn write_manual(folder: &Path) -> anyhow::Result<u8> {
     std::fs::create_dir_all(folder).map_err(|source| limpid_io::Error::Io {
         path: folder.into(),
         action: "create",
@@ -154,7 +154,7 @@ fn write_manual(folder: &Path) -> anyhow::Result<ExitCode> {
             page.render(file)
         })?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(crate::SUCCESS)
 }
 
 /// The exit code for the received signal, if there is one.
@@ -174,8 +174,8 @@ fn start_workers() -> limpid_io::Result<()> {
 }
 
 /// Parses the arguments; usage errors are put on one line, like all other errors.
-fn parse() -> anyhow::Result<Cli> {
-    Cli::try_parse().map_err(|error| match error.kind() {
+fn parse(arguments: Vec<OsString>) -> anyhow::Result<Cli> {
+    Cli::try_parse_from(arguments).map_err(|error| match error.kind() {
         Usage::DisplayHelp
         | Usage::DisplayVersion
         | Usage::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),

@@ -1,7 +1,6 @@
 //! The command `limpid compare`.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use limpid_io::output;
 use limpid_io::output::{FileKind, Files, PictureFormat};
@@ -24,7 +23,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     if let Some(path) = &args.diff {
         let mut files = Files::default();
         [&args.reference, &args.test].into_iter().for_each(|path| files.reads(path));
@@ -42,7 +41,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         if args.json { serde_json::to_string_pretty(&comparison)? } else { describe(&comparison) };
     crate::terminal::print(&text)?;
     let differs = args.max_flip.is_some_and(|max| comparison.mean_flip > max);
-    Ok(ExitCode::from(u8::from(differs)))
+    Ok(u8::from(differs))
 }
 
 fn describe(c: &compare::Comparison) -> String {

@@ -1,7 +1,6 @@
 //! The command `limpid convert`.
 
 use std::path::Path;
-use std::process::ExitCode;
 
 use limpid::liquid::{Particles, Up};
 use limpid_io::frames::FrameSpec;
@@ -34,7 +33,7 @@ pub(crate) struct Args {
     skip_existing: bool,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let options = args.reading.options();
     let (sequence, piped) = match args.input.as_str() {
         standard::DASH => {
@@ -106,7 +105,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let remedy = "--map reads attributes from arrays of other names";
         crate::terminal::warn(format!("{}: {arrays} {verb} left out; {remedy}", args.input));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(crate::SUCCESS)
 }
 
 /// Writes a frame; returns the attributes that the format cannot store, and the names of the ignored arrays.

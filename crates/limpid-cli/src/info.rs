@@ -1,7 +1,5 @@
 //! The command `limpid info`.
 
-use std::process::ExitCode;
-
 use limpid_io::Error;
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::Input;
@@ -68,7 +66,7 @@ struct ArrayInfo {
     label: String,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let options = args.reading.options();
     let input = match args.input.as_str() {
         standard::DASH => standard::input(&options)?,
@@ -122,7 +120,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let text = if args.json { serde_json::to_string_pretty(&info)? } else { describe(&info) };
     crate::terminal::print(&text)?;
-    Ok(ExitCode::SUCCESS)
+    Ok(crate::SUCCESS)
 }
 
 impl ArrayInfo {

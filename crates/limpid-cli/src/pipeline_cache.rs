@@ -40,7 +40,8 @@ impl Identity {
 }
 
 /// The compiled pipelines of one adapter.
-pub(crate) struct PipelineCache {
+#[derive(Debug)]
+pub struct PipelineCache {
     cache: wgpu::PipelineCache,
     path: PathBuf,
     /// [`Identity::compiler`].
@@ -53,11 +54,23 @@ pub(crate) struct PipelineCache {
 ///
 /// # Errors
 /// As [`limpid_io::device::open`].
-pub(crate) fn open_adapter() -> limpid_io::Result<(Gpu, Option<PipelineCache>)> {
-    let gpu = limpid_io::device::open()?;
+pub fn open_adapter() -> limpid_io::Result<(Gpu, Option<PipelineCache>)> {
+    Ok(with_cache(limpid_io::device::open()?))
+}
+
+/// As [`open_adapter`], for the adapter whose name contains `wanted`.
+///
+/// # Errors
+/// As [`limpid_io::device::open_named`].
+pub fn open_adapter_named(wanted: &str) -> limpid_io::Result<(Gpu, Option<PipelineCache>)> {
+    Ok(with_cache(limpid_io::device::open_named(wanted)?))
+}
+
+/// The device with the compiled pipelines of its adapter, if it can use any.
+fn with_cache(gpu: Gpu) -> (Gpu, Option<PipelineCache>) {
     match output::cache_folder().and_then(|folder| PipelineCache::open(&gpu.device, &folder)) {
-        Some(cache) => Ok((gpu.with_pipeline_cache(cache.cache.clone()), Some(cache))),
-        None => Ok((gpu, None)),
+        Some(cache) => (gpu.with_pipeline_cache(cache.cache.clone()), Some(cache)),
+        None => (gpu, None),
     }
 }
 
@@ -80,7 +93,7 @@ impl PipelineCache {
     }
 
     /// Writes the file if the data have changed.
-    pub(crate) fn save(&self) {
+    pub fn save(&self) {
         let Some(data) = self.cache.get_data() else { return };
         if self.stored.as_ref() == Some(&data) || data.len() as u64 > MAX_BYTES {
             return;

@@ -12,7 +12,6 @@ mod queue;
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -199,7 +198,7 @@ struct FrameStats {
     total_ms: f64,
 }
 
-pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
     let (input, frames) = args.inputs.resolve()?;
     args.input = input;
     args.frames = args.frames.or(frames);
@@ -243,7 +242,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
     }
     if queue.is_empty() && requested == 0 {
         console.line("there are no pictures in this share of the frames");
-        return Ok(ExitCode::SUCCESS);
+        return Ok(crate::SUCCESS);
     }
     if queue.is_empty() {
         let existing = requested - log.failed.len();
@@ -293,7 +292,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
     }
     drawn?;
     if let Some(code) = signals::received().filter(|_| !queue.is_empty()) {
-        return Ok(ExitCode::from(code));
+        return Ok(code);
     }
     let FrameLoop { output, stats, console, budget, .. } = frame_loop;
     let failed = log.failed;
@@ -311,16 +310,16 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<ExitCode> {
 }
 
 /// The exit code of a run of `all` frames; prints a line on those that failed.
-fn exit_code(failed: Vec<i64>, all: usize) -> ExitCode {
+fn exit_code(failed: Vec<i64>, all: usize) -> u8 {
     if failed.is_empty() {
-        return ExitCode::SUCCESS;
+        return crate::SUCCESS;
     }
     crate::terminal::warn(format!(
         "{} of {all} frames failed: {}",
         failed.len(),
         FrameSpec::List(failed)
     ));
-    ExitCode::from(FAILED_CODE)
+    FAILED_CODE
 }
 
 /// Draws the pictures of the queue until it is empty or a signal has been received. While the device

@@ -2,7 +2,6 @@
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use limpid_io::device;
 use limpid_io::input;
@@ -83,7 +82,7 @@ fn check_outputs(args: &Args, json: &Path) -> anyhow::Result<()> {
 /// Exit code if an error has increased.
 const INCREASED: u8 = 1;
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let json = args.json.clone().unwrap_or_else(|| args.out.join("report.json"));
     let earlier = args.against.as_deref().map(Measured::read).transpose()?;
     check_outputs(args, &json)?;
@@ -96,7 +95,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let curve = report::curve::measure(&gpu, &mut progress)?;
         write(path, FileKind::CURVE, &format!("{CURVE}{}", toml::to_string(&curve)?))?;
         println!("{}", path.display());
-        return Ok(ExitCode::SUCCESS);
+        return Ok(crate::SUCCESS);
     }
     let (scenes, mut kinds) = (args.scenes.clone(), args.kinds.clone());
     kinds.extend(args.passes.then_some(RowKind::Pass));
@@ -113,9 +112,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
     println!("{}", args.out.join("report.html").display());
-    let Some(earlier) = earlier else { return Ok(ExitCode::SUCCESS) };
+    let Some(earlier) = earlier else { return Ok(crate::SUCCESS) };
     let against = Measured::of(&report).against(&earlier);
     println!("{against}");
     let increased = against.risen().next().is_some();
-    Ok(if increased { ExitCode::from(INCREASED) } else { ExitCode::SUCCESS })
+    Ok(if increased { INCREASED } else { crate::SUCCESS })
 }

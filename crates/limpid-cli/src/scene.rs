@@ -1,7 +1,6 @@
 //! The command `limpid scene`.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use limpid_io::input::Missing;
 use limpid_io::open::Request;
@@ -31,7 +30,7 @@ pub(crate) struct Args {
     reading: crate::shared_args::Reading,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let request = Request {
         input: args.inputs.resolve()?.0,
         scene: args.scene.clone(),
@@ -45,5 +44,5 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let opened = standard::open(&request)?;
     let project = Project { source: opened.input.source(), ..opened.project };
     terminal::print(project.to_commented_toml(None)?.trim_end())?;
-    Ok(ExitCode::SUCCESS)
+    Ok(crate::SUCCESS)
 }

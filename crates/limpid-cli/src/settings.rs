@@ -1,7 +1,5 @@
 //! The command `limpid settings`.
 
-use std::process::ExitCode;
-
 use limpid::settings::Settings;
 use limpid_io::project::controls::{CONTROLS, Control, ControlKind, PASSES};
 
@@ -14,7 +12,7 @@ pub(crate) struct Args {
     pass: Option<String>,
 }
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
     let settings = Settings::default();
     let passes = PASSES.iter().filter(|(pass, _)| args.pass.as_ref().is_none_or(|p| p == pass));
     let sections: Vec<String> = passes
@@ -25,7 +23,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         })
         .collect();
     terminal::print(&sections.join("\n\n"))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(crate::SUCCESS)
 }
 
 /// A setting with its default, its range and its meaning.

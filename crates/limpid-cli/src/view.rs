@@ -1,7 +1,6 @@
 //! The command `limpid view`.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use glam::UVec2;
 use limpid::settings::Preset;
@@ -54,7 +53,7 @@ pub(crate) struct Args {
 }
 
 #[cfg(feature = "viewer")]
-pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(args: Args) -> anyhow::Result<u8> {
     use limpid_viewer::demos::DEMOS;
     use limpid_viewer::document::Source;
     use limpid_viewer::{Options, run};
@@ -89,11 +88,11 @@ pub(crate) fn run(args: Args) -> anyhow::Result<ExitCode> {
     // Removes the temporary files of threads that end with the process.
     limpid_io::output::abandon();
     shown?;
-    Ok(ExitCode::SUCCESS)
+    Ok(crate::SUCCESS)
 }
 
 #[cfg(not(feature = "viewer"))]
-pub(crate) fn run(_args: Args) -> anyhow::Result<ExitCode> {
+pub(crate) fn run(_args: Args) -> anyhow::Result<u8> {
     let problem = "this limpid was built without its window; build it with: \
                    cargo build --release --features viewer";
     Err(limpid_io::Error::Usage(problem.into()).into())
