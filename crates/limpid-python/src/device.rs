@@ -1,0 +1,534 @@
+//! The graphics device, and pictures that it draws.
+
+use std::collections::VecDeque;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use glam::{UVec2, Vec3};
+use limpid::aov::{self, Aov, Channel, Part};
+use limpid::gpu::Gpu;
+use limpid::liquid::Particles;
+use limpid::look::Body;
+use limpid::motion::Motion;
+use limpid::offscreen::{Offscreen, PendingRadiance};
+use limpid::wgpu;
+use limpid_cli::PipelineCache;
+use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::notice;
+use limpid_io::shared_classifier::SharedClassifier;
+use numpy::{IntoPyArray as _, PyArray3, PyArrayMethods as _};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::Arrays;
+use crate::camera::Camera;
+use crate::frames::{self, Frames, Setting, Source, Staged};
+use crate::{colors, errors, scene, work};
+
+/// Number of pictures of one thread whose radiance stays on the device.
+const KEPT: usize = 4;
+
+/// Time in which motion vectors move, s: a frame of a sequence of unknown rate, as in the program.
+const SHUTTER: f32 = 1.0 / 30.0;
+
+/// A device with its pipelines, for any number of threads: each that draws at a time has a renderer of its own.
+#[pyclass(frozen, weakref, module = "limpid._limpid")]
+pub(crate) struct Device {
+    /// Part of the adapter's name; `None` for the best one.
+    wanted: Option<String>,
+    /// `None` after it was closed.
+    state: Arc<Mutex<Option<Open>>>,
+}
+
+/// An open device.
+struct Open {
+    gpu: Gpu,
+    cache: Option<PipelineCache>,
+    classifier: SharedClassifier,
+    /// Renderers that no thread uses.
+    idle: Vec<Drawer>,
+    /// Whether the device has failed, and the next picture opens it anew.
+    lost: bool,
+}
+
+impl Open {
+    fn new(wanted: Option<&str>) -> limpid_io::Result<Self> {
+        let (gpu, cache) = match wanted {
+            Some(wanted) => limpid_cli::open_adapter_named(wanted)?,
+            None => limpid_cli::open_adapter()?,
+        };
+        let classifier = SharedClassifier::on(&gpu);
+        Ok(Self { gpu, cache, classifier, idle: Vec::new(), lost: false })
+    }
+}
+
+/// A renderer, with what its thread needs.
+struct Drawer {
+    offscreen: Offscreen,
+    classifier: SharedClassifier,
+    interrupt: Arc<AtomicBool>,
+    /// Of the last pictures.
+    radiances: VecDeque<Arc<Slot>>,
+}
+
+/// The radiance of a picture on the device, while it is kept.
+#[derive(Default)]
+struct Slot(Mutex<Option<PendingRadiance>>);
+
+impl Slot {
+    fn locked(&self) -> MutexGuard<'_, Option<PendingRadiance>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Slot {
+    fn drop(&mut self) {
+        if work::must_leak() {
+            std::mem::forget(self.locked().take());
+        }
+    }
+}
+
+/// The radiance of a picture.
+#[pyclass(frozen, module = "limpid._limpid")]
+pub(crate) struct Radiance(Arc<Slot>);
+
+#[pymethods]
+impl Radiance {
+    /// Reads it as an array of shape (height, width, 3 or 4); `None` if it is not kept any more.
+    fn read<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<f32>>>> {
+        let slot = self.0.clone();
+        let read = move |_: &_| {
+            let pending = slot.locked();
+            Ok(pending.as_ref().map(PendingRadiance::read).transpose()?)
+        };
+        let Some(part) = work::run(py, read)? else { return Ok(None) };
+        Ok(Some(interleaved(py, part.size, &part.channels)?))
+    }
+}
+
+/// A picture to draw.
+struct Job {
+    source: Source,
+    colors: Option<Vec<Vec3>>,
+    /// Length of liquid behind which colours are seen, m; the typical one if it is not given.
+    thickness: Option<f64>,
+    /// Number of the frame, for solids that move.
+    frame: i64,
+    size: UVec2,
+    aovs: Vec<Aov>,
+    described: bool,
+}
+
+/// A drawn picture.
+struct Drawn {
+    /// Time that classification and drawing took, s.
+    seconds: f64,
+    rgba: Vec<u8>,
+    radiance: Arc<Slot>,
+    images: Vec<Part>,
+    camera: Camera,
+    own_camera: Camera,
+    /// The scene, unless it is that which was given.
+    project: Option<limpid_io::project::Project>,
+    radius: f32,
+    thickness: Option<f64>,
+    particles: usize,
+    splashes: usize,
+    notices: Vec<String>,
+}
+
+#[pymethods]
+impl Device {
+    /// Opens the device of an adapter whose name contains `wanted`, or the best one.
+    #[new]
+    fn new(py: Python<'_>, wanted: Option<String>) -> PyResult<Self> {
+        let name = wanted.clone();
+        let open = work::run(py, move |_| Open::new(name.as_deref()))?;
+        Ok(Self { wanted, state: Arc::new(Mutex::new(Some(open))) })
+    }
+
+    /// The adapter's name.
+    #[getter]
+    fn adapter(&self) -> PyResult<String> {
+        let state = locked(&self.state);
+        Ok(state.as_ref().ok_or_else(closed)?.gpu.adapter())
+    }
+
+    /// Closes the device, and keeps its compiled pipelines for later processes. Pictures keep what they need.
+    fn close(&self, py: Python<'_>) {
+        let open = locked(&self.state).take();
+        py.detach(|| {
+            if work::must_leak() {
+                std::mem::forget(open);
+            } else if let Some(open) = open {
+                open.cache.iter().for_each(PipelineCache::save);
+                open.classifier.close();
+            }
+        });
+    }
+
+    /// Draws particles.
+    #[pyo3(signature = (arrays, colors, project, camera, up, radius, frame, size, samples, aovs, alpha, thickness, described))]
+    #[expect(clippy::too_many_arguments, reason = "the Python half passes what it was given")]
+    fn draw<'py>(
+        &self,
+        py: Python<'py>,
+        arrays: Arrays<'py>,
+        colors: Option<&Bound<'py, numpy::PyArray2<f32>>>,
+        project: Option<PyRef<'py, scene::Project>>,
+        camera: Option<PyRef<'py, Camera>>,
+        up: Option<&str>,
+        radius: Option<f32>,
+        frame: i64,
+        size: (u32, u32),
+        samples: Option<u32>,
+        aovs: Vec<String>,
+        alpha: bool,
+        thickness: Option<f64>,
+        described: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let chosen = chosen(&aovs)?;
+        let setting = Setting {
+            project: project.map(|project| project.project()),
+            camera: camera.map(|camera| *camera),
+            up: frames::up(up)?,
+            radius,
+            samples,
+            alpha,
+            motion: frames::moves(&chosen),
+        };
+        let colors = match colors {
+            Some(array) => {
+                let array = array.try_readonly()?;
+                let rows = array.as_array();
+                Some(rows.outer_iter().map(|row| Vec3::new(row[0], row[1], row[2])).collect())
+            }
+            None => None,
+        };
+        let source = Source::Particles(frames::given(&arrays)?, Box::new(setting));
+        let size = UVec2::new(size.0, size.1);
+        let job = Job { source, colors, thickness, frame, size, aovs: chosen, described };
+        self.draw_job(py, job, &aovs)
+    }
+
+    /// Draws a frame of files.
+    fn draw_frame<'py>(
+        &self,
+        py: Python<'py>,
+        frames: PyRef<'py, Frames>,
+        index: usize,
+        size: (u32, u32),
+        described: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let frame = frames.numbers[index];
+        let job = Job {
+            source: Source::Frame(frames.staged.clone()),
+            colors: None,
+            thickness: None,
+            frame,
+            size: UVec2::new(size.0, size.1),
+            aovs: Vec::new(),
+            described,
+        };
+        self.draw_job(py, job, &[])
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        if work::must_leak() {
+            std::mem::forget(locked(&self.state).take());
+        }
+    }
+}
+
+impl Device {
+    fn draw_job<'py>(
+        &self,
+        py: Python<'py>,
+        job: Job,
+        aovs: &[String],
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let idle = locked(&self.state).as_mut().ok_or_else(closed)?.idle.pop();
+        let interrupt = idle.as_ref().map_or_else(Arc::default, |drawer| drawer.interrupt.clone());
+        let (state, wanted, size) = (self.state.clone(), self.wanted.clone(), job.size);
+        let drawn = work::run_interruptible(py, interrupt, move |interrupt| {
+            let mut drawer = match idle {
+                Some(drawer) => drawer,
+                None => new_drawer(&state, wanted.as_deref(), interrupt)?,
+            };
+            let drawn = drawer.draw(job);
+            let mut state = locked(&state);
+            let Some(open) = state.as_mut() else { return drawn };
+            match &drawn {
+                Ok(_) if !open.lost => open.idle.push(drawer),
+                Err(limpid_io::Error::Render(
+                    limpid::Error::DeviceLost(_) | limpid::Error::Defect(_),
+                )) => {
+                    open.lost = true;
+                    open.idle.clear();
+                }
+                // Not an interrupted one: the device may still draw.
+                Err(error) if !is_interrupt(error) && !open.lost => open.idle.push(drawer),
+                _ => {}
+            }
+            drawn
+        })?;
+        to_python(py, drawn, size, aovs)
+    }
+}
+
+fn is_interrupt(error: &limpid_io::Error) -> bool {
+    matches!(error, limpid_io::Error::Render(limpid::Error::Interrupted))
+}
+
+/// A renderer for one more thread; opens the device anew if it has failed.
+fn new_drawer(
+    state: &Mutex<Option<Open>>,
+    wanted: Option<&str>,
+    interrupt: &Arc<AtomicBool>,
+) -> limpid_io::Result<Drawer> {
+    let (gpu, classifier) = {
+        let mut state = locked(state);
+        let closed = || limpid_io::Error::Usage("the renderer was closed".into());
+        let open = state.as_mut().ok_or_else(closed)?;
+        if open.lost {
+            *open = Open::new(wanted)?;
+        }
+        (open.gpu.clone(), open.classifier.clone())
+    };
+    let gpu = gpu.with_interrupt(interrupt.clone());
+    let offscreen = Offscreen::new(&gpu);
+    Ok(Drawer { offscreen, classifier, interrupt: interrupt.clone(), radiances: VecDeque::new() })
+}
+
+impl Drawer {
+    fn draw(&mut self, job: Job) -> limpid_io::Result<Drawn> {
+        let Job { source, colors, thickness, frame, size, aovs, described } = job;
+        let mut given = None;
+        let owned: Staged;
+        let shared: Arc<Staged>;
+        let mut colored = None;
+        let staged = match source {
+            Source::Frame(staged) => {
+                shared = staged;
+                &*shared
+            }
+            Source::Particles(mut particles, setting) => {
+                if let Some(colors) = colors {
+                    let (fluids, tints) = colors::fluids(&colors);
+                    Arc::make_mut(&mut particles).fluids = Some(fluids);
+                    colored = Some((particles.clone(), tints));
+                }
+                given.clone_from(&setting.project);
+                owned = setting.stage(Input::from_particles(particles, "positions"))?;
+                &owned
+            }
+        };
+        let Staged { opened, camera, own_camera } = staged;
+        let mut scene = opened.project.scene.clone();
+        let thickness = match colored {
+            Some((particles, tints)) => {
+                let thickness = match thickness {
+                    Some(thickness) => thickness,
+                    None => self.thickness(&opened.input, &particles)?,
+                };
+                let absorption = |tint: &Vec3| tint.map(|c| (-c.ln()).max(0.0)) / thickness as f32;
+                scene.fluids = tints.iter().map(absorption).collect();
+                Some(thickness)
+            }
+            None => None,
+        };
+        let input = opened.input.clone().classified(self.classifier.clone());
+        let started = Instant::now();
+        let loaded = input.load(FrameTime::at(frame), &scene)?;
+        self.check()?;
+        let interface =
+            |aov: &Aov| aov.is_for_compositing() || matches!(aov, Aov::Depth | Aov::Normal);
+        let motion =
+            || Motion { velocities: loaded.velocities.clone(), seconds: SHUTTER, previous: None };
+        self.offscreen.renderer.surface = aovs.iter().any(interface).then(motion);
+        self.offscreen.renderer.diagnose = !aovs.is_empty();
+        let drawing = {
+            let scene = loaded.scene(&scene);
+            self.offscreen.begin(&scene, camera.view(), &loaded.splats, size)?
+        };
+        let images = if aovs.is_empty() { Vec::new() } else { self.offscreen.images(&aovs)? };
+        let notices =
+            if described { Vec::new() } else { self.notices(&loaded, &scene, camera, size) };
+        let radiance = self.keep_radiance();
+        let rgba = drawing.wait_rgba()?.into_raw();
+        Ok(Drawn {
+            seconds: started.elapsed().as_secs_f64(),
+            rgba,
+            radiance,
+            images,
+            camera: *camera,
+            own_camera: *own_camera,
+            project: Some(&opened.plain).filter(|plain| given.as_ref() != Some(plain)).cloned(),
+            radius: loaded.splats.radius,
+            thickness,
+            particles: loaded.particles,
+            splashes: loaded.splats.splashes.len(),
+            notices,
+        })
+    }
+
+    /// Fails if the work was interrupted.
+    fn check(&self) -> limpid_io::Result<()> {
+        Ok(self.offscreen.gpu().check()?)
+    }
+
+    /// The length of liquid that light typically crosses, m.
+    fn thickness(&self, input: &Input, particles: &Particles) -> limpid_io::Result<f64> {
+        let radius = input.radius(FrameTime::at(0), particles)?;
+        Ok(Body::new(particles, radius).map_or(1.0, |body| body.thickness()))
+    }
+
+    /// Leaves the radiance of the last frame on the device, for a few frames.
+    fn keep_radiance(&mut self) -> Arc<Slot> {
+        let unused = self.radiances.iter().position(|slot| Arc::strong_count(slot) == 1);
+        let full = (self.radiances.len() >= KEPT).then_some(0);
+        let old = unused.or(full).and_then(|i| self.radiances.remove(i));
+        let spare: Option<wgpu::Texture> =
+            old.and_then(|slot| Some(slot.locked().take()?.into_spare()));
+        let slot = Arc::new(Slot(Mutex::new(Some(self.offscreen.take_radiance(spare)))));
+        self.radiances.push_back(slot.clone());
+        slot
+    }
+
+    fn notices(
+        &self,
+        loaded: &Loaded,
+        scene: &limpid::scene::Scene,
+        camera: &Camera,
+        size: UVec2,
+    ) -> Vec<String> {
+        let mut notices = notice::of_frame(loaded, scene);
+        notices.extend(notice::of_scene(scene));
+        if let Some(camera) = camera.camera() {
+            notices.extend(notice::of_view(loaded, &camera, size));
+        }
+        let straight = self.offscreen.renderer.lights_without_caustics();
+        notices.extend((!straight.is_empty()).then_some(notice::Notice::Straight(straight)));
+        notices.iter().map(errors::describe).collect()
+    }
+}
+
+fn locked(state: &Mutex<Option<Open>>) -> MutexGuard<'_, Option<Open>> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn closed() -> PyErr {
+    errors::error("the renderer was closed")
+}
+
+fn to_python<'py>(
+    py: Python<'py>,
+    drawn: Drawn,
+    size: UVec2,
+    aovs: &[String],
+) -> PyResult<Bound<'py, PyDict>> {
+    let result = PyDict::new(py);
+    let shape = [size.y as usize, size.x as usize, 4];
+    result.set_item("rgba", drawn.rgba.into_pyarray(py).reshape(shape)?)?;
+    result.set_item("radiance", Radiance(drawn.radiance))?;
+    result.set_item("aov", images(py, drawn.images, aovs)?)?;
+    result.set_item("camera", drawn.own_camera)?;
+    result.set_item("scene_camera", drawn.camera)?;
+    result.set_item("project", drawn.project.map(scene::Project::of))?;
+    result.set_item("radius", drawn.radius)?;
+    result.set_item("thickness", drawn.thickness)?;
+    result.set_item("particles", drawn.particles)?;
+    result.set_item("splashes", drawn.splashes)?;
+    result.set_item("seconds", drawn.seconds)?;
+    result.set_item("notices", drawn.notices)?;
+    Ok(result)
+}
+
+/// The kinds of the images with these names: kinds, `all`, or single images as `front.depth`.
+fn chosen(names: &[String]) -> PyResult<Vec<Aov>> {
+    let mut chosen = Vec::new();
+    for name in names {
+        let kind = match name.split_once('.') {
+            Some((layer, kind)) if LAYERS.iter().any(|(_, known)| *known == layer) => kind,
+            Some(("caustics", _)) => "caustics",
+            _ => name,
+        };
+        for aov in aov::parse_list(kind).map_err(|e| errors::raise(e.into()))? {
+            if !chosen.contains(&aov) {
+                chosen.push(aov);
+            }
+        }
+    }
+    Ok(chosen)
+}
+
+/// The layers of an image, by their names in EXR files and here.
+const LAYERS: [(&str, &str); 4] = [
+    ("aggregate_front", "front"),
+    ("aggregate_back", "back"),
+    ("splash_front", "splash_front"),
+    ("splash_back", "splash_back"),
+];
+
+/// Kind and name of the image that a channel belongs to, as `depth` and `front.depth`.
+fn image_of(part: &str, channel: &str) -> (String, String) {
+    let components: Vec<&str> = channel.split('.').collect();
+    if let Some(light) = part.strip_prefix("caustics.") {
+        return ("caustics".into(), format!("caustics.{light}.{}", components[0]));
+    }
+    let kind = components[0].to_owned();
+    let layer = components.get(1).and_then(|name| LAYERS.iter().find(|(known, _)| known == name));
+    let name = layer.map_or_else(|| kind.clone(), |(_, layer)| format!("{layer}.{kind}"));
+    (kind, name)
+}
+
+/// Images by name: of shape (height, width), or (height, width, channels) for several channels.
+fn images<'py>(
+    py: Python<'py>,
+    parts: Vec<Part>,
+    wanted: &[String],
+) -> PyResult<Bound<'py, PyDict>> {
+    let found = PyDict::new(py);
+    for Part { name: part, size, channels } in parts {
+        let mut groups: Vec<(String, String, Vec<Channel>)> = Vec::new();
+        for channel in channels {
+            let (kind, name) = image_of(&part, &channel.name);
+            match groups.iter_mut().find(|(_, known, _)| *known == name) {
+                Some((_, _, channels)) => channels.push(channel),
+                None => groups.push((kind, name, vec![channel])),
+            }
+        }
+        for (kind, name, mut channels) in groups {
+            if !wanted.iter().any(|wanted| *wanted == name || *wanted == kind || wanted == "all") {
+                continue;
+            }
+            // Masks of fluids are a list, however many there are.
+            if channels.len() == 1 && kind != "mask" {
+                let shape = [size.y as usize, size.x as usize];
+                let values = channels.remove(0).values;
+                found.set_item(name, values.into_pyarray(py).reshape(shape)?)?;
+            } else {
+                found.set_item(name, interleaved(py, size, &channels)?)?;
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// Channels as an array of shape (height, width, channels).
+fn interleaved<'py>(
+    py: Python<'py>,
+    size: UVec2,
+    channels: &[Channel],
+) -> PyResult<Bound<'py, PyArray3<f32>>> {
+    let (count, pixels) = (channels.len(), size.x as usize * size.y as usize);
+    let mut values = Vec::with_capacity(count * pixels);
+    for i in 0..pixels {
+        values.extend(channels.iter().map(|channel| channel.values[i]));
+    }
+    values.into_pyarray(py).reshape([size.y as usize, size.x as usize, count])
+}

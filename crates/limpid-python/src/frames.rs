@@ -1,0 +1,165 @@
+//! Particles in the scene that they are drawn in, and the frames of files.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use limpid::aov::Aov;
+use limpid::liquid::{Particles, Up};
+use limpid_io::adjustments::Adjustments;
+use limpid_io::input::Input;
+use limpid_io::open::{Opened, Request};
+use limpid_io::project::{LiquidSource, Project};
+use pyo3::prelude::*;
+
+use crate::camera::{Camera, Kind};
+use crate::{arrays, scene, work};
+
+/// What decides how particles are drawn, apart from the picture.
+#[derive(Clone, Default)]
+pub(crate) struct Setting {
+    pub(crate) project: Option<Project>,
+    pub(crate) camera: Option<Camera>,
+    /// The axis that points up in the particles' world.
+    pub(crate) up: Option<Up>,
+    /// Particle radius, m.
+    pub(crate) radius: Option<f32>,
+    /// Rays per pixel.
+    pub(crate) samples: Option<u32>,
+    pub(crate) alpha: bool,
+    pub(crate) motion: bool,
+}
+
+/// Particles in their scene.
+pub(crate) struct Staged {
+    pub(crate) opened: Opened,
+    /// The camera in the world of the scene.
+    pub(crate) camera: Camera,
+    /// The camera in the world of the particles, which is another one if there is no scene and z points up.
+    pub(crate) own_camera: Camera,
+}
+
+impl Setting {
+    /// Puts particles into the scene, which is completed where it lacks something.
+    ///
+    /// # Errors
+    /// As [`Request::open_from`].
+    pub(crate) fn stage(&self, mut input: Input) -> limpid_io::Result<Staged> {
+        let is_bare = self.project.is_none() && input.project.is_none();
+        let aimed = self.camera.and_then(|camera| camera.camera());
+        if let Some(mut project) = self.project.clone() {
+            // A complete scene is not measured, which takes time; the camera is replaced below.
+            let placeholder = || {
+                self.camera
+                    .map(|_| limpid::camera::Camera::fit(-glam::DVec3::ONE, glam::DVec3::ONE))
+            };
+            project.camera = aimed.or_else(placeholder).or(project.camera);
+            input = input.with_project(project);
+        }
+        let up = self.up.or_else(|| self.camera.filter(|_| is_bare)?.likely_up());
+        let mut overrides = Vec::from_iter(self.samples.map(|n| format!("refract.samples={n}")));
+        overrides.extend(self.alpha.then(|| "refract.transparent=true".to_owned()));
+        let request = Request {
+            radius: self.radius,
+            overrides,
+            adjustments: Adjustments { up, ..Adjustments::default() },
+            ..Request::default()
+        };
+        let mut opened = request.open_from(input)?;
+        let turned = match up {
+            Some(up) => up,
+            None if opened.input.is_turned() => Up::Z,
+            None => Up::Y,
+        };
+        let turned = if is_bare { turned } else { Up::Y };
+        let camera = match self.camera {
+            Some(camera) => camera.to_y_up(turned),
+            None => Camera(Kind::Aimed(opened.project.camera_for(Default::default()))),
+        };
+        let own_camera = self.camera.unwrap_or_else(|| camera.y_up_to(turned));
+        (opened.plain.camera, opened.project.camera) = (camera.camera(), camera.camera());
+        opened.plain.source = match opened.input.source() {
+            // With the radius that was found.
+            source @ LiquidSource::File(_) => source,
+            _ => opened.plain.source,
+        };
+        opened.input.with_velocities = self.motion;
+        Ok(Staged { opened, camera, own_camera })
+    }
+}
+
+/// Parses the name of an axis.
+pub(crate) fn up(name: Option<&str>) -> PyResult<Option<Up>> {
+    match name {
+        None => Ok(None),
+        Some("y") => Ok(Some(Up::Y)),
+        Some("z") => Ok(Some(Up::Z)),
+        Some(other) => {
+            let problem = format!("up is {other:?}; expected \"y\" or \"z\"");
+            Err(pyo3::exceptions::PyValueError::new_err(problem))
+        }
+    }
+}
+
+/// The frames of particle files, in a scene that is the same for all.
+#[pyclass(frozen, module = "limpid._limpid")]
+pub(crate) struct Frames {
+    pub(crate) staged: Arc<Staged>,
+    pub(crate) numbers: Vec<i64>,
+}
+
+#[pymethods]
+impl Frames {
+    /// Opens a file, a pattern, a folder or a scene file.
+    #[staticmethod]
+    #[pyo3(signature = (source, project, camera, up, radius, samples))]
+    fn open(
+        py: Python<'_>,
+        source: PathBuf,
+        project: Option<PyRef<'_, scene::Project>>,
+        camera: Option<PyRef<'_, Camera>>,
+        up: Option<&str>,
+        radius: Option<f32>,
+        samples: Option<u32>,
+    ) -> PyResult<Self> {
+        let setting = Setting {
+            project: project.map(|project| project.project()),
+            camera: camera.map(|camera| *camera),
+            up: self::up(up)?,
+            radius,
+            samples,
+            ..Setting::default()
+        };
+        let staged =
+            work::run(py, move |_| setting.stage(Input::open(&source.to_string_lossy())?))?;
+        let input = &staged.opened.input;
+        let all = || input.sequence.frames.iter().map(|frame| frame.number).collect();
+        let numbers = input.frame.map_or_else(all, |frame| vec![frame]);
+        Ok(Self { staged: Arc::new(staged), numbers })
+    }
+
+    fn __len__(&self) -> usize {
+        self.numbers.len()
+    }
+
+    /// Frames per second, if the scene or the files have them.
+    #[getter]
+    fn fps(&self) -> Option<f64> {
+        self.staged.opened.input.fps()
+    }
+}
+
+/// What to draw: particles, or a frame of files.
+pub(crate) enum Source {
+    Particles(Arc<Particles>, Box<Setting>),
+    Frame(Arc<Staged>),
+}
+
+/// The particles that arrays hold.
+pub(crate) fn given(arrays: &arrays::Arrays<'_>) -> PyResult<Arc<Particles>> {
+    Ok(Arc::new(arrays.particles()?))
+}
+
+/// Whether the images need velocities.
+pub(crate) fn moves(aovs: &[Aov]) -> bool {
+    aovs.contains(&Aov::Motion)
+}

@@ -1,0 +1,75 @@
+"""What a scene says about its liquid."""
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
+
+
+class LimpidSettings(bpy.types.PropertyGroup):
+    """Settings of limpid, one group for each scene."""
+
+    particles: StringProperty(
+        name="Particles",
+        description=(
+            "A particle file, or the pattern of a sequence, with #### or {} for the frame's number"
+        ),
+        subtype="FILE_PATH",
+    )
+    offset: IntProperty(
+        name="Frame Offset",
+        description="The number of the file is the current frame minus this offset",
+    )
+    radius: FloatProperty(
+        name="Radius",
+        description="Radius of a particle; 0 takes the file's, or estimates it from the spacing",
+        subtype="DISTANCE",
+        min=0.0,
+        precision=4,
+    )
+    up: EnumProperty(
+        name="Up Axis",
+        description="The axis that points up in the file",
+        items=[
+            ("Y", "Y", "The file has y up, as most simulators do"),
+            ("Z", "Z", "The file has z up, as Blender does"),
+        ],
+        default="Y",
+    )
+    ior: FloatProperty(
+        name="IOR",
+        description="Index of refraction",
+        default=1.33,
+        min=0.3,
+        max=3.0,
+    )
+    tint: EnumProperty(
+        name="Tint",
+        description="How the colour of the liquid is given",
+        items=[
+            ("ABSORPTION", "Absorption", "Absorption coefficients, 1/m"),
+            ("COLOR", "Colour", "The colour of white light behind one metre of the liquid"),
+        ],
+        default="ABSORPTION",
+    )
+    absorption: FloatVectorProperty(
+        name="Absorption",
+        description="Absorption coefficients of red, green and blue light, 1/m",
+        size=3,
+        default=(1.2, 0.35, 0.12),
+        min=0.0,
+    )
+    color: FloatVectorProperty(
+        name="Colour",
+        description="The colour of white light behind one metre of the liquid",
+        subtype="COLOR",
+        size=3,
+        default=(0.3, 0.7, 0.89),
+        min=1e-4,
+        max=1.0,
+    )
+    samples: IntProperty(
+        name="Samples",
+        description="Rays per pixel",
+        default=4,
+        min=1,
+        max=64,
+    )

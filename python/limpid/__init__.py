@@ -1,0 +1,68 @@
+"""limpid draws clear liquid straight from particles.
+
+    import limpid
+    picture = limpid.render(positions)        # (n, 3) array, metres
+    picture.save("water.png")
+
+Right-handed coordinates, metres, linear RGB. Work releases the interpreter's lock, and Ctrl-C ends it.
+"""
+
+from ._errors import DeviceLost, Error, FileError, LimpidWarning, NoAdapter, SceneError
+from ._limpid import Camera, __version__
+from ._particles import Particles, bake, read, write
+from ._picture import Images, Picture, flip
+from ._renderer import Film, Renderer, render
+from ._scene import (
+    Box,
+    Checker,
+    Glow,
+    Gradient,
+    Ground,
+    Key,
+    Mesh,
+    Plane,
+    PointLight,
+    Scene,
+    Settings,
+    Sky,
+    Sphere,
+    Sun,
+)
+from ._vtk import from_pyvista_camera, from_vtk
+
+__all__ = [
+    "Box",
+    "Camera",
+    "Checker",
+    "DeviceLost",
+    "Error",
+    "FileError",
+    "Film",
+    "Glow",
+    "Gradient",
+    "Ground",
+    "Images",
+    "Key",
+    "LimpidWarning",
+    "Mesh",
+    "NoAdapter",
+    "Particles",
+    "Picture",
+    "Plane",
+    "PointLight",
+    "Renderer",
+    "Scene",
+    "SceneError",
+    "Settings",
+    "Sky",
+    "Sphere",
+    "Sun",
+    "__version__",
+    "bake",
+    "flip",
+    "from_pyvista_camera",
+    "from_vtk",
+    "read",
+    "render",
+    "write",
+]

@@ -1,0 +1,148 @@
+"""Arguments as arrays that the native half copies."""
+
+from __future__ import annotations
+
+from typing import Any, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+Vector = Sequence[float]
+
+
+def numbers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[Any]:
+    """An array of 32- or 64-bit floats of this shape, in which letters stand for any size."""
+    expected = "(" + ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "") + ")"
+    try:
+        array = np.asarray(value)
+    except Exception as error:
+        raise ValueError(f"{name}: {_first_line(error)}; expected numbers of shape {expected}") from error
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{name} has the dtype {array.dtype}; expected float32 or float64")
+    if array.size == 0 and array.ndim == 1 and shape[0] == "n":
+        # An empty list has no second axis.
+        array = array.reshape([0, *(size for size in shape[1:] if isinstance(size, int))])
+    fits = array.ndim == len(shape) and all(
+        size == own for size, own in zip(shape, array.shape) if isinstance(size, int)
+    )
+    if not fits:
+        raise ValueError(f"{name} has the shape {array.shape}; expected {expected}")
+    kind = np.float32 if array.dtype.kind == "f" and array.dtype.itemsize <= 4 else np.float64
+    plain = array.dtype == kind and array.dtype.isnative and array.flags.aligned
+    with np.errstate(over="ignore"):
+        return array if plain else array.astype(kind)
+
+
+def integers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[np.int64]:
+    """As `numbers`, of 64-bit integers."""
+    array = np.asarray(value)
+    if array.size == 0:
+        array = array.astype(np.int64)
+    if array.dtype.kind not in "iu":
+        raise ValueError(f"{name} has the dtype {array.dtype}; expected integers")
+    array = numbers_shape(name, array, shape)
+    if array.dtype == np.uint64 and array.size and int(array.max()) > np.iinfo(np.int64).max:
+        raise ValueError(f"{name} has {int(array.max())}; expected integers of 64 bits with a sign")
+    return np.require(array, np.int64, "A")
+
+
+def numbers_shape(
+    name: str, array: npt.NDArray[Any], shape: tuple[int | str, ...]
+) -> npt.NDArray[Any]:
+    """The array, if it has this shape."""
+    sizes = zip(shape, array.shape)
+    if array.ndim != len(shape) or any(s != own for s, own in sizes if isinstance(s, int)):
+        expected = "(" + ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "") + ")"
+        raise ValueError(f"{name} has the shape {array.shape}; expected {expected}")
+    return array
+
+
+def of_length(name: str, array: npt.NDArray[Any], count: int) -> npt.NDArray[Any]:
+    """The array, if it has a row for each of `count` particles."""
+    if len(array) != count:
+        raise ValueError(f"{name} has {len(array)} rows for {count} positions; expected as many")
+    return array
+
+
+def particle_arrays(
+    positions: Any,
+    *,
+    velocities: Any = None,
+    radii: Any = None,
+    densities: Any = None,
+    ids: Any = None,
+    ellipsoids: Any = None,
+) -> dict[str, npt.NDArray[Any] | None]:
+    """The arrays of particles as the native half takes them."""
+    places = numbers("positions", positions, ("n", 3))
+    count = len(places)
+
+    def rows(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[Any] | None:
+        if value is None:
+            return None
+        return of_length(name, numbers(name, value, shape), count)
+
+    def column(name: str, value: Any) -> npt.NDArray[Any] | None:
+        array = rows(name, value, ("n",))
+        return None if array is None else array.reshape(count, 1)
+
+    shapes = rows("ellipsoids", ellipsoids, ("n", 3, 3))
+    return {
+        "positions": places,
+        "velocities": rows("velocities", velocities, ("n", 3)),
+        "radii": column("radius", radii),
+        "densities": column("densities", densities),
+        "ids": None if ids is None else of_length("ids", integers("ids", ids, ("n",)), count),
+        "ellipsoids": None if shapes is None else shapes.reshape(count, 9),
+    }
+
+
+def radius_of(radius: Any) -> tuple[float | None, Any]:
+    """A radius for all particles, or an array with one for each."""
+    if radius is None:
+        return None, None
+    if np.ndim(radius) != 0:
+        return None, radius
+    try:
+        value = float(radius)
+    except (TypeError, ValueError):
+        raise ValueError(f"radius is {radius!r}; expected metres, or one for each particle") from None
+    if not 1e-12 <= value <= 1e12:
+        raise ValueError(f"radius is {value}; expected 1e-12 to 1e12 m")
+    return value, None
+
+
+def size_of(size: Any) -> tuple[int, int]:
+    """Width and height of a picture."""
+    try:
+        width, height = (int(side) for side in size)
+        exact = all(int(side) == side for side in size)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"size is {size!r}; expected (width, height) in pixels") from None
+    if not exact or not (1 <= width < 2**31 and 1 <= height < 2**31):
+        raise ValueError(f"size is {size!r}; expected (width, height) in pixels, 1 or more")
+    return width, height
+
+
+def samples_of(samples: Any) -> int | None:
+    """Rays per pixel."""
+    if samples is None:
+        return None
+    if isinstance(samples, bool) or not isinstance(samples, (int, np.integer)):
+        raise ValueError(f"samples is {samples!r}; expected a whole number")
+    if not 1 <= samples <= 2**20:
+        raise ValueError(f"samples is {samples}; expected 1 or more")
+    return int(samples)
+
+
+def vector(name: str, value: Any) -> list[float]:
+    """Three finite numbers."""
+    array = numbers(name, value, (3,))
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} is {array.tolist()}; expected three finite numbers")
+    return [float(x) for x in array]
+
+
+def _first_line(error: BaseException) -> str:
+    lines = str(error).splitlines()
+    return lines[0] if lines else type(error).__name__

@@ -1,0 +1,28 @@
+"""Exceptions and warnings."""
+
+
+class Error(Exception):
+    """Any failure of limpid that no other exception names."""
+
+
+class SceneError(Error, ValueError):
+    """A scene, a setting or a camera that cannot be used."""
+
+
+class FileError(Error, OSError):
+    """A file that is damaged, of another format than expected, or missing in a sequence.
+
+    Files that cannot be opened raise the usual ``OSError``, such as ``FileNotFoundError``.
+    """
+
+
+class NoAdapter(Error):
+    """There is no graphics adapter, or none that fits; software ones count."""
+
+
+class DeviceLost(Error):
+    """The graphics device failed. The next picture opens it anew."""
+
+
+class LimpidWarning(UserWarning):
+    """A likely reason for an unexpected picture: a wrong unit, particles outside the picture."""

@@ -1,0 +1,213 @@
+"""The native half of limpid: `limpid` wraps it, and other programs should not call it."""
+
+from os import PathLike
+from typing import Any, Sequence, final
+
+import numpy as np
+import numpy.typing as npt
+
+__version__: str
+
+_Path = str | PathLike[str] | bytes
+_Vector = Sequence[float] | npt.NDArray[np.floating[Any]] | tuple[float, float, float]
+_Rows = Sequence[Sequence[float]] | npt.NDArray[np.floating[Any]]
+_Arrays = dict[str, npt.NDArray[Any] | None]
+
+@final
+class Camera:
+    """A camera that is aimed at a point: right-handed world, metres, degrees.
+
+    Parameters
+    ----------
+    eye : three numbers
+        Position, m.
+    target : three numbers
+        The point in the middle of the picture, m.
+    fov_y : float
+        Vertical field of view, degrees, above 0 and below 180.
+    up : three numbers
+        The direction that points up in the picture; not parallel to the view.
+    near : float, optional
+        Near plane, m; the eye counts as inside liquid nearer than this.
+
+    Raises
+    ------
+    SceneError
+        If the values define no view.
+    """
+
+    def __new__(
+        cls,
+        eye: _Vector,
+        target: _Vector,
+        fov_y: float = 40.0,
+        up: _Vector = ...,
+        near: float | None = None,
+    ) -> Camera: ...
+    @staticmethod
+    def orthographic(
+        eye: _Vector,
+        target: _Vector,
+        height: float,
+        up: _Vector = ...,
+        near: float | None = None,
+    ) -> Camera:
+        """A camera with parallel rays; `height` is that of what the picture shows, m."""
+
+    @staticmethod
+    def from_matrices(view: _Rows, projection: _Rows, *, opengl: bool = False) -> Camera:
+        """The camera of a program that has matrices, of shape (4, 4), which multiply columns.
+
+        `view` takes the world to view space (x right, y up, looking down -z), `projection` takes that
+        to clip space as in WebGPU, Vulkan, Metal and DirectX (depth from 0 to 1), or with `opengl`
+        from -1 to 1. It may be perspective or orthographic, off-centre, and of reversed depth.
+        """
+
+    @property
+    def eye(self) -> tuple[float, float, float]:
+        """Position, m."""
+
+    @property
+    def target(self) -> tuple[float, float, float] | None:
+        """The point in the middle of the picture, m; `None` for a camera from matrices."""
+
+    @property
+    def up(self) -> tuple[float, float, float] | None:
+        """The direction that points up in the picture; `None` for a camera from matrices."""
+
+    @property
+    def fov_y(self) -> float | None:
+        """Vertical field of view, degrees; `None` for parallel rays and cameras from matrices."""
+
+    @property
+    def height(self) -> float | None:
+        """Height of what a picture with parallel rays shows, m; otherwise `None`."""
+
+    @property
+    def near(self) -> float | None:
+        """Near plane, m, if it was given; see `Camera`."""
+
+    def turned(self, degrees: float) -> Camera:
+        """The camera turned by `degrees` about its target, counterclockwise as seen from above.
+
+        Raises
+        ------
+        ValueError
+            For a camera from matrices, which has no target.
+        """
+
+    @staticmethod
+    def _parse(text: str) -> Camera: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self, /) -> int: ...
+    def __reduce__(self) -> Any: ...
+
+@final
+class Project:
+    @staticmethod
+    def parse(
+        text: str,
+        labels: Sequence[str],
+        folder: _Path,
+        meshes: Sequence[tuple[str, npt.NDArray[Any], npt.NDArray[Any], Any]],
+        environments: Sequence[tuple[str, npt.NDArray[Any]]],
+        textures: Sequence[tuple[str, npt.NDArray[Any]]],
+    ) -> Project: ...
+    @staticmethod
+    def load(path: _Path) -> Project: ...
+    def save(self, path: _Path) -> None: ...
+    def text(self) -> str: ...
+    def set(self, overrides: Sequence[str]) -> None: ...
+    @staticmethod
+    def names() -> list[str]: ...
+    def get(self, name: str) -> Any: ...
+    @property
+    def camera(self) -> Camera | None: ...
+    @camera.setter
+    def camera(self, value: Camera | None, /) -> None: ...
+    @property
+    def ior(self) -> float: ...
+    @property
+    def absorption(self) -> tuple[float, float, float]: ...
+    def environment_map(self) -> npt.NDArray[np.float32] | None: ...
+    def remarks(self) -> list[str]: ...
+
+@final
+class Radiance:
+    def read(self) -> npt.NDArray[np.float32] | None: ...
+
+@final
+class Device:
+    def __new__(cls, wanted: str | None) -> Device: ...
+    @property
+    def adapter(self) -> str: ...
+    def close(self) -> None: ...
+    def draw(
+        self,
+        arrays: _Arrays,
+        colors: npt.NDArray[np.float32] | None,
+        project: Project | None,
+        camera: Camera | None,
+        up: str | None,
+        radius: float | None,
+        frame: int,
+        size: tuple[int, int],
+        samples: int | None,
+        aovs: Sequence[str],
+        alpha: bool,
+        thickness: float | None,
+        described: bool,
+    ) -> dict[str, Any]: ...
+    def draw_frame(
+        self, frames: Frames, index: int, size: tuple[int, int], described: bool
+    ) -> dict[str, Any]: ...
+
+@final
+class Frames:
+    @staticmethod
+    def open(
+        source: _Path,
+        project: Project | None,
+        camera: Camera | None,
+        up: str | None,
+        radius: float | None,
+        samples: int | None,
+    ) -> Frames: ...
+    def __len__(self, /) -> int: ...
+    @property
+    def fps(self) -> float | None: ...
+
+@final
+class FilmFile:
+    def __new__(cls, path: _Path, width: int, height: int, fps: float) -> FilmFile: ...
+    def push(self, rgba: npt.NDArray[np.uint8]) -> None: ...
+    def finish(self) -> None: ...
+    def abandon(self) -> None: ...
+
+@final
+class Bake:
+    def __new__(cls, path: _Path, count: int | None) -> Bake: ...
+    @property
+    def count(self) -> int: ...
+    @property
+    def radius(self) -> float: ...
+    @property
+    def fps(self) -> float: ...
+    def next(self) -> dict[str, npt.NDArray[Any]] | None: ...
+
+def read(path: _Path) -> dict[str, npt.NDArray[Any]]: ...
+def write(path: _Path, arrays: _Arrays) -> list[str]: ...
+def flip(
+    reference: npt.NDArray[np.uint8], test: npt.NDArray[np.uint8]
+) -> tuple[float, npt.NDArray[np.float32]]: ...
+def load(path: _Path) -> npt.NDArray[np.uint8]: ...
+def png(rgba: npt.NDArray[np.uint8], alpha: bool) -> bytes: ...
+def save(
+    path: _Path,
+    rgba: npt.NDArray[np.uint8],
+    alpha: bool,
+    radiance: npt.NDArray[np.float32] | None,
+) -> None: ...
+def finish(by_signal: bool) -> None: ...
+def main(arguments: Sequence[str]) -> int: ...

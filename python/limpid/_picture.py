@@ -1,0 +1,174 @@
+"""Pictures, and the difference between them."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _limpid
+from ._errors import Error
+from ._limpid import Camera
+from ._scene import PathLike, Scene
+
+Pixels = npt.NDArray[np.uint8]
+
+
+class Images(dict[str, npt.NDArray[np.float32]]):
+    """Intermediate images by name."""
+
+    def __missing__(self, name: str) -> Any:
+        there = ", ".join(self) or "none"
+        raise KeyError(f"{name}: not among the images that were asked for by aovs; there are: {there}")
+
+
+class Picture:
+    """A picture of particles.
+
+    ``numpy.asarray(picture)`` is `rgba`; notebooks show it.
+
+    Attributes
+    ----------
+    rgba : (height, width, 4) array of uint8
+        sRGB and coverage, which is 255 unless the picture was drawn with ``alpha=True``; not
+        premultiplied.
+    aov : dict of arrays of float32
+        The intermediate images that were asked for, of shape (height, width) or (height, width,
+        channels).
+    camera : Camera
+        The camera that was used, in the world of the positions; of the scene, if there was one.
+    scene : Scene
+        The scene that was used, with everything that was not given: radius, camera, look. Drawing
+        the next positions in it keeps the view.
+    radius : float
+        Median radius of the particles, m.
+    particles, splashes : int
+        Number of particles, and of those that were drawn as droplets.
+    seconds : float
+        Time that classification and drawing took, s.
+    """
+
+    rgba: Pixels
+    aov: Images
+    camera: Camera
+    scene: Scene
+    radius: float
+    particles: int
+    splashes: int
+    seconds: float
+
+    def __init__(self, drawn: dict[str, Any], scene: Scene | None, alpha: bool) -> None:
+        self.rgba = drawn["rgba"]
+        self.aov = Images(drawn["aov"])
+        self.camera = drawn["camera"]
+        project = drawn["project"]
+        self.scene = scene if project is None and scene is not None else Scene._of(project, scene)
+        self.radius = drawn["radius"]
+        self.particles = drawn["particles"]
+        self.splashes = drawn["splashes"]
+        self.seconds = drawn["seconds"]
+        self._alpha = alpha
+        self._radiance: npt.NDArray[np.float32] | None = None
+        self._pending: _limpid.Radiance | None = drawn["radiance"]
+        self._scene_camera: Camera = drawn["scene_camera"]
+        self._thickness: float | None = drawn["thickness"]
+
+    @property
+    def radiance(self) -> npt.NDArray[np.float32]:
+        """Linear radiance before exposure and tone curve, W/(m² sr), of shape (height, width, 3);
+        with ``alpha=True`` (height, width, 4), the colours multiplied by the coverage.
+
+        It stays on the device until it is asked for, and until four more pictures were drawn.
+
+        Raises
+        ------
+        Error
+            If it is not kept any more.
+        """
+        if self._radiance is None and self._pending is not None:
+            self._radiance = self._pending.read()
+            self._pending = None
+        if self._radiance is None:
+            raise Error(
+                "the radiance of this picture is not kept any more: ask for it before four more are drawn"
+            )
+        return self._radiance
+
+    def save(self, path: PathLike) -> None:
+        """Writes the picture: .png, .jpg, .webp, or .exr for its radiance.
+
+        The file is written whole or not at all. A .jpg holds no coverage.
+
+        Raises
+        ------
+        ValueError
+            For another extension.
+        OSError
+            If the file cannot be written.
+        """
+        name = os.fspath(path)
+        radiance = self.radiance if str(name).lower().endswith(".exr") else None
+        _limpid.save(name, self.rgba, self._alpha, radiance)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        if dtype is not None and np.dtype(dtype) != self.rgba.dtype:
+            if copy is False:
+                raise ValueError("a picture of another dtype is a copy")
+            return self.rgba.astype(dtype)
+        return self.rgba.copy() if copy else self.rgba
+
+    def _repr_png_(self) -> bytes:
+        return _limpid.png(self.rgba, self._alpha)
+
+    def __repr__(self) -> str:
+        height, width = self.rgba.shape[:2]
+        return f"<limpid.Picture of {width}x{height}, {self.particles} particles>"
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = self.__dict__.copy()
+        if self._radiance is None and self._pending is not None:
+            state["_radiance"] = self._pending.read()
+        state["_pending"] = None
+        return state
+
+
+def flip(
+    a: Picture | npt.ArrayLike | PathLike, b: Picture | npt.ArrayLike | PathLike
+) -> tuple[float, npt.NDArray[np.float32]]:
+    """The difference between two pictures as seen: FLIP (Andersson et al. 2020), 0 alike, 1 not.
+
+    Parameters
+    ----------
+    a, b : Picture, (height, width, 3 or 4) array of uint8, or path
+        The reference and the picture to test, sRGB. Coverage is ignored.
+
+    Returns
+    -------
+    mean : float
+        Mean of all pixels.
+    map : (height, width) array of float32
+        FLIP of each pixel.
+
+    Raises
+    ------
+    ValueError
+        If the pictures have different sizes or are none.
+    OSError
+        If a file cannot be read.
+    """
+    return _limpid.flip(_pixels("a", a), _pixels("b", b))
+
+
+def _pixels(name: str, picture: Union[Picture, npt.ArrayLike, PathLike]) -> Pixels:
+    if isinstance(picture, Picture):
+        return picture.rgba
+    if isinstance(picture, (str, os.PathLike)):
+        return _limpid.load(os.fspath(picture))
+    pixels = np.asarray(picture)
+    if pixels.dtype != np.uint8:
+        raise ValueError(f"{name} has the dtype {pixels.dtype}; expected uint8")
+    if pixels.ndim != 3 or pixels.shape[2] not in (3, 4) or pixels.size == 0:
+        raise ValueError(f"{name} has the shape {pixels.shape}; expected (height, width, 3 or 4)")
+    return pixels

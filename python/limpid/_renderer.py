@@ -1,0 +1,525 @@
+"""Rendering: pictures and films of particles."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import sys
+import threading
+import warnings
+import weakref
+from collections.abc import Iterable, Iterator, Sequence, Sized
+from types import TracebackType
+from typing import Any, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _limpid
+from ._arrays import numbers, of_length, particle_arrays, radius_of, samples_of, size_of
+from ._errors import Error, LimpidWarning
+from ._limpid import Camera
+from ._particles import Particles
+from ._picture import Picture
+from ._scene import PathLike, Scene
+
+SceneLike = Union[Scene, PathLike]
+
+_open: weakref.WeakSet[Renderer] = weakref.WeakSet()
+
+
+class Renderer:
+    """A graphics device with its compiled pipelines.
+
+    Close it, or use it in a ``with`` statement. Any number of threads may use it at once.
+
+    Parameters
+    ----------
+    device : str
+        ``"auto"`` for the best adapter (or that of ``WGPU_ADAPTER_NAME``), or a part of an adapter's
+        name.
+
+    Raises
+    ------
+    NoAdapter
+        If there is no adapter, or none of that name.
+    """
+
+    def __init__(self, device: str = "auto") -> None:
+        if not isinstance(device, str) or not device:
+            raise ValueError(f'device is {device!r}; expected "auto" or a part of an adapter\'s name')
+        # Mesa's device-select layer would ask a display server, and complain if there is none.
+        os.environ.setdefault("NODEVICE_SELECT", "1")
+        self._device = _limpid.Device(None if device == "auto" else device)
+        self._described: tuple[Any, ...] | None = None
+        _open.add(self)
+
+    @property
+    def adapter(self) -> str:
+        """The adapter's name."""
+        return self._device.adapter
+
+    def close(self) -> None:
+        """Closes the device; pictures stay as they are."""
+        self._device.close()
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __reduce__(self) -> Any:
+        raise TypeError("a Renderer cannot be pickled: each process opens a device of its own")
+
+    def render(
+        self,
+        positions: npt.ArrayLike | Particles,
+        *,
+        radius: npt.ArrayLike | None = None,
+        velocities: npt.ArrayLike | None = None,
+        ids: npt.ArrayLike | None = None,
+        ellipsoids: npt.ArrayLike | None = None,
+        colors: npt.ArrayLike | None = None,
+        scene: SceneLike | None = None,
+        camera: Camera | None = None,
+        size: Sequence[int] = (1024, 768),
+        samples: int | None = None,
+        aovs: Iterable[str] = (),
+        alpha: bool = False,
+        up: str | None = None,
+        frame: int = 0,
+    ) -> Picture:
+        """Draws particles.
+
+        Parameters
+        ----------
+        positions : (n, 3) array of floats, or Particles
+            Centres, m. Arrays may have any order and strides, and are copied once.
+        radius : float or (n,) array, optional
+            Particle radius, m, half the usual spacing; if it is not given, it is estimated from the
+            spacing.
+        velocities : (n, 3) array of floats, optional
+            m/s; only motion vectors need them.
+        ids : (n,) array of integers, optional
+            Accepted for symmetry with `limpid.write`: a single picture does not need them.
+        ellipsoids : (n, 3, 3) array of floats, optional
+            Maps of the unit sphere to the particles' shapes, in units of their radius.
+        colors : (n, 3) array of floats, optional
+            For each particle, above 0 and at most 1: the colour of white light behind as much liquid
+            of its kind as light typically crosses. Of more than 16 colours, similar ones are joined.
+        scene : Scene or path, optional
+            Everything else; a studio is made to fit by default.
+        camera : Camera, optional
+            That of the scene, or one that sees all particles, by default. Without a scene, it is in
+            the world of the positions.
+        size : two integers
+            Width and height, pixels.
+        samples : int, optional
+            Rays per pixel, 1 to 64: 1 for previews, 4 for final pictures; those of the scene, 1 by
+            default.
+        aovs : iterable of str
+            Intermediate images for ``picture.aov``: ``"depth"``, ``"normal"``, ``"motion"``,
+            ``"coverage"``, ``"mask"``, ``"smooth_depth"``, ``"smooth_normal"``, ``"solid_depth"``,
+            ``"radiance"``, ``"interfaces"``, ``"inside"``, ``"iterations"``, ``"failures"``,
+            ``"caustics"``, or ``"all"``; of one layer, as ``"front.depth"``.
+        alpha : bool
+            Whether coverage becomes alpha: only liquid and solids cover a pixel.
+        up : str, optional
+            The axis that points up in the positions' world, ``"y"`` or ``"z"``; without a scene it is
+            taken from the camera, or guessed from the liquid's surface. A scene's world has y up.
+        frame : int
+            Number of the frame, for solids that move.
+
+        Returns
+        -------
+        Picture
+
+        Raises
+        ------
+        ValueError
+            Naming the argument that cannot be used; ``SceneError`` for scenes.
+        OSError
+            If a file of the scene cannot be read.
+        DeviceLost
+            If the device failed.
+
+        Warns
+        -----
+        LimpidWarning
+            If units, radius or camera are likely wrong; in a series of pictures once.
+        """
+        return self._render(
+            positions,
+            radius=radius,
+            velocities=velocities,
+            ids=ids,
+            ellipsoids=ellipsoids,
+            colors=colors,
+            scene=scene,
+            camera=camera,
+            size=size,
+            samples=samples,
+            aovs=aovs,
+            alpha=alpha,
+            up=up,
+            frame=frame,
+        )
+
+    def _render(
+        self,
+        positions: npt.ArrayLike | Particles,
+        *,
+        radius: npt.ArrayLike | None = None,
+        velocities: npt.ArrayLike | None = None,
+        ids: npt.ArrayLike | None = None,
+        ellipsoids: npt.ArrayLike | None = None,
+        colors: npt.ArrayLike | None = None,
+        scene: SceneLike | None = None,
+        camera: Camera | None = None,
+        size: Sequence[int] = (1024, 768),
+        samples: int | None = None,
+        aovs: Iterable[str] = (),
+        alpha: bool = False,
+        up: str | None = None,
+        frame: int = 0,
+        thickness: float | None = None,
+    ) -> Picture:
+        if isinstance(positions, Particles):
+            own = positions
+            velocities = own.velocities if velocities is None else velocities
+            ellipsoids = own.ellipsoids if ellipsoids is None else ellipsoids
+            ids = own.ids if ids is None else ids
+            colors = own.colors if colors is None else colors
+            if radius is None:
+                radius = own.radius if own.radii is None else own.radii
+            positions = own.positions
+        value, radii = radius_of(radius)
+        arrays = particle_arrays(
+            positions, velocities=velocities, radii=radii, ids=ids, ellipsoids=ellipsoids
+        )
+        places = arrays["positions"]
+        assert places is not None
+        tints = None if colors is None else _colors(colors, len(places))
+        scene = _scene(scene)
+        if camera is not None and not isinstance(camera, Camera):
+            raise ValueError(f"camera is {camera!r}; expected a limpid.Camera")
+        if isinstance(aovs, str):
+            aovs = aovs.split(",")
+        names = [str(name).strip() for name in aovs]
+        if isinstance(frame, bool) or not isinstance(frame, (int, np.integer)):
+            raise ValueError(f"frame is {frame!r}; expected a whole number")
+        if not -(2**62) < frame < 2**62:
+            raise ValueError(f"frame is {frame}; expected less")
+        # What was looked at once does not need to be looked at for each picture of a series.
+        described = (id(scene), value, size_of(size))
+        drawn = self._device.draw(
+            arrays,
+            tints,
+            None if scene is None else scene._project,
+            camera,
+            up,
+            value,
+            int(frame),
+            size_of(size),
+            samples_of(samples),
+            names,
+            bool(alpha),
+            thickness,
+            described == self._described,
+        )
+        self._described = described
+        _warn(drawn["notices"], 4)
+        return Picture(drawn, scene, bool(alpha))
+
+    def film(
+        self,
+        source: Iterable[Any] | PathLike,
+        path: PathLike,
+        *,
+        fps: float | None = None,
+        radius: npt.ArrayLike | None = None,
+        scene: SceneLike | None = None,
+        camera: Camera | Iterable[Camera] | None = None,
+        size: Sequence[int] = (1024, 768),
+        samples: int | None = None,
+        up: str | None = None,
+    ) -> Film:
+        """Draws a film, picture by picture.
+
+        An iterator, which draws when it is asked for the next picture; its length is known where that
+        of the source is::
+
+            for picture in renderer.film(frames, "dam.mp4", fps=30):
+                pass
+
+        The film is complete after the last picture. If the iterator is closed or forgotten before, the
+        unfinished file is removed.
+
+        Parameters
+        ----------
+        source : path, or iterable of arrays or Particles
+            The frames: files as the program takes them (a pattern, a folder, a scene), or positions
+            of shape (n, 3), one by one.
+        path : path
+            .mp4 or .webm, which need ffmpeg, .gif or .apng.
+        fps : float, optional
+            Pictures per second; those of the source, 30 by default.
+        camera : Camera or iterable of Camera, optional
+            One for all pictures, or one for each. Scene and camera that are made to fit are those of
+            the first frame, and for files of the whole sequence.
+        radius, scene, size, samples, up : optional
+            As for `render`.
+
+        Raises
+        ------
+        ValueError, OSError
+            As `render`; if the film cannot be written, before anything is drawn.
+        """
+        return Film(self, source, path, fps, radius, scene, camera, size, samples, up)
+
+
+class Film(Iterator[Picture]):
+    """The pictures of a film that is being written: see `Renderer.film`."""
+
+    def __init__(
+        self,
+        renderer: Renderer,
+        source: Iterable[Any] | PathLike,
+        path: PathLike,
+        fps: float | None,
+        radius: npt.ArrayLike | None,
+        scene: SceneLike | None,
+        camera: Camera | Iterable[Camera] | None,
+        size: Sequence[int],
+        samples: int | None,
+        up: str | None,
+    ) -> None:
+        self._renderer = renderer
+        self._size = size_of(size)
+        self._samples = samples_of(samples)
+        self._scene = _scene(scene)
+        self._radius = radius
+        self._up = up
+        self._number = 0
+        self._thickness: float | None = None
+        self._cameras: Iterator[Camera] | None = None
+        self._camera: Camera | None = None
+        if camera is None or isinstance(camera, Camera):
+            self._camera = camera
+        else:
+            self._cameras = iter(camera)
+        self._frames: _limpid.Frames | None = None
+        self._particles: Iterator[Any] | None = None
+        self._count: int | None = None
+        own_fps: float | None = None
+        if isinstance(source, (str, os.PathLike)):
+            if self._cameras is not None:
+                raise ValueError("camera is a list; files take one camera")
+            value, radii = radius_of(radius)
+            if radii is not None:
+                raise ValueError("radius is an array; files take one radius")
+            project = None if self._scene is None else self._scene._project
+            self._frames = _limpid.Frames.open(
+                os.fspath(source), project, self._camera, up, value, self._samples
+            )
+            self._count = len(self._frames)
+            own_fps = self._frames.fps
+        else:
+            if isinstance(source, Sized):
+                self._count = len(source)
+            own_fps = getattr(source, "fps", None)
+            self._particles = iter(source)
+        rate = fps if fps is not None else own_fps if own_fps is not None else 30.0
+        try:
+            rate = float(rate)
+        except (TypeError, ValueError):
+            raise ValueError(f"fps is {fps!r}; expected pictures per second") from None
+        self._file: _limpid.FilmFile | None = _limpid.FilmFile(
+            os.fspath(path), self._size[0], self._size[1], rate
+        )
+
+    def __len__(self) -> int:
+        if self._count is None:
+            raise TypeError("the source has no length")
+        return self._count
+
+    def __length_hint__(self) -> int:
+        return self._count or 0
+
+    def __next__(self) -> Picture:
+        if self._file is None:
+            raise StopIteration
+        try:
+            picture = self._draw()
+        except StopIteration:
+            file, self._file = self._file, None
+            file.finish()
+            raise
+        except BaseException:
+            self.close()
+            raise
+        return picture
+
+    def close(self) -> None:
+        """Removes the film, unless it is complete."""
+        if self._file is not None:
+            file, self._file = self._file, None
+            file.abandon()
+
+    def __enter__(self) -> Film:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        if getattr(self, "_file", None) is not None:
+            self.close()
+
+    def _draw(self) -> Picture:
+        assert self._file is not None
+        number = self._number
+        if self._frames is not None:
+            if number == len(self._frames):
+                raise StopIteration
+            drawn = self._renderer._device.draw_frame(self._frames, number, self._size, number > 0)
+            _warn(drawn["notices"], 4)
+            picture = Picture(drawn, self._scene, False)
+        else:
+            assert self._particles is not None
+            positions = next(self._particles)
+            camera = self._camera
+            if self._cameras is not None:
+                camera = next(self._cameras)
+                if not isinstance(camera, Camera):
+                    raise ValueError(f"camera has {camera!r}; expected a limpid.Camera")
+            picture = self._renderer._render(
+                positions,
+                radius=self._radius,
+                scene=self._scene,
+                camera=camera,
+                size=self._size,
+                samples=self._samples,
+                up=self._up,
+                frame=number,
+                thickness=self._thickness,
+            )
+            if number == 0 and picture.particles > 0:
+                self._settle(picture)
+        self._file.push(picture.rgba)
+        self._number += 1
+        return picture
+
+    def _settle(self, picture: Picture) -> None:
+        """Keeps what was made to fit the first frame."""
+        self._scene = picture.scene
+        self._thickness = picture._thickness
+        # The scene has the axis.
+        self._up = None
+        if self._camera is not None:
+            self._camera = picture._scene_camera
+
+
+_default: Renderer | None = None
+_default_lock = threading.Lock()
+
+
+def render(
+    positions: npt.ArrayLike | Particles,
+    *,
+    radius: npt.ArrayLike | None = None,
+    velocities: npt.ArrayLike | None = None,
+    ids: npt.ArrayLike | None = None,
+    ellipsoids: npt.ArrayLike | None = None,
+    colors: npt.ArrayLike | None = None,
+    scene: SceneLike | None = None,
+    camera: Camera | None = None,
+    size: Sequence[int] = (1024, 768),
+    samples: int | None = None,
+    aovs: Iterable[str] = (),
+    alpha: bool = False,
+    up: str | None = None,
+    frame: int = 0,
+) -> Picture:
+    """Draws particles with a renderer that all calls share: see `Renderer.render`."""
+    global _default
+    with _default_lock:
+        if _default is None:
+            _default = Renderer()
+    return _default._render(
+        positions,
+        radius=radius,
+        velocities=velocities,
+        ids=ids,
+        ellipsoids=ellipsoids,
+        colors=colors,
+        scene=scene,
+        camera=camera,
+        size=size,
+        samples=samples,
+        aovs=aovs,
+        alpha=alpha,
+        up=up,
+        frame=frame,
+    )
+
+
+def _scene(scene: Any) -> Scene | None:
+    if scene is None or isinstance(scene, Scene):
+        return scene
+    if isinstance(scene, (str, os.PathLike)):
+        return Scene.load(scene)
+    raise ValueError(f"scene is {scene!r}; expected a limpid.Scene or the path of a scene file")
+
+
+def _colors(colors: Any, count: int) -> npt.NDArray[np.float32]:
+    array = of_length("colors", numbers("colors", colors, ("n", 3)), count)
+    single = np.ascontiguousarray(array, np.float32)
+    good = (single > 0) & (single <= 1)
+    if not good.all():
+        row = int(np.argmin(good.all(axis=1)))
+        raise ValueError(
+            f"colors: particle {row} has {single[row].tolist()}; expected numbers above 0 and at most 1"
+        )
+    return single
+
+
+def _warn(notices: list[str], level: int) -> None:
+    for notice in notices:
+        warnings.warn(notice, LimpidWarning, stacklevel=level)
+
+
+def _finish() -> None:
+    """Ends what threads still draw, and closes all devices, before the interpreter does."""
+    # Python ends such a process by the signal itself, which does not wait for a device.
+    interrupted = getattr(sys, "last_type", None) is KeyboardInterrupt and not hasattr(sys, "ps1")
+    _limpid.finish(interrupted)
+    if interrupted:
+        return
+    for renderer in list(_open):
+        renderer.close()
+
+
+atexit.register(_finish)
+
+
+def _forget() -> None:
+    """In a forked child there is no device."""
+    global _default
+    _default = None
+    _open.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)

@@ -1,0 +1,582 @@
+"""Scenes: what a picture shows beside the liquid, and how the liquid looks.
+
+Solids, lights and environments have the names and the values of scene files (docs/scenes.md).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _limpid
+from ._arrays import Vector, integers, numbers
+from ._errors import LimpidWarning
+from ._limpid import Camera
+
+PathLike = Union[str, "os.PathLike[str]"]
+
+
+@dataclass(frozen=True)
+class Checker:
+    """A checkerboard of cubes.
+
+    Parameters
+    ----------
+    tile : float
+        Side of a tile, m.
+    even, odd : three numbers
+        Linear RGB of the tiles.
+    """
+
+    tile: float
+    even: Vector = (0.85, 0.80, 0.70)
+    odd: Vector = (0.15, 0.20, 0.30)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A checkerboard that fades into the environment at the distance `fade`, m."""
+
+    tile: float
+    fade: float
+    even: Vector = (0.85, 0.80, 0.70)
+    odd: Vector = (0.15, 0.20, 0.30)
+
+
+@dataclass(frozen=True)
+class Key:
+    """Where a solid is at a frame.
+
+    Parameters
+    ----------
+    frame : float
+        Number of the frame.
+    translate : three numbers, optional
+        Position of a mesh, m; of other shapes, how far they have moved.
+    rotate : four numbers, optional
+        Axis and degrees; of meshes.
+    """
+
+    frame: float
+    translate: Vector | None = None
+    rotate: Vector | None = None
+
+
+@dataclass(frozen=True)
+class _Solid:
+    """What all solids have.
+
+    Parameters
+    ----------
+    color : three numbers, optional
+        Linear RGB: emitted radiance, or with `lit` the albedo under the lights.
+    checker, ground : optional
+        A pattern instead of a colour.
+    texture : path or (height, width, 3) array of uint8, optional
+        A picture instead of a colour.
+    tile : float, optional
+        Width of the texture on planes and boxes, m.
+    lit : bool
+        Whether lights illuminate it; only then it receives caustics.
+    keys : Key, optional
+        How it moves.
+    """
+
+    color: Vector | None = field(default=None, kw_only=True)
+    checker: Checker | None = field(default=None, kw_only=True)
+    ground: Ground | None = field(default=None, kw_only=True)
+    texture: PathLike | npt.NDArray[np.uint8] | None = field(default=None, kw_only=True)
+    tile: float | None = field(default=None, kw_only=True)
+    lit: bool = field(default=False, kw_only=True)
+    keys: Iterable[Key] = field(default=(), kw_only=True)
+
+
+@dataclass(frozen=True)
+class Plane(_Solid):
+    """A square, or an unbounded plane without `half_extent`.
+
+    Parameters
+    ----------
+    origin : three numbers
+        Its centre, m.
+    normal : three numbers
+        Its normal, of any length.
+    half_extent : float, optional
+        Half its side, m.
+    """
+
+    origin: Vector = (0.0, 0.0, 0.0)
+    normal: Vector = (0.0, 1.0, 0.0)
+    half_extent: float | None = None
+
+
+@dataclass(frozen=True)
+class Box(_Solid):
+    """An axis-aligned box from the corner `min` to the corner `max`, m."""
+
+    min: Vector
+    max: Vector
+
+
+@dataclass(frozen=True)
+class Sphere(_Solid):
+    """A sphere about `center`, m, with a `radius`, m."""
+
+    center: Vector
+    radius: float
+
+
+@dataclass(frozen=True)
+class Mesh(_Solid):
+    """A triangle mesh from a file or from arrays. A closed one has an inside.
+
+    Parameters
+    ----------
+    file : path, optional
+        A glTF, OBJ, PLY or STL file; a pattern as ``pump_####.obj`` has a mesh for each frame.
+    vertices : (v, 3) array of floats, optional
+        Corners of the triangles, m, instead of a file.
+    faces : (f, 3) array of integers, optional
+        Rows of `vertices`, counterclockwise as seen from outside.
+    coordinates : (v, 2) array of floats, optional
+        Texture coordinates of the vertices.
+    normals : str, optional
+        ``"file"``, ``"smooth"`` or ``"flat"``.
+    translate : three numbers, optional
+        Position, m.
+    rotate : four numbers, optional
+        Axis and degrees.
+    quaternion : four numbers, optional
+        x, y, z, w, instead of `rotate`.
+    scale : float, optional
+        Length of the file's unit, m.
+    flip : bool, optional
+        Whether textures are upside down.
+    """
+
+    file: PathLike | None = None
+    vertices: npt.ArrayLike | None = field(default=None, kw_only=True)
+    faces: npt.ArrayLike | None = field(default=None, kw_only=True)
+    coordinates: npt.ArrayLike | None = field(default=None, kw_only=True)
+    normals: str | None = field(default=None, kw_only=True)
+    translate: Vector | None = field(default=None, kw_only=True)
+    rotate: Vector | None = field(default=None, kw_only=True)
+    quaternion: Vector | None = field(default=None, kw_only=True)
+    scale: float | None = field(default=None, kw_only=True)
+    flip: bool | None = field(default=None, kw_only=True)
+
+
+@dataclass(frozen=True)
+class Sun:
+    """Light from one direction.
+
+    Parameters
+    ----------
+    direction : three numbers
+        The direction in which it travels, of any length.
+    irradiance : three numbers
+        On a surface that faces it, W/m² per channel.
+    """
+
+    direction: Vector
+    irradiance: Vector = (3.0, 3.0, 3.0)
+
+
+@dataclass(frozen=True)
+class PointLight:
+    """Light from a point.
+
+    Parameters
+    ----------
+    position : three numbers
+        Its place, m.
+    intensity : three numbers
+        W/sr per channel.
+    """
+
+    position: Vector
+    intensity: Vector
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """An environment whose radiance is linear in the sine of the elevation."""
+
+    zenith: Vector
+    horizon: Vector
+    nadir: Vector | None = None
+
+
+@dataclass(frozen=True)
+class Glow:
+    """A lobe of radiance around a direction: radiance · exp(sharpness · (cos θ - 1))."""
+
+    direction: Vector
+    radiance: Vector
+    sharpness: float
+
+
+@dataclass(frozen=True)
+class Sky:
+    """A gradient that is steeper at the horizon, with up to two glows, such as the sun."""
+
+    zenith: Vector
+    horizon: Vector
+    nadir: Vector | None = None
+    glow: Iterable[Glow] = ()
+
+
+Solid = Union[Plane, Box, Sphere, Mesh]
+Light = Union[Sun, PointLight]
+Environment = Union[Vector, Gradient, Sky, PathLike, "npt.NDArray[np.floating[Any]]"]
+
+_SHAPES = {Plane: "plane", Box: "box", Sphere: "sphere", Mesh: "mesh"}
+
+
+class Scene:
+    """What a picture shows beside the liquid, and how the liquid looks.
+
+    Right-handed, y up, metres; linear RGB. What is not given and the picture needs comes from a
+    `look`, unless there is an `environment`: then the scene is complete as it is.
+
+    Parameters
+    ----------
+    ior : float, optional
+        Index of refraction, 0.3 to 3; that of water, 1.33, by default.
+    absorption : three numbers, optional
+        Absorption coefficients of red, green and blue, 1/m.
+    color : three numbers, optional
+        Instead of `absorption`: the colour of white light behind a metre of the liquid.
+    solids : iterable of Plane, Box, Sphere and Mesh, optional
+        Opaque bodies, at most 512.
+    lights : iterable of Sun and PointLight, optional
+        Lights, at most 16, which illuminate lit solids.
+    environment : optional
+        Radiance of what is far away: three numbers for one colour, `Gradient`, `Sky`, the path of
+        an equirectangular map (.hdr, .exr), or a map as an array of shape (height, width, 3), whose
+        centre is -z and whose top row is +y.
+    background : path or (height, width, 3) array of uint8, optional
+        A picture behind everything.
+    camera : Camera, optional
+        The camera, if `render` is given none; without one it is made to fit.
+    look : str, optional
+        ``"studio"``, ``"daylight"``, ``"pool"``, ``"night"`` or ``"chart"``.
+    settings : mapping, optional
+        Settings by name, as ``{"refract.samples": 4}``.
+
+    Raises
+    ------
+    SceneError
+        If a value is out of range, naming it.
+    OSError
+        If a file cannot be read.
+    """
+
+    def __init__(
+        self,
+        *,
+        ior: float | None = None,
+        absorption: Vector | None = None,
+        color: Vector | None = None,
+        solids: Iterable[Solid] | None = None,
+        lights: Iterable[Light] | None = None,
+        environment: Environment | None = None,
+        background: PathLike | npt.NDArray[np.uint8] | None = None,
+        camera: Camera | None = None,
+        look: str | None = None,
+        settings: Mapping[str, Any] | None = None,
+    ) -> None:
+        arrays = _Arrays()
+        table: dict[str, Any] = {}
+        if look is not None:
+            table["look"] = look
+        liquid = {"ior": ior, "absorption": absorption, "color": color}
+        table["liquid"] = {key: value for key, value in liquid.items() if value is not None}
+        if environment is not None:
+            table["environment"] = _environment(environment, arrays)
+        if background is not None:
+            table["background"] = {"file": arrays.texture("background", background)}
+        table["solid"] = [_solid(solid, arrays) for solid in _each("solids", solids)]
+        table["light"] = [_light(light) for light in _each("lights", lights)]
+        self._begin(*_lines(table), os.getcwd(), arrays)
+        if camera is not None:
+            self.camera = camera
+        if settings is not None:
+            self.settings.update(settings)
+
+    @classmethod
+    def load(cls, path: PathLike) -> Scene:
+        """Reads a scene file.
+
+        Raises
+        ------
+        SceneError
+            Naming the line and the key that cannot be used.
+        OSError
+            If it, or a file that it names, cannot be read.
+        """
+        scene = cls._of(_limpid.Project.load(os.fspath(path)))
+        for remark in scene._project.remarks():
+            warnings.warn(remark, LimpidWarning, stacklevel=2)
+        return scene
+
+    def save(self, path: PathLike) -> None:
+        """Writes a scene file, which the program and `load` read.
+
+        Raises
+        ------
+        ValueError
+            If the scene has a mesh or a texture from an array, which scene files cannot hold.
+        OSError
+            If it cannot be written.
+        """
+        self._project.save(os.fspath(path))
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of the renderer by name, as ``scene.settings["refract.samples"] = 4``."""
+        return Settings(self)
+
+    @property
+    def camera(self) -> Camera | None:
+        """The camera, if the scene has one."""
+        return self._project.camera
+
+    @camera.setter
+    def camera(self, camera: Camera | None) -> None:
+        if camera is not None and not isinstance(camera, Camera):
+            raise TypeError(f"camera is {camera!r}; expected a limpid.Camera")
+        self._project.camera = camera
+
+    @property
+    def ior(self) -> float:
+        """The index of refraction."""
+        return self._project.ior
+
+    @property
+    def absorption(self) -> tuple[float, float, float]:
+        """Absorption coefficients of red, green and blue light, 1/m."""
+        return self._project.absorption
+
+    def __repr__(self) -> str:
+        return f"<limpid.Scene, ior {self.ior:.4g}, absorption {self.absorption}>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        arrays = _Arrays()
+        arrays.meshes, arrays.textures = self._arrays.meshes, self._arrays.textures
+        pixels = self._project.environment_map()
+        if pixels is not None:
+            arrays.environment(pixels[..., :3])
+        return _restored, (self._project.text(), self._folder, arrays)
+
+    def _begin(self, text: str, labels: list[str], folder: str, arrays: _Arrays) -> None:
+        self._folder = folder
+        self._arrays = arrays
+        self._project = _limpid.Project.parse(
+            text, labels, folder, arrays.meshes, arrays.environments, arrays.textures
+        )
+        for remark in self._project.remarks():
+            warnings.warn(remark, LimpidWarning, stacklevel=3)
+
+    @classmethod
+    def _of(cls, project: _limpid.Project, like: Scene | None = None) -> Scene:
+        scene = cls.__new__(cls)
+        scene._folder = os.getcwd() if like is None else like._folder
+        scene._arrays = _Arrays() if like is None else like._arrays
+        scene._project = project
+        return scene
+
+
+def _restored(text: str, folder: str, arrays: _Arrays) -> Scene:
+    scene = Scene.__new__(Scene)
+    scene._begin(text, [], folder, arrays)
+    return scene
+
+
+class Settings(MutableMapping[str, Any]):
+    """The settings of a scene by name: ``pass.name``, as listed by ``limpid settings``.
+
+    ``settings["preset"] = "imai2016"`` replaces all but those of caustics and tone mapping.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+
+    def __getitem__(self, name: str) -> Any:
+        return self._scene._project.get(str(name))
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        if not isinstance(name, str):
+            raise TypeError(f"the setting {name!r} is no name; expected pass.name")
+        text = value if isinstance(value, str) else _toml(name, value)
+        self._scene._project.set([f"{name}={text}"])
+
+    def __delitem__(self, name: str) -> None:
+        raise TypeError("settings cannot be removed; give them another value")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_limpid.Project.names())
+
+    def __len__(self) -> int:
+        return len(_limpid.Project.names())
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
+
+
+class _Arrays:
+    """What a scene has in memory instead of files, by the names that stand for it in the text."""
+
+    def __init__(self) -> None:
+        self.meshes: list[tuple[str, npt.NDArray[Any], npt.NDArray[Any], Any]] = []
+        self.environments: list[tuple[str, npt.NDArray[Any]]] = []
+        self.textures: list[tuple[str, npt.NDArray[Any]]] = []
+
+    def mesh(self, mesh: Mesh) -> str:
+        vertices = numbers("vertices", mesh.vertices, ("v", 3)).astype(np.float64)
+        faces = integers("faces", mesh.faces, ("f", 3))
+        coordinates = None
+        if mesh.coordinates is not None:
+            coordinates = numbers("coordinates", mesh.coordinates, ("v", 2)).astype(np.float32)
+            if len(coordinates) != len(vertices):
+                raise ValueError(
+                    f"coordinates has {len(coordinates)} rows for {len(vertices)} vertices"
+                )
+        name = f"mesh-array-{len(self.meshes) + 1}"
+        self.meshes.append((name, vertices, faces, coordinates))
+        return name
+
+    def environment(self, pixels: Any) -> str:
+        array = numbers("environment", pixels, ("height", "width", 3))
+        if array.size == 0:
+            raise ValueError(f"environment has the shape {array.shape}, without a pixel")
+        self.environments.append(("environment", np.array(array, np.float32)))
+        return "environment"
+
+    def texture(self, what: str, texture: PathLike | npt.NDArray[np.uint8]) -> str:
+        if isinstance(texture, (str, os.PathLike)):
+            return _path(what, texture)
+        pixels = np.asarray(texture)
+        if pixels.dtype != np.uint8:
+            raise ValueError(f"{what} has the dtype {pixels.dtype}; expected a path or uint8")
+        if pixels.ndim != 3 or pixels.shape[2] not in (3, 4) or pixels.size == 0:
+            raise ValueError(f"{what} has the shape {pixels.shape}; expected (height, width, 3)")
+        name = f"texture-array-{len(self.textures) + 1}"
+        self.textures.append((name, np.array(pixels)))
+        return name
+
+
+def _lines(table: Mapping[str, Any]) -> tuple[str, list[str]]:
+    """The text of a scene file, and for each of its lines what the user has given there."""
+    lines: list[str] = []
+    labels: list[str] = []
+
+    def add(line: str, label: str) -> None:
+        lines.append(line)
+        labels.append(label)
+
+    for key, value in table.items():
+        if not isinstance(value, list):
+            add(f"{key} = {_toml(key, value)}", key)
+            continue
+        add(f"{key} = [", f"{key}s")
+        for number, entry in enumerate(value):
+            label = f"{key}s[{number}]"
+            add(f"    {_toml(label, entry)},", label)
+        add("]", f"{key}s")
+    return "\n".join(lines), labels
+
+
+def _each(name: str, values: Iterable[Any] | None) -> list[Any]:
+    try:
+        return [] if values is None else list(values)
+    except TypeError:
+        raise ValueError(f"{name} is {values!r}; expected a list") from None
+
+
+def _environment(environment: Any, arrays: _Arrays) -> dict[str, Any]:
+    if isinstance(environment, (Gradient, Sky)):
+        return {"gradient" if isinstance(environment, Gradient) else "sky": _table(environment)}
+    if isinstance(environment, (str, os.PathLike)):
+        return {"map": _path("environment", environment)}
+    if np.ndim(environment) == 3:
+        return {"map": arrays.environment(environment)}
+    return {"radiance": environment}
+
+
+def _solid(solid: Any, arrays: _Arrays) -> dict[str, Any]:
+    shape = _SHAPES.get(type(solid))
+    if shape is None:
+        raise ValueError(f"a solid is {solid!r}; expected a Plane, Box, Sphere or Mesh")
+    table = {"shape": shape, **_table(solid)}
+    if isinstance(solid, Mesh):
+        if (solid.file is None) == (solid.vertices is None):
+            raise ValueError("a Mesh takes a file, or vertices and faces")
+        if (solid.vertices is None) != (solid.faces is None):
+            raise ValueError("a Mesh takes vertices and faces together")
+        for name in ("vertices", "faces", "coordinates"):
+            table.pop(name, None)
+        if solid.file is None:
+            table["file"] = arrays.mesh(solid)
+    if solid.texture is not None:
+        table["texture"] = arrays.texture("texture", solid.texture)
+    keys = table.pop("keys", ())
+    if keys:
+        table["key"] = [_table(key) for key in keys]
+    return table
+
+
+def _light(light: Any) -> dict[str, Any]:
+    if isinstance(light, Sun):
+        return {"sun": _table(light)}
+    if isinstance(light, PointLight):
+        return {"point": _table(light)}
+    raise ValueError(f"a light is {light!r}; expected a Sun or PointLight")
+
+
+def _table(value: Any) -> dict[str, Any]:
+    """The fields that are given."""
+    names = (entry.name for entry in fields(value))
+    return {name: getattr(value, name) for name in names if getattr(value, name) is not None}
+
+
+def _path(what: str, path: PathLike) -> str:
+    text = os.fspath(path)
+    if not isinstance(text, str):
+        raise ValueError(f"{what} is {path!r}; expected a path as text")
+    return str(Path(text).absolute()) if text else text
+
+
+def _toml(name: str, value: Any) -> str:
+    """A value in TOML."""
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        number = float(value)
+        return repr(number) if math.isfinite(number) else str(number)
+    if isinstance(value, (str, os.PathLike)):
+        text = os.fspath(value)
+        if isinstance(text, str) and text.isprintable():
+            return json.dumps(text, ensure_ascii=False)
+        raise ValueError(f"{name} is {value!r}; expected printable text")
+    if isinstance(value, (Checker, Ground, Key, Glow)):
+        value = _table(value)
+    if isinstance(value, Mapping):
+        entries = (f"{key} = {_toml(f'{name}.{key}', inner)}" for key, inner in value.items())
+        return "{ " + ", ".join(entries) + " }"
+    try:
+        values = list(value)
+    except TypeError:
+        raise ValueError(f"{name} is {value!r}; expected numbers, text or a list") from None
+    return "[" + ", ".join(_toml(name, inner) for inner in values) + "]"

@@ -1,0 +1,157 @@
+"""Arguments: every kind of array that holds the same numbers gives the same picture, and others are refused with
+the argument's name, what came and what was expected."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import limpid
+from conftest import SMALL
+
+
+def test_orders_strides_and_types_do_not_matter(renderer, ball, scene):
+    expected = renderer.render(ball, scene=scene, radius=0.05, size=SMALL).rgba
+    wide = np.zeros((len(ball), 7), np.float32)
+    wide[:, 1:6:2] = ball
+    backwards = ball[::-1].copy()[::-1]
+    record = np.zeros(len(ball), np.dtype([("tag", "u1"), ("x", "f4", 3)]))
+    record["x"] = ball
+    same = {
+        "float64": ball.astype(np.float64),
+        "Fortran order": np.asfortranarray(ball),
+        "strided": wide[:, 1:6:2],
+        "negative strides": backwards,
+        "unaligned": record["x"],
+        "big-endian": ball.astype(">f4"),
+        "read-only": np.broadcast_to(ball, ball.shape),
+        "list": ball.tolist(),
+        "float64, Fortran order": np.asfortranarray(ball.astype(np.float64)),
+        "Particles": limpid.Particles(ball),
+    }
+    for kind, positions in same.items():
+        drawn = renderer.render(positions, scene=scene, radius=0.05, size=SMALL).rgba
+        assert np.array_equal(drawn, expected), kind
+    other = renderer.render(ball + 0.01, scene=scene, radius=0.05, size=SMALL).rgba
+    assert not np.array_equal(other, expected)
+
+
+def test_half_floats_and_integers_are_numbers(renderer, scene):
+    grid = np.stack(np.meshgrid(*3 * [np.arange(-2, 3)]), axis=-1).reshape(-1, 3)
+    whole = renderer.render(grid, scene=scene, radius=0.5, size=SMALL).rgba
+    half = renderer.render(grid.astype(np.float16), scene=scene, radius=0.5, size=SMALL).rgba
+    assert np.array_equal(whole, half)
+
+
+def test_arrays_are_not_changed_or_kept(renderer, ball, scene):
+    positions = ball.copy()
+    renderer.render(positions, scene=scene, radius=0.05, size=SMALL)
+    assert np.array_equal(positions, ball)
+    positions.resize((3, 3), refcheck=True)
+
+
+def test_places_far_from_the_origin_keep_their_digits(renderer, ball):
+    """A float64 array far away draws what the same array draws near the origin."""
+    far = ball.astype(np.float64) + np.array([3e5, -2e5, 1e5])
+    near = renderer.render(ball.astype(np.float64), radius=0.05, size=SMALL)
+    drawn = renderer.render(far, radius=0.05, size=SMALL)
+    mean, _ = limpid.flip(near, drawn)
+    assert mean < 0.02
+    coarse = renderer.render(far.astype(np.float32), radius=0.05, size=SMALL)
+    assert limpid.flip(near, coarse)[0] > mean
+
+
+N = 9
+GOOD = np.arange(3 * N, dtype=np.float32).reshape(N, 3)
+NAN = GOOD.copy()
+NAN[4, 1] = np.nan
+
+BAD = {
+    "positions has the shape (9, 2); expected (n, 3)": dict(positions=GOOD[:, :2]),
+    "positions has the shape (3,); expected (n, 3)": dict(positions=[1.0, 2.0, 3.0]),
+    "positions has the dtype <U1; expected float32 or float64": dict(positions=[["a", "b", "c"]]),
+    "positions has the dtype bool": dict(positions=np.ones((N, 3), bool)),
+    "positions has the dtype complex64": dict(positions=GOOD.astype(np.complex64)),
+    "positions has the dtype object": dict(positions=None),
+    "positions: particle 4 has [12.0, nan, 14.0]; expected finite numbers": dict(positions=NAN),
+    "positions: particle 0 has [inf": dict(positions=[[np.inf, 0, 0]]),
+    "positions: particle 0 has [1e30": dict(positions=[[1e30, 0, 0]]),
+    "radius is -1.0; expected 1e-12 to 1e12 m": dict(radius=-1),
+    "radius is nan": dict(radius=float("nan")),
+    "radius is 'x'": dict(radius="x"),
+    "radius has 8 rows for 9 positions; expected as many": dict(radius=np.ones(N - 1)),
+    "radius: particle 2 has -1.0; expected 0 or more": dict(radius=[1, 1, -1, 1, 1, 1, 1, 1, 1]),
+    "radius has the shape (9, 1); expected (n,)": dict(radius=np.ones((N, 1))),
+    "velocities has 4 rows for 9 positions": dict(velocities=GOOD[:4]),
+    "velocities: particle 4 has": dict(velocities=NAN),
+    "ids has the dtype float32; expected integers": dict(ids=np.ones(N, np.float32)),
+    "ids has 3 rows for 9 positions": dict(ids=[1, 2, 3]),
+    "ellipsoids has the shape (9, 3); expected (n, 3, 3)": dict(ellipsoids=GOOD),
+    "colors: particle 0 has [0.0, 1.0, 2.0]; expected numbers above 0 and at most 1": dict(colors=GOOD),
+    "colors has the shape (9, 4)": dict(colors=np.ones((N, 4))),
+    "size is (0, 10)": dict(size=(0, 10)),
+    "size is 7": dict(size=7),
+    "size is (1.5, 10)": dict(size=(1.5, 10)),
+    "samples is 0; expected 1 or more": dict(samples=0),
+    "samples is 2.5; expected a whole number": dict(samples=2.5),
+    "camera is 'front'; expected a limpid.Camera": dict(camera="front"),
+    "scene is 4; expected a limpid.Scene": dict(scene=4),
+    'up is "x"; expected "y" or "z"': dict(up="x"),
+    "aov: no `colour`": dict(aovs=["colour"]),
+}
+
+
+@pytest.mark.parametrize("problem", BAD)
+def test_bad_arguments_are_named(renderer, problem):
+    arguments = {"positions": GOOD, "size": SMALL, **BAD[problem]}
+    with pytest.raises(ValueError, match=re.escape(problem)) as caught:
+        renderer.render(arguments.pop("positions"), **arguments)
+    assert "\n" not in str(caught.value)
+    assert "--" not in str(caught.value), "a flag of the program"
+
+
+def test_no_particles_are_a_picture_of_the_scene(renderer, scene):
+    for nothing in ([], np.zeros((0, 3))):
+        picture = renderer.render(nothing, scene=scene, size=SMALL)
+        assert picture.particles == 0
+        assert picture.rgba.shape == (72, 96, 4)
+
+
+def test_one_particle_needs_a_radius(renderer, scene):
+    with pytest.raises(ValueError, match="give radius"):
+        renderer.render([[0, 0, 0]], scene=scene, size=SMALL)
+    renderer.render([[0, 0, 0]], radius=0.5, scene=scene, size=SMALL)
+
+
+def test_colors_tint_the_particles(renderer, ball, scene):
+    colors = np.where(ball[:, :1] < 0, [[1.0, 0.2, 0.2]], [[0.2, 0.2, 1.0]])
+    picture = renderer.render(ball, radius=0.05, colors=colors, scene=scene, size=SMALL, aovs=["mask"])
+    left, right = picture.rgba[36, 40].astype(int), picture.rgba[36, 56].astype(int)
+    assert left[0] > left[2] + 30 and right[2] > right[0] + 30
+    assert picture.aov["mask"].shape == (72, 96, 2)
+    same = renderer.render(ball, radius=0.05, colors=np.ones((len(ball), 3)), scene=scene, size=SMALL)
+    assert not np.array_equal(same.rgba, picture.rgba)
+
+
+def test_many_colors_are_joined(renderer, ball, scene):
+    rng = np.random.default_rng(3)
+    colors = rng.uniform(0.1, 1.0, ball.shape)
+    picture = renderer.render(ball, radius=0.05, colors=colors, scene=scene, size=SMALL, aovs=["mask"])
+    assert picture.aov["mask"].shape[2] == 16
+
+
+def test_ellipsoids_are_drawn(renderer, ball, scene):
+    """Flat shapes at the top of the ball leave its front lower."""
+
+    def top(shape):
+        shapes = np.tile(shape, (len(ball), 1, 1))
+        picture = renderer.render(
+            ball, radius=0.05, ellipsoids=shapes, scene=scene, size=SMALL, aovs=["coverage"]
+        )
+        return int(np.argmax(picture.aov["coverage"][:, 48] > 0))
+
+    assert top(np.diag([2.0, 0.5, 2.0])) > top(np.diag([2.0, 4.0, 2.0])) + 2
+    turned = np.array([[0.0, -2.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 2.0]])
+    assert top(turned) == top(np.diag([2.0, 0.5, 2.0])), "the sphere may be turned first"

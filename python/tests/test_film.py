@@ -1,0 +1,121 @@
+"""Films: iterators that draw, as the program draws, and leave nothing unfinished."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import limpid
+from conftest import SMALL
+
+
+@pytest.fixture
+def frames(ball):
+    return [ball * np.float32([1, 1 - 0.1 * i, 1]) for i in range(4)]
+
+
+def test_a_film_is_an_iterator_with_a_length(renderer, frames, tmp_path):
+    film = renderer.film(frames, tmp_path / "a.apng", fps=12, radius=0.05, size=SMALL)
+    assert len(film) == 4
+    pictures = []
+    for picture in film:
+        assert not (tmp_path / "a.apng").exists(), "only a whole film has its name"
+        pictures.append(picture)
+    assert len(pictures) == 4 and list(film) == []
+    assert {p.camera for p in pictures} == {pictures[0].camera}, "the view does not jump"
+    assert [f.name for f in tmp_path.iterdir()] == ["a.apng"]
+    image = pytest.importorskip("PIL.Image").open(tmp_path / "a.apng")
+    assert image.n_frames == 4
+    for i, picture in enumerate(pictures):
+        image.seek(i)
+        assert np.array_equal(np.asarray(image.convert("RGB")), picture.rgba[..., :3])
+
+
+def test_films_of_files_are_those_of_the_program(renderer, program, frames, tmp_path):
+    for i, positions in enumerate(frames):
+        limpid.write(tmp_path / f"ball_{i:02}.npz", positions)
+    source = tmp_path / "ball_{}.npz"
+    program("render", source, "--size", "96x72", "--fps", "12", "-o", tmp_path / "a.apng")
+    film = renderer.film(source, tmp_path / "b.apng", fps=12, size=SMALL)
+    assert len(film) == 4
+    for _ in film:
+        pass
+    assert (tmp_path / "a.apng").read_bytes() == (tmp_path / "b.apng").read_bytes()
+
+
+def test_a_generator_and_a_moving_camera(renderer, frames, tmp_path):
+    camera = limpid.Camera((0, 1, 3), (0, 0, 0))
+    cameras = (camera.turned(30 * i) for i in range(4))
+    film = renderer.film((f for f in frames), tmp_path / "a.gif", radius=0.05, camera=cameras, size=SMALL)
+    with pytest.raises(TypeError):
+        len(film)
+    pictures = list(film)
+    assert len({p.camera for p in pictures}) == 4
+    assert (tmp_path / "a.gif").stat().st_size > 1000
+
+
+def test_z_up_stays_as_in_the_first_frame(renderer, frames, tmp_path):
+    turned = [f[:, [0, 2, 1]] * np.float32([1, -1, 1]) for f in frames]
+    y = list(renderer.film(frames, tmp_path / "y.gif", radius=0.05, up="y", size=SMALL))
+    z = list(renderer.film(turned, tmp_path / "z.gif", radius=0.05, up="z", size=SMALL))
+    for a, b in zip(y, z):
+        assert limpid.flip(a, b)[0] < 1e-3
+
+
+def test_colors_do_not_depend_on_what_joins_later(renderer, ball, tmp_path):
+    """A colour is that behind the liquid of the first frame, although later ones have more."""
+    colors = np.tile(np.float32([0.9, 0.3, 0.3]), (len(ball), 1))
+    small = limpid.Particles(ball, colors=colors)
+    more = limpid.Particles(
+        np.concatenate([ball, ball + [0, 1.5, 0]]), colors=np.concatenate([colors, colors])
+    )
+    camera = limpid.Camera((0, 1, 4), (0, 0, 0))
+    arguments = dict(radius=0.05, camera=camera, size=SMALL)
+    first, later = renderer.film([small, more], tmp_path / "a.gif", **arguments)
+    alone = renderer.render(more, **arguments)
+
+    def red(picture):
+        pixel = picture.rgba[40, 48].astype(int)
+        return pixel[0] - pixel[1]
+
+    assert abs(red(later) - red(first)) < 12
+    assert abs(red(alone) - red(first)) > abs(red(later) - red(first))
+
+
+@pytest.mark.parametrize("how", ["close", "forget", "error", "with"])
+def test_an_unfinished_film_is_removed(renderer, frames, tmp_path, how):
+    film = renderer.film(frames, tmp_path / "a.gif", radius=0.05, size=SMALL)
+    next(film)
+    if how == "close":
+        film.close()
+    elif how == "forget":
+        del film
+    elif how == "with":
+        with film:
+            next(film)
+    else:
+        bad = renderer.film([frames[0], frames[1][:, :2]], tmp_path / "b.gif", radius=0.05, size=SMALL)
+        next(bad)
+        with pytest.raises(ValueError, match="positions has the shape"):
+            next(bad)
+        assert list(bad) == []
+        film.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_cannot_be_filmed_is_told_before_drawing(renderer, frames, tmp_path):
+    for name, keywords, problem in [
+        ("a.avi", {}, "film"),
+        ("a.gif", {"fps": -1}, "frames per second|fps"),
+        ("a.gif", {"fps": "fast"}, "fps is 'fast'"),
+        ("a.gif", {"size": (0, 1)}, "size is"),
+    ]:
+        with pytest.raises(ValueError, match=problem):
+            renderer.film(frames, tmp_path / name, **{"size": SMALL, **keywords})
+    with pytest.raises(OSError):
+        renderer.film(tmp_path / "none_{}.vtk", tmp_path / "a.gif", size=SMALL)
+    with pytest.raises(OSError):
+        renderer.film(frames, tmp_path / "no" / "a.gif", size=SMALL)
+    with pytest.raises(ValueError, match="without pictures"):
+        list(renderer.film([], tmp_path / "a.gif", size=SMALL))
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,29 @@
+"""Memory: it does not grow from call to call."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+import limpid
+
+#: Calls; the long run of docs/python.md has 10,000.
+CALLS = int(os.environ.get("LIMPID_CALLS", "1000"))
+
+
+def test_memory_does_not_grow(ball, scene):
+    psutil = pytest.importorskip("psutil")
+    process = psutil.Process()
+    with limpid.Renderer() as renderer:
+
+        def draw(count):
+            for _ in range(count):
+                picture = renderer.render(ball, radius=0.05, scene=scene, size=(48, 36))
+                picture.radiance
+            return process.memory_info().rss
+
+        first = draw(100)
+        last = draw(CALLS - 100)
+    # Two hundred bytes a call would be found; the allocator's own noise is some MiB.
+    assert last - first < 6 << 20, f"{(last - first) / 2**20:.1f} MiB in {CALLS} calls"

@@ -1,0 +1,231 @@
+"""Pictures: those of the program, bit by bit, and what can be done with them."""
+
+from __future__ import annotations
+
+import io
+import pickle
+
+import numpy as np
+import pytest
+
+import limpid
+from conftest import SMALL
+
+
+def chunks(path):
+    """The chunks of a PNG without its notes."""
+    data = path.read_bytes()
+    at, found = 8, []
+    while at < len(data):
+        length = int.from_bytes(data[at : at + 4], "big")
+        kind = data[at + 4 : at + 8]
+        if kind not in (b"tEXt", b"iTXt"):
+            found.append(data[at : at + 12 + length])
+        at += 12 + length
+    return found
+
+
+def assert_same_png(a, b):
+    """Equal files but for the notes by which the program knows its own pictures again."""
+    assert chunks(a) == chunks(b)
+
+
+CASES = {
+    "nothing given": ((), dict()),
+    "a radius": (("--radius", "0.03"), dict(radius=0.03)),
+    "samples": (("--samples", "4"), dict(samples=4)),
+    "coverage": (("--alpha",), dict(alpha=True)),
+    "an axis": (("--up", "z"), dict(up="z")),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_pictures_are_those_of_the_program(renderer, program, dam, tmp_path, case):
+    arguments, keywords = CASES[case]
+    np.save(tmp_path / "dam.npy", dam)
+    program("render", tmp_path / "dam.npy", "--size", "160x120", *arguments, "-o", tmp_path / "a.png")
+    picture = renderer.render(dam, size=(160, 120), **keywords)
+    picture.save(tmp_path / "b.png")
+    assert_same_png(tmp_path / "a.png", tmp_path / "b.png")
+
+
+def test_scenes_are_those_of_the_program(renderer, program, root, tmp_path):
+    """A scene file with solids, lights and settings, and its radiance."""
+    dam = limpid.read(root / "sims" / "demo.bgeo").positions.astype(np.float64)
+    np.save(tmp_path / "dam.npy", dam)
+    scene = limpid.Scene(
+        ior=1.4,
+        absorption=(2.0, 0.5, 0.2),
+        solids=[
+            limpid.Plane((0, 0, 0), color=(0.6, 0.6, 0.55), lit=True),
+            limpid.Sphere((0.5, 0.3, 0.2), 0.2, color=(0.8, 0.2, 0.1), lit=True),
+            limpid.Box((-1, 0, -1), (-0.8, 0.6, -0.8), checker=limpid.Checker(0.1)),
+        ],
+        lights=[limpid.Sun((0.3, -1, -0.2), (2.5, 2.4, 2.2))],
+        environment=limpid.Gradient((0.3, 0.5, 0.9), (0.8, 0.85, 0.9)),
+        camera=limpid.Camera((1, 2, 4), (0, 0.4, 0), 35),
+    )
+    scene.settings["refract.interfaces"] = 3
+    scene.settings["smooth.iterations"] = 2
+    scene.save(tmp_path / "scene.toml")
+    size = ("--size", "160x120", "--radius", "0.025")
+    for name in ("a.png", "a.exr"):
+        program(
+            "render", tmp_path / "dam.npy", "--scene", tmp_path / "scene.toml", *size, "-o", tmp_path / name
+        )
+    picture = renderer.render(dam, radius=0.025, scene=scene, size=(160, 120))
+    picture.save(tmp_path / "b.png")
+    picture.save(tmp_path / "b.exr")
+    assert_same_png(tmp_path / "a.png", tmp_path / "b.png")
+    again = renderer.render(dam, radius=0.025, scene=str(tmp_path / "scene.toml"), size=(160, 120))
+    assert np.array_equal(again.rgba, picture.rgba)
+    assert np.array_equal(again.radiance, picture.radiance)
+
+
+def test_the_scene_of_a_picture_keeps_the_view(renderer, dam):
+    picture = renderer.render(dam, size=SMALL)
+    again = renderer.render(dam, scene=picture.scene, size=SMALL)
+    assert again.scene is picture.scene, "nothing was missing in it"
+    assert np.array_equal(picture.rgba, again.rgba)
+    assert again.camera == picture.camera
+    part = renderer.render(dam[: len(dam) // 2], scene=picture.scene, size=SMALL)
+    assert part.camera == picture.camera and part.radius == picture.radius
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_the_camera_of_a_picture_is_in_the_world_of_the_positions(renderer, dam, up):
+    """Without a scene, liquid and camera turn together, whichever axis is up."""
+    positions = dam if up == "y" else dam[:, [0, 2, 1]] * np.float32([1, -1, 1])
+    picture = renderer.render(positions, up=up, size=SMALL)
+    again = renderer.render(positions, camera=picture.camera, size=SMALL)
+    assert limpid.flip(picture, again)[0] < 1e-3
+    expected = renderer.render(dam, up="y", size=SMALL)
+    assert limpid.flip(picture, expected)[0] < 1e-3
+
+
+def test_matrices_show_what_the_camera_shows(renderer, dam):
+    camera = limpid.Camera((1.5, 1.2, 3.5), (0, 0.4, 0), 40)
+    forward = np.subtract(camera.target, camera.eye)
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, (0, 1, 0))
+    right /= np.linalg.norm(right)
+    view = np.eye(4)
+    view[:3, :3] = right, np.cross(right, forward), -forward
+    view[:3, 3] = -view[:3, :3] @ camera.eye
+    f, aspect, near, far = 1 / np.tan(np.radians(20)), SMALL[0] / SMALL[1], 0.004, 100.0
+    opengl = np.array(
+        [
+            [f / aspect, 0, 0, 0],
+            [0, f, 0, 0],
+            [0, 0, -(far + near) / (far - near), -2 * far * near / (far - near)],
+            [0, 0, -1, 0],
+        ]
+    )
+    webgpu = opengl.copy()
+    webgpu[2] = [0, 0, -far / (far - near), -far * near / (far - near)]
+    scene = limpid.Scene(environment=(0.5, 0.6, 0.8))
+    expected = renderer.render(dam, scene=scene, camera=camera, size=SMALL)
+    for projection, is_opengl in ((opengl, True), (webgpu, False)):
+        seen = limpid.Camera.from_matrices(view, projection, opengl=is_opengl)
+        assert np.allclose(seen.eye, camera.eye)
+        picture = renderer.render(dam, scene=scene, camera=seen, size=SMALL)
+        assert limpid.flip(expected, picture)[0] < 1e-3
+        assert pickle.loads(pickle.dumps(seen)) == seen
+    other = limpid.Camera.from_matrices(view @ np.diag([-1, 1, -1, 1]), webgpu)
+    assert limpid.flip(expected, renderer.render(dam, scene=scene, camera=other, size=SMALL))[0] > 0.01
+
+
+def test_orthographic_cameras_do_not_shrink_what_is_far(renderer):
+    points = np.array([[-0.8, 0, 2], [0.8, 0, -2]])
+    scene = limpid.Scene(environment=(1, 1, 1))
+    camera = limpid.Camera.orthographic((0, 0, 5), (0, 0, 0), 3.0)
+    picture = renderer.render(
+        points, radius=0.3, scene=scene, camera=camera, size=(120, 90), aovs=["coverage"]
+    )
+    coverage = picture.aov["coverage"]
+    left, right = coverage[:, :60].sum(), coverage[:, 60:].sum()
+    assert left > 100 and abs(left - right) < 0.03 * left
+
+
+def test_images_have_shapes_and_units(renderer, ball, scene):
+    picture = renderer.render(
+        ball, radius=0.05, velocities=np.tile([3.0, 0, 0], (len(ball), 1)), scene=scene, size=SMALL, aovs=["all"]
+    )
+    aov = picture.aov
+    plane = {"depth", "front.depth", "back.depth", "coverage", "solid_depth", "inside", "iterations"}
+    assert plane <= set(aov)
+    assert {aov[name].shape for name in plane} == {(72, 96)}
+    assert aov["normal"].shape == aov["front.normal"].shape == aov["radiance"].shape == (72, 96, 3)
+    assert aov["motion"].shape == (72, 96, 2)
+    # The ball of radius 0.7 m, seen from 4.12 m.
+    assert aov["depth"][36, 48] == pytest.approx(np.hypot(4, 1) - 0.7, abs=0.05)
+    assert np.allclose(np.linalg.norm(aov["normal"][36, 48]), 1, atol=1e-4)
+    assert aov["inside"][36, 48] == pytest.approx(1.4, abs=0.2)
+    # A thirtieth of a second at 3 m/s, to the right.
+    assert aov["motion"][36, 48, 0] > 1 and abs(aov["motion"][36, 48, 1]) < 0.2
+    with pytest.raises(KeyError, match="front.smooth"):
+        aov["front.smooth"]
+    one = renderer.render(ball, radius=0.05, scene=scene, size=SMALL, aovs=["front.depth"])
+    assert set(one.aov) == {"front.depth"}
+    assert np.array_equal(one.aov["front.depth"], aov["front.depth"])
+    assert np.array_equal(one.rgba, picture.rgba), "images change no picture"
+
+
+def test_radiance_is_kept_for_four_pictures(renderer, ball, scene):
+    pictures = [renderer.render(ball, radius=0.05, scene=scene, size=SMALL) for _ in range(5)]
+    assert pictures[-1].radiance.shape == (72, 96, 3)
+    assert np.array_equal(pictures[-4].radiance, pictures[-1].radiance)
+    with pytest.raises(limpid.Error, match="not kept"):
+        pictures[0].radiance
+    covered = renderer.render(ball, radius=0.05, scene=scene, size=SMALL, alpha=True)
+    assert covered.radiance.shape == (72, 96, 4)
+    assert set(np.unique(covered.rgba[..., 3])) >= {0, 255}
+    assert (pictures[0].rgba[..., 3] == 255).all()
+
+
+def test_pictures_are_arrays_files_and_notebook_outputs(renderer, ball, scene, tmp_path):
+    picture = renderer.render(ball, radius=0.05, scene=scene, size=SMALL)
+    assert np.asarray(picture) is picture.rgba
+    assert np.asarray(picture, dtype=np.float32).dtype == np.float32
+    assert np.array(picture) is not picture.rgba
+    assert picture._repr_png_().startswith(b"\x89PNG")
+    for name in ("a.png", "a.jpg", "a.webp", "a.exr"):
+        picture.save(tmp_path / name)
+        assert (tmp_path / name).stat().st_size > 100
+    with pytest.raises(ValueError, match="ends in .png"):
+        picture.save(tmp_path / "a.bmp")
+    with pytest.raises(FileNotFoundError):
+        picture.save(tmp_path / "no" / "a.png")
+    with pytest.raises(OSError, match="dev"):
+        picture.save("/dev/full")
+    copy = pickle.loads(pickle.dumps(picture))
+    assert np.array_equal(copy.rgba, picture.rgba)
+    assert np.array_equal(copy.radiance, picture.radiance)
+    image = pytest.importorskip("PIL.Image")
+    assert np.array_equal(np.asarray(image.open(io.BytesIO(picture._repr_png_()))), picture.rgba[..., :3])
+    assert np.array_equal(np.asarray(image.open(tmp_path / "a.png")), picture.rgba[..., :3])
+
+
+def test_flip_is_that_of_the_program(renderer, program, ball, scene, tmp_path):
+    a = renderer.render(ball, radius=0.05, scene=scene, size=SMALL)
+    b = renderer.render(ball * 1.05, radius=0.05, scene=scene, size=SMALL)
+    mean, image = limpid.flip(a, b)
+    assert image.shape == (72, 96) and image.mean() == pytest.approx(mean, rel=1e-5) and mean > 0
+    assert limpid.flip(a, a.rgba[..., :3])[0] == 0
+    a.save(tmp_path / "a.png")
+    b.save(tmp_path / "b.png")
+    assert limpid.flip(tmp_path / "a.png", tmp_path / "b.png")[0] == mean
+    text = program("compare", tmp_path / "a.png", tmp_path / "b.png").stdout
+    assert f"mean FLIP {mean:.4f}" in text
+    with pytest.raises(ValueError, match="size"):
+        limpid.flip(a, b.rgba[:10])
+
+
+def test_a_wrong_unit_is_told_once(renderer, dam):
+    scene = limpid.Scene()
+    with pytest.warns(limpid.LimpidWarning, match="multiply them by the unit's length") as caught:
+        for _ in range(3):
+            renderer.render(dam[::8], radius=1.5, scene=scene, size=SMALL)
+    assert len(caught) == 1
+    with pytest.warns(limpid.LimpidWarning, match="move the camera"):
+        renderer.render(dam, camera=limpid.Camera((0, 50, 5), (0, 90, 0)), size=SMALL)
