@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Sequence
+from typing import Any, Sequence, Union
 
 import numpy as np
 import numpy.typing as npt
 
-Vector = Sequence[float]
+Vector = Union[Sequence[float], "npt.NDArray[Any]"]
 
 
 def numbers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[Any]:
@@ -135,12 +135,20 @@ def samples_of(samples: Any) -> int | None:
     return int(samples)
 
 
-def vector(name: str, value: Any) -> list[float]:
-    """Three finite numbers."""
-    array = numbers(name, value, (3,))
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} is {array.tolist()}; expected three finite numbers")
+def vector(name: str, value: Any, count: int = 3) -> list[float]:
+    """So many numbers."""
+    try:
+        array = np.asarray(value, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.empty(())
+    if array.shape != (count,):
+        raise ValueError(f"{name} is {_shortened(value)}; expected {count} numbers")
     return [float(x) for x in array]
+
+
+def _shortened(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else text[:77] + "..."
 
 
 def _first_line(error: BaseException) -> str:

@@ -19,7 +19,7 @@ from ._scene import PathLike
 Floats = npt.NDArray[np.floating[Any]]
 
 
-@dataclass
+@dataclass(repr=False)
 class Particles:
     """One frame of particles; attributes that are not known are ``None``.
 
@@ -54,6 +54,12 @@ class Particles:
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    def __repr__(self) -> str:
+        names = ("velocities", "densities", "radii", "ids", "ellipsoids", "radius", "colors")
+        there = [name for name in names if getattr(self, name) is not None]
+        more = f", with {', '.join(there)}" if there else ""
+        return f"<limpid.Particles, {len(self)}{more}>"
 
 
 def read(path: PathLike) -> Particles:

@@ -38,16 +38,16 @@ class Picture:
         The intermediate images that were asked for, of shape (height, width) or (height, width,
         channels).
     camera : Camera
-        The camera that was used, in the world of the positions; of the scene, if there was one.
+        The camera that was used, in the world of the positions.
     scene : Scene
-        The scene that was used, with everything that was not given: radius, camera, look. Drawing
-        the next positions in it keeps the view.
+        The scene that was used, with everything that was not given: radius, axis, camera, look.
+        Drawing the next positions in it keeps the view. `Scene.copy` makes variants of it.
     radius : float
         Median radius of the particles, m.
     particles, splashes : int
         Number of particles, and of those that were drawn as droplets.
     seconds : float
-        Time that classification and drawing took, s.
+        Time that classification and drawing took, s. A renderer's first picture also compiles.
     """
 
     rgba: Pixels
@@ -72,7 +72,6 @@ class Picture:
         self._alpha = alpha
         self._radiance: npt.NDArray[np.float32] | None = None
         self._pending: _limpid.Radiance | None = drawn["radiance"]
-        self._scene_camera: Camera = drawn["scene_camera"]
         self._thickness: float | None = drawn["thickness"]
 
     @property

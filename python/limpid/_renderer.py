@@ -74,6 +74,12 @@ class Renderer:
     ) -> None:
         self.close()
 
+    def __repr__(self) -> str:
+        try:
+            return f"<limpid.Renderer on {self.adapter}>"
+        except Error:
+            return "<limpid.Renderer, closed>"
+
     def __reduce__(self) -> Any:
         raise TypeError("a Renderer cannot be pickled: each process opens a device of its own")
 
@@ -116,23 +122,31 @@ class Renderer:
         scene : Scene or path, optional
             Everything else; a studio is made to fit by default.
         camera : Camera, optional
-            That of the scene, or one that sees all particles, by default. Without a scene, it is in
-            the world of the positions.
+            In the world of the positions; that of the scene, or one that sees all particles, by
+            default.
         size : two integers
             Width and height, pixels.
         samples : int, optional
-            Rays per pixel, 1 to 64: 1 for previews, 4 for final pictures; those of the scene, 1 by
-            default.
+            Rays per pixel: 1 for previews, 4 or 9 for final pictures (square numbers are best); those
+            of the scene, 1 by default. They go where the picture has structure.
         aovs : iterable of str
-            Intermediate images for ``picture.aov``: ``"depth"``, ``"normal"``, ``"motion"``,
-            ``"coverage"``, ``"mask"``, ``"smooth_depth"``, ``"smooth_normal"``, ``"solid_depth"``,
-            ``"radiance"``, ``"interfaces"``, ``"inside"``, ``"iterations"``, ``"failures"``,
-            ``"caustics"``, or ``"all"``; of one layer, as ``"front.depth"``.
+            Intermediate images for ``picture.aov``, with 0 where there is nothing:
+            ``"depth"`` (h, w), along the view direction to the first interface, m;
+            ``"normal"`` (h, w, 3), outward, view space;
+            ``"motion"`` (h, w, 2), pixels right and down in 1/30 s;
+            ``"coverage"`` (h, w), and ``"mask"`` (h, w, fluids), 0 to 1;
+            ``"smooth_depth"``, ``"smooth_normal"``, of the smoothed layers;
+            ``"solid_depth"`` (h, w), m; ``"radiance"`` (h, w, 3), linear;
+            ``"interfaces"``, ``"inside"`` (m), ``"iterations"``, ``"failures"`` (h, w), per ray;
+            ``"caustics"``, of each light, of the light's own size; or ``"all"``.
+            Depth and normal come with those of the layers before smoothing, which can be had alone:
+            ``"front.depth"``, ``"back.depth"``, ``"splash_front.normal"`` and so on.
         alpha : bool
             Whether coverage becomes alpha: only liquid and solids cover a pixel.
         up : str, optional
-            The axis that points up in the positions' world, ``"y"`` or ``"z"``; without a scene it is
-            taken from the camera, or guessed from the liquid's surface. A scene's world has y up.
+            The axis that points up in the world of positions and camera, ``"y"`` or ``"z"``; without a
+            scene it is taken from the camera, or guessed from the liquid's surface. Solids and lights
+            of a scene are in a world of y up.
         frame : int
             Number of the frame, for solids that move.
 
@@ -265,7 +279,7 @@ class Renderer:
         ----------
         source : path, or iterable of arrays or Particles
             The frames: files as the program takes them (a pattern, a folder, a scene), or positions
-            of shape (n, 3), one by one.
+            of shape (n, 3), one by one, numbered from 0 for solids that move.
         path : path
             .mp4 or .webm, which need ffmpeg, .gif or .apng.
         fps : float, optional
@@ -331,6 +345,8 @@ class Film(Iterator[Picture]):
             self._count = len(self._frames)
             own_fps = self._frames.fps
         else:
+            if isinstance(source, Particles) or getattr(source, "ndim", 3) == 2:
+                raise ValueError("source is one frame; expected frames, as [positions, ...]")
             if isinstance(source, Sized):
                 self._count = len(source)
             own_fps = getattr(source, "fps", None)
@@ -365,6 +381,11 @@ class Film(Iterator[Picture]):
             self.close()
             raise
         return picture
+
+    def run(self) -> None:
+        """Draws all pictures that are left, and so completes the film."""
+        for _ in self:
+            pass
 
     def close(self) -> None:
         """Removes the film, unless it is complete."""
@@ -401,7 +422,9 @@ class Film(Iterator[Picture]):
             positions = next(self._particles)
             camera = self._camera
             if self._cameras is not None:
-                camera = next(self._cameras)
+                camera = next(self._cameras, None)
+                if camera is None:
+                    raise ValueError(f"camera has {number} entries, and there are more frames")
                 if not isinstance(camera, Camera):
                     raise ValueError(f"camera has {camera!r}; expected a limpid.Camera")
             picture = self._renderer._render(
@@ -427,8 +450,6 @@ class Film(Iterator[Picture]):
         self._thickness = picture._thickness
         # The scene has the axis.
         self._up = None
-        if self._camera is not None:
-            self._camera = picture._scene_camera
 
 
 _default: Renderer | None = None

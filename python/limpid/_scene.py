@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _limpid
-from ._arrays import Vector, integers, numbers
+from ._arrays import Vector, integers, numbers, vector
 from ._errors import LimpidWarning
 from ._limpid import Camera
 
@@ -299,14 +299,20 @@ class Scene:
         table: dict[str, Any] = {}
         if look is not None:
             table["look"] = look
-        liquid = {"ior": ior, "absorption": absorption, "color": color}
+        liquid: dict[str, Any] = {"ior": ior}
+        for name, value in (("absorption", absorption), ("color", color)):
+            liquid[name] = None if value is None else vector(name, value)
         table["liquid"] = {key: value for key, value in liquid.items() if value is not None}
         if environment is not None:
             table["environment"] = _environment(environment, arrays)
         if background is not None:
             table["background"] = {"file": arrays.texture("background", background)}
-        table["solid"] = [_solid(solid, arrays) for solid in _each("solids", solids)]
-        table["light"] = [_light(light) for light in _each("lights", lights)]
+        table["solid"] = [
+            _solid(f"solids[{i}]", solid, arrays) for i, solid in enumerate(_each("solids", solids))
+        ]
+        table["light"] = [
+            _light(f"lights[{i}]", light) for i, light in enumerate(_each("lights", lights))
+        ]
         self._begin(*_lines(table), os.getcwd(), arrays)
         if camera is not None:
             self.camera = camera
@@ -362,10 +368,24 @@ class Scene:
         """The index of refraction."""
         return self._project.ior
 
+    @ior.setter
+    def ior(self, ior: float) -> None:
+        self._project.set([f"liquid.ior={_toml('ior', ior)}"])
+
     @property
     def absorption(self) -> tuple[float, float, float]:
         """Absorption coefficients of red, green and blue light, 1/m."""
         return self._project.absorption
+
+    @absorption.setter
+    def absorption(self, absorption: Vector) -> None:
+        self._project.set([f"liquid.absorption={vector('absorption', absorption)}"])
+
+    def copy(self) -> Scene:
+        """A scene of its own with the same values, for variants."""
+        return self._of(self._project.copy(), self)
+
+    __copy__ = copy
 
     def __repr__(self) -> str:
         return f"<limpid.Scene, ior {self.ior:.4g}, absorption {self.absorption}>"
@@ -505,48 +525,89 @@ def _each(name: str, values: Iterable[Any] | None) -> list[Any]:
 
 def _environment(environment: Any, arrays: _Arrays) -> dict[str, Any]:
     if isinstance(environment, (Gradient, Sky)):
-        return {"gradient" if isinstance(environment, Gradient) else "sky": _table(environment)}
+        name = "gradient" if isinstance(environment, Gradient) else "sky"
+        return {name: _table("environment", environment)}
     if isinstance(environment, (str, os.PathLike)):
         return {"map": _path("environment", environment)}
     if np.ndim(environment) == 3:
         return {"map": arrays.environment(environment)}
-    return {"radiance": environment}
+    return {"radiance": vector("environment", environment)}
 
 
-def _solid(solid: Any, arrays: _Arrays) -> dict[str, Any]:
+#: Fields with three numbers, and with four.
+_VECTORS = frozenset(
+    "origin normal min max center translate color even odd direction irradiance position intensity zenith"
+    " horizon nadir radiance".split()
+)
+_ROTATIONS = frozenset(["rotate", "quaternion"])
+
+#: Fields whose values are objects of limpid.
+_OBJECTS: dict[str, type] = {"checker": Checker, "ground": Ground}
+
+
+def _solid(label: str, solid: Any, arrays: _Arrays) -> dict[str, Any]:
     shape = _SHAPES.get(type(solid))
     if shape is None:
-        raise ValueError(f"a solid is {solid!r}; expected a Plane, Box, Sphere or Mesh")
-    table = {"shape": shape, **_table(solid)}
+        raise ValueError(f"{label} is {solid!r}; expected a Plane, Box, Sphere or Mesh")
+    table = {"shape": shape, **_table(label, solid)}
     if isinstance(solid, Mesh):
         if (solid.file is None) == (solid.vertices is None):
-            raise ValueError("a Mesh takes a file, or vertices and faces")
+            raise ValueError(f"{label}: a Mesh takes a file, or vertices and faces")
         if (solid.vertices is None) != (solid.faces is None):
-            raise ValueError("a Mesh takes vertices and faces together")
+            raise ValueError(f"{label}: a Mesh takes vertices and faces together")
         for name in ("vertices", "faces", "coordinates"):
             table.pop(name, None)
         if solid.file is None:
             table["file"] = arrays.mesh(solid)
     if solid.texture is not None:
         table["texture"] = arrays.texture("texture", solid.texture)
-    keys = table.pop("keys", ())
+    keys = _all_of(f"{label}.keys", table.pop("keys", ()), Key)
     if keys:
-        table["key"] = [_table(key) for key in keys]
+        table["key"] = [_table(f"{label}.keys[{i}]", key) for i, key in enumerate(keys)]
     return table
 
 
-def _light(light: Any) -> dict[str, Any]:
+def _light(label: str, light: Any) -> dict[str, Any]:
     if isinstance(light, Sun):
-        return {"sun": _table(light)}
+        return {"sun": _table(label, light)}
     if isinstance(light, PointLight):
-        return {"point": _table(light)}
-    raise ValueError(f"a light is {light!r}; expected a Sun or PointLight")
+        return {"point": _table(label, light)}
+    raise ValueError(f"{label} is {light!r}; expected a Sun or PointLight")
 
 
-def _table(value: Any) -> dict[str, Any]:
+def _table(label: str, value: Any) -> dict[str, Any]:
     """The fields that are given."""
-    names = (entry.name for entry in fields(value))
-    return {name: getattr(value, name) for name in names if getattr(value, name) is not None}
+    table: dict[str, Any] = {}
+    for entry in fields(value):
+        name, given = entry.name, getattr(value, entry.name)
+        if given is None:
+            continue
+        inner = f"{label}.{name}"
+        if name in _VECTORS:
+            given = vector(inner, given)
+        elif name in _ROTATIONS:
+            given = vector(inner, given, 4)
+        elif name in _OBJECTS:
+            if not isinstance(given, _OBJECTS[name]):
+                expected = f"limpid.{_OBJECTS[name].__name__}"
+                raise ValueError(f"{inner} is {given!r}; expected a {expected}")
+            given = _table(inner, given)
+        elif name == "glow":
+            glows = _all_of(inner, given, Glow)
+            given = [_table(f"{inner}[{i}]", glow) for i, glow in enumerate(glows)]
+        table[name] = given
+    # A mesh says by a word where its normals come from.
+    if isinstance(value, Mesh) and value.normals is not None:
+        table["normals"] = value.normals
+    return table
+
+
+def _all_of(label: str, values: Any, kind: type) -> list[Any]:
+    found = _each(label, values)
+    for value in found:
+        if not isinstance(value, kind):
+            raise ValueError(f"{label} has {value!r}; expected a limpid.{kind.__name__}")
+    return found
 
 
 def _path(what: str, path: PathLike) -> str:
@@ -570,8 +631,6 @@ def _toml(name: str, value: Any) -> str:
         if isinstance(text, str) and text.isprintable():
             return json.dumps(text, ensure_ascii=False)
         raise ValueError(f"{name} is {value!r}; expected printable text")
-    if isinstance(value, (Checker, Ground, Key, Glow)):
-        value = _table(value)
     if isinstance(value, Mapping):
         entries = (f"{key} = {_toml(f'{name}.{key}', inner)}" for key, inner in value.items())
         return "{ " + ", ".join(entries) + " }"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,8 @@ def from_vtk(data: Any) -> Particles:
     TypeError
         If `data` has no points.
     """
-    from vtkmodules.util.numpy_support import vtk_to_numpy  # type: ignore[import-not-found,unused-ignore]
+    # Its types are there or not, as VTK is.
+    vtk_to_numpy: Any = importlib.import_module("vtkmodules.util.numpy_support").vtk_to_numpy
 
     points = data.GetPoints() if hasattr(data, "GetPoints") else None
     if not hasattr(data, "GetPointData"):

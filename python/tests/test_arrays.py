@@ -100,6 +100,8 @@ BAD = {
     "scene is 4; expected a limpid.Scene": dict(scene=4),
     'up is "x"; expected "y" or "z"': dict(up="x"),
     "aov: no `colour`": dict(aovs=["colour"]),
+    "aov: no `front.inside`": dict(aovs=["front.inside"]),
+    "aov: no `splash_front.smooth_depth`": dict(aovs=["splash_front.smooth_depth"]),
 }
 
 

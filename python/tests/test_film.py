@@ -58,8 +58,11 @@ def test_z_up_stays_as_in_the_first_frame(renderer, frames, tmp_path):
     turned = [f[:, [0, 2, 1]] * np.float32([1, -1, 1]) for f in frames]
     y = list(renderer.film(frames, tmp_path / "y.gif", radius=0.05, up="y", size=SMALL))
     z = list(renderer.film(turned, tmp_path / "z.gif", radius=0.05, up="z", size=SMALL))
-    for a, b in zip(y, z):
-        assert limpid.flip(a, b)[0] < 1e-3
+    cameras = [z[0].camera.turned(0)] * 4
+    given = list(renderer.film(turned, tmp_path / "g.gif", radius=0.05, camera=cameras, up="z", size=SMALL))
+    for a, b, c in zip(y, z, given):
+        assert limpid.flip(a, b)[0] < 1e-3 and limpid.flip(a, c)[0] < 1e-3
+        assert b.camera == c.camera == cameras[0]
 
 
 def test_colors_do_not_depend_on_what_joins_later(renderer, ball, tmp_path):
@@ -116,6 +119,12 @@ def test_what_cannot_be_filmed_is_told_before_drawing(renderer, frames, tmp_path
         renderer.film(tmp_path / "none_{}.vtk", tmp_path / "a.gif", size=SMALL)
     with pytest.raises(OSError):
         renderer.film(frames, tmp_path / "no" / "a.gif", size=SMALL)
+    for one in (frames[0], limpid.Particles(frames[0])):
+        with pytest.raises(ValueError, match="source is one frame"):
+            renderer.film(one, tmp_path / "a.gif", size=SMALL)
+    few = renderer.film(frames, tmp_path / "a.gif", camera=[limpid.Camera((0, 1, 3), (0, 0, 0))], size=SMALL)
+    with pytest.raises(ValueError, match="camera has 1 entries"):
+        few.run()
     with pytest.raises(ValueError, match="without pictures"):
         list(renderer.film([], tmp_path / "a.gif", size=SMALL))
     assert list(tmp_path.iterdir()) == []

@@ -101,6 +101,9 @@ def test_the_camera_of_a_picture_is_in_the_world_of_the_positions(renderer, dam,
     assert limpid.flip(picture, again)[0] < 1e-3
     expected = renderer.render(dam, up="y", size=SMALL)
     assert limpid.flip(picture, expected)[0] < 1e-3
+    in_scene = renderer.render(positions, scene=picture.scene, camera=picture.camera, size=SMALL)
+    assert limpid.flip(picture, in_scene)[0] < 1e-3
+    assert in_scene.camera == picture.camera
 
 
 def test_matrices_show_what_the_camera_shows(renderer, dam):

@@ -81,13 +81,19 @@ BAD = {
     "a Mesh takes a file, or vertices": dict(solids=[limpid.Mesh()]),
     "faces: face 0 is": dict(solids=[limpid.Mesh(vertices=CUBE, faces=[(0, 1, 9)])]),
     "faces has the dtype": dict(solids=[limpid.Mesh(vertices=CUBE, faces=[(0.5, 1, 2)])]),
-    "a solid is 7": dict(solids=[7]),
+    r"solids\[0\] is 7": dict(solids=[7]),
     "solids is 7": dict(solids=7),
-    "a light is 'sun'": dict(lights=["sun"]),
+    r"lights\[0\] is 'sun'": dict(lights=["sun"]),
     "direction": dict(lights=[limpid.Sun((0, 0, 0))]),
     "environment": dict(environment=np.full((2, 4, 3), np.nan)),
     "look": dict(look="dusk"),
-    "absorption has": dict(absorption=(1, 2, 3, 4)),
+    "absorption is .* expected 3 numbers": dict(absorption=(1, 2, 3, 4)),
+    r"solids\[0\].checker is 0.2; expected a limpid.Checker": dict(solids=[limpid.Plane(checker=0.2)]),
+    r"solids\[1\].color is 'blue'; expected 3 numbers": dict(
+        solids=[limpid.Plane(), limpid.Plane(color="blue")]
+    ),
+    r"lights\[0\].irradiance is 3.0": dict(lights=[limpid.Sun((0, -1, 0), 3.0)]),
+    r"solids\[0\].keys has 4; expected a limpid.Key": dict(solids=[limpid.Plane(keys=[4])]),
     "takes one of absorption and color": dict(absorption=(1, 2, 3), color=(1, 1, 1)),
     "takes one of color, checker": dict(solids=[limpid.Plane(color=(1, 1, 1), checker=limpid.Checker(1))]),
     "printable": dict(look="a\nb"),
@@ -130,6 +136,19 @@ def test_scenes_are_pickled(renderer, ball):
         assert np.array_equal(picture.rgba, again.rgba)
     with pytest.raises(ValueError, match="needs a file of its own"):
         scene.save("never.toml")
+
+
+def test_values_of_a_scene_change_and_copies_do_not():
+    scene = limpid.Scene(ior=1.4)
+    other = scene.copy()
+    other.ior = 1.5
+    other.absorption = np.array([1.0, 2.0, 3.0])
+    other.settings["refract.samples"] = 4
+    assert (round(scene.ior, 3), round(other.ior, 3)) == (1.4, 1.5)
+    assert other.absorption == (1, 2, 3) and scene.absorption != other.absorption
+    assert scene.settings["refract.samples"] == 1
+    with pytest.raises(limpid.SceneError, match="ior"):
+        other.ior = 7
 
 
 def test_solids_move_by_keys(renderer):

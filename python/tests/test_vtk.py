@@ -54,7 +54,9 @@ def test_the_plotter_s_camera_shows_the_same(renderer, parallel, up):
     """A ball is where PyVista's own picture has it."""
     size = (160, 120)
     plotter = pyvista.Plotter(off_screen=True, window_size=size)
-    ball = pyvista.Sphere(radius=0.2, center=(0.3, 0.1, 0.25), theta_resolution=64, phi_resolution=64)
+    # A particle fills as much as a cube of twice its radius.
+    radius = 0.2 * (6 / np.pi) ** (1 / 3)
+    ball = pyvista.Sphere(radius=radius, center=(0.3, 0.1, 0.25), theta_resolution=64, phi_resolution=64)
     plotter.add_mesh(ball, color="black", lighting=False)
     plotter.background_color = "white"
     plotter.camera_position = [(2.0, 2.5, 1.5), (0.1, 0.0, 0.0), up]

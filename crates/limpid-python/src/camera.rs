@@ -263,6 +263,8 @@ impl Camera {
         if up == Up::Y {
             return self;
         }
+        // Without zeros that have a sign.
+        let rotate = |x| rotate(x) + DVec3::ZERO;
         Self(match self.0 {
             Kind::Aimed(camera) => Kind::Aimed(camera::Camera {
                 eye: rotate(camera.eye),

@@ -128,8 +128,8 @@ struct Drawn {
     rgba: Vec<u8>,
     radiance: Arc<Slot>,
     images: Vec<Part>,
+    /// In the world of the particles.
     camera: Camera,
-    own_camera: Camera,
     /// The scene, unless it is that which was given.
     project: Option<limpid_io::project::Project>,
     radius: f32,
@@ -365,8 +365,7 @@ impl Drawer {
             rgba,
             radiance,
             images,
-            camera: *camera,
-            own_camera: *own_camera,
+            camera: *own_camera,
             project: Some(&opened.plain).filter(|plain| given.as_ref() != Some(plain)).cloned(),
             radius: loaded.splats.radius,
             thickness,
@@ -436,8 +435,7 @@ fn to_python<'py>(
     result.set_item("rgba", drawn.rgba.into_pyarray(py).reshape(shape)?)?;
     result.set_item("radiance", Radiance(drawn.radiance))?;
     result.set_item("aov", images(py, drawn.images, aovs)?)?;
-    result.set_item("camera", drawn.own_camera)?;
-    result.set_item("scene_camera", drawn.camera)?;
+    result.set_item("camera", drawn.camera)?;
     result.set_item("project", drawn.project.map(scene::Project::of))?;
     result.set_item("radius", drawn.radius)?;
     result.set_item("thickness", drawn.thickness)?;
@@ -453,7 +451,7 @@ fn chosen(names: &[String]) -> PyResult<Vec<Aov>> {
     let mut chosen = Vec::new();
     for name in names {
         let kind = match name.split_once('.') {
-            Some((layer, kind)) if LAYERS.iter().any(|(_, known)| *known == layer) => kind,
+            Some((layer, kind)) if is_layer(layer, kind) => kind,
             Some(("caustics", _)) => "caustics",
             _ => name,
         };
@@ -473,6 +471,15 @@ const LAYERS: [(&str, &str); 4] = [
     ("splash_front", "splash_front"),
     ("splash_back", "splash_back"),
 ];
+
+/// Whether there is an image of this kind of a layer.
+fn is_layer(layer: &str, kind: &str) -> bool {
+    let smooth = ["smooth_depth", "smooth_normal"].contains(&kind);
+    match layer {
+        "front" | "back" => smooth || ["depth", "normal"].contains(&kind),
+        _ => ["depth", "normal"].contains(&kind) && LAYERS.iter().any(|(_, known)| *known == layer),
+    }
+}
 
 /// Kind and name of the image that a channel belongs to, as `depth` and `front.depth`.
 fn image_of(part: &str, channel: &str) -> (String, String) {

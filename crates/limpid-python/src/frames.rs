@@ -18,6 +18,7 @@ use crate::{arrays, scene, work};
 #[derive(Clone, Default)]
 pub(crate) struct Setting {
     pub(crate) project: Option<Project>,
+    /// In the world of the particles.
     pub(crate) camera: Option<Camera>,
     /// The axis that points up in the particles' world.
     pub(crate) up: Option<Up>,
@@ -34,7 +35,7 @@ pub(crate) struct Staged {
     pub(crate) opened: Opened,
     /// The camera in the world of the scene.
     pub(crate) camera: Camera,
-    /// The camera in the world of the particles, which is another one if there is no scene and z points up.
+    /// The camera in the world of the particles, which is another one if z points up there.
     pub(crate) own_camera: Camera,
 }
 
@@ -65,17 +66,17 @@ impl Setting {
             ..Request::default()
         };
         let mut opened = request.open_from(input)?;
-        let turned = match up {
+        let own_up = |project: &Project| project.source.files().first().map(|files| files.up);
+        let up = match up.or_else(|| self.project.as_ref().and_then(own_up)) {
             Some(up) => up,
             None if opened.input.is_turned() => Up::Z,
             None => Up::Y,
         };
-        let turned = if is_bare { turned } else { Up::Y };
         let camera = match self.camera {
-            Some(camera) => camera.to_y_up(turned),
+            Some(camera) => camera.to_y_up(up),
             None => Camera(Kind::Aimed(opened.project.camera_for(Default::default()))),
         };
-        let own_camera = self.camera.unwrap_or_else(|| camera.y_up_to(turned));
+        let own_camera = self.camera.unwrap_or_else(|| camera.y_up_to(up));
         (opened.plain.camera, opened.project.camera) = (camera.camera(), camera.camera());
         opened.plain.source = match opened.input.source() {
             // With the radius that was found.

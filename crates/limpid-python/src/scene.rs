@@ -73,6 +73,11 @@ impl Project {
         self.project().to_toml(Some("environment")).map_err(errors::raise)
     }
 
+    /// A copy.
+    fn copy(&self) -> Self {
+        Self::of(self.project())
+    }
+
     /// Replaces values, each given as `pass.name=value`.
     fn set(&self, overrides: Vec<String>) -> PyResult<()> {
         let mut project = self.project();
