@@ -59,8 +59,9 @@ LIMPID_REQUIRE_PYVISTA=1 check full test_stubs.py test_fuzz.py test_memory.py te
 "$folder/full/bin/auditwheel" show "$wheel" | grep -o 'manylinux_[0-9_a-z]*' | sort -u | head -n 1
 
 say "the notebook"
-(cd python/examples && "$folder/full/bin/python" -m jupyter nbconvert --log-level ERROR --to notebook --execute \
-    --output-dir "$folder" dam.ipynb)
+# Its kernel is the `python` of the path.
+(cd python/examples && PATH="$folder/full/bin:$PATH" "$folder/full/bin/python" -m jupyter nbconvert \
+    --log-level ERROR --to notebook --execute --output-dir "$folder" dam.ipynb)
 
 say "Blender"
 # Its module is for one version of CPython, and large.
