@@ -7,12 +7,16 @@ from typing import Any, Sequence, Union
 import numpy as np
 import numpy.typing as npt
 
+# Without types in some versions of NumPy.
+_is_masked: Any = np.ma.is_masked
+
 Vector = Union[Sequence[float], "npt.NDArray[Any]"]
 
 
 def numbers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[Any]:
     """An array of 32- or 64-bit floats of this shape, in which letters stand for any size."""
-    expected = "(" + ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "") + ")"
+    expected = _written(shape)
+    refuse_masked(name, value)
     try:
         array = np.asarray(value)
     except Exception as error:
@@ -22,11 +26,7 @@ def numbers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[
     if array.size == 0 and array.ndim == 1 and shape[0] == "n":
         # An empty list has no second axis.
         array = array.reshape([0, *(size for size in shape[1:] if isinstance(size, int))])
-    fits = array.ndim == len(shape) and all(
-        size == own for size, own in zip(shape, array.shape) if isinstance(size, int)
-    )
-    if not fits:
-        raise ValueError(f"{name} has the shape {array.shape}; expected {expected}")
+    array = shaped(name, array, shape)
     kind = np.float32 if array.dtype.kind == "f" and array.dtype.itemsize <= 4 else np.float64
     plain = array.dtype == kind and array.dtype.isnative and array.flags.aligned
     with np.errstate(over="ignore"):
@@ -35,26 +35,30 @@ def numbers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[
 
 def integers(name: str, value: Any, shape: tuple[int | str, ...]) -> npt.NDArray[np.int64]:
     """As `numbers`, of 64-bit integers."""
+    refuse_masked(name, value)
     array = np.asarray(value)
     if array.size == 0:
         array = array.astype(np.int64)
     if array.dtype.kind not in "iu":
         raise ValueError(f"{name} has the dtype {array.dtype}; expected integers")
-    array = numbers_shape(name, array, shape)
+    array = shaped(name, array, shape)
     if array.dtype == np.uint64 and array.size and int(array.max()) > np.iinfo(np.int64).max:
         raise ValueError(f"{name} has {int(array.max())}; expected integers of 64 bits with a sign")
     return np.require(array, np.int64, "A")
 
 
-def numbers_shape(
-    name: str, array: npt.NDArray[Any], shape: tuple[int | str, ...]
-) -> npt.NDArray[Any]:
+def shaped(name: str, array: npt.NDArray[Any], shape: tuple[int | str, ...]) -> npt.NDArray[Any]:
     """The array, if it has this shape."""
     sizes = zip(shape, array.shape)
     if array.ndim != len(shape) or any(s != own for s, own in sizes if isinstance(s, int)):
-        expected = "(" + ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "") + ")"
-        raise ValueError(f"{name} has the shape {array.shape}; expected {expected}")
+        raise ValueError(f"{name} has the shape {array.shape}; expected {_written(shape)}")
     return array
+
+
+def refuse_masked(name: str, value: Any) -> None:
+    """Fails for a masked array, whose hidden values would be drawn."""
+    if _is_masked(value):
+        raise ValueError(f"{name} is masked; expected plain values, as {name}[~mask]")
 
 
 def of_length(name: str, array: npt.NDArray[Any], count: int) -> npt.NDArray[Any]:
@@ -101,9 +105,16 @@ def radius_of(radius: Any) -> tuple[float | None, Any]:
     """A radius for all particles, or an array with one for each."""
     if radius is None:
         return None, None
-    if np.ndim(radius) != 0:
+    refuse_masked("radius", radius)
+    try:
+        single = np.ndim(radius) == 0
+    except ValueError:
+        raise ValueError("radius is ragged; expected metres, or one for each particle") from None
+    if not single:
         return None, radius
     try:
+        if isinstance(radius, (bool, np.bool_, str, bytes)):
+            raise TypeError
         value = float(radius)
     except (TypeError, ValueError):
         raise ValueError(f"radius is {radius!r}; expected metres, or one for each particle") from None
@@ -115,6 +126,8 @@ def radius_of(radius: Any) -> tuple[float | None, Any]:
 def size_of(size: Any) -> tuple[int, int]:
     """Width and height of a picture."""
     try:
+        if isinstance(size, (set, frozenset, dict)):
+            raise TypeError
         width, height = (int(side) for side in size)
         exact = all(int(side) == side for side in size)
     except (TypeError, ValueError, OverflowError):
@@ -130,13 +143,14 @@ def samples_of(samples: Any) -> int | None:
         return None
     if isinstance(samples, bool) or not isinstance(samples, (int, np.integer)):
         raise ValueError(f"samples is {samples!r}; expected a whole number")
-    if not 1 <= samples <= 2**20:
-        raise ValueError(f"samples is {samples}; expected 1 or more")
+    if not 1 <= samples <= 64:
+        raise ValueError(f"samples is {samples}; expected 1 to 64")
     return int(samples)
 
 
 def vector(name: str, value: Any, count: int = 3) -> list[float]:
     """So many numbers."""
+    refuse_masked(name, value)
     try:
         array = np.asarray(value, np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -144,6 +158,17 @@ def vector(name: str, value: Any, count: int = 3) -> list[float]:
     if array.shape != (count,):
         raise ValueError(f"{name} is {_shortened(value)}; expected {count} numbers")
     return [float(x) for x in array]
+
+
+def up_of(up: Any) -> str | None:
+    """The axis that points up."""
+    if up is None or isinstance(up, str) and up in ("y", "z"):
+        return up
+    raise ValueError(f'up is {up!r}; expected "y" or "z"')
+
+
+def _written(shape: tuple[int | str, ...]) -> str:
+    return "(" + ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "") + ")"
 
 
 def _shortened(value: Any) -> str:

@@ -12,14 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _limpid
-from ._arrays import particle_arrays, radius_of
+from ._arrays import numbers, particle_arrays, radius_of
 from ._errors import LimpidWarning
 from ._scene import PathLike
+
+#: Arguments by the names that attributes have in files.
+_ARGUMENTS = {"velocity": "velocities", "density": "densities", "id": "ids", "ellipsoid": "ellipsoids"}
 
 Floats = npt.NDArray[np.floating[Any]]
 
 
-@dataclass(repr=False)
+@dataclass(repr=False, eq=False)
 class Particles:
     """One frame of particles; attributes that are not known are ``None``.
 
@@ -123,7 +126,7 @@ def write(
         positions = own.positions
     value, radii = radius_of(radius)
     if value is not None:
-        radii = np.full(np.shape(positions)[:1], value)
+        radii = np.full(len(numbers("positions", positions, ("n", 3))), value)
     arrays = particle_arrays(
         positions,
         velocities=velocities,
@@ -133,7 +136,7 @@ def write(
         ellipsoids=ellipsoids,
     )
     lost = _limpid.write(os.fspath(path), arrays)
-    lost += ["colors"] if colored else []
+    lost = [_ARGUMENTS.get(name, name) for name in lost] + (["colors"] if colored else [])
     if lost:
         text = f"{os.fspath(path)!s}: its format does not hold {', '.join(lost)}"
         warnings.warn(text, LimpidWarning, stacklevel=2)
@@ -158,9 +161,10 @@ class bake(Iterator[Particles]):
     """
 
     def __init__(self, scene: PathLike, frames: int | None = None) -> None:
-        if frames is not None and not 1 <= frames < 2**32:
-            raise ValueError(f"frames is {frames}; expected 1 or more")
-        self._frames = _limpid.Bake(os.fspath(scene), frames)
+        whole = isinstance(frames, (int, np.integer)) and not isinstance(frames, bool)
+        if frames is not None and not (whole and 1 <= frames < 2**32):
+            raise ValueError(f"frames is {frames!r}; expected a whole number, 1 or more")
+        self._frames = _limpid.Bake(os.fspath(scene), None if frames is None else int(frames))
 
     @property
     def fps(self) -> float:

@@ -41,7 +41,8 @@ class Picture:
         The camera that was used, in the world of the positions.
     scene : Scene
         The scene that was used, with everything that was not given: radius, axis, camera, look.
-        Drawing the next positions in it keeps the view. `Scene.copy` makes variants of it.
+        Drawing the next positions in it keeps the view. It has no camera if that was made from
+        matrices.
     radius : float
         Median radius of the particles, m.
     particles, splashes : int
@@ -63,8 +64,7 @@ class Picture:
         self.rgba = drawn["rgba"]
         self.aov = Images(drawn["aov"])
         self.camera = drawn["camera"]
-        project = drawn["project"]
-        self.scene = scene if project is None and scene is not None else Scene._of(project, scene)
+        self.scene = Scene._of(drawn["project"], scene)
         self.radius = drawn["radius"]
         self.particles = drawn["particles"]
         self.splashes = drawn["splashes"]
@@ -108,6 +108,7 @@ class Picture:
             If the file cannot be written.
         """
         name = os.fspath(path)
+        self._check()
         radiance = self.radiance if str(name).lower().endswith(".exr") else None
         _limpid.save(name, self.rgba, self._alpha, radiance)
 
@@ -118,7 +119,14 @@ class Picture:
             return self.rgba.astype(dtype)
         return self.rgba.copy() if copy else self.rgba
 
+    def _check(self) -> None:
+        """Fails if somebody has replaced the pixels by others than a picture's."""
+        pixels = self.rgba
+        if not isinstance(pixels, np.ndarray) or pixels.dtype != np.uint8 or pixels.ndim != 3:
+            raise ValueError("rgba was replaced; expected (height, width, 4) of uint8")
+
     def _repr_png_(self) -> bytes:
+        self._check()
         return _limpid.png(self.rgba, self._alpha)
 
     def __repr__(self) -> str:
@@ -140,7 +148,7 @@ def flip(
 
     Parameters
     ----------
-    a, b : Picture, (height, width, 3 or 4) array of uint8, or path
+    a, b : Picture, (height, width, 3 or 4) array of uint8, or path of a PNG
         The reference and the picture to test, sRGB. Coverage is ignored.
 
     Returns
@@ -153,7 +161,7 @@ def flip(
     Raises
     ------
     ValueError
-        If the pictures have different sizes or are none.
+        If the pictures have different sizes or are not pictures.
     OSError
         If a file cannot be read.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import re
 import sys
 import threading
 import warnings
@@ -16,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _limpid
-from ._arrays import numbers, of_length, particle_arrays, radius_of, samples_of, size_of
+from ._arrays import numbers, of_length, particle_arrays, radius_of, samples_of, size_of, up_of
 from ._errors import Error, LimpidWarning
 from ._limpid import Camera
 from ._particles import Particles
@@ -51,7 +52,9 @@ class Renderer:
         # Mesa's device-select layer would ask a display server, and complain if there is none.
         os.environ.setdefault("NODEVICE_SELECT", "1")
         self._device = _limpid.Device(None if device == "auto" else device)
-        self._described: tuple[Any, ...] | None = None
+        # Of the last picture: its scenes, which were looked at, and what was said about it.
+        self._known: tuple[Any, ...] = ()
+        self._issued: set[str] = set()
         _open.add(self)
 
     @property
@@ -223,21 +226,21 @@ class Renderer:
         scene = _scene(scene)
         if camera is not None and not isinstance(camera, Camera):
             raise ValueError(f"camera is {camera!r}; expected a limpid.Camera")
-        if isinstance(aovs, str):
-            aovs = aovs.split(",")
-        names = [str(name).strip() for name in aovs]
+        names = _names(aovs)
         if isinstance(frame, bool) or not isinstance(frame, (int, np.integer)):
             raise ValueError(f"frame is {frame!r}; expected a whole number")
         if not -(2**62) < frame < 2**62:
-            raise ValueError(f"frame is {frame}; expected less")
-        # What was looked at once does not need to be looked at for each picture of a series.
-        described = (id(scene), value, size_of(size))
+            raise ValueError(f"frame is {frame}; expected a number between -2**62 and 2**62")
+        # What was looked at once does not need to be looked at for each picture of a series: of one scene.
+        described = scene is not None and any(scene is known for known in self._known)
+        if not described:
+            self._issued.clear()
         drawn = self._device.draw(
             arrays,
             tints,
             None if scene is None else scene._project,
             camera,
-            up,
+            up_of(up),
             value,
             int(frame),
             size_of(size),
@@ -245,11 +248,20 @@ class Renderer:
             names,
             bool(alpha),
             thickness,
-            described == self._described,
+            described,
         )
-        self._described = described
-        _warn(drawn["notices"], 4)
-        return Picture(drawn, scene, bool(alpha))
+        picture = Picture(drawn, scene, bool(alpha))
+        self._known = (scene, picture.scene)
+        self._warn(drawn["notices"])
+        return picture
+
+    def _warn(self, notices: list[str]) -> None:
+        """Warns of what was not yet said, whatever its numbers, about the series."""
+        for notice in notices:
+            words = re.sub(r"[0-9.,]+", "", notice)
+            if words not in self._issued:
+                self._issued.add(words)
+                warnings.warn(notice, LimpidWarning, stacklevel=_level_of_caller())
 
     def film(
         self,
@@ -286,7 +298,7 @@ class Renderer:
             Pictures per second; those of the source, 30 by default.
         camera : Camera or iterable of Camera, optional
             One for all pictures, or one for each. Scene and camera that are made to fit are those of
-            the first frame, and for files of the whole sequence.
+            the first frame with particles, and for files of the whole sequence.
         radius, scene, size, samples, up : optional
             As for `render`.
 
@@ -319,15 +331,20 @@ class Film(Iterator[Picture]):
         self._samples = samples_of(samples)
         self._scene = _scene(scene)
         self._radius = radius
-        self._up = up
+        self._up = up_of(up)
         self._number = 0
+        self._settled = False
+        self._drawing = threading.Lock()
         self._thickness: float | None = None
         self._cameras: Iterator[Camera] | None = None
         self._camera: Camera | None = None
         if camera is None or isinstance(camera, Camera):
             self._camera = camera
         else:
-            self._cameras = iter(camera)
+            try:
+                self._cameras = iter(camera)
+            except TypeError:
+                raise ValueError(f"camera is {camera!r}; expected one Camera, or a list") from None
         self._frames: _limpid.Frames | None = None
         self._particles: Iterator[Any] | None = None
         self._count: int | None = None
@@ -340,7 +357,7 @@ class Film(Iterator[Picture]):
                 raise ValueError("radius is an array; files take one radius")
             project = None if self._scene is None else self._scene._project
             self._frames = _limpid.Frames.open(
-                os.fspath(source), project, self._camera, up, value, self._samples
+                os.fspath(source), project, self._camera, self._up, value, self._samples
             )
             self._count = len(self._frames)
             own_fps = self._frames.fps
@@ -350,12 +367,16 @@ class Film(Iterator[Picture]):
             if isinstance(source, Sized):
                 self._count = len(source)
             own_fps = getattr(source, "fps", None)
-            self._particles = iter(source)
+            try:
+                self._particles = iter(source)
+            except TypeError:
+                raise ValueError(f"source is {source!r}; expected a path, or frames") from None
         rate = fps if fps is not None else own_fps if own_fps is not None else 30.0
         try:
             rate = float(rate)
         except (TypeError, ValueError):
-            raise ValueError(f"fps is {fps!r}; expected pictures per second") from None
+            given = own_fps if fps is None else fps
+            raise ValueError(f"fps is {given!r}; expected pictures per second") from None
         self._file: _limpid.FilmFile | None = _limpid.FilmFile(
             os.fspath(path), self._size[0], self._size[1], rate
         )
@@ -369,18 +390,23 @@ class Film(Iterator[Picture]):
         return self._count or 0
 
     def __next__(self) -> Picture:
-        if self._file is None:
-            raise StopIteration
+        if not self._drawing.acquire(blocking=False):
+            raise ValueError("the film is already drawing, in another thread")
         try:
-            picture = self._draw()
-        except StopIteration:
-            file, self._file = self._file, None
-            file.finish()
-            raise
-        except BaseException:
-            self.close()
-            raise
-        return picture
+            file = self._file
+            if file is None:
+                raise StopIteration
+            try:
+                return self._draw(file)
+            except StopIteration:
+                self._file = None
+                file.finish()
+                raise
+            except BaseException:
+                self.close()
+                raise
+        finally:
+            self._drawing.release()
 
     def run(self) -> None:
         """Draws all pictures that are left, and so completes the film."""
@@ -408,14 +434,17 @@ class Film(Iterator[Picture]):
         if getattr(self, "_file", None) is not None:
             self.close()
 
-    def _draw(self) -> Picture:
-        assert self._file is not None
+    def _draw(self, file: _limpid.FilmFile) -> Picture:
         number = self._number
         if self._frames is not None:
             if number == len(self._frames):
                 raise StopIteration
-            drawn = self._renderer._device.draw_frame(self._frames, number, self._size, number > 0)
-            _warn(drawn["notices"], 4)
+            renderer = self._renderer
+            drawn = renderer._device.draw_frame(self._frames, number, self._size, number > 0)
+            if number == 0:
+                renderer._known = ()
+                renderer._issued.clear()
+            renderer._warn(drawn["notices"])
             picture = Picture(drawn, self._scene, False)
         else:
             assert self._particles is not None
@@ -438,14 +467,15 @@ class Film(Iterator[Picture]):
                 frame=number,
                 thickness=self._thickness,
             )
-            if number == 0 and picture.particles > 0:
+            if not self._settled and picture.particles > 0:
                 self._settle(picture)
-        self._file.push(picture.rgba)
+        file.push(picture.rgba)
         self._number += 1
         return picture
 
     def _settle(self, picture: Picture) -> None:
-        """Keeps what was made to fit the first frame."""
+        """Keeps what was made to fit the first frame with particles."""
+        self._settled = True
         self._scene = picture.scene
         self._thickness = picture._thickness
         # The scene has the axis.
@@ -516,9 +546,21 @@ def _colors(colors: Any, count: int) -> npt.NDArray[np.float32]:
     return single
 
 
-def _warn(notices: list[str], level: int) -> None:
-    for notice in notices:
-        warnings.warn(notice, LimpidWarning, stacklevel=level)
+def _names(aovs: Any) -> list[str]:
+    if isinstance(aovs, str):
+        aovs = aovs.split(",")
+    try:
+        return [str(name).strip() for name in aovs]
+    except TypeError:
+        raise ValueError(f"aovs is {aovs!r}; expected names of images") from None
+
+
+def _level_of_caller() -> int:
+    """The level, for `warnings.warn`, of the code that called this package."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("limpid."):
+        level, frame = level + 1, frame.f_back
+    return level
 
 
 def _finish() -> None:
@@ -537,8 +579,9 @@ atexit.register(_finish)
 
 def _forget() -> None:
     """In a forked child there is no device."""
-    global _default
+    global _default, _default_lock
     _default = None
+    _default_lock = threading.Lock()
     _open.clear()
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from dataclasses import dataclass, field, fields
@@ -19,7 +20,7 @@ import numpy.typing as npt
 
 from . import _limpid
 from ._arrays import Vector, integers, numbers, vector
-from ._errors import LimpidWarning
+from ._errors import FileError, LimpidWarning, SceneError
 from ._limpid import Camera
 
 PathLike = Union[str, "os.PathLike[str]"]
@@ -71,7 +72,7 @@ class Key:
     rotate: Vector | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Solid:
     """What all solids have.
 
@@ -100,7 +101,7 @@ class _Solid:
     keys: Iterable[Key] = field(default=(), kw_only=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plane(_Solid):
     """A square, or an unbounded plane without `half_extent`.
 
@@ -119,7 +120,7 @@ class Plane(_Solid):
     half_extent: float | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Box(_Solid):
     """An axis-aligned box from the corner `min` to the corner `max`, m."""
 
@@ -127,7 +128,7 @@ class Box(_Solid):
     max: Vector
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sphere(_Solid):
     """A sphere about `center`, m, with a `radius`, m."""
 
@@ -135,7 +136,7 @@ class Sphere(_Solid):
     radius: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh(_Solid):
     """A triangle mesh from a file or from arrays. A closed one has an inside.
 
@@ -299,6 +300,8 @@ class Scene:
         table: dict[str, Any] = {}
         if look is not None:
             table["look"] = look
+        if ior is not None and not isinstance(ior, (int, float, np.number)):
+            raise ValueError(f"ior is {ior!r}; expected a number")
         liquid: dict[str, Any] = {"ior": ior}
         for name, value in (("absorption", absorption), ("color", color)):
             liquid[name] = None if value is None else vector(name, value)
@@ -313,10 +316,12 @@ class Scene:
         table["light"] = [
             _light(f"lights[{i}]", light) for i, light in enumerate(_each("lights", lights))
         ]
-        self._begin(*_lines(table), os.getcwd(), arrays)
+        self._begin(*_lines(table), _folder(), arrays)
         if camera is not None:
             self.camera = camera
         if settings is not None:
+            if not isinstance(settings, Mapping):
+                raise ValueError(f"settings is {settings!r}; expected a mapping of names to values")
             self.settings.update(settings)
 
     @classmethod
@@ -401,19 +406,39 @@ class Scene:
     def _begin(self, text: str, labels: list[str], folder: str, arrays: _Arrays) -> None:
         self._folder = folder
         self._arrays = arrays
-        self._project = _limpid.Project.parse(
-            text, labels, folder, arrays.meshes, arrays.environments, arrays.textures
-        )
+        try:
+            self._project = _limpid.Project.parse(
+                text, labels, folder, arrays.meshes, arrays.environments, arrays.textures
+            )
+        except SceneError as error:
+            raise SceneError(_in_words(str(error))) from None
+        except FileError as error:
+            # Of what is in memory, not in a file.
+            name = re.match(r"\S*?(mesh-array-\d+): ", str(error))
+            if name is None:
+                raise
+            label = arrays.labels.get(name[1], "a Mesh")
+            raise ValueError(f"{label}: {str(error)[name.end() :]}") from None
         for remark in self._project.remarks():
             warnings.warn(remark, LimpidWarning, stacklevel=3)
 
     @classmethod
     def _of(cls, project: _limpid.Project, like: Scene | None = None) -> Scene:
         scene = cls.__new__(cls)
-        scene._folder = os.getcwd() if like is None else like._folder
+        scene._folder = _folder() if like is None else like._folder
         scene._arrays = _Arrays() if like is None else like._arrays
         scene._project = project
         return scene
+
+
+def _in_words(problem: str) -> str:
+    """A problem that names the tables of a scene file, in terms of the arguments."""
+    problem = re.sub(
+        r"^Scene: \[+(solid|light)\]+ (\d+):?",
+        lambda match: f"{match[1]}s[{int(match[2]) - 1}]:",
+        problem,
+    )
+    return re.sub(r"\[+(\w+)\]+", r"\1", problem, count=1) if problem.startswith("Scene: [") else problem
 
 
 def _restored(text: str, folder: str, arrays: _Arrays) -> Scene:
@@ -436,8 +461,10 @@ class Settings(MutableMapping[str, Any]):
 
     def __setitem__(self, name: str, value: Any) -> None:
         if not isinstance(name, str):
-            raise TypeError(f"the setting {name!r} is no name; expected pass.name")
+            raise TypeError(f"the setting {name!r} is not a name; expected pass.name")
         text = value if isinstance(value, str) else _toml(name, value)
+        if not re.fullmatch(r"[a-z0-9_.]+", name):
+            raise SceneError(f"{name!r} is not the name of a setting; expected pass.name")
         self._scene._project.set([f"{name}={text}"])
 
     def __delitem__(self, name: str) -> None:
@@ -460,10 +487,17 @@ class _Arrays:
         self.meshes: list[tuple[str, npt.NDArray[Any], npt.NDArray[Any], Any]] = []
         self.environments: list[tuple[str, npt.NDArray[Any]]] = []
         self.textures: list[tuple[str, npt.NDArray[Any]]] = []
+        # What the user calls what a name stands for.
+        self.labels: dict[str, str] = {}
 
-    def mesh(self, mesh: Mesh) -> str:
-        vertices = numbers("vertices", mesh.vertices, ("v", 3)).astype(np.float64)
-        faces = integers("faces", mesh.faces, ("f", 3))
+    def mesh(self, label: str, mesh: Mesh) -> str:
+        vertices = numbers(f"{label}.vertices", mesh.vertices, ("v", 3)).astype(np.float64)
+        if not (np.abs(vertices) < 1e18).all():
+            row = int(np.argmin((np.abs(vertices) < 1e18).all(axis=1)))
+            raise ValueError(
+                f"{label}.vertices: row {row} is {vertices[row].tolist()}; expected finite numbers below 1e18"
+            )
+        faces = np.array(integers(f"{label}.faces", mesh.faces, ("f", 3)))
         coordinates = None
         if mesh.coordinates is not None:
             coordinates = numbers("coordinates", mesh.coordinates, ("v", 2)).astype(np.float32)
@@ -472,6 +506,7 @@ class _Arrays:
                     f"coordinates has {len(coordinates)} rows for {len(vertices)} vertices"
                 )
         name = f"mesh-array-{len(self.meshes) + 1}"
+        self.labels[name] = label
         self.meshes.append((name, vertices, faces, coordinates))
         return name
 
@@ -493,6 +528,15 @@ class _Arrays:
         name = f"texture-array-{len(self.textures) + 1}"
         self.textures.append((name, np.array(pixels)))
         return name
+
+
+def _folder() -> str:
+    """The working directory, to which paths are relative."""
+    try:
+        return os.getcwd()
+    except FileNotFoundError:
+        # It was removed; absolute paths need none.
+        return ""
 
 
 def _lines(table: Mapping[str, Any]) -> tuple[str, list[str]]:
@@ -558,7 +602,7 @@ def _solid(label: str, solid: Any, arrays: _Arrays) -> dict[str, Any]:
         for name in ("vertices", "faces", "coordinates"):
             table.pop(name, None)
         if solid.file is None:
-            table["file"] = arrays.mesh(solid)
+            table["file"] = arrays.mesh(label, solid)
     if solid.texture is not None:
         table["texture"] = arrays.texture("texture", solid.texture)
     keys = _all_of(f"{label}.keys", table.pop("keys", ()), Key)

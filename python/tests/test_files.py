@@ -32,7 +32,7 @@ def test_attributes_come_back(tmp_path, ball):
 
 
 def test_what_a_format_does_not_hold_is_told(tmp_path, ball):
-    with pytest.warns(limpid.LimpidWarning, match="does not hold velocity"):
+    with pytest.warns(limpid.LimpidWarning, match="does not hold velocities"):
         limpid.write(tmp_path / "a.xyz", ball, velocities=ball)
 
 

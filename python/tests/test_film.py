@@ -65,6 +65,14 @@ def test_z_up_stays_as_in_the_first_frame(renderer, frames, tmp_path):
         assert b.camera == c.camera == cameras[0]
 
 
+def test_the_first_frame_with_particles_settles_a_film(renderer, frames, tmp_path):
+    """Emitters begin with nothing."""
+    source = [np.zeros((0, 3)), *frames]
+    pictures = list(renderer.film(source, tmp_path / "a.gif", size=SMALL))
+    assert [p.particles for p in pictures][0] == 0
+    assert len({(p.camera, p.radius) for p in pictures[1:]}) == 1
+
+
 def test_colors_do_not_depend_on_what_joins_later(renderer, ball, tmp_path):
     """A colour is that behind the liquid of the first frame, although later ones have more."""
     colors = np.tile(np.float32([0.9, 0.3, 0.3]), (len(ball), 1))
@@ -119,6 +127,11 @@ def test_what_cannot_be_filmed_is_told_before_drawing(renderer, frames, tmp_path
         renderer.film(tmp_path / "none_{}.vtk", tmp_path / "a.gif", size=SMALL)
     with pytest.raises(OSError):
         renderer.film(frames, tmp_path / "no" / "a.gif", size=SMALL)
+    for wrong, problem in ((dict(camera=5), "camera is 5"), (dict(up=1), "up is 1")):
+        with pytest.raises(ValueError, match=problem):
+            renderer.film(frames, tmp_path / "a.gif", size=SMALL, **wrong)
+    with pytest.raises(ValueError, match="source is 5"):
+        renderer.film(5, tmp_path / "a.gif", size=SMALL)
     for one in (frames[0], limpid.Particles(frames[0])):
         with pytest.raises(ValueError, match="source is one frame"):
             renderer.film(one, tmp_path / "a.gif", size=SMALL)

@@ -164,6 +164,79 @@ child()
     assert "forked" in second and "spawn" in second
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the system has no fork")
+def test_a_fork_leaves_its_parent_s_film_and_renderer(python, tmp_path):
+    """A child that ends as usual neither removes the unfinished film nor closes the device; nor does it wait."""
+    script = """
+import os, sys, limpid
+renderer = limpid.Renderer()
+frames = [[[0, 0, 0]], [[0, 1, 0]]]
+film = renderer.film(frames, sys.argv[1], radius=0.5, size=(32, 24))
+first = next(film)
+for how in ("end", "draw"):
+    pid = os.fork()
+    if pid == 0:
+        if how == "draw":
+            try:
+                next(film)
+            except limpid.Error as error:
+                print("forked" in str(error), flush=True)
+            try:
+                print(renderer.adapter)
+            except limpid.Error as error:
+                print("forked" in str(error), flush=True)
+            del first, film, renderer
+        sys.exit(0)
+    assert os.waitpid(pid, 0)[1] == 0
+film.run()
+print(first.radiance.shape, os.path.exists(sys.argv[1]))
+"""
+    command = [sys.executable, "-c", script, str(tmp_path / "a.gif")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ["True", "True", "(24, 32, 3) True"], done.stderr
+
+
+def test_a_late_signal_does_not_end_the_next_picture(renderer, ball, scene):
+    """The handler is slow, and the picture is drawn meanwhile."""
+
+    def slowly(number, frame):
+        time.sleep(1.0)
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, slowly)
+    try:
+        for _ in range(3):
+            signal.setitimer(signal.ITIMER_REAL, 0.06)
+            with pytest.raises(TimeoutError):
+                while True:
+                    renderer.render(ball, radius=0.05, scene=scene, size=(200, 150))
+            renderer.render(ball, radius=0.05, scene=scene, size=SMALL)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_a_bake_loses_no_frame_by_a_signal(root):
+    def end(number, frame):
+        raise TimeoutError
+
+    expected = [len(p) for p in limpid.bake(root / "sims" / "crown.toml", frames=3)]
+    before = signal.signal(signal.SIGALRM, end)
+    frames = limpid.bake(root / "sims" / "crown.toml", frames=3)
+    found = []
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.02)
+        while len(found) < 3:
+            try:
+                found.append(len(next(frames)))
+            except TimeoutError:
+                pass
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert found == expected and list(frames) == []
+
+
 def draw_elsewhere(scene):
     ball = np.random.default_rng(1).uniform(-0.5, 0.5, (500, 3))
     return limpid.render(ball, radius=0.05, scene=scene, size=SMALL)

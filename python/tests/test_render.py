@@ -85,7 +85,7 @@ def test_scenes_are_those_of_the_program(renderer, program, root, tmp_path):
 def test_the_scene_of_a_picture_keeps_the_view(renderer, dam):
     picture = renderer.render(dam, size=SMALL)
     again = renderer.render(dam, scene=picture.scene, size=SMALL)
-    assert again.scene is picture.scene, "nothing was missing in it"
+    assert again.scene._project.text() == picture.scene._project.text(), "nothing was missing in it"
     assert np.array_equal(picture.rgba, again.rgba)
     assert again.camera == picture.camera
     part = renderer.render(dam[: len(dam) // 2], scene=picture.scene, size=SMALL)
@@ -224,11 +224,61 @@ def test_flip_is_that_of_the_program(renderer, program, ball, scene, tmp_path):
         limpid.flip(a, b.rgba[:10])
 
 
+def test_a_scene_of_a_picture_is_its_own(renderer, ball):
+    scene = limpid.Scene(environment=(1, 1, 1), camera=limpid.Camera((0, 1, 4), (0, 0, 0)))
+    picture = renderer.render(ball, radius=0.05, scene=scene, size=SMALL)
+    again = renderer.render(ball, scene=picture.scene, size=SMALL)
+    picture.scene.ior = 2.0
+    assert scene.ior != 2.0 and again.scene.ior != 2.0
+
+
+def test_a_camera_with_z_up_says_so_from_the_front(renderer, dam):
+    """As people look at a simulation of z up: along y, where the liquid's surface may not tell the axis."""
+    positions = dam[:, [0, 2, 1]] * np.float32([1, -1, 1])
+    camera = limpid.Camera((0, -5, 0.2), (0, 0, 0.2), up=(0, 0, 1))
+    picture = renderer.render(positions, camera=camera, size=SMALL)
+    expected = renderer.render(positions, camera=camera, up="z", size=SMALL)
+    assert np.array_equal(picture.rgba, expected.rgba)
+    other = renderer.render(positions, camera=camera, up="y", size=SMALL)
+    assert limpid.flip(picture, other)[0] > 0.02
+
+
+def test_the_unit_of_a_scene_s_files_is_not_that_of_arrays(renderer, ball, tmp_path):
+    text = 'camera = { eye = [0, 1, 4], target = [0, 0, 0], fov_y = 40 }\nenvironment = { radiance = [1, 1, 1] }\n'
+    (tmp_path / "m.toml").write_text(text)
+    (tmp_path / "mm.toml").write_text(text + "[particles]\nscale = 0.001\n")
+    a, b = (renderer.render(ball, radius=0.05, scene=tmp_path / f"{n}.toml", size=SMALL) for n in ("m", "mm"))
+    assert np.array_equal(a.rgba, b.rgba) and a.camera == b.camera
+
+
+def test_replaced_pixels_are_refused(renderer, ball, scene, tmp_path):
+    picture = renderer.render(ball, radius=0.05, scene=scene, size=SMALL, alpha=True)
+    for wrong in (picture.rgba[..., :3], picture.rgba[0], picture.rgba.astype(float), None):
+        picture.rgba = wrong
+        with pytest.raises(ValueError, match="rgba"):
+            picture.save(tmp_path / "a.png")
+        with pytest.raises(ValueError, match="rgba"):
+            picture._repr_png_()
+
+
+def test_a_good_picture_does_not_silence_the_next(renderer, dam):
+    camera = limpid.Camera((0, 50, 5), (0, 90, 0))
+    scene = limpid.Scene(environment=(1, 1, 1), camera=limpid.Camera((0, 1, 4), (0, 0, 0)))
+    for keywords in (dict(), dict(scene=scene)):
+        renderer.render(dam, size=SMALL, **keywords)
+        with pytest.warns(limpid.LimpidWarning, match="move the camera") as caught:
+            renderer.render(dam, camera=camera, size=SMALL, **keywords)
+        assert caught[0].filename == __file__
+    for _ in range(2):
+        with pytest.warns(limpid.LimpidWarning, match="multiply them"):
+            renderer.render(dam[::8], radius=1.5, scene=limpid.Scene(), size=SMALL)
+
+
 def test_a_wrong_unit_is_told_once(renderer, dam):
     scene = limpid.Scene()
     with pytest.warns(limpid.LimpidWarning, match="multiply them by the unit's length") as caught:
         for _ in range(3):
-            renderer.render(dam[::8], radius=1.5, scene=scene, size=SMALL)
+            scene = renderer.render(dam[::8], radius=1.5, scene=scene, size=SMALL).scene
     assert len(caught) == 1
     with pytest.warns(limpid.LimpidWarning, match="move the camera"):
         renderer.render(dam, camera=limpid.Camera((0, 50, 5), (0, 90, 0)), size=SMALL)

@@ -77,7 +77,19 @@ def test_settings_are_a_mapping(renderer, ball, scene):
 BAD = {
     "absorption": dict(absorption=(-1, 0, 0)),
     "ior": dict(ior=9),
-    "radius": dict(solids=[limpid.Sphere((0, 0, 0), -1)]),
+    r"^solids\[1\]: radius must be above 0": dict(
+        solids=[limpid.Plane(), limpid.Sphere((0, 0, 0), -1)]
+    ),
+    r"^Scene: solid at most 512": dict(solids=[limpid.Plane()] * 513),
+    r"^solids\[0\].vertices: row 1 is \[nan": dict(
+        solids=[limpid.Mesh(vertices=[(0, 0, 0), (np.nan, 0, 0), (0, 1, 0)], faces=[(0, 1, 2)])]
+    ),
+    r"^solids\[0\]: .*triangle": dict(
+        solids=[limpid.Mesh(vertices=np.zeros((3, 3)), faces=[(0, 1, 2)])]
+    ),
+    "ior is '1.5'": dict(ior="1.5"),
+    "settings is": dict(settings=["a"]),
+    "is not the name of a setting": dict(settings={"refract.samples=4\nx": 1}),
     "a Mesh takes a file, or vertices": dict(solids=[limpid.Mesh()]),
     "faces: face 0 is": dict(solids=[limpid.Mesh(vertices=CUBE, faces=[(0, 1, 9)])]),
     "faces has the dtype": dict(solids=[limpid.Mesh(vertices=CUBE, faces=[(0.5, 1, 2)])]),
@@ -105,7 +117,8 @@ def test_bad_scenes_are_named(problem):
     with pytest.raises(ValueError, match=problem) as caught:
         limpid.Scene(**BAD[problem])
     text = str(caught.value)
-    assert "\n" not in text and "line" not in text and "--" not in text
+    assert "\n" not in text and "--" not in text
+    assert not any(word in text for word in ("line ", "[[", "f32", "u32", "struct"))
 
 
 def test_files_that_are_missing_are_os_errors(tmp_path):

@@ -1,9 +1,10 @@
 //! Simulations, frame by frame.
 
 use std::path::PathBuf;
-use std::sync::Mutex;
-use std::sync::PoisonError;
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use limpid::liquid::Particles;
 use limpid::memory;
@@ -12,12 +13,15 @@ use limpid_sim::sim::Solver;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::{arrays, work};
+use crate::{arrays, errors, work};
+
+/// How long an interrupt may take to be seen.
+const PATIENCE: Duration = Duration::from_millis(20);
 
 /// The frames of a simulation: one is computed while the last is used.
 #[pyclass(frozen, module = "limpid._limpid")]
 pub(crate) struct Bake {
-    frames: std::sync::Arc<Mutex<Receiver<Particles>>>,
+    frames: Arc<Mutex<Frames>>,
     /// Number of frames.
     #[pyo3(get)]
     count: u32,
@@ -27,6 +31,15 @@ pub(crate) struct Bake {
     /// Frames per second.
     #[pyo3(get)]
     fps: f64,
+}
+
+/// The frames that are computed.
+struct Frames {
+    receiver: Receiver<Particles>,
+    /// A frame that was received and not yet taken, as after Ctrl-C.
+    ready: Option<Particles>,
+    /// Number of frames that are to come.
+    left: u32,
 }
 
 #[pymethods]
@@ -44,7 +57,7 @@ impl Bake {
         })?;
         let (count, radius, fps) =
             (simulation.frames, simulation.particle_radius(), simulation.fps);
-        let (sender, frames) = sync_channel(1);
+        let (sender, receiver) = sync_channel(1);
         // Ends with the frame that nobody takes any more.
         let simulate = move || {
             let mut solver = Solver::new(&simulation, &solids, None);
@@ -55,26 +68,40 @@ impl Bake {
             }
         };
         let spawned = std::thread::Builder::new().name("limpid bake".into()).spawn(simulate);
-        spawned.map_err(|error| crate::errors::raise(limpid_io::Error::Threads(error)))?;
-        Ok(Self { frames: std::sync::Arc::new(Mutex::new(frames)), count, radius, fps })
+        spawned.map_err(|error| errors::raise(limpid_io::Error::Threads(error)))?;
+        let frames = Frames { receiver, ready: None, left: count };
+        Ok(Self { frames: Arc::new(Mutex::new(frames)), count, radius, fps })
     }
 
     /// The arrays of the next frame; `None` after the last.
     fn next<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let frames = self.frames.clone();
-        let particles = work::run(py, move |interrupt| {
-            let frames = frames.lock().unwrap_or_else(PoisonError::into_inner);
-            loop {
-                match frames.recv_timeout(std::time::Duration::from_millis(20)) {
-                    Ok(particles) => return Ok(Some(particles)),
-                    Err(std::sync::mpsc::RecvTimeoutError::Disconnected) => return Ok(None),
-                    Err(_) if interrupt.load(std::sync::atomic::Ordering::Relaxed) => {
-                        return Ok(None);
-                    }
-                    Err(_) => {}
+        work::run(py, move |interrupt| {
+            let mut frames = locked(&frames);
+            while frames.ready.is_none() && frames.left > 0 && !interrupt.load(Ordering::Relaxed) {
+                match frames.receiver.recv_timeout(PATIENCE) {
+                    Ok(particles) => frames.ready = Some(particles),
+                    // The solver has panicked.
+                    Err(RecvTimeoutError::Disconnected) => break,
+                    Err(RecvTimeoutError::Timeout) => {}
                 }
             }
+            Ok(())
         })?;
-        particles.map(|particles| arrays::to_arrays(py, particles)).transpose()
+        // A signal that came last must not lose the frame between here and the caller.
+        py.check_signals()?;
+        let mut frames = locked(&self.frames);
+        match frames.ready.take() {
+            Some(particles) => {
+                frames.left -= 1;
+                arrays::to_arrays(py, particles).map(Some)
+            }
+            None if frames.left > 0 => Err(errors::panicked()),
+            None => Ok(None),
+        }
     }
+}
+
+fn locked(frames: &Mutex<Frames>) -> MutexGuard<'_, Frames> {
+    frames.lock().unwrap_or_else(PoisonError::into_inner)
 }

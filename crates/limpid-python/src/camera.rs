@@ -70,6 +70,11 @@ impl Camera {
         up: [f64; 3],
         near: Option<f64>,
     ) -> PyResult<Self> {
+        if !(height > 0.0 && height < 1e18) {
+            return Err(errors::scene_error(format!(
+                "camera: height is {height}; expected above 0"
+            )));
+        }
         // As in a scene file, where the height decides the nearest field of view.
         let distance = DVec3::from(eye).distance(target.into());
         let fov_y = 2.0 * (0.5 * height / distance.max(1e-300)).atan().to_degrees();
@@ -165,11 +170,12 @@ impl Camera {
                     true => String::new(),
                     false => format!(", up={}", three(camera.up.as_dvec3())),
                 };
+                let near = camera.near.map_or(String::new(), |near| format!(", near={near}"));
                 match camera.lens {
                     Some(Lens::Orthographic { height }) => {
-                        format!("Camera.orthographic({eye}, {target}, {height}{up})")
+                        format!("Camera.orthographic({eye}, {target}, {height}{up}{near})")
                     }
-                    _ => format!("Camera({eye}, {target}, fov_y={}{up})", camera.fov_y),
+                    _ => format!("Camera({eye}, {target}, fov_y={}{up}{near})", camera.fov_y),
                 }
             }
             Kind::Matrices { rows: (view, projection), .. } => {
@@ -180,7 +186,9 @@ impl Camera {
 
     fn __hash__(&self) -> u64 {
         let (x, y, z) = self.eye();
-        x.to_bits() ^ y.to_bits().rotate_left(21) ^ z.to_bits().rotate_left(42)
+        // Zeros of either sign are equal.
+        let [x, y, z] = [x, y, z].map(|x| (x + 0.0).to_bits());
+        x ^ y.rotate_left(21) ^ z.rotate_left(42)
     }
 
     fn __reduce__<'py>(
@@ -239,14 +247,12 @@ impl Camera {
         }
     }
 
-    /// The axis that points up in the camera's world, if its own direction of up tells: not if it looks down or up
-    /// steeply, where up in the picture is level in the world.
+    /// The axis that points up in the camera's world, if its own direction of up tells. Straight views from above are
+    /// taken for views from the front where these are as likely.
     pub(crate) fn likely_up(&self) -> Option<Up> {
         const ALONG: f64 = 0.9;
-        let camera = self.camera()?;
-        let ahead = (camera.target - camera.eye).normalize_or_zero().abs();
-        let up = camera.up.as_dvec3().normalize_or_zero();
-        if up.z > ALONG && ahead.y < ALONG { Some(Up::Z) } else { (up.y > ALONG).then_some(Up::Y) }
+        let up = self.camera()?.up.as_dvec3().normalize_or_zero();
+        if up.z > ALONG { Some(Up::Z) } else { (up.y > ALONG).then_some(Up::Y) }
     }
 
     /// The camera in a world of y up, if this axis points up in its own.

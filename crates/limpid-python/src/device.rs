@@ -1,7 +1,7 @@
 //! The graphics device, and pictures that it draws.
 
 use std::collections::VecDeque;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -130,8 +130,7 @@ struct Drawn {
     images: Vec<Part>,
     /// In the world of the particles.
     camera: Camera,
-    /// The scene, unless it is that which was given.
-    project: Option<limpid_io::project::Project>,
+    project: limpid_io::project::Project,
     radius: f32,
     thickness: Option<f64>,
     particles: usize,
@@ -151,18 +150,19 @@ impl Device {
 
     /// The adapter's name.
     #[getter]
-    fn adapter(&self) -> PyResult<String> {
-        let state = locked(&self.state);
-        Ok(state.as_ref().ok_or_else(closed)?.gpu.adapter())
+    fn adapter(&self, py: Python<'_>) -> PyResult<String> {
+        work::check_process()?;
+        py.detach(|| locked(&self.state).as_ref().map(|open| open.gpu.adapter())).ok_or_else(closed)
     }
 
     /// Closes the device, and keeps its compiled pipelines for later processes. Pictures keep what they need.
     fn close(&self, py: Python<'_>) {
-        let open = locked(&self.state).take();
+        if work::must_leak() {
+            return;
+        }
         py.detach(|| {
-            if work::must_leak() {
-                std::mem::forget(open);
-            } else if let Some(open) = open {
+            let open = locked(&self.state).take();
+            if let Some(open) = open {
                 open.cache.iter().for_each(PipelineCache::save);
                 open.classifier.close();
             }
@@ -197,7 +197,8 @@ impl Device {
             radius,
             samples,
             alpha,
-            motion: frames::moves(&chosen),
+            motion: chosen.contains(&Aov::Motion),
+            in_metres: true,
         };
         let colors = match colors {
             Some(array) => {
@@ -207,7 +208,7 @@ impl Device {
             }
             None => None,
         };
-        let source = Source::Particles(frames::given(&arrays)?, Box::new(setting));
+        let source = Source::Particles(Arc::new(arrays.particles()?), Box::new(setting));
         let size = UVec2::new(size.0, size.1);
         let job = Job { source, colors, thickness, frame, size, aovs: chosen, described };
         self.draw_job(py, job, &aovs)
@@ -239,7 +240,8 @@ impl Device {
 impl Drop for Device {
     fn drop(&mut self) {
         if work::must_leak() {
-            std::mem::forget(locked(&self.state).take());
+            // The lock may be another thread's for ever.
+            std::mem::forget(self.state.clone());
         }
     }
 }
@@ -251,7 +253,9 @@ impl Device {
         job: Job,
         aovs: &[String],
     ) -> PyResult<Bound<'py, PyDict>> {
-        let idle = locked(&self.state).as_mut().ok_or_else(closed)?.idle.pop();
+        work::check_process()?;
+        let idle = py.detach(|| locked(&self.state).as_mut().map(|open| open.idle.pop()));
+        let idle = idle.ok_or_else(closed)?;
         let interrupt = idle.as_ref().map_or_else(Arc::default, |drawer| drawer.interrupt.clone());
         let (state, wanted, size) = (self.state.clone(), self.wanted.clone(), job.size);
         let drawn = work::run_interruptible(py, interrupt, move |interrupt| {
@@ -260,28 +264,28 @@ impl Device {
                 None => new_drawer(&state, wanted.as_deref(), interrupt)?,
             };
             let drawn = drawer.draw(job);
+            // Before another thread takes the renderer.
+            work::end(interrupt);
+            if interrupt.load(Ordering::Relaxed) {
+                // The device may still draw.
+                return drawn;
+            }
             let mut state = locked(&state);
             let Some(open) = state.as_mut() else { return drawn };
             match &drawn {
-                Ok(_) if !open.lost => open.idle.push(drawer),
                 Err(limpid_io::Error::Render(
                     limpid::Error::DeviceLost(_) | limpid::Error::Defect(_),
                 )) => {
                     open.lost = true;
                     open.idle.clear();
                 }
-                // Not an interrupted one: the device may still draw.
-                Err(error) if !is_interrupt(error) && !open.lost => open.idle.push(drawer),
+                _ if !open.lost => open.idle.push(drawer),
                 _ => {}
             }
             drawn
         })?;
         to_python(py, drawn, size, aovs)
     }
-}
-
-fn is_interrupt(error: &limpid_io::Error) -> bool {
-    matches!(error, limpid_io::Error::Render(limpid::Error::Interrupted))
 }
 
 /// A renderer for one more thread; opens the device anew if it has failed.
@@ -307,7 +311,6 @@ fn new_drawer(
 impl Drawer {
     fn draw(&mut self, job: Job) -> limpid_io::Result<Drawn> {
         let Job { source, colors, thickness, frame, size, aovs, described } = job;
-        let mut given = None;
         let owned: Staged;
         let shared: Arc<Staged>;
         let mut colored = None;
@@ -322,7 +325,6 @@ impl Drawer {
                     Arc::make_mut(&mut particles).fluids = Some(fluids);
                     colored = Some((particles.clone(), tints));
                 }
-                given.clone_from(&setting.project);
                 owned = setting.stage(Input::from_particles(particles, "positions"))?;
                 &owned
             }
@@ -356,8 +358,7 @@ impl Drawer {
             self.offscreen.begin(&scene, camera.view(), &loaded.splats, size)?
         };
         let images = if aovs.is_empty() { Vec::new() } else { self.offscreen.images(&aovs)? };
-        let notices =
-            if described { Vec::new() } else { self.notices(&loaded, &scene, camera, size) };
+        let notices = self.notices(&loaded, &scene, (camera, size), described);
         let radiance = self.keep_radiance();
         let rgba = drawing.wait_rgba()?.into_raw();
         Ok(Drawn {
@@ -366,7 +367,7 @@ impl Drawer {
             radiance,
             images,
             camera: *own_camera,
-            project: Some(&opened.plain).filter(|plain| given.as_ref() != Some(plain)).cloned(),
+            project: opened.plain.clone(),
             radius: loaded.splats.radius,
             thickness,
             particles: loaded.particles,
@@ -398,20 +399,24 @@ impl Drawer {
         slot
     }
 
+    /// What is likely wrong with a picture; of one whose like was `described`, only with its view.
     fn notices(
         &self,
         loaded: &Loaded,
         scene: &limpid::scene::Scene,
-        camera: &Camera,
-        size: UVec2,
+        (camera, size): (&Camera, UVec2),
+        described: bool,
     ) -> Vec<String> {
-        let mut notices = notice::of_frame(loaded, scene);
-        notices.extend(notice::of_scene(scene));
+        let mut notices = Vec::new();
+        if !described {
+            notices.extend(notice::of_frame(loaded, scene));
+            notices.extend(notice::of_scene(scene));
+            let straight = self.offscreen.renderer.lights_without_caustics();
+            notices.extend((!straight.is_empty()).then_some(notice::Notice::Straight(straight)));
+        }
         if let Some(camera) = camera.camera() {
             notices.extend(notice::of_view(loaded, &camera, size));
         }
-        let straight = self.offscreen.renderer.lights_without_caustics();
-        notices.extend((!straight.is_empty()).then_some(notice::Notice::Straight(straight)));
         notices.iter().map(errors::describe).collect()
     }
 }
@@ -436,7 +441,7 @@ fn to_python<'py>(
     result.set_item("radiance", Radiance(drawn.radiance))?;
     result.set_item("aov", images(py, drawn.images, aovs)?)?;
     result.set_item("camera", drawn.camera)?;
-    result.set_item("project", drawn.project.map(scene::Project::of))?;
+    result.set_item("project", scene::Project::of(drawn.project))?;
     result.set_item("radius", drawn.radius)?;
     result.set_item("thickness", drawn.thickness)?;
     result.set_item("particles", drawn.particles)?;

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use limpid::aov::Aov;
 use limpid::liquid::{Particles, Up};
 use limpid_io::adjustments::Adjustments;
 use limpid_io::input::Input;
@@ -12,7 +11,7 @@ use limpid_io::project::{LiquidSource, Project};
 use pyo3::prelude::*;
 
 use crate::camera::{Camera, Kind};
-use crate::{arrays, scene, work};
+use crate::{scene, work};
 
 /// What decides how particles are drawn, apart from the picture.
 #[derive(Clone, Default)]
@@ -28,6 +27,8 @@ pub(crate) struct Setting {
     pub(crate) samples: Option<u32>,
     pub(crate) alpha: bool,
     pub(crate) motion: bool,
+    /// Whether the particles are in metres, whatever the unit of the scene's files.
+    pub(crate) in_metres: bool,
 }
 
 /// Particles in their scene.
@@ -53,6 +54,9 @@ impl Setting {
                 self.camera
                     .map(|_| limpid::camera::Camera::fit(-glam::DVec3::ONE, glam::DVec3::ONE))
             };
+            if self.in_metres {
+                project.source.files_mut().iter_mut().for_each(|files| files.scale = None);
+            }
             project.camera = aimed.or_else(placeholder).or(project.camera);
             input = input.with_project(project);
         }
@@ -153,14 +157,4 @@ impl Frames {
 pub(crate) enum Source {
     Particles(Arc<Particles>, Box<Setting>),
     Frame(Arc<Staged>),
-}
-
-/// The particles that arrays hold.
-pub(crate) fn given(arrays: &arrays::Arrays<'_>) -> PyResult<Arc<Particles>> {
-    Ok(Arc::new(arrays.particles()?))
-}
-
-/// Whether the images need velocities.
-pub(crate) fn moves(aovs: &[Aov]) -> bool {
-    aovs.contains(&Aov::Motion)
 }

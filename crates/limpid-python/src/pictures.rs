@@ -10,6 +10,7 @@ use limpid_io::output::{self, PictureFormat};
 use limpid_lab::compare;
 use numpy::ndarray::ArrayView3;
 use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyArrayMethods as _};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -28,14 +29,20 @@ pub(crate) fn rgb(pixels: ArrayView3<'_, u8>) -> RgbImage {
 }
 
 /// The picture, with coverage if `alpha`.
-fn picture(pixels: ArrayView3<'_, u8>, alpha: bool) -> DynamicImage {
-    if !alpha {
-        return rgb(pixels).into();
+fn picture(pixels: ArrayView3<'_, u8>, alpha: bool) -> PyResult<DynamicImage> {
+    let (height, width, channels) = pixels.dim();
+    if channels != 4 || height * width == 0 {
+        let problem = format!(
+            "rgba has the shape ({height}, {width}, {channels}); expected (height, width, 4)"
+        );
+        return Err(PyValueError::new_err(problem));
     }
-    let (height, width, _) = pixels.dim();
+    if !alpha {
+        return Ok(rgb(pixels).into());
+    }
     let bytes = pixels.iter().copied().collect();
     let picture = RgbaImage::from_raw(width as u32, height as u32, bytes);
-    picture.expect("each pixel has four bytes").into()
+    Ok(picture.expect("each pixel has four bytes").into())
 }
 
 /// The bytes of a PNG.
@@ -45,7 +52,7 @@ pub(crate) fn png<'py>(
     rgba: &Bound<'py, PyArray3<u8>>,
     alpha: bool,
 ) -> PyResult<Bound<'py, PyBytes>> {
-    let picture = picture(rgba.try_readonly()?.as_array(), alpha);
+    let picture = picture(rgba.try_readonly()?.as_array(), alpha)?;
     let bytes =
         work::run(py, move |_| {
             let mut bytes = Vec::new();
@@ -66,7 +73,7 @@ pub(crate) fn save(
     alpha: bool,
     radiance: Option<&Bound<'_, PyArray3<f32>>>,
 ) -> PyResult<()> {
-    let picture = picture(rgba.try_readonly()?.as_array(), alpha);
+    let picture = picture(rgba.try_readonly()?.as_array(), alpha)?;
     let radiance = match radiance {
         Some(radiance) => {
             let texels = radiance.try_readonly()?;

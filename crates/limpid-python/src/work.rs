@@ -48,8 +48,9 @@ pub(crate) fn run_interruptible<T: Send + 'static>(
     let flag = interrupt.clone();
     let (sender, mut receiver) = channel();
     let spawned = std::thread::Builder::new().name("limpid".into()).spawn(move || {
-        let _ = sender.send(catch_unwind(AssertUnwindSafe(|| work(&flag))));
+        let outcome = catch_unwind(AssertUnwindSafe(|| work(&flag)));
         end(&flag);
+        let _ = sender.send(outcome);
     });
     if let Err(error) = spawned {
         end(&interrupt);
@@ -64,7 +65,11 @@ pub(crate) fn run_interruptible<T: Send + 'static>(
             Err(RecvTimeoutError::Timeout) => {}
         }
         if let Err(exception) = py.check_signals() {
-            interrupt.store(true, Ordering::Relaxed);
+            // Not of work that has ended: others may use its flag by now.
+            let at_work = locked();
+            if at_work.iter().any(|flag| Arc::ptr_eq(flag, &interrupt)) {
+                interrupt.store(true, Ordering::Relaxed);
+            }
             return Err(exception);
         }
     }
@@ -92,7 +97,7 @@ pub(crate) fn must_leak() -> bool {
 }
 
 /// Fails in a forked child of a process that has worked.
-fn check_process() -> PyResult<()> {
+pub(crate) fn check_process() -> PyResult<()> {
     let own = std::process::id();
     match PROCESS.compare_exchange(0, own, Ordering::Relaxed, Ordering::Relaxed) {
         Err(other) if other != own => Err(errors::error(
@@ -103,7 +108,8 @@ fn check_process() -> PyResult<()> {
     }
 }
 
-fn end(flag: &Arc<AtomicBool>) {
+/// Ends the work of this flag: no signal sets it any more.
+pub(crate) fn end(flag: &Arc<AtomicBool>) {
     locked().retain(|other| !Arc::ptr_eq(other, flag));
     ENDED.notify_all();
 }
