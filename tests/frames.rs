@@ -519,7 +519,9 @@ fn adapters_are_chosen_by_name() {
     let Some(gpu) = gpu() else { return };
     let adapter = gpu.adapter();
     let part = adapter.split(' ').next().unwrap_or_default().to_uppercase();
-    assert_eq!(Gpu::named(&part).unwrap().adapter(), adapter);
+    // Another backend may have the same adapter by a longer name.
+    let found = Gpu::named(&part).unwrap().adapter();
+    assert!(found.to_uppercase().contains(&part), "{found} is not {part}");
     let error = Gpu::named("Voodoo 2").unwrap_err().to_string();
     assert!(
         error.contains("`Voodoo 2`; there are: ") && error.contains(&part.to_lowercase()),
