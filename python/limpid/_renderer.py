@@ -282,7 +282,8 @@ class Renderer:
         of the source is::
 
             for picture in renderer.film(frames, "dam.mp4", fps=30):
-                pass
+                print(picture.seconds)
+            renderer.film(frames, "dam.mp4", fps=30).run()      # without looking at the pictures
 
         The film is complete after the last picture. If the iterator is closed or forgotten before, the
         unfinished file is removed.
