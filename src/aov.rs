@@ -159,15 +159,27 @@ pub struct Part {
 ///
 /// # Errors
 /// [`Error::DeviceLost`].
+#[cfg(not(target_arch = "wasm32"))]
 pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
+    pollster::block_on(finish(gpu, images, chosen))
+}
+
+/// The texels of one layer of a texture.
+async fn texels(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<[f32; 4]>> {
+    let bytes = gpu::begin_reading(gpu, texture, layer).finish(gpu).await?;
+    Ok(bytemuck::pod_collect_to_vec(&bytes))
+}
+
+/// As `read`, for code that browsers and other programs share: waiting yields in a browser and blocks elsewhere.
+///
+/// # Errors
+/// [`Error::DeviceLost`].
+pub async fn finish(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
     let mut channels = Vec::new();
     let mut maps = Vec::new();
-    let texels = |texture: &wgpu::Texture, layer: u32| -> Result<Vec<[f32; 4]>> {
-        Ok(bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, layer)?))
-    };
     for &aov in chosen {
         if let Some(surface) = &images.surface {
-            first_interface(&mut channels, aov, surface, images.fluids, texels)?;
+            first_interface(gpu, &mut channels, aov, surface, images.fluids).await?;
         }
         match aov {
             Aov::Motion | Aov::Coverage | Aov::Mask => {}
@@ -180,7 +192,7 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
                         continue;
                     };
                     for (side, layer) in [("front", Layers::FRONT), ("back", Layers::BACK)] {
-                        let planes = texels(&layers.texture, layer)?;
+                        let planes = texels(gpu, &layers.texture, layer).await?;
                         let name = format!("{aov}.{class}_{side}");
                         if matches!(aov, Aov::Depth | Aov::SmoothDepth) {
                             // Without its flag.
@@ -203,11 +215,12 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
             }
             Aov::SolidDepth => {
                 if let Some(gbuffer) = &images.gbuffer {
-                    push(&mut channels, aov.to_string(), &texels(&gbuffer.planes, 0)?, |p| p[3]);
+                    let planes = texels(gpu, &gbuffer.planes, 0).await?;
+                    push(&mut channels, aov.to_string(), &planes, |p| p[3]);
                 }
             }
             Aov::Radiance => {
-                let radiance = texels(&images.radiance.texture, 0)?;
+                let radiance = texels(gpu, &images.radiance.texture, 0).await?;
                 for (i, color) in ["R", "G", "B"].into_iter().enumerate() {
                     push(&mut channels, format!("{aov}.{color}"), &radiance, |p| p[i]);
                 }
@@ -220,13 +233,14 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
                         Aov::Iterations => 2,
                         _ => 3,
                     };
-                    push(&mut channels, aov.to_string(), &texels(diagnostics, 0)?, |p| p[index]);
+                    let counts = texels(gpu, diagnostics, 0).await?;
+                    push(&mut channels, aov.to_string(), &counts, |p| p[index]);
                 }
             }
             Aov::Caustics => {
                 for (light, map) in (1..).zip(&images.caustics) {
                     if let Some(map) = map {
-                        maps.push(caustics(gpu, map, light)?);
+                        maps.push(caustics(gpu, map, light).await?);
                     }
                 }
             }
@@ -243,13 +257,24 @@ pub fn read(gpu: &Gpu, images: &Images, chosen: &[Aov]) -> Result<Vec<Part>> {
 ///
 /// # Errors
 /// [`Error::DeviceLost`].
+#[cfg(not(target_arch = "wasm32"))]
 pub fn read_radiance(gpu: &Gpu, images: &Images) -> Result<Part> {
     read_linear(gpu, &images.radiance.texture, images.transparent)
 }
 
 /// As [`read_radiance`], of a texture; `transparent` says whether its coverage varies.
+#[cfg(not(target_arch = "wasm32"))]
 pub(crate) fn read_linear(gpu: &Gpu, texture: &wgpu::Texture, transparent: bool) -> Result<Part> {
-    let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&gpu::read_texture(gpu, texture, 0)?);
+    pollster::block_on(finish_linear(gpu, texture, transparent))
+}
+
+/// As [`read_linear`]; waits as [`finish`].
+pub(crate) async fn finish_linear(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    transparent: bool,
+) -> Result<Part> {
+    let texels = texels(gpu, texture, 0).await?;
     let mut channels = Vec::new();
     let count = if transparent { 4 } else { 3 };
     for (i, color) in ["R", "G", "B", "A"].into_iter().take(count).enumerate() {
@@ -260,32 +285,33 @@ pub(crate) fn read_linear(gpu: &Gpu, texture: &wgpu::Texture, transparent: bool)
 }
 
 /// Adds the channels of the first interface that belong to an AOV.
-fn first_interface(
+async fn first_interface(
+    gpu: &Gpu,
     channels: &mut Vec<Channel>,
     aov: Aov,
     images: &SurfaceImages,
     fluids: usize,
-    texels: impl Fn(&wgpu::Texture, u32) -> Result<Vec<[f32; 4]>>,
 ) -> Result<()> {
+    let texels = async |texture: &wgpu::Texture| texels(gpu, texture, 0).await;
     let mut add = |name: &str, texels: &[[f32; 4]], value: &dyn Fn(&[f32; 4]) -> f32| {
         push(channels, format!("{aov}.{name}"), texels, value);
     };
     match aov {
-        Aov::Depth => add("Z", &texels(&images.surface, 0)?, &|p| p[3]),
+        Aov::Depth => add("Z", &texels(&images.surface).await?, &|p| p[3]),
         Aov::Normal => {
-            let normals = texels(&images.surface, 0)?;
+            let normals = texels(&images.surface).await?;
             for (i, axis) in ["X", "Y", "Z"].into_iter().enumerate() {
                 add(axis, &normals, &|p| p[i]);
             }
         }
         Aov::Motion => {
-            let motion = texels(&images.motion, 0)?;
+            let motion = texels(&images.motion).await?;
             add("X", &motion, &|p| p[0]);
             add("Y", &motion, &|p| p[1]);
         }
-        Aov::Coverage => add("A", &texels(&images.motion, 0)?, &|p| p[2]),
+        Aov::Coverage => add("A", &texels(&images.motion).await?, &|p| p[2]),
         Aov::Mask => {
-            let covered = texels(&images.motion, 0)?;
+            let covered = texels(&images.motion).await?;
             for fluid in 0..fluids {
                 let mask = |p: &[f32; 4]| if p[3] as usize == fluid { p[2] } else { 0.0 };
                 add(&format!("fluid{}", fluid + 1), &covered, &mask);
@@ -297,9 +323,9 @@ fn first_interface(
 }
 
 /// Reads the caustic map of a light back. Lights are numbered from 1.
-fn caustics(gpu: &Gpu, map: &CausticMap, light: usize) -> Result<Part> {
+async fn caustics(gpu: &Gpu, map: &CausticMap, light: usize) -> Result<Part> {
     let size = map.view.size;
-    let (irradiance, depth) = map.read(gpu)?;
+    let (irradiance, depth) = map.finish(gpu).await?;
     let name = format!("caustics.{light}");
     let mut channels = Vec::new();
     for (i, color) in ["R", "G", "B"].into_iter().enumerate() {

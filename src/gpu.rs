@@ -26,8 +26,11 @@ pub use binding::{
 pub use commands::Commands;
 pub use commands::{MOST_WORK, Piece, pieces};
 #[doc(hidden)]
-pub use readback::{Pending, Reading, begin_reading, read_buffer, read_mapped, read_texture};
-pub use timer::PassTime;
+pub use readback::{Pending, Reading, begin_reading, read_mapped};
+#[doc(hidden)]
+#[cfg(not(target_arch = "wasm32"))]
+pub use readback::{read_buffer, read_texture};
+pub use timer::{PassTime, SubmittedTimes};
 #[doc(hidden)]
 pub use timer::{PendingTimes, Span, Timer};
 
@@ -72,14 +75,16 @@ impl Gpu {
     /// [`Error::NoAdapter`] without adapters, [`Error::NoMatchingAdapter`] if these variables match
     /// none, [`Error::Refused`] if the adapter creates no device, [`Error::Memory`] if lack of memory may
     /// be the cause.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn headless() -> Result<Self> {
         pollster::block_on(Self::request())
     }
 
-    /// As [`Gpu::headless`], without blocking: for programs whose thread must not wait, as in browsers.
+    /// As `Gpu::headless`, without blocking: for programs whose thread must not wait, as in browsers. These
+    /// have one adapter, by WebGPU.
     ///
     /// # Errors
-    /// As [`Gpu::headless`].
+    /// As `Gpu::headless`.
     pub async fn request() -> Result<Self> {
         let wanted = std::env::var("WGPU_ADAPTER_NAME").unwrap_or_default();
         let backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::all());
@@ -95,6 +100,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Gpu::headless`]; [`Error::NoMatchingAdapter`] if no adapter has the name.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn named(wanted: &str) -> Result<Self> {
         pollster::block_on(async {
             let adapters = adapters(wgpu::Backends::all(), wanted).await;
@@ -165,7 +171,7 @@ impl Gpu {
     }
 
     /// The handle without an interrupt.
-    #[cfg(feature = "image")]
+    #[cfg(all(feature = "image", not(target_arch = "wasm32")))]
     pub(crate) fn uninterrupted(&self) -> Self {
         Self { interrupt: None, ..self.clone() }
     }

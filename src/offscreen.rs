@@ -6,7 +6,7 @@ use image::{DynamicImage, GrayImage, RgbImage, RgbaImage};
 use crate::aov::{self, Aov};
 use crate::camera::View;
 use crate::error::Result;
-use crate::gpu::{self, Gpu, PassTime};
+use crate::gpu::{self, Gpu, PassTime, SubmittedTimes};
 use crate::liquid::classify::Splats;
 use crate::renderer::Renderer;
 use crate::scene::Scene;
@@ -64,6 +64,7 @@ impl Offscreen {
     ///
     /// # Errors
     /// As [`Renderer::render`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn draw(
         &mut self,
         scene: &Scene,
@@ -79,7 +80,39 @@ impl Offscreen {
     ///
     /// # Errors
     /// As [`Renderer::render`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn begin(
+        &mut self,
+        scene: &Scene,
+        view: impl Into<View>,
+        splats: &Splats,
+        size: UVec2,
+    ) -> Result<PendingFrame> {
+        let mut frame = self.submit(scene, view, splats, size)?;
+        pollster::block_on(frame.finish_times())?;
+        Ok(frame)
+    }
+
+    /// As [`Offscreen::draw`], for code that browsers and other programs share: waiting yields in a browser and
+    /// blocks elsewhere.
+    ///
+    /// # Errors
+    /// As `Renderer::render`.
+    pub async fn finish(
+        &mut self,
+        scene: &Scene,
+        view: impl Into<View>,
+        splats: &Splats,
+        size: UVec2,
+    ) -> Result<RenderedFrame> {
+        let mut frame = self.submit(scene, view, splats, size)?;
+        frame.finish_times().await?;
+        let picture = frame.picture.finish(&frame.gpu).await?;
+        Ok(RenderedFrame::of(picture, frame.transparent, frame.passes))
+    }
+
+    /// Submits one frame of `size` pixels; its pass times are still to be read.
+    fn submit(
         &mut self,
         scene: &Scene,
         view: impl Into<View>,
@@ -92,16 +125,40 @@ impl Offscreen {
             None => self.picture.insert((size, Picture::new(&self.gpu, size)?)),
         };
         let target = picture.view();
-        let passes = self.renderer.render(scene, view, splats, &target, Picture::FORMAT, size)?;
+        let times = self.renderer.submit(scene, view, splats, &target, Picture::FORMAT, size)?;
         let picture = picture.begin_reading(&self.gpu);
         let transparent = scene.settings.refract.transparent;
-        Ok(PendingFrame { gpu: self.gpu.clone(), picture, transparent, passes })
+        Ok(PendingFrame {
+            gpu: self.gpu.clone(),
+            picture,
+            transparent,
+            times,
+            passes: Vec::new(),
+        })
+    }
+
+    /// As [`Offscreen::images`]; waits as [`Offscreen::finish`].
+    ///
+    /// # Errors
+    /// As [`aov::read`].
+    pub async fn finish_images(&self, chosen: &[Aov]) -> Result<Vec<aov::Part>> {
+        aov::finish(&self.gpu, &self.renderer.images(), chosen).await
+    }
+
+    /// As [`Offscreen::radiance`]; waits as [`Offscreen::finish`].
+    ///
+    /// # Errors
+    /// As [`aov::read`].
+    pub async fn finish_radiance(&self) -> Result<aov::Part> {
+        let images = self.renderer.images();
+        aov::finish_linear(&self.gpu, &images.radiance.texture, images.transparent).await
     }
 
     /// Reads intermediate images of the last frame; some require [`Renderer::diagnose`].
     ///
     /// # Errors
     /// As [`aov::read`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn images(&self, chosen: &[Aov]) -> Result<Vec<aov::Part>> {
         aov::read(&self.gpu, &self.renderer.images(), chosen)
     }
@@ -111,11 +168,13 @@ impl Offscreen {
     ///
     /// # Errors
     /// As [`aov::read`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn radiance(&self) -> Result<aov::Part> {
         aov::read_radiance(&self.gpu, &self.renderer.images())
     }
 
     /// As [`Offscreen::radiance`], later or never: takes the picture, as [`Renderer::take_radiance`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn take_radiance(&mut self, spare: Option<wgpu::Texture>) -> PendingRadiance {
         let transparent = self.renderer.images().transparent;
         let texture = self.renderer.take_radiance(spare);
@@ -129,10 +188,19 @@ pub struct PendingFrame {
     gpu: Gpu,
     picture: PendingPicture,
     transparent: bool,
+    /// The times of the passes, while they are still to be read.
+    times: Option<SubmittedTimes>,
     passes: Vec<PassTime>,
 }
 
 impl PendingFrame {
+    async fn finish_times(&mut self) -> Result<()> {
+        if let Some(times) = self.times.take() {
+            self.passes = times.finish(&self.gpu).await?;
+        }
+        Ok(())
+    }
+
     /// Time of each pass, if [`Renderer::timing`] is set: [`Offscreen::begin`] has waited for them.
     pub fn passes(&self) -> &[PassTime] {
         &self.passes
@@ -142,6 +210,7 @@ impl PendingFrame {
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn wait(self) -> Result<RenderedFrame> {
         let picture = self.picture.wait(&self.gpu)?;
         Ok(RenderedFrame::of(picture, self.transparent, self.passes))
@@ -152,6 +221,7 @@ impl PendingFrame {
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn wait_rgba(self) -> Result<RgbaImage> {
         let mut picture = self.picture.wait(&self.gpu)?;
         if !self.transparent {
@@ -171,6 +241,7 @@ impl PendingFrame {
 }
 
 /// The linear radiance of a frame, on the device.
+#[cfg(not(target_arch = "wasm32"))]
 #[derive(Debug)]
 pub struct PendingRadiance {
     gpu: Gpu,
@@ -178,11 +249,13 @@ pub struct PendingRadiance {
     transparent: bool,
 }
 
+#[cfg(not(target_arch = "wasm32"))]
 impl PendingRadiance {
     /// Reads it, as [`Offscreen::radiance`].
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn read(&self) -> Result<aov::Part> {
         aov::read_linear(&self.gpu, &self.texture, self.transparent)
     }
@@ -222,6 +295,7 @@ impl Picture {
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn read(&self, gpu: &Gpu) -> Result<RgbaImage> {
         self.begin_reading(gpu).wait(gpu)
     }
@@ -245,8 +319,14 @@ impl PendingPicture {
     ///
     /// # Errors
     /// [`crate::Error::DeviceLost`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn wait(self, gpu: &Gpu) -> Result<RgbaImage> {
-        Ok(image_of(self.size, self.texels.wait(gpu)?))
+        pollster::block_on(self.finish(gpu))
+    }
+
+    /// The picture; waits as [`Offscreen::finish`].
+    async fn finish(self, gpu: &Gpu) -> Result<RgbaImage> {
+        Ok(image_of(self.size, self.texels.finish(gpu).await?))
     }
 
     /// As [`PendingPicture::wait`], without blocking. Browsers poll their devices; other programs call

@@ -7,7 +7,7 @@ use crate::camera::{CameraUniform, View};
 use crate::dirty::{Dirty, LastFrame};
 use crate::environment::Environment;
 use crate::error::{Error, Limited, Result};
-use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, Timer};
+use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, Timer, SubmittedTimes};
 use crate::host::{Host, HostRays};
 use crate::lights::Lights;
 use crate::liquid::classify::Splats;
@@ -153,6 +153,7 @@ impl Renderer {
     /// # Errors
     /// [`crate::Error::Invalid`] for a value out of range, [`crate::Error::Limit`] for a picture
     /// that is too large, [`crate::Error::DeviceLost`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn render(
         &mut self,
         scene: &Scene,
@@ -162,6 +163,23 @@ impl Renderer {
         format: wgpu::TextureFormat,
         size: UVec2,
     ) -> Result<Vec<PassTime>> {
+        let times = self.submit(scene, view, splats, target, format, size)?;
+        times.map_or_else(|| Ok(Vec::new()), |times| pollster::block_on(times.finish(&self.gpu)))
+    }
+
+    /// As `Renderer::render`, without waiting for the times of the passes.
+    ///
+    /// # Errors
+    /// As `Renderer::render`.
+    pub fn submit(
+        &mut self,
+        scene: &Scene,
+        view: impl Into<View>,
+        splats: &Splats,
+        target: &wgpu::TextureView,
+        format: wgpu::TextureFormat,
+        size: UVec2,
+    ) -> Result<Option<SubmittedTimes>> {
         let frame = self.prepare_views(scene, view.into(), splats, size)?;
         let gpu = &self.gpu.clone();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
@@ -177,13 +195,14 @@ impl Renderer {
         let span = timer.span("tonemap");
         self.tonemap.prepare(gpu, &scene.settings.tonemap, format);
         self.tonemap.record(gpu, commands.encoder, &self.refract.radiance, target, format, span);
-        let resolved = timer.resolve(gpu, commands.encoder);
+        let times = PendingTimes::record(gpu, timer, commands.encoder);
         commands.submit();
 
         self.submissions = commands.submissions;
+        let submission = commands.last_submission();
         gpu.check()?;
         self.remember(frame);
-        timer.read(gpu, resolved.as_ref())
+        Ok(times.zip(submission).map(|(times, submission)| times.submitted(submission)))
     }
 
     /// Uploads what a frame of `size` pixels needs and has not yet, and compiles missing pipelines, for

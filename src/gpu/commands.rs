@@ -67,9 +67,14 @@ impl<'a> Commands<'a> {
         self.submissions += 1;
         if self.in_flight.len() > MAX_IN_FLIGHT {
             let submission_index = self.in_flight.pop_front();
-            // A device loss is reported at the end of the frame.
+            // A device loss is reported at the end of the frame. In a browser this returns at once.
             let _ = self.gpu.poll(wgpu::PollType::Wait { submission_index, timeout: None });
         }
+    }
+
+    /// The last submission, if there is one.
+    pub fn last_submission(&self) -> Option<wgpu::SubmissionIndex> {
+        self.in_flight.back().cloned()
     }
 
     /// Records `parts`, each with its work, in one compute pass, or in several passes and submissions if

@@ -8,6 +8,7 @@ use super::Gpu;
 use crate::error::{Error, Result};
 
 /// Reads a buffer that has `COPY_SRC` usage, waiting for the device.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
     let staging = staging(gpu, buffer.size());
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
@@ -27,12 +28,13 @@ pub struct Reading {
     submission: wgpu::SubmissionIndex,
 }
 
-/// Reads one layer of a texture that has `COPY_SRC` usage, as rows without padding.
+/// Reads one layer of a texture that has `COPY_SRC` usage, as rows without padding, waiting for the device.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn read_texture(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Result<Vec<u8>> {
     begin_reading(gpu, texture, layer).wait(gpu)
 }
 
-/// Starts [`read_texture`] without waiting for it.
+/// Starts to read one layer of a texture that has `COPY_SRC` usage, as rows without padding.
 pub fn begin_reading(gpu: &Gpu, texture: &wgpu::Texture, layer: u32) -> Reading {
     let texel = texture.format().block_copy_size(None).expect("colour formats have a texel size");
     let row = u64::from(texture.width()) * u64::from(texel);
@@ -79,8 +81,9 @@ fn staging(gpu: &Gpu, size: u64) -> wgpu::Buffer {
 }
 
 /// Maps the first `size` bytes of a buffer that has `MAP_READ` usage and passes them to `act`. Waits only
-/// for `submission`, which fills the buffer.
-pub fn read_mapped<T>(
+/// for `submission`, which fills the buffer: in a browser by yielding, elsewhere by blocking, since nothing else
+/// may poll the device.
+pub async fn read_mapped<T>(
     gpu: &Gpu,
     staging: &wgpu::Buffer,
     size: u64,
@@ -89,11 +92,8 @@ pub fn read_mapped<T>(
 ) -> Result<T> {
     // The buffer may not exist after an earlier failure.
     gpu.check()?;
-    staging.map_async(wgpu::MapMode::Read, ..size, |_| ());
-    let waited =
-        gpu.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None });
-    gpu.check()?;
-    waited?;
+    let mapping = Mapping::begin(staging, size);
+    gpu.finish(submission, mapping).await?;
     let mapped = staging.get_mapped_range(..size);
     let mapped = mapped.map_err(|e| Error::DeviceLost(e.to_string()))?;
     let result = act(&mapped);
@@ -127,9 +127,16 @@ impl Pending {
     /// The bytes, if the device has finished. To be called only after the commands were submitted; the
     /// caller polls the device, as its frame loop does.
     pub fn collect(&mut self) -> Option<Vec<u8>> {
-        let mapping = self.mapping.get_or_insert_with(|| Mapping::begin(&self.staging));
+        let size = self.staging.size();
+        let mapping = self.mapping.get_or_insert_with(|| Mapping::begin(&self.staging, size));
         let bytes = mapping.outcome()?.ok().map(|()| self.staging.get_mapped_range(..));
         bytes?.ok().map(|bytes| bytes.to_vec())
+    }
+
+    /// The bytes, after waiting for `submission`, of the commands; as [`read_mapped`].
+    pub async fn finish(self, gpu: &Gpu, submission: wgpu::SubmissionIndex) -> Result<Vec<u8>> {
+        let size = self.staging.size();
+        read_mapped(gpu, &self.staging, size, submission, <[u8]>::to_vec).await
     }
 }
 
@@ -145,10 +152,11 @@ struct MappingState {
 }
 
 impl Mapping {
-    fn begin(buffer: &wgpu::Buffer) -> Self {
+    /// Maps the first `size` bytes.
+    fn begin(buffer: &wgpu::Buffer, size: u64) -> Self {
         let mapping = Self(Arc::default());
         let done = mapping.clone();
-        buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+        buffer.map_async(wgpu::MapMode::Read, ..size, move |result| {
             let mut state = done.0.lock().unwrap_or_else(PoisonError::into_inner);
             state.outcome = Some(result.map_err(|e| Error::DeviceLost(e.to_string())));
             if let Some(waker) = state.waker.take() {
@@ -179,21 +187,47 @@ impl Future for Mapping {
     }
 }
 
+impl Gpu {
+    /// Waits for a mapping of a buffer that `submission` fills: see [`read_mapped`].
+    async fn finish(&self, submission: wgpu::SubmissionIndex, mapping: Mapping) -> Result<()> {
+        #[cfg(not(target_arch = "wasm32"))]
+        {
+            let submission_index = Some(submission);
+            let waited = self.poll(wgpu::PollType::Wait { submission_index, timeout: None });
+            self.check()?;
+            waited?;
+        }
+        #[cfg(target_arch = "wasm32")]
+        let _ = submission;
+        let mapped = mapping.await;
+        // A loss, which is the cause of a failed mapping.
+        self.check()?;
+        mapped
+    }
+}
+
 impl Reading {
     /// Waits for the readback, not for later submissions.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn wait(self, gpu: &Gpu) -> Result<Vec<u8>> {
-        let Self { staging, padded_row, row, submission } = self;
-        read_mapped(gpu, &staging, staging.size(), submission, |mapped| {
-            unpadded(mapped, padded_row, row)
-        })?
+        pollster::block_on(self.finish(gpu))
     }
 
-    /// As [`Reading::wait`], without blocking. Browsers poll their devices; other programs poll this one,
+    /// As [`Reading::ready`], for code that browsers and other programs share: in a browser it yields, elsewhere it
+    /// blocks, since nothing else may poll the device.
+    pub async fn finish(self, gpu: &Gpu) -> Result<Vec<u8>> {
+        let Self { staging, padded_row, row, submission } = self;
+        let size = staging.size();
+        let unpad = |mapped: &[u8]| unpadded(mapped, padded_row, row);
+        read_mapped(gpu, &staging, size, submission, unpad).await?
+    }
+
+    /// The readback, without blocking. Browsers poll their devices; other programs poll this one,
     /// from another thread or between turns of their executor.
     pub async fn ready(self, gpu: &Gpu) -> Result<Vec<u8>> {
         let Self { staging, padded_row, row, .. } = self;
         gpu.check()?;
-        Mapping::begin(&staging).await?;
+        Mapping::begin(&staging, staging.size()).await?;
         let mapped = staging.get_mapped_range(..);
         let mapped = mapped.map_err(|e| Error::DeviceLost(e.to_string()))?;
         unpadded(&mapped, padded_row, row)

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Gpu, Pending, read_buffer};
+use super::{Gpu, Pending};
 use crate::error::Result;
 
 /// Device time of one pass.
@@ -54,7 +54,7 @@ impl Timer {
         Span { queries: self.queries.as_ref(), begin: Some(index), end: Some(index + 1) }
     }
 
-    /// Records the resolution of all timestamps into a buffer for [`Timer::read`].
+    /// Records the resolution of all timestamps into a buffer for `Timer::read`.
     pub fn resolve(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) -> Option<wgpu::Buffer> {
         let queries = self.queries.as_ref()?;
         let count = 2 * self.names.len() as u32;
@@ -69,9 +69,10 @@ impl Timer {
     }
 
     /// Waits for the device and returns the spans in order; empty without timestamps.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn read(&self, gpu: &Gpu, resolved: Option<&wgpu::Buffer>) -> Result<Vec<PassTime>> {
         let Some(buffer) = resolved else { return Ok(Vec::new()) };
-        Ok(self.times(gpu, &read_buffer(gpu, buffer)?))
+        Ok(self.times(gpu, &super::read_buffer(gpu, buffer)?))
     }
 
     /// The spans' times, from the bytes of a resolved buffer.
@@ -101,9 +102,32 @@ impl PendingTimes {
         Some(Self { timer, ticks })
     }
 
+    /// The times of commands that have been submitted.
+    pub fn submitted(self, submission: wgpu::SubmissionIndex) -> SubmittedTimes {
+        SubmittedTimes { times: self, submission }
+    }
+
     /// The times, if the device has finished: see [`Pending::collect`].
     pub fn collect(&mut self, gpu: &Gpu) -> Option<Vec<PassTime>> {
         Some(self.timer.times(gpu, &self.ticks.collect()?))
+    }
+}
+
+/// Pass times of a submission.
+#[derive(Debug)]
+pub struct SubmittedTimes {
+    times: PendingTimes,
+    submission: wgpu::SubmissionIndex,
+}
+
+impl SubmittedTimes {
+    /// Waits for the submission: in a browser by yielding, elsewhere by blocking.
+    ///
+    /// # Errors
+    /// [`crate::Error::DeviceLost`].
+    pub async fn finish(self, gpu: &Gpu) -> Result<Vec<PassTime>> {
+        let PendingTimes { timer, ticks } = self.times;
+        Ok(timer.times(gpu, &ticks.finish(gpu, self.submission).await?))
     }
 }
 

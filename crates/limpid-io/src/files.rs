@@ -1,8 +1,7 @@
 //! Reading of untrusted files: checks before they are opened, memory limits, and detection of changes
 //! during reading.
 
-use std::fs::{File, Metadata};
-use std::io::{self, BufRead, Read, Seek};
+use std::io::{self, BufRead, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -12,6 +11,16 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Location, Result};
 use limpid::memory;
+
+#[cfg(target_arch = "wasm32")]
+pub mod given;
+#[cfg(not(target_arch = "wasm32"))]
+mod system;
+
+#[cfg(target_arch = "wasm32")]
+use given as system;
+
+pub use system::{File, Metadata, is_file, metadata, names_in};
 
 /// Largest size of scenes, camera paths and suites, bytes. They are written by hand.
 const TEXT_LIMIT: u64 = 64 << 20;
@@ -105,7 +114,7 @@ pub fn catch_panics<T>(path: &Path, decode: impl FnOnce() -> Result<T>) -> Resul
 pub fn read_picture(path: &Path, bytes: &mut Vec<u8>) -> Result<()> {
     const LARGE: u64 = 64 << 20;
     let (file, metadata) = open(path)?;
-    if cfg!(unix) && metadata.len() > LARGE {
+    if READS_PARTS && metadata.len() > LARGE {
         bytes.resize(64, 0);
         read_at(&file, bytes, 0).map_err(|source| Error::io(path, "read", source))?;
         if image::guess_format(bytes).is_err() {
@@ -151,7 +160,7 @@ fn check_blocks(bytes: &[u8], most: u64) -> Result<(), String> {
 /// a device may be endless.
 pub fn open(path: &Path) -> Result<(File, Metadata)> {
     let fail = |source| Error::io(path, "read", source);
-    let metadata = path.metadata().map_err(fail)?;
+    let metadata = metadata(path).map_err(fail)?;
     if !metadata.is_file() {
         let kind = if metadata.is_dir() { "a folder" } else { "a pipe or device" };
         return Err(fail(io::Error::other(format!("this is {kind}, expected a file"))));
@@ -191,9 +200,8 @@ pub fn contents(
     }
     bytes.resize(length, 0);
     // Exactly the initial length: a file that grows while it is read may have no end.
-    let result = if !cfg!(unix) || length < PART {
-        let mut file = file;
-        file.read_exact(bytes)
+    let result = if !READS_PARTS || length < PART {
+        read_whole(file, bytes)
     } else {
         let parts = bytes.par_chunks_mut(PART).enumerate();
         parts.map(|(i, part)| read_at(file, part, (i * PART) as u64)).collect()
@@ -223,12 +231,30 @@ pub fn read_text(path: &Path) -> Result<String> {
     })
 }
 
+/// Whether [`read_at`] is supported.
+pub const READS_PARTS: bool = cfg!(any(unix, target_arch = "wasm32"));
+
+#[cfg(not(target_arch = "wasm32"))]
+fn read_whole(mut file: &File, bytes: &mut [u8]) -> io::Result<()> {
+    io::Read::read_exact(&mut file, bytes)
+}
+
+#[cfg(target_arch = "wasm32")]
+fn read_whole(file: &File, bytes: &mut [u8]) -> io::Result<()> {
+    file.read_exact_at(bytes, 0)
+}
+
 #[cfg(unix)]
 pub fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<()> {
     std::os::unix::fs::FileExt::read_exact_at(file, buffer, offset)
 }
 
-#[cfg(not(unix))]
+#[cfg(target_arch = "wasm32")]
+pub fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+    file.read_exact_at(buffer, offset)
+}
+
+#[cfg(not(any(unix, target_arch = "wasm32")))]
 pub fn read_at(_: &File, _: &mut [u8], _: u64) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())
 }

@@ -11,6 +11,7 @@ use image::RgbImage;
 
 use crate::camera_path::CameraPath;
 use crate::error::{Error, Result};
+use crate::frames::check_fps;
 use crate::output::{FileKind, Temporary};
 use ffmpeg::Ffmpeg;
 use limpid::camera::Camera;
@@ -89,17 +90,6 @@ pub fn shots(numbers: &[i64], camera: Camera, motion: &Motion, fps: f64) -> Resu
         Shot { number, frame, camera, before: i.checked_sub(1).map(at) }
     });
     Ok(shots.collect())
-}
-
-/// Checks a rate, frames per second.
-///
-/// # Errors
-/// [`Error::Usage`] unless it is between 0.01 and 1000.
-pub fn check_fps(fps: f64) -> Result<()> {
-    if (0.01..=1000.0).contains(&fps) {
-        return Ok(());
-    }
-    Err(Error::Usage(format!("{fps} frames per second: expected between 0.01 and 1000")))
 }
 
 /// The film formats.

@@ -104,6 +104,36 @@ impl Aim {
 }
 
 impl FrameCache {
+    /// Creates a cache without threads, whose caller loads the frames: [`FrameCache::begin`] and
+    /// [`FrameCache::finish`]. For programs whose threads share no memory.
+    pub fn without_workers(count: usize, budget: u64) -> Self {
+        let shared = Shared {
+            count,
+            budget,
+            state: Mutex::new(State::default()),
+            work: Condvar::new(),
+            finished: Condvar::new(),
+            no_worker: OnceLock::new(),
+        };
+        Self { shared: Arc::new(shared) }
+    }
+
+    /// The next frame to load, for which memory is reserved; `None` if nothing is to be loaded now. Never blocks.
+    pub fn begin(&self) -> Option<usize> {
+        // Freed without the lock, since freeing takes time.
+        let mut evicted = Vec::new();
+        let shared = &self.shared;
+        let mut state = shared.lock();
+        let next = state.claim(shared.count, shared.budget, &mut evicted);
+        drop(state);
+        next
+    }
+
+    /// Hands in a frame that [`FrameCache::begin`] has named.
+    pub fn finish(&self, i: usize, outcome: Result<Loaded>) {
+        self.shared.finish(i, outcome);
+    }
+
     /// Creates a cache of frames 0 to `count` − 1 of at most `budget` bytes, or of one frame if that is
     /// larger.
     ///
@@ -117,14 +147,8 @@ impl FrameCache {
         load: impl Fn(usize) -> Result<Loaded> + Send + Sync + 'static,
         ready: impl Fn(usize) + Send + Sync + 'static,
     ) -> Self {
-        let shared = Arc::new(Shared {
-            count,
-            budget,
-            state: Mutex::new(State::default()),
-            work: Condvar::new(),
-            finished: Condvar::new(),
-            no_worker: OnceLock::new(),
-        });
+        let cache = Self::without_workers(count, budget);
+        let shared = &cache.shared;
         let (load, ready) = (Arc::new(load), Arc::new(ready));
         for started in 0..workers.max(1) {
             let (load, ready) = (load.clone(), ready.clone());
@@ -150,7 +174,7 @@ impl FrameCache {
                 break;
             }
         }
-        Self { shared }
+        cache
     }
 
     /// Sets the current frame and the direction of playback: `step` frames at a time, negative for

@@ -13,6 +13,17 @@ const MAX_FRAMES: u64 = 10_000_000;
 /// Prefixes of a step in various programs, longer ones first.
 const STEP_PREFIXES: [&str; 7] = ["every", "step", "by", "x", ":", "@", "s"];
 
+/// Checks a rate, frames per second.
+///
+/// # Errors
+/// [`Error::Usage`] unless it is between 0.01 and 1000.
+pub fn check_fps(fps: f64) -> Result<()> {
+    if (0.01..=1000.0).contains(&fps) {
+        return Ok(());
+    }
+    Err(Error::Usage(format!("{fps} frames per second: expected between 0.01 and 1000")))
+}
+
 /// A selection of frames.
 ///
 /// Its text is a list of frame numbers and ranges, separated by commas or blanks, in the notations of

@@ -13,7 +13,7 @@ use glam::{DVec3, Vec3};
 use crate::adjustments::Adjustments;
 use crate::bake;
 use crate::error::{Error, Result};
-use crate::film::check_fps;
+use crate::frames::check_fps;
 use crate::particles::{Array, AttributeMap, Contents, ReadOptions};
 use crate::project::{
     Automatic, LiquidSource, Moved, ParticleSource, Project, SolidMotion, is_scale,
@@ -311,7 +311,7 @@ impl Input {
             .iter()
             .fold(first.sequence.clone(), |all, fluid| all.joined(&fluid.sequence));
         // A single file is the frame, whatever number its name contains.
-        let single = sources.iter().all(|particles| Path::new(&particles.source).is_file());
+        let single = sources.iter().all(|particles| crate::files::is_file(Path::new(&particles.source)));
         let frame = sources.iter().find_map(|particles| particles.frame).filter(|_| !single);
         let fps = sources.iter().find_map(|particles| particles.fps);
         Ok(Self {
@@ -436,18 +436,28 @@ impl Input {
     ///
     /// # Errors
     /// As [`Input::particles`] and [`Input::prepare`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn load(&self, at: impl Into<FrameTime>, scene: &Scene) -> Result<Loaded> {
+        pollster::block_on(self.finish_load(at, scene))
+    }
+
+    /// As [`Input::load`], for code that browsers and other programs share: waiting for a device that classifies
+    /// yields in a browser and blocks elsewhere.
+    ///
+    /// # Errors
+    /// As `Input::load`.
+    pub async fn finish_load(&self, at: impl Into<FrameTime>, scene: &Scene) -> Result<Loaded> {
         let at = at.into();
         if let [fluid] = self.fluids.as_slice()
             && let Some(particles) = fluid.unchanged()
         {
-            return self.prepare(at, &particles, scene);
+            return self.finish_prepare(at, &particles, scene).await;
         }
         let Contents { mut particles, arrays, cells } = self.contents(at)?;
         // Attributes that classification does not read would take as much memory as its tables.
         (particles.ids, particles.densities) = (None, None);
         particles.velocities.take_if(|_| !self.with_velocities);
-        Ok(Loaded { arrays, cells, ..self.prepare(at, &particles, scene)? })
+        Ok(Loaded { arrays, cells, ..self.finish_prepare(at, &particles, scene).await? })
     }
 
     /// Classifies a frame's particles with the settings of `scene`, whose solids are moved to where they are then.
@@ -455,7 +465,17 @@ impl Input {
     /// # Errors
     /// [`Error::UnknownRadius`] if the radius cannot be determined; as [`SharedClassifier::classify`] and
     /// [`Input::moved`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn prepare(
+        &self,
+        at: impl Into<FrameTime>,
+        particles: &Particles,
+        scene: &Scene,
+    ) -> Result<Loaded> {
+        pollster::block_on(self.finish_prepare(at, particles, scene))
+    }
+
+    async fn finish_prepare(
         &self,
         at: impl Into<FrameTime>,
         particles: &Particles,
@@ -466,7 +486,8 @@ impl Input {
         let moved = self.moved(at, scene)?;
         let settings = &scene.settings.classify;
         let radius = self.fluids[0].radius_of(number, particles)?;
-        let mut splats = self.classifier.classify(particles, radius, settings, self.processor)?;
+        let classified = self.classifier.finish(particles, radius, settings, self.processor);
+        let mut splats = classified.await?;
         classify::add_wall_contacts(&mut splats, &moved.solids(&scene.solids), settings.wetting);
         Ok(Loaded {
             number,

@@ -21,18 +21,25 @@
 //! # }
 //! ```
 
+//!
+//! In a browser, files are those that a page gives or a server has (`files::given`), and nothing writes any: films,
+//! claims and `device` are left out there.
+
 #![forbid(unsafe_code)]
 
 pub mod adjustments;
 pub mod bake;
 pub mod camera_path;
+#[cfg(not(target_arch = "wasm32"))]
 pub mod claim;
+#[cfg(not(target_arch = "wasm32"))]
 pub mod device;
 pub mod environment;
 pub mod error;
 pub mod exr;
 #[doc(hidden)]
 pub mod files;
+#[cfg(not(target_arch = "wasm32"))]
 pub mod film;
 pub mod frame_cache;
 pub mod frames;

@@ -212,7 +212,7 @@ impl<'a> Builder<'a> {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let path = folder.join(&name);
         let nearest = Path::new(&name).file_name().map(|name| folder.join(name));
-        nearest.filter(|nearest| !path.is_file() && nearest.is_file()).unwrap_or(path)
+        nearest.filter(|nearest| !files::is_file(&path) && files::is_file(nearest)).unwrap_or(path)
     }
 
     /// Reads a texture once, however often it is named. One that cannot be read is a remark.

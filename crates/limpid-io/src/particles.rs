@@ -5,7 +5,7 @@
 //! remaining bytes before anything is allocated.
 
 mod arrays;
-mod bgeo;
+pub mod bgeo;
 mod bi4;
 mod csv;
 pub(crate) mod cursor;
@@ -45,6 +45,7 @@ use self::cursor::{Cursor, FileBytes};
 use self::table::{Column, Scalar, Table};
 use self::values::{Values, attributes, narrow_id, too_large, write_numbers};
 use crate::error::{Error, Result};
+use crate::files::File as InputFile;
 use crate::output::FileKind;
 use crate::{files, output};
 
@@ -373,10 +374,10 @@ impl Format {
 
     /// Fails if the start or the length of a large file shows that it has another format, without
     /// reading all of it.
-    fn probe(&self, path: &Path, file: &File, length: u64) -> Result<()> {
+    fn probe(&self, path: &Path, file: &InputFile, length: u64) -> Result<()> {
         const LARGE: u64 = 64 << 20;
         const START: u64 = 64 << 10;
-        if !cfg!(unix) || length < LARGE {
+        if !files::READS_PARTS || length < LARGE {
             return Ok(());
         }
         let mut start = vec![0; START as usize];

@@ -133,7 +133,7 @@ impl Sequence {
 
     fn find(input: &str) -> Result<Self> {
         let path = Path::new(input);
-        let pattern = match std::fs::metadata(path) {
+        let pattern = match files::metadata(path) {
             Ok(metadata) if metadata.is_dir() => return Self::from_folder(path),
             Ok(_) => None,
             Err(_) if file_name(path).contains("{r}") => return Self::from_ranks(input),
@@ -530,15 +530,8 @@ fn split_number(name: &str) -> Option<(&str, i64, &str)> {
 
 /// The names in a folder, sorted, except hidden ones and those that are not Unicode.
 fn file_names(folder: &Path) -> Result<Vec<String>> {
-    let error = |source| Error::io(folder, "list", source);
-    let mut names = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(error)? {
-        if let Ok(name) = entry.map_err(error)?.file_name().into_string()
-            && !name.starts_with('.')
-        {
-            names.push(name);
-        }
-    }
+    let names = files::names_in(folder).map_err(|source| Error::io(folder, "list", source))?;
+    let mut names: Vec<String> = names.into_iter().filter(|name| !name.starts_with('.')).collect();
     names.sort(); // for messages that do not depend on the file system
     Ok(names)
 }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use crate::error::{Error, Result};
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
-use limpid::liquid::classify::{Classifier, Splats, classify, probe_memory};
+use limpid::liquid::classify::{Classifier, Cloud, Splats, classify, probe_memory};
 use limpid::settings::Classify;
 use serde::{Deserialize, Serialize};
 
@@ -147,13 +147,28 @@ impl SharedClassifier {
         }
     }
 
-    /// As [`classify`], on the device or the CPU.
+    /// As `SharedClassifier::finish`, blocking.
+    ///
+    /// # Errors
+    /// As `SharedClassifier::finish`.
+    #[cfg(not(target_arch = "wasm32"))]
+    pub fn classify(
+        &self,
+        particles: &Particles,
+        default_radius: f32,
+        settings: &Classify,
+        processor: Processor,
+    ) -> Result<Splats> {
+        pollster::block_on(self.finish(particles, default_radius, settings, processor))
+    }
+
+    /// As [`classify`], on the device or the CPU. Waiting for the device yields in a browser and blocks elsewhere.
     ///
     /// # Errors
     /// [`limpid::Error::Memory`]. With [`Processor::Gpu`] also [`Error::Usage`] without a device,
     /// [`limpid::Error::Limit`] if the device cannot classify, and as [`Gpu::check`]; otherwise the CPU
     /// takes over.
-    pub fn classify(
+    pub async fn finish(
         &self,
         particles: &Particles,
         default_radius: f32,
@@ -165,17 +180,19 @@ impl SharedClassifier {
             probe_memory(particles.len(), "the shapes of particles")?;
             Ok(classify(particles, default_radius, settings))
         };
-        let on_device = |device_use: DeviceUse<'_>| {
+        let on_device = async |device_use: DeviceUse<'_>| -> Result<Splats> {
             let classifier = device_use.classifier.as_ref().ok_or_else(no_device)?;
-            Ok(classifier.classify(particles, default_radius, settings)?)
+            Ok(classifier.finish(&Cloud::new(particles, default_radius), settings).await?)
         };
         match processor {
             Processor::Cpu => on_cpu(),
-            Processor::Gpu => on_device(self.begin_use(|_| true)?.ok_or_else(no_device)?),
+            Processor::Gpu => on_device(self.begin_use(|_| true)?.ok_or_else(no_device)?).await,
             Processor::Auto if particles.len() < MIN_DEVICE_PARTICLES => on_cpu(),
             Processor::Auto => {
-                let device_use = self.begin_use(is_hardware).ok().flatten();
-                let splats = device_use.and_then(|device_use| on_device(device_use).ok());
+                let splats = match self.begin_use(is_hardware).ok().flatten() {
+                    Some(device_use) => on_device(device_use).await.ok(),
+                    None => None,
+                };
                 splats.map_or_else(on_cpu, Ok)
             }
         }

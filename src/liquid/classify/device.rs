@@ -21,6 +21,7 @@ use super::surface::{self, Search};
 use super::{Cloud, Splats, moments};
 use crate::error::{Error, Limited, Result};
 use crate::gpu::{self, Gpu};
+#[cfg(not(target_arch = "wasm32"))]
 use crate::liquid::particles::Particles;
 use crate::settings::{Classify, Kernel};
 
@@ -175,6 +176,7 @@ impl Classifier {
     ///
     /// # Errors
     /// As [`Gpu::check`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn classify(
         &self,
         particles: &Particles,
@@ -188,8 +190,18 @@ impl Classifier {
     ///
     /// # Errors
     /// As [`Gpu::check`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn classify_cloud(&self, cloud: &Cloud, settings: &Classify) -> Result<Splats> {
-        match self.shaped(cloud, settings)? {
+        pollster::block_on(self.finish(cloud, settings))
+    }
+
+    /// As `Classifier::classify_cloud`, for code that browsers and other programs share: waiting yields in a browser
+    /// and blocks elsewhere.
+    ///
+    /// # Errors
+    /// As [`Gpu::check`].
+    pub async fn finish(&self, cloud: &Cloud, settings: &Classify) -> Result<Splats> {
+        match self.finish_shapes(cloud, settings).await? {
             Some(shaped) => Ok(cloud.splats_of(&shaped, settings)),
             None => Ok(cloud.classify(settings)),
         }
@@ -199,7 +211,21 @@ impl Classifier {
     ///
     /// # Errors
     /// As [`Gpu::check`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn shaped(&self, cloud: &Cloud, settings: &Classify) -> Result<Option<Vec<Shaped>>> {
+        pollster::block_on(self.finish_shapes(cloud, settings))
+    }
+
+    /// As `Classifier::shaped`; waits as [`Classifier::finish`].
+    #[expect(
+        clippy::await_holding_lock,
+        reason = "outside of browsers nothing is awaited, and in one a single task classifies at a time"
+    )]
+    async fn finish_shapes(
+        &self,
+        cloud: &Cloud,
+        settings: &Classify,
+    ) -> Result<Option<Vec<Shaped>>> {
         let Some(layout) = Layout::of(&cloud.members, cloud.radius, settings.support) else {
             return Ok(None);
         };
@@ -224,11 +250,14 @@ impl Classifier {
         // Spare room, as the next frame may have slightly more.
         let room = |count: u64, bytes: u64| (count + count / 8).min(most / bytes - 1);
         let (each, cell) = (size_of::<Shaped>() as u64, size_of::<u32>() as u64);
-        let new = || {
-            let members = room(members, each).max(most_members);
-            Buffers::new(&self.gpu, members, room(cells, cell).max(most_cells))
+        let buffers = match old {
+            Some(old) => Some(old),
+            None => {
+                let members = room(members, each).max(most_members);
+                Buffers::new(&self.gpu, members, room(cells, cell).max(most_cells)).await
+            }
         };
-        let Some(buffers) = old.or_else(new) else { return Ok(None) };
+        let Some(buffers) = buffers else { return Ok(None) };
         let submission = self.submit(&buffers, &params, &places);
         let bytes = Buffers::read_bytes(members);
         let (shaped, all) =
@@ -236,7 +265,8 @@ impl Classifier {
                 let (all, shaped) = b.split_at(size_of::<Sum>());
                 let all: Sum = bytemuck::pod_read_unaligned(all);
                 (bytemuck::pod_collect_to_vec::<u8, Shaped>(shaped), all)
-            })?;
+            })
+            .await?;
         // Large buffers are released, for drawing needs device memory too.
         *kept = Some(buffers).filter(|buffers| buffers.members * each <= KEPT);
         Ok((all.squares <= params.most_squares).then_some(shaped))
@@ -387,7 +417,7 @@ struct Buffers {
 
 impl Buffers {
     /// Allocates the buffers; `None` if the device is out of memory.
-    fn new(gpu: &Gpu, members: u64, cells: u64) -> Option<Self> {
+    async fn new(gpu: &Gpu, members: u64, cells: u64) -> Option<Self> {
         let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let of = |label: &str, size: u64, usage: wgpu::BufferUsages| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -415,7 +445,7 @@ impl Buffers {
             shaped: of("shaped members", shaped, storage | from),
             staging: of("readback", Self::read_bytes(members), to | wgpu::BufferUsages::MAP_READ),
         };
-        pollster::block_on(scope.pop()).is_none().then_some(buffers)
+        scope.pop().await.is_none().then_some(buffers)
     }
 
     /// Bytes read back for this many members.

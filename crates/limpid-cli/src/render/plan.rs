@@ -6,7 +6,7 @@ use limpid::scene::Scene;
 use limpid_io::Error;
 use limpid_io::camera_path::CameraPath;
 use limpid_io::film::{self, Motion, Shot};
-use limpid_io::frames::FrameSpec;
+use limpid_io::frames::{FrameSpec, check_fps};
 use limpid_io::input::{FrameTime, Input};
 use limpid_io::notice::{self, Notice};
 use limpid_io::open::Request;
@@ -73,7 +73,7 @@ fn frame_times(args: &Args, input: &Input) -> limpid_io::Result<(Vec<FrameTime>,
     let mut frames = spec.numbers(&input.sequence, input.missing)?;
     input.check_frames(&frames)?;
     let fps = args.fps.or(input.fps()).unwrap_or(DEFAULT_FPS);
-    film::check_fps(fps)?;
+    check_fps(fps)?;
     if let Some(time) = args.at {
         frames.sort_unstable();
         let frame_time = input.frame_time(&frames, time)?;

@@ -44,13 +44,13 @@ pub(super) fn is_scene_file(path: &Path) -> bool {
 /// The particle files of a sequence, the ellipsoids beside them, and the pieces that they list.
 fn sequence_files(input: &str) -> Vec<PathBuf> {
     // A file with several frames is not scanned for them again.
-    if trajectory::may_have_several(Path::new(input)) && Path::new(input).is_file() {
+    if trajectory::may_have_several(Path::new(input)) && files::is_file(Path::new(input)) {
         return vec![input.into()];
     }
     let frames = Sequence::open(input).map(|sequence| sequence.frames).unwrap_or_default();
     // A list of the frames is a file too.
     let mut files: Vec<PathBuf> =
-        Path::new(input).is_file().then(|| input.into()).into_iter().collect();
+        files::is_file(Path::new(input)).then(|| input.into()).into_iter().collect();
     for path in frames.into_iter().flat_map(|frame| [vec![frame.path], frame.parts].concat()) {
         let is =
             |extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
@@ -58,8 +58,9 @@ fn sequence_files(input: &str) -> Vec<PathBuf> {
             files.push(path.with_extension("ani"));
         }
         if is("pvtu") || is("pvtp") || is("vtm") {
-            let pieces = std::fs::read(&path).ok();
-            let pieces = pieces.and_then(|bytes| vtk_lists::parse_xml(&path, &bytes).ok());
+            let mut bytes = Vec::new();
+            let read = files::read(&path, files::unpacked_limit, &mut bytes).ok();
+            let pieces = read.and_then(|()| vtk_lists::parse_xml(&path, &bytes).ok());
             files.extend(pieces.into_iter().flatten().map(|piece| piece.path));
         }
         files.push(path);

@@ -219,7 +219,7 @@ impl<'a> Reader<'a, '_, '_> {
     fn library(&mut self, names: &str) -> Result<()> {
         /// Largest number of files, each of which takes time, even if it does not exist.
         const MOST: usize = 1000;
-        let whole = self.mesh.beside(names).is_file();
+        let whole = files::is_file(&self.mesh.beside(names));
         let names = if whole { vec![names] } else { names.split_ascii_whitespace().collect() };
         for name in names {
             let path = self.mesh.beside(name);

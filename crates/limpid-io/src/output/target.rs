@@ -114,12 +114,12 @@ impl FileKind {
 
     /// Whether a regular file is empty or of this kind.
     fn is_of(self, path: &Path) -> Result<bool> {
-        let (file, metadata) = files::open(path)?;
+        let (mut file, metadata) = files::open(path)?;
         let mut existing = Existing { path, head: Vec::new(), length: metadata.len() };
         if existing.length == 0 {
             return Ok(true);
         }
-        let read = (&file).take(self.head).read_to_end(&mut existing.head);
+        let read = (&mut file).take(self.head).read_to_end(&mut existing.head);
         read.map_err(|e| Error::io(path, "read", e))?;
         Ok((self.recognise)(&existing))
     }

@@ -75,6 +75,16 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
     encode(particles, out)
 }
 
+/// The file of particles in memory.
+///
+/// # Errors
+/// As [`crate::particles::write`].
+pub fn to_bytes(particles: &Particles) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    encode(particles, &mut bytes)?;
+    Ok(bytes)
+}
+
 /// Writes the points with the attributes that they have; the radius under Houdini's name `pscale`.
 fn encode(particles: &Particles, out: &mut impl Write) -> io::Result<()> {
     const FLOAT: i32 = 0;

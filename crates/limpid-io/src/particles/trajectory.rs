@@ -1,7 +1,6 @@
 //! Text files with several frames: extended XYZ and LAMMPS dumps. A scan finds where each frame begins, and a
 //! frame is read alone, so that a file may be larger than the memory.
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
@@ -119,7 +118,7 @@ pub(crate) fn frames_of(path: &Path) -> Result<Option<Vec<(i64, Section)>>> {
 /// A scan through the lines of a file.
 struct Scan<'a> {
     path: &'a Path,
-    file: BufReader<File>,
+    file: BufReader<files::File>,
     /// Bytes and lines so far.
     offset: u64,
     lines: u64,

@@ -28,13 +28,13 @@ use limpid::memory;
 pub(crate) fn read_raw(path: &Path, limit: Option<u64>) -> Option<Particles> {
     /// Number of positions per block, few enough to stay in the CPU's cache until they are checked.
     const BLOCK: usize = 1 << 14;
-    let (file, metadata) = files::open(path).ok()?;
+    let (mut file, metadata) = files::open(path).ok()?;
     let length = metadata.len();
     if length > limit.unwrap_or_else(|| files::unpacked_limit(length)) {
         return None;
     }
     let mut start = Vec::new();
-    (&file).take(TEXT_SAMPLE as u64).read_to_end(&mut start).ok()?;
+    (&mut file).take(TEXT_SAMPLE as u64).read_to_end(&mut start).ok()?;
     let foreign = known_magic(&start).is_some() || stl_length(&start) == Some(length);
     if length % 12 != 0 || foreign || is_text(&start) || cfg!(target_endian = "big") {
         return None;

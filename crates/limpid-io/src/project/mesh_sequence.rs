@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use super::mesh_source::MeshSource;
 use super::recent::Recent;
 use crate::error::Result;
+use crate::files;
 use crate::meshes;
 use crate::pattern::placeholder;
 use crate::sequence::{Frame, FrameTime, Missing, Sequence};
@@ -41,7 +42,7 @@ impl MeshSequence {
     /// Whether `file` is the pattern of a sequence; a file of that very name is not.
     pub(super) fn is_pattern(file: &Path) -> bool {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
-        placeholder(&name).is_some() && !file.is_file()
+        placeholder(&name).is_some() && !files::is_file(file)
     }
 
     /// Finds the files of a pattern, and reads the first, whose mesh and remarks are returned.
