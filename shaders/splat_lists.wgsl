@@ -96,7 +96,7 @@ fn arrange(@builtin(local_invocation_index) local: u32) {
         before += count;
     }
     if local == BLOCK - 1u {
-        draws = Draw(4u, before, 0u, 0u);
+        draws = Draw(VERTICES * before, 1u, 0u, 0u);
     }
 }
 

@@ -128,13 +128,7 @@ impl Offscreen {
         let times = self.renderer.submit(scene, view, splats, &target, Picture::FORMAT, size)?;
         let picture = picture.begin_reading(&self.gpu);
         let transparent = scene.settings.refract.transparent;
-        Ok(PendingFrame {
-            gpu: self.gpu.clone(),
-            picture,
-            transparent,
-            times,
-            passes: Vec::new(),
-        })
+        Ok(PendingFrame { gpu: self.gpu.clone(), picture, transparent, times, passes: Vec::new() })
     }
 
     /// As [`Offscreen::images`]; waits as [`Offscreen::finish`].

@@ -7,7 +7,7 @@ use crate::camera::{CameraUniform, View};
 use crate::dirty::{Dirty, LastFrame};
 use crate::environment::Environment;
 use crate::error::{Error, Limited, Result};
-use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, Timer, SubmittedTimes};
+use crate::gpu::{Commands, Gpu, PassTime, Pending, PendingTimes, Span, SubmittedTimes, Timer};
 use crate::host::{Host, HostRays};
 use crate::lights::Lights;
 use crate::liquid::classify::Splats;

@@ -87,7 +87,7 @@ fn light_path(vertex: GridVertex) -> Landing {
         }
         let entry = liquid_entry(outside);
         let to_entry = distance(start, entry.position);
-        if !entry.found || receiver.found && distance(start, receiver.position) <= to_entry {
+        if !entry.found || (receiver.found && distance(start, receiver.position) <= to_entry) {
             break;
         }
         n = interface_normal(entry, d);

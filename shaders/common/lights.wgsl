@@ -113,7 +113,7 @@ fn passed_by_view(index: u32, sun: bool, x: vec3f, n: vec3f) -> Passed {
     let across = select(view.xy / -view.z, view.xy, sun);
     let disparity = select(1.0 / -view.z, light.far + view.z, sun);
     let u = (vec2f(across.x, -across.y) / half * 0.5 + 0.5) * size;
-    if !sun && view.z >= 0.0 || !all(u >= vec2f(0.0)) || !all(u < size) {
+    if (!sun && view.z >= 0.0) || !all(u >= vec2f(0.0)) || !all(u < size) {
         return Passed(1.0, vec3f(0.0));
     }
     let omega = vec3f(across, -1.0);

@@ -12,8 +12,8 @@
 override GAP: u32 = 0u; // which split
 
 @vertex
-fn vertex_gap(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Varying {
-    return splat_varying(corner, swollen(splats[listed[instance]]));
+fn vertex_gap(@builtin(vertex_index) vertex: u32) -> Varying {
+    return splat_varying(vertex_corner(vertex), swollen(splats[listed[vertex / VERTICES]]));
 }
 
 @fragment

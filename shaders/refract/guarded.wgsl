@@ -279,7 +279,7 @@ fn opaque_entry(ray: ScreenRay) -> Interface {
             low = select(tau, low, behind);
             // Keeps a hit with nothing in front of it.
             next = select(root, low + reach, hit_tau < NEVER && !behind);
-            if hit_tau < NEVER && !behind && next >= hit_tau || low >= 1.0 || high - low <= close {
+            if (hit_tau < NEVER && !behind && next >= hit_tau) || low >= 1.0 || high - low <= close {
                 break;
             }
             if high < NEVER && !(next > low && next < high) {

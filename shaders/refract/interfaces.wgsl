@@ -214,7 +214,7 @@ fn class_interval(layer_class: i32, texel: vec2i, ray: ScreenRay, tau: f32) -> S
         let ahead = screen_ray_residual(ray, back, tau) <= -4.0 * ROUNDING * disparity;
         interval.back = select(interval.back, back, divides && ahead);
         interval.front = select(interval.front, front, divides && !ahead);
-        ended = ended || divides && ahead;
+        ended = ended || (divides && ahead);
     }
     return interval;
 }
@@ -419,7 +419,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
             }
         }
         // The path ends without more liquid, on a solid, or at the picture's border.
-        var ends = rises || !inside && !hit.found;
+        var ends = rises || (!inside && !hit.found);
         var end_scale = 1.0;
         var screen = !eye;
         var wet = false;
@@ -498,7 +498,7 @@ fn trace(u: vec2f, texel: vec2i) -> vec4f {
                 let x = o + seen.solid.t * seen.d;
                 let below = !inside && covered(x);
                 seen.weight /= select(1.0, scale, below);
-                if ANY_LIT && (below || inside && !bounce) {
+                if ANY_LIT && (below || (inside && !bounce)) {
                     seen.ambient = ambient_at(x, max(height - dot(x, up), 0.0));
                 }
             }

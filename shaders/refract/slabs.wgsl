@@ -191,7 +191,7 @@ fn slabs_leave(slabs: Slabs, ray: ScreenRay, tau: f32, slack: f32) -> Leave {
     }
     // Outside of both, ignores a class without an intersection.
     let silent = !aggregate.inside && aggregate.tau >= NEVER;
-    if splash.tau >= NEVER && !splash.inside || aggregate.tau >= splash.tau && !silent {
+    if (splash.tau >= NEVER && !splash.inside) || (aggregate.tau >= splash.tau && !silent) {
         return aggregate;
     }
     return splash;

@@ -204,12 +204,12 @@ fn has_gap(p: vec2i, layer: i32) -> bool {
     for (var gap = select(GAPS, 0, layer == FRONT && splits.y > 0.0); gap < GAPS; gap++) {
         let back = textureLoad(unsmoothed, p, gap_back(gap)$level).w;
         let front = textureLoad(unsmoothed, p, gap_front(gap)$level).w;
-        found = found || back > 0.0 && front > 0.0;
+        found = found || (back > 0.0 && front > 0.0);
     }
     for (var gap = select(GAPS, 0, layer == BACK && splits.w > 0.0); gap < GAPS; gap++) {
         let back = textureLoad(splashes, p, gap_back(gap), 0).w;
         let front = textureLoad(splashes, p, gap_front(gap), 0).w;
-        found = found || back > 0.0 && front > 0.0;
+        found = found || (back > 0.0 && front > 0.0);
     }
     return found;
 }

@@ -8,9 +8,10 @@
 use std::collections::{HashMap, VecDeque};
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// Bounding box of the bulk of a particle set, in world space, m.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Bulk {
     /// Minimum and maximum corner of the bounding box of the centres.
     pub bounds: (DVec3, DVec3),

@@ -3,6 +3,9 @@
 use crate::gpu::{self, Gpu};
 use crate::liquid::classify::Splat as SplatData;
 
+/// Vertices of a splat, as in `splat.wgsl`.
+const VERTICES: u32 = 6;
+
 /// Splats of one binding.
 #[derive(Debug)]
 pub(super) struct Chunk {
@@ -30,7 +33,7 @@ impl SplatBuffers {
     pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
         for chunk in &self.chunks {
             pass.set_bind_group(1, &chunk.group, &[]);
-            pass.draw(0..4, 0..chunk.count);
+            pass.draw(0..VERTICES * chunk.count, 0..1);
         }
     }
 

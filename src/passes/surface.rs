@@ -291,7 +291,7 @@ fn draw_pipeline(gpu: &Gpu, camera: &CameraBinding) -> wgpu::RenderPipeline {
             buffers: &[],
         },
         primitive: wgpu::PrimitiveState {
-            topology: wgpu::PrimitiveTopology::TriangleStrip,
+            topology: wgpu::PrimitiveTopology::TriangleList,
             ..Default::default()
         },
         depth_stencil: Some(wgpu::DepthStencilState {

@@ -4,6 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::project::Project;
@@ -13,7 +14,7 @@ use limpid::look::{Body, Look};
 use limpid::scene::{Light, Liquid, Scene, Shape, Solid};
 
 /// The changes to a scene that are made most often. Each replaces what the scene has.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Adjustments {
     /// The look: environment, lights and tone mapping, and, unless the scene has solids or an absorption
     /// of its own, the ground and the tint.
@@ -37,7 +38,7 @@ pub struct Adjustments {
 }
 
 /// The direction of the sun.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Sun {
     /// Without any.
     None,
@@ -51,7 +52,7 @@ pub enum Sun {
 }
 
 /// The height of the ground.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Floor {
     /// Without any.
     None,
@@ -60,7 +61,7 @@ pub enum Floor {
 }
 
 /// The colour of the liquid.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Tint {
     /// That of water, whatever the liquid's size.
     Physical,

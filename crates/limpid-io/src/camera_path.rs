@@ -111,16 +111,24 @@ impl CameraPath {
     /// # Errors
     /// As [`CameraPath::check`] and [`output::write_atomically`].
     pub fn save(&self, path: &Path) -> Result<()> {
+        let text = self.to_toml()?;
+        output::write_atomically(path, FILE_KIND, |out| {
+            std::io::Write::write_all(out, text.as_bytes())
+        })
+    }
+
+    /// The text of a path file, which [`CameraPath::parse`] reads back bit-identically.
+    ///
+    /// # Errors
+    /// As [`CameraPath::check`].
+    pub fn to_toml(&self) -> Result<String> {
         self.check()?;
         let key = self.keys.iter().map(|&Key { time, camera }| {
             let Camera { eye, target, up, fov_y, near, lens: _ } = camera;
             KeyFile { time, eye, target, up, fov_y, near }
         });
         let file = PathFile { key: key.collect() };
-        output::write_atomically(path, FILE_KIND, |out| {
-            let text = toml::to_string(&file).map_err(std::io::Error::other)?;
-            std::io::Write::write_all(out, text.as_bytes())
-        })
+        toml::to_string(&file).map_err(|e| Error::Usage(format!("the camera path: {e}")))
     }
 
     /// Checks that there is a key, that the times are finite and ascending, and every key's camera.

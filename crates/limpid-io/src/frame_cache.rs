@@ -8,6 +8,8 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock};
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::input::Loaded;
 
@@ -20,7 +22,7 @@ pub struct FrameCache {
 }
 
 /// The contents of a cache.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CacheState {
     /// Memory of the loaded frames and, estimated, of those being loaded, bytes.
     pub bytes: u64,

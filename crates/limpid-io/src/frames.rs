@@ -4,6 +4,8 @@ use std::collections::{HashSet, VecDeque};
 use std::fmt;
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::sequence::{Frame, Missing, Sequence};
 
@@ -42,7 +44,7 @@ pub fn check_fps(fps: f64) -> Result<()> {
 /// | `1-10y3` | the frames that `1-10x3` skips: 2, 3, 5, 6, 8, 9 | `OpenCue` |
 /// | `1-10@b` | all, in binary order for a preview: the ends, then the middles | |
 /// | `all` | all existing frames | |
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FrameSpec {
     /// Every existing frame.
     #[default]

@@ -82,6 +82,8 @@ pub struct Loaded {
     pub particles: usize,
     /// The classified particles.
     pub splats: Splats,
+    /// Number of splashes among them.
+    pub splashes: usize,
     /// Origin of the radius; with several fluids, the least reliable.
     pub radius_from: RadiusFrom,
     /// Whether z is guessed to point up in the files.
@@ -175,6 +177,19 @@ impl Input {
     pub fn from_particles(particles: Arc<Particles>, name: &str) -> Self {
         let fluid = Fluid { guess_up: true, ..Fluid::given(particles, name) };
         Self::of(None, fluid, None)
+    }
+
+    /// The outline of an input that is open elsewhere, as a page has it of what its worker has open: the numbers
+    /// of its frames, not their particles.
+    #[must_use]
+    pub fn outline_of(
+        project: Project,
+        sequence: Sequence,
+        frame: Option<i64>,
+        fps: Option<f64>,
+    ) -> Self {
+        let fluid = Fluid::of_files(sequence, None, Up::Y, AttributeMap::default());
+        Self { fps, ..Self::of(Some(project), fluid, frame) }
     }
 
     /// An input with one fluid.
@@ -311,7 +326,8 @@ impl Input {
             .iter()
             .fold(first.sequence.clone(), |all, fluid| all.joined(&fluid.sequence));
         // A single file is the frame, whatever number its name contains.
-        let single = sources.iter().all(|particles| crate::files::is_file(Path::new(&particles.source)));
+        let single =
+            sources.iter().all(|particles| crate::files::is_file(Path::new(&particles.source)));
         let frame = sources.iter().find_map(|particles| particles.frame).filter(|_| !single);
         let fps = sources.iter().find_map(|particles| particles.fps);
         Ok(Self {
@@ -492,6 +508,7 @@ impl Input {
         Ok(Loaded {
             number,
             particles: particles.len(),
+            splashes: splats.splashes.len(),
             splats,
             radius_from: self.radius_from(particles),
             turned: self.is_turned(),

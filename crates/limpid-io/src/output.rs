@@ -328,29 +328,55 @@ pub fn write_png(path: &Path, picture: &RgbImage) -> Result<()> {
 /// As [`PictureFormat::of`], [`Error::Usage`] for `.exr`, which holds radiance
 /// ([`crate::exr::write`]), and for a JPEG with coverage, and as [`write_atomically`].
 pub fn write_picture(path: &Path, picture: &DynamicImage, notes: &[(&str, String)]) -> Result<()> {
+    let format = byte_format(path, picture)?;
+    write_atomically(path, FileKind::PICTURE, |file| encode(format, picture, notes, file))
+}
+
+/// Encodes a picture in the format of the extension of `path`, which messages name; see [`write_picture`].
+///
+/// # Errors
+/// As [`write_picture`].
+pub fn encode_picture(
+    path: &Path,
+    picture: &DynamicImage,
+    notes: &[(&str, String)],
+    to: impl io::Write,
+) -> Result<()> {
+    let format = byte_format(path, picture)?;
+    encode(format, picture, notes, to).map_err(|e| Error::io(path, "write", e))
+}
+
+/// The format of the extension, which can hold this picture.
+fn byte_format(path: &Path, picture: &DynamicImage) -> Result<PictureFormat> {
+    let fail = |problem| Err(Error::Usage(format!("{}: {problem}", path.display())));
+    match PictureFormat::of(path)? {
+        PictureFormat::Jpeg if picture.color().has_alpha() => {
+            fail("a .jpg holds no coverage; choose .png, .webp or .exr")
+        }
+        PictureFormat::Exr => fail("an .exr holds radiance, this is an 8-bit picture; choose .png"),
+        format => Ok(format),
+    }
+}
+
+fn encode(
+    format: PictureFormat,
+    picture: &DynamicImage,
+    notes: &[(&str, String)],
+    to: impl io::Write,
+) -> io::Result<()> {
     let (width, height) = (picture.width(), picture.height());
     let (bytes, color) = (picture.as_bytes(), picture.color().into());
-    match PictureFormat::of(path)? {
-        PictureFormat::Png => {
-            write_atomically(path, FileKind::PICTURE, |file| encode_png(file, picture, notes))
+    let encoded = match format {
+        PictureFormat::Jpeg => {
+            let encoder = JpegEncoder::new_with_quality(to, JPEG_QUALITY);
+            encoder.write_image(bytes, width, height, color)
         }
-        PictureFormat::Jpeg if picture.color().has_alpha() => {
-            let problem = "a .jpg holds no coverage; choose .png, .webp or .exr";
-            Err(Error::Usage(format!("{}: {problem}", path.display())))
+        PictureFormat::Webp => {
+            WebPEncoder::new_lossless(to).write_image(bytes, width, height, color)
         }
-        PictureFormat::Jpeg => write_atomically(path, FileKind::PICTURE, |file| {
-            let encoder = JpegEncoder::new_with_quality(file, JPEG_QUALITY);
-            encoder.write_image(bytes, width, height, color).map_err(io::Error::other)
-        }),
-        PictureFormat::Webp => write_atomically(path, FileKind::PICTURE, |file| {
-            let encoder = WebPEncoder::new_lossless(file);
-            encoder.write_image(bytes, width, height, color).map_err(io::Error::other)
-        }),
-        PictureFormat::Exr => {
-            let problem = "an .exr holds radiance, this is an 8-bit picture";
-            Err(Error::Usage(format!("{}: {problem}; choose .png", path.display())))
-        }
-    }
+        PictureFormat::Png | PictureFormat::Exr => return encode_png(to, picture, notes),
+    };
+    encoded.map_err(io::Error::other)
 }
 
 /// Encodes a picture with the notes, each a keyword and a text, and without time or machine, so that equal

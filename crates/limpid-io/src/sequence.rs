@@ -7,6 +7,8 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::particles::{Contents, ReadOptions, Section, extensions, readable_stem, trajectory};
 use crate::pattern::placeholder;
@@ -41,7 +43,7 @@ pub struct Frame {
 }
 
 /// The treatment of missing frames.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Missing {
     /// An error.
     #[default]

@@ -4,6 +4,7 @@ use eframe::egui;
 use serde_json::json;
 
 use crate::dialogs::Dialog;
+#[cfg(not(target_arch = "wasm32"))]
 use crate::document::Source;
 use crate::playback::Speed;
 use crate::shortcuts::{self, Action};
@@ -12,7 +13,8 @@ use crate::{Compare, Viewer, camera_controls};
 use limpid::camera::Camera;
 
 impl Viewer {
-    /// Opens a file that was dropped on the window.
+    /// Opens a file that was dropped on the window. In a browser the page takes it.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) fn take_files(&mut self, ctx: &egui::Context) {
         let dropped = ctx.input(|input| input.raw.dropped_files.clone());
         if let Some(file) = dropped.first() {
@@ -92,8 +94,16 @@ impl Viewer {
                 self.playback.playing = false;
                 self.interface.dialog = self.save_picture_dialog();
             }
+            #[cfg(target_arch = "wasm32")]
+            Action::SaveFilm => {
+                self.show_info("films are saved by the program: limpid render -o film.mp4".into());
+            }
+            #[cfg(not(target_arch = "wasm32"))]
             Action::SaveFilm => self.interface.dialog = self.save_film_dialog(),
             Action::SaveScene => self.interface.dialog = self.save_scene_dialog(),
+            #[cfg(target_arch = "wasm32")]
+            Action::Copy => self.copy_link(ctx),
+            #[cfg(not(target_arch = "wasm32"))]
             Action::Copy => {
                 if let Some(command) = self.command_line("limpid.png") {
                     ctx.copy_text(command.clone());

@@ -1,6 +1,7 @@
 //! The resolution of pictures while things move, chosen so that a slow machine stays responsive.
 
 use glam::UVec2;
+use serde::{Deserialize, Serialize};
 
 /// Target time of a draft, ms.
 const TARGET_MS: f64 = 50.0;
@@ -13,7 +14,7 @@ const SCALES: [f64; 5] = [1.0, 0.75, 0.5, 0.375, 0.25];
 const START: usize = 3;
 
 /// Quality of a picture, from moving to long at rest.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Level {
     /// A lower resolution, one ray per pixel.
     Draft,

@@ -1,5 +1,6 @@
 //! Simulated scenes: a thread simulates missing frames while finished ones play.
 
+#[cfg(not(target_arch = "wasm32"))]
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
@@ -7,11 +8,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::Viewer;
 use crate::document::{Document, Source};
+#[cfg(not(target_arch = "wasm32"))]
 use crate::messages::Message;
+#[cfg(not(target_arch = "wasm32"))]
 use limpid::scene::Solid;
-use limpid_io::bake::{self, Progress};
+#[cfg(not(target_arch = "wasm32"))]
+use limpid_io::bake;
+use limpid_io::bake::Progress;
 use limpid_io::error::Result;
 use limpid_io::project::Project;
+#[cfg(not(target_arch = "wasm32"))]
 use limpid_sim::sim::Simulation;
 
 /// A source that is open or being opened; dropping this stops its bake after the current frame.
@@ -74,6 +80,12 @@ impl Viewer {
             again: false,
             stop,
         });
+        #[cfg(target_arch = "wasm32")]
+        {
+            drop(post);
+            self.jobs.drawing.open(number, &requested, stopped);
+        }
+        #[cfg(not(target_arch = "wasm32"))]
         std::thread::spawn(move || {
             let report = |document| post.send(Message::Opened(number, Box::new(document)));
             let Some(project) = simulated(&requested) else {
@@ -159,10 +171,15 @@ impl Viewer {
     fn grow(&mut self, number: u64) {
         let Some(opening) = self.opening_mut(number) else { return };
         (opening.growing, opening.again) = (true, false);
-        let (source, post) = (opening.source.clone(), self.jobs.post.clone());
-        std::thread::spawn(move || {
-            post.send(Message::Grown(number, Box::new(Document::open(&source))));
-        });
+        #[cfg(target_arch = "wasm32")]
+        self.jobs.drawing.grow(number);
+        #[cfg(not(target_arch = "wasm32"))]
+        {
+            let (source, post) = (opening.source.clone(), self.jobs.post.clone());
+            std::thread::spawn(move || {
+                post.send(Message::Grown(number, Box::new(Document::open(&source))));
+            });
+        }
     }
 
     /// Replaces the document by one with more frames; all other state stays.
@@ -194,13 +211,14 @@ impl Viewer {
 
 /// The project of a simulated source; `None` for all others, and for unreadable ones, whose error is
 /// reported by opening them.
-fn simulated(source: &Source) -> Option<Project> {
+pub(crate) fn simulated(source: &Source) -> Option<Project> {
     let path = Path::new(&source.input);
     let scene = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     let project = scene.then(|| Project::load(path).ok()).flatten()?;
     project.source.simulation().is_some().then_some(project)
 }
 
+#[cfg(not(target_arch = "wasm32"))]
 fn bake(
     simulation: &Simulation,
     solids: &[Solid],

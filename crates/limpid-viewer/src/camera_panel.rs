@@ -68,7 +68,8 @@ impl Viewer {
             let some = !self.eye.path.keys.is_empty();
             ui.add_enabled(some, egui::Checkbox::new(&mut self.eye.follow, "Follow"))
                 .on_hover_text("playback takes the camera along the keys");
-            if ui.button("Load…").clicked() {
+            // A page is given scenes and particles alone.
+            if !cfg!(target_arch = "wasm32") && ui.button("Load…").clicked() {
                 self.interface.dialog = Some(Dialog::load_path());
             }
             if ui.add_enabled(some, egui::Button::new("Save…")).clicked() {

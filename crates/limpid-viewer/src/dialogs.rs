@@ -2,6 +2,7 @@
 //! on its own thread.
 
 use std::path::{Path, PathBuf};
+#[cfg(not(target_arch = "wasm32"))]
 use std::time::{Duration, Instant};
 
 use eframe::egui;
@@ -9,12 +10,18 @@ use glam::UVec2;
 
 use crate::Viewer;
 use crate::document::Source;
+#[cfg(not(target_arch = "wasm32"))]
 use crate::messages::Message;
 use crate::shortcuts::{POINTER, SHORTCUTS};
+#[cfg(not(target_arch = "wasm32"))]
 use limpid_io::camera_path::CameraPath;
 
 /// A file dialog that returns sooner than this was never shown.
+#[cfg(not(target_arch = "wasm32"))]
 const MIN_DIALOG_TIME: Duration = Duration::from_millis(400);
+
+/// The button that chooses a folder, in a browser.
+const FOLDER: &str = "Folder…";
 
 /// An open dialog.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,6 +36,7 @@ pub(crate) struct Dialog {
 enum Purpose {
     Open,
     Picture,
+    #[cfg(not(target_arch = "wasm32"))]
     Film,
     Scene,
     LoadPath,
@@ -40,6 +48,7 @@ impl Purpose {
         match self {
             Self::Open => "Open",
             Self::Picture => "Save picture",
+            #[cfg(not(target_arch = "wasm32"))]
             Self::Film => "Save film",
             Self::Scene => "Save scene",
             Self::LoadPath => "Load camera path",
@@ -48,9 +57,19 @@ impl Purpose {
     }
 
     fn saves(self) -> bool {
-        matches!(self, Self::Picture | Self::Film | Self::Scene | Self::SavePath)
+        !matches!(self, Self::Open | Self::LoadPath)
     }
 
+    /// Whether a size is chosen.
+    fn draws(self) -> bool {
+        #[cfg(not(target_arch = "wasm32"))]
+        if self == Self::Film {
+            return true;
+        }
+        self == Self::Picture
+    }
+
+    #[cfg(not(target_arch = "wasm32"))]
     fn filter(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Open => ("Scenes and particles", &[]),
@@ -62,10 +81,16 @@ impl Purpose {
 
     fn hint(self) -> &'static str {
         match self {
+            #[cfg(target_arch = "wasm32")]
+            Self::Open => {
+                "The URL of a scene (.toml) or a particle file, a pattern as https://…/frame_{}.bgeo, or your own files"
+            }
+            #[cfg(not(target_arch = "wasm32"))]
             Self::Open => {
                 "A scene (.toml), a particle file, a pattern as frame_{}.bgeo, or a folder"
             }
             Self::Picture => "Drawn as `limpid render` does",
+            #[cfg(not(target_arch = "wasm32"))]
             Self::Film => {
                 "All frames at the speed of playback; .mp4 and .webm need ffmpeg, .gif and .apng nothing"
             }
@@ -102,6 +127,7 @@ impl Viewer {
         Some(Dialog { size, samples, ..Dialog::new(Purpose::Picture, "limpid.png") })
     }
 
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) fn save_film_dialog(&self) -> Option<Dialog> {
         let samples = self.fine_scene().settings.refract.samples;
         self.opened.document.as_ref()?;
@@ -116,15 +142,16 @@ impl Viewer {
     pub(crate) fn show_dialog(&mut self, ctx: &egui::Context) {
         let Some(mut dialog) = self.interface.dialog.take() else { return };
         let purpose = dialog.purpose;
-        let (mut done, mut cancelled, mut browse) = (false, false, false);
+        let (mut done, mut cancelled, mut browse) = (false, false, None);
         let modal = egui::Modal::new(egui::Id::unique("dialog")).show(ctx, |ui| {
             ui.set_width(440.0);
             ui.heading(purpose.title());
             ui.weak(purpose.hint());
             ui.add_space(4.0);
             ui.horizontal(|ui| {
-                let label = ui.label("Path");
-                let width = ui.available_width() - 90.0;
+                let (label, buttons) = self.path_buttons(purpose);
+                let label = ui.label(label);
+                let width = ui.available_width() - 90.0 * buttons.len() as f32;
                 let edit = egui::TextEdit::singleline(&mut dialog.path).desired_width(width);
                 let response = ui.add(edit).labelled_by(label.id);
                 if response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter)) {
@@ -132,11 +159,14 @@ impl Viewer {
                 } else if !response.has_focus() && ui.memory(|memory| memory.focused().is_none()) {
                     response.request_focus();
                 }
-                browse = ui
-                    .add_enabled(!self.interface.browsing, egui::Button::new("Browse…"))
-                    .clicked();
+                for &button in buttons {
+                    let enabled = !self.interface.browsing;
+                    if ui.add_enabled(enabled, egui::Button::new(button)).clicked() {
+                        browse = Some(button);
+                    }
+                }
             });
-            if matches!(purpose, Purpose::Picture | Purpose::Film) {
+            if purpose.draws() {
                 ui.horizontal(|ui| {
                     ui.label("Size");
                     ui.add(egui::DragValue::new(&mut dialog.size.x).range(1..=16384).suffix(" px"));
@@ -155,13 +185,28 @@ impl Viewer {
                 cancelled = ui.button("Cancel").clicked();
             });
         });
-        if browse {
+        #[cfg(not(target_arch = "wasm32"))]
+        if browse.is_some() {
             self.browse(&dialog);
+        }
+        #[cfg(target_arch = "wasm32")]
+        if let Some(button) = browse {
+            self.pick(button == FOLDER);
+            return;
         }
         if done && !dialog.path.is_empty() {
             self.finish(&dialog);
         } else if !cancelled && !modal.should_close() {
             self.interface.dialog = Some(dialog);
+        }
+    }
+
+    /// What the text of a dialog is, and the buttons that choose it elsewhere.
+    fn path_buttons(&self, purpose: Purpose) -> (&'static str, &'static [&'static str]) {
+        match (cfg!(target_arch = "wasm32"), purpose) {
+            (false, _) => ("Path", &["Browse…"]),
+            (true, Purpose::Open) => ("URL", &["Files…", FOLDER]),
+            (true, _) => ("Name", &[]),
         }
     }
 
@@ -171,12 +216,19 @@ impl Viewer {
         match dialog.purpose {
             Purpose::Open => self.open(Source::new(dialog.path.clone())),
             Purpose::Picture => self.save_picture(path, dialog.size, dialog.samples),
+            #[cfg(not(target_arch = "wasm32"))]
             Purpose::Film => self.save_film(path, dialog.size, dialog.samples),
+            #[cfg(target_arch = "wasm32")]
+            Purpose::LoadPath => {}
+            #[cfg(target_arch = "wasm32")]
+            Purpose::SavePath => self.download_path(&path),
             Purpose::Scene => self.save_scene(path),
+            #[cfg(not(target_arch = "wasm32"))]
             Purpose::SavePath => {
                 let keys = self.eye.path.clone();
                 self.write(path, move |path| keys.save(path));
             }
+            #[cfg(not(target_arch = "wasm32"))]
             Purpose::LoadPath => {
                 let post = self.jobs.post.clone();
                 std::thread::spawn(move || {
@@ -188,6 +240,7 @@ impl Viewer {
     }
 
     /// Shows the system's file dialog on its own thread.
+    #[cfg(not(target_arch = "wasm32"))]
     fn browse(&mut self, dialog: &Dialog) {
         self.interface.browsing = true;
         let (purpose, path, post) = (dialog.purpose, dialog.path.clone(), self.jobs.post.clone());
@@ -206,6 +259,7 @@ impl Viewer {
         });
     }
 
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) fn chosen(&mut self, path: Option<PathBuf>, waited: Duration) {
         self.interface.browsing = false;
         match (path, &mut self.interface.dialog) {

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use crate::playback::Speed;
 use limpid::camera::Camera;
 use limpid::liquid::Up;
@@ -18,7 +20,7 @@ use limpid_io::project;
 use limpid_io::project::{LiquidSource, ParticleSource, Project};
 
 /// A source to open, as on the command line.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Source {
     /// A scene, a recipe, a particle file, a pattern or a folder.
     pub input: String,
@@ -33,6 +35,7 @@ pub struct Source {
     /// How missing frames are replaced.
     pub missing: Missing,
     /// How particle files are read.
+    #[serde(skip)]
     pub options: ReadOptions,
     /// Changes to the scene and to the reading of its files.
     pub adjustments: Adjustments,

@@ -4,7 +4,9 @@
 //! is done; after that it plays from memory, at its own speed. Where drawing is faster, nothing is kept.
 
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use web_time::Instant;
 
 use eframe::egui::{self, Align2, Color32, FontId, Rect, pos2, vec2};
 use glam::UVec2;

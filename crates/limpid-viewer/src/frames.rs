@@ -2,13 +2,20 @@
 
 use std::sync::Arc;
 
+use crate::background::drop_in_background;
 use crate::document::Document;
 use limpid::scene::Scene;
 use limpid::settings::Classify;
-use limpid_io::frame_cache::{CacheState, FrameCache, Outcome};
+#[cfg(not(target_arch = "wasm32"))]
+use limpid_io::frame_cache::FrameCache;
+use limpid_io::frame_cache::{CacheState, Outcome};
 use limpid_io::input::FrameTime;
 use limpid_io::shared_classifier::Processor;
+#[cfg(not(target_arch = "wasm32"))]
 use limpid_io::shared_classifier::SharedClassifier;
+
+#[cfg(target_arch = "wasm32")]
+use crate::web::FrameCache;
 
 /// The inputs of a cache's frames besides the document.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,24 +28,29 @@ struct Key {
     budget: u64,
 }
 
-/// Drops a possibly large value on a thread, because that can take too long for the interface.
-pub(crate) fn drop_in_background(what: impl Send + 'static) {
-    std::thread::spawn(move || drop(what));
-}
-
 /// One cache for each distinct classification on screen.
 #[derive(Debug)]
 pub(crate) struct Frames {
     caches: Vec<(Key, FrameCache)>,
     /// Memory for all caches, bytes.
     budget: u64,
+    #[cfg(not(target_arch = "wasm32"))]
     classifier: SharedClassifier,
+    #[cfg(target_arch = "wasm32")]
+    worker: crate::web::Worker,
     /// The processor that classifies the frames.
     pub(crate) processor: Processor,
 }
 
 impl Frames {
+    /// Creates no caches yet; `worker` will load their frames.
+    #[cfg(target_arch = "wasm32")]
+    pub(crate) fn new(budget: u64, worker: crate::web::Worker) -> Self {
+        Self { caches: Vec::new(), budget, worker, processor: Processor::default() }
+    }
+
     /// Creates no caches yet; `classifier` will classify their frames.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) fn new(budget: u64, classifier: SharedClassifier) -> Self {
         Self { caches: Vec::new(), budget, classifier, processor: Processor::default() }
     }
@@ -89,17 +101,42 @@ impl Frames {
                 self.caches.push(old.swap_remove(same));
                 continue;
             }
-            let input = document.input.clone().classified(self.classifier.clone());
-            let input = input.processed_by(self.processor);
-            let (frame_times, scene) = (frame_times.clone(), scene.clone());
-            let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
-            let workers = workers.min(frame_times.len());
-            let load = move |i: usize| input.load(frame_times[i], &scene);
-            let ready = ready.clone();
-            let cache = FrameCache::new(key.count, budget, workers, load, move |_| ready());
+            let cache = self.cache(document, frame_times, scene, budget, ready.clone());
             self.caches.push((key, cache));
         }
         drop_in_background(old);
+    }
+
+    /// A cache that loads frames on threads of its own.
+    #[cfg(not(target_arch = "wasm32"))]
+    fn cache(
+        &self,
+        document: &Document,
+        frame_times: &Arc<[FrameTime]>,
+        scene: &Scene,
+        budget: u64,
+        ready: impl Fn() + Send + Sync + 'static,
+    ) -> FrameCache {
+        let input = document.input.clone().classified(self.classifier.clone());
+        let input = input.processed_by(self.processor);
+        let (frame_times, scene) = (frame_times.clone(), scene.clone());
+        let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let (count, workers) = (frame_times.len(), workers.min(frame_times.len()));
+        let load = move |i: usize| input.load(frame_times[i], &scene);
+        FrameCache::new(count, budget, workers, load, move |_| ready())
+    }
+
+    /// A cache of the worker, which has the document open.
+    #[cfg(target_arch = "wasm32")]
+    fn cache(
+        &self,
+        _: &Document,
+        frame_times: &[FrameTime],
+        scene: &Scene,
+        budget: u64,
+        ready: impl Fn() + 'static,
+    ) -> FrameCache {
+        self.worker.cache(frame_times, scene, self.processor, budget, ready)
     }
 
     /// Sets the position and direction of playback in all caches.

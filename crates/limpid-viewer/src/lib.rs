@@ -6,10 +6,13 @@
 //! simulating, dialogs, ground truth) each have a temporary thread. All of them send messages to the
 //! interface, which wake it; nothing else does except input and playback.
 //!
+//! A browser has no such threads: there one worker does what they do ([`web`]), with the same messages.
+//!
 //! [`Viewer::ui`] is one frame of the interface.
 
 mod actions;
 pub mod adaptive_resolution;
+mod background;
 mod baking;
 pub mod camera_controls;
 pub mod camera_panel;
@@ -17,7 +20,12 @@ pub mod command_line;
 pub mod demos;
 mod dialogs;
 pub mod document;
+#[cfg(not(target_arch = "wasm32"))]
 pub mod draw_thread;
+pub mod drawing;
+#[cfg(not(target_arch = "wasm32"))]
+mod error_plot;
+#[cfg(not(target_arch = "wasm32"))]
 mod filming;
 mod first_screen;
 pub mod flipbook;
@@ -36,41 +44,56 @@ mod style;
 mod timeline;
 mod times;
 mod toolbar;
+#[cfg(not(target_arch = "wasm32"))]
 mod truth;
 mod viewport;
 pub mod views;
+#[cfg(target_arch = "wasm32")]
+pub mod web;
+#[cfg(not(target_arch = "wasm32"))]
 mod window;
 
 use std::collections::BTreeSet;
+#[cfg(not(target_arch = "wasm32"))]
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
-use std::sync::{Arc, mpsc};
-use std::time::Instant;
+use std::sync::Arc;
+#[cfg(not(target_arch = "wasm32"))]
+use std::sync::mpsc;
+use web_time::Instant;
 
 use eframe::egui;
 use glam::UVec2;
 use serde_json::json;
 
 use limpid::camera::Camera;
+#[cfg(not(target_arch = "wasm32"))]
 use limpid::gpu::Gpu;
 use limpid::scene::Scene;
 use limpid_io::camera_path::CameraPath;
+#[cfg(not(target_arch = "wasm32"))]
 use limpid_io::error::Result;
 use limpid_io::input::FrameTime;
+#[cfg(not(target_arch = "wasm32"))]
 use limpid_io::shared_classifier::SharedClassifier;
 
 use adaptive_resolution::{AdaptiveResolution, Level};
+use background::drop_in_background;
 use document::{Document, Source};
+#[cfg(not(target_arch = "wasm32"))]
 use draw_thread::DrawThread;
 use flipbook::Flipping;
-use frames::{Frames, drop_in_background};
+use frames::Frames;
+#[cfg(not(target_arch = "wasm32"))]
 use log::Log;
+#[cfg(not(target_arch = "wasm32"))]
 use messages::{Message, Post};
 use playback::{Playback, Speed};
 use recent::Recent;
-use state::{CameraState, Editing, Interface, Jobs, Measurements, OpenDocument, PictureState};
+use state::{CameraState, Editing, Interface, Jobs, OpenDocument, PictureState};
 use views::View;
 
+#[cfg(not(target_arch = "wasm32"))]
 pub use window::run;
 
 /// Rays per pixel of a picture at rest.
@@ -159,10 +182,16 @@ pub struct Viewer {
     eye: CameraState,
     picture: PictureState,
     flipping: Flipping,
-    measured: Measurements,
+    /// What the address of the page asks for, once its source is open.
+    #[cfg(target_arch = "wasm32")]
+    wishes: web::link::Wishes,
+    times: times::History,
+    #[cfg(not(target_arch = "wasm32"))]
+    errors: error_plot::Errors,
     interface: Interface,
 }
 
+#[cfg(not(target_arch = "wasm32"))]
 impl Drop for Viewer {
     /// Waits for files being written and particles being classified on the device; [`DrawThread`] waits for
     /// its own work.
@@ -183,6 +212,7 @@ impl Viewer {
     ///
     /// # Errors
     /// [`limpid_io::Error::Io`] if the log cannot be written.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn new(options: Options) -> Result<Self> {
         Self::with_devices(options, limpid_io::device::open)
     }
@@ -192,6 +222,7 @@ impl Viewer {
     ///
     /// # Errors
     /// As [`Viewer::new`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn with_devices(
         options: Options,
         open: impl FnMut() -> Result<Gpu> + Send + 'static,
@@ -212,27 +243,33 @@ impl Viewer {
             let post = post.clone();
             DrawThread::new(open, move |answer| post.send(Message::Drawing(answer)))
         };
+        let log = Log::new(options.log.as_deref())?;
+        let frames = Frames::new(options.memory, classifier.clone());
+        let jobs = Jobs {
+            post,
+            messages,
+            log,
+            drawing,
+            classifier,
+            device_asked: false,
+            filming: None,
+            writers: Vec::new(),
+            adapter: None,
+        };
+        Ok(Self::of(options, jobs, frames))
+    }
+
+    /// Creates the viewer, and opens the options' source.
+    fn of(options: Options, jobs: Jobs, frames: Frames) -> Self {
         let empty = Scene::around(-glam::DVec3::ONE, glam::DVec3::ONE, 0.0);
         let camera = Camera::fit(-glam::DVec3::ONE, glam::DVec3::ONE);
         let now = Instant::now();
-        let log = Log::new(options.log.as_deref())?;
         let recent = Recent::load(options.recent.clone());
-        let frames = Frames::new(options.memory, classifier.clone());
         let flipping = Flipping::new(options.flipbook);
         let mut viewer = Self {
             options,
             playback: Playback::new(0, 30.0),
-            jobs: Jobs {
-                post,
-                messages,
-                log,
-                drawing,
-                classifier,
-                device_asked: false,
-                filming: None,
-                writers: Vec::new(),
-                adapter: None,
-            },
+            jobs,
             opened: OpenDocument {
                 document: None,
                 opening: None,
@@ -271,14 +308,11 @@ impl Viewer {
                 viewport_size: UVec2::ZERO,
             },
             flipping,
-            measured: Measurements {
-                truth: None,
-                traces: 0,
-                tracing: false,
-                measuring: false,
-                points: Vec::new(),
-                history: times::History::default(),
-            },
+            #[cfg(target_arch = "wasm32")]
+            wishes: Default::default(),
+            times: times::History::default(),
+            #[cfg(not(target_arch = "wasm32"))]
+            errors: error_plot::Errors::default(),
             interface: Interface {
                 notices: Vec::new(),
                 tab: Tab::Settings,
@@ -289,6 +323,7 @@ impl Viewer {
                 recent,
                 demos: Vec::new(),
                 dark: true,
+                plain: false,
                 ticked: now,
             },
         };
@@ -296,7 +331,7 @@ impl Viewer {
         if let Some(source) = viewer.options.source.clone() {
             viewer.open(source);
         }
-        Ok(viewer)
+        viewer
     }
 
     /// Runs one frame of the interface.
@@ -308,12 +343,15 @@ impl Viewer {
             ctx.set_theme(if self.interface.dark { egui::Theme::Dark } else { egui::Theme::Light });
         }
         self.handle_messages();
+        #[cfg(not(target_arch = "wasm32"))]
         self.take_files(&ctx);
         self.handle_keys(&ctx);
         self.play(&ctx);
 
         let open = self.opened.document.is_some();
-        self.toolbar(ui);
+        if !self.interface.plain {
+            self.toolbar(ui);
+        }
         self.timeline(ui);
         self.notice_line(ui);
         if self.interface.panels && open {
@@ -326,9 +364,12 @@ impl Viewer {
 
         self.load();
         self.ask(&ctx);
+        #[cfg(not(target_arch = "wasm32"))]
         self.compare_with_truth();
         let again = ctx.has_requested_repaint();
         self.jobs.log.record_frame(begun, again);
+        #[cfg(target_arch = "wasm32")]
+        self.jobs.drawing.stop_dropped();
     }
 
     /// Prepares for another window, where nothing has been drawn yet; the last one failed for `reason`.
@@ -352,7 +393,7 @@ impl Viewer {
         );
         if let Some(write) = self.interface.recent.add(&document.source.input) {
             // Without the list the viewer is as good.
-            std::thread::spawn(move || write().ok());
+            background::spawn(move || drop(write()));
         }
         let document = Arc::new(document);
         self.opened.frames.clear();
@@ -378,13 +419,13 @@ impl Viewer {
         self.eye.follow = false;
         self.picture.subject = None;
         self.flipping.clear();
-        self.measured.truth = None;
-        self.measured.traces += 1;
-        self.measured.tracing = false;
-        self.measured.points.clear();
-        self.measured.history = times::History::default();
+        self.times = times::History::default();
+        #[cfg(not(target_arch = "wasm32"))]
+        self.errors.clear();
         self.playback.playing = plays;
         self.opened.document = Some(document);
+        #[cfg(target_arch = "wasm32")]
+        self.grant_wishes();
     }
 
     /// Advances playback and the camera path.

@@ -4,7 +4,9 @@
 //! longest time that the interface's own work took since the last one.
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use web_time::Instant;
 
 use serde_json::{Value, json};
 
@@ -73,6 +75,7 @@ impl Log {
     }
 
     /// Writes the last event.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) fn close(&mut self) {
         let longest = times("longest_", self.longest);
         self.event("close", longest);

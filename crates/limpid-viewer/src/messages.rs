@@ -2,17 +2,22 @@
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, mpsc};
-use std::time::{Duration, Instant};
+#[cfg(not(target_arch = "wasm32"))]
+use std::time::Duration;
+
+use web_time::Instant;
 
 use eframe::egui;
 use serde_json::json;
 
 use crate::adaptive_resolution::Level;
 use crate::document::Document;
-use crate::draw_thread::Answer;
+use crate::drawing::Answer;
+#[cfg(not(target_arch = "wasm32"))]
 use crate::truth::Truth;
 use crate::{Notice, Viewer};
 use limpid_io::bake::Progress;
+#[cfg(not(target_arch = "wasm32"))]
 use limpid_io::camera_path::CameraPath;
 use limpid_io::error::{Error, Result};
 
@@ -27,14 +32,25 @@ pub(crate) enum Message {
     Grown(u64, Box<Result<Document>>),
     Drawing(Answer),
     Loaded,
+    #[cfg(not(target_arch = "wasm32"))]
     Chosen(Option<PathBuf>, Duration),
+    #[cfg(not(target_arch = "wasm32"))]
     Traced(u64, Box<Result<Truth>>),
     Saved(Result<PathBuf>),
     /// Finished pictures of the film.
+    #[cfg(not(target_arch = "wasm32"))]
     Filmed(usize),
     /// The path of the film; `None` if it was stopped.
+    #[cfg(not(target_arch = "wasm32"))]
     FilmEnded(Result<Option<PathBuf>>),
+    #[cfg(not(target_arch = "wasm32"))]
     Path(PathBuf, Result<CameraPath>),
+    /// Something that the user should know.
+    #[cfg(target_arch = "wasm32")]
+    Said(String),
+    /// The worker has ended, for this reason.
+    #[cfg(target_arch = "wasm32")]
+    Crashed(String),
 }
 
 /// Sends messages from threads to the interface.
@@ -94,15 +110,24 @@ impl Viewer {
                 Message::Drawing(answer) => self.handle_answer(answer),
                 // Each frame queries the cache anyway.
                 Message::Loaded => {}
+                #[cfg(not(target_arch = "wasm32"))]
                 Message::Chosen(path, waited) => self.chosen(path, waited),
+                #[cfg(not(target_arch = "wasm32"))]
                 Message::Traced(number, truth) => self.take_truth(number, *truth),
                 Message::Saved(saved) => self.take_saved(saved),
+                #[cfg(not(target_arch = "wasm32"))]
                 Message::Filmed(done) => {
                     if let Some(filming) = &mut self.jobs.filming {
                         filming.done = done;
                     }
                 }
+                #[cfg(not(target_arch = "wasm32"))]
                 Message::FilmEnded(written) => self.film_ended(written),
+                #[cfg(target_arch = "wasm32")]
+                Message::Said(text) => self.show_info(text),
+                #[cfg(target_arch = "wasm32")]
+                Message::Crashed(reason) => self.restart_worker(&reason),
+                #[cfg(not(target_arch = "wasm32"))]
                 Message::Path(path, loaded) => match loaded {
                     Ok(keys) => {
                         self.show_info(format!("{} keys from {}", keys.keys.len(), path.display()));
@@ -135,6 +160,7 @@ impl Viewer {
                 self.fail(&error);
             }
             Answer::Saved(saved) => self.take_saved(saved),
+            #[cfg(not(target_arch = "wasm32"))]
             Answer::Measured(measured) => self.take_measure(measured),
         }
     }

@@ -1,26 +1,34 @@
 //! Refinement of the picture: a draft while things move, better pictures at rest.
 
-use std::path::{Path, PathBuf};
+#[cfg(not(target_arch = "wasm32"))]
+use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use web_time::Instant;
 
 use eframe::egui;
 use glam::UVec2;
 
 use crate::adaptive_resolution::Level;
+use crate::background::drop_in_background;
 use crate::command_line::command_line;
-use crate::draw_thread::{Job, Pane, Request};
-use crate::frames::drop_in_background;
+use crate::drawing::{Pane, Request};
 use crate::messages::Message;
 use crate::viewport::Picture;
 use crate::views::View;
 use crate::{Compare, FINE_SAMPLES, Viewer};
 use limpid::camera::Camera;
 use limpid::scene::Scene;
-use limpid_io::error::{Error, Result};
+use limpid_io::error::Error;
+#[cfg(not(target_arch = "wasm32"))]
+use limpid_io::error::Result;
 use limpid_io::input::Loaded;
 use limpid_io::notice;
+#[cfg(not(target_arch = "wasm32"))]
 use limpid_io::project::Project;
+#[cfg(not(target_arch = "wasm32"))]
 use limpid_io::shared_classifier::Processor;
 
 /// Most rays per edge pixel in drafts.
@@ -81,26 +89,33 @@ impl Viewer {
         self.visible().into_iter().all(fits)
     }
 
+    /// Has a device opened, if frames are to be classified on it.
+    #[cfg(not(target_arch = "wasm32"))]
+    fn open_device(&mut self) {
+        let on_device = self.opened.frames.processor == Processor::Gpu;
+        if on_device && !self.jobs.device_asked {
+            self.jobs.device_asked = true;
+            if self.jobs.classifier.wait_for_device() {
+                self.jobs.drawing.open_device();
+            }
+        }
+    }
+
     /// Takes the current frame time from the caches, and updates their playback position.
     pub(crate) fn load(&mut self) {
-        let Some(document) = &self.opened.document else { return };
+        let Some(document) = self.opened.document.clone() else { return };
+        // The first picture opens a device, but it needs its particles first.
+        #[cfg(not(target_arch = "wasm32"))]
+        self.open_device();
         let visible = self.visible();
         let scenes: Vec<&Scene> = visible.iter().map(|&i| &self.editing.scenes[i]).collect();
         let index = self.playback.index();
         let dragging =
             self.jobs.post.context().is_some_and(|ctx| ctx.input(|input| input.pointer.any_down()));
-        // The first picture opens a device, but it needs its particles first.
-        let on_device = self.opened.frames.processor == Processor::Gpu;
-        if on_device && !self.jobs.device_asked {
-            self.jobs.device_asked = true;
-            if self.jobs.classifier.wait_for_device() {
-                self.jobs.drawing.job(Job::Open);
-            }
-        }
         let post = self.jobs.post.clone();
         let step = self.playback.speed().step();
         self.opened.frames.prepare(
-            document,
+            &document,
             &self.opened.frame_times,
             step,
             &scenes,
@@ -297,10 +312,11 @@ impl Viewer {
         let mut scene = self.fine_scene();
         scene.settings.refract.samples = samples;
         let pane = Pane { scene: Arc::new(scene), camera: self.eye.camera, loaded, size };
-        self.jobs.drawing.job(Job::Save(pane, path, self.opened.document.clone()));
+        self.jobs.drawing.save(pane, path, self.opened.document.clone());
     }
 
     /// Writes the edited scene with the current camera, in the background.
+    #[cfg(not(target_arch = "wasm32"))]
     pub fn save_scene(&mut self, path: PathBuf) {
         let (Some(document), Some(at)) = (self.opened.document.clone(), self.frame_time()) else {
             return;
@@ -315,6 +331,7 @@ impl Viewer {
     }
 
     /// Writes a file on its own thread, which the viewer joins when it is dropped.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) fn write(
         &mut self,
         path: PathBuf,

@@ -79,9 +79,8 @@ impl Viewer {
             side.at = None;
         }
         self.playback.fps = document.fps();
-        self.measured.truth = None;
-        self.measured.traces += 1;
-        self.measured.tracing = false;
+        #[cfg(not(target_arch = "wasm32"))]
+        self.errors.forget();
         self.jobs.log.event("reopened", serde_json::json!({ "input": document.source.input }));
         self.opened.document = Some(Arc::new(document));
     }

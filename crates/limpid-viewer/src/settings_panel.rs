@@ -32,7 +32,7 @@ impl Viewer {
                 match self.interface.tab {
                     Tab::Settings => self.settings(ui),
                     Tab::Camera => self.camera_panel(ui),
-                    Tab::Times => self.times(ui),
+                    Tab::Times => self.show_times(ui),
                 }
             });
         });

@@ -125,11 +125,12 @@ pub const SHORTCUTS: [Shortcut; 26] = [
 ];
 
 /// Actions of the pointer, for the same list.
-pub const POINTER: [(&str, &str); 6] = [
+pub const POINTER: [(&str, &str); 7] = [
     ("Drag", "orbit"),
     ("Shift drag, or middle button", "pan"),
     ("Wheel", "zoom to the pointer"),
     ("Right button", "look around; with W A S D Q E fly, with Shift faster"),
+    ("Two fingers", "pan, and pinch to zoom"),
     ("Double click", "fit the view to the liquid"),
     ("Drop a file", "open it"),
 ];

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, mpsc};
+#[cfg(not(target_arch = "wasm32"))]
 use std::thread::JoinHandle;
-use std::time::Instant;
+use web_time::Instant;
 
 use eframe::egui;
 use glam::UVec2;
@@ -11,36 +12,46 @@ use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::camera_path::CameraPath;
 use limpid_io::input::FrameTime;
+#[cfg(not(target_arch = "wasm32"))]
 use limpid_io::shared_classifier::SharedClassifier;
 
 use crate::adaptive_resolution::{AdaptiveResolution, Level};
 use crate::baking::Opening;
 use crate::dialogs::Dialog;
 use crate::document::Document;
+#[cfg(not(target_arch = "wasm32"))]
 use crate::draw_thread::DrawThread;
+#[cfg(not(target_arch = "wasm32"))]
 use crate::filming::Filming;
 use crate::frames::Frames;
 use crate::log::Log;
 use crate::messages::{Message, Post};
 use crate::recent::Recent;
 use crate::refine::{Side, Subject};
-use crate::truth::{self, Truth};
 use crate::views::View;
-use crate::{Compare, Notice, Tab, times};
+use crate::{Compare, Notice, Tab};
 
 /// Threads, and the messages from them. Any part of the interface starts jobs; messages end them.
 pub(crate) struct Jobs {
     pub(crate) post: Post,
     pub(crate) messages: mpsc::Receiver<Message>,
     pub(crate) log: Log,
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) drawing: DrawThread,
+    /// In a browser a worker does all that threads do elsewhere.
+    #[cfg(target_arch = "wasm32")]
+    pub(crate) drawing: crate::web::Worker,
     /// The classifier of the particles.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) classifier: SharedClassifier,
     /// Whether the draw thread has been asked to open a device for them.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) device_asked: bool,
     /// The film that is being written.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) filming: Option<Filming>,
     /// Threads that write files.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) writers: Vec<JoinHandle<()>>,
     pub(crate) adapter: Option<String>,
 }
@@ -95,17 +106,6 @@ pub(crate) struct PictureState {
     pub(crate) viewport_size: UVec2,
 }
 
-/// Ground truth, and the errors and times measured against it. The times panel changes it.
-pub(crate) struct Measurements {
-    pub(crate) truth: Option<Arc<Truth>>,
-    /// Number of traces requested; results of earlier ones are discarded.
-    pub(crate) traces: u64,
-    pub(crate) tracing: bool,
-    pub(crate) measuring: bool,
-    pub(crate) points: Vec<truth::Point>,
-    pub(crate) history: times::History,
-}
-
 /// The state of panels, dialogs and notices.
 pub(crate) struct Interface {
     pub(crate) notices: Vec<Notice>,
@@ -118,5 +118,7 @@ pub(crate) struct Interface {
     /// The demos' pictures, once they have been shown.
     pub(crate) demos: Vec<egui::TextureHandle>,
     pub(crate) dark: bool,
+    /// Only the picture and the timeline are shown: within a page of somebody else.
+    pub(crate) plain: bool,
     pub(crate) ticked: Instant,
 }

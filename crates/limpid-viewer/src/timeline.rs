@@ -143,7 +143,7 @@ impl Viewer {
             let mut facts = Vec::new();
             if let Some(loaded) = &side.loaded {
                 facts.push(format!("{} particles", thousands(loaded.particles)));
-                let splashes = loaded.splats.splashes.len();
+                let splashes = loaded.splashes;
                 facts.push(format!("{} splashes", thousands(splashes)));
             } else if self.opened.document.is_some() {
                 facts.push("loading".to_owned());
@@ -163,11 +163,13 @@ impl Viewer {
                 facts.push(format!("ahead {} of {} MiB", mebi(ahead.bytes), mebi(ahead.budget)));
             }
             facts.extend(self.flipbook_status());
+            #[cfg(not(target_arch = "wasm32"))]
             if let Some(filming) = &self.jobs.filming {
                 facts.push(format!("film {} of {}", filming.done, filming.pictures));
             }
             ui.small(facts.join("   ·   "));
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                #[cfg(not(target_arch = "wasm32"))]
                 if let Some(filming) = &self.jobs.filming
                     && ui.small_button("Stop film").clicked()
                 {

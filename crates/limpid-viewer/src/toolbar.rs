@@ -2,10 +2,17 @@
 
 use eframe::egui;
 
+use crate::demos::{DEMOS, Demo};
 use crate::icons::{self, Sign};
 use crate::shortcuts::{self, Action};
 use crate::views::View;
 use crate::{Compare, Viewer};
+
+/// Width from which the toolbar fits one line, points.
+const WIDE: f32 = 860.0;
+
+/// The button that copies what draws this picture: a command, or in a browser a link.
+const COPY: &str = if cfg!(target_arch = "wasm32") { "Copy link" } else { "Copy command" };
 
 impl Viewer {
     pub(crate) fn toolbar(&mut self, ui: &mut egui::Ui) {
@@ -13,8 +20,11 @@ impl Viewer {
         let open = self.opened.document.is_some();
         let mut action_chosen = None;
         let bar = egui::Frame::side_top_panel(ui.style()).inner_margin(6);
+        let mut demo_chosen = None;
         egui::Panel::top("toolbar").frame(bar).show(ui, |ui| {
-            ui.horizontal(|ui| {
+            // On a narrow screen the buttons can be scrolled.
+            let wide = ui.available_width() > WIDE;
+            let mut buttons = |ui: &mut egui::Ui| {
                 let mut button = |ui: &mut egui::Ui, text: &str, action: Action| {
                     let hint = shortcuts::of(action).tooltip();
                     if ui.button(text).on_hover_text(hint).clicked() {
@@ -22,17 +32,35 @@ impl Viewer {
                     }
                 };
                 button(ui, "Open…", Action::Open);
+                // A page opens with a demo, not with the first screen.
+                if cfg!(target_arch = "wasm32") {
+                    let (live, others) = (&DEMOS[0], &DEMOS[1..]);
+                    let hint = format!("{}, {}", live.title, live.about);
+                    if ui.button("Simulate").on_hover_text(hint).clicked() {
+                        demo_chosen = Some(live);
+                    }
+                    ui.menu_button("Demos", |ui| {
+                        for demo in others {
+                            if ui.button(demo.title).on_hover_text(demo.about).clicked() {
+                                demo_chosen = Some(demo);
+                            }
+                        }
+                    });
+                }
                 ui.add_enabled_ui(open, |ui| {
                     button(ui, "Save picture…", Action::SavePicture);
-                    button(ui, "Save film…", Action::SaveFilm);
+                    if !cfg!(target_arch = "wasm32") {
+                        button(ui, "Save film…", Action::SaveFilm);
+                    }
                     button(ui, "Save scene…", Action::SaveScene);
-                    button(ui, "Copy command", Action::Copy);
+                    button(ui, COPY, Action::Copy);
                     ui.separator();
                     self.view_choice(ui);
                     ui.separator();
                     self.compare_choice(ui);
                 });
-                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let layout = egui::Layout::right_to_left(egui::Align::Center);
+                let mut signs = |ui: &mut egui::Ui| {
                     let mut button = |ui: &mut egui::Ui, sign, name, action, on| {
                         let hint = shortcuts::of(action).tooltip();
                         if icons::button(ui, sign, name, &hint, on).clicked() {
@@ -45,11 +73,22 @@ impl Viewer {
                     if open {
                         button(ui, Sign::Panels, "Panels", Action::Panels, self.interface.panels);
                     }
-                });
-            });
+                };
+                if wide { ui.with_layout(layout, signs).inner } else { signs(ui) }
+            };
+            if wide {
+                ui.horizontal(buttons);
+            } else {
+                egui::ScrollArea::horizontal().show(ui, |ui| ui.horizontal(&mut buttons));
+            }
         });
         if let Some(action) = action_chosen {
             self.act(&ctx, action);
+        }
+        match demo_chosen.map(Demo::source) {
+            Some(Ok(source)) => self.open(source),
+            Some(Err(error)) => self.fail(&error),
+            None => {}
         }
     }
 

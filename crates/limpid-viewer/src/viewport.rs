@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3, UVec2};
 use serde_json::json;
 
 use crate::adaptive_resolution::Level;
-use crate::draw_thread::{Drawn, Shown};
+use crate::drawing::{Drawn, Shown};
 use crate::style::{accent, number};
 use crate::views::{Legend, Values, View, viridis};
 use crate::{Compare, Viewer, camera_controls};
@@ -92,7 +92,7 @@ impl Viewer {
             self.picture.resolution.measured(size, self.full_size(), ms);
         }
         if let Some(first) = panes.first() {
-            self.measured.history.push(&first.passes);
+            self.times.push(&first.passes);
         }
         let Some(ctx) = self.jobs.post.context() else { return };
         let pictures = panes.into_iter().map(|shown| {
@@ -164,21 +164,32 @@ impl Viewer {
         let panning = viewport.dragged_by(PointerButton::Middle)
             || (shift && viewport.dragged_by(PointerButton::Primary));
         let mut camera = self.eye.camera;
-        if panning {
+        // A cursor in half heights from the middle, right and up.
+        let cursor = |at: egui::Pos2| {
+            let offset = (at - rect.center()) * 2.0 / rect.height();
+            DVec2::new(f64::from(offset.x), f64::from(-offset.y))
+        };
+        let touch = ui.input(egui::InputState::multi_touch);
+        if let Some(touch) = touch.filter(|touch| rect.contains(touch.center_pos)) {
+            // Two fingers move and pinch; the first of them is also a pointer.
+            let moved = touch.translation_delta / rect.height();
+            let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y));
+            camera = camera_controls::pan(&camera, DVec2::new(-moved.x, moved.y));
+            let pinch = f64::from(touch.zoom_delta.ln());
+            camera = camera_controls::zoom(&camera, pinch, cursor(touch.center_pos));
+        } else if panning {
             camera = camera_controls::pan(&camera, DVec2::new(-moved.x, moved.y));
         } else if viewport.dragged_by(PointerButton::Primary) {
             camera = camera_controls::orbit(&camera, TURN * DVec2::new(-moved.x, moved.y));
         } else if viewport.dragged_by(PointerButton::Secondary) {
             camera = camera_controls::look(&camera, 0.5 * TURN * DVec2::new(moved.x, -moved.y));
         }
-        if let Some(at) = viewport.hover_pos() {
+        if let Some(at) = viewport.hover_pos().filter(|_| touch.is_none()) {
             let (wheel, pinch) =
                 ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
             let amount = ZOOM * f64::from(wheel) + f64::from(pinch.ln());
             if amount != 0.0 {
-                let offset = (at - rect.center()) * 2.0 / rect.height();
-                let cursor = DVec2::new(f64::from(offset.x), f64::from(-offset.y));
-                camera = camera_controls::zoom(&camera, amount, cursor);
+                camera = camera_controls::zoom(&camera, amount, cursor(at));
             }
         }
         if viewport.is_pointer_button_down_on() && ui.input(|input| input.pointer.secondary_down())

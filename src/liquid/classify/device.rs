@@ -260,13 +260,12 @@ impl Classifier {
         let Some(buffers) = buffers else { return Ok(None) };
         let submission = self.submit(&buffers, &params, &places);
         let bytes = Buffers::read_bytes(members);
-        let (shaped, all) =
-            gpu::read_mapped(&self.gpu, &buffers.staging, bytes, submission, |b| {
-                let (all, shaped) = b.split_at(size_of::<Sum>());
-                let all: Sum = bytemuck::pod_read_unaligned(all);
-                (bytemuck::pod_collect_to_vec::<u8, Shaped>(shaped), all)
-            })
-            .await?;
+        let (shaped, all) = gpu::read_mapped(&self.gpu, &buffers.staging, bytes, submission, |b| {
+            let (all, shaped) = b.split_at(size_of::<Sum>());
+            let all: Sum = bytemuck::pod_read_unaligned(all);
+            (bytemuck::pod_collect_to_vec::<u8, Shaped>(shaped), all)
+        })
+        .await?;
         // Large buffers are released, for drawing needs device memory too.
         *kept = Some(buffers).filter(|buffers| buffers.members * each <= KEPT);
         Ok((all.squares <= params.most_squares).then_some(shaped))

@@ -76,7 +76,8 @@ fn url(path: &Path) -> Option<String> {
     let text = path.to_str()?;
     let (scheme, rest) = text.split_once(":/")?;
     // Joining and normalising paths may drop the second slash.
-    matches!(scheme, "http" | "https").then(|| format!("{scheme}://{}", rest.trim_start_matches('/')))
+    matches!(scheme, "http" | "https")
+        .then(|| format!("{scheme}://{}", rest.trim_start_matches('/')))
 }
 
 fn fetched(url: &str) -> io::Result<Vec<u8>> {
@@ -147,7 +148,11 @@ pub fn metadata(path: &Path) -> io::Result<Metadata> {
     let folder = Metadata { length: 0, folder: true };
     if url(path).is_some() {
         let slash = path.to_string_lossy().ends_with('/');
-        return if slash { Ok(folder) } else { Ok(Metadata { length: entry(path)?.length, folder: false }) };
+        return if slash {
+            Ok(folder)
+        } else {
+            Ok(Metadata { length: entry(path)?.length, folder: false })
+        };
     }
     match entry(path) {
         Ok(entry) => Ok(Metadata { length: entry.length, folder: false }),

@@ -365,7 +365,21 @@ impl Project {
     pub fn save(&self, path: &Path) -> Result<()> {
         // Checked before the map is written.
         FILE_KIND.check(path)?;
+        for (path, bytes) in self.to_files(path)? {
+            let is_scene = path.extension().is_some_and(|extension| extension != "exr");
+            let kind = if is_scene { FILE_KIND } else { FileKind::PICTURE };
+            write_atomically(&path, kind, |file| file.write_all(&bytes))?;
+        }
+        Ok(())
+    }
+
+    /// The files that [`Project::save`] writes, with their paths, the scene file last.
+    ///
+    /// # Errors
+    /// As [`Project::save`].
+    pub fn to_files(&self, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>> {
         self.solid_files.check_files()?;
+        let mut files = Vec::new();
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut project = self.clone();
         for particles in project.source.files_mut() {
@@ -383,11 +397,11 @@ impl Project {
             picture
                 .write_to(&mut bytes, image::ImageFormat::OpenExr)
                 .map_err(|e| Error::io(&map, "write", std::io::Error::other(e)))?;
-            write_atomically(&map, FileKind::PICTURE, |file| file.write_all(bytes.get_ref()))?;
+            files.push((map.clone(), bytes.into_inner()));
         }
         let name = map.file_name().unwrap_or_default().to_string_lossy();
-        let text = project.to_toml(Some(&name))?;
-        write_atomically(path, FILE_KIND, |file| file.write_all(text.as_bytes()))
+        files.push((path.to_owned(), project.to_toml(Some(&name))?.into_bytes()));
+        Ok(files)
     }
 }
 

@@ -1,9 +1,10 @@
 //! Times in a sequence: at its frames and between them.
 
 use super::Frame;
+use serde::{Deserialize, Serialize};
 
 /// A time in a sequence: a frame, or a time between two frames.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FrameTime {
     /// The frame, or the previous one.
     pub frame: i64,

@@ -1,0 +1,86 @@
+//! The page's side of a frame cache, which is in the worker.
+
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use limpid_io::error::Error;
+use limpid_io::frame_cache::{CacheState, Outcome};
+use limpid_io::input::Loaded;
+
+use super::page::Worker;
+use super::wire::Ask;
+
+/// The outlines of the frames of a cache in the worker: as [`limpid_io::frame_cache::FrameCache`].
+#[derive(Debug)]
+pub(crate) struct FrameCache {
+    id: u64,
+    worker: Worker,
+    aim: Cell<Option<(usize, isize, bool)>>,
+    mirror: Rc<RefCell<Mirror>>,
+}
+
+/// What the worker has told of a cache.
+pub(super) struct Mirror {
+    frames: BTreeMap<usize, Outcome>,
+    state: CacheState,
+    ready: Box<dyn Fn()>,
+}
+
+impl std::fmt::Debug for Mirror {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Mirror").field("state", &self.state).finish_non_exhaustive()
+    }
+}
+
+impl Mirror {
+    pub(super) fn loaded(&mut self, i: usize, outcome: Result<Arc<Loaded>, String>) {
+        self.frames.insert(i, outcome.map_err(|error| Arc::new(Error::Usage(error))));
+        (self.ready)();
+    }
+
+    pub(super) fn cached(&mut self, state: CacheState) {
+        self.frames.retain(|i, _| {
+            [&state.loaded, &state.failed].into_iter().any(|these| these.binary_search(i).is_ok())
+        });
+        self.state = state;
+        (self.ready)();
+    }
+}
+
+impl FrameCache {
+    pub(super) fn new(id: u64, worker: Worker, ready: impl Fn() + 'static) -> Self {
+        let (frames, state) = Default::default();
+        let mirror = Rc::new(RefCell::new(Mirror { frames, state, ready: Box::new(ready) }));
+        Self { id, worker, aim: Cell::default(), mirror }
+    }
+
+    pub(super) fn mirror(&self) -> &Rc<RefCell<Mirror>> {
+        &self.mirror
+    }
+
+    /// Sets the current frame and the direction of playback.
+    pub(crate) fn aim(&self, at: usize, step: isize, looped: bool) {
+        let aim = Some((at, step, looped));
+        if self.aim.replace(aim) != aim {
+            self.worker.ask(&Ask::Aim { id: self.id, at, step, looped });
+        }
+    }
+
+    /// Frame `i`, if it has loaded or failed.
+    pub(crate) fn get(&self, i: usize) -> Option<Outcome> {
+        self.mirror.borrow().frames.get(&i).cloned()
+    }
+
+    /// The contents of the cache.
+    pub(crate) fn state(&self) -> CacheState {
+        self.mirror.borrow().state.clone()
+    }
+}
+
+impl Drop for FrameCache {
+    fn drop(&mut self) {
+        self.worker.ask(&Ask::Uncache { id: self.id });
+    }
+}

@@ -1,0 +1,514 @@
+//! The worker: opens documents, loads their frames, simulates, and draws.
+//!
+//! Three kinds of tasks take turns: one draws, one loads frames ahead, and each simulation is one. Pictures for the
+//! screen come first.
+
+use std::cell::{Cell, RefCell};
+use std::collections::{BTreeMap, VecDeque};
+use std::io::{self, Cursor};
+use std::path::{Path, PathBuf};
+use std::rc::{Rc, Weak as RcWeak};
+use std::sync::{Arc, Weak};
+
+use js_sys::{ArrayBuffer, Uint8Array};
+use limpid::gpu::Gpu;
+use limpid::liquid::Particles;
+use limpid::offscreen::Offscreen;
+use limpid::scene::{Scene, Solid};
+use limpid_io::bake;
+use limpid_io::error::{Error, Result};
+use limpid_io::files::given::{self, ReadAt};
+use limpid_io::frame_cache::FrameCache;
+use limpid_io::input::{FrameTime, Input, Loaded};
+use limpid_io::output::{PictureFormat, encode_picture};
+use limpid_io::particles::bgeo;
+use limpid_io::project::Project;
+use limpid_io::shared_classifier::SharedClassifier;
+use limpid_io::{exr, notice};
+use limpid_sim::sim::{Simulation, Solver, State};
+use wasm_bindgen::prelude::Closure;
+use wasm_bindgen::{JsCast as _, JsValue};
+use wasm_bindgen_futures::spawn_local;
+use web_sys::{
+    DedicatedWorkerGlobalScope, File, FileReaderSync, MessageEvent, XmlHttpRequest,
+    XmlHttpRequestResponseType,
+};
+
+use super::signal::{Signal, turn};
+use super::wire::{
+    Ask, DocumentText, LoadedText, PaneText, Tell, drawn_text, get, packed, unpacked, view,
+};
+use crate::baking::simulated;
+use crate::demos;
+use crate::document::{Document, Source};
+use crate::drawing::{self, DeviceEvent, Drawer, Pane, Request};
+
+/// Frames that are kept for pictures that the page may still ask for, whatever a cache evicts.
+const KEPT: usize = 4;
+
+/// Runs the worker: answers the messages of its page for as long as it lives.
+pub fn work() {
+    std::panic::set_hook(Box::new(|info| tell(&Tell::Panicked(info.to_string()), Vec::new())));
+    given::fetch_with(Rc::new(fetched));
+    demos::give_all();
+    let worker = Rc::new(Worker::default());
+    let receiver = worker.clone();
+    let receive = Closure::<dyn FnMut(MessageEvent)>::new(move |event: MessageEvent| {
+        receiver.receive(&event.data());
+    });
+    scope().set_onmessage(Some(receive.as_ref().unchecked_ref()));
+    // It lives as long as the worker.
+    receive.forget();
+    spawn_local(worker.clone().draw());
+    spawn_local(worker.load());
+    tell(&Tell::Ready, Vec::new());
+}
+
+fn scope() -> DedicatedWorkerGlobalScope {
+    js_sys::global().unchecked_into()
+}
+
+fn tell(message: &Tell, buffers: Vec<Vec<u8>>) {
+    let (message, transfer) = packed(message, buffers);
+    // Fails for a page that has gone.
+    let _ = scope().post_message_with_transfer(&message, &transfer);
+}
+
+/// A picture or a file to write, in order.
+enum Job {
+    Save(PaneText, String),
+    Lose,
+}
+
+/// A request for the screen.
+struct Wanted {
+    number: u64,
+    panes: Vec<PaneText>,
+    level: crate::adaptive_resolution::Level,
+    view: crate::views::View,
+}
+
+/// A cache of the page.
+struct Cache {
+    frames: FrameCache,
+    frame_times: Vec<FrameTime>,
+    input: Input,
+    /// The scene that particles are classified for.
+    scene: Scene,
+    /// The document that it belongs to.
+    document: Rc<Document>,
+    /// Whether its first frame has been loaded, and remarks on it told.
+    remarked: Cell<bool>,
+}
+
+/// A frame that the page knows.
+struct Known {
+    loaded: Weak<Loaded>,
+    document: RcWeak<Document>,
+}
+
+/// Frames of a simulation, and what they were made from.
+struct Baked {
+    simulation: Simulation,
+    solids: Vec<Solid>,
+    /// The opening that is told of the progress; none once it has ended.
+    number: Rc<Cell<Option<u64>>>,
+}
+
+#[derive(Default)]
+struct Worker {
+    /// The document that was opened last.
+    document: RefCell<Option<Rc<Document>>>,
+    /// Sources by opening.
+    sources: RefCell<BTreeMap<u64, Source>>,
+    caches: RefCell<BTreeMap<u64, Rc<Cache>>>,
+    known: RefCell<BTreeMap<u64, Known>>,
+    /// Frames that were told or drawn last.
+    kept: RefCell<VecDeque<(Arc<Loaded>, Rc<Document>)>>,
+    next_frame: Cell<u64>,
+    wanted: RefCell<Option<Wanted>>,
+    drawing: Cell<bool>,
+    jobs: RefCell<VecDeque<Job>>,
+    baked: RefCell<BTreeMap<PathBuf, Baked>>,
+    classifier: SharedClassifier,
+    changed: Rc<Signal>,
+}
+
+impl Worker {
+    fn receive(self: &Rc<Self>, data: &JsValue) {
+        if let (Some(path), Some(file)) = (get(data, "path"), get(data, "file")) {
+            if let (Some(path), Ok(file)) = (path.as_string(), file.dyn_into::<File>()) {
+                give_file(&path, file);
+            }
+            return;
+        }
+        let Some((ask, _)) = unpacked::<Ask>(data) else { return };
+        match ask {
+            Ask::Open { number, source } => self.open(number, source),
+            Ask::Stop { number } => {
+                for baked in self.baked.borrow().values() {
+                    if baked.number.get() == Some(number) {
+                        baked.number.set(None);
+                    }
+                }
+            }
+            Ask::Grow { number } => {
+                let source = self.sources.borrow().get(&number).cloned();
+                if let Some(source) = source {
+                    let document = self.opened(&source);
+                    tell(&Tell::Grown { number, document }, Vec::new());
+                }
+            }
+            Ask::Cache { id, frame_times, edits, processor, budget } => {
+                let Some(document) = self.document.borrow().clone() else { return };
+                let input = document.input.clone().classified(self.classifier.clone());
+                let cache = Cache {
+                    frames: FrameCache::without_workers(frame_times.len(), budget),
+                    frame_times,
+                    input: input.processed_by(processor),
+                    scene: edits.apply(&document.project.scene),
+                    document,
+                    remarked: Cell::new(false),
+                };
+                self.caches.borrow_mut().insert(id, Rc::new(cache));
+            }
+            Ask::Uncache { id } => drop(self.caches.borrow_mut().remove(&id)),
+            Ask::Aim { id, at, step, looped } => {
+                if let Some(cache) = self.caches.borrow().get(&id) {
+                    cache.frames.aim(at, step, looped);
+                }
+            }
+            Ask::Draw { number, panes, level, view: text } => {
+                *self.wanted.borrow_mut() = Some(Wanted { number, panes, level, view: view(text) });
+            }
+            Ask::Save { pane, name } => self.jobs.borrow_mut().push_back(Job::Save(pane, name)),
+            Ask::SaveScene { edits, camera, at, processor, name } => {
+                let Some(document) = self.document.borrow().clone() else { return };
+                let scene = edits.apply(&document.project.scene);
+                let project = Project { processor, ..document.saved(scene, camera, at) };
+                match project.to_files(Path::new(&name)) {
+                    Ok(files) => {
+                        for (path, bytes) in files {
+                            tell(&Tell::Saved(path.to_string_lossy().into_owned()), vec![bytes]);
+                        }
+                    }
+                    Err(error) => tell(&Tell::NotSaved(error.to_string()), Vec::new()),
+                }
+            }
+            Ask::Lose => self.jobs.borrow_mut().push_back(Job::Lose),
+        }
+        self.changed.notify();
+    }
+
+    /// Opens a source; on success it is the document of further questions.
+    fn opened(&self, source: &Source) -> Result<DocumentText, String> {
+        let document = Document::open(source).map_err(|error| error.to_string())?;
+        let text = DocumentText::of(&document);
+        *self.document.borrow_mut() = Some(Rc::new(document));
+        Ok(text)
+    }
+
+    fn open(self: &Rc<Self>, number: u64, source: Source) {
+        self.sources.borrow_mut().insert(number, source.clone());
+        let report = |document| tell(&Tell::Opened { number, document }, Vec::new());
+        let project = simulated(&source);
+        let simulation = project.as_ref().and_then(|project| project.source.simulation().cloned());
+        let (Some(project), Some(simulation)) = (project, simulation) else {
+            return report(self.opened(&source));
+        };
+        if let Err(error) = simulation.check() {
+            return report(Err(error.to_string()));
+        }
+        let folder = bake::folder(Path::new(&source.input));
+        let solids = project.scene.solids;
+        let teller = Rc::new(Cell::new(Some(number)));
+        let same = self.baked.borrow().get(&folder).is_some_and(|old| {
+            // Two tasks would write the same frames.
+            old.number.set(None);
+            (&old.simulation, &old.solids) == (&simulation, &solids)
+        });
+        if !same {
+            given::take_back(&folder);
+        }
+        let baked = Baked {
+            simulation: simulation.clone(),
+            solids: solids.clone(),
+            number: teller.clone(),
+        };
+        self.baked.borrow_mut().insert(folder, baked);
+        spawn_local(self.clone().bake(simulation, solids, source, teller));
+    }
+
+    /// Simulates the frames that are missing, and tells each while the page wants it.
+    async fn bake(
+        self: Rc<Self>,
+        simulation: Simulation,
+        solids: Vec<Solid>,
+        source: Source,
+        number: Rc<Cell<Option<u64>>>,
+    ) {
+        let path = Path::new(&source.input);
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let file = |done| bake::frame_path(&bake::folder(path), &name, done);
+        let exists = |done: &u32| limpid_io::files::is_file(&file(*done));
+        let frames = simulation.frames;
+        let found = (1..=frames).take_while(exists).count() as u32;
+        let last = || -> Option<Particles> { limpid_io::particles::read(&file(found)).ok() };
+        let last = (found > 0).then(last).flatten().and_then(State::from_particles);
+        let mut solver = Solver::new(&simulation, &solids, last);
+        let mut open = false;
+        for done in found.max(1)..=frames {
+            let Some(opening) = number.get() else { return };
+            if done > found {
+                let particles = solver.make(done);
+                match bgeo::to_bytes(&particles) {
+                    Ok(bytes) => given::give_bytes(file(done), bytes),
+                    Err(error) => {
+                        let error = error.to_string();
+                        return tell(&Tell::NotBaked { number: opening, error }, Vec::new());
+                    }
+                }
+            }
+            if !open {
+                // The requested frames may be the last to be made.
+                let document = self.opened(&source);
+                if document.is_ok() || done == frames {
+                    open = true;
+                    tell(&Tell::Opened { number: opening, document }, Vec::new());
+                }
+            }
+            tell(&Tell::Baked { number: opening, done, frames }, Vec::new());
+            self.changed.notify();
+            turn().await;
+            // A picture for the screen, and its particles, come first.
+            if self.is_wanted() {
+                turn().await;
+            }
+        }
+    }
+
+    /// Whether the page waits for a picture.
+    fn is_wanted(&self) -> bool {
+        self.drawing.get() || self.wanted.borrow().is_some()
+    }
+
+    /// Loads the frames of all caches, those first that are needed first.
+    async fn load(self: Rc<Self>) {
+        loop {
+            let seen = self.changed.changes();
+            turn().await;
+            // The picture first: loading a frame holds it up.
+            if self.wanted.borrow().is_some() {
+                self.changed.after(seen).await;
+                continue;
+            }
+            let caches: Vec<_> =
+                self.caches.borrow().iter().map(|(id, cache)| (*id, cache.clone())).collect();
+            let next = caches.into_iter().find_map(|(id, cache)| {
+                let i = cache.frames.begin()?;
+                Some((id, cache, i))
+            });
+            let Some((id, cache, i)) = next else {
+                self.changed.after(seen).await;
+                continue;
+            };
+            let state = cache.frames.state();
+            tell(&Tell::Cached { id, state }, Vec::new());
+            let loaded = cache.input.finish_load(cache.frame_times[i], &cache.scene).await;
+            cache.frames.finish(i, loaded);
+            self.tell_loaded(id, &cache, i);
+        }
+    }
+
+    fn tell_loaded(&self, id: u64, cache: &Cache, i: usize) {
+        let outcome = match cache.frames.get(i) {
+            Some(Ok(loaded)) => {
+                if !cache.remarked.replace(true) {
+                    remarks(cache, &loaded);
+                }
+                let frame = self.next_frame.get();
+                self.next_frame.set(frame + 1);
+                let mut known = self.known.borrow_mut();
+                known.retain(|_, known| known.loaded.strong_count() > 0);
+                let (weak, document) = (Arc::downgrade(&loaded), Rc::downgrade(&cache.document));
+                known.insert(frame, Known { loaded: weak, document });
+                let text = LoadedText::of(frame, &loaded);
+                self.keep(loaded, cache.document.clone());
+                Ok(text)
+            }
+            Some(Err(error)) => Err(error.to_string()),
+            // Larger than the memory for all.
+            None => return,
+        };
+        tell(&Tell::Loaded { id, i, outcome }, Vec::new());
+        tell(&Tell::Cached { id, state: cache.frames.state() }, Vec::new());
+    }
+
+    fn keep(&self, loaded: Arc<Loaded>, document: Rc<Document>) {
+        let mut kept = self.kept.borrow_mut();
+        kept.retain(|(old, _)| !Arc::ptr_eq(old, &loaded));
+        kept.push_back((loaded, document));
+        if kept.len() > KEPT {
+            kept.pop_front();
+        }
+    }
+
+    /// A picture's inputs.
+    fn pane(&self, text: &PaneText) -> Result<Pane> {
+        let known = self.known.borrow();
+        let known = known.get(&text.frame);
+        let frame = known.and_then(|known| known.loaded.upgrade().zip(known.document.upgrade()));
+        let (loaded, document) =
+            frame.ok_or_else(|| Error::Usage("this frame is no longer in memory".into()))?;
+        self.keep(loaded.clone(), document.clone());
+        let scene = Arc::new(text.edits.apply(&document.project.scene));
+        Ok(Pane { scene, camera: text.camera, loaded, size: text.size })
+    }
+
+    /// Draws what the page wants.
+    async fn draw(self: Rc<Self>) {
+        let classifier = self.classifier.clone();
+        let mut drawer = Drawer::new(async || {
+            classifier.set(None);
+            let gpu = Gpu::request().await?;
+            classifier.set(Some(&gpu));
+            Ok(gpu)
+        });
+        loop {
+            let seen = self.changed.changes();
+            let wanted = self.wanted.borrow_mut().take();
+            self.drawing.set(wanted.is_some());
+            if let Some(wanted) = wanted {
+                let number = wanted.number;
+                match self.draw_wanted(&mut drawer, wanted).await {
+                    Ok(drawn) => {
+                        let (message, buffers) = drawn_text(&drawn);
+                        tell(&message, buffers);
+                    }
+                    Err(error) => {
+                        tell(&Tell::NotDrawn { number, error: error.to_string() }, Vec::new());
+                    }
+                }
+                self.drawing.set(false);
+                self.changed.notify();
+                continue;
+            }
+            let job = self.jobs.borrow_mut().pop_front();
+            match job {
+                Some(Job::Save(pane, name)) => match self.save(&mut drawer, &pane, &name).await {
+                    Ok(bytes) => tell(&Tell::Saved(name), vec![bytes]),
+                    Err(error) => tell(&Tell::NotSaved(error.to_string()), Vec::new()),
+                },
+                Some(Job::Lose) => {
+                    if let Ok(offscreen) = drawer.offscreen(&device_event).await {
+                        offscreen.gpu().device.destroy();
+                    }
+                }
+                None => self.changed.after(seen).await,
+            }
+        }
+    }
+
+    async fn draw_wanted(
+        &self,
+        drawer: &mut Drawer<impl AsyncFnMut() -> Result<Gpu>>,
+        wanted: Wanted,
+    ) -> Result<drawing::Drawn> {
+        let Wanted { number, panes, level, view } = wanted;
+        let panes = panes.iter().map(|pane| self.pane(pane)).collect::<Result<_>>()?;
+        let request = Request { number, panes, level, view };
+        let draw = async |offscreen: &mut Offscreen| drawing::draw(offscreen, &request).await;
+        drawer.attempt(&device_event, draw).await
+    }
+
+    async fn save(
+        &self,
+        drawer: &mut Drawer<impl AsyncFnMut() -> Result<Gpu>>,
+        pane: &PaneText,
+        name: &str,
+    ) -> Result<Vec<u8>> {
+        let (pane, path) = (self.pane(pane)?, Path::new(name));
+        let format = PictureFormat::of(path)?;
+        let fail = |error: io::Error| Error::io(path, "write", error);
+        let save = async |offscreen: &mut Offscreen| {
+            offscreen.renderer.diagnose = false;
+            let rendered = drawing::picture(offscreen, &pane).await?;
+            let mut bytes = Cursor::new(Vec::new());
+            match format {
+                PictureFormat::Exr => {
+                    let radiance = offscreen.finish_radiance().await?;
+                    return exr::to_bytes(vec![radiance]).map_err(fail);
+                }
+                _ => encode_picture(path, &rendered.into_image(), &[], &mut bytes)?,
+            }
+            Ok(bytes.into_inner())
+        };
+        drawer.attempt(&device_event, save).await
+    }
+}
+
+fn device_event(event: DeviceEvent) {
+    let message = match event {
+        DeviceEvent::Opened(adapter) => Tell::Adapter(adapter),
+        DeviceEvent::Lost(reason) => Tell::Lost(reason),
+    };
+    tell(&message, Vec::new());
+}
+
+/// Tells the remarks on the first frame of a document.
+fn remarks(cache: &Cache, loaded: &Loaded) {
+    let Cache { document, scene, .. } = cache;
+    let mut notices = notice::of_frame(loaded, scene);
+    notices.extend(notice::of_scene(scene));
+    notices.extend(notice::of_sequence(&document.input));
+    let incomplete = document.project.solid_files.remarks.iter().cloned();
+    notices.extend(incomplete.map(notice::Notice::Incomplete));
+    for notice in notices {
+        tell(&Tell::Said(notice.to_string()), Vec::new());
+    }
+}
+
+/// Gives a file of the page to all who read files.
+fn give_file(path: &str, file: File) {
+    let length = file.size() as u64;
+    let read: ReadAt = Rc::new(move |offset, buffer| {
+        let fail = |error: JsValue| io::Error::other(text_of(&error));
+        let (start, end) = (offset as f64, (offset + buffer.len() as u64) as f64);
+        let part = file.slice_with_f64_and_f64(start, end).map_err(fail)?;
+        let reader = FileReaderSync::new().map_err(fail)?;
+        let bytes = reader.read_as_array_buffer(&part).map_err(fail)?;
+        let bytes = Uint8Array::new(&bytes);
+        if bytes.length() as usize != buffer.len() {
+            return Err(io::Error::other("it changed while it was read"));
+        }
+        bytes.copy_to(buffer);
+        Ok(())
+    });
+    given::give(path, length, read);
+}
+
+/// Fetches a URL, waiting for the server, as a worker may.
+fn fetched(url: &str) -> io::Result<Vec<u8>> {
+    let fail = |error: JsValue| {
+        let problem = "the server cannot be reached, or does not let other sites read this (CORS)";
+        io::Error::other(format!("{problem}: {}", text_of(&error)))
+    };
+    let request = XmlHttpRequest::new().map_err(fail)?;
+    request.open_with_async("GET", url, false).map_err(fail)?;
+    request.set_response_type(XmlHttpRequestResponseType::Arraybuffer);
+    request.send().map_err(fail)?;
+    match request.status().unwrap_or_default() {
+        200..=299 => {
+            let body = request.response().map_err(fail)?;
+            Ok(Uint8Array::new(&body.unchecked_into::<ArrayBuffer>()).to_vec())
+        }
+        404 | 410 => Err(io::ErrorKind::NotFound.into()),
+        status => Err(io::Error::other(format!("the server answers {status}"))),
+    }
+}
+
+/// What a JavaScript error says.
+fn text_of(error: &JsValue) -> String {
+    let message = get(error, "message").and_then(|message| message.as_string());
+    message.unwrap_or_else(|| format!("{error:?}"))
+}

@@ -1,0 +1,205 @@
+// The element <limpid-view>: limpid's viewer in any page.
+//
+//   <script type="module" src="https://example.org/limpid/limpid.js"></script>
+//   <limpid-view src="frames/water_{}.bgeo" frames="1-79" play></limpid-view>
+//
+// Attributes are those of an address (docs/web.md), with `src` for `scene`. `controls` shows the toolbar and the
+// panels; `address` takes the parameters of the page's own address. The property `view` is the viewer, once the event
+// `limpid-ready` has been sent; `limpid-save` is sent for each file that is saved, and can be cancelled.
+
+import init, { View } from "./limpid_web.js";
+
+const here = new URL(".", import.meta.url);
+
+/** The compiled module, which all views and their workers share. */
+let compiled;
+
+/** Compiles the module, and tells the share that has been loaded. */
+async function compile(told) {
+  const answer = await fetch(new URL("limpid_web_bg.wasm", here));
+  if (!answer.ok) throw new Error(`${answer.url}: the server answers ${answer.status}`);
+  const whole = Number(answer.headers.get("content-length")) || 0;
+  const parts = [];
+  let length = 0;
+  const reader = answer.body.getReader();
+  for (;;) {
+    const { done, value } = await reader.read();
+    if (done) break;
+    parts.push(value);
+    length += value.length;
+    // A compressed answer is longer than it says.
+    told(whole >= length ? length / whole : undefined);
+  }
+  return WebAssembly.compile(await new Blob(parts).arrayBuffer());
+}
+
+/** Why this browser cannot show limpid; nothing if it can. */
+async function obstacle() {
+  if (!window.isSecureContext) {
+    return "limpid needs a secure page: https, or localhost.";
+  }
+  if (!navigator.gpu) {
+    return "This browser has no WebGPU, which limpid draws with.";
+  }
+  const adapter = await navigator.gpu.requestAdapter().catch(() => null);
+  if (!adapter) {
+    return "This browser has WebGPU, but no graphics adapter for it.";
+  }
+  return undefined;
+}
+
+const BROWSERS =
+  "Chrome and Edge have it since version 113, Safari since 26, Firefox since 141 on Windows and since 145 on " +
+  "Macs with Apple silicon; on Linux, Chrome and Edge since 144, and older ones once " +
+  "chrome://flags/#enable-unsafe-webgpu is switched on.";
+
+/** All files of what was dropped, with their paths. */
+async function filesOf(items) {
+  const files = [];
+  const walk = async (entry) => {
+    if (entry.isFile) {
+      const file = await new Promise((done, failed) => entry.file(done, failed));
+      files.push([entry.fullPath.replace(/^\//, ""), file]);
+    } else {
+      const reader = entry.createReader();
+      for (;;) {
+        // A reader gives at most a hundred at a time.
+        const some = await new Promise((done, failed) => reader.readEntries(done, failed));
+        if (some.length === 0) break;
+        for (const inner of some) await walk(inner);
+      }
+    }
+  };
+  // Items are gone once this function waits.
+  const entries = [...items].map((item) => item.webkitGetAsEntry?.() ?? item.getAsFile());
+  for (const entry of entries) {
+    if (entry instanceof File) files.push([entry.name, entry]);
+    else if (entry) await walk(entry);
+  }
+  return files;
+}
+
+const STYLE = `
+  :host { display: block; position: relative; min-width: 160px; min-height: 120px; background: #0c0c0c; }
+  canvas { position: absolute; inset: 0; width: 100%; height: 100%; outline: none; touch-action: none; }
+  p { position: absolute; inset: 0; display: grid; place-content: center; margin: 0; padding: 2em;
+      font: 15px/1.5 system-ui, sans-serif; color: #bbb; text-align: center; }
+  p small { display: block; max-width: 40em; color: #888; }
+`;
+
+class LimpidView extends HTMLElement {
+  /** The viewer; `undefined` before the event `limpid-ready`. */
+  view;
+
+  #root = this.attachShadow({ mode: "open" });
+  #canvas;
+
+  async connectedCallback() {
+    if (this.#root.firstChild) return;
+    const style = document.createElement("style");
+    style.textContent = STYLE;
+    const note = document.createElement("p");
+    this.#root.append(style, note);
+    const say = (text, detail = "") => {
+      const small = document.createElement("small");
+      small.textContent = detail;
+      note.replaceChildren(text, small);
+    };
+    say("Loading limpid…");
+    try {
+      const problem = await obstacle();
+      if (problem) {
+        say(problem, BROWSERS);
+        this.dispatchEvent(new CustomEvent("limpid-unsupported", { detail: problem, bubbles: true }));
+        return;
+      }
+      compiled ??= compile((share) => {
+        if (share !== undefined) say(`Loading limpid… ${Math.round(100 * share)} %`);
+      });
+      const module = await compiled;
+      await init({ module_or_path: module });
+      const controls = this.hasAttribute("controls");
+      this.view = new View(this.#host(module), this.#query(), !controls);
+      await this.#show();
+      note.remove();
+      this.#takeDrops();
+      this.dispatchEvent(new CustomEvent("limpid-ready", { bubbles: true }));
+    } catch (error) {
+      say("limpid could not be started.", String(error?.message ?? error));
+      throw error;
+    }
+  }
+
+  /** Names and values of the address, then of the attributes. */
+  #query() {
+    const given = this.hasAttribute("address") ? [...new URLSearchParams(location.search)] : [];
+    // Relative to the page, as everywhere.
+    const absolute = (url) => decodeURI(new URL(url, document.baseURI).href);
+    for (const { name, value } of this.attributes) {
+      if (name === "src") given.push(["scene", value]);
+      else if (!["controls", "address", "class", "id", "style"].includes(name)) given.push([name, value]);
+    }
+    return given.map(([name, value]) => [name, ["scene", "in"].includes(name) ? absolute(value) : value]);
+  }
+
+  #host(module) {
+    return {
+      worker: () => {
+        const url = new URL("worker.js", here);
+        // A worker's own file must be of the page's server; what it imports need not.
+        const own = url.origin === location.origin;
+        const text = new Blob([`import ${JSON.stringify(url.href)};`], { type: "text/javascript" });
+        const worker = new Worker(own ? url : URL.createObjectURL(text), { type: "module" });
+        worker.postMessage({ module });
+        return worker;
+      },
+      pick: (folder) => {
+        const input = document.createElement("input");
+        input.type = "file";
+        input.multiple = true;
+        input.webkitdirectory = folder;
+        input.onchange = () => {
+          const path = (file) => file.webkitRelativePath || file.name;
+          this.view.openFiles([...input.files].map((file) => [path(file), file]));
+        };
+        input.click();
+      },
+      save: (name, bytes) => {
+        const detail = { name, bytes };
+        const event = new CustomEvent("limpid-save", { detail, bubbles: true, cancelable: true });
+        if (!this.dispatchEvent(event)) return;
+        const anchor = document.createElement("a");
+        anchor.href = URL.createObjectURL(new Blob([bytes]));
+        anchor.download = name;
+        anchor.click();
+        setTimeout(() => URL.revokeObjectURL(anchor.href), 60_000);
+      },
+      link: (query) => `${location.origin}${location.pathname}${query ? `?${query}` : ""}`,
+    };
+  }
+
+  /** Shows the viewer in a canvas, and in another one if that loses its context. */
+  async #show() {
+    this.#canvas?.remove();
+    this.#canvas = document.createElement("canvas");
+    this.#root.append(this.#canvas);
+    this.#canvas.addEventListener("webglcontextlost", () => {
+      this.view.leave();
+      this.#show();
+    });
+    await this.view.show(this.#canvas);
+  }
+
+  #takeDrops() {
+    // Before the canvas, which would take single files alone.
+    const capture = { capture: true };
+    this.addEventListener("dragover", (event) => event.preventDefault(), capture);
+    this.addEventListener("drop", async (event) => {
+      event.preventDefault();
+      event.stopPropagation();
+      this.view.openFiles(await filesOf(event.dataTransfer.items));
+    }, capture);
+  }
+}
+
+customElements.define("limpid-view", LimpidView);

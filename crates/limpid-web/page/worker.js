@@ -1,0 +1,11 @@
+// The worker of a view: it is sent the compiled module first, and then what `limpid-viewer` asks.
+
+import init, { work } from "./limpid_web.js";
+
+const early = [];
+self.onmessage = async ({ data }) => {
+  self.onmessage = (event) => early.push(event);
+  await init({ module_or_path: data.module });
+  work();
+  for (const event of early) self.onmessage(event);
+};

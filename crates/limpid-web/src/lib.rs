@@ -1,0 +1,160 @@
+//! The viewer of limpid for web pages: what JavaScript calls. The page is in `page/`, and the viewer itself in
+//! `limpid-viewer`; `scripts/web.sh` builds both into a folder for any server.
+
+#![cfg(target_arch = "wasm32")]
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+
+use eframe::{WebOptions, WebRunner};
+use glam::UVec2;
+use js_sys::Array;
+use limpid::gpu::shader::{ROOTS, Variant, source};
+use limpid_viewer::web::{Page, PageOptions};
+use wasm_bindgen::prelude::wasm_bindgen;
+use wasm_bindgen::{JsCast as _, JsError, JsValue};
+use web_sys::{File, HtmlCanvasElement};
+
+/// Runs the worker of a page; to be called in a worker.
+#[wasm_bindgen]
+pub fn work() {
+    limpid_viewer::web::work();
+}
+
+/// Every shader of the project, with every intersector where one is chosen: a list of names and texts in WGSL, for
+/// tests. Browsers check more than the program does.
+#[wasm_bindgen]
+pub fn shaders() -> Array {
+    let is_intersector = |root: &&&str| {
+        root.starts_with("refract/") && **root != "refract/structure.wgsl"
+            || **root == "report/nothing.wgsl"
+    };
+    let intersectors: Vec<&str> = ROOTS.iter().filter(is_intersector).copied().collect();
+    let mut all = BTreeMap::new();
+    for root in ROOTS {
+        for intersector in &intersectors {
+            for mips in [false, true] {
+                let variant = Variant { mips, ..Variant::of(intersector) };
+                all.insert(source(root, variant), format!("{root} with {intersector}"));
+            }
+        }
+    }
+    all.into_iter()
+        .map(|(text, name)| [name, text].map(JsValue::from).iter().collect::<Array>())
+        .collect()
+}
+
+/// A viewer in a canvas.
+#[wasm_bindgen]
+pub struct View {
+    page: Page,
+    /// The runner of the canvas that is shown.
+    runner: RefCell<WebRunner>,
+}
+
+#[wasm_bindgen]
+impl View {
+    /// Creates a viewer that opens what `query` names, a list of names and values, or a demo. `host` has the functions
+    /// of [`PageOptions::host`]; a `plain` view has no toolbar and no panels.
+    #[wasm_bindgen(constructor)]
+    pub fn new(host: JsValue, query: &Array, plain: bool) -> Self {
+        let page = Page::new(PageOptions { host, query: pairs(query), plain });
+        Self { page, runner: RefCell::new(WebRunner::new()) }
+    }
+
+    /// Shows the viewer in a canvas. Another one may take its place once that has lost its context.
+    ///
+    /// # Errors
+    /// Without WebGL 2.
+    pub async fn show(&self, canvas: HtmlCanvasElement) -> Result<(), JsValue> {
+        let runner = self.runner.borrow().clone();
+        let page = self.page.clone();
+        let create = move |_: &eframe::CreationContext<'_>| Ok(page.app());
+        let options = WebOptions { dithering: false, ..WebOptions::default() };
+        runner.start(canvas, options, Box::new(create)).await
+    }
+
+    /// Leaves a canvas that has lost its context.
+    pub fn leave(&self) {
+        self.runner.replace(WebRunner::new()).destroy();
+        self.page.leave();
+    }
+
+    /// What ended the viewer, if anything has.
+    #[wasm_bindgen(js_name = failure)]
+    pub fn failure(&self) -> Option<String> {
+        self.runner.borrow().panic_summary().map(|summary| summary.message())
+    }
+
+    /// Opens the URL of a scene, of particles, of a pattern or of a folder, which ends with a slash.
+    pub fn open(&self, url: &str) {
+        self.page.open(url);
+    }
+
+    /// Opens files of the user: a list of paths, with `File`s.
+    #[wasm_bindgen(js_name = openFiles)]
+    pub fn open_files(&self, files: &Array) {
+        let file = |pair: JsValue| {
+            let pair: Array = pair.dyn_into().ok()?;
+            Some((pair.get(0).as_string()?, pair.get(1).dyn_into::<File>().ok()?))
+        };
+        let files: Vec<_> = files.iter().filter_map(file).collect();
+        self.page.open_files(&files);
+    }
+
+    /// Opens what the parameters of an address name.
+    ///
+    /// # Errors
+    /// Naming a parameter and its problem.
+    #[wasm_bindgen(js_name = openQuery)]
+    pub fn open_query(&self, query: &Array) -> Result<(), JsError> {
+        Ok(self.page.open_query(&pairs(query))?)
+    }
+
+    /// Changes settings, as `--set` of the program: `refract.samples=4`.
+    ///
+    /// # Errors
+    /// Naming a setting and its problem.
+    pub fn set(&self, settings: Vec<String>) -> Result<(), JsError> {
+        Ok(self.page.set(&settings)?)
+    }
+
+    /// Plays or pauses.
+    pub fn play(&self, playing: bool) {
+        self.page.play(playing);
+    }
+
+    /// Goes to the frame of an index, from 0.
+    pub fn seek(&self, index: usize) {
+        self.page.seek(index);
+    }
+
+    /// Draws the picture at rest at another size, and has the page save it: PNG, JPEG, WebP or OpenEXR.
+    pub fn save(&self, name: &str, width: u32, height: u32, samples: u32) {
+        self.page.save(name, UVec2::new(width, height), samples);
+    }
+
+    /// The parameters of an address that opens this picture; nothing for files of the user.
+    pub fn query(&self) -> Option<String> {
+        self.page.query()
+    }
+
+    /// What is shown, as JSON.
+    pub fn status(&self) -> String {
+        self.page.status()
+    }
+
+    /// Loses the graphics device, for tests.
+    #[wasm_bindgen(js_name = loseDevice)]
+    pub fn lose_device(&self) {
+        self.page.lose_device();
+    }
+}
+
+fn pairs(list: &Array) -> Vec<(String, String)> {
+    let pair = |pair: JsValue| {
+        let pair: Array = pair.dyn_into().ok()?;
+        Some((pair.get(0).as_string()?, pair.get(1).as_string()?))
+    };
+    list.iter().filter_map(pair).collect()
+}

@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# Builds the page and the program, and tests the page in Chromium; on Debian and Ubuntu it installs what is missing.
+# Arguments are those of `node --test`, such as --test-name-pattern.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+browser=${LIMPID_CHROMIUM:-/usr/bin/chromium}
+if ! [[ -x $browser ]] && command -v apt-get >/dev/null; then
+    as_root=()
+    ((EUID == 0)) || as_root=(sudo)
+    ${as_root[@]+"${as_root[@]}"} env DEBIAN_FRONTEND=noninteractive apt-get update -qq
+    ${as_root[@]+"${as_root[@]}"} env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >&2
+fi
+
+# LIMPID_WEB_BUILT=1 tests what is in web/dist.
+[[ -n ${LIMPID_WEB_BUILT-} ]] || scripts/web.sh
+cargo build --release --locked --package limpid-cli
+(cd tests/web && npm ci --silent --no-audit --no-fund)
+
+export LIMPID=${CARGO_TARGET_DIR:-$PWD/target}/release/limpid
+exec node --test --test-concurrency=1 "$@" tests/web/web.test.mjs

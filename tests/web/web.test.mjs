@@ -1,0 +1,420 @@
+// The page in Debian's Chromium, with WebGPU on the processor: `scripts/web-test.sh` builds what this needs.
+//
+// Protected: every way to open something, playing, settings, pointer and touch, addresses, recovery, messages, and that
+// pictures are those of the program.
+
+import assert from "node:assert/strict";
+import { execFile } from "node:child_process";
+import { mkdir, mkdtemp, readFile, writeFile } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { promisify } from "node:util";
+import { call, launch, open, root, save, serve, shows } from "./site.mjs";
+
+const run = promisify(execFile);
+/** The program. */
+const limpid = process.env.LIMPID ?? join(root, "target/release/limpid");
+const dam = "double_dam_break/ParticleData_Fluid_";
+
+let browser, site, work;
+
+before(async () => {
+  work = await mkdtemp(join(tmpdir(), "limpid-web-"));
+  site = await serve({ data: join(root, "tests/data"), sims: join(root, "sims"), work });
+  browser = await launch();
+});
+
+after(async () => {
+  await browser?.close();
+  site?.close();
+});
+
+/** Opens the page with parameters, runs `act`, and fails if the console has shown an error. */
+async function visit(query, act, options) {
+  const page = await open(browser, site.url + query, options);
+  try {
+    await act(page);
+    assert.deepEqual(page.complaints, [], "errors in the console");
+  } finally {
+    await page.context().close();
+  }
+}
+
+const particles = (status) => status.atRest && status.particles;
+
+/** `count` particles on a grid, a little off it, as a NumPy file of positions. */
+function block(count, radius) {
+  const side = Math.ceil(Math.cbrt(count));
+  const header = `{'descr': '<f4', 'fortran_order': False, 'shape': (${count}, 3), }`;
+  const head = Buffer.alloc(128, " ");
+  head.write("\x93NUMPY\x01\x00", "latin1");
+  head.writeUInt16LE(118, 8);
+  head.write(header, 10);
+  head.write("\n", 127);
+  let seed = 1;
+  const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647 - 0.5;
+  const positions = new Float32Array(3 * count);
+  for (let i = 0; i < count; i++) {
+    const place = [i % side, Math.floor(i / side) % side, Math.floor(i / side / side)];
+    place.forEach((at, axis) => (positions[3 * i + axis] = 2 * radius * (at + 0.4 * random())));
+  }
+  return Buffer.concat([head, Buffer.from(positions.buffer)]);
+}
+
+/** Drops files of the site on the page, as a user does. */
+function drop(page, ...paths) {
+  return page.evaluate(async (paths) => {
+    const dropped = new DataTransfer();
+    for (const path of paths) {
+      const bytes = await (await fetch(path)).arrayBuffer();
+      dropped.items.add(new File([bytes], path.split("/").at(-1)));
+    }
+    const event = new DragEvent("drop", { dataTransfer: dropped, bubbles: true, cancelable: true });
+    const view = document.querySelector("limpid-view");
+    view.shadowRoot.querySelector("canvas").dispatchEvent(event);
+  }, paths);
+}
+
+test("opened without anything, the page shows a demo at once, with the times of its passes", async (t) => {
+  const begun = performance.now();
+  await visit("", async (page) => {
+    await shows(page, (status) => status.shown);
+    t.diagnostic(`first picture after ${((performance.now() - begun) / 1000).toFixed(1)} s`);
+    const status = await shows(page, particles);
+    assert.equal(status.particles, 4732);
+    assert.ok(status.passes.some(([name, ms]) => name === "refract" && ms > 0), "times of passes");
+    t.diagnostic(`longest task ${Math.round(await page.evaluate("window.longest"))} ms`);
+  });
+});
+
+test("every shader compiles in the browser, and one that is wrong does not", async () => {
+  await visit("", async (page) => {
+    const { count, problems, caught } = await page.evaluate(async () => {
+      const module = await import("./limpid_web.js");
+      await module.default();
+      const device = await (await navigator.gpu.requestAdapter()).requestDevice();
+      const errors = async (code) => {
+        device.pushErrorScope("validation");
+        const { messages } = await device.createShaderModule({ code }).getCompilationInfo();
+        await device.popErrorScope();
+        return messages.filter(({ type }) => type === "error").map(({ message }) => message);
+      };
+      const problems = [];
+      const shaders = module.shaders();
+      for (const [name, text] of shaders) {
+        for (const message of await errors(text)) problems.push(`${name}: ${message}`);
+      }
+      // naga passes over a barrier that not all threads may reach (wgpu #4369).
+      const caught = await errors(`
+        @group(0) @binding(0) var<storage, read_write> data: array<u32>;
+        @compute @workgroup_size(64)
+        fn main(@builtin(local_invocation_index) i: u32) {
+          if data[i] > 0u { workgroupBarrier(); }
+        }`);
+      return { count: shaders.length, problems, caught };
+    });
+    assert.ok(count > 60, `${count} shaders`);
+    assert.deepEqual(problems, []);
+    assert.equal(caught.length, 1);
+  });
+});
+
+test("files of several formats are dropped, alone, as a sequence, and with their scene", async () => {
+  await visit("", async (page) => {
+    await shows(page, (status) => status.open);
+    await drop(page, `/data/${dam}20.bgeo`);
+    let status = await shows(page, (status) => particles(status) && status.open.includes("_20"));
+    assert.equal(status.frames, 1);
+
+    await drop(page, "/data/formats/vtk_zlib_appended.vtu");
+    await shows(page, (status) => particles(status) && status.open.endsWith(".vtu"));
+
+    const points = Array.from({ length: 1000 }, (_, i) => [i % 10, (i / 10) % 10 | 0, (i / 100) | 0]);
+    const vtk = `# vtk DataFile Version 3.0\nblock\nASCII\nDATASET POLYDATA\nPOINTS 1000 float\n${points
+      .map((point) => point.map((at) => at * 0.05).join(" "))
+      .join("\n")}\n`;
+    await writeFile(join(work, "block.vtk"), vtk);
+    await drop(page, "/work/block.vtk");
+    status = await shows(page, (status) => particles(status) && status.open.endsWith(".vtk"));
+    assert.equal(status.particles, 1000);
+
+    await drop(page, ...[20, 21, 22].map((frame) => `/data/${dam}${frame}.bgeo`));
+    status = await shows(page, (status) => particles(status) && status.frames === 3);
+    assert.equal(status.frame, 20);
+
+    await drop(page, "/sims/demo.toml", "/sims/demo.bgeo");
+    status = await shows(page, (status) => particles(status) && status.open.endsWith("demo.toml"));
+    assert.deepEqual(status.eye, [0.9, 1.5, 3.1]);
+  });
+});
+
+test("a sequence plays, round and round, and is scrubbed", async () => {
+  await visit(`?scene=/data/${dam}{}.bgeo&frames=20-22&frame=21`, async (page) => {
+    let status = await shows(page, particles);
+    assert.deepEqual([status.frame, status.frames], [21, 3]);
+    await call(page, "play", true);
+    const seen = new Set();
+    await shows(page, (status) => status.playing && status.shown);
+    while (seen.size < 3) seen.add((await shows(page, (status) => status.shown)).frame);
+    await call(page, "play", false);
+    await call(page, "seek", 0);
+    status = await shows(page, (status) => particles(status) && status.frame === 20);
+    assert.equal(status.particles, 4732);
+  });
+});
+
+test("settings, keys, the pointer, fingers and the window's size change the picture", async () => {
+  await visit("?demo=vase", async (page) => {
+    let status = await shows(page, particles);
+    const eye = status.eye;
+
+    const before = await save(page, "before.png", [96, 72], 1);
+    await call(page, "set", ["refract.interfaces=1"]);
+    await shows(page, particles);
+    assert.notDeepEqual(await save(page, "after.png", [96, 72], 1), before, "a setting");
+    await call(page, "set", ["refract.interfaces=4"]);
+    await shows(page, particles);
+    assert.deepEqual(await save(page, "again.png", [96, 72], 1), before, "the same pixels again");
+    await assert.rejects(call(page, "set", ["refract.interfacs=4"]), /interfaces/);
+
+    await page.mouse.move(300, 250);
+    await page.mouse.down();
+    await page.mouse.move(360, 240, { steps: 4 });
+    await page.mouse.up();
+    status = await shows(page, particles);
+    assert.notDeepEqual(status.eye, eye, "a drag orbits");
+    const orbited = status.eye;
+    const distance = (of) => Math.hypot(...of);
+    await page.mouse.wheel(0, -200);
+    status = await shows(page, (status) => particles(status) && String(status.eye) !== String(orbited));
+    assert.ok(distance(status.eye) < distance(orbited), "the wheel zooms");
+
+    await page.keyboard.press("h");
+    status = await shows(page, (status) => particles(status) && String(status.eye) === String(eye));
+    await page.keyboard.press("v");
+    status = await shows(page, (status) => particles(status) && status.view !== "Picture");
+    await page.keyboard.press("p");
+    await shows(page, (status) => particles(status) && status.view === "Picture");
+
+    await page.setViewportSize({ width: 480, height: 400 });
+    status = await shows(page, (status) => particles(status) && status.size[0] === 480);
+    assert.deepEqual(status.shown.size, status.size);
+  });
+  await visit("?demo=vase", async (page) => {
+    const { eye } = await shows(page, particles);
+    const client = await page.context().newCDPSession(page);
+    const touch = (type, ...points) =>
+      client.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+    await touch("touchStart", [300, 250]);
+    for (const x of [310, 330, 350]) {
+      await touch("touchMove", [x, 250]);
+      await page.waitForTimeout(50);
+    }
+    await touch("touchEnd");
+    let status = await shows(page, (status) => particles(status) && String(status.eye) !== String(eye));
+    const length = (eye) => Math.hypot(...eye);
+    const near = length(status.eye);
+    await touch("touchStart", [280, 250], [320, 250]);
+    for (const far of [30, 40, 60, 80]) {
+      await touch("touchMove", [300 - far, 250], [300 + far, 250]);
+      await page.waitForTimeout(100);
+    }
+    await touch("touchEnd");
+    status = await shows(page, (status) => particles(status) && length(status.eye) < 0.95 * near);
+  }, { hasTouch: true });
+});
+
+test("an address opens what a link was made of", async () => {
+  const link = await new Promise((done, failed) => {
+    const query = `?scene=/data/${dam}{}.bgeo&frames=20-22&frame=22&set=refract.samples%3D2&look=overcast`;
+    visit(query, async (page) => {
+      await shows(page, particles);
+      await page.mouse.move(300, 250);
+      await page.mouse.down();
+      await page.mouse.move(340, 240, { steps: 3 });
+      await page.mouse.up();
+      await call(page, "set", ["refract.interfaces=2"]);
+      const { eye } = await shows(page, particles);
+      done({ eye, query: await call(page, "query") });
+    }).catch(failed);
+  });
+  assert.match(link.query, /frame=22/);
+  assert.match(link.query, /look=overcast/);
+  await visit(`?${link.query}`, async (page) => {
+    const status = await shows(page, particles);
+    assert.deepEqual([status.frame, status.frames, status.eye], [22, 3, link.eye]);
+    assert.equal(await call(page, "query"), link.query);
+  });
+  await visit("?demo=nowhere", async (page) => {
+    const status = await shows(page, particles);
+    assert.match(status.notices[0].text, /demo in the address: expected one of dam_break/);
+  });
+});
+
+test("a simulation runs in the page while it plays, and its settings change meanwhile", async () => {
+  await visit("?demo=dam_break", async (page) => {
+    await shows(page, (status) => status.playing && status.frames >= 3 && status.shown, 180_000);
+    await call(page, "set", ["refract.interfaces=2", "caustics.resolution=128"]);
+    const { pictures } = await shows(page, (status) => status.frames >= 4, 180_000);
+    await shows(page, (status) => status.pictures > pictures, 180_000);
+    // Another document ends it.
+    await drop(page, `/data/${dam}20.bgeo`);
+    await shows(page, (status) => particles(status) && status.open.endsWith("_20.bgeo"), 180_000);
+  });
+});
+
+test("a lost device, a worker that ends and a lost canvas are replaced", async () => {
+  const watched = () => {
+    const Native = Worker;
+    window.Worker = class extends Native {
+      constructor(...given) {
+        super(...given);
+        window.worker = this;
+      }
+    };
+  };
+  await visit("?demo=vase", async (page) => {
+    const { pictures } = await shows(page, particles);
+    await call(page, "loseDevice");
+    await call(page, "set", ["refract.interfaces=2"]);
+    let status = await shows(page, (status) => particles(status) && status.pictures > pictures);
+    assert.ok(status.notices.some(({ text }) => text.includes("another one takes over")), "a notice");
+
+    await page.evaluate(() => window.worker.dispatchEvent(new ErrorEvent("error", { message: "for a test" })));
+    status = await shows(page, (status) => particles(status) && status.notices.length > 1);
+    assert.ok(status.notices.some(({ text }) => text === "the worker failed (for a test)"));
+    await call(page, "set", ["refract.interfaces=4"]);
+    await shows(page, (status) => particles(status));
+
+    await page.evaluate(() => {
+      const canvas = document.querySelector("limpid-view").shadowRoot.querySelector("canvas");
+      canvas.getContext("webgl2").getExtension("WEBGL_lose_context").loseContext();
+    });
+    await page.waitForTimeout(1000);
+    status = await shows(page, particles);
+    assert.equal(await page.evaluate(() => document.querySelector("limpid-view").shadowRoot.querySelectorAll("canvas").length), 1);
+  }, { before: watched });
+});
+
+test("damaged and foreign files get the program's one line, and what was open stays open", async () => {
+  const whole = await readFile(join(root, `tests/data/${dam}20.bgeo`));
+  const wrong = Buffer.from(whole);
+  wrong.writeUInt32BE(0x7fffffff, 9);
+  await writeFile(join(work, "short.bgeo"), whole.subarray(0, 5000));
+  await writeFile(join(work, "many.bgeo"), wrong);
+  await writeFile(join(work, "text.vtu"), "not a file of VTK");
+  await writeFile(join(work, "wrong.toml"), "[liquid]\nior = 'much'\n");
+  await writeFile(join(work, "empty.ply"), "");
+  await visit("?demo=vase", async (page) => {
+    await shows(page, particles);
+    for (const name of ["short.bgeo", "many.bgeo", "text.vtu", "wrong.toml", "empty.ply"]) {
+      const told = await run(limpid, ["info", name], { cwd: work }).then(
+        () => assert.fail(`${name} is read`),
+        ({ stderr }) => stderr.trim(),
+      );
+      await drop(page, `/work/${name}`);
+      const last = (status) => status.notices.at(-1)?.text ?? "";
+      const status = await shows(page, (status) => !status.opening && status.notices.at(-1)?.error);
+      await shows(page, (status) => (status.notices.at(-1)?.text ?? "").includes("files"));
+      const line = last(await shows(page, (status) => !status.opening)).replace(/^files\d*\//, "");
+      // The program adds a remedy in terms of its options.
+      assert.ok(told.includes(line), `${name}: the page says "${line}", the program "${told}"`);
+      assert.equal(status.particles > 0, true);
+      await page.keyboard.press("Escape");
+      await shows(page, (status) => status.notices.length === 0);
+    }
+    const status = await shows(page, particles);
+    assert.ok(status.open.endsWith("vase.toml"));
+  });
+});
+
+test("what a server lacks, forbids or does not list is told", async () => {
+  for (const [query, told] of [
+    ["?scene=/work/none.bgeo", /none\.bgeo/],
+    ["?scene=/nowhere/water_{}.bgeo", /the server lists no files here; put files\.txt beside them/],
+    ["?scene=http://localhost:9/water.bgeo", /the server cannot be reached, or does not let other sites read this/],
+  ]) {
+    const page = await open(browser, site.url + query);
+    const status = await shows(page, (status) => status.notices.length > 0);
+    assert.match(status.notices[0].text, told);
+    await page.context().close();
+  }
+  // A list of names, where the server shows none.
+  await writeFile(join(work, "files.txt"), "water_1.bgeo\nwater_2.bgeo\n");
+  for (const frame of [1, 2]) await writeFile(join(work, `water_${frame}.bgeo`), await readFile(join(root, "sims/demo.bgeo")));
+  await visit("?scene=/work/water_{}.bgeo", async (page) => {
+    const status = await shows(page, particles);
+    assert.equal(status.frames, 2);
+  });
+});
+
+test("a browser without WebGPU gets a page that says so, and which have it", async () => {
+  const without = () => Object.defineProperty(Navigator.prototype, "gpu", { get: () => undefined });
+  await visit("", async (page) => {
+    const text = () => page.evaluate(() => document.querySelector("limpid-view").shadowRoot.querySelector("p").innerText);
+    while (!(await text()).includes("WebGPU")) await page.waitForTimeout(50);
+    assert.match(await text(), /This browser has no WebGPU[^]*Chrome and Edge[^]*Safari[^]*Firefox/);
+  }, { before: without });
+});
+
+test("three lines of HTML put a view into another page", async () => {
+  const page = `<!doctype html>
+<script type="module" src="/limpid.js"></script>
+<limpid-view src="/data/${dam}{}.bgeo" frames="20-22" frame="21" style="width: 320px; height: 200px"></limpid-view>`;
+  await writeFile(join(work, "embed.html"), page);
+  await visit("/work/embed.html", async (page) => {
+    const status = await shows(page, particles);
+    assert.deepEqual([status.frame, status.frames], [21, 3]);
+  });
+});
+
+test("pictures are those of the program, within the tolerances of limpid check", async (t) => {
+  // The page's pictures are the expected ones of a suite that the program draws. Its tolerances for adapters that it does
+  // not know: mean FLIP 0.01, the 99th percentile 0.2.
+  const size = [160, 120];
+  const scenes = { demo: 4, drop: 1, slab: 1, vase: 4, glass_ball: 4 };
+  const suite = (name, frames) => {
+    const frame = ([name, input]) => `[[frame]]\nname = "${name}"\ninput = ${JSON.stringify(join(root, input))}\n`;
+    return writeFile(join(work, `${name}.toml`), `size = [${size}]\n${frames.map(frame).join("")}`);
+  };
+  const check = (name) => run(limpid, ["check", `${name}.toml`, "--out", `${name}-check`], { cwd: work });
+  await mkdir(join(work, "alike"));
+  for (const [name, samples] of Object.entries(scenes)) {
+    await visit(`?scene=/sims/${name}.toml`, async (page) => {
+      await shows(page, particles);
+      await writeFile(join(work, "alike", `${name}.png`), await save(page, "picture.png", size, samples));
+    });
+  }
+  await suite("alike", Object.keys(scenes).map((name) => [name, `sims/${name}.toml`]));
+  const { stdout } = await check("alike");
+  stdout.split("\n").forEach((line) => t.diagnostic(line));
+  // A picture of another liquid is not within them.
+  await mkdir(join(work, "other"));
+  await writeFile(join(work, "other/demo.png"), await readFile(join(work, "alike/drop.png")));
+  await suite("other", [["demo", "sims/demo.toml"]]);
+  await assert.rejects(check("other"), ({ stdout }) => /FAILED {2}demo/.test(stdout));
+});
+
+test("40,000 particles play, and 1,000,000 open", async (t) => {
+  for (const frame of [1, 2, 3]) await writeFile(join(work, `many_${frame}.npy`), block(40_000 + frame, 0.01));
+  await visit("?scene=/work/many_{}.npy&frames=1-3&radius=0.01&play=1&set=refract.interfaces%3D2", async (page) => {
+    const seen = new Set();
+    const begun = performance.now();
+    let pictures = 0;
+    while (seen.size < 3) {
+      const status = await shows(page, (status) => status.shown, 300_000);
+      seen.add(status.frame);
+      pictures = status.pictures;
+    }
+    t.diagnostic(`40,000: ${pictures} pictures in ${((performance.now() - begun) / 1000).toFixed(1)} s from opening`);
+  }, { viewport: { width: 320, height: 320 } });
+  await writeFile(join(work, "million.npy"), block(1_000_000, 0.01));
+  await visit("?scene=/work/million.npy&radius=0.01&set=refract.interfaces%3D2", async (page) => {
+    const begun = performance.now();
+    const status = await shows(page, (status) => status.shown || status.notices.some(({ error }) => error), 600_000);
+    t.diagnostic(`1,000,000: ${((performance.now() - begun) / 1000).toFixed(1)} s; longest task ${Math.round(await page.evaluate("window.longest"))} ms`);
+    assert.ok(status.shown, JSON.stringify(status.notices));
+    assert.equal(status.particles, 1_000_000);
+  }, { viewport: { width: 320, height: 320 } });
+});
