@@ -225,7 +225,8 @@ impl Gpu {
 
     /// Whether the driver compiles shaders in this process's memory: a software adapter.
     pub(crate) fn compiles_in_process(&self) -> bool {
-        self.device.adapter_info().device_type == wgpu::DeviceType::Cpu
+        let info = self.device.adapter_info();
+        info.device_type == wgpu::DeviceType::Cpu && info.backend != wgpu::Backend::BrowserWebGpu
     }
 
     /// Whether uniforms that alone decide branches ([`Gpu::branching`]) are bound as
@@ -261,9 +262,11 @@ impl Gpu {
     /// Name and driver of the adapter, for reports.
     pub fn adapter(&self) -> String {
         let info = self.device.adapter_info();
-        match info.driver_info.as_str() {
-            "" => info.name,
-            driver => format!("{} ({driver})", info.name),
+        match (info.name.as_str(), info.driver_info.as_str()) {
+            // Browsers need not name it.
+            ("", _) => "WebGPU".to_owned(),
+            (_, "") => info.name,
+            (_, driver) => format!("{} ({driver})", info.name),
         }
     }
 

@@ -1,13 +1,11 @@
-// Empties the layers of gaps in the tiles that have any.
+// Empties the layers of gaps of one class in the tiles that have any.
 
 #import common/groups.wgsl
 #import common/tiles.wgsl
 
-@group(0) @binding(0) var aggregate_layers: texture_storage_2d_array<rgba32float, write>;
-@group(0) @binding(1) var splash_layers: texture_storage_2d_array<rgba32float, write>;
-@group(0) @binding(2) var<storage, read> tiles: TileList;
+@group(0) @binding(0) var layers: texture_storage_2d_array<rgba32float, write>;
+@group(0) @binding(1) var<storage, read> tiles: TileList;
 
-override SPLASH: bool = false;
 override GAPS: u32 = 1u;
 
 @compute @workgroup_size(8, 8)
@@ -17,13 +15,10 @@ fn clear(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) loca
         return;
     }
     let p = tile_pixel(tiles.tiles[index], local.xy);
-    if any(p >= vec2i(textureDimensions(aggregate_layers))) {
+    if any(p >= vec2i(textureDimensions(layers))) {
         return;
     }
     for (var layer = 2u; layer < 2u + 2u * GAPS; layer++) {
-        textureStore(aggregate_layers, p, layer, vec4f(0.0));
-        if SPLASH {
-            textureStore(splash_layers, p, layer, vec4f(0.0));
-        }
+        textureStore(layers, p, layer, vec4f(0.0));
     }
 }

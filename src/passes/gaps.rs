@@ -84,7 +84,7 @@ struct Pipelines {
     mark_large: wgpu::RenderPipeline,
     /// Without and with splashes.
     split: [wgpu::ComputePipeline; 2],
-    clear: [wgpu::ComputePipeline; 2],
+    clear: wgpu::ComputePipeline,
     /// By class and side.
     select: [[Selection; 2]; 2],
     /// By gap and side.
@@ -137,7 +137,7 @@ impl Gaps {
                     gpu::uniform::<Params>(),
                 ],
             ),
-            clear: gpu.layout("gaps cleared", compute, &[planes, planes, gpu::storage_of(8)]),
+            clear: gpu.layout("gaps cleared", compute, &[planes, gpu::storage_of(8)]),
             select: gpu.layout("gap tiles", compute, &[gpu::sampled(D2)]),
             draw: gpu.layout("gaps drawn", wgpu::ShaderStages::FRAGMENT, &[gpu::sampled(D2)]),
         };
@@ -244,18 +244,17 @@ impl Gaps {
         }
         tiles.arrange(gpu, encoder, &self.tile_lists, layers(0));
         for section in self.tile_lists.sections() {
-            let planes = [0, 1].map(|i| gpu::level_view(&layers(i).texture, 0, D2Array));
-            let resources = [
-                texture(&planes[0]),
-                texture(&planes[variant]),
-                self.tile_lists.section(&self.tile_lists.liquid, section),
-            ];
-            let group = gpu::bind_group(gpu, "gaps cleared", &self.layouts.clear, &resources);
             let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(&pipelines.clear[variant]);
-            pass.set_bind_group(0, &group, &[]);
-            let at = self.tile_lists.dispatch(TileLists::LIQUID, section);
-            pass.dispatch_workgroups_indirect(&self.tile_lists.dispatches, at);
+            pass.set_pipeline(&pipelines.clear);
+            for class in 0..classes.len() {
+                let planes = gpu::level_view(&layers(class).texture, 0, D2Array);
+                let tiles = self.tile_lists.section(&self.tile_lists.liquid, section);
+                let resources = [texture(&planes), tiles];
+                let group = gpu::bind_group(gpu, "gaps cleared", &self.layouts.clear, &resources);
+                pass.set_bind_group(0, &group, &[]);
+                let at = self.tile_lists.dispatch(TileLists::LIQUID, section);
+                pass.dispatch_workgroups_indirect(&self.tile_lists.dispatches, at);
+            }
         }
         let flags = view(&self.tiles);
         let with_gaps = gpu::bind_group(gpu, "gap tiles", &self.layouts.select, &[texture(&flags)]);
@@ -334,8 +333,9 @@ impl Pipelines {
         gaps: u32,
         sizes: bool,
     ) -> Self {
-        let kernel = |file: &str, entry: &str, layout: &wgpu::BindGroupLayout, splash: f64| {
-            let constants = [("SPLASH", splash), ("GAPS", gaps.into())];
+        let kernel = |file: &str, entry: &str, layout: &wgpu::BindGroupLayout, splash: &[f64]| {
+            let splash = splash.iter().map(|&splash| ("SPLASH", splash));
+            let constants: Vec<_> = splash.chain([("GAPS", gaps.into())]).collect();
             gpu::compute_pipeline(gpu, file, entry, &[layout], &constants)
         };
         let raster = |file: &str,
@@ -422,9 +422,8 @@ impl Pipelines {
                 &[],
             ),
             split: [0.0, 1.0]
-                .map(|splash| kernel("gaps/split.wgsl", "split", &layouts.split, splash)),
-            clear: [0.0, 1.0]
-                .map(|splash| kernel("gaps/clear.wgsl", "clear", &layouts.clear, splash)),
+                .map(|splash| kernel("gaps/split.wgsl", "split", &layouts.split, &[splash])),
+            clear: kernel("gaps/clear.wgsl", "clear", &layouts.clear, &[]),
             select: [0, 1].map(select),
             draw: [draw(0), draw(1)],
             gaps,

@@ -15,6 +15,7 @@ const TYPES = { ".html": "text/html", ".js": "text/javascript", ".wasm": "applic
 export async function serve(folders = {}) {
   const server = createServer(async (request, response) => {
     const path = decodeURIComponent(new URL(request.url, "http://localhost").pathname);
+    if (path === "/favicon.ico") return response.writeHead(204).end();
     const [, first, ...rest] = normalize(path).split("/");
     const file = first in folders ? join(folders[first], ...rest) : join(root, "web/dist", path);
     try {
@@ -57,7 +58,7 @@ export function launch() {
 }
 
 /** Opens a page, and collects what its console and its errors say. */
-export async function open(browser, url, { viewport = { width: 640, height: 480 }, before, ...context } = {}) {
+export async function open(browser, url, { viewport = { width: 400, height: 320 }, before, ...context } = {}) {
   const page = await (await browser.newContext({ viewport, ...context })).newPage();
   page.complaints = [];
   page.on("console", (message) => {
@@ -68,7 +69,24 @@ export async function open(browser, url, { viewport = { width: 640, height: 480 
   // Files that are saved, by name, and tasks that held the page up.
   await page.addInitScript(() => {
     window.saved = {};
+    // Any task, also the browser's own: without a GPU it waits for the canvas while shaders compile.
     window.longest = 0;
+    // The page's own: its frames, and the messages of its worker.
+    window.own = 0;
+    const timed = (work) => function (...given) {
+      const begun = performance.now();
+      work.apply(this, given);
+      window.own = Math.max(window.own, performance.now() - begun);
+    };
+    const request = window.requestAnimationFrame;
+    window.requestAnimationFrame = (work) => request(timed(work));
+    const { get, set } = Object.getOwnPropertyDescriptor(Worker.prototype, "onmessage");
+    Object.defineProperty(Worker.prototype, "onmessage", {
+      get,
+      set(work) {
+        set.call(this, work && timed(work));
+      },
+    });
     addEventListener("limpid-save", (event) => {
       event.preventDefault();
       window.saved[event.detail.name] = event.detail.bytes;
@@ -95,6 +113,12 @@ export async function shows(page, wanted, timeout = 120_000) {
     }
     await page.waitForTimeout(100);
   }
+}
+
+/** The longest work that has held the page up, ms: its own, and any. */
+export async function held(page) {
+  const [own, any] = await page.evaluate(() => [window.own, window.longest]);
+  return `the page's own longest work took ${Math.round(own)} ms, any ${Math.round(any)} ms`;
 }
 
 /** Calls a function of the page's view. */

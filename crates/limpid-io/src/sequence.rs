@@ -164,6 +164,14 @@ impl Sequence {
         Self::from_pattern(&file.to_string_lossy(), &pattern).ok()
     }
 
+    /// The names of the files of these frames, by the last part of a pattern; `None` without a placeholder.
+    pub fn names(pattern: &str, numbers: impl Iterator<Item = i64>) -> Option<Vec<String>> {
+        let name = file_name(Path::new(pattern));
+        let (at, length, width) = placeholder(&name)?;
+        let (prefix, suffix) = (&name[..at], &name[at + length..]);
+        Some(numbers.map(|number| format!("{prefix}{number:0width$}{suffix}")).collect())
+    }
+
     /// The frame with this number, if there is one.
     pub fn frame(&self, number: i64) -> Option<&Frame> {
         let at = self.frames.binary_search_by_key(&number, |frame| frame.number).ok()?;

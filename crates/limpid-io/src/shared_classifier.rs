@@ -235,6 +235,13 @@ fn no_device() -> Error {
 
 /// Whether the device is hardware, and so faster than the CPU.
 fn is_hardware(gpu: &Gpu) -> bool {
-    use limpid::wgpu::DeviceType::{DiscreteGpu, IntegratedGpu, VirtualGpu};
-    matches!(gpu.device.adapter_info().device_type, DiscreteGpu | IntegratedGpu | VirtualGpu)
+    use limpid::wgpu::Backend::BrowserWebGpu;
+    use limpid::wgpu::DeviceType::{DiscreteGpu, IntegratedGpu, Other, VirtualGpu};
+    let info = gpu.device.adapter_info();
+    match info.device_type {
+        DiscreteGpu | IntegratedGpu | VirtualGpu => true,
+        // Browsers say no more than that an adapter is not a software one.
+        Other => info.backend == BrowserWebGpu,
+        _ => false,
+    }
 }

@@ -49,9 +49,8 @@ async function obstacle() {
 }
 
 const BROWSERS =
-  "Chrome and Edge have it since version 113, Safari since 26, Firefox since 141 on Windows and since 145 on " +
-  "Macs with Apple silicon; on Linux, Chrome and Edge since 144, and older ones once " +
-  "chrome://flags/#enable-unsafe-webgpu is switched on.";
+  "Chrome and Edge have it since version 113 (on Linux with some graphics cards, with others once " +
+  "chrome://flags/#enable-unsafe-webgpu is switched on), Safari since 26, Firefox since 141 on Windows and 145 on Macs.";
 
 /** All files of what was dropped, with their paths. */
 async function filesOf(items) {

@@ -119,6 +119,14 @@ impl View {
         Ok(self.page.set(&settings)?)
     }
 
+    /// Sets the camera, as `--camera` of the program: `eye=1,2,3 target=0,0,0 fov_y=40`.
+    ///
+    /// # Errors
+    /// Naming what is wrong.
+    pub fn camera(&self, camera: &str) -> Result<(), JsError> {
+        Ok(self.page.set_camera(camera)?)
+    }
+
     /// Plays or pauses.
     pub fn play(&self, playing: bool) {
         self.page.play(playing);

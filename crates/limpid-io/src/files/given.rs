@@ -31,10 +31,12 @@ struct Entry {
 
 #[derive(Default)]
 struct Store {
+    /// Files that were given, also in folders of servers: the frames of a simulation.
     files: BTreeMap<PathBuf, Entry>,
     fetch: Option<Fetch>,
-    /// Fetched files, the oldest first.
-    fetched: VecDeque<PathBuf>,
+    /// Files of servers, the oldest first.
+    fetched: VecDeque<(PathBuf, Entry)>,
+    /// Memory of these, bytes.
     bytes: u64,
     /// Names in folders of servers.
     listed: BTreeMap<PathBuf, Vec<String>>,
@@ -59,6 +61,11 @@ fn copy(bytes: &[u8], offset: u64, buffer: &mut [u8]) -> io::Result<()> {
     let part = usize::try_from(offset).ok().and_then(|at| bytes.get(at..)?.get(..buffer.len()));
     buffer.copy_from_slice(part.ok_or(io::ErrorKind::UnexpectedEof)?);
     Ok(())
+}
+
+/// Says which files are in a folder of a server, instead of a list there.
+pub fn list(folder: &Path, names: Vec<String>) {
+    STORE.with_borrow_mut(|store| store.listed.insert(folder.to_owned(), names));
 }
 
 /// Takes back all files in a folder.
@@ -87,7 +94,11 @@ fn fetched(url: &str) -> io::Result<Vec<u8>> {
 
 /// The file of a path, fetched if it is a URL.
 fn entry(path: &Path) -> io::Result<Entry> {
-    if let Some(known) = STORE.with_borrow(|store| store.files.get(path).cloned()) {
+    let known = STORE.with_borrow(|store| {
+        let fetched = || store.fetched.iter().find(|(known, _)| known == path);
+        store.files.get(path).or_else(|| Some(&fetched()?.1)).cloned()
+    });
+    if let Some(known) = known {
         return Ok(known);
     }
     let Some(url) = url(path) else { return Err(io::ErrorKind::NotFound.into()) };
@@ -96,15 +107,26 @@ fn entry(path: &Path) -> io::Result<Entry> {
     let read: ReadAt = Rc::new(move |offset, buffer| copy(&bytes, offset, buffer));
     let entry = Entry { length, read };
     STORE.with_borrow_mut(|store| {
-        store.files.insert(path.to_owned(), entry.clone());
-        store.fetched.push_back(path.to_owned());
+        store.fetched.push_back((path.to_owned(), entry.clone()));
         store.bytes += length;
         while store.bytes > KEPT && store.fetched.len() > 1 {
-            let oldest = store.fetched.pop_front().and_then(|oldest| store.files.remove(&oldest));
-            store.bytes -= oldest.map_or(0, |entry| entry.length);
+            let oldest = store.fetched.pop_front();
+            store.bytes -= oldest.map_or(0, |(_, entry)| entry.length);
         }
     });
     Ok(entry)
+}
+
+/// The names of the given files and folders in a folder.
+fn given_in(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = STORE.with_borrow(|store| {
+        let inside = store.files.keys().filter_map(|file| file.strip_prefix(folder).ok());
+        let first = inside.filter_map(|file| file.components().next());
+        first.map(|name| name.as_os_str().to_string_lossy().into_owned()).collect()
+    });
+    // Sorted by path, equal ones are neighbours.
+    names.dedup();
+    names
 }
 
 /// Properties of a file or a folder.
@@ -146,22 +168,10 @@ impl Metadata {
 /// [`io::ErrorKind::NotFound`], or as reading fails.
 pub fn metadata(path: &Path) -> io::Result<Metadata> {
     let folder = Metadata { length: 0, folder: true };
-    if url(path).is_some() {
-        let slash = path.to_string_lossy().ends_with('/');
-        return if slash {
-            Ok(folder)
-        } else {
-            Ok(Metadata { length: entry(path)?.length, folder: false })
-        };
+    if !given_in(path).is_empty() || url(path).is_some_and(|url| url.ends_with('/')) {
+        return Ok(folder);
     }
-    match entry(path) {
-        Ok(entry) => Ok(Metadata { length: entry.length, folder: false }),
-        Err(error) => {
-            let inside =
-                STORE.with_borrow(|store| store.files.keys().any(|file| file.starts_with(path)));
-            if inside { Ok(folder) } else { Err(error) }
-        }
-    }
+    Ok(Metadata { length: entry(path)?.length, folder: false })
 }
 
 /// Whether this is a file that exists.
@@ -174,14 +184,11 @@ pub fn is_file(path: &Path) -> bool {
 /// # Errors
 /// [`io::ErrorKind::NotFound`]; of a server, an error that says how to list its files.
 pub fn names_in(folder: &Path) -> io::Result<Vec<String>> {
-    let Some(url) = url(folder) else {
-        let names: Vec<String> = STORE.with_borrow(|store| {
-            let inside = store.files.keys().filter_map(|file| file.strip_prefix(folder).ok());
-            let first = inside.filter_map(|file| file.components().next());
-            first.map(|name| name.as_os_str().to_string_lossy().into_owned()).collect()
-        });
-        return if names.is_empty() { Err(io::ErrorKind::NotFound.into()) } else { Ok(names) };
-    };
+    let names = given_in(folder);
+    if !names.is_empty() {
+        return Ok(names);
+    }
+    let Some(url) = url(folder) else { return Err(io::ErrorKind::NotFound.into()) };
     if let Some(known) = STORE.with_borrow(|store| store.listed.get(folder).cloned()) {
         return Ok(known);
     }

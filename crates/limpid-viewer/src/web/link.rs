@@ -10,6 +10,7 @@
 //! | `play` | plays |
 //! | `camera` | as `--camera` |
 //! | `view` | the intermediate image, by its name in `--aov` |
+//! | `refine` | `0`: a picture at rest has the rays of its settings, not four at least |
 //! | `set` | a setting, as `--set`; any number of times |
 //! | `look`, `sky`, `sun`, `floor`, `ior`, `tint`, `up`, `scale`, `fps`, `radius`, `missing` | as the options of `limpid render` |
 
@@ -42,6 +43,7 @@ pub(crate) struct Wishes {
     pub(crate) play: bool,
     pub(crate) camera: Option<Camera>,
     pub(crate) view: Option<Aov>,
+    pub(crate) unrefined: bool,
 }
 
 /// Reads the parameters of an address. Unknown ones are the server's.
@@ -68,6 +70,7 @@ pub(crate) fn parse(query: &[(String, String)]) -> Result<Link> {
             "play" => wishes.play = value != "false" && value != "0",
             "camera" => wishes.camera = Some(parsed(name, value)?),
             "view" => wishes.view = Some(parsed(name, value)?),
+            "refine" => wishes.unrefined = value == "false" || value == "0",
             "set" => source.overrides.push(value.to_owned()),
             "look" => adjusted.look = Some(parsed(name, value)?),
             "sky" => adjusted.sky = Some(parsed(name, value)?),
@@ -138,6 +141,9 @@ pub(crate) fn query(viewer: &Viewer) -> Option<String> {
     }
     if let View::Image(aov, _) = viewer.picture.view {
         pairs.push(("view", aov.to_string()));
+    }
+    if !viewer.picture.refine {
+        pairs.push(("refine", "0".into()));
     }
     if let Some(radius) = source.radius {
         pairs.push(("radius", radius.to_string()));

@@ -10,6 +10,7 @@ use std::sync::{Arc, Weak, mpsc};
 use eframe::egui;
 use glam::UVec2;
 use js_sys::{Array, Function, Object, Uint8Array};
+use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::bake::Progress;
 use limpid_io::error::Error;
@@ -202,6 +203,11 @@ impl Worker {
 
     /// Opens a source, until `stop` is set.
     pub(crate) fn open(&self, number: u64, source: &Source, stop: Arc<AtomicBool>) {
+        // After too many failures the worker stayed away.
+        if self.0.worker.borrow().is_none() {
+            self.0.started.set((Instant::now(), ATTEMPTS));
+            self.start();
+        }
         self.0.openings.borrow_mut().insert(number, stop);
         self.ask(&Ask::Open { number, source: source.clone() });
     }
@@ -306,6 +312,7 @@ impl Viewer {
             self.set_view(View::Image(aov, 0));
         }
         self.playback.playing |= wishes.play;
+        self.picture.refine &= !wishes.unrefined;
     }
 
     /// Has the interface show what has changed from outside.
@@ -475,6 +482,18 @@ impl Page {
         let settings = &viewer.editing.scenes[edited].settings;
         let replaced = limpid_io::project::overrides::replaced(settings, overrides)?;
         viewer.editing.scenes[edited].settings = replaced;
+        viewer.wake();
+        Ok(())
+    }
+
+    /// Sets the camera, written as for `--camera`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming what is wrong.
+    pub fn set_camera(&self, camera: &str) -> Result<(), Error> {
+        let camera: Camera = camera.parse()?;
+        let mut viewer = self.viewer.borrow_mut();
+        viewer.set_camera(camera);
         viewer.wake();
         Ok(())
     }

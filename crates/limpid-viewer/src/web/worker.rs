@@ -19,10 +19,12 @@ use limpid_io::bake;
 use limpid_io::error::{Error, Result};
 use limpid_io::files::given::{self, ReadAt};
 use limpid_io::frame_cache::FrameCache;
+use limpid_io::frames::FrameSpec;
 use limpid_io::input::{FrameTime, Input, Loaded};
 use limpid_io::output::{PictureFormat, encode_picture};
 use limpid_io::particles::bgeo;
 use limpid_io::project::Project;
+use limpid_io::sequence::Sequence;
 use limpid_io::shared_classifier::SharedClassifier;
 use limpid_io::{exr, notice};
 use limpid_sim::sim::{Simulation, Solver, State};
@@ -131,6 +133,8 @@ struct Worker {
     jobs: RefCell<VecDeque<Job>>,
     baked: RefCell<BTreeMap<PathBuf, Baked>>,
     classifier: SharedClassifier,
+    /// Whether a device has been opened, or cannot be.
+    opened_device: Rc<Cell<bool>>,
     changed: Rc<Signal>,
 }
 
@@ -210,6 +214,14 @@ impl Worker {
 
     fn open(self: &Rc<Self>, number: u64, source: Source) {
         self.sources.borrow_mut().insert(number, source.clone());
+        // Frames that are named need no list of files.
+        let frames = source.frames.as_ref().map(FrameSpec::frames);
+        let names = frames.and_then(|frames| Sequence::names(&source.input, frames));
+        if let (Some(names), Some(folder)) =
+            (names.filter(|names| !names.is_empty()), Path::new(&source.input).parent())
+        {
+            given::list(folder, names);
+        }
         let report = |document| tell(&Tell::Opened { number, document }, Vec::new());
         let project = simulated(&source);
         let simulation = project.as_ref().and_then(|project| project.source.simulation().cloned());
@@ -298,7 +310,7 @@ impl Worker {
             let seen = self.changed.changes();
             turn().await;
             // The picture first: loading a frame holds it up.
-            if self.wanted.borrow().is_some() {
+            if self.wanted.borrow().is_some() || !self.opened_device.get() {
                 self.changed.after(seen).await;
                 continue;
             }
@@ -368,12 +380,17 @@ impl Worker {
     /// Draws what the page wants.
     async fn draw(self: Rc<Self>) {
         let classifier = self.classifier.clone();
+        let opened = self.opened_device.clone();
         let mut drawer = Drawer::new(async || {
             classifier.set(None);
             let gpu = Gpu::request().await?;
             classifier.set(Some(&gpu));
             Ok(gpu)
         });
+        // Particles may be classified on it; the first picture tells why there is none.
+        let _ = drawer.offscreen(&device_event).await;
+        opened.set(true);
+        self.changed.notify();
         loop {
             let seen = self.changed.changes();
             let wanted = self.wanted.borrow_mut().take();
