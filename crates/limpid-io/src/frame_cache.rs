@@ -120,6 +120,13 @@ impl FrameCache {
         Self { shared: Arc::new(shared) }
     }
 
+    /// The rank of the next frame to load: the steps of playback until it is shown. Never blocks.
+    pub fn next_rank(&self) -> Option<usize> {
+        let (state, count) = (self.shared.lock(), self.shared.count);
+        let missing = (0..count).filter(|i| !state.slots.contains_key(i));
+        missing.map(|i| state.aim.rank(i, count)).min()
+    }
+
     /// The next frame to load, for which memory is reserved; `None` if nothing is to be loaded now. Never blocks.
     pub fn begin(&self) -> Option<usize> {
         // Freed without the lock, since freeing takes time.

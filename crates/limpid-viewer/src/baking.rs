@@ -60,6 +60,11 @@ impl Viewer {
 
     fn begin_opening(&mut self, source: Source, again: bool) {
         self.opened.openings += 1;
+        // They were for another source.
+        #[cfg(target_arch = "wasm32")]
+        {
+            self.wishes = Default::default();
+        }
         let number = self.opened.openings;
         // Two bakes of one scene would write the same files.
         let kept = |old: &Opening| old.opened && old.source.input != source.input;
@@ -196,6 +201,8 @@ impl Viewer {
                 let frames = document.numbers.len();
                 self.opened.document = Some(Arc::new(document));
                 self.jobs.log.event("grown", serde_json::json!({ "frames": frames }));
+                #[cfg(target_arch = "wasm32")]
+                self.grant_frame();
             }
             Ok(document) => {
                 opening.opened = true;

@@ -9,6 +9,7 @@ use eframe::egui;
 use glam::UVec2;
 
 use crate::Viewer;
+#[cfg(not(target_arch = "wasm32"))]
 use crate::document::Source;
 #[cfg(not(target_arch = "wasm32"))]
 use crate::messages::Message;
@@ -214,7 +215,10 @@ impl Viewer {
     fn finish(&mut self, dialog: &Dialog) {
         let path = PathBuf::from(&dialog.path);
         match dialog.purpose {
+            #[cfg(not(target_arch = "wasm32"))]
             Purpose::Open => self.open(Source::new(dialog.path.clone())),
+            #[cfg(target_arch = "wasm32")]
+            Purpose::Open => self.open_url(&dialog.path),
             Purpose::Picture => self.save_picture(path, dialog.size, dialog.samples),
             #[cfg(not(target_arch = "wasm32"))]
             Purpose::Film => self.save_film(path, dialog.size, dialog.samples),

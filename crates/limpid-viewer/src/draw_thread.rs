@@ -17,7 +17,7 @@ use limpid_io::error::Result;
 use limpid_io::output::{self, FileKind, PictureFormat};
 use limpid_lab::compare::{PIXELS_PER_DEGREE, flip};
 
-pub use crate::drawing::{Answer, Drawn, Pane, Request, Shown};
+pub use crate::drawing::{Answer, Drawn, Measured, Pane, Request, Shown};
 
 /// A task that is never replaced by a newer one.
 #[derive(Debug)]
@@ -28,13 +28,6 @@ pub(crate) enum Job {
     Save(Pane, PathBuf, Option<Arc<Document>>),
     /// Draws a picture and compares it with the ground truth.
     Measure(Pane, Arc<Truth>),
-}
-
-/// The error of a picture against a ground truth.
-#[derive(Debug)]
-pub struct Measured {
-    pub(crate) truth: Arc<Truth>,
-    pub(crate) point: Point,
 }
 
 /// A handle to the thread, which ends when this is dropped.

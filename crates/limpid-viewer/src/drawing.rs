@@ -12,6 +12,8 @@ use glam::UVec2;
 use web_time::Instant;
 
 use crate::adaptive_resolution::Level;
+#[cfg(not(target_arch = "wasm32"))]
+use crate::truth::{Point, Truth};
 use crate::views::{Legend, Values, View};
 use limpid::Error::{Defect, DeviceLost};
 use limpid::camera::Camera;
@@ -77,6 +79,14 @@ pub struct Shown {
     pub samples: u32,
 }
 
+/// The error of a picture against a ground truth.
+#[cfg(not(target_arch = "wasm32"))]
+#[derive(Debug)]
+pub struct Measured {
+    pub(crate) truth: Arc<Truth>,
+    pub(crate) point: Point,
+}
+
 /// A message from whoever draws.
 #[derive(Debug)]
 pub enum Answer {
@@ -92,7 +102,7 @@ pub enum Answer {
     Saved(Result<PathBuf>),
     /// A picture has been compared with the ground truth.
     #[cfg(not(target_arch = "wasm32"))]
-    Measured(Result<crate::draw_thread::Measured>),
+    Measured(Result<Measured>),
 }
 
 /// What happens to the device.

@@ -15,7 +15,7 @@ use limpid_io::shared_classifier::Processor;
 use limpid_io::shared_classifier::SharedClassifier;
 
 #[cfg(target_arch = "wasm32")]
-use crate::web::FrameCache;
+use crate::worker::FrameCache;
 
 /// The inputs of a cache's frames besides the document.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,7 +37,7 @@ pub(crate) struct Frames {
     #[cfg(not(target_arch = "wasm32"))]
     classifier: SharedClassifier,
     #[cfg(target_arch = "wasm32")]
-    worker: crate::web::Worker,
+    worker: crate::worker::Worker,
     /// The processor that classifies the frames.
     pub(crate) processor: Processor,
 }
@@ -45,7 +45,7 @@ pub(crate) struct Frames {
 impl Frames {
     /// Creates no caches yet; `worker` will load their frames.
     #[cfg(target_arch = "wasm32")]
-    pub(crate) fn new(budget: u64, worker: crate::web::Worker) -> Self {
+    pub(crate) fn new(budget: u64, worker: crate::worker::Worker) -> Self {
         Self { caches: Vec::new(), budget, worker, processor: Processor::default() }
     }
 

@@ -6,7 +6,7 @@
 //! simulating, dialogs, ground truth) each have a temporary thread. All of them send messages to the
 //! interface, which wake it; nothing else does except input and playback.
 //!
-//! A browser has no such threads: there one worker does what they do ([`web`]), with the same messages.
+//! A browser has no such threads: there one worker does what they do (`worker.rs`), with the same messages.
 //!
 //! [`Viewer::ui`] is one frame of the interface.
 
@@ -52,6 +52,8 @@ pub mod views;
 pub mod web;
 #[cfg(not(target_arch = "wasm32"))]
 mod window;
+#[cfg(target_arch = "wasm32")]
+mod worker;
 
 use std::collections::BTreeSet;
 #[cfg(not(target_arch = "wasm32"))]

@@ -154,7 +154,10 @@ impl Viewer {
                 None => self.editing.sides[side].at = None,
             }
         }
-        if let Some((loaded, side)) = first {
+        // In a browser the worker tells them, which has the particles.
+        if !cfg!(target_arch = "wasm32")
+            && let Some((loaded, side)) = first
+        {
             self.show_notices(&loaded, side);
         }
     }

@@ -40,7 +40,7 @@ pub(crate) struct Jobs {
     pub(crate) drawing: DrawThread,
     /// In a browser a worker does all that threads do elsewhere.
     #[cfg(target_arch = "wasm32")]
-    pub(crate) drawing: crate::web::Worker,
+    pub(crate) drawing: crate::worker::Worker,
     /// The classifier of the particles.
     #[cfg(not(target_arch = "wasm32"))]
     pub(crate) classifier: SharedClassifier,

@@ -92,6 +92,7 @@ class LimpidView extends HTMLElement {
 
   #root = this.attachShadow({ mode: "open" });
   #canvas;
+  #worker;
 
   async connectedCallback() {
     if (this.#root.firstChild) return;
@@ -115,13 +116,17 @@ class LimpidView extends HTMLElement {
       compiled ??= compile((share) => {
         if (share !== undefined) say(`Loading limpid… ${Math.round(100 * share)} %`);
       });
-      const module = await compiled;
+      // The next view tries again.
+      const module = await compiled.catch((error) => {
+        compiled = undefined;
+        throw error;
+      });
       await init({ module_or_path: module });
       const controls = this.hasAttribute("controls");
       this.view = new View(this.#host(module), this.#query(), !controls);
       await this.#show();
       note.remove();
-      this.#takeDrops();
+      if (controls) this.#takeDrops();
       this.dispatchEvent(new CustomEvent("limpid-ready", { bubbles: true }));
     } catch (error) {
       say("limpid could not be started.", String(error?.message ?? error));
@@ -129,16 +134,22 @@ class LimpidView extends HTMLElement {
     }
   }
 
+  /** An element that is taken from its page ends its worker; put back, it begins anew. */
+  disconnectedCallback() {
+    this.#worker?.terminate();
+    this.view?.leave();
+    this.view = undefined;
+    this.#root.replaceChildren();
+  }
+
   /** Names and values of the address, then of the attributes. */
   #query() {
     const given = this.hasAttribute("address") ? [...new URLSearchParams(location.search)] : [];
-    // Relative to the page, as everywhere.
-    const absolute = (url) => decodeURI(new URL(url, document.baseURI).href);
     for (const { name, value } of this.attributes) {
       if (name === "src") given.push(["scene", value]);
       else if (!["controls", "address", "class", "id", "style"].includes(name)) given.push([name, value]);
     }
-    return given.map(([name, value]) => [name, ["scene", "in"].includes(name) ? absolute(value) : value]);
+    return given;
   }
 
   #host(module) {
@@ -150,6 +161,7 @@ class LimpidView extends HTMLElement {
         const text = new Blob([`import ${JSON.stringify(url.href)};`], { type: "text/javascript" });
         const worker = new Worker(own ? url : URL.createObjectURL(text), { type: "module" });
         worker.postMessage({ module });
+        this.#worker = worker;
         return worker;
       },
       pick: (folder) => {
@@ -163,7 +175,8 @@ class LimpidView extends HTMLElement {
         };
         input.click();
       },
-      save: (name, bytes) => {
+      // Later: whoever listens may call the view, which is at work.
+      save: (name, bytes) => setTimeout(() => {
         const detail = { name, bytes };
         const event = new CustomEvent("limpid-save", { detail, bubbles: true, cancelable: true });
         if (!this.dispatchEvent(event)) return;
@@ -172,6 +185,15 @@ class LimpidView extends HTMLElement {
         anchor.download = name;
         anchor.click();
         setTimeout(() => URL.revokeObjectURL(anchor.href), 60_000);
+      }),
+      // Relative to the page, as everywhere; placeholders in braces stay.
+      absolute: (url) => {
+        const { href } = new URL(url, document.baseURI);
+        try {
+          return decodeURI(href);
+        } catch {
+          return href;
+        }
       },
       link: (query) => `${location.origin}${location.pathname}${query ? `?${query}` : ""}`,
     };

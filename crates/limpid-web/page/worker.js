@@ -5,7 +5,13 @@ import init, { work } from "./limpid_web.js";
 const early = [];
 self.onmessage = async ({ data }) => {
   self.onmessage = (event) => early.push(event);
-  await init({ module_or_path: data.module });
-  work();
+  try {
+    await init({ module_or_path: data.module });
+    work();
+  } catch (error) {
+    // Where the page hears of it.
+    setTimeout(() => { throw error; });
+    return;
+  }
   for (const event of early) self.onmessage(event);
 };

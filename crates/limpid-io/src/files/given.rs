@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::SystemTime;
 
+use crate::pattern::placeholder;
+
 /// Reads bytes of a file at an offset.
 pub type ReadAt = Rc<dyn Fn(u64, &mut [u8]) -> io::Result<()>>;
 
@@ -61,6 +63,20 @@ fn copy(bytes: &[u8], offset: u64, buffer: &mut [u8]) -> io::Result<()> {
     let part = usize::try_from(offset).ok().and_then(|at| bytes.get(at..)?.get(..buffer.len()));
     buffer.copy_from_slice(part.ok_or(io::ErrorKind::UnexpectedEof)?);
     Ok(())
+}
+
+/// Whether a file has been given.
+pub fn has(path: &Path) -> bool {
+    STORE.with_borrow(|store| store.files.contains_key(path))
+}
+
+/// Forgets what servers had, which may have changed.
+pub fn forget_servers() {
+    STORE.with_borrow_mut(|store| {
+        store.listed.clear();
+        store.fetched.clear();
+        store.bytes = 0;
+    });
 }
 
 /// Says which files are in a folder of a server, instead of a list there.
@@ -170,6 +186,11 @@ pub fn metadata(path: &Path) -> io::Result<Metadata> {
     let folder = Metadata { length: 0, folder: true };
     if !given_in(path).is_empty() || url(path).is_some_and(|url| url.ends_with('/')) {
         return Ok(folder);
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    if url(path).is_some() && (placeholder(&name).is_some() || name.contains('*')) {
+        // A pattern; some servers answer any path with a page.
+        return Err(io::ErrorKind::NotFound.into());
     }
     Ok(Metadata { length: entry(path)?.length, folder: false })
 }

@@ -1,278 +1,27 @@
-//! The page's side: the viewer, and the worker that it asks.
+//! The viewer of a page, as JavaScript calls it.
 
 use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::rc::{Rc, Weak as RcWeak};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Weak, mpsc};
+use std::rc::Rc;
+use std::sync::mpsc;
 
 use eframe::egui;
 use glam::UVec2;
-use js_sys::{Array, Function, Object, Uint8Array};
 use limpid::camera::Camera;
-use limpid::scene::Scene;
-use limpid_io::bake::Progress;
 use limpid_io::error::Error;
-use limpid_io::input::{FrameTime, Loaded};
-use limpid_io::shared_classifier::Processor;
 use serde_json::json;
-use wasm_bindgen::prelude::Closure;
-use wasm_bindgen::{JsCast as _, JsValue};
-use web_sys::{ErrorEvent, File, MessageEvent};
-use web_time::{Duration, Instant};
+use wasm_bindgen::JsValue;
+use web_sys::File;
 
-use super::frame_cache::{FrameCache, Mirror};
 use super::link;
-use super::wire::{Ask, Edits, PaneText, Tell, drawn, get, packed, set, told, unpacked, view_text};
-use crate::document::{Document, Source};
-use crate::drawing::{Answer, Pane, Request};
+use crate::document::Source;
 use crate::frames::Frames;
 use crate::log::Log;
-use crate::messages::{Message, Post};
+use crate::messages::Post;
 use crate::state::Jobs;
 use crate::views::View;
+use crate::worker::{Ask, Edits, Worker};
 use crate::{Options, Viewer, demos};
-
-/// Number of workers in quick succession before the last one stays away.
-const ATTEMPTS: usize = 3;
-
-/// A worker that lived longer resets the attempts.
-const STEADY: Duration = Duration::from_secs(20);
-
-/// The worker of a page, as a handle.
-#[derive(Clone)]
-pub(crate) struct Worker(Rc<Link>);
-
-impl std::fmt::Debug for Worker {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Worker")
-    }
-}
-
-struct Link {
-    /// The functions of the page: see [`PageOptions::host`].
-    host: JsValue,
-    worker: RefCell<Option<web_sys::Worker>>,
-    /// When it was started, and how many more may follow it.
-    started: Cell<(Instant, usize)>,
-    post: Post,
-    /// Files that the worker has been given.
-    given: RefCell<Vec<(String, File)>>,
-    caches: RefCell<BTreeMap<u64, RcWeak<RefCell<Mirror>>>>,
-    next_cache: Cell<u64>,
-    /// The worker's numbers of frames, by their outlines.
-    frames: RefCell<Vec<(Weak<Loaded>, u64)>>,
-    /// Whether openings have been dropped.
-    openings: RefCell<BTreeMap<u64, Arc<AtomicBool>>>,
-}
-
-impl Worker {
-    fn new(host: JsValue, post: Post) -> Self {
-        let link = Rc::new(Link {
-            host,
-            worker: RefCell::default(),
-            started: Cell::new((Instant::now(), ATTEMPTS)),
-            post,
-            given: RefCell::default(),
-            caches: RefCell::default(),
-            next_cache: Cell::new(0),
-            frames: RefCell::default(),
-            openings: RefCell::default(),
-        });
-        let worker = Self(link);
-        worker.start();
-        worker
-    }
-
-    /// Calls a function of the page.
-    fn call(&self, name: &str, arguments: &[JsValue]) -> Option<JsValue> {
-        let function: Function = get(&self.0.host, name)?.dyn_into().ok()?;
-        let arguments: Array = arguments.iter().collect();
-        function.apply(&self.0.host, &arguments).ok()
-    }
-
-    fn start(&self) {
-        let Some(worker) = self.call("worker", &[]) else { return };
-        let worker: web_sys::Worker = worker.unchecked_into();
-        let link = self.clone();
-        let receive = Closure::<dyn FnMut(MessageEvent)>::new(move |event: MessageEvent| {
-            link.receive(&event.data());
-        });
-        worker.set_onmessage(Some(receive.as_ref().unchecked_ref()));
-        // Workers are few, and live as long as the page.
-        receive.forget();
-        let link = self.clone();
-        let fail = Closure::<dyn FnMut(ErrorEvent)>::new(move |event: ErrorEvent| {
-            link.0.post.send(Message::Crashed(event.message()));
-        });
-        worker.set_onerror(Some(fail.as_ref().unchecked_ref()));
-        fail.forget();
-        *self.0.worker.borrow_mut() = Some(worker);
-        for (path, file) in self.0.given.borrow().iter() {
-            self.send_file(path, file);
-        }
-    }
-
-    pub(super) fn ask(&self, ask: &Ask) {
-        if let Some(worker) = &*self.0.worker.borrow() {
-            let (message, transfer) = packed(ask, Vec::new());
-            // Fails for a worker that has ended, which is reported by itself.
-            let _ = worker.post_message_with_transfer(&message, &transfer);
-        }
-    }
-
-    fn give(&self, path: &str, file: &File) {
-        self.send_file(path, file);
-        self.0.given.borrow_mut().push((path.to_owned(), file.clone()));
-    }
-
-    fn send_file(&self, path: &str, file: &File) {
-        let message = Object::new();
-        set(&message, "path", &path.into());
-        set(&message, "file", file);
-        if let Some(worker) = &*self.0.worker.borrow() {
-            let _ = worker.post_message(&message);
-        }
-    }
-
-    fn receive(&self, data: &JsValue) {
-        let Some((message, buffers)) = unpacked::<Tell>(data) else { return };
-        let send = |message| self.0.post.send(message);
-        match message {
-            Tell::Ready => {}
-            Tell::Opened { number, document } => {
-                let document = told(document).map(|document| document.outline());
-                send(Message::Opened(number, Box::new(document)));
-            }
-            Tell::Grown { number, document } => {
-                let document = told(document).map(|document| document.outline());
-                send(Message::Grown(number, Box::new(document)));
-            }
-            Tell::Baked { number, done, frames } => {
-                send(Message::Baked(number, Progress { done, frames }));
-            }
-            Tell::NotBaked { number, error } => {
-                send(Message::NotBaked(number, Error::Usage(error)));
-            }
-            Tell::Adapter(name) => send(Message::Drawing(Answer::Adapter(name))),
-            Tell::Lost(reason) => send(Message::Drawing(Answer::Lost(reason))),
-            Tell::Drawn { number, level, panes } => {
-                let drawn = drawn(number, level, panes, buffers);
-                send(Message::Drawing(Answer::Drawn(drawn)));
-            }
-            Tell::NotDrawn { number, error } => {
-                send(Message::Drawing(Answer::NotDrawn(number, Error::Usage(error))));
-            }
-            Tell::Loaded { id, i, outcome } => {
-                let outcome = outcome.map(|text| {
-                    let loaded = Arc::new(text.outline());
-                    let mut frames = self.0.frames.borrow_mut();
-                    frames.retain(|(known, _)| known.strong_count() > 0);
-                    frames.push((Arc::downgrade(&loaded), text.frame));
-                    loaded
-                });
-                if let Some(mirror) = self.mirror(id) {
-                    mirror.borrow_mut().loaded(i, outcome);
-                }
-            }
-            Tell::Cached { id, state } => {
-                if let Some(mirror) = self.mirror(id) {
-                    mirror.borrow_mut().cached(state);
-                }
-            }
-            Tell::Saved(name) => {
-                let bytes = buffers.into_iter().next().unwrap_or_default();
-                self.download(&name, &bytes);
-                send(Message::Saved(Ok(name.into())));
-            }
-            Tell::NotSaved(error) => send(Message::Saved(Err(Error::Usage(error)))),
-            Tell::Said(text) => send(Message::Said(text)),
-            Tell::Panicked(reason) => send(Message::Crashed(reason)),
-        }
-    }
-
-    /// Has the page offer a file to the user.
-    fn download(&self, name: &str, bytes: &[u8]) {
-        self.call("save", &[name.into(), Uint8Array::from(bytes).into()]);
-    }
-
-    fn mirror(&self, id: u64) -> Option<Rc<RefCell<Mirror>>> {
-        self.0.caches.borrow().get(&id)?.upgrade()
-    }
-
-    /// Opens a source, until `stop` is set.
-    pub(crate) fn open(&self, number: u64, source: &Source, stop: Arc<AtomicBool>) {
-        // After too many failures the worker stayed away.
-        if self.0.worker.borrow().is_none() {
-            self.0.started.set((Instant::now(), ATTEMPTS));
-            self.start();
-        }
-        self.0.openings.borrow_mut().insert(number, stop);
-        self.ask(&Ask::Open { number, source: source.clone() });
-    }
-
-    /// Opens the source of an opening again.
-    pub(crate) fn grow(&self, number: u64) {
-        self.ask(&Ask::Grow { number });
-    }
-
-    /// Ends the simulations of openings that have been dropped.
-    pub(crate) fn stop_dropped(&self) {
-        self.0.openings.borrow_mut().retain(|&number, stop| {
-            let stopped = stop.load(Ordering::Relaxed);
-            if stopped {
-                self.ask(&Ask::Stop { number });
-            }
-            !stopped
-        });
-    }
-
-    /// A cache of frames for the worker's current document.
-    pub(crate) fn cache(
-        &self,
-        frame_times: &[FrameTime],
-        scene: &Scene,
-        processor: Processor,
-        budget: u64,
-        ready: impl Fn() + 'static,
-    ) -> FrameCache {
-        let id = self.0.next_cache.get();
-        self.0.next_cache.set(id + 1);
-        let cache = FrameCache::new(id, self.clone(), ready);
-        self.0.caches.borrow_mut().insert(id, Rc::downgrade(cache.mirror()));
-        let (frame_times, edits) = (frame_times.to_vec(), Edits::of(scene));
-        self.ask(&Ask::Cache { id, frame_times, edits, processor, budget });
-        cache
-    }
-
-    fn pane(&self, pane: &Pane) -> Option<PaneText> {
-        let frames = self.0.frames.borrow();
-        let known =
-            |(loaded, _): &&(Weak<Loaded>, u64)| loaded.as_ptr() == Arc::as_ptr(&pane.loaded);
-        let frame = frames.iter().find(known)?.1;
-        Some(PaneText {
-            edits: Edits::of(&pane.scene),
-            camera: pane.camera,
-            frame,
-            size: pane.size,
-        })
-    }
-
-    /// Requests pictures for the screen, in place of a request that has not begun.
-    pub(crate) fn request(&self, request: Request) {
-        let Request { number, panes, level, view } = request;
-        let panes = panes.iter().filter_map(|pane| self.pane(pane)).collect();
-        self.ask(&Ask::Draw { number, panes, level, view: view_text(view) });
-    }
-
-    /// Draws a picture and offers it to the user.
-    pub(crate) fn save(&self, pane: Pane, path: PathBuf, _: Option<Arc<Document>>) {
-        if let Some(pane) = self.pane(&pane) {
-            self.ask(&Ask::Save { pane, name: path.to_string_lossy().into_owned() });
-        }
-    }
-}
 
 impl Viewer {
     /// Has the page show the browser's dialog for files, or for a folder.
@@ -303,16 +52,29 @@ impl Viewer {
         if let Some(camera) = wishes.camera {
             self.set_camera(camera);
         }
-        if let Some(frame) = wishes.frame
-            && let Some(index) = self.opened.frame_times.iter().position(|at| at.frame == frame)
-        {
-            self.playback.seek(index);
-        }
+        self.wishes.frame = wishes.frame;
+        self.grant_frame();
         if let Some(aov) = wishes.view {
             self.set_view(View::Image(aov, 0));
         }
         self.playback.playing |= wishes.play;
         self.picture.refine &= !wishes.unrefined;
+    }
+
+    /// Goes to the frame that the address asks for, if it is there: a simulation makes it later.
+    pub(crate) fn grant_frame(&mut self) {
+        if let Some(frame) = self.wishes.frame
+            && let Some(index) = self.opened.frame_times.iter().position(|at| at.frame == frame)
+        {
+            self.playback.seek(index);
+            self.wishes.frame = None;
+        }
+    }
+
+    /// Opens a URL that was typed.
+    pub(crate) fn open_url(&mut self, url: &str) {
+        let url = self.jobs.drawing.absolute(url);
+        self.open(Source::new(url));
     }
 
     /// Has the interface show what has changed from outside.
@@ -338,15 +100,17 @@ impl Viewer {
     /// Starts another worker after the last one has ended, and opens the document again.
     pub(crate) fn restart_worker(&mut self, reason: &str) {
         let worker = self.jobs.drawing.clone();
-        // A panic is told by itself, and then as an error.
-        let Some(ended) = worker.0.worker.borrow_mut().take() else { return };
-        ended.terminate();
-        let (started, left) = worker.0.started.get();
-        let left = if started.elapsed() > STEADY { ATTEMPTS } else { left };
+        if !worker.end() {
+            return;
+        }
         // Whatever was asked is not answered any more.
         self.opened.frames.clear();
         self.picture.answered = self.picture.asked;
         self.picture.subject = None;
+        // The next worker has none of these frames.
+        for side in &mut self.editing.sides {
+            (side.loaded, side.at) = (None, None);
+        }
         let opening = self.opened.opening.take();
         let failed = opening.as_ref().filter(|opening| opening.pending);
         match failed {
@@ -357,11 +121,9 @@ impl Viewer {
             }
             None => self.fail(&Error::Usage(format!("the worker failed ({reason})"))),
         }
-        if left == 0 {
+        if !worker.restart() {
             return;
         }
-        worker.0.started.set((Instant::now(), left - 1));
-        worker.start();
         let before = self.opened.document.as_ref().map(|document| document.source.clone());
         if let Some(source) = before {
             self.reopen(source);
@@ -400,7 +162,7 @@ impl Page {
         let worker = Worker::new(options.host, post.clone());
         let opened = link::parse(&options.query);
         let source = match &opened {
-            Ok(link) => link.source.clone(),
+            Ok(link) => worker.absolute_source(link.source.clone()),
             Err(_) => Source::new(demos::FIRST_SOURCE),
         };
         let viewer_options = Options {
@@ -447,12 +209,16 @@ impl Page {
         let paths: Vec<&str> = files.iter().map(|(path, _)| path.as_str()).collect();
         if let Some(input) = opened_of(&paths) {
             let input = if input.is_empty() { folder } else { format!("{folder}/{input}") };
-            self.open(&input);
+            self.open_path(&input);
         }
     }
 
-    /// Opens a URL, or a path that has been given.
-    pub fn open(&self, input: &str) {
+    /// Opens a URL, which may be relative to the page.
+    pub fn open(&self, url: &str) {
+        self.open_path(&self.worker.absolute(url));
+    }
+
+    fn open_path(&self, input: &str) {
         let mut viewer = self.viewer.borrow_mut();
         viewer.interface.dialog = None;
         viewer.open(Source::new(input));
@@ -466,8 +232,8 @@ impl Page {
     pub fn open_query(&self, query: &[(String, String)]) -> Result<(), Error> {
         let link = link::parse(query)?;
         let mut viewer = self.viewer.borrow_mut();
+        viewer.open(self.worker.absolute_source(link.source));
         viewer.wishes = link.wishes;
-        viewer.open(link.source);
         viewer.wake();
         Ok(())
     }

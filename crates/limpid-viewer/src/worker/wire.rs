@@ -31,7 +31,7 @@ use crate::views::{Legend, Values, View};
 
 /// What a page asks of its worker.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) enum Ask {
+pub(crate) enum Ask {
     /// Opens a source; a simulation is run.
     Open { number: u64, source: Source },
     /// Ends the simulation of an opening.
@@ -44,6 +44,8 @@ pub(super) enum Ask {
     Uncache { id: u64 },
     /// The current frame of a cache, and the direction of playback.
     Aim { id: u64, at: usize, step: isize, looped: bool },
+    /// The page has no use for a frame any more.
+    Forget { frame: u64 },
     /// Draws pictures for the screen, in place of a request that has not begun.
     Draw { number: u64, panes: Vec<PaneText>, level: Level, view: Option<(String, usize)> },
     /// Draws a picture and encodes it in the format of its name.
@@ -109,7 +111,7 @@ pub(super) enum Tell {
 
 /// What the interface changes of a scene, and what it shows of one.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct Edits {
+pub(crate) struct Edits {
     settings: Settings,
     ior: f32,
     absorption: Vec3,
@@ -120,7 +122,7 @@ pub(super) struct Edits {
 }
 
 impl Edits {
-    pub(super) fn of(scene: &Scene) -> Self {
+    pub(crate) fn of(scene: &Scene) -> Self {
         Self {
             settings: scene.settings.clone(),
             ior: scene.liquid.ior,
@@ -172,7 +174,7 @@ fn ground(height: f64) -> Solid {
 
 /// A picture to draw.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct PaneText {
+pub(crate) struct PaneText {
     pub(super) edits: Edits,
     pub(super) camera: Camera,
     /// The number of the frame, of those that the worker has told.

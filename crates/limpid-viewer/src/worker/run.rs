@@ -7,8 +7,8 @@ use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
-use std::rc::{Rc, Weak as RcWeak};
-use std::sync::{Arc, Weak};
+use std::rc::Rc;
+use std::sync::Arc;
 
 use js_sys::{ArrayBuffer, Uint8Array};
 use limpid::gpu::Gpu;
@@ -44,9 +44,6 @@ use crate::baking::simulated;
 use crate::demos;
 use crate::document::{Document, Source};
 use crate::drawing::{self, DeviceEvent, Drawer, Pane, Request};
-
-/// Frames that are kept for pictures that the page may still ask for, whatever a cache evicts.
-const KEPT: usize = 4;
 
 /// Runs the worker: answers the messages of its page for as long as it lives.
 pub fn work() {
@@ -99,14 +96,14 @@ struct Cache {
     scene: Scene,
     /// The document that it belongs to.
     document: Rc<Document>,
-    /// Whether its first frame has been loaded, and remarks on it told.
-    remarked: Cell<bool>,
+    /// The opening of that.
+    opening: u64,
 }
 
-/// A frame that the page knows.
+/// A frame that the page has the outline of, which it may ask for whatever a cache evicts.
 struct Known {
-    loaded: Weak<Loaded>,
-    document: RcWeak<Document>,
+    loaded: Arc<Loaded>,
+    document: Rc<Document>,
 }
 
 /// Frames of a simulation, and what they were made from.
@@ -119,14 +116,15 @@ struct Baked {
 
 #[derive(Default)]
 struct Worker {
-    /// The document that was opened last.
+    /// The document of the last opening, and the number of that.
     document: RefCell<Option<Rc<Document>>>,
+    opening: Cell<u64>,
+    /// The opening whose remarks have been told.
+    remarked: Cell<Option<u64>>,
     /// Sources by opening.
     sources: RefCell<BTreeMap<u64, Source>>,
     caches: RefCell<BTreeMap<u64, Rc<Cache>>>,
     known: RefCell<BTreeMap<u64, Known>>,
-    /// Frames that were told or drawn last.
-    kept: RefCell<VecDeque<(Arc<Loaded>, Rc<Document>)>>,
     next_frame: Cell<u64>,
     wanted: RefCell<Option<Wanted>>,
     drawing: Cell<bool>,
@@ -159,7 +157,7 @@ impl Worker {
             Ask::Grow { number } => {
                 let source = self.sources.borrow().get(&number).cloned();
                 if let Some(source) = source {
-                    let document = self.opened(&source);
+                    let document = self.opened(number, &source);
                     tell(&Tell::Grown { number, document }, Vec::new());
                 }
             }
@@ -172,10 +170,11 @@ impl Worker {
                     input: input.processed_by(processor),
                     scene: edits.apply(&document.project.scene),
                     document,
-                    remarked: Cell::new(false),
+                    opening: self.opening.get(),
                 };
                 self.caches.borrow_mut().insert(id, Rc::new(cache));
             }
+            Ask::Forget { frame } => drop(self.known.borrow_mut().remove(&frame)),
             Ask::Uncache { id } => drop(self.caches.borrow_mut().remove(&id)),
             Ask::Aim { id, at, step, looped } => {
                 if let Some(cache) = self.caches.borrow().get(&id) {
@@ -204,16 +203,22 @@ impl Worker {
         self.changed.notify();
     }
 
-    /// Opens a source; on success it is the document of further questions.
-    fn opened(&self, source: &Source) -> Result<DocumentText, String> {
+    /// Opens the source of an opening; on success it is the document of further questions, unless that is of a
+    /// later one.
+    fn opened(&self, number: u64, source: &Source) -> Result<DocumentText, String> {
         let document = Document::open(source).map_err(|error| error.to_string())?;
         let text = DocumentText::of(&document);
-        *self.document.borrow_mut() = Some(Rc::new(document));
+        if number >= self.opening.get() {
+            self.opening.set(number);
+            *self.document.borrow_mut() = Some(Rc::new(document));
+        }
         Ok(text)
     }
 
     fn open(self: &Rc<Self>, number: u64, source: Source) {
         self.sources.borrow_mut().insert(number, source.clone());
+        // What servers have may have changed.
+        given::forget_servers();
         // Frames that are named need no list of files.
         let frames = source.frames.as_ref().map(FrameSpec::frames);
         let names = frames.and_then(|frames| Sequence::names(&source.input, frames));
@@ -226,7 +231,7 @@ impl Worker {
         let project = simulated(&source);
         let simulation = project.as_ref().and_then(|project| project.source.simulation().cloned());
         let (Some(project), Some(simulation)) = (project, simulation) else {
-            return report(self.opened(&source));
+            return report(self.opened(number, &source));
         };
         if let Err(error) = simulation.check() {
             return report(Err(error.to_string()));
@@ -248,21 +253,22 @@ impl Worker {
             number: teller.clone(),
         };
         self.baked.borrow_mut().insert(folder, baked);
-        spawn_local(self.clone().bake(simulation, solids, source, teller));
+        spawn_local(self.clone().bake(simulation, solids, source, teller, same));
     }
 
-    /// Simulates the frames that are missing, and tells each while the page wants it.
+    /// Simulates all frames, or if it `goes_on` those that are missing, and tells each while the page wants it.
     async fn bake(
         self: Rc<Self>,
         simulation: Simulation,
         solids: Vec<Solid>,
         source: Source,
         number: Rc<Cell<Option<u64>>>,
+        goes_on: bool,
     ) {
         let path = Path::new(&source.input);
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         let file = |done| bake::frame_path(&bake::folder(path), &name, done);
-        let exists = |done: &u32| limpid_io::files::is_file(&file(*done));
+        let exists = |done: &u32| goes_on && given::has(&file(*done));
         let frames = simulation.frames;
         let found = (1..=frames).take_while(exists).count() as u32;
         let last = || -> Option<Particles> { limpid_io::particles::read(&file(found)).ok() };
@@ -283,7 +289,7 @@ impl Worker {
             }
             if !open {
                 // The requested frames may be the last to be made.
-                let document = self.opened(&source);
+                let document = self.opened(opening, &source);
                 if document.is_ok() || done == frames {
                     open = true;
                     tell(&Tell::Opened { number: opening, document }, Vec::new());
@@ -314,12 +320,18 @@ impl Worker {
                 self.changed.after(seen).await;
                 continue;
             }
-            let caches: Vec<_> =
-                self.caches.borrow().iter().map(|(id, cache)| (*id, cache.clone())).collect();
-            let next = caches.into_iter().find_map(|(id, cache)| {
-                let i = cache.frames.begin()?;
-                Some((id, cache, i))
-            });
+            let next = {
+                let caches = self.caches.borrow();
+                let ranked = caches.iter().filter_map(|(&id, cache)| {
+                    Some((cache.frames.next_rank()?, id, cache.clone()))
+                });
+                let mut ranked: Vec<_> = ranked.collect();
+                ranked.sort_by_key(|&(rank, id, _)| (rank, id));
+                ranked.into_iter().find_map(|(_, id, cache)| {
+                    let i = cache.frames.begin()?;
+                    Some((id, cache, i))
+                })
+            };
             let Some((id, cache, i)) = next else {
                 self.changed.after(seen).await;
                 continue;
@@ -335,46 +347,33 @@ impl Worker {
     fn tell_loaded(&self, id: u64, cache: &Cache, i: usize) {
         let outcome = match cache.frames.get(i) {
             Some(Ok(loaded)) => {
-                if !cache.remarked.replace(true) {
+                if self.remarked.replace(Some(cache.opening)) != Some(cache.opening) {
                     remarks(cache, &loaded);
                 }
                 let frame = self.next_frame.get();
                 self.next_frame.set(frame + 1);
-                let mut known = self.known.borrow_mut();
-                known.retain(|_, known| known.loaded.strong_count() > 0);
-                let (weak, document) = (Arc::downgrade(&loaded), Rc::downgrade(&cache.document));
-                known.insert(frame, Known { loaded: weak, document });
                 let text = LoadedText::of(frame, &loaded);
-                self.keep(loaded, cache.document.clone());
-                Ok(text)
+                let document = cache.document.clone();
+                self.known.borrow_mut().insert(frame, Known { loaded, document });
+                Some(Ok(text))
             }
-            Some(Err(error)) => Err(error.to_string()),
+            Some(Err(error)) => Some(Err(error.to_string())),
             // Larger than the memory for all.
-            None => return,
+            None => None,
         };
-        tell(&Tell::Loaded { id, i, outcome }, Vec::new());
-        tell(&Tell::Cached { id, state: cache.frames.state() }, Vec::new());
-    }
-
-    fn keep(&self, loaded: Arc<Loaded>, document: Rc<Document>) {
-        let mut kept = self.kept.borrow_mut();
-        kept.retain(|(old, _)| !Arc::ptr_eq(old, &loaded));
-        kept.push_back((loaded, document));
-        if kept.len() > KEPT {
-            kept.pop_front();
+        if let Some(outcome) = outcome {
+            tell(&Tell::Loaded { id, i, outcome }, Vec::new());
         }
+        tell(&Tell::Cached { id, state: cache.frames.state() }, Vec::new());
     }
 
     /// A picture's inputs.
     fn pane(&self, text: &PaneText) -> Result<Pane> {
         let known = self.known.borrow();
-        let known = known.get(&text.frame);
-        let frame = known.and_then(|known| known.loaded.upgrade().zip(known.document.upgrade()));
-        let (loaded, document) =
-            frame.ok_or_else(|| Error::Usage("this frame is no longer in memory".into()))?;
-        self.keep(loaded.clone(), document.clone());
+        let unknown = || limpid::Error::Defect("a frame is drawn that is not in memory".into());
+        let Known { loaded, document } = known.get(&text.frame).ok_or_else(unknown)?;
         let scene = Arc::new(text.edits.apply(&document.project.scene));
-        Ok(Pane { scene, camera: text.camera, loaded, size: text.size })
+        Ok(Pane { scene, camera: text.camera, loaded: loaded.clone(), size: text.size })
     }
 
     /// Draws what the page wants.

@@ -9,14 +9,12 @@ use limpid_io::error::Error;
 use limpid_io::frame_cache::{CacheState, Outcome};
 use limpid_io::input::Loaded;
 
-use super::page::Worker;
 use super::wire::Ask;
 
 /// The outlines of the frames of a cache in the worker: as [`limpid_io::frame_cache::FrameCache`].
-#[derive(Debug)]
 pub(crate) struct FrameCache {
     id: u64,
-    worker: Worker,
+    ask: Box<dyn Fn(&Ask)>,
     aim: Cell<Option<(usize, isize, bool)>>,
     mirror: Rc<RefCell<Mirror>>,
 }
@@ -49,11 +47,17 @@ impl Mirror {
     }
 }
 
+impl std::fmt::Debug for FrameCache {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("FrameCache").field("mirror", &self.mirror).finish_non_exhaustive()
+    }
+}
+
 impl FrameCache {
-    pub(super) fn new(id: u64, worker: Worker, ready: impl Fn() + 'static) -> Self {
+    pub(super) fn new(id: u64, ask: impl Fn(&Ask) + 'static, ready: impl Fn() + 'static) -> Self {
         let (frames, state) = Default::default();
         let mirror = Rc::new(RefCell::new(Mirror { frames, state, ready: Box::new(ready) }));
-        Self { id, worker, aim: Cell::default(), mirror }
+        Self { id, ask: Box::new(ask), aim: Cell::default(), mirror }
     }
 
     pub(super) fn mirror(&self) -> &Rc<RefCell<Mirror>> {
@@ -64,7 +68,7 @@ impl FrameCache {
     pub(crate) fn aim(&self, at: usize, step: isize, looped: bool) {
         let aim = Some((at, step, looped));
         if self.aim.replace(aim) != aim {
-            self.worker.ask(&Ask::Aim { id: self.id, at, step, looped });
+            (self.ask)(&Ask::Aim { id: self.id, at, step, looped });
         }
     }
 
@@ -81,6 +85,6 @@ impl FrameCache {
 
 impl Drop for FrameCache {
     fn drop(&mut self) {
-        self.worker.ask(&Ask::Uncache { id: self.id });
+        (self.ask)(&Ask::Uncache { id: self.id });
     }
 }
