@@ -12,8 +12,8 @@ if ! [[ -x $browser ]] && command -v apt-get >/dev/null; then
     ${as_root[@]+"${as_root[@]}"} env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >&2
 fi
 
-# LIMPID_WEB_BUILT=1 tests what is in web/dist.
-[[ -n ${LIMPID_WEB_BUILT-} ]] || scripts/web.sh
+# LIMPID_WEB_BUILT=1 tests what is in web/dist, such as the smaller module of `scripts/web.sh`.
+[[ -n ${LIMPID_WEB_BUILT-} ]] || scripts/web.sh --draft
 cargo build --release --locked --package limpid-cli
 (cd tests/web && npm ci --silent --no-audit --no-fund)
 

@@ -58,14 +58,13 @@ export function launch() {
 }
 
 /** Opens a page, and collects what its console and its errors say. */
-export async function open(browser, url, { viewport = { width: 400, height: 320 }, before, ...context } = {}) {
+export async function open(browser, url, { viewport = { width: 360, height: 280 }, before, ...context } = {}) {
   const page = await (await browser.newContext({ viewport, ...context })).newPage();
   page.complaints = [];
   page.on("console", (message) => {
     if (message.type() === "error") page.complaints.push(message.text());
   });
   page.on("pageerror", (error) => page.complaints.push(String(error)));
-  if (before) await page.addInitScript(before);
   // Files that are saved, by name, and tasks that held the page up.
   await page.addInitScript(() => {
     window.saved = {};
@@ -95,6 +94,7 @@ export async function open(browser, url, { viewport = { width: 400, height: 320 
       for (const { duration } of list.getEntries()) window.longest = Math.max(window.longest, duration);
     }).observe({ type: "longtask", buffered: true });
   });
+  if (before) await page.addInitScript(before);
   await page.goto(url);
   return page;
 }
