@@ -1,26 +1,18 @@
 // Times of pictures in the page, for docs/web.md: `node tests/web/measure.mjs [WIDTHxHEIGHT ...]`, after scripts/web.sh.
 //
-// 40,000 particles of a wave, seen from 11 places of which the first is not counted. A time is from the page's request
+// The 39,460 particles of sims/cascade.toml, seen from 11 places of which the first is not counted. A time is from the page's request
 // until the picture is in its memory; `passes` are the device's alone. Medians.
 
-import { execFileSync } from "node:child_process";
-import { mkdtemp } from "node:fs/promises";
-import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { call, launch, open, root, serve, shows } from "./site.mjs";
 
-const limpid = process.env.LIMPID ?? join(root, "target/release/limpid");
 const sizes = process.argv.length > 2 ? process.argv.slice(2) : ["320x240", "640x480"];
 const settings = {
   defaults: [],
-  "one interval": ["layers.intervals=1"],
   "one interval, two interfaces": ["layers.intervals=1", "refract.interfaces=2"],
-  "preset imai2016": ["preset=imai2016"],
 };
 
-const work = await mkdtemp(join(tmpdir(), "limpid-web-"));
-execFileSync(limpid, ["convert", join(root, "sims/cascade.toml"), join(work, "cascade.bgeo")]);
-const site = await serve({ work, sims: join(root, "sims") });
+const site = await serve({ sims: join(root, "sims") });
 const browser = await launch();
 const median = (values) => [...values].sort((a, b) => a - b)[values.length >> 1];
 const rows = [];
@@ -30,7 +22,7 @@ for (const size of sizes) {
     const query = new URLSearchParams([["scene", "/sims/cascade.toml"], ["refine", "0"], ["set", "refract.samples=1"]]);
     for (const value of set) query.append("set", value);
     // A view without toolbar and timeline has the size of the window but for the timeline.
-    const page = await open(browser, `${site.url}?${query}`, { viewport: { width, height: height + 160 } });
+    const page = await open(browser, `${site.url}?${query}`, { viewport: { width, height: height + 73 } });
     let status = await shows(page, (status) => status.atRest && status.shown);
     const eye = status.eye;
     const times = [];
