@@ -21,7 +21,7 @@ let browser, site, work;
 
 before(async () => {
   work = await mkdtemp(join(tmpdir(), "limpid-web-"));
-  site = await serve({ data: join(root, "tests/data"), sims: join(root, "sims"), work });
+  site = await serve({ data: join(root, "tests/data"), sims: join(root, "sims"), made: work });
   browser = await launch();
 });
 
@@ -135,7 +135,7 @@ test("files of several formats are dropped, alone, as a sequence, and with their
       .map((point) => point.map((at) => at * 0.05).join(" "))
       .join("\n")}\n`;
     await writeFile(join(work, "block.vtk"), vtk);
-    await drop(page, "/work/block.vtk");
+    await drop(page, "/made/block.vtk");
     status = await shows(page, (status) => particles(status) && status.open.endsWith(".vtk"));
     assert.equal(status.particles, 1000);
 
@@ -320,7 +320,7 @@ test("damaged and foreign files get the program's one line, and what was open st
         () => assert.fail(`${name} is read`),
         ({ stderr }) => stderr.trim(),
       );
-      await drop(page, `/work/${name}`);
+      await drop(page, `/made/${name}`);
       const last = (status) => status.notices.at(-1)?.text ?? "";
       const status = await shows(page, (status) => !status.opening && status.notices.at(-1)?.error);
       await shows(page, (status) => (status.notices.at(-1)?.text ?? "").includes("files"));
@@ -338,7 +338,7 @@ test("damaged and foreign files get the program's one line, and what was open st
 
 test("what a server lacks, forbids or does not list is told", async () => {
   for (const [query, told] of [
-    ["?scene=/work/none.bgeo", /none\.bgeo/],
+    ["?scene=/made/none.bgeo", /none\.bgeo/],
     ["?scene=/nowhere/water_{}.bgeo", /the server lists no files here; put files\.txt beside them/],
     ["?scene=http://localhost:9/water.bgeo", /the server cannot be reached, or does not let other sites read this/],
   ]) {
@@ -350,7 +350,7 @@ test("what a server lacks, forbids or does not list is told", async () => {
   // A list of names, where the server shows none.
   await writeFile(join(work, "files.txt"), "water_1.bgeo\nwater_2.bgeo\n");
   for (const frame of [1, 2]) await writeFile(join(work, `water_${frame}.bgeo`), await readFile(join(root, "sims/demo.bgeo")));
-  await visit("?scene=/work/water_{}.bgeo", async (page) => {
+  await visit("?scene=/made/water_{}.bgeo", async (page) => {
     const status = await shows(page, particles);
     assert.equal(status.frames, 2);
   });
@@ -370,7 +370,7 @@ test("three lines of HTML put a view into another page", async () => {
 <script type="module" src="/limpid.js"></script>
 <limpid-view src="/data/${dam}{}.bgeo" frames="20-22" frame="21" style="width: 320px; height: 200px"></limpid-view>`;
   await writeFile(join(work, "embed.html"), page);
-  await visit("/work/embed.html", async (page) => {
+  await visit("/made/embed.html", async (page) => {
     const status = await shows(page, particles);
     assert.deepEqual([status.frame, status.frames], [21, 3]);
   });
@@ -405,7 +405,7 @@ test("pictures are those of the program, within the tolerances of limpid check",
 
 test("40,000 particles play, and 1,000,000 open", async (t) => {
   for (const frame of [1, 2, 3]) await writeFile(join(work, `many_${frame}.npy`), block(40_000 + frame, 0.01));
-  await visit("?scene=/work/many_{}.npy&frames=1-3&radius=0.01&play=1&set=refract.interfaces%3D2", async (page) => {
+  await visit("?scene=/made/many_{}.npy&frames=1-3&radius=0.01&play=1&set=refract.interfaces%3D2", async (page) => {
     const seen = new Set();
     const begun = performance.now();
     let pictures = 0;
@@ -417,7 +417,7 @@ test("40,000 particles play, and 1,000,000 open", async (t) => {
     t.diagnostic(`40,000: ${pictures} pictures in ${((performance.now() - begun) / 1000).toFixed(1)} s from opening`);
   }, { viewport: { width: 320, height: 320 } });
   await writeFile(join(work, "million.npy"), block(1_000_000, 0.01));
-  await visit("?scene=/work/million.npy&radius=0.01&set=refract.interfaces%3D2", async (page) => {
+  await visit("?scene=/made/million.npy&radius=0.01&set=refract.interfaces%3D2", async (page) => {
     const begun = performance.now();
     const status = await shows(page, (status) => status.shown || status.notices.some(({ error }) => error), 600_000);
     t.diagnostic(`1,000,000: ${((performance.now() - begun) / 1000).toFixed(1)} s; ${await held(page)}`);
