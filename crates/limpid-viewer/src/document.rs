@@ -12,7 +12,8 @@ use limpid_io::adjustments::Adjustments;
 use limpid_io::bake;
 use limpid_io::error::Result;
 use limpid_io::frames::FrameSpec;
-use limpid_io::input::{FrameTime, Input, Missing, files_of};
+use limpid_io::input::{FrameTime, Input, Loaded, Missing, files_of};
+use limpid_io::notice::{self, Notice};
 use limpid_io::open::{Opened, Request};
 use limpid_io::output::{FileKind, Files};
 use limpid_io::particles::{AttributeMap, ReadOptions};
@@ -110,6 +111,16 @@ impl Document {
     /// Frames per second.
     pub fn fps(&self) -> f64 {
         self.input.fps().unwrap_or(30.0)
+    }
+
+    /// The notices on its first frame, loaded for `scene`.
+    pub(crate) fn notices(&self, loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
+        let mut notices = notice::of_frame(loaded, scene);
+        notices.extend(notice::of_scene(scene));
+        notices.extend(notice::of_sequence(&self.input));
+        let incomplete = self.project.solid_files.remarks.iter().cloned();
+        notices.extend(incomplete.map(Notice::Incomplete));
+        notices
     }
 
     /// A short name for titles.

@@ -25,7 +25,6 @@ use limpid_io::error::Error;
 #[cfg(not(target_arch = "wasm32"))]
 use limpid_io::error::Result;
 use limpid_io::input::Loaded;
-use limpid_io::notice;
 #[cfg(not(target_arch = "wasm32"))]
 use limpid_io::project::Project;
 #[cfg(not(target_arch = "wasm32"))]
@@ -165,13 +164,7 @@ impl Viewer {
     /// Shows the notices on the first frame of the document.
     fn show_notices(&mut self, loaded: &Loaded, side: usize) {
         let Some(document) = &self.opened.document else { return };
-        let scene = &self.editing.scenes[side];
-        let mut notices = notice::of_frame(loaded, scene);
-        notices.extend(notice::of_scene(scene));
-        notices.extend(notice::of_sequence(&document.input));
-        let incomplete = document.project.solid_files.remarks.iter().cloned();
-        notices.extend(incomplete.map(notice::Notice::Incomplete));
-        for notice in notices {
+        for notice in document.notices(loaded, &self.editing.scenes[side]) {
             self.show_info(notice.to_string());
         }
     }

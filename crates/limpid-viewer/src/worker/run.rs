@@ -17,6 +17,7 @@ use limpid::offscreen::Offscreen;
 use limpid::scene::{Scene, Solid};
 use limpid_io::bake;
 use limpid_io::error::{Error, Result};
+use limpid_io::exr;
 use limpid_io::files::given::{self, ReadAt};
 use limpid_io::frame_cache::FrameCache;
 use limpid_io::frames::FrameSpec;
@@ -26,7 +27,6 @@ use limpid_io::particles::bgeo;
 use limpid_io::project::Project;
 use limpid_io::sequence::Sequence;
 use limpid_io::shared_classifier::SharedClassifier;
-use limpid_io::{exr, notice};
 use limpid_sim::sim::{Simulation, Solver, State};
 use wasm_bindgen::prelude::Closure;
 use wasm_bindgen::{JsCast as _, JsValue};
@@ -348,7 +348,9 @@ impl Worker {
         let outcome = match cache.frames.get(i) {
             Some(Ok(loaded)) => {
                 if self.remarked.replace(Some(cache.opening)) != Some(cache.opening) {
-                    remarks(cache, &loaded);
+                    for notice in cache.document.notices(&loaded, &cache.scene) {
+                        tell(&Tell::Said(notice.to_string()), Vec::new());
+                    }
                 }
                 let frame = self.next_frame.get();
                 self.next_frame.set(frame + 1);
@@ -469,19 +471,6 @@ fn device_event(event: DeviceEvent) {
         DeviceEvent::Lost(reason) => Tell::Lost(reason),
     };
     tell(&message, Vec::new());
-}
-
-/// Tells the remarks on the first frame of a document.
-fn remarks(cache: &Cache, loaded: &Loaded) {
-    let Cache { document, scene, .. } = cache;
-    let mut notices = notice::of_frame(loaded, scene);
-    notices.extend(notice::of_scene(scene));
-    notices.extend(notice::of_sequence(&document.input));
-    let incomplete = document.project.solid_files.remarks.iter().cloned();
-    notices.extend(incomplete.map(notice::Notice::Incomplete));
-    for notice in notices {
-        tell(&Tell::Said(notice.to_string()), Vec::new());
-    }
 }
 
 /// Gives a file of the page to all who read files.
