@@ -11,12 +11,15 @@ export const root = fileURLToPath(new URL("../../", import.meta.url));
 
 const TYPES = { ".html": "text/html", ".js": "text/javascript", ".wasm": "application/wasm", ".json": "application/json" };
 
-/** Serves `web/dist`, and folders by the first part of a path; lists folders as common servers do. */
+/** Serves `web/dist`, and folders by the first part of a path; lists folders as common servers do. Requests in `signed`
+ * need a signature. */
 export async function serve(folders = {}) {
   const server = createServer(async (request, response) => {
-    const path = decodeURIComponent(new URL(request.url, "http://localhost").pathname);
+    const { pathname, searchParams } = new URL(request.url, "http://localhost");
+    const path = decodeURIComponent(pathname);
     if (path === "/favicon.ico") return response.writeHead(204).end();
     const [, first, ...rest] = normalize(path).split("/");
+    if (first === "signed" && searchParams.get("key") !== "a/b") return response.writeHead(403).end();
     const file = first in folders ? join(folders[first], ...rest) : join(root, "web/dist", path);
     try {
       const found = await stat(file);

@@ -21,7 +21,7 @@ let browser, site, work;
 
 before(async () => {
   work = await mkdtemp(join(tmpdir(), "limpid-web-"));
-  site = await serve({ data: join(root, "tests/data"), sims: join(root, "sims"), made: work });
+  site = await serve({ data: join(root, "tests/data"), sims: join(root, "sims"), made: work, signed: work });
   browser = await launch();
 });
 
@@ -340,6 +340,7 @@ test("what a server lacks, forbids or does not list is told", async () => {
   for (const [query, told] of [
     ["?scene=/made/none.bgeo", /none\.bgeo/],
     ["?scene=/nowhere/water_{}.bgeo", /the server lists no files here; put files\.txt beside them/],
+    ["?scene=/signed/water_1.bgeo", /the server answers 403/],
     ["?scene=http://localhost:9/water.bgeo", /the server cannot be reached, or does not let other sites read this/],
   ]) {
     const page = await open(browser, site.url + query);
@@ -353,6 +354,13 @@ test("what a server lacks, forbids or does not list is told", async () => {
   await visit("?scene=/made/water_{}.bgeo", async (page) => {
     const status = await shows(page, particles);
     assert.equal(status.frames, 2);
+  });
+  // A signature is part of all requests in its folder, and of the link.
+  const query = `scene=${encodeURIComponent(`${site.url}/signed/water_{}.bgeo?key=a/b`)}`;
+  await visit(`?${query}`, async (page) => {
+    const status = await shows(page, particles);
+    assert.equal(status.frames, 2);
+    assert.ok((await call(page, "query")).startsWith(query));
   });
 });
 

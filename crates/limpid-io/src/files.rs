@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Location, Result};
 use limpid::memory;
 
-#[cfg(target_arch = "wasm32")]
+#[cfg(any(test, target_arch = "wasm32"))]
 pub mod given;
 #[cfg(not(target_arch = "wasm32"))]
 mod system;

@@ -21,8 +21,8 @@ pub(crate) fn placeholder(name: &str) -> Option<(usize, usize, usize)> {
     })
 }
 
-/// Length and value of the `digits` leading digits of `text`; the value is 1 without any.
+/// Length and value of the `digits` leading digits of `text`; the value is 1 without any. No name is longer than 255.
 fn width(text: &str, digits: usize) -> Option<(usize, usize)> {
-    let value = if digits == 0 { 1 } else { text[..digits].parse().ok()? };
+    let value = if digits == 0 { 1 } else { text[..digits].parse::<u8>().ok()?.into() };
     Some((digits, value))
 }

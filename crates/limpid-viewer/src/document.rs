@@ -125,7 +125,10 @@ impl Document {
 
     /// A short name for titles.
     pub fn name(&self) -> &str {
-        let input = self.source.input.trim_end_matches('/');
+        let input = self.source.input.as_str();
+        #[cfg(target_arch = "wasm32")]
+        let input = input.split('?').next().unwrap_or(input);
+        let input = input.trim_end_matches('/');
         input.rsplit('/').next().unwrap_or(input)
     }
 

@@ -186,11 +186,12 @@ class LimpidView extends HTMLElement {
         anchor.click();
         setTimeout(() => URL.revokeObjectURL(anchor.href), 60_000);
       }),
-      // Relative to the page, as everywhere; placeholders in braces stay.
+      // Relative to the page, as everywhere; placeholders in braces stay, and so does a signature in the query.
       absolute: (url) => {
         const { href } = new URL(url, document.baseURI);
+        const [path] = href.split("?", 1);
         try {
-          return decodeURI(href);
+          return decodeURI(path) + href.slice(path.length);
         } catch {
           return href;
         }

@@ -482,7 +482,8 @@ impl<'a> Document<'a> {
         }
         let data = encoded.after(header);
         let (data, _) = data.take(usize::try_from(total).unwrap_or(usize::MAX))?;
-        Ok(Packed { data, sizes, block: size as usize, compressor })
+        let block = usize::try_from(size).map_err(|_| "the blocks are too large".to_owned())?;
+        Ok(Packed { data, sizes, block, compressor })
     }
 }
 

@@ -40,7 +40,7 @@ impl Viewer {
     /// Offers the camera path to the user.
     pub(crate) fn download_path(&mut self, path: &Path) {
         let saved = self.eye.path.to_toml().map(|text| {
-            self.jobs.drawing.download(&path.to_string_lossy(), text.as_bytes());
+            self.jobs.drawing.download(&path.to_string_lossy(), text.as_bytes().into());
             path.to_owned()
         });
         self.take_saved(saved);

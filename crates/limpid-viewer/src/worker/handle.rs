@@ -206,8 +206,9 @@ impl Worker {
                 }
             }
             Tell::Saved(name) => {
-                let bytes = buffers.into_iter().next().unwrap_or_default();
-                self.download(&name, &bytes);
+                if let Some(bytes) = buffers.first() {
+                    self.download(&name, Uint8Array::new(bytes));
+                }
                 send(Message::Saved(Ok(name.into())));
             }
             Tell::NotSaved(error) => send(Message::Saved(Err(Error::Usage(error)))),
@@ -217,8 +218,8 @@ impl Worker {
     }
 
     /// Has the page offer a file to the user.
-    pub(crate) fn download(&self, name: &str, bytes: &[u8]) {
-        self.call("save", &[name.into(), Uint8Array::from(bytes).into()]);
+    pub(crate) fn download(&self, name: &str, contents: Uint8Array) {
+        self.call("save", &[name.into(), contents.into()]);
     }
 
     fn mirror(&self, id: u64) -> Option<Rc<RefCell<Mirror>>> {

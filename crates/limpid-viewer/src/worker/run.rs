@@ -47,7 +47,7 @@ use crate::drawing::{self, DeviceEvent, Drawer, Pane, Request};
 
 /// Runs the worker: answers the messages of its page for as long as it lives.
 pub fn work() {
-    std::panic::set_hook(Box::new(|info| tell(&Tell::Panicked(info.to_string()), Vec::new())));
+    std::panic::set_hook(Box::new(|info| tell(&Tell::Panicked(info.to_string()))));
     given::fetch_with(Rc::new(fetched));
     demos::give_all();
     let worker = Rc::new(Worker::default());
@@ -60,14 +60,22 @@ pub fn work() {
     receive.forget();
     spawn_local(worker.clone().draw());
     spawn_local(worker.load());
-    tell(&Tell::Ready, Vec::new());
+    tell(&Tell::Ready);
 }
 
 fn scope() -> DedicatedWorkerGlobalScope {
     js_sys::global().unchecked_into()
 }
 
-fn tell(message: &Tell, buffers: Vec<Vec<u8>>) {
+fn tell(message: &Tell) {
+    tell_with(message, Vec::new());
+}
+
+fn tell_file(name: String, contents: &[u8]) {
+    tell_with(&Tell::Saved(name), vec![Uint8Array::from(contents).buffer()]);
+}
+
+fn tell_with(message: &Tell, buffers: Vec<ArrayBuffer>) {
     let (message, transfer) = packed(message, buffers);
     // Fails for a page that has gone.
     let _ = scope().post_message_with_transfer(&message, &transfer);
@@ -158,7 +166,7 @@ impl Worker {
                 let source = self.sources.borrow().get(&number).cloned();
                 if let Some(source) = source {
                     let document = self.opened(number, &source);
-                    tell(&Tell::Grown { number, document }, Vec::new());
+                    tell(&Tell::Grown { number, document });
                 }
             }
             Ask::Cache { id, frame_times, edits, processor, budget } => {
@@ -192,10 +200,10 @@ impl Worker {
                 match project.to_files(Path::new(&name)) {
                     Ok(files) => {
                         for (path, bytes) in files {
-                            tell(&Tell::Saved(path.to_string_lossy().into_owned()), vec![bytes]);
+                            tell_file(path.to_string_lossy().into_owned(), &bytes);
                         }
                     }
-                    Err(error) => tell(&Tell::NotSaved(error.to_string()), Vec::new()),
+                    Err(error) => tell(&Tell::NotSaved(error.to_string())),
                 }
             }
             Ask::Lose => self.jobs.borrow_mut().push_back(Job::Lose),
@@ -206,8 +214,9 @@ impl Worker {
     /// Opens the source of an opening; on success it is the document of further questions, unless that is of a
     /// later one.
     fn opened(&self, number: u64, source: &Source) -> Result<DocumentText, String> {
-        let document = Document::open(source).map_err(|error| error.to_string())?;
-        let text = DocumentText::of(&document);
+        let document = Document::open(&without_queries(source));
+        let document = document.map_err(|error| error.to_string())?;
+        let text = DocumentText::of(&document, source.clone());
         if number >= self.opening.get() {
             self.opening.set(number);
             *self.document.borrow_mut() = Some(Rc::new(document));
@@ -219,16 +228,17 @@ impl Worker {
         self.sources.borrow_mut().insert(number, source.clone());
         // What servers have may have changed.
         given::forget_servers();
+        let plain = without_queries(&source);
         // Frames that are named need no list of files.
-        let frames = source.frames.as_ref().map(FrameSpec::frames);
-        let names = frames.and_then(|frames| Sequence::names(&source.input, frames));
+        let frames = plain.frames.as_ref().map(FrameSpec::frames);
+        let names = frames.and_then(|frames| Sequence::names(&plain.input, frames));
         if let (Some(names), Some(folder)) =
-            (names.filter(|names| !names.is_empty()), Path::new(&source.input).parent())
+            (names.filter(|names| !names.is_empty()), Path::new(&plain.input).parent())
         {
             given::list(folder, names);
         }
-        let report = |document| tell(&Tell::Opened { number, document }, Vec::new());
-        let project = simulated(&source);
+        let report = |document| tell(&Tell::Opened { number, document });
+        let project = simulated(&plain);
         let simulation = project.as_ref().and_then(|project| project.source.simulation().cloned());
         let (Some(project), Some(simulation)) = (project, simulation) else {
             return report(self.opened(number, &source));
@@ -236,7 +246,7 @@ impl Worker {
         if let Err(error) = simulation.check() {
             return report(Err(error.to_string()));
         }
-        let folder = bake::folder(Path::new(&source.input));
+        let folder = bake::folder(Path::new(&plain.input));
         let solids = project.scene.solids;
         let teller = Rc::new(Cell::new(Some(number)));
         let same = self.baked.borrow().get(&folder).is_some_and(|old| {
@@ -265,7 +275,8 @@ impl Worker {
         number: Rc<Cell<Option<u64>>>,
         goes_on: bool,
     ) {
-        let path = Path::new(&source.input);
+        let plain = without_queries(&source);
+        let path = Path::new(&plain.input);
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         let file = |done| bake::frame_path(&bake::folder(path), &name, done);
         let exists = |done: &u32| goes_on && given::has(&file(*done));
@@ -283,7 +294,7 @@ impl Worker {
                     Ok(bytes) => given::give_bytes(file(done), bytes),
                     Err(error) => {
                         let error = error.to_string();
-                        return tell(&Tell::NotBaked { number: opening, error }, Vec::new());
+                        return tell(&Tell::NotBaked { number: opening, error });
                     }
                 }
             }
@@ -292,10 +303,10 @@ impl Worker {
                 let document = self.opened(opening, &source);
                 if document.is_ok() || done == frames {
                     open = true;
-                    tell(&Tell::Opened { number: opening, document }, Vec::new());
+                    tell(&Tell::Opened { number: opening, document });
                 }
             }
-            tell(&Tell::Baked { number: opening, done, frames }, Vec::new());
+            tell(&Tell::Baked { number: opening, done, frames });
             self.changed.notify();
             turn().await;
             // A picture for the screen, and its particles, come first.
@@ -337,7 +348,7 @@ impl Worker {
                 continue;
             };
             let state = cache.frames.state();
-            tell(&Tell::Cached { id, state }, Vec::new());
+            tell(&Tell::Cached { id, state });
             let loaded = cache.input.finish_load(cache.frame_times[i], &cache.scene).await;
             cache.frames.finish(i, loaded);
             self.tell_loaded(id, &cache, i);
@@ -349,7 +360,7 @@ impl Worker {
             Some(Ok(loaded)) => {
                 if self.remarked.replace(Some(cache.opening)) != Some(cache.opening) {
                     for notice in cache.document.notices(&loaded, &cache.scene) {
-                        tell(&Tell::Said(notice.to_string()), Vec::new());
+                        tell(&Tell::Said(notice.to_string()));
                     }
                 }
                 let frame = self.next_frame.get();
@@ -364,9 +375,9 @@ impl Worker {
             None => None,
         };
         if let Some(outcome) = outcome {
-            tell(&Tell::Loaded { id, i, outcome }, Vec::new());
+            tell(&Tell::Loaded { id, i, outcome });
         }
-        tell(&Tell::Cached { id, state: cache.frames.state() }, Vec::new());
+        tell(&Tell::Cached { id, state: cache.frames.state() });
     }
 
     /// A picture's inputs.
@@ -401,10 +412,10 @@ impl Worker {
                 match self.draw_wanted(&mut drawer, wanted).await {
                     Ok(drawn) => {
                         let (message, buffers) = drawn_text(&drawn);
-                        tell(&message, buffers);
+                        tell_with(&message, buffers);
                     }
                     Err(error) => {
-                        tell(&Tell::NotDrawn { number, error: error.to_string() }, Vec::new());
+                        tell(&Tell::NotDrawn { number, error: error.to_string() });
                     }
                 }
                 self.drawing.set(false);
@@ -414,8 +425,8 @@ impl Worker {
             let job = self.jobs.borrow_mut().pop_front();
             match job {
                 Some(Job::Save(pane, name)) => match self.save(&mut drawer, &pane, &name).await {
-                    Ok(bytes) => tell(&Tell::Saved(name), vec![bytes]),
-                    Err(error) => tell(&Tell::NotSaved(error.to_string()), Vec::new()),
+                    Ok(bytes) => tell_file(name, &bytes),
+                    Err(error) => tell(&Tell::NotSaved(error.to_string())),
                 },
                 Some(Job::Lose) => {
                     if let Ok(offscreen) = drawer.offscreen(&device_event).await {
@@ -465,12 +476,22 @@ impl Worker {
     }
 }
 
+/// A source as files are named: without the queries of its URLs.
+fn without_queries(source: &Source) -> Source {
+    let scene = source.scene.as_ref().map(|scene| scene.to_string_lossy());
+    Source {
+        input: given::without_query(&source.input),
+        scene: scene.map(|scene| given::without_query(&scene).into()),
+        ..source.clone()
+    }
+}
+
 fn device_event(event: DeviceEvent) {
     let message = match event {
         DeviceEvent::Opened(adapter) => Tell::Adapter(adapter),
         DeviceEvent::Lost(reason) => Tell::Lost(reason),
     };
-    tell(&message, Vec::new());
+    tell(&message);
 }
 
 /// Gives a file of the page to all who read files.

@@ -3,9 +3,9 @@
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-use eframe::egui::{Color32, ColorImage};
+use eframe::egui::ColorImage;
 use glam::{DVec3, UVec2, Vec3};
-use js_sys::{Array, ArrayBuffer, Object, Reflect, Uint8Array};
+use js_sys::{Array, ArrayBuffer, Float32Array, Object, Reflect, Uint8Array};
 use limpid::camera::Camera;
 use limpid::gpu::PassTime;
 use limpid::liquid::bulk::Bulk;
@@ -22,7 +22,7 @@ use limpid_io::shared_classifier::Processor;
 use limpid_sim::sim::Simulation;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use wasm_bindgen::{JsCast as _, JsValue};
+use wasm_bindgen::{JsCast, JsValue};
 
 use crate::adaptive_resolution::Level;
 use crate::document::{Document, Source};
@@ -223,10 +223,11 @@ pub(super) struct DocumentText {
 }
 
 impl DocumentText {
-    pub(super) fn of(document: &Document) -> Self {
-        let Document { source, input, plain, project, numbers } = document;
+    /// A document, and the source as the page knows it.
+    pub(super) fn of(document: &Document, source: Source) -> Self {
+        let Document { input, plain, project, numbers, .. } = document;
         Self {
-            source: source.clone(),
+            source,
             scene: Edits::of(&project.scene),
             plain: Edits::of(plain),
             camera: project.camera,
@@ -278,7 +279,7 @@ enum LegendText {
 }
 
 impl ShownText {
-    fn of(shown: &Shown, buffers: &mut Vec<Vec<u8>>) -> Self {
+    fn of(shown: &Shown, buffers: &mut Vec<ArrayBuffer>) -> Self {
         let legend = match shown.legend {
             Legend::Picture => LegendText::Picture,
             Legend::Normal => LegendText::Normal,
@@ -290,16 +291,12 @@ impl ShownText {
                 LegendText::Light { title: title.into(), white, unit: unit.into() }
             }
         };
-        buffers.push(shown.image.as_raw().to_vec());
-        let channels = shown.values.iter().flat_map(|values| &values.channels);
-        let channels = channels.map(|channel| {
-            channel.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>()
-        });
-        let before = buffers.len();
-        buffers.extend(channels);
+        buffers.push(Uint8Array::from(shown.image.as_raw()).buffer());
+        let channels = shown.values.as_ref().map_or(&[][..], |values| &values.channels);
+        buffers.extend(channels.iter().map(|values| Float32Array::from(&values[..]).buffer()));
         Self {
             legend,
-            channels: buffers.len() - before,
+            channels: channels.len(),
             passes: shown.passes.iter().map(|pass| (pass.name.into(), pass.ms)).collect(),
             ms: shown.ms,
             size: shown.size,
@@ -308,7 +305,7 @@ impl ShownText {
         }
     }
 
-    fn shown(self, buffers: &mut impl Iterator<Item = Vec<u8>>) -> Shown {
+    fn shown(self, buffers: &mut impl Iterator<Item = ArrayBuffer>) -> Shown {
         let legend = match self.legend {
             LegendText::Picture => Legend::Picture,
             LegendText::Normal => Legend::Normal,
@@ -320,12 +317,9 @@ impl ShownText {
                 Legend::Light { title: interned(title), white, unit: interned(unit) }
             }
         };
-        let pixels = buffers.next().unwrap_or_default();
-        let color = |p: &[u8; 4]| Color32::from_rgba_premultiplied(p[0], p[1], p[2], p[3]);
-        let image = ColorImage::new(self.image, pixels.as_chunks().0.iter().map(color).collect());
-        let channel = |bytes: Vec<u8>| {
-            bytes.as_chunks().0.iter().map(|&value| f32::from_le_bytes(value)).collect()
-        };
+        let pixels = buffers.next().map(|buffer| Uint8Array::new(&buffer).to_vec());
+        let image = ColorImage::from_rgba_premultiplied(self.image, &pixels.unwrap_or_default());
+        let channel = |buffer: ArrayBuffer| Float32Array::new(&buffer).to_vec();
         let channels: Vec<Vec<f32>> = buffers.take(self.channels).map(channel).collect();
         let pass = |(name, ms)| PassTime { name: interned(name), ms };
         Shown {
@@ -356,7 +350,7 @@ fn interned(name: String) -> &'static str {
 }
 
 /// The texts and buffers of drawn pictures.
-pub(super) fn drawn_text(drawn: &Drawn) -> (Tell, Vec<Vec<u8>>) {
+pub(super) fn drawn_text(drawn: &Drawn) -> (Tell, Vec<ArrayBuffer>) {
     let mut buffers = Vec::new();
     let panes = drawn.panes.iter().map(|shown| ShownText::of(shown, &mut buffers)).collect();
     (Tell::Drawn { number: drawn.number, level: drawn.level, panes }, buffers)
@@ -367,7 +361,7 @@ pub(super) fn drawn(
     number: u64,
     level: Level,
     panes: Vec<ShownText>,
-    buffers: Vec<Vec<u8>>,
+    buffers: Vec<ArrayBuffer>,
 ) -> Drawn {
     let mut buffers = buffers.into_iter();
     let panes = panes.into_iter().map(|shown| shown.shown(&mut buffers)).collect();
@@ -392,13 +386,10 @@ pub(super) fn told<T>(outcome: Result<T, String>) -> Result<T> {
 }
 
 /// A message as a JavaScript object, and the buffers in it that change hands.
-pub(super) fn packed(message: &impl Serialize, buffers: Vec<Vec<u8>>) -> (JsValue, Array) {
+pub(super) fn packed(message: &impl Serialize, buffers: Vec<ArrayBuffer>) -> (JsValue, Array) {
     let mut text = Vec::new();
     ciborium::into_writer(message, &mut text).expect("memory takes what is written");
-    let transfer = Array::new();
-    for bytes in buffers {
-        transfer.push(&Uint8Array::from(bytes.as_slice()).buffer());
-    }
+    let transfer: Array = buffers.into_iter().collect();
     let object = Object::new();
     set(&object, "message", &Uint8Array::from(text.as_slice()));
     set(&object, "buffers", &transfer);
@@ -418,10 +409,9 @@ pub(super) fn get(object: &JsValue, name: &str) -> Option<JsValue> {
 }
 
 /// A message and its buffers; `None` for anything else.
-pub(super) fn unpacked<T: DeserializeOwned>(object: &JsValue) -> Option<(T, Vec<Vec<u8>>)> {
+pub(super) fn unpacked<T: DeserializeOwned>(object: &JsValue) -> Option<(T, Vec<ArrayBuffer>)> {
     let message: Uint8Array = get(object, "message")?.dyn_into().ok()?;
     let buffers: Array = get(object, "buffers")?.dyn_into().ok()?;
-    let bytes = |buffer: JsValue| Uint8Array::new(&buffer.unchecked_into::<ArrayBuffer>()).to_vec();
     let message = ciborium::from_reader(message.to_vec().as_slice()).ok()?;
-    Some((message, buffers.iter().map(bytes).collect()))
+    Some((message, buffers.iter().map(JsCast::unchecked_into).collect()))
 }
