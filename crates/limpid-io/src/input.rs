@@ -5,7 +5,7 @@ mod files;
 mod fluid;
 
 use std::borrow::Cow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -180,16 +180,20 @@ impl Input {
     }
 
     /// The outline of an input that is open elsewhere, as a page has it of what its worker has open: the numbers
-    /// of its frames, not their particles.
+    /// of its frames, not their particles, and whether it [has files](Self::has_files).
     #[must_use]
     pub fn outline_of(
         project: Project,
         sequence: Sequence,
-        frame: Option<i64>,
+        has_files: bool,
         fps: Option<f64>,
     ) -> Self {
-        let fluid = Fluid::of_files(sequence, None, Up::Y, AttributeMap::default());
-        Self { fps, ..Self::of(Some(project), fluid, frame) }
+        let files = Fluid::of_files(sequence.clone(), None, Up::Y, AttributeMap::default());
+        let fluid = match has_files {
+            true => files,
+            false => Fluid { sequence, ..Fluid::given(Arc::default(), "") },
+        };
+        Self { fps, ..Self::of(Some(project), fluid, None) }
     }
 
     /// An input with one fluid.
@@ -601,6 +605,21 @@ impl Input {
                 }
             }
         }
+    }
+
+    /// The files of the particles at a frame time.
+    pub fn files_at(&self, at: FrameTime) -> impl Iterator<Item = &Path> {
+        let next = (at.fraction > 0.0).then_some(at.next);
+        let numbers = [Some(at.frame), next].into_iter().flatten();
+        let of_files = |fluid: &&Fluid| matches!(fluid.source, FluidSource::Files);
+        numbers
+            .flat_map(move |number| {
+                let fluids = self.fluids.iter().filter(of_files);
+                let frames =
+                    fluids.filter_map(move |fluid| fluid.sequence.shown(number, self.missing));
+                frames.flat_map(|frame| std::iter::once(&frame.path).chain(&frame.parts))
+            })
+            .map(PathBuf::as_path)
     }
 
     /// Whether particles are read from files that the user has given.

@@ -417,7 +417,7 @@ pub(crate) fn extensions() -> String {
 }
 
 /// A file name without its extension, if that is of a readable format.
-pub(crate) fn readable_stem(name: &str) -> Option<&str> {
+pub fn readable_stem(name: &str) -> Option<&str> {
     format_of(name).map(|(stem, _)| stem)
 }
 

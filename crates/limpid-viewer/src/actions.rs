@@ -46,7 +46,8 @@ impl Viewer {
     /// Performs the action of a key, a button or a menu.
     pub(crate) fn act(&mut self, ctx: &egui::Context, action: Action) {
         match action {
-            Action::Open if self.interface.plain => {}
+            Action::Open | Action::Panels | Action::SavePicture | Action::SaveScene
+                if self.interface.plain => {}
             Action::Open => self.interface.dialog = Some(Dialog::open()),
             Action::Help => self.interface.help = !self.interface.help,
             Action::Close => {

@@ -26,7 +26,7 @@ pub(crate) struct Opening {
     pub(crate) number: u64,
     pub(crate) source: Source,
     /// Whether it takes the place of the same source with other adjustments.
-    replaces: bool,
+    pub(crate) replaces: bool,
     /// Whether it is still to be read.
     pub(crate) pending: bool,
     /// Whether it has been read and is the open document.
@@ -58,7 +58,7 @@ impl Viewer {
         self.begin_opening(source, true);
     }
 
-    fn begin_opening(&mut self, source: Source, again: bool) {
+    pub(crate) fn begin_opening(&mut self, source: Source, again: bool) {
         self.opened.openings += 1;
         // They were for another source.
         #[cfg(target_arch = "wasm32")]
@@ -88,7 +88,7 @@ impl Viewer {
         #[cfg(target_arch = "wasm32")]
         {
             drop(post);
-            self.jobs.drawing.open(number, &requested, stopped);
+            self.jobs.drawing.open(number, &requested, again, stopped);
         }
         #[cfg(not(target_arch = "wasm32"))]
         std::thread::spawn(move || {

@@ -16,6 +16,8 @@ use limpid_io::input::{FrameTime, Input, Loaded, Missing, files_of};
 use limpid_io::notice::{self, Notice};
 use limpid_io::open::{Opened, Request};
 use limpid_io::output::{FileKind, Files};
+#[cfg(any(test, target_arch = "wasm32"))]
+use limpid_io::particles::readable_stem;
 use limpid_io::particles::{AttributeMap, ReadOptions};
 use limpid_io::project;
 use limpid_io::project::{LiquidSource, ParticleSource, Project};
@@ -55,6 +57,9 @@ pub struct Document {
     pub project: Project,
     /// Frame numbers, ascending; at least one.
     pub numbers: Vec<i64>,
+    /// Identifies it between a page and its worker.
+    #[cfg(target_arch = "wasm32")]
+    pub(crate) id: u64,
 }
 
 impl Source {
@@ -84,7 +89,15 @@ impl Document {
         let spec = source.frames.clone().unwrap_or_default();
         let mut numbers = spec.numbers(&input.sequence, input.missing)?;
         numbers.sort_unstable();
-        Ok(Self { source: source.clone(), input, plain: plain.scene, project, numbers })
+        Ok(Self {
+            source: source.clone(),
+            input,
+            plain: plain.scene,
+            project,
+            numbers,
+            #[cfg(target_arch = "wasm32")]
+            id: 0,
+        })
     }
 
     /// The frame times of playback at a speed.
@@ -159,7 +172,10 @@ impl Document {
     pub fn saved(&self, scene: Scene, camera: Camera, at: FrameTime) -> Project {
         let camera = Some(camera);
         let mut project = Project { scene, camera, ..self.project.clone() };
-        if let LiquidSource::Simulation(simulation) = &project.source {
+        // In a browser the frames are in memory alone, and are simulated again.
+        if let LiquidSource::Simulation(simulation) = &project.source
+            && !cfg!(target_arch = "wasm32")
+        {
             // The frames are stored beside the opened file, not beside the saved one.
             let opened = Path::new(&self.source.input);
             let name = opened.file_stem().unwrap_or_default().to_string_lossy();
@@ -201,5 +217,54 @@ impl Document {
             }
         }
         project
+    }
+}
+
+/// What to open of files with these paths, which were dropped or chosen together: the scene among them, the only file,
+/// or the folder with the most particle files.
+#[cfg(any(test, target_arch = "wasm32"))]
+pub(crate) fn opened_of(paths: &[&str]) -> Option<String> {
+    let depth = |path: &str| path.matches('/').count();
+    let scenes = paths.iter().filter(|path| path.to_lowercase().ends_with(".toml"));
+    if let Some(scene) = scenes.min_by_key(|path| (depth(path), **path)) {
+        return Some((*scene).to_owned());
+    }
+    if let &[only] = paths {
+        return Some(only.to_owned());
+    }
+    let mut folders = std::collections::BTreeMap::<&str, usize>::new();
+    for path in paths {
+        let (folder, name) = path.rsplit_once('/').unwrap_or(("", path));
+        *folders.entry(folder).or_default() += usize::from(readable_stem(name).is_some());
+    }
+    let most =
+        folders.iter().max_by_key(|&(folder, count)| (count, std::cmp::Reverse(depth(folder))));
+    most.map(|(folder, _)| (*folder).to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of what was dropped, the scene is opened, the only file, or the folder of the sequence, whatever lies beside it.
+    #[test]
+    fn the_scene_or_the_sequence_is_opened() {
+        let opened = |paths: &[&str]| opened_of(paths);
+        assert_eq!(
+            opened(&["a/water_1.bgeo", "a/b/x.toml", "a/scene.TOML"]).unwrap(),
+            "a/scene.TOML"
+        );
+        assert_eq!(opened(&["water.bgeo"]).unwrap(), "water.bgeo");
+        assert_eq!(opened(&["water_1.bgeo", "water_2.bgeo"]).unwrap(), "");
+        let run = [
+            "run/log/a.log",
+            "run/log/b.txt",
+            "run/old/w_1.bgeo",
+            "run/p/w_1.bgeo",
+            "run/p/w_2.bgeo",
+        ];
+        assert_eq!(opened(&run).unwrap(), "run/p");
+        assert_eq!(opened(&["run/a.log", "run/b.log"]).unwrap(), "run");
+        assert_eq!(opened(&[]), None);
     }
 }

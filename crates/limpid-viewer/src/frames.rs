@@ -126,17 +126,17 @@ impl Frames {
         FrameCache::new(count, budget, workers, load, move |_| ready())
     }
 
-    /// A cache of the worker, which has the document open.
+    /// A cache of the worker.
     #[cfg(target_arch = "wasm32")]
     fn cache(
         &self,
-        _: &Document,
+        document: &Document,
         frame_times: &[FrameTime],
         scene: &Scene,
         budget: u64,
         ready: impl Fn() + 'static,
     ) -> FrameCache {
-        self.worker.cache(frame_times, scene, self.processor, budget, ready)
+        self.worker.cache(document, frame_times, scene, self.processor, budget, ready)
     }
 
     /// Sets the position and direction of playback in all caches.

@@ -371,18 +371,17 @@ impl Viewer {
         let again = ctx.has_requested_repaint();
         self.jobs.log.record_frame(begun, again);
         #[cfg(target_arch = "wasm32")]
-        self.jobs.drawing.stop_dropped();
+        self.jobs.drawing.tell_dropped();
     }
 
-    /// Prepares for another window, where nothing has been drawn yet; the last one failed for `reason`.
-    fn reset_for_new_window(&mut self, reason: &str) {
+    /// Prepares for another window, where nothing has been drawn yet.
+    fn reset_for_new_window(&mut self) {
         self.jobs.post.leave();
         for side in &mut self.editing.sides {
             side.picture = Default::default();
         }
         self.picture.subject = None;
         self.flipping.clear();
-        self.handle_lost_device(reason);
     }
 
     pub(crate) fn opened(&mut self, document: Document) {

@@ -48,9 +48,9 @@ pub(crate) enum Message {
     /// Something that the user should know.
     #[cfg(target_arch = "wasm32")]
     Said(String),
-    /// The worker has ended, for this reason.
+    /// The worker has ended, for this reason; without one its memory has run out.
     #[cfg(target_arch = "wasm32")]
-    Crashed(String),
+    Crashed(Option<String>),
 }
 
 /// Sends messages from threads to the interface.
@@ -126,7 +126,7 @@ impl Viewer {
                 #[cfg(target_arch = "wasm32")]
                 Message::Said(text) => self.show_info(text),
                 #[cfg(target_arch = "wasm32")]
-                Message::Crashed(reason) => self.restart_worker(&reason),
+                Message::Crashed(reason) => self.restart_worker(reason),
                 #[cfg(not(target_arch = "wasm32"))]
                 Message::Path(path, loaded) => match loaded {
                     Ok(keys) => {

@@ -79,10 +79,14 @@ impl Viewer {
             side.at = None;
         }
         self.playback.fps = document.fps();
+        self.opened.frame_times = document.frame_times(self.playback.speed()).into();
+        self.playback.set_count(self.opened.frame_times.len());
         #[cfg(not(target_arch = "wasm32"))]
         self.errors.forget();
         self.jobs.log.event("reopened", serde_json::json!({ "input": document.source.input }));
         self.opened.document = Some(Arc::new(document));
+        #[cfg(target_arch = "wasm32")]
+        self.grant_frame();
     }
 }
 

@@ -94,6 +94,18 @@ const fn with_command(
     Shortcut { action, key, command: true, shown, help }
 }
 
+const FILM: &str = if cfg!(target_arch = "wasm32") {
+    "how to save a film of what is played"
+} else {
+    "save a film of what is played"
+};
+
+const COPY: &str = if cfg!(target_arch = "wasm32") {
+    "copy a link to this picture"
+} else {
+    "copy the command line of this picture"
+};
+
 /// All shortcuts, in display order.
 pub const SHORTCUTS: [Shortcut; 26] = [
     plain(Action::Play, Key::Space, "Space", "play or pause"),
@@ -114,9 +126,9 @@ pub const SHORTCUTS: [Shortcut; 26] = [
     plain(Action::Swap, Key::X, "X", "edit the other settings, A or B"),
     with_command(Action::Open, Key::O, "Ctrl O", "open a file"),
     with_command(Action::SavePicture, Key::S, "Ctrl S", "save a picture"),
-    with_command(Action::SaveFilm, Key::M, "Ctrl M", "save a film of what is played"),
+    with_command(Action::SaveFilm, Key::M, "Ctrl M", FILM),
     with_command(Action::SaveScene, Key::E, "Ctrl E", "save the scene"),
-    with_command(Action::Copy, Key::L, "Ctrl L", "copy the command line of this picture"),
+    with_command(Action::Copy, Key::L, "Ctrl L", COPY),
     plain(Action::Panels, Key::Tab, "Tab", "show or hide the panels"),
     plain(Action::Theme, Key::T, "T", "dark or light"),
     plain(Action::Help, Key::Questionmark, "?", "these keys"),

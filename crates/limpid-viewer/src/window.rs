@@ -66,7 +66,9 @@ pub fn run(options: Options) -> Result<()> {
                 if left == 0 {
                     return Err(limpid::Error::DeviceLost(reason).into());
                 }
-                viewer.borrow_mut().reset_for_new_window(&reason);
+                let mut viewer = viewer.borrow_mut();
+                viewer.reset_for_new_window();
+                viewer.handle_lost_device(&reason);
             }
             // egui_wgpu panics if the device is lost while a frame is drawn, and winit's event loop does
             // not run again after that.

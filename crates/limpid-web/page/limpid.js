@@ -93,9 +93,27 @@ class LimpidView extends HTMLElement {
   #root = this.attachShadow({ mode: "open" });
   #canvas;
   #worker;
+  /** Number of times that it was put into a page or taken from it: what was begun before the last time is void. */
+  #moves = 0;
+
+  constructor() {
+    super();
+    // Before the canvas, which would take single files alone.
+    const capture = { capture: true };
+    const takes = () => this.view && this.hasAttribute("controls");
+    this.addEventListener("dragover", (event) => takes() && event.preventDefault(), capture);
+    this.addEventListener("drop", async (event) => {
+      if (!takes()) return;
+      event.preventDefault();
+      event.stopPropagation();
+      const files = await filesOf(event.dataTransfer.items).catch(() => []);
+      this.view?.openFiles(files);
+    }, capture);
+  }
 
   async connectedCallback() {
-    if (this.#root.firstChild) return;
+    const move = ++this.#moves;
+    const gone = () => move !== this.#moves;
     const style = document.createElement("style");
     style.textContent = STYLE;
     const note = document.createElement("p");
@@ -108,6 +126,7 @@ class LimpidView extends HTMLElement {
     say("Loading limpid…");
     try {
       const problem = await obstacle();
+      if (gone()) return;
       if (problem) {
         say(problem, BROWSERS);
         this.dispatchEvent(new CustomEvent("limpid-unsupported", { detail: problem, bubbles: true }));
@@ -122,34 +141,48 @@ class LimpidView extends HTMLElement {
         throw error;
       });
       await init({ module_or_path: module });
-      const controls = this.hasAttribute("controls");
-      this.view = new View(this.#host(module), this.#query(), !controls);
+      if (gone()) return;
+      this.view = new View(this.#host(module), this.#query(), !this.hasAttribute("controls"));
       await this.#show();
+      if (gone()) return;
       note.remove();
-      if (controls) this.#takeDrops();
       this.dispatchEvent(new CustomEvent("limpid-ready", { bubbles: true }));
     } catch (error) {
+      if (gone()) return;
       say("limpid could not be started.", String(error?.message ?? error));
       throw error;
     }
+    // A failure of the viewer itself, which can say nothing any more.
+    const watch = setInterval(() => {
+      const failure = gone() ? undefined : this.view.failure();
+      if (failure) {
+        this.#root.append(note);
+        say("limpid has failed. Please report this, and load the page again.", failure);
+        this.#canvas.remove();
+      }
+      if (failure || gone()) clearInterval(watch);
+    }, 1000);
   }
 
   /** An element that is taken from its page ends its worker; put back, it begins anew. */
   disconnectedCallback() {
+    this.#moves++;
     this.#worker?.terminate();
     this.view?.leave();
     this.view = undefined;
     this.#root.replaceChildren();
   }
 
-  /** Names and values of the address, then of the attributes. */
+  /** Names and values of the attributes, then of the address, which replaces them. */
   #query() {
-    const given = this.hasAttribute("address") ? [...new URLSearchParams(location.search)] : [];
+    const given = [];
     for (const { name, value } of this.attributes) {
       if (name === "src") given.push(["scene", value]);
+      // An attribute can be there only once.
+      else if (name === "set") given.push(...value.split(";").map((one) => ["set", one.trim()]));
       else if (!["controls", "address", "class", "id", "style"].includes(name)) given.push([name, value]);
     }
-    return given;
+    return this.hasAttribute("address") ? [...given, ...new URLSearchParams(location.search)] : given;
   }
 
   #host(module) {
@@ -171,7 +204,7 @@ class LimpidView extends HTMLElement {
         input.webkitdirectory = folder;
         input.onchange = () => {
           const path = (file) => file.webkitRelativePath || file.name;
-          this.view.openFiles([...input.files].map((file) => [path(file), file]));
+          this.view?.openFiles([...input.files].map((file) => [path(file), file]));
         };
         input.click();
       },
@@ -196,7 +229,11 @@ class LimpidView extends HTMLElement {
           return href;
         }
       },
-      link: (query) => `${location.origin}${location.pathname}${query ? `?${query}` : ""}`,
+      // To this page, if it reads its address, and else to limpid's own.
+      link: (query) => {
+        const page = this.hasAttribute("address") ? `${location.origin}${location.pathname}` : here.href;
+        return query ? `${page}?${query}` : page;
+      },
     };
   }
 
@@ -205,22 +242,13 @@ class LimpidView extends HTMLElement {
     this.#canvas?.remove();
     this.#canvas = document.createElement("canvas");
     this.#root.append(this.#canvas);
-    this.#canvas.addEventListener("webglcontextlost", () => {
+    const canvas = this.#canvas;
+    canvas.addEventListener("webglcontextlost", () => {
+      if (!this.view || canvas !== this.#canvas) return;
       this.view.leave();
       this.#show();
     });
-    await this.view.show(this.#canvas);
-  }
-
-  #takeDrops() {
-    // Before the canvas, which would take single files alone.
-    const capture = { capture: true };
-    this.addEventListener("dragover", (event) => event.preventDefault(), capture);
-    this.addEventListener("drop", async (event) => {
-      event.preventDefault();
-      event.stopPropagation();
-      this.view.openFiles(await filesOf(event.dataTransfer.items));
-    }, capture);
+    await this.view.show(canvas);
   }
 }
 

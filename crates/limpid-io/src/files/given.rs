@@ -247,12 +247,18 @@ pub fn metadata(path: &Path) -> io::Result<Metadata> {
     if url(path).is_some_and(|url| url.ends_with('/')) || is_folder() {
         return Ok(Metadata { length: 0, folder: true });
     }
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    if url(path).is_some() && (placeholder(&name).is_some() || name.contains('*')) {
-        // A pattern; some servers answer any path with a page.
+    if url(path).is_some() && !is_one_file(path) {
+        // Some servers answer any path with a page.
         return Err(io::ErrorKind::NotFound.into());
     }
     Ok(Metadata { length: entry(path)?.length, folder: false })
+}
+
+/// Whether a path is that of one file, neither a pattern nor a folder of a server.
+pub fn is_one_file(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let is_pattern = placeholder(&name).is_some() || name.contains('*');
+    !is_pattern && !path.to_string_lossy().ends_with('/')
 }
 
 /// Whether this is a file that exists.

@@ -88,13 +88,7 @@ pub(crate) fn parse(query: &[(String, String)]) -> Result<Link> {
             "scale" => adjusted.scale = Some(parsed(name, value)?),
             "fps" => adjusted.fps = Some(parsed(name, value)?),
             "radius" => source.radius = Some(parsed(name, value)?),
-            "missing" => {
-                source.missing = match value {
-                    "empty" => Missing::Empty,
-                    "hold" => Missing::Hold,
-                    _ => return Err(fail(name, "expected empty or hold")),
-                };
-            }
+            "missing" => source.missing = parsed(name, value)?,
             _ => {}
         }
     }

@@ -9,12 +9,13 @@ use eframe::egui;
 use glam::UVec2;
 use limpid::camera::Camera;
 use limpid_io::error::Error;
+use limpid_io::project::Project;
 use serde_json::json;
 use wasm_bindgen::JsValue;
 use web_sys::File;
 
 use super::link;
-use crate::document::Source;
+use crate::document::{Source, opened_of};
 use crate::frames::Frames;
 use crate::log::Log;
 use crate::messages::Post;
@@ -26,15 +27,23 @@ use crate::{Options, Viewer, demos};
 impl Viewer {
     /// Has the page show the browser's dialog for files, or for a folder.
     pub(crate) fn pick(&mut self, folder: bool) {
-        self.jobs.drawing.call("pick", &[folder.into()]);
+        // It fails for a page that has gone.
+        let _ = self.jobs.drawing.call("pick", &[folder.into()]);
     }
 
     /// Offers the edited scene with the current camera to the user.
     pub fn save_scene(&mut self, path: PathBuf) {
         let Some(at) = self.frame_time() else { return };
+        let Some(document) = self.opened.document.as_ref().map(|document| document.id) else {
+            return;
+        };
+        if !self.jobs.drawing.is_running() {
+            return self
+                .fail(&Error::Usage("open the document again, its worker has ended".into()));
+        }
         let (edits, camera) = (Edits::of(&self.fine_scene()), self.eye.camera);
         let (processor, name) = (self.opened.frames.processor, path.to_string_lossy().into_owned());
-        self.jobs.drawing.ask(&Ask::SaveScene { edits, camera, at, processor, name });
+        self.jobs.drawing.ask(&Ask::SaveScene { document, edits, camera, at, processor, name });
     }
 
     /// Offers the camera path to the user.
@@ -91,18 +100,18 @@ impl Viewer {
             return;
         };
         let link = self.jobs.drawing.call("link", &[query.as_str().into()]);
-        if let Some(link) = link.and_then(|link| link.as_string()) {
+        if let Some(link) = link.ok().and_then(|link| link.as_string()) {
             ctx.copy_text(link.clone());
             self.show_info(format!("copied: {link}"));
         }
     }
 
-    /// Starts another worker after the last one has ended, and opens the document again.
-    pub(crate) fn restart_worker(&mut self, reason: &str) {
+    /// Starts another worker after the last one has ended, and opens the document again. Without a reason its memory has
+    /// run out.
+    pub(crate) fn restart_worker(&mut self, reason: Option<String>) {
         let worker = self.jobs.drawing.clone();
-        if !worker.end() {
-            return;
-        }
+        let busy = worker.end();
+        let at = self.frame_time();
         // Whatever was asked is not answered any more.
         self.opened.frames.clear();
         self.picture.answered = self.picture.asked;
@@ -111,22 +120,33 @@ impl Viewer {
         for side in &mut self.editing.sides {
             (side.loaded, side.at) = (None, None);
         }
-        let opening = self.opened.opening.take();
-        let failed = opening.as_ref().filter(|opening| opening.pending);
-        match failed {
+        self.opened.before = None;
+        let opening = self.opened.opening.take().filter(|opening| opening.pending);
+        let opened = opening.as_ref().filter(|opening| busy == Some(opening.number));
+        let name = opened.map(|opening| opening.source.input.clone());
+        let problem = match (&name, reason) {
+            (Some(name), None) => format!("{name}: takes more memory than a page has"),
             // As a decoder that panics fails elsewhere.
-            Some(opening) => {
-                let problem = format!("{}: damaged: its decoder failed", opening.source.input);
-                self.fail(&Error::Usage(problem));
-            }
-            None => self.fail(&Error::Usage(format!("the worker failed ({reason})"))),
-        }
-        if !worker.restart() {
+            (Some(name), Some(_)) => format!("{name}: damaged: its decoder failed"),
+            (None, None) => "memory ran out, of which a page has 4 GiB at most".into(),
+            (None, Some(reason)) => format!("the worker failed ({reason})"),
+        };
+        let restarted = worker.restart();
+        let remedy = if restarted { "" } else { "; open the document again to go on" };
+        self.fail(&Error::Usage(problem + remedy));
+        if !restarted {
             return;
         }
         let before = self.opened.document.as_ref().map(|document| document.source.clone());
-        if let Some(source) = before {
-            self.reopen(source);
+        match (opening, before) {
+            (Some(opening), _) if name.is_none() => {
+                self.begin_opening(opening.source.clone(), opening.replaces);
+            }
+            (_, Some(before)) => {
+                self.reopen(before);
+                self.wishes.frame = at.map(|at| at.frame);
+            }
+            _ => {}
         }
     }
 }
@@ -134,11 +154,12 @@ impl Viewer {
 /// The settings of a page.
 pub struct PageOptions {
     /// The functions of the page: `worker()` starts a worker and returns it, `pick(folder)` shows the browser's
-    /// dialog for files, `save(name, bytes)` offers a file to the user, and `link(query)` makes a link.
+    /// dialog for files, `save(name, bytes)` offers a file to the user, `absolute(url)` makes a URL absolute, and
+    /// `link(query)` makes a link.
     pub host: JsValue,
     /// The parameters of the address: see [`link`].
     pub query: Vec<(String, String)>,
-    /// Whether files of the user can be opened, and links copied: not in a picture within another page.
+    /// Whether it is a picture and a timeline alone, within another page.
     pub plain: bool,
 }
 
@@ -152,10 +173,8 @@ pub struct Page {
 }
 
 impl Page {
-    /// Creates the viewer, starts its worker, and opens what the address names, or a demo.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] naming a parameter of the address and its problem; the viewer then shows the demo.
+    /// Creates the viewer, starts its worker, and opens what the address names. Without that it opens a demo, and so it
+    /// does beside a notice if a parameter is wrong.
     pub fn new(options: PageOptions) -> Self {
         let (sender, messages) = mpsc::channel();
         let post = Post::new(sender);
@@ -193,7 +212,9 @@ impl Page {
 
     /// Prepares for another canvas.
     pub fn leave(&self) {
-        self.viewer.borrow_mut().reset_for_new_window("of the page: its canvas was lost");
+        let mut viewer = self.viewer.borrow_mut();
+        viewer.reset_for_new_window();
+        viewer.show_info("the page's canvas was lost; another one takes its place".into());
     }
 
     /// Gives files of the user, with their paths in what was dropped or chosen, and opens them: the scene among
@@ -207,9 +228,14 @@ impl Page {
             self.worker.give(&format!("{folder}/{path}"), file);
         }
         let paths: Vec<&str> = files.iter().map(|(path, _)| path.as_str()).collect();
-        if let Some(input) = opened_of(&paths) {
-            let input = if input.is_empty() { folder } else { format!("{folder}/{input}") };
-            self.open_path(&input);
+        match opened_of(&paths) {
+            Some(input) if input.is_empty() => self.open_path(&folder),
+            Some(input) => self.open_path(&format!("{folder}/{input}")),
+            None => {
+                let mut viewer = self.viewer.borrow_mut();
+                viewer.fail(&Error::Usage("no files could be read in what was given".into()));
+                viewer.wake();
+            }
         }
     }
 
@@ -238,16 +264,19 @@ impl Page {
         Ok(())
     }
 
-    /// Changes settings of the open document, as `--set` does.
+    /// Changes the open document, as `--set` does.
     ///
     /// # Errors
-    /// As [`limpid_io::project::overrides::replaced`].
+    /// As [`Project::set`].
     pub fn set(&self, overrides: &[String]) -> Result<(), Error> {
         let mut viewer = self.viewer.borrow_mut();
         let edited = viewer.editing.edited;
-        let settings = &viewer.editing.scenes[edited].settings;
-        let replaced = limpid_io::project::overrides::replaced(settings, overrides)?;
-        viewer.editing.scenes[edited].settings = replaced;
+        let scene = viewer.editing.scenes[edited].clone();
+        let processor = viewer.opened.frames.processor;
+        let mut project = Project { scene, processor, ..Project::default() };
+        project.set(overrides)?;
+        viewer.editing.scenes[edited] = project.scene;
+        viewer.opened.frames.processor = project.processor;
         viewer.wake();
         Ok(())
     }
@@ -280,7 +309,9 @@ impl Page {
 
     /// Draws the picture at rest at another size, and saves it under a name.
     pub fn save(&self, name: &str, size: UVec2, samples: u32) {
-        self.viewer.borrow_mut().save_picture(name.into(), size, samples);
+        let mut viewer = self.viewer.borrow_mut();
+        viewer.save_picture(name.into(), size, samples);
+        viewer.wake();
     }
 
     /// The parameters of an address that opens this picture; `None` for files of the user.
@@ -334,18 +365,5 @@ struct App {
 impl eframe::App for App {
     fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
         self.viewer.borrow_mut().ui(ui);
-    }
-}
-
-/// What to open of files with these paths: the scene among them, the only file, or their folder.
-fn opened_of(paths: &[&str]) -> Option<String> {
-    let scenes = paths.iter().filter(|path| path.to_lowercase().ends_with(".toml"));
-    if let Some(scene) = scenes.min_by_key(|path| (path.matches('/').count(), **path)) {
-        return Some((*scene).to_owned());
-    }
-    match paths {
-        [] => None,
-        [only] => Some((*only).to_owned()),
-        [first, ..] => Some(first.rsplit_once('/').map_or("", |(folder, _)| folder).to_owned()),
     }
 }

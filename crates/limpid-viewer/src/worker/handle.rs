@@ -16,20 +16,18 @@ use limpid_io::shared_classifier::Processor;
 use wasm_bindgen::prelude::Closure;
 use wasm_bindgen::{JsCast as _, JsValue};
 use web_sys::{File, MessageEvent};
-use web_time::{Duration, Instant};
 
 use super::frame_cache::{FrameCache, Mirror};
-use super::wire::{Ask, Edits, PaneText, Tell, drawn, get, packed, set, told, unpacked, view_text};
+use super::wire::{
+    Ask, Edits, PaneText, Tell, drawn, get, packed, set, text_of, told, unpacked, view_text,
+};
 use crate::demos;
 use crate::document::{Document, Source};
 use crate::drawing::{Answer, Pane, Request};
 use crate::messages::{Message, Post};
 
-/// Number of workers in quick succession before the last one stays away.
+/// Number of workers that may follow the first one, until the user opens something else.
 const ATTEMPTS: usize = 3;
-
-/// A worker that lived longer resets the attempts.
-const STEADY: Duration = Duration::from_secs(20);
 
 /// The worker of a page, as a handle.
 #[derive(Clone)]
@@ -47,8 +45,10 @@ struct Link {
     worker: RefCell<Option<web_sys::Worker>>,
     /// Whether its end has been reported.
     ended: Cell<bool>,
-    /// When it was started, and how many more may follow it.
-    started: Cell<(Instant, usize)>,
+    /// Number of workers that may follow it.
+    left: Cell<usize>,
+    /// The opening that it is busy with.
+    busy: Cell<Option<u64>>,
     post: Post,
     /// Files that the worker has been given.
     given: RefCell<Vec<(String, File)>>,
@@ -66,7 +66,8 @@ impl Worker {
             host,
             worker: RefCell::default(),
             ended: Cell::new(false),
-            started: Cell::new((Instant::now(), ATTEMPTS)),
+            left: Cell::new(ATTEMPTS),
+            busy: Cell::default(),
             post,
             given: RefCell::default(),
             caches: RefCell::default(),
@@ -80,15 +81,21 @@ impl Worker {
     }
 
     /// Calls a function of the page.
-    pub(crate) fn call(&self, name: &str, arguments: &[JsValue]) -> Option<JsValue> {
-        let function: Function = get(&self.0.host, name)?.dyn_into().ok()?;
+    ///
+    /// # Errors
+    /// What it has thrown.
+    pub(crate) fn call(&self, name: &str, arguments: &[JsValue]) -> Result<JsValue, String> {
+        let function: Function = get(&self.0.host, name).unwrap_or_default().unchecked_into();
         let arguments: Array = arguments.iter().collect();
-        function.apply(&self.0.host, &arguments).ok()
+        function.apply(&self.0.host, &arguments).map_err(|error| text_of(&error))
     }
 
     fn start(&self) {
-        let Some(worker) = self.call("worker", &[]) else { return };
-        let worker: web_sys::Worker = worker.unchecked_into();
+        self.0.ended.set(false);
+        let worker: web_sys::Worker = match self.call("worker", &[]) {
+            Ok(worker) => worker.unchecked_into(),
+            Err(reason) => return self.crashed(Some(reason)),
+        };
         let link = self.clone();
         let receive = Closure::<dyn FnMut(MessageEvent)>::new(move |event: MessageEvent| {
             link.receive(&event.data());
@@ -100,41 +107,51 @@ impl Worker {
         // A script that cannot be loaded has no message.
         let fail = Closure::<dyn FnMut(JsValue)>::new(move |event: JsValue| {
             let message = get(&event, "message").and_then(|message| message.as_string());
-            link.crashed(message.unwrap_or_else(|| "its script could not be loaded".into()));
+            link.crashed(match message {
+                None => Some("its script could not be loaded".into()),
+                // A panic has told its reason before; otherwise it is memory that traps, or cannot be had for a buffer.
+                Some(text) if text.contains("unreachable") || text.contains("RangeError") => None,
+                Some(text) => Some(text),
+            });
         });
         worker.set_onerror(Some(fail.as_ref().unchecked_ref()));
         fail.forget();
-        self.0.ended.set(false);
         *self.0.worker.borrow_mut() = Some(worker);
         for (path, file) in self.0.given.borrow().iter() {
             self.send_file(path, file);
         }
     }
 
-    /// Ends the worker; `false` if it has ended already.
-    pub(crate) fn end(&self) -> bool {
-        let Some(ended) = self.0.worker.borrow_mut().take() else { return false };
-        ended.set_onmessage(None);
-        ended.set_onerror(None);
-        ended.terminate();
+    /// Ends the worker; returns the opening that it was busy with.
+    pub(crate) fn end(&self) -> Option<u64> {
+        if let Some(ended) = self.0.worker.borrow_mut().take() {
+            ended.set_onmessage(None);
+            ended.set_onerror(None);
+            ended.terminate();
+        }
         // The next one numbers frames anew.
         self.0.frames.borrow_mut().clear();
-        true
+        self.0.busy.take()
     }
 
-    /// Starts another worker, unless too many have ended in quick succession; returns whether it did.
+    /// Starts another worker, unless too many have ended; returns whether it did.
     pub(crate) fn restart(&self) -> bool {
-        let (started, left) = self.0.started.get();
-        let left = if started.elapsed() > STEADY { ATTEMPTS } else { left };
-        if left > 0 {
-            self.0.started.set((Instant::now(), left - 1));
+        let left = self.0.left.get().checked_sub(1);
+        if let Some(left) = left {
+            self.0.left.set(left);
             self.start();
         }
-        left > 0
+        left.is_some()
     }
 
-    /// Reports the end of the worker, once: a panic is told by its hook, and then by the browser.
-    fn crashed(&self, reason: String) {
+    /// Whether there is one.
+    pub(crate) fn is_running(&self) -> bool {
+        self.0.worker.borrow().is_some()
+    }
+
+    /// Reports the end of the worker, once: a panic is told by its hook, and then by the browser. Without a reason its
+    /// memory has run out.
+    fn crashed(&self, reason: Option<String>) {
         if !self.0.ended.replace(true) {
             self.0.post.send(Message::Crashed(reason));
         }
@@ -166,12 +183,14 @@ impl Worker {
         let Some((message, buffers)) = unpacked::<Tell>(data) else { return };
         let send = |message| self.0.post.send(message);
         match message {
-            Tell::Ready => {}
+            Tell::Opening(number) => self.0.busy.set(Some(number)),
             Tell::Opened { number, document } => {
+                self.0.busy.take();
                 let document = told(document).map(|document| document.outline());
                 send(Message::Opened(number, Box::new(document)));
             }
             Tell::Grown { number, document } => {
+                self.0.busy.take();
                 let document = told(document).map(|document| document.outline());
                 send(Message::Grown(number, Box::new(document)));
             }
@@ -179,6 +198,7 @@ impl Worker {
                 send(Message::Baked(number, Progress { done, frames }));
             }
             Tell::NotBaked { number, error } => {
+                self.0.busy.take();
                 send(Message::NotBaked(number, Error::Usage(error)));
             }
             Tell::Adapter(name) => send(Message::Drawing(Answer::Adapter(name))),
@@ -213,28 +233,32 @@ impl Worker {
             }
             Tell::NotSaved(error) => send(Message::Saved(Err(Error::Usage(error)))),
             Tell::Said(text) => send(Message::Said(text)),
-            Tell::Panicked(reason) => self.crashed(reason),
+            Tell::Panicked(reason) => self.crashed(Some(reason)),
         }
     }
 
     /// Has the page offer a file to the user.
     pub(crate) fn download(&self, name: &str, contents: Uint8Array) {
-        self.call("save", &[name.into(), contents.into()]);
+        if let Err(problem) = self.call("save", &[name.into(), contents.into()]) {
+            self.0.post.send(Message::Saved(Err(Error::Usage(format!("{name}: {problem}")))));
+        }
     }
 
     fn mirror(&self, id: u64) -> Option<Rc<RefCell<Mirror>>> {
         self.0.caches.borrow().get(&id)?.upgrade()
     }
 
-    /// Opens a source, until `stop` is set.
-    pub(crate) fn open(&self, number: u64, source: &Source, stop: Arc<AtomicBool>) {
+    /// Opens a source, perhaps the same one `again`, until `stop` is set.
+    pub(crate) fn open(&self, number: u64, source: &Source, again: bool, stop: Arc<AtomicBool>) {
+        if !again {
+            self.0.left.set(ATTEMPTS);
+        }
         // After too many failures the worker stayed away.
-        if self.0.worker.borrow().is_none() {
-            self.0.started.set((Instant::now(), ATTEMPTS));
+        if !self.is_running() {
             self.start();
         }
         self.0.openings.borrow_mut().insert(number, stop);
-        self.ask(&Ask::Open { number, source: source.clone() });
+        self.ask(&Ask::Open { number, source: source.clone(), again });
     }
 
     /// Opens the source of an opening again.
@@ -242,8 +266,8 @@ impl Worker {
         self.ask(&Ask::Grow { number });
     }
 
-    /// Ends the simulations of openings that have been dropped, and frees the frames of dropped outlines.
-    pub(crate) fn stop_dropped(&self) {
+    /// Tells the worker which openings and which outlines of frames have been dropped.
+    pub(crate) fn tell_dropped(&self) {
         self.0.frames.borrow_mut().retain(|&(ref outline, frame)| {
             let needed = outline.strong_count() > 0;
             if !needed {
@@ -260,9 +284,10 @@ impl Worker {
         });
     }
 
-    /// A cache of frames for the worker's current document.
+    /// A cache of the frames of a document.
     pub(crate) fn cache(
         &self,
+        document: &Document,
         frame_times: &[FrameTime],
         scene: &Scene,
         processor: Processor,
@@ -278,7 +303,8 @@ impl Worker {
         caches.insert(id, Rc::downgrade(cache.mirror()));
         drop(caches);
         let (frame_times, edits) = (frame_times.to_vec(), Edits::of(scene));
-        self.ask(&Ask::Cache { id, frame_times, edits, processor, budget });
+        let document = document.id;
+        self.ask(&Ask::Cache { id, document, frame_times, edits, processor, budget });
         cache
     }
 
@@ -317,17 +343,20 @@ impl Worker {
         }
     }
 
-    /// A URL relative to the page, as an absolute one.
+    /// A URL relative to the page, as an absolute one; a demo and a path of the user's files as it is.
     pub(crate) fn absolute(&self, url: &str) -> String {
+        let folder = url.split_inclusive('/').next().unwrap_or(url);
+        let is_given = self.0.given.borrow().iter().any(|(path, _)| path.starts_with(folder));
+        if folder == demos::FOLDER || folder.ends_with('/') && is_given {
+            return url.to_owned();
+        }
         let absolute = self.call("absolute", &[url.into()]);
-        absolute.and_then(|absolute| absolute.as_string()).unwrap_or_else(|| url.to_owned())
+        absolute.ok().and_then(|url| url.as_string()).unwrap_or_else(|| url.to_owned())
     }
 
-    /// A source with absolute URLs, unless it is a demo.
+    /// A source with absolute URLs.
     pub(crate) fn absolute_source(&self, mut source: Source) -> Source {
-        if !source.input.starts_with(demos::FOLDER) {
-            source.input = self.absolute(&source.input);
-        }
+        source.input = self.absolute(&source.input);
         let scene = source.scene.map(|scene| self.absolute(&scene.to_string_lossy()).into());
         Source { scene, ..source }
     }

@@ -7,12 +7,15 @@ use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
+use std::pin::pin;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::task::Poll;
 
 use js_sys::{ArrayBuffer, Uint8Array};
 use limpid::gpu::Gpu;
 use limpid::liquid::Particles;
+use limpid::memory;
 use limpid::offscreen::Offscreen;
 use limpid::scene::{Scene, Solid};
 use limpid_io::bake;
@@ -30,25 +33,31 @@ use limpid_io::shared_classifier::SharedClassifier;
 use limpid_sim::sim::{Simulation, Solver, State};
 use wasm_bindgen::prelude::Closure;
 use wasm_bindgen::{JsCast as _, JsValue};
-use wasm_bindgen_futures::spawn_local;
+use wasm_bindgen_futures::{JsFuture, spawn_local};
 use web_sys::{
-    DedicatedWorkerGlobalScope, File, FileReaderSync, MessageEvent, XmlHttpRequest,
-    XmlHttpRequestResponseType,
+    AbortController, DedicatedWorkerGlobalScope, File, FileReaderSync, MessageEvent, RequestInit,
+    Response, XmlHttpRequest, XmlHttpRequestResponseType,
 };
 
 use super::signal::{Signal, turn};
 use super::wire::{
-    Ask, DocumentText, LoadedText, PaneText, Tell, drawn_text, get, packed, unpacked, view,
+    Ask, DocumentText, LoadedText, PaneText, Tell, drawn_text, get, packed, text_of, unpacked, view,
 };
 use crate::baking::simulated;
 use crate::demos;
 use crate::document::{Document, Source};
 use crate::drawing::{self, DeviceEvent, Drawer, Pane, Request};
 
+/// Memory for a particle of a simulated frame, bytes: its record in the file, and its place in the list of them.
+const FRAME_BYTES: usize = 64;
+
 /// Runs the worker: answers the messages of its page for as long as it lives.
 pub fn work() {
-    std::panic::set_hook(Box::new(|info| tell(&Tell::Panicked(info.to_string()))));
-    given::fetch_with(Rc::new(fetched));
+    std::panic::set_hook(Box::new(|info| {
+        let reason = info.payload_as_str().unwrap_or("for an unknown reason");
+        tell(&Tell::Panicked(reason.into()));
+    }));
+    given::fetch_with(Rc::new(fetched_at_once));
     demos::give_all();
     let worker = Rc::new(Worker::default());
     let receiver = worker.clone();
@@ -60,7 +69,6 @@ pub fn work() {
     receive.forget();
     spawn_local(worker.clone().draw());
     spawn_local(worker.load());
-    tell(&Tell::Ready);
 }
 
 fn scope() -> DedicatedWorkerGlobalScope {
@@ -81,18 +89,16 @@ fn tell_with(message: &Tell, buffers: Vec<ArrayBuffer>) {
     let _ = scope().post_message_with_transfer(&message, &transfer);
 }
 
-/// A picture or a file to write, in order.
+/// A task that is never replaced by a newer one, in order.
 enum Job {
-    Save(PaneText, String),
+    Save(Result<Pane>, String),
     Lose,
 }
 
-/// A request for the screen.
+/// A request for the screen, with the reason if it cannot be drawn.
 struct Wanted {
     number: u64,
-    panes: Vec<PaneText>,
-    level: crate::adaptive_resolution::Level,
-    view: crate::views::View,
+    request: Result<Request>,
 }
 
 /// A cache of the page.
@@ -104,8 +110,6 @@ struct Cache {
     scene: Scene,
     /// The document that it belongs to.
     document: Rc<Document>,
-    /// The opening of that.
-    opening: u64,
 }
 
 /// A frame that the page has the outline of, which it may ask for whatever a cache evicts.
@@ -124,13 +128,15 @@ struct Baked {
 
 #[derive(Default)]
 struct Worker {
-    /// The document of the last opening, and the number of that.
-    document: RefCell<Option<Rc<Document>>>,
-    opening: Cell<u64>,
-    /// The opening whose remarks have been told.
-    remarked: Cell<Option<u64>>,
+    /// Documents by their numbers, except those before the one that the page shows.
+    documents: RefCell<BTreeMap<u64, Rc<Document>>>,
+    next_document: Cell<u64>,
+    /// The source whose notices have been told.
+    noticed: RefCell<String>,
     /// Sources by opening.
     sources: RefCell<BTreeMap<u64, Source>>,
+    /// The newest opening.
+    newest: Cell<u64>,
     caches: RefCell<BTreeMap<u64, Rc<Cache>>>,
     known: RefCell<BTreeMap<u64, Known>>,
     next_frame: Cell<u64>,
@@ -154,14 +160,17 @@ impl Worker {
         }
         let Some((ask, _)) = unpacked::<Ask>(data) else { return };
         match ask {
-            Ask::Open { number, source } => self.open(number, source),
-            Ask::Stop { number } => {
-                for baked in self.baked.borrow().values() {
-                    if baked.number.get() == Some(number) {
-                        baked.number.set(None);
-                    }
+            Ask::Open { number, source, again } => {
+                self.sources.borrow_mut().insert(number, source.clone());
+                self.newest.set(number);
+                if !again {
+                    // What servers have may have changed.
+                    given::forget_servers();
+                    self.noticed.take();
                 }
+                spawn_local(self.clone().open(number, source));
             }
+            Ask::Stop { number } => self.stop(number),
             Ask::Grow { number } => {
                 let source = self.sources.borrow().get(&number).cloned();
                 if let Some(source) = source {
@@ -169,8 +178,8 @@ impl Worker {
                     tell(&Tell::Grown { number, document });
                 }
             }
-            Ask::Cache { id, frame_times, edits, processor, budget } => {
-                let Some(document) = self.document.borrow().clone() else { return };
+            Ask::Cache { id, document, frame_times, edits, processor, budget } => {
+                let Some(document) = self.shown(document) else { return };
                 let input = document.input.clone().classified(self.classifier.clone());
                 let cache = Cache {
                     frames: FrameCache::without_workers(frame_times.len(), budget),
@@ -178,7 +187,6 @@ impl Worker {
                     input: input.processed_by(processor),
                     scene: edits.apply(&document.project.scene),
                     document,
-                    opening: self.opening.get(),
                 };
                 self.caches.borrow_mut().insert(id, Rc::new(cache));
             }
@@ -190,17 +198,25 @@ impl Worker {
                 }
             }
             Ask::Draw { number, panes, level, view: text } => {
-                *self.wanted.borrow_mut() = Some(Wanted { number, panes, level, view: view(text) });
+                let panes = panes.iter().map(|pane| self.pane(pane)).collect();
+                let view = view(text);
+                let request = |panes| Request { number, panes, level, view };
+                let wanted = Wanted { number, request: Result::map(panes, request) };
+                *self.wanted.borrow_mut() = Some(wanted);
             }
-            Ask::Save { pane, name } => self.jobs.borrow_mut().push_back(Job::Save(pane, name)),
-            Ask::SaveScene { edits, camera, at, processor, name } => {
-                let Some(document) = self.document.borrow().clone() else { return };
+            Ask::Save { pane, name } => {
+                self.jobs.borrow_mut().push_back(Job::Save(self.pane(&pane), name));
+            }
+            Ask::SaveScene { document, edits, camera, at, processor, name } => {
+                let Some(document) = self.shown(document) else { return };
                 let scene = edits.apply(&document.project.scene);
                 let project = Project { processor, ..document.saved(scene, camera, at) };
-                match project.to_files(Path::new(&name)) {
+                // Files of the user are named from their folder, where the scene belongs.
+                match project.to_files(&root_of(&document.source.input).join(&name)) {
                     Ok(files) => {
                         for (path, bytes) in files {
-                            tell_file(path.to_string_lossy().into_owned(), &bytes);
+                            let name = path.file_name().unwrap_or_default();
+                            tell_file(name.to_string_lossy().into_owned(), &bytes);
                         }
                     }
                     Err(error) => tell(&Tell::NotSaved(error.to_string())),
@@ -211,24 +227,49 @@ impl Worker {
         self.changed.notify();
     }
 
-    /// Opens the source of an opening; on success it is the document of further questions, unless that is of a
-    /// later one.
+    /// Opens the source of an opening.
     fn opened(&self, number: u64, source: &Source) -> Result<DocumentText, String> {
+        tell(&Tell::Opening(number));
         let document = Document::open(&without_queries(source));
-        let document = document.map_err(|error| error.to_string())?;
+        let mut document = document.map_err(|error| error.to_string())?;
+        document.id = self.next_document.get();
+        self.next_document.set(document.id + 1);
         let text = DocumentText::of(&document, source.clone());
-        if number >= self.opening.get() {
-            self.opening.set(number);
-            *self.document.borrow_mut() = Some(Rc::new(document));
-        }
+        self.documents.borrow_mut().insert(document.id, Rc::new(document));
         Ok(text)
     }
 
-    fn open(self: &Rc<Self>, number: u64, source: Source) {
-        self.sources.borrow_mut().insert(number, source.clone());
-        // What servers have may have changed.
-        given::forget_servers();
+    /// The document that the page shows. It will never ask for those before.
+    fn shown(&self, id: u64) -> Option<Rc<Document>> {
+        let mut documents = self.documents.borrow_mut();
+        documents.retain(|&known, _| known >= id);
+        documents.get(&id).cloned()
+    }
+
+    /// Ends an opening that has been dropped, and frees the frames of its simulation.
+    fn stop(&self, number: u64) {
+        self.sources.borrow_mut().remove(&number);
+        self.baked.borrow_mut().retain(|folder, baked| {
+            let ends = baked.number.get() == Some(number);
+            if ends {
+                baked.number.set(None);
+                given::take_back(folder);
+            }
+            !ends
+        });
+    }
+
+    async fn open(self: Rc<Self>, number: u64, source: Source) {
         let plain = without_queries(&source);
+        let names = [Some(plain.input.as_str().into()), plain.scene.clone()];
+        for path in names.into_iter().flatten() {
+            if given::is_one_file(&path) {
+                self.fetch(&path, || self.newest.get() == number).await;
+            }
+        }
+        if self.newest.get() != number {
+            return;
+        }
         // Frames that are named need no list of files.
         let frames = plain.frames.as_ref().map(FrameSpec::frames);
         let names = frames.and_then(|frames| Sequence::names(&plain.input, frames));
@@ -238,6 +279,7 @@ impl Worker {
             given::list(folder, names);
         }
         let report = |document| tell(&Tell::Opened { number, document });
+        tell(&Tell::Opening(number));
         let project = simulated(&plain);
         let simulation = project.as_ref().and_then(|project| project.source.simulation().cloned());
         let (Some(project), Some(simulation)) = (project, simulation) else {
@@ -263,18 +305,25 @@ impl Worker {
             number: teller.clone(),
         };
         self.baked.borrow_mut().insert(folder, baked);
-        spawn_local(self.clone().bake(simulation, solids, source, teller, same));
+        let mut open = false;
+        let baked = self.bake(simulation, solids, source, teller, same, &mut open).await;
+        match baked.map_err(|error| error.to_string()) {
+            Ok(()) => {}
+            Err(error) if open => tell(&Tell::NotBaked { number, error }),
+            Err(error) => report(Err(error)),
+        }
     }
 
     /// Simulates all frames, or if it `goes_on` those that are missing, and tells each while the page wants it.
     async fn bake(
-        self: Rc<Self>,
+        &self,
         simulation: Simulation,
         solids: Vec<Solid>,
         source: Source,
         number: Rc<Cell<Option<u64>>>,
         goes_on: bool,
-    ) {
+        open: &mut bool,
+    ) -> Result<()> {
         let plain = without_queries(&source);
         let path = Path::new(&plain.input);
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -284,34 +333,57 @@ impl Worker {
         let found = (1..=frames).take_while(exists).count() as u32;
         let last = || -> Option<Particles> { limpid_io::particles::read(&file(found)).ok() };
         let last = (found > 0).then(last).flatten().and_then(State::from_particles);
+        memory::probe(simulation.memory(last.as_ref()), &name)?;
         let mut solver = Solver::new(&simulation, &solids, last);
-        let mut open = false;
         for done in found.max(1)..=frames {
-            let Some(opening) = number.get() else { return };
+            let Some(opening) = number.get() else { return Ok(()) };
             if done > found {
                 let particles = solver.make(done);
-                match bgeo::to_bytes(&particles) {
-                    Ok(bytes) => given::give_bytes(file(done), bytes),
-                    Err(error) => {
-                        let error = error.to_string();
-                        return tell(&Tell::NotBaked { number: opening, error });
-                    }
-                }
+                memory::probe(particles.len().saturating_mul(FRAME_BYTES), &name)?;
+                let path = file(done);
+                let bytes = bgeo::to_bytes(&particles);
+                let bytes = bytes.map_err(|error| Error::io(&path, "write", error))?;
+                given::give_bytes(path, bytes);
             }
-            if !open {
+            if !*open {
                 // The requested frames may be the last to be made.
                 let document = self.opened(opening, &source);
                 if document.is_ok() || done == frames {
-                    open = true;
+                    *open = true;
                     tell(&Tell::Opened { number: opening, document });
                 }
             }
             tell(&Tell::Baked { number: opening, done, frames });
             self.changed.notify();
             turn().await;
-            // A picture for the screen, and its particles, come first.
+            // Pictures for the screen have a second turn for each frame.
             if self.is_wanted() {
                 turn().await;
+            }
+        }
+        Ok(())
+    }
+
+    /// Fetches the file of a path, if it is a URL and not yet here, for as long as it is `wanted`. Failures are
+    /// reported by whoever reads it then.
+    async fn fetch(&self, path: &Path, wanted: impl Fn() -> bool) {
+        let Some(url) = given::missing(path) else { return };
+        let Ok(abort) = AbortController::new() else { return };
+        let mut answer = pin!(fetched(&url, &abort));
+        loop {
+            let seen = self.changed.changes();
+            let answered = std::future::poll_fn(|context| {
+                let changed = pin!(self.changed.after(seen)).poll(context);
+                match answer.as_mut().poll(context) {
+                    Poll::Ready(bytes) => Poll::Ready(Some(bytes)),
+                    Poll::Pending => changed.map(|()| None),
+                }
+            });
+            if let Some(bytes) = answered.await {
+                return bytes.into_iter().for_each(|bytes| given::keep(path, bytes));
+            }
+            if !wanted() {
+                return abort.abort();
             }
         }
     }
@@ -349,6 +421,9 @@ impl Worker {
             };
             let state = cache.frames.state();
             tell(&Tell::Cached { id, state });
+            for path in cache.input.files_at(cache.frame_times[i]) {
+                self.fetch(path, || self.caches.borrow().contains_key(&id)).await;
+            }
             let loaded = cache.input.finish_load(cache.frame_times[i], &cache.scene).await;
             cache.frames.finish(i, loaded);
             self.tell_loaded(id, &cache, i);
@@ -358,8 +433,10 @@ impl Worker {
     fn tell_loaded(&self, id: u64, cache: &Cache, i: usize) {
         let outcome = match cache.frames.get(i) {
             Some(Ok(loaded)) => {
-                if self.remarked.replace(Some(cache.opening)) != Some(cache.opening) {
-                    for notice in cache.document.notices(&loaded, &cache.scene) {
+                let document = &cache.document;
+                let source = &document.source.input;
+                if self.noticed.replace(source.clone()) != *source {
+                    for notice in document.notices(&loaded, &cache.scene) {
                         tell(&Tell::Said(notice.to_string()));
                     }
                 }
@@ -407,9 +484,8 @@ impl Worker {
             let seen = self.changed.changes();
             let wanted = self.wanted.borrow_mut().take();
             self.drawing.set(wanted.is_some());
-            if let Some(wanted) = wanted {
-                let number = wanted.number;
-                match self.draw_wanted(&mut drawer, wanted).await {
+            if let Some(Wanted { number, request }) = wanted {
+                match draw_wanted(&mut drawer, request).await {
                     Ok(drawn) => {
                         let (message, buffers) = drawn_text(&drawn);
                         tell_with(&message, buffers);
@@ -424,7 +500,7 @@ impl Worker {
             }
             let job = self.jobs.borrow_mut().pop_front();
             match job {
-                Some(Job::Save(pane, name)) => match self.save(&mut drawer, &pane, &name).await {
+                Some(Job::Save(pane, name)) => match saved(&mut drawer, pane, &name).await {
                     Ok(bytes) => tell_file(name, &bytes),
                     Err(error) => tell(&Tell::NotSaved(error.to_string())),
                 },
@@ -437,43 +513,47 @@ impl Worker {
             }
         }
     }
+}
 
-    async fn draw_wanted(
-        &self,
-        drawer: &mut Drawer<impl AsyncFnMut() -> Result<Gpu>>,
-        wanted: Wanted,
-    ) -> Result<drawing::Drawn> {
-        let Wanted { number, panes, level, view } = wanted;
-        let panes = panes.iter().map(|pane| self.pane(pane)).collect::<Result<_>>()?;
-        let request = Request { number, panes, level, view };
-        let draw = async |offscreen: &mut Offscreen| drawing::draw(offscreen, &request).await;
-        drawer.attempt(&device_event, draw).await
-    }
+async fn draw_wanted(
+    drawer: &mut Drawer<impl AsyncFnMut() -> Result<Gpu>>,
+    request: Result<Request>,
+) -> Result<drawing::Drawn> {
+    let request = request?;
+    let draw = async |offscreen: &mut Offscreen| drawing::draw(offscreen, &request).await;
+    drawer.attempt(&device_event, draw).await
+}
 
-    async fn save(
-        &self,
-        drawer: &mut Drawer<impl AsyncFnMut() -> Result<Gpu>>,
-        pane: &PaneText,
-        name: &str,
-    ) -> Result<Vec<u8>> {
-        let (pane, path) = (self.pane(pane)?, Path::new(name));
-        let format = PictureFormat::of(path)?;
-        let fail = |error: io::Error| Error::io(path, "write", error);
-        let save = async |offscreen: &mut Offscreen| {
-            offscreen.renderer.diagnose = false;
-            let rendered = drawing::picture(offscreen, &pane).await?;
-            let mut bytes = Cursor::new(Vec::new());
-            match format {
-                PictureFormat::Exr => {
-                    let radiance = offscreen.finish_radiance().await?;
-                    return exr::to_bytes(vec![radiance]).map_err(fail);
-                }
-                _ => encode_picture(path, &rendered.into_image(), &[], &mut bytes)?,
+/// The file of a picture, in the format of its name.
+async fn saved(
+    drawer: &mut Drawer<impl AsyncFnMut() -> Result<Gpu>>,
+    pane: Result<Pane>,
+    name: &str,
+) -> Result<Vec<u8>> {
+    let (pane, path) = (pane?, Path::new(name));
+    let format = PictureFormat::of(path)?;
+    let fail = |error: io::Error| Error::io(path, "write", error);
+    let save = async |offscreen: &mut Offscreen| {
+        offscreen.renderer.diagnose = false;
+        let rendered = drawing::picture(offscreen, &pane).await?;
+        let mut bytes = Cursor::new(Vec::new());
+        match format {
+            PictureFormat::Exr => {
+                let radiance = offscreen.finish_radiance().await?;
+                return exr::to_bytes(vec![radiance]).map_err(fail);
             }
-            Ok(bytes.into_inner())
-        };
-        drawer.attempt(&device_event, save).await
-    }
+            _ => encode_picture(path, &rendered.into_image(), &[], &mut bytes)?,
+        }
+        Ok(bytes.into_inner())
+    };
+    drawer.attempt(&device_event, save).await
+}
+
+/// The folder of a drop, which all its files are in; empty for a URL.
+fn root_of(input: &str) -> &Path {
+    let first = Path::new(input).components().next();
+    let first = first.map_or(Path::new(""), |first| Path::new(first.as_os_str()));
+    if first.to_string_lossy().ends_with(':') { Path::new("") } else { first }
 }
 
 /// A source as files are named: without the queries of its URLs.
@@ -513,14 +593,17 @@ fn give_file(path: &str, file: File) {
     given::give(path, length, read);
 }
 
-/// Fetches a URL, waiting for the server, as a worker may.
-fn fetched(url: &str) -> io::Result<Vec<u8>> {
+/// Fetches a URL, waiting for the server, as a worker may: lists and small files, which are found while others are read.
+fn fetched_at_once(url: &str) -> io::Result<Vec<u8>> {
+    /// Longest wait, ms.
+    const PATIENCE: u32 = 60_000;
     let fail = |error: JsValue| {
         let problem = "the server cannot be reached, or does not let other sites read this (CORS)";
         io::Error::other(format!("{problem}: {}", text_of(&error)))
     };
     let request = XmlHttpRequest::new().map_err(fail)?;
     request.open_with_async("GET", url, false).map_err(fail)?;
+    request.set_timeout(PATIENCE);
     request.set_response_type(XmlHttpRequestResponseType::Arraybuffer);
     request.send().map_err(fail)?;
     match request.status().unwrap_or_default() {
@@ -533,8 +616,15 @@ fn fetched(url: &str) -> io::Result<Vec<u8>> {
     }
 }
 
-/// What a JavaScript error says.
-fn text_of(error: &JsValue) -> String {
-    let message = get(error, "message").and_then(|message| message.as_string());
-    message.unwrap_or_else(|| format!("{error:?}"))
+/// Fetches a URL; `None` if that fails.
+async fn fetched(url: &str, abort: &AbortController) -> Option<Vec<u8>> {
+    let options = RequestInit::new();
+    options.set_signal(Some(&abort.signal()));
+    let answer = JsFuture::from(scope().fetch_with_str_and_init(url, &options)).await.ok()?;
+    let answer: Response = answer.unchecked_into();
+    if !answer.ok() {
+        return None;
+    }
+    let body = JsFuture::from(answer.array_buffer().ok()?).await.ok()?;
+    Some(Uint8Array::new(&body).to_vec())
 }

@@ -32,14 +32,21 @@ use crate::views::{Legend, Values, View};
 /// What a page asks of its worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum Ask {
-    /// Opens a source; a simulation is run.
-    Open { number: u64, source: Source },
+    /// Opens a source, perhaps the same one `again`; a simulation is run.
+    Open { number: u64, source: Source, again: bool },
     /// Ends the simulation of an opening.
     Stop { number: u64 },
     /// Opens the source of an opening again: it has more frames.
     Grow { number: u64 },
-    /// Loads frames ahead of playback.
-    Cache { id: u64, frame_times: Vec<FrameTime>, edits: Edits, processor: Processor, budget: u64 },
+    /// Loads frames of a document ahead of playback.
+    Cache {
+        id: u64,
+        document: u64,
+        frame_times: Vec<FrameTime>,
+        edits: Edits,
+        processor: Processor,
+        budget: u64,
+    },
     /// Ends a cache.
     Uncache { id: u64 },
     /// The current frame of a cache, and the direction of playback.
@@ -50,8 +57,15 @@ pub(crate) enum Ask {
     Draw { number: u64, panes: Vec<PaneText>, level: Level, view: Option<(String, usize)> },
     /// Draws a picture and encodes it in the format of its name.
     Save { pane: PaneText, name: String },
-    /// Writes the scene.
-    SaveScene { edits: Edits, camera: Camera, at: FrameTime, processor: Processor, name: String },
+    /// Writes the scene of a document.
+    SaveScene {
+        document: u64,
+        edits: Edits,
+        camera: Camera,
+        at: FrameTime,
+        processor: Processor,
+        name: String,
+    },
     /// Loses the device, for tests.
     Lose,
 }
@@ -59,8 +73,8 @@ pub(crate) enum Ask {
 /// What a worker tells its page.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Tell {
-    /// It is ready for questions.
-    Ready,
+    /// It begins to open a source, and does nothing else meanwhile.
+    Opening(u64),
     Opened {
         number: u64,
         document: Result<DocumentText, String>,
@@ -210,12 +224,14 @@ impl LoadedText {
 /// An open document, without what only the worker needs.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct DocumentText {
+    id: u64,
     source: Source,
     scene: Edits,
     plain: Edits,
     camera: Option<Camera>,
     processor: Processor,
     simulation: Option<Simulation>,
+    has_files: bool,
     numbers: Vec<i64>,
     frames: Vec<i64>,
     frame: Option<i64>,
@@ -225,14 +241,16 @@ pub(super) struct DocumentText {
 impl DocumentText {
     /// A document, and the source as the page knows it.
     pub(super) fn of(document: &Document, source: Source) -> Self {
-        let Document { input, plain, project, numbers, .. } = document;
+        let Document { input, plain, project, numbers, id, .. } = document;
         Self {
+            id: *id,
             source,
             scene: Edits::of(&project.scene),
             plain: Edits::of(plain),
             camera: project.camera,
             processor: project.processor,
             simulation: project.source.simulation().cloned(),
+            has_files: input.has_files(),
             numbers: numbers.clone(),
             frames: input.sequence.frames.iter().map(|frame| frame.number).collect(),
             frame: input.frame,
@@ -241,7 +259,7 @@ impl DocumentText {
     }
 
     pub(super) fn outline(self) -> Document {
-        let Self { source, scene, plain, camera, processor, simulation, numbers, .. } = self;
+        let Self { id, source, scene, plain, camera, processor, simulation, numbers, .. } = self;
         let project = Project {
             scene: scene.outline(),
             camera,
@@ -251,8 +269,9 @@ impl DocumentText {
         };
         let frames = self.frames.iter().map(|&number| Frame::new(number, "".into())).collect();
         let sequence = Sequence { frames, pattern: source.input.clone(), fps: self.fps };
-        let input = Input::outline_of(project.clone(), sequence, self.frame, self.fps);
-        Document { source, input, plain: plain.outline(), project, numbers }
+        let mut input = Input::outline_of(project.clone(), sequence, self.has_files, self.fps);
+        input.frame = self.frame;
+        Document { source, input, plain: plain.outline(), project, numbers, id }
     }
 }
 
@@ -414,4 +433,10 @@ pub(super) fn unpacked<T: DeserializeOwned>(object: &JsValue) -> Option<(T, Vec<
     let buffers: Array = get(object, "buffers")?.dyn_into().ok()?;
     let message = ciborium::from_reader(message.to_vec().as_slice()).ok()?;
     Some((message, buffers.iter().map(JsCast::unchecked_into).collect()))
+}
+
+/// What a JavaScript error says.
+pub(super) fn text_of(error: &JsValue) -> String {
+    let message = get(error, "message").and_then(|message| message.as_string());
+    message.unwrap_or_else(|| format!("{error:?}"))
 }
