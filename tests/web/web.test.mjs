@@ -43,15 +43,20 @@ async function visit(query, act, options) {
 
 const particles = (status) => status.atRest && status.particles;
 
-/** `count` particles on a grid, a little off it, as a NumPy file of positions. */
-function block(count, radius) {
-  const side = Math.ceil(Math.cbrt(count));
+/** The beginning of a NumPy file of `count` positions. */
+function head(count) {
   const header = `{'descr': '<f4', 'fortran_order': False, 'shape': (${count}, 3), }`;
   const head = Buffer.alloc(128, " ");
   head.write("\x93NUMPY\x01\x00", "latin1");
   head.writeUInt16LE(118, 8);
   head.write(header, 10);
   head.write("\n", 127);
+  return head;
+}
+
+/** As many particles on a grid, a little off it. */
+function block(count, radius) {
+  const side = Math.ceil(Math.cbrt(count));
   let seed = 1;
   const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647 - 0.5;
   const positions = new Float32Array(3 * count);
@@ -59,7 +64,7 @@ function block(count, radius) {
     const place = [i % side, Math.floor(i / side) % side, Math.floor(i / side / side)];
     place.forEach((at, axis) => (positions[3 * i + axis] = 2 * radius * (at + 0.4 * random())));
   }
-  return Buffer.concat([head, Buffer.from(positions.buffer)]);
+  return Buffer.concat([head(count), Buffer.from(positions.buffer)]);
 }
 
 /** Drops files of the site on the page, as a user does. */
@@ -146,6 +151,54 @@ test("files of several formats are dropped, alone, as a sequence, and with their
     await drop(page, "/sims/demo.toml", "/sims/demo.bgeo");
     status = await shows(page, (status) => particles(status) && status.open.endsWith("demo.toml"));
     assert.deepEqual(status.eye, [0.9, 1.5, 3.1]);
+
+    // A folder with more than the particles, and a scene that names them from another folder.
+    const text = `[particles]\nsource = "../frames/water_{}.bgeo"\n`;
+    const give = (files) =>
+      page.evaluate(async ([url, files]) => {
+        const bytes = await (await fetch(url)).arrayBuffer();
+        const { view } = document.querySelector("limpid-view");
+        view.openFiles(files.map(([path, text]) => [path, new File([text ?? bytes], path.split("/").at(-1))]));
+      }, ["/sims/demo.bgeo", files]);
+    await give([["run/log/a.log", "a log"], ["run/frames/water_1.bgeo"], ["run/frames/water_2.bgeo"]]);
+    status = await shows(page, (status) => particles(status) && status.open.endsWith("run/frames"));
+    assert.equal(status.frames, 2);
+    await give([["run/scenes/pool.toml", text], ["run/frames/water_1.bgeo"], ["run/frames/water_2.bgeo"]]);
+    status = await shows(page, (status) => particles(status) && status.open.endsWith("pool.toml"));
+    assert.equal(status.frames, 2);
+
+    // The saved scene opens what it was saved from.
+    await page.keyboard.press("Control+e");
+    await page.waitForTimeout(500);
+    await page.keyboard.press("Enter");
+    const name = "pool_view.toml";
+    await page.waitForFunction((name) => window.saved[name], name);
+    const saved = await page.evaluate((name) => new TextDecoder().decode(window.saved[name]), name);
+    await give([["view.toml", saved], ["run/frames/water_1.bgeo"], ["run/frames/water_2.bgeo"]]);
+    status = await shows(page, (status) => particles(status) && status.open.endsWith("view.toml"));
+    assert.equal(status.frames, 2);
+  });
+});
+
+test("what is opened in vain changes nothing", async () => {
+  await writeFile(join(work, "few.npy"), block(1000, 0.05));
+  await visit("?scene=/made/none.bgeo", async (page) => {
+    await shows(page, (status) => status.notices.length === 1);
+    // Of two at once, the first is read and never shown, and the second is not there.
+    await call(page, "openFiles", []);
+    await page.evaluate(async (url) => {
+      const { view } = document.querySelector("limpid-view");
+      const file = new File([await (await fetch(url)).arrayBuffer()], "few.npy");
+      view.open("/sims/demo.toml");
+      while (JSON.parse(view.status()).particles !== 4732) await new Promise((done) => setTimeout(done, 100));
+      view.openFiles([["few.npy", file]]);
+      view.open("/made/none.bgeo");
+    }, "/made/few.npy");
+    await shows(page, (status) => status.notices.length > 2 && !status.opening);
+    await call(page, "set", ["classify.smoothing=0.5"]);
+    const status = await shows(page, particles);
+    assert.ok(status.open.endsWith("/sims/demo.toml"), status.open);
+    assert.equal(status.particles, 4732);
   });
 });
 
@@ -177,6 +230,9 @@ test("settings, keys, the pointer, fingers and the window's size change the pict
     await shows(page, particles);
     assert.deepEqual(await save(page, "again.png", [96, 72], 1), before, "the same pixels again");
     await assert.rejects(call(page, "set", ["refract.interfacs=4"]), /interfaces/);
+    await call(page, "set", ["liquid.ior=1.2"]);
+    await shows(page, particles);
+    assert.notDeepEqual(await save(page, "ior.png", [96, 72], 1), before, "the liquid");
 
     await page.mouse.move(180, 150);
     await page.mouse.down();
@@ -226,9 +282,9 @@ test("settings, keys, the pointer, fingers and the window's size change the pict
 });
 
 test("an address opens what a link was made of", async () => {
-  const link = await new Promise((done, failed) => {
-    const query = `?scene=/data/${dam}{}.bgeo&frames=20-22&frame=22&set=refract.samples%3D2&look=night`;
-    visit(query, async (page) => {
+  let link;
+  const query = `?scene=/data/${dam}{}.bgeo&frames=20-22&frame=22&set=refract.samples%3D2&look=night&missing=error`;
+  await visit(query, async (page) => {
       await shows(page, particles);
       await page.mouse.move(180, 150);
       await page.mouse.down();
@@ -236,8 +292,11 @@ test("an address opens what a link was made of", async () => {
       await page.mouse.up();
       await call(page, "set", ["refract.interfaces=2"]);
       const { eye } = await shows(page, particles);
-      done({ eye, query: await call(page, "query") });
-    }).catch(failed);
+      await page.keyboard.press("Control+l");
+      const { notices } = await shows(page, (status) => status.notices.length > 0);
+      const query = await call(page, "query");
+      assert.equal(notices[0].text, `copied: ${site.url}/?${query}`);
+      link = { eye, query };
   });
   assert.match(link.query, /frame=22/);
   assert.match(link.query, /look=night/);
@@ -293,6 +352,10 @@ test("a lost device, a worker that ends and a lost canvas are replaced", async (
     assert.ok(status.notices.some(({ text }) => text === "the worker failed (for a test)"));
     await call(page, "set", ["refract.interfaces=4"]);
     await shows(page, (status) => particles(status));
+    // A trap that no panic has explained is an allocation that failed.
+    await page.evaluate(() => window.worker.dispatchEvent(new ErrorEvent("error", { message: "RuntimeError: unreachable" })));
+    status = await shows(page, (status) => particles(status) && status.notices.length > 2);
+    assert.match(status.notices[2].text, /^memory ran out/);
 
     await page.evaluate(() => {
       const canvas = document.querySelector("limpid-view").shadowRoot.querySelector("canvas");
@@ -301,7 +364,61 @@ test("a lost device, a worker that ends and a lost canvas are replaced", async (
     await page.waitForTimeout(1000);
     status = await shows(page, particles);
     assert.equal(await page.evaluate(() => document.querySelector("limpid-view").shadowRoot.querySelectorAll("canvas").length), 1);
+
+    // The viewer itself can say nothing any more.
+    await page.evaluate(() => (document.querySelector("limpid-view").view.failure = () => "for a test"));
+    await page.waitForFunction(() => /limpid has failed[^]*for a test/.test(document.querySelector("limpid-view").shadowRoot.textContent));
   }, { before: watched });
+});
+
+test("an element that is moved or taken away leaves no worker behind", async () => {
+  const counted = () => {
+    const Native = Worker;
+    window.workers = 0;
+    window.Worker = class extends Native {
+      constructor(...given) {
+        super(...given);
+        window.workers++;
+      }
+      terminate() {
+        window.workers--;
+        super.terminate();
+      }
+    };
+  };
+  await visit("", async (page) => {
+    const workers = () => page.evaluate(() => window.workers);
+    // Moved while it starts, and again while it runs.
+    await page.evaluate(() => document.body.append(document.querySelector("limpid-view")));
+    await shows(page, particles);
+    assert.equal(await workers(), 1);
+    await page.evaluate(() => document.body.append(document.querySelector("limpid-view")));
+    await shows(page, particles);
+    assert.equal(await workers(), 1);
+    await drop(page, "/sims/demo.bgeo");
+    await shows(page, (status) => particles(status) && status.open === "files/demo.bgeo");
+    await page.evaluate(() => document.querySelector("limpid-view").remove());
+    assert.equal(await workers(), 0);
+  }, { before: counted });
+});
+
+test("particles that memory cannot take are told, and what was open is opened again", async (t) => {
+  await visit("", async (page) => {
+    await shows(page, particles);
+    await page.evaluate((head) => {
+      // 300 million particles in 3.6 GB, of one block that is stored once.
+      const block = new Blob([new Uint8Array(12 << 20)]);
+      const many = new Blob(Array(300).fill(block));
+      const { view } = document.querySelector("limpid-view");
+      view.openFiles([["many.npy", new File([Uint8Array.from(head), many], "many.npy")]]);
+    }, [...head(300 << 20)]);
+    const status = await shows(page, (status) => !status.opening && status.notices.some(({ error }) => error), 300_000);
+    const { text } = status.notices.find(({ error }) => error);
+    t.diagnostic(text);
+    assert.match(text, /^files\/many\.npy: .*memory/);
+    const { open } = await shows(page, particles);
+    assert.equal(open, "demos/demo.toml");
+  });
 });
 
 test("damaged and foreign files get the program's one line, and what was open stays open", async () => {
@@ -376,11 +493,17 @@ test("a browser without WebGPU gets a page that says so, and which have it", asy
 test("three lines of HTML put a view into another page", async () => {
   const page = `<!doctype html>
 <script type="module" src="/limpid.js"></script>
-<limpid-view src="/data/${dam}{}.bgeo" frames="20-22" frame="21" style="width: 320px; height: 200px"></limpid-view>`;
+<limpid-view src="/data/${dam}{}.bgeo" frames="20-22" frame="21" set="refract.interfaces=2; refract.samples=1" style="width: 320px; height: 200px"></limpid-view>`;
   await writeFile(join(work, "embed.html"), page);
   await visit("/made/embed.html", async (page) => {
     const status = await shows(page, particles);
     assert.deepEqual([status.frame, status.frames], [21, 3]);
+    const query = await call(page, "query");
+    assert.match(query, /set=refract.interfaces%3D2&set=refract.samples%3D1/);
+    // A picture alone has no panels to show, and nothing to save.
+    await page.keyboard.press("Tab");
+    await page.keyboard.press("Control+s");
+    assert.deepEqual((await shows(page, particles)).size, status.size);
   });
 });
 
