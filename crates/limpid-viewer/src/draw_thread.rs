@@ -4,6 +4,7 @@
 //! counts, and older ones are dropped; pictures to save and to measure are all drawn, in order.
 
 use std::collections::VecDeque;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex};
 use std::thread::JoinHandle;
@@ -14,7 +15,7 @@ use crate::truth::{Point, Truth};
 use limpid::gpu::Gpu;
 use limpid::offscreen::Offscreen;
 use limpid_io::error::Result;
-use limpid_io::output::{self, FileKind, PictureFormat};
+use limpid_io::output::{self, FileKind};
 use limpid_lab::compare::{PIXELS_PER_DEGREE, flip};
 
 pub use crate::drawing::{Answer, Drawn, Measured, Pane, Request, Shown};
@@ -185,12 +186,8 @@ impl<O: AsyncFnMut() -> Result<Gpu>, A: Fn(Answer)> Worker<O, A> {
 }
 
 async fn save(offscreen: &mut Offscreen, pane: &Pane, path: &Path) -> Result<()> {
-    offscreen.renderer.diagnose = false;
-    let rendered = drawing::picture(offscreen, pane).await?;
-    match PictureFormat::of(path)? {
-        PictureFormat::Exr => limpid_io::exr::write(path, vec![offscreen.radiance()?]),
-        _ => output::write_picture(path, &rendered.into_image(), &[]),
-    }
+    let bytes = drawing::encoded(offscreen, pane, path).await?;
+    output::write_atomically(path, FileKind::PICTURE, |file| file.write_all(&bytes))
 }
 
 async fn measure(offscreen: &mut Offscreen, pane: &Pane, truth: &Truth) -> Result<Point> {

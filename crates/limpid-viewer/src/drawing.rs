@@ -1,8 +1,9 @@
 //! Drawing for the screen: the same code as in `limpid render`, on a device that may be lost. Threads and browsers
 //! share it: waiting blocks on a thread and yields in a browser.
 
+use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::sync::Arc;
 use std::task::Poll;
@@ -21,7 +22,9 @@ use limpid::gpu::{Gpu, PassTime};
 use limpid::offscreen::{Offscreen, RenderedFrame};
 use limpid::scene::Scene;
 use limpid_io::error::{Error, Result};
+use limpid_io::exr;
 use limpid_io::input::Loaded;
+use limpid_io::output::{PictureFormat, encode_picture};
 
 /// The inputs of a picture.
 #[derive(Debug, Clone)]
@@ -222,4 +225,25 @@ pub(crate) async fn draw(offscreen: &mut Offscreen, request: &Request) -> Result
         drawn.push(Shown { image, legend, values, passes, ms, size, samples });
     }
     Ok(Drawn { number, level, panes: drawn })
+}
+
+/// Draws a picture and encodes it in the format of the extension of `path`, which messages name.
+///
+/// # Errors
+/// As [`picture`] and [`encode_picture`].
+pub(crate) async fn encoded(
+    offscreen: &mut Offscreen,
+    pane: &Pane,
+    path: &Path,
+) -> Result<Vec<u8>> {
+    let format = PictureFormat::of(path)?;
+    offscreen.renderer.diagnose = false;
+    let rendered = picture(offscreen, pane).await?;
+    if format == PictureFormat::Exr {
+        let radiance = offscreen.finish_radiance().await?;
+        return exr::to_bytes(vec![radiance]).map_err(|error| Error::io(path, "write", error));
+    }
+    let mut bytes = Cursor::new(Vec::new());
+    encode_picture(path, &rendered.into_image(), &[], &mut bytes)?;
+    Ok(bytes.into_inner())
 }

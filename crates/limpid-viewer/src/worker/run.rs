@@ -5,7 +5,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, VecDeque};
-use std::io::{self, Cursor};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::rc::Rc;
@@ -20,12 +20,10 @@ use limpid::offscreen::Offscreen;
 use limpid::scene::{Scene, Solid};
 use limpid_io::bake;
 use limpid_io::error::{Error, Result};
-use limpid_io::exr;
 use limpid_io::files::given::{self, ReadAt};
 use limpid_io::frame_cache::FrameCache;
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::{FrameTime, Input, Loaded};
-use limpid_io::output::{PictureFormat, encode_picture};
 use limpid_io::particles::bgeo;
 use limpid_io::project::Project;
 use limpid_io::sequence::Sequence;
@@ -524,29 +522,14 @@ async fn draw_wanted(
     drawer.attempt(&device_event, draw).await
 }
 
-/// The file of a picture, in the format of its name.
 async fn saved(
     drawer: &mut Drawer<impl AsyncFnMut() -> Result<Gpu>>,
     pane: Result<Pane>,
     name: &str,
 ) -> Result<Vec<u8>> {
     let (pane, path) = (pane?, Path::new(name));
-    let format = PictureFormat::of(path)?;
-    let fail = |error: io::Error| Error::io(path, "write", error);
-    let save = async |offscreen: &mut Offscreen| {
-        offscreen.renderer.diagnose = false;
-        let rendered = drawing::picture(offscreen, &pane).await?;
-        let mut bytes = Cursor::new(Vec::new());
-        match format {
-            PictureFormat::Exr => {
-                let radiance = offscreen.finish_radiance().await?;
-                return exr::to_bytes(vec![radiance]).map_err(fail);
-            }
-            _ => encode_picture(path, &rendered.into_image(), &[], &mut bytes)?,
-        }
-        Ok(bytes.into_inner())
-    };
-    drawer.attempt(&device_event, save).await
+    let encode = async |offscreen: &mut Offscreen| drawing::encoded(offscreen, &pane, path).await;
+    drawer.attempt(&device_event, encode).await
 }
 
 /// The folder of a drop, which all its files are in; empty for a URL.
