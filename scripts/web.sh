@@ -101,8 +101,14 @@ fi
 cp crates/limpid-web/page/* "$dist"
 
 size() { printf '%d KiB' "$(($(wc -c) / 1024))"; }
-say "module: $(size <"$dist/limpid_web_bg.wasm"), by gzip $(gzip -9 <"$dist/limpid_web_bg.wasm" | size)"
+packed=$(gzip -9 <"$dist/limpid_web_bg.wasm" | wc -c)
+say "module: $(size <"$dist/limpid_web_bg.wasm"), by gzip $((packed / 1024)) KiB"
 say "files: web/dist"
+# Visitors wait for it.
+if ! $draft && [[ -x $optimiser ]] && ((packed > 4000000)); then
+    say "the module has $packed bytes by gzip, more than 4,000,000"
+    exit 1
+fi
 
 if $serve; then
     say "http://localhost:${PORT:-8000}"

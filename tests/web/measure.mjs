@@ -1,25 +1,35 @@
 // Times of pictures in the page, for docs/web.md: `node tests/web/measure.mjs [WIDTHxHEIGHT ...]`, after scripts/web.sh.
 //
-// The 39,460 particles of sims/cascade.toml, seen from 11 places of which the first is not counted. A time is from the page's request
-// until the picture is in its memory; `passes` are the device's alone. Medians.
+// The 39,460 particles of sims/cascade.toml, with and without its solids, seen from 11 places of which the first is not
+// counted. A time is from the page's request until the picture is in its memory; `passes` are the device's alone. Medians.
 
+import { mkdtemp, readFile, rm, writeFile } from "node:fs/promises";
+import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { call, launch, open, root, serve, shows } from "./site.mjs";
 
 const sizes = process.argv.length > 2 ? process.argv.slice(2) : ["320x240", "640x480"];
-const settings = {
-  defaults: [],
-  "one interval, two interfaces": ["layers.intervals=1", "refract.interfaces=2"],
-};
+const fewer = ["layers.intervals=1", "refract.interfaces=2"];
+const cases = [
+  ["defaults", "cascade.toml", []],
+  ["one interval, two interfaces", "cascade.toml", fewer],
+  ["without solids", "bare.toml", []],
+  ["without solids, one interval, two interfaces", "bare.toml", fewer],
+];
 
-const site = await serve({ sims: join(root, "sims") });
+const work = await mkdtemp(join(tmpdir(), "limpid-measure-"));
+const scene = await readFile(join(root, "sims/cascade.toml"), "utf8");
+await writeFile(join(work, "cascade.toml"), scene);
+const tables = scene.split(/^(?=\[)/m).filter((table) => !table.startsWith("[[solid]]"));
+await writeFile(join(work, "bare.toml"), tables.join(""));
+
+const site = await serve({ sims: work });
 const browser = await launch();
 const median = (values) => [...values].sort((a, b) => a - b)[values.length >> 1];
-const rows = [];
 for (const size of sizes) {
   const [width, height] = size.split("x").map(Number);
-  for (const [name, set] of Object.entries(settings)) {
-    const query = new URLSearchParams([["scene", "/sims/cascade.toml"], ["refine", "0"], ["set", "refract.samples=1"]]);
+  for (const [name, file, set] of cases) {
+    const query = new URLSearchParams([["scene", `/sims/${file}`], ["refine", "0"], ["set", "refract.samples=1"]]);
     for (const value of set) query.append("set", value);
     // A view without toolbar and timeline has the size of the window but for the timeline.
     const page = await open(browser, `${site.url}?${query}`, { viewport: { width, height: height + 73 } });
@@ -36,10 +46,10 @@ for (const size of sizes) {
     }
     const shown = status.shown.size.join("x");
     const row = { name, shown, particles: status.particles, ms: median(times.map(({ ms }) => ms)), passes: median(times.map(({ passes }) => passes)) };
-    rows.push(row);
     console.log(JSON.stringify({ ...row, longest: await page.evaluate("window.longest") }));
     await page.context().close();
   }
 }
 await browser.close();
 site.close();
+await rm(work, { recursive: true });

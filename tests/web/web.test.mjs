@@ -511,7 +511,7 @@ test("pictures are those of the program, within the tolerances of limpid check",
   // The page's pictures are the expected ones of a suite that the program draws. Its tolerances for adapters that it does
   // not know: mean FLIP 0.01, the 99th percentile 0.2.
   const size = [160, 120];
-  const scenes = { demo: 4, drop: 1, slab: 1, vase: 4 };
+  const scenes = { demo: 4, drop: 1, slab: 1, vase: 4, glass_ball: 1 };
   const suite = (name, frames) => {
     const frame = ([name, input]) => `[[frame]]\nname = "${name}"\ninput = ${JSON.stringify(join(root, input))}\n`;
     return writeFile(join(work, `${name}.toml`), `size = [${size}]\n${frames.map(frame).join("")}`);
