@@ -30,9 +30,11 @@ after(async () => {
   site?.close();
 });
 
-/** Opens the page with parameters, runs `act`, and fails if the console has shown an error. */
+/** Opens the page with parameters, runs `act`, and fails if the console has shown an error. Pictures at rest have one ray a
+ * pixel, as others: they are waited for often. */
 async function visit(query, act, options) {
-  const page = await open(browser, site.url + query, options);
+  const parameters = query.startsWith("/") ? query : `?${[query.slice(1), "refine=0"].filter(Boolean).join("&")}`;
+  const page = await open(browser, site.url + parameters, options);
   try {
     await act(page);
     assert.deepEqual(page.complaints, [], "errors in the console");

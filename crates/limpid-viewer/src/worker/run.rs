@@ -419,8 +419,12 @@ impl Worker {
             };
             let state = cache.frames.state();
             tell(&Tell::Cached { id, state });
+            let wanted = || self.caches.borrow().contains_key(&id);
             for path in cache.input.files_at(cache.frame_times[i]) {
-                self.fetch(path, || self.caches.borrow().contains_key(&id)).await;
+                self.fetch(path, wanted).await;
+            }
+            if !wanted() {
+                continue;
             }
             let loaded = cache.input.finish_load(cache.frame_times[i], &cache.scene).await;
             cache.frames.finish(i, loaded);
