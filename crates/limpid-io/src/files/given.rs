@@ -463,7 +463,7 @@ mod tests {
         assert_eq!(names("https://host/list/baked/dam").unwrap(), ["dam_0001.bgeo"]);
     }
 
-    /// Files that have been fetched are kept, but not without limit, and not for ever.
+    /// Files that have been fetched are kept until what servers have may have changed.
     #[test]
     fn fetched_files_are_forgotten() {
         serve(&[("https://host/a.bgeo", "particles")]);
