@@ -9,7 +9,7 @@ use limpid_io::notice::Notice;
 
 use crate::{remedy, standard};
 use limpid_io::output::{self, Files, OutputNames};
-use limpid_io::particles::{self, Contents};
+use limpid_io::particles::{self, Contents, Remark};
 use limpid_io::sequence::{Frame, Sequence};
 use rayon::prelude::*;
 
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         crate::terminal::warn(remedy::of_notice(&Notice::Gaps(gaps, None)));
     }
     let bar = crate::terminal::progress(todo.len());
-    let (mut lost, mut ignored) = (Vec::new(), Vec::new());
+    let (mut lost, mut ignored, mut remarks) = (Vec::new(), Vec::new(), Vec::new());
     // In chunks, since work stealing would otherwise hold more frames in memory than there are threads.
     for frames in todo.chunks(rayon::current_num_threads()) {
         let convert = |frame: &&Frame| {
@@ -84,19 +84,28 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
                 None => frame.read(&options),
             };
             let path = names.path(frame.number);
-            let converted = contents.and_then(|contents| write(contents, &path, args.up));
+            let converted = contents.and_then(|mut contents| {
+                let remarks = std::mem::take(&mut contents.remarks);
+                write(contents, &path, args.up).map(|names| (names, remarks))
+            });
             bar.inc(1);
             converted
         };
         let converted: Vec<_> = frames.par_iter().map(convert).collect();
         for names in converted {
             // Clears the bar, which must not share a line with the error.
-            let (names, arrays) = names.inspect_err(|_| bar.finish_and_clear())?;
+            let ((names, arrays), read) = names.inspect_err(|_| bar.finish_and_clear())?;
+            for remark in read {
+                if !remarks.iter().any(|told: &Remark| told.subject() == remark.subject()) {
+                    remarks.push(remark);
+                }
+            }
             add_missing(&mut lost, names);
             add_missing(&mut ignored, arrays);
         }
     }
     bar.finish_and_clear();
+    remarks.iter().for_each(|remark| crate::terminal::warn(remedy::of_remark(remark)));
     if !lost.is_empty() {
         crate::terminal::warn(format!("{output}: this format has no room for {}", lost.join(", ")));
     }

@@ -6,6 +6,7 @@ use limpid_io::input::Input;
 use limpid_io::particles::{Array, Attribute, Contents, attribute_names};
 use serde::Serialize;
 
+use crate::remedy::of_remark;
 use crate::standard;
 
 #[derive(clap::Args)]
@@ -51,6 +52,8 @@ struct FrameInfo {
     attributes: Vec<&'static str>,
     /// Arrays of the file other than the positions.
     arrays: Vec<ArrayInfo>,
+    /// What was left out of the file, or understood in a way of its own.
+    remarks: Vec<String>,
     /// m; estimated from the spacing unless given; `None` for a single particle.
     radius: Option<f32>,
 }
@@ -96,7 +99,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         described: Vec::new(),
     };
     for frame in chosen {
-        let Contents { particles, arrays, .. } = input.contents(frame)?;
+        let Contents { particles, arrays, remarks, .. } = input.contents(frame)?;
         // A file without a radius is described all the same.
         let radius = match input.radius(frame, &particles) {
             Err(Error::Scene { .. }) => None,
@@ -115,6 +118,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
             outside: bulk.outside,
             attributes: attribute_names(&particles).collect(),
             arrays: arrays.into_iter().map(array_info).collect(),
+            remarks: remarks.iter().map(of_remark).collect(),
             radius,
         });
     }
@@ -169,6 +173,7 @@ fn describe(info: &Info) -> String {
                 lines.push(format!("  {title}: {}", descriptions.join(", ")));
             }
         }
+        lines.extend(frame.remarks.iter().map(|remark| format!("  {remark}")));
         lines.push(format!("  {}", extent(frame.min, frame.max)));
         if frame.outside > 0 {
             let bulk = extent(frame.bulk_min, frame.bulk_max);

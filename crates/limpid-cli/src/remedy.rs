@@ -6,6 +6,7 @@ use limpid::error::Limited;
 use limpid_io::Error;
 use limpid_io::input::Missing;
 use limpid_io::notice::Notice;
+use limpid_io::particles::Remark;
 
 /// The line that reports an error, with its remedy.
 pub(crate) fn with_remedy(error: &Error) -> String {
@@ -64,6 +65,7 @@ fn of_file(error: &Error) -> Option<String> {
 pub(crate) fn of_notice(notice: &Notice) -> String {
     const VIEW: &str = "--camera moves the view, and a scene without [camera] fits it";
     let remedy = match notice {
+        Notice::Read(remark) => return of_remark(remark),
         Notice::Gaps(_, Some(Missing::Error)) => "--missing hold or empty fills the gaps".into(),
         Notice::Rate(_) => "set them with --fps, or fps in the scene's [particles]".into(),
         Notice::MaybeRadius(array) if array.to_ascii_lowercase().contains("diam") => {
@@ -78,6 +80,11 @@ pub(crate) fn of_notice(notice: &Notice) -> String {
         _ => return notice.to_string(),
     };
     joined(&notice.to_string(), Some(&remedy))
+}
+
+/// The line that reports a remark on a file, with its remedy.
+pub(crate) fn of_remark(remark: &Remark) -> String {
+    remark.to_string()
 }
 
 fn joined(problem: &str, remedy: Option<&str>) -> String {

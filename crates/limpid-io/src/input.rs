@@ -14,7 +14,7 @@ use crate::adjustments::Adjustments;
 use crate::bake;
 use crate::error::{Error, Result};
 use crate::frames::check_fps;
-use crate::particles::{Array, AttributeMap, Contents, ReadOptions};
+use crate::particles::{Array, AttributeMap, Contents, ReadOptions, Remark};
 use crate::project::{
     Automatic, LiquidSource, Moved, ParticleSource, Project, SolidMotion, is_scale,
 };
@@ -94,6 +94,8 @@ pub struct Loaded {
     pub arrays: Vec<Array>,
     /// Cells of meshes in the files; see [`Contents::cells`].
     pub cells: usize,
+    /// Remarks on the files; see [`Contents::remarks`].
+    pub remarks: Vec<Remark>,
     /// Bounds of the bulk of the particles, for cameras, and the number outside; all 0 without
     /// particles.
     pub bulk: Bulk,
@@ -424,7 +426,7 @@ impl Input {
         if let [fluid] = self.fluids.as_slice() {
             return fluid.contents_at(at, self.missing);
         }
-        let (mut fluids, mut arrays, mut cells) = (Vec::new(), Vec::new(), 0_usize);
+        let (mut fluids, mut all) = (Vec::new(), Contents::default());
         for fluid in &self.fluids {
             let contents = fluid.contents_at(at, self.missing)?;
             let mut particles = contents.particles;
@@ -435,12 +437,13 @@ impl Input {
                 particles.radii = Some(memory::collect(radii, &fluid.sequence.pattern)?);
             }
             fluids.push(particles);
-            arrays.extend(contents.arrays);
-            cells = cells.saturating_add(contents.cells);
+            all.arrays.extend(contents.arrays);
+            all.remarks.extend(contents.remarks);
+            all.cells = all.cells.saturating_add(contents.cells);
         }
         let count: usize = fluids.iter().map(Particles::len).sum();
         memory::probe(count.saturating_mul(Particles::MATCHED), &self.sequence.pattern)?;
-        Ok(Contents { particles: Particles::mixed(&fluids), arrays, cells })
+        Ok(Contents { particles: Particles::mixed(&fluids), ..all })
     }
 
     /// Origins of the particles at a frame time: for each fluid the frame and, between frames, the next.
@@ -473,11 +476,12 @@ impl Input {
         {
             return self.finish_prepare(at, &particles, scene).await;
         }
-        let Contents { mut particles, arrays, cells } = self.contents(at)?;
+        let Contents { mut particles, arrays, cells, remarks, .. } = self.contents(at)?;
         // Attributes that classification does not read would take as much memory as its tables.
         (particles.ids, particles.densities) = (None, None);
         particles.velocities.take_if(|_| !self.with_velocities);
-        Ok(Loaded { arrays, cells, ..self.finish_prepare(at, &particles, scene).await? })
+        let prepared = self.finish_prepare(at, &particles, scene).await?;
+        Ok(Loaded { arrays, cells, remarks, ..prepared })
     }
 
     /// Classifies a frame's particles with the settings of `scene`, whose solids are moved to where they are then.
@@ -519,6 +523,7 @@ impl Input {
             bounds: particles.bounds().unwrap_or_default(),
             arrays: Vec::new(),
             cells: 0,
+            remarks: Vec::new(),
             bulk: particles.bulk().unwrap_or_default(),
             moved,
             velocities: match particles.velocities.as_ref().filter(|_| self.with_velocities) {

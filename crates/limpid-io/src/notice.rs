@@ -7,6 +7,7 @@ use glam::{DVec3, Mat3, UVec2, Vec3};
 use rayon::prelude::*;
 
 use crate::input::{Input, Loaded, Missing, RadiusFrom};
+use crate::particles::Remark;
 use limpid::camera::Camera;
 use limpid::liquid::Particles;
 use limpid::liquid::classify::{self, Splat};
@@ -19,6 +20,8 @@ pub enum Notice {
     Gaps(Vec<(i64, i64)>, Option<Missing>),
     /// The frame rate of the sequence is unknown and assumed to be this, frames per second.
     Rate(f64),
+    /// A remark on a particle file.
+    Read(Remark),
     /// A mesh's file contains or names something that is not shown: a sentence.
     Incomplete(String),
     /// The scene has lights, but no lit solid.
@@ -67,6 +70,7 @@ impl fmt::Display for Notice {
                 f,
                 "the sequence's frames per second are not known, {fps} assumed"
             ),
+            Self::Read(remark) => remark.fmt(f),
             Self::Incomplete(remark) => f.write_str(remark),
             Self::Unlit => f.write_str(
                 "[[light]] has no effect: no [[solid]] has `lit = true`, and only lit solids show the \
@@ -147,7 +151,7 @@ pub fn of_scene(scene: &Scene) -> Option<Notice> {
 
 /// Notices about a frame of particles, independent of the camera.
 pub fn of_frame(loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
-    let mut notices = Vec::new();
+    let mut notices = of_reading(loaded);
     if loaded.cells > 0 {
         notices.push(Notice::Mesh(loaded.cells));
     }
@@ -163,6 +167,17 @@ pub fn of_frame(loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
     }
     notices.extend(misfit(loaded).or_else(|| opaque(loaded.bulk.bounds, scene)));
     notices
+}
+
+/// Notices about the files of a frame.
+pub fn of_reading(loaded: &Loaded) -> Vec<Notice> {
+    let mut remarks: Vec<&Remark> = Vec::new();
+    for remark in &loaded.remarks {
+        if !remarks.iter().any(|told| told.subject() == remark.subject()) {
+            remarks.push(remark);
+        }
+    }
+    remarks.into_iter().cloned().map(Notice::Read).collect()
 }
 
 /// Whether the radius is far too large for the spacing of the particles, or too small.

@@ -21,6 +21,7 @@ mod pieces;
 pub(crate) mod ply;
 mod pos;
 mod prt;
+mod remark;
 mod scf;
 pub(crate) mod table;
 pub(crate) mod trajectory;
@@ -50,6 +51,7 @@ use crate::output::FileKind;
 use crate::{files, output};
 
 pub use arrays::{Array, AttributeMap, Contents};
+pub use remark::Remark;
 pub use trajectory::Section;
 
 /// An attribute of particles besides their positions.

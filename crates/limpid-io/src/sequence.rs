@@ -91,6 +91,7 @@ impl Frame {
         for path in &self.parts {
             let part = Contents::read(path, options)?;
             contents.cells = contents.cells.saturating_add(part.cells);
+            contents.remarks.extend(part.remarks);
             parts.push(part.particles);
         }
         let count: usize = parts.iter().map(Particles::len).sum();

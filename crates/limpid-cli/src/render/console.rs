@@ -8,7 +8,7 @@ use limpid::camera::Camera;
 use limpid::scene::Scene;
 use limpid_io::input::{Loaded, RadiusFrom};
 use limpid_io::notice::{self, Notice, thousands};
-use limpid_io::particles::Array;
+use limpid_io::particles::{Array, Remark};
 
 use crate::remedy;
 
@@ -18,13 +18,15 @@ pub(super) struct Console {
     pub(super) quiet: bool,
     /// The kinds of notices already printed, which are not repeated for every frame.
     printed: Vec<Discriminant<Notice>>,
+    /// The remarks on files already printed, by their subjects.
+    remarked: Vec<(Discriminant<Remark>, String)>,
     /// Whether the particles have been described.
     described: bool,
 }
 
 impl Console {
     pub(super) fn new(bar: ProgressBar, quiet: bool) -> Self {
-        Self { bar, quiet, printed: Vec::new(), described: false }
+        Self { bar, quiet, printed: Vec::new(), remarked: Vec::new(), described: false }
     }
 
     pub(super) fn line(&self, line: &str) {
@@ -35,7 +37,14 @@ impl Console {
 
     pub(super) fn notice(&mut self, notice: &Notice) {
         let kind = discriminant(notice);
-        if !self.printed.contains(&kind) {
+        if let Notice::Read(remark) = notice {
+            let (kind, name) = remark.subject();
+            let subject = (kind, name.to_owned());
+            if !self.remarked.contains(&subject) {
+                self.remarked.push(subject);
+                self.line(&remedy::of_notice(notice));
+            }
+        } else if !self.printed.contains(&kind) {
             self.printed.push(kind);
             self.line(&remedy::of_notice(notice));
         }
@@ -58,6 +67,8 @@ impl Console {
             self.line(&describe(loaded, adapter));
             let notices = notice::of_frame(loaded, scene).into_iter();
             notices.chain(notice::of_scene(scene)).for_each(|notice| self.notice(&notice));
+        } else {
+            notice::of_reading(loaded).iter().for_each(|notice| self.notice(notice));
         }
         if let Some(notice) = notice::of_view(loaded, camera, size) {
             self.notice(&notice);

@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
+use limpid::liquid::Up;
 use serde::{Deserialize, Serialize};
 
+use super::remark::Remark;
 use super::table::{Column, Table};
 use super::{Attribute, Particles};
 use crate::error::{Error, Result, printable};
@@ -42,6 +44,10 @@ pub struct Contents {
     /// Number of triangles, polygons and other cells with several points. Above 0 the file is a mesh,
     /// whose vertices are read as particles.
     pub cells: usize,
+    /// The axis that points up, if the format or the names of the arrays tell.
+    pub up: Option<Up>,
+    /// What was left out, or understood in a way that the user should know.
+    pub remarks: Vec<Remark>,
 }
 
 impl From<Particles> for Contents {

@@ -14,8 +14,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     if !String::from_utf8_lossy(start).contains("<VTKFile") {
         return Err(foreign(path, bytes, "a list of VTK files"));
     }
-    let mut pieces = Vec::new();
-    let (mut arrays, mut cells, mut count) = (Vec::new(), 0_usize, 0_usize);
+    let (mut pieces, mut count) = (Vec::new(), 0_usize);
+    let mut all = Contents::default();
     for piece in vtk_lists::parse_xml(path, bytes)? {
         let name = piece.path.to_string_lossy().to_ascii_lowercase();
         if ![".vtu", ".vtp", ".vtk"].iter().any(|extension| name.ends_with(extension)) {
@@ -26,16 +26,18 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         let contents = Contents::read(&piece.path, &options)?;
         count += contents.particles.len();
         memory::probe(count.saturating_mul(Particles::MATCHED), path.display())?;
-        cells = cells.saturating_add(contents.cells);
-        if arrays.is_empty() {
-            arrays = contents.arrays;
+        all.cells = all.cells.saturating_add(contents.cells);
+        all.remarks.extend(contents.remarks);
+        all.up = all.up.or(contents.up);
+        if all.arrays.is_empty() {
+            all.arrays = contents.arrays;
         }
         pieces.push(contents.particles);
     }
-    for array in &mut arrays {
+    for array in &mut all.arrays {
         if let Some(rows) = array.shape.first_mut() {
             *rows = count;
         }
     }
-    Ok(Contents { particles: Particles::joined(&pieces), arrays, cells })
+    Ok(Contents { particles: Particles::joined(&pieces), ..all })
 }
