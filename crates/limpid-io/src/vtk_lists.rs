@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use quick_xml::Reader;
-use quick_xml::events::Event;
+use quick_xml::escape::unescape;
+use quick_xml::events::{BytesStart, Event};
 use serde::Deserialize;
 
 use crate::error::{Error, Location, Result};
@@ -41,11 +42,7 @@ pub(crate) fn parse_xml(path: &Path, bytes: &[u8]) -> Result<Vec<Listed>> {
             Event::Start(element) | Event::Empty(element) => element,
             _ => continue,
         };
-        let attribute = |name: &str| -> Result<Option<String>> {
-            let found = element.try_get_attribute(name);
-            let found = found.map_err(|error| fail(at, error.to_string()))?;
-            Ok(found.map(|value| String::from_utf8_lossy(&value.value).trim().to_owned()))
-        };
+        let attribute = |name: &str| attribute(&element, name).map_err(|problem| fail(at, problem));
         let key = match element.local_name().as_ref() {
             b"Piece" => "Source",
             b"DataSet" => "file",
@@ -60,6 +57,17 @@ pub(crate) fn parse_xml(path: &Path, bytes: &[u8]) -> Result<Vec<Listed>> {
         }
     }
     checked(path, listed)
+}
+
+/// The text of an element's attribute, in which entities are replaced by what they stand for. An ampersand that begins
+/// none stands for itself, as some programs write names of files.
+pub(crate) fn attribute(element: &BytesStart<'_>, name: &str) -> Result<Option<String>, String> {
+    let found = element.try_get_attribute(name).map_err(|error| error.to_string())?;
+    Ok(found.map(|attribute| {
+        let text = String::from_utf8_lossy(&attribute.value);
+        let text = unescape(&text).unwrap_or_else(|_| text.as_ref().into());
+        text.trim().to_owned()
+    }))
 }
 
 /// Lists the files of a `.series`: JSON with the name and the time of each.

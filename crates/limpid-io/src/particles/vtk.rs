@@ -31,6 +31,25 @@ pub(super) fn is_point(kind: Option<i64>) -> bool {
     matches!(kind, Some(VERTEX | POLY_VERTEX))
 }
 
+/// Whether each of `count` numbers occurs once.
+pub(super) fn is_permutation(order: &[usize], count: usize) -> bool {
+    let mut seen = vec![false; order.len()];
+    let mut first =
+        |at: &usize| seen.get_mut(*at).is_some_and(|seen| !std::mem::replace(seen, true));
+    order.len() == count && order.iter().all(&mut first)
+}
+
+/// The rows of cell data, of `row` bytes each, in the order of the points, by the point of each cell.
+pub(super) fn at_points(bytes: &[u8], row: usize, points: &[usize]) -> Vec<u8> {
+    let mut moved = vec![0; bytes.len()];
+    for (&point, values) in points.iter().zip(bytes.chunks_exact(row.max(1))) {
+        if let Some(place) = moved.get_mut(point * row..(point + 1) * row) {
+            place.copy_from_slice(values);
+        }
+    }
+    moved
+}
+
 /// The part of the dataset to which attributes belong, with its number of rows.
 #[derive(Clone, Copy)]
 enum Section {
@@ -48,6 +67,12 @@ struct Vtk<'a> {
     contents: Option<Contents>,
     /// Number of cells with several points.
     cells: usize,
+    /// The point of each cell, if all have one; `None` for others and before the cells.
+    points_of_cells: Option<Vec<usize>>,
+    /// Arrays of the cells: name, size of a row, type and numbers.
+    cell_data: Vec<(String, usize, Scalar, Table<'a>)>,
+    /// Number of components of the latest array.
+    components: usize,
 }
 
 impl<'a> Vtk<'a> {
@@ -78,7 +103,17 @@ impl<'a> Vtk<'a> {
         };
         file.source.text = text;
         let section = Section::Dataset;
-        Ok(Self { file, split_cells, section, map, contents: None, cells: 0 })
+        Ok(Self {
+            file,
+            split_cells,
+            section,
+            map,
+            contents: None,
+            cells: 0,
+            points_of_cells: None,
+            cell_data: Vec::new(),
+            components: 0,
+        })
     }
 
     fn read(mut self) -> Result<Contents> {
@@ -88,18 +123,58 @@ impl<'a> Vtk<'a> {
             self.block(&keyword, &words)?;
         }
         let missing = || self.file.error("the file ends before `POINTS`");
-        Ok(Contents { cells: self.cells, ..self.contents.ok_or_else(missing)? })
+        let mut contents = self.contents.ok_or_else(missing)?;
+        let rows = contents.particles.len();
+        let points = self.points_of_cells.filter(|points| {
+            self.cells == 0 && !self.cell_data.is_empty() && is_permutation(points, rows)
+        });
+        for (name, size, scalar, table) in self.cell_data {
+            match &points {
+                Some(points) if size <= 6 => {
+                    let bytes = at_points(&table.bytes, table.stride, points).into();
+                    let table = Table { bytes, ..table };
+                    contents.take(self.map, &name, &table, &Column::adjacent(0, size, scalar))?;
+                }
+                _ => contents.list(&name, &[table.rows, size][..size.min(2)], None),
+            }
+        }
+        Ok(Contents { cells: self.cells, ..contents })
     }
 
-    /// Reads the next line with a keyword. Blank lines and METADATA blocks, which end at a blank line,
-    /// may precede it.
+    /// Reads the next line with a keyword. Blank lines and METADATA blocks, which end at a blank line, may precede it.
     fn keyword_line(&mut self) -> Option<Cow<'a, str>> {
         loop {
             let line = self.file.filled_line()?;
             if line.trim_ascii() != "METADATA" {
                 return Some(line);
             }
-            while !self.file.line()?.trim_ascii().is_empty() {}
+            self.skip_metadata()?;
+        }
+    }
+
+    /// Skips the rest of a METADATA block.
+    fn skip_metadata(&mut self) -> Option<()> {
+        loop {
+            let line = self.file.line()?;
+            match line.trim_ascii() {
+                "" => return Some(()),
+                "COMPONENT_NAMES" => {
+                    // A line for each component of the array before, blank for those without a name. Some programs
+                    // leave the last ones out. Names have no blanks.
+                    for _ in 0..self.components {
+                        let start = self.file.offset;
+                        let name = self.file.line()?;
+                        if name.trim_ascii().contains(' ') {
+                            self.file.offset = start;
+                            if name.starts_with("INFORMATION ") {
+                                break;
+                            }
+                            return Some(());
+                        }
+                    }
+                }
+                _ => {}
+            }
         }
     }
 
@@ -123,7 +198,11 @@ impl<'a> Vtk<'a> {
                 if !matches!(keyword, "CELLS" | "VERTICES") {
                     self.cells = self.cells.saturating_add(cells);
                 }
-                self.cells(cells, size)
+                let points = self.cells(cells, size)?;
+                if matches!(keyword, "CELLS" | "VERTICES") {
+                    self.points_of_cells = points;
+                }
+                Ok(())
             }
             "CELL_TYPES" => {
                 let cells = count(1)?;
@@ -195,12 +274,24 @@ impl<'a> Vtk<'a> {
         Ok(())
     }
 
-    fn cells(&mut self, cells: usize, size: usize) -> Result<()> {
+    /// Reads cells; returns the point of each, if all have one.
+    fn cells(&mut self, cells: usize, size: usize) -> Result<Option<Vec<usize>>> {
         if !self.split_cells {
-            return self.table(size, 1, Scalar::I32, "cells").map(drop);
+            let table = self.table(size, 1, Scalar::I32, "cells")?;
+            let numbers = indices(&table, self.stored(Scalar::I32));
+            // Each cell is the number of its points and these.
+            let single = |cell: &[usize]| match *cell {
+                [1, point] => Some(point),
+                _ => None,
+            };
+            let even = size.checked_div(2) == Some(cells) && size.is_multiple_of(2);
+            let numbers = numbers.filter(|_| even);
+            return Ok(numbers.and_then(|numbers| numbers.chunks(2).map(single).collect()));
         }
+        // Versions with offsets count one more of them than there are cells.
+        let mut points = None;
         if cells == 0 {
-            return Ok(());
+            return Ok(None);
         }
         for (keyword, rows) in [("OFFSETS", cells), ("CONNECTIVITY", size)] {
             let line = self.keyword_line().unwrap_or_default();
@@ -211,9 +302,11 @@ impl<'a> Vtk<'a> {
                     return Err(self.file.error(problem));
                 }
             };
-            self.table(rows, 1, scalar, keyword)?;
+            let table = self.table(rows, 1, scalar, keyword)?;
+            points =
+                indices(&table, self.stored(scalar)).filter(|points| points.len() + 1 == cells);
         }
-        Ok(())
+        Ok(points)
     }
 
     /// Reads an array of a field: a line `name size rows type`, then the numbers.
@@ -260,12 +353,18 @@ impl<'a> Vtk<'a> {
                 contents.list(name, &[rows, size], None);
                 Ok(())
             }
+            (_, Section::Cells(_)) => {
+                memory::grow(&mut self.cell_data, 1, self.file.source.path.display())?;
+                self.cell_data.push((name.to_owned(), size, stored, table));
+                Ok(())
+            }
             _ => Ok(()),
         }
     }
 
     /// Reads a table of `rows` × `size` numbers.
     fn table(&mut self, rows: usize, size: usize, scalar: Scalar, what: &str) -> Result<Table<'a>> {
+        self.components = size;
         if !self.file.source.text {
             return self.file.table(rows, size.saturating_mul(scalar.size()), true, what);
         }
@@ -331,6 +430,13 @@ impl<'a> Vtk<'a> {
             }
         })
     }
+}
+
+/// The numbers of a table of one column; `None` if one is no index.
+fn indices(table: &Table<'_>, scalar: Scalar) -> Option<Vec<usize>> {
+    let column = Column { offset: 0, scalar };
+    let records = table.bytes.chunks_exact(scalar.size());
+    records.map(|record| usize::try_from(column.integer(record, true)?).ok()).collect()
 }
 
 /// The start of a word or line for messages, since binary numbers read as text may be long.

@@ -27,7 +27,7 @@ use quick_xml::events::Event;
 
 use self::element::{Element, text_of};
 use self::encoded::{Compressor, Encoded, Packed};
-use super::vtk::is_point;
+use super::vtk::{at_points, is_permutation, is_point};
 use super::{
     Attribute, AttributeMap, Column, Contents, FileBytes, MOST_LISTED, POSITION_BYTES, Reading,
     Scalar, Table, foreign,
@@ -45,19 +45,26 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     // The size of the unpacked arrays and of the attributes read from them. Arrays may share their
     // bytes, so nothing in the file bounds the sum.
     let mut unpacked = 0_u64;
+    let points_of_cells = document.points_of_cells(limit);
+    let mut ignored = document.ignored.clone();
     for array in &document.arrays {
+        if array.section == Section::CellData && points_of_cells.is_none() {
+            ignore(&mut ignored, array.name.clone(), [array.rows, array.size]);
+            continue;
+        }
         let (scalar, data) = document.decode(array, limit)?;
         unpacked = unpacked.saturating_add(data.len() as u64 + array.read_bytes(map));
         if unpacked > limit {
             return Err(source.too_large(array.start, "file", limit));
         }
         // A piece has one array of points, which may have any name.
-        let same =
-            |m: &&mut Merged<'_>| m.points == array.points && (m.points || m.name == array.name);
+        let same = |m: &&mut Merged<'_>| {
+            m.section == array.section && (m.section == Section::Points || m.name == array.name)
+        };
         match merged.iter_mut().find(same) {
             None => merged.push(Merged {
                 name: &array.name,
-                points: array.points,
+                section: array.section,
                 scalar,
                 size: array.size,
                 rows: array.rows,
@@ -77,14 +84,21 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     }
 
     let mut contents: Option<Contents> = None;
-    let order = |m: &Merged<'_>| !m.points;
-    merged.sort_by_key(order); // Points may follow their attributes.
+    // Points may follow their attributes, and attributes of points go before those of cells.
+    merged.sort_by_key(|array| array.section);
     for array in merged {
         let (rows, size, scalar) = (array.rows, array.size, array.scalar);
+        let bytes = match &points_of_cells {
+            Some(points) if array.section == Section::CellData => {
+                memory::probe(array.data.len(), path.display())?;
+                at_points(&array.data, size * scalar.size(), points).into()
+            }
+            _ => array.data,
+        };
         let table = Table {
             source,
             start: array.start,
-            bytes: array.data,
+            bytes,
             rows,
             stride: size * scalar.size(),
             big_endian: document.big_endian,
@@ -93,7 +107,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
         };
         let columns = Column::adjacent(0, size, scalar);
         match (&mut contents, columns.as_slice()) {
-            (None, &[x, y, z]) if array.points => {
+            (None, &[x, y, z]) if array.section == Section::Points => {
                 contents = Some(table.particles([x, y, z])?.into());
             }
             (Some(contents), _) => contents.take(map, array.name, &table, &columns)?,
@@ -102,7 +116,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     }
     match contents {
         Some(mut contents) if contents.particles.len() == document.rows => {
-            for (name, [rows, size]) in &document.ignored {
+            for (name, [rows, size]) in &ignored {
                 let shape = [*rows, *size];
                 contents.list(name, if *size == 1 { &shape[..1] } else { &shape }, None);
             }
@@ -117,10 +131,19 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     }
 }
 
+/// Lists an array that is not read, together with those of the same name in other pieces.
+fn ignore(ignored: &mut Vec<(String, [usize; 2])>, name: String, [rows, size]: [usize; 2]) {
+    if let Some((_, shape)) = ignored.iter_mut().find(|(known, _)| *known == name) {
+        shape[0] = shape[0].saturating_add(rows);
+    } else if ignored.len() < MOST_LISTED {
+        ignored.push((name, [rows, size]));
+    }
+}
+
 /// An array, merged from all pieces.
 struct Merged<'a> {
     name: &'a str,
-    points: bool,
+    section: Section,
     scalar: Scalar,
     size: usize,
     rows: usize,
@@ -138,12 +161,16 @@ struct Document<'a> {
     /// Number of points of all pieces.
     rows: usize,
     arrays: Vec<Array>,
-    /// Names and shapes of ignored point data.
+    /// Names and shapes of ignored point and cell data.
     ignored: Vec<(String, [usize; 2])>,
     /// Number of lines, strips and polygons.
     cells: usize,
     /// The types of cells, one array per piece.
     types: Vec<Array>,
+    /// The points of cells, one array per piece, with a row for each cell.
+    connectivity: Vec<Array>,
+    /// Numbers of points and cells of each piece; of polygonal data the cells are its vertices.
+    pieces: Vec<[usize; 2]>,
     /// Offset of the appended data, and whether it is base64.
     appended: Option<(usize, bool)>,
     /// End of the XML read so far.
@@ -153,8 +180,8 @@ struct Document<'a> {
 /// An array of a piece.
 struct Array {
     name: String,
-    /// Whether it contains the positions.
-    points: bool,
+    /// The part of the piece that it belongs to.
+    section: Section,
     scalar: Scalar,
     size: usize,
     rows: usize,
@@ -172,10 +199,11 @@ enum Data {
 }
 
 /// The part of a piece to which arrays belong.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Section {
     Points,
     PointData,
+    CellData,
     Cells,
     Other,
 }
@@ -195,6 +223,8 @@ impl<'a> Document<'a> {
             ignored: Vec::new(),
             cells: 0,
             types: Vec::new(),
+            connectivity: Vec::new(),
+            pieces: Vec::new(),
             appended: None,
             end: 0,
         };
@@ -212,7 +242,9 @@ impl<'a> Document<'a> {
                 Event::Start(element) | Event::Empty(element) => element,
                 Event::End(element) => {
                     match element.name().as_ref() {
-                        b"Points" | b"PointData" | b"Cells" => section = Section::Other,
+                        b"Points" | b"PointData" | b"CellData" | b"Cells" | b"Verts" => {
+                            section = Section::Other;
+                        }
                         b"VTKFile" => closed = true,
                         _ => {}
                     }
@@ -233,6 +265,9 @@ impl<'a> Document<'a> {
                     rows = at.count("NumberOfPoints")?.unwrap_or(0);
                     document.rows = document.rows.saturating_add(rows);
                     cells = at.count("NumberOfCells")?.unwrap_or(0);
+                    let vertices = at.count("NumberOfVerts")?.unwrap_or(0);
+                    cells = cells.max(vertices);
+                    document.pieces.push([rows, cells]);
                     for kind in ["NumberOfLines", "NumberOfStrips", "NumberOfPolys"] {
                         let count = at.count(kind)?.unwrap_or(0);
                         document.cells = document.cells.saturating_add(count);
@@ -240,23 +275,38 @@ impl<'a> Document<'a> {
                 }
                 b"Points" if !empty => section = Section::Points,
                 b"PointData" if !empty => section = Section::PointData,
-                b"Cells" if !empty => section = Section::Cells,
+                b"CellData" if !empty => section = Section::CellData,
+                b"Cells" | b"Verts" if !empty => section = Section::Cells,
                 b"DataArray" if section != Section::Other => {
                     let name = at.attribute("Name")?.unwrap_or_default();
                     let used = match section {
                         Section::Points => true,
-                        Section::PointData => map.attribute_of(&name).is_some(),
-                        Section::Cells | Section::Other => name == "types",
+                        Section::PointData | Section::CellData => map.attribute_of(&name).is_some(),
+                        Section::Cells | Section::Other => {
+                            name == "types" || name == "connectivity"
+                        }
                     };
-                    let rows = if section == Section::Cells { cells } else { rows };
+                    let of_cells = matches!(section, Section::Cells | Section::CellData);
+                    let rows = if of_cells { cells } else { rows };
                     let size = at.count("NumberOfComponents")?.unwrap_or(1);
                     let read = used.then(|| at.array(name.clone(), section, size, rows));
-                    let array = read.transpose()?.flatten();
+                    let array = match read {
+                        // The particles do not depend on it.
+                        Some(Err(_)) if name == "connectivity" => None,
+                        read => read.transpose()?.flatten(),
+                    };
                     let text = if empty { start..start } else { text_of(&mut xml, source)? };
                     match (array, section) {
-                        (Some(array), Section::Cells) => document.types.push(array.with_text(text)),
+                        (Some(array), Section::Cells) if array.name == "types" => {
+                            document.types.push(array.with_text(text));
+                        }
+                        (Some(array), Section::Cells) => {
+                            document.connectivity.push(array.with_text(text));
+                        }
                         (Some(array), _) => document.arrays.push(array.with_text(text)),
-                        (None, Section::PointData) => document.ignore(name, [rows, size]),
+                        (None, Section::PointData | Section::CellData) => {
+                            ignore(&mut document.ignored, name, [rows, size]);
+                        }
                         _ => {}
                     }
                 }
@@ -327,13 +377,28 @@ impl<'a> Document<'a> {
         Ok(())
     }
 
-    /// Lists an array that is not read, together with those of the same name in other pieces.
-    fn ignore(&mut self, name: String, [rows, size]: [usize; 2]) {
-        if let Some((_, shape)) = self.ignored.iter_mut().find(|(known, _)| *known == name) {
-            shape[0] = shape[0].saturating_add(rows);
-        } else if self.ignored.len() < MOST_LISTED {
-            self.ignored.push((name, [rows, size]));
+    /// The point of each cell, if there is one vertex cell for each point; `None` for other cells. What cannot be decoded
+    /// is none, since the particles do not depend on it.
+    fn points_of_cells(&self, limit: u64) -> Option<Vec<usize>> {
+        let has_data = self.arrays.iter().any(|array| array.section == Section::CellData);
+        let one_each = self.pieces.iter().all(|[points, cells]| points == cells);
+        let known = self.connectivity.len() == self.pieces.len();
+        if !has_data || !one_each || !known || self.cells > 0 || self.cells_by_type(limit) > 0 {
+            return None;
         }
+        let (mut order, mut first, mut left) = (Vec::new(), 0, limit);
+        for (array, [points, _]) in self.connectivity.iter().zip(&self.pieces) {
+            let (scalar, bytes) = self.decode(array, left).ok()?;
+            left = left.checked_sub(bytes.len() as u64)?;
+            let column = Column { offset: 0, scalar };
+            memory::grow(&mut order, *points, self.source.path.display()).ok()?;
+            for bytes in bytes.chunks_exact(scalar.size()) {
+                let point = usize::try_from(column.integer(bytes, self.big_endian)?).ok()?;
+                order.push(first + Some(point).filter(|point| point < points)?);
+            }
+            first += points;
+        }
+        is_permutation(&order, self.rows).then_some(order)
     }
 
     /// Counts the cells with several points by their types. Types that cannot be decoded are ignored,
@@ -491,7 +556,7 @@ impl Array {
     /// Memory of the positions or the attribute read from it, bytes.
     fn read_bytes(&self, map: &AttributeMap) -> u64 {
         let attribute = map.attribute_of(&self.name).map_or(0, Attribute::bytes);
-        let bytes = if self.points { POSITION_BYTES } else { attribute };
+        let bytes = if self.section == Section::Points { POSITION_BYTES } else { attribute };
         bytes.saturating_mul(self.rows as u64)
     }
 

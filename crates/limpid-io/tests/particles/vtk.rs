@@ -194,3 +194,55 @@ fn vtk_malformed() {
     check_message("a.vtk", &grid, &["RECTILINEAR_GRID", "unstructured grid or polydata"]);
     check_message("a.vtk", b"# vtk DataFile Version 3.0\n\nASCII\n", &["line", "POINTS"]);
 }
+
+/// Data of cells are those of points where each point has a vertex cell of its own, in whatever order; data of other
+/// cells are listed as ignored. Data of points go before them.
+#[test]
+fn data_of_vertex_cells() {
+    let file = |cells: &str, types: &str, point_data: &str| {
+        format!(
+            "# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 3 float\n0 0 0 1 0 0 2 0 0\n\
+             {cells}\nCELL_TYPES 3\n{types}\nCELL_DATA 3\nSCALARS density float 1\nLOOKUP_TABLE default\n7 8 9\n\
+             {point_data}"
+        )
+    };
+    let read = |text: &str| {
+        let options = limpid_io::particles::ReadOptions::default();
+        let path = std::path::Path::new("a.vtk");
+        limpid_io::particles::Contents::parse(path, text.as_bytes(), &options).expect("valid")
+    };
+    let own = read(&file("CELLS 3 6\n1 2 1 0 1 1", "1 1 1", ""));
+    assert_eq!(own.particles.densities, Some(vec![8.0, 9.0, 7.0]));
+    let with_points = "POINT_DATA 3\nSCALARS rho float 1\nLOOKUP_TABLE default\n1 2 3\n";
+    let both = read(&file("CELLS 3 6\n1 2 1 0 1 1", "1 1 1", with_points));
+    assert_eq!(both.particles.densities, Some(vec![1.0, 2.0, 3.0]));
+    for (cells, types) in
+        [("CELLS 3 6\n1 2 1 0 1 0", "1 1 1"), ("CELLS 3 9\n2 0 1 2 1 2 2 0 2", "3 3 3")]
+    {
+        let other = read(&file(cells, types, ""));
+        assert_eq!(other.particles.densities, None);
+        assert_eq!(other.arrays[0].to_string(), "density (3)");
+    }
+}
+
+/// METADATA as VTK's writer makes it ends at the blank line after all names of components, some of which are blank.
+#[test]
+fn metadata_with_blank_names() {
+    let metadata = |names: &str, information: &str| {
+        format!(
+            "# vtk DataFile Version 5.1\nt\nASCII\nDATASET POLYDATA\nPOINTS 1 float\n1 2 3\n\
+             METADATA\n{names}{information}\n\nPOINT_DATA 1\nFIELD FieldData 2\nvelocity 3 1 float\n4 5 6\n\
+             METADATA\n{names}{information}\ndensity 1 1 float\n7\n\
+             METADATA\nCOMPONENT_NAMES\n\n{information}\n\nVECTORS other float\n0 0 0\n"
+        )
+    };
+    let norm = "INFORMATION 1\nNAME L2_NORM_RANGE LOCATION vtkDataArray\nDATA 2 0 1\n";
+    for names in ["COMPONENT_NAMES\nX\n\n\n", "COMPONENT_NAMES\n\n\nZ\n", ""] {
+        for information in ["", norm] {
+            let text = metadata(names, information);
+            let particles = read("a.vtk", text.as_bytes()).expect("valid");
+            assert_eq!(particles.velocities, Some(vec![glam::Vec3::new(4.0, 5.0, 6.0)]), "{text}");
+            assert_eq!(particles.densities, Some(vec![7.0]));
+        }
+    }
+}

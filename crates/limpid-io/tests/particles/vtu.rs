@@ -270,3 +270,82 @@ fn vtu_malformed() {
     let claims = patched(&claims, &words([1, 36, 0]), &words([1, 3_600_000_000_000, 0]));
     check_message("a.vtu", &claims, &["byte", "velocity", "cannot be in"]);
 }
+
+/// Data of cells are those of points where each point has a vertex cell of its own, in `.vtu` and `.vtp`, over pieces;
+/// data of other cells are listed as ignored.
+#[test]
+fn data_of_vertex_cells() {
+    let array = |kind: &str, name: &str, numbers: &str| {
+        format!("<DataArray type=\"{kind}\" Name=\"{name}\" format=\"ascii\">{numbers}</DataArray>")
+    };
+    let piece = |kind: &str, order: &str, types: &str, density: &str| {
+        let places = "<DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">0 0 0 1 0 0</DataArray>";
+        let connectivity =
+            array("Int64", "connectivity", order) + &array("Int64", "offsets", "1 2");
+        let (counts, cells) = match kind {
+            "PolyData" => ("NumberOfVerts=\"2\"", format!("<Verts>{connectivity}</Verts>")),
+            _ => {
+                let types = array("UInt8", "types", types);
+                ("NumberOfCells=\"2\"", format!("<Cells>{connectivity}{types}</Cells>"))
+            }
+        };
+        let data = array("Float32", "density", density) + &array("Float32", "p", density);
+        format!(
+            "<Piece NumberOfPoints=\"2\" {counts}><CellData>{data}</CellData><Points>{places}</Points>{cells}</Piece>"
+        )
+    };
+    let file = |kind: &str, pieces: &[String]| {
+        let pieces = pieces.concat();
+        format!("<VTKFile type=\"{kind}\"><{kind}>{pieces}</{kind}></VTKFile>")
+    };
+    let read = |text: &str| {
+        let options = limpid_io::particles::ReadOptions::default();
+        let path = std::path::Path::new("a.vtu");
+        limpid_io::particles::Contents::parse(path, text.as_bytes(), &options).expect("valid")
+    };
+    for kind in ["UnstructuredGrid", "PolyData"] {
+        let pieces = [piece(kind, "1 0", "1 1", "7 8"), piece(kind, "0 1", "1 1", "9 10")];
+        let own = read(&file(kind, &pieces));
+        assert_eq!(own.particles.densities, Some(vec![8.0, 7.0, 9.0, 10.0]), "{kind}");
+        assert!(own.arrays.iter().any(|array| array.to_string() == "p (4)"));
+        let twice = read(&file(kind, &[piece(kind, "1 1", "1 1", "7 8")]));
+        assert_eq!(twice.particles.densities, None, "{kind}");
+        assert!(twice.arrays.iter().any(|array| array.to_string() == "density (2)"));
+    }
+    let lines = read(&file("UnstructuredGrid", &[piece("UnstructuredGrid", "1 0", "3 3", "7 8")]));
+    assert_eq!((lines.particles.densities, lines.cells), (None, 2));
+}
+
+/// Entities in attributes stand for their characters, in names of arrays and of listed files; an ampersand alone
+/// stands for itself.
+#[test]
+fn entities_are_characters() {
+    let folder = tempfile::tempdir().unwrap();
+    let piece = "<VTKFile type=\"PolyData\"><PolyData><Piece NumberOfPoints=\"1\"><PointData><DataArray \
+                 type=\"Float32\" Name=\"&#114;h&#x6f;\" format=\"ascii\">7</DataArray></PointData><Points><DataArray \
+                 type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">1 2 3</DataArray></Points></Piece></PolyData>\
+                 </VTKFile>";
+    for (name, written) in [
+        ("a&b.vtp", "a&amp;b.vtp"),
+        ("a<b.vtp", "a&lt;b.vtp"),
+        ("a'b.vtp", "a&apos;b.vtp"),
+        ("c&d.vtp", "c&#38;d.vtp"),
+        ("R&D.vtp", "R&D.vtp"),
+    ] {
+        std::fs::write(folder.path().join(name), piece).unwrap();
+        let list = folder.path().join("all.pvtp");
+        let text = format!(
+            "<VTKFile type=\"PPolyData\"><PPolyData><Piece Source=\"{written}\"/></PPolyData></VTKFile>"
+        );
+        std::fs::write(&list, text).unwrap();
+        let particles = limpid_io::particles::read(&list).expect(written);
+        assert_eq!(particles.densities, Some(vec![7.0]), "{written}");
+        let series = folder.path().join("all.pvd");
+        let text = format!(
+            "<VTKFile type=\"Collection\"><Collection><DataSet timestep=\"0\" file=\"{written}\"/></Collection></VTKFile>"
+        );
+        std::fs::write(&series, text).unwrap();
+        let sequence = limpid_io::sequence::Sequence::open(series.to_str().unwrap()).unwrap();
+        assert_eq!(sequence.frames[0].path, folder.path().join(name));
+    }
+}

@@ -8,6 +8,7 @@ use quick_xml::events::{BytesStart, Event};
 use super::super::{FileBytes, Scalar};
 use super::{Array, Data, Section};
 use crate::error::{Error, Result};
+use crate::vtk_lists;
 
 /// An XML element and its offset.
 #[derive(Clone, Copy)]
@@ -25,13 +26,7 @@ impl Element<'_, '_> {
     }
 
     pub(super) fn attribute(&self, name: &str) -> Result<Option<String>> {
-        match self.element.try_get_attribute(name) {
-            Ok(found) => {
-                Ok(found
-                    .map(|attribute| String::from_utf8_lossy(&attribute.value).trim().to_owned()))
-            }
-            Err(error) => Err(self.error(&error.to_string())),
-        }
+        vtk_lists::attribute(self.element, name).map_err(|problem| self.error(&problem))
     }
 
     pub(super) fn count(&self, name: &str) -> Result<Option<usize>> {
@@ -86,7 +81,7 @@ impl Element<'_, '_> {
                 return Err(self.error(&problem));
             }
         };
-        Ok(Some(Array { name, points, scalar, size, rows, start: self.start, data }))
+        Ok(Some(Array { name, section, scalar, size, rows, start: self.start, data }))
     }
 }
 
