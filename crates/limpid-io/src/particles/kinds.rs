@@ -25,10 +25,18 @@ const KINDS: &[(&[&str], &str)] = &[
     ),
     (
         &[".usd", ".usda", ".usdc", ".usdz"],
-        "USD: write its points as .npy with `pip install usd-core numpy` and `python -c \"import numpy; \
-         from pxr import Usd, UsdGeom; s = Usd.Stage.Open('a.usd'); p = [UsdGeom.Points(x) for x in \
-         s.Traverse() if x.IsA(UsdGeom.Points)]; numpy.save('a.npy', \
-         p[0].GetPointsAttr().Get(Usd.TimeCode.EarliestTime()))\"`",
+        "USD: `pip install usd-core numpy`, then `python -c \"import numpy as N; from pxr import \
+         Usd, UsdGeom as G; s = Usd.Stage.Open('a.usd'); a = [(G.Xformable(x), \
+         x.GetAttribute('points') or x.GetAttribute('positions')) for x in s.Traverse() if \
+         'Point' in x.GetTypeName()]; [N.save(f'a_{k}', N.vstack([N.array(p.Get(t)) @ (m := \
+         N.array(x.ComputeLocalToWorldTransform(t)))[:3,:3] + m[3,:3] for x, p in a if \
+         p.Get(t)])) for k, t in enumerate(sorted({t for _, p in a for t in p.GetTimeSamples()}) \
+         or [0])]\"`",
+    ),
+    (
+        &[".xdmf", ".xmf"],
+        "XDMF, which describes arrays in another file: name that, if it is HDF5 (.h5), or save the particles in \
+         ParaView as .vtu",
     ),
     (
         &[".vdb"],

@@ -160,7 +160,8 @@ fn unknown_extensions_are_errors_with_a_remedy() {
     check_message("a.pvd", b"", &["list of files", "sequence"]);
     check_message("a.ani", b"", &["ellipsoids", ".pos"]);
     check_message("a.stl", b"", &["a mesh", "a surface", "limpid draws particles", ".ply"]);
-    check_message("a.usda", b"", &["USD", "pip install usd-core", "numpy.save"]);
+    check_message("a.usda", b"", &["USD", "pip install usd-core", "'Point' in", "or [0])]\"`"]);
+    check_message("a.xdmf", b"<?xml", &["XDMF", ".h5", ".vtu"]);
     check_message("a.ABC", b"", &["Alembic", "ply_export"]);
     check_message("run.tar.gz", b"", &["an archive", "unpack"]);
     check_message("a.ffp3", b"", &["FLIP Fluids", ".ply"]);
