@@ -5,11 +5,14 @@
 //! remaining bytes before anything is allocated.
 
 mod arrays;
+mod axes;
 pub mod bgeo;
 mod bi4;
+mod by_content;
 mod csv;
 pub(crate) mod cursor;
 mod extxyz;
+mod foam;
 mod hdf5;
 mod houdini;
 mod kinds;
@@ -49,6 +52,9 @@ use crate::error::{Error, Result};
 use crate::files::File as InputFile;
 use crate::output::FileKind;
 use crate::{files, output};
+
+use self::by_content::Found;
+pub(crate) use self::by_content::is_particles;
 
 pub use arrays::{Array, AttributeMap, Contents};
 pub use remark::Remark;
@@ -146,7 +152,9 @@ struct Reading<'a> {
     map: &'a AttributeMap,
 }
 
-/// Reads one frame. The extension selects the format, which the contents must match:
+/// Reads one frame. The extension selects the format, which the contents must match; files with another one, as
+/// `dump.melt.1500` or `.txt`, have the format that their beginning shows. Each may be compressed by gzip, with a
+/// `.gz` after the extension.
 ///
 /// | extension | format | [written](write()) with |
 /// |---|---|---|
@@ -168,8 +176,9 @@ struct Reading<'a> {
 /// | `.bi4` | DualSPHysics' frames: the fluid; half of the spacing as the radius | not written |
 /// | `.prt` | Krakatoa's particles | not written |
 /// | `.uni` | mantaflow's particles: positions, in cells | not written |
+/// | none: `positions` | OpenFOAM's parcels in text, with `U`, `d`, `rho` and `origId` beside them | not written |
 ///
-/// Of text with several frames [`Frame::read`](crate::sequence::Frame::read) reads one at a time.
+/// Of files with several frames [`Frame::read`](crate::sequence::Frame::read) reads one at a time.
 ///
 /// Attributes have the usual names of simulators, in any case: `velocity`, `velocities`, `vel`, `v`;
 /// `density`, `densities`, `rho`, `rhop`; `radius`, `radii`, `pscale`; `id`, `ids`, `idp`, `ParticleIDs`; and
@@ -248,8 +257,9 @@ impl Contents {
     /// As [`read()`]; [`Error::TooLarge`] for a file beyond the limit of its unpacked size, and
     /// [`Error::Format`] if an array of the attribute map is missing.
     pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
-        let format = format_for(path)?;
+        let Found { format, gzip } = by_content::of_file(path)?;
         if format.extension == ".xyz"
+            && !gzip
             && options.map.is_empty()
             && let Some(particles) = xyz::read_raw(path, options.max_unpacked)
         {
@@ -258,14 +268,19 @@ impl Contents {
         let (file, metadata) = files::open(path)?;
         let limit = options.max_unpacked.unwrap_or_else(|| files::unpacked_limit(metadata.len()));
         let reading = Reading { limit, map: &options.map };
-        format.probe(path, &file, metadata.len())?;
+        if !gzip {
+            format.probe(path, &file, metadata.len())?;
+        }
         let mut bytes = BUFFER.take();
         let read = files::contents(path, &file, &metadata, limit, &mut bytes);
-        let contents = read.and_then(|()| format.parse(path, &bytes, &reading));
+        let contents = read.and_then(|()| format.parse_packed(path, &bytes, &reading, gzip));
         if bytes.capacity() <= MAX_BUFFER {
             BUFFER.set(bytes);
         }
         let mut contents = contents?;
+        if format.extension == foam::EXTENSION {
+            foam::read_beside(path, &mut contents, limit)?;
+        }
         if format.extension == ".pos" {
             pos::read_ellipsoids(path, &mut contents, limit)?;
         }
@@ -280,7 +295,8 @@ impl Contents {
     pub fn parse(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Self> {
         let limit = options.max_unpacked;
         let limit = limit.unwrap_or_else(|| files::unpacked_limit(bytes.len() as u64));
-        format_for(path)?.parse(path, bytes, &Reading { limit, map: &options.map })
+        let Found { format, gzip } = by_content::of_bytes(path, bytes)?;
+        format.parse_packed(path, bytes, &Reading { limit, map: &options.map }, gzip)
     }
 }
 
@@ -323,7 +339,7 @@ struct Format {
 
 const ALL: &[&str] = &["id", "velocity", "density", "radius", "ellipsoid"];
 
-const FORMATS: [Format; 27] = {
+const FORMATS: [Format; 28] = {
     const fn format(
         extension: &'static str,
         read: Reader,
@@ -360,11 +376,32 @@ const FORMATS: [Format; 27] = {
         format(".csv", csv::read, csv::write, ALL, true),
         Format { extension: ".bi4", read: bi4::read, write: None, holds: ALL, wide: true },
         Format { extension: ".prt", read: prt::read, write: None, holds: ALL, wide: true },
+        Format {
+            extension: foam::EXTENSION,
+            read: foam::read,
+            write: None,
+            holds: ALL,
+            wide: true,
+        },
         Format { extension: ".uni", read: uni::read, write: None, holds: &[], wide: false },
     ]
 };
 
 impl Format {
+    /// Parses a file, which may be compressed by gzip.
+    fn parse_packed(
+        &self,
+        path: &Path,
+        bytes: &[u8],
+        reading: &Reading<'_>,
+        gzip: bool,
+    ) -> Result<Contents> {
+        if !gzip {
+            return self.parse(path, bytes, reading);
+        }
+        self.parse(path, &bgeo::unpack(path, bytes, reading.limit)?, reading)
+    }
+
     /// Parses a file, and checks that the arrays of the attribute map exist.
     fn parse(&self, path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
         let contents = (self.read)(path, bytes, reading)?;
@@ -397,7 +434,8 @@ impl Format {
 
 /// Whether a file with this start and length has the format of its extension.
 fn is_of_its_format(path: &Path, head: &[u8], length: u64) -> bool {
-    let Ok(format) = format_for(path) else { return false };
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let Some((_, format)) = format_of(&name) else { return false };
     let complete = head.len() as u64 == length;
     let reading = Reading { limit: files::unpacked_limit(length), map: &AttributeMap::default() };
     match format.extension {
@@ -415,12 +453,17 @@ fn is_of_its_format(path: &Path, head: &[u8], length: u64) -> bool {
 
 /// Lists the readable extensions for messages.
 pub(crate) fn extensions() -> String {
-    FORMATS.map(|format| format.extension).join(", ")
+    let extensions = FORMATS.map(|format| format.extension);
+    extensions.into_iter().filter(|name| name.starts_with('.')).collect::<Vec<_>>().join(", ")
 }
 
-/// A file name without its extension, if that is of a readable format.
+/// A file name without its extension, if that is of a readable format, plain or compressed by gzip.
 pub fn readable_stem(name: &str) -> Option<&str> {
-    format_of(name).map(|(stem, _)| stem)
+    let packed = || {
+        let inner = name.get(..name.len().checked_sub(".gz".len())?)?;
+        format_of(inner).filter(|_| by_content::is_gzip(name))
+    };
+    format_of(name).or_else(packed).map(|(stem, _)| stem)
 }
 
 /// Finds the format of a file name; returns its stem too.
@@ -430,11 +473,6 @@ fn format_of(name: &str) -> Option<(&str, Format)> {
         let (stem, end) = name.split_at_checked(name.len().checked_sub(extension.len())?)?;
         end.eq_ignore_ascii_case(extension).then_some((stem, format))
     })
-}
-
-fn format_for(path: &Path) -> Result<Format> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    format_of(&name).map(|(_, format)| format).ok_or_else(|| unknown_kind(path, &name))
 }
 
 fn writable(path: &Path) -> Result<(Format, Writer)> {
@@ -451,6 +489,16 @@ fn unknown_kind(path: &Path, name: &str) -> Error {
     let unknown =
         || format!("a kind of file that limpid does not know; can be read: {}", extensions());
     Error::format(path, kinds::remedy(name).map_or_else(unknown, str::to_owned))
+}
+
+/// The error of a file with several frames that is read as one.
+fn several(path: &Path) -> Error {
+    let packed = by_content::is_gzip(&path.to_string_lossy());
+    let remedy = if packed { "unpack it, and name it alone" } else { "name it alone" };
+    Error::format(
+        path,
+        format!("several frames in one file, which is a sequence of its own: {remedy}"),
+    )
 }
 
 /// The error of a file without the magic of its format, with the format that it seems to have.

@@ -10,7 +10,9 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::particles::{Contents, ReadOptions, Section, extensions, readable_stem, trajectory};
+use crate::particles::{
+    Contents, ReadOptions, Section, extensions, is_particles, readable_stem, trajectory,
+};
 use crate::pattern::placeholder;
 use crate::{files, vtk_lists};
 use limpid::liquid::Particles;
@@ -105,9 +107,11 @@ impl Sequence {
     /// Finds the frames of `input`:
     ///
     /// - a time series, `.pvd` or `.series`: the listed files, numbered from 0;
-    /// - extended XYZ and LAMMPS dumps with several frames: these, numbered from 0 or by their time steps;
+    /// - extended XYZ, LAMMPS dumps and arrays (`.npy`, `.npz`, HDF5) with several frames: these, numbered from 0 or
+    ///   by their time steps;
     /// - another existing file: one frame, numbered by the last digits in its name, or 0;
-    /// - an existing folder: the particle files in it, whose names must differ only in the number;
+    /// - an existing folder: the particle files in it, whose names must differ only in the number; if the names of
+    ///   none say so, those that begin like particle files; or a case of OpenFOAM, its times numbered from 0;
     /// - a pattern, whose file name contains one of `{}`, `%d`, `$F` (a number of any width), `%04d`,
     ///   `$F4`, `####` (a number of at least that many digits). Gaps between numbers are allowed;
     /// - a pattern with `*`, which stands for any text: files whose names differ only in the number;
@@ -122,14 +126,14 @@ impl Sequence {
         let sequence = Self::find(input)?;
         if let [Frame { path, parts, .. }] = sequence.frames.as_slice()
             && parts.is_empty()
-            && let Some(frames) = trajectory::frames_of(path)?
+            && let Some(trajectory) = trajectory::frames_of(path)?
         {
             let frame = |(number, section)| Frame {
                 section: Some(section),
                 ..Frame::new(number, path.clone())
             };
-            let frames = frames.into_iter().map(frame).collect();
-            return Ok(Self { frames, ..sequence });
+            let frames = trajectory.frames.into_iter().map(frame).collect();
+            return Ok(Self { frames, fps: trajectory.fps.or(sequence.fps), ..sequence });
         }
         Ok(sequence)
     }
@@ -247,7 +251,8 @@ impl Sequence {
             let problem = format!("several parts at the time {time}; save each time as one file");
             return Err(Error::format(path, problem));
         }
-        let fps = vtk_lists::rate(&listed);
+        let all_have_one = times.len() == listed.len();
+        let fps = vtk_lists::rate(&times).filter(|_| all_have_one);
         let frames = (0..).zip(listed).map(|(number, file)| Frame::new(number, file.path));
         Ok(Self { frames: frames.collect(), pattern: path.display().to_string(), fps })
     }
@@ -276,13 +281,51 @@ impl Sequence {
         let lists = names.iter().any(|name| is_piece_list(name));
         let is_frame =
             |name: &String| readable_stem(name).is_some() && is_piece_list(name) == lists;
-        let names: Vec<String> = names.into_iter().filter(is_frame).collect();
+        let mut known: Vec<String> = names.iter().filter(|name| is_frame(name)).cloned().collect();
+        if known.is_empty() {
+            known.extend(names.into_iter().filter(|name| is_particles(&folder.join(name), false)));
+        }
+        let names = known;
         if names.is_empty() {
+            if let Some(case) = Self::from_foam_case(folder)? {
+                return Ok(case);
+            }
             let problem =
                 format!("no particle files in this folder; limpid reads {}", extensions());
             return Err(Error::Sequence { pattern: folder.display().to_string(), problem });
         }
         Self::from_names(folder, &names, "in this folder")
+    }
+
+    /// The times of a case of OpenFOAM with one cloud of parcels, numbered from 0; `None` for other folders.
+    fn from_foam_case(folder: &Path) -> Result<Option<Self>> {
+        let mut times = Vec::new();
+        for name in file_names(folder)? {
+            let Some(time) = name.parse::<f64>().ok().filter(|time| time.is_finite()) else {
+                continue;
+            };
+            let parcels = folder.join(&name).join("lagrangian");
+            let mut clouds = file_names(&parcels).unwrap_or_default();
+            clouds.retain(|cloud| files::is_file(&parcels.join(cloud).join("positions")));
+            match clouds.as_slice() {
+                [] => {}
+                [cloud] => times.push((time, parcels.join(cloud).join("positions"))),
+                _ => {
+                    let problem = format!(
+                        "several clouds in {name}/lagrangian: {}; name the `positions` of one",
+                        clouds.join(", ")
+                    );
+                    return Err(Error::Sequence { pattern: folder.display().to_string(), problem });
+                }
+            }
+        }
+        times.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let seconds: Vec<f64> = times.iter().map(|(time, _)| *time).collect();
+        let frames: Vec<Frame> =
+            (0..).zip(times).map(|(number, (_, path))| Frame::new(number, path)).collect();
+        let pattern = folder.display().to_string();
+        let fps = vtk_lists::rate(&seconds);
+        Ok(Some(Self { frames, pattern, fps }).filter(|case| !case.frames.is_empty()))
     }
 
     /// The files that match a name with `*`.
@@ -301,8 +344,11 @@ impl Sequence {
                 None => false,
             })
         };
-        let is_frame = |name: &String| readable_stem(name).is_some() && matches(name);
-        let names: Vec<String> = file_names(folder)?.into_iter().filter(is_frame).collect();
+        let names: Vec<String> = file_names(folder)?.into_iter().filter(matches).collect();
+        let known: Vec<String> =
+            names.iter().filter(|name| readable_stem(name).is_some()).cloned().collect();
+        let by_content = || names.into_iter().filter(|name| is_particles(&folder.join(name), true));
+        let names = if known.is_empty() { by_content().collect() } else { known };
         if names.is_empty() {
             let problem = format!("no particle file of this name in {}", folder.display());
             return Err(Error::Sequence { pattern: path.display().to_string(), problem });
@@ -532,7 +578,13 @@ impl<'a> Pattern<'a> {
 
 /// Splits a file name at the last number before its extension: prefix, number, suffix.
 fn split_number(name: &str) -> Option<(&str, i64, &str)> {
-    let stem = readable_stem(name).or_else(|| Path::new(name).file_stem()?.to_str())?;
+    let plain = name.strip_suffix(".gz").unwrap_or(name);
+    // The extension may be the number, as in `dump.melt.1500`.
+    let numbered = Path::new(plain)
+        .extension()
+        .is_some_and(|end| end.to_string_lossy().bytes().all(|byte| byte.is_ascii_digit()));
+    let stem = if numbered { Some(plain) } else { Path::new(plain).file_stem()?.to_str() };
+    let stem = readable_stem(name).or(stem)?;
     let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
     let start = stem[..end].rfind(|c: char| !c.is_ascii_digit());
     let start = start.map_or(0, |at| at + stem[at..].chars().next().map_or(1, char::len_utf8));

@@ -106,9 +106,8 @@ fn checked(path: &Path, listed: Vec<Listed>) -> Result<Vec<Listed>> {
     }
 }
 
-/// Files per second of a series whose times have one distance, within a thousandth.
-pub(crate) fn rate(listed: &[Listed]) -> Option<f64> {
-    let times: Vec<f64> = listed.iter().map(|file| file.time).collect::<Option<_>>()?;
+/// Frames per second of times that have one distance, within a thousandth.
+pub(crate) fn rate(times: &[f64]) -> Option<f64> {
     let (first, last) = (*times.first()?, *times.last()?);
     let step = (last - first) / (times.len().checked_sub(1).filter(|&n| n > 0)? as f64);
     let even = |pair: &[f64; 2]| ((pair[1] - pair[0]) - step).abs() <= 1e-3 * step;

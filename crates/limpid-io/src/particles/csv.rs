@@ -1,5 +1,5 @@
 //! CSV: text with one particle per line, as written by `ParaView`, `DualSPHysics` and spreadsheets. The
-//! delimiter is the most frequent of comma, semicolon and tab in the first line.
+//! delimiter is the most frequent of comma, semicolon and tab in the first line, or else blanks, as `NumPy` writes.
 //!
 //! The first line may name the columns. Those of a vector have its name, optionally `:`, `_` or `.`,
 //! and `x`, `y`, `z` or `0`, `1`, `2`: `x`, `px`, `Points:0`, `Points_0`, `Pos.x [m]`. Without such a
@@ -26,6 +26,9 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     let skipped = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     let text = &bytes[skipped..];
     let (comments, delimiter) = beginning(text);
+    let Some(delimiter) = delimiter else {
+        return read_words(path, bytes, skipped, &comments, reading);
+    };
     let file = Cursor::new(path, bytes, true);
     let mut records = ReaderBuilder::new()
         .delimiter(delimiter)
@@ -49,10 +52,10 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     let named = record.iter().take(3).any(|field| float(field).is_none());
     let labels: Vec<String> = match named {
         true => record.iter().map(label).collect(),
-        false => commented(&comments, delimiter, record.len()).unwrap_or_else(|| {
-            let unnamed = (3..record.len()).map(|column| format!("column {}", column + 1));
-            ["x", "y", "z"].map(String::from).into_iter().chain(unnamed).collect()
-        }),
+        false => {
+            let fields = |comment: &[u8]| fields(comment, delimiter);
+            commented(&comments, fields, record.len()).unwrap_or_else(|| unnamed(record.len()))
+        }
     };
     if start.is_none() {
         return Ok(Contents::default());
@@ -75,8 +78,56 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     layout.contents(file.source, skipped, numbers, starts)
 }
 
-/// The comments before the first other line, and the delimiter of that line.
-fn beginning(text: &[u8]) -> (Vec<&[u8]>, u8) {
+/// Reads a table whose columns are apart by blanks. `start` is the offset of the text.
+fn read_words(
+    path: &Path,
+    bytes: &[u8],
+    start: usize,
+    comments: &[&[u8]],
+    reading: &Reading<'_>,
+) -> Result<Contents> {
+    let mut file = Cursor::new(path, bytes, true);
+    file.offset = start;
+    let mut layout: Option<Layout> = None;
+    let (mut numbers, mut starts) = (Vec::new(), Vec::new());
+    while let Some(line) = file.filled_line() {
+        if line.trim_ascii_start().starts_with('#') {
+            continue;
+        }
+        let words: Vec<&[u8]> = line.split_ascii_whitespace().map(str::as_bytes).collect();
+        if layout.is_none() {
+            let named = words.iter().take(3).any(|word| float(word).is_none());
+            let labels = match named {
+                true => words.iter().map(|word| label(word)).collect(),
+                false => commented(comments, blank_fields, words.len())
+                    .unwrap_or_else(|| unnamed(words.len())),
+            };
+            layout = Some(Layout::among(path, labels, reading.map)?);
+            if named {
+                continue;
+            }
+        }
+        let Some(layout) = &layout else { continue };
+        memory::grow(&mut numbers, layout.stride(), path.display())?;
+        memory::grow(&mut starts, 1, path.display())?;
+        let word = |field: usize| words.get(field).copied();
+        layout.push_row(file.source, file.start, starts.len(), word, &mut numbers)?;
+        starts.push(file.start);
+    }
+    match layout {
+        Some(layout) => layout.contents(file.source, start, numbers, starts),
+        None => Ok(Contents::default()),
+    }
+}
+
+/// Names of columns without any: x, y, z and the number of others.
+fn unnamed(columns: usize) -> Vec<String> {
+    let others = (3..columns).map(|column| format!("column {}", column + 1));
+    ["x", "y", "z"].map(String::from).into_iter().chain(others).collect()
+}
+
+/// The comments before the first other line, and the delimiter of that line; `None` for blanks.
+fn beginning(text: &[u8]) -> (Vec<&[u8]>, Option<u8>) {
     let mut comments = Vec::new();
     let mut first: &[u8] = &[];
     for line in text.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii) {
@@ -90,29 +141,46 @@ fn beginning(text: &[u8]) -> (Vec<&[u8]>, u8) {
         }
     }
     let count = |delimiter: &u8| first.iter().filter(|&byte| byte == delimiter).count();
-    // The last of equally frequent ones, which is the comma without any delimiter.
-    (comments, [b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b','))
+    // The last of equally frequent ones.
+    let delimiter = [b'\t', b';', b','].into_iter().max_by_key(count);
+    let delimiter = delimiter.filter(|delimiter| count(delimiter) > 0);
+    let blanks = first.contains(&b' ');
+    (comments, delimiter.or_else(|| (!blanks).then_some(b',')))
 }
 
 /// The names of all columns in a comment, as written by `NumPy`.
-fn commented(comments: &[&[u8]], delimiter: u8, columns: usize) -> Option<Vec<String>> {
+fn commented(
+    comments: &[&[u8]],
+    fields: impl Fn(&[u8]) -> Vec<String>,
+    columns: usize,
+) -> Option<Vec<String>> {
     comments.iter().rev().find_map(|comment| {
-        let mut line = ReaderBuilder::new()
-            .delimiter(delimiter)
-            .has_headers(false)
-            .trim(Trim::All)
-            .from_reader(*comment);
-        let mut record = ByteRecord::new();
-        line.read_byte_record(&mut record).ok()?;
-        let labels: Vec<String> = record.iter().map(label).collect();
+        let labels = fields(comment);
         let names: Vec<String> = labels.iter().map(|label| canonical(label)).collect();
         let complete = names.len() == columns && vector_among(&names, &POSITION).is_some();
         complete.then_some(labels)
     })
 }
 
+/// The labels in a line; none if it is no such line.
+fn fields(line: &[u8], delimiter: u8) -> Vec<String> {
+    let mut line = ReaderBuilder::new()
+        .delimiter(delimiter)
+        .has_headers(false)
+        .trim(Trim::All)
+        .from_reader(line);
+    let mut record = ByteRecord::new();
+    let read = line.read_byte_record(&mut record);
+    if read.is_ok() { record.iter().map(label).collect() } else { Vec::new() }
+}
+
+fn blank_fields(line: &[u8]) -> Vec<String> {
+    let words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    words.map(label).collect()
+}
+
 fn label(field: &[u8]) -> String {
-    String::from_utf8_lossy(field).trim().to_owned()
+    String::from_utf8_lossy(field).trim().trim_matches('"').to_owned()
 }
 
 /// Writes a line of names and one per particle, with the shortest digits that identify each number.

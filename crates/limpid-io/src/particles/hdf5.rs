@@ -13,17 +13,24 @@
 //!
 //! The crate `hdf5-pure` decodes. What a file claims is held against its length before it is asked for.
 
+mod adapt;
+
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use hdf5_pure::{AttrValue, DType, Dataset, Datatype, DatatypeByteOrder, File, FormatError, Group};
+use hdf5_pure::{
+    AttrValue, Dataset, Datatype, DatatypeByteOrder, File, FixedPointLayout, FloatingPointLayout,
+    FormatError, Group, ReadSeekSource,
+};
 
+use self::adapt::Link;
+use super::axes::{Axes, Grid, Places};
 use super::labelled::{POSITION, canonical, vector_among};
-use super::npz::positions_among;
+use super::npz::{POSITIONS, TIMES, positions_among};
 use super::vtk::is_point;
 use super::{
-    Attribute, AttributeMap, Column, Contents, FileBytes, Particles, Reading, Scalar, Table,
-    attribute_names, foreign,
+    Attribute, AttributeMap, Column, Contents, FileBytes, Particles, Reading, Remark, Scalar,
+    Table, attribute_names, foreign,
 };
 use crate::error::{Error, Location, Result, printable};
 use crate::files::{self, DEFLATE_RATIO};
@@ -36,16 +43,48 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
     // The decoder keeps a copy of the file.
     let mut copy = memory::reserve(bytes.len(), path.display())?;
     copy.extend_from_slice(bytes);
-    let mut archive = Archive {
-        path,
-        packed: bytes.len() as u64,
-        limit: reading.limit,
-        used: 0,
-        map: reading.map,
-    };
+    let mut archive = Archive::new(path, bytes.len() as u64, reading.limit, reading.map);
     // It is young (0.47), and some of its sums are unchecked: with overflow checks a damaged file could end
     // the program.
-    files::catch_panics(path, || archive.read(copy))
+    files::catch_panics(path, || {
+        let file = archive.adapted(copy)?;
+        archive.read(&file)
+    })
+}
+
+/// The time steps of a file.
+#[derive(Default)]
+pub(super) struct Steps {
+    pub(super) count: usize,
+    /// The number of each in the simulation, if the file has them.
+    pub(super) numbers: Vec<i64>,
+    /// The time of each, if the file has them, s.
+    pub(super) times: Vec<f64>,
+}
+
+/// Finds the time steps; there is one in a file that cannot be read.
+pub(super) fn steps(path: &Path) -> Result<Steps> {
+    let one = || Steps { count: 1, ..Steps::default() };
+    let (file, metadata) = files::open(path)?;
+    let (length, map) = (metadata.len(), AttributeMap::default());
+    let mut archive = Archive::new(path, length, files::unpacked_limit(length), &map);
+    let found = files::catch_panics(path, || archive.in_parts(file, Archive::steps));
+    Ok(found.unwrap_or_else(|_| one()))
+}
+
+/// Reads one step of several.
+pub(super) fn read_step(
+    path: &Path,
+    step: usize,
+    limit: Option<u64>,
+    map: &AttributeMap,
+) -> Result<Contents> {
+    let (file, metadata) = files::open(path)?;
+    let length = metadata.len();
+    let limit = limit.unwrap_or_else(|| files::unpacked_limit(length));
+    let mut archive = Archive::new(path, length, limit, map);
+    archive.step = Some(step);
+    files::catch_panics(path, || archive.in_parts(file, Archive::read))
 }
 
 /// A file, with a limit of its unpacked size.
@@ -58,6 +97,10 @@ struct Archive<'a> {
     /// Their size so far, bytes.
     used: u64,
     map: &'a AttributeMap,
+    /// The step to read of several.
+    step: Option<usize>,
+    /// Links that the decoder passes over.
+    links: Vec<Link>,
 }
 
 /// An array of a group.
@@ -66,37 +109,64 @@ struct Member {
     dataset: Dataset,
     /// Its size along each axis.
     shape: Vec<usize>,
-    /// The type of its numbers, and whether they are big-endian; `None` for other data.
-    number: Option<(Scalar, bool)>,
+    /// The same with the type of its numbers; `None` for other data.
+    grid: Option<Grid>,
 }
 
 impl Member {
-    /// Whether it has three floats per particle.
-    fn is_triple(&self) -> bool {
-        let float = matches!(self.number, Some((Scalar::F32 | Scalar::F64, _)));
-        float && matches!(self.shape.as_slice(), [_, 3])
-    }
-
     /// Whether it has one number per particle.
     fn is_column(&self) -> bool {
-        self.number.is_some() && self.shape.len() == 1
+        self.grid.is_some() && matches!(self.shape.as_slice(), [_] | [_, 1])
     }
 
-    /// Number of numbers per particle, if each has a list of them.
-    fn width(&self) -> Option<usize> {
-        match self.shape.as_slice() {
-            [_] => Some(1),
-            &[_, width] => Some(width),
-            _ => None,
-        }
+    /// The number of its columns.
+    fn rows(&self) -> usize {
+        self.shape.first().copied().unwrap_or(0)
     }
 }
 
-impl Archive<'_> {
-    fn read(&mut self, bytes: Vec<u8>) -> Result<Contents> {
-        let file = File::from_bytes(bytes).map_err(|error| self.damaged("/", &error))?;
+/// Liquid or solid particles under `particles`.
+struct Body {
+    name: String,
+    place: String,
+    members: Vec<Member>,
+    /// Names of the columns of the velocities.
+    velocity: &'static [&'static str],
+}
+
+impl<'a> Archive<'a> {
+    fn new(path: &'a Path, packed: u64, limit: u64, map: &'a AttributeMap) -> Self {
+        Self { path, packed, limit, used: 0, map, step: None, links: Vec::new() }
+    }
+
+    /// Opens a file in memory, which is changed so that the decoder knows it.
+    fn adapted(&mut self, mut bytes: Vec<u8>) -> Result<File> {
+        self.links = adapt::adapt(&mut bytes);
+        File::from_bytes(bytes).map_err(|error| self.damaged("/", &error))
+    }
+
+    /// Reads from a file only what is needed, or all of it if the decoder knows it only when it is adapted.
+    fn in_parts<T>(
+        &mut self,
+        file: files::File,
+        read: impl Fn(&mut Self, &File) -> Result<T>,
+    ) -> Result<T> {
+        let source = ReadSeekSource::new(file).map_err(hdf5_pure::Error::Format);
+        let opened = source.and_then(File::from_source);
+        let opened = opened.map_err(|error| self.damaged("/", &error));
+        if let Ok(found) = opened.and_then(|file| read(self, &file)) {
+            return Ok(found);
+        }
+        self.used = 0;
+        let mut bytes = Vec::new();
+        files::read(self.path, |_| self.limit, &mut bytes)?;
+        let file = self.adapted(bytes)?;
+        read(self, &file)
+    }
+
+    fn read(&mut self, file: &File) -> Result<Contents> {
         let root = file.root();
-        let groups = root.groups().map_err(|error| self.damaged("/", &error))?;
+        let groups = self.groups("/", &root)?;
         let has = |name: &str| groups.iter().any(|group| group == name);
         let group = |name: &str| file.group(name).map_err(|error| self.damaged(name, &error));
         if has("VTKHDF") {
@@ -104,16 +174,134 @@ impl Archive<'_> {
             return self.vtkhdf(&group);
         }
         if has("PartType0") {
-            let group = group("PartType0")?;
-            return self.group("PartType0", &group, &[]);
+            let members = self.members("PartType0", &group("PartType0")?)?;
+            return self.take("PartType0", &members, &[]);
         }
         if has("particles") {
-            let group = group("particles")?;
-            if let Some(contents) = self.pysph(&group)? {
-                return Ok(contents);
+            let bodies = self.bodies(&group("particles")?)?;
+            if !bodies.is_empty() {
+                return self.liquids(bodies);
             }
         }
-        self.plain(&root, &groups)
+        if let Some(steps) = self.numbered(&root, &groups)? {
+            let step = match (self.step, steps.as_slice()) {
+                (Some(step), _) => steps.get(step),
+                (None, [one]) => Some(one),
+                (None, _) => return Err(super::several(self.path)),
+            };
+            let Some((_, name)) = step else { return Err(self.no_step(steps.len())) };
+            let members = self.members(name, &group(name)?)?;
+            // Its arrays have no steps of their own.
+            let step = self.step.take();
+            let contents = self.take(name, &members, &[]);
+            self.step = step;
+            return contents;
+        }
+        let (place, members) = self.plain(&root, &groups)?;
+        self.take(&place, &members, &[])
+    }
+
+    /// Finds the time steps.
+    fn steps(&mut self, file: &File) -> Result<Steps> {
+        let root = file.root();
+        let groups = self.groups("/", &root)?;
+        let has = |name: &str| groups.iter().any(|group| group == name);
+        let one = Steps { count: 1, ..Steps::default() };
+        if has("VTKHDF") || has("PartType0") {
+            return Ok(one);
+        }
+        if has("particles") {
+            let particles = file.group("particles");
+            let particles = particles.map_err(|error| self.damaged("particles", &error))?;
+            let bodies = self.bodies(&particles)?;
+            if !bodies.is_empty() {
+                let (liquids, _) = sorted(bodies);
+                let Some(body) = liquids.first() else { return Ok(one) };
+                let count = self.positions_of(&body.members).map_or(1, |(_, places)| places.steps);
+                // The steps and times of H5MD are beside its values.
+                let Ok(position) = file.group(&format!("{}/position", body.place)) else {
+                    return Ok(Steps { count, ..one });
+                };
+                let beside = self.members(&body.place, &position)?;
+                let mut column = |name: &str| {
+                    let found = beside.iter().find(|member| member.name == name);
+                    let found = found.filter(|member| member.shape == [count]);
+                    found.and_then(|member| self.numbers(&body.place, member).ok())
+                };
+                let (numbers, times) = (column("step"), column("time"));
+                let whole = |number: &f64| number.fract() == 0.0 && number.abs() < 1e15;
+                let numbers = numbers.filter(|numbers| numbers.iter().all(whole));
+                let numbers = numbers.unwrap_or_default().iter().map(|n| *n as i64).collect();
+                return Ok(Steps { count, numbers, times: times.unwrap_or_default() });
+            }
+        }
+        if let Some(steps) = self.numbered(&root, &groups)? {
+            let time = |name: &str| {
+                let attributes = file.group(name).and_then(|group| group.attrs()).ok()?;
+                let time = |(name, value): (&String, &AttrValue)| {
+                    let known = ["timevalue", "time"].contains(&name.to_ascii_lowercase().as_str());
+                    known.then(|| value.as_f64())?
+                };
+                attributes.iter().find_map(time)
+            };
+            let times = steps.iter().map_while(|(_, name)| time(name)).collect();
+            let numbers = steps.iter().map(|(number, _)| *number).collect();
+            return Ok(Steps { count: steps.len(), numbers, times });
+        }
+        let (place, members) = self.plain(&root, &groups)?;
+        let count = self.positions_of(&members).map_or(1, |(_, places)| places.steps);
+        let is_time = |member: &&Member| {
+            member.shape == [count]
+                && TIMES.iter().any(|time| member.name.eq_ignore_ascii_case(time))
+        };
+        let times = match members.iter().find(is_time) {
+            Some(member) if member.grid.is_some() => self.numbers(&place, member)?,
+            _ => Vec::new(),
+        };
+        Ok(Steps { count, numbers: Vec::new(), times })
+    }
+
+    /// The groups of a group.
+    fn groups(&self, place: &str, group: &Group) -> Result<Vec<String>> {
+        group.groups().map_err(|error| self.damaged(place, &error))
+    }
+
+    /// The groups of time steps with their numbers, as `Step#0` of H5Part, in order; `None` if there are none.
+    fn numbered(&self, root: &Group, groups: &[String]) -> Result<Option<Vec<(i64, String)>>> {
+        /// What a step is called, before its number.
+        const WORDS: [&str; 10] = [
+            "",
+            "step",
+            "timestep",
+            "time_step",
+            "time",
+            "t",
+            "frame",
+            "iteration",
+            "iter",
+            "snapshot",
+        ];
+        let number = |name: &String| {
+            let word = name.trim_end_matches(|c: char| c.is_ascii_digit());
+            let number = name[word.len()..].parse::<i64>().ok()?;
+            let word = word.trim_end_matches(|c: char| !c.is_alphanumeric()).to_ascii_lowercase();
+            WORDS.contains(&word.as_str()).then(|| (number, name.clone()))
+        };
+        let mut steps: Vec<_> = groups.iter().filter_map(number).collect();
+        steps.sort();
+        let Some((_, first)) = steps.first() else { return Ok(None) };
+        let group = root.group(first).map_err(|error| self.damaged(first, &error))?;
+        let members = self.members(first, &group)?;
+        // Arrays with steps of their own are several runs.
+        let one = self.positions_of(&members).is_some_and(|(_, places)| places.steps == 1);
+        let distinct = steps.array_windows().all(|[(a, _), (b, _)]| a < b);
+        Ok(Some(steps).filter(|_| one && distinct))
+    }
+
+    fn no_step(&self, steps: usize) -> Error {
+        let step = self.step.unwrap_or(0);
+        let problem = format!("step {step}: the file has {steps} now");
+        Error::malformed(self.path, Location::Byte(0), problem)
     }
 
     /// Reads VTKHDF (Kitware, "VTKHDF file format", version 2).
@@ -145,7 +333,8 @@ impl Archive<'_> {
                 return Err(Error::format(self.path, problem));
             }
         }
-        let data = child("PointData")?;
+        let (data, cell_data, vertices) =
+            (child("PointData")?, child("CellData")?, child("Vertices")?);
         let faces = ["Lines", "Strips", "Polygons"].map(child);
         let mut members = self.members(place, group)?;
         let mut cells = 0_usize;
@@ -158,57 +347,85 @@ impl Archive<'_> {
                 }
             }
         }
+        let mut connectivity = None;
         if let Some(types) = members.iter().find(|m| m.name == "Types" && m.is_column()) {
             let types = self.numbers(place, types)?;
             cells += types.iter().filter(|&&kind| !is_point(Some(kind as i64))).count();
+            connectivity = members.iter().find(|m| m.name == "Connectivity" && m.is_column());
+        }
+        let vertices = match vertices {
+            Some(vertices) => self.members("VTKHDF/Vertices", &vertices)?,
+            None => Vec::new(),
+        };
+        connectivity = connectivity
+            .or_else(|| vertices.iter().find(|m| m.name == "Connectivity" && m.is_column()));
+        // Data of cells are those of points where each point has a cell of its own, in the same order.
+        let mut own_cells = false;
+        if let Some(connectivity) = connectivity.filter(|_| cells == 0) {
+            let points = self.numbers(place, connectivity)?;
+            own_cells = points.iter().enumerate().all(|(k, &point)| point == k as f64);
         }
         members.retain(|member| member.name == "Points");
         if let Some(data) = data {
             members.extend(self.members("VTKHDF/PointData", &data)?);
         }
-        let contents = self.take(place, &members, &[])?;
+        let rows = members.first().map_or(0, Member::rows);
+        let mut ignored = Vec::new();
+        if let Some(data) = cell_data {
+            for member in self.members("VTKHDF/CellData", &data)? {
+                let known = members.iter().any(|other| other.name == member.name);
+                match own_cells && !known && member.rows() == rows {
+                    true => members.push(member),
+                    false => ignored.push(member),
+                }
+            }
+        }
+        let mut contents = self.take(place, &members, &[])?;
+        for member in ignored {
+            contents.list(&member.name, &member.shape, None);
+        }
         Ok(Contents { cells, ..contents })
     }
 
-    /// Reads the output of `PySPH`, whose groups are the bodies; `None` if this is none. Those of solids
-    /// are listed as ignored arrays.
-    fn pysph(&mut self, group: &Group) -> Result<Option<Contents>> {
-        let place = "particles";
-        let names = group.groups().map_err(|error| self.damaged(place, &error))?;
+    /// The bodies under `particles`, as `PySPH` and H5MD have them; none in other layouts.
+    fn bodies(&self, group: &Group) -> Result<Vec<Body>> {
         let mut bodies = Vec::new();
-        for name in names {
-            let body = group.group(&name).map_err(|error| self.damaged(place, &error))?;
-            // Without its arrays it is none of `PySPH`.
+        for name in self.groups("particles", group)? {
+            let place = format!("particles/{name}");
+            let body = group.group(&name).map_err(|error| self.damaged(&place, &error))?;
             if let Ok(arrays) = body.group("arrays") {
-                bodies.push((name, arrays));
+                let place = format!("{place}/arrays");
+                let members = self.members(&place, &arrays)?;
+                bodies.push(Body { name, place, members, velocity: &["u", "v", "w"] });
+                continue;
+            }
+            // In H5MD (de Buyl, Colberg and Höfling, "H5MD: a structured, efficient, and portable file
+            // format", 2014) what changes with time is a group, with its `value`.
+            let mut members = self.members(&place, &body)?;
+            for element in self.groups(&place, &body)? {
+                let values = body.group(&element).and_then(|group| group.dataset("value"));
+                members.extend(values.ok().and_then(|dataset| member(element, dataset)));
+            }
+            if members.iter().any(|member| member.name == "position") {
+                bodies.push(Body { name, place, members, velocity: &[] });
             }
         }
-        if bodies.is_empty() {
-            return Ok(None);
-        }
-        let says = |name: &str, words: &[&str]| {
-            let name = name.to_ascii_lowercase();
-            words.iter().any(|word| name.contains(word))
-        };
-        let is_liquid = |name: &str| says(name, &["fluid", "liquid", "water"]);
-        let is_solid = |name: &str| {
-            says(name, &["solid", "bound", "wall", "tank", "body", "rigid", "obstacle", "gate"])
-        };
-        let named = bodies.iter().any(|(name, _)| is_liquid(name));
-        let (liquids, solids): (Vec<_>, Vec<_>) = bodies
-            .into_iter()
-            .partition(|(name, _)| if named { is_liquid(name) } else { !is_solid(name) });
+        Ok(bodies)
+    }
+
+    /// Reads the bodies that are liquid; solids are listed as ignored arrays.
+    fn liquids(&mut self, bodies: Vec<Body>) -> Result<Contents> {
+        let (liquids, solids) = sorted(bodies);
         if liquids.is_empty() {
             let names: Vec<_> =
-                solids.iter().take(8).map(|(name, _)| printable(name.clone())).collect();
+                solids.iter().take(8).map(|body| printable(body.name.clone())).collect();
             let problem = format!("only solids ({}), no liquid", names.join(", "));
             return Err(Error::format(self.path, problem));
         }
         let mut contents: Option<Contents> = None;
         let mut parts = Vec::new();
-        for (name, arrays) in &liquids {
-            let place = format!("particles/{name}/arrays");
-            let mut part = self.group(&place, arrays, &["u", "v", "w"])?;
+        for body in &liquids {
+            let mut part = self.take(&body.place, &body.members, body.velocity)?;
             parts.push(std::mem::take(&mut part.particles));
             contents.get_or_insert(part);
         }
@@ -219,36 +436,38 @@ impl Archive<'_> {
             1 => parts.remove(0),
             _ => Particles::joined(&parts),
         };
-        for (name, arrays) in &solids {
-            let members = self.members(name, arrays)?;
-            let count = members.iter().find(|member| member.name == "x");
-            let count = count.and_then(|member| member.shape.first().copied()).unwrap_or(0);
-            contents.list(name, &[count, 3], None);
+        for body in &solids {
+            let count = self.positions_of(&body.members).map_or(0, |(_, places)| places.rows);
+            contents.list(&body.name, &[count, 3], None);
         }
-        Ok(Some(contents))
+        Ok(contents)
     }
 
-    /// Reads arrays without a known layout: of the root, or of the only group that has positions.
-    fn plain(&mut self, root: &Group, groups: &[String]) -> Result<Contents> {
+    /// Finds arrays without a known layout: of the root, or of the only group that has positions. Returns the place
+    /// and the arrays.
+    fn plain(&self, root: &Group, groups: &[String]) -> Result<(String, Vec<Member>)> {
         /// Largest number of groups to look into.
         const MOST: usize = 64;
         let members = self.members("/", root)?;
         if self.positions_of(&members).is_some() {
-            return self.take("/", &members, &[]);
+            return Ok(("/".into(), members));
         }
         let mut found = Vec::new();
         for name in groups.iter().take(MOST) {
             let group = root.group(name).map_err(|error| self.damaged(name, &error))?;
             let members = self.members(name, &group)?;
             if self.positions_of(&members).is_some() {
-                found.push((name, members));
+                found.push((name.clone(), members));
             }
         }
         if found.len() == 1 {
-            let (name, members) = found.remove(0);
-            return self.take(name, &members, &[]);
+            return Ok(found.remove(0));
         }
         let problem = if found.is_empty() {
+            let external = || self.external_positions("/");
+            if let Some(problem) = unusual_positions(&members).or_else(external) {
+                return Err(Error::format(self.path, problem));
+            }
             let names = members.iter().map(|member| &member.name).chain(groups);
             let names: Vec<_> = names.take(8).map(|name| printable(name.clone())).collect();
             format!(
@@ -257,134 +476,160 @@ impl Archive<'_> {
                 names.join(", ")
             )
         } else {
-            let names: Vec<_> = found.iter().map(|(name, _)| printable((*name).clone())).collect();
+            let names: Vec<_> = found.iter().map(|(name, _)| printable(name.clone())).collect();
             format!("positions in several groups: {}; keep one of them", names.join(", "))
         };
         Err(Error::format(self.path, problem))
     }
 
-    fn group(&mut self, place: &str, group: &Group, velocity: &[&str]) -> Result<Contents> {
-        let members = self.members(place, group)?;
-        self.take(place, &members, velocity)
-    }
-
-    /// Lists the arrays of a group.
+    /// Lists the arrays of a group, and those that its links name.
     fn members(&self, place: &str, group: &Group) -> Result<Vec<Member>> {
         let datasets = group.iter_datasets().map_err(|error| self.damaged(place, &error))?;
-        let member = |(name, dataset): (String, Dataset)| {
-            let shape = dataset.shape().ok()?;
-            let shape = shape.into_iter().map(usize::try_from).collect::<Result<_, _>>().ok()?;
-            let number = number_of(&dataset);
-            Some(Member { name, dataset, shape, number })
-        };
-        Ok(datasets.filter_map(member).collect())
+        let datasets = datasets.filter_map(|(name, dataset)| member(name, dataset));
+        let linked = self.links_of(place).filter(|link| link.file.is_none()).filter_map(|link| {
+            let dataset = group.dataset(&format!("/{}", adapt::path_of(link))).ok()?;
+            member(link.name.clone(), dataset)
+        });
+        Ok(datasets.chain(linked).collect())
     }
 
-    /// The array of the positions, or the columns of their coordinates.
-    fn positions_of(&self, members: &[Member]) -> Option<Vec<usize>> {
-        let triples = members.iter().enumerate().filter(|(_, member)| member.is_triple());
-        let triples: Vec<_> = triples.map(|(at, member)| (at, member.name.as_str())).collect();
-        if let Some(at) = positions_among(&triples, self.map) {
-            return Some(vec![at]);
+    /// The links of a group that the decoder passes over.
+    fn links_of(&self, place: &str) -> impl Iterator<Item = &Link> {
+        self.links.iter().filter(move |link| link.group == place.trim_matches('/'))
+    }
+
+    /// The problem of positions that are in another file.
+    fn external_positions(&self, place: &str) -> Option<String> {
+        let mut links = self.links_of(place).filter(|link| {
+            POSITIONS.iter().any(|known| link.name.eq_ignore_ascii_case(known))
+                || link.group.is_empty() && link.name == "PartType0"
+        });
+        let (name, file) = links.find_map(|link| Some((&link.name, link.file.as_ref()?)))?;
+        let (name, file) = (printable(name.clone()), printable(file.clone()));
+        Some(format!("{name} is a link to the file {file}, which is not followed; name that file"))
+    }
+
+    /// The array of the positions, or the columns of their coordinates, and how they lie.
+    fn positions_of(&self, members: &[Member]) -> Option<(Vec<usize>, Places)> {
+        let arrays: Vec<_> =
+            members.iter().map(|member| (member.name.as_str(), member.grid.as_ref())).collect();
+        if let Some((at, places)) = positions_among(&arrays, self.map) {
+            return Some((vec![at], places));
         }
-        columns_among(members, &POSITION)
+        let columns = columns_among(members, &POSITION)?;
+        let rows = columns.first().map_or(0, |&at| members[at].rows());
+        Some((columns, Places::of_columns(rows)))
     }
 
     /// Reads positions and attributes from the arrays of a group; `velocity` names the columns of the
-    /// velocities, if they are no array.
+    /// velocities, if they have no usual names.
     fn take(&mut self, place: &str, members: &[Member], velocity: &[&str]) -> Result<Contents> {
-        let Some(positions) = self.positions_of(members) else {
+        let Some((positions, places)) = self.positions_of(members) else {
             let names: Vec<_> = members.iter().take(8).map(|m| printable(m.name.clone())).collect();
-            let problem =
-                format!("{place}: no positions of shape (n, 3); there are: {}", names.join(", "));
-            return Err(Error::format(self.path, problem));
+            let known = unusual_positions(members).or_else(|| self.external_positions(place));
+            let problem = known.unwrap_or_else(|| {
+                format!("no positions of shape (n, 3); there are: {}", names.join(", "))
+            });
+            return Err(Error::format(self.path, format!("{place}: {problem}")));
         };
-        let path = self.display_path(place, &members[positions[0]].name);
-        let (table, columns) = self.table(&path, place, members, &positions)?;
+        let step = match self.step {
+            None if places.steps == 0 => return Ok(Contents::default()),
+            None if places.steps > 1 => return Err(super::several(self.path)),
+            Some(step) if step >= places.steps => return Err(self.no_step(places.steps)),
+            step => step.unwrap_or(0),
+        };
+        let first = &members[positions[0]];
+        let path = self.display_path(place, &first.name);
+        let (table, columns) = match positions.as_slice() {
+            [_] => self.table(&path, place, first, places.axes, step)?,
+            _ => self.columns(&path, place, members, &positions)?,
+        };
         // The positions take no more memory than their arrays.
         self.count(&path, table.bytes.len() as u64)?;
-        let &[x, y, z] = columns.as_slice() else { return Ok(Contents::default()) };
-        let mut contents = Contents::from(table.particles([x, y, z])?);
+        let Some(xyz) = places.coordinates(&columns) else { return Ok(Contents::default()) };
+        let mut contents = Contents::from(table.particles(xyz)?);
+        if let ([_], Some(grid)) = (positions.as_slice(), &first.grid) {
+            contents.remarks = places.remarks(&printable(first.name.clone()), grid);
+        }
         drop(table);
-        let find = |name: &&str| members.iter().position(|m| m.name == **name && m.is_column());
-        let columns: Option<Vec<usize>> = velocity.iter().map(find).collect();
-        let velocity = columns.filter(|columns| columns.len() == 3);
+        let named = |names: &[&str]| -> Option<Vec<usize>> {
+            let find = |name: &&str| members.iter().position(|m| m.name == **name && m.is_column());
+            names.iter().map(find).collect()
+        };
+        let usual = || columns_among(members, &["velocity", "velocities", "vel", "v"]);
+        let velocity = named(velocity).filter(|columns| columns.len() == 3).or_else(usual);
         let velocity = velocity.filter(|_| self.map.array_of(Attribute::Velocity).is_none());
         if let Some(fields) = &velocity {
             let names: Vec<_> = fields.iter().map(|&at| members[at].name.as_str()).collect();
-            let fields = fields.as_slice();
-            self.attribute(
-                place,
-                members,
-                fields,
-                &names.join(" "),
-                Attribute::Velocity,
-                &mut contents,
-            )?;
+            let name = names.join(" ");
+            let path = self.display_path(place, &name);
+            let (table, columns) = self.columns(&path, place, members, fields)?;
+            let shape = [table.rows, columns.len()];
+            self.count(&path, Attribute::Velocity.bytes().saturating_mul(table.rows as u64))?;
+            contents.take_as(Some(Attribute::Velocity), &name, &shape, &table, &columns)?;
+        }
+        for link in self.links_of(place) {
+            if let (Some(file), Some(attribute)) = (&link.file, self.map.attribute_of(&link.name)) {
+                contents.remarks.push(Remark::Unusable {
+                    array: printable(link.name.clone()),
+                    problem: format!("{attribute} is in the file {}", printable(file.clone())),
+                });
+            }
         }
         let used =
             |at: usize| positions.contains(&at) || velocity.iter().flatten().any(|&f| f == at);
-        for (at, member) in members.iter().enumerate().filter(|&(at, _)| !used(at)) {
+        for (_, member) in members.iter().enumerate().filter(|&(at, _)| !used(at)) {
             let has = |attribute: &Attribute| {
                 attribute_names(&contents.particles).any(|has| has == attribute.name())
             };
             let attribute = self.map.attribute_of(&member.name).filter(|attribute| !has(attribute));
-            match attribute.filter(|&attribute| member.width() == Some(attribute.width())) {
-                Some(attribute) if member.number.is_some() => {
-                    self.attribute(place, members, &[at], &member.name, attribute, &mut contents)?;
+            let axes =
+                attribute.and_then(|attribute| member.grid.as_ref()?.attribute(attribute, &places));
+            let (Some(attribute), Some(axes)) = (attribute, axes) else {
+                if let (Some(attribute), None) = (attribute, &member.grid) {
+                    contents.remarks.push(Remark::Unusable {
+                        array: printable(member.name.clone()),
+                        problem: format!("{attribute} in numbers of an unusual type"),
+                    });
                 }
-                _ => contents.list(&member.name, &member.shape, None),
-            }
+                contents.list(&member.name, &member.shape, None);
+                continue;
+            };
+            let path = self.display_path(place, &member.name);
+            let (table, columns) = self.table(&path, place, member, axes, step)?;
+            let columns = if attribute.width() == 3 { places.vector(columns) } else { columns };
+            let (name, shape) = (&member.name, &member.shape);
+            self.count(&path, attribute.bytes().saturating_mul(table.rows as u64))?;
+            contents.take_as(Some(attribute), name, shape, &table, &columns)?;
         }
         Ok(contents)
     }
 
-    /// Reads an attribute from an array, or from one column for each of its numbers.
-    fn attribute(
+    /// The table of a step of an array, and its columns.
+    fn table<'p>(
         &mut self,
+        path: &'p Path,
         place: &str,
-        members: &[Member],
-        fields: &[usize],
-        name: &str,
-        attribute: Attribute,
-        contents: &mut Contents,
-    ) -> Result<()> {
-        let path = self.display_path(place, name);
-        let (table, columns) = self.table(&path, place, members, fields)?;
-        self.count(&path, attribute.bytes().saturating_mul(table.rows as u64))?;
-        let shape = [table.rows, columns.len()];
-        let shape = if columns.len() == 1 { &shape[..1] } else { &shape[..] };
-        contents.take_as(Some(attribute), name, shape, &table, &columns)
+        member: &Member,
+        axes: Axes,
+        step: usize,
+    ) -> Result<(Table<'p>, Vec<Column>)> {
+        let (bytes, grid) = self.load(place, member, axes, step)?;
+        let source = FileBytes { path, bytes: &[], text: false };
+        let table = grid.table(axes, step, source, 0, Cow::Owned(bytes));
+        table.ok_or_else(|| source.error(0, "an array beyond all memory"))
     }
 
-    /// The table of an array, or of several columns side by side; and its columns.
-    fn table<'p>(
+    /// The table of several columns side by side, and its columns.
+    fn columns<'p>(
         &mut self,
         path: &'p Path,
         place: &str,
         members: &[Member],
         fields: &[usize],
     ) -> Result<(Table<'p>, Vec<Column>)> {
-        let source = FileBytes { path, bytes: &[], text: false };
-        let table = |bytes: Vec<u8>, rows: usize, stride: usize, big_endian: bool| Table {
-            source,
-            start: 0,
-            bytes: Cow::Owned(bytes),
-            rows,
-            stride,
-            big_endian,
-            starts: None,
-        };
-        if let &[field] = fields {
-            let member = &members[field];
-            let (bytes, scalar, big_endian) = self.load(place, member)?;
-            let width = member.width().unwrap_or(1);
-            let rows = member.shape.first().copied().unwrap_or(0);
-            let columns = Column::adjacent(0, width, scalar);
-            return Ok((table(bytes, rows, width * scalar.size(), big_endian), columns));
-        }
         let width = fields.len();
-        let rows = fields.iter().filter_map(|&at| members[at].shape.first().copied());
+        let rows = fields.iter().map(|&at| members[at].rows());
         let (least, rows) = (rows.clone().min().unwrap_or(0), rows.max().unwrap_or(0));
         if least != rows {
             let problem =
@@ -400,40 +645,62 @@ impl Archive<'_> {
                 row[8 * k..][..8].copy_from_slice(&number.to_le_bytes());
             }
         }
-        Ok((table(bytes, rows, stride, false), Column::adjacent(0, width, Scalar::F64)))
+        let table = Table {
+            source: FileBytes { path, bytes: &[], text: false },
+            start: 0,
+            bytes: Cow::Owned(bytes),
+            rows,
+            stride,
+            big_endian: false,
+            starts: None,
+        };
+        Ok((table, Column::adjacent(0, width, Scalar::F64)))
     }
 
     /// The numbers of a column.
     fn numbers(&mut self, place: &str, member: &Member) -> Result<Vec<f64>> {
-        let (bytes, scalar, big_endian) = self.load(place, member)?;
-        let column = Column { offset: 0, scalar };
-        let numbers = bytes.chunks_exact(scalar.size()).map(|x| column.number(x, big_endian));
+        let all = Axes { steps: None, particles: 0, numbers: None };
+        let (bytes, grid) = self.load(place, member, all, 0)?;
+        let (scalar, big_endian) = (grid.scalar, grid.big_endian);
+        let numbers = bytes.chunks_exact(scalar.size()).map(|x| scalar.number(x, big_endian));
         Ok(memory::collect(numbers, self.path.display())?)
     }
 
-    /// Unpacks an array to numbers in the file's byte order.
-    fn load(&mut self, place: &str, member: &Member) -> Result<(Vec<u8>, Scalar, bool)> {
+    /// Unpacks the part of an array that a step needs to numbers in the file's byte order.
+    fn load<'m>(
+        &mut self,
+        place: &str,
+        member: &'m Member,
+        axes: Axes,
+        step: usize,
+    ) -> Result<(Vec<u8>, &'m Grid)> {
         let path = self.display_path(place, &member.name);
         let fail = |problem: String| Error::malformed(&path, Location::Byte(0), problem);
-        let (scalar, big_endian) =
-            member.number.ok_or_else(|| fail("expected an array of numbers".into()))?;
+        let grid = member.grid.as_ref();
+        let grid = grid.ok_or_else(|| fail("expected an array of numbers".into()))?;
         let size = |shape: &mut dyn Iterator<Item = u64>| {
-            shape.fold(scalar.size() as u64, |size, extent| size.saturating_mul(extent))
+            shape.fold(grid.scalar.size() as u64, |size, extent| size.saturating_mul(extent))
         };
-        let length = size(&mut member.shape.iter().map(|&extent| extent as u64));
+        let all = size(&mut member.shape.iter().map(|&extent| extent as u64));
+        let part = grid.part(axes, step).map(|part| part.len() as u64);
+        let length = part.unwrap_or(u64::MAX);
         let chunk = member.dataset.chunk_shape().map_err(|error| fail(describe(&error)))?;
         let chunk = chunk.map_or(0, |shape| size(&mut shape.into_iter()));
-        if length.max(chunk) > self.packed.saturating_mul(DEFLATE_RATIO) {
-            let (length, packed) = (length.max(chunk), self.packed);
+        if all.max(chunk) > self.packed.saturating_mul(DEFLATE_RATIO) {
+            let (length, packed) = (all.max(chunk), self.packed);
             return Err(fail(format!("{length} bytes cannot be in a file of {packed}")));
         }
         self.count(&path, length)?;
         memory::probe(usize::try_from(length.max(chunk)).unwrap_or(usize::MAX), path.display())?;
-        let bytes = member.dataset.read_raw().map_err(|error| fail(describe(&error)))?;
+        let bytes = match length < all {
+            true => member.dataset.read_raw_rows(step as u64, 1),
+            false => member.dataset.read_raw(),
+        };
+        let bytes = bytes.map_err(|error| fail(describe(&error)))?;
         if bytes.len() as u64 != length {
             return Err(fail(format!("expected {length} bytes, found {}", bytes.len())));
         }
-        Ok((bytes, scalar, big_endian))
+        Ok((bytes, grid))
     }
 
     /// Path of an array for messages.
@@ -469,39 +736,108 @@ fn describe(error: &hdf5_pure::Error) -> String {
             FormatError::UnsupportedFilter(_)
                 | FormatError::UnsupportedZfp(_)
                 | FormatError::UnsupportedVirtualLayout
+                | FormatError::InvalidLayoutVersion(_)
         )
     );
     let remedy = if unsupported { "; `h5repack -f NONE IN.h5 OUT.h5` unpacks it" } else { "" };
     format!("{text:.MOST$}{remedy}")
 }
 
-/// The type of a dataset's numbers, and whether they are big-endian.
+/// An array of a group; `None` if its shape cannot be read.
+fn member(name: String, dataset: Dataset) -> Option<Member> {
+    let shape = dataset.shape().ok()?;
+    let shape: Vec<usize> =
+        shape.into_iter().map(usize::try_from).collect::<Result<_, _>>().ok()?;
+    let grid = number_of(&dataset).map(|(scalar, big_endian)| Grid {
+        sizes: shape.clone(),
+        columns_first: false,
+        scalar,
+        big_endian,
+    });
+    Some(Member { name, dataset, shape, grid })
+}
+
+/// Divides bodies into liquids and solids by their names.
+fn sorted(bodies: Vec<Body>) -> (Vec<Body>, Vec<Body>) {
+    let says = |name: &str, words: &[&str]| {
+        let name = name.to_ascii_lowercase();
+        words.iter().any(|word| name.contains(word))
+    };
+    let is_liquid = |name: &str| says(name, &["fluid", "liquid", "water"]);
+    let is_solid = |name: &str| {
+        says(name, &["solid", "bound", "wall", "tank", "body", "rigid", "obstacle", "gate"])
+    };
+    let named = bodies.iter().any(|body| is_liquid(&body.name));
+    let liquid = |body: &Body| if named { is_liquid(&body.name) } else { !is_solid(&body.name) };
+    bodies.into_iter().partition(liquid)
+}
+
+/// The type of a dataset's numbers, and whether they are big-endian; `None` for types that are none of IEEE 754's
+/// or whole numbers of a few bytes.
 fn number_of(dataset: &Dataset) -> Option<(Scalar, bool)> {
-    let order = match dataset.datatype().ok()? {
-        Datatype::FixedPoint { byte_order, .. } | Datatype::FloatingPoint { byte_order, .. } => {
-            byte_order
+    const HALF: FloatingPointLayout = FloatingPointLayout {
+        bit_offset: 0,
+        bit_precision: 16,
+        exponent_location: 10,
+        exponent_size: 5,
+        mantissa_location: 0,
+        mantissa_size: 10,
+        exponent_bias: 15,
+    };
+    let (order, scalar) = match dataset.datatype().ok()? {
+        Datatype::FloatingPoint { size, byte_order, layout } => {
+            let scalar = match size {
+                2 if layout == HALF => Scalar::F16,
+                4 if layout == FloatingPointLayout::IEEE754_BINARY32 => Scalar::F32,
+                8 if layout == FloatingPointLayout::IEEE754_BINARY64 => Scalar::F64,
+                _ => return None,
+            };
+            (byte_order, scalar)
+        }
+        Datatype::FixedPoint { size, byte_order, layout } => {
+            let FixedPointLayout { signed, bit_offset, bit_precision } = layout;
+            if bit_offset != 0 || u32::from(bit_precision) != size.saturating_mul(8) {
+                return None;
+            }
+            let scalar = match (size, signed) {
+                (1, true) => Scalar::I8,
+                (1, false) => Scalar::U8,
+                (2, true) => Scalar::I16,
+                (2, false) => Scalar::U16,
+                (4, true) => Scalar::I32,
+                (4, false) => Scalar::U32,
+                (8, true) => Scalar::I64,
+                (8, false) => Scalar::U64,
+                _ => return None,
+            };
+            (byte_order, scalar)
         }
         _ => return None,
     };
-    let big_endian = match order {
-        DatatypeByteOrder::LittleEndian => false,
-        DatatypeByteOrder::BigEndian => true,
-        DatatypeByteOrder::Vax => return None,
+    match order {
+        DatatypeByteOrder::LittleEndian => Some((scalar, false)),
+        DatatypeByteOrder::BigEndian => Some((scalar, true)),
+        DatatypeByteOrder::Vax => None,
+    }
+}
+
+/// The problem of positions that have a usual name and shape, but numbers of a type that is not read.
+fn unusual_positions(members: &[Member]) -> Option<String> {
+    let unusual = |member: &&Member| member.grid.as_ref().is_none_or(|grid| !grid.may_be_places());
+    let known = |member: &&Member| {
+        POSITIONS.iter().any(|known| member.name.eq_ignore_ascii_case(known))
+            && matches!(member.shape.as_slice(), [_, 2 | 3] | [_, _, 2 | 3])
     };
-    let scalar = match dataset.dtype().ok()? {
-        DType::I8 => Scalar::I8,
-        DType::U8 => Scalar::U8,
-        DType::I16 => Scalar::I16,
-        DType::U16 => Scalar::U16,
-        DType::I32 => Scalar::I32,
-        DType::U32 => Scalar::U32,
-        DType::I64 => Scalar::I64,
-        DType::U64 => Scalar::U64,
-        DType::F32 => Scalar::F32,
-        DType::F64 => Scalar::F64,
-        _ => return None,
+    let member = members.iter().filter(unusual).find(known)?;
+    let kind = match member.dataset.datatype() {
+        Ok(Datatype::FloatingPoint { size, .. }) => {
+            format!("floats of {size} bytes that are not IEEE 754's")
+        }
+        Ok(Datatype::FixedPoint { size, .. }) => format!("integers of {size} bytes"),
+        _ => "data of another type".into(),
     };
-    Some((scalar, big_endian))
+    let name = printable(member.name.clone());
+    Some(format!("{name} has {kind}; expected IEEE floats, or integers of 2 to 8 bytes"))
 }
 
 /// Finds the columns of a vector whose names begin with one of `bases`.

@@ -162,9 +162,7 @@ impl Layout {
             starts.push(file.start);
         }
         if file.filled_line().is_some() {
-            let problem =
-                "several frames in one file, which is a sequence of its own: name it alone";
-            return Err(Error::format(path, problem));
+            return Err(super::several(path));
         }
         self.contents(file.source, begin, numbers, starts)
     }

@@ -1,6 +1,6 @@
 //! `.npy`, an array of numpy (Robert Kern, "A simple file format for numpy arrays", 2007, and the
-//! module documentation of `numpy.lib.format`): positions as an array of shape (n, 3), or with further columns that are ignored, of 32- or 64-bit
-//! floats, of either byte order, in C or Fortran order.
+//! module documentation of `numpy.lib.format`): positions as an array of a shape of [`super::axes`], of floats or
+//! integers of either byte order, in C or Fortran order.
 //!
 //! ```text
 //! "\x93NUMPY"  u8 major, minor  u16 (major 1) or u32 length, little-endian
@@ -11,12 +11,16 @@
 //! The header is a Python literal. Only these three entries matter, and none can be nested, so they are
 //! found by their names without parsing Python.
 
+use std::borrow::Cow;
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
-use super::{Column, Contents, Cursor, Particles, Reading, Scalar, Table, foreign, write_numbers};
+use super::axes::{Grid, Places};
+use super::{Contents, Cursor, FileBytes, Particles, Reading, Scalar, foreign, write_numbers};
 use crate::error::{Error, Result};
+use crate::files::{self, File as InputFile};
+use limpid::memory;
 
 pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Contents> {
     if !bytes.starts_with(MAGIC) {
@@ -24,28 +28,73 @@ pub(super) fn read(path: &Path, bytes: &[u8], _: &Reading<'_>) -> Result<Content
     }
     let mut file = Cursor::new(path, bytes, false);
     let header = Header::read(&mut file)?;
-    let mut contents = Contents::from(header.positions(&mut file)?);
-    if header.further_columns() > 0 {
-        let rows = contents.particles.len();
-        contents.list("columns after the third", &[rows, header.further_columns()], None);
+    let places = header.places(path)?;
+    match places.steps {
+        0 => return Ok(Contents::default()),
+        1 => {}
+        _ => return Err(super::several(path)),
     }
-    Ok(contents)
+    let numbers = file.take_records(header.grid.rows(), header.grid.row_bytes(), "positions")?;
+    header.contents(path, &places, 0, file.start, numbers)
 }
 
-/// Largest number of values of an attribute.
-const MAX_SIZE: usize = 6;
+/// Number of time steps in the array; 1 if it has no axis of them, or cannot be read.
+pub(super) fn steps(path: &Path) -> Result<usize> {
+    let (mut file, _) = files::open(path)?;
+    let (start, _) = beginning(path, &mut file)?;
+    let header = Header::read(&mut Cursor::new(path, &start, false));
+    let places = header.and_then(|header| header.places(path));
+    Ok(places.map_or(1, |places| places.steps))
+}
 
-/// Largest number of columns beside and including the positions.
-const MAX_COLUMNS: usize = 4096;
+/// Reads the positions of one step of several.
+pub(super) fn read_step(path: &Path, step: usize, limit: Option<u64>) -> Result<Contents> {
+    let fail = |source| Error::io(path, "read", source);
+    let (mut file, metadata) = files::open(path)?;
+    let (start, length) = beginning(path, &mut file)?;
+    let mut cursor = Cursor::new(path, &start, false);
+    let header = Header::read(&mut cursor)?;
+    let places = header.places(path)?;
+    let part = header.grid.part(places.axes, step).unwrap_or(usize::MAX..usize::MAX);
+    let from = (cursor.offset as u64).saturating_add(part.start as u64);
+    let size = part.len();
+    if step >= places.steps || from.saturating_add(size as u64) > length {
+        cursor.start = cursor.offset;
+        let problem = format!("step {step} of {} lies beyond the end of the file", places.steps);
+        return Err(cursor.error(problem));
+    }
+    let limit = limit.unwrap_or_else(|| files::unpacked_limit(size as u64));
+    if size as u64 > limit {
+        return Err(cursor.source.too_large(cursor.offset, "array", limit));
+    }
+    let mut bytes = memory::zeroed(size, path.display())?;
+    file.seek(SeekFrom::Start(from)).map_err(fail)?;
+    let read = file.read_exact(&mut bytes);
+    files::unchanged(path, &file, &metadata)?;
+    read.map_err(fail)?;
+    header.contents(path, &places, step, from as usize, &bytes)
+}
 
-const MAGIC: &[u8] = b"\x93NUMPY";
+/// The bytes at the beginning of a file, more than any header has, and its length.
+fn beginning(path: &Path, file: &mut InputFile) -> Result<(Vec<u8>, u64)> {
+    const START: u64 = 1 << 16;
+    let fail = |source| Error::io(path, "read", source);
+    let length = file.metadata().map_err(fail)?.len();
+    let mut start = Vec::new();
+    file.take(START).read_to_end(&mut start).map_err(fail)?;
+    Ok((start, length))
+}
+
+pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// The header of an array.
 pub(super) struct Header {
     /// Type of the numbers in numpy's notation, such as `<f4`.
-    kind: String,
-    columns_first: bool,
-    shape: String,
+    pub(super) kind: String,
+    /// The array. Numbers of another than a plain type count as bytes.
+    pub(super) grid: Grid,
+    /// Whether the numbers have a plain type.
+    pub(super) plain: bool,
 }
 
 impl Header {
@@ -78,108 +127,81 @@ impl Header {
         };
         let shape = entry("shape").and_then(|rest| rest.strip_prefix('(')?.split_once(')'));
         let (shape, _) = shape.ok_or_else(|| missing("shape"))?;
-        Ok(Self { kind: kind.into(), columns_first, shape: shape.into() })
+        let sizes = shape.split(',').map(str::trim).filter(|size| !size.is_empty());
+        let sizes = sizes.map(|size| file.count(Some(size), "the shape"));
+        let sizes = sizes.collect::<Result<Vec<usize>>>()?;
+        let number = scalar(kind);
+        let (big_endian, scalar) = number.unwrap_or((false, Scalar::U8));
+        let grid = Grid { sizes, columns_first, scalar, big_endian };
+        Ok(Self { kind: kind.into(), grid, plain: number.is_some() })
     }
 
-    fn sizes(&self) -> Vec<&str> {
-        self.shape.split(',').map(str::trim).filter(|size| !size.is_empty()).collect()
-    }
-
-    /// The sizes along all axes, without those that are not numbers.
-    pub(super) fn shape(&self) -> Vec<usize> {
-        self.sizes().iter().filter_map(|size| size.parse().ok()).collect()
-    }
-
-    /// Whether the array can be positions.
-    pub(super) fn triples(&self) -> bool {
-        matches!(self.sizes().as_slice(), [_, "3"])
-            && matches!(self.scalar(), Some((_, Scalar::F32 | Scalar::F64)))
-    }
-
-    /// Whether the numbers are big-endian, and their type, if it is a plain one.
-    fn scalar(&self) -> Option<(bool, Scalar)> {
-        let (order, kind) = self.kind.split_at_checked(1)?;
-        let scalar = match kind {
-            "i1" => Scalar::I8,
-            "u1" => Scalar::U8,
-            "i2" => Scalar::I16,
-            "u2" => Scalar::U16,
-            "i4" => Scalar::I32,
-            "u4" => Scalar::U32,
-            "i8" => Scalar::I64,
-            "u8" => Scalar::U64,
-            "f4" => Scalar::F32,
-            "f8" => Scalar::F64,
-            _ => return None,
-        };
-        match order {
-            "<" | "|" => Some((false, scalar)),
-            ">" => Some((true, scalar)),
-            _ => None,
-        }
-    }
-
-    pub(super) fn positions(&self, file: &mut Cursor<'_>) -> Result<Particles> {
-        let path = file.source.path;
-        if !matches!(self.scalar(), Some((_, Scalar::F32 | Scalar::F64))) {
-            let problem = format!("numbers of type `{}`; expected 32- or 64-bit floats", self.kind);
+    /// How positions lie in the array, if it is one of coordinates.
+    fn places(&self, path: &Path) -> Result<Places> {
+        if !self.plain || !self.grid.may_be_places() {
+            let kind = &self.kind;
+            let problem = format!(
+                "numbers of type `{kind}`; expected floats, or integers of 16 bits or more"
+            );
             return Err(Error::format(path, problem));
         }
-        let problem = || {
-            let shape = &self.shape;
-            Error::format(path, format!("shape ({shape}); expected (n, 3), or more columns"))
-        };
-        let [_, _] = *self.sizes() else { return Err(problem()) };
-        let (table, columns) = self.columns(file, "positions", MAX_COLUMNS)?.ok_or_else(problem)?;
-        match columns.as_slice() {
-            &[x, y, z, ..] => table.particles([x, y, z]),
-            _ => Err(problem()),
-        }
+        Places::of(&self.grid).ok_or_else(|| {
+            let shape: Vec<String> = self.grid.sizes.iter().map(usize::to_string).collect();
+            let comma = if shape.len() == 1 { "," } else { "" };
+            let shape = shape.join(", ");
+            let problem = format!(
+                "shape ({shape}{comma}); expected (n, 3), or more columns, (3, n), (n, 2), or steps of these"
+            );
+            Error::format(path, problem)
+        })
     }
 
-    /// Number of columns after the positions.
-    fn further_columns(&self) -> usize {
-        let columns = self.sizes().get(1).and_then(|size| size.parse::<usize>().ok());
-        columns.unwrap_or(3).saturating_sub(3)
-    }
-
-    /// The array with one row per particle, if its shape is (n) or (n, k) and its numbers have a plain
-    /// type; shape (), a single number, is one row.
-    pub(super) fn table<'a>(
+    /// The positions of a step; `bytes` are those of its part, which begins at `start` of the file.
+    fn contents(
         &self,
-        file: &mut Cursor<'a>,
-        what: &str,
-    ) -> Result<Option<(Table<'a>, Vec<Column>)>> {
-        self.columns(file, what, MAX_SIZE)
-    }
-
-    /// As [`Header::table`], for up to `most` values of a particle.
-    fn columns<'a>(
-        &self,
-        file: &mut Cursor<'a>,
-        what: &str,
-        most: usize,
-    ) -> Result<Option<(Table<'a>, Vec<Column>)>> {
-        let Some((big_endian, scalar)) = self.scalar() else { return Ok(None) };
-        let sizes = self.sizes();
-        let (rows, size) = match *sizes.as_slice() {
-            [] => ("1", 1),
-            [rows] => (rows, 1),
-            [rows, size] => (rows, file.count(Some(size), "the shape")?),
-            _ => return Ok(None),
-        };
-        let rows = file.count(Some(rows), "the shape")?;
-        if size == 0 || size > most {
-            return Ok(None);
+        path: &Path,
+        places: &Places,
+        step: usize,
+        start: usize,
+        bytes: &[u8],
+    ) -> Result<Contents> {
+        let source = FileBytes { path, bytes: &[], text: false };
+        let table = self.grid.table(places.axes, step, source, start, Cow::Borrowed(bytes));
+        let (table, columns) =
+            table.ok_or_else(|| source.error(start, "an array beyond all memory"))?;
+        let Some(xyz) = places.coordinates(&columns) else { return Ok(Contents::default()) };
+        let mut contents = Contents::from(table.particles(xyz)?);
+        contents.remarks = places.remarks("the array", &self.grid);
+        if columns.len() > 3 {
+            let what = if places.axes.are_rows() { "columns" } else { "rows" };
+            let shape = [table.rows, columns.len() - 3];
+            contents.list(&format!("{what} after the third"), &shape, None);
         }
-        let mut table = file.table(rows, size * scalar.size(), big_endian, what)?;
-        let columns = if self.columns_first {
-            table.stride = scalar.size();
-            (0..size).map(|k| Column { offset: k * rows * scalar.size(), scalar }).collect()
-        } else {
-            Column::adjacent(0, size, scalar)
-        };
-        Ok(Some((table, columns)))
+        Ok(contents)
+    }
+}
+
+/// Whether numbers of this type are big-endian, and the type, if it is a plain one.
+fn scalar(kind: &str) -> Option<(bool, Scalar)> {
+    let (order, kind) = kind.split_at_checked(1)?;
+    let scalar = match kind {
+        "i1" => Scalar::I8,
+        "u1" => Scalar::U8,
+        "i2" => Scalar::I16,
+        "u2" => Scalar::U16,
+        "i4" => Scalar::I32,
+        "u4" => Scalar::U32,
+        "i8" => Scalar::I64,
+        "u8" => Scalar::U64,
+        "f2" => Scalar::F16,
+        "f4" => Scalar::F32,
+        "f8" => Scalar::F64,
+        _ => return None,
+    };
+    match order {
+        "<" | "|" => Some((false, scalar)),
+        ">" => Some((true, scalar)),
+        _ => None,
     }
 }
 

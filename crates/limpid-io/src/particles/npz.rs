@@ -1,82 +1,153 @@
 //! `.npz`, a zip archive of numpy arrays (`numpy.savez`, `numpy.savez_compressed`): each attribute is a
 //! member `NAME.npy`, stored or deflated.
 
+use std::borrow::Cow;
 use std::fs::File;
-use std::io::{self, BufWriter, Read};
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use zip::write::SimpleFileOptions;
-use zip::{ZipArchive, ZipWriter};
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
+use super::axes::{Grid, Places};
 use super::npy::{self, Header};
 use super::{
-    Attribute, AttributeMap, Column, Contents, Cursor, Particles, Reading, Table, Values, foreign,
-    write_numbers,
+    Attribute, AttributeMap, Column, Contents, Cursor, FileBytes, Particles, Reading, Table,
+    Values, foreign, write_numbers,
 };
 use crate::error::{Error, Location, Result, printable};
-use crate::files::DEFLATE_RATIO;
+use crate::files::{self, DEFLATE_RATIO};
 use limpid::memory;
 
 /// Names of positions, the most likely first; numpy calls the first array without a name `arr_0`.
-const POSITIONS: [&str; 7] =
+pub(super) const POSITIONS: [&str; 7] =
     ["positions", "position", "pos", "x", "points", "coordinates", "arr_0"];
 
-type Archive<'a> = ZipArchive<io::Cursor<&'a [u8]>>;
+/// Names of the times of the steps of a rollout.
+pub(super) const TIMES: [&str; 4] = ["time", "times", "t", "timestamps"];
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
     if !bytes.starts_with(b"PK\x03\x04") && !bytes.starts_with(b"PK\x05\x06") {
         return Err(foreign(path, bytes, "an archive of NumPy arrays"));
     }
-    let mut archive = ZipArchive::new(io::Cursor::new(bytes))
-        .map_err(|error| damaged(path, &format!("the zip archive is damaged: {error}")))?;
-    let mut arrays = Vec::new();
-    for index in 0..archive.len() {
-        let name = match archive.by_index(index) {
-            Ok(member) => String::from_utf8_lossy(member.name_raw()).into_owned(),
-            Err(error) => return Err(damaged(path, &format!("member {index}: {error}"))),
-        };
-        if let Some(name) = name.strip_suffix(".npy") {
-            arrays.push((index, name.to_owned()));
-        }
-    }
-    let (limit, map) = (reading.limit, reading.map);
     let packed = bytes.len() as u64;
-    let mut archive = Members { path, archive, packed, limit, used: 0 };
-    let headers = headers(&mut archive, &arrays)?;
-    let positions = find_positions(path, map, &arrays, &headers)?;
-    let mut contents = {
-        let (index, name) = &arrays[positions];
-        let path = archive.display_path(name);
-        let bytes = archive.unpack(*index, name, usize::MAX)?;
-        // The positions take no more memory than their array.
-        archive.count(bytes.len() as u64, name)?;
-        let mut file = Cursor::new(&path, &bytes, false);
-        Contents::from(Header::read(&mut file)?.positions(&mut file)?)
-    };
-    let others = arrays.iter().zip(&headers).enumerate().filter(|(at, _)| *at != positions);
-    for (_, ((index, name), header)) in others {
-        let shape = header.as_ref().map(Header::shape).unwrap_or_default();
-        let attribute = map.attribute_of(name);
-        // The first array of an attribute is used, and no other is unpacked.
-        let has = |attribute: Attribute| {
-            super::attribute_names(&contents.particles).any(|has| has == attribute.name())
-        };
-        let Some(attribute) = attribute.filter(|&attribute| !has(attribute)) else {
-            contents.list(name, &shape, None);
-            continue;
-        };
-        let path = archive.display_path(name);
-        let bytes = archive.unpack(*index, name, usize::MAX)?;
-        let mut file = Cursor::new(&path, &bytes, false);
-        let Some((table, columns)) = Header::read(&mut file)?.table(&mut file, name)? else {
-            contents.list(name, &shape, None);
-            continue;
-        };
-        let table = broadcast(table, &columns, attribute, &shape, contents.particles.len());
-        archive.count(attribute.bytes().saturating_mul(table.rows as u64), name)?;
-        contents.take_as(Some(attribute), name, &shape, &table, &columns)?;
+    let mut archive = Members::open(path, io::Cursor::new(bytes), packed, reading.limit)?;
+    let headers = archive.headers()?;
+    let (positions, places) = find_positions(path, reading.map, &archive.arrays, &headers)?;
+    match places.steps {
+        0 => return Ok(Contents::default()),
+        1 => {}
+        _ => return Err(super::several(path)),
     }
-    Ok(contents)
+    archive.contents(reading.map, &headers, positions, &places, 0)
+}
+
+/// Number of time steps of the positions, 1 if the archive cannot be read, and the times of the steps, if it has them.
+pub(super) fn steps(path: &Path) -> Result<(usize, Vec<f64>)> {
+    let (file, metadata) = files::open(path)?;
+    let length = metadata.len();
+    let limit = files::unpacked_limit(length);
+    let find = || {
+        let mut archive = Members::open(path, BufReader::new(file), length, limit).ok()?;
+        let headers = archive.headers().ok()?;
+        let found = find_positions(path, &AttributeMap::default(), &archive.arrays, &headers);
+        let steps = found.ok()?.1.steps;
+        let times = if steps > 1 { archive.times(&headers, steps) } else { Vec::new() };
+        Some((steps, times))
+    };
+    Ok(find().unwrap_or((1, Vec::new())))
+}
+
+/// Reads one step of several.
+pub(super) fn read_step(
+    path: &Path,
+    step: usize,
+    limit: Option<u64>,
+    map: &AttributeMap,
+) -> Result<Contents> {
+    let (file, metadata) = files::open(path)?;
+    let length = metadata.len();
+    let limit = limit.unwrap_or_else(|| files::unpacked_limit(length));
+    let mut archive = Members::open(path, BufReader::new(file), length, limit)?;
+    let headers = archive.headers()?;
+    let (positions, places) = find_positions(path, map, &archive.arrays, &headers)?;
+    if step >= places.steps {
+        let problem = format!("step {step}: the file has {} now", places.steps);
+        return Err(damaged(path, &problem));
+    }
+    archive.contents(map, &headers, positions, &places, step)
+}
+
+/// The header of a member, and the offset of its numbers.
+struct Member {
+    header: Header,
+    offset: usize,
+}
+
+/// Finds the array of the positions.
+fn find_positions(
+    path: &Path,
+    map: &AttributeMap,
+    arrays: &[(usize, String)],
+    headers: &[Option<Member>],
+) -> Result<(usize, Places)> {
+    let grids = headers.iter().map(|member| {
+        let header = member.as_ref().map(|member| &member.header);
+        header.filter(|header| header.plain).map(|header| &header.grid)
+    });
+    let named = arrays.iter().map(|(_, name)| name.as_str()).zip(grids);
+    positions_among(&named.collect::<Vec<_>>(), map).ok_or_else(|| {
+        let names: Vec<&str> = arrays.iter().take(8).map(|(_, name)| name.as_str()).collect();
+        let pickled = |member: &Member| member.header.kind.ends_with('O');
+        if headers.iter().flatten().any(pickled) && names.contains(&"particles") {
+            let problem = "arrays pickled by Python, as PySPH writes them, which may run any program; `python -c \
+                           \"import numpy as N; p = N.load('a.npz', allow_pickle=True)['particles'].item(); f = \
+                           p.get('fluid', p[sorted(p)[0]])['arrays']; N.savez('b.npz', positions=N.c_[f['x'], \
+                           f['y'], f['z']], velocity=N.c_[f['u'], f['v'], f['w']], density=f['rho'])\"` writes \
+                           plain ones, and PySPH itself HDF5 where h5py is installed";
+            return Error::format(path, problem);
+        }
+        let problem = format!(
+            "no array `{}` of shape (n, 3) of floats, nor a single other one; there are: {}",
+            POSITIONS.join("`, `"),
+            names.join(", ")
+        );
+        Error::format(path, problem)
+    })
+}
+
+/// Chooses the positions among named arrays, and tells how they lie: by their name, or the only array of floats and of
+/// shape (n, 3) that is no attribute, or the only one of another shape of three coordinates.
+pub(super) fn positions_among(
+    arrays: &[(&str, Option<&Grid>)],
+    map: &AttributeMap,
+) -> Option<(usize, Places)> {
+    let candidates = arrays.iter().enumerate().filter_map(|(at, &(name, grid))| {
+        let grid = grid.filter(|grid| grid.may_be_places())?;
+        let columns = |places: &Places| places.width <= 3;
+        Some((at, name, grid, Places::of(grid).filter(columns)?))
+    });
+    let candidates: Vec<_> = candidates.collect();
+    let named = POSITIONS
+        .iter()
+        .find_map(|known| candidates.iter().find(|(_, name, ..)| name.eq_ignore_ascii_case(known)));
+    let others: Vec<_> = candidates
+        .iter()
+        .filter(|(_, name, grid, places)| {
+            map.attribute_of(name).is_none() && grid.is_float() && places.width == 3
+        })
+        .collect();
+    let rows: Vec<_> = others
+        .iter()
+        .filter(|(_, _, grid, _)| grid.sizes.len() == 2 && grid.sizes[1] == 3)
+        .collect();
+    let other = || match (rows.as_slice(), others.as_slice()) {
+        ([one], _) => Some(**one),
+        ([], [one]) => Some(*one),
+        _ => None,
+    };
+    named.or_else(other).map(|&(at, _, _, places)| (at, places))
 }
 
 /// Repeats a single radius or density for all particles.
@@ -96,56 +167,12 @@ fn broadcast<'a>(
     }
 }
 
-/// Reads the headers of all arrays; `None` for members without a valid one.
-fn headers(archive: &mut Members<'_>, arrays: &[(usize, String)]) -> Result<Vec<Option<Header>>> {
-    /// Size that suffices for the header of any array of plain numbers, bytes.
-    const MAX_HEADER: usize = 1 << 12;
-    let mut header = |(index, name): &(usize, String)| {
-        let path = archive.display_path(name);
-        let start = archive.unpack(*index, name, MAX_HEADER)?;
-        Ok(Header::read(&mut Cursor::new(&path, &start, false)).ok())
-    };
-    arrays.iter().map(&mut header).collect()
-}
-
-/// Finds the array of the positions.
-fn find_positions(
-    path: &Path,
-    map: &AttributeMap,
-    arrays: &[(usize, String)],
-    headers: &[Option<Header>],
-) -> Result<usize> {
-    let triples = headers.iter().enumerate();
-    let triples = triples.filter(|(_, header)| header.as_ref().is_some_and(Header::triples));
-    let triples: Vec<(usize, &str)> = triples.map(|(at, _)| (at, arrays[at].1.as_str())).collect();
-    positions_among(&triples, map).ok_or_else(|| {
-        let names: Vec<&str> = arrays.iter().take(8).map(|(_, name)| name.as_str()).collect();
-        let problem = format!(
-            "no array `{}` of shape (n, 3) of floats, nor a single other one; there are: {}",
-            POSITIONS.join("`, `"),
-            names.join(", ")
-        );
-        Error::format(path, problem)
-    })
-}
-
-/// Chooses the positions among arrays of triples, with their numbers: by their name, or the only one that is
-/// no attribute.
-pub(super) fn positions_among(triples: &[(usize, &str)], map: &AttributeMap) -> Option<usize> {
-    let named = POSITIONS
-        .iter()
-        .find_map(|known| triples.iter().find(|(_, name)| name.eq_ignore_ascii_case(known)));
-    let other = || {
-        let mut others = triples.iter().filter(|(_, name)| map.attribute_of(name).is_none());
-        others.next().filter(|_| others.next().is_none())
-    };
-    named.or_else(other).map(|&(at, _)| at)
-}
-
 /// An archive, with a limit of its unpacked size.
-struct Members<'a> {
+struct Members<'a, R> {
     path: &'a Path,
-    archive: Archive<'a>,
+    archive: ZipArchive<R>,
+    /// Number in the archive and name of each array.
+    arrays: Vec<(usize, String)>,
     /// Size of the file, bytes.
     packed: u64,
     /// Limit of the unpacked members and the attributes read from them, bytes.
@@ -154,40 +181,183 @@ struct Members<'a> {
     used: u64,
 }
 
-impl Members<'_> {
-    /// Path of a member for messages.
-    fn display_path(&self, name: &str) -> PathBuf {
-        format!("{} ({}.npy)", self.path.display(), printable(name.into())).into()
+impl<'a, R: Read + Seek> Members<'a, R> {
+    fn open(path: &'a Path, file: R, packed: u64, limit: u64) -> Result<Self> {
+        let mut archive = ZipArchive::new(file)
+            .map_err(|error| damaged(path, &format!("the zip archive is damaged: {error}")))?;
+        let mut arrays = Vec::new();
+        for index in 0..archive.len() {
+            let name = match archive.by_index(index) {
+                Ok(member) => String::from_utf8_lossy(member.name_raw()).into_owned(),
+                Err(error) => return Err(damaged(path, &format!("member {index}: {error}"))),
+            };
+            if let Some(name) = name.strip_suffix(".npy") {
+                arrays.push((index, name.to_owned()));
+            }
+        }
+        Ok(Self { path, archive, arrays, packed, limit, used: 0 })
     }
 
-    fn too_large(&self, name: &str, byte: u64) -> Error {
-        let (path, location) = (self.display_path(name), Location::Byte(byte));
+    /// Reads the headers of all arrays; `None` for members without a valid one.
+    fn headers(&mut self) -> Result<Vec<Option<Member>>> {
+        /// Size that suffices for the header of any array of plain numbers, bytes.
+        const MAX_HEADER: usize = 1 << 12;
+        let count = self.arrays.len();
+        let header = |at| {
+            let path = self.display_path(at);
+            let start = self.unpack(at, 0..MAX_HEADER)?;
+            let mut file = Cursor::new(&path, &start, false);
+            let header = Header::read(&mut file).ok();
+            Ok(header.map(|header| Member { header, offset: file.offset }))
+        };
+        (0..count).map(header).collect()
+    }
+
+    /// The positions and attributes of a step.
+    fn contents(
+        &mut self,
+        map: &AttributeMap,
+        headers: &[Option<Member>],
+        positions: usize,
+        places: &Places,
+        step: usize,
+    ) -> Result<Contents> {
+        let mut contents = Contents::default();
+        let others = (0..headers.len()).filter(|&at| at != positions);
+        for at in std::iter::once(positions).chain(others) {
+            let name = self.arrays[at].1.clone();
+            let Some(Member { header, offset }) = &headers[at] else {
+                contents.list(&name, &[], None);
+                continue;
+            };
+            let (path, shape) = (self.display_path(at), header.grid.sizes.as_slice());
+            // A single number is one row.
+            let single = shape.is_empty().then(|| Grid { sizes: vec![1], ..header.grid.clone() });
+            let grid = single.as_ref().unwrap_or(&header.grid);
+            let attribute = map.attribute_of(&name);
+            // The first array of an attribute is used, and no other is unpacked.
+            let has = |attribute: Attribute| {
+                super::attribute_names(&contents.particles).any(|has| has == attribute.name())
+            };
+            let attribute = attribute.filter(|&attribute| at != positions && !has(attribute));
+            let axes = match attribute {
+                _ if at == positions => Some(places.axes),
+                Some(attribute) if header.plain => grid.attribute(attribute, places),
+                _ => None,
+            };
+            let Some(axes) = axes else {
+                contents.list(&name, shape, None);
+                continue;
+            };
+            let part = grid.part(axes, step).unwrap_or(usize::MAX..usize::MAX);
+            let from = offset.saturating_add(part.start);
+            // To the end of the member, where its checksum is compared.
+            let whole = Some(part.len()) == grid.bytes();
+            let to = if whole { usize::MAX } else { offset.saturating_add(part.end) };
+            let bytes = self.unpack(at, from..to)?;
+            let source = FileBytes { path: &path, bytes: &[], text: false };
+            if grid.bytes().is_none() || bytes.len() < part.len() {
+                let (rows, size) = (grid.rows(), grid.row_bytes());
+                let left = bytes.len();
+                let problem = format!("{name}: expected {rows} × {size} bytes, {left} are left");
+                return Err(source.error(from, problem));
+            }
+            let table = grid.table(axes, step, source, from, Cow::Borrowed(&bytes));
+            let Some((table, columns)) = table else { continue };
+            let Some(attribute) = attribute else {
+                // The positions take no more memory than their array.
+                self.count(bytes.len() as u64, at)?;
+                let Some(xyz) = places.coordinates(&columns) else { continue };
+                contents = Contents::from(table.particles(xyz)?);
+                contents.remarks = places.remarks(&name, grid);
+                continue;
+            };
+            let columns = if attribute.width() == 3 { places.vector(columns) } else { columns };
+            let rows = contents.particles.len();
+            let table = broadcast(table, &columns, attribute, shape, rows);
+            self.count(attribute.bytes().saturating_mul(table.rows as u64), at)?;
+            contents.take_as(Some(attribute), &name, shape, &table, &columns)?;
+        }
+        Ok(contents)
+    }
+
+    /// The times of the steps, if there are as many in an array of such a name.
+    fn times(&mut self, headers: &[Option<Member>], steps: usize) -> Vec<f64> {
+        let is_time = |at: &usize| {
+            let plain = headers[*at]
+                .as_ref()
+                .is_some_and(|member| member.header.plain && member.header.grid.sizes == [steps]);
+            plain && TIMES.iter().any(|time| self.arrays[*at].1.eq_ignore_ascii_case(time))
+        };
+        let found = (0..self.arrays.len()).find(is_time);
+        let Some((at, member)) = found.and_then(|at| Some((at, headers[at].as_ref()?))) else {
+            return Vec::new();
+        };
+        let (grid, offset) = (&member.header.grid, member.offset);
+        let end = offset.saturating_add(grid.bytes().unwrap_or(usize::MAX));
+        let bytes = self.unpack(at, offset..end).unwrap_or_default();
+        let numbers = bytes.chunks_exact(grid.scalar.size());
+        numbers.map(|bytes| grid.scalar.number(bytes, grid.big_endian)).collect()
+    }
+
+    /// Path of an array for messages.
+    fn display_path(&self, at: usize) -> PathBuf {
+        let name = printable(self.arrays[at].1.clone());
+        format!("{} ({name}.npy)", self.path.display()).into()
+    }
+
+    fn too_large(&self, at: usize, byte: u64) -> Error {
+        let (path, location) = (self.display_path(at), Location::Byte(byte));
         Error::TooLarge { path, location, what: "file", limit: self.limit }
     }
 
-    /// Counts the bytes read from a member; fails beyond the limit.
-    fn count(&mut self, bytes: u64, name: &str) -> Result<()> {
+    /// Counts the bytes read from an array; fails beyond the limit.
+    fn count(&mut self, bytes: u64, at: usize) -> Result<()> {
         self.used = self.used.saturating_add(bytes);
         if self.used <= self.limit {
             return Ok(());
         }
-        Err(self.too_large(name, 0))
+        Err(self.too_large(at, 0))
     }
 
-    /// Unpacks at most `length` bytes of a member.
-    fn unpack(&mut self, index: usize, name: &str, length: usize) -> Result<Vec<u8>> {
-        let path = self.display_path(name);
+    /// Unpacks a range of an array's bytes, or what there is of it. What begins at byte 0 is the header, and not
+    /// counted, since it is not kept.
+    fn unpack(&mut self, at: usize, range: Range<usize>) -> Result<Vec<u8>> {
+        let path = self.display_path(at);
         let fail = |unpacked: usize, problem: String| {
-            Error::malformed(&path, Location::Byte(unpacked as u64), problem)
+            let byte = (range.start as u64).saturating_add(unpacked as u64);
+            Error::malformed(&path, Location::Byte(byte), problem)
         };
-        let member = self.archive.by_index(index);
-        let member = member.map_err(|error| fail(0, format!("cannot be unpacked: {error}")))?;
+        let index = self.arrays[at].0;
         let left = self.limit.saturating_sub(self.used);
-        let limit = (length as u64).min(left.saturating_add(1));
-        // The stated size may be wrong, but is bounded by the ratio of deflate.
-        let claim = member.size().min(self.packed.saturating_mul(DEFLATE_RATIO)).min(limit);
-        let mut unpacked = memory::reserve(usize::try_from(claim).unwrap_or(0), path.display())?;
-        if let Err(error) = member.take(limit).read_to_end(&mut unpacked) {
+        let limit = (range.len() as u64).min(left.saturating_add(1));
+        let mut unpacked;
+        let result = {
+            let mut member = self.archive.by_index(index);
+            let size = member.as_ref().map_or(0, |member| member.size());
+            // The stated size may be wrong, but is bounded by the ratio of deflate.
+            let claim = size.min(self.packed.saturating_mul(DEFLATE_RATIO)).min(limit);
+            unpacked = memory::reserve(usize::try_from(claim).unwrap_or(0), path.display())?;
+            // A part of what is stored is read alone; otherwise what is before it is unpacked, and all is checked.
+            let stored =
+                member.as_ref().is_ok_and(|m| m.compression() == CompressionMethod::Stored);
+            if stored && range.start > 0 && range.end != usize::MAX {
+                drop(member);
+                let member = self.archive.by_index_seek(index);
+                member.map_err(io::Error::other).and_then(|mut member| {
+                    member.seek(SeekFrom::Start(range.start as u64))?;
+                    member.take(limit).read_to_end(&mut unpacked)
+                })
+            } else {
+                let member = member.as_mut();
+                let member =
+                    member.map_err(|error| fail(0, format!("cannot be unpacked: {error}")))?;
+                let mut before = member.by_ref().take(range.start as u64);
+                let skipped = io::copy(&mut before, &mut io::sink());
+                skipped.and_then(|_| member.take(limit).read_to_end(&mut unpacked))
+            }
+        };
+        if let Err(error) = result {
             if error.kind() == io::ErrorKind::OutOfMemory {
                 return Err(Error::io(&path, "unpack", error));
             }
@@ -197,10 +367,9 @@ impl Members<'_> {
             ));
         }
         if unpacked.len() as u64 > left {
-            return Err(self.too_large(name, unpacked.len() as u64 - 1));
+            return Err(self.too_large(at, unpacked.len() as u64 - 1));
         }
-        // Headers are not counted, since they are not kept.
-        if length == usize::MAX {
+        if range.start > 0 {
             self.used += unpacked.len() as u64;
         }
         Ok(unpacked)
@@ -216,7 +385,7 @@ pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Re
     let n = particles.len();
     // Members of more than 4 GiB need a zip64 header, which is written first.
     let options = SimpleFileOptions::default()
-        .compression_method(zip::CompressionMethod::Stored)
+        .compression_method(CompressionMethod::Stored)
         .large_file(n >= u32::MAX as usize / size_of::<[f64; 3]>());
     let mut archive = ZipWriter::new_stream(out);
     archive.start_file("positions.npy", options)?;
@@ -251,9 +420,8 @@ mod tests {
         zip.write_all(&[0; 1000]).unwrap();
         let bytes = zip.finish().unwrap().into_inner();
         let unpack = |limit| {
-            let archive = ZipArchive::new(io::Cursor::new(&bytes[..])).unwrap();
-            let (path, packed) = (Path::new("bomb.npz"), bytes.len() as u64);
-            Members { path, archive, packed, limit, used: 0 }.unpack(0, "a", usize::MAX)
+            let (path, file) = (Path::new("bomb.npz"), io::Cursor::new(&bytes[..]));
+            Members::open(path, file, bytes.len() as u64, limit).unwrap().unpack(0, 0..usize::MAX)
         };
         assert_eq!(unpack(1000).unwrap().len(), 1000);
         let error = unpack(999).unwrap_err().to_string();

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::mem::{Discriminant, discriminant};
 
+use crate::notice::thousands;
+
 /// A remark on the contents of a particle file. Its text is one line, without a remedy in terms of a program's
 /// options.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,13 +16,29 @@ pub enum Remark {
         /// What was found and what was expected.
         problem: String,
     },
+    /// Positions with a row for each coordinate instead of one for each particle.
+    Transposed {
+        /// Its name in the file.
+        array: String,
+        /// Its size along each axis.
+        shape: Vec<usize>,
+        /// Number of particles that it is read as.
+        particles: usize,
+    },
+    /// Positions of two numbers.
+    Planar {
+        /// Its name in the file.
+        array: String,
+    },
 }
 
 impl Remark {
     /// What the remark is about: two remarks of a sequence with the same subject need not both be told.
     pub fn subject(&self) -> (Discriminant<Self>, &str) {
         let name = match self {
-            Self::Unusable { array, .. } => array,
+            Self::Unusable { array, .. }
+            | Self::Transposed { array, .. }
+            | Self::Planar { array } => array,
         };
         (discriminant(self), name)
     }
@@ -30,6 +48,14 @@ impl fmt::Display for Remark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Unusable { array, problem } => write!(f, "{array} is ignored: {problem}"),
+            Self::Transposed { array, shape, particles } => {
+                let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
+                let (shape, particles) = (shape.join(", "), thousands(*particles));
+                write!(f, "{array} ({shape}) has a row for each coordinate: {particles} particles")
+            }
+            Self::Planar { array } => {
+                write!(f, "{array} has two numbers a particle: x and y, with z = 0")
+            }
         }
     }
 }

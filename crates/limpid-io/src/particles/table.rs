@@ -79,6 +79,9 @@ pub(crate) struct Column {
 }
 
 impl Column {
+    /// A column of zeros: it lies outside all records.
+    pub(super) const ZERO: Self = Self { offset: usize::MAX, scalar: Scalar::F32 };
+
     /// The columns of `count` consecutive numbers.
     pub(super) fn adjacent(offset: usize, count: usize, scalar: Scalar) -> Vec<Self> {
         (0..count).map(|k| Self { offset: offset + k * scalar.size(), scalar }).collect()

@@ -1,23 +1,36 @@
-//! Text files with several frames: extended XYZ and LAMMPS dumps. A scan finds where each frame begins, and a
-//! frame is read alone, so that a file may be larger than the memory.
+//! Files with several frames: extended XYZ, LAMMPS dumps, and arrays with an axis of time steps. What is found is
+//! where each frame lies, and a frame is read alone, so that a file may be larger than the memory.
 
 use std::io::{self, BufRead, BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
-use super::{Contents, ReadOptions, Reading, format_for};
+use super::{Contents, ReadOptions, Reading, by_content, hdf5, npy, npz};
 use crate::error::{Error, Location, Result};
-use crate::files;
+use crate::{files, vtk_lists};
 use limpid::memory;
 
-/// A part of a text file.
+/// A frame of a file with several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Section {
-    /// Offset, bytes.
-    pub start: u64,
-    /// Length, bytes.
-    pub length: u64,
-    /// Number of lines before it.
-    pub lines: u64,
+pub enum Section {
+    /// A part of a text file.
+    Text {
+        /// Offset, bytes.
+        start: u64,
+        /// Length, bytes.
+        length: u64,
+        /// Number of lines before it.
+        lines: u64,
+    },
+    /// A time step of arrays, from 0.
+    Step(usize),
+}
+
+/// The frames of a file with several.
+pub(crate) struct Trajectory {
+    /// Their numbers, ascending, and where they are.
+    pub(crate) frames: Vec<(i64, Section)>,
+    /// Frames per second, if the file has even times.
+    pub(crate) fps: Option<f64>,
 }
 
 /// Reads a frame of a file with several, as [`Contents::read`] reads a file.
@@ -29,26 +42,47 @@ pub(crate) fn read_section(
     section: Section,
     options: &ReadOptions,
 ) -> Result<Contents> {
+    let contents = match (section, kind_of(path)) {
+        (Section::Text { start, length, lines }, _) => {
+            read_text(path, start, length, lines, options)
+        }
+        (Section::Step(step), Some(Kind::Npy)) => npy::read_step(path, step, options.max_unpacked),
+        (Section::Step(step), Some(Kind::Npz)) => {
+            npz::read_step(path, step, options.max_unpacked, &options.map)
+        }
+        (Section::Step(step), _) => hdf5::read_step(path, step, options.max_unpacked, &options.map),
+    }?;
+    match contents.unread(&options.map) {
+        Some(problem) => Err(Error::format(path, problem)),
+        None => Ok(contents),
+    }
+}
+
+fn read_text(
+    path: &Path,
+    start: u64,
+    length: u64,
+    lines: u64,
+    options: &ReadOptions,
+) -> Result<Contents> {
     let fail = |source| Error::io(path, "read", source);
-    let format = format_for(path)?;
+    let format = by_content::of_file(path)?.format;
     let (mut file, metadata) = files::open(path)?;
-    let limit = options.max_unpacked.unwrap_or_else(|| files::unpacked_limit(section.length));
-    if section.length > limit {
-        let length = section.length;
+    let limit = options.max_unpacked.unwrap_or_else(|| files::unpacked_limit(length));
+    if length > limit {
         let problem = format!("a frame of {length} bytes, expected at most {limit}");
         return Err(Error::format(path, problem));
     }
-    let length =
-        usize::try_from(section.length).map_err(|_| fail(io::ErrorKind::FileTooLarge.into()))?;
+    let length = usize::try_from(length).map_err(|_| fail(io::ErrorKind::FileTooLarge.into()))?;
     let mut bytes = memory::zeroed(length, path.display())?;
-    file.seek(SeekFrom::Start(section.start)).map_err(fail)?;
+    file.seek(SeekFrom::Start(start)).map_err(fail)?;
     let read = file.read_exact(&mut bytes);
     files::unchanged(path, &file, &metadata)?;
     read.map_err(fail)?;
     let contents = format.parse(path, &bytes, &Reading { limit, map: &options.map });
     contents.map_err(|error| match error {
         Error::Malformed { path, location: Location::Line(line), problem } => {
-            Error::Malformed { path, location: Location::Line(section.lines + line), problem }
+            Error::Malformed { path, location: Location::Line(lines + line), problem }
         }
         error => error,
     })
@@ -59,29 +93,69 @@ pub(crate) fn read_section(
 enum Kind {
     ExtendedXyz,
     Lammps,
+    Npy,
+    Npz,
+    Hdf5,
 }
 
-/// Whether a file of this name may have several frames.
+/// Whether a file may have several frames.
 pub(crate) fn may_have_several(path: &Path) -> bool {
     kind_of(path).is_some()
 }
 
 fn kind_of(path: &Path) -> Option<Kind> {
-    let extension = path.extension()?.to_string_lossy().to_ascii_lowercase();
-    match extension.as_str() {
-        "xyz" | "extxyz" => Some(Kind::ExtendedXyz),
-        "lammpstrj" | "dump" => Some(Kind::Lammps),
+    let found = by_content::of_file(path).ok()?;
+    match found.format.extension {
+        // A frame in a compressed file cannot be read alone.
+        _ if found.gzip => None,
+        ".xyz" | ".extxyz" => Some(Kind::ExtendedXyz),
+        ".lammpstrj" | ".dump" => Some(Kind::Lammps),
+        ".npy" => Some(Kind::Npy),
+        ".npz" => Some(Kind::Npz),
+        ".h5" | ".hdf5" => Some(Kind::Hdf5),
         _ => None,
     }
 }
 
-/// Finds the frames of a file with several; `None` for other files. They are numbered from 0, those of LAMMPS
-/// by their time steps. A step that is there twice in a row, as at the start of a continued run, counts once.
+/// Finds the frames of a file with several; `None` for other files. They are numbered from 0, or by their time
+/// steps where the file has these.
 ///
 /// # Errors
 /// [`Error::Io`], and [`Error::Malformed`] if something else follows a frame.
-pub(crate) fn frames_of(path: &Path) -> Result<Option<Vec<(i64, Section)>>> {
-    let Some(kind) = kind_of(path) else { return Ok(None) };
+pub(crate) fn frames_of(path: &Path) -> Result<Option<Trajectory>> {
+    let trajectory = match kind_of(path) {
+        None => return Ok(None),
+        Some(Kind::ExtendedXyz) => scan(path, |scan| scan.skip_counted())?,
+        Some(Kind::Lammps) => scan(path, |scan| scan.skip_step())?,
+        Some(Kind::Npy) => steps(npy::steps(path)?, &[], &[]),
+        Some(Kind::Npz) => {
+            let (count, times) = npz::steps(path)?;
+            steps(count, &[], &times)
+        }
+        Some(Kind::Hdf5) => {
+            let hdf5::Steps { count, numbers, times } = hdf5::steps(path)?;
+            steps(count, &numbers, &times)
+        }
+    };
+    Ok(Some(trajectory).filter(|trajectory| trajectory.frames.len() > 1))
+}
+
+/// The frames of time steps, with their numbers, if they ascend, and their times.
+fn steps(count: usize, numbers: &[i64], times: &[f64]) -> Trajectory {
+    /// Largest number of steps: a header can claim any. The reader refuses more.
+    const MOST: usize = 1 << 20;
+    let count = if count > MOST { 1 } else { count };
+    let ascend = numbers.len() == count && numbers.array_windows().all(|[a, b]| a < b);
+    let number = |step: usize| if ascend { numbers[step] } else { step as i64 };
+    Trajectory {
+        frames: (0..count).map(|step| (number(step), Section::Step(step))).collect(),
+        fps: vtk_lists::rate(times).filter(|_| times.len() == count),
+    }
+}
+
+/// Finds the frames of a text file by a function that skips one and returns its number, if it has one. A step that is
+/// there twice in a row, as at the start of a continued run, counts once.
+fn scan(path: &Path, skip: impl Fn(&mut Scan<'_>) -> Result<Option<i64>>) -> Result<Trajectory> {
     let (file, _) = files::open(path)?;
     let mut scan =
         Scan { path, file: BufReader::with_capacity(1 << 20, file), offset: 0, lines: 0 };
@@ -89,19 +163,15 @@ pub(crate) fn frames_of(path: &Path) -> Result<Option<Vec<(i64, Section)>>> {
     loop {
         scan.skip_blank_lines()?;
         let (start, lines) = (scan.offset, scan.lines);
-        let skipped = match kind {
-            Kind::ExtendedXyz => scan.skip_counted(),
-            Kind::Lammps => scan.skip_step(),
-        };
-        let number = match skipped {
+        let number = match skip(&mut scan) {
             // The reader tells what the file is.
-            Err(_) if frames.is_empty() => return Ok(None),
+            Err(_) if frames.is_empty() => break,
             number => number?,
         };
         if scan.offset == start {
             break;
         }
-        let section = Section { start, length: scan.offset - start, lines };
+        let section = Section::Text { start, length: scan.offset - start, lines };
         let number = number.unwrap_or(frames.len() as i64);
         if frames.last().is_some_and(|(last, _)| *last == number) {
             continue;
@@ -112,7 +182,7 @@ pub(crate) fn frames_of(path: &Path) -> Result<Option<Vec<(i64, Section)>>> {
     if !frames.is_sorted_by_key(|(number, _)| *number) {
         (0..).zip(&mut frames).for_each(|(new, (number, _))| *number = new);
     }
-    Ok((frames.len() > 1).then_some(frames))
+    Ok(Trajectory { frames, fps: None })
 }
 
 /// A scan through the lines of a file.

@@ -116,6 +116,59 @@ fn layouts() {
     check_message("a.vtkhdf", &steps, &["3 time steps", "a file of its own"]);
 }
 
+/// Soft links are followed, through other links and to groups; those to nothing are left out, and those to other files
+/// are named. Files by h5py.
+#[test]
+fn links() {
+    let places: Vec<Vec3> = (0..8)
+        .map(|i| Vec3::new((i / 4) as f32, (i / 2 % 2) as f32, (i % 2) as f32) * 0.5 + 0.25)
+        .collect();
+    let soft = parse(&fs::read(file("h5py_soft_links.h5")).unwrap(), "");
+    assert_eq!(soft.particles.positions, places);
+    assert_eq!(soft.particles.velocities, Some(places.iter().map(|x| 2.0 * x).collect()));
+    assert!(soft.particles.densities.is_none() && soft.remarks.is_empty());
+
+    let latest = parse(&fs::read(file("h5py_links_latest.h5")).unwrap(), "");
+    assert_eq!(latest.particles.positions, places);
+    assert!(latest.particles.velocities.is_none());
+    let remark = latest.remarks.iter().map(ToString::to_string).collect::<Vec<_>>();
+    assert_eq!(remark, ["Velocities is ignored: velocity is in the file other.h5"]);
+
+    let external = fs::read(file("h5py_external.h5")).unwrap();
+    check_message("a.h5", &external, &["Coordinates is a link to the file other.h5"]);
+}
+
+/// Layouts of HDF5 2.0, version 5, with each kind of index.
+#[test]
+fn layouts_of_the_latest_version() {
+    let read = parse(&fs::read(file("h5py_layout_5.h5")).unwrap(), "").particles;
+    assert_eq!(read.positions[6], Vec3::new(0.75, 0.75, 0.25));
+    assert!(read.velocities.unwrap().iter().zip(&read.positions).all(|(v, x)| *v == 2.0 * x));
+    assert_eq!(read.densities, Some(vec![1000.0; 8]));
+    assert_eq!(read.ids, Some((0..8).collect()));
+}
+
+/// Whole numbers are coordinates, and bytes are none; floats that are not IEEE 754's are refused by their type, as
+/// positions, or ignored, as attributes.
+#[test]
+fn types_of_numbers() {
+    let build = |fill: &dyn Fn(&mut FileBuilder)| {
+        let mut builder = FileBuilder::new();
+        fill(&mut builder);
+        builder.finish().expect("a file")
+    };
+    let whole = build(&|file| {
+        file.create_dataset("Coordinates").with_i32_data(&[1, -2, 3]).with_shape(&[1, 3]);
+    });
+    assert_eq!(parse(&whole, "").particles.positions, [Vec3::new(1.0, -2.0, 3.0)]);
+    let colours = build(&|file| {
+        file.create_dataset("Coordinates").with_u8_data(&[1, 2, 3]).with_shape(&[1, 3]);
+    });
+    check_message("a.h5", &colours, &["Coordinates has integers of 1 bytes"]);
+    let bias = fs::read(file("h5py_bias.h5")).unwrap();
+    check_message("a.h5", &bias, &["Coordinates has floats of 4 bytes that are not IEEE 754's"]);
+}
+
 /// Files of other kinds, other data of VTK, positions that are none, and sizes that no file of this length can
 /// have.
 #[test]

@@ -90,6 +90,21 @@ fn npz_variants() {
     }
 }
 
+/// Objects that `PySPH` has pickled are named, with a whole line that unpacks them.
+#[test]
+fn pickled_arrays_are_named() {
+    let object = npy("|O", "False", "()", b"\x80\x04}.");
+    let pysph = npz(
+        &[("version.npy", npy("<i8", "False", "()", &[0; 8])), ("particles.npy", object)],
+        false,
+    );
+    check_message(
+        "a.npz",
+        &pysph,
+        &["pickled by Python", "allow_pickle", "density=f['rho'])\"` writes"],
+    );
+}
+
 #[test]
 fn npz_malformed() {
     let good = npz(&npz_members(), false);

@@ -1,8 +1,11 @@
 //! Text files with several frames are sequences.
 
 use std::fs;
+use std::io::Write as _;
 use std::path::Path;
 
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use glam::Vec3;
 use limpid_io::particles::ReadOptions;
 use limpid_io::sequence::{Frame, Sequence};
@@ -68,6 +71,78 @@ fn frames_of_lammps() {
     assert_eq!((numbers(&again), first_x(&again)), (vec![0, 1, 2, 3], vec![0.0, 1.0, 0.0, 2.0]));
     let single = open(&b);
     assert_eq!((numbers(&single), single.frames[0].section), (vec![0], None));
+}
+
+/// Names of LAMMPS and LIGGGHTS that say nothing of the format: the contents decide, for a file, in a folder and by a
+/// pattern, with the number wherever it is; of a folder logs are not taken. Compressed files of any text are read.
+#[test]
+fn names_without_a_format() {
+    let dump = step(1500, "1 1 2 3\n2 4 5 6\n");
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
+    gzip.write_all(dump.as_bytes()).unwrap();
+    let gzip = gzip.finish().unwrap();
+    let log = "LAMMPS (2 Aug 2023)\nStep Temp\n0 1\n";
+    for (names, pattern, expected) in [
+        (["dump.melt.0", "dump.melt.1500"], "dump.melt.*", [0, 1500]),
+        (["dump1.liggghts", "dump2.liggghts"], "dump*.liggghts", [1, 2]),
+        (["run_5.custom", "run_10.custom"], "run_{}.custom", [5, 10]),
+        (["a_1.lammpstrj.gz", "a_2.lammpstrj.gz"], "a_*.lammpstrj.gz", [1, 2]),
+        (["dump.7.gz", "dump.8.gz"], "dump.*.gz", [7, 8]),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        for name in names {
+            let bytes = if name.ends_with("gz") { &gzip[..] } else { dump.as_bytes() };
+            fs::write(folder.path().join(name), bytes).unwrap();
+        }
+        fs::write(folder.path().join("log.lammps"), log).unwrap();
+        fs::write(folder.path().join("thermo.out"), "0 1 2\n100 3 4\n").unwrap();
+        for input in [folder.path().to_owned(), folder.path().join(pattern)] {
+            let sequence = Sequence::open(input.to_str().unwrap()).expect(pattern);
+            assert_eq!((numbers(&sequence), first_x(&sequence)), (expected.into(), vec![1.0; 2]));
+        }
+        let one = Sequence::open(folder.path().join(names[1]).to_str().unwrap()).unwrap();
+        assert_eq!(numbers(&one), [expected[1]], "{}", names[1]);
+    }
+    // Several frames in a file of such a name are a sequence; a compressed one is to be unpacked first.
+    let folder = tempfile::tempdir().unwrap();
+    let two = step(0, "1 0 0 0\n") + &step(100, "1 1 0 0\n");
+    let sequence = open(folder.path(), "dump.all", &two).expect("a sequence");
+    assert_eq!((numbers(&sequence), first_x(&sequence)), (vec![0, 100], vec![0.0, 1.0]));
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
+    gzip.write_all(two.as_bytes()).unwrap();
+    let path = folder.path().join("dump.all.gz");
+    fs::write(&path, gzip.finish().unwrap()).unwrap();
+    let message = limpid_io::particles::read(&path).unwrap_err().to_string();
+    assert!(
+        message.contains("several frames in one file") && message.contains("unpack it"),
+        "{message}"
+    );
+}
+
+/// Text of any other name is read if it is a table: with blanks or commas, with names or without; other text is not.
+#[test]
+fn tables_without_a_format() {
+    let read =
+        |name: &str, text: &str| limpid_io::particles::parse(Path::new(name), text.as_bytes());
+    for (name, text) in [
+        ("a.txt", "0.5 1  2 7\n3\t4 5 8\n"),
+        ("a.dat", "# x y z rho\n0.5 1 2 7\n3 4 5 8\n"),
+        ("a.asc", "x,y,z,rho\n0.5,1,2,7\n3,4,5,8\n"),
+        ("a.particles", "\"x\" \"y\" \"z\" \"rho\"\n 0.5 1 2 7\n 3 4 5 8\n"),
+    ] {
+        let particles = read(name, text).expect(name);
+        assert_eq!(
+            particles.positions,
+            [Vec3::new(0.5, 1.0, 2.0), Vec3::new(3.0, 4.0, 5.0)],
+            "{name}"
+        );
+        let densities = text.contains("rho").then(|| vec![7.0, 8.0]);
+        assert_eq!(particles.densities, densities, "{name}");
+    }
+    for text in ["LAMMPS (2 Aug 2023)\nunits lj\n", "Step Temp\n0 1\n", "1 2\n3 4\n", ""] {
+        let message = read("log.txt", text).unwrap_err().to_string();
+        assert!(message.contains("a kind of file that limpid does not know"), "{message}");
+    }
 }
 
 /// An error in a frame names its line in the whole file; what follows a frame and is none is refused when the
