@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Installs what limpid needs and this machine lacks: a C++ compiler (for a reference
 # implementation that one test compares with), the Vulkan loader, and a Vulkan driver.
-# It may run any number of times; where nothing is missing it does nothing.
+# It may run any number of times; where nothing is missing it does nothing. On Debian and Ubuntu it installs by
+# scripts/apt.sh, which waits for other programs that install.
 #
 #   scripts/setup.sh        what is needed
 #   scripts/setup.sh --all  also ffmpeg, for .mp4 and .webm films, and what the tests of the
@@ -102,19 +103,7 @@ if ((${#packages[@]})); then
         say "or nearly so."
         exit 1
     fi
-    as_root=()
-    if ((EUID != 0)); then
-        if ! command -v sudo >/dev/null; then
-            say "run this as root: apt-get install ${packages[*]}"
-            exit 1
-        fi
-        as_root=(sudo)
-    fi
-    say "installing ${packages[*]}"
-    # `env` last, so that the variable passes sudo. The ${x[@]+…} is for the bash of macOS.
-    apt=(${as_root[@]+"${as_root[@]}"} env DEBIAN_FRONTEND=noninteractive apt-get)
-    "${apt[@]}" update -qq
-    "${apt[@]}" install -y -qq --no-install-recommends "${packages[@]}" >&2
+    "$(dirname "${BASH_SOURCE[0]}")/apt.sh" "${packages[@]}"
 fi
 
 # ---- Rust.

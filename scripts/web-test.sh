@@ -6,10 +6,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 browser=${LIMPID_CHROMIUM:-/usr/bin/chromium}
 if ! [[ -x $browser ]] && command -v apt-get >/dev/null; then
-    as_root=()
-    ((EUID == 0)) || as_root=(sudo)
-    ${as_root[@]+"${as_root[@]}"} env DEBIAN_FRONTEND=noninteractive apt-get update -qq
-    ${as_root[@]+"${as_root[@]}"} env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium >&2
+    scripts/apt.sh chromium
 fi
 
 # LIMPID_WEB_BUILT=1 tests what is in web/dist, such as the smaller module of `scripts/web.sh`.

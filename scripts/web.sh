@@ -36,14 +36,6 @@ scripts/setup.sh
 
 # ---- The module.
 
-install() {
-    local as_root=()
-    ((EUID == 0)) || as_root=(sudo)
-    say "installing $*"
-    ${as_root[@]+"${as_root[@]}"} env DEBIAN_FRONTEND=noninteractive apt-get update -qq
-    ${as_root[@]+"${as_root[@]}"} env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >&2
-}
-
 # The standard library of the target, where this cargo's compiler has it.
 has_target() { [[ -d $(rustc --print sysroot)/lib/rustlib/$triple/lib ]]; }
 
@@ -62,7 +54,7 @@ else
             say "missing: the target $triple (rustup target add $triple)"
             exit 1
         fi
-        install rustc-web cargo-web rust-web-src lld
+        scripts/apt.sh rustc-web cargo-web rust-web-src lld
     fi
     # The packages have no library for the target, but its source.
     RUSTC_BOOTSTRAP=1 RUSTC=/usr/bin/rustc CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER=wasm-ld \

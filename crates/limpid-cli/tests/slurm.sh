@@ -25,11 +25,10 @@ lacks_slurm() {
     return 1
 }
 if lacks_slurm && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
-    export DEBIAN_FRONTEND=noninteractive
     # Prevents the packages from starting their own daemons.
     policy=/usr/sbin/policy-rc.d
     [ -e $policy ] || { printf '#!/bin/sh\nexit 101\n' >$policy && chmod +x $policy && made=$policy; }
-    { apt-get update && apt-get install -y --no-install-recommends slurm-wlm munge; } >&2 || true
+    scripts/apt.sh slurm-wlm munge || true
     [ -z "${made:-}" ] || rm -f "$made"
 fi
 if lacks_slurm; then
