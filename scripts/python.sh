@@ -2,9 +2,9 @@
 # Builds the Python package and runs its tests: the wheel is built in one clean virtual environment and tested in
 # another, which has NumPy and the test tools alone.
 #
-#   scripts/python.sh        the package
-#   scripts/python.sh --all  also types, fuzzing and memory, PyVista, the notebook and the Blender add-on, with what
-#                            they need from the Python index
+#   scripts/python.sh        the package and its types
+#   scripts/python.sh --all  also fuzzing and memory, PyVista, the notebook and the Blender add-on, with what they need
+#                            from the Python index
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -48,14 +48,14 @@ check() {
 
 say "the package with NumPy alone"
 rm -rf "$folder/plain"
-environment plain numpy pytest
+environment plain numpy pytest mypy
 check plain --ignore test_blender.py
 
 $all || exit 0
 
-say "types, fuzzing, memory, PyVista"
-environment full numpy pytest hypothesis mypy pillow psutil pyvista matplotlib nbconvert ipykernel auditwheel
-LIMPID_REQUIRE_PYVISTA=1 check full test_stubs.py test_fuzz.py test_memory.py test_vtk.py test_film.py test_render.py
+say "fuzzing, memory, PyVista"
+environment full numpy pytest hypothesis pillow psutil pyvista matplotlib nbconvert ipykernel auditwheel
+LIMPID_REQUIRE_PYVISTA=1 check full test_fuzz.py test_memory.py test_vtk.py test_film.py test_render.py
 "$folder/full/bin/auditwheel" show "$wheel" | grep -o 'manylinux_[0-9_a-z]*' | sort -u | head -n 1
 
 say "the notebook"

@@ -1,18 +1,26 @@
 #!/usr/bin/env bash
 # Builds the page and the program, and tests the page in Chromium; on Debian and Ubuntu it installs what is missing.
-# Arguments are those of `node --test`, such as --test-name-pattern.
+#
+#     scripts/web-test.sh [--core] [ARGUMENTS OF node --test ...]
+#
+# `--core` is the six tests that CI runs: opening, shaders, files, playing, settings, and the program's pictures.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+if [[ ${1-} == --core ]]; then
+    shift
+    export LIMPID_WEB_CORE=1
+fi
 
 browser=${LIMPID_CHROMIUM:-/usr/bin/chromium}
 if ! [[ -x $browser ]] && command -v apt-get >/dev/null; then
     scripts/apt.sh chromium
 fi
 
-# LIMPID_WEB_BUILT=1 tests what is in web/dist, such as the smaller module of `scripts/web.sh`.
+# LIMPID_WEB_BUILT=1 tests what is in web/dist, such as the smaller and faster module of `scripts/web.sh`.
 [[ -n ${LIMPID_WEB_BUILT-} ]] || scripts/web.sh --draft
-cargo build --release --locked --package limpid-cli
+cargo build --locked
 (cd tests/web && npm ci --silent --no-audit --no-fund)
 
-export LIMPID=${CARGO_TARGET_DIR:-$PWD/target}/release/limpid
+export LIMPID=${CARGO_TARGET_DIR:-$PWD/target}/debug/limpid
 exec node --test --test-concurrency=1 "$@" tests/web/web.test.mjs

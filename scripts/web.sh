@@ -3,7 +3,7 @@
 #
 #   scripts/web.sh            builds
 #   scripts/web.sh --serve    builds, and serves them on http://localhost:8000 (PORT sets another port)
-#   scripts/web.sh --draft    builds without making the module smaller, which takes minutes
+#   scripts/web.sh --draft    builds in a fraction of the time a module that is larger and slower
 #
 # It uses rustup's target wasm32-unknown-unknown where there is one, or can be had, and else Debian's packages
 # rustc-web, cargo-web and rust-web-src with lld, which it installs.
@@ -45,7 +45,9 @@ fi
 
 # All browsers with WebGPU have these instructions.
 export RUSTFLAGS="-C target-feature=+simd128"
-build=(build --profile web --locked --package limpid-web --target "$triple" --target-dir "$folder")
+profile=web
+if $draft; then profile=web-draft; fi
+build=(build --profile $profile --locked --package limpid-web --target "$triple" --target-dir "$folder")
 if has_target; then
     cargo "${build[@]}"
 else
@@ -71,7 +73,7 @@ if [[ $("$tools/bin/wasm-bindgen" --version 2>/dev/null) != "wasm-bindgen $versi
         "wasm-bindgen-cli@$version"
 fi
 rm -rf "${dist:?}"/*
-"$tools/bin/wasm-bindgen" "$folder/$triple/web/limpid_web.wasm" --out-dir "$dist" --target web --no-typescript \
+"$tools/bin/wasm-bindgen" "$folder/$triple/$profile/limpid_web.wasm" --out-dir "$dist" --target web --no-typescript \
     --remove-name-section --remove-producers-section
 
 # ---- Smaller.

@@ -13,8 +13,10 @@ import { promisify } from "node:util";
 import { call, held, launch, open, root, save, serve, shows } from "./site.mjs";
 
 const run = promisify(execFile);
+/** What scripts/web-test.sh --core leaves out. */
+const rare = process.env.LIMPID_WEB_CORE ? test.skip : test;
 /** The program. */
-const limpid = process.env.LIMPID ?? join(root, "target/release/limpid");
+const limpid = process.env.LIMPID ?? join(root, "target/debug/limpid");
 const dam = "double_dam_break/ParticleData_Fluid_";
 
 let browser, site, work;
@@ -182,7 +184,7 @@ test("files of several formats are dropped, alone, as a sequence, and with their
   });
 });
 
-test("what is opened in vain changes nothing", async () => {
+rare("what is opened in vain changes nothing", async () => {
   await writeFile(join(work, "few.npy"), block(1000, 0.05));
   await visit("?scene=/made/none.bgeo", async (page) => {
     await shows(page, (status) => status.notices.length === 1);
@@ -283,7 +285,7 @@ test("settings, keys, the pointer, fingers and the window's size change the pict
   }, { hasTouch: true });
 });
 
-test("an address opens what a link was made of", async () => {
+rare("an address opens what a link was made of", async () => {
   let link;
   const query = `?scene=/data/${dam}{}.bgeo&frames=20-22&frame=22&set=refract.samples%3D2&look=night&missing=error`;
   await visit(query, async (page) => {
@@ -313,7 +315,7 @@ test("an address opens what a link was made of", async () => {
   });
 });
 
-test("a simulation runs in the page while it plays, and its settings change meanwhile", async () => {
+rare("a simulation runs in the page while it plays, and its settings change meanwhile", async () => {
   await visit("?demo=dam_break", async (page) => {
     await shows(page, (status) => status.playing && status.frames >= 3 && status.shown, 180_000);
     await call(page, "set", ["refract.interfaces=2", "caustics.resolution=128"]);
@@ -325,14 +327,14 @@ test("a simulation runs in the page while it plays, and its settings change mean
   });
 });
 
-test("particles are classified on the device too", async () => {
+rare("particles are classified on the device too", async () => {
   await visit("?set=classify.on%3Dgpu", async (page) => {
     const status = await shows(page, particles);
     assert.deepEqual([status.particles, status.notices], [4732, []]);
   });
 });
 
-test("a lost device, a worker that ends and a lost canvas are replaced", async () => {
+rare("a lost device, a worker that ends and a lost canvas are replaced", async () => {
   const watched = () => {
     const Native = Worker;
     window.Worker = class extends Native {
@@ -373,7 +375,7 @@ test("a lost device, a worker that ends and a lost canvas are replaced", async (
   }, { before: watched });
 });
 
-test("an element that is moved or taken away leaves no worker behind", async () => {
+rare("an element that is moved or taken away leaves no worker behind", async () => {
   const counted = () => {
     const Native = Worker;
     window.workers = 0;
@@ -404,7 +406,7 @@ test("an element that is moved or taken away leaves no worker behind", async () 
   }, { before: counted });
 });
 
-test("particles that memory cannot take are told, and what was open is opened again", async (t) => {
+rare("particles that memory cannot take are told, and what was open is opened again", async (t) => {
   await visit("", async (page) => {
     await shows(page, particles);
     await page.evaluate((head) => {
@@ -423,7 +425,7 @@ test("particles that memory cannot take are told, and what was open is opened ag
   });
 });
 
-test("damaged and foreign files get the program's one line, and what was open stays open", async () => {
+rare("damaged and foreign files get the program's one line, and what was open stays open", async () => {
   const whole = await readFile(join(root, `tests/data/${dam}20.bgeo`));
   const wrong = Buffer.from(whole);
   wrong.writeUInt32BE(0x7fffffff, 9);
@@ -455,7 +457,7 @@ test("damaged and foreign files get the program's one line, and what was open st
   });
 });
 
-test("what a server lacks, forbids or does not list is told", async () => {
+rare("what a server lacks, forbids or does not list is told", async () => {
   for (const [query, told] of [
     ["?scene=/made/none.bgeo", /none\.bgeo/],
     ["?scene=/nowhere/water_{}.bgeo", /the server lists no files here; put files\.txt beside them/],
@@ -483,7 +485,7 @@ test("what a server lacks, forbids or does not list is told", async () => {
   });
 });
 
-test("a browser without WebGPU gets a page that says so, and which have it", async () => {
+rare("a browser without WebGPU gets a page that says so, and which have it", async () => {
   const without = () => Object.defineProperty(Navigator.prototype, "gpu", { get: () => undefined });
   await visit("", async (page) => {
     const text = () => page.evaluate(() => document.querySelector("limpid-view").shadowRoot.querySelector("p").innerText);
@@ -492,7 +494,7 @@ test("a browser without WebGPU gets a page that says so, and which have it", asy
   }, { before: without });
 });
 
-test("three lines of HTML put a view into another page", async () => {
+rare("three lines of HTML put a view into another page", async () => {
   const page = `<!doctype html>
 <script type="module" src="/limpid.js"></script>
 <limpid-view src="/data/${dam}{}.bgeo" frames="20-22" frame="21" set="refract.interfaces=2; refract.samples=1" style="width: 320px; height: 200px"></limpid-view>`;
@@ -536,7 +538,7 @@ test("pictures are those of the program, within the tolerances of limpid check",
   await assert.rejects(check("other"), ({ stdout }) => /FAILED {2}demo/.test(stdout));
 });
 
-test("40,000 particles play, and 1,000,000 open", async (t) => {
+rare("40,000 particles play, and 1,000,000 open", async (t) => {
   for (const frame of [1, 2, 3]) await writeFile(join(work, `many_${frame}.npy`), block(40_000 + frame, 0.01));
   await visit("?scene=/made/many_{}.npy&frames=1-3&radius=0.01&play=1&set=refract.interfaces%3D2", async (page) => {
     const seen = new Set();

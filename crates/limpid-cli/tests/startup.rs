@@ -153,52 +153,60 @@ fn pipelines_are_cached() {
     }
 }
 
-/// A damaged or foreign cache file is replaced, and its bytes never reach the driver, which would trust
-/// them.
-#[test]
-#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
-fn damaged_and_foreign_caches_are_replaced() {
-    let Some((folder, picture, file)) = first_run() else { return };
-    let whole = fs::read(&file).expect("it is there");
-    let flipped = |at: usize| {
-        let mut bytes = whole.clone();
-        bytes[at] ^= 1;
-        bytes
-    };
-    // The same bytes with the checksum of another adapter.
-    let mut foreign = SipHasher24::new();
-    foreign.write(b"limpid 0.0.0, Vulkan 10de 2330, another, its driver, 1\0");
-    foreign.write(&whole[16..]);
-    let foreign = [&foreign.finish128().as_u128().to_le_bytes()[..], &whole[16..]].concat();
-    let cases = [
-        ("empty", Vec::new()),
-        ("half a checksum", whole[..8].to_vec()),
-        ("only a checksum", whole[..16].to_vec()),
-        ("cut off", whole[..whole.len() - 1].to_vec()),
-        ("longer", [&whole[..], b"\0"].concat()),
-        ("another checksum", flipped(0)),
-        ("a flipped bit at its begin", flipped(16)),
-        ("a flipped bit at its end", flipped(whole.len() - 1)),
-        ("noise", (0..1_u32 << 20).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect()),
-        ("foreign", foreign),
-    ];
-    for (what, bytes) in cases {
-        fs::write(&file, &bytes).expect("the folder is writable");
-        assert!(drawn(folder.path(), folder.path()) == picture, "{what}: another picture");
-        let now = fs::read(&file).expect("it is there");
-        assert!(now != bytes && now.len() > 16, "{what}: it is not replaced");
-    }
-    // A folder in place of the file.
-    fs::remove_file(&file).expect("it was there");
-    fs::create_dir(&file).expect("the folder is writable");
-    assert!(drawn(folder.path(), folder.path()) == picture, "a folder: another picture");
-    // A pipe in place of the file is neither read nor written: both would block for ever.
-    #[cfg(unix)]
-    {
-        fs::remove_dir(&file).expect("it was there");
-        let made = std::process::Command::new("mkfifo").arg(&file).status().expect("mkfifo runs");
-        assert!(made.success());
-        assert!(drawn(folder.path(), folder.path()) == picture, "a pipe: another picture");
+mod rare {
+    use super::*;
+
+    /// A damaged or foreign cache file is replaced, and its bytes never reach the driver, which would trust
+    /// them.
+    #[test]
+    #[ignore = "rare: scripts/nightly.sh runs it"]
+    fn damaged_and_foreign_caches_are_replaced() {
+        let Some((folder, picture, file)) = first_run() else { return };
+        let whole = fs::read(&file).expect("it is there");
+        let flipped = |at: usize| {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            bytes
+        };
+        // The same bytes with the checksum of another adapter.
+        let mut foreign = SipHasher24::new();
+        foreign.write(b"limpid 0.0.0, Vulkan 10de 2330, another, its driver, 1\0");
+        foreign.write(&whole[16..]);
+        let foreign = [&foreign.finish128().as_u128().to_le_bytes()[..], &whole[16..]].concat();
+        let cases = [
+            ("empty", Vec::new()),
+            ("half a checksum", whole[..8].to_vec()),
+            ("only a checksum", whole[..16].to_vec()),
+            ("cut off", whole[..whole.len() - 1].to_vec()),
+            ("longer", [&whole[..], b"\0"].concat()),
+            ("another checksum", flipped(0)),
+            ("a flipped bit at its begin", flipped(16)),
+            ("a flipped bit at its end", flipped(whole.len() - 1)),
+            (
+                "noise",
+                (0..1_u32 << 20).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect(),
+            ),
+            ("foreign", foreign),
+        ];
+        for (what, bytes) in cases {
+            fs::write(&file, &bytes).expect("the folder is writable");
+            assert!(drawn(folder.path(), folder.path()) == picture, "{what}: another picture");
+            let now = fs::read(&file).expect("it is there");
+            assert!(now != bytes && now.len() > 16, "{what}: it is not replaced");
+        }
+        // A folder in place of the file.
+        fs::remove_file(&file).expect("it was there");
+        fs::create_dir(&file).expect("the folder is writable");
+        assert!(drawn(folder.path(), folder.path()) == picture, "a folder: another picture");
+        // A pipe in place of the file is neither read nor written: both would block for ever.
+        #[cfg(unix)]
+        {
+            fs::remove_dir(&file).expect("it was there");
+            let made =
+                std::process::Command::new("mkfifo").arg(&file).status().expect("mkfifo runs");
+            assert!(made.success());
+            assert!(drawn(folder.path(), folder.path()) == picture, "a pipe: another picture");
+        }
     }
 }
 

@@ -55,23 +55,29 @@ fn size(folder: &Path) -> u64 {
         .sum()
 }
 
-/// The golden frames detect small faults (a slightly wrong index of refraction, a missing bounce, no
-/// smoothing), both with the tolerance for the adapter of the frames and with the wider one
-/// for all others.
-#[test]
-#[ignore = "slow: scripts/test.sh --all, and so CI, runs it"]
-fn golden_frames_detect_faults() {
-    let Some(gpu) = support::gpu() else { return };
-    let text = fs::read_to_string(golden()).unwrap();
-    let wide = text.replace("name = \"llvmpipe\"", "name = \"no such adapter\"");
-    assert_ne!(text, wide);
-    for fault in ["liquid.ior=1.31", "refract.internal_bounces=0", "smooth.iterations=0"] {
-        for text in [&text, &wide] {
-            let text = format!("set = [\"{fault}\"]\n{text}");
-            let suite = Suite::parse(&text, &golden()).expect("a suite");
-            let report = suite.run(gpu, &["drop".into(), "slab".into()], |_| ()).expect("it runs");
-            let failed: Vec<_> = report.outcomes.iter().map(|o| (&o.name, o.verdict())).collect();
-            assert!(report.count(Verdict::Failed) > 0, "{fault}: {failed:?}");
+mod rare {
+    use super::*;
+
+    /// The golden frames detect small faults (a slightly wrong index of refraction, a missing bounce, no
+    /// smoothing), both with the tolerance for the adapter of the frames and with the wider one
+    /// for all others.
+    #[test]
+    #[ignore = "rare: scripts/nightly.sh runs it"]
+    fn golden_frames_detect_faults() {
+        let Some(gpu) = support::gpu() else { return };
+        let text = fs::read_to_string(golden()).unwrap();
+        let wide = text.replace("name = \"llvmpipe\"", "name = \"no such adapter\"");
+        assert_ne!(text, wide);
+        for fault in ["liquid.ior=1.31", "refract.internal_bounces=0", "smooth.iterations=0"] {
+            for text in [&text, &wide] {
+                let text = format!("set = [\"{fault}\"]\n{text}");
+                let suite = Suite::parse(&text, &golden()).expect("a suite");
+                let report =
+                    suite.run(gpu, &["drop".into(), "slab".into()], |_| ()).expect("it runs");
+                let failed: Vec<_> =
+                    report.outcomes.iter().map(|o| (&o.name, o.verdict())).collect();
+                assert!(report.count(Verdict::Failed) > 0, "{fault}: {failed:?}");
+            }
         }
     }
 }
