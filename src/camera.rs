@@ -8,6 +8,7 @@ use glam::{DMat3, DMat4, DQuat, DVec2, DVec3, UVec2, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::liquid::Up;
 
 /// A camera that is aimed at a point. View space is x right, y up, looking down −z.
 ///
@@ -209,8 +210,21 @@ impl FromStr for Camera {
     type Err = Error;
 
     /// # Errors
-    /// [`Error::Invalid`] naming the value that is missing or malformed, and as [`Camera::check`].
+    /// As [`Camera::parse`] and [`Camera::check`].
     fn from_str(text: &str) -> Result<Self> {
+        let camera = Self::parse(text)?;
+        camera.check()?;
+        Ok(camera)
+    }
+}
+
+impl Camera {
+    /// Parses a camera without checking whether it defines a view: `up` is 0,1,0 unless it is given, which may be along
+    /// the view where another axis points up.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] naming the value that is missing or malformed.
+    pub fn parse(text: &str) -> Result<Self> {
         let usage = |problem: &str| Error::invalid(format!("camera `{text}`"), problem);
         let mut table = CameraTable::default();
         for part in text.split_whitespace() {
@@ -253,9 +267,7 @@ impl FromStr for Camera {
         missing(table.target.is_some(), "target=X,Y,Z is missing")?;
         let lens = table.height.is_some() || table.intrinsics.is_some();
         missing(table.fov_y.is_some() || lens, "fov_y=DEGREES is missing")?;
-        let camera = Self::try_from(table).map_err(|problem| usage(&problem))?;
-        camera.check()?;
-        Ok(camera)
+        Self::try_from(table).map_err(|problem| usage(&problem))
     }
 }
 
@@ -324,6 +336,18 @@ impl Camera {
         Self { eye: self.target + offset, ..self }
     }
 
+    /// The camera in a world of y up, if this axis points up in its own.
+    #[must_use]
+    pub fn to_y_up(self, up: Up) -> Self {
+        if up == Up::Y {
+            return self;
+        }
+        // Without zeros that have a sign.
+        let turned = |x| up.to_y_up(x) + DVec3::ZERO;
+        let direction = turned(self.up.as_dvec3()).as_vec3();
+        Self { eye: turned(self.eye), target: turned(self.target), up: direction, ..self }
+    }
+
     /// Near plane, m, without the adjustment for nearby liquid.
     pub fn near(&self) -> f32 {
         self.near.unwrap_or_else(|| (1e-3 * self.eye.distance(self.target)) as f32)
@@ -342,7 +366,10 @@ impl Camera {
         } else if view == DVec3::ZERO {
             fail("eye and target are the same point")
         } else if view.cross(up).length() <= 1e-6 * up.length() {
-            fail("up is along the view direction, or zero; seen straight from above, say up=0,0,-1")
+            fail(
+                "up is along the view direction, or zero; seen straight from above, say up=0,0,-1, or up=0,1,0 \
+                 where z is up",
+            )
         } else if !(self.fov_y > 0.0 && self.fov_y < 180.0) {
             fail("fov_y must be above 0 and below 180 degrees")
         } else if !(self.near() > 0.0 && self.near().is_finite()) {

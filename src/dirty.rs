@@ -125,6 +125,7 @@ fn same_splats(a: &Splats, b: &Splats) -> bool {
     }
     a.radius.to_bits() == b.radius.to_bits()
         && a.is_hull == b.is_hull
+        && a.bulk == b.bulk
         && a.origin == b.origin
         && a.aggregates.len() == b.aggregates.len()
         && a.splashes.len() == b.splashes.len()

@@ -290,7 +290,17 @@ pub fn bounds(splats: &Splats) -> Option<(DVec3, DVec3)> {
 fn bulk(splats: &Splats) -> Option<Bulk> {
     let bodies = splats.aggregates.len();
     let splat = |i: usize| splats.aggregates.get(i).unwrap_or_else(|| &splats.splashes[i - bodies]);
-    bulk::bulk(bodies + splats.splashes.len(), |i| centre(splat(i)))
+    let place = |i: usize| centre(splat(i));
+    let count = bodies + splats.splashes.len();
+    let Some((min, max)) = splats.bulk else { return bulk::bulk(count, place, |_| false) };
+    let (min, max) = (min - splats.origin, max - splats.origin);
+    // Refined splats have moved by less than their size.
+    let counts = |&i: &usize| {
+        let (x, reach) = (place(i), splat(i).longest());
+        x.cmpge(min - reach).all() && x.cmple(max + reach).all()
+    };
+    let kept: Vec<usize> = (0..count).filter(counts).collect();
+    bulk::bulk(kept.len(), |i| place(kept[i]), |_| false)
 }
 
 /// The bounding box, m, of the splats whose centres lie in a box relative to their origin.

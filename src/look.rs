@@ -79,7 +79,8 @@ impl Body {
         let step = particles.len().div_ceil(Self::SAMPLES);
         let places = (0..particles.len()).step_by(step).map(|i| particles.place(i));
         let points: Vec<_> = places.filter(|&x| bulk.holds(x)).collect();
-        let volume = particles.len() as f64 * (2.0 * f64::from(radius)).powi(3);
+        let count = particles.len() - bulk.outside;
+        let volume = count as f64 * (2.0 * f64::from(radius)).powi(3);
         Some(Self { bounds: bulk.bounds, radius, volume, points })
     }
 
@@ -107,12 +108,9 @@ impl Body {
     /// The body in a world of y up, if this axis points up in its own.
     #[must_use]
     pub fn to_y_up(mut self, up: Up) -> Self {
-        if up == Up::Z {
-            let turned = |x: DVec3| DVec3::new(x.x, x.z, -x.y);
-            let (a, b) = (turned(self.bounds.0), turned(self.bounds.1));
-            self.bounds = (a.min(b), a.max(b));
-            self.points.iter_mut().for_each(|x| *x = turned(*x));
-        }
+        let (a, b) = (up.to_y_up(self.bounds.0), up.to_y_up(self.bounds.1));
+        self.bounds = (a.min(b), a.max(b));
+        self.points.iter_mut().for_each(|x| *x = up.to_y_up(*x));
         self
     }
 

@@ -4,7 +4,8 @@ use std::collections::{HashMap, HashSet};
 
 use glam::{DVec3, Vec3};
 
-use super::particles::{Particles, origin_for};
+use super::bulk::bounds;
+use super::particles::{Particles, origin_for_box};
 
 impl Particles {
     /// Upper bound on the bytes that [`Particles::between`] and [`Particles::mixed`] allocate per input
@@ -122,8 +123,9 @@ impl Particles {
 
     /// Concatenates everything but ids and fluids.
     fn concatenated(fluids: &[Self]) -> Self {
-        let places = fluids.iter().filter_map(Self::bounds).flat_map(|(min, max)| [min, max]);
-        let origin = origin_for(places);
+        let boxes = fluids.iter().filter_map(Self::bulk).map(|bulk| bulk.bounds);
+        let all = bounds(boxes.flat_map(|(min, max)| [min, max]));
+        let origin = all.map_or(DVec3::ZERO, origin_for_box);
         let filled = || fluids.iter().filter(|fluid| !fluid.is_empty());
         let same = filled().all(|fluid| fluid.origin == origin);
         let position = |fluid: &Self, x: Vec3| {

@@ -26,6 +26,7 @@ use rayon::iter::Either;
 use rayon::prelude::*;
 
 use crate::error::Result;
+use crate::liquid::bulk::bounds;
 use crate::liquid::ellipsoid::Ellipsoid;
 use crate::liquid::particles::{self, Particles, drawable};
 use crate::memory;
@@ -130,6 +131,9 @@ pub struct Splats {
     pub origin: DVec3,
     /// [`Particles::is_hull`]: each pixel then has one interval of liquid.
     pub is_hull: bool,
+    /// The box in world space, m, outside of which splats do not count for the lights' views: the
+    /// [bulk](super::Bulk) of the particles, if that is known to leave some out; `None` goes by the splats themselves.
+    pub bulk: Option<(DVec3, DVec3)>,
 }
 
 /// Classifies a frame's particles into splashes and aggregates, and computes their shapes.
@@ -218,7 +222,8 @@ impl Cloud {
             .map(member)
             .filter(|m| m.position().is_finite() && drawable(m.radius))
             .collect();
-        let shift = particles::origin_for(members.iter().map(|m| m.position().as_dvec3()));
+        let all = bounds(members.iter().map(|m| m.position().as_dvec3()));
+        let shift = all.map_or(DVec3::ZERO, particles::origin_for_box);
         Self {
             radius: common_radius(&members).unwrap_or_else(|| {
                 median(members.iter().map(|m| m.radius).collect(), default_radius)
@@ -347,6 +352,7 @@ impl Cloud {
             radius: self.radius,
             origin: self.origin + self.shift,
             is_hull: self.is_hull,
+            bulk: None,
         }
     }
 }

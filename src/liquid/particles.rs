@@ -1,5 +1,7 @@
 //! One frame of particles.
 
+use std::fmt;
+
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +45,25 @@ pub enum Up {
     Z,
 }
 
+impl Up {
+    /// A place or a direction of a world where this axis points up, in the world of y up: a quarter turn about x, which
+    /// preserves handedness.
+    pub fn to_y_up(self, x: DVec3) -> DVec3 {
+        if self == Self::Z { DVec3::new(x.x, x.z, -x.y) } else { x }
+    }
+
+    /// The inverse of [`Up::to_y_up`].
+    pub fn from_y_up(self, x: DVec3) -> DVec3 {
+        if self == Self::Z { DVec3::new(x.x, -x.z, x.y) } else { x }
+    }
+}
+
+impl fmt::Display for Up {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if *self == Self::Z { "z" } else { "y" })
+    }
+}
+
 impl Particles {
     /// Creates particles without other attributes, with the origin at 0.
     pub fn from_positions(positions: Vec<Vec3>) -> Self {
@@ -50,10 +71,10 @@ impl Particles {
     }
 
     /// Creates particles without other attributes from world positions. The origin is 0, or the centre
-    /// of the bounding box if that is farther from 0 than 16 times the box's longest side, where 32-bit
+    /// of the [bulk](super::bulk::bulk) if that is farther from 0 than 16 times its longest side, where 32-bit
     /// floats would lose precision.
     pub fn from_places(places: &[DVec3]) -> Self {
-        let origin = origin_for(places.iter().copied());
+        let origin = origin_for(places.len(), |i| places[i]);
         let positions = places.iter().map(|&place| (place - origin).as_vec3()).collect();
         Self { origin, positions, ..Self::default() }
     }
@@ -76,14 +97,16 @@ impl Particles {
 
     /// Bounding box of the bulk of the particles: [`bulk()`](super::bulk::bulk).
     pub fn bulk(&self) -> Option<Bulk> {
-        bulk(self.len(), |i| self.place(i))
+        let velocities = self.velocities.as_deref();
+        let is_at_rest = |i: usize| velocities.is_some_and(|all| all[i] == Vec3::ZERO);
+        bulk(self.len(), |i| self.place(i), is_at_rest)
     }
 
     /// Rotates positions, velocities and ellipsoids of a file with this `up` axis to y up: a quarter
     /// turn about x, which preserves handedness.
     pub fn to_y_up(&mut self, up: Up) {
         if up == Up::Z {
-            self.origin = DVec3::new(self.origin.x, self.origin.z, -self.origin.y);
+            self.origin = up.to_y_up(self.origin);
             for v in self.positions.iter_mut().chain(self.velocities.iter_mut().flatten()) {
                 *v = Vec3::new(v.x, v.z, -v.y);
             }
@@ -131,13 +154,17 @@ pub fn drawable(radius: f32) -> bool {
     radius > 0.0 && radius.powi(3).is_normal()
 }
 
-/// Chooses an origin from which 32-bit floats represent all positions precisely enough: 0 if possible,
+/// Chooses an origin from which 32-bit floats represent all positions of the bulk precisely enough: 0 if possible,
 /// so that the positions of ordinary files stay unchanged.
 #[doc(hidden)]
-pub fn origin_for(places: impl Iterator<Item = DVec3>) -> DVec3 {
+pub fn origin_for(count: usize, place: impl Fn(usize) -> DVec3 + Sync) -> DVec3 {
+    bulk(count, place, |_| false).map_or(DVec3::ZERO, |bulk| origin_for_box(bulk.bounds))
+}
+
+/// As [`origin_for`], of all positions, whose bounding box this is.
+pub(super) fn origin_for_box((min, max): (DVec3, DVec3)) -> DVec3 {
     /// Distance from 0 in bounding-box sizes at which 32-bit floats still resolve 1e-6 of the size.
     const FAR: f64 = 16.0;
-    let Some((min, max)) = bounds(places) else { return DVec3::ZERO };
     let middle = 0.5 * (min + max);
     let far = middle.abs().max_element() > FAR * (max - min).max_element();
     if far { middle } else { DVec3::ZERO }

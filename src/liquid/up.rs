@@ -4,10 +4,11 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use super::bulk::sample;
 use super::particles::{Particles, Up};
 
 /// Share of the columns above which an end of the liquid is level.
-const LEVEL: f64 = 0.9;
+const LEVEL: f64 = 0.85;
 
 /// Share of the columns below which an end of the liquid is uneven.
 const UNEVEN: f64 = 0.5;
@@ -15,21 +16,26 @@ const UNEVEN: f64 = 0.5;
 /// Particles sampled.
 const SAMPLES: usize = 65536;
 
+/// Columns that count, at least: fewer are no surface.
+const FEWEST: usize = 9;
+
 /// The axis along which the liquid lies on a level floor below an uneven surface, or has a level surface
 /// over an uneven floor: `None` if neither y nor z is such an axis, or if both are.
 ///
 /// Walls are level on both sides, and liquid in the air on neither; so a full box and a single drop tell
-/// nothing. `radius` is that of the particles, m.
+/// nothing. An end is level where most of its columns end at the height of the median one, and a column ends at the
+/// first particle that has another beside it: one particle in a hundred, wherever it is, changes little of
+/// this. `radius` is that of the particles, m.
 pub fn likely_up(particles: &Particles, radius: f32) -> Option<Up> {
-    let bounds = particles.bulk()?.bounds;
-    let step = particles.len().div_ceil(SAMPLES);
-    let places = (0..particles.len()).step_by(step).map(|i| particles.place(i));
-    let within = |x: &DVec3| x.cmpge(bounds.0).all() && x.cmple(bounds.1).all();
-    let places: Vec<_> = places.filter(within).collect();
+    let bulk = particles.bulk()?;
+    let count = particles.len();
+    let places = sample(count, SAMPLES).map(|i| particles.place(i));
+    let places: Vec<_> = places.filter(|&x| bulk.holds(x)).collect();
     // Twice the spacing of the sampled particles.
-    let side = 4.0 * f64::from(radius) * (step as f64).cbrt();
+    let share = count as f64 / count.min(SAMPLES) as f64;
+    let side = 4.0 * f64::from(radius) * share.cbrt();
     let one_sided = |axis| {
-        let (low, high) = level_ends(&places, bounds, side, axis)?;
+        let (low, high) = level_ends(&places, side, axis)?;
         Some(low.max(high) > LEVEL && low.min(high) < UNEVEN)
     };
     match (one_sided(1)?, one_sided(2)?) {
@@ -39,29 +45,31 @@ pub fn likely_up(particles: &Particles, radius: f32) -> Option<Up> {
     }
 }
 
-/// Shares of the columns along `axis`, of this `side`, that reach the lower and the upper end of the bulk;
-/// `None` without columns.
-fn level_ends(
-    places: &[DVec3],
-    (min, max): (DVec3, DVec3),
-    side: f64,
-    axis: usize,
-) -> Option<(f64, f64)> {
+/// Shares of the columns along `axis`, of this `side`, that end at the median height below and above; `None`
+/// without a surface of columns.
+fn level_ends(places: &[DVec3], side: f64, axis: usize) -> Option<(f64, f64)> {
     let across = [(axis + 1) % 3, (axis + 2) % 3];
-    let mut columns: HashMap<[i64; 2], (f64, f64)> = HashMap::new();
+    let mut columns: HashMap<[i64; 2], Vec<f64>> = HashMap::new();
     for place in places {
-        let cell = across.map(|axis| ((place[axis] - min[axis]) / side) as i64);
-        let ends = columns.entry(cell).or_insert((f64::INFINITY, f64::NEG_INFINITY));
-        *ends = (ends.0.min(place[axis]), ends.1.max(place[axis]));
+        let cell = across.map(|axis| (place[axis] / side).floor() as i64);
+        columns.entry(cell).or_default().push(place[axis]);
     }
-    // Of a spacing and a half.
-    let reach = 0.75 * side;
-    let share = |reaches: &dyn Fn(&(f64, f64)) -> bool| {
-        columns.values().filter(|ends| reaches(ends)).count() as f64 / columns.len() as f64
+    let ends = columns.into_values().filter_map(|mut column| {
+        column.sort_unstable_by(f64::total_cmp);
+        let is_pair = |pair: &&[f64]| pair[1] - pair[0] < side;
+        let low = column.windows(2).find(is_pair)?[0];
+        let high = column.windows(2).rfind(is_pair)?[1];
+        Some((low, high))
+    });
+    let (low, high): (Vec<f64>, Vec<f64>) = ends.unzip();
+    // Of a spacing.
+    let reach = 0.5 * side;
+    let share = |mut ends: Vec<f64>| {
+        ends.sort_unstable_by(f64::total_cmp);
+        let median = ends[ends.len() / 2];
+        ends.iter().filter(|&end| (end - median).abs() < reach).count() as f64 / ends.len() as f64
     };
-    let low = share(&|ends| ends.0 - min[axis] < reach);
-    let high = share(&|ends| max[axis] - ends.1 < reach);
-    (!columns.is_empty()).then_some((low, high))
+    (low.len() >= FEWEST).then(|| (share(low), share(high)))
 }
 
 #[cfg(test)]
@@ -93,5 +101,49 @@ mod tests {
         let corner = |x: DVec3| x.y + x.z + 2.0 * (0.8 * x.x).sin() < 7.0;
         assert_eq!(likely_up(&of(Up::Y, corner), 0.5), None, "in a corner of floor and wall");
         assert_eq!(likely_up(&Particles::default(), 0.5), None);
+    }
+
+    /// One particle in a hundred out of place, by any distance along any axis, singly or together, turns neither a full
+    /// box nor a jittered one, and hides no wave but by a row of them.
+    #[test]
+    fn strays_do_not_turn_the_world() {
+        let wave = |x: DVec3| x.y < 5.0 + 3.0 * (0.5 * x.x).sin() + 1.5 * (0.7 * x.z).cos();
+        for (up, jitter) in [(Up::Y, 0.0), (Up::Y, 0.06), (Up::Z, 0.2)] {
+            let displaced = |whole: Particles, every: usize, by: DVec3, places: usize| {
+                let count = whole.len();
+                let mut all: Vec<_> = (0..count)
+                    .map(|i| {
+                        let wobble = DVec3::new(i as f64, 1.7 * i as f64, 2.9 * i as f64);
+                        whole.place(i) + jitter * (12.3 * wobble).map(f64::sin)
+                    })
+                    .collect();
+                // From the middle of a face, or spread through the file.
+                let strays = (0..count).skip(count / 2).step_by(every).take(places);
+                strays.for_each(|i| all[i] += by);
+                Particles::from_places(&all)
+            };
+            for by in [2.0, 4.0, 40.0].into_iter().flat_map(|d| {
+                let axes = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::ONE];
+                axes.into_iter().flat_map(move |axis| [d * axis, -d * axis])
+            }) {
+                let hundredth = |whole: &Particles| whole.len() / 100;
+                for (every, share) in [(1, 0), (1, 1), (37, 1)] {
+                    let places = |whole: &Particles| (share * hundredth(whole)).max(1);
+                    let full = of(up, |_| true);
+                    let n = places(&full);
+                    let found = likely_up(&displaced(full, every, by, n), 0.5);
+                    assert_eq!(found, None, "a box, {n} by {by}, one in {every}");
+                    let sea = of(up, wave);
+                    let n = places(&sea);
+                    let found = likely_up(&displaced(sea, every, by, n), 0.5);
+                    // A row of strays on the floor is a tenth of the columns of so small a sea.
+                    let is_row = every == 1 && n > 1;
+                    assert!(
+                        found == Some(up) || is_row && found.is_none(),
+                        "a wave, {n} by {by}, one in {every}"
+                    );
+                }
+            }
+        }
     }
 }

@@ -33,7 +33,7 @@ pub(crate) struct Arrays<'py> {
 }
 
 /// A number of an array of floats.
-trait Float: Element + Copy {
+trait Float: Element + Copy + Sync {
     fn single(self) -> f32;
     fn double(self) -> f64;
 }
@@ -127,7 +127,8 @@ fn positions<T: Float>(array: ArrayView2<'_, T>) -> PyResult<Particles> {
         single &= place.as_vec3().as_dvec3() == place;
     }
     // 32-bit floats stored as 64-bit ones need no origin.
-    let origin = if single { DVec3::ZERO } else { origin_for(rows().map(|row| place(&row))) };
+    let at = |i: usize| place(&[array[(i, 0)], array[(i, 1)], array[(i, 2)]]);
+    let origin = if single { DVec3::ZERO } else { origin_for(array.nrows(), at) };
     let near = |row: [T; 3]| match single {
         true => Vec3::from(row.map(Float::single)),
         false => (place(&row) - origin).as_vec3(),

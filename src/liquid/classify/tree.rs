@@ -21,7 +21,7 @@ use crate::liquid::particles::{Particles, drawable};
 /// Returns 0 without two distinct particles, or if the radius is too small or too large to be drawn.
 pub fn estimate_radius(particles: &Particles) -> f32 {
     // Any drawable radius: particles without one would be skipped.
-    let cloud = Cloud::new(&Particles::from_positions(particles.positions.clone()), 1.0);
+    let cloud = Cloud::new(&Particles::from_positions(of_the_bulk(particles)), 1.0);
     // Coincident particles have no spacing, and a tree of very many of them takes minutes.
     let (mut places, _) = distinct(&cloud.members);
     places.sort_unstable_by_key(|member| member.particle);
@@ -48,6 +48,17 @@ pub fn estimate_radius(particles: &Particles) -> f32 {
     let dense = distances.len() * 22 / 100;
     let radius = (0.5 * *distances.select_nth_unstable_by(dense, f64::total_cmp).1) as f32;
     if drawable(radius) { radius } else { 0.0 }
+}
+
+/// Positions of the particles in the bulk: those that wait elsewhere have a spacing of their own.
+fn of_the_bulk(particles: &Particles) -> Vec<Vec3> {
+    match particles.bulk().filter(|bulk| bulk.outside > 0) {
+        Some(bulk) => {
+            let all = particles.positions.iter().enumerate();
+            all.filter(|&(i, _)| bulk.holds(particles.place(i))).map(|(_, &x)| x).collect()
+        }
+        None => particles.positions.clone(),
+    }
 }
 
 /// A k-d tree over the members of a cloud.

@@ -16,6 +16,7 @@ use glam::DVec3;
 use super::labelled::{Layout, POSITION, canonical, float, vector_among};
 use super::{Contents, Cursor, Particles, Reading, Values, foreign, known_magic};
 use crate::error::Result;
+use limpid::liquid::particles::origin_for;
 use limpid::memory;
 
 pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
@@ -187,9 +188,8 @@ fn label(field: &[u8]) -> String {
 pub(crate) fn write(particles: &Particles, out: &mut BufWriter<&File>) -> io::Result<()> {
     let attributes = super::attributes(particles);
     // Positions far from 0 are read as 64-bit numbers, so they need all digits to read back the same.
-    let positions = (0..particles.len()).map(|i| particles.place(i));
-    let single =
-        particles.narrow() && limpid::liquid::particles::origin_for(positions) == DVec3::ZERO;
+    let origin = || origin_for(particles.len(), |i| particles.place(i));
+    let single = particles.narrow() && origin() == DVec3::ZERO;
     write!(out, "x,y,z")?;
     for &(name, values) in &attributes {
         for column in values.column_names(name) {

@@ -85,3 +85,23 @@ fn bounds_enclose_all_particles() {
     let bounds = positions_only().bounds();
     assert_eq!(bounds, Some((dvec3(0.0, -1.25, -5.75), dvec3(3.5, 4.0, 1e6))));
 }
+
+/// Liquid far from the origin keeps its digits beside particles that are parked at the origin.
+#[test]
+fn parked_particles_cost_no_digits() {
+    let pool = (0..1000).map(|i| [i % 10, i / 10 % 10, i / 100].map(|k| 0.01 * f64::from(k)));
+    let offset = dvec3(4e6, -2e6, 1e5);
+    let mut places = vec![DVec3::ZERO; 400];
+    places.extend(pool.map(|x| DVec3::from(x) + offset));
+    let numbers: Vec<u8> =
+        places.iter().flat_map(|x| x.to_array()).flat_map(f64::to_le_bytes).collect();
+    let particles = read("a.npy", &npy("<f8", "False", "(1400, 3)", &numbers)).unwrap();
+    for (i, &place) in places.iter().enumerate().skip(400) {
+        assert!(
+            particles.place(i).abs_diff_eq(place, 1e-7),
+            "{place} read as {}",
+            particles.place(i)
+        );
+    }
+    assert!(particles.place(0).length() < 1.0);
+}
