@@ -4,7 +4,7 @@ use std::path::Path;
 
 use limpid::liquid::{Particles, Up};
 use limpid_io::frames::FrameSpec;
-use limpid_io::input;
+use limpid_io::input::{self, Input};
 use limpid_io::notice::Notice;
 
 use crate::{remedy, standard};
@@ -23,9 +23,10 @@ pub(crate) struct Args {
     /// Frames: 1-3,5, 7-20:2, all [default: all].
     #[arg(long, allow_hyphen_values = true)]
     frames: Option<FrameSpec>,
-    /// The axis that points up in the input, y or z; the output has y up.
-    #[arg(long, default_value = "y", value_parser = crate::shared_args::parse_up)]
-    up: Up,
+    /// The axis that points up in the input, y or z; the output has y up [default: as the format or the
+    /// particles tell].
+    #[arg(long, value_parser = crate::shared_args::parse_up)]
+    up: Option<Up>,
     #[command(flatten)]
     reading: crate::shared_args::Reading,
     /// Skip frames whose file exists.
@@ -70,6 +71,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         }
     }
 
+    let up = match (args.up, &piped) {
+        (Some(up), _) => up,
+        (None, _) if todo.is_empty() => Up::Y,
+        (None, Some(bytes)) => likely_up(
+            Input::from_memory(&sequence.frames[0].path, &args.input, bytes.clone()),
+            args,
+        ),
+        (None, None) => likely_up(Input::open(&args.input)?, args),
+    };
     let gaps = sequence.gaps();
     if args.frames.is_none() && !gaps.is_empty() {
         crate::terminal::warn(remedy::of_notice(&Notice::Gaps(gaps, None)));
@@ -86,7 +96,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
             let path = names.path(frame.number);
             let converted = contents.and_then(|mut contents| {
                 let remarks = std::mem::take(&mut contents.remarks);
-                write(contents, &path, args.up).map(|names| (names, remarks))
+                write(contents, &path, up).map(|names| (names, remarks))
             });
             bar.inc(1);
             converted
@@ -115,6 +125,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         crate::terminal::warn(format!("{}: {arrays} {verb} left out; {remedy}", args.input));
     }
     Ok(crate::SUCCESS)
+}
+
+/// The axis that points up in an input, as for its pictures, and y if that cannot be found out; says so if it is not y.
+fn likely_up(input: Input, args: &Args) -> Up {
+    let resolved = input.with_options(&args.reading.options()).resolve();
+    let (up, from) = resolved.map_or_else(|_| Default::default(), |(input, _)| input.up());
+    if up != Up::Y {
+        crate::terminal::warn(format!(
+            "{}: {up} points up ({}), and the output is turned to y up; --up y leaves it",
+            args.input,
+            from.word()
+        ));
+    }
+    up
 }
 
 /// Writes a frame; returns the attributes that the format cannot store, and the names of the ignored arrays.

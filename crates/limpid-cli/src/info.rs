@@ -32,7 +32,11 @@ struct Info {
     frames: usize,
     first: i64,
     last: i64,
-    /// Whether z is guessed to point up in the files; what is described has y up.
+    /// The axis that points up in the files; what is described has y up.
+    up: String,
+    /// What says so: option, scene, flat, guessed, default, or the name of a program.
+    up_from: &'static str,
+    /// Whether z points up and neither an option nor a scene says so.
     turned: bool,
     described: Vec<FrameInfo>,
 }
@@ -95,6 +99,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         frames: frames.len(),
         first: frames.first().map_or(0, |frame| frame.number),
         last: frames.last().map_or(0, |frame| frame.number),
+        up: input.up().0.to_string(),
+        up_from: input.up().1.word(),
         turned: input.is_turned(),
         described: Vec::new(),
     };
@@ -145,6 +151,8 @@ fn array_info(array: Array) -> ArrayInfo {
 
 /// Rounds a value that fits a 32-bit float to the shortest digits of that float.
 fn shortest(x: f64) -> f64 {
+    // Without the sign of a 0.
+    let x = x + 0.0;
     let single = x as f32;
     if f64::from(single) == x { single.to_string().parse().unwrap_or(x) } else { x }
 }
@@ -152,8 +160,17 @@ fn shortest(x: f64) -> f64 {
 fn describe(info: &Info) -> String {
     let mut lines =
         vec![format!("{}: {} frames, {} to {}", info.pattern, info.frames, info.first, info.last)];
-    if info.turned {
-        lines.push("z seems to point up in the files, which are turned to y up".to_owned());
+    match (info.up.as_str(), info.up_from) {
+        ("y", "flat") => lines.push("y points up in the files (flat)".to_owned()),
+        ("y", _) => {}
+        ("z", "guessed") => {
+            lines.push(
+                "z seems to point up in the files (guessed), which are turned to y up".into(),
+            );
+        }
+        (up, from) => {
+            lines.push(format!("{up} points up in the files ({from}), which are turned to y up"));
+        }
     }
     for frame in &info.described {
         let attributes = match frame.attributes.as_slice() {

@@ -76,7 +76,8 @@ pub(crate) fn of_notice(notice: &Notice) -> String {
             "if the places are not in metres: --scale 0.001 for millimetres; if the radius is wrong: --radius".into()
         }
         Notice::Opaque(_) => "if these are millimetres: --scale 0.001".into(),
-        Notice::Unseen(_) | Notice::Outside(..) => VIEW.into(),
+        Notice::Unseen { .. } => "--camera moves the view and --camera-up y or z says in which axes it is, and a scene without [camera] fits it".into(),
+        Notice::Outside(..) => VIEW.into(),
         _ => return notice.to_string(),
     };
     joined(&notice.to_string(), Some(&remedy))

@@ -20,13 +20,15 @@ use glam::UVec2;
 use indicatif::ProgressBar;
 use limpid::Error::{Defect, DeviceLost};
 use limpid::aov::{self, Aov, Part};
-use limpid::camera::{Camera, View};
+use limpid::camera::View;
 use limpid::gpu::{Gpu, PassTime};
+use limpid::liquid::Up;
 use limpid::motion::Motion;
 use limpid::offscreen::{Offscreen, PendingFrame};
 use limpid::scene::Scene;
 use limpid::settings::Preset;
 use limpid_io::Error;
+use limpid_io::camera_axes::GivenCamera;
 use limpid_io::claim::Claims;
 use limpid_io::error::Category;
 use limpid_io::film::{self, Shot};
@@ -84,10 +86,15 @@ pub(crate) struct Args {
     /// A single picture at this time, in frames: 12.25 is a quarter of the way from 12 to 13.
     #[arg(long, allow_hyphen_values = true, value_name = "TIME", value_parser = parse_time)]
     at: Option<f64>,
-    /// The camera, in metres and degrees: `eye=1,2,3 target=0,0,0 fov_y=40`, optionally up=0,1,0 and
-    /// near=0.01 [default: the scene's camera].
+    /// The camera, in the axes of the particle files, in metres and degrees: `eye=1,2,3 target=0,0,0 fov_y=40`,
+    /// optionally up=0,1,0 and near=0.01; height=METRES in place of fov_y for parallel rays [default: the scene's
+    /// camera].
     #[arg(long, allow_hyphen_values = true, conflicts_with = "camera_path")]
-    camera: Option<Camera>,
+    camera: Option<GivenCamera>,
+    /// The axis that points up where the camera's numbers count, y or z, whether of --camera, --camera-path or
+    /// the scene [default: that of the particle files].
+    #[arg(long, value_name = "AXIS", value_parser = crate::shared_args::parse_up)]
+    camera_up: Option<Up>,
     /// Treatment of missing frames: error, empty or hold (repeat the previous frame).
     #[arg(long, default_value = "error")]
     missing: Missing,
@@ -210,7 +217,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
         Some(pick) => (Some(pick.picked), Some(pick.opened), pick.budget),
         None => (None, None, None),
     };
-    let Plan { input, scene, frame_times, shots, fps, notices } = plan;
+    let Plan { input, scene, frame_times, shots, fps, notices, camera_up } = plan;
     let stride = input.sequence.stride() as f64;
     let rate = stride * input.fps().unwrap_or(fps);
     let frozen = frame_times.len() == 1 && shots.len() > 1;
@@ -268,6 +275,7 @@ pub(crate) fn run(mut args: Args) -> anyhow::Result<u8> {
     let mut frame_loop = FrameLoop {
         args,
         scene,
+        camera_up,
         offscreen,
         budget,
         fingerprints,
@@ -399,6 +407,8 @@ struct Clock {
 struct FrameLoop<'a> {
     args: &'a Args,
     scene: Scene,
+    /// The axis that points up where the camera was given.
+    camera_up: Up,
     offscreen: Offscreen,
     /// Chooses the settings of each picture.
     budget: Option<Budget>,
@@ -420,7 +430,7 @@ impl FrameLoop<'_> {
     /// Submits the drawing of a picture.
     fn begin(&mut self, job: &mut Job, loaded: Arc<Loaded>) -> FrameInFlight {
         let view = (&job.shot.camera, self.args.size);
-        self.console.frame(&loaded, &self.scene, view, &self.stats.adapter);
+        self.console.frame(&loaded, &self.scene, view, self.camera_up, &self.stats.adapter);
         let drawing = self.begin_drawing(job, &loaded);
         FrameInFlight { loaded, drawing }
     }

@@ -37,6 +37,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<u8> {
         radius: args.radius,
         overrides: args.set.clone(),
         camera: None,
+        camera_up: None,
         missing: Missing::Hold,
         options: args.reading.options(),
         adjustments: args.changes.adjustments(args.fps),

@@ -119,6 +119,31 @@ fn up_axis_is_converted() {
     assert!(line.contains("expected y or z"), "{line}");
 }
 
+/// Without `--up`, files that pictures are turned for are turned too, which is said.
+#[test]
+fn the_axis_is_that_of_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let rows: String =
+        (0..64).map(|i| format!("{},{},{},{i}\n", i % 4, i / 4 % 4, i / 16)).collect();
+    fs::write(folder.join("part.csv"), format!("Points:0,Points:1,Points:2,Idp\n{rows}")).unwrap();
+    let flat: String = (0..64).map(|i| format!("{},0,{}\n", i % 8, i / 8)).collect();
+    fs::write(folder.join("flat.csv"), format!("x,y,z\n{flat}")).unwrap();
+    for (name, word, last) in [
+        ("part.csv", "DualSPHysics", Vec3::new(3.0, 3.0, -3.0)),
+        ("flat.csv", "flat", Vec3::new(7.0, 7.0, 0.0)),
+    ] {
+        let (code, stderr) = convert(folder, &[name, "out.vtk"]);
+        let line = format!(
+            "limpid: {name}: z points up ({word}), and the output is turned to y up; --up y leaves it\n"
+        );
+        assert_eq!((code, stderr), (0, line));
+        assert_eq!(read(folder, "out.vtk").positions[63], last, "{name}");
+        succeed(folder, &[name, "out.vtk", "--up", "y"]);
+        assert_eq!(read(folder, "out.vtk").positions[63], Vec3::new(last.x, -last.z, last.y));
+    }
+}
+
 /// Attributes that the format cannot store are reported once for all frames.
 #[test]
 fn lost_attributes_are_reported_once() {

@@ -5,10 +5,12 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
+use crate::camera_axes::CameraAxes;
 use crate::error::{Error, Result, toml_error};
 use crate::files;
 use crate::output::{self, FileKind};
 use limpid::camera::{Camera, is_position};
+use limpid::liquid::Up;
 
 /// A camera path through keys, which have a field of view and no other lens.
 ///
@@ -19,7 +21,7 @@ use limpid::camera::{Camera, is_position};
 /// time = 0.0               # s
 /// eye = [3.0, 2.0, 4.0]    # m
 /// target = [0.0, 1.0, 0.0] # m
-/// up = [0.0, 1.0, 0.0]     # optional, with this default
+/// up = [0.0, 1.0, 0.0]     # optional, with the axis that is up as the default
 /// fov_y = 40.0             # degrees, optional, with this default
 ///
 /// [[key]]
@@ -47,6 +49,9 @@ pub struct Key {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PathFile {
+    /// The axis that points up where the keys count; otherwise as of a scene's camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    up_axis: Option<Up>,
     #[serde(default)]
     key: Vec<KeyFile>,
 }
@@ -57,16 +62,12 @@ struct KeyFile {
     time: f64,
     eye: DVec3,
     target: DVec3,
-    #[serde(default = "up")]
-    up: Vec3,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    up: Option<Vec3>,
     #[serde(default = "fov_y")]
     fov_y: f32,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     near: Option<f32>,
-}
-
-fn up() -> Vec3 {
-    Vec3::Y
 }
 
 fn fov_y() -> f32 {
@@ -86,15 +87,35 @@ impl CameraPath {
         Self::parse(&files::read_text(path)?, &path.display().to_string())
     }
 
+    /// As [`CameraPath::load`], of keys that count in the axes of particle files where `files` points up, unless the file
+    /// says other axes, or `told` does.
+    ///
+    /// # Errors
+    /// As [`CameraPath::load`].
+    pub fn load_for(path: &Path, files: Up, told: Option<Up>) -> Result<Self> {
+        let text = files::read_text(path)?;
+        Self::parse_for(&text, &path.display().to_string(), files, told)
+    }
+
     /// Parses the text of a path file, which errors call `origin`.
     ///
     /// # Errors
     /// As [`CameraPath::load`].
     pub fn parse(text: &str, origin: &str) -> Result<Self> {
+        Self::parse_for(text, origin, Up::Y, None)
+    }
+
+    fn parse_for(text: &str, origin: &str, files: Up, told: Option<Up>) -> Result<Self> {
         let file: PathFile = toml::from_str(text).map_err(|e| toml_error(text, origin, &e))?;
+        // All keys count in the same axes.
+        let first = CameraAxes::in_file(file.up_axis, file.key.iter().find_map(|key| key.up));
+        let axis = told.or(first.up);
         let keys = file.key.into_iter().map(|key| {
             let KeyFile { time, eye, target, up, fov_y, near } = key;
-            Key { time, camera: Camera { eye, target, up, fov_y, near, lens: None } }
+            let axes = CameraAxes { up: axis, is_level: up.is_none() };
+            let up = up.unwrap_or(Vec3::Y);
+            let camera = Camera { eye, target, up, fov_y, near, lens: None };
+            Key { time, camera: axes.to_world(camera, files) }
         });
         let path = Self { keys: keys.collect() };
         path.check().map_err(|e| match e {
@@ -125,9 +146,11 @@ impl CameraPath {
         self.check()?;
         let key = self.keys.iter().map(|&Key { time, camera }| {
             let Camera { eye, target, up, fov_y, near, lens: _ } = camera;
-            KeyFile { time, eye, target, up, fov_y, near }
+            KeyFile { time, eye, target, up: Some(up), fov_y, near }
         });
-        let file = PathFile { key: key.collect() };
+        let first = self.keys.first().map(|key| key.camera.up);
+        let up_axis = first.and_then(|up| CameraAxes::default().up_axis(up));
+        let file = PathFile { up_axis, key: key.collect() };
         toml::to_string(&file).map_err(|e| Error::Usage(format!("the camera path: {e}")))
     }
 

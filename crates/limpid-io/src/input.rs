@@ -73,6 +73,38 @@ pub enum RadiusFrom {
     Guess,
 }
 
+/// What says which axis of the files points up, the most reliable first.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum UpFrom {
+    /// The user: [`Adjustments::up`].
+    Option,
+    /// The scene, its recipe or its simulation.
+    Scene,
+    /// The format, or the names of the arrays, of this program.
+    Format(&'static str),
+    /// The particles, which lie in a plane: the other of y and z.
+    Flat,
+    /// The surface of the liquid: [`limpid::liquid::likely_up`]. Of bare particles alone.
+    Guess,
+    /// Nothing: y is taken to point up.
+    #[default]
+    Default,
+}
+
+impl UpFrom {
+    /// A word for it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Option => "option",
+            Self::Scene => "scene",
+            Self::Format(program) => program,
+            Self::Flat => "flat",
+            Self::Guess => "guessed",
+            Self::Default => "default",
+        }
+    }
+}
+
 /// A frame of particles, ready to draw.
 #[derive(Debug, Clone, Default)]
 pub struct Loaded {
@@ -86,8 +118,8 @@ pub struct Loaded {
     pub splashes: usize,
     /// Origin of the radius; with several fluids, the least reliable.
     pub radius_from: RadiusFrom,
-    /// Whether z is guessed to point up in the files.
-    pub turned: bool,
+    /// The axis that points up in the files, and what says so; see [`Input::up`].
+    pub up: (Up, UpFrom),
     /// Bounds of all centres; both 0 without particles.
     pub bounds: (DVec3, DVec3),
     /// Arrays of the files other than the positions, used or ignored; see [`Contents::arrays`].
@@ -132,7 +164,7 @@ impl Input {
             return Self::from_project(Project::load(path)?, input);
         }
         let sequence = Sequence::open(input)?;
-        let fluid = Fluid::of_files(sequence, None, Up::Y, AttributeMap::default());
+        let fluid = Fluid::of_files(sequence, None, None, AttributeMap::default());
         Ok(Self::of(None, Fluid { guess_up: true, ..fluid }, None))
     }
 
@@ -162,7 +194,8 @@ impl Input {
         let fluid = Fluid {
             radius: particles.radius,
             radius_from: RadiusFrom::Scene,
-            up: particles.up,
+            up: particles.up.unwrap_or_default(),
+            up_from: UpFrom::Scene,
             ..Fluid::in_memory(particles.source.as_ref(), "demo", demo.into())
         };
         Ok(Self::of(Some(project), fluid, Some(0)))
@@ -171,7 +204,8 @@ impl Input {
     /// One frame of particles, a file in memory. `path` selects the format and appears in messages; `name`
     /// stands for the sequence.
     pub fn from_memory(path: &Path, name: &str, bytes: Vec<u8>) -> Self {
-        Self::of(None, Fluid::in_memory(path, name, bytes.into()), None)
+        let fluid = Fluid::in_memory(path, name, bytes.into());
+        Self::of(None, Fluid { guess_up: true, ..fluid }, None)
     }
 
     /// One frame, the number 0, of particles that the caller has. They are not copied unless they have to be
@@ -190,7 +224,7 @@ impl Input {
         has_files: bool,
         fps: Option<f64>,
     ) -> Self {
-        let files = Fluid::of_files(sequence.clone(), None, Up::Y, AttributeMap::default());
+        let files = Fluid::of_files(sequence.clone(), None, None, AttributeMap::default());
         let fluid = match has_files {
             true => files,
             false => Fluid { sequence, ..Fluid::given(Arc::default(), "") },
@@ -235,7 +269,9 @@ impl Input {
                     fluid.radius = Some(radius);
                     fluid.radius_from = RadiusFrom::Scene;
                 }
-                fluid.up = particles.up;
+                if let Some(up) = particles.up {
+                    (fluid.up, fluid.up_from) = (up, UpFrom::Scene);
+                }
                 fluid.scale = particles.scale.unwrap_or(1.0);
                 fluid.options.map.clone_from(&particles.map);
             }
@@ -294,6 +330,7 @@ impl Input {
                 radius: Some(recipe.particle_radius() as f32),
                 radius_from: RadiusFrom::Scene,
                 up: Up::Y,
+                up_from: UpFrom::Scene,
                 guess_up: false,
                 scale: 1.0,
                 options: ReadOptions::default(),
@@ -306,7 +343,8 @@ impl Input {
             let sequence = Sequence::open(&folder.to_string_lossy())
                 .map_err(|_| Error::NotBaked { scene: origin.into() })?;
             let (radius, fps) = (simulation.particle_radius() as f32, simulation.fps);
-            let fluid = Fluid::of_files(sequence, Some(radius), Up::Y, AttributeMap::default());
+            let fluid =
+                Fluid::of_files(sequence, Some(radius), Some(Up::Y), AttributeMap::default());
             return Ok(Self { fps: Some(fps), ..Self::of(Some(project), fluid, None) });
         }
         let sources = project.source.files();
@@ -474,13 +512,15 @@ impl Input {
         if let [fluid] = self.fluids.as_slice()
             && let Some(particles) = fluid.unchanged()
         {
-            return self.finish_prepare(at, &particles, scene).await;
+            let bulk = particles.bulk().unwrap_or_default();
+            return self.finish_prepare(at, &particles, bulk, scene).await;
         }
         let Contents { mut particles, arrays, cells, remarks, .. } = self.contents(at)?;
+        let bulk = particles.bulk().unwrap_or_default();
         // Attributes that classification does not read would take as much memory as its tables.
         (particles.ids, particles.densities) = (None, None);
         particles.velocities.take_if(|_| !self.with_velocities);
-        let prepared = self.finish_prepare(at, &particles, scene).await?;
+        let prepared = self.finish_prepare(at, &particles, bulk, scene).await?;
         Ok(Loaded { arrays, cells, remarks, ..prepared })
     }
 
@@ -496,13 +536,15 @@ impl Input {
         particles: &Particles,
         scene: &Scene,
     ) -> Result<Loaded> {
-        pollster::block_on(self.finish_prepare(at, particles, scene))
+        let bulk = particles.bulk().unwrap_or_default();
+        pollster::block_on(self.finish_prepare(at, particles, bulk, scene))
     }
 
     async fn finish_prepare(
         &self,
         at: impl Into<FrameTime>,
         particles: &Particles,
+        bulk: Bulk,
         scene: &Scene,
     ) -> Result<Loaded> {
         let at = at.into();
@@ -512,6 +554,7 @@ impl Input {
         let radius = self.fluids[0].radius_of(number, particles)?;
         let classified = self.classifier.finish(particles, radius, settings, self.processor);
         let mut splats = classified.await?;
+        splats.bulk = bulk.lost.map(|_| bulk.bounds);
         classify::add_wall_contacts(&mut splats, &moved.solids(&scene.solids), settings.wetting);
         Ok(Loaded {
             number,
@@ -519,12 +562,12 @@ impl Input {
             splashes: splats.splashes.len(),
             splats,
             radius_from: self.radius_from(particles),
-            turned: self.is_turned(),
+            up: self.up(),
             bounds: particles.bounds().unwrap_or_default(),
             arrays: Vec::new(),
             cells: 0,
             remarks: Vec::new(),
-            bulk: particles.bulk().unwrap_or_default(),
+            bulk,
             moved,
             velocities: match particles.velocities.as_ref().filter(|_| self.with_velocities) {
                 Some(velocities) => memory::collect(velocities.iter().copied(), "velocities")?,
@@ -567,10 +610,18 @@ impl Input {
         }
     }
 
-    /// Whether z is guessed to point up in the files, as the surface of the liquid shows; see
-    /// [`limpid::liquid::likely_up`]. Known after [`Input::resolve`], of bare particle files.
+    /// The axis that points up in the files, and what says so; with several fluids, of the first that has z up, or of
+    /// the first. Known after [`Input::resolve`].
+    pub fn up(&self) -> (Up, UpFrom) {
+        let turned = self.fluids.iter().find(|fluid| fluid.up == Up::Z);
+        let fluid = turned.unwrap_or(&self.fluids[0]);
+        (fluid.up, fluid.up_from)
+    }
+
+    /// Whether z points up in the files and neither an option nor a scene says so.
     pub fn is_turned(&self) -> bool {
-        self.fluids.iter().any(|fluid| fluid.guess_up && fluid.up == Up::Z)
+        let (up, from) = self.up();
+        up == Up::Z && !matches!(from, UpFrom::Option | UpFrom::Scene)
     }
 
     /// Median radius of a frame's particles, m: the file's, the given one, or an estimate from the
@@ -599,7 +650,7 @@ impl Input {
                     },
                     frame: self.frame.filter(|_| fluid.sequence.frames.len() > 1),
                     radius: fluid.radius,
-                    up: fluid.up,
+                    up: Some(fluid.up),
                     fps: self.fps,
                     scale: Some(fluid.scale).filter(|&scale| scale != 1.0),
                     map: fluid.options.map.clone(),
@@ -652,7 +703,7 @@ impl Input {
         }
         if let Some(up) = adjustments.up {
             for fluid in &mut self.fluids {
-                (fluid.up, fluid.guess_up) = (up, false);
+                (fluid.up, fluid.up_from) = (up, UpFrom::Option);
             }
         }
         if let Some(fps) = adjustments.fps {
@@ -675,7 +726,8 @@ impl Input {
     }
 
     /// Resolves values that neither files nor scene have: the radius of each fluid from its first frame
-    /// with particles; for files without a scene the axis that points up; the parts of the scene that a look provides; and the camera, which sees the
+    /// with particles; the axis that points up, by format, by the particles' plane or, for files without a scene, by the
+    /// surface of the liquid; the parts of the scene that a look provides; and the camera, which sees the
     /// [bulk](limpid::liquid::Bulk) of the particles in the first frame, the last one and the one between.
     /// So a sequence has one radius and one view, however it is shared among machines.
     ///
@@ -691,6 +743,8 @@ impl Input {
         let mut project = self.project.clone().unwrap_or_else(bare);
         let complete = project.camera.is_some() && project.automatic.is_none() && !self.measured;
         if complete && self.fluids.iter().all(|fluid| fluid.radius.is_some()) {
+            self.fluids.iter_mut().for_each(Fluid::resolve_up);
+            project.turn_cameras(self.up().0);
             return Ok((self, project));
         }
         let mut body: Option<Body> = None;
@@ -705,6 +759,7 @@ impl Input {
         if let Some(automatic) = project.automatic.take() {
             automatic.complete(&mut project.scene, &body);
         }
+        project.turn_cameras(self.up().0);
         project.camera.get_or_insert_with(|| body.camera());
         self.body = Some(body);
         Ok((self, project))

@@ -3,14 +3,14 @@
 
 use std::fmt;
 
-use glam::{DVec3, Mat3, UVec2, Vec3};
+use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::input::{Input, Loaded, Missing, RadiusFrom};
 use crate::particles::Remark;
-use limpid::camera::Camera;
-use limpid::liquid::Particles;
+use limpid::camera::{Camera, View};
 use limpid::liquid::classify::{self, Splat};
+use limpid::liquid::{Particles, Up};
 use limpid::scene::Scene;
 
 /// A notice. Its text is one line, without a remedy in terms of a program's options.
@@ -28,8 +28,13 @@ pub enum Notice {
     Unlit,
     /// The particles are the vertices of a mesh with this number of cells.
     Mesh(usize),
-    /// Number of particles far from all others.
-    Lost(usize),
+    /// Particles far from all others.
+    Lost {
+        /// Their number.
+        count: usize,
+        /// The box that they are in, in the axes of the files, m.
+        place: (DVec3, DVec3),
+    },
     /// An ignored array that may contain the radius, which was guessed.
     MaybeRadius(String),
     /// The particles are much closer together than their radius, m.
@@ -39,8 +44,15 @@ pub enum Notice {
     /// The liquid is so large that it is nearly opaque: its unit may be millimetres. The longest side of
     /// the box around the bulk of the particles, m.
     Opaque(f64),
-    /// None of this number of particles is in the picture.
-    Unseen(usize),
+    /// None of the particles is in the picture.
+    Unseen {
+        /// Their number.
+        particles: usize,
+        /// The box of their bulk, in the axes in which the camera was given, m.
+        bulk: (DVec3, DVec3),
+        /// The axis that points up there.
+        up: Up,
+    },
     /// Number of particles outside the picture or behind the camera, and number of all particles.
     Outside(usize, usize),
     /// Lights without caustics, by their numbers from 0:
@@ -81,12 +93,19 @@ impl fmt::Display for Notice {
                 "the file is a mesh (cells: {cells}), and its corners are drawn as particles; export \
                  the particles that it was made from"
             ),
-            Self::Lost(count) => {
+            Self::Lost { count, place: (min, max) } => {
                 let (are, do_not) = if *count == 1 { ("is", "does") } else { ("are", "do") };
+                let size = (*max - *min).max_element();
+                let digits = if size > 0.0 { size } else { max.abs().max_element() };
+                let corner = |x: &DVec3| rounded(*x, 1e-3 * digits);
+                let place = match size > 0.0 {
+                    false => format!("at {}", corner(max)),
+                    true => format!("from {} to {}", corner(min), corner(max)),
+                };
                 write!(
                     f,
-                    "{} of the particles {are} far from all others and {do_not} not count for the \
-                     view, the floor and the lights",
+                    "{} of the particles {are} far from all others, {place} m, and {do_not} not count \
+                     for the view, the floor and the lights",
                     thousands(*count)
                 )
             }
@@ -106,11 +125,18 @@ impl fmt::Display for Notice {
             Self::Opaque(extent) => {
                 write!(f, "the particles extend over {extent:.0} m; at this size the liquid is opaque")
             }
-            Self::Unseen(particles) => write!(
-                f,
-                "no liquid is visible: all {} particles are out of the picture",
-                thousands(*particles)
-            ),
+            Self::Unseen { particles, bulk: (min, max), up } => {
+                let size = *max - *min;
+                let unit = 0.01 * size.max_element();
+                write!(
+                    f,
+                    "no liquid is visible: all {} particles are out of the picture; they are around {} m, \
+                     {} m large, where {up} is up",
+                    thousands(*particles),
+                    rounded(0.5 * (*min + *max), unit),
+                    rounded(size, unit).replace(',', " x ")
+                )
+            }
             Self::Outside(outside, particles) => write!(
                 f,
                 "{:.0} % of the particles are out of the picture",
@@ -128,6 +154,17 @@ impl fmt::Display for Notice {
             }
         }
     }
+}
+
+/// Formats a place to about this precision, m: `0.25,1,-3.5`.
+fn rounded(x: DVec3, precision: f64) -> String {
+    let decimals = (-precision.log10()).ceil().clamp(0.0, 12.0) as usize;
+    let number = |x: f64| {
+        // Without the sign of a 0, and in decimals that say something.
+        let x = format!("{x:.decimals$}").parse().unwrap_or(x) + 0.0;
+        format!("{x}")
+    };
+    x.to_array().map(number).join(",")
 }
 
 /// Formats a number with thousands separators: `40,368`.
@@ -155,8 +192,9 @@ pub fn of_frame(loaded: &Loaded, scene: &Scene) -> Vec<Notice> {
     if loaded.cells > 0 {
         notices.push(Notice::Mesh(loaded.cells));
     }
-    if loaded.bulk.outside > 0 {
-        notices.push(Notice::Lost(loaded.bulk.outside));
+    if let Some(place) = loaded.bulk.lost {
+        let place = turned(place, loaded.up.0);
+        notices.push(Notice::Lost { count: loaded.bulk.outside, place });
     }
     if loaded.radius_from == RadiusFrom::Guess {
         const RADII: [&str; 7] = ["r", "h", "diameter", "diam", "size", "psize", "rad"];
@@ -191,7 +229,8 @@ fn misfit(loaded: &Loaded) -> Option<Notice> {
     /// Largest number of particles to check, which takes long.
     const MAX_CHECKED: usize = 2_000_000;
     let splats = &loaded.splats;
-    let is_particle = |splat: &&Splat| !splat.is_copy() && !splat.is_interior();
+    let is_particle =
+        |splat: &&Splat| !splat.is_copy() && !splat.is_interior() && is_of_the_bulk(splat, loaded);
     let all = || splats.aggregates.iter().chain(&splats.splashes).filter(is_particle);
     if loaded.radius_from == RadiusFrom::Guess || loaded.particles > MAX_CHECKED {
         return None;
@@ -210,6 +249,18 @@ fn misfit(loaded: &Loaded) -> Option<Notice> {
     }
 }
 
+/// Whether a splat is in the bulk of its frame.
+fn is_of_the_bulk(splat: &Splat, loaded: &Loaded) -> bool {
+    let place = || loaded.splats.origin + Vec3::from_array(splat.centre).as_dvec3();
+    loaded.bulk.outside == 0 || loaded.bulk.holds(place())
+}
+
+/// A box of the world in axes where this one points up.
+fn turned((min, max): (DVec3, DVec3), up: Up) -> (DVec3, DVec3) {
+    let (a, b) = (up.from_y_up(min), up.from_y_up(max));
+    (a.min(b), a.max(b))
+}
+
 /// Whether the liquid within these bounds is unusually large and nearly opaque.
 fn opaque((min, max): (DVec3, DVec3), scene: &Scene) -> Option<Notice> {
     /// Extent beyond which a simulation is unusual, m.
@@ -221,27 +272,35 @@ fn opaque((min, max): (DVec3, DVec3), scene: &Scene) -> Option<Notice> {
     (extent > LARGE && scene.absorptions().iter().any(dark)).then_some(Notice::Opaque(extent))
 }
 
-/// The notice about a picture of `size` pixels: whether the particles are in it. Particles hidden by
-/// solids count as visible.
-pub fn of_view(loaded: &Loaded, camera: &Camera, size: UVec2) -> Option<Notice> {
+/// The notice about a picture of `size` pixels: whether the particles are in it, those of the bulk. Particles hidden by
+/// solids count as visible. `up` is the axis that points up where the camera was given.
+pub fn of_view(loaded: &Loaded, camera: &Camera, size: UVec2, up: Up) -> Option<Notice> {
     let splats = &loaded.splats;
+    let is_parallel = View::from(camera).is_orthographic();
     let view = camera.uniform(size, splats.origin);
     let turn = Mat3::from_cols_array_2d(&view.view_from_world.map(|[x, y, z, _]| [x, y, z]));
     // Reach of a unit sphere beyond the planes through the picture's edges, measured along x and y.
-    let slant = (view.tangent * view.tangent + 1.0).map(f32::sqrt);
+    let widest = view.tangent + view.shift.abs();
+    let slant = (widest * widest + 1.0).map(f32::sqrt);
     let visible = |splat: &Splat| {
         let x = turn * (Vec3::from_array(splat.centre) + view.origin);
         let reach = splat.longest() as f32;
         let depth = -x.z;
-        depth + reach > view.near
-            && (x.x.abs() <= depth * view.tangent.x + reach * slant.x)
-            && (x.y.abs() <= depth * view.tangent.y + reach * slant.y)
+        // Of the picture's half, its middle, and the splat beyond its edge.
+        let (half, middle, edge) = match is_parallel {
+            true => (view.tangent, view.shift, Vec2::splat(reach)),
+            false => (depth * view.tangent, depth * view.shift, reach * slant),
+        };
+        depth + reach > view.near && (x.truncate() - middle).abs().cmple(half + edge).all()
     };
-    let all = || splats.aggregates.par_iter().chain(&splats.splashes).with_min_len(4096);
+    let counts = |splat: &&Splat| is_of_the_bulk(splat, loaded);
+    let all =
+        || splats.aggregates.par_iter().chain(&splats.splashes).with_min_len(4096).filter(counts);
     let interior = all().filter(|splat| splat.is_interior()).count();
-    let single = splats.aggregates.len() + splats.splashes.len() - interior;
+    let single = all().count() - interior;
     // Particles that a splat of the interior stands for, on average.
-    let share = loaded.particles.saturating_sub(single) as f64 / interior.max(1) as f64;
+    let of_bulk = loaded.particles.saturating_sub(loaded.bulk.outside);
+    let share = of_bulk.saturating_sub(single) as f64 / interior.max(1) as f64;
     let particles = |splat: &Splat| if splat.is_interior() { share } else { 1.0 };
     let count = single + (share * interior as f64).round() as usize;
     let seen: f64 = all().filter(|splat| visible(splat)).map(particles).sum();
@@ -249,7 +308,8 @@ pub fn of_view(loaded: &Loaded, camera: &Camera, size: UVec2) -> Option<Notice> 
     if count == 0 {
         None
     } else if outside == count {
-        Some(Notice::Unseen(loaded.particles))
+        let bulk = turned(loaded.bulk.bounds, up);
+        Some(Notice::Unseen { particles: loaded.particles, bulk, up })
     } else {
         (2 * outside > count).then_some(Notice::Outside(outside, count))
     }

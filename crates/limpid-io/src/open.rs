@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use crate::adjustments::Adjustments;
+use crate::camera_axes::{CameraAxes, GivenCamera};
 use crate::error::Result;
 use crate::input::{Input, Missing};
 use crate::particles::ReadOptions;
 use crate::project::{LiquidSource, Project, overrides};
-use limpid::camera::Camera;
+use limpid::liquid::Up;
 use limpid::settings::Settings;
 
 /// An input to open, with overrides.
@@ -22,7 +23,10 @@ pub struct Request {
     /// Overrides of values: [`Project::set`].
     pub overrides: Vec<String>,
     /// The camera, instead of the scene's.
-    pub camera: Option<Camera>,
+    pub camera: Option<GivenCamera>,
+    /// The axis that points up where this camera, or else those of the scene, count; `None` leaves it to their
+    /// [axes](GivenCamera::axes).
+    pub camera_up: Option<Up>,
     /// Treatment of missing frames.
     pub missing: Missing,
     /// Options for reading particle files.
@@ -40,6 +44,8 @@ pub struct Opened {
     pub plain: Project,
     /// The project with the overrides and the request's camera.
     pub project: Project,
+    /// The axis that points up where its camera was given; y, if it was fitted.
+    pub camera_up: Up,
 }
 
 impl Request {
@@ -87,6 +93,11 @@ impl Request {
             input = input.with_radius(radius)?;
         }
         input.missing = self.missing;
+        let mut axes = input.project.as_ref().map_or(CameraAxes::default(), |p| p.camera_axes);
+        if let (Some(project), Some(up)) = (&mut input.project, self.camera_up) {
+            let views = project.views.iter_mut().map(|view| &mut view.axes);
+            views.chain([&mut project.camera_axes]).for_each(|axes| axes.up = Some(up));
+        }
         let input = input.with_options(&self.options).with_adjustments(&self.adjustments)?;
         let (input, mut plain) = input.resolve()?;
         self.adjustments.apply(&mut plain, input.body())?;
@@ -94,9 +105,14 @@ impl Request {
         let input = input.with_motion(&plain.motion);
         let mut project = plain.clone();
         project.set(&self.overrides)?;
-        project.camera = self.camera.or(project.camera);
+        let files = input.up().0;
+        if let Some(given) = self.camera {
+            axes = CameraAxes { up: self.camera_up.or(given.axes.up), ..given.axes };
+            project.camera = Some(axes.to_world(given.camera, files));
+        }
+        let camera_up = self.camera_up.or(axes.up).unwrap_or(files);
         project.check()?;
         let input = input.processed_by(project.processor);
-        Ok(Opened { input, plain, project })
+        Ok(Opened { input, plain, project, camera_up })
     }
 }

@@ -404,7 +404,8 @@ impl Format {
 
     /// Parses a file, and checks that the arrays of the attribute map exist.
     fn parse(&self, path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<Contents> {
-        let contents = (self.read)(path, bytes, reading)?;
+        let mut contents = (self.read)(path, bytes, reading)?;
+        contents.note_up();
         match contents.unread(reading.map) {
             Some(problem) => Err(Error::format(path, problem)),
             None => Ok(contents),

@@ -20,6 +20,7 @@ use std::slice;
 
 use serde::{Deserialize, Serialize};
 
+use crate::camera_axes::CameraAxes;
 use crate::error::{Error, Result};
 use crate::particles::AttributeMap;
 use crate::shared_classifier::Processor;
@@ -43,6 +44,8 @@ pub struct Project {
     pub source: LiquidSource,
     /// The camera; `None` fits one to the particles.
     pub camera: Option<Camera>,
+    /// The axes in which the camera counts until [`crate::input::Input::resolve`] turns it into the world.
+    pub camera_axes: CameraAxes,
     /// Further named views, which a report measures too.
     pub views: Vec<NamedView>,
     /// The processor that classifies the particles.
@@ -180,9 +183,9 @@ pub struct ParticleSource {
     /// Particle radius if the file has none, m; if absent too, estimated from the spacing.
     #[serde(default)]
     pub radius: Option<f32>,
-    /// The axis of the file that points up.
-    #[serde(default)]
-    pub up: Up,
+    /// The axis of the file that points up; if absent, as its format tells, or y.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<Up>,
     /// Frames per second of the simulation, above 0, for slow motion and films; if absent, those of
     /// the film.
     #[serde(default)]
@@ -203,6 +206,9 @@ pub struct NamedView {
     pub name: String,
     /// Its camera.
     pub camera: Camera,
+    /// As [`Project::camera_axes`].
+    #[serde(skip)]
+    pub axes: CameraAxes,
 }
 
 impl From<Scene> for Project {
@@ -222,9 +228,21 @@ impl Project {
             LiquidSource::Simulation(simulation) => simulation.check()?,
             _ => {}
         }
-        let views = self.views.iter().map(|view| &view.camera);
-        self.camera.iter().chain(views).try_for_each(Camera::check)?;
+        let camera = self.camera.iter().map(|camera| (self.camera_axes, camera));
+        let views = self.views.iter().map(|view| (view.axes, &view.camera));
+        camera.chain(views).try_for_each(|(axes, camera)| axes.check(camera))?;
         Ok(self.scene.check()?)
+    }
+
+    /// Turns the cameras into the world, of files where this axis points up.
+    pub(crate) fn turn_cameras(&mut self, files: Up) {
+        let world = CameraAxes::default();
+        let axes = std::mem::replace(&mut self.camera_axes, world);
+        self.camera = self.camera.map(|camera| axes.to_world(camera, files));
+        for view in &mut self.views {
+            let axes = std::mem::replace(&mut view.axes, world);
+            view.camera = axes.to_world(view.camera, files);
+        }
     }
 
     /// The camera, or one fitted to `bounds`.

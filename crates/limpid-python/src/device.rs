@@ -415,7 +415,7 @@ impl Drawer {
             notices.extend((!straight.is_empty()).then_some(notice::Notice::Straight(straight)));
         }
         if let Some(camera) = camera.camera() {
-            notices.extend(notice::of_view(loaded, &camera, size));
+            notices.extend(notice::of_view(loaded, &camera, size, loaded.up.0));
         }
         notices.iter().map(errors::describe).collect()
     }

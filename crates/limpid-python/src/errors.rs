@@ -98,7 +98,7 @@ pub(crate) fn describe(notice: &Notice) -> String {
         Notice::Opaque(_) => {
             "if these are millimetres, multiply the positions by 0.001, or choose a smaller absorption"
         }
-        Notice::Unseen(_) | Notice::Outside(..) => {
+        Notice::Unseen { .. } | Notice::Outside(..) => {
             "move the camera, or give none: it is made to fit"
         }
         _ => return notice.to_string(),

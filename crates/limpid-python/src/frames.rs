@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use limpid::liquid::{Particles, Up};
 use limpid_io::adjustments::Adjustments;
+use limpid_io::camera_axes::CameraAxes;
 use limpid_io::input::Input;
 use limpid_io::open::{Opened, Request};
 use limpid_io::project::{LiquidSource, Project};
@@ -57,7 +58,9 @@ impl Setting {
             if self.in_metres {
                 project.source.files_mut().iter_mut().for_each(|files| files.scale = None);
             }
-            project.camera = aimed.or_else(placeholder).or(project.camera);
+            if let Some(camera) = aimed.or_else(placeholder) {
+                (project.camera, project.camera_axes) = (Some(camera), CameraAxes::default());
+            }
             input = input.with_project(project);
         }
         let up = self.up.or_else(|| self.camera.filter(|_| is_bare)?.likely_up());
@@ -70,12 +73,7 @@ impl Setting {
             ..Request::default()
         };
         let mut opened = request.open_from(input)?;
-        let own_up = |project: &Project| project.source.files().first().map(|files| files.up);
-        let up = match up.or_else(|| self.project.as_ref().and_then(own_up)) {
-            Some(up) => up,
-            None if opened.input.is_turned() => Up::Z,
-            None => Up::Y,
-        };
+        let up = opened.input.up().0;
         let camera = match self.camera {
             Some(camera) => camera.to_y_up(up),
             None => Camera(Kind::Aimed(opened.project.camera_for(Default::default()))),

@@ -7,6 +7,7 @@ use glam::{DVec3, UVec2, Vec2};
 use limpid::environment::Environment;
 use limpid::mesh::{Material, MeshData, Texture};
 use limpid::settings::Settings;
+use limpid_io::camera_axes::CameraAxes;
 use limpid_io::project::{self, Given};
 use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::exceptions::{PyKeyError, PyValueError};
@@ -126,7 +127,8 @@ impl Project {
         };
         let problem = "a scene's camera is aimed; give one from matrices to render";
         let aimed = camera.camera().ok_or_else(|| PyValueError::new_err(problem))?;
-        self.locked().camera = Some(aimed);
+        let mut project = self.locked();
+        (project.camera, project.camera_axes) = (Some(aimed), CameraAxes::default());
         Ok(())
     }
 

@@ -4,6 +4,7 @@ use glam::{UVec2, Vec3};
 
 use crate::document::Document;
 use limpid::camera::Camera;
+use limpid::liquid::Up;
 use limpid::scene::Scene;
 use limpid_io::input::{FrameTime, Missing};
 use limpid_io::project::controls;
@@ -51,6 +52,10 @@ pub fn command_line(
     }
     option("size", format!("{}x{}", size.x, size.y));
     option("camera", camera.to_string());
+    if document.input.up().0 != Up::Y {
+        // The viewer's camera is in the world.
+        option("camera-up", Up::Y.to_string());
+    }
     let plain = &document.plain;
     for (control, value) in controls::differences(&plain.settings, &scene.settings) {
         option("set", format!("{}={value}", control.path()));

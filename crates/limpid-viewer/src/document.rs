@@ -81,11 +81,12 @@ impl Document {
             radius: source.radius,
             overrides: source.overrides.clone(),
             camera: None,
+            camera_up: None,
             missing: source.missing,
             options: source.options.clone(),
             adjustments: source.adjustments.clone(),
         };
-        let Opened { input, plain, project } = request.open()?;
+        let Opened { input, plain, project, .. } = request.open()?;
         let spec = source.frames.clone().unwrap_or_default();
         let mut numbers = spec.numbers(&input.sequence, input.missing)?;
         numbers.sort_unstable();
@@ -183,7 +184,7 @@ impl Document {
                 source: bake::frame_pattern(&bake::folder(opened), &name),
                 frame: None,
                 radius: Some(simulation.particle_radius() as f32),
-                up: Up::Y,
+                up: Some(Up::Y),
                 fps: Some(simulation.fps),
                 scale: None,
                 map: AttributeMap::default(),
@@ -209,7 +210,7 @@ impl Document {
         for particles in project.source.files_mut() {
             particles.frame = (self.numbers.len() > 1).then_some(at.frame);
             particles.radius = self.source.radius.or(particles.radius);
-            particles.up = adjusted.up.unwrap_or(particles.up);
+            particles.up = Some(self.input.up().0);
             particles.scale = adjusted.scale.or(particles.scale);
             particles.fps = adjusted.fps.or(particles.fps);
             if !self.source.options.map.is_empty() {

@@ -5,8 +5,9 @@ use std::mem::{Discriminant, discriminant};
 use glam::UVec2;
 use indicatif::ProgressBar;
 use limpid::camera::Camera;
+use limpid::liquid::Up;
 use limpid::scene::Scene;
-use limpid_io::input::{Loaded, RadiusFrom};
+use limpid_io::input::{Loaded, RadiusFrom, UpFrom};
 use limpid_io::notice::{self, Notice, thousands};
 use limpid_io::particles::{Array, Remark};
 
@@ -57,6 +58,7 @@ impl Console {
         loaded: &Loaded,
         scene: &Scene,
         (camera, size): (&Camera, UVec2),
+        camera_up: Up,
         adapter: &str,
     ) {
         if self.quiet || loaded.particles == 0 {
@@ -70,7 +72,7 @@ impl Console {
         } else {
             notice::of_reading(loaded).iter().for_each(|notice| self.notice(notice));
         }
-        if let Some(notice) = notice::of_view(loaded, camera, size) {
+        if let Some(notice) = notice::of_view(loaded, camera, size, camera_up) {
             self.notice(&notice);
         }
     }
@@ -94,8 +96,11 @@ fn describe(loaded: &Loaded, adapter: &str) -> String {
     };
     let (particles, radius) = (thousands(loaded.particles), loaded.splats.radius);
     let mut text = format!("{particles} particles, radius {radius} m ({from})");
-    if loaded.turned {
-        text += ", z up (guessed, or else --up y)";
+    match loaded.up {
+        (Up::Y, UpFrom::Option | UpFrom::Scene | UpFrom::Guess | UpFrom::Default) => {}
+        (up, UpFrom::Option) => text += &format!(", {up} up (--up)"),
+        (up, UpFrom::Guess) => text += &format!(", {up} up (guessed, or else --up y)"),
+        (up, from) => text += &format!(", {up} up ({})", from.word()),
     }
     for (used, word) in [(true, "used"), (false, "ignored")] {
         let arrays = loaded.arrays.iter().filter(|array| array.used_as.is_some() == used);

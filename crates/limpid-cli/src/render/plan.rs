@@ -2,6 +2,7 @@
 
 use limpid::aov::Aov;
 use limpid::camera::Camera;
+use limpid::liquid::Up;
 use limpid::scene::Scene;
 use limpid_io::Error;
 use limpid_io::camera_path::CameraPath;
@@ -28,6 +29,8 @@ pub(super) struct Plan {
     /// Pictures per second.
     pub(super) fps: f64,
     pub(super) notices: Vec<Notice>,
+    /// The axis that points up where the camera was given.
+    pub(super) camera_up: Up,
 }
 
 impl Plan {
@@ -43,6 +46,7 @@ impl Plan {
             radius: args.radius,
             overrides,
             camera: args.camera,
+            camera_up: args.camera_up,
             missing: args.missing,
             options: args.reading.options(),
             adjustments: args.changes.adjustments(None),
@@ -51,12 +55,16 @@ impl Plan {
         let camera = opened.project.camera_for(Default::default());
         let incomplete = opened.project.solid_files.remarks.clone();
         let (mut input, scene) = (opened.input, opened.project.scene);
+        let camera_up = match &args.camera_path {
+            Some(_) => args.camera_up.unwrap_or(input.up().0),
+            None => opened.camera_up,
+        };
         input.with_velocities = args.aov.as_ref().is_some_and(|list| list.contains(&Aov::Motion));
         let (frame_times, numbers, fps) = frame_times(args, &input)?;
-        let shots = shots(args, camera, &numbers, fps)?;
+        let shots = shots(args, camera, input.up().0, &numbers, fps)?;
         let mut notices = notices(args, &input, numbers.len());
         notices.extend(incomplete.into_iter().map(Notice::Incomplete));
-        Ok(Self { input, scene, frame_times, shots, fps, notices })
+        Ok(Self { input, scene, frame_times, shots, fps, notices, camera_up })
     }
 }
 
@@ -114,10 +122,16 @@ fn notices(args: &Args, input: &Input, pictures: usize) -> Vec<Notice> {
     gaps.into_iter().chain(assumed.then_some(Notice::Rate(DEFAULT_FPS))).collect()
 }
 
-/// Lists the pictures with their cameras; `camera` is the initial one.
-fn shots(args: &Args, camera: Camera, numbers: &[i64], fps: f64) -> limpid_io::Result<Vec<Shot>> {
+/// Lists the pictures with their cameras; `camera` is the initial one, and `files` the axis that points up in the files.
+fn shots(
+    args: &Args,
+    camera: Camera,
+    files: Up,
+    numbers: &[i64],
+    fps: f64,
+) -> limpid_io::Result<Vec<Shot>> {
     let motion = match (&args.camera_path, args.turntable) {
-        (Some(path), _) => Motion::Path(CameraPath::load(path)?),
+        (Some(path), _) => Motion::Path(CameraPath::load_for(path, files, args.camera_up)?),
         (None, Some(seconds)) => Motion::Turntable(seconds),
         (None, None) => Motion::Still,
     };

@@ -50,6 +50,35 @@ fn info_as_json() {
     close(&scene["described"][2]["radius"], 0.025);
 }
 
+/// Which axis points up, and what says so, is in the text and in JSON.
+#[test]
+fn info_says_which_axis_is_up() {
+    let folder = folder();
+    let rows = |flat: bool| -> String {
+        let y = |i: usize| if flat { 0 } else { i / 4 % 4 };
+        (0..64).map(|i| format!("{},{},{},{i}\n", i % 4, y(i), i / 16)).collect()
+    };
+    let cases = [
+        ("x,y,z,Idp", false, "z", "DualSPHysics", true),
+        ("x,y,z,k", true, "z", "flat", true),
+        ("x,z,y,k", true, "y", "flat", false),
+        ("x,y,z,k", false, "y", "default", false),
+    ];
+    for (columns, flat, up, from, turned) in cases {
+        std::fs::write(folder.path().join("a.csv"), format!("{columns}\n{}", rows(flat))).unwrap();
+        let text = succeed(folder.path(), &["info", "a.csv"]);
+        assert_eq!(text.contains("points up"), from != "default", "{text}");
+        assert!(
+            from == "default" || text.contains(&format!("{up} points up in the files ({from})")),
+            "{text}"
+        );
+        let json = succeed(folder.path(), &["info", "--json", "a.csv"]);
+        let json: Value = serde_json::from_str(&json).unwrap();
+        let found = (&json["up"], &json["up_from"], &json["turned"]);
+        assert_eq!(found, (&up.into(), &from.into(), &turned.into()), "{columns}");
+    }
+}
+
 /// Every array of a file is listed as used or ignored, and `--map` reads an attribute from any array.
 #[test]
 fn info_lists_arrays() {

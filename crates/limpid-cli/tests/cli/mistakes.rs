@@ -57,6 +57,7 @@ fn make_files(folder: &Path) {
     fs::create_dir(folder.join("pictures")).unwrap();
     write("millimetres.csv", &block(10.0));
     write("z_up.csv", &block(0.01));
+    write("parked.csv", &(block(0.01).replace("x,y,z", "x,z,y") + &"1000,1000,1000\n".repeat(20)));
     write("one.csv", "x,y,z\n0.1,0.2,0.3\n");
     write("nothing.csv", "");
     write("nan.csv", "x,y,z\n0,0,0\n0.1,nan,0\n0.2,0,0\n");

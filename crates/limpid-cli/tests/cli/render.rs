@@ -36,6 +36,37 @@ fn render_one_file() {
     assert_picture(&folder.path().join("frame.png"));
 }
 
+/// A camera is in the axes of a file with z up, or in those that `--camera-up` says; the frame's line names the rule, and
+/// a picture without liquid is remarked.
+#[test]
+fn cameras_are_in_the_axes_of_the_file() {
+    if !adapter() {
+        return;
+    }
+    let folder = folder();
+    let path = folder.path();
+    let rows: String =
+        (0..512).map(|i| format!("{},{},{},1000\n", i % 8, i / 8 % 8, i / 64)).collect();
+    fs::write(path.join("part.csv"), format!("x,y,z,Rhop\n{rows}")).unwrap();
+    let draw = |camera: &str, more: &[&str], output: &str| {
+        let args = ["render", "part.csv", SIZE, "--camera", camera, "-o", output];
+        let Outcome { code, stderr, .. } = run_with(path, &[&args[..], more].concat(), &[]);
+        assert_eq!(code, 0, "{stderr}");
+        assert_contains(&stderr, &["z up (DualSPHysics)"]);
+        stderr
+    };
+    let own = draw("eye=4,-14,9 target=4,4,3 fov_y=40", &[], "own.png");
+    let world = draw("eye=4,9,14 target=4,3,-4 fov_y=40", &["--camera-up", "y"], "world.png");
+    assert!(!own.contains("visible") && !world.contains("visible"), "{own}{world}");
+    assert_eq!(bytes(&path.join("own.png")), bytes(&path.join("world.png")));
+    let away = draw("eye=4,-14,9 target=4,-40,3 height=9", &[], "away.png");
+    assert_contains(
+        &away,
+        &["no liquid is visible", "around 3.5,3.5,3.5 m, 7 x 7 x 7 m large, where z is up"],
+    );
+    assert_contains(&away, &["--camera-up"]);
+}
+
 /// Two runs of a pattern's frames, one into a folder and one to numbered names, give bit-identical
 /// pictures, without a progress bar on a pipe.
 #[test]

@@ -13,7 +13,7 @@ use limpid::look::Body;
 use limpid::memory;
 use limpid_sim::recipe::Recipe;
 
-use super::RadiusFrom;
+use super::{RadiusFrom, UpFrom};
 
 /// The frames of one fluid.
 #[derive(Debug, Clone)]
@@ -23,7 +23,8 @@ pub(super) struct Fluid {
     /// Origin of the radius; a guess without one.
     pub(super) radius_from: RadiusFrom,
     pub(super) up: Up,
-    /// Whether the axis is unknown, and guessed from the first frames.
+    pub(super) up_from: UpFrom,
+    /// Whether the axis, if nothing else tells it, is guessed from the first frames.
     pub(super) guess_up: bool,
     /// Length of the file's unit, m.
     pub(super) scale: f64,
@@ -71,7 +72,7 @@ impl Fluid {
     pub(super) fn of_files(
         sequence: Sequence,
         radius: Option<f32>,
-        up: Up,
+        up: Option<Up>,
         map: AttributeMap,
     ) -> Self {
         let options = ReadOptions { map, ..ReadOptions::default() };
@@ -80,7 +81,8 @@ impl Fluid {
             sequence,
             radius,
             radius_from,
-            up,
+            up: up.unwrap_or_default(),
+            up_from: up.map_or(UpFrom::Default, |_| UpFrom::Scene),
             guess_up: false,
             scale: 1.0,
             options,
@@ -92,7 +94,7 @@ impl Fluid {
     pub(super) fn in_memory(path: &Path, pattern: &str, bytes: Arc<[u8]>) -> Self {
         let frames = vec![Frame::new(0, path.to_owned())];
         let sequence = Sequence { frames, pattern: pattern.into(), fps: None };
-        let fluid = Self::of_files(sequence, None, Up::Y, AttributeMap::default());
+        let fluid = Self::of_files(sequence, None, None, AttributeMap::default());
         Self { source: FluidSource::Memory(bytes), ..fluid }
     }
 
@@ -108,12 +110,13 @@ impl Fluid {
         (self.up == Up::Y && self.scale == 1.0).then(|| particles.clone())
     }
 
-    /// The particles of a frame, y up.
-    fn particles(&self, number: i64, missing: Missing) -> Result<Arc<Particles>> {
-        match self.unchanged() {
-            Some(particles) => Ok(particles),
-            None => Ok(Arc::new(self.contents(number, missing)?.particles)),
+    /// The particles of a frame that is there, y up, and the axis that points up in its file if that tells.
+    fn particles(&self, number: i64) -> Result<(Arc<Particles>, Option<(Up, UpFrom)>)> {
+        if let Some(particles) = self.unchanged() {
+            return Ok((particles, None));
         }
+        let Contents { particles, up, .. } = self.contents(number, Missing::Error)?;
+        Ok((Arc::new(particles), up.map(|(up, program)| (up, UpFrom::Format(program)))))
     }
 
     /// The contents at a frame time, y up.
@@ -173,16 +176,35 @@ impl Fluid {
         }
     }
 
+    /// Sets the axis that points up, if it is not known and the file of the first frame with particles tells it by its
+    /// format or is flat. Frames that cannot be read are errors once they are drawn.
+    pub(super) fn resolve_up(&mut self) {
+        if self.up_from != UpFrom::Default || !matches!(self.source, FluidSource::Files) {
+            return;
+        }
+        let numbers: Vec<i64> = self.sequence.frames.iter().map(|frame| frame.number).collect();
+        let mut read = numbers.into_iter().map_while(|number| self.particles(number).ok());
+        let first = read.find(|(particles, _)| !particles.is_empty());
+        drop(read);
+        let found = first.and_then(|(particles, told)| told.or_else(|| flat_up(&particles)));
+        (self.up, self.up_from) = found.unwrap_or((self.up, self.up_from));
+    }
+
     /// Sets the radius from the first frame with particles and the axis that points up, if they are not
     /// known, and returns the body of liquid in that frame; with `all`, in it, the middle frame and the last
     /// one, so that an automatic view shows the whole event. The first of these that shows the axis tells it.
     pub(super) fn resolve(&mut self, all: bool) -> Result<Option<Body>> {
-        let mut up = (!self.guess_up).then_some(Up::Y);
+        let mut up = (self.up_from != UpFrom::Default).then_some((self.up, self.up_from));
+        let guess_up = self.guess_up;
+        let guess = |particles: &Particles, radius: f32| {
+            let guessed = guess_up.then(|| likely_up(particles, radius)).flatten();
+            guessed.map(|up| (up, UpFrom::Guess))
+        };
         let numbers: Vec<i64> = self.sequence.frames.iter().map(|frame| frame.number).collect();
         let mut body: Option<Body> = None;
         let mut first = numbers.len();
         for (i, &number) in numbers.iter().enumerate() {
-            let particles = self.particles(number, Missing::Error)?;
+            let (particles, told) = self.particles(number)?;
             if particles.is_empty() {
                 continue;
             }
@@ -197,7 +219,7 @@ impl Fluid {
                 self.radius = Some(resolved);
             }
             let radius = classify::median_radius(&particles, resolved)?;
-            up = up.or_else(|| likely_up(&particles, radius));
+            up = up.or(told).or_else(|| flat_up(&particles)).or_else(|| guess(&particles, radius));
             body = Body::new(&particles, radius);
             first = i;
             break;
@@ -209,18 +231,18 @@ impl Fluid {
                 continue;
             }
             // A damaged frame is an error once it is drawn.
-            let Ok(particles) = self.particles(numbers[i], Missing::Error) else { continue };
+            let Ok((particles, _)) = self.particles(numbers[i]) else { continue };
             let radius = body.as_ref().map_or(0.0, |body| body.radius);
-            up = up.or_else(|| likely_up(&particles, radius));
+            up = up.or_else(|| guess(&particles, radius));
             body = match (body, Body::new(&particles, radius)) {
                 (Some(a), Some(b)) => Some(a.with(b)),
                 (a, b) => a.or(b),
             };
         }
-        // What was read had the axis y; from here on files are turned as they are read.
-        if self.guess_up && up == Some(Up::Z) {
-            self.up = Up::Z;
-            body = body.map(|body| body.to_y_up(Up::Z));
+        if let (UpFrom::Default, Some((up, from))) = (self.up_from, up) {
+            // What was read had the axis y; from here on files are turned as they are read.
+            (self.up, self.up_from) = (up, from);
+            body = body.map(|body| body.to_y_up(up));
         }
         Ok(body)
     }
@@ -283,4 +305,22 @@ impl Fluid {
         };
         Err(Error::UnknownRadius { origin })
     }
+}
+
+/// The axis that points up in particles of a plane: the one of y and z that has an extent. In 2-D, y = 0 or z = 0
+/// throughout.
+fn flat_up(particles: &Particles) -> Option<(Up, UpFrom)> {
+    /// Fewer particles are flat by chance.
+    const FEWEST: usize = 32;
+    /// Extent of a plane over that of the liquid: digits that programs have rounded.
+    const FLAT: f64 = 1e-5;
+    let bulk = particles.bulk().filter(|_| particles.len() >= FEWEST)?;
+    let extent = bulk.bounds.1 - bulk.bounds.0;
+    let is_flat = |x: f64| x <= FLAT * extent.max_element();
+    let up = match (is_flat(extent.y), is_flat(extent.z)) {
+        (true, false) => Up::Z,
+        (false, true) => Up::Y,
+        _ => return None,
+    };
+    Some((up, UpFrom::Flat))
 }

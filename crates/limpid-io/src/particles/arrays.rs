@@ -12,6 +12,9 @@ use super::table::{Column, Table};
 use super::{Attribute, Particles};
 use crate::error::{Error, Result, printable};
 
+/// The axis that points up in files of `DualSPHysics`.
+pub(super) const DUALSPHYSICS: (Up, &str) = (Up::Z, "DualSPHysics");
+
 /// Largest number of listed arrays.
 pub(super) const MOST_LISTED: usize = 1024;
 
@@ -44,8 +47,8 @@ pub struct Contents {
     /// Number of triangles, polygons and other cells with several points. Above 0 the file is a mesh,
     /// whose vertices are read as particles.
     pub cells: usize,
-    /// The axis that points up, if the format or the names of the arrays tell.
-    pub up: Option<Up>,
+    /// The axis that points up, and the program whose files have it so, if the format or the names of the arrays tell.
+    pub up: Option<(Up, &'static str)>,
     /// What was left out, or understood in a way that the user should know.
     pub remarks: Vec<Remark>,
 }
@@ -151,6 +154,19 @@ impl Contents {
         if self.arrays.len() < MOST_LISTED {
             let (name, shape) = (printable(name.into()), shape.to_vec());
             self.arrays.push(Array { name, shape, used_as });
+        }
+    }
+
+    /// Notes the axis that points up in files with arrays of these names. `DualSPHysics`, its tool `PartVTK` and what
+    /// `ParaView` exports of them have `Idp`, `Rhop` and `Mk`, and z up whatever their format.
+    pub(super) fn note_up(&mut self) {
+        let is_its = |name: &str| {
+            // Without a unit, as in `Rhop [kg/m^3]`.
+            let bare = name.split([' ', '[']).next().unwrap_or_default();
+            ["Idp", "Rhop", "Mk"].iter().any(|its| its.eq_ignore_ascii_case(bare))
+        };
+        if self.up.is_none() && self.arrays.iter().any(|array| is_its(&array.name)) {
+            self.up = Some(DUALSPHYSICS);
         }
     }
 

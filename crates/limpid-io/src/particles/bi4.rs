@@ -18,6 +18,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
+use super::arrays::DUALSPHYSICS;
 use super::{Column, Contents, Cursor, Reading, Scalar, Table, foreign};
 use crate::error::{Error, Location, Result};
 
@@ -59,6 +60,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], reading: &Reading<'_>) -> Result<C
             contents.list(&array.name, &[array.count], None);
         }
     }
+    contents.up = Some(DUALSPHYSICS);
     let spacing = values.get("Dp").copied().unwrap_or(0.0);
     if contents.particles.radii.is_none() && spacing > 0.0 && (spacing as f32).is_finite() {
         contents.particles.radii = Some(vec![spacing as f32 / 2.0; contents.particles.len()]);

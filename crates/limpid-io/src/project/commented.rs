@@ -26,12 +26,17 @@ const SECTIONS: [(&str, &str); 12] = [
 ];
 
 /// The meaning of keys, by section; an empty section stands for all.
-const KEYS: [(&str, &str, &str); 33] = [
+const KEYS: [(&str, &str, &str); 34] = [
     ("particles", "radius", "m; for files without radii"),
     ("particles", "frame", "the frame that is drawn by default"),
     ("particles", "fps", "frames per second of the sequence"),
     ("particles", "scale", "length of the file's unit, m: 0.001 for millimetres"),
     ("", "up", "the axis that points up: y or z; of a camera, a vector"),
+    (
+        "",
+        "up_axis",
+        "the axis that points up where the camera counts, if not that of the particles' files",
+    ),
     ("", "map", "arrays with other than the usual names: velocity=U,radius=h"),
     ("liquid", "ior", "index of refraction: water 1.33, oil 1.47"),
     ("liquid", "absorption", "1/m for red, green and blue; or color = [r, g, b] after a metre"),

@@ -11,6 +11,7 @@ use super::bodies::{Bodies, BodiesFile};
 use super::motion::SolidMotion;
 use super::solids::{Given, SolidFile, SolidFiles, unit};
 use super::{Automatic, LiquidSource, NamedView, ParticleSource, Project};
+use crate::camera_axes::CameraAxes;
 use crate::environment;
 use crate::error::{Error, Result, toml_error};
 use crate::files;
@@ -76,8 +77,8 @@ struct FluidFile {
     source: String,
     frame: Option<i64>,
     radius: Option<f32>,
-    #[serde(default)]
-    up: Up,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    up: Option<Up>,
     fps: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     scale: Option<f64>,
@@ -189,7 +190,12 @@ impl Project {
         let fail = |problem: String| Error::Scene { origin: origin.to_owned(), problem };
         let mut table = DeTable::parse(text).map_err(at_line)?;
         let processor = take_processor(table.get_mut()).map_err(at_line)?;
-        let file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(at_line)?;
+        let (camera_axes, view_axes) = take_camera_axes(table.get_mut()).map_err(at_line)?;
+        let mut file = SceneFile::deserialize(toml::Deserializer::from(table)).map_err(at_line)?;
+        let camera_axes = camera_axes.of(file.camera.as_ref());
+        for (view, axes) in file.view.iter_mut().zip(view_axes) {
+            view.axes = axes.of(Some(&view.camera));
+        }
         let table: toml::Table = text.parse().map_err(at_line)?;
         check_vectors("", &toml::Value::Table(table.clone())).map_err(fail)?;
         let automatic = automatic(&file, &table);
@@ -274,6 +280,7 @@ impl Project {
             motion,
             source,
             camera: file.camera,
+            camera_axes,
             views: file.view,
             processor,
             automatic,
@@ -289,7 +296,9 @@ impl Project {
     /// # Errors
     /// [`Error::Usage`] for an environment map without a file.
     pub fn to_toml(&self, map: Option<&str>) -> Result<String> {
-        let Self { scene, solid_files, motion, source, camera, views, processor, automatic } = self;
+        let Self {
+            scene, solid_files, motion, source, camera, views, processor, automatic, ..
+        } = self;
         let provides = |part: fn(&Automatic) -> bool| automatic.as_ref().is_some_and(part);
         let environment = match provides(|automatic| automatic.environment) {
             true => None,
@@ -339,6 +348,13 @@ impl Project {
         let mut file = toml::Table::try_from(&file).map_err(|e| fail(&e))?;
         if *processor != Processor::default() {
             put_processor(&mut file, *processor);
+        }
+        if let Some(camera) = camera {
+            put_camera_axes(file.get_mut("camera"), self.camera_axes, camera);
+        }
+        let tables = file.get_mut("view").and_then(toml::Value::as_array_mut);
+        for (table, view) in tables.into_iter().flatten().zip(views) {
+            put_camera_axes(table.get_mut("camera"), view.axes, &view.camera);
         }
         if let Some(settings) = file.get_mut("settings").and_then(toml::Value::as_table_mut) {
             if provides(|automatic| automatic.caustics) {
@@ -413,6 +429,7 @@ pub const FILE_KIND: FileKind =
 fn is_scene(text: &str) -> bool {
     let Ok(mut table) = DeTable::parse(text) else { return false };
     take_processor(table.get_mut()).is_ok()
+        && take_camera_axes(table.get_mut()).is_ok()
         && SceneFile::deserialize(toml::Deserializer::from(table)).is_ok()
 }
 
@@ -447,13 +464,66 @@ pub(crate) fn is_scale(scale: f64) -> bool {
 /// Removes `classify.on` from the file's `[settings]`, since it selects a processor and does not change
 /// the picture.
 fn take_processor(file: &mut DeTable<'_>) -> Result<Processor, toml::de::Error> {
-    fn table<'a, 'i>(of: &'a mut DeTable<'i>, name: &str) -> Option<&'a mut DeTable<'i>> {
-        if let DeValue::Table(table) = of.get_mut(name)?.get_mut() { Some(table) } else { None }
-    }
     let classify = table(file, "settings").and_then(|settings| table(settings, "classify"));
     match classify.and_then(|classify| classify.remove("on")) {
         Some(value) => Processor::deserialize(ValueDeserializer::from(value)),
         None => Ok(Processor::default()),
+    }
+}
+
+/// A table in a table.
+fn table<'a, 'i>(of: &'a mut DeTable<'i>, name: &str) -> Option<&'a mut DeTable<'i>> {
+    if let DeValue::Table(table) = of.get_mut(name)?.get_mut() { Some(table) } else { None }
+}
+
+/// What a camera's table says about its axes.
+#[derive(Default)]
+struct AxesFile {
+    up_axis: Option<Up>,
+    has_up: bool,
+}
+
+impl AxesFile {
+    /// Removes `up_axis`, which no other camera has.
+    fn take(camera: &mut DeTable<'_>) -> Result<Self, toml::de::Error> {
+        let up_axis = camera.remove("up_axis");
+        let up_axis = up_axis.map(|value| Up::deserialize(ValueDeserializer::from(value)));
+        let has_up = ["up", "pose"].into_iter().any(|key| camera.contains_key(key));
+        Ok(Self { up_axis: up_axis.transpose()?, has_up })
+    }
+
+    fn of(&self, camera: Option<&Camera>) -> CameraAxes {
+        let up = camera.filter(|_| self.has_up).map(|camera| camera.up);
+        camera.map_or(CameraAxes::default(), |_| CameraAxes::in_file(self.up_axis, up))
+    }
+}
+
+/// Removes the axes of `[camera]` and of each `[[view]]`.
+fn take_camera_axes(file: &mut DeTable<'_>) -> Result<(AxesFile, Vec<AxesFile>), toml::de::Error> {
+    let camera = table(file, "camera").map_or(Ok(AxesFile::default()), AxesFile::take)?;
+    let views = match file.get_mut("view").map(|views| views.get_mut()) {
+        Some(DeValue::Array(views)) => {
+            let of_view = |view: &mut DeValue<'_>| match view {
+                DeValue::Table(view) => {
+                    table(view, "camera").map_or(Ok(AxesFile::default()), AxesFile::take)
+                }
+                _ => Ok(AxesFile::default()),
+            };
+            views.iter_mut().map(|view| of_view(view.get_mut())).collect::<Result<_, _>>()?
+        }
+        _ => Vec::new(),
+    };
+    Ok((camera, views))
+}
+
+/// Adds to a camera's table what [`take_camera_axes`] takes from it.
+fn put_camera_axes(table: Option<&mut toml::Value>, axes: CameraAxes, camera: &Camera) {
+    let Some(table) = table.and_then(toml::Value::as_table_mut) else { return };
+    if axes.is_level {
+        table.remove("up");
+    }
+    if let Some(up) = axes.up_axis(camera.up) {
+        table.insert("up_axis".into(), up.to_string().into());
     }
 }
 

@@ -45,7 +45,7 @@ fn every_key_sets_its_field() {
     // Paths are relative to the scene file.
     assert_eq!(Path::new(&particles.source), Path::new("scenes/../water/fluid_{}.bgeo"));
     assert_eq!((particles.frame, particles.radius), (Some(20), Some(0.025)));
-    assert_eq!(particles.up, Up::Z);
+    assert_eq!(particles.up, Some(Up::Z));
     assert_eq!((scene.liquid.ior, scene.liquid.absorption), (1.4, Vec3::new(1.0, 0.5, 0.25)));
     let expected = Camera {
         eye: DVec3::new(0.0, 1.5, 4.0),
@@ -112,7 +112,7 @@ fn omitted_keys_have_defaults() {
         "#,
     );
     let particles = &few.source.files()[0];
-    assert_eq!((particles.frame, particles.radius, particles.up), (None, None, Up::Y));
+    assert_eq!((particles.frame, particles.radius, particles.up), (None, None, None));
     let (camera, few) = (few.camera.unwrap(), few.scene);
     assert_eq!((camera.up, camera.near), (Vec3::Y, None));
     assert_eq!(camera.near(), 1e-3);

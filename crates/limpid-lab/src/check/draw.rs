@@ -12,6 +12,7 @@ use limpid::gpu::Gpu;
 use limpid::offscreen::Offscreen;
 use limpid::scene::Scene;
 use limpid_io::bake;
+use limpid_io::camera_axes::GivenCamera;
 use limpid_io::error::{Error, Result};
 use limpid_io::frames::FrameSpec;
 use limpid_io::input::{FrameTime, Input, Loaded};
@@ -49,7 +50,7 @@ impl<'a> OpenedEntry<'a> {
             scene: entry.scene.clone(),
             radius: entry.radius,
             overrides: entry.set.iter().cloned().chain(samples).collect(),
-            camera: entry.camera,
+            camera: entry.camera.map(GivenCamera::from),
             ..Request::default()
         };
         let (opened, baked) = match entry.bake {

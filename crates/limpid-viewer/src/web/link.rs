@@ -8,7 +8,7 @@
 //! | `frames` | the frames, as `--frames`; with them a pattern needs no list of files |
 //! | `frame` | number of the frame that is shown |
 //! | `play` | plays |
-//! | `camera` | as `--camera` |
+//! | `camera` | as `--camera`, in the world, where y is up |
 //! | `view` | the intermediate image, by its name in `--aov` |
 //! | `refine` | `0`: a picture at rest has the rays of its settings, not four at least |
 //! | `set` | a setting, as `--set`; any number of times |
